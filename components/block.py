@@ -1,0 +1,244 @@
+"""The block contract: a block declares each variable once and has three methods.
+
+A block is a class with typed declarations:
+
+    class Magnetometer(Block):
+        b_eci: Vec3 = Input("T", "geomagnetic field, eci")
+        sample_time: float = Parameter("s", "sample time", start=1.0, min=0.0)
+        b_body: Vec3 = Output("T", "measured field, body", interval=True)
+
+The annotation gives type and shape, the declaration unit, meaning, start value and bounds. On an
+instance each name is a plain attribute (a float, int, bool, or a flat tuple in row-major order).
+
+- `start()` puts the state to its start values; initialisation mode calls it again whenever an
+  input or a parameter has changed.
+- `output(t)` sets the *state* outputs from state and time; it reads no input.
+- `advance(t, dt)` moves the state from t to t + dt with the inputs of t and assigns the
+  *interval* outputs, which are valid on [t, t + dt).
+
+Everything a block keeps is an attribute that is immutable and JSON-able (float, int, bool, str,
+None, tuples of these), so that a copy of its `__dict__` is its whole state.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any, ClassVar, Literal, NoReturn
+
+from .units import UNITS
+
+Vec3 = tuple[float, float, float]
+Vec4 = tuple[float, float, float, float]
+Mat33 = tuple[float, float, float, float, float, float, float, float, float]
+Mat34 = tuple[float, ...]
+Table = tuple[float, ...]
+Flags4 = tuple[bool, bool, bool, bool]
+
+_SHAPES: dict[str, tuple[Literal["Real", "Integer", "Boolean"], tuple[int, ...] | None]] = {
+    "float": ("Real", ()),
+    "int": ("Integer", ()),
+    "bool": ("Boolean", ()),
+    "Vec3": ("Real", (3,)),
+    "Vec4": ("Real", (4,)),
+    "Mat33": ("Real", (3, 3)),
+    "Mat34": ("Real", (3, 4)),
+    "Table": ("Real", None),
+    "Flags4": ("Boolean", (4,)),
+}
+
+Scalar = float | int | bool
+Value = Scalar | tuple[Scalar, ...]
+
+
+class BlockError(ValueError):
+    """A block's parameters or inputs make no sense; the text says which and what is allowed."""
+
+
+@dataclass(frozen=True)
+class Variable:
+    """One declared variable: a scalar or an array of scalars of one type and unit."""
+
+    name: str
+    causality: Literal["input", "output", "parameter"]
+    type: Literal["Real", "Integer", "Boolean"]
+    shape: tuple[int, ...]
+    unit: str
+    description: str
+    start: Value
+    minimum: float | None = None
+    maximum: float | None = None
+    choices: tuple[str, ...] = ()
+    interval: bool = False
+    starts_from: tuple[str, ...] = ()
+
+    @property
+    def size(self) -> int:
+        """Number of scalars."""
+        return math.prod(self.shape)
+
+    def elements(self) -> list[str]:
+        """The FMI names of the scalars, 1-based: `b_eci[1]`, `axes_wheel[3,4]`."""
+        if not self.shape:
+            return [self.name]
+        if len(self.shape) == 1:
+            return [f"{self.name}[{i + 1}]" for i in range(self.shape[0])]
+        rows, columns = self.shape
+        return [f"{self.name}[{i + 1},{j + 1}]" for i in range(rows) for j in range(columns)]
+
+    def flat_start(self) -> tuple[Scalar, ...]:
+        """The start value as a flat tuple of `size` scalars."""
+        return self.start if isinstance(self.start, tuple) else (self.start,)
+
+
+class _Declaration:
+    """A declaration waiting for the name and annotation that its class gives it."""
+
+    def __init__(self, causality: Any, unit: str, description: str, **options: Any) -> None:
+        self.causality, self.unit, self.description = causality, unit, description
+        self.options = options
+
+    def variable(self, owner: type, name: str) -> Variable:
+        annotation = owner.__annotations__.get(name)
+        where = f"{owner.__name__}.{name}"
+        if annotation not in _SHAPES:
+            raise TypeError(f"{where}: annotate it with one of {', '.join(_SHAPES)}")
+        if self.unit not in UNITS:
+            raise TypeError(f"{where}: unknown unit {self.unit!r}; units.py has {list(UNITS)}")
+        kind, shape = _SHAPES[annotation]
+        options = dict(self.options)
+        given = options.pop("shape", None)
+        shape = given if shape is None else shape
+        if shape is None:
+            raise TypeError(f"{where}: a Table needs a shape")
+        choices = tuple(options.pop("choices", ()))
+        size = math.prod(shape)
+        start = options.pop("start", None)
+        if choices:
+            start = choices.index(start) if start is not None else 0
+            options.update(minimum=0, maximum=len(choices) - 1)
+        cast = {"Real": float, "Integer": int, "Boolean": bool}[kind]
+        value: Value
+        if shape:
+            flat = _flatten(start if start is not None else 0)
+            flat = flat * size if len(flat) == 1 else flat
+            if len(flat) != size:
+                raise TypeError(f"{where}: start has {len(flat)} values, the shape needs {size}")
+            value = tuple(cast(x) for x in flat)
+        else:
+            value = cast(start if start is not None else 0)
+        return Variable(
+            name, self.causality, kind, shape, self.unit, self.description, value,
+            choices=choices, **options,
+        )  # fmt: skip
+
+
+def _flatten(value: Any) -> list[Any]:
+    if isinstance(value, (list, tuple)):
+        return [x for item in value for x in _flatten(item)]
+    return [value]
+
+
+def Input(unit: str, description: str, *, start: Any = None, min: float | None = None,
+          max: float | None = None) -> Any:  # fmt: skip
+    """Declare an input: unit, meaning with frame and sign, value while unconnected."""
+    return _Declaration("input", unit, description, start=start, minimum=min, maximum=max)
+
+
+def Output(unit: str, description: str, *, interval: bool = False,
+           starts_from: tuple[str, ...] = ()) -> Any:  # fmt: skip
+    """Declare an output: *state* (set in `output`) or *interval* (set in `advance`).
+
+    `starts_from` names the inputs that its value in initialisation mode depends on.
+    """
+    return _Declaration("output", unit, description, interval=interval, starts_from=starts_from)
+
+
+def Parameter(unit: str, description: str, *, start: Any = None, min: float | None = None,
+              max: float | None = None, choices: tuple[str, ...] = (),
+              shape: tuple[int, ...] | None = None) -> Any:  # fmt: skip
+    """Declare a parameter, fixed once the simulation runs; `choices` names its integer values."""
+    return _Declaration("parameter", unit, description, start=start, minimum=min, maximum=max,
+                        choices=choices, shape=shape)  # fmt: skip
+
+
+class Block:
+    """Base of all blocks. The docstring of a block is its page: Markdown, first line the title."""
+
+    role: ClassVar[str] = ""
+    """The instance name that a block of this interface has in a scenario."""
+
+    variables: ClassVar[tuple[Variable, ...]] = ()
+
+    fault: bool = Output("1", "true: the block has failed and stands still; see the log")
+
+    def __init_subclass__(cls) -> None:
+        found = {v.name: v for base in cls.__bases__ for v in getattr(base, "variables", ())}
+        for name, declaration in list(vars(cls).items()):
+            if not isinstance(declaration, _Declaration):
+                continue
+            variable = declaration.variable(cls, name)
+            older = found.get(name)
+            if older and (older.causality, older.type, older.shape, older.unit) != (
+                variable.causality, variable.type, variable.shape, variable.unit
+            ):  # fmt: skip
+                raise TypeError(f"{cls.__name__}.{name} changes what its role declares")
+            found[name] = variable
+            delattr(cls, name)
+        cls.variables = tuple(found.values())
+
+    def __init__(self) -> None:
+        for variable in self.variables:
+            setattr(self, variable.name, variable.start)
+
+    def check(self) -> None:
+        """Raise BlockError when a parameter is outside its declared bounds or is not finite."""
+        for v in self.variables:
+            if v.causality != "parameter":
+                continue
+            value = getattr(self, v.name)
+            for name, x in zip(v.elements(), value if v.shape else (value,)):
+                if not math.isfinite(x):
+                    raise BlockError(f"{name} = {x} is not a finite number")
+                if (v.minimum is not None and x < v.minimum) or (
+                    v.maximum is not None and x > v.maximum
+                ):
+                    raise BlockError(f"{name} = {x} is outside [{v.minimum}, {v.maximum}]")
+
+    def fail(self, text: str) -> NoReturn:
+        """Raise BlockError: these parameters or inputs make no sense."""
+        raise BlockError(text)
+
+    def start(self) -> None:
+        """Put the state to its start values. May be called again."""
+
+    def output(self, t: float) -> None:
+        """Set the state outputs from state and time t (s)."""
+
+    def advance(self, t: float, dt: float) -> None:
+        """Move the state from t to t + dt (s) and assign the interval outputs."""
+
+
+Block.__init_subclass__.__func__(Block)  # type: ignore[attr-defined]  # its own declaration
+
+
+class Sampled(Block):
+    """A block that takes samples: base of sensors, computers and pulsed actuators."""
+
+    sample_time: float = Parameter(
+        "s", "time between samples, a multiple of the step; 0: at every step", start=0.0, min=0.0
+    )
+
+    def start(self) -> None:
+        self._sample = -1
+
+    def due(self, t: float) -> bool:
+        """True when a sample falls on the step that starts at t (s); call it once a step."""
+        if self.sample_time <= 0.0:
+            self._sample += 1
+            return True
+        sample = math.floor(t / self.sample_time + 1e-6)
+        if sample <= self._sample:
+            return False
+        self._sample = sample
+        return True

@@ -1,0 +1,34 @@
+from __future__ import annotations
+
+from ..attitude import rotate
+from ..block import Parameter, Vec3
+from ..noise import normal3
+from ..roles import Magnetometer as Role
+from ..vector import add, scale
+
+
+class Magnetometer(Role):
+    """Three-axis magnetometer
+
+        b_body = C(q_bi) b_eci + bias + noise
+
+    at each sample, held in between. The noise is a function of seed and sample index.
+    """
+
+    bias_body: Vec3 = Parameter("T", "constant error, body")
+    noise: float = Parameter("T", "standard deviation of the noise of each axis", min=0.0)
+    seed: int = Parameter("1", "seed of the noise", start=1)
+
+    def start(self) -> None:
+        super().start()
+        self._measure(0)
+
+    def advance(self, t: float, dt: float) -> None:
+        if self.due(t):
+            self._measure(self._sample)
+
+    def _measure(self, index: int) -> None:
+        b = add(rotate(self.q_bi, self.b_eci), self.bias_body)
+        if self.noise > 0.0:
+            b = add(b, scale(self.noise, normal3(self.seed, index)))
+        self.b_body = b

@@ -1,0 +1,88 @@
+from __future__ import annotations
+
+from ..attitude import normalised, product, propagated, rotate, rotate_back
+from ..block import Mat33, Parameter, Vec3, Vec4
+from ..orbit import MU, lvlh_attitude
+from ..roles import Spacecraft
+from ..vector import ZERO, add, cross, dot, mat_vec, norm, scale, sub
+
+
+class SpacecraftFixedAttitude(Spacecraft):
+    """Spacecraft with a fixed attitude in the orbital frame and ideal wheels inside
+
+    The wheels absorb every torque, so the attitude never moves and the state is their momentum
+    h (three ideal wheels along the body axes; `h_copy_wheel[4]` is 0):
+
+        h' = -omega x h + N_T + M x B + N_con + tau_ext            (eq. 7; W h = -omega x h)
+        N_con = -omega x J omega + 3 n^2 u x J u                   (eq. 3; u to nadir)
+        omega = C(q_bo) (0, -n, 0)                                 (eq. 2)
+
+    integrated by one RK4 step, with the field as b + b' t + b'' t^2 / 2 and torque and dipole as
+    mean and slope. The orbit is taken as circular. `h_wheel` and the wheel torques are not read:
+    the wheels are inside.
+
+    Source: Chen & Steyn (paper 000), eqs. 1-9. Inertia: UoSAT-12, from the literature on the
+    craft, not in the paper; it matters off nadir only.
+    """
+
+    inertia: Mat33 = Parameter(
+        "kg.m2",
+        "inertia of the whole craft, wheels locked, body",
+        start=(40.45, 0.0, 0.0, 0.0, 42.09, 0.0, 0.0, 0.0, 40.36),
+    )
+    q_bo: Vec4 = Parameter(
+        "1", "fixed attitude: body from lvlh, scalar last; normalised", start=(0.0, 0.0, 0.0, 1.0)
+    )
+    h_start_body: Vec3 = Parameter("N.m.s", "the wheels' momentum at the start, body")
+    tau_disturbance_body: Vec3 = Parameter("N.m", "a constant external torque, body")
+
+    def start(self) -> None:
+        q_bo = normalised(self.q_bo)
+        up = scale(1.0 / norm(self.r_eci), self.r_eci)
+        n = norm(cross(self.r_eci, self.v_eci)) / dot(self.r_eci, self.r_eci)
+        self._q = product(q_bo, lvlh_attitude(self.r_eci, self.v_eci))
+        self._omega = rotate(q_bo, (0.0, -n, 0.0))
+        nadir = rotate(self._q, scale(-1.0, up))
+        gravity_gradient = 3.0 * MU / norm(self.r_eci) ** 3
+        spin = mat_vec(self.inertia, self._omega)
+        self._n_con = sub(
+            scale(gravity_gradient, cross(nadir, mat_vec(self.inertia, nadir))),
+            cross(self._omega, spin),
+        )
+        self._spin = spin
+        self._h = self.h_start_body
+        self._start_momentum = self._total()
+
+    def _total(self) -> Vec3:
+        return rotate_back(self._q, add(self._spin, self._h))
+
+    def output(self, t: float) -> None:
+        self.q_bi = self._q
+        self.omega_bi_body = self._omega
+        self.h_copy_wheel = (*self._h, 0.0)
+        self.impulse_eci = sub(self._total(), self._start_momentum)
+
+    def advance(self, t: float, dt: float) -> None:
+        omega = self._omega
+        q = (self._q, propagated(self._q, omega, 0.5 * dt), propagated(self._q, omega, dt))
+        constant = add(add(self._n_con, self.tau_disturbance_body), self.tau_ext_body)
+
+        def slope(i: int, h: Vec3) -> Vec3:
+            s, lead = 0.5 * i, 0.5 * i - 0.5
+            b_eci = add(
+                add(self.b_eci, scale(s * dt, self.b_rate_eci)),
+                scale(0.5 * (s * dt) ** 2, self.b_accel_eci),
+            )
+            dipole = add(self.m_mean_body, scale(lead, self.m_slope_body))
+            thrust = add(self.tau_mean_thruster_body, scale(lead, self.tau_slope_thruster_body))
+            torque = add(add(constant, thrust), cross(dipole, rotate(q[i], b_eci)))
+            return sub(torque, cross(omega, h))
+
+        h = self._h
+        k1 = slope(0, h)
+        k2 = slope(1, add(h, scale(0.5 * dt, k1)))
+        k3 = slope(1, add(h, scale(0.5 * dt, k2)))
+        k4 = slope(2, add(h, scale(dt, k3)))
+        change = add(add(k1, k4), scale(2.0, add(k2, k3))) if dt else ZERO
+        self._h = add(h, scale(dt / 6.0, change))
+        self._q = q[2]

@@ -1,0 +1,1 @@
+"""Momentum-management laws as functions, one module a family, equations cited."""

@@ -1,0 +1,101 @@
+"""The torque that dumps the wheels' momentum: paper 000, eqs. 15-19.
+
+The model is h' = W h + N + N_con (eq. 15): h (N m s) the wheels' momentum, N (N m) the external
+torque that the wheels absorb, N_con (N m) the constant torque of an off-nadir attitude (eq. 3),
+W = -[omega x] with omega (rad/s) the body's inertial rate; all in the body frame. W is skew, so
+exp(W t) is the rotation by -omega t.
+
+Weights are isotropic, F = f I and R = r I. Only their ratio matters: g_rate = sqrt(f / r) (1/s) is
+the closed-loop rate.
+"""
+
+from __future__ import annotations
+
+from math import cos, sin, tanh
+
+from ..block import Mat33, Vec3
+from ..vector import add, cross, dot, inverse, mat_vec, norm, rotation_about, scale, sub
+
+
+def ilqr(h: Vec3, omega: Vec3, g_rate: float, n_con: Vec3) -> Vec3:
+    """Infinite-horizon LQR torque (N m), eq. 17 with K_inf = sqrt(f r) I and g_inf.
+
+    g solves (W - S K)' g = K N_con, S = 1/r (eq. 11 at rest; notes, item 5).
+    """
+    return sub(ilqr_offset(omega, g_rate, n_con), scale(g_rate, h))
+
+
+def ilqr_offset(omega: Vec3, g_rate: float, n_con: Vec3) -> Vec3:
+    """R^-1 g_inf (N m): the constant part of the infinite-horizon torque."""
+    if n_con == (0.0, 0.0, 0.0):
+        return n_con
+    x, y, z = omega
+    # (W - g_rate I)' = [omega x] - g_rate I
+    m: Mat33 = (-g_rate, -z, y, z, -g_rate, -x, -y, x, -g_rate)
+    return mat_vec(inverse(m), scale(g_rate, n_con))
+
+
+def lqr(h: Vec3, g_rate: float, time_to_go: float, offset: Vec3) -> Vec3:
+    """Finite-horizon LQR torque (N m), eq. 17, with `time_to_go` (s) left and R^-1 g = offset.
+
+    For isotropic weights K = sqrt(f r) tanh(g_rate (t_f - t)) I solves K' = K K / r - F, K(t_f) = 0.
+    """
+    return sub(offset, scale(g_rate * tanh(g_rate * time_to_go), h))
+
+
+def lqr_offsets(
+    omega: Vec3, g_rate: float, n_con: Vec3, horizon: float, sample_time: float
+) -> tuple[float, ...]:
+    """R^-1 g (N m) at each sample time (s) from 0 to the horizon (s), flat, three a sample.
+
+    g' = -(W - S K)' g + K N_con backwards from g(t_f) = 0 (eq. 11), by RK4 with 0.5 s or less.
+    """
+    samples = int(horizon / sample_time + 0.5)
+    substeps = max(1, int(2.0 * sample_time))
+    step = sample_time / substeps
+
+    def slope(g: Vec3, to_go: float) -> Vec3:
+        k = g_rate * tanh(g_rate * max(to_go, 0.0))
+        # -(W - S K)' g = -[omega x] g + k g
+        return add(sub(scale(k, g), cross(omega, g)), scale(k, n_con))
+
+    g = (0.0, 0.0, 0.0)
+    table = [g]
+    for n in range(samples * substeps):
+        s = n * step  # time to go
+        k1 = slope(g, s)
+        k2 = slope(sub(g, scale(step / 2, k1)), s + step / 2)
+        k3 = slope(sub(g, scale(step / 2, k2)), s + step / 2)
+        k4 = slope(sub(g, scale(step, k3)), s + step)
+        g = sub(g, scale(step / 6, add(add(k1, k4), scale(2.0, add(k2, k3)))))
+        if (n + 1) % substeps == 0:
+            table.append(g)
+    return tuple(x for g in reversed(table) for x in g)
+
+
+def mec_costate(h: Vec3, omega: Vec3, n_con: Vec3, horizon: float) -> Vec3:
+    """p(t_0) (N m) of eq. 19 so that h(t_0 + horizon) = 0: the minimum-energy torque.
+
+    With exp(W t) a rotation, exp(-W t_f) h(t_f) = h_0 + int_0^t_f exp(-W s) N_con ds - t_f p.
+    """
+    total = add(h, _integral_of_rotation(omega, n_con, horizon))
+    return scale(1.0 / horizon, total)
+
+
+def mec(p: Vec3, omega: Vec3, elapsed: float) -> Vec3:
+    """Minimum-energy torque N = -exp(W t) p(t_0) (N m), t = elapsed (s) since t_0 (eq. 19)."""
+    return scale(-1.0, mat_vec(rotation_about(scale(-1.0, omega), elapsed), p))
+
+
+def _integral_of_rotation(omega: Vec3, v: Vec3, t: float) -> Vec3:
+    """int_0^t exp([omega x] s) v ds: v along omega grows with t, v across it turns."""
+    w = norm(omega)
+    if w == 0.0:
+        return scale(t, v)
+    axis = scale(1.0 / w, omega)
+    along = scale(dot(axis, v), axis)
+    turned = add(
+        scale(sin(w * t) / w, sub(v, along)),
+        scale((1.0 - cos(w * t)) / w, cross(axis, v)),
+    )
+    return add(scale(t, along), turned)

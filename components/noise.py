@@ -1,0 +1,39 @@
+"""Seeded noise as a function of (seed, index, channel): it does not depend on call patterns.
+
+A counter-based generator (the SplitMix64 finaliser) and the Box-Muller transform; the same bits
+on every platform that rounds sqrt, log, cos and sin alike.
+"""
+
+from __future__ import annotations
+
+from math import cos, log, pi, sin, sqrt
+
+from .block import Vec3
+
+_MASK = (1 << 64) - 1
+
+
+def _mix(x: int) -> int:
+    x = (x + 0x9E3779B97F4A7C15) & _MASK
+    x = ((x ^ (x >> 30)) * 0xBF58476D1CE4E5B9) & _MASK
+    x = ((x ^ (x >> 27)) * 0x94D049BB133111EB) & _MASK
+    return x ^ (x >> 31)
+
+
+def uniform(seed: int, index: int, channel: int = 0) -> float:
+    """A number from (0, 1), never 0 or 1."""
+    return ((_mix(_mix(_mix(seed) ^ index) ^ channel) >> 12) + 0.5) / (1 << 52)
+
+
+def normal_pair(seed: int, index: int, channel: int = 0) -> tuple[float, float]:
+    """Two independent standard normal numbers; `channel` and `channel + 1` are used."""
+    radius = sqrt(-2.0 * log(uniform(seed, index, channel)))
+    angle = 2.0 * pi * uniform(seed, index, channel + 1)
+    return radius * cos(angle), radius * sin(angle)
+
+
+def normal3(seed: int, index: int, channel: int = 0) -> Vec3:
+    """Three independent standard normal numbers; four channels from `channel` on are used."""
+    a, b = normal_pair(seed, index, channel)
+    c, _ = normal_pair(seed, index, channel + 2)
+    return (a, b, c)

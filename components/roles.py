@@ -1,0 +1,159 @@
+"""The interface of each role: what all blocks (and anybody's FMU) of one role have in common.
+
+A block of a role adds parameters and telemetry, never another connector to the loop, so that
+swapping one block for another changes one `source` and its parameters.
+"""
+
+from __future__ import annotations
+
+from .block import Block, Flags4, Input, Output, Sampled, Vec3, Vec4
+
+UPRIGHT = (0.0, 0.0, 0.0, 1.0)
+
+
+class Environment(Block):
+    """Where the spacecraft is and what surrounds it; never a torque."""
+
+    role = "environment"
+
+    r_eci: Vec3 = Output("m", "position, eci")
+    v_eci: Vec3 = Output("m/s", "velocity, eci")
+    b_eci: Vec3 = Output("T", "geomagnetic field at the spacecraft, eci")
+    b_rate_eci: Vec3 = Output("T/s", "its time derivative along the orbit, eci components")
+    b_accel_eci: Vec3 = Output("T/s2", "its second time derivative, eci components")
+    sun_eci: Vec3 = Output("1", "unit vector to the Sun, eci; zero where no Sun is modelled")
+    sunlight: float = Output("1", "visible share of the Sun: 0 in eclipse, 1 outside")
+    density: float = Output("kg/m3", "density of the atmosphere at the spacecraft")
+
+
+class Spacecraft(Block):
+    """Attitude dynamics: the body, with its own copy of the wheels' momentum."""
+
+    role = "spacecraft"
+
+    r_eci: Vec3 = Input("m", "position, eci", start=(7.0e6, 0.0, 0.0))
+    v_eci: Vec3 = Input("m/s", "velocity, eci", start=(0.0, 7.5e3, 0.0))
+    b_eci: Vec3 = Input("T", "geomagnetic field, eci")
+    b_rate_eci: Vec3 = Input("T/s", "its time derivative, eci components")
+    b_accel_eci: Vec3 = Input("T/s2", "its second time derivative, eci components")
+    sun_eci: Vec3 = Input("1", "unit vector to the Sun, eci")
+    sunlight: float = Input("1", "visible share of the Sun")
+    density: float = Input("kg/m3", "density of the atmosphere")
+    h_wheel: Vec4 = Input(
+        "N.m.s", "axial momentum of each wheel, absolute; read in initialisation mode only"
+    )
+    tau_mean_wheel: Vec4 = Input(
+        "N.m", "net torque on each rotor, mean over the step; the body receives the opposite"
+    )
+    tau_slope_wheel: Vec4 = Input("N.m", "net torque on each rotor, slope over the step")
+    m_mean_body: Vec3 = Input("A.m2", "magnetic dipole of the torquers, body, mean over the step")
+    m_slope_body: Vec3 = Input("A.m2", "magnetic dipole of the torquers, body, slope")
+    tau_mean_thruster_body: Vec3 = Input("N.m", "thruster torque, body, mean over the step")
+    tau_slope_thruster_body: Vec3 = Input("N.m", "thruster torque, body, slope over the step")
+    tau_ext_body: Vec3 = Input("N.m", "any other external torque, body, constant over the step")
+
+    q_bi: Vec4 = Output("1", "attitude: body from eci, scalar last", starts_from=("r_eci", "v_eci"))
+    omega_bi_body: Vec3 = Output(
+        "rad/s", "angular rate of the body relative to eci, body", starts_from=("r_eci", "v_eci")
+    )
+    h_copy_wheel: Vec4 = Output(
+        "N.m.s",
+        "own copy of the axial momentum of each wheel, absolute",
+        starts_from=("h_wheel",),
+    )
+    impulse_eci: Vec3 = Output("N.m.s", "external angular impulse since the start, eci")
+
+
+class Magnetometer(Sampled):
+    """Measures the geomagnetic field."""
+
+    role = "magnetometer"
+
+    b_eci: Vec3 = Input("T", "geomagnetic field, eci")
+    q_bi: Vec4 = Input("1", "attitude: body from eci, scalar last", start=UPRIGHT)
+    b_body: Vec3 = Output(
+        "T", "measured field, body", interval=True, starts_from=("b_eci", "q_bi")
+    )
+
+
+class Tachometers(Sampled):
+    """Measure the wheels' momentum."""
+
+    role = "tachometers"
+
+    h_wheel: Vec4 = Input("N.m.s", "axial momentum of each wheel, absolute")
+    h_meas_wheel: Vec4 = Output(
+        "N.m.s",
+        "measured axial momentum of each wheel",
+        interval=True,
+        starts_from=("h_wheel",),
+    )
+
+
+class Manager(Sampled):
+    """Decides how the wheels' momentum is dumped, and by which actuator."""
+
+    role = "manager"
+
+    b_body: Vec3 = Input("T", "measured geomagnetic field, body")
+    q_bi: Vec4 = Input("1", "measured attitude: body from eci, scalar last", start=UPRIGHT)
+    omega_bi_body: Vec3 = Input("rad/s", "measured angular rate, body")
+    r_eci: Vec3 = Input("m", "position, eci", start=(7.0e6, 0.0, 0.0))
+    v_eci: Vec3 = Input("m/s", "velocity, eci", start=(0.0, 7.5e3, 0.0))
+    h_wheel: Vec4 = Input("N.m.s", "measured axial momentum of each wheel")
+    tau_ctrl_body: Vec3 = Input("N.m", "torque wanted on the body by the attitude controller")
+    q_ref_bi: Vec4 = Input("1", "reference attitude: body from eci, scalar last", start=UPRIGHT)
+    omega_ref_body: Vec3 = Input("rad/s", "reference angular rate, body")
+    h_target_body: Vec3 = Input("N.m.s", "wanted sum of the wheels' momentum (a bias), body")
+    enable: bool = Input("1", "false: no dumping", start=True)
+
+    tau_cmd_wheel: Vec4 = Output("N.m", "torque command to each rotor", interval=True)
+    m_cmd_body: Vec3 = Output("A.m2", "dipole command, body", interval=True)
+    tau_cmd_thruster_body: Vec3 = Output("N.m", "thruster torque command, body", interval=True)
+    mode: int = Output("1", "what the manager does: 0 idle, 1 dumping", interval=True)
+
+
+class Torquers(Sampled):
+    """Magnetic torquers: a dipole, not a torque."""
+
+    role = "torquers"
+
+    m_cmd_body: Vec3 = Input("A.m2", "dipole command, body")
+    m_mean_body: Vec3 = Output("A.m2", "dipole, body, mean over the step", interval=True)
+    m_slope_body: Vec3 = Output("A.m2", "dipole, body, slope over the step", interval=True)
+    on_time: float = Output("s", "time that coils were on, summed over the coils")
+    dipole_energy: float = Output("A2.m4.s", "half the integral of the squared dipole (eq. 32)")
+
+
+class Thrusters(Sampled):
+    """Thrusters: a torque."""
+
+    role = "thrusters"
+
+    tau_cmd_thruster_body: Vec3 = Input("N.m", "torque command, body")
+    tau_mean_thruster_body: Vec3 = Output("N.m", "torque, body, mean over the step", interval=True)
+    tau_slope_thruster_body: Vec3 = Output(
+        "N.m", "torque, body, slope over the step", interval=True
+    )
+    on_time: float = Output("s", "firing time, summed over the nozzles or axes")
+    propellant: float = Output("kg", "propellant used")
+
+
+class Wheels(Block):
+    """Reaction wheels."""
+
+    role = "wheels"
+
+    tau_cmd_wheel: Vec4 = Input("N.m", "torque command to each rotor")
+    omega_bi_body: Vec3 = Input("rad/s", "angular rate of the body relative to eci, body")
+    tau_mean_wheel: Vec4 = Output(
+        "N.m", "net torque on each rotor, friction included, mean over the step", interval=True
+    )
+    tau_slope_wheel: Vec4 = Output("N.m", "net torque on each rotor, slope", interval=True)
+    h_wheel: Vec4 = Output(
+        "N.m.s",
+        "axial momentum of each wheel, absolute: J_s (Omega + g.omega)",
+        starts_from=("omega_bi_body",),
+    )
+    speed_wheel: Vec4 = Output("rad/s", "speed of each rotor relative to the body")
+    saturated_wheel: Flags4 = Output("1", "true: the wheel is at its momentum limit")

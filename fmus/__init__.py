@@ -1,0 +1,1 @@
+"""The blocks as FMUs: the one FMI adapter, and the builder."""

@@ -1,0 +1,214 @@
+"""The modelDescription.xml and the documentation page of a block's FMU."""
+
+from __future__ import annotations
+
+import inspect
+import json
+from typing import Any
+
+from jinja2 import Environment
+from lxml import etree
+from markdown_it import MarkdownIt
+
+from components.block import Block, Variable
+from components.units import UNITS
+
+BASE_UNIT_EXPONENTS = ("kg", "m", "s", "A", "K", "rad")
+TOOL = "desat"
+"""Name of our annotations: the role of a block, the names of a mode's values."""
+
+
+def title(block: type[Block]) -> str:
+    """The first line of a block's docstring."""
+    return (inspect.getdoc(block) or block.__name__).splitlines()[0]
+
+
+def model_description(
+    block: type[Block], identifier: str, guid: str, date: str, version: str
+) -> bytes:
+    """The FMI 2.0 model description of a block as UTF-8 XML.
+
+    State outputs have no dependencies, interval outputs depend on all inputs; every output is an
+    initial unknown that depends on the parameters and on the inputs it starts from.
+    """
+    root = etree.Element(
+        "fmiModelDescription",
+        fmiVersion="2.0",
+        modelName=identifier,
+        guid=guid,
+        description=title(block),
+        version=version,
+        generationTool="desat with PythonFMU",
+        generationDateAndTime=date,
+        variableNamingConvention="structured",
+    )
+    etree.SubElement(
+        root,
+        "CoSimulation",
+        modelIdentifier=identifier,
+        needsExecutionTool="true",
+        canHandleVariableCommunicationStepSize="true",
+        canInterpolateInputs="false",
+        canBeInstantiatedOnlyOncePerProcess="false",
+        canNotUseMemoryManagementFunctions="true",
+        canGetAndSetFMUstate="true",
+        canSerializeFMUstate="true",
+    )
+    _unit_definitions(root, block)
+    _log_categories(root)
+    etree.SubElement(root, "DefaultExperiment", startTime="0", stepSize="1")
+    annotations = etree.SubElement(root, "VendorAnnotations")
+    tool = etree.SubElement(annotations, "Tool", name=TOOL)
+    etree.SubElement(tool, "Block", name=identifier, role=block.role)
+
+    variables = etree.SubElement(root, "ModelVariables")
+    index_of: dict[str, list[int]] = {}
+    count = 0
+    for variable in block.variables:
+        for element, start in zip(variable.elements(), variable.flat_start(), strict=True):
+            _scalar_variable(variables, variable, element, count, start)
+            count += 1
+            index_of.setdefault(variable.name, []).append(count)
+
+    structure = etree.SubElement(root, "ModelStructure")
+    outputs = etree.SubElement(structure, "Outputs")
+    initial = etree.SubElement(structure, "InitialUnknowns")
+    inputs = [i for v in block.variables if v.causality == "input" for i in index_of[v.name]]
+    parameters = [
+        i for v in block.variables if v.causality == "parameter" for i in index_of[v.name]
+    ]
+    for v in block.variables:
+        if v.causality != "output":
+            continue
+        starts_from = sorted(parameters + [i for name in v.starts_from for i in index_of[name]])
+        for index in index_of[v.name]:
+            _unknown(outputs, index, inputs if v.interval else [])
+            _unknown(initial, index, starts_from)
+    return bytes(
+        etree.tostring(root, xml_declaration=True, encoding="UTF-8", pretty_print=True)
+    )
+
+
+def _unknown(parent: Any, index: int, dependencies: list[int]) -> None:
+    etree.SubElement(
+        parent, "Unknown", index=str(index), dependencies=" ".join(map(str, dependencies))
+    )
+
+
+def _scalar_variable(parent: Any, v: Variable, name: str, reference: int, start: Any) -> None:
+    variability = "fixed" if v.causality == "parameter" else (
+        "continuous" if v.type == "Real" else "discrete"
+    )  # fmt: skip
+    attributes = {
+        "name": name,
+        "valueReference": str(reference),
+        "description": describe(v),
+        "causality": v.causality,
+        "variability": variability,
+    }
+    if v.causality == "output":
+        attributes["initial"] = "calculated"
+    element = etree.SubElement(parent, "ScalarVariable", attributes)
+    value = etree.SubElement(element, v.type)
+    if v.type == "Real":
+        value.set("unit", v.unit)
+    for key, bound in (("min", v.minimum), ("max", v.maximum)):
+        if bound is not None:
+            value.set(key, repr(bound))
+    if v.causality != "output":
+        value.set("start", str(start).lower() if v.type == "Boolean" else repr(start))
+    if v.choices:
+        tool = etree.SubElement(etree.SubElement(element, "Annotations"), "Tool", name=TOOL)
+        tool.append(etree.Element("Choices", names=" ".join(v.choices)))
+
+
+def describe(v: Variable) -> str:
+    """The description, with the names of a mode's values."""
+    if not v.choices:
+        return v.description
+    return f"{v.description}: " + ", ".join(f"{i} = {name}" for i, name in enumerate(v.choices))
+
+
+def _unit_definitions(root: Any, block: type[Block]) -> None:
+    definitions = etree.SubElement(root, "UnitDefinitions")
+    for name in dict.fromkeys(v.unit for v in block.variables if v.type == "Real"):
+        unit = UNITS[name]
+        base = etree.SubElement(etree.SubElement(definitions, "Unit", name=name), "BaseUnit")
+        for exponent in BASE_UNIT_EXPONENTS:
+            if getattr(unit, exponent):
+                base.set(exponent, str(getattr(unit, exponent)))
+        if unit.factor != 1.0:
+            base.set("factor", repr(unit.factor))
+
+
+def _log_categories(root: Any) -> None:
+    categories = etree.SubElement(root, "LogCategories")
+    etree.SubElement(categories, "Category", name="logStatusError", description="Failures")
+
+
+_PAGE = """<!doctype html>
+<html lang="en"><head><meta charset="utf-8"><title>{{ name }}</title>
+<style>body{font:15px/1.5 sans-serif;max-width:60rem;margin:2rem auto;padding:0 1rem}
+table{border-collapse:collapse}td,th{border:1px solid #ccc;padding:.2rem .5rem;text-align:left;
+vertical-align:top}pre{background:#f4f4f4;padding:.6rem}</style></head><body>
+<p>desat block <code>{{ name }}</code>{% if role %}, role <code>{{ role }}</code>{% endif %}</p>
+{{ text }}
+{% for causality, rows in tables %}
+<h2>{{ causality }}</h2>
+<table><tr><th>name<th>unit<th>start<th>bounds<th>meaning</tr>
+{% for v in rows %}<tr><td><code>{{ v.name }}{{ v.dims }}</code><td>{{ v.unit }}<td>{{ v.start }}
+<td>{{ v.bounds }}<td>{{ v.text }}</tr>
+{% endfor %}</table>
+{% endfor %}
+<p>Frames: eci; lvlh (z to nadir, y to minus orbit normal); body. v_body = C(q_bi) v_eci, scalar
+last. A state output belongs to the communication point, an interval output to the step just
+made. SI units.</p>
+</body></html>
+"""
+
+
+def documentation(block: type[Block], identifier: str) -> str:
+    """The block's page as self-contained HTML: its docstring and its variables."""
+    first, _, rest = (inspect.getdoc(block) or "").partition("\n")
+    text = MarkdownIt().enable("table").render(f"# {first}\n{rest}")
+    tables = [
+        (heading, [_row(v) for v in block.variables if v.causality == causality])
+        for heading, causality in (
+            ("Inputs", "input"), ("Outputs", "output"), ("Parameters", "parameter")
+        )
+    ]  # fmt: skip
+    page = Environment(autoescape=True).from_string(_PAGE)
+    from markupsafe import Markup
+
+    return page.render(name=identifier, role=block.role, text=Markup(text), tables=tables)
+
+
+def _row(v: Variable) -> dict[str, str]:
+    bounds = ""
+    if v.minimum is not None or v.maximum is not None:
+        low = "-inf" if v.minimum is None else f"{v.minimum:g}"
+        high = "inf" if v.maximum is None else f"{v.maximum:g}"
+        bounds = f"{low} to {high}"
+    kind = ", interval" if v.interval else ", state" if v.causality == "output" else ""
+    return {
+        "name": v.name,
+        "dims": "".join(f"[{n}]" for n in v.shape),
+        "unit": v.unit,
+        "start": "" if v.causality == "output" else start_text(v),
+        "bounds": bounds,
+        "text": describe(v) + kind,
+    }
+
+
+def start_text(v: Variable) -> str:
+    """The start value for people: a choice's name, a number, or numbers."""
+    if v.choices and isinstance(v.start, int):
+        return v.choices[v.start]
+    flat = v.flat_start()
+    if len(set(flat)) == 1:
+        return _number(flat[0])
+    return json.dumps([float(_number(x)) if not isinstance(x, bool) else x for x in flat])
+
+
+def _number(x: Any) -> str:
+    return str(x).lower() if isinstance(x, bool) else f"{x:.6g}"

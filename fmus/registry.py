@@ -1,0 +1,33 @@
+"""The blocks that there are: every module of `components.blocks` holds one."""
+
+from __future__ import annotations
+
+import importlib
+import inspect
+import pkgutil
+from functools import cache
+
+import components.blocks
+from components.block import Block
+
+
+@cache
+def names() -> tuple[str, ...]:
+    """The names of all blocks, sorted; the name of a block is that of its file and its FMU."""
+    return tuple(sorted(m.name for m in pkgutil.iter_modules(components.blocks.__path__)))
+
+
+@cache
+def block_class(name: str) -> type[Block]:
+    """The block of a name. Raises KeyError for an unknown name, TypeError where a file of the
+    folder does not hold exactly one block."""
+    if name not in names():
+        raise KeyError(name)
+    module = importlib.import_module(f"components.blocks.{name}")
+    found = [
+        c for c in vars(module).values()
+        if inspect.isclass(c) and issubclass(c, Block) and c.__module__ == module.__name__
+    ]  # fmt: skip
+    if len(found) != 1:
+        raise TypeError(f"components/blocks/{name}.py must hold one block, it has {len(found)}")
+    return found[0]

@@ -1,0 +1,1 @@
+"""Runs systems of FMUs: scenarios, SSP, check, master, results, command line."""
