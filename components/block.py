@@ -23,6 +23,7 @@ None, tuples of these), so that a copy of its `__dict__` is its whole state.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar, Literal, NoReturn
 
@@ -71,6 +72,7 @@ class Variable:
     choices: tuple[str, ...] = ()
     interval: bool = False
     starts_from: tuple[str, ...] = ()
+    shared: bool = False
 
     @property
     def size(self) -> int:
@@ -156,10 +158,65 @@ def Output(unit: str, description: str, *, interval: bool = False,
 
 def Parameter(unit: str, description: str, *, start: Any = None, min: float | None = None,
               max: float | None = None, choices: tuple[str, ...] = (),
-              shape: tuple[int, ...] | None = None) -> Any:  # fmt: skip
-    """Declare a parameter, fixed once the simulation runs; `choices` names its integer values."""
+              shape: tuple[int, ...] | None = None, shared: bool = False) -> Any:  # fmt: skip
+    """Declare a parameter, fixed once the simulation runs.
+
+    `choices` names its integer values; `shared`: all blocks of a system that have a parameter of
+    this name must have the same value.
+    """
     return _Declaration("parameter", unit, description, start=start, minimum=min, maximum=max,
-                        choices=choices, shape=shape)  # fmt: skip
+                        choices=choices, shape=shape, shared=shared)  # fmt: skip
+
+
+class Access:
+    """A fixed selection of a block's scalars, read and written as one flat list.
+
+    Vectors that are selected whole are moved whole.
+    """
+
+    def __init__(self, block: Block, positions: Sequence[int]) -> None:
+        scalars = block.scalars()
+        self._values = vars(block)
+        self._steps: list[tuple[str, int | None, int, int]] = []  # name, index, first, last
+        k = 0
+        while k < len(positions):
+            variable, index = scalars[positions[k]]
+            size = variable.size
+            whole = list(range(positions[k], positions[k] + size))
+            if index == 0 and list(positions[k : k + size]) == whole:
+                self._steps.append((variable.name, None, k, k + size))
+                k += size
+            else:
+                self._steps.append((variable.name, -1 if index is None else index, k, k + 1))
+                k += 1
+        self.size = k
+
+    def read(self) -> list[Any]:
+        """The values; raises ValueError when an array has lost its length."""
+        values = self._values
+        result: list[Any] = []
+        for name, index, _, _ in self._steps:
+            if index is None:
+                result += values[name]
+            elif index < 0:
+                result.append(values[name])
+            else:
+                result.append(values[name][index])
+        if len(result) != self.size:
+            raise ValueError("an array has lost its length")
+        return result
+
+    def write(self, new: Sequence[Any]) -> None:
+        """Set the values."""
+        values = self._values
+        for name, index, first, last in self._steps:
+            if index is None:
+                values[name] = tuple(new[first:last])
+            elif index < 0:
+                values[name] = new[first]
+            else:
+                old = values[name]
+                values[name] = (*old[:index], new[first], *old[index + 1 :])
 
 
 class Block:
@@ -191,6 +248,15 @@ class Block:
         for variable in self.variables:
             setattr(self, variable.name, variable.start)
 
+    @classmethod
+    def scalars(cls) -> list[tuple[Variable, int | None]]:
+        """Every scalar of every variable in order: (variable, index in it or None)."""
+        return [(v, i if v.shape else None) for v in cls.variables for i in range(v.size)]
+
+    def access(self, positions: Sequence[int]) -> Access:
+        """Read and write the scalars at these positions of `scalars()`, in this order."""
+        return Access(self, positions)
+
     def check(self) -> None:
         """Raise BlockError when a parameter is outside its declared bounds or is not finite."""
         for v in self.variables:
@@ -219,7 +285,7 @@ class Block:
         """Move the state from t to t + dt (s) and assign the interval outputs."""
 
 
-Block.__init_subclass__.__func__(Block)  # type: ignore[attr-defined]  # its own declaration
+Block.__init_subclass__.__func__(Block)  # type: ignore[attr-defined]  # for `fault`
 
 
 class Sampled(Block):

@@ -15,7 +15,7 @@ from components.units import UNITS
 
 BASE_UNIT_EXPONENTS = ("kg", "m", "s", "A", "K", "rad")
 TOOL = "desat"
-"""Name of our annotations: the role of a block, the names of a mode's values."""
+"""Name of our annotations: a block's role, the names of a mode's values, shared parameters."""
 
 
 def title(block: type[Block]) -> str:
@@ -117,9 +117,13 @@ def _scalar_variable(parent: Any, v: Variable, name: str, reference: int, start:
             value.set(key, repr(bound))
     if v.causality != "output":
         value.set("start", str(start).lower() if v.type == "Boolean" else repr(start))
-    if v.choices:
+    if v.choices or v.shared:
         tool = etree.SubElement(etree.SubElement(element, "Annotations"), "Tool", name=TOOL)
-        tool.append(etree.Element("Choices", names=" ".join(v.choices)))
+        note = etree.SubElement(tool, "Parameter")
+        if v.choices:
+            note.set("choices", " ".join(v.choices))
+        if v.shared:
+            note.set("shared", "true")
 
 
 def describe(v: Variable) -> str:

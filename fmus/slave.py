@@ -24,6 +24,9 @@ _PINNED: list[Any] = []
 # phases of an instance
 _INSTANTIATED, _INITIALISING, _STEPPING, _TERMINATED = range(4)
 
+# value references, access to these values, whether a parameter is among them
+_Selection = tuple[list[int], Any, bool]
+
 
 class Slave(Fmi2Slave):  # type: ignore[misc]
     """A block behind FMI. The entry script of an FMU derives from it and sets `block_class`."""
@@ -36,14 +39,15 @@ class Slave(Fmi2Slave):  # type: ignore[misc]
         self.modelName = self.model_identifier()
         self._block = self.block_class()
         self._values = vars(self._block)
-        self._scalars = [
-            (v, i if v.shape else None) for v in self._block.variables for i in range(v.size)
-        ]
+        self._scalars = self._block.scalars()
         self._phase = _INSTANTIATED
         self._time = 0.0
+        self._unstarted = False  # start() has failed, and nothing else
         self._stale = False  # inputs or parameters changed since the last start()
-        self._real_get: tuple[list[int], list[Any]] = ([], [])
-        self._real_set: tuple[list[int], list[Any], bool] = ([], [], False)
+        # the last selection read and written of each type: masters repeat themselves
+        nothing: _Selection = ([], self._block.access([]), False)
+        self._reading = {"Real": nothing, "Integer": nothing, "Boolean": nothing}
+        self._writing = dict(self._reading)
 
     def model_identifier(self) -> str:
         """The FMU's name; the entry script overrides it."""
@@ -77,11 +81,14 @@ class Slave(Fmi2Slave):  # type: ignore[misc]
         if not self._stale or self._phase != _INITIALISING:
             return
         self._stale = False
+        if self._unstarted:  # the inputs may have settled meanwhile
+            self._block.fault = self._unstarted = False
         try:
             self._block.check()
             self._block.start()
             self._block.output(self._time)
         except BaseException as error:
+            self._unstarted = not self._block.fault
             self._fail("start", error)
 
     def do_step(self, current_time: float, step_size: float) -> bool:
@@ -105,138 +112,63 @@ class Slave(Fmi2Slave):  # type: ignore[misc]
 
     # --- values -------------------------------------------------------------------------------
 
-    def _variables(self, vrs: list[int], kind: str) -> list[Any]:
-        """(variable, index) of each value reference; raises where the type is not `kind`."""
-        found = []
-        for vr in vrs:
-            variable, index = self._scalars[vr]
+    def _select(self, vrs: list[int], kind: str) -> _Selection:
+        """Raises TypeError where a variable is not of type `kind`."""
+        found = [self._scalars[vr][0] for vr in vrs]
+        for vr, variable in zip(vrs, found):
             if variable.type != kind:
                 raise TypeError(f"value reference {vr} ({variable.name}) is not {kind}")
-            found.append((variable, index))
-        return found
+        return vrs, self._block.access(vrs), any(v.causality == "parameter" for v in found)
 
-    def _reading_plan(self, vrs: list[int], kind: str) -> list[Any]:
-        """Steps (name, index): whole vector where index is None, scalar where it is -1."""
-        found = self._variables(vrs, kind)
-        plan: list[Any] = []
-        k = 0
-        while k < len(found):
-            variable, index = found[k]
-            whole = [(variable, i) for i in range(variable.size)]
-            if index is None:
-                plan.append((variable.name, -1))
-            elif index == 0 and found[k : k + variable.size] == whole:
-                plan.append((variable.name, None))
-                k += variable.size - 1
-            else:
-                plan.append((variable.name, index))
-            k += 1
-        return plan
-
-    def _read(self, plan: list[Any]) -> list[Any]:
-        values = self._values
-        result: list[Any] = []
-        for name, index in plan:
-            if index is None:
-                result += values[name]
-            elif index < 0:
-                result.append(values[name])
-            else:
-                result.append(values[name][index])
-        return result
-
-    def get_real(self, vrs: list[int]) -> list[float]:
+    def _get(self, vrs: list[int], kind: str, failed: Any) -> list[Any]:
         try:
             if self._stale:
                 self._refresh()
-            known, plan = self._real_get
+            known, access, _ = self._reading[kind]
             if vrs != known:
-                plan = self._reading_plan(vrs, "Real")
-                self._real_get = (vrs, plan)
-            result = self._read(plan)
-            if len(result) == len(vrs):
-                return result
-            raise ValueError("a vector has lost its length")
+                self._reading[kind] = _, access, _ = self._select(vrs, kind)
+            return access.read()  # type: ignore[no-any-return]
         except BaseException as error:
-            self._fail("get_real", error)
-            return [math.nan] * len(vrs)
+            self._fail(f"get {kind}", error)
+            return [failed] * len(vrs)
 
-    def get_integer(self, vrs: list[int]) -> list[int]:
+    def _set(self, vrs: list[int], values: list[Any], kind: str) -> None:
         try:
-            self._refresh()
-            return [int(x) for x in self._read(self._reading_plan(vrs, "Integer"))]
-        except BaseException as error:
-            self._fail("get_integer", error)
-            return [0] * len(vrs)
-
-    def get_boolean(self, vrs: list[int]) -> list[bool]:
-        try:
-            self._refresh()
-            return [bool(x) for x in self._read(self._reading_plan(vrs, "Boolean"))]
-        except BaseException as error:
-            self._fail("get_boolean", error)
-            return [False] * len(vrs)
-
-    def get_string(self, vrs: list[int]) -> list[str]:
-        self._fail("get_string", "there are no strings here")
-        return [""] * len(vrs)
-
-    def _writing_plan(self, vrs: list[int], kind: str) -> tuple[list[Any], bool]:
-        """Steps (name, index, first, last) into the values, and whether a parameter is among them."""
-        found = self._variables(vrs, kind)
-        plan: list[Any] = []
-        k = 0
-        for name, index in self._reading_plan(vrs, kind):
-            size = found[k][0].size if index is None else 1
-            plan.append((name, index, k, k + size))
-            k += size
-        return plan, any(v.causality == "parameter" for v, _ in found)
-
-    def _write(self, plan: list[Any], values: list[Any]) -> None:
-        target = self._values
-        for name, index, first, last in plan:
-            if index is None:
-                target[name] = tuple(values[first:last])
-            elif index < 0:
-                target[name] = values[first]
-            else:
-                old = target[name]
-                target[name] = (*old[:index], values[first], *old[index + 1 :])
-        self._stale = self._phase == _INITIALISING
-
-    def set_real(self, vrs: list[int], values: list[float]) -> None:
-        try:
-            known, plan, parameter = self._real_set
+            known, access, parameter = self._writing[kind]
             if vrs != known:
-                plan, parameter = self._writing_plan(vrs, "Real")
-                self._real_set = (vrs, plan, parameter)
+                self._writing[kind] = _, access, parameter = self._select(vrs, kind)
             if parameter and self._phase >= _STEPPING:
-                self._refuse(plan)
-            self._write(plan, values)
-        except BaseException as error:
-            self._fail("set_real", error)
-
-    def _set_discrete(self, vrs: list[int], values: list[Any], kind: str) -> None:
-        try:
-            plan, parameter = self._writing_plan(vrs, kind)
-            if parameter and self._phase >= _STEPPING:
-                self._refuse(plan)
-            self._write(plan, values)
+                names = ", ".join(dict.fromkeys(self._scalars[vr][0].name for vr in vrs))
+                raise RuntimeError(f"{names}: a parameter is fixed once the simulation runs")
+            access.write(values)
+            self._stale = self._phase == _INITIALISING
         except BaseException as error:
             self._fail(f"set {kind}", error)
 
+    def get_real(self, vrs: list[int]) -> list[float]:
+        return self._get(vrs, "Real", math.nan)
+
+    def get_integer(self, vrs: list[int]) -> list[int]:
+        return self._get(vrs, "Integer", 0)
+
+    def get_boolean(self, vrs: list[int]) -> list[bool]:
+        return self._get(vrs, "Boolean", False)
+
+    def get_string(self, vrs: list[int]) -> list[str]:
+        self._fail("get String", "there are no strings here")
+        return [""] * len(vrs)
+
+    def set_real(self, vrs: list[int], values: list[float]) -> None:
+        self._set(vrs, values, "Real")
+
     def set_integer(self, vrs: list[int], values: list[int]) -> None:
-        self._set_discrete(vrs, values, "Integer")
+        self._set(vrs, values, "Integer")
 
     def set_boolean(self, vrs: list[int], values: list[bool]) -> None:
-        self._set_discrete(vrs, values, "Boolean")
+        self._set(vrs, values, "Boolean")
 
     def set_string(self, vrs: list[int], values: list[str]) -> None:
-        self._fail("set_string", "there are no strings here")
-
-    def _refuse(self, plan: list[Any]) -> None:
-        names = ", ".join(dict.fromkeys(name for name, *_ in plan))
-        raise RuntimeError(f"{names}: a parameter is fixed once the simulation runs")
+        self._fail("set String", "there are no strings here")
 
     # --- state --------------------------------------------------------------------------------
 

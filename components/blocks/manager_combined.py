@@ -50,6 +50,7 @@ class ManagerCombined(Manager):
     axes_wheel: Mat34 = Parameter(
         "1", "columns: the wheels' axes, body; zero where there is no wheel",
         start=(1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0),
+        shared=True,
     )  # fmt: skip
     feedforward: bool = Parameter("1", "true: the wheels absorb the dumping torque at once", start=True)
 

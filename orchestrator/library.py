@@ -1,0 +1,107 @@
+"""Archives and FMUs on disk: each is extracted once per process, found again by its contents."""
+
+from __future__ import annotations
+
+import atexit
+import hashlib
+import shutil
+import tempfile
+import zipfile
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+
+import fmpy
+
+from .errors import DesatError
+from .interface import Interface, of_fmu
+
+LARGEST = 1 << 30
+"""The largest archive that is extracted (bytes, extracted)."""
+
+FMUS = Path(__file__).resolve().parent.parent / "fmus" / "dist"
+"""Where `make fmus` puts our FMUs: a `resources/NAME.fmu` that is not there is looked for here."""
+
+
+@dataclass(frozen=True)
+class Fmu:
+    """An FMU on disk: its file, the folder where it is extracted, its hash and its interface."""
+
+    path: Path
+    folder: Path
+    sha256: str
+    interface: Interface
+
+
+@cache
+def _root() -> Path:
+    folder = Path(tempfile.mkdtemp(prefix="desat-"))
+    atexit.register(shutil.rmtree, folder, ignore_errors=True)
+    if "%" in folder.as_uri().replace("%20", ""):
+        raise DesatError(
+            f"{folder}: FMUs cannot be extracted to a path with such characters; set TMPDIR to "
+            "another folder"
+        )
+    return folder
+
+
+_by_contents: dict[str, Path] = {}
+_by_stat: dict[tuple[str, int, int], str] = {}
+
+
+def sha256(path: Path) -> str:
+    """The hash of a file's contents, remembered while size and time of the file stay."""
+    stat = path.stat()
+    key = (str(path), stat.st_mtime_ns, stat.st_size)
+    if key not in _by_stat:
+        _by_stat[key] = hashlib.sha256(path.read_bytes()).hexdigest()
+    return _by_stat[key]
+
+
+def extract(path: Path) -> Path:
+    """The folder with the contents of a zip archive.
+
+    Raises DesatError for a file that is no archive, is too large, has an entry twice or an entry
+    that would leave the folder.
+    """
+    digest = sha256(path)
+    if digest in _by_contents:
+        return _by_contents[digest]
+    try:
+        with zipfile.ZipFile(path) as archive:
+            names = [i.filename for i in archive.infolist()]
+            size = sum(i.file_size for i in archive.infolist())
+        if twice := sorted({n for n in names if names.count(n) > 1}):
+            raise DesatError(f"{path.name}: holds {twice[0]} twice")
+        if size > LARGEST:
+            raise DesatError(f"{path.name}: {size >> 20} MiB extracted, {LARGEST >> 20} allowed")
+        if outside := [n for n in names if ".." in Path(n).parts or Path(n).is_absolute()]:
+            raise DesatError(f"{path.name}: entry {outside[0]} would leave the folder")
+        folder = _root() / digest[:20]
+        fmpy.extract(path, folder)
+    except DesatError:
+        raise
+    except Exception as error:  # fmpy raises plain Exception
+        raise DesatError(f"{path.name}: not a readable archive ({error})") from error
+    _by_contents[digest] = folder
+    return folder
+
+
+def find(source: str, folder: Path) -> Path | None:
+    """The file that an SSD's `source` stands for: beside the SSD, or one of our built FMUs."""
+    beside = folder / source
+    if beside.exists():
+        return beside
+    built = FMUS / Path(source).name
+    return built if built.exists() else None
+
+
+def load(path: Path) -> Fmu:
+    """An FMU from its file, or from a folder with its contents."""
+    if path.is_dir():
+        digest = hashlib.sha256()
+        for file in sorted(p for p in path.rglob("*") if p.is_file()):
+            digest.update(file.relative_to(path).as_posix().encode() + file.read_bytes())
+        return Fmu(path, path, digest.hexdigest(), of_fmu(path))
+    folder = extract(path)
+    return Fmu(path, folder, sha256(path), of_fmu(folder))

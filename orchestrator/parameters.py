@@ -1,0 +1,95 @@
+"""Values for parameters and inputs: from a scenario, an SSV or the command line to scalars."""
+
+from __future__ import annotations
+
+import math
+import tomllib
+from typing import Any
+
+from components.block import Scalar
+
+from .errors import DesatError, nearest
+from .interface import Interface, Signal, base_name
+
+
+def expand(interface: Interface, name: str, value: Any, where: str) -> dict[str, Scalar]:
+    """The scalars of `name = value` by element name.
+
+    `where` (file and component) begins every message. A list gives an array's elements row by
+    row; a text gives a choice by its name. Raises DesatError for an unknown or set-only-by-others
+    variable, a wrong count or type, and a value outside the bounds.
+    """
+    signals = interface.elements(name)
+    if not signals:
+        known = {base_name(s.name) for c in ("parameter", "input") for s in interface.of(c)}
+        raise DesatError(f"{where} has no variable {name}{nearest(name, known)}")
+    if signals[0].causality not in ("parameter", "input"):
+        raise DesatError(f"{where}.{name} is an {signals[0].causality}: it cannot be set")
+    values = _flat(value)
+    if len(values) != len(signals):
+        raise DesatError(f"{where}.{name} needs {len(signals)} values, got {len(values)}")
+    return {
+        s.name: _scalar(s, x, f"{where}.{s.name}") for s, x in zip(signals, values, strict=True)
+    }
+
+
+def _flat(value: Any) -> list[Any]:
+    if isinstance(value, (list, tuple)):
+        return [x for item in value for x in _flat(item)]
+    return [value]
+
+
+def _scalar(signal: Signal, value: Any, where: str) -> Scalar:
+    if signal.choices and isinstance(value, str):
+        if value not in signal.choices:
+            raise DesatError(f"{where} = {value}: not a choice{nearest(value, signal.choices)}")
+        return signal.choices.index(value)
+    if signal.kind == "Boolean":
+        if isinstance(value, bool):
+            return value
+    elif signal.kind == "Integer":
+        if isinstance(value, int) and not isinstance(value, bool):
+            return int(_within(signal, value, where))
+    elif signal.kind == "Real":
+        if isinstance(value, (int, float)) and not isinstance(value, bool):
+            return _within(signal, float(value), where)
+    else:
+        raise DesatError(f"{where} is of type {signal.kind}: it cannot be set")
+    wanted = f"one of {', '.join(signal.choices)}" if signal.choices else f"a {signal.kind}"
+    raise DesatError(f"{where} = {value!r}: {wanted} is needed")
+
+
+def _within(signal: Signal, value: float, where: str) -> float:
+    if not math.isfinite(value):
+        raise DesatError(f"{where} = {value}: a finite number is needed")
+    low, high = signal.minimum, signal.maximum
+    if (low is not None and value < low) or (high is not None and value > high):
+        unit = f" {signal.unit_name}" if signal.unit_name not in ("", "1") else ""
+        lowest = "-inf" if low is None else f"{low:g}"
+        highest = "inf" if high is None else f"{high:g}"
+        raise DesatError(f"{where} = {value:g}{unit}: allowed is {lowest} to {highest}")
+    return value
+
+
+def parse_assignment(text: str) -> tuple[str, str, Any]:
+    """`manager.k=1,2` -> ("manager", "k", [1, 2]). Raises DesatError for another form."""
+    left, equals, right = text.partition("=")
+    component, dot, name = left.strip().partition(".")
+    if not (equals and dot and component and name and right.strip()):
+        raise DesatError(f"--set {text}: the form is COMPONENT.VARIABLE=VALUE")
+    return component, name, parse_value(right.strip())
+
+
+def parse_value(text: str) -> Any:
+    """A value from the command line: a TOML value, a comma list, or a bare word."""
+    for candidate in (text, f"[{text}]") if "," in text else (text,):
+        try:
+            return tomllib.loads(f"x = {candidate}")["x"]
+        except tomllib.TOMLDecodeError:
+            continue
+    if "," in text:
+        return [parse_value(part.strip()) for part in text.split(",")]
+    try:
+        return float(text)  # "10." and ".5" are no TOML
+    except ValueError:
+        return text

@@ -1,0 +1,235 @@
+"""Time series of a run: written in HDF5 while it runs, read afterwards.
+
+`/time` and one data set per variable, `/component/variable`, a row per recorded step and a column
+per element, with unit, frame, description and output class as attributes. A row of a state output
+belongs to its time t_k, a row of an interval output to [t_k, t_k+1), so these have no last row.
+"""
+
+from __future__ import annotations
+
+import itertools
+import time
+from collections import defaultdict
+from collections.abc import Iterable
+from fnmatch import fnmatch
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+import h5py
+import numpy as np
+from numpy.typing import NDArray
+
+from .errors import DesatError, nearest
+from .interface import KINDS, Kind, Signal, base_name
+from .master import Master, Slot
+
+ROWS = 1024
+FLUSH_SECONDS = 1.0
+_memory = itertools.count()
+SERIES = "series.h5"
+_FRAMES = {"eci": "eci", "body": "body", "lvlh": "lvlh", "wheel": "wheel axes",
+           "bi": "body from eci", "coil": "coil axes"}  # fmt: skip
+
+
+def frame_of(variable: str) -> str:
+    """The frame that a name ends with, for people; empty where it has none."""
+    return _FRAMES.get(variable.rpartition("_")[2], "")
+
+
+def selects(patterns: Iterable[str], component: str, signal: Signal) -> bool:
+    """True when `component.variable` fits one of the patterns (`manager.*`).
+
+    `fault` must be named: a fault ends the run anyhow.
+    """
+    name = f"{component}.{base_name(signal.name)}"
+    return any(fnmatch(name, p) for p in patterns) and (signal.name != "fault" or name in patterns)
+
+
+class Recorder:
+    """Writes the outputs of a master that fit `patterns`, every `every`-th step.
+
+    `path` None keeps them in memory. On disk the file is `NAME.part` until `finish`.
+    """
+
+    def __init__(
+        self, path: Path | None, master: Master, patterns: Iterable[str] = ("*",), every: int = 1
+    ) -> None:
+        self.path, self.every = path, every
+        self._part = None if path is None else path.with_name(path.name + ".part")
+        if self._part is None:
+            self._file = h5py.File(f"memory {next(_memory)}", "w", driver="core", backing_store=False)
+        else:
+            self._part.parent.mkdir(parents=True, exist_ok=True)
+            self._file = h5py.File(self._part, "w", libver="latest")
+        self._start, self._step = master.start, master.step_size
+        groups: dict[tuple[str, str], list[Slot]] = defaultdict(list)
+        for slot in master.slots:
+            if selects(patterns, slot.component, slot.signal):
+                groups[slot.component, base_name(slot.signal.name)].append(slot)
+        self._time = self._dataset("time", 0, np.float64)
+        self._time.attrs.update({"unit": "s", "description": "communication points t_k"})
+        self._sets: list[tuple[Any, Kind, slice, bool]] = []
+        for (component, variable), slots in groups.items():
+            slots.sort(key=lambda s: s.index)
+            first, last = slots[0].index, slots[-1].index + 1
+            kind = slots[0].kind
+            dtype = np.float64 if kind == "Real" else np.int32
+            columns = 0 if slots[0].signal.name == variable else len(slots)
+            dataset = self._dataset(f"{component}/{variable}", columns, dtype)
+            dataset.attrs.update(
+                {
+                    "unit": slots[0].signal.unit_name,
+                    "frame": frame_of(variable),
+                    "description": slots[0].signal.description,
+                    "class": "interval" if slots[0].interval else "state",
+                }
+            )
+            self._sets.append((dataset, kind, slice(first, last), slots[0].interval))
+        self._buffer = {k: np.zeros((ROWS, len(master.live[k])), master.live[k].dtype)
+                        for k in KINDS if len(master.live[k])}  # fmt: skip
+        self._times = np.zeros(ROWS)
+        self._rows = 0
+        self._conserving = master.algorithm == "conserving"
+        self._flushed = time.monotonic()
+        if self._part is not None:
+            self._file.swmr_mode = True  # what is flushed stays readable if we are killed
+
+    def _dataset(self, name: str, columns: int, dtype: Any) -> Any:
+        tail = (columns,) if columns else ()
+        return self._file.create_dataset(
+            name, (0, *tail), dtype, maxshape=(None, *tail), chunks=(ROWS, *tail)
+        )
+
+    def record(self, k: int, live: dict[Kind, Any]) -> None:
+        """Take the row of step k."""
+        if k % self.every:
+            return
+        row = self._rows
+        self._times[row] = self._start + k * self._step
+        for kind, buffer in self._buffer.items():
+            buffer[row] = live[kind]
+        self._rows = row + 1
+        if self._rows == ROWS:
+            self.flush()
+
+    def tick(self) -> None:
+        """Flush when the last flush is a second old; call it now and then."""
+        if time.monotonic() - self._flushed > FLUSH_SECONDS:
+            self.flush()
+
+    def flush(self, last: bool = False) -> None:
+        """Write the rows taken so far; `last`: the final row has no interval values."""
+        n, self._rows = self._rows, 0
+        self._flushed = time.monotonic()
+        if n:
+            _append(self._time, self._times[:n])
+            for dataset, kind, columns, interval in self._sets:
+                rows = n - 1 if last and interval else n
+                block = self._buffer[kind][:rows, columns]
+                _append(dataset, block[:, 0] if dataset.ndim == 1 else block)
+        self._file.flush()
+
+    def finish(self, master: Master) -> Results:
+        """Take the last row, close the file under its final name, and open it for reading."""
+        if self._conserving:
+            if self._rows == ROWS:
+                self.flush()
+            k, every, self.every = master.k, self.every, 1
+            if k % every == 0:
+                self.record(k, master.live)
+                if self._rows:
+                    self.flush(last=True)
+            else:
+                self.flush()
+        else:
+            self.flush()
+        if self._part is None or self.path is None:
+            return Results(self._file)
+        self._file.close()
+        self._part.replace(self.path)
+        return Results.open(self.path)
+
+
+def _append(dataset: Any, rows: NDArray[Any]) -> None:
+    if len(rows):
+        n = dataset.shape[0]
+        dataset.resize(n + len(rows), axis=0)
+        dataset[n:] = rows
+
+
+class Results:
+    """The series of a run."""
+
+    def __init__(self, file: Any) -> None:
+        self._file = file
+
+    @classmethod
+    def open(cls, path: Path) -> Results:
+        """The series of a run folder or of an HDF5 file, also of a run that was killed.
+
+        Raises DesatError where there is none.
+        """
+        file = path / SERIES if path.is_dir() else path
+        if not file.exists():
+            file = file.with_name(file.name + ".part")
+        try:
+            return cls(h5py.File(file, "r", swmr=file.suffix == ".part"))
+        except OSError as error:
+            raise DesatError(f"{path}: no readable series ({error})") from error
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:  # fmt: skip
+        self.close()
+
+    def close(self) -> None:
+        """Close the file."""
+        self._file.close()
+
+    def names(self) -> list[str]:
+        """`component.variable` of every series."""
+        return [f"{c}.{v}" for c in self._file if c != "time" for v in self._file[c]]
+
+    def _find(self, name: str) -> Any:
+        component, _, variable = name.partition(".")
+        if component not in self._file or variable not in self._file[component]:
+            raise DesatError(f"no series {name}{nearest(name, self.names())}")
+        return self._file[component][variable]
+
+    def values(self, name: str) -> NDArray[Any]:
+        """The rows of `component.variable` as (rows, elements), or (rows,) for a scalar."""
+        return np.asarray(self._find(name)[:])
+
+    def times(self, name: str | None = None) -> NDArray[np.float64]:
+        """The time (s) of each row of a series (default: of all recorded steps)."""
+        everything = np.asarray(self._file["time"][:])
+        return everything if name is None else everything[: self._find(name).shape[0]]
+
+    def attribute(self, name: str, key: str) -> str:
+        """`unit`, `frame`, `description` or `class` of a series."""
+        return str(self._find(name).attrs[key])
+
+    def to_csv(self, path: Path) -> None:
+        """All series in one CSV file: a column per element, empty where a row has no value."""
+        columns, table = ["time [s]"], [self.times()]
+        for name in self.names():
+            values, unit = self.values(name), self.attribute(name, "unit")
+            suffix = f" [{unit}]" if unit not in ("", "1") else ""
+            matrix = values[:, None] if values.ndim == 1 else values
+            for i in range(matrix.shape[1]):
+                element = f"[{i + 1}]" if values.ndim > 1 else ""
+                columns.append(f"{name}{element}{suffix}")
+                column = np.full(len(table[0]), np.nan)
+                column[: len(matrix)] = matrix[:, i]
+                table.append(column)
+        part = path.with_name(path.name + ".part")
+        with part.open("w", encoding="utf-8") as file:
+            file.write(",".join(columns) + "\n")
+            for row in zip(*table, strict=True):
+                file.write(",".join("" if np.isnan(x) else repr(float(x)) for x in row) + "\n")
+        part.replace(path)

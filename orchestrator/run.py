@@ -1,0 +1,302 @@
+"""Run a system: check, initialise, step, record, and leave a run folder behind."""
+
+from __future__ import annotations
+
+import json
+import platform
+import signal
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from datetime import UTC, datetime
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+
+from . import library, scenario, ssp
+from .check import Checked, check, steps_of, value_of
+from .errors import DesatError, nearest
+from .interface import base_name
+from .master import Algorithm, Master
+from .measures import evaluate, relative
+from .parameters import expand, parse_assignment
+from .results import SERIES, Recorder, Results, selects
+from .system import System
+from .units import UnitError
+
+MANIFEST = "manifest.json"
+PACKAGES = ("desat", "fmpy", "pythonfmu", "numpy", "scipy", "h5py")
+
+
+@dataclass
+class Options:
+    """What the command line may change about a run."""
+
+    sets: list[str] = field(default_factory=list)
+    stop: float | None = None
+    step: float | None = None
+    algorithm: Algorithm = "conserving"
+    blocks: bool = False
+    record: tuple[str, ...] = ("*",)
+    every: int = 1
+    output_classes: dict[str, Any] = field(default_factory=dict)
+
+
+@dataclass
+class Run:
+    """A finished (or stopped) run: its manifest and its series."""
+
+    manifest: dict[str, Any]
+    results: Results
+
+    @property
+    def ok(self) -> bool:
+        """True when it reached its stop time."""
+        return bool(self.manifest["status"] == "completed")
+
+
+def load(target: str, blocks: bool = False) -> tuple[System, list[str]]:
+    """The system of a scenario name, a .ssp, an .ssd or a folder, and its problems so far."""
+    path = Path(target)
+    if path.suffix in (".ssp", ".ssd") or path.is_dir():
+        return ssp.read(path)
+    return scenario.find(target).system(blocks)
+
+
+def prepare(target: str, options: Options) -> tuple[System, Checked]:
+    """Load a system, apply the options, and check it."""
+    system, problems = load(target, options.blocks)
+    if options.stop is not None:
+        system.stop = options.stop
+    if options.step is not None:
+        system.step = options.step
+    system.output_classes.update(options.output_classes)
+    checked = check(system, problems, options.blocks)
+    for text in options.sets:
+        name, variable, value = parse_assignment(text)
+        component = system.components.get(name)
+        if component is None:
+            raise DesatError(f"--set {text}: no component {name}{nearest(name, system.components)}")
+        if component.interface is not None:
+            component.parameters.update(
+                expand(component.interface, variable, value, f"--set: {name}")
+            )
+    if options.sets:
+        checked = check(system, problems, options.blocks)
+    return system, checked
+
+
+def execute(
+    target: str,
+    options: Options,
+    folder: Path | None = None,
+    progress: bool = False,
+) -> Run:
+    """Run a scenario, an .ssp or a folder; `folder` None keeps the series in memory.
+
+    A component that fails and Ctrl-C end the run early: what was recorded is kept, and the
+    manifest's status says which. Raises DesatError where the run cannot begin.
+    """
+    system, checked = prepare(target, options)
+    schedule = checked.or_raise()
+    steps = steps_of(system)
+    began, clock = datetime.now(UTC), time.perf_counter()
+    manifest = describe(system, options, target)
+    manifest.update(started=began.isoformat(timespec="seconds"), steps=steps, status="running")
+
+    def watched(component: str, signal: Any) -> bool:
+        return selects(options.record, component, signal)
+
+    with Master(
+        system, schedule, algorithm=options.algorithm, blocks=options.blocks, watched=watched
+    ) as master:
+        master.initialise()
+        recorder = Recorder(folder and folder / SERIES, master, options.record, options.every)
+        if folder is not None:
+            write_json(folder / f"{MANIFEST}.part", manifest)
+        if options.algorithm == "jacobi":
+            recorder.record(0, master.live)
+        status, message, loop = "completed", "", time.perf_counter()
+        try:
+            with _interruptible() as interrupted, _bar(system.name, steps, progress) as report:
+                _loop(master, steps, recorder, interrupted, report)
+            if interrupted():
+                status, message = "interrupted", f"stopped by the user at t = {master.t:g} s"
+        except UnitError as error:
+            status, message = "failed", str(error)
+        seconds = time.perf_counter() - loop
+        done = master.k
+        results = recorder.finish(master)
+    manifest.update(
+        status=status,
+        message=message,
+        steps_done=done,
+        end_time=master.t,
+        wall_seconds=round(time.perf_counter() - clock, 6),
+        us_per_step=round(1e6 * seconds / max(done, 1), 3),
+        numbers=numbers(system.about, results),
+    )
+    if folder is not None:
+        write_json(folder / MANIFEST, manifest)
+        (folder / f"{MANIFEST}.part").unlink(missing_ok=True)
+    return Run(manifest, results)
+
+
+def _loop(
+    master: Master, steps: int, recorder: Recorder, interrupted: Callable[[], bool],
+    report: Callable[[int], None],
+) -> None:  # fmt: skip
+    """Step to the end, or to the first Ctrl-C; look at clock and terminal twenty times a second."""
+    advance, record = master.advance, recorder.record
+    chunk = 1
+    while master.k < steps and not interrupted():
+        began = time.perf_counter()
+        for _ in range(min(chunk, steps - master.k)):
+            advance(record)
+            if interrupted():
+                break
+        seconds = time.perf_counter() - began
+        chunk = max(1, min(2 * chunk, int(chunk * 0.05 / max(seconds, 1e-6))))
+        recorder.tick()
+        report(master.k)
+
+
+@contextmanager
+def _interruptible() -> Iterator[Callable[[], bool]]:
+    """Within: Ctrl-C only sets a flag, for an exception inside an FMU would crash the process."""
+    flag = [False]
+
+    def handler(number: int, frame: Any) -> None:
+        flag[0] = True
+
+    try:
+        previous = signal.signal(signal.SIGINT, handler)
+    except ValueError:  # not the main thread: nobody can interrupt us
+        yield lambda: False
+        return
+    try:
+        yield lambda: flag[0]
+    finally:
+        signal.signal(signal.SIGINT, previous)
+
+
+@contextmanager
+def _bar(name: str, steps: int, wanted: bool) -> Iterator[Callable[[int], None]]:
+    if not (wanted and sys.stderr.isatty()):
+        yield lambda k: None
+        return
+    from rich.console import Console
+
+    columns = (TextColumn("{task.description}"), BarColumn(), TextColumn("{task.percentage:.0f} %"),
+               TimeRemainingColumn())  # fmt: skip
+    with Progress(*columns, transient=True, console=Console(stderr=True)) as bar:
+        task = bar.add_task(name, total=steps)
+        yield lambda k: bar.update(task, completed=k)
+
+
+# --- manifest ---------------------------------------------------------------------------------
+
+
+def describe(system: System, options: Options, target: str) -> dict[str, Any]:
+    """The manifest of a system before it runs."""
+    path = Path(target)
+    return {
+        "scenario": system.about.get("name", system.name),
+        "about": system.about,
+        "algorithm": options.algorithm,
+        "components_as": "bare blocks" if options.blocks else "FMUs",
+        "start": system.start,
+        "stop": system.stop,
+        "step": system.step,
+        "output_classes": system.output_classes,
+        "versions": {
+            **{name: version(name) for name in PACKAGES},
+            "python": platform.python_version(),
+        },
+        "platform": platform.platform(),
+        "ssp": {"file": path.name, "sha256": library.sha256(path)} if path.suffix == ".ssp" else None,
+        "fmus": {
+            c.name: {"source": c.source, "sha256": library.load(c.fmu).sha256}
+            for c in system.components.values() if c.fmu is not None and not options.blocks
+        },
+        "parameters": parameters(system),
+    }  # fmt: skip
+
+
+def parameters(system: System) -> dict[str, dict[str, Any]]:
+    """Every parameter of every component: value, unit, and whether the scenario gave it."""
+    table: dict[str, dict[str, Any]] = {}
+    for c in system.components.values():
+        assert c.interface is not None
+        for s in c.interface.signals.values():
+            if s.causality != "parameter" and s.name not in c.parameters:
+                continue
+            value = value_of(c, s.name)
+            entry = table.setdefault(c.name, {}).setdefault(
+                base_name(s.name),
+                {"value": [], "unit": s.unit_name, "given": False, "text": s.description},
+            )
+            named = s.choices[value] if s.choices and isinstance(value, int) else value
+            entry["value"] = named if s.name == base_name(s.name) else [*entry["value"], named]
+            entry["given"] = entry["given"] or s.name in c.parameters
+    return table
+
+
+def numbers(about: dict[str, Any], results: Results) -> dict[str, dict[str, Any]]:
+    """The scenario's numbers that need no other run; one whose series is not recorded is left out."""
+    found = {}
+    known = set(results.names())
+    for name, number in about.get("numbers", {}).items():
+        if "reference" in number:
+            continue
+        signals = number["signal"]
+        if {signals} if isinstance(signals, str) else set(signals) <= known:
+            found[name] = {
+                "title": number.get("title", name),
+                "value": evaluate(number, results),
+                "unit": number.get("unit", ""),
+            }
+    return found
+
+
+def relate(manifest: dict[str, Any], others: dict[str, dict[str, Any]]) -> None:
+    """Add the numbers that compare a run with others (by scenario name, without the family)."""
+    for name, number in manifest["about"].get("numbers", {}).items():
+        other = others.get(number.get("reference", ""))
+        of = number.get("of", "")
+        if other is None or of not in manifest["numbers"] or of not in other["numbers"]:
+            continue
+        manifest["numbers"][name] = {
+            "title": number.get("title", name),
+            "value": relative(
+                number["form"],
+                manifest["numbers"][of]["value"],
+                other["numbers"][of]["value"],
+            ),
+            "unit": number.get("unit", ""),
+            "reference": number["reference"],
+        }
+
+
+def write_json(path: Path, data: Any) -> None:
+    """Write JSON under a temporary name, then rename."""
+    part = path.with_name(path.name + ".tmp")
+    path.parent.mkdir(parents=True, exist_ok=True)
+    part.write_text(json.dumps(data, indent=1), encoding="utf-8")
+    part.replace(path)
+
+
+def read_manifest(folder: Path) -> dict[str, Any]:
+    """The manifest of a run folder, also of a run that was killed. Raises DesatError."""
+    for name in (MANIFEST, f"{MANIFEST}.part"):
+        if (folder / name).exists():
+            try:
+                manifest: dict[str, Any] = json.loads((folder / name).read_text(encoding="utf-8"))
+                return manifest
+            except ValueError as error:
+                raise DesatError(f"{folder / name}: {error}") from error
+    raise DesatError(f"{folder}: no run folder (it has no {MANIFEST})")

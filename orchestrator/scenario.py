@@ -1,0 +1,238 @@
+"""Scenarios: TOML files in ssp/FAMILY/scenarios/, each one scenario or, with axes, a table of them.
+
+    extends = "common"            # another file of the folder, merged below this one
+    title = "…"                   # and story: two sentences for a reader
+    ssd = "SystemStructure.ssd"   # in ssp/FAMILY/
+    step, stop, start             # seconds
+    [sources]                     # manager = "manager_other": another FMU for a component
+    [shared]                      # a parameter for every component that has it
+    [parameters.manager]          # parameters (or unconnected inputs) of one component
+    [output_classes]              # "component.output" = "state" | "interval"
+    [decimation]                  # manager = 10: steps once in 10 steps of the master
+    [dispersions]                 # "component.parameter" = how `desat draws` draws it
+    twin = "NAME"                 # a scenario that the report shows beside this one
+    [numbers.NAME], [[plots]]     # what the report shows
+    [[paper]]                     # a paper's values for the numbers
+    [axes.method.crcp]            # each axis' values are partial scenarios; the product of the
+    [axes.case.ilqr-1]            # axes gives scenarios FILE-crcp-ilqr-1
+
+`{method}` in a text stands for the axis' value of the cell.
+"""
+
+from __future__ import annotations
+
+import itertools
+import tomllib
+from copy import deepcopy
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from . import ssp
+from .check import load_interfaces
+from .errors import DesatError, nearest
+from .parameters import expand
+from .system import System
+
+ROOT = Path(__file__).resolve().parent.parent / "ssp"
+DIST = ROOT / "dist"
+
+KEYS = {
+    "extends", "abstract", "title", "story", "ssd", "step", "stop", "start", "sources", "shared",
+    "parameters", "output_classes", "decimation", "dispersions", "twin", "numbers", "plots",
+    "paper", "axes", "labels", "source",
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Scenario:
+    """One scenario: its name `family/name`, its file, and its merged data."""
+
+    name: str
+    file: Path
+    data: dict[str, Any]
+    cell: dict[str, str]
+    """The value of each axis, where the file has axes."""
+
+    @property
+    def family(self) -> str:
+        """The folder of ssp/ that it belongs to."""
+        return self.name.partition("/")[0]
+
+    @property
+    def twin(self) -> str | None:
+        """The full name of its twin."""
+        twin = self.data.get("twin")
+        return f"{self.family}/{twin}" if twin and f"{self.family}/{twin}" != self.name else None
+
+    @property
+    def packed(self) -> Path:
+        """Where `desat pack` puts its .ssp."""
+        return DIST / f"{self.name}.ssp"
+
+    def system(self, blocks: bool = False) -> tuple[System, list[str]]:
+        """The system that it describes and what is wrong with it so far (schema, missing FMUs,
+        parameters)."""
+        folder = ROOT / self.family
+        system, problems = ssp.read(folder / self.data.get("ssd", ssp.FILE))
+        where = f"{self.file.relative_to(ROOT.parent)}"
+        system.name = self.name
+        for key in ("start", "stop", "step"):
+            if key in self.data:
+                setattr(system, key, float(self.data[key]))
+        system.output_classes.update(self.data.get("output_classes", {}))
+        system.about = self.about()
+        for name, source in self.data.get("sources", {}).items():
+            component = _component(system, name, f"{where}: sources")
+            component.source = source if "/" in source else f"resources/{source}.fmu"
+            component.fmu = ssp.library.find(component.source, folder)
+        for name, decimation in self.data.get("decimation", {}).items():
+            _component(system, name, f"{where}: decimation").decimation = int(decimation)
+        problems += load_interfaces(system, blocks)
+        problems += _set_shared(system, self.data.get("shared", {}), where)
+        for name, values in self.data.get("parameters", {}).items():
+            component = _component(system, name, f"{where}: parameters")
+            for parameter, value in values.items():
+                if component.interface is None:
+                    continue
+                try:
+                    component.parameters.update(
+                        expand(component.interface, parameter, value, f"{where}: {name}")
+                    )
+                except DesatError as error:
+                    problems.append(str(error))
+        return system, problems
+
+    def about(self) -> dict[str, Any]:
+        """What travels with a packed system: story, numbers, plots and the like."""
+        keys = ("title", "story", "source", "twin", "numbers", "plots", "output_classes",
+                "decimation", "labels")  # fmt: skip
+        about = {k: self.data[k] for k in keys if k in self.data}
+        return {"name": self.name, **about, "cell": self.cell}
+
+
+def _component(system: System, name: str, where: str) -> Any:
+    if name not in system.components:
+        raise DesatError(f"{where}: no component {name}{nearest(name, system.components)}")
+    return system.components[name]
+
+
+def _set_shared(system: System, shared: dict[str, Any], where: str) -> list[str]:
+    problems = []
+    for name, value in shared.items():
+        owners = [
+            c for c in system.components.values() if c.interface and c.interface.elements(name)
+        ]
+        if not owners:
+            problems.append(f"{where}: shared: no component has a parameter {name}")
+        for component in owners:
+            assert component.interface is not None
+            try:
+                component.parameters.update(
+                    expand(component.interface, name, value, f"{where}: {component.name}")
+                )
+            except DesatError as error:
+                problems.append(str(error))
+    return problems
+
+
+# --- finding ----------------------------------------------------------------------------------
+
+
+@cache
+def families() -> tuple[str, ...]:
+    """The folders of ssp/ that hold scenarios."""
+    return tuple(sorted(p.parent.name for p in ROOT.glob("*/scenarios")))
+
+
+@cache
+def scenarios(family: str | None = None) -> dict[str, Scenario]:
+    """All scenarios by name, or those of one family. Raises DesatError for a bad file."""
+    if family is not None and family not in families():
+        raise DesatError(f"no family {family}{nearest(family, families())}")
+    found: dict[str, Scenario] = {}
+    for name in (family,) if family else families():
+        for file in sorted((ROOT / name / "scenarios").glob("*.toml")):
+            for scenario in _read(file, name):
+                found[scenario.name] = scenario
+    return found
+
+
+def find(name: str) -> Scenario:
+    """The scenario of a name. Raises DesatError with the nearest name."""
+    family = name.partition("/")[0]
+    known = scenarios(family) if family in families() else scenarios()
+    if name not in known:
+        raise DesatError(f"no scenario {name}{nearest(name, known)}")
+    return known[name]
+
+
+def _read(file: Path, family: str) -> list[Scenario]:
+    data = _load(file)
+    if data.get("abstract"):
+        return []
+    axes: dict[str, dict[str, Any]] = data.pop("axes", {})
+    cells = []
+    for values in itertools.product(*(axis.items() for axis in axes.values())):
+        cell = dict(zip(axes, (key for key, _ in values), strict=True))
+        merged = deepcopy(data)
+        for _, partial in values:
+            _merge(merged, partial)
+        merged["labels"] = {
+            axis: axes[axis][value].get("label", value) for axis, value in cell.items()
+        }
+        merged.pop("label", None)
+        name = "-".join([file.stem, *cell.values()])
+        _known_keys(merged, file)
+        cells.append(Scenario(f"{family}/{name}", file, _fill(merged, cell), cell))
+    return cells
+
+
+def _load(file: Path, seen: tuple[Path, ...] = ()) -> dict[str, Any]:
+    where = file.relative_to(ROOT.parent)
+    try:
+        data = tomllib.loads(file.read_text(encoding="utf-8"))
+    except FileNotFoundError as error:
+        raise DesatError(f"{where}: no such file") from error
+    except tomllib.TOMLDecodeError as error:
+        raise DesatError(f"{where}: {error}") from error
+    base = data.pop("extends", None)
+    if base is None:
+        return data
+    if file in seen:
+        raise DesatError(f"{where}: extends itself")
+    merged = _load(file.with_name(f"{base}.toml"), (*seen, file))
+    merged.pop("abstract", None)
+    _merge(merged, data)
+    return merged
+
+
+def _known_keys(data: dict[str, Any], file: Path) -> None:
+    for key in data:
+        if key not in KEYS:
+            raise DesatError(
+                f"{file.relative_to(ROOT.parent)}: unknown key {key}{nearest(key, KEYS)}"
+            )
+
+
+def _merge(into: dict[str, Any], new: dict[str, Any]) -> None:
+    """Tables are merged, everything else is replaced."""
+    for key, value in new.items():
+        if isinstance(value, dict) and isinstance(into.get(key), dict):
+            _merge(into[key], value)
+        else:
+            into[key] = deepcopy(value)
+
+
+def _fill(value: Any, cell: dict[str, str]) -> Any:
+    """Texts with `{axis}` replaced by the axis' value of the cell."""
+    if isinstance(value, str):
+        for axis, name in cell.items():
+            value = value.replace(f"{{{axis}}}", name)
+        return value
+    if isinstance(value, dict):
+        return {k: _fill(v, cell) for k, v in value.items()}
+    if isinstance(value, list):
+        return [_fill(v, cell) for v in value]
+    return value

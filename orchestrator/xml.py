@@ -1,0 +1,49 @@
+"""Safe XML: lxml without entities, network or DTD; schemas with file and line."""
+
+from __future__ import annotations
+
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import fmpy
+from lxml import etree
+
+from .errors import DesatError
+
+_SCHEMAS = Path(fmpy.__file__).parent / "ssp" / "schema"
+
+
+def parse_bytes(data: bytes, where: str) -> Any:
+    """The root element; raises DesatError (file:line) for bad XML or a DOCTYPE."""
+    parser = etree.XMLParser(
+        resolve_entities=False, no_network=True, load_dtd=False, remove_comments=True
+    )
+    try:
+        root = etree.fromstring(data, parser)
+    except etree.XMLSyntaxError as error:
+        raise DesatError(f"{where}:{error.lineno}: {error.msg}") from error
+    if root.getroottree().docinfo.doctype:
+        raise DesatError(f"{where}: a DOCTYPE is not allowed")
+    return root
+
+
+@cache
+def _schema(name: str) -> etree.XMLSchema:
+    return etree.XMLSchema(etree.parse(str(_SCHEMAS / name)))
+
+
+def validate(root: Any, schema: str, where: str) -> list[str]:
+    """The schema errors of a document as `file:line: text`."""
+    checker = _schema(schema)
+    if checker.validate(root):
+        return []
+    return [f"{where}:{e.line}: {_plain(e.message)}" for e in checker.error_log]
+
+
+def _plain(message: str) -> str:
+    """Without the namespaces that make a schema message unreadable."""
+    for uri in ("SystemStructureDescription", "SystemStructureCommon",
+                "SystemStructureParameterValues"):  # fmt: skip
+        message = message.replace(f"{{http://ssp-standard.org/SSP1/{uri}}}", "")
+    return message
