@@ -263,7 +263,7 @@ class Block:
             if v.causality != "parameter":
                 continue
             value = getattr(self, v.name)
-            for name, x in zip(v.elements(), value if v.shape else (value,)):
+            for name, x in zip(v.elements(), value if v.shape else (value,), strict=True):
                 if not math.isfinite(x):
                     raise BlockError(f"{name} = {x} is not a finite number")
                 if (v.minimum is not None and x < v.minimum) or (

@@ -71,9 +71,7 @@ class Magnetometer(Sampled):
 
     b_eci: Vec3 = Input("T", "geomagnetic field, eci")
     q_bi: Vec4 = Input("1", "attitude: body from eci, scalar last", start=UPRIGHT)
-    b_body: Vec3 = Output(
-        "T", "measured field, body", interval=True, starts_from=("b_eci", "q_bi")
-    )
+    b_body: Vec3 = Output("T", "measured field, body", interval=True, starts_from=("b_eci", "q_bi"))
 
 
 class Tachometers(Sampled):

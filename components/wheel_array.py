@@ -22,7 +22,7 @@ def body_momentum(axes: Mat34, h: Vec4) -> Vec3:
 def pseudo_inverse(axes: Mat34) -> tuple[float, ...]:
     """A^+ = A' (A A')^-1 as 4 rows of 3; raises ZeroDivisionError when the axes span no space."""
     rows = (axes[0:4], axes[4:8], axes[8:12])
-    gram = tuple(sum(x * y for x, y in zip(p, q)) for p in rows for q in rows)
+    gram = tuple(sum(x * y for x, y in zip(p, q, strict=True)) for p in rows for q in rows)
     m = inverse(gram)  # type: ignore[arg-type]
     return tuple(
         sum(rows[k][i] * m[3 * k + j] for k in range(3)) for i in range(4) for j in range(3)

@@ -84,9 +84,7 @@ def model_description(
         for index in index_of[v.name]:
             _unknown(outputs, index, inputs if v.interval else [])
             _unknown(initial, index, starts_from)
-    return bytes(
-        etree.tostring(root, xml_declaration=True, encoding="UTF-8", pretty_print=True)
-    )
+    return bytes(etree.tostring(root, xml_declaration=True, encoding="UTF-8", pretty_print=True))
 
 
 def _unknown(parent: Any, index: int, dependencies: list[int]) -> None:

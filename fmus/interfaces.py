@@ -45,7 +45,7 @@ def _table(variables: list[Variable]) -> list[str]:
         return ["No variables of its own."]
     rows = ["| variable | kind | unit | start | meaning |", "|---|---|---|---|---|"]
     for v in variables:
-        kind = v.causality
+        kind: str = v.causality
         if kind == "output":
             kind = "interval output" if v.interval else "state output"
         size = "×".join(map(str, v.shape))

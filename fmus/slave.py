@@ -115,7 +115,7 @@ class Slave(Fmi2Slave):  # type: ignore[misc]
     def _select(self, vrs: list[int], kind: str) -> _Selection:
         """Raises TypeError where a variable is not of type `kind`."""
         found = [self._scalars[vr][0] for vr in vrs]
-        for vr, variable in zip(vrs, found):
+        for vr, variable in zip(vrs, found, strict=True):
             if variable.type != kind:
                 raise TypeError(f"value reference {vr} ({variable.name}) is not {kind}")
         return vrs, self._block.access(vrs), any(v.causality == "parameter" for v in found)

@@ -56,10 +56,9 @@ def load_interfaces(system: System, blocks: bool = False) -> list[str]:
     return problems
 
 
-def check(system: System, schema_problems: list[str], blocks: bool = False) -> Checked:
-    """Check a system whose interfaces may not be loaded yet."""
-    found = Checked(problems=list(schema_problems))
-    found.problems += load_interfaces(system, blocks)
+def check(system: System, problems: list[str]) -> Checked:
+    """Check a system; `problems` is what reading it and loading its interfaces found."""
+    found = Checked(problems=list(dict.fromkeys(problems)))
     for component in system.components.values():
         if component.interface is not None:
             found.problems += _connectors(system, component, component.interface)
@@ -84,7 +83,8 @@ def _connectors(system: System, c: Component, interface: Interface) -> Iterator[
         where = f"{system.where}:{connector.line}: {c.name}.{connector.name}"
         signal = interface.signals.get(connector.name)
         if signal is None:
-            yield f"{where}: the FMU has no such variable{nearest(connector.name, interface.signals)}"
+            hint = nearest(connector.name, interface.signals)
+            yield f"{where}: the FMU has no such variable{hint}"
             continue
         if connector.kind != signal.causality:
             yield f"{where}: listed as {connector.kind}, but it is an {signal.causality}"
@@ -118,7 +118,7 @@ def _connections(system: System) -> Iterator[str]:
             if connector not in known:
                 yield f"{where}: {element} has no connector {connector}{nearest(connector, known)}"
                 continue
-            signal = component.interface and component.interface.signals.get(connector)
+            signal = component.interface.signals.get(connector) if component.interface else None
             if signal is None:
                 continue
             if signal.causality != causality:
@@ -166,7 +166,8 @@ def _inputs(system: System) -> Iterator[str]:
         for elements in arrays.values():
             missing = [e for e in elements if (c.name, e) not in wired and e not in c.parameters]
             if 0 < len(missing) < len(elements):
-                yield (f"{system.where}:{c.line}: {c.name}.{base_name(missing[0])} is wired in part: "
+                array = base_name(missing[0])
+                yield (f"{system.where}:{c.line}: {c.name}.{array} is wired in part: "
                        f"{', '.join(missing)} has neither a connection nor a value")  # fmt: skip
 
 
@@ -188,8 +189,8 @@ def _shared(system: System) -> Iterator[str]:
             value = value_of(c, signal.name)
             owner, other = values.setdefault(signal.name, (c.name, value))
             if value != other:
-                yield (f"{system.where}: {c.name}.{signal.name} = {value}, but {owner}.{signal.name} "
-                       f"= {other}: the two must be equal")  # fmt: skip
+                yield (f"{system.where}: {c.name}.{signal.name} = {value}, but {owner}."
+                       f"{signal.name} = {other}: the two must be equal")  # fmt: skip
 
 
 def steps_of(system: System) -> int:
@@ -258,4 +259,3 @@ def _undeclared(system: System) -> Iterator[str]:
         yield (f"{system.where}: {name} declares no dependencies: {listed} taken as state outputs, "
                f'one step late; override with [output_classes] "{name}.{outputs[0]}" = '
                '"interval"')  # fmt: skip
-

@@ -170,9 +170,7 @@ def _of_fmu(path: Path, _modified: int) -> Interface:
             maximum=None if bound[1] is None else float(bound[1]),
             description=v.description or "",
             choices=choices.get(v.name, ()),
-            output_class=classes.get(v.name, "undeclared")
-            if v.causality == "output"
-            else "state",
+            output_class=classes.get(v.name, "undeclared") if v.causality == "output" else "state",
             shared=v.name in shared,
         )
     return Interface(

@@ -90,12 +90,15 @@ class Master:
             raise
 
     def __enter__(self) -> Self:
+        self._quiet = np.errstate(all="ignore")  # the check for NaN and infinity overflows
+        self._quiet.__enter__()
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:  # fmt: skip
+        self._quiet.__exit__(kind, error, trace)
         self.close()
 
     def close(self) -> None:
@@ -123,7 +126,9 @@ class Master:
                 s for s in self._signals(name, "output")
                 if s.kind in KINDS and ((name, s.name) in used or watched(name, s))
             ]  # fmt: skip
-            outputs[name] = {k: self._slots(name, [s for s in read if s.kind == k]) for k in KINDS}
+            outputs[name] = {
+                k: self._slots(name, k, [s for s in read if s.kind == k]) for k in KINDS
+            }
         self._allocate(outputs)
         position = {(s.component, s.signal.name): s for s in self.slots}
         self._incoming: dict[str, dict[Kind, list[tuple[int, Connection]]]] = {}
@@ -151,10 +156,10 @@ class Master:
     def _signals(self, name: str, causality: str) -> list[Signal]:
         return list(self._interface(name).of(causality))
 
-    def _slots(self, name: str, signals: list[Signal]) -> list[Slot]:
+    def _slots(self, name: str, kind: Kind, signals: list[Signal]) -> list[Slot]:
         """The outputs of one type of a component, interval class first, not yet placed."""
         slots = [
-            Slot(name, s, s.kind, self.schedule.classes[name, s.name] == "interval")
+            Slot(name, s, kind, self.schedule.classes[name, s.name] == "interval")
             for s in signals
         ]  # fmt: skip
         return sorted(slots, key=lambda s: not s.interval)

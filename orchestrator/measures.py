@@ -71,7 +71,8 @@ def evaluate(number: dict[str, Any], results: Results) -> float:
     times = results.times()[:rows]
     if rows == 0:
         return float("nan")
-    return MEASURES[name](times, *(c[:rows] for c in columns), **number.get("options", {}))
+    with np.errstate(over="ignore"):  # a run that diverges has infinite numbers
+        return MEASURES[name](times, *(c[:rows] for c in columns), **number.get("options", {}))
 
 
 def relative(form: str, value: float, reference: float) -> float:

@@ -58,7 +58,9 @@ class Recorder:
         self.path, self.every = path, every
         self._part = None if path is None else path.with_name(path.name + ".part")
         if self._part is None:
-            self._file = h5py.File(f"memory {next(_memory)}", "w", driver="core", backing_store=False)
+            self._file = h5py.File(
+                f"memory {next(_memory)}", "w", driver="core", backing_store=False
+            )
         else:
             self._part.parent.mkdir(parents=True, exist_ok=True)
             self._file = h5py.File(self._part, "w", libver="latest")

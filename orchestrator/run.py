@@ -18,7 +18,7 @@ from typing import Any
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
 from . import library, scenario, ssp
-from .check import Checked, check, steps_of, value_of
+from .check import Checked, check, load_interfaces, steps_of, value_of
 from .errors import DesatError, nearest
 from .interface import base_name
 from .master import Algorithm, Master
@@ -44,6 +44,8 @@ class Options:
     record: tuple[str, ...] = ("*",)
     every: int = 1
     output_classes: dict[str, Any] = field(default_factory=dict)
+    values: dict[str, Any] = field(default_factory=dict)
+    """`component.variable` -> value, beside `sets`, for callers that are programs."""
 
 
 @dataclass
@@ -75,19 +77,16 @@ def prepare(target: str, options: Options) -> tuple[System, Checked]:
     if options.step is not None:
         system.step = options.step
     system.output_classes.update(options.output_classes)
-    checked = check(system, problems, options.blocks)
-    for text in options.sets:
-        name, variable, value = parse_assignment(text)
+    problems += load_interfaces(system, options.blocks)
+    assignments = [(f"--set {t}", *parse_assignment(t)) for t in options.sets]
+    assignments += [(k, *k.split(".", 1), v) for k, v in options.values.items()]
+    for text, name, variable, value in assignments:
         component = system.components.get(name)
         if component is None:
-            raise DesatError(f"--set {text}: no component {name}{nearest(name, system.components)}")
+            raise DesatError(f"{text}: no component {name}{nearest(name, system.components)}")
         if component.interface is not None:
-            component.parameters.update(
-                expand(component.interface, variable, value, f"--set: {name}")
-            )
-    if options.sets:
-        checked = check(system, problems, options.blocks)
-    return system, checked
+            component.parameters.update(expand(component.interface, variable, value, name))
+    return system, check(system, problems)
 
 
 def execute(
@@ -218,7 +217,8 @@ def describe(system: System, options: Options, target: str) -> dict[str, Any]:
             "python": platform.python_version(),
         },
         "platform": platform.platform(),
-        "ssp": {"file": path.name, "sha256": library.sha256(path)} if path.suffix == ".ssp" else None,
+        "ssp": {"file": path.name, "sha256": library.sha256(path)}
+        if path.suffix == ".ssp" else None,
         "fmus": {
             c.name: {"source": c.source, "sha256": library.load(c.fmu).sha256}
             for c in system.components.values() if c.fmu is not None and not options.blocks
@@ -247,14 +247,14 @@ def parameters(system: System) -> dict[str, dict[str, Any]]:
 
 
 def numbers(about: dict[str, Any], results: Results) -> dict[str, dict[str, Any]]:
-    """The scenario's numbers that need no other run; one whose series is not recorded is left out."""
+    """The scenario's numbers that need no other run, where their series are recorded."""
     found = {}
     known = set(results.names())
     for name, number in about.get("numbers", {}).items():
         if "reference" in number:
             continue
         signals = number["signal"]
-        if {signals} if isinstance(signals, str) else set(signals) <= known:
+        if known.issuperset([signals] if isinstance(signals, str) else signals):
             found[name] = {
                 "title": number.get("title", name),
                 "value": evaluate(number, results),

@@ -16,7 +16,7 @@
     [axes.method.crcp]            # each axis' values are partial scenarios; the product of the
     [axes.case.ilqr-1]            # axes gives scenarios FILE-crcp-ilqr-1
 
-`{method}` in a text stands for the axis' value of the cell.
+`{method}` in a text stands for the axis' value of the cell, in title and story for its label.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from . import ssp
+from . import library, ssp
 from .check import load_interfaces
 from .errors import DesatError, nearest
 from .parameters import expand
@@ -86,7 +86,7 @@ class Scenario:
         for name, source in self.data.get("sources", {}).items():
             component = _component(system, name, f"{where}: sources")
             component.source = source if "/" in source else f"resources/{source}.fmu"
-            component.fmu = ssp.library.find(component.source, folder)
+            component.fmu = library.find(component.source, folder)
         for name, decimation in self.data.get("decimation", {}).items():
             _component(system, name, f"{where}: decimation").decimation = int(decimation)
         problems += load_interfaces(system, blocks)
@@ -107,7 +107,7 @@ class Scenario:
     def about(self) -> dict[str, Any]:
         """What travels with a packed system: story, numbers, plots and the like."""
         keys = ("title", "story", "source", "twin", "numbers", "plots", "output_classes",
-                "decimation", "labels")  # fmt: skip
+                "decimation", "labels", "dispersions")  # fmt: skip
         about = {k: self.data[k] for k in keys if k in self.data}
         return {"name": self.name, **about, "cell": self.cell}
 
@@ -185,7 +185,8 @@ def _read(file: Path, family: str) -> list[Scenario]:
         merged.pop("label", None)
         name = "-".join([file.stem, *cell.values()])
         _known_keys(merged, file)
-        cells.append(Scenario(f"{family}/{name}", file, _fill(merged, cell), cell))
+        texts = {k: _fill(merged[k], merged["labels"]) for k in ("title", "story") if k in merged}
+        cells.append(Scenario(f"{family}/{name}", file, _fill(merged, cell) | texts, cell))
     return cells
 
 

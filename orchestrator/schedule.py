@@ -89,5 +89,7 @@ def _cycle_of(waiting: dict[str, set[str]], start: str) -> list[str]:
     while True:
         previous = min(waiting[path[-1]] & set(waiting))
         if previous in path:
-            return path[path.index(previous) :][::-1]
+            cycle = path[path.index(previous) :][::-1]
+            first = cycle.index(min(cycle))
+            return cycle[first:] + cycle[:first]
         path.append(previous)

@@ -96,7 +96,9 @@ class _Reader:
             if owner in system.components:
                 system.components[owner].parameters[variable] = value
             else:
-                self.problems.append(f"{self.at(binding)}: parameter {name} belongs to no component")
+                self.problems.append(
+                    f"{self.at(binding)}: parameter {name} belongs to no component"
+                )
         self.experiment(root, system)
         return system
 
@@ -128,7 +130,9 @@ class _Reader:
 
     def connection(self, element: Any, system: System) -> None:
         if element.get("startElement") is None or element.get("endElement") is None:
-            raise DesatError(f"{self.at(element)}: a connector of the system itself is not supported")
+            raise DesatError(
+                f"{self.at(element)}: a connector of the system itself is not supported"
+            )
         connection = Connection(
             element.get("startElement"), element.get("startConnector"),
             element.get("endElement"), element.get("endConnector"),
@@ -241,9 +245,7 @@ def pack(system: System, target: Path) -> None:
         connectors = _sub(element, "Connectors")
         for signal in component.interface.signals.values():
             if (component.name, signal.name) in wired:
-                connector = _sub(
-                    connectors, "Connector", name=signal.name, kind=signal.causality
-                )
+                connector = _sub(connectors, "Connector", name=signal.name, kind=signal.causality)
                 etree.SubElement(connector, f"{{{SSC}}}{signal.kind}")
         if component.parameters:
             file = f"resources/{component.name}.ssv"
@@ -288,9 +290,7 @@ def _parameter_set(component: Component) -> bytes:
 
 def _annotate_for_omsimulator(top: Any, system: System) -> None:
     annotations = _sub(top, "Annotations")
-    annotation = etree.SubElement(
-        annotations, f"{{{SSC}}}Annotation", type="org.openmodelica"
-    )
+    annotation = etree.SubElement(annotations, f"{{{SSC}}}Annotation", type="org.openmodelica")
     oms = etree.SubElement(annotation, f"{{{OMS}}}Annotations")
     information = etree.SubElement(oms, f"{{{OMS}}}SimulationInformation")
     etree.SubElement(

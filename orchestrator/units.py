@@ -17,7 +17,12 @@ from typing import Any, Protocol
 import numpy as np
 from fmpy import read_model_description
 from fmpy.fmi1 import FMICallException
-from fmpy.fmi2 import FMU2Slave, fmi2CallbackFunctions, fmi2CallbackLoggerTYPE
+from fmpy.fmi2 import (
+    FMU2Slave,
+    defaultCallbacks,
+    fmi2CallbackFunctions,
+    fmi2CallbackLoggerTYPE,
+)
 from fmpy.logging import addLoggerProxy
 from numpy.typing import NDArray
 
@@ -42,12 +47,18 @@ class Unit(Protocol):
 
     name: str
     inputs: dict[Kind, Array]
-    push: Callable[[], int]
-    """Set the wired inputs from `inputs`."""
-    step: Callable[[float, float, int], int]
-    """step(t, dt, 1): from t to t + dt (s)."""
-    pull: Callable[[], int]
-    """Read the wired outputs into the arrays that `wire` was given."""
+
+    @property
+    def push(self) -> Callable[[], int]:
+        """Set the wired inputs from `inputs`."""
+
+    @property
+    def step(self) -> Callable[[float, float, int], int]:
+        """step(t, dt, 1): from t to t + dt (s)."""
+
+    @property
+    def pull(self) -> Callable[[], int]:
+        """Read the wired outputs into the arrays that `wire` was given."""
 
     def wire(
         self, inputs: dict[Kind, list[Signal]], outputs: dict[Kind, list[Signal]],
@@ -171,6 +182,7 @@ class _Library:
         prototype = ctypes.PYFUNCTYPE if ours else ctypes.CFUNCTYPE
         for name, arguments in _SIGNATURES.items():
             address = ctypes.cast(self.fmu.dll[name], ctypes.c_void_p).value
+            assert address is not None
             self.calls[name] = prototype(ctypes.c_int, *arguments)(address)
         # pythonfmu's library must be told before the process ends, or it aborts
         finalise = getattr(self.fmu.dll, "finalizePythonInterpreter", None)
@@ -181,6 +193,29 @@ class _Library:
 @cache
 def _library(folder: Path, ours: bool) -> _Library:
     return _Library(folder, ours)
+
+
+_listeners: dict[int, list[str]] = {}
+"""Where the messages of each component environment go."""
+
+
+def _log(
+    environment: int | None, instance: bytes, status: int, category: bytes, message: bytes
+) -> None:
+    heard = _listeners.get(environment or 0)
+    if heard is not None and status > 0 and len(heard) < 20:
+        heard.append((message or b"").decode(errors="replace").strip())
+
+
+@cache
+def _callbacks() -> fmi2CallbackFunctions:
+    """One logger for all: fmpy's proxy, which formats C messages, knows only the last one."""
+    made = fmi2CallbackFunctions()
+    made.logger = fmi2CallbackLoggerTYPE(_log)
+    made.allocateMemory = defaultCallbacks.allocateMemory
+    made.freeMemory = defaultCallbacks.freeMemory
+    addLoggerProxy(ctypes.byref(made))
+    return made
 
 
 class FmuUnit:
@@ -194,11 +229,9 @@ class FmuUnit:
         if self._library.once and self._library.instances:
             raise DesatError(f"{self.name}: {fmu.path.name} allows one instance per process")
         self._callbacks = fmi2CallbackFunctions()
-        self._callbacks.logger = fmi2CallbackLoggerTYPE(self._log)
-        reference = type(self._library.fmu).instantiate.__globals__["defaultCallbacks"]
-        self._callbacks.allocateMemory = reference.allocateMemory
-        self._callbacks.freeMemory = reference.freeMemory
-        addLoggerProxy(ctypes.byref(self._callbacks))
+        ctypes.pointer(self._callbacks)[0] = _callbacks()
+        self._callbacks.componentEnvironment = id(self)
+        _listeners[id(self)] = self._messages
         self._c = self._library.fmu.fmi2Instantiate(
             self.name.encode(), 1, self._library.fmu.guid.encode(),
             (fmu.folder / "resources").as_uri().encode(), ctypes.byref(self._callbacks), 0, 1,
@@ -206,10 +239,6 @@ class FmuUnit:
         if not self._c:
             raise UnitError(f"{self.name}: cannot be instantiated{self._said()}")
         self._library.instances += 1
-
-    def _log(self, _: Any, instance: bytes, status: int, category: bytes, message: bytes) -> None:
-        if status > 0 and len(self._messages) < 20:
-            self._messages.append((message or b"").decode(errors="replace").strip())
 
     def _said(self) -> str:
         said = self._messages[-1] if self._messages else ""
@@ -234,7 +263,9 @@ class FmuUnit:
         self._keep: list[Any] = [self.inputs, into]  # the calls hold bare addresses
         self.push = self._transfer("Set", inputs, self.inputs)
         self.pull = self._transfer("Get", outputs, into)
-        self.step = partial(self._library.calls["fmi2DoStep"], ctypes.c_void_p(self._c))
+        self.step: Callable[[float, float, int], int] = partial(
+            self._library.calls["fmi2DoStep"], ctypes.c_void_p(self._c)
+        )
 
     def _transfer(
         self, verb: str, signals: dict[Kind, list[Signal]], arrays: dict[Kind, Array]
@@ -260,11 +291,13 @@ class FmuUnit:
             by_kind.setdefault(signal.kind, []).append((signal, value))
         for kind, pairs in by_kind.items():
             n = len(pairs)
-            element = ctypes.c_double if kind == "Real" else ctypes.c_int
+            element: Any = ctypes.c_double if kind == "Real" else ctypes.c_int
             references = (ctypes.c_uint * n)(*(s.reference for s, _ in pairs))
             values = (element * n)(*(v for _, v in pairs))
             status = self._library.calls[f"fmi2Set{kind}"](
-                ctypes.c_void_p(self._c), ctypes.cast(references, ctypes.c_void_p), n,
+                ctypes.c_void_p(self._c),
+                ctypes.cast(references, ctypes.c_void_p),
+                n,
                 ctypes.cast(values, ctypes.c_void_p),
             )
             if status > 1:
@@ -288,6 +321,7 @@ class FmuUnit:
             self._library.fmu.fmi2FreeInstance(self._c)
             self._library.instances -= 1
         self._c = None
+        _listeners.pop(id(self), None)
 
 
 def _interface(component: Component) -> Interface:
@@ -303,5 +337,3 @@ def unit_for(component: Component, blocks: bool) -> Unit:
 
     assert component.fmu is not None, "check the system first"
     return FmuUnit(component, library.load(component.fmu))
-
-

@@ -20,7 +20,7 @@ def parse_bytes(data: bytes, where: str) -> Any:
         resolve_entities=False, no_network=True, load_dtd=False, remove_comments=True
     )
     try:
-        root = etree.fromstring(data, parser)
+        root: Any = etree.fromstring(data, parser)
     except etree.XMLSyntaxError as error:
         raise DesatError(f"{where}:{error.lineno}: {error.msg}") from error
     if root.getroottree().docinfo.doctype:
@@ -35,7 +35,7 @@ def _schema(name: str) -> etree.XMLSchema:
 
 def validate(root: Any, schema: str, where: str) -> list[str]:
     """The schema errors of a document as `file:line: text`."""
-    checker = _schema(schema)
+    checker: Any = _schema(schema)
     if checker.validate(root):
         return []
     return [f"{where}:{e.line}: {_plain(e.message)}" for e in checker.error_log]

@@ -3,7 +3,7 @@ from __future__ import annotations
 from ..block import Mat34, Parameter, Vec3
 from ..laws import blending, dumping
 from ..roles import Manager
-from ..vector import ZERO, add, sub
+from ..vector import ZERO, sub
 from ..wheel_array import body_momentum, pseudo_inverse, to_wheels
 
 IDLE, DUMPING = 0, 1
@@ -43,7 +43,9 @@ class ManagerCombined(Manager):
     g_rate: float = Parameter(
         "1/s", "sqrt(F/R): closed-loop rate of ilqr and lqr", start=0.0077, min=0.0
     )
-    horizon: float = Parameter("s", "final time of lqr and mec after the start", start=600.0, min=1.0)
+    horizon: float = Parameter(
+        "s", "final time of lqr and mec after the start", start=600.0, min=1.0
+    )
     k_cross: float = Parameter("1/T", "gain k of cccp", start=35000.0, min=0.0)
     weight_ratio: float = Parameter("1/T2", "b/a of ocdc", start=1e9, min=0.0)
     n_con_body: Vec3 = Parameter("N.m", "known constant torque of an off-nadir attitude, body")
@@ -52,12 +54,14 @@ class ManagerCombined(Manager):
         start=(1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0),
         shared=True,
     )  # fmt: skip
-    feedforward: bool = Parameter("1", "true: the wheels absorb the dumping torque at once", start=True)
+    feedforward: bool = Parameter(
+        "1", "true: the wheels absorb the dumping torque at once", start=True
+    )
 
     def start(self) -> None:
         super().start()
         self._to_wheels = pseudo_inverse(self.axes_wheel)
-        self._offsets = ()
+        self._offsets: tuple[float, ...] = ()
         self._costate = ZERO
         self._omega = self.omega_bi_body
         self._started = 0.0
@@ -112,6 +116,6 @@ class ManagerCombined(Manager):
             return ZERO
         if self.law == 1:
             i = 3 * int(elapsed / self.sample_time + 0.5)
-            offset = self._offsets[i : i + 3]
-            return dumping.lqr(h, self.g_rate, self.horizon - elapsed, offset)
+            x, y, z = self._offsets[i : i + 3]
+            return dumping.lqr(h, self.g_rate, self.horizon - elapsed, (x, y, z))
         return dumping.mec(self._costate, self._omega, elapsed)

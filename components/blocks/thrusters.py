@@ -51,9 +51,7 @@ class Thrusters(Role):
             mean[i], slope[i] = torque * share, torque * lead
             self._on_time += end - begin
             force = self.tau_level[i] / self.arm
-            self._propellant += (
-                (end - begin) * force / (STANDARD_GRAVITY * self.specific_impulse)
-            )
+            self._propellant += (end - begin) * force / (STANDARD_GRAVITY * self.specific_impulse)
         self.tau_mean_thruster_body = (mean[0], mean[1], mean[2])
         self.tau_slope_thruster_body = (slope[0], slope[1], slope[2])
 

@@ -1,6 +1,6 @@
 from __future__ import annotations
 
-from ..block import Parameter, Vec3
+from ..block import Parameter
 from ..moments import pulse
 from ..roles import Torquers as Role
 from ..vector import ZERO, clip, dot

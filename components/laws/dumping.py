@@ -38,7 +38,7 @@ def ilqr_offset(omega: Vec3, g_rate: float, n_con: Vec3) -> Vec3:
 def lqr(h: Vec3, g_rate: float, time_to_go: float, offset: Vec3) -> Vec3:
     """Finite-horizon LQR torque (N m), eq. 17, with `time_to_go` (s) left and R^-1 g = offset.
 
-    For isotropic weights K = sqrt(f r) tanh(g_rate (t_f - t)) I solves K' = K K / r - F, K(t_f) = 0.
+    For isotropic weights K = sqrt(f r) tanh(g_rate (t_f - t)) I: K' = K K / r - F, K(t_f) = 0.
     """
     return sub(offset, scale(g_rate * tanh(g_rate * time_to_go), h))
 

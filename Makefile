@@ -1,0 +1,42 @@
+# Every target makes its own .venv from pyproject.toml and constraints.txt.
+PYTHON ?= python3
+BIN := .venv/bin
+
+.PHONY: demo fmus ssp test check bench papers clean
+
+demo: ssp ## build everything, run one scenario, print the paper's tables beside ours
+	$(BIN)/desat run uosat12/table3-ocdc-ilqr-1
+	@echo
+	$(BIN)/desat tables uosat12
+
+fmus: .venv/.installed ## build the FMUs of all blocks into fmus/dist/
+	$(BIN)/python -m fmus.build
+
+ssp: fmus ## pack every scenario into ssp/dist/
+	$(BIN)/desat pack
+
+test: check fmus ## all tests
+	$(BIN)/python -m pytest -n 2
+
+check: .venv/.installed ## lint and types
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+
+bench: ssp ## microseconds per step of ours and of others, into benchmarks/latest.json
+	$(BIN)/python -m benchmarks.run
+
+papers: ssp ## the pages under docs/papers, from runs made now
+	$(BIN)/python -m docs.papers
+
+clean: ## remove what the other targets have made
+	rm -rf .venv fmus/dist ssp/dist runs build *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis
+	find . -name __pycache__ -type d -prune -exec rm -rf {} +
+
+.venv/.installed: pyproject.toml constraints.txt
+	@$(PYTHON) -c 'import sys; sys.exit(0 if sys.version_info >= (3, 11) else "Python 3.11 or newer is needed: make PYTHON=python3.11 ...")'
+	$(PYTHON) -m venv .venv
+	$(BIN)/python -m pip install -q --disable-pip-version-check -c constraints.txt -e ".[dev,witness]" \
+		|| { echo "without libcosim and Ecos: their tests will be skipped"; \
+		$(BIN)/python -m pip install -q --disable-pip-version-check -c constraints.txt -e ".[dev]"; }
+	@touch $@

@@ -1,0 +1,384 @@
+"""The command `desat`."""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+import traceback
+from dataclasses import replace
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from rich.console import Console
+from rich.table import Table
+
+from . import draws as draws_module
+from . import pack as pack_module
+from . import report as report_module
+from . import tables as tables_module
+from .errors import DesatError
+from .interface import base_name
+from .master import Algorithm
+from .plots import pretty_unit
+from .results import SERIES
+from .run import MANIFEST, Options, Run, execute, prepare, relate, write_json
+from .scenario import find, scenarios
+
+app = typer.Typer(
+    add_completion=False,
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+    rich_markup_mode="rich",
+    help="Spacecraft momentum management as co-simulated FMUs. Start with [bold]desat list[/bold], "
+    "then [bold]desat run NAME[/bold]; every command explains itself with --help.",
+)
+# piped output is for other programs: not folded to a terminal's width
+out = Console(soft_wrap=True) if sys.stdout.isatty() else Console(width=200)
+err = Console(stderr=True, soft_wrap=True)
+
+
+class Semantics(StrEnum):
+    """How values move between components."""
+
+    conserving = "conserving"
+    jacobi = "jacobi"
+
+
+TARGET = typer.Argument(
+    metavar="NAME|FOLDER|FILE.ssp",
+    help="A scenario (see `desat list`), an .ssp file, or a folder with a SystemStructure.ssd.",
+    show_default=False,
+)
+Target = Annotated[str, TARGET]
+Sets = Annotated[
+    list[str] | None,
+    typer.Option("--set", metavar="COMPONENT.VARIABLE=VALUE",
+                 help="Give a parameter (or unconnected input) another value; a choice by its "
+                 "name, an array as 1,2,3. May be repeated."),
+]  # fmt: skip
+Stop = Annotated[float | None, typer.Option(help="Stop time, s.")]
+Step = Annotated[float | None, typer.Option(help="Step, s.")]
+Alg = Annotated[
+    Semantics,
+    typer.Option(help="conserving: no delay in the loop; jacobi: as libcosim and Ecos do."),
+]
+Blocks = Annotated[bool, typer.Option("--blocks", help="Bare blocks instead of FMUs.")]
+Json = Annotated[bool, typer.Option("--json", help="Print JSON for programs.")]
+Classes = Annotated[
+    list[str] | None,
+    typer.Option("--output-class", metavar="COMPONENT.OUTPUT=state|interval",
+                 help="Override the class of an output. May be repeated."),
+]  # fmt: skip
+Jobs = Annotated[int, typer.Option(help="Processes.", min=1)]
+CPUS = os.cpu_count() or 1
+
+
+def _options(
+    sets: list[str] | None, stop: float | None, step: float | None, algorithm: Semantics,
+    blocks: bool, classes: list[str] | None = None, **more: Any,
+) -> Options:  # fmt: skip
+    overrides: dict[str, str] = {}
+    for text in classes or []:
+        key, _, value = text.partition("=")
+        overrides[key] = value
+    name: Algorithm = "jacobi" if algorithm is Semantics.jacobi else "conserving"
+    return Options(
+        sets=list(sets or []), stop=stop, step=step, algorithm=name, blocks=blocks,
+        output_classes=overrides, **more,
+    )  # fmt: skip
+
+
+def _print_json(data: Any) -> None:
+    sys.stdout.write(json.dumps(data, indent=1) + "\n")
+
+
+@app.command("list")
+def list_command(
+    family: Annotated[str | None, typer.Argument(help="Only this family.")] = None,
+    as_json: Json = False,
+) -> None:
+    """List the scenarios."""
+    found = scenarios(family)
+    if as_json:
+        _print_json([{"name": n, "title": s.data.get("title", "")} for n, s in found.items()])
+        return
+    table = Table("scenario", "what it is", box=None, header_style="bold", pad_edge=False)
+    for name, scenario in found.items():
+        table.add_row(name, scenario.data.get("title", ""))
+    out.print(table)
+
+
+@app.command()
+def run(
+    target: Target,
+    sets: Sets = None,
+    stop: Stop = None,
+    step: Step = None,
+    algorithm: Alg = Semantics.conserving,
+    blocks: Blocks = False,
+    folder: Annotated[
+        Path | None, typer.Option("--out", help="Run folder (default: a new one under runs/).")
+    ] = None,
+    record: Annotated[
+        list[str] | None,
+        typer.Option(help="Record only outputs that fit, as 'manager.*'. May be repeated."),
+    ] = None,
+    every: Annotated[int, typer.Option(help="Record every n-th step.", min=1)] = 1,
+    csv: Annotated[bool, typer.Option("--csv", help="Write series.csv too.")] = False,
+    twin: Annotated[
+        bool, typer.Option(help="Also run the scenario's twin, and show it beside.")
+    ] = True,
+    classes: Classes = None,
+    as_json: Json = False,
+) -> None:
+    """Run a scenario and write a run folder: series, manifest, report."""
+    options = _options(
+        sets, stop, step, algorithm, blocks, classes, record=tuple(record or ("*",)), every=every
+    )
+    target_folder = _run_folder(target, folder)
+    _, checked = prepare(target, options)
+    for warning in checked.warnings:
+        err.print(f"warning: {warning}", highlight=False, markup=False)
+    checked.or_raise()
+    finished = execute(target, options, target_folder, progress=not as_json)
+    other = _run_twin(finished, options, target_folder) if twin and finished.ok else None
+    page = report_module.write_report(target_folder, finished, other)
+    if csv:
+        finished.results.to_csv(target_folder / "series.csv")
+    _report_run(finished, other, target_folder, page, as_json)
+    if finished.manifest["status"] == "interrupted":
+        raise typer.Exit(130)
+    if not finished.ok:
+        raise typer.Exit(1)
+
+
+def _run_folder(target: str, folder: Path | None) -> Path:
+    if folder is not None:
+        if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
+            raise DesatError(f"--out {folder}: it exists already and is not an empty folder")
+        return folder
+    path = Path(target)
+    name = path.resolve().stem if path.exists() else target.replace("/", "-")
+    candidate, count = Path("runs") / name, 1
+    while candidate.exists():
+        count += 1
+        candidate = Path("runs") / f"{name}-{count}"
+    return candidate
+
+
+def _run_twin(finished: Run, options: Options, folder: Path) -> Run | None:
+    """Run the twin that the scenario names, into a folder beside, and compare."""
+    about = finished.manifest["about"]
+    name = about.get("name", "").partition("/")[0] + "/" + about.get("twin", "")
+    if not about.get("twin") or name == about["name"] or name not in scenarios():
+        return None
+    twin_folder = folder / "twin"
+    other = execute(name, replace(options, sets=[]), twin_folder)
+    relate(finished.manifest, {about["twin"]: other.manifest})
+    write_json(folder / MANIFEST, finished.manifest)
+    report_module.write_report(twin_folder, other)
+    return other
+
+
+def _report_run(finished: Run, other: Run | None, folder: Path, page: Path, as_json: bool) -> None:
+    manifest = finished.manifest
+    if as_json:
+        _print_json({**manifest, "folder": str(folder), "report": str(page)})
+        return
+    if manifest["status"] != "completed":
+        err.print(f"{manifest['status']}: {manifest['message']}", highlight=False, markup=False)
+    table = Table(box=None, pad_edge=False, show_header=other is not None, header_style="bold")
+    for column in ["", "this run", "twin", ""] if other else ["", "this run", ""]:
+        table.add_column(column, justify="right" if "run" in column or column == "twin" else "left")
+    for name, n in manifest["numbers"].items():
+        row = [n["title"], report_module.number(n["value"])]
+        if other:
+            theirs = other.manifest["numbers"].get(name)
+            row.append(report_module.number(theirs["value"]) if theirs else "")
+        table.add_row(*row, pretty_unit(n["unit"]))
+    if manifest["numbers"]:
+        out.print(table)
+    out.print(
+        f"{manifest['steps_done']} steps, {manifest['us_per_step']} us a step; series in "
+        f"{folder / SERIES}\nreport: {page.resolve()}", highlight=False, markup=False,
+    )  # fmt: skip
+
+
+@app.command()
+def draws(
+    target: Target,
+    count: Annotated[int, typer.Option("-n", "--count", help="Number of draws.", min=1)] = 20,
+    seed: Annotated[int, typer.Option(help="Seed of the draws.", min=0)] = 1,
+    sets: Sets = None,
+    stop: Stop = None,
+    step: Step = None,
+    algorithm: Alg = Semantics.conserving,
+    blocks: Blocks = False,
+    jobs: Jobs = CPUS,
+    as_json: Json = False,
+) -> None:
+    """Run seeded draws of a scenario's dispersions."""
+    options = _options(sets, stop, step, algorithm, blocks)
+    result = draws_module.draws(target, count, seed, options, jobs, progress=not as_json)
+    failed = [r for r in result["draws"] if r["status"] != "completed"]
+    if as_json:
+        _print_json(result)
+    else:
+        names = list(result["summary"])
+        table = Table("draw", *names, box=None, header_style="bold", pad_edge=False)
+        for row in result["draws"]:
+            cells = [report_module.number(row["numbers"].get(n, float("nan"))) for n in names]
+            table.add_row(str(row["draw"]), *cells)
+        for key in ("median", "min", "max"):
+            cells = [report_module.number(result["summary"][n][key]) for n in names]
+            table.add_row(key, *cells, style="bold")
+        table.add_row("unit", *(pretty_unit(result["summary"][n]["unit"]) for n in names))
+        out.print(table)
+    for row in failed:
+        err.print(f"draw {row['draw']}: {row['status']}: {row['message']}", markup=False)
+    if failed:
+        raise typer.Exit(1)
+
+
+@app.command()
+def check(
+    target: Target,
+    sets: Sets = None,
+    stop: Stop = None,
+    step: Step = None,
+    blocks: Blocks = False,
+    classes: Classes = None,
+    as_json: Json = False,
+) -> None:
+    """Find what is wrong with a system before it runs, and print its schedule."""
+    options = _options(sets, stop, step, Semantics.conserving, blocks, classes)
+    system, checked = prepare(target, options)
+    schedule = checked.schedule
+    timing: dict[str, str] = {}
+    for connection, when in schedule.timing if schedule else ():
+        key = (f"{connection.source}.{base_name(connection.output)} -> "
+               f"{connection.target}.{base_name(connection.input)}")  # fmt: skip
+        timing[key] = when
+    if as_json:
+        _print_json(
+            {
+                "problems": checked.problems,
+                "warnings": checked.warnings,
+                "order": schedule.order if schedule else [],
+                "connections": [{"connection": k, "timing": v} for k, v in timing.items()],
+            }
+        )
+    else:
+        for problem in checked.problems:
+            err.print(problem, highlight=False, markup=False)
+        for warning in checked.warnings:
+            err.print(f"warning: {warning}", highlight=False, markup=False)
+        if schedule is not None:
+            out.print("steps in this order: " + ", ".join(schedule.order), highlight=False)
+            table = Table("connection", "moves", box=None, header_style="bold", pad_edge=False)
+            for key, when in timing.items():
+                table.add_row(key, when)
+            out.print(table)
+    if checked.problems:
+        if not as_json:
+            err.print(f"{len(checked.problems)} problem(s) in {system.where}", markup=False)
+        raise typer.Exit(1)
+
+
+@app.command()
+def pack(
+    names: Annotated[
+        list[str] | None, typer.Argument(metavar="[NAME]...", help="Scenarios (default: all).")
+    ] = None,
+    as_json: Json = False,
+) -> None:
+    """Pack scenarios as self-contained .ssp files into ssp/dist/."""
+    wanted = [find(n) for n in names] if names else list(scenarios().values())
+    packed = [str(pack_module.pack_scenario(s, force=True)) for s in wanted]
+    if as_json:
+        _print_json(packed)
+    else:
+        out.print(f"{len(packed)} packed: {os.path.commonpath(packed)}", highlight=False)
+
+
+@app.command()
+def tables(
+    family: Annotated[str, typer.Argument(help="Scenario family, as uosat12.")],
+    algorithm: Alg = Semantics.conserving,
+    blocks: Blocks = False,
+    jobs: Jobs = CPUS,
+    html: Annotated[
+        Path | None, typer.Option(help="Where the page goes (default: runs/tables-FAMILY.html).")
+    ] = None,
+    as_json: Json = False,
+) -> None:
+    """Run a family's scenarios and print the paper's tables beside ours."""
+    options = _options(None, None, None, algorithm, blocks)
+    rows = tables_module.rows(family, options, jobs)
+    if as_json:
+        _print_json(tables_module.as_json(family, rows))
+        return
+    for heading, group in tables_module.grouped(rows):
+        table = Table(title=heading, title_justify="left", box=None, header_style="bold",
+                      pad_edge=False)  # fmt: skip
+        for column in ("method", "case"):
+            table.add_column(column)
+        for column in ("paper", "ours", "difference"):
+            table.add_column(column, justify="right")
+        for column in ("band", "", "remark"):
+            table.add_column(column)
+        for row in group:
+            s = tables_module.shown(row)
+            style = {"ok": "green", "bad": "red", "": ""}[s["mark"]]
+            verdict = f"[{style}]{s['verdict']}[/{style}]" if style else ""
+            table.add_row(s["method"], s["case"], s["paper"], s["ours"], s["difference"],
+                          s["band"], verdict, s["remark"])  # fmt: skip
+        out.print(table)
+        out.print()
+    page = tables_module.write_html(
+        family, rows, html or Path("runs") / f"tables-{family}.html", options
+    )
+    out.print(f"page: {page.resolve()}", highlight=False, markup=False)
+
+
+@app.command()
+def report(
+    folder: Annotated[Path, typer.Argument(metavar="RUN", help="A run folder.")],
+) -> None:
+    """Write a run's report again; also for a run that was killed."""
+    finished = report_module.load_run(folder)
+    twin = report_module.load_run(folder / "twin") if (folder / "twin").is_dir() else None
+    out.print(str(report_module.write_report(folder, finished, twin).resolve()), markup=False)
+
+
+def main() -> None:
+    """Entry of the command: every error is a line, never a traceback."""
+    try:
+        code = app(standalone_mode=False)  # typer.Exit comes back as a number
+        sys.exit(code if isinstance(code, int) else 0)
+    except DesatError as error:
+        for line in str(error).splitlines():
+            err.print(f"error: {line}", highlight=False, markup=False)
+        sys.exit(2)
+    except typer.Abort:
+        sys.exit(130)
+    except BrokenPipeError:
+        sys.exit(0)
+    except Exception as error:
+        if hasattr(error, "show"):  # click's own messages
+            error.show()
+            sys.exit(getattr(error, "exit_code", 2))
+        if os.environ.get("DESAT_TRACEBACK"):
+            traceback.print_exc()
+        err.print(
+            f"error: internal: {type(error).__name__}: {error} (DESAT_TRACEBACK=1 shows where)",
+            highlight=False, markup=False,
+        )  # fmt: skip
+        sys.exit(3)
+
+
+if __name__ == "__main__":
+    main()

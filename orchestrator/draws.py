@@ -1,0 +1,129 @@
+"""`desat draws`: seeded draws of a scenario's dispersions, over processes, one row a draw.
+
+    [dispersions]
+    "spacecraft.h_start_body" = { normal = [0.0, 1.3] }      # each element: mean, deviation
+    "environment.phase" = { uniform = [0.0, 6.283] }         # each element: low, high
+    "spacecraft.omega_start_body" = { direction = 0.17 }     # random direction, this size
+    "spacecraft.q_start_bi" = { attitude = "random" }        # uniform over all attitudes
+    "*.seed" = { seed = true }                               # every component that has a seed
+
+What is drawn depends on seed, draw and name alone, not on the order of the lines.
+"""
+
+from __future__ import annotations
+
+import statistics
+import zlib
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import replace
+from multiprocessing import get_context
+from typing import Any
+
+import numpy as np
+from rich.console import Console
+from rich.progress import track
+
+from .check import load_interfaces
+from .errors import DesatError, nearest
+from .run import Options, execute, load
+from .system import System
+
+KINDS = ("normal", "uniform", "direction", "attitude", "seed")
+
+
+def drawn(system: System, seed: int, draw: int) -> dict[str, Any]:
+    """`component.variable` -> value for one draw of the system's dispersions."""
+    values: dict[str, Any] = {}
+    for key, spec in system.about.get("dispersions", {}).items():
+        owner, _, variable = key.partition(".")
+        if owner == "*":
+            owners = [
+                c.name for c in system.components.values()
+                if c.interface and c.interface.elements(variable)
+            ]  # fmt: skip
+        else:
+            owners = [owner]
+        for name in owners:
+            values[f"{name}.{variable}"] = _value(system, name, variable, spec, seed, draw)
+    return values
+
+
+def _value(
+    system: System, owner: str, variable: str, spec: dict[str, Any], seed: int, draw: int
+) -> Any:
+    component = system.components.get(owner)
+    if component is None:
+        raise DesatError(
+            f"{system.where}: dispersions: no component {owner}{nearest(owner, system.components)}"
+        )
+    assert component.interface is not None
+    size = len(component.interface.elements(variable))
+    where = f"{system.where}: dispersions: {owner}.{variable}"
+    if size == 0:
+        known = {s.name.partition("[")[0] for s in component.interface.of("parameter")}
+        raise DesatError(f"{where}: no such parameter{nearest(variable, known)}")
+    if len(spec) != 1 or next(iter(spec)) not in KINDS:
+        raise DesatError(f"{where}: one of {', '.join(KINDS)} is needed")
+    stream = np.random.default_rng([seed, draw, zlib.crc32(f"{owner}.{variable}".encode())])
+    ((kind, given),) = spec.items()
+    if kind == "normal":
+        return [float(x) for x in stream.normal(given[0], given[1], size)]
+    if kind == "uniform":
+        return [float(x) for x in stream.uniform(given[0], given[1], size)]
+    if kind == "seed":
+        return int(stream.integers(1, 2**31 - 1))
+    vector = stream.normal(size=size)
+    vector /= np.linalg.norm(vector)
+    return [float(x) for x in (vector if kind == "attitude" else given * vector)]
+
+
+def _one(target: str, options: Options, seed: int, draw: int) -> dict[str, Any]:
+    system, problems = load(target, options.blocks)
+    if problems:
+        raise DesatError("\n".join(problems))
+    load_interfaces(system, options.blocks)
+    values = drawn(system, seed, draw)
+    run = execute(target, replace(options, values={**options.values, **values}))
+    row = {
+        "draw": draw,
+        "status": run.manifest["status"],
+        "message": run.manifest["message"],
+        "numbers": {name: n["value"] for name, n in run.manifest["numbers"].items()},
+        "values": values,
+    }
+    run.results.close()
+    return row
+
+
+def draws(
+    target: str, count: int, seed: int, options: Options, jobs: int = 2, progress: bool = False
+) -> dict[str, Any]:
+    """Run `count` draws and return rows and, for each number, median, least and largest.
+
+    Draw i of a seed is the same whatever the count and the number of processes.
+    """
+    system, problems = load(target, options.blocks)
+    if problems:
+        raise DesatError("\n".join(problems))
+    if not system.about.get("dispersions"):
+        raise DesatError(f"{target}: it has no [dispersions], so there is nothing to draw")
+    with ProcessPoolExecutor(min(jobs, count), mp_context=get_context("spawn")) as pool:
+        results = pool.map(_one, [target] * count, [options] * count, [seed] * count, range(count))
+        console = Console(stderr=True)
+        rows = list(
+            track(results, target, total=count, console=console, transient=True,
+                  disable=not (progress and console.is_terminal))
+        )  # fmt: skip
+    whole = [r for r in rows if r["status"] == "completed"]
+    definitions = system.about.get("numbers", {})
+    summary = {}
+    for name in whole[0]["numbers"] if whole else ():
+        values = [r["numbers"][name] for r in whole]
+        summary[name] = {
+            "unit": definitions.get(name, {}).get("unit", ""),
+            "median": statistics.median(values),
+            "min": min(values),
+            "max": max(values),
+            "n": len(values),
+        }
+    return {"scenario": target, "seed": seed, "draws": rows, "summary": summary}

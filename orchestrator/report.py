@@ -1,0 +1,104 @@
+"""report.html: one self-contained page of a run, its twin beside it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from jinja2 import Environment, PackageLoader, StrictUndefined
+from markupsafe import Markup
+
+from .plots import pretty_unit, series_plot
+from .results import Results
+from .run import Run, read_manifest
+
+REPORT = "report.html"
+
+
+def render(template: str, **values: Any) -> str:
+    """A page from one of our templates."""
+    environment = Environment(
+        loader=PackageLoader("orchestrator"), autoescape=True, undefined=StrictUndefined,
+        trim_blocks=True,
+    )  # fmt: skip
+    return environment.get_template(template).render(**values)
+
+
+def write_page(path: Path, text: str) -> Path:
+    """Write a page under a temporary name, then rename."""
+    part = path.with_name(path.name + ".part")
+    part.write_text(text, encoding="utf-8")
+    part.replace(path)
+    return path
+
+
+def number(x: Any) -> str:
+    """A number for people: four significant digits, thousands apart."""
+    if isinstance(x, bool) or not isinstance(x, (int, float)):
+        return str(x)
+    if x != 0.0 and not 1e-3 <= abs(x) < 1e9:
+        return f"{x:.3e}"
+    return f"{x:.4g}" if abs(x) < 1000 else f"{x:,.0f}"
+
+
+def label_of(manifest: dict[str, Any]) -> str:
+    """The short name of a run: its cell's labels, or its scenario."""
+    labels = manifest["about"].get("labels") or {}
+    return ", ".join(labels.values()) or manifest["scenario"].rpartition("/")[2]
+
+
+def write_report(folder: Path, run: Run, twin: Run | None = None) -> Path:
+    """Write report.html of a run into its folder and return its path."""
+    manifest = run.manifest
+    about = manifest["about"]
+    runs = [(label_of(r.manifest), r.results, r.manifest["parameters"]) for r in (run, twin) if r]
+    figures = [
+        (plot["title"], Markup(image))
+        for plot in about.get("plots", _default_plots(run.results))
+        if (image := series_plot(plot, runs))
+    ]
+    rows = [
+        {
+            "title": n["title"],
+            "value": number(n["value"]),
+            "twin": number(twin.manifest["numbers"][name]["value"])
+            if twin and name in twin.manifest["numbers"]
+            else "",
+            "unit": pretty_unit(n["unit"]),
+            "reference": n.get("reference", ""),
+        }
+        for name, n in manifest.get("numbers", {}).items()
+    ]
+    text = render(
+        "report.html",
+        title=about.get("title", manifest["scenario"]),
+        story=about.get("story", ""),
+        source=about.get("source", ""),
+        manifest=manifest,
+        rows=rows,
+        label=runs[0][0],
+        twin_label=runs[1][0] if twin else "",
+        twin_name=twin.manifest["scenario"] if twin else "",
+        figures=figures,
+        number=number,
+        unit=pretty_unit,
+        value=lambda v: ", ".join(number(x) for x in v) if isinstance(v, list) else number(v),
+    )
+    return write_page(folder / REPORT, text)
+
+
+def _default_plots(results: Results) -> list[dict[str, Any]]:
+    """For a system that says nothing about plots: the first dozen series, one each."""
+    return [{"title": name, "signals": [name]} for name in results.names()[:12]]
+
+
+def load_run(folder: Path) -> Run:
+    """A run from its folder. Raises DesatError where it is none."""
+    manifest = read_manifest(folder)
+    manifest.setdefault("numbers", {})
+    manifest.setdefault("message", "")
+    for key in ("steps_done", "us_per_step", "wall_seconds"):
+        manifest.setdefault(key, "?")
+    if manifest["status"] == "running":
+        manifest["status"] = "killed (or still running)"
+    return Run(manifest, Results.open(folder))

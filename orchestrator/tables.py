@@ -1,0 +1,218 @@
+"""`desat tables FAMILY`: a paper's tables beside ours, computed by runs made now."""
+
+from __future__ import annotations
+
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import asdict, dataclass
+from datetime import UTC, datetime
+from multiprocessing import get_context
+from pathlib import Path
+from typing import Any
+
+from .errors import DesatError
+from .measures import relative
+from .pack import pack_scenario
+from .plots import pretty_unit
+from .report import number, render, write_page
+from .run import PACKAGES, Options, execute
+from .scenario import Scenario, scenarios
+
+
+@dataclass
+class Row:
+    """One cell of a table: the paper's value (None where it gives none) and ours."""
+
+    table: str
+    method: str
+    case: str
+    quantity: str
+    unit: str
+    paper: float | None
+    ours: float
+    band: tuple[float, float] | None
+    within: bool | None
+    tuned: bool
+    remark: str
+    scenario: str
+
+
+def _numbers(path: str, options: Options) -> dict[str, float]:
+    run = execute(path, options)
+    if not run.ok:
+        raise DesatError(f"{path}: {run.manifest['status']}: {run.manifest['message']}")
+    values = {name: n["value"] for name, n in run.manifest["numbers"].items()}
+    run.results.close()
+    return values
+
+
+def rows(family: str, options: Options, jobs: int = 2) -> list[Row]:
+    """Pack and run every scenario of a family that a paper's table has a cell for."""
+    cells = {n: s for n, s in scenarios(family).items() if s.data.get("paper")}
+    if not cells:
+        raise DesatError(f"{family}: no scenario has paper values")
+    paths = [str(pack_scenario(s)) for s in cells.values()]
+    with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool:
+        results = pool.map(
+            _numbers, paths, [options] * len(paths), chunksize=-(-len(paths) // jobs)
+        )
+        values = dict(zip(cells, results, strict=True))
+    found = [row for name, s in cells.items() for row in _rows_of(s, values[name], values)]
+    quantities = list(
+        dict.fromkeys((e["table"], e["quantity"]) for s in cells.values() for e in s.data["paper"])
+    )
+    return sorted(found, key=lambda row: quantities.index((row.table, row.quantity)))
+
+
+def _rows_of(
+    scenario: Scenario, values: dict[str, float], everything: dict[str, dict[str, float]]
+) -> list[Row]:
+    found = []
+    method, case = (scenario.cell.get(axis, "") for axis in ("method", "case"))
+    labels = scenario.data["labels"]
+    for entry in scenario.data["paper"]:
+        paper = _cell(entry, "values", method, case)
+        name = entry.get("number", entry["quantity"])
+        ours = _value(scenario, name, values, everything)
+        if ours is None or ("values" in entry and paper is None):
+            continue
+        band = _band(_cell(entry, "tolerance", method, case), paper)
+        found.append(
+            Row(
+                table=entry["table"],
+                method=labels.get("method", ""),
+                case=labels.get("case", ""),
+                quantity=entry["quantity"],
+                unit=entry["unit"],
+                paper=paper,
+                ours=ours,
+                band=band,
+                within=None if band is None else band[0] <= ours <= band[1],
+                tuned=_tuned(entry, method, case),
+                remark=_remark(entry, method, case),
+                scenario=scenario.name,
+            )
+        )
+    return found
+
+
+def _value(
+    scenario: Scenario, name: str, values: dict[str, float], everything: dict[str, Any]
+) -> float | None:
+    definition = scenario.data["numbers"].get(name, {})
+    if "reference" not in definition:
+        return values.get(name)
+    other = everything.get(f"{scenario.family}/{definition['reference']}")
+    if other is None:
+        raise DesatError(f"{scenario.name}: {name} refers to {definition['reference']}: not run")
+    return relative(definition["form"], values[definition["of"]], other[definition["of"]])
+
+
+def _cell(entry: dict[str, Any], key: str, method: str, case: str) -> Any:
+    """The value of a cell in a row by method and columns by case; None where there is none."""
+    row = entry.get(key, {}).get(method)
+    if not isinstance(row, list):
+        return row
+    return row[entry["columns"].index(case)]
+
+
+def _band(tolerance: Any, paper: float | None) -> tuple[float, float] | None:
+    if isinstance(tolerance, list):
+        return float(tolerance[0]), float(tolerance[1])
+    if not tolerance or paper is None:
+        return None
+    width = (
+        abs(paper) * float(tolerance[:-1]) / 100 if tolerance.endswith("%") else float(tolerance)
+    )
+    return paper - width, paper + width
+
+
+def _tuned(entry: dict[str, Any], method: str, case: str) -> bool:
+    tuned = entry.get("tuned", {}).get(method)
+    if isinstance(tuned, dict):
+        return any(case.startswith(c) for c in tuned["cases"])
+    return bool(tuned)
+
+
+def _remark(entry: dict[str, Any], method: str, case: str) -> str:
+    parts = []
+    if _tuned(entry, method, case):
+        tuned = entry["tuned"][method]
+        parts.append("tuned: " + (tuned["what"] if isinstance(tuned, dict) else tuned))
+    if remark := _cell(entry, "remark", method, case):
+        parts.append(remark)
+    return "; ".join(parts)
+
+
+def as_json(family: str, table: list[Row]) -> dict[str, Any]:
+    """What `--json` prints."""
+    return {"family": family, "rows": [asdict(row) for row in table]}
+
+
+def shown(row: Row) -> dict[str, str]:
+    """A row as texts for people."""
+    digits = 2 if row.unit in ("s", "%") else 3
+    difference = ""
+    if row.paper is not None:
+        delta = row.ours - row.paper
+        difference = _signed(delta, digits)
+        if row.paper and row.unit == "s":
+            difference += f" ({_signed(100 * delta / row.paper, 1)} %)"
+    large = abs(row.ours) >= 1e5
+    verdict = {True: "within", False: "OUTSIDE", None: ""}[row.within]
+    return {
+        "method": row.method,
+        "case": row.case,
+        "paper": "" if row.paper is None else f"{row.paper:.2f}",
+        "ours": number(row.ours) if large else f"{row.ours:.{digits}f}",
+        "difference": difference,
+        "band": "" if row.band is None else f"{row.band[0]:.{digits}f} to {row.band[1]:.{digits}f}",
+        "verdict": verdict,
+        "mark": {"within": "ok", "OUTSIDE": "bad", "": ""}[verdict],
+        "remark": row.remark,
+    }
+
+
+def _signed(x: float, digits: int) -> str:
+    return f"{round(x, digits) + 0.0:+.{digits}f}"  # + 0.0: no minus before a zero
+
+
+def grouped(table: list[Row]) -> list[tuple[str, list[Row]]]:
+    """(heading, rows) for each table and quantity."""
+    groups: dict[str, list[Row]] = {}
+    for row in table:
+        unit = f" [{pretty_unit(row.unit)}]" if pretty_unit(row.unit) else ""
+        heading = f"Table {row.table}: {row.quantity.replace('_', ' ')}{unit}"
+        groups.setdefault(heading, []).append(row)
+    return list(groups.items())
+
+
+def write_html(family: str, table: list[Row], path: Path, options: Options) -> Path:
+    """The tables as a self-contained page."""
+    from importlib.metadata import version
+
+    pages = []
+    for heading, group in grouped(table):
+        previous, lines = "", []
+        for row in group:
+            lines.append({**shown(row), "first": row.method != previous})
+            previous = row.method
+        pages.append((heading, lines))
+    banded = [r for r in table if r.within is not None]
+    inside = sum(1 for r in banded if r.within)
+    text = render(
+        "tables.html",
+        title=f"{family}: the paper's tables beside ours",
+        lead=(
+            f"{inside} of {len(banded)} cells with a band are within it. Every number of ours was "
+            "computed by a run of the packed scenario when this page was written."
+        ),
+        tables=pages,
+        provenance=(
+            f"{datetime.now(UTC):%Y-%m-%d %H:%M} UTC; {options.algorithm}; "
+            + ("bare blocks" if options.blocks else "FMUs")
+            + "; "
+            + ", ".join(f"{p} {version(p)}" for p in PACKAGES)
+        ),
+    )
+    path.parent.mkdir(parents=True, exist_ok=True)
+    return write_page(path, text)

@@ -1,0 +1,226 @@
+"""The contract that every block keeps, over all blocks of the registry."""
+
+from __future__ import annotations
+
+import copy
+import inspect
+import json
+import math
+import random
+
+import pytest
+
+from components.block import Block, BlockError, Input, Output, Parameter, Sampled, Vec3
+from fmus import registry
+from fmus.description import title
+
+BLOCKS = registry.names()
+
+
+def fresh(name: str) -> Block:
+    return registry.block_class(name)()
+
+
+def randomise_inputs(block: Block, rng: random.Random) -> None:
+    """Plausible inputs: near the start value, by unit."""
+    size = {
+        "T": 3e-5,
+        "N.m.s": 0.1,
+        "N.m": 1e-3,
+        "rad/s": 1e-3,
+        "A.m2": 5.0,
+        "1": 0.3,
+        "kg/m3": 1e-12,
+    }
+    for v in block.variables:
+        if v.causality != "input" or v.type != "Real":
+            continue
+        if v.name.startswith("q_"):
+            q = [rng.gauss(0, 1) for _ in range(4)]
+            n = math.sqrt(sum(x * x for x in q))
+            setattr(block, v.name, tuple(x / n for x in q))
+            continue
+        s = size.get(v.unit, 0.0)
+        new = tuple(x + rng.gauss(0, s) for x in v.flat_start())
+        setattr(block, v.name, new if v.shape else new[0])
+
+
+def drive(block: Block, rng: random.Random, steps: int, k0: int = 0, dt: float = 1.0) -> list:
+    """Outputs over some steps with random inputs."""
+    rows = []
+    for k in range(k0, k0 + steps):
+        randomise_inputs(block, rng)
+        block.advance(k * dt, dt)
+        block.output((k + 1) * dt)
+        rows.append(outputs(block))
+    return rows
+
+
+def outputs(block: Block, interval: bool | None = None) -> dict:
+    return {
+        v.name: getattr(block, v.name) for v in block.variables
+        if v.causality == "output" and (interval is None or v.interval == interval)
+    }  # fmt: skip
+
+
+def begin(block: Block, rng: random.Random | None = None) -> Block:
+    if rng:
+        randomise_inputs(block, rng)
+    block.check()
+    block.start()
+    block.output(0.0)
+    return block
+
+
+@pytest.mark.parametrize("name", BLOCKS)
+def test_page(name):
+    block = registry.block_class(name)
+    text = inspect.getdoc(block)
+    assert text
+    assert len(title(block)) < 100
+    assert len(text.splitlines()) > 2, "a block's page needs its equations"
+    for v in block.variables:
+        assert v.description
+        assert not v.description.endswith(".")
+        assert v.name == v.name.lower()
+
+
+@pytest.mark.parametrize("name", BLOCKS)
+def test_role_interface(name):
+    """A block adds no connector to the loop that its role does not have."""
+    block = registry.block_class(name)
+    role = block.__mro__[1]
+    assert role.role == block.role
+    assert block.role
+    added = {v.name for v in block.variables} - {v.name for v in role.variables}
+    assert not [v.name for v in block.variables if v.name in added and v.causality == "input"]
+
+
+@pytest.mark.parametrize("name", BLOCKS)
+def test_start_is_repeatable(name):
+    block = begin(fresh(name), random.Random(1))
+    once = copy.deepcopy(vars(block))
+    begin(block)
+    assert vars(block) == once
+    drive(block, random.Random(2), 5)
+    for v in block.variables:
+        if v.causality == "input":
+            setattr(block, v.name, once[v.name])
+    begin(block)
+    assert vars(block) == once
+
+
+@pytest.mark.parametrize("name", BLOCKS)
+def test_state_is_its_attributes(name):
+    """A copy of `__dict__`, through JSON, continues with the same bits."""
+    block = begin(fresh(name), random.Random(3))
+    drive(block, random.Random(4), 7)
+
+    def frozen(x):
+        assert isinstance(x, (float, int, str, tuple, type(None))), f"{x!r} is not immutable"
+        return tuple(frozen(y) for y in x) if isinstance(x, tuple) else x
+
+    state = {k: frozen(v) for k, v in vars(block).items()}
+    text = json.dumps(state)
+    twin = fresh(name)
+    vars(twin).clear()
+    vars(twin).update({k: _tuples(v) for k, v in json.loads(text).items()})
+    a = drive(block, random.Random(5), 20, k0=7)
+    b = drive(twin, random.Random(5), 20, k0=7)
+    assert repr(a) == repr(b)
+
+
+def _tuples(x):
+    return tuple(_tuples(y) for y in x) if isinstance(x, list) else x
+
+
+@pytest.mark.parametrize("name", BLOCKS)
+def test_output_reads_no_input_and_changes_no_state(name):
+    block = begin(fresh(name), random.Random(6))
+    drive(block, random.Random(7), 3)
+    before = copy.deepcopy(vars(block))
+    randomise_inputs(block, random.Random(8))
+    inputs = {v.name for v in block.variables if v.causality == "input"}
+    block.output(3.0)
+    assert {k: v for k, v in vars(block).items() if k not in inputs} == {
+        k: v for k, v in before.items() if k not in inputs
+    }
+
+
+@pytest.mark.parametrize("name", BLOCKS)
+def test_state_outputs_belong_to_output_and_interval_outputs_to_advance(name):
+    block = begin(fresh(name), random.Random(9))
+    drive(block, random.Random(10), 2)
+    state = outputs(block, interval=False)
+    block.advance(2.0, 1.0)
+    assert outputs(block, interval=False) == state, "advance() must not set state outputs"
+    interval = outputs(block, interval=True)
+    block.output(3.0)
+    assert outputs(block, interval=True) == interval, "output() must not set interval outputs"
+
+
+@pytest.mark.parametrize("name", BLOCKS)
+def test_starts_from_names_every_input_that_start_reads(name):
+    """The initial dependencies that the FMU declares are complete."""
+    base = begin(fresh(name), random.Random(11))
+    for v in base.variables:
+        if v.causality != "input":
+            continue
+        other = fresh(name)
+        vars(other).update({w.name: getattr(base, w.name) for w in base.variables})
+        drawn = fresh(name)
+        randomise_inputs(drawn, random.Random(12))
+        setattr(
+            other, v.name, getattr(drawn, v.name) if v.type == "Real" else not getattr(base, v.name)
+        )
+        begin(other)
+        for w in base.variables:
+            if w.causality == "output" and getattr(other, w.name) != getattr(base, w.name):
+                assert v.name in w.starts_from, f"{w.name} starts from {v.name}"
+
+
+@pytest.mark.parametrize("name", BLOCKS)
+def test_bounds_are_checked(name):
+    for v in registry.block_class(name).variables:
+        if v.causality == "parameter" and v.minimum is not None:
+            block = fresh(name)
+            low = v.minimum - 1
+            setattr(block, v.name, (low,) * v.size if v.shape else low)
+            with pytest.raises(BlockError, match=rf"{v.name}.*outside"):
+                block.check()
+
+
+def test_not_a_number_is_refused():
+    block = fresh("magnetometer")
+    block.noise = math.nan
+    with pytest.raises(BlockError, match="noise = nan is not a finite"):
+        block.check()
+
+
+def test_samples_fall_on_the_grid():
+    class Counter(Sampled):
+        """x"""
+
+    for step in (0.1, 0.25, 1.0, 10.0):
+        block = Counter()
+        block.sample_time = 10 * step
+        block.start()
+        due = [k for k in range(100000) if block.due(k * step)]
+        assert due == list(range(0, 100000, 10))
+
+
+def test_declarations_are_refused():
+    with pytest.raises(TypeError, match="unknown unit"):
+        type("B", (Block,), {"__annotations__": {"x": "float"}, "x": Input("furlong", "x")})
+    with pytest.raises(TypeError, match="annotate"):
+        type("B", (Block,), {"__annotations__": {"x": "list"}, "x": Input("m", "x")})
+    with pytest.raises(TypeError, match="needs 3"):
+        type("B", (Block,), {"__annotations__": {"x": "Vec3"}, "x": Input("m", "x", start=(1, 2))})
+
+    class Base(Block):
+        x: Vec3 = Output("m", "x")
+
+    with pytest.raises(TypeError, match="changes what its role declares"):
+
+        class Derived(Base):
+            x: float = Parameter("m", "x")

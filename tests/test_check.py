@@ -1,0 +1,222 @@
+"""`desat check` finds each kind of mistake and names file, line, component and variable."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+import pytest
+from conftest import ROOT
+
+from orchestrator.errors import DesatError
+from orchestrator.run import Options, prepare
+
+SSD = ROOT / "ssp" / "uosat12" / "SystemStructure.ssd"
+
+
+@pytest.fixture
+def broken(tmp_path):
+    """Check the UoSAT-12 system with texts replaced; return the problems."""
+
+    def make(*replacements: tuple[str, str], sets: tuple[str, ...] = (), step: float = 10.0) -> str:
+        text = SSD.read_text(encoding="utf-8")
+        for old, new in replacements:
+            assert old in text, old
+            text = text.replace(old, new, 1)
+        (tmp_path / "SystemStructure.ssd").write_text(text, encoding="utf-8")
+        try:
+            _, checked = prepare(str(tmp_path), Options(sets=list(sets), step=step, stop=600.0))
+        except DesatError as error:
+            return str(error)
+        return "\n".join(checked.problems)
+
+    return make
+
+
+def line_of(tmp: str) -> int:
+    return next(i for i, x in enumerate(SSD.read_text().splitlines(), 1) if tmp in x)
+
+
+CONNECTION = ('<ssd:Connection startElement="magnetometer" startConnector="b_body[1]" '
+              'endElement="manager" endConnector="b_body[1]"/>')  # fmt: skip
+
+
+def test_sound(broken):
+    assert broken() == ""
+
+
+def test_schema(broken):
+    problems = broken(('kind="output"', 'kind="outlet"'))
+    line = line_of('kind="output"')
+    assert f"SystemStructure.ssd:{line}:" in problems
+    assert "outlet" in problems
+    assert "http://" not in problems
+
+
+def test_not_xml(broken):
+    assert "SystemStructure.ssd:" in broken(("</ssd:Elements>", ""))
+
+
+def test_doctype(broken):
+    problems = broken(
+        ("<ssd:SystemStructureDescription", "<!DOCTYPE x>\n<ssd:SystemStructureDescription")
+    )
+    assert "DOCTYPE" in problems
+
+
+def test_missing_fmu(broken):
+    problems = broken(("resources/magnetometer.fmu", "resources/magnetomter.fmu"))
+    assert "magnetometer: FMU resources/magnetomter.fmu is missing" in problems
+    assert "did you mean magnetometer.fmu?" in problems
+
+
+def test_unknown_connector(broken):
+    problems = broken((CONNECTION, CONNECTION.replace('endConnector="b_body[1]"',
+                                                      'endConnector="b_bdy[1]"')))  # fmt: skip
+    assert "manager has no connector b_bdy[1]; did you mean b_body[1]?" in problems
+
+
+def test_unknown_connector_in_the_list(broken):
+    problems = broken(('<ssd:Connector name="q_bi[1]" kind="input">',
+                       '<ssd:Connector name="q_ib[1]" kind="input">'))  # fmt: skip
+    assert "magnetometer.q_ib[1]: the FMU has no such variable; did you mean q_bi[1]?" in problems
+
+
+def test_unknown_component(broken):
+    problems = broken((CONNECTION, CONNECTION.replace('"manager"', '"manger"')))
+    assert "no component manger; did you mean manager?" in problems
+
+
+def test_wrong_direction(broken):
+    reverse = ('<ssd:Connection startElement="manager" startConnector="b_body[1]" '
+               'endElement="magnetometer" endConnector="b_body[1]"/>')  # fmt: skip
+    problems = broken((CONNECTION, reverse))
+    assert "wrong direction" in problems
+    assert "manager.b_body[1] is an input, an output is needed" in problems
+
+
+def test_wrong_kind_in_the_list(broken):
+    problems = broken(('<ssd:Connector name="q_bi[1]" kind="input">',
+                       '<ssd:Connector name="q_bi[1]" kind="output">'))  # fmt: skip
+    assert "q_bi[1]: listed as output, but it is an input" in problems
+
+
+def test_wrong_type(broken):
+    problems = broken(
+        ('<ssd:Connector name="b_body[1]" kind="output"><ssc:Real/>',
+         '<ssd:Connector name="b_body[1]" kind="output"><ssc:Integer/>')
+    )  # fmt: skip
+    assert "b_body[1]: listed as Integer, but it is Real" in problems
+
+
+def test_types_that_do_not_fit(broken):
+    enable = '<ssd:Connector name="b_body[1]" kind="input"><ssc:Real/></ssd:Connector>'
+    more = '<ssd:Connector name="enable" kind="input"><ssc:Boolean/></ssd:Connector>'
+    wire = ('<ssd:Connection startElement="magnetometer" startConnector="b_body[1]" '
+            'endElement="manager" endConnector="enable"/>')  # fmt: skip
+    problems = broken((enable, enable + more), (CONNECTION, CONNECTION + wire))
+    assert "type Real does not fit Boolean" in problems
+
+
+def test_incompatible_unit(broken):
+    problems = broken((CONNECTION, CONNECTION.replace(
+        'startElement="magnetometer" startConnector="b_body[1]"',
+        'startElement="spacecraft" startConnector="omega_bi_body[1]"')))  # fmt: skip
+    assert "unit rad/s does not fit T" in problems
+
+
+def test_two_sources(broken):
+    other = CONNECTION.replace('startConnector="b_body[1]"', 'startConnector="b_body[2]"')
+    problems = broken((CONNECTION, CONNECTION + other))
+    assert "manager.b_body[1] has two sources, also magnetometer.b_body[1]" in problems
+
+
+def test_unconnected_and_half_wired(broken):
+    problems = broken((CONNECTION, ""))
+    assert "manager.b_body[1] is listed, but has neither a connection nor a value" in problems
+    assert "manager.b_body is wired in part: b_body[1]" in problems
+    assert broken((CONNECTION, ""), sets=("manager.b_body[1]=1e-5",)) == ""
+
+
+def test_unknown_parameter(broken):
+    problems = broken(sets=("manager.splitt=ocdc",))
+    assert "manager has no variable splitt; did you mean split?" in problems
+
+
+def test_unknown_choice(broken):
+    problems = broken(sets=("manager.split=ocdcc",))
+    assert "manager.split = ocdcc: not a choice; did you mean ocdc?" in problems
+
+
+def test_out_of_range(broken):
+    problems = broken(sets=("manager.duty=1.5",))
+    assert "manager.duty = 1.5: allowed is 0 to 1" in problems
+
+
+def test_wrong_count_and_kind(broken):
+    assert "h_start_body needs 3 values, got 2" in broken(sets=("spacecraft.h_start_body=1,2",))
+    assert "a Real is needed" in broken(sets=("manager.duty=fast",))
+    assert "a Boolean is needed" in broken(sets=("manager.saturation=3",))
+    assert "is an output: it cannot be set" in broken(sets=("manager.m_cmd_body=1,2,3",))
+    assert "the form is COMPONENT.VARIABLE=VALUE" in broken(sets=("manager",))
+
+
+def test_sample_time_that_does_not_fit(broken):
+    problems = broken(sets=("manager.sample_time=15",))
+    assert "manager.sample_time = 15 s is not a multiple of its step 10 s" in problems
+
+
+def test_stop_that_does_not_fit(broken):
+    assert "600 s is not a multiple of the step 7 s" in broken(step=7.0)
+
+
+def test_cycle_is_printed_as_a_chain(broken):
+    wire = ""
+    for i in (1, 2, 3):
+        wire += (f'<ssd:Connection startElement="torquers" startConnector="m_mean_body[{i}]" '
+                 f'endElement="magnetometer" endConnector="b_eci[{i}]" '
+                 'suppressUnitConversion="true"/>')  # fmt: skip
+    text = SSD.read_text(encoding="utf-8")
+    old = [x for x in text.splitlines() if 'endElement="magnetometer" endConnector="b_eci' in x]
+    problems = broken(*((x, "") for x in old), (CONNECTION, CONNECTION + wire))
+    assert "cycle over the step:" in problems
+    for link in ("magnetometer.b_body", "manager.m_cmd_body", "torquers.m_mean_body"):
+        assert link in problems
+    assert "[output_classes]" in problems
+
+
+def test_missing_parameter_file_and_component_twice(broken):
+    component = '<ssd:Component name="tachometers"'
+    assert "component magnetometer twice" in broken(
+        (component, '<ssd:Component name="magnetometer"')
+    )
+
+
+def test_everything_at_once(broken):
+    """All problems are reported, not the first alone."""
+    problems = broken(
+        ("resources/tachometers.fmu", "resources/nothing.fmu"),
+        (CONNECTION, CONNECTION.replace('"manager"', '"manger"')),
+    )
+    assert "nothing.fmu is missing" in problems
+    assert "no component manger" in problems
+
+
+def test_command(desat, tmp_path):
+    shutil.copy(SSD, tmp_path / "SystemStructure.ssd")
+    good = desat("check", str(tmp_path), "--step", "10")
+    assert good.returncode == 0
+    assert "steps in this order: environment, magnetometer, tachometers, manager" in good.stdout
+    assert "one step late" not in good.stdout
+    bad = desat("check", str(tmp_path), "--step", "10", "--set", "manager.duty=2")
+    assert bad.returncode == 2
+    assert bad.stderr.strip() == "error: manager.duty = 2: allowed is 0 to 1"
+    assert Path(tmp_path / "SystemStructure.ssd").exists()
+
+
+def test_command_exit_code(desat, tmp_path):
+    text = SSD.read_text(encoding="utf-8").replace(CONNECTION, "", 1)
+    (tmp_path / "SystemStructure.ssd").write_text(text, encoding="utf-8")
+    result = desat("check", str(tmp_path), "--step", "10")
+    assert result.returncode == 1
+    assert result.stderr.splitlines()[-1].startswith("2 problem(s) in ")

@@ -1,0 +1,104 @@
+"""The command as a user meets it."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+
+NAME = "uosat12/table3-ocdc-ilqr-1"
+
+
+def test_help(desat):
+    for command in ((), ("run",), ("draws",), ("check",), ("pack",), ("tables",), ("report",),
+                    ("list",)):  # fmt: skip
+        result = desat(*command, "--help")
+        assert result.returncode == 0
+        assert "Usage" in result.stdout
+
+
+def test_list(desat):
+    names = [s["name"] for s in json.loads(desat("list", "--json", check=True).stdout)]
+    assert NAME in names
+    assert NAME in desat("list", "uosat12", check=True).stdout
+
+
+def test_run(desat, tmp_path):
+    result = desat("run", NAME, "--out", str(tmp_path / "a"), "--csv")
+    assert result.returncode == 0, result.stderr
+    assert result.stderr == ""
+    assert {p.name for p in (tmp_path / "a").iterdir()} == {
+        "manifest.json", "series.h5", "series.csv", "report.html", "twin",
+    }  # fmt: skip
+    html = (tmp_path / "a" / "report.html").read_text()
+    assert html.count("<svg") == 6
+    assert "src=" not in html.replace("src=x", "")
+    assert "DCT, ILQR 1" in html
+    assert "N m s" in html
+
+
+def test_run_json(desat, tmp_path):
+    result = desat("run", NAME, "--json", "--out", str(tmp_path / "a"), "--set",
+                   "manager.split=crcp", "--stop", "100", check=True)  # fmt: skip
+    manifest = json.loads(result.stdout)
+    assert manifest["steps_done"] == 10
+    assert manifest["parameters"]["manager"]["split"]["value"] == "crcp"
+    assert manifest["numbers"]["saving"]["reference"] == "table3-dct-ilqr-1"
+
+
+def test_runs_do_not_overwrite(desat, tmp_path):
+    for expected in ("uosat12-table3-ocdc-ilqr-1", "uosat12-table3-ocdc-ilqr-1-2"):
+        result = desat("run", NAME, "--no-twin", "--json", cwd=tmp_path)
+        assert json.loads(result.stdout)["folder"] == f"runs/{expected}"
+    result = desat("run", NAME, "--out", "runs", cwd=tmp_path)
+    assert result.returncode == 2
+    assert result.stderr == "error: --out runs: it exists already and is not an empty folder\n"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("run", "uosat12/table3-ocdc-ilq-1"), "did you mean uosat12/table3-ocdc-ilqr-1?"),
+        (("run", "nothing.ssp"), "nothing.ssp: no such file or folder"),
+        (("run", NAME, "--set", "manager.splt=dct"), "manager has no variable splt; did you mean"),
+        (("run", NAME, "--set", "manger.split=dct"), "no component manger; did you mean manager?"),
+        (("run", NAME, "--set", "split"), "the form is COMPONENT.VARIABLE=VALUE"),
+        (("run", NAME, "--step", "7"), "600 s is not a multiple of the step 7 s"),
+        (("run", NAME, "--step", "-1"), "a positive number is needed"),
+        (("run", NAME, "--set", "torquers.duty_max=0.95"), "pulse_delay + duty_max * sample_time"),
+        (("tables", "uosat13"), "no family uosat13; did you mean uosat12?"),
+        (("report", "."), "no run folder"),
+        (("draws", NAME, "--set", "manager.duty=3"), "allowed is 0 to 1"),
+        (("pack", "uosat12/x"), "no scenario uosat12/x"),
+    ],
+)
+def test_bad_input_is_a_line(desat, tmp_path, arguments, message):
+    result = desat(*arguments, cwd=tmp_path)
+    assert result.returncode == 2
+    assert result.stdout == ""
+    assert message in result.stderr
+    assert len(result.stderr.strip().splitlines()) == 1
+    assert result.stderr.startswith("error: ")
+    assert not list(tmp_path.rglob("series.h5*"))
+
+
+def test_usage_errors(desat):
+    result = desat("run")
+    assert result.returncode == 2
+    assert "Missing argument" in result.stderr
+    assert "Traceback" not in result.stderr
+
+
+def test_draws_do_not_depend_on_count_or_processes(desat):
+    def rows(*arguments):
+        return json.loads(desat("draws", NAME, "--json", *arguments, check=True).stdout)
+
+    three = rows("-n", "3", "--seed", "5", "--jobs", "1")
+    five = rows("-n", "5", "--seed", "5", "--jobs", "2")
+    assert three["draws"] == five["draws"][:3]
+    assert rows("-n", "3", "--seed", "6")["draws"] != three["draws"]
+    times = sorted(d["numbers"]["firing_time"] for d in three["draws"])
+    assert three["summary"]["firing_time"] == {
+        "unit": "s", "median": times[1], "min": times[0], "max": times[2], "n": 3,
+    }  # fmt: skip
+    assert len({d["values"]["magnetometer.seed"] for d in five["draws"]}) == 5

@@ -1,0 +1,317 @@
+"""The master: both semantics, order, failures; with units made of functions, and with FMUs."""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from components.units import UNITS
+from orchestrator import master as master_module
+from orchestrator.check import check
+from orchestrator.errors import DesatError
+from orchestrator.interface import KINDS, Interface, Signal
+from orchestrator.master import Master
+from orchestrator.run import Options, execute, load
+from orchestrator.scenario import find, scenarios
+from orchestrator.schedule import schedule
+from orchestrator.system import Component, Connection, System
+from orchestrator.units import UnitError
+
+
+class FunctionUnit:
+    """A unit made of functions: inputs u, state x; y_state = x, y_interval = f(u, x)."""
+
+    def __init__(self, component: Component) -> None:
+        self.name = component.name
+        self.spec = component.spec  # type: ignore[attr-defined]
+        self.x = self.spec.get("x0", 0.0)
+        self.interval = self.spec.get("interval0", 0.0)
+        self.log: list[tuple[float, float, list[float]]] = []
+
+    def wire(self, inputs, outputs, into) -> None:
+        self.inputs = {k: np.zeros(len(inputs[k])) for k in KINDS if inputs[k]}
+        self.names = [s.name for s in outputs["Real"]]
+        self.into = into["Real"]
+
+    def enter(self, start, parameters) -> None:
+        pass
+
+    def exit(self) -> None:
+        pass
+
+    def push(self) -> int:
+        return 0
+
+    def pull(self) -> int:
+        values = {"state": self.x, "interval": self.interval}
+        self.into[:] = [values[n.partition("_")[0]] for n in self.names]
+        return 0
+
+    def step(self, t: float, dt: float, _: int) -> int:
+        u = self.inputs["Real"].tolist() if self.inputs else []
+        self.log.append((t, dt, u))
+        self.interval = self.spec.get("f", lambda u, x, t: 0.0)(u, self.x, t)
+        self.x = self.spec.get("g", lambda u, x, t, dt: x)(u, self.x, t, dt)
+        return self.spec.get("status", lambda t: 0)(t)
+
+    def failed(self, what: str, status: int) -> UnitError:
+        return UnitError(f"{self.name}: {what}: {status}")
+
+    def close(self) -> None:
+        pass
+
+
+def real(name, causality, output_class="state", unit="1") -> Signal:
+    return Signal(name, causality, "Real", 0, unit, UNITS[unit], output_class=output_class)
+
+
+def component(name, inputs=0, decimation=1, outputs=("state", "interval"), **spec) -> Component:
+    signals = [real(f"u{i}", "input") for i in range(inputs)]
+    signals += [real(f"{o}_y", "output", o if o in ("state", "interval") else "undeclared")
+                for o in outputs]  # fmt: skip
+    made = Component(name, f"{name}.fmu", decimation=decimation)
+    made.interface = Interface(name, name, {s.name: s for s in signals})
+    made.spec = spec  # type: ignore[attr-defined]
+    return made
+
+
+def system(components, wires, step=1.0, stop=10.0, **more) -> System:
+    connections = [Connection(*w[:4], **(w[4] if len(w) > 4 else {})) for w in wires]
+    return System("test", "test.ssd", {c.name: c for c in components}, connections,
+                  step=step, stop=stop, **more)  # fmt: skip
+
+
+@pytest.fixture(autouse=True)
+def _function_units(monkeypatch, request):
+    if "real_units" not in request.keywords:
+        monkeypatch.setattr(master_module, "unit_for", lambda c, blocks: FunctionUnit(c))
+
+
+def rows(sys: System, steps: int, algorithm="conserving"):
+    seen = []
+    with Master(sys, schedule(sys), algorithm=algorithm) as m:
+        m.initialise()
+        names = {(s.component, s.signal.name): s.index for s in m.slots}
+        for _ in range(steps):
+            m.advance(lambda k, live: seen.append((k, live["Real"].copy())))
+        units = dict(m.units)
+    return [(k, {n: v[i] for n, i in names.items()}) for k, v in seen], units
+
+
+def chain() -> System:
+    """source (state = t) -> sensor -> actuator -> integrator"""
+    return system(
+        [
+            component("source", x0=0.0, g=lambda u, x, t, dt: t + dt),
+            component("sensor", 1, f=lambda u, x, t: 10 * u[0]),
+            component("actuator", 1, f=lambda u, x, t: u[0] + 1),
+            component("integrator", 1, g=lambda u, x, t, dt: x + dt * u[0]),
+        ],
+        [("source", "state_y", "sensor", "u0"), ("sensor", "interval_y", "actuator", "u0"),
+         ("actuator", "interval_y", "integrator", "u0")],
+    )  # fmt: skip
+
+
+def test_conserving_has_no_delay():
+    found, units = rows(chain(), 5)
+    for k, row in found:
+        assert row["source", "state_y"] == k
+        assert row["sensor", "interval_y"] == 10 * k, "the interval value over [t_k, t_k+1)"
+        assert row["actuator", "interval_y"] == 10 * k + 1
+    assert [u for _, _, u in units["integrator"].log] == [[10 * k + 1] for k in range(5)]
+    assert found[-1][1]["integrator", "state_y"] == sum(10 * k + 1 for k in range(4))
+
+
+def test_jacobi_delays_by_a_step_a_link():
+    found, _units = rows(chain(), 6, "jacobi")
+    assert [k for k, _ in found] == [1, 2, 3, 4, 5, 6], "a row has the outputs of its time"
+    for k, row in found:
+        assert row["source", "state_y"] == k
+        assert row["sensor", "interval_y"] == 10 * (k - 1)
+        assert row["actuator", "interval_y"] == (10 * (k - 2) + 1 if k >= 2 else 1)
+
+
+def test_listing_order_does_not_matter():
+    reference, _ = rows(chain(), 6)
+    for order in itertools.permutations(chain().components):
+        shuffled = chain()
+        shuffled.components = {n: shuffled.components[n] for n in order}
+        shuffled.connections.reverse()
+        found, _ = rows(shuffled, 6)
+        assert [(k, sorted(r.items())) for k, r in found] == [
+            (k, sorted(r.items())) for k, r in reference
+        ]
+
+
+def test_time_comes_from_an_integer():
+    sys = chain()
+    sys.step, sys.start = 0.1, 5.0
+    _, units = rows(sys, 1000)
+    assert [t for t, _, _ in units["sensor"].log] == [5.0 + k * 0.1 for k in range(1000)]
+
+
+@pytest.mark.parametrize("algorithm", ["conserving", "jacobi"])
+def test_decimation(algorithm):
+    sys = system(
+        [component("a", decimation=2, g=lambda u, x, t, dt: t + dt),
+         component("b", 1, decimation=3, f=lambda u, x, t: u[0])],
+        [("a", "state_y", "b", "u0")],
+    )  # fmt: skip
+    found, units = rows(sys, 12, algorithm)
+    assert [(t, dt) for t, dt, _ in units["b"].log] == [(0, 3), (3, 3), (6, 3), (9, 3)]
+    seen = [u[0] for _, _, u in units["b"].log]
+    if algorithm == "jacobi":  # an output moves when both are due: every lcm(2, 3) = 6 steps
+        assert seen == [0, 0, 6, 6]
+    else:  # the latest state at t_k
+        assert seen == [0, 2, 6, 8]
+    a = [row["a", "state_y"] for _, row in found]
+    assert a == ([0, 0, 2, 2, 4, 4, 6, 6, 8, 8, 10, 10] if algorithm == "conserving"
+                 else [0, 2, 2, 4, 4, 6, 6, 8, 8, 10, 10, 12])  # fmt: skip
+
+
+def test_conversion_of_units_and_values():
+    sys = system(
+        [component("a", x0=180.0), component("b", 2, f=lambda u, x, t: u[0] + 100 * u[1])],
+        [("a", "state_y", "b", "u0", {"factor": 2.0, "offset": 1.0}), ("a", "state_y", "b", "u1")],
+    )
+    found, _ = rows(sys, 1)
+    assert found[0][1]["b", "interval_y"] == 361 + 18000
+
+
+def test_a_cycle_is_named():
+    sys = system(
+        [component("a", 1), component("b", 1), component("c", 1)],
+        [("a", "interval_y", "b", "u0"), ("b", "interval_y", "c", "u0"),
+         ("c", "interval_y", "a", "u0")],
+    )  # fmt: skip
+    with pytest.raises(DesatError, match=r"cycle over the step: .*a.interval_y -> b.interval_y"):
+        schedule(sys)
+    sys.output_classes["c.interval_y"] = "state"
+    assert schedule(sys).order == ("a", "b", "c")
+
+
+def test_undeclared_outputs_are_state_with_a_warning():
+    sys = system(
+        [component("a", 1, outputs=("undeclared",)), component("b", 1)],
+        [("a", "undeclared_y", "b", "u0"), ("b", "interval_y", "a", "u0")],
+    )
+    checked = check(sys, [])
+    assert not checked.problems
+    assert (
+        "a declares no dependencies: undeclared_y taken as state outputs, one step late"
+        in (checked.warnings[0])
+    )
+    assert {when for _, when in checked.schedule.timing} == {"one step late", "over the step"}
+    sys.output_classes["a.undeclared_y"] = "interval"
+    checked = check(sys, [])
+    assert "cycle" in checked.problems[0]
+    assert not checked.warnings
+
+
+@pytest.mark.parametrize("bad", [float("nan"), float("inf"), -float("inf")])
+def test_not_finite_outputs_stop_the_run(bad):
+    sys = system([component("a", f=lambda u, x, t: bad if t >= 3 else 1.0)], [])
+    with Master(sys, schedule(sys)) as m:
+        m.initialise()
+        for _ in range(3):
+            m.advance()
+        with pytest.raises(UnitError, match=r"a.interval_y = .* at t = 4 s"):
+            m.advance()
+
+
+def test_a_failing_step_names_component_and_time():
+    sys = system([component("a", status=lambda t: 3 if t >= 2 else 0)], [])
+    with Master(sys, schedule(sys)) as m:
+        m.initialise()
+        m.advance()
+        m.advance()
+        with pytest.raises(UnitError, match="a: the step from t = 2 s: 3"):
+            m.advance()
+
+
+def test_initialisation_that_does_not_settle():
+    sys = system([component("a", 1), component("b", 1)],
+                 [("a", "state_y", "b", "u0"), ("b", "state_y", "a", "u0")])  # fmt: skip
+
+    class Growing(FunctionUnit):
+        def pull(self) -> int:
+            self.x = 1 + (self.inputs["Real"][0] if self.inputs else 0)
+            return super().pull()
+
+    master_module.unit_for = lambda c, blocks: Growing(c)
+    with Master(sys, schedule(sys)) as m, pytest.raises(DesatError, match=r"a.state_y.*b.state_y"):
+        m.initialise()
+
+
+@given(st.permutations(range(6)), st.lists(st.tuples(st.integers(0, 5), st.integers(0, 5)),
+                                           max_size=12))  # fmt: skip
+def test_schedule_is_topological_and_independent_of_listing(order, pairs):
+    edges = {(a, b) for a, b in pairs if a < b}  # no cycle
+
+    def make(sequence):
+        parts = [component(f"c{i}", 6) for i in sequence]
+        wires = [(f"c{a}", "interval_y", f"c{b}", f"u{a}") for a, b in edges]
+        return system(parts, wires)
+
+    found = schedule(make(order)).order
+    assert found == schedule(make(range(6))).order
+    assert all(found.index(f"c{a}") < found.index(f"c{b}") for a, b in edges)
+
+
+# --- with FMUs --------------------------------------------------------------------------------
+
+
+def bits(run) -> dict[str, bytes]:
+    return {name: run.results.values(name).tobytes() for name in run.results.names()}
+
+
+@pytest.mark.real_units
+@pytest.mark.parametrize("name", [n for n, s in scenarios().items() if s.data["stop"] <= 1000])
+@pytest.mark.parametrize("algorithm", ["conserving", "jacobi"])
+def test_fmus_equal_bare_blocks_bitwise(name, algorithm):
+    options = Options(algorithm=algorithm)
+    with_fmus, with_blocks = execute(name, options), execute(name, replace(options, blocks=True))
+    assert with_fmus.ok
+    assert with_blocks.ok
+    assert bits(with_fmus) == bits(with_blocks)
+
+
+@pytest.mark.real_units
+def test_same_bits_again_and_from_the_packed_file():
+    name = "uosat12/table3-ocdc-mec-2"
+    first = execute(name, Options())
+    assert bits(first) == bits(execute(name, Options()))
+    from orchestrator.pack import pack_scenario
+
+    packed = execute(str(pack_scenario(find(name))), Options())
+    assert bits(first) == bits(packed)
+    assert packed.manifest["numbers"] == first.manifest["numbers"]
+    assert packed.manifest["ssp"]["sha256"]
+
+
+@pytest.mark.real_units
+def test_same_bits_under_permuted_components():
+    name = "uosat12/table3-ocdc-ilqr-2"
+    reference = None
+    for seed in range(4):
+        sys, problems = load(name)
+        rng = np.random.default_rng(seed)
+        names = list(sys.components)
+        rng.shuffle(names)
+        sys.components = {n: sys.components[n] for n in names}
+        rng.shuffle(sys.connections)
+        plan = check(sys, problems).or_raise()
+        with Master(sys, plan) as m:
+            m.initialise()
+            for _ in range(60):
+                m.advance()
+            values = {
+                (s.component, s.signal.name): m.live[s.kind][s.index].tobytes() for s in m.slots
+            }
+        reference = reference or values
+        assert values == reference

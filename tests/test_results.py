@@ -1,0 +1,189 @@
+"""Runs and what they leave behind: series, manifest, report; stopped, killed and failed runs."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import h5py
+import numpy as np
+import pytest
+from conftest import ROOT
+
+from orchestrator.errors import DesatError
+from orchestrator.measures import MEASURES, evaluate, relative
+from orchestrator.plots import _thinned, scale
+from orchestrator.results import Results
+from orchestrator.run import Options, execute
+
+NAME = "uosat12/table3-ocdc-ilqr-1"
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    path = tmp_path_factory.mktemp("run") / "out"
+    execute(NAME, Options(), path).results.close()
+    return path
+
+
+def test_series(folder):
+    with h5py.File(folder / "series.h5") as file:
+        assert file["time"][:].tolist() == [10.0 * k for k in range(61)]
+        h = file["spacecraft/h_copy_wheel"]
+        assert h.shape == (61, 4)
+        assert dict(h.attrs) == {
+            "unit": "N.m.s",
+            "frame": "wheel axes",
+            "description": "own copy of the axial momentum of each wheel, absolute",
+            "class": "state",
+        }
+        assert h[0].tolist() == [1, 2, -1, 0]
+        m = file["torquers/m_mean_body"]
+        assert m.shape == (60, 3), "an interval output has no last row"
+        assert m.attrs["class"] == "interval"
+        assert file["manager/mode"].dtype == np.int32
+        assert "fault" not in file["manager"]
+    assert sorted(p.name for p in folder.iterdir()) == ["manifest.json", "series.h5"]
+
+
+def test_manifest(folder):
+    manifest = json.loads((folder / "manifest.json").read_text())
+    assert manifest["status"] == "completed"
+    assert manifest["steps_done"] == manifest["steps"] == 60
+    assert set(manifest["fmus"]) == {
+        "environment", "spacecraft", "magnetometer", "tachometers", "manager", "torquers",
+        "thrusters",
+    }  # fmt: skip
+    assert all(len(f["sha256"]) == 64 for f in manifest["fmus"].values())
+    manager = manifest["parameters"]["manager"]
+    assert manager["split"] == {
+        "value": "ocdc", "unit": "", "given": True, "text": manager["split"]["text"],
+    }  # fmt: skip
+    assert manager["g_rate"]["value"] == 0.0077
+    assert manifest["parameters"]["spacecraft"]["h_start_body"]["value"] == [1, 2, -1]
+    assert manifest["numbers"]["firing_time"]["unit"] == "s"
+    assert manifest["versions"]["fmpy"]
+
+
+def test_recording_less():
+    run = execute(NAME, Options(record=("manager.*", "thrusters.on_time"), every=7))
+    assert set(run.results.names()) == {
+        "manager.m_cmd_body", "manager.mode", "manager.tau_cmd_thruster_body",
+        "manager.tau_cmd_wheel", "thrusters.on_time",
+    }  # fmt: skip
+    assert run.results.times().tolist() == [70.0 * k for k in range(9)]
+    whole = execute(NAME, Options())
+    expected = whole.results.values("manager.m_cmd_body")[::7]
+    assert np.array_equal(run.results.values("manager.m_cmd_body"), expected)
+    assert set(run.manifest["numbers"]) == {"firing_time"}, "the others' series are not recorded"
+
+
+def test_long_runs_are_written_in_pieces(tmp_path):
+    run = execute(NAME, Options(stop=30000.0, record=("spacecraft.*",)), tmp_path / "long")
+    times = run.results.times()
+    assert np.array_equal(times, 10.0 * np.arange(3001))
+    assert len(run.results.values("spacecraft.q_bi")) == 3001
+    assert np.allclose(np.linalg.norm(run.results.values("spacecraft.q_bi"), axis=1), 1)
+
+
+def test_csv(folder, tmp_path):
+    with Results.open(folder) as results:
+        results.to_csv(tmp_path / "series.csv")
+    lines = (tmp_path / "series.csv").read_text().splitlines()
+    assert lines[0].startswith("time [s],")
+    assert "spacecraft.h_copy_wheel[1] [N.m.s]" in lines[0]
+    assert len(lines) == 62
+    cells = dict(zip(lines[0].split(","), lines[-1].split(","), strict=True))
+    assert cells["time [s]"] == "600.0"
+    assert cells["torquers.m_mean_body[1] [A.m2]"] == ""
+
+
+def test_a_failing_component_keeps_what_was_recorded(tmp_path):
+    options = Options(
+        sets=["thrusters.least_pulse=0.05"], values={"spacecraft.h_start_body": [1e300] * 3}
+    )
+    run = execute(NAME, options, tmp_path / "bad")
+    assert run.manifest["status"] == "failed"
+    assert run.manifest["message"]
+    assert (tmp_path / "bad" / "series.h5").exists()
+    assert run.results.values("spacecraft.h_copy_wheel")[0].tolist() == [1e300] * 3 + [0]
+
+
+LONG = ["run", NAME, "--stop", "2e7", "--no-twin", "--record", "spacecraft.h_copy_wheel"]
+
+
+def _start(folder):
+    process = subprocess.Popen(
+        [sys.executable, "-m", "orchestrator.cli", *LONG, "--out", str(folder)],
+        cwd=ROOT, stderr=subprocess.PIPE, stdout=subprocess.PIPE, text=True,
+    )  # fmt: skip
+    part = folder / "series.h5.part"
+    deadline = time.monotonic() + 60
+    while time.monotonic() < deadline:
+        time.sleep(0.2)
+        if part.exists() and part.stat().st_size > 60000:
+            return process
+    process.kill()
+    raise AssertionError(process.communicate())
+
+
+def test_ctrl_c_ends_cleanly(tmp_path):
+    process = _start(tmp_path / "run")
+    process.send_signal(signal.SIGINT)
+    out, err = process.communicate(timeout=60)
+    assert process.returncode == 130
+    assert "Traceback" not in out + err
+    assert "interrupted: stopped by the user at t = " in err
+    manifest = json.loads((tmp_path / "run" / "manifest.json").read_text())
+    assert manifest["status"] == "interrupted"
+    with Results.open(tmp_path / "run") as results:
+        rows = results.values("spacecraft.h_copy_wheel")
+        assert len(rows) == manifest["steps_done"] + 1
+        assert len(results.times()) == len(rows)
+    assert (tmp_path / "run" / "report.html").exists()
+    assert not list((tmp_path / "run").glob("*.part"))
+
+
+def test_a_killed_run_can_be_read(tmp_path, desat):
+    process = _start(tmp_path / "run")
+    time.sleep(1.5)
+    os.kill(process.pid, signal.SIGKILL)
+    process.communicate()
+    assert not (tmp_path / "run" / "series.h5").exists()
+    with Results.open(tmp_path / "run") as results:
+        rows = results.values("spacecraft.h_copy_wheel")
+    assert len(rows) > 1000
+    assert np.isfinite(rows).all()
+    result = desat("report", str(tmp_path / "run"))
+    assert result.returncode == 0, result.stderr
+    assert "killed" in (tmp_path / "run" / "report.html").read_text()
+
+
+def test_measures():
+    times = np.arange(5.0)
+    values = np.array([[3.0, 4.0], [0, 0], [-6, 8], [1, 0], [0, 2]])
+    found = {n: f(times, values) for n, f in MEASURES.items() if n in (
+        "last", "norm_last", "largest", "norm_largest", "rms")}  # fmt: skip
+    assert found == {"last": 0, "norm_last": 2, "largest": 8, "norm_largest": 10,
+                     "rms": pytest.approx(np.sqrt(130 / 5))}  # fmt: skip
+    assert relative("saving", 30, 40) == 25
+    assert relative("ratio", 30, 40) == 0.75
+    with pytest.raises(DesatError, match="did you mean norm_last"):
+        evaluate({"measure": "norm_lst", "signal": "x.y"}, None)
+
+
+def test_plots_keep_extremes_when_thinned():
+    x = np.arange(100000.0)
+    y = np.sin(x)
+    y[54321] = 50
+    a, b = _thinned(x, y)
+    assert len(a) < 4000
+    assert b.max() == 50
+    assert (np.diff(a) > 0).all()
+    assert scale("N.m", "mN.m") == 1000
+    with pytest.raises(DesatError):
+        scale("N.m", "uT")

@@ -1,0 +1,193 @@
+"""SSP files: what we pack is valid and self-contained; what we read is read safely."""
+
+from __future__ import annotations
+
+import zipfile
+from pathlib import Path
+
+import pytest
+from conftest import ROOT
+from lxml import etree
+
+from orchestrator import library, ssp
+from orchestrator.errors import DesatError
+from orchestrator.pack import pack_scenario
+from orchestrator.run import Options, execute, load
+from orchestrator.scenario import families, find, scenarios
+from orchestrator.xml import parse_bytes, validate
+
+NAME = "uosat12/table3-ocdc-ilqr-1"
+
+
+@pytest.fixture(scope="module")
+def packed(tmp_path_factory) -> Path:
+    return pack_scenario(find(NAME), tmp_path_factory.mktemp("ssp") / "x.ssp")
+
+
+def test_packed_file_is_in_the_universal_profile(packed):
+    with zipfile.ZipFile(packed) as archive:
+        members = {n: archive.read(n) for n in archive.namelist()}
+    text = members["SystemStructure.ssd"].decode()
+    root = parse_bytes(text.encode(), "SystemStructure.ssd")
+    assert validate(root, "SystemStructureDescription.xsd", "x") == []
+    for prefix in ("<ssd:", "<ssc:", "<osp:", "<oms:"):
+        assert prefix in text
+    assert 'xmlns:osp="http://opensimulationplatform.com/SSP/OSPAnnotations"' in text.split(">")[1]
+    listed, wired, sets = set(), set(), set()
+    for component in root.iter(f"{{{ssp.SSD}}}Component"):
+        assert component.get("source") in members
+        for connector in component.iter(f"{{{ssp.SSD}}}Connector"):
+            listed.add((component.get("name"), connector.get("name")))
+            (kind,) = connector
+            assert etree.QName(kind).localname in ("Real", "Integer", "Boolean")
+        for binding in component.iter(f"{{{ssp.SSD}}}ParameterBinding"):
+            values = parse_bytes(members[binding.get("source")], "ssv")
+            assert validate(values, "SystemStructureParameterValues.xsd", "x") == []
+            sets.add(values.get("name"))
+    for c in root.iter(f"{{{ssp.SSD}}}Connection"):
+        wired |= {(c.get("startElement"), c.get("startConnector")),
+                  (c.get("endElement"), c.get("endConnector"))}  # fmt: skip
+    assert listed == wired
+    assert sets == {"parameters"}
+    assert 'numWorkerThreads="0"' in text
+    assert 'description="oms-ma"' in text
+
+
+def test_packing_is_reproducible(packed, tmp_path):
+    again = pack_scenario(find(NAME), tmp_path / "y.ssp", force=True)
+    assert again.read_bytes() == packed.read_bytes()
+
+
+def test_packed_file_stands_alone(packed, tmp_path, monkeypatch):
+    monkeypatch.setattr(library, "FMUS", tmp_path)
+    run = execute(str(packed), Options(stop=50.0))
+    assert run.ok
+    assert run.manifest["about"]["name"] == NAME
+
+
+def test_a_folder_runs_as_well(packed, tmp_path):
+    with zipfile.ZipFile(packed) as archive:
+        archive.extractall(tmp_path)
+    a, b = (execute(str(p), Options()) for p in (packed, tmp_path))
+    assert a.manifest["numbers"] == b.manifest["numbers"]
+
+
+def test_all_scenarios_pack_and_check():
+    assert "uosat12" in families()
+    for scenario in scenarios().values():
+        assert pack_scenario(scenario).exists()
+        assert scenario.data.get("title")
+        assert scenario.data.get("story")
+
+
+def test_every_cell_of_tables_2_and_3_is_a_scenario():
+    cases = [f"{law}-{i}" for law in ("ilqr", "mec") for i in (1, 2, 3)]
+    expected = {f"uosat12/table2-{m}-{c}" for m in ("dct", "cccp", "crcp", "ocdc") for c in cases}
+    expected |= {f"uosat12/table3-{m}-{c}" for m in ("dct", "ocdc") for c in cases}
+    assert expected <= set(scenarios("uosat12"))
+
+
+def test_what_others_would_misread_is_not_packed(tmp_path):
+    system, _ = load(NAME)
+    system.connections[0].factor = 2.0
+    with pytest.raises(DesatError, match="converts its value"):
+        ssp.pack(system, tmp_path / "x.ssp")
+    assert not list(tmp_path.iterdir())
+
+
+def rezip(source: Path, target: Path, **changes: bytes | None) -> Path:
+    with zipfile.ZipFile(source) as a, zipfile.ZipFile(target, "w") as b:
+        for n in a.namelist():
+            b.writestr(n, a.read(n))
+        for n, data in changes.items():
+            b.writestr(n, data)
+    return target
+
+
+def test_hostile_archives(packed, tmp_path, monkeypatch):
+    with pytest.raises(DesatError, match="would leave the folder"):
+        ssp.read(rezip(packed, tmp_path / "a.ssp", **{"../../evil": b"x"}))
+    with pytest.warns(UserWarning, match="Duplicate"):
+        twice = rezip(packed, tmp_path / "b.ssp", **{"SystemStructure.ssd": b"x"})
+    with pytest.raises(DesatError, match=r"holds SystemStructure.ssd twice"):
+        ssp.read(twice)
+    big = rezip(packed, tmp_path / "c.ssp", extra=b"0" * 1000)
+    monkeypatch.setattr(library, "LARGEST", 1000)
+    with pytest.raises(DesatError, match="allowed"):
+        ssp.read(big)
+
+
+@pytest.mark.parametrize(
+    ("data", "message"),
+    [(b"not a zip", "not a readable archive"), (None, "no such file")],
+)
+def test_no_archives(tmp_path, data, message):
+    path = tmp_path / "x.ssp"
+    if data:
+        path.write_bytes(data)
+    with pytest.raises(DesatError, match=message):
+        ssp.read(path)
+
+
+def test_entities_are_not_resolved():
+    xml = b'<?xml version="1.0"?><!DOCTYPE a [<!ENTITY e SYSTEM "file:///etc/passwd">]><a>&e;</a>'
+    with pytest.raises(DesatError, match="DOCTYPE"):
+        parse_bytes(xml, "x.ssd")
+
+
+@pytest.fixture
+def scenario_module():
+    from orchestrator import scenario
+
+    yield scenario
+    scenario.families.cache_clear()
+    scenario.scenarios.cache_clear()
+
+
+def test_scenario_files(tmp_path, monkeypatch, scenario_module):
+    scenario = scenario_module
+    folder = tmp_path / "ssp" / "f" / "scenarios"
+    folder.mkdir(parents=True)
+    (folder.parent / "SystemStructure.ssd").write_text(
+        (ROOT / "ssp/uosat12/SystemStructure.ssd").read_text()
+    )
+    monkeypatch.setattr(scenario, "ROOT", tmp_path / "ssp")
+
+    def read(**files: str):
+        for old in folder.glob("*.toml"):
+            old.unlink()
+        for name, text in files.items():
+            (folder / f"{name}.toml").write_text(text)
+        scenario.families.cache_clear()
+        scenario.scenarios.cache_clear()
+        return scenario.scenarios()
+
+    base = "abstract = true\nstep = 10\nstop = 20\n[parameters.manager]\nduty = 0.5\n[axes.m]\n"
+    found = read(
+        base=base,
+        t='extends = "base"\ntitle = "{m} at {c}"\ntwin = "t-a-{c}"\n'
+        '[axes.m.a]\nlabel = "A"\n[axes.m.b]\nparameters.manager.split = "dct"\n[axes.c.x]\n',
+    )
+    assert list(found) == ["f/t-a-x", "f/t-b-x"]
+    b = found["f/t-b-x"]
+    assert b.data["title"] == "b at x"
+    assert found["f/t-a-x"].data["title"] == "A at x"
+    assert b.twin == "f/t-a-x"
+    assert found["f/t-a-x"].twin is None
+    assert b.data["parameters"]["manager"] == {"duty": 0.5, "split": "dct"}
+    with pytest.raises(DesatError, match=r"ssp/f/scenarios/t.toml: unknown key stp; did you mean"):
+        read(t="stp = 3")
+    with pytest.raises(DesatError, match=r"ssp/f/scenarios/t.toml: .*line 1"):
+        read(t="x = = 3")
+    with pytest.raises(DesatError, match=r"extends itself"):
+        read(t='extends = "t"')
+    read(t="step = 1")
+    with pytest.raises(DesatError, match=r"no scenario f/q; did you mean f/t"):
+        scenario.find("f/q")
+    read(t="[parameters.manger]\nduty = 0.5")
+    with pytest.raises(DesatError, match="no component manger; did you mean manager"):
+        scenario.find("f/t").system()
+    read(t="[parameters.manager]\nduti = 0.5\n[shared]\nnothing = 1")
+    _, problems = scenario.find("f/t").system()
+    assert "manager has no variable duti; did you mean duty?" in "\n".join(problems)
+    assert "no component has a parameter nothing" in "\n".join(problems)

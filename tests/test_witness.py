@@ -1,0 +1,120 @@
+"""Independent masters on our packed files, unchanged, each in a process of its own."""
+
+from __future__ import annotations
+
+import importlib.util
+import json
+import zipfile
+
+import numpy as np
+import pytest
+from conftest import python
+
+from orchestrator.pack import pack_scenario
+from orchestrator.run import Options, execute
+from orchestrator.scenario import find
+
+STEPS = 60
+
+LIBCOSIM = """
+import json, sys
+from libcosimpy.CosimExecution import CosimExecution
+from libcosimpy.CosimObserver import CosimObserver
+from libcosimpy.CosimLogging import CosimLogLevel, log_output_level
+log_output_level(CosimLogLevel.ERROR)
+path, wanted, steps = sys.argv[1], json.loads(sys.argv[2]), int(sys.argv[3])
+execution = CosimExecution.from_ssp_file(path)
+observer = CosimObserver.create_last_value()
+execution.add_observer(observer)
+infos = {i.name.decode(): i for i in execution.slave_infos()}
+rows = []
+for _ in range(steps):
+    assert execution.step()
+    row = []
+    for name, references in wanted:
+        values = observer.last_real_values(infos[name].index, references)
+        row += list(values)
+    rows.append(row)
+print("ROWS " + json.dumps(rows))
+"""
+
+ECOS = """
+import ctypes, glob, json, os, sys, sysconfig
+site = sysconfig.get_paths()["purelib"]
+for pattern in ("../../libtbb.so.12", "*/libtbb.so.12"):
+    for found in glob.glob(os.path.join(site, pattern)):
+        ctypes.CDLL(found, mode=ctypes.RTLD_GLOBAL)
+from ecospy import EcosSimulation
+path, wanted = sys.argv[1], json.loads(sys.argv[2])
+steps, step = int(sys.argv[3]), float(sys.argv[4])
+rows = []
+with EcosSimulation(ssp_path=path, step_size=step) as sim:
+    sim.init(parameter_set="parameters")
+    for _ in range(steps):
+        sim.step(1)
+        rows.append([sim.get_real(f"{c}::{v}") for c, v in wanted])
+print("ROWS " + json.dumps(rows))
+"""
+
+
+def ours(name):
+    """(wanted, rows): our jacobi run's real outputs, all wired ones, at t_1 .. t_n."""
+    run = execute(name, Options(algorithm="jacobi"))
+    return run
+
+
+def wired(path):
+    from orchestrator.check import load_interfaces
+    from orchestrator.ssp import read
+
+    system, _ = read(path)
+    load_interfaces(system)
+    found = {}
+    for c in system.connections:
+        signal = system.components[c.source].interface.signals[c.output]
+        if signal.kind == "Real":
+            found.setdefault(c.source, {})[c.output] = signal.reference
+    return found
+
+
+def columns(run, outputs):
+    series = []
+    for component, variables in outputs.items():
+        for element in variables:
+            base, _, index = element.partition("[")
+            values = run.results.values(f"{component}.{base}")
+            series.append(values[:, int(index[:-1]) - 1] if index else values)
+    return np.array(series).T[1:]
+
+
+def rows_of(result):
+    assert "ROWS " in result.stdout, result.stdout[-2000:] + result.stderr[-2000:]
+    return np.array(json.loads(result.stdout.split("ROWS ")[1].splitlines()[0]))
+
+
+CASES = ["uosat12/table2-cccp-mec-3", "uosat12/table3-ocdc-ilqr-1"]
+
+
+@pytest.mark.skipif(not importlib.util.find_spec("libcosimpy"), reason="libcosimpy not installable")
+@pytest.mark.parametrize("name", CASES)
+def test_libcosim_agrees(name):
+    path = pack_scenario(find(name))
+    outputs = wired(path)
+    wanted = [(c, list(v.values())) for c, v in outputs.items()]
+    theirs = rows_of(python(LIBCOSIM, str(path), json.dumps(wanted), str(STEPS)))
+    mine = columns(ours(name), outputs)[:STEPS]
+    assert theirs.shape == mine.shape
+    assert np.abs(theirs - mine).max() <= 1e-12 * np.abs(mine).max()
+    assert (np.abs(theirs - mine) <= 1e-12 * np.maximum(1, np.abs(mine))).all()
+
+
+@pytest.mark.skipif(not importlib.util.find_spec("ecospy"), reason="ecospy not installable")
+@pytest.mark.parametrize("name", CASES[1:])
+def test_ecos_agrees(name, tmp_path):
+    path = pack_scenario(find(name))
+    outputs = wired(path)
+    wanted = [(c, v) for c, variables in outputs.items() for v in variables]
+    theirs = rows_of(python(ECOS, str(path), json.dumps(wanted), str(STEPS), "10.0"))
+    mine = columns(ours(name), outputs)[:STEPS]
+    assert (np.abs(theirs - mine) <= 1e-12 * np.maximum(1, np.abs(mine))).all()
+    assert zipfile.is_zipfile(path)
