@@ -234,7 +234,8 @@ class Master:
                 self._pull(name)
             changed = [
                 slot for slot in self.slots
-                if before[slot.kind][slot.index] != self.live[slot.kind][slot.index]
+                if before[slot.kind][slot.index].tobytes()
+                != self.live[slot.kind][slot.index].tobytes()
             ]  # fmt: skip
             if not changed:
                 break

@@ -103,14 +103,19 @@ def test_csv(folder, tmp_path):
 
 
 def test_a_failing_component_keeps_what_was_recorded(tmp_path):
-    options = Options(
-        sets=["thrusters.least_pulse=0.05"], values={"spacecraft.h_start_body": [1e300] * 3}
-    )
-    run = execute(NAME, options, tmp_path / "bad")
+    h = [1e295, 0.0, 0.0]  # more pulses than there are numbers
+    values = {
+        "spacecraft.h_start_body": h,
+        "thrusters.tau_level": [1e-9] * 3,
+        "thrusters.least_pulse": 1e-6,
+    }
+    run = execute(NAME, Options(values=values), tmp_path / "bad")
     assert run.manifest["status"] == "failed"
-    assert run.manifest["message"]
+    assert run.manifest["message"].startswith("thrusters: the step from t = 0 s returned discard")
+    assert "OverflowError" in run.manifest["message"]
+    assert run.results.values("spacecraft.h_copy_wheel").tolist() == [[*h, 0]]
+    assert len(run.results.values("thrusters.tau_mean_thruster_body")) == 0
     assert (tmp_path / "bad" / "series.h5").exists()
-    assert run.results.values("spacecraft.h_copy_wheel")[0].tolist() == [1e300] * 3 + [0]
 
 
 LONG = ["run", NAME, "--stop", "2e7", "--no-twin", "--record", "spacecraft.h_copy_wheel"]
