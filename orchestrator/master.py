@@ -16,6 +16,7 @@ state outputs when all have stepped.
 
 from __future__ import annotations
 
+import ctypes
 from collections import defaultdict
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -50,11 +51,9 @@ class Slot:
 
 
 _Copy = tuple[Array, Array]
-# unit, gathers, push, step, dt, pull, copies
-_Move = tuple[
-    Unit, list[Callable[[], Any]], Callable[[], int], Callable[[float, float, int], int], float,
-    Callable[[], int], list[_Copy],
-]  # fmt: skip
+_Call = Callable[[], int]
+# unit, gathers, push, step, pull, copies
+_Move = tuple[Unit, list[Callable[[], Any]], _Call, _Call, _Call, list[_Copy]]
 
 
 class Master:
@@ -80,6 +79,7 @@ class Master:
         self.start, self.step_size, self.k = system.start, system.step, 0
         self.units: dict[str, Unit] = {}
         self.slots: list[Slot] = []
+        self._clock = ctypes.c_double(self.start)
         self._decimation = {c.name: c.decimation for c in system.components.values()}
         try:
             for name in schedule.order:
@@ -142,6 +142,8 @@ class Master:
                 {k: [signals[c.input] for c in by_kind[k]] for k in KINDS},
                 {k: [s.signal for s in outputs[name][k]] for k in KINDS},
                 {k: self._home(name, k)[self._segments[name, k]] for k in KINDS},
+                self._clock,
+                self._decimation[name] * self.step_size,
             )
             self._incoming[name] = {
                 kind: [(position[c.source, c.output].index, c) for c in connections]
@@ -283,8 +285,7 @@ class Master:
                     copies.append((self.live[kind][part], self._fresh[kind][part]))
         gathers = self._gathers(name, phase)
         push = unit.push if self._incoming[name] else _nothing
-        dt = self._decimation[name] * self.step_size
-        return unit, gathers, push, unit.step, dt, unit.pull, copies
+        return unit, gathers, push, unit.step, unit.pull, copies
 
     def _ends(self, done: list[str]) -> list[_Copy]:
         """(live, fresh) pieces that become visible at the end of a step."""
@@ -303,16 +304,17 @@ class Master:
         """One step. `record(k, outputs)` sees the row of this step: see the module's text."""
         k = self.k
         t = self.start + k * self.step_size
+        self._clock.value = t
         moves, ends = self._cycle[k % len(self._cycle)]
-        for unit, gathers, push, step, dt, pull, copies in moves:
+        for unit, gathers, push, step, pull, copies in moves:
             for gather in gathers:
                 gather()
-            if push() > 1:
-                raise unit.failed(f"setting its inputs at t = {t:g} s", 3)
-            if (status := step(t, dt, 1)) > 1:
+            if (status := push()) > 1:
+                raise unit.failed(f"setting its inputs at t = {t:g} s", status)
+            if (status := step()) > 1:
                 raise unit.failed(f"the step from t = {t:g} s", status)
-            if pull() > 1:
-                raise unit.failed(f"reading its outputs after t = {t:g} s", 3)
+            if (status := pull()) > 1:
+                raise unit.failed(f"reading its outputs after t = {t:g} s", status)
             for live, fresh in copies:
                 live[:] = fresh
         if record is not None and self.algorithm == "conserving":

@@ -53,8 +53,8 @@ class Unit(Protocol):
         """Set the wired inputs from `inputs`."""
 
     @property
-    def step(self) -> Callable[[float, float, int], int]:
-        """step(t, dt, 1): from t to t + dt (s)."""
+    def step(self) -> Callable[[], int]:
+        """Step from the time of `wire`'s clock by its dt."""
 
     @property
     def pull(self) -> Callable[[], int]:
@@ -62,9 +62,10 @@ class Unit(Protocol):
 
     def wire(
         self, inputs: dict[Kind, list[Signal]], outputs: dict[Kind, list[Signal]],
-        into: dict[Kind, Array],
+        into: dict[Kind, Array], clock: ctypes.c_double, dt: float,
     ) -> None:  # fmt: skip
-        """Choose which inputs are pushed and which outputs are pulled, and where to."""
+        """Choose which inputs are pushed, which outputs are pulled and where to, the clock (s)
+        that tells each step's time, and its length dt (s)."""
 
     def enter(self, start: float, parameters: dict[str, Scalar]) -> None:
         """Set parameters and enter initialisation mode at time `start` (s)."""
@@ -92,8 +93,10 @@ class BlockUnit:
 
     def wire(
         self, inputs: dict[Kind, list[Signal]], outputs: dict[Kind, list[Signal]],
-        into: dict[Kind, Array],
+        into: dict[Kind, Array], clock: ctypes.c_double, dt: float,
     ) -> None:  # fmt: skip
+        self._clock, self._dt = clock, dt
+
         def access(signals: list[Signal]) -> Access:
             return self._block.access([s.reference for s in signals])
 
@@ -135,7 +138,8 @@ class BlockUnit:
             array[:] = access.read()
         return 0
 
-    def step(self, t: float, dt: float, _: int) -> int:
+    def step(self) -> int:
+        t, dt = self._clock.value, self._dt
         try:
             self._block.advance(t, dt)
             self._block.output(t + dt)
@@ -153,11 +157,8 @@ class BlockUnit:
 
 # --- FMUs -------------------------------------------------------------------------------------
 
-_SIGNATURES: dict[str, list[Any]] = {
-    **{f"fmi2{verb}{kind}": [ctypes.c_void_p, ctypes.c_void_p, ctypes.c_size_t, ctypes.c_void_p]
-       for verb in ("Get", "Set") for kind in KINDS},
-    "fmi2DoStep": [ctypes.c_void_p, ctypes.c_double, ctypes.c_double, ctypes.c_int],
-}  # fmt: skip
+# fmi2GetReal(c, references, n, values) and so on; fmi2DoStep(c, t, dt, no set state before)
+_CALLS = (*(f"fmi2{verb}{kind}" for verb in ("Get", "Set") for kind in KINDS), "fmi2DoStep")
 _STATUS = ("ok", "warning", "discard", "error", "fatal", "pending")
 
 
@@ -178,12 +179,13 @@ class _Library:
             raise DesatError(f"{description.modelName}: {error}") from error
         self.calls: dict[str, Any] = {}
         # Our FMUs never wait for another thread, so their calls may keep the GIL; a foreign FMU's
-        # step might wait for a Python thread of its own.
-        prototype = ctypes.PYFUNCTYPE if ours else ctypes.CFUNCTYPE
-        for name, arguments in _SIGNATURES.items():
+        # step might wait for a Python thread of its own. No argument types: what is passed is
+        # ctypes objects already, which saves a third of a call.
+        prototype = (ctypes.PYFUNCTYPE if ours else ctypes.CFUNCTYPE)(ctypes.c_int)
+        for name in _CALLS:
             address = ctypes.cast(self.fmu.dll[name], ctypes.c_void_p).value
             assert address is not None
-            self.calls[name] = prototype(ctypes.c_int, *arguments)(address)
+            self.calls[name] = prototype(address)
         # pythonfmu's library must be told before the process ends, or it aborts
         finalise = getattr(self.fmu.dll, "finalizePythonInterpreter", None)
         if finalise is not None:
@@ -257,15 +259,16 @@ class FmuUnit:
 
     def wire(
         self, inputs: dict[Kind, list[Signal]], outputs: dict[Kind, list[Signal]],
-        into: dict[Kind, Array],
+        into: dict[Kind, Array], clock: ctypes.c_double, dt: float,
     ) -> None:  # fmt: skip
         self.inputs = {k: np.zeros(len(inputs[k]), DTYPE[k]) for k in KINDS if inputs[k]}
         self._keep: list[Any] = [self.inputs, into]  # the calls hold bare addresses
         self.push = self._transfer("Set", inputs, self.inputs)
         self.pull = self._transfer("Get", outputs, into)
-        self.step: Callable[[float, float, int], int] = partial(
-            self._library.calls["fmi2DoStep"], ctypes.c_void_p(self._c)
-        )
+        self.step: Callable[[], int] = partial(
+            self._library.calls["fmi2DoStep"],
+            ctypes.c_void_p(self._c), clock, ctypes.c_double(dt), ctypes.c_int(1),
+        )  # fmt: skip
 
     def _transfer(
         self, verb: str, signals: dict[Kind, list[Signal]], arrays: dict[Kind, Array]
@@ -295,10 +298,7 @@ class FmuUnit:
             references = (ctypes.c_uint * n)(*(s.reference for s, _ in pairs))
             values = (element * n)(*(v for _, v in pairs))
             status = self._library.calls[f"fmi2Set{kind}"](
-                ctypes.c_void_p(self._c),
-                ctypes.cast(references, ctypes.c_void_p),
-                n,
-                ctypes.cast(values, ctypes.c_void_p),
+                ctypes.c_void_p(self._c), references, ctypes.c_size_t(n), values
             )
             if status > 1:
                 raise self.failed(f"setting {pairs[0][0].name} …", status)
@@ -311,8 +311,9 @@ class FmuUnit:
         if fault is not None and fault.kind == "Boolean" and fault.causality == "output":
             value, reference = ctypes.c_int(0), ctypes.c_uint(fault.reference)
             self._library.calls["fmi2GetBoolean"](
-                self._c, ctypes.addressof(reference), 1, ctypes.addressof(value)
-            )
+                ctypes.c_void_p(self._c), ctypes.byref(reference), ctypes.c_size_t(1),
+                ctypes.byref(value),
+            )  # fmt: skip
             if value.value:
                 raise UnitError(f"{self.name}{self._said()}")
 

@@ -33,7 +33,8 @@ class FunctionUnit:
         self.interval = self.spec.get("interval0", 0.0)
         self.log: list[tuple[float, float, list[float]]] = []
 
-    def wire(self, inputs, outputs, into) -> None:
+    def wire(self, inputs, outputs, into, clock, dt) -> None:
+        self.clock, self.dt = clock, dt
         self.inputs = {k: np.zeros(len(inputs[k])) for k in KINDS if inputs[k]}
         self.names = [s.name for s in outputs["Real"]]
         self.into = into["Real"]
@@ -52,7 +53,8 @@ class FunctionUnit:
         self.into[:] = [values[n.partition("_")[0]] for n in self.names]
         return 0
 
-    def step(self, t: float, dt: float, _: int) -> int:
+    def step(self) -> int:
+        t, dt = self.clock.value, self.dt
         u = self.inputs["Real"].tolist() if self.inputs else []
         self.log.append((t, dt, u))
         self.interval = self.spec.get("f", lambda u, x, t: 0.0)(u, self.x, t)

@@ -1,0 +1,275 @@
+"""`make bench`: microseconds per macro step, ours and others in turn, into benchmarks/latest.json.
+
+Every measurement is a process of its own; the tools take turns, so that a slow spell of the
+machine hits all of them; medians over the rounds are written.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+import json
+import os
+import platform
+import resource
+import statistics
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from datetime import UTC, datetime
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+from rich.progress import track
+
+from orchestrator import library
+from orchestrator.master import Master
+from orchestrator.pack import pack_scenario
+from orchestrator.run import Options, prepare
+from orchestrator.scenario import find
+
+HERE = Path(__file__).parent
+LATEST = HERE / "latest.json"
+ROUNDS = 5
+CASES = {"uosat12": ("uosat12/table3-ocdc-ilqr-1", 20000)}
+
+
+# --- one measurement, in its own process ------------------------------------------------------
+
+
+def _master(path: str, steps: int, blocks: bool) -> Master:
+    options = Options(blocks=blocks)
+    system, checked = prepare(path, options)
+    assert system.step is not None
+    system.stop = system.start + (steps + 200) * system.step
+    master = Master(system, checked.or_raise(), blocks=blocks, watched=lambda c, s: False)
+    master.initialise()
+    return master
+
+
+def _timed(advance: Callable[[], Any], steps: int) -> float:
+    for _ in range(200):
+        advance()
+    began = time.perf_counter()
+    for _ in range(steps):
+        advance()
+    return 1e6 * (time.perf_counter() - began) / steps
+
+
+def desat(path: str, steps: int) -> dict[str, Any]:
+    """Our master on the FMUs."""
+    with _master(path, steps, blocks=False) as master:
+        return {"us": _timed(master.advance, steps)}
+
+
+def blocks(path: str, steps: int) -> dict[str, Any]:
+    """Our master on the bare blocks."""
+    with _master(path, steps, blocks=True) as master:
+        return {"us": _timed(master.advance, steps)}
+
+
+def libcosim(path: str, steps: int) -> dict[str, Any]:
+    """libcosim on the same file; its base step is the file's."""
+    from libcosimpy.CosimExecution import CosimExecution
+    from libcosimpy.CosimLogging import CosimLogLevel, log_output_level
+
+    log_output_level(CosimLogLevel.ERROR)
+    execution = CosimExecution.from_ssp_file(path)
+    execution.step(200)
+    began = time.perf_counter()
+    execution.step(steps)
+    return {"us": 1e6 * (time.perf_counter() - began) / steps}
+
+
+def fmpy(path: str, steps: int) -> dict[str, Any]:
+    """The loop one writes first: fmpy's own calls, a dictionary of values, jacobi."""
+    import fmpy as fmpy_package
+    from fmpy.fmi2 import FMU2Slave
+
+    system, _ = prepare(path, Options())
+    fmus: dict[str, Any] = {}
+    for c in system.components.values():
+        assert c.fmu is not None
+        folder = library.extract(c.fmu)
+        description = fmpy_package.read_model_description(folder)
+        fmu = FMU2Slave(
+            guid=description.guid,
+            unzipDirectory=str(folder),
+            modelIdentifier=description.coSimulation.modelIdentifier,
+            instanceName=c.name,
+        )
+        fmu.instantiate()
+        fmus[c.name] = fmu
+        assert c.interface is not None
+        for name, value in c.parameters.items():
+            signal = c.interface.signals[name]
+            getattr(fmu, f"set{signal.kind}")([signal.reference], [value])
+        fmu.setupExperiment(startTime=0.0)
+        fmu.enterInitializationMode()
+
+    def references(name: str, connectors: list[str]) -> list[int]:
+        interface = system.components[name].interface
+        assert interface is not None
+        return [interface.signals[c].reference for c in connectors]
+
+    outputs = {n: sorted({c.output for c in system.connections if c.source == n}) for n in fmus}
+    inputs = {n: [c for c in system.connections if c.target == n] for n in fmus}
+    out_refs = {n: references(n, outputs[n]) for n in fmus}
+    in_refs = {n: references(n, [c.input for c in inputs[n]]) for n in fmus}
+    values: dict[tuple[str, str], float] = {}
+
+    def read() -> None:
+        for n, fmu in fmus.items():
+            for name, value in zip(outputs[n], fmu.getReal(out_refs[n]), strict=True):
+                values[n, name] = value
+
+    def write() -> None:
+        for n, fmu in fmus.items():
+            if in_refs[n]:
+                fmu.setReal(in_refs[n], [values[c.source, c.output] for c in inputs[n]])
+
+    for _ in range(len(fmus)):
+        read()
+        write()
+    for fmu in fmus.values():
+        fmu.exitInitializationMode()
+    k, step = 0, system.step
+    assert step is not None
+
+    def advance() -> None:
+        nonlocal k
+        write()
+        for fmu in fmus.values():
+            fmu.doStep(k * step, step)
+        read()
+        k += 1
+
+    result = _timed(advance, steps)
+    for fmu in fmus.values():
+        fmu.dll.finalizePythonInterpreter()
+    return {"us": result}
+
+
+def shares(path: str, steps: int) -> dict[str, Any]:
+    """Where our microseconds go: the calls of each component, and the master's own loop."""
+    with _master(path, steps, blocks=False) as master:
+        clock, spent = time.perf_counter, {name: [0.0, 0.0] for name in master.units}
+
+        def wrapped(call: Callable[..., Any], cell: list[float], which: int) -> Callable[..., Any]:
+            def timed(*arguments: Any) -> Any:
+                began = clock()
+                result = call(*arguments)
+                cell[which] += clock() - began
+                return result
+
+            return timed
+
+        cycle = []
+        for moves, ends in master._cycle:
+            new = []
+            for unit, gathers, push, step, pull, copies in moves:
+                cell = spent[unit.name]
+                new.append((unit, gathers, wrapped(push, cell, 0), wrapped(step, cell, 1),
+                            wrapped(pull, cell, 0), copies))  # fmt: skip
+            cycle.append((new, ends))
+        whole = _timed(master.advance, steps)
+        master._cycle = cycle
+        _timed(master.advance, steps)
+        total = steps + 200
+        parts = {n: round(1e6 * sum(cell) / total, 2) for n, cell in spent.items()}
+        steps_alone = {n: round(1e6 * cell[1] / total, 2) for n, cell in spent.items()}
+        return {
+            "us": whole,
+            "us_per_component": parts,
+            "of_which_in_do_step": steps_alone,
+        }
+
+
+def memory(path: str, steps: int) -> dict[str, Any]:
+    """Resident memory (MiB) after a tenth and after all of the steps."""
+    page = resource.getpagesize()
+
+    def resident() -> float:
+        return int(Path("/proc/self/statm").read_text().split()[1]) * page / 2**20
+
+    with _master(path, steps, blocks=False) as master:
+        for _ in range(steps // 10):
+            master.advance()
+        early = resident()
+        for _ in range(steps - steps // 10):
+            master.advance()
+        return {"steps": steps, "mib_after_a_tenth": early, "mib_at_the_end": resident()}
+
+
+MEASUREMENTS = {f.__name__: f for f in (desat, blocks, libcosim, fmpy, shares, memory)}
+
+
+# --- all of them ------------------------------------------------------------------------------
+
+
+def _measure(tool: str, path: str, steps: int) -> dict[str, Any]:
+    result = subprocess.run(
+        [sys.executable, "-m", "benchmarks.run", tool, path, str(steps)],
+        capture_output=True, text=True, check=False, cwd=HERE.parent,
+    )  # fmt: skip
+    lines = [x for x in result.stdout.splitlines() if x.startswith("RESULT ")]
+    if result.returncode or not lines:
+        raise SystemExit(f"{tool}: {result.stderr[-2000:]}")
+    measured: dict[str, Any] = json.loads(lines[0][7:])
+    return measured
+
+
+def case(scenario: str, steps: int) -> dict[str, Any]:
+    """All tools in turn on one scenario."""
+    path = str(pack_scenario(find(scenario)))
+    tools = ["desat", "blocks", "fmpy"]
+    if importlib.util.find_spec("libcosimpy"):
+        tools.insert(1, "libcosim")
+    rounds: dict[str, list[float]] = {t: [] for t in tools}
+    for _ in track(range(ROUNDS), scenario, disable=not sys.stderr.isatty()):
+        for tool in tools:
+            rounds[tool].append(_measure(tool, path, steps)["us"])
+    result: dict[str, Any] = {
+        f"{t}_us_per_step": round(statistics.median(rounds[t]), 2) if t in rounds else None
+        for t in ("desat", "blocks", "libcosim", "fmpy")
+    }
+    if "libcosim" in rounds:
+        pairs = [a / b for a, b in zip(rounds["desat"], rounds["libcosim"], strict=True)]
+        result["desat_over_libcosim"] = round(statistics.median(pairs), 3)
+    share = _measure("shares", path, steps)
+    result["us_per_component"] = share["us_per_component"]
+    result["of_which_in_do_step"] = share["of_which_in_do_step"]
+    calls = sum(share["us_per_component"].values())
+    result["master_alone_us"] = round(share["us"] - calls, 2)
+    result["memory"] = _measure("memory", path, 1_000_000)
+    return {"scenario": scenario, "steps": steps, "rounds": ROUNDS, **result}
+
+
+def main() -> int:
+    """Measure every case, or run one measurement when arguments name it."""
+    if len(sys.argv) == 4 and sys.argv[1] in MEASUREMENTS:
+        tool, path, steps = sys.argv[1:]
+        print("RESULT " + json.dumps(MEASUREMENTS[tool](path, int(steps))), flush=True)
+        return 0
+    names = sys.argv[1:] or list(CASES)
+    data = json.loads(LATEST.read_text()) if LATEST.exists() else {}
+    for name in names:
+        data[name] = case(*CASES[name])
+    packages = ("desat", "fmpy", "pythonfmu", "numpy", "libcosimpy")
+    data["about"] = {
+        "date": datetime.now(UTC).isoformat(timespec="minutes"),
+        "python": platform.python_version(),
+        "platform": platform.platform(),
+        "cores": os.cpu_count(),
+        "versions": {
+            p: version(p) for p in packages if importlib.util.find_spec(p) or p == "desat"
+        },
+    }
+    LATEST.write_text(json.dumps(data, indent=1) + "\n", encoding="utf-8")
+    print(json.dumps(data, indent=1))
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
