@@ -71,7 +71,10 @@ class Magnetometer(Sampled):
 
     b_eci: Vec3 = Input("T", "geomagnetic field, eci")
     q_bi: Vec4 = Input("1", "attitude: body from eci, scalar last", start=UPRIGHT)
-    b_body: Vec3 = Output("T", "measured field, body", interval=True, starts_from=("b_eci", "q_bi"))
+    b_body: Vec3 = Output(
+        "T", "measured field, body", interval=True, starts_from=("b_eci", "q_bi")
+    )
+    valid: bool = Output("1", "true: the measurement may be used", interval=True)
 
 
 class Tachometers(Sampled):
@@ -86,6 +89,87 @@ class Tachometers(Sampled):
         interval=True,
         starts_from=("h_wheel",),
     )
+    valid: bool = Output("1", "true: the measurement may be used", interval=True)
+
+
+class RateGyro(Sampled):
+    """Measures the angular rate."""
+
+    role = "gyro"
+
+    omega_bi_body: Vec3 = Input("rad/s", "angular rate of the body relative to eci, body")
+    omega_meas_body: Vec3 = Output(
+        "rad/s", "measured angular rate, body", interval=True, starts_from=("omega_bi_body",)
+    )
+    valid: bool = Output("1", "true: the measurement may be used", interval=True)
+
+
+class AttitudeDetermination(Sampled):
+    """Estimates the attitude, whatever sensors and filters stand behind it."""
+
+    role = "determination"
+
+    q_bi: Vec4 = Input("1", "attitude: body from eci, scalar last", start=UPRIGHT)
+    q_meas_bi: Vec4 = Output(
+        "1", "estimated attitude: body from eci, scalar last", interval=True, starts_from=("q_bi",)
+    )
+    valid: bool = Output("1", "true: the estimate may be used", interval=True)
+
+
+class SunSensor(Sampled):
+    """Measures the direction to the Sun."""
+
+    role = "sun_sensor"
+
+    sun_eci: Vec3 = Input("1", "unit vector to the Sun, eci")
+    sunlight: float = Input("1", "visible share of the Sun", start=1.0)
+    q_bi: Vec4 = Input("1", "attitude: body from eci, scalar last", start=UPRIGHT)
+    sun_meas_body: Vec3 = Output(
+        "1",
+        "measured unit vector to the Sun, body; zero while invalid",
+        interval=True,
+        starts_from=("sun_eci", "sunlight", "q_bi"),
+    )
+    valid: bool = Output(
+        "1",
+        "true: the Sun is seen",
+        interval=True,
+        starts_from=("sun_eci", "sunlight", "q_bi"),
+    )
+
+
+class Guidance(Sampled):
+    """Says which attitude is wanted."""
+
+    role = "guidance"
+
+    r_eci: Vec3 = Input("m", "position, eci", start=(7.0e6, 0.0, 0.0))
+    v_eci: Vec3 = Input("m/s", "velocity, eci", start=(0.0, 7.5e3, 0.0))
+    q_ref_bi: Vec4 = Output(
+        "1",
+        "reference attitude: body from eci, scalar last",
+        interval=True,
+        starts_from=("r_eci", "v_eci"),
+    )
+    omega_ref_body: Vec3 = Output(
+        "rad/s",
+        "rate of the reference frame relative to eci, in the reference frame",
+        interval=True,
+        starts_from=("r_eci", "v_eci"),
+    )
+
+
+class Controller(Sampled):
+    """Says which torque the body needs to follow its reference."""
+
+    role = "controller"
+
+    q_bi: Vec4 = Input("1", "measured attitude: body from eci, scalar last", start=UPRIGHT)
+    omega_bi_body: Vec3 = Input("rad/s", "measured angular rate, body")
+    q_ref_bi: Vec4 = Input("1", "reference attitude: body from eci, scalar last", start=UPRIGHT)
+    omega_ref_body: Vec3 = Input("rad/s", "rate of the reference frame, in the reference frame")
+    enable: bool = Input("1", "false: no torque, integral at zero", start=True)
+    tau_ctrl_body: Vec3 = Output("N.m", "torque wanted on the body, body", interval=True)
 
 
 class Manager(Sampled):
@@ -120,7 +204,11 @@ class Torquers(Sampled):
     m_mean_body: Vec3 = Output("A.m2", "dipole, body, mean over the step", interval=True)
     m_slope_body: Vec3 = Output("A.m2", "dipole, body, slope over the step", interval=True)
     on_time: float = Output("s", "time that coils were on, summed over the coils")
-    dipole_energy: float = Output("A2.m4.s", "half the integral of the squared dipole (eq. 32)")
+    dipole_energy: float = Output(
+        "A2.m4.s", "half the integral of the squared dipole (paper 000, eq. 32)"
+    )
+    electric_energy: float = Output("J", "electric energy of all coils")
+    m_body: Vec3 = Output("A.m2", "dipole at this time, body")
 
 
 class Thrusters(Sampled):
@@ -138,16 +226,20 @@ class Thrusters(Sampled):
 
 
 class Wheels(Block):
-    """Reaction wheels."""
+    """Reaction wheels: up to four rotors about fixed axes."""
 
     role = "wheels"
 
     tau_cmd_wheel: Vec4 = Input("N.m", "torque command to each rotor")
+    speed_cmd_wheel: Vec4 = Input("rad/s", "speed command to each rotor, relative to the body")
     omega_bi_body: Vec3 = Input("rad/s", "angular rate of the body relative to eci, body")
     tau_mean_wheel: Vec4 = Output(
         "N.m", "net torque on each rotor, friction included, mean over the step", interval=True
     )
     tau_slope_wheel: Vec4 = Output("N.m", "net torque on each rotor, slope", interval=True)
+    tau_jitter_body: Vec3 = Output(
+        "N.m", "disturbance of unbalanced rotors on the body, body", interval=True
+    )
     h_wheel: Vec4 = Output(
         "N.m.s",
         "axial momentum of each wheel, absolute: J_s (Omega + g.omega)",
@@ -155,3 +247,5 @@ class Wheels(Block):
     )
     speed_wheel: Vec4 = Output("rad/s", "speed of each rotor relative to the body")
     saturated_wheel: Flags4 = Output("1", "true: the wheel is at its momentum limit")
+    failed_wheel: Flags4 = Output("1", "true: the wheel has failed")
+    power: float = Output("W", "electric power of all wheels over the last step")

@@ -31,4 +31,4 @@ class Magnetometer(Role):
         b = add(rotate(self.q_bi, self.b_eci), self.bias_body)
         if self.noise > 0.0:
             b = add(b, scale(self.noise, normal3(self.seed, index)))
-        self.b_body = b
+        self.b_body, self.valid = b, True

@@ -31,4 +31,4 @@ class Tachometers(Role):
             c, d = normal_pair(self.seed, index, 2)
             s = self.noise
             h = (h[0] + s * a, h[1] + s * b, h[2] + s * c, h[3] + s * d)
-        self.h_meas_wheel = h
+        self.h_meas_wheel, self.valid = h, True
