@@ -37,3 +37,18 @@ def normal3(seed: int, index: int, channel: int = 0) -> Vec3:
     a, b = normal_pair(seed, index, channel)
     c, _ = normal_pair(seed, index, channel + 2)
     return (a, b, c)
+
+
+def normal6(seed: int, index: int, channel: int = 0) -> tuple[Vec3, Vec3]:
+    """Six independent standard normal numbers; six channels from `channel` on are used.
+
+    The numbers of three `normal_pair`, at little more than the cost of one `normal3`.
+    """
+    state = _mix(_mix(seed) ^ index)
+    numbers: list[float] = []
+    for k in (channel, channel + 2, channel + 4):
+        radius = sqrt(-2.0 * log(((_mix(state ^ k) >> 12) + 0.5) / (1 << 52)))
+        angle = 2.0 * pi * (((_mix(state ^ (k + 1)) >> 12) + 0.5) / (1 << 52))
+        numbers += (radius * cos(angle), radius * sin(angle))
+    a, b, c, d, e, f = numbers
+    return (a, b, c), (d, e, f)

@@ -6,11 +6,12 @@ circular orbit).
 
 from __future__ import annotations
 
-from math import cos, sin, sqrt
+from math import acos, atan2, copysign, cos, hypot, pi, remainder, sin, sqrt, tau
+from typing import NamedTuple
 
 from .attitude import from_matrix
 from .block import Vec3, Vec4
-from .vector import cross, scale, unit
+from .vector import add, cross, dot, norm, scale, unit
 
 MU = 3.986004418e14
 """Gravitational parameter of the Earth (m3/s2), WGS-84 / EGM."""
@@ -21,10 +22,35 @@ EARTH_RADIUS = 6378137.0
 EARTH_RATE = 7.2921159e-5
 """Rotation of the Earth (rad/s)."""
 
+J2 = 1.08262668e-3
+"""Second zonal harmonic of the Earth's gravity, EGM-96 (not normalised)."""
 
-def mean_motion(semi_major_axis: float) -> float:
-    """n = sqrt(mu / a^3) (rad/s) for a semi-major axis in m."""
-    return sqrt(MU / semi_major_axis**3)
+TROPICAL_YEAR = 365.24219 * 86400.0
+"""The Sun's mean turn through the equinoxes (s)."""
+
+
+class Elements(NamedTuple):
+    """Kepler elements at t = 0: m, 1, and angles in rad relative to eci."""
+
+    semi_major_axis: float
+    eccentricity: float
+    inclination: float
+    raan: float
+    argument_of_perigee: float
+    mean_anomaly: float
+
+
+class Drift(NamedTuple):
+    """Rates of the angular elements beyond Kepler's motion (rad/s)."""
+
+    raan: float
+    argument_of_perigee: float
+    mean_anomaly: float
+
+
+def mean_motion(semi_major_axis: float, mu: float = MU) -> float:
+    """n = sqrt(mu / a^3) (rad/s) for a semi-major axis in m and mu in m3/s2."""
+    return sqrt(mu / semi_major_axis**3)
 
 
 def orbit_plane(inclination: float, raan: float) -> tuple[Vec3, Vec3, Vec3]:
@@ -42,3 +68,137 @@ def lvlh_attitude(r_eci: Vec3, v_eci: Vec3) -> Vec4:
     y = scale(-1.0, unit(cross(r_eci, v_eci)))
     x = cross(y, z)
     return from_matrix((*x, *y, *z))
+
+
+def perifocal_axes(
+    inclination: float, raan: float, argument_of_perigee: float
+) -> tuple[Vec3, Vec3]:
+    """Unit vectors in eci: to the perigee, and 90 deg ahead in the plane. Angles in rad."""
+    node, ahead, _ = orbit_plane(inclination, raan)
+    c, s = cos(argument_of_perigee), sin(argument_of_perigee)
+    return add(scale(c, node), scale(s, ahead)), add(scale(-s, node), scale(c, ahead))
+
+
+def eccentric_anomaly(mean_anomaly: float, eccentricity: float) -> float:
+    """E - e sin E = M for 0 <= e < 1, to rounding (rad, from -pi to pi).
+
+    Newton's iteration. Above e = 0.8 it starts at pi, on the side where the equation is convex, so
+    it converges from there for any M (Montenbruck & Gill, Satellite Orbits, section 2.2.4).
+    """
+    m, e = remainder(mean_anomaly, tau), eccentricity
+    x = m + e * sin(m) if e < 0.8 else copysign(pi, m)
+    while True:
+        s = sin(x)
+        step = (x - e * s - m) / (1.0 - e * cos(x))
+        x -= step
+        # the next step would be of the order of step^2: below rounding (and nan ends here)
+        if not abs(step) > 1e-9:
+            return x
+
+
+def mean_from_true_anomaly(true_anomaly: float, eccentricity: float) -> float:
+    """Mean anomaly (rad, from -pi to pi) of a true anomaly (rad), 0 <= e < 1."""
+    c, s = cos(true_anomaly), sin(true_anomaly)
+    y, x = sqrt(1.0 - eccentricity * eccentricity) * s, eccentricity + c
+    return atan2(y, x) - eccentricity * y / (1.0 + eccentricity * c)
+
+
+def ellipse_of_altitudes(perigee: float, apogee: float) -> tuple[float, float]:
+    """Semi-major axis (m) and eccentricity from the heights (m) above the equatorial radius."""
+    low, high = EARTH_RADIUS + perigee, EARTH_RADIUS + apogee
+    return 0.5 * (low + high), (high - low) / (high + low)
+
+
+def ellipse_state(
+    semi_major_axis: float, eccentricity: float, mean_anomaly: float, anomaly_rate: float,
+    to_perigee: Vec3, ahead: Vec3,
+) -> tuple[Vec3, Vec3]:  # fmt: skip
+    """Position and velocity on an ellipse in the plane of two unit vectors.
+
+    a in m, M in rad and its rate in rad/s; r in m, v in m/s, in the frame of the unit vectors.
+    """
+    anomaly = eccentric_anomaly(mean_anomaly, eccentricity)
+    c, s = cos(anomaly), sin(anomaly)
+    minor = semi_major_axis * sqrt(1.0 - eccentricity * eccentricity)
+    rate = anomaly_rate / (1.0 - eccentricity * c)
+    x, y = semi_major_axis * (c - eccentricity), minor * s
+    vx, vy = -semi_major_axis * s * rate, minor * c * rate
+    px, py, pz = to_perigee
+    qx, qy, qz = ahead
+    return (
+        (x * px + y * qx, x * py + y * qy, x * pz + y * qz),
+        (vx * px + vy * qx, vx * py + vy * qy, vx * pz + vy * qz),
+    )
+
+
+def drifting_state(elements: Elements, drift: Drift, t: float, mu: float) -> tuple[Vec3, Vec3]:
+    """r (m) and v (m/s) in eci, t (s) after the elements, on an ellipse whose angles drift.
+
+    v is the time derivative of r, the turning of the ellipse included.
+    """
+    a, e, i, raan, perigee, anomaly = elements
+    raan += drift.raan * t
+    p, q = perifocal_axes(i, raan, perigee + drift.argument_of_perigee * t)
+    rate = mean_motion(a, mu) + drift.mean_anomaly
+    r, v = ellipse_state(a, e, anomaly + rate * t, rate, p, q)
+    wx, wy, wz = scale(drift.argument_of_perigee, cross(p, q))
+    return r, add(v, cross((wx, wy, wz + drift.raan), r))
+
+
+def j2_drift(
+    semi_major_axis: float, eccentricity: float, inclination: float, mu: float = MU
+) -> Drift:
+    """The secular drift by the Earth's oblateness, first order in J2, for mean elements.
+
+    Vallado, Fundamentals of Astrodynamics and Applications, 4th ed., section 9.6.
+    """
+    n = mean_motion(semi_major_axis, mu)
+    squared = 1.0 - eccentricity * eccentricity
+    c = cos(inclination)
+    k = 0.75 * n * J2 * (EARTH_RADIUS / (semi_major_axis * squared)) ** 2
+    return Drift(
+        raan=-2.0 * k * c,
+        argument_of_perigee=k * (5.0 * c * c - 1.0),
+        mean_anomaly=k * sqrt(squared) * (3.0 * c * c - 1.0),
+    )
+
+
+def sun_synchronous_inclination(semi_major_axis: float, eccentricity: float = 0.0) -> float:
+    """The inclination (rad) at which J2 turns the node once in a tropical year.
+
+    Raises ValueError for an orbit that is too high (a > 12 352 km when circular).
+    """
+    k = -j2_drift(semi_major_axis, eccentricity, 0.0).raan
+    cosine = -tau / TROPICAL_YEAR / k
+    if cosine < -1.0:
+        raise ValueError(
+            f"no inclination makes a = {semi_major_axis:g} m, e = {eccentricity:g} "
+            "Sun-synchronous: the orbit is too high"
+        )
+    return acos(cosine)
+
+
+def elements_from_state(r_eci: Vec3, v_eci: Vec3, mu: float = MU) -> Elements:
+    """The elements of the ellipse through r (m) with v (m/s).
+
+    raan is 0 on an equatorial orbit, the argument of perigee 0 on a circular one. Raises
+    ValueError where the motion is not an ellipse.
+    """
+    radius = norm(r_eci)
+    a = 1.0 / (2.0 / radius - dot(v_eci, v_eci) / mu)
+    h = cross(r_eci, v_eci)
+    if not (a > 0.0 and norm(h) > 0.0):
+        raise ValueError("r and v are not those of an ellipse")
+    tilt = hypot(h[0], h[1])
+    inclination = atan2(tilt, h[2])
+    raan = atan2(h[0], -h[1]) if tilt > 1e-12 * norm(h) else 0.0
+    node, ahead, _ = orbit_plane(inclination, raan)
+
+    e_sin, e_cos = dot(r_eci, v_eci) / sqrt(mu * a), 1.0 - radius / a
+    e = hypot(e_sin, e_cos)
+    if e < 1e-14:
+        return Elements(a, 0.0, inclination, raan, 0.0, atan2(dot(r_eci, ahead), dot(r_eci, node)))
+    anomaly = atan2(e_sin, e_cos)
+    true = atan2(sqrt(1.0 - e * e) * sin(anomaly), cos(anomaly) - e)
+    perigee = remainder(atan2(dot(r_eci, ahead), dot(r_eci, node)) - true, tau)
+    return Elements(a, e, inclination, raan, perigee, anomaly - e_sin)

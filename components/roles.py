@@ -71,9 +71,7 @@ class Magnetometer(Sampled):
 
     b_eci: Vec3 = Input("T", "geomagnetic field, eci")
     q_bi: Vec4 = Input("1", "attitude: body from eci, scalar last", start=UPRIGHT)
-    b_body: Vec3 = Output(
-        "T", "measured field, body", interval=True, starts_from=("b_eci", "q_bi")
-    )
+    b_body: Vec3 = Output("T", "measured field, body", interval=True, starts_from=("b_eci", "q_bi"))
     valid: bool = Output("1", "true: the measurement may be used", interval=True)
 
 
@@ -185,7 +183,7 @@ class Manager(Sampled):
     h_wheel: Vec4 = Input("N.m.s", "measured axial momentum of each wheel")
     tau_ctrl_body: Vec3 = Input("N.m", "torque wanted on the body by the attitude controller")
     q_ref_bi: Vec4 = Input("1", "reference attitude: body from eci, scalar last", start=UPRIGHT)
-    omega_ref_body: Vec3 = Input("rad/s", "reference angular rate, body")
+    omega_ref_body: Vec3 = Input("rad/s", "rate of the reference frame, in the reference frame")
     h_target_body: Vec3 = Input("N.m.s", "wanted sum of the wheels' momentum (a bias), body")
     enable: bool = Input("1", "false: no dumping", start=True)
 
@@ -245,7 +243,11 @@ class Wheels(Block):
         "axial momentum of each wheel, absolute: J_s (Omega + g.omega)",
         starts_from=("omega_bi_body",),
     )
-    speed_wheel: Vec4 = Output("rad/s", "speed of each rotor relative to the body")
+    speed_wheel: Vec4 = Output(
+        "rad/s", "speed of each rotor relative to the body", starts_from=("omega_bi_body",)
+    )
     saturated_wheel: Flags4 = Output("1", "true: the wheel is at its momentum limit")
     failed_wheel: Flags4 = Output("1", "true: the wheel has failed")
-    power: float = Output("W", "electric power of all wheels over the last step")
+    power: float = Output(
+        "W", "electric power of all wheels, nothing recovered", starts_from=("omega_bi_body",)
+    )

@@ -56,6 +56,19 @@ def rms(times: Array, values: Array) -> float:
     return float(np.sqrt((values**2).sum(axis=1).mean()))
 
 
+@measure
+def pointing_last(times: Array, q: Array, q_ref: Array) -> float:
+    """The angle between two attitudes at the end (deg)."""
+    return float(pointing(q, q_ref)[-1])
+
+
+def pointing(q: Array, q_ref: Array) -> Array:
+    """The angle between attitudes (deg), row by row; exact for small ones."""
+    sign = np.where((q * q_ref).sum(axis=1, keepdims=True) < 0.0, -1.0, 1.0)
+    half_chord = np.linalg.norm(q - sign * q_ref, axis=1) / 2.0
+    return np.asarray(np.degrees(4.0 * np.arcsin(np.clip(half_chord, 0.0, 1.0))))
+
+
 def evaluate(number: dict[str, Any], results: Results) -> float:
     """The number that a scenario describes: `signal`, `measure` and the measure's options.
 

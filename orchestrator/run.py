@@ -17,7 +17,7 @@ from typing import Any
 
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
-from . import library, scenario, ssp
+from . import library, monitor, scenario, ssp
 from .check import Checked, check, load_interfaces, steps_of, value_of
 from .errors import DesatError, nearest
 from .interface import base_name
@@ -139,6 +139,8 @@ def execute(
         us_per_step=round(1e6 * seconds / max(done, 1), 3),
         numbers=numbers(system.about, results),
     )
+    if (residual := monitor.summary(system, results)) is not None:
+        manifest["numbers"]["momentum_residual"] = residual
     if folder is not None:
         write_json(folder / MANIFEST, manifest)
         (folder / f"{MANIFEST}.part").unlink(missing_ok=True)

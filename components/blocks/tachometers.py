@@ -1,34 +1,60 @@
 from __future__ import annotations
 
-from ..block import Parameter
+from ..block import Parameter, Vec4
 from ..noise import normal_pair
 from ..roles import Tachometers as Role
+from ..sensing import digital, failed
 
 
 class Tachometers(Role):
     """Wheel tachometers
 
-        h_meas_wheel = h_wheel + noise
+        h_meas_wheel = h_wheel + bias + noise
 
-    at each sample, held in between. The noise is a function of seed and sample index.
+    at each sample, held in between; then each wheel's value is rounded to a multiple of
+    `resolution` and limited to +-`full_scale`, where these are not 0. The noise is a function of
+    seed and sample index.
     """
 
+    bias_wheel: Vec4 = Parameter("N.m.s", "constant error of each wheel")
     noise: float = Parameter("N.m.s", "standard deviation of the noise of each wheel", min=0.0)
+    resolution: float = Parameter(
+        "N.m.s", "quantisation step of each wheel's momentum; 0: none", min=0.0
+    )
+    full_scale: float = Parameter(
+        "N.m.s", "largest magnitude of each wheel's momentum; 0: no limit", min=0.0
+    )
+    fail_time: float = Parameter(
+        "s", "from this time on invalid, holding the last value; negative: never", start=-1.0
+    )
     seed: int = Parameter("1", "seed of the noise", start=1)
 
     def start(self) -> None:
         super().start()
         self._measure(0)
+        self.valid = not failed(0.0, self.fail_time)
 
     def advance(self, t: float, dt: float) -> None:
         if self.due(t):
-            self._measure(self._sample)
+            self.valid = not failed(t, self.fail_time)
+            if self.valid:
+                self._measure(self._sample)
 
     def _measure(self, index: int) -> None:
-        h = self.h_wheel
+        h, b = self.h_wheel, self.bias_wheel
+        if any(b):
+            h = (h[0] + b[0], h[1] + b[1], h[2] + b[2], h[3] + b[3])
         if self.noise > 0.0:
-            a, b = normal_pair(self.seed, index)
-            c, d = normal_pair(self.seed, index, 2)
+            x, y = normal_pair(self.seed, index)
+            z, w = normal_pair(self.seed, index, 2)
             s = self.noise
-            h = (h[0] + s * a, h[1] + s * b, h[2] + s * c, h[3] + s * d)
-        self.h_meas_wheel, self.valid = h, True
+            h = (h[0] + s * x, h[1] + s * y, h[2] + s * z, h[3] + s * w)
+        if self.resolution > 0.0 or self.full_scale > 0.0:
+            step, full = self.resolution, self.full_scale
+            h = (
+                digital(h[0], step, full),
+                digital(h[1], step, full),
+                digital(h[2], step, full),
+                digital(h[3], step, full),
+            )
+        self.h_meas_wheel = h

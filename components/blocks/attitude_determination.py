@@ -1,0 +1,78 @@
+from __future__ import annotations
+
+from math import exp
+
+from ..attitude import propagated
+from ..block import Parameter, Vec3
+from ..noise import normal3, normal6
+from ..roles import AttitudeDetermination as Role
+from ..sensing import failed, gauss_markov
+from ..vector import ZERO, add, scale, unit
+
+_CHANNEL = 32  # apart from those of other sensors, which may have the same seed
+
+
+class AttitudeDetermination(Role):
+    """Attitude determination: a performance model
+
+        q_meas = dq(a_k) (x) q_bi
+        a_k = misalignment + misalignment_norm u + x_k + noise n_k
+        x_k = p x_(k-1) + markov_sigma sqrt(1 - p^2) w_k,       p = exp(-T / correlation_time)
+
+    at each sample, T = `sample_time` after the last one, held in between. dq(a) is the rotation
+    by |a| about a, in body axes. u is a unit vector drawn once, n and w are standard normal
+    numbers of each axis, and x starts from its stationary distribution (a first-order
+    Gauss-Markov process). The errors are functions of seed and sample index.
+
+    An *average determination error* E (paper 004: 3 deg) comes from either
+    - `misalignment_norm` = E: constant, its direction drawn;
+    - `markov_sigma` = E sqrt(pi / 8) = 0.62666 E: for 3 deg 0.032812 rad (the norm of x is Maxwell
+      distributed); with `noise` as well, the root of the sum of their squares.
+
+    Source: paper 004, sec. 3; Gelb, Applied Optimal Estimation (1974), ch. 3.
+    """
+
+    misalignment_body: Vec3 = Parameter("rad", "constant error, a rotation vector, body")
+    misalignment_norm: float = Parameter(
+        "rad", "size of a further constant error, its direction drawn from the seed", min=0.0
+    )
+    markov_sigma: float = Parameter(
+        "rad", "standard deviation of the Gauss-Markov error of each axis", min=0.0
+    )
+    correlation_time: float = Parameter(
+        "s", "correlation time of the Gauss-Markov error; 0: white", start=100.0, min=0.0
+    )
+    noise: float = Parameter("rad", "standard deviation of the white error of each axis", min=0.0)
+    fail_time: float = Parameter(
+        "s", "from this time on invalid, holding the last value; negative: never", start=-1.0
+    )
+    seed: int = Parameter("1", "seed of the errors", start=1)
+
+    def start(self) -> None:
+        super().start()
+        drawn = unit(normal3(self.seed, 0, _CHANNEL + 6))
+        self._constant = add(self.misalignment_body, scale(self.misalignment_norm, drawn))
+        white, markov = normal6(self.seed, 0, _CHANNEL)
+        self._markov = scale(self.markov_sigma, markov)
+        self._measure(white)
+        self.valid = not failed(0.0, self.fail_time)
+
+    def advance(self, t: float, dt: float) -> None:
+        before = self._sample
+        if not self.due(t):
+            return
+        self.valid = not failed(t, self.fail_time)
+        if not self.valid:
+            return
+        white = ZERO
+        if self.noise > 0.0 or self.markov_sigma > 0.0:
+            white, markov = normal6(self.seed, self._sample, _CHANNEL)
+            if before >= 0:
+                elapsed = (self._sample - before) * (self.sample_time or dt)
+                decay = exp(-elapsed / self.correlation_time) if self.correlation_time else 0.0
+                self._markov = gauss_markov(self._markov, decay, self.markov_sigma, markov)
+        self._measure(white)
+
+    def _measure(self, white: Vec3) -> None:
+        error = add(add(self._constant, self._markov), scale(self.noise, white))
+        self.q_meas_bi = propagated(self.q_bi, error, 1.0)

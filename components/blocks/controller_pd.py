@@ -1,0 +1,44 @@
+from __future__ import annotations
+
+from ..block import Mat33, Parameter
+from ..laws.attitude_control import limited, pd_torque, tracking_error
+from ..roles import Controller
+from ..vector import IDENTITY, ZERO
+
+
+class ControllerPd(Controller):
+    """Quaternion PD attitude controller
+
+        dq = q_bi (x) q_ref_bi^-1,      e = sign(dq_4) dq_1:3                       (eq. 7)
+        delta omega = omega_bi_body - C(dq) omega_ref_body                          (eq. 8)
+        tau_ctrl_body = -G (kp e + kd delta omega)                                  (eqs. 10, 11)
+
+    at each sample, held in between, each axis within +-`torque_limit`; `controller_pid` without
+    its integral. e is half the angle for small errors. Eq. 8 subtracts the rates without saying
+    in which frame; here the reference rate is brought into the body frame.
+
+    Source: paper 004, eqs. 7-11.
+    """
+
+    kp: float = Parameter("N.m", "gain on e; 1/s2 where G is an inertia", start=1e-2, min=0.0)
+    kd: float = Parameter("N.m.s", "gain on delta omega; 1/s where G is", start=0.1, min=0.0)
+    gain_matrix: Mat33 = Parameter(
+        "1", "G, body: the identity, or the inertia matrix in kg.m2 (eq. 11)", start=IDENTITY
+    )
+    torque_limit: float = Parameter("N.m", "largest torque of each axis; 0: no limit", min=0.0)
+
+    def start(self) -> None:
+        super().start()
+        self.tau_ctrl_body = ZERO
+
+    def advance(self, t: float, dt: float) -> None:
+        if not self.due(t):
+            return
+        if not self.enable:
+            self.tau_ctrl_body = ZERO
+            return
+        e, d_omega = tracking_error(
+            self.q_bi, self.omega_bi_body, self.q_ref_bi, self.omega_ref_body
+        )
+        tau = pd_torque(e, d_omega, self.kp, self.kd, self.gain_matrix)
+        self.tau_ctrl_body = limited(tau, self.torque_limit)

@@ -1,0 +1,25 @@
+from __future__ import annotations
+
+from ..attitude import normalised
+from ..block import Parameter, Vec4
+from ..roles import UPRIGHT, Guidance
+from ..vector import ZERO
+
+
+class GuidanceInertial(Guidance):
+    """Inertial pointing
+
+        q_ref_bi = q_target_bi,     omega_ref_body = 0
+
+    Source: paper 004, sec. 3 (Figures 3-5).
+    """
+
+    q_target_bi: Vec4 = Parameter(
+        "1", "wanted attitude: body from eci, scalar last; normalised", start=UPRIGHT
+    )
+
+    def start(self) -> None:
+        super().start()
+        if not any(self.q_target_bi):
+            self.fail("q_target_bi is zero; it must be a quaternion")
+        self.q_ref_bi, self.omega_ref_body = normalised(self.q_target_bi), ZERO

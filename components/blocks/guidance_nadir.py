@@ -1,0 +1,48 @@
+from __future__ import annotations
+
+from ..attitude import normalised, product, rotate
+from ..block import Parameter, Vec4
+from ..orbit import lvlh_attitude
+from ..roles import UPRIGHT, Guidance
+from ..vector import cross, dot, norm, scale
+
+
+class GuidanceNadir(Guidance):
+    """Nadir pointing
+
+        q_ref_bi = q_bo (x) q_oi(r, v)
+        omega_ref_body = C(q_bo) (0, -|r x v| / r^2, 0)
+
+    at each sample, held in between. q_oi is the attitude of lvlh (z to nadir, y to minus orbit
+    normal); its rate is exact on circular and elliptic Kepler orbits. A force across the orbit
+    turns the plane and adds r f / |r x v| about z, which is left out: for the Earth's J2 less
+    than 2e-3 of the orbital rate. The sign of the quaternion is that of the sample before.
+
+    Source: paper 004, sec. 3; the rate from the conservation of angular momentum.
+    """
+
+    q_bo: Vec4 = Parameter(
+        "1", "wanted attitude: body from lvlh, scalar last; normalised", start=UPRIGHT
+    )
+
+    def start(self) -> None:
+        super().start()
+        if not any(self.q_bo):
+            self.fail("q_bo is zero; it must be a quaternion")
+        self._q_bo = normalised(self.q_bo)
+        self._axis = rotate(self._q_bo, (0.0, -1.0, 0.0))
+        self.q_ref_bi = UPRIGHT
+        self._point()
+
+    def advance(self, t: float, dt: float) -> None:
+        if self.due(t):
+            self._point()
+
+    def _point(self) -> None:
+        r, v = self.r_eci, self.v_eci
+        a, b, c, d = product(self._q_bo, lvlh_attitude(r, v))
+        w, x, y, z = self.q_ref_bi
+        # lvlh_attitude keeps its scalar positive; followed without jumps, q shows as it turns
+        same = a * w + b * x + c * y + d * z >= 0.0
+        self.q_ref_bi = (a, b, c, d) if same else (-a, -b, -c, -d)
+        self.omega_ref_body = scale(norm(cross(r, v)) / dot(r, r), self._axis)

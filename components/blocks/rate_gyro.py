@@ -1,0 +1,89 @@
+from __future__ import annotations
+
+from math import hypot, sqrt
+
+from ..block import Parameter, Vec3
+from ..noise import normal6
+from ..roles import RateGyro as Role
+from ..sensing import digital3, failed
+from ..vector import ZERO, add, scale
+
+_CHANNEL = 16  # apart from those of other sensors, which may have the same seed
+
+
+class RateGyro(Role):
+    """Three-axis rate gyro
+
+        omega_meas = (1 + scale_error) omega + b_k + sigma n_k
+        b_k = b_(k-1) + bias_walk sqrt(T) w_k,      b_0 = bias
+        sigma^2 = noise^2 + angle_random_walk^2 / T
+
+    at each sample, T = `sample_time` after the last one, held in between; n and w are standard
+    normal numbers of each axis. Then each axis is rounded to a multiple of `resolution` and
+    limited to +-`full_scale`, where these are not 0. A limited value stays valid: it still has
+    the sign. The noise is a function of seed and sample index.
+
+    The walks are given by what they come to in one second, so the numbers are those of a data
+    sheet in rad/sqrt(s) and rad/s/sqrt(s); 1 deg/sqrt(h) = 2.909e-4 rad/sqrt(s).
+
+    Source: Farrenkopf's gyro model, as in Markley & Crassidis, Fundamentals of Spacecraft
+    Attitude Determination and Control (2014), sec. 4.7; the sample is the rate at its time, not
+    the mean since the last one.
+    """
+
+    bias_body: Vec3 = Parameter("rad/s", "bias at the start, body")
+    bias_walk: float = Parameter(
+        "rad/s",
+        "random walk of the bias: standard deviation of its change in 1 s, each axis",
+        min=0.0,
+    )
+    noise: float = Parameter(
+        "rad/s", "standard deviation of the noise of each axis, whatever the sample time", min=0.0
+    )
+    angle_random_walk: float = Parameter(
+        "rad",
+        "standard deviation of the angle that white rate noise sums up to in 1 s, each axis",
+        min=0.0,
+    )
+    scale_error: Vec3 = Parameter("1", "scale-factor error of each axis")
+    resolution: float = Parameter("rad/s", "quantisation step of each axis; 0: none", min=0.0)
+    full_scale: float = Parameter("rad/s", "largest magnitude of each axis; 0: no limit", min=0.0)
+    fail_time: float = Parameter(
+        "s", "from this time on invalid, holding the last value; negative: never", start=-1.0
+    )
+    seed: int = Parameter("1", "seed of the noise", start=1)
+
+    def start(self) -> None:
+        super().start()
+        self._sigma = self.noise
+        if self.angle_random_walk > 0.0:
+            if self.sample_time <= 0.0:
+                self.fail("angle_random_walk needs a sample_time above 0 s")
+            self._sigma = hypot(self.noise, self.angle_random_walk / sqrt(self.sample_time))
+        self._bias = self.bias_body
+        self._measure(normal6(self.seed, 0, _CHANNEL)[0])
+        self.valid = not failed(0.0, self.fail_time)
+
+    def advance(self, t: float, dt: float) -> None:
+        before = self._sample
+        if not self.due(t):
+            return
+        self.valid = not failed(t, self.fail_time)
+        if not self.valid:
+            return
+        white = ZERO
+        if self._sigma > 0.0 or self.bias_walk > 0.0:
+            white, walk = normal6(self.seed, self._sample, _CHANNEL)
+            if before >= 0:
+                elapsed = (self._sample - before) * (self.sample_time or dt)
+                self._bias = add(self._bias, scale(self.bias_walk * sqrt(elapsed), walk))
+        self._measure(white)
+
+    def _measure(self, white: Vec3) -> None:
+        omega, error, bias, s = self.omega_bi_body, self.scale_error, self._bias, self._sigma
+        measured = (
+            (1.0 + error[0]) * omega[0] + bias[0] + s * white[0],
+            (1.0 + error[1]) * omega[1] + bias[1] + s * white[1],
+            (1.0 + error[2]) * omega[2] + bias[2] + s * white[2],
+        )
+        self.omega_meas_body = digital3(measured, self.resolution, self.full_scale)

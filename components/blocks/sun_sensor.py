@@ -1,0 +1,63 @@
+from __future__ import annotations
+
+from math import cos, pi
+
+from ..attitude import rotate
+from ..block import Parameter, Vec3
+from ..noise import normal3
+from ..roles import SunSensor as Role
+from ..sensing import failed
+from ..vector import ZERO, add, dot, norm, scale, unit
+
+_CHANNEL = 48  # apart from those of other sensors, which may have the same seed
+
+
+class SunSensor(Role):
+    """Sun sensor
+
+        s = C(q_bi) sun_eci,        sun_meas_body = unit(s + noise n)
+
+    at each sample, held in between, where the Sun is seen: within `half_angle` of the boresight,
+    and with no less than `sunlight_min` of its disc visible. Otherwise the vector is zero and
+    invalid. n are standard normal numbers, so `noise` is the angular error of each of the two
+    axes across the direction. The noise is a function of seed and sample index.
+    """
+
+    boresight_body: Vec3 = Parameter(
+        "1", "axis of the field of view, body; normalised", start=(0.0, 0.0, 1.0)
+    )
+    half_angle: float = Parameter(
+        "rad", "half-angle of the field of view; pi: sees everywhere", start=pi, min=0.0, max=pi
+    )
+    sunlight_min: float = Parameter(
+        "1", "visible share of the Sun from which on it is seen", start=0.5, min=0.0, max=1.0
+    )
+    noise: float = Parameter(
+        "rad", "standard deviation of the direction, each of two axes", min=0.0
+    )
+    fail_time: float = Parameter("s", "from this time on invalid; negative: never", start=-1.0)
+    seed: int = Parameter("1", "seed of the noise", start=1)
+
+    def start(self) -> None:
+        super().start()
+        if not any(self.boresight_body):
+            self.fail("boresight_body is zero; it must be a direction")
+        self._boresight = unit(self.boresight_body)
+        self._cosine = cos(self.half_angle)
+        self._measure(0, 0.0)
+
+    def advance(self, t: float, dt: float) -> None:
+        if self.due(t):
+            self._measure(self._sample, t)
+
+    def _measure(self, index: int, t: float) -> None:
+        self.valid, self.sun_meas_body = False, ZERO
+        size = norm(self.sun_eci)
+        if size == 0.0 or self.sunlight < self.sunlight_min or failed(t, self.fail_time):
+            return
+        s = rotate(self.q_bi, scale(1.0 / size, self.sun_eci))
+        if dot(s, self._boresight) < self._cosine - 1e-12:  # rounding must not cut pi or 0
+            return
+        if self.noise > 0.0:
+            s = unit(add(s, scale(self.noise, normal3(self.seed, index, _CHANNEL))))
+        self.valid, self.sun_meas_body = True, s

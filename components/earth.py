@@ -1,0 +1,111 @@
+"""The Earth's turn, the Sun and the Earth's shadow.
+
+Times are epochs: seconds since 2000-01-01T12:00:00 UTC, leap seconds not counted, UT1 = UTC. The
+frame `eci` of this module is that of the equator and the equinox of date (what the elements of
+SGP4 mean by TEME, to 20 arcsec), held fixed during a run; so the Earth's angle is the sidereal time
+and the Sun's direction that of the almanac. v_earth_fixed = R3(angle) v_eci.
+"""
+
+from __future__ import annotations
+
+from datetime import datetime, timedelta
+from math import acos, asin, cos, pi, radians, sin, sqrt, tau
+
+from .block import Vec3
+from .orbit import EARTH_RADIUS
+
+SUN_RADIUS = 6.957e8
+"""Nominal radius of the Sun (m), IAU 2015 resolution B3."""
+
+ASTRONOMICAL_UNIT = 1.495978707e11
+"""m"""
+
+FLATTENING = 1.0 / 298.257223563
+"""Of the WGS-84 ellipsoid."""
+
+_DAY = 86400.0
+
+
+def earth_angle(epoch: float) -> float:
+    """Greenwich mean sidereal time (rad, from 0 to 2 pi) at an epoch (s), IAU 1982.
+
+    Vallado, Fundamentals of Astrodynamics and Applications, 4th ed., eq. 3-45.
+    """
+    c = epoch / (36525.0 * _DAY)
+    seconds = 67310.54841 + (876600.0 * 3600.0 + 8640184.812866) * c
+    seconds += (0.093104 - 6.2e-6 * c) * c * c
+    return tau * (seconds % _DAY) / _DAY
+
+
+def decimal_year(epoch: float) -> float:
+    """The calendar year with its elapsed share, 2026.5 for the middle of 2026, of an epoch (s)."""
+    date = datetime(2000, 1, 1, 12) + timedelta(seconds=epoch)
+    first = datetime(date.year, 1, 1)
+    return date.year + (date - first) / (datetime(date.year + 1, 1, 1) - first)
+
+
+def sun(epoch: float) -> tuple[Vec3, float]:
+    """Unit vector from the Earth to the Sun, eci, and the distance (m), at an epoch (s).
+
+    The low-precision formulae of the Astronomical Almanac (page C5): 0.01 deg from 1950 to 2050.
+    """
+    days = epoch / _DAY
+    g = radians(357.528 + 0.9856003 * days)
+    sin_g, cos_g = sin(g), cos(g)
+    longitude = radians(280.460 + 0.9856474 * days + (1.915 + 0.040 * cos_g) * sin_g)
+    obliquity = radians(23.439 - 4e-7 * days)
+    distance = 1.00014 - 0.01671 * cos_g - 0.00014 * (2.0 * cos_g * cos_g - 1.0)
+    s = sin(longitude)
+    return (cos(longitude), cos(obliquity) * s, sin(obliquity) * s), distance * ASTRONOMICAL_UNIT
+
+
+def raan_of_local_time(hours: float, epoch: float) -> float:
+    """The raan (rad, from 0 to 2 pi) whose node has a mean local solar time, at an epoch (s).
+
+    `hours` from 0 to 24 for the ascending node: 12 puts it under the mean Sun.
+    """
+    mean_sun = radians(280.460 + 0.9856474 * epoch / _DAY)
+    return (mean_sun + (hours - 12.0) * tau / 24.0) % tau
+
+
+def sunlight(r_eci: Vec3, sun_eci: Vec3, sun_distance: float) -> float:
+    """The visible share of the Sun's disc at r (m): 0 in umbra, 1 outside of the penumbra.
+
+    The Earth is a sphere of the equatorial radius. Two overlapping discs, Montenbruck & Gill,
+    Satellite Orbits, section 3.4.2.
+    """
+    x, y, z = r_eci
+    sx, sy, sz = sun_eci
+    along = x * sx + y * sy + z * sz
+    if along >= 0.0:  # before the Earth
+        return 1.0
+    size2 = x * x + y * y + z * z
+    # spacecraft to Sun: its distance, and the cosine of its angle from the Earth's centre
+    distance = sqrt(sun_distance * (sun_distance - 2.0 * along) + size2)
+    radius = sqrt(size2)
+    a = asin(SUN_RADIUS / distance)
+    b = asin(min(EARTH_RADIUS / radius, 1.0))
+    c = acos(max((size2 - sun_distance * along) / (distance * radius), -1.0))
+    if c >= a + b:
+        return 1.0
+    if c <= b - a:
+        return 0.0
+    if c <= a - b:  # an annular eclipse, far out
+        return 1.0 - (b / a) ** 2
+    # from the Sun's centre to the chord of the two rims; within +-a but for rounding
+    u = max(min((a * a + (c - b) * (c + b)) / (2.0 * c), a), -a)
+    sector = b * b * acos(max(min((c - u) / b, 1.0), -1.0))
+    hidden = a * a * acos(u / a) + sector - c * sqrt(a * a - u * u)
+    return 1.0 - hidden / (pi * a * a)
+
+
+def height(r_eci: Vec3) -> float:
+    """The height (m) of r (m) above the WGS-84 ellipsoid, to 5 m up to 1000 km.
+
+    Measured along the radius, which leans from the vertical by 0.2 deg at the most.
+    """
+    x, y, z = r_eci
+    size2 = x * x + y * y + z * z
+    polar2 = (1.0 - FLATTENING) ** 2
+    surface = EARTH_RADIUS / sqrt(1.0 + (1.0 / polar2 - 1.0) * z * z / size2)
+    return sqrt(size2) - surface

@@ -1,0 +1,202 @@
+"""What orbits around the Earth have in common: field, Sun, shadow and atmosphere along them."""
+
+from __future__ import annotations
+
+import inspect
+from math import cos, floor, sin
+
+from . import atmosphere, earth, geomagnetic
+from .block import BlockError, Parameter, Vec3
+from .igrf14 import DEGREE
+from .orbit import EARTH_RADIUS, EARTH_RATE
+from .roles import Environment
+from .vector import ZERO, norm, scale
+
+_PAGE = """
+**Field.** `none`; `dipole`, centred, B = (3 (m.u) u - m) / r^3 with u = r / |r| and m =
+`dipole_earth` in Earth-fixed axes; or `igrf`, the spherical harmonics of IGRF-14 up to
+`igrf_degree` with the coefficients of t = 0. The Earth turns: v_earth = R3(angle) v_eci, angle =
+angle_0 + `earth_rate` t, where angle_0 is the sidereal time of the epoch (IAU 1982), or
+`earth_angle_start`.
+
+The field is computed at the multiples of 10 s; in between it is the polynomial of fifth degree
+through the six values around, which is the field to 1e-16 T (dipole) or 2e-14 T (igrf). So b_eci
+and its two derivatives along the orbit belong together.
+
+**Sun.** Low-precision formulae of the Astronomical Almanac, 0.01 deg, taken at the middle of each
+10 s. `sunlight` is the visible share of its disc behind a spherical Earth (Montenbruck & Gill,
+Satellite Orbits, section 3.4.2).
+
+**Atmosphere.** `none`; `table`: layers with exponential density over the height above the
+ellipsoid (Vallado, Fundamentals of Astrodynamics and Applications, table 8-4); or `exponential`:
+rho = `density_base` exp(-(|r| - `atmosphere_radius` - `altitude_base`) / `scale_height`).
+"""
+
+NODE_TIME = 10.0
+"""Between the points at which the field is computed (s)."""
+
+NODES = 6
+"""Points that a polynomial goes through."""
+
+_NO_FIELD, _DIPOLE, _IGRF = 0, 1, 2
+_NO_AIR, _AIR_TABLE = 0, 1
+
+_Vec6 = tuple[float, float, float, float, float, float]
+_Piece = tuple[int, tuple[Vec3, ...], tuple[_Vec6, ...], Vec3, float]
+"""Of one interval between nodes: its number, B at the nodes around it, the polynomial of each
+component, unit vector and distance of the Sun."""
+
+
+class NearEarth(Environment):
+    """Base of the environments of an Earth orbit: a block adds `motion`, and to its page is added
+    what all of them compute.
+
+    `advance` prepares the polynomials of the interval between nodes that its step ends in, and
+    `output` uses them; called for another time, `output` makes them itself and does not keep them.
+    They depend on parameters and time only, so the outputs do not depend on the calls before.
+    """
+
+    epoch_j2000: float = Parameter(
+        "s", "UTC of t = 0: seconds since 2000-01-01T12:00:00 UTC, leap seconds not counted; "
+        "820497600 is 2026-01-01T00:00:00",
+        start=820497600.0, min=-3.2e9, max=3.2e9,
+    )  # fmt: skip
+    field: int = Parameter(
+        "1", "geomagnetic field", choices=("none", "dipole", "igrf"), start="igrf"
+    )
+    dipole_earth: Vec3 = Parameter(
+        "T.m3",
+        "centred dipole, Earth-fixed: mu_0 / (4 pi) times the moment, which points south; from "
+        "Gauss coefficients (g11, h11, g10) R^3. Start: IGRF-14 at 2025.0",
+        start=scale(geomagnetic.REFERENCE_RADIUS**3, (-1410.3e-9, 4545.5e-9, -29350.0e-9)),
+    )
+    igrf_degree: int = Parameter(
+        "1", "highest degree of igrf; 1: the tilted dipole of the epoch", start=DEGREE, min=1,
+        max=DEGREE,
+    )  # fmt: skip
+    earth_rate: float = Parameter("rad/s", "rotation of the Earth", start=EARTH_RATE)
+    earth_angle: int = Parameter(
+        "1", "the Earth's angle at t = 0, from the epoch or as given", choices=("epoch", "given"),
+        start="epoch",
+    )  # fmt: skip
+    earth_angle_start: float = Parameter(
+        "rad", "if given: angle at t = 0 from the x axis of eci to the meridian of Greenwich"
+    )
+    atmosphere: int = Parameter(
+        "1", "model of the atmosphere", choices=("none", "table", "exponential"), start="table"
+    )
+    density_base: float = Parameter(
+        "kg/m3", "exponential: density at altitude_base", start=6.967e-13, min=0.0
+    )
+    altitude_base: float = Parameter("m", "exponential: base altitude", start=500e3)
+    scale_height: float = Parameter("m", "exponential: scale height", start=63822.0, min=1.0)
+    atmosphere_radius: float = Parameter(
+        "m", "exponential: radius of altitude 0", start=EARTH_RADIUS, min=0.0
+    )
+
+    def __init_subclass__(cls) -> None:
+        super().__init_subclass__()
+        cls.__doc__ = f"{inspect.cleandoc(cls.__doc__ or '')}\n{_PAGE}"
+
+    def motion(self, t: float) -> tuple[Vec3, Vec3]:
+        """Position (m) and velocity (m/s) in eci at t (s)."""
+        raise NotImplementedError
+
+    def start(self) -> None:
+        given = self.earth_angle
+        self._angle = self.earth_angle_start if given else earth.earth_angle(self.epoch_j2000)
+        self._year = 0.0
+        if self.field == _IGRF:
+            self._year = earth.decimal_year(self.epoch_j2000)
+            try:
+                geomagnetic.igrf(self._year, self.igrf_degree)
+            except BlockError as error:
+                self.fail(f"epoch_j2000 = {self.epoch_j2000:.10g} s: {error}")
+        self._piece: _Piece | None = None
+
+    def output(self, t: float) -> None:
+        interval = floor(t / NODE_TIME)
+        piece = self._piece
+        if piece is None or piece[0] != interval:
+            piece = self._piece_of(interval)
+        _, _, polynomials, sun_eci, sun_distance = piece
+
+        r, self.v_eci = self.motion(t)
+        self.r_eci = r
+        if polynomials:
+            s = t - NODE_TIME * interval
+            values = [derivatives(c, s) for c in polynomials]
+            self.b_eci, self.b_rate_eci, self.b_accel_eci = zip(*values, strict=True)
+        else:
+            self.b_eci = self.b_rate_eci = self.b_accel_eci = ZERO
+        self.sun_eci, self.sunlight = sun_eci, earth.sunlight(r, sun_eci, sun_distance)
+        self.density = self._density(r)
+
+    def advance(self, t: float, dt: float) -> None:
+        interval = floor((t + dt) / NODE_TIME)
+        if self._piece is None or self._piece[0] != interval:
+            self._piece = self._piece_of(interval)
+
+    def _piece_of(self, interval: int) -> _Piece:
+        """What holds from one node to the next; of the nodes kept those that serve are reused."""
+        nodes: tuple[Vec3, ...] = ()
+        polynomials: tuple[_Vec6, ...] = ()
+        if self.field != _NO_FIELD:
+            if self._piece is not None and 0 < interval - self._piece[0] < NODES:
+                nodes = self._piece[1][interval - self._piece[0] :]
+            first = interval - NODES // 2 + 1
+            missing = range(first + len(nodes), first + NODES)
+            nodes += tuple(self._field(NODE_TIME * k) for k in missing)
+            polynomials = tuple(quintic(f) for f in zip(*nodes, strict=True))
+        sun_eci, distance = earth.sun(self.epoch_j2000 + NODE_TIME * (interval + 0.5))
+        return interval, nodes, polynomials, sun_eci, distance
+
+    def _field(self, t: float) -> Vec3:
+        """B (T) in eci at t (s)."""
+        x, y, z = self.motion(t)[0]
+        angle = self._angle + self.earth_rate * t
+        c, s = cos(angle), sin(angle)
+        r_earth = (c * x + s * y, c * y - s * x, z)
+        if self.field == _DIPOLE:
+            bx, by, bz = geomagnetic.dipole(r_earth, self.dipole_earth)
+        else:
+            bx, by, bz = geomagnetic.field(r_earth, geomagnetic.igrf(self._year, self.igrf_degree))
+        return (c * bx - s * by, s * bx + c * by, bz)
+
+    def _density(self, r_eci: Vec3) -> float:
+        """Density (kg/m3) at r (m)."""
+        if self.atmosphere == _NO_AIR:
+            return 0.0
+        if self.atmosphere == _AIR_TABLE:
+            return atmosphere.table(earth.height(r_eci))
+        return atmosphere.exponential(
+            norm(r_eci) - self.atmosphere_radius,
+            self.altitude_base,
+            self.density_base,
+            self.scale_height,
+        )
+
+
+def quintic(f: tuple[float, ...]) -> _Vec6:
+    """Coefficients c0 to c5 of the polynomial in s (s) with the values f at s = -2, -1, 0, 1, 2, 3
+    times NODE_TIME: the sum of c_n s^n."""
+    a, b, c, d, e, g = f
+    h = 1.0 / NODE_TIME
+    return (
+        c,
+        (6.0 * a - 60.0 * b - 40.0 * c + 120.0 * d - 30.0 * e + 4.0 * g) / 120.0 * h,
+        (-5.0 * a + 80.0 * b - 150.0 * c + 80.0 * d - 5.0 * e) / 120.0 * h**2,
+        (-5.0 * a - 5.0 * b + 50.0 * c - 70.0 * d + 35.0 * e - 5.0 * g) / 120.0 * h**3,
+        (5.0 * a - 20.0 * b + 30.0 * c - 20.0 * d + 5.0 * e) / 120.0 * h**4,
+        (-a + 5.0 * b - 10.0 * c + 10.0 * d - 5.0 * e + g) / 120.0 * h**5,
+    )
+
+
+def derivatives(c: _Vec6, s: float) -> Vec3:
+    """The polynomial with the coefficients c at s, its first and its second derivative."""
+    c0, c1, c2, c3, c4, c5 = c
+    return (
+        c0 + s * (c1 + s * (c2 + s * (c3 + s * (c4 + s * c5)))),
+        c1 + s * (2.0 * c2 + s * (3.0 * c3 + s * (4.0 * c4 + s * (5.0 * c5)))),
+        2.0 * c2 + s * (6.0 * c3 + s * (12.0 * c4 + s * (20.0 * c5))),
+    )

@@ -1,0 +1,52 @@
+"""What sensors have in common: failure, quantisation, saturation, drifting errors.
+
+Every function takes its random numbers as arguments; `noise.py` makes them.
+"""
+
+from __future__ import annotations
+
+from math import pi, sqrt
+
+from .block import Vec3
+
+
+def failed(t: float, fail_time: float) -> bool:
+    """True from fail_time (s) on; never where it is negative."""
+    # as in Sampled.due, t = k h may fall short of the time it stands for by rounding
+    return 0.0 <= fail_time <= t + 1e-6
+
+
+def digital(x: float, resolution: float, full_scale: float) -> float:
+    """x rounded to a multiple of `resolution`, then within +-full_scale; 0 leaves either out."""
+    if resolution > 0.0:
+        x = resolution * round(x / resolution)
+    return min(max(x, -full_scale), full_scale) if full_scale > 0.0 else x
+
+
+def digital3(a: Vec3, resolution: float, full_scale: float) -> Vec3:
+    """Each component as `digital` makes it."""
+    if resolution <= 0.0 and full_scale <= 0.0:
+        return a
+    return (
+        digital(a[0], resolution, full_scale),
+        digital(a[1], resolution, full_scale),
+        digital(a[2], resolution, full_scale),
+    )
+
+
+def gauss_markov(x: Vec3, decay: float, sigma: float, n: Vec3) -> Vec3:
+    """The next value of a first-order Gauss-Markov process, exact whatever the time between.
+
+    decay = exp(-time / correlation time), sigma: stationary deviation of each component, n:
+    standard normal numbers. Gelb, Applied Optimal Estimation (1974), ch. 3.
+    """
+    s = sigma * sqrt(1.0 - decay * decay)
+    return (decay * x[0] + s * n[0], decay * x[1] + s * n[1], decay * x[2] + s * n[2])
+
+
+def sigma_of_mean_norm(mean: float) -> float:
+    """The deviation of each axis that gives a normal 3-vector this mean norm.
+
+    The norm is Maxwell distributed, its mean sigma sqrt(8 / pi).
+    """
+    return mean * sqrt(pi / 8.0)

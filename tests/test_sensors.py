@@ -1,0 +1,417 @@
+"""Sensors: statistics of their errors, frames, quantisation, range, validity.
+
+Bounds on estimates are four to five of their standard deviations; seeds are fixed.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from test_blocks import begin, fresh
+
+from components import attitude, noise, sensing
+
+Q = attitude.normalised((0.3, -0.5, 0.2, 0.8))
+N = 20000
+
+# block -> its input, its output, a value of the input
+SENSORS = {
+    "magnetometer": ("b_eci", "b_body", (2e-5, -1e-5, 3e-5)),
+    "tachometers": ("h_wheel", "h_meas_wheel", (0.1, -0.2, 0.3, 0.0)),
+    "rate_gyro": ("omega_bi_body", "omega_meas_body", (1e-3, -2e-3, 3e-3)),
+    "attitude_determination": ("q_bi", "q_meas_bi", Q),
+    "sun_sensor": ("sun_eci", "sun_meas_body", (0.6, 0.0, 0.8)),
+}
+# parameters with every random error switched on
+NOISY = {
+    "magnetometer": {"noise": 1e-7},
+    "tachometers": {"noise": 1e-4},
+    "rate_gyro": {"noise": 1e-5, "angle_random_walk": 1e-5, "bias_walk": 1e-6},
+    "attitude_determination": {"noise": 1e-3, "markov_sigma": 1e-2, "misalignment_norm": 1e-2},
+    "sun_sensor": {"noise": 1e-3},
+}
+
+
+def sensor(name, **values):
+    block = fresh(name)
+    setattr(block, SENSORS[name][0], SENSORS[name][2])
+    for key, value in values.items():
+        assert hasattr(block, key)
+        setattr(block, key, value)
+    return begin(block)
+
+
+def samples(block, output, count, dt=1.0):
+    """The output after each of some steps."""
+    rows = []
+    for k in range(count):
+        block.advance(k * dt, dt)
+        rows.append(getattr(block, output))
+    return np.array(rows)
+
+
+def errors(block, count, dt=1.0):
+    """The rotation vectors of the errors of an attitude determination."""
+    inverse = attitude.inverse(block.q_bi)
+    rows = []
+    for q in samples(block, "q_meas_bi", count, dt):
+        x, y, z, w = attitude.product(tuple(q), inverse)
+        s = math.hypot(x, y, z)
+        angle = 2 * math.atan2(s, w)
+        rows.append((x * angle / s, y * angle / s, z * angle / s))
+    return np.array(rows)
+
+
+def is_white(x, sigma):
+    """Zero mean, this deviation, no correlation in time or between axes."""
+    n = len(x)
+    assert np.abs(x.mean(axis=0)).max() < 4 * sigma / math.sqrt(n)
+    assert x.std(axis=0) == pytest.approx(sigma, rel=4 / math.sqrt(2 * n))
+    z = x / sigma
+    for lag in (1, 2, 7):
+        assert np.abs(z[lag:].T @ z[:-lag] / n).max() < 5 / math.sqrt(n)
+    assert np.abs(z.T @ z / n - np.eye(z.shape[1])).max() < 6 / math.sqrt(n)
+
+
+# --- random numbers -----------------------------------------------------------------------------
+
+
+def test_six_numbers_are_those_of_three_pairs():
+    draws = np.array([np.concatenate(noise.normal6(3, i, 10)) for i in range(N)])
+    is_white(draws, 1.0)
+    a, b = noise.normal6(3, 5, 10)
+    pairs = [noise.normal_pair(3, 5, c) for c in (10, 12, 14)]
+    assert (*a, *b) == (*pairs[0], *pairs[1], *pairs[2])
+
+
+@pytest.mark.parametrize("name", ["magnetometer", "tachometers", "rate_gyro"])
+def test_noise_is_white_with_its_deviation(name):
+    _, output, value = SENSORS[name]
+    block = sensor(name, noise=1e-4)
+    if name == "magnetometer":
+        value = attitude.rotate(block.q_bi, value)
+    is_white(samples(block, output, N) - np.array(value), 1e-4)
+
+
+def test_determination_noise_is_white_with_its_deviation():
+    is_white(errors(sensor("attitude_determination", noise=1e-3), N), 1e-3)
+
+
+def test_sun_noise_is_an_angle_across_the_direction():
+    block = sensor("sun_sensor", noise=1e-3, q_bi=Q)
+    x = samples(block, "sun_meas_body", N)
+    assert np.linalg.norm(x, axis=1) == pytest.approx(1, abs=1e-14)
+    s = np.array(attitude.rotate(Q, block.sun_eci))
+    across = np.linalg.svd(s[None])[2][1:]
+    is_white(x @ across.T, 1e-3)
+    assert np.abs(x @ s - 1).max() < 2e-5
+
+
+@pytest.mark.parametrize("name", SENSORS)
+def test_without_errors_a_sensor_is_exact(name):
+    _, output, value = SENSORS[name]
+    block = sensor(name)
+    block.advance(0.0, 1.0)
+    assert getattr(block, output) == pytest.approx(value, abs=1e-16)
+    assert block.valid
+
+
+@pytest.mark.parametrize("name", SENSORS)
+@pytest.mark.parametrize("dt", [1.0, 0.25, 0.1])
+def test_samples_do_not_depend_on_the_step(name, dt):
+    """The same value at the same sample index, held in between, whatever the step."""
+    output = SENSORS[name][1]
+    every = samples(sensor(name, sample_time=1.0, **NOISY[name]), output, 50)
+    assert len(np.unique(every[:, 0])) == 50
+    per_sample = round(1 / dt)
+    finer = samples(sensor(name, sample_time=1.0, **NOISY[name]), output, 50 * per_sample, dt)
+    for offset in (0, per_sample - 1):
+        assert (finer[offset::per_sample] == every).all()
+
+
+@pytest.mark.parametrize("name", SENSORS)
+def test_seeds_differ(name):
+    a, b = (sensor(name, seed=s, sample_time=1.0, **NOISY[name]) for s in (1, 2))
+    assert getattr(a, SENSORS[name][1]) != getattr(b, SENSORS[name][1])
+
+
+@pytest.mark.parametrize("name", SENSORS)
+def test_the_first_sample_is_that_of_the_start(name):
+    block = sensor(name, sample_time=1.0, **NOISY[name])
+    first = getattr(block, SENSORS[name][1])
+    block.advance(0.0, 1.0)
+    assert getattr(block, SENSORS[name][1]) == first
+
+
+def test_sensors_of_one_seed_do_not_correlate():
+    gyro = samples(sensor("rate_gyro", noise=1.0), "omega_meas_body", N)
+    field = samples(sensor("magnetometer", noise=1.0), "b_body", N)
+    drift = errors(sensor("attitude_determination", noise=1e-3), N) * 1e3
+    for a, b in ((gyro, field), (gyro, drift), (field, drift)):
+        assert np.abs(a.T @ b / N).max() < 5 / math.sqrt(N)
+
+
+# --- quantisation, range, validity --------------------------------------------------------------
+
+
+def test_digital():
+    assert sensing.digital(0.34, 0.1, 0.0) == pytest.approx(0.3)
+    assert sensing.digital(-0.36, 0.1, 0.0) == pytest.approx(-0.4)
+    assert sensing.digital(-7.0, 0.0, 2.5) == -2.5
+    assert sensing.digital(7.3, 1.0, 6.5) == 6.5
+    assert sensing.digital(7.3, 0.0, 0.0) == 7.3
+
+
+@pytest.mark.parametrize("name", ["magnetometer", "tachometers", "rate_gyro"])
+def test_quantisation_and_range(name):
+    _, output, value = SENSORS[name]
+    size = max(map(abs, value))
+    block = sensor(name, noise=size / 10, resolution=size / 50, full_scale=0.8 * size)
+    x = samples(block, output, 2000)
+    steps = x / (size / 50)
+    assert np.abs(steps - np.round(steps)).max() < 1e-9
+    assert np.abs(x).max() == pytest.approx(0.8 * size, rel=1e-15)
+    assert block.valid, "a limited value stays valid"
+    # rounding errors are uniform: their variance is resolution^2 / 12
+    exact = samples(sensor(name, noise=size / 10), output, 2000)
+    inside = np.abs(exact) < 0.79 * size
+    assert (x - exact)[inside].std() == pytest.approx(size / 50 / math.sqrt(12), rel=0.05)
+
+
+@pytest.mark.parametrize("name", ["magnetometer", "tachometers", "rate_gyro"])
+def test_without_noise_a_quantised_value_is_the_nearest(name):
+    _, output, value = SENSORS[name]
+    q = max(map(abs, value)) / 7.3
+    found = getattr(sensor(name, resolution=q), output)
+    assert np.abs(np.array(found) - value).max() <= q / 2
+    assert found == pytest.approx([q * round(x / q) for x in value], abs=1e-18)
+
+
+@pytest.mark.parametrize("name", SENSORS)
+def test_a_failed_sensor_is_invalid_and_holds(name):
+    output = SENSORS[name][1]
+    block = sensor(name, fail_time=3.0, sample_time=1.0, **NOISY[name])
+    rows, valid = [], []
+    for k in range(0, 12):
+        block.advance(k * 0.5, 0.5)
+        rows.append(getattr(block, output))
+        valid.append(block.valid)
+    assert valid == [True] * 6 + [False] * 6
+    held = (0.0, 0.0, 0.0) if name == "sun_sensor" else rows[5]
+    assert rows[6:] == [held] * 6
+    assert rows[5] != rows[3]
+
+
+@pytest.mark.parametrize("name", SENSORS)
+def test_failed_from_the_start_and_never(name):
+    dead = sensor(name, fail_time=0.0)
+    assert not dead.valid
+    dead.advance(0.0, 1.0)
+    assert not dead.valid
+    alive = sensor(name)
+    alive.advance(1e9, 1.0)
+    assert alive.valid
+
+
+def test_failure_time_on_a_sample_is_not_missed_by_rounding():
+    assert 3 * 0.7 < 2.1
+    assert sensing.failed(3 * 0.7, 2.1)
+    assert not sensing.failed(2 * 0.7, 2.1)
+
+
+# --- magnetometer, tachometers ------------------------------------------------------------------
+
+
+def test_magnetometer_measures_in_the_body_frame():
+    # body turned by +90 deg about z: the body's x axis points along the inertial y axis
+    q = (0.0, 0.0, math.sqrt(0.5), math.sqrt(0.5))
+    block = sensor("magnetometer", q_bi=q, b_eci=(0.0, 3e-5, 1e-5), bias_body=(1e-6, 0.0, 0.0))
+    assert block.b_body == pytest.approx((3.1e-5, 0.0, 1e-5), abs=1e-18)
+
+
+def test_tachometer_bias_is_added():
+    block = sensor("tachometers", bias_wheel=(0.01, 0.0, -0.02, 0.03))
+    assert block.h_meas_wheel == pytest.approx((0.11, -0.2, 0.28, 0.03))
+
+
+def test_magnetometer_and_tachometers_draw_what_they_always_drew():
+    """The results of scenarios depend on these numbers."""
+    block = sensor("magnetometer", noise=1.0, b_eci=(0.0, 0.0, 0.0))
+    assert block.b_body == noise.normal3(1, 0)
+    block = sensor("tachometers", noise=1.0, h_wheel=(0.0,) * 4)
+    assert block.h_meas_wheel == (*noise.normal_pair(1, 0), *noise.normal_pair(1, 0, 2))
+
+
+# --- rate gyro ----------------------------------------------------------------------------------
+
+
+def test_gyro_bias_and_scale_error():
+    block = sensor("rate_gyro", bias_body=(1e-4, 0.0, -1e-4), scale_error=(0.1, -0.1, 0.0))
+    assert block.omega_meas_body == pytest.approx((1.2e-3, -1.8e-3, 2.9e-3), abs=1e-18)
+
+
+@pytest.mark.parametrize("sample_time", [0.1, 0.5])
+def test_gyro_angle_random_walk_does_not_depend_on_the_sample_time(sample_time):
+    block = sensor(
+        "rate_gyro", angle_random_walk=1e-4, sample_time=sample_time, omega_bi_body=(0.0,) * 3
+    )
+    x = samples(block, "omega_meas_body", N, sample_time)
+    is_white(x, 1e-4 / math.sqrt(sample_time))
+    per_second = round(1 / sample_time)
+    angles = x.reshape(-1, per_second, 3).sum(axis=1) * sample_time
+    assert angles.std() == pytest.approx(1e-4, rel=4 / math.sqrt(2 * angles.size))
+
+
+@pytest.mark.parametrize("sample_time", [0.0, 2.0])
+def test_gyro_bias_is_a_random_walk(sample_time):
+    """sample_time 0: at every step, here of 0.5 s."""
+    dt = 0.5
+    block = sensor(
+        "rate_gyro", bias_walk=1e-6, bias_body=(1e-3, 0.0, 0.0), omega_bi_body=(0.0,) * 3,
+        sample_time=sample_time,
+    )  # fmt: skip
+    stride = round((sample_time or dt) / dt)
+    x = samples(block, "omega_meas_body", 4000 * stride, dt)[::stride]
+    assert tuple(x[0]) == (1e-3, 0.0, 0.0)
+    is_white(np.diff(x, axis=0), 1e-6 * math.sqrt(sample_time or dt))
+
+
+def test_gyro_bias_spreads_with_the_root_of_time():
+    ends = []
+    for seed in range(400):
+        block = sensor("rate_gyro", bias_walk=1e-6, seed=seed, omega_bi_body=(0.0,) * 3)
+        ends.append(samples(block, "omega_meas_body", 101)[-1])
+    assert np.std(ends) == pytest.approx(1e-6 * math.sqrt(100), rel=4 / math.sqrt(2400))
+
+
+def test_gyro_angle_random_walk_needs_a_sample_time():
+    with pytest.raises(ValueError, match="angle_random_walk needs a sample_time above 0"):
+        sensor("rate_gyro", angle_random_walk=1e-4)
+
+
+# --- attitude determination ---------------------------------------------------------------------
+
+
+def test_misalignment_turns_the_measured_frame_about_the_bodys_axis():
+    a = 0.2
+    block = sensor("attitude_determination", misalignment_body=(0.0, 0.0, a))
+    v = attitude.rotate_back(Q, (1.0, 0.0, 0.0))  # along the true x axis
+    seen = attitude.rotate(block.q_meas_bi, v)
+    assert seen == pytest.approx((math.cos(a), -math.sin(a), 0.0), abs=1e-15)
+    turned = attitude.product((0.0, 0.0, math.sin(a / 2), math.cos(a / 2)), Q)
+    assert block.q_meas_bi == pytest.approx(turned, abs=1e-15)
+
+
+@pytest.mark.parametrize(("sample_time", "correlation_time"), [(1.0, 20.0), (10.0, 40.0)])
+def test_drift_is_a_gauss_markov_process(sample_time, correlation_time):
+    sigma, n = 1e-2, 40000
+    block = sensor(
+        "attitude_determination", markov_sigma=sigma, correlation_time=correlation_time,
+        sample_time=sample_time,
+    )  # fmt: skip
+    x = errors(block, n, sample_time) / sigma
+    independent = 3 * n * sample_time / (2 * correlation_time)
+    assert np.abs(x.mean()) < 4 / math.sqrt(independent / 2)
+    assert (x * x).mean() == pytest.approx(1, abs=4 * math.sqrt(2 / independent))
+    for lag in (1, 2, 5, 20, 100):
+        expected = math.exp(-lag * sample_time / correlation_time)
+        found = (x[lag:] * x[:-lag]).mean()
+        assert found == pytest.approx(expected, abs=4 * math.sqrt(2 / independent))
+    decay = math.exp(-sample_time / correlation_time)
+    is_white(x[1:] - decay * x[:-1], math.sqrt(1 - decay**2))  # its driving noise
+
+
+def test_drift_without_correlation_is_white():
+    block = sensor("attitude_determination", markov_sigma=1e-2, correlation_time=0.0)
+    is_white(errors(block, N), 1e-2)
+
+
+def test_drift_starts_stationary():
+    """From any seed, the start and a later time are spread alike."""
+    first, later = [], []
+    for seed in range(2000):
+        block = sensor("attitude_determination", markov_sigma=1e-2, seed=seed, sample_time=10.0)
+        x = errors(block, 4, 10.0)
+        first.append(x[0])
+        later.append(x[3])
+    is_white(np.array(first), 1e-2)
+    is_white(np.array(later), 1e-2)
+
+
+@pytest.mark.parametrize("white", [0.0, 0.02])
+def test_average_determination_error_of_3_deg(white):
+    """Paper 004, Table 1."""
+    sigma = sensing.sigma_of_mean_norm(math.radians(3))
+    assert sigma == pytest.approx(0.032812, abs=1e-6)  # as the block's page says
+    markov = math.sqrt(sigma**2 - white**2)
+    angles = []
+    for seed in range(4000):
+        block = sensor("attitude_determination", markov_sigma=markov, noise=white, seed=seed)
+        angles.append(attitude.error_angle(block.q_meas_bi, block.q_bi))
+    # a Maxwell variable: deviation / mean = 0.42
+    assert math.degrees(np.mean(angles)) == pytest.approx(3, rel=4 * 0.42 / math.sqrt(4000))
+
+
+def test_error_of_constant_norm_in_a_drawn_direction():
+    norm, directions = math.radians(3), []
+    for seed in range(4000):
+        block = sensor("attitude_determination", misalignment_norm=norm, seed=seed)
+        (error,) = errors(block, 1)
+        assert np.linalg.norm(error) == pytest.approx(norm, rel=1e-12)
+        directions.append(error / norm)
+    assert np.abs(np.mean(directions, axis=0)).max() < 4 / math.sqrt(3 * 4000)
+    outer = np.array(directions).T @ np.array(directions) / 4000
+    assert np.abs(outer - np.eye(3) / 3).max() < 0.02
+    steady = errors(block, 20)
+    assert np.ptp(steady, axis=0).max() < 1e-15
+
+
+# --- Sun sensor ---------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("angle", "seen"), [(0.0, True), (59.99, True), (60.01, False)])
+def test_sun_is_seen_within_the_field_of_view(angle, seen):
+    a = math.radians(angle)
+    block = sensor(
+        "sun_sensor", sun_eci=(math.cos(a), math.sin(a), 0.0), half_angle=math.radians(60),
+        boresight_body=(2.0, 0.0, 0.0),
+    )  # fmt: skip
+    assert block.valid == seen
+    expected = (math.cos(a), math.sin(a), 0.0) if seen else (0.0, 0.0, 0.0)
+    assert block.sun_meas_body == pytest.approx(expected, abs=1e-15)
+
+
+def test_sun_direction_is_in_the_body_frame():
+    q = (0.0, 0.0, math.sqrt(0.5), math.sqrt(0.5))  # body x along inertial y
+    block = sensor("sun_sensor", q_bi=q, sun_eci=(0.0, 1.0, 0.0))
+    assert block.sun_meas_body == pytest.approx((1.0, 0.0, 0.0), abs=1e-15)
+
+
+def test_a_field_of_view_of_pi_sees_everywhere():
+    rng = np.random.default_rng(1)
+    for v in rng.normal(size=(500, 3)):
+        s = tuple(float(x) for x in v / np.linalg.norm(v))
+        assert sensor("sun_sensor", sun_eci=s, boresight_body=tuple(-x for x in s)).valid
+
+
+@pytest.mark.parametrize(
+    ("sunlight", "seen"), [(1.0, True), (0.3, True), (0.29, False), (0, False)]
+)
+def test_no_sun_in_eclipse(sunlight, seen):
+    block = sensor("sun_sensor", sunlight=sunlight, sunlight_min=0.3)
+    block.advance(0.0, 1.0)
+    assert block.valid == seen
+    assert any(block.sun_meas_body) == seen
+
+
+def test_no_sun_where_none_is_modelled():
+    block = sensor("sun_sensor", sun_eci=(0.0, 0.0, 0.0), noise=1e-3)
+    assert not block.valid
+    assert block.sun_meas_body == (0.0, 0.0, 0.0)
+
+
+def test_boresight_must_be_a_direction():
+    with pytest.raises(ValueError, match="boresight_body is zero"):
+        sensor("sun_sensor", boresight_body=(0.0, 0.0, 0.0))
