@@ -12,6 +12,7 @@ has slope 0.
 
 from __future__ import annotations
 
+from functools import lru_cache
 from math import exp, expm1
 
 
@@ -21,6 +22,22 @@ def pulse(begin: float, end: float) -> tuple[float, float]:
     return width, 6.0 * width * (begin + end - 1.0)
 
 
+def window(begin: float, end: float, t: float, dt: float) -> tuple[float, float, float]:
+    """Mean and slope on [t, t + dt] of a signal that is 1 on [begin, end], and the time on (s)."""
+    first, last = max(begin - t, 0.0), min(end - t, dt)
+    if last <= first:
+        return 0.0, 0.0, 0.0
+    mean, slope = pulse(first / dt, last / dt)
+    return mean, slope, last - first
+
+
+def part(begin: float, end: float, mean: float, slope: float) -> tuple[float, float]:
+    """Mean and slope over the step of what has `mean` and `slope` from s = begin to s = end."""
+    width = end - begin
+    return mean * width, width * (6.0 * mean * (begin + end - 1.0) + slope * width)
+
+
+@lru_cache(maxsize=64)  # most steps have the same length
 def lag(ratio: float) -> tuple[float, float, float]:
     """Mean, slope and end value of exp(-s ratio), ratio = step / time constant, over one step.
 
@@ -38,3 +55,16 @@ def lag(ratio: float) -> tuple[float, float, float]:
     mean = -expm1(-ratio) / ratio
     first = (mean - end) / ratio  # int_0^1 s exp(-s ratio) ds
     return mean, 12.0 * (first - 0.5 * mean), end
+
+
+def first_order(x0: float, x1: float, ratio: float) -> tuple[float, float, float, float]:
+    """Mean, slope, end value and mean square of a first-order lag from x0 towards x1."""
+    mean, slope, end = lag(ratio)
+    square = lag(2.0 * ratio)[0]
+    d = x0 - x1
+    return (
+        x1 + d * mean,
+        d * slope,
+        x1 + d * end,
+        x1 * x1 + d * (2.0 * x1 * mean + d * square),
+    )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import inspect
+from abc import abstractmethod
 from math import cos, floor, sin
 
 from . import atmosphere, earth, geomagnetic
@@ -98,9 +99,9 @@ class NearEarth(Environment):
         super().__init_subclass__()
         cls.__doc__ = f"{inspect.cleandoc(cls.__doc__ or '')}\n{_PAGE}"
 
+    @abstractmethod
     def motion(self, t: float) -> tuple[Vec3, Vec3]:
         """Position (m) and velocity (m/s) in eci at t (s)."""
-        raise NotImplementedError
 
     def start(self) -> None:
         given = self.earth_angle

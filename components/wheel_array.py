@@ -1,12 +1,15 @@
-"""An array of up to four wheels: axes as the columns of a 3 x 4 matrix (row-major, body frame).
+"""Axial quantities of up to four actuators, wheels or coils, each with an axis fixed in the body.
 
-A column of zeros stands for a wheel that is not there.
+The axes are the columns of a 3 x 4 matrix (row-major, body frame); a column of zeros stands for
+an actuator that is not there.
 """
 
 from __future__ import annotations
 
-from .block import Mat34, Vec3, Vec4
+from .block import Mat33, Mat34, Vec3, Vec4
 from .vector import inverse
+
+_NEGLIGIBLE = 1e-9  # ratio of two eigenvalues of A A' below which the smaller one is 0
 
 
 def body_momentum(axes: Mat34, h: Vec4) -> Vec3:
@@ -20,17 +23,62 @@ def body_momentum(axes: Mat34, h: Vec4) -> Vec3:
 
 
 def pseudo_inverse(axes: Mat34) -> tuple[float, ...]:
-    """A^+ = A' (A A')^-1 as 4 rows of 3; raises ZeroDivisionError when the axes span no space."""
+    """A^+ = A' (A A')^+ as 4 rows of 3: least squares where the axes span no space."""
     rows = (axes[0:4], axes[4:8], axes[8:12])
     gram = tuple(sum(x * y for x, y in zip(p, q, strict=True)) for p in rows for q in rows)
-    m = inverse(gram)  # type: ignore[arg-type]
+    m = _gram_inverse(gram)  # type: ignore[arg-type]
     return tuple(
         sum(rows[k][i] * m[3 * k + j] for k in range(3)) for i in range(4) for j in range(3)
     )
 
 
+def _gram_inverse(gram: Mat33) -> Mat33:
+    """The pseudo-inverse of a symmetric matrix without negative eigenvalues.
+
+    Rank 2 has a null vector n, and G^+ = (G + tr n n')^-1 - n n' / tr, with n n' = adj G / tr adj G
+    and tr = trace G; rank 1 is G = tr u u'.
+    """
+    a, b, c, _, d, e, _, _, f = gram
+    adjugate = (
+        d * f - e * e, c * e - b * f, b * e - c * d,
+        c * e - b * f, a * f - c * c, b * c - a * e,
+        b * e - c * d, b * c - a * e, a * d - b * b,
+    )  # fmt: skip
+    trace, minors = a + d + f, adjugate[0] + adjugate[4] + adjugate[8]
+    determinant = a * adjugate[0] + b * adjugate[1] + c * adjugate[2]
+    if trace == 0.0:
+        return gram
+    if minors <= _NEGLIGIBLE * trace * trace:
+        return tuple(x / (trace * trace) for x in gram)  # type: ignore[return-value]
+    if determinant > _NEGLIGIBLE * minors * trace:
+        return inverse(gram)
+    null = [x / minors for x in adjugate]
+    full = inverse(tuple(g + trace * n for g, n in zip(gram, null, strict=True)))  # type: ignore[arg-type]
+    return tuple(x - n / trace for x, n in zip(full, null, strict=True))  # type: ignore[return-value]
+
+
+def wheel_torque(
+    pinv: tuple[float, ...], axes: Mat34, absorbed: Vec3, tau_body: Vec3, omega: Vec3, h: Vec4
+) -> Vec4:
+    """What to command to the rotors (N m) so that the body feels tau_body (N m).
+
+    h' = A^+ (absorbed - tau_body - omega x A h): the wheels take the external torque `absorbed`
+    and the gyroscopic torque of their own momentum (paper 004, eqs. 14-16, 21).
+    """
+    hx, hy, hz = body_momentum(axes, h)
+    x, y, z = omega
+    return to_wheels(
+        pinv,
+        (
+            absorbed[0] - tau_body[0] - (y * hz - z * hy),
+            absorbed[1] - tau_body[1] - (z * hx - x * hz),
+            absorbed[2] - tau_body[2] - (x * hy - y * hx),
+        ),
+    )
+
+
 def to_wheels(pinv: tuple[float, ...], v: Vec3) -> Vec4:
-    """A^+ v: the axial quantities of least norm whose body-frame sum is v."""
+    """A^+ v: the axial quantities of least norm whose body-frame sum is v, or nearest to it."""
     x, y, z = v
     p = pinv
     return (

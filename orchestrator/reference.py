@@ -43,6 +43,10 @@ Q, MOMENTUM, H, MOTOR, DIPOLE, COPY = (
 the wheels' momenta stand in the state."""
 
 
+def _part(y: list[float], where: slice) -> Any:
+    return tuple(y[where])
+
+
 @dataclass(frozen=True)
 class Trajectory:
     """The reference at the samples: times (n,), q (n, 4), omega (n, 3), h (n, 4)."""
@@ -61,7 +65,8 @@ NEEDED: dict[str, tuple[str, dict[str, Any]]] = {
     "guidance": ("guidance_inertial", {}),
     "controller": ("controller_pid", {"anti_windup": False}),
     "magnetometer": ("magnetometer", {"noise": 0.0}),
-    "manager": ("manager_cross_product", {"feedforward": False, "h_deadband": 0.0, "law": 0}),
+    "manager": ("manager_cross_product", {"feedforward": False, "gyroscopic": False,
+                                          "h_deadband": 0.0, "law": 0}),
     "torquers": ("torquers", {"drive": 1}),
 }  # fmt: skip
 """Role -> block and the parameters that the reference takes as given."""
@@ -103,7 +108,7 @@ class Gyrostat:
         self.inertia = self._many("spacecraft", "inertia")
         self.axes = self._many("spacecraft", "axes_wheel")
         self.spin = self._many("spacecraft", "inertia_wheel")
-        self.carrier = carrier_inertia(self.inertia, self.axes, self.spin)  # type: ignore[arg-type]
+        self.carrier = carrier_inertia(self.inertia, self.axes, self.spin)
         self.inverse = vector.inverse(self.carrier)
         self.pinv = wheel_array.pseudo_inverse(self.axes)
         self.friction = tuple(
@@ -114,7 +119,7 @@ class Gyrostat:
         self.coil_lag = self._one("torquers", "lag")
         self.m_limit = min(self._one("torquers", "m_limit"), self._one("manager", "m_limit"))
         self.gravity_gradient = bool(self._one("spacecraft", "gravity_gradient"))
-        self.q_ref = attitude.normalised(self._many("guidance", "q_target_bi"))  # type: ignore[arg-type]
+        self.q_ref = attitude.normalised(self._many("guidance", "q_target_bi"))
         self.gains = tuple(self._one("controller", n) for n in ("kp", "kd", "ki"))
         self.gain_matrix = self._many("controller", "gain_matrix")
         self.limits = tuple(self._one("controller", n) for n in ("integral_limit", "torque_limit"))
@@ -129,20 +134,21 @@ class Gyrostat:
         self._earth_rate = self._one("environment", "earth_rate")
         dipole = self._many("environment", "dipole_earth")
         has_field = self._one("environment", "field") == FIELD_DIPOLE
-        self._dipole: Vec3 = dipole if has_field else vector.ZERO  # type: ignore[assignment]
+        self._dipole: Vec3 = dipole if has_field else vector.ZERO
         self.dumping = bool(self._one("manager", "enable"))
         self.gain = self._one("manager", "gain")
 
-    def _many(self, role: str, name: str) -> tuple[float, ...]:
+    def _many(self, role: str, name: str) -> Any:
         component = self._system.components[role]
         assert component.interface is not None
-        return tuple(
-            float(value_of(component, s.name))  # type: ignore[arg-type]
-            for s in component.interface.elements(name)
-        )
+        values: list[Any] = [
+            value_of(component, s.name) for s in component.interface.elements(name)
+        ]
+        return tuple(float(x) for x in values)
 
     def _one(self, role: str, name: str) -> float:
-        return self._many(role, name)[0]
+        value: float = self._many(role, name)[0]
+        return value
 
     # --- what the system is ---------------------------------------------------------------------
 
@@ -158,18 +164,18 @@ class Gyrostat:
 
     def start_state(self) -> list[float]:
         """The state at the start."""
-        q = attitude.normalised(self._many("spacecraft", "q_start_bi"))  # type: ignore[arg-type]
+        q = attitude.normalised(self._many("spacecraft", "q_start_bi"))
         h = self._many("wheels", "h_start_wheel")
-        spin = vector.mat_vec(self.carrier, self._many("spacecraft", "omega_start_body"))  # type: ignore[arg-type]
-        momentum = vector.add(spin, wheel_array.body_momentum(self.axes, h))  # type: ignore[arg-type]
+        spin = vector.mat_vec(self.carrier, self._many("spacecraft", "omega_start_body"))
+        momentum = vector.add(spin, wheel_array.body_momentum(self.axes, h))
         inertial = attitude.rotate_back(q, momentum)
         return [*q, *inertial, *h, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, *h]
 
     def omega(self, y: list[float]) -> Vec3:
         """The body's rate (rad/s) in a state."""
-        q, momentum, copy = tuple(y[Q]), tuple(y[MOMENTUM]), tuple(y[COPY])
-        wheels = wheel_array.body_momentum(self.axes, copy)  # type: ignore[arg-type]
-        return rate(attitude.rotate(q, momentum), wheels, self.inverse)  # type: ignore[arg-type]
+        q, momentum, copy = _part(y, Q), _part(y, MOMENTUM), _part(y, COPY)
+        wheels = wheel_array.body_momentum(self.axes, copy)
+        return rate(attitude.rotate(q, momentum), wheels, self.inverse)
 
     def forces(self, y: list[float]) -> tuple[list[float], Vec3]:
         """Torque on each rotor (N m) and dipole (A m2) in a state."""
@@ -189,22 +195,22 @@ class Gyrostat:
         """dy/dt with held commands; `late`: the body feels what was so one step ago."""
         own, dipole = self.forces(y)
         felt, felt_dipole = (own, dipole) if late is None else late(t)
-        x, v, z, w = q = tuple(y[Q])
+        x, v, z, w = q = _part(y, Q)
         p, s, r = self.omega(y)
         place = self._place(t)
-        body = attitude.rotate(q, place)  # type: ignore[arg-type]
+        body = attitude.rotate(q, place)
         torque = vector.ZERO
         if self.gravity_gradient:
-            torque = torques.gravity_gradient(body, self.inertia)  # type: ignore[arg-type]
+            torque = torques.gravity_gradient(body, self.inertia)
         if any(felt_dipole):
-            b = attitude.rotate(q, self._field(t, place))  # type: ignore[arg-type]
+            b = attitude.rotate(q, self._field(t, place))
             torque = vector.add(torque, vector.cross(felt_dipole, b))
         return [
             0.5 * (r * v - s * z + p * w),
             0.5 * (-r * x + p * z + s * w),
             0.5 * (s * x - p * v + r * w),
             0.5 * (-p * x - s * v - r * z),
-            *attitude.rotate_back(q, torque),  # type: ignore[arg-type]
+            *attitude.rotate_back(q, torque),
             *own,
             *((c - m) / self.motor_lag for c, m in zip(command, y[MOTOR], strict=True)),
             *((c - m) / self.coil_lag for c, m in zip(m_command, dipole, strict=True)),
@@ -214,15 +220,15 @@ class Gyrostat:
     def control(self, y: list[float], xi: Vec3) -> tuple[tuple[float, ...], Vec3]:
         """The wheels' torque command (N m) of a sample and the controller's new integral."""
         e, d_omega = attitude_control.tracking_error(
-            tuple(y[Q]),
+            _part(y, Q),
             self.omega(y),
             self.q_ref,
-            vector.ZERO,  # type: ignore[arg-type]
+            vector.ZERO,
         )
         integral_limit, torque_limit = self.limits
         xi = attitude_control.integrated(xi, e, self.sample, integral_limit)
         kp, ki, kd = self.gains[0], self.gains[2], self.gains[1]
-        torque = attitude_control.pid_torque(e, d_omega, xi, kp, kd, ki, self.gain_matrix)  # type: ignore[arg-type]
+        torque = attitude_control.pid_torque(e, d_omega, xi, kp, kd, ki, self.gain_matrix)
         wanted = attitude_control.limited(torque, torque_limit)
         command = wheel_array.to_wheels(self.pinv, vector.scale(-1.0, wanted))
         limit = self.torque_limit
@@ -230,13 +236,13 @@ class Gyrostat:
 
     def measured_field(self, t: float, y: list[float]) -> Vec3:
         """The field in the body (T) at t (s) in a state."""
-        return attitude.rotate(tuple(y[Q]), self._field(t, self._place(t)))  # type: ignore[arg-type]
+        return attitude.rotate(_part(y, Q), self._field(t, self._place(t)))
 
     def dump(self, y: list[float], b: Vec3) -> Vec3:
         """The dipole command (A m2) of a sample."""
         if not self.dumping:
             return vector.ZERO
-        h = wheel_array.body_momentum(self.axes, tuple(y[H]))  # type: ignore[arg-type]
+        h = wheel_array.body_momentum(self.axes, _part(y, H))
         return vector.clip(cross_product.normalised(h, b, self.gain), self.m_limit)
 
     # --- its solution ---------------------------------------------------------------------------
@@ -263,7 +269,7 @@ class Gyrostat:
         y, xi = self.start_state(), vector.ZERO
         rows = [(self.start, y)]
         per_sample = round(self.sample / step)
-        commands = [(0.0,) * 4] * 2
+        commands: list[tuple[float, ...]] = [(0.0,) * 4] * 2
         m_command = vector.ZERO
         b = self.measured_field(self.start, y)
         past: Callable[[float], list[float]] | None = None
@@ -312,7 +318,7 @@ class Gyrostat:
             return list(pieces[i](t).tolist())
 
         end = solver.y.tolist()
-        end[Q] = attitude.normalised(tuple(end[Q]))
+        end[Q] = attitude.normalised(_part(end, Q))
         return end, between
 
     def _trajectory(self, rows: list[tuple[float, list[float]]]) -> Trajectory:

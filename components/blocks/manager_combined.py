@@ -4,7 +4,7 @@ from ..block import Mat34, Parameter, Vec3
 from ..laws import blending, dumping
 from ..roles import Manager
 from ..vector import ZERO, sub
-from ..wheel_array import body_momentum, pseudo_inverse, to_wheels
+from ..wheel_array import body_momentum, pseudo_inverse, wheel_torque
 
 IDLE, DUMPING = 0, 1
 
@@ -26,8 +26,10 @@ class ManagerCombined(Manager):
     With `saturation` each component of M stays within duty * m_limit and the thrusters make up
     for the rest (eq. 34).
 
-    The wheels are commanded to absorb what the controller wants on the body and, with
-    `feedforward`, the dumping torque: tau_cmd_wheel = A^+ (feedforward N - tau_ctrl_body).
+    The wheels are commanded to give the body what the controller wants and to absorb, with
+    `feedforward`, the dumping torque and, with `gyroscopic`, omega x h:
+
+        tau_cmd_wheel = A^+ (N - tau_ctrl_body - omega x A h)        (paper 004, eq. 16)
 
     Source: Chen & Steyn (paper 000), eqs. 15-34.
     """
@@ -57,6 +59,9 @@ class ManagerCombined(Manager):
     feedforward: bool = Parameter(
         "1", "true: the wheels absorb the dumping torque at once", start=True
     )
+    gyroscopic: bool = Parameter(
+        "1", "true: the wheels absorb the gyroscopic torque of their momentum", start=True
+    )
 
     def start(self) -> None:
         super().start()
@@ -78,8 +83,14 @@ class ManagerCombined(Manager):
             else:
                 self._n = self.m_cmd_body = self.tau_cmd_thruster_body = ZERO
                 self.mode = IDLE
-        absorbed = self._n if self.feedforward else ZERO
-        self.tau_cmd_wheel = to_wheels(self._to_wheels, sub(absorbed, self.tau_ctrl_body))
+        self.tau_cmd_wheel = wheel_torque(
+            self._to_wheels,
+            self.axes_wheel,
+            self._n if self.feedforward else ZERO,
+            self.tau_ctrl_body,
+            self.omega_bi_body if self.gyroscopic else ZERO,
+            self.h_wheel,
+        )
 
     def _sample_now(self, t: float, first: bool) -> None:
         h = sub(body_momentum(self.axes_wheel, self.h_wheel), self.h_target_body)

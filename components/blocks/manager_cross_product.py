@@ -4,7 +4,7 @@ from ..block import Mat34, Parameter
 from ..laws import cross_product
 from ..roles import Manager
 from ..vector import ZERO, clip, cross, norm, sub
-from ..wheel_array import body_momentum, pseudo_inverse, to_wheels
+from ..wheel_array import body_momentum, pseudo_inverse, wheel_torque
 
 IDLE, DUMPING = range(2)
 
@@ -18,8 +18,10 @@ class ManagerCrossProduct(Manager):
         ccpl:        M = gain (h x B) / |B|          (gain in 1/(T s); paper 000, eq. 31)
 
     each component within m_limit; no dipole while |h| is below `h_deadband`. The wheels are
-    commanded to give the body what the controller wants and, with `feedforward`, to absorb the
-    magnetic torque: tau_cmd_wheel = A^+ (feedforward M x B - tau_ctrl_body).
+    commanded to give the body what the controller wants and to absorb, with `feedforward`, the
+    magnetic torque and, with `gyroscopic`, omega x h:
+
+        tau_cmd_wheel = A^+ (M x B - tau_ctrl_body - omega x A h)        (paper 004, eq. 16)
 
     Source: Camillo & Markley (1980) for the law; paper 000, eq. 31; paper 004, eq. 19.
     """
@@ -34,7 +36,12 @@ class ManagerCrossProduct(Manager):
         start=(1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0),
         shared=True,
     )
-    feedforward: bool = Parameter("1", "true: the wheels absorb the magnetic torque at once")
+    feedforward: bool = Parameter(
+        "1", "true: the wheels absorb the magnetic torque at once", start=True
+    )
+    gyroscopic: bool = Parameter(
+        "1", "true: the wheels absorb the gyroscopic torque of their momentum", start=True
+    )
 
     def start(self) -> None:
         super().start()
@@ -53,4 +60,11 @@ class ManagerCrossProduct(Manager):
             else:
                 self.m_cmd_body, self.mode = ZERO, IDLE
             self._torque = cross(self.m_cmd_body, self.b_body) if self.feedforward else ZERO
-        self.tau_cmd_wheel = to_wheels(self._to_wheels, sub(self._torque, self.tau_ctrl_body))
+        self.tau_cmd_wheel = wheel_torque(
+            self._to_wheels,
+            self.axes_wheel,
+            self._torque,
+            self.tau_ctrl_body,
+            self.omega_bi_body if self.gyroscopic else ZERO,
+            self.h_wheel,
+        )

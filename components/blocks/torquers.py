@@ -1,81 +1,204 @@
 from __future__ import annotations
 
-from ..block import Parameter
-from ..moments import pulse
+from math import copysign, inf
+
+from ..block import Mat34, Output, Parameter, Vec3, Vec4
+from ..moments import first_order, lag, part, window
 from ..roles import Torquers as Role
-from ..vector import ZERO, clip, dot
+from ..vector import ZERO, add, norm, scale
+from ..wheel_array import body_momentum, pseudo_inverse, to_wheels
+
+IDEAL, LIMITED, PULSED = range(3)
+NO_COIL = 0
+OFF: Vec4 = (0.0, 0.0, 0.0, 0.0)
 
 
 class Torquers(Role):
-    """Three magnetic torquers along the body axes
+    """Magnetic torquers, up to four coils, driven linearly or by pulses
 
-    `drive` says how a command becomes a dipole:
+    At each sample the commanded dipole is allocated to the coils, u = A^+ m_cmd_body (least
+    squares; A: `axes_coil`). `drive` says what becomes of the command u_i of a coil:
 
     - `ideal`: as commanded, without limit (paper 000, Table 2);
-    - `limited`: as commanded, within +-m_limit;
+    - `limited`: as commanded, within +-m_limit, each coil on its own;
     - `pulsed`: +-m_limit for n pulses of `least_pulse` in each `sample_time`, n rounded to the
-      nearest and at most `duty_max` of the period; the pulses begin `pulse_delay` after the sample,
-      so that a magnetometer that samples with the same period sees no dipole (paper 000, Table 3).
+      nearest and at most `duty_max` of the period (paper 000, Table 3).
+
+    All coils are off for `quiet_time` from each sample on, so that a magnetometer that samples with
+    the same period is not disturbed; pulses begin `pulse_delay` after that. A coil follows with
+    the time constant `lag`,
+
+        m_i' = (u_i - m_i) / lag,        m_body = A m,
+
+    through edges that may fall anywhere inside a step; a decaying rest of its dipole then reaches
+    into the quiet time. Mean, slope and energies over the step are exact:
+
+        dipole_energy   = sum_i 1/2 int m_i^2 dt            (paper 000, eq. 32)
+        electric_energy = sum_i int resistance (m_i / area_turns)^2 dt
+
+    on_time counts commands, not the decay. m_body, m_coil and power are what the step just made
+    ended with. From `failed_from` on the failed coil has no dipole; with `failure_known` the
+    allocation at the samples from then on uses the others only.
+
+    Source: Chen & Steyn (paper 000), sections V and VI. Resistance and area-turns (defaults: 1.2 W
+    at 40 A m2) are not in the paper.
     """
 
     drive: int = Parameter(
         "1", "how a command becomes a dipole", choices=("ideal", "limited", "pulsed"),
         start="limited",
     )  # fmt: skip
+    axes_coil: Mat34 = Parameter(
+        "1", "columns: the coils' axes, body; zero where there is no coil",
+        start=(1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0),
+    )  # fmt: skip
     m_limit: float = Parameter("A.m2", "largest dipole of each coil", start=40.0, min=0.0)
-    least_pulse: float = Parameter("s", "length of one pulse", start=0.05, min=1e-6)
-    duty_max: float = Parameter("1", "largest share of the period", start=0.9, min=0.0, max=1.0)
-    pulse_delay: float = Parameter("s", "from the sample to the pulses", start=0.0, min=0.0)
+    lag: float = Parameter("s", "time constant of a coil; 0: none", min=0.0)
+    quiet_time: float = Parameter("s", "from each sample on all coils are off so long", min=0.0)
+    least_pulse: float = Parameter("s", "pulsed: length of one pulse", start=0.05, min=1e-6)
+    duty_max: float = Parameter(
+        "1", "pulsed: largest share of the period", start=0.9, min=0.0, max=1.0
+    )
+    pulse_delay: float = Parameter("s", "pulsed: from the quiet time to the pulses", min=0.0)
+    resistance: float = Parameter("Ohm", "resistance of each coil", start=30.0, min=0.0)
+    area_turns: float = Parameter(
+        "m2", "dipole per ampere: area times turns, core included", start=200.0, min=1e-9
+    )
+    failed_coil: int = Parameter(
+        "1", "which coil fails", choices=("none", "1", "2", "3", "4"), start="none"
+    )
+    failed_from: float = Parameter("s", "when it fails", start=0.0)
+    failure_known: bool = Parameter("1", "true: the allocation then leaves the failed coil out")
+    m_coil: Vec4 = Output("A.m2", "dipole of each coil at this time")
+    power: float = Output("W", "electric power of all coils at this time")
 
     def start(self) -> None:
         super().start()
-        self._command = ZERO
-        self._begin, self._width = 0.0, ZERO  # of the pulses: time (s), lengths (s)
+        self._check_axes()
+        self._check_times()
+        failed = self.failed_coil - 1
+        rest = tuple(0.0 if i % 4 == failed else x for i, x in enumerate(self.axes_coil))
+        self._allocation = pseudo_inverse(self.axes_coil)
+        self._allocation_of_rest = pseudo_inverse(rest)
+        self._command = self._end = self._m = OFF  # end: when the command of each coil ends
+        self._command_body = ZERO
+        self._begin = self._constant_until = 0.0
+        self._coils_on = 0
         self._on_time = self._energy = 0.0
         self.m_mean_body = self.m_slope_body = ZERO
-        if self.drive == 2 and self.pulse_delay + self.duty_max * self.sample_time > (
-            self.sample_time * (1.0 + 1e-12)
-        ):
-            self.fail("pulse_delay + duty_max * sample_time is longer than sample_time")
+
+    def _check_axes(self) -> None:
+        for i in range(4):
+            x, y, z = axis = self.axes_coil[i::4]
+            if axis != ZERO and abs(norm((x, y, z)) - 1.0) > 1e-6:
+                self.fail(f"axes_coil: column {i + 1} = {axis} is not a unit vector")
+
+    def _check_times(self) -> None:
+        period = self.sample_time
+        if self.drive == PULSED:
+            if period == 0.0 or self.m_limit == 0.0:
+                self.fail("pulsed drive needs a sample_time and an m_limit above 0")
+            if self.quiet_time + self.pulse_delay + self.duty_max * period > period * (1.0 + 1e-12):
+                self.fail("quiet_time + pulse_delay + duty_max * sample_time exceeds sample_time")
+        elif self.quiet_time > 0.0 and self.quiet_time >= period:
+            self.fail(f"quiet_time = {self.quiet_time} s must be shorter than sample_time")
 
     def output(self, t: float) -> None:
+        a, b, c, d = self.m_coil = self._m
+        self.m_body = body_momentum(self.axes_coil, self._m)
+        joule = self.resistance / (self.area_turns * self.area_turns)
+        self.power = joule * (a * a + b * b + c * c + d * d)
         self.on_time = self._on_time
         self.dipole_energy = self._energy
+        self.electric_energy = 2.0 * joule * self._energy
 
     def advance(self, t: float, dt: float) -> None:
         if self.due(t):
             self._take(t)
-        if self.drive == 2:
-            self._pulses(t, dt)
+        if self._begin <= t and t + dt <= self._constant_until:
+            self._hold(dt)
             return
-        m = self._command
-        self.m_mean_body, self.m_slope_body = m, ZERO
-        self._energy += 0.5 * dot(m, m) * dt
-        self._on_time += dt * sum(1 for x in m if x != 0.0)
+        over_step = self._switched if self.lag == 0.0 else self._switched_with_lag
+        mean, slope, self._m = zip(*[over_step(i, t, dt) for i in range(4)], strict=True)
+        self.m_mean_body = body_momentum(self.axes_coil, mean)
+        self.m_slope_body = body_momentum(self.axes_coil, slope)
 
     def _take(self, t: float) -> None:
-        m = self.m_cmd_body
-        self._command = m if self.drive == 0 else clip(m, self.m_limit)
-        if self.drive == 2:
-            self._begin = t + self.pulse_delay
-            self._width = tuple(self._pulse_width(x) for x in m)  # type: ignore[assignment]
+        f = self.failed_coil - 1
+        failed = self.failed_coil != NO_COIL and t >= self.failed_from
+        known = failed and self.failure_known
+        wanted = list(
+            to_wheels(self._allocation_of_rest if known else self._allocation, self.m_cmd_body)
+        )
+        if failed:
+            wanted[f] = 0.0
+            self._m = tuple(0.0 if i == f else m for i, m in enumerate(self._m))  # type: ignore[assignment]
+        self._begin = t + self.quiet_time
+        end, most = [inf] * 4, self.m_limit
+        if self.drive == PULSED:
+            self._begin += self.pulse_delay
+            end = [self._begin + self._pulse_width(x) for x in wanted]
+            wanted = [copysign(most, x) for x in wanted]
+        elif self.drive == LIMITED and (max(wanted) > most or min(wanted) < -most):
+            wanted = [min(max(x, -most), most) for x in wanted]
+        if f >= 0 and not failed:
+            end[f] = min(end[f], self.failed_from)
+        self._command, self._end = tuple(wanted), tuple(end)  # type: ignore[assignment]
+        self._command_body = body_momentum(self.axes_coil, self._command)
+        self._coils_on = 4 - wanted.count(0.0)
+        self._constant_until = min(end) if self.drive != PULSED else self._begin
+
+    def _hold(self, dt: float) -> None:
+        """A step with constant commands."""
+        a, b, c, d = self._command
+        self._on_time += dt * self._coils_on
+        if self.lag == 0.0:
+            self._energy += 0.5 * (a * a + b * b + c * c + d * d) * dt
+            self._m, self.m_mean_body, self.m_slope_body = self._command, self._command_body, ZERO
+            return
+        # m = command + gap exp(-t / lag), all coils at once
+        mean, slope, end = lag(dt / self.lag)
+        mean_square = lag(2.0 * dt / self.lag)[0]
+        p, q, r, s = self._m
+        p, q, r, s = gap = p - a, q - b, r - c, s - d
+        self._energy += 0.5 * dt * (
+            a * (a + 2.0 * mean * p) + b * (b + 2.0 * mean * q)
+            + c * (c + 2.0 * mean * r) + d * (d + 2.0 * mean * s)
+            + mean_square * (p * p + q * q + r * r + s * s)
+        )  # fmt: skip
+        self._m = (a + end * p, b + end * q, c + end * r, d + end * s)
+        gap_body = body_momentum(self.axes_coil, gap)
+        self.m_mean_body = add(self._command_body, scale(mean, gap_body))
+        self.m_slope_body = scale(slope, gap_body)
 
     def _pulse_width(self, m: float) -> float:
         most = int(self.duty_max * self.sample_time / self.least_pulse + 1e-9)
         wanted = int(abs(m) / self.m_limit * self.sample_time / self.least_pulse + 0.5)
         return min(wanted, most) * self.least_pulse
 
-    def _pulses(self, t: float, dt: float) -> None:
-        mean, slope = [0.0] * 3, [0.0] * 3
-        for i, width in enumerate(self._width):
-            begin = max(self._begin - t, 0.0)
-            end = min(self._begin + width - t, dt)
-            if width == 0.0 or end <= begin:
-                continue
-            m = self.m_limit if self._command[i] > 0.0 else -self.m_limit
-            share, lead = pulse(begin / dt, end / dt)
-            mean[i], slope[i] = m * share, m * lead
-            self._on_time += end - begin
-            self._energy += 0.5 * m * m * (end - begin)
-        self.m_mean_body = (mean[0], mean[1], mean[2])
-        self.m_slope_body = (slope[0], slope[1], slope[2])
+    def _switched(self, i: int, t: float, dt: float) -> Vec3:
+        """Mean, slope and end value of coil i over a step, without lag."""
+        u = self._command[i]
+        share, lead, seconds = window(self._begin, self._end[i], t, dt)
+        if seconds == 0.0 or u == 0.0:
+            return ZERO
+        self._on_time += seconds
+        self._energy += 0.5 * u * u * seconds
+        last = t + dt * (1.0 - 1e-6)  # clear of rounding where an edge falls on the step's end
+        return u * share, u * lead, u if self._begin < last < self._end[i] else 0.0
+
+    def _switched_with_lag(self, i: int, t: float, dt: float) -> Vec3:
+        """Mean, slope and end value of coil i over a step: off, on, off, perhaps dead."""
+        u, m = self._command[i], self._m[i]
+        alive = min(max(self.failed_from - t, 0.0), dt) if i == self.failed_coil - 1 else dt
+        on = min(max(self._begin - t, 0.0), alive)
+        off = max(min(self._end[i] - t, alive), on)
+        self._on_time += off - on if u != 0.0 else 0.0
+        mean = slope = 0.0
+        for first, last, target in ((0.0, on, 0.0), (on, off, u), (off, alive, 0.0)):
+            if last > first:
+                x, lead, m, square = first_order(m, target, (last - first) / self.lag)
+                x, lead = part(first / dt, last / dt, x, lead)
+                mean, slope = mean + x, slope + lead
+                self._energy += 0.5 * square * (last - first)
+        return mean, slope, m if alive == dt else 0.0
