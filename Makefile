@@ -23,14 +23,20 @@ check: .venv/.installed ## lint and types
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 
-bench: ssp ## microseconds per step of ours and of others, into benchmarks/latest.json
+bench: ssp .venv-basilisk/.tried ## microseconds per step of ours and of others, into benchmarks/latest.json
 	$(BIN)/python -m benchmarks.run
 
 papers: ssp ## the pages under docs/papers, from runs made now
 	$(BIN)/python -m docs.papers
 
+.venv-basilisk/.tried:
+	$(PYTHON) -m venv .venv-basilisk
+	.venv-basilisk/bin/python -m pip install -q --disable-pip-version-check bsk==2.12.1 \
+		|| { echo "without Basilisk: its rows stay empty"; rm -rf .venv-basilisk/bin; }
+	@touch $@
+
 clean: ## remove what the other targets have made
-	rm -rf .venv fmus/dist ssp/dist runs build *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis
+	rm -rf .venv .venv-basilisk fmus/dist ssp/dist runs build *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
 
 .venv/.installed: pyproject.toml constraints.txt

@@ -32,7 +32,10 @@ from orchestrator.scenario import find
 HERE = Path(__file__).parent
 LATEST = HERE / "latest.json"
 ROUNDS = 5
-CASES = {"uosat12": ("uosat12/table3-ocdc-ilqr-1", 20000)}
+AUTHORITIES = HERE.parent / "tests" / "authorities"
+BASILISK = HERE.parent / ".venv-basilisk" / "bin" / "python"
+GOAL = 1e-7
+"""The attitude error (quaternion, largest over 6000 s) that the plant's bench asks for."""
 
 
 # --- one measurement, in its own process ------------------------------------------------------
@@ -151,6 +154,47 @@ def fmpy(path: str, steps: int) -> dict[str, Any]:
     return {"us": result}
 
 
+def day(path: str, steps: int) -> dict[str, Any]:
+    """So many steps of a scenario from its start, nothing recorded."""
+    with _master(path, steps, blocks=False) as master:
+        began = time.perf_counter()
+        for _ in range(steps):
+            master.advance()
+        seconds = time.perf_counter() - began
+    return {"wall_seconds": round(seconds, 3), "us_per_step": round(1e6 * seconds / steps, 2)}
+
+
+def plant(path: str, steps: int) -> dict[str, Any]:
+    """The plant's reference trajectory in so many steps: seconds of stepping, and the error."""
+    import numpy as np
+
+    truth = np.loadtxt(AUTHORITIES / "plant_reference_highprec.csv", delimiter=",", skiprows=1)
+    step, every = 6000.0 / steps, steps // 600
+    options = Options(step=step)
+    system, checked = prepare(path, options)
+    rows, seconds = [], 0.0
+
+    def attitude(component: str, signal: Any) -> bool:
+        return component == "spacecraft" and bool(signal.name.startswith("q_bi"))
+
+    with Master(system, checked.or_raise(), watched=attitude) as master:
+        master.initialise()
+        index = sorted(
+            s.index for s in master.slots
+            if s.component == "spacecraft" and s.signal.name.startswith("q_bi")
+        )  # fmt: skip
+        rows.append(master.live["Real"][index].copy())
+        for _ in range(600):
+            began = time.perf_counter()
+            for _ in range(every):
+                master.advance()
+            seconds += time.perf_counter() - began
+            rows.append(master.live["Real"][index].copy())
+    found, wanted = np.array(rows), truth[:, [2, 3, 4, 1]]
+    sign = np.sign((found * wanted).sum(axis=1, keepdims=True))
+    return {"seconds": seconds, "attitude_error": float(np.abs(found - sign * wanted).max())}
+
+
 def shares(path: str, steps: int) -> dict[str, Any]:
     """Where our microseconds go: the calls of each component, and the master's own loop."""
     with _master(path, steps, blocks=False) as master:
@@ -202,27 +246,34 @@ def memory(path: str, steps: int) -> dict[str, Any]:
         return {"steps": steps, "mib_after_a_tenth": early, "mib_at_the_end": resident()}
 
 
-MEASUREMENTS = {f.__name__: f for f in (desat, blocks, libcosim, fmpy, shares, memory)}
+MEASUREMENTS = {f.__name__: f for f in (desat, blocks, libcosim, fmpy, shares, memory, day, plant)}
 
 
 # --- all of them ------------------------------------------------------------------------------
 
 
 def _measure(tool: str, path: str, steps: int) -> dict[str, Any]:
-    result = subprocess.run(
-        [sys.executable, "-m", "benchmarks.run", tool, path, str(steps)],
-        capture_output=True, text=True, check=False, cwd=HERE.parent,
-    )  # fmt: skip
+    return _result([sys.executable, "-m", "benchmarks.run", tool, path, str(steps)])
+
+
+def _result(command: list[str]) -> dict[str, Any]:
+    result = subprocess.run(command, capture_output=True, text=True, check=False, cwd=HERE.parent)
     lines = [x for x in result.stdout.splitlines() if x.startswith("RESULT ")]
     if result.returncode or not lines:
-        raise SystemExit(f"{tool}: {result.stderr[-2000:]}")
+        raise SystemExit(f"{' '.join(command)}: {result.stderr[-2000:]}")
     measured: dict[str, Any] = json.loads(lines[0][7:])
     return measured
 
 
-def case(scenario: str, steps: int) -> dict[str, Any]:
-    """All tools in turn on one scenario."""
-    path = str(pack_scenario(find(scenario)))
+def packed(scenario: str) -> str:
+    """The path of a scenario's .ssp, packed now if needed."""
+    return str(pack_scenario(find(scenario)))
+
+
+def uosat12() -> dict[str, Any]:
+    """All tools in turn on one scenario of the paper's tables."""
+    scenario, steps = "uosat12/table3-ocdc-ilqr-1", 20000
+    path = packed(scenario)
     tools = ["desat", "blocks", "fmpy"]
     if importlib.util.find_spec("libcosimpy"):
         tools.insert(1, "libcosim")
@@ -237,13 +288,71 @@ def case(scenario: str, steps: int) -> dict[str, Any]:
     if "libcosim" in rounds:
         pairs = [a / b for a, b in zip(rounds["desat"], rounds["libcosim"], strict=True)]
         result["desat_over_libcosim"] = round(statistics.median(pairs), 3)
-    share = _measure("shares", path, steps)
-    result["us_per_component"] = share["us_per_component"]
-    result["of_which_in_do_step"] = share["of_which_in_do_step"]
-    calls = sum(share["us_per_component"].values())
-    result["master_alone_us"] = round(share["us"] - calls, 2)
+    result.update(where_the_time_goes(path, steps))
     result["memory"] = _measure("memory", path, 1_000_000)
     return {"scenario": scenario, "steps": steps, "rounds": ROUNDS, **result}
+
+
+def where_the_time_goes(path: str, steps: int) -> dict[str, Any]:
+    """Microseconds per step of each component's calls, and of the master's own loop."""
+    share = _measure("shares", path, steps)
+    alone = share["us"] - sum(share["us_per_component"].values())
+    return {
+        "us_per_component": share["us_per_component"],
+        "of_which_in_do_step": share["of_which_in_do_step"],
+        "master_alone_us": round(alone, 2),
+    }
+
+
+def nadir_day() -> dict[str, Any]:
+    """24 h of nadir pointing, four wheels, three coils, 1 s steps, all components as FMUs."""
+    result: dict[str, Any] = {}
+    for field in ("dipole", "igrf"):
+        path = packed(f"nadir_day/day-{field}")
+        runs = [_measure("day", path, 86400) for _ in range(3)]
+        runs.sort(key=lambda r: r["wall_seconds"])
+        result[field] = {**runs[1], **where_the_time_goes(path, 10000)}
+    return result
+
+
+def plant_trajectory() -> dict[str, Any]:
+    """The plant's reference trajectory: ours and Basilisk's, at the largest step whose error is
+    below the goal, and at 1 s."""
+    path = packed("plant/reference")
+    tools: dict[str, tuple[tuple[float, ...], Callable[[float], dict[str, Any]]]] = {
+        "desat": ((10.0, 5.0, 2.0, 1.0), lambda s: _measure("plant", path, round(6000 / s))),
+        "basilisk": ((1.0, 0.5, 0.2, 0.1), _basilisk),
+    }
+    result: dict[str, Any] = {"goal": GOAL}
+    for tool, (steps, run) in tools.items():
+        if tool == "basilisk" and not BASILISK.exists():
+            result[tool] = None  # not installable here
+            continue
+        rows = []
+        for step in steps:
+            runs = sorted((run(step) for _ in range(3)), key=lambda r: r["seconds"])
+            rows.append({"step": step, **runs[1]})
+        good = [r for r in rows if r["attitude_error"] < GOAL]
+        result[tool] = {
+            "at_the_goal": max(good, key=lambda r: r["step"]) if good else None,
+            "at_1_s": next(r for r in rows if r["step"] == 1.0),
+            "rows": rows,
+        }
+    return result
+
+
+def _basilisk(step: float) -> dict[str, Any]:
+    return _result(
+        [str(BASILISK), str(HERE / "basilisk_plant.py"), str(AUTHORITIES / "parameters.json"),
+         str(AUTHORITIES / "plant_reference_highprec.csv"), str(step)]
+    )  # fmt: skip
+
+
+CASES: dict[str, Callable[[], dict[str, Any]]] = {
+    "uosat12": uosat12,
+    "day": nadir_day,
+    "plant": plant_trajectory,
+}
 
 
 def main() -> int:
@@ -255,7 +364,7 @@ def main() -> int:
     names = sys.argv[1:] or list(CASES)
     data = json.loads(LATEST.read_text()) if LATEST.exists() else {}
     for name in names:
-        data[name] = case(*CASES[name])
+        data[name] = CASES[name]()
     packages = ("desat", "fmpy", "pythonfmu", "numpy", "libcosimpy")
     data["about"] = {
         "date": datetime.now(UTC).isoformat(timespec="minutes"),

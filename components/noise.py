@@ -6,6 +6,7 @@ on every platform that rounds sqrt, log, cos and sin alike.
 
 from __future__ import annotations
 
+from functools import lru_cache
 from math import cos, log, pi, sin, sqrt
 
 from .block import Vec3
@@ -20,9 +21,15 @@ def _mix(x: int) -> int:
     return x ^ (x >> 31)
 
 
+@lru_cache(maxsize=256)
+def _stream(seed: int, index: int) -> int:
+    """The state of a sample, from which its channels are drawn."""
+    return _mix(_mix(seed) ^ index)
+
+
 def uniform(seed: int, index: int, channel: int = 0) -> float:
     """A number from (0, 1), never 0 or 1."""
-    return ((_mix(_mix(_mix(seed) ^ index) ^ channel) >> 12) + 0.5) / (1 << 52)
+    return ((_mix(_stream(seed, index) ^ channel) >> 12) + 0.5) / (1 << 52)
 
 
 def normal_pair(seed: int, index: int, channel: int = 0) -> tuple[float, float]:
@@ -40,15 +47,8 @@ def normal3(seed: int, index: int, channel: int = 0) -> Vec3:
 
 
 def normal6(seed: int, index: int, channel: int = 0) -> tuple[Vec3, Vec3]:
-    """Six independent standard normal numbers; six channels from `channel` on are used.
-
-    The numbers of three `normal_pair`, at little more than the cost of one `normal3`.
-    """
-    state = _mix(_mix(seed) ^ index)
-    numbers: list[float] = []
-    for k in (channel, channel + 2, channel + 4):
-        radius = sqrt(-2.0 * log(((_mix(state ^ k) >> 12) + 0.5) / (1 << 52)))
-        angle = 2.0 * pi * (((_mix(state ^ (k + 1)) >> 12) + 0.5) / (1 << 52))
-        numbers += (radius * cos(angle), radius * sin(angle))
-    a, b, c, d, e, f = numbers
+    """Six independent standard normal numbers; six channels from `channel` on are used."""
+    a, b = normal_pair(seed, index, channel)
+    c, d = normal_pair(seed, index, channel + 2)
+    e, f = normal_pair(seed, index, channel + 4)
     return (a, b, c), (d, e, f)

@@ -12,7 +12,8 @@ body (rad/s), and `learnt` what a compensating speed loop has found of the frict
 
 from __future__ import annotations
 
-from math import ceil, exp, tanh
+from collections.abc import Callable
+from math import ceil, exp, expm1, tanh
 
 from .moments import lag as lag_moments
 
@@ -22,6 +23,10 @@ stiction (N m)"""
 
 Rotor = tuple[float, float, float]
 """The state: h (N m s), T (N m), learnt (N m)"""
+
+
+SMALL_SPEED = 3e-8
+"""A motor transient is not resolved where friction makes less of it (rad/s)."""
 
 
 def friction(omega: float, viscous: float, coulomb: float, omega_eps: float) -> float:
@@ -35,14 +40,13 @@ def step(
     """The state after dt (s) with a held motor command (N m), and the integral of h (N m s2).
 
     The body's axial rate g.omega goes linearly from rate0 to rate1 (rad/s); |h| <= limit (N m s).
-    Without friction the motor's exponential is integrated in closed form; with friction by RK4
-    beside the closed form.
+    The motor's exponential is integrated in closed form, friction beside it by RK4, or where a loop
+    compensates it, with the loop's exponential.
     """
     _, lag, viscous, coulomb, _, _, stiction = motor
     if viscous == coulomb == stiction == 0.0:
         return _frictionless(lag, rotor, command, dt, limit)
-    # the motor's transient must be resolved where friction depends on it
-    n = min(max(1, ceil(dt / (2.0 * lag))), 64) if lag > 0.0 else 1
+    n = _parts(motor, rotor, command, rate0, dt)
     part, slope = dt / n, (rate1 - rate0) / dt
     total = 0.0
     for i in range(n):
@@ -50,6 +54,25 @@ def step(
         rotor, integral = _with_friction(motor, rotor, command, rate, slope, part, limit)
         total += integral
     return rotor, total
+
+
+def _parts(motor: Motor, rotor: Rotor, command: float, rate: float, dt: float) -> int:
+    """Into how many parts a step is cut so that friction is integrated well."""
+    inertia, lag, viscous, coulomb, omega_eps, _, _ = motor
+    h, torque, _ = rotor
+    decay = viscous / inertia  # of the speed by friction, 1/s
+    parts = 0.0
+    gained = max(abs(torque), abs(command)) * dt / inertia
+    if coulomb > 0.0 and abs(h / inertia - rate) < 8.0 * omega_eps + gained:
+        # the sign of Coulomb friction may turn
+        decay += coulomb / omega_eps / inertia
+        parts = 2.0 * gained / omega_eps
+    parts = max(parts, 10.0 * decay * dt)
+    # where friction depends on the motor's transient
+    swing = abs(torque - command) * lag / inertia
+    if decay * swing * min(lag, dt) > SMALL_SPEED:
+        parts = max(parts, 0.5 * dt / lag)
+    return min(max(1, ceil(parts)), 64)
 
 
 def _frictionless(
@@ -95,23 +118,41 @@ def _with_friction(
         h = j * (rate + slope * dt)  # held: the rotor turns with the body
         return (h, torque, 0.0), 0.5 * dt * (h0 + h)
 
-    def loss(s: float, lost: float, learnt: float) -> tuple[float, float]:
-        """What is lost, and learnt, per second at s into the step."""
-        drag = friction((h0 + pushed(s) - lost) / j - rate - slope * s, viscous, coulomb, omega_eps)
-        return drag - learnt, compensation * (drag - learnt)
+    def drag(s: float, lost: float) -> float:
+        """The friction at s into the step, with `lost` of the momentum lost so far."""
+        return friction((h0 + pushed(s) - lost) / j - rate - slope * s, viscous, coulomb, omega_eps)
 
-    half = 0.5 * dt
-    a1, b1 = loss(0.0, 0.0, learnt0)
-    a2, b2 = loss(half, half * a1, learnt0 + half * b1)
-    a3, b3 = loss(half, half * a2, learnt0 + half * b2)
-    a4, b4 = loss(dt, dt * a3, learnt0 + dt * b3)
-    lost = dt / 6.0 * (a1 + 2.0 * (a2 + a3) + a4)
-    learnt = learnt0 + dt / 6.0 * (b1 + 2.0 * (b2 + b3) + b4)
+    if compensation > 0.0:
+        lost, learnt, first = _compensated(drag, learnt0, compensation, dt)
+    else:
+        half = 0.5 * dt
+        a = drag(0.0, 0.0)
+        b = drag(half, half * a)
+        c = drag(half, half * b)
+        d = drag(dt, dt * c)
+        lost, learnt = dt / 6.0 * (a + 2.0 * (b + c) + d), 0.0
+        first = dt * (0.5 * lost + dt * (a - d) / 12.0)  # by the Hermite cubic
     h = h0 + pushed(dt) - lost
     if abs(h) > limit:
         return _stopped(h0, h, torque, learnt, dt, limit)
-    # the integral of h: the motor's part in closed form, the loss by its Hermite cubic
     motor_part = 0.5 * command * dt * dt
     if excess:
         motor_part += excess * (dt - lag * (1.0 - exp(-dt / lag)))
-    return (h, torque, learnt), h0 * dt + motor_part - dt * (0.5 * lost + dt * (a1 - a4) / 12.0)
+    return (h, torque, learnt), h0 * dt + motor_part - first
+
+
+def _compensated(
+    drag: Callable[[float, float], float], learnt0: float, c: float, dt: float
+) -> tuple[float, float, float]:
+    """What friction takes while a loop of bandwidth c (1/s) learns it: the momentum lost, what is
+    learnt at the end, and the integral of the momentum lost. Friction goes linearly from start to
+    end, the loop's exponential is exact."""
+    start = drag(0.0, 0.0)
+    x0 = start - learnt0
+    decayed = -expm1(-c * dt)
+    end = drag(dt, x0 * decayed / c)
+    steady = (end - start) / (c * dt)
+    rest = x0 - steady
+    lost = steady * dt + rest * decayed / c
+    first = 0.5 * steady * dt * dt + rest / c * (dt - decayed / c)
+    return lost, end - steady - rest * (1.0 - decayed), first

@@ -62,6 +62,18 @@ def pointing_last(times: Array, q: Array, q_ref: Array) -> float:
     return float(pointing(q, q_ref)[-1])
 
 
+@measure
+def pointing_largest(times: Array, q: Array, q_ref: Array) -> float:
+    """The largest angle between two attitudes (deg)."""
+    return float(pointing(q, q_ref).max())
+
+
+@measure
+def pointing_rms(times: Array, q: Array, q_ref: Array) -> float:
+    """The root mean square angle between two attitudes (deg)."""
+    return float(np.sqrt((pointing(q, q_ref) ** 2).mean()))
+
+
 def pointing(q: Array, q_ref: Array) -> Array:
     """The angle between attitudes (deg), row by row; exact for small ones."""
     sign = np.where((q * q_ref).sum(axis=1, keepdims=True) < 0.0, -1.0, 1.0)

@@ -12,57 +12,43 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from .plots import COLOURS, figure, svg, time_axis
 from .results import Results
-from .system import Component, System
+from .system import System
 
 Array = NDArray[np.float64]
+_NEEDED = ("inertia", "axes_wheel", "inertia_wheel", "q_bi", "omega_bi_body", "impulse_eci")
 
 
-def wheels_of(system: System, spacecraft: str) -> tuple[str, str] | None:
-    """(component, variable) of the wheels' momentum that a spacecraft is wired to."""
+def rigid_body(system: System) -> dict[str, str] | None:
+    """Which component is a rigid body and where its wheels' momentum comes from; None: there is
+    no such component."""
     for c in system.connections:
-        if (c.target, c.input) == (spacecraft, "h_wheel[1]"):
-            return c.source, c.output.partition("[")[0]
+        target = system.components[c.target].interface
+        if c.input == "h_wheel[1]" and target and all(target.elements(n) for n in _NEEDED):
+            wheels = f"{c.source}.{c.output.partition('[')[0]}"
+            return {"spacecraft": c.target, "wheels": wheels}
     return None
 
 
-def matrix(component: Component, name: str, rows: int) -> Array:
-    """A parameter of a component as an array of so many rows."""
-    from .check import value_of
-
-    assert component.interface is not None
-    values = [value_of(component, s.name) for s in component.interface.elements(name)]
-    return np.asarray(values, float).reshape(rows, -1)
-
-
-def rigid_bodies(system: System) -> list[tuple[Component, tuple[str, str]]]:
-    """The components that are a rigid body with wheels, and where their wheels' momentum is."""
-    needed = ("inertia", "axes_wheel", "inertia_wheel", "q_bi", "omega_bi_body", "impulse_eci")
-    found = []
-    for c in system.components.values():
-        wheels = wheels_of(system, c.name)
-        if wheels and c.interface and all(c.interface.elements(n) for n in needed):
-            found.append((c, wheels))
-    return found
-
-
-def momentum(system: System, results: Results) -> tuple[Array, Array] | None:
-    """(times, residual) with the residual (rows, 3) in N m s, eci; None where there is no rigid
-    body or its series are not recorded."""
-    bodies = rigid_bodies(system)
-    if not bodies:
+def momentum(manifest: dict[str, Any], results: Results) -> tuple[Array, Array] | None:
+    """(times, residual) of a run, the residual (rows, 3) in N m s, eci; None where there is no
+    rigid body or its series are not recorded."""
+    body = manifest.get("rigid_body")
+    if body is None:
         return None
-    body, (wheels, variable) = bodies[0]
-    series = [f"{body.name}.{n}" for n in ("q_bi", "omega_bi_body", "impulse_eci")]
-    series.append(f"{wheels}.{variable}")
+    name = body["spacecraft"]
+    series = [f"{name}.{n}" for n in ("q_bi", "omega_bi_body", "impulse_eci")] + [body["wheels"]]
     if not set(series) <= set(results.names()):
         return None
     q, omega, impulse, h = (results.values(s) for s in series)
-    axes = matrix(body, "axes_wheel", 3)
-    spin = matrix(body, "inertia_wheel", 1)[0]
-    carrier = matrix(body, "inertia", 3) - (axes * spin) @ axes.T
-    in_body = omega @ carrier.T + h @ axes.T
-    in_eci = rotate_back(q, in_body)
+    if len(q) == 0:
+        return None
+    given = manifest["parameters"][name]
+    axes = np.reshape(given["axes_wheel"]["value"], (3, 4))
+    spin = np.array(given["inertia_wheel"]["value"])
+    carrier = np.reshape(given["inertia"]["value"], (3, 3)) - (axes * spin) @ axes.T
+    in_eci = rotate_back(q, omega @ carrier.T + h @ axes.T)
     return results.times(series[0]), in_eci - in_eci[0] - (impulse - impulse[0])
 
 
@@ -73,14 +59,26 @@ def rotate_back(q: Array, v: Array) -> Array:
     return np.asarray(v + scalar * t + np.cross(vector, t))
 
 
-def summary(system: System, results: Results) -> dict[str, Any] | None:
-    """What the manifest says of the momentum residual."""
-    found = momentum(system, results)
+def summary(manifest: dict[str, Any], results: Results) -> dict[str, Any] | None:
+    """The number that the manifest has of the residual."""
+    found = momentum(manifest, results)
     if found is None:
         return None
-    _, residual = found
     return {
         "title": "Momentum residual, largest",
-        "value": float(np.linalg.norm(residual, axis=1).max()) if len(residual) else 0.0,
+        "value": float(np.linalg.norm(found[1], axis=1).max()),
         "unit": "N.m.s",
     }
+
+
+def plot(times: Array, residual: Array) -> str:
+    """The residual over time as SVG."""
+    fig, ax = figure()
+    seconds, unit = time_axis(times)
+    for i, axis in enumerate("xyz"):
+        ax.plot(times / seconds, residual[:, i], color=COLOURS[i], linewidth=1.0, label=axis)
+    ax.set_xlabel(f"time [{unit}]")
+    ax.set_ylabel("[N m s], eci")
+    ax.margins(x=0.01)
+    ax.legend(fontsize=8, frameon=False, loc="center left", bbox_to_anchor=(1.0, 0.5))
+    return svg(fig)

@@ -13,7 +13,8 @@ from matplotlib.figure import Figure
 
 from components.units import UNITS, conversion
 
-from .errors import DesatError
+from .errors import DesatError, nearest
+from .measures import pointing
 from .results import Results
 
 COLOURS = ("#0b62a4", "#d1495b", "#2e8b57", "#8a5fbf", "#e08e0b", "#444444")
@@ -42,7 +43,7 @@ def time_axis(times: np.ndarray[Any, Any]) -> tuple[float, str]:
 def figure(width: float = 7.2, height: float = 2.9) -> tuple[Figure, Any]:
     """A figure in our style, and its axes."""
     fig = Figure(figsize=(width, height))
-    ax = fig.add_axes((0.095, 0.16, 0.655, 0.80))  # the same for all, so that times align
+    ax = fig.add_axes((0.095, 0.16, 0.655, 0.76))  # the same for all, so that times align
     ax.grid(True, color="#dddddd", linewidth=0.6)
     ax.set_axisbelow(True)
     for side in ("top", "right"):
@@ -68,13 +69,16 @@ def series_plot(
     """
     known = set(runs[0][1].names())
     signals = [s for s in plot["signals"] if s in known]
-    if not signals:
+    if not signals or ("derive" in plot and len(signals) < len(plot["signals"])):
         return None
     fig, ax = figure()
     seconds, time_unit = time_axis(runs[0][1].times())
     unit = plot.get("unit") or runs[0][1].attribute(signals[0], "unit")
     for number, (label, results, _) in enumerate(runs):
-        lines = [line for s in signals for line in _lines(plot, results, s, unit)]
+        if "derive" in plot:
+            lines = [_derived(plot, results)]
+        else:
+            lines = [line for s in signals for line in _lines(plot, results, s, unit)]
         for i, (name, times, values, stepped) in enumerate(lines):
             named = name if number == 0 else None
             if len(runs) > 1 and (len(lines) == 1 or (number and i == 0)):
@@ -108,6 +112,19 @@ def series_plot(
     return svg(fig)
 
 
+DERIVED = {"pointing": pointing}
+"""What a plot may derive from several series: functions of their values, in the plot's unit."""
+
+
+def _derived(plot: dict[str, Any], results: Results) -> tuple[str, Any, Any, bool]:
+    """The line that a plot derives from its signals."""
+    if plot["derive"] not in DERIVED:
+        raise DesatError(f"plot: no derive {plot['derive']}{nearest(plot['derive'], DERIVED)}")
+    series = [results.values(s) for s in plot["signals"]]
+    rows = min(map(len, series))
+    return "", results.times()[:rows], DERIVED[plot["derive"]](*(s[:rows] for s in series)), False
+
+
 def _lines(
     plot: dict[str, Any], results: Results, signal: str, unit: str
 ) -> list[tuple[str, Any, Any, bool]]:
@@ -122,6 +139,7 @@ def _lines(
         return [(prefix, times, values, stepped)]
     if plot.get("norm"):
         return [(prefix, times, np.linalg.norm(values, axis=1), stepped)]
+    # fewer names than elements: the rest is not shown (a wheel that is not there)
     names = plot.get("components") or [str(i + 1) for i in range(values.shape[1])]
     return [
         (f"{prefix} {name}".strip(), times, values[:, i], stepped) for i, name in enumerate(names)

@@ -8,6 +8,7 @@ from typing import Any
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
+from . import monitor
 from .plots import pretty_unit, series_plot
 from .results import Results
 from .run import Run, read_manifest
@@ -57,6 +58,9 @@ def write_report(folder: Path, run: Run, twin: Run | None = None) -> Path:
         for plot in about.get("plots", _default_plots(run.results))
         if (image := series_plot(plot, runs))
     ]
+    if (residual := monitor.momentum(manifest, run.results)) is not None:
+        caption = "Momentum residual: what the exchange between components loses"
+        figures.append((caption, Markup(monitor.plot(*residual))))
     rows = [
         {
             "title": n["title"],

@@ -139,7 +139,7 @@ def execute(
         us_per_step=round(1e6 * seconds / max(done, 1), 3),
         numbers=numbers(system.about, results),
     )
-    if (residual := monitor.summary(system, results)) is not None:
+    if (residual := monitor.summary(manifest, results)) is not None:
         manifest["numbers"]["momentum_residual"] = residual
     if folder is not None:
         write_json(folder / MANIFEST, manifest)
@@ -225,6 +225,7 @@ def describe(system: System, options: Options, target: str) -> dict[str, Any]:
             c.name: {"source": c.source, "sha256": library.load(c.fmu).sha256}
             for c in system.components.values() if c.fmu is not None and not options.blocks
         },
+        "rigid_body": monitor.rigid_body(system),
         "parameters": parameters(system),
     }  # fmt: skip
 

@@ -1,9 +1,10 @@
 """Scenarios: TOML files in ssp/FAMILY/scenarios/, each one scenario or, with axes, a table of them.
 
-    extends = "common"            # another file of the folder, merged below this one
+    extends = "common"            # another file of the folder, or several, merged below this one
     title = "…"                   # and story: two sentences for a reader
     ssd = "SystemStructure.ssd"   # in ssp/FAMILY/
     step, stop, start             # seconds
+    epoch = 2026-01-01T00:00:00Z  # UTC of t = 0, for every component with an epoch_j2000
     [sources]                     # manager = "manager_other": another FMU for a component
     [shared]                      # a parameter for every component that has it
     [parameters.manager]          # parameters (or unconnected inputs) of one component
@@ -25,6 +26,7 @@ import itertools
 import tomllib
 from copy import deepcopy
 from dataclasses import dataclass
+from datetime import UTC, datetime
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -41,7 +43,7 @@ DIST = ROOT / "dist"
 KEYS = {
     "extends", "abstract", "title", "story", "ssd", "step", "stop", "start", "sources", "shared",
     "parameters", "output_classes", "decimation", "dispersions", "twin", "numbers", "plots",
-    "paper", "axes", "labels", "source",
+    "paper", "axes", "labels", "source", "epoch",
 }  # fmt: skip
 
 
@@ -90,7 +92,10 @@ class Scenario:
         for name, decimation in self.data.get("decimation", {}).items():
             _component(system, name, f"{where}: decimation").decimation = int(decimation)
         problems += load_interfaces(system, blocks)
-        problems += _set_shared(system, self.data.get("shared", {}), where)
+        shared = dict(self.data.get("shared", {}))
+        if "epoch" in self.data:
+            shared["epoch_j2000"] = _epoch(self.data["epoch"], where)
+        problems += _set_shared(system, shared, where)
         for name, values in self.data.get("parameters", {}).items():
             component = _component(system, name, f"{where}: parameters")
             for parameter, value in values.items():
@@ -110,6 +115,13 @@ class Scenario:
                 "decimation", "labels", "dispersions")  # fmt: skip
         about = {k: self.data[k] for k in keys if k in self.data}
         return {"name": self.name, **about, "cell": self.cell}
+
+
+def _epoch(value: Any, where: str) -> float:
+    """Seconds from 2000-01-01T12:00:00 UTC to a TOML date-time."""
+    if not isinstance(value, datetime) or value.tzinfo is None:
+        raise DesatError(f"{where}: epoch = {value}: a UTC time is needed, 2026-01-01T00:00:00Z")
+    return (value - datetime(2000, 1, 1, 12, tzinfo=UTC)).total_seconds()
 
 
 def _component(system: System, name: str, where: str) -> Any:
@@ -198,12 +210,12 @@ def _load(file: Path, seen: tuple[Path, ...] = ()) -> dict[str, Any]:
         raise DesatError(f"{where}: no such file") from error
     except tomllib.TOMLDecodeError as error:
         raise DesatError(f"{where}: {error}") from error
-    base = data.pop("extends", None)
-    if base is None:
-        return data
+    bases = data.pop("extends", [])
     if file in seen:
         raise DesatError(f"{where}: extends itself")
-    merged = _load(file.with_name(f"{base}.toml"), (*seen, file))
+    merged: dict[str, Any] = {}
+    for base in [bases] if isinstance(bases, str) else bases:
+        _merge(merged, _load(file.with_name(f"{base}.toml"), (*seen, file)))
     merged.pop("abstract", None)
     _merge(merged, data)
     return merged

@@ -4,12 +4,12 @@ from collections.abc import Callable
 from math import ceil
 
 from .. import torques
-from ..attitude import normalised, product, rotate, rotate_back
+from ..attitude import normalised, product, propagated, rotate, rotate_back
 from ..block import Mat33, Mat34, Parameter, Table, Vec3, Vec4
 from ..gyrostat import carrier_inertia, inverse_inertia, rate
 from ..orbit import EARTH_RATE, MU, lvlh_attitude
 from ..roles import Spacecraft
-from ..vector import add, cross, dot, mat_vec, norm, sub
+from ..vector import ZERO, add, cross, dot, mat_vec, norm, sub
 from ..wheel_array import body_momentum
 
 NONE, AREA, PLATES = range(3)
@@ -36,7 +36,8 @@ class SpacecraftRigid(Spacecraft):
         tau_ext = (m + m_residual) x B + 3 mu / r^3 u x J u + drag + radiation + thrusters
                   + tau_disturbance + tau_ext_body
 
-    Integrated by RK4 with as many steps as turn and nutation need. `h_wheel` is read in
+    Integrated by RK4 with as many steps as turn and nutation need; drag and radiation are taken
+    at the middle of each. `h_wheel` is read in
     initialisation mode only: the copy starts from it.
 
     Source: conservation of momentum; paper 004, eqs. 1-6; Wertz (1978), ch. 17 for the torques.
@@ -119,19 +120,24 @@ class SpacecraftRigid(Spacecraft):
         return rate(rotate(self._q, self._momentum), wheels, self._inverse)
 
     def advance(self, t: float, dt: float) -> None:
+        omega = self._omega()
         size = norm(self._momentum) * self._stiffest
-        turn = norm(self._omega()) * dt
-        n = max(1, ceil(turn / LARGEST_TURN), ceil(size * dt / LARGEST_NUTATION))
-        slope = self._slopes(dt)
+        n = max(
+            1, ceil(norm(omega) * dt / LARGEST_TURN), ceil(size * dt / LARGEST_NUTATION)
+        )  # fmt: skip
         de = 1.0 / n
         step, half = de * dt, 0.5 * de * dt
+        surfaces, outer = self._surfaces(), ZERO
+        slope = self._slopes(dt)
         y = (*self._q, *self._momentum)
         for i in range(n):
             e = i * de
-            k1 = slope(e, y)
-            k2 = slope(e + 0.5 * de, _moved(y, half, k1))
-            k3 = slope(e + 0.5 * de, _moved(y, half, k2))
-            k4 = slope(e + de, _moved(y, step, k3))
+            if surfaces is not None:
+                outer = surfaces(propagated(y[:4], omega, half))
+            k1 = slope(e, y, outer)
+            k2 = slope(e + 0.5 * de, _moved(y, half, k1), outer)
+            k3 = slope(e + 0.5 * de, _moved(y, half, k2), outer)
+            k4 = slope(e + de, _moved(y, step, k3), outer)
             y = _combined(y, step / 6.0, k1, k2, k3, k4)
         self._q = normalised(y[:4])
         self._momentum = (y[4], y[5], y[6])
@@ -140,8 +146,9 @@ class SpacecraftRigid(Spacecraft):
             h[0] + dt * mean[0], h[1] + dt * mean[1], h[2] + dt * mean[2], h[3] + dt * mean[3],
         )  # fmt: skip
 
-    def _slopes(self, dt: float) -> Callable[[float, _State], _State]:
-        """f(e, y): the derivative of y = (q, H) at the share e of the step, per second."""
+    def _slopes(self, dt: float) -> Callable[[float, _State, Vec3], _State]:
+        """f(e, y, outer): the derivative of y = (q, H) per second, at the share e of the step and
+        with the torque `outer` (N m, body) of the surfaces."""
         i11, i12, i13, i21, i22, i23, i31, i32, i33 = self._inverse
         mean, tilt = self.tau_mean_wheel, self.tau_slope_wheel
         axes = self.axes_wheel
@@ -153,7 +160,7 @@ class SpacecraftRigid(Spacecraft):
         w1x, w1y, w1z = dt * ax - w2x, dt * ay - w2y, dt * az - w2z
         torque = self._torques(dt)
 
-        def slope(e: float, y: _State) -> _State:
+        def slope(e: float, y: _State, outer: Vec3) -> _State:
             x, v, z, w, hx, hy, hz = y
             xx, v2, zz, ww = x * x, v * v, z * z, w * w
             c11, c12, c13 = xx - v2 - zz + ww, 2.0 * (x * v + z * w), 2.0 * (x * z - v * w)
@@ -168,8 +175,11 @@ class SpacecraftRigid(Spacecraft):
             dx, dy = r * v - q * z + p * w, -r * x + p * z + q * w
             dz, dw = q * x - p * v + r * w, -p * x - q * v - r * z
             if torque is None:
-                return (dx, dy, dz, dw, 0.0, 0.0, 0.0)
-            tx, ty, tz = torque(e, (c11, c12, c13, c21, c22, c23, c31, c32, c33))
+                if outer is ZERO:
+                    return (dx, dy, dz, dw, 0.0, 0.0, 0.0)
+                tx, ty, tz = outer
+            else:
+                tx, ty, tz = torque(e, (c11, c12, c13, c21, c22, c23, c31, c32, c33), outer)
             return (
                 dx, dy, dz, dw,
                 c11 * tx + c21 * ty + c31 * tz,
@@ -179,27 +189,27 @@ class SpacecraftRigid(Spacecraft):
 
         return slope
 
-    def _torques(self, dt: float) -> Callable[[float, Mat33], Vec3] | None:
-        """f(e, C): the external torque (N m, body) at the share e of the step; None: nothing."""
+    def _torques(self, dt: float) -> Callable[[float, Mat33, Vec3], Vec3] | None:
+        """f(e, C, outer): `outer` and all other external torque (N m, body) at the share e of the
+        step; None where there is no other."""
         constant = add(self.tau_disturbance_body, self.tau_ext_body)
         thrust, thrust_slope = self.tau_mean_thruster_body, self.tau_slope_thruster_body
         dipole = add(self.m_mean_body, self.residual_dipole_body)
         dipole_slope = self.m_slope_body
         magnetic = any(dipole) or any(dipole_slope)
-        surfaces = self._surfaces()
         gravity = self.gravity_gradient
-        if not (magnetic or gravity or surfaces or any(constant) or any(thrust)
+        if not (magnetic or gravity or any(constant) or any(thrust)
                 or any(thrust_slope)):  # fmt: skip
             return None
         b, db, ddb = self.b_eci, self.b_rate_eci, self.b_accel_eci
         r, v, inertia = self.r_eci, self.v_eci, self.inertia
         fall = -0.5 * MU / norm(r) ** 3
 
-        def torque(e: float, c: Mat33) -> Vec3:
+        def torque(e: float, c: Mat33, outer: Vec3) -> Vec3:
             lead, s = e - 0.5, e * dt
-            x = constant[0] + thrust[0] + lead * thrust_slope[0]
-            y = constant[1] + thrust[1] + lead * thrust_slope[1]
-            z = constant[2] + thrust[2] + lead * thrust_slope[2]
+            x = outer[0] + constant[0] + thrust[0] + lead * thrust_slope[0]
+            y = outer[1] + constant[1] + thrust[1] + lead * thrust_slope[1]
+            z = outer[2] + constant[2] + thrust[2] + lead * thrust_slope[2]
             if magnetic:
                 half = 0.5 * s
                 bx, by, bz = mat_vec(c, (
@@ -218,15 +228,12 @@ class SpacecraftRigid(Spacecraft):
                 place = (k * r[0] + s * v[0], k * r[1] + s * v[1], k * r[2] + s * v[2])
                 gx, gy, gz = torques.gravity_gradient(mat_vec(c, place), inertia)
                 x, y, z = x + gx, y + gy, z + gz
-            if surfaces is not None:
-                sx, sy, sz = surfaces(c)
-                x, y, z = x + sx, y + sy, z + sz
             return (x, y, z)
 
         return torque
 
-    def _surfaces(self) -> Callable[[Mat33], Vec3] | None:
-        """f(C): drag and radiation torque (N m, body), the surroundings as at the step's start."""
+    def _surfaces(self) -> Callable[[Vec4], Vec3] | None:
+        """f(q): drag and radiation torque (N m, body), the surroundings as at the step's start."""
         drag = self.aerodynamics if self.density > 0.0 else NONE
         light = self.radiation if self.sunlight > 0.0 else NONE
         if drag == NONE and light == NONE:
@@ -236,10 +243,10 @@ class SpacecraftRigid(Spacecraft):
         pressure = self.sunlight * torques.SOLAR_PRESSURE
         cd, plates = self.drag_coefficient, self.plates
 
-        def surfaces(c: Mat33) -> Vec3:
-            total = (0.0, 0.0, 0.0)
+        def surfaces(q: Vec4) -> Vec3:
+            total = ZERO
             if drag != NONE:
-                flow = mat_vec(c, wind)
+                flow = rotate(q, wind)
                 total = (
                     torques.drag(flow, self.density, cd * self.area_drag, self.centre_drag_body)
                     if drag == AREA
@@ -247,7 +254,7 @@ class SpacecraftRigid(Spacecraft):
                 )
             if light == NONE:
                 return total
-            sun = mat_vec(c, self.sun_eci)
+            sun = rotate(q, self.sun_eci)
             return add(
                 total,
                 torques.radiation(sun, pressure, self.area_radiation, self.centre_radiation_body)

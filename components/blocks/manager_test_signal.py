@@ -1,0 +1,37 @@
+from __future__ import annotations
+
+from math import pi, sin
+
+from ..block import Parameter, Vec4
+from ..roles import Manager
+from ..vector import ZERO
+
+
+class ManagerTestSignal(Manager):
+    """Open-loop wheel torques, for identification and for reference runs
+
+        tau_cmd_wheel[i] = bias[i] + amplitude[i] sin(2 pi t_s / period[i] + phase[i])
+
+    with t_s the time of the last sample; no dipole, no thrusters, no feedback.
+    """
+
+    bias: Vec4 = Parameter("N.m", "constant part for each wheel")
+    amplitude: Vec4 = Parameter("N.m", "amplitude for each wheel")
+    period: Vec4 = Parameter("s", "period for each wheel", start=600.0, min=1e-3)
+    phase: Vec4 = Parameter("rad", "phase for each wheel")
+
+    def start(self) -> None:
+        super().start()
+        self.tau_cmd_wheel = (0.0, 0.0, 0.0, 0.0)
+        self.m_cmd_body = self.tau_cmd_thruster_body = ZERO
+        self.mode = 0
+
+    def advance(self, t: float, dt: float) -> None:
+        if self.due(t):
+            sampled = self._sample * self.sample_time if self.sample_time > 0.0 else t
+            self.tau_cmd_wheel = tuple(  # type: ignore[assignment]
+                b + a * sin(2.0 * pi * sampled / p + q)
+                for b, a, p, q in zip(
+                    self.bias, self.amplitude, self.period, self.phase, strict=True
+                )
+            )

@@ -1,0 +1,166 @@
+"""The plant's reference trajectory, and the torques on a rigid body."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from conftest import ROOT
+from hypothesis import given
+from hypothesis import strategies as st
+
+from components import torques, vector
+from components.attitude import rotate, rotate_back
+from components.block import BlockError
+from components.blocks.spacecraft_rigid import SpacecraftRigid
+from components.gyrostat import carrier_inertia, inverse_inertia
+from components.orbit import MU
+from orchestrator.run import Options, execute
+
+TRUTH = np.loadtxt(
+    ROOT / "tests" / "authorities" / "plant_reference_highprec.csv", delimiter=",", skiprows=1
+)
+number = st.floats(-1, 1, allow_nan=False)
+vec3 = st.tuples(number, number, number)
+
+
+def axes_of(run) -> np.ndarray:
+    return np.reshape(run.manifest["parameters"]["wheels"]["axes_wheel"]["value"], (3, 4))
+
+
+@pytest.mark.parametrize("step", [1.0, 10.0])
+def test_reference_trajectory(step):
+    """|dq| < 1e-7 and |d Omega| < 1e-8 rad/s over 6000 s at the default step (1 s)."""
+    run = execute("plant/reference", Options(step=step, record=("spacecraft.*", "wheels.*")))
+    every = round(10 / step)
+    q = run.results.values("spacecraft.q_bi")[::every]
+    truth = TRUTH[:, [2, 3, 4, 1]]  # scalar first there
+    sign = np.sign((q * truth).sum(axis=1, keepdims=True))
+    assert np.abs(q - sign * truth).max() < 1e-7
+    omega = run.results.values("spacecraft.omega_bi_body")[::every]
+    assert np.abs(omega - TRUTH[:, 5:8]).max() < 1e-9
+    spin = run.manifest["parameters"]["wheels"]["inertia_wheel"]["value"]
+    speed = run.results.values("wheels.h_wheel")[::every] / spin - omega @ axes_of(run)
+    assert np.abs(speed - TRUTH[:, 8:]).max() < 1e-8
+    # the wheel's own telemetry extrapolates the body's rate over the step
+    if step == 1.0:
+        assert np.abs(run.results.values("wheels.speed_wheel")[::every] - speed).max() < 1e-3
+    assert run.manifest["numbers"]["momentum_residual"]["value"] < 1e-14
+
+
+def test_gravity_gradient_is_the_differential_force():
+    """Against point masses in the field of a point."""
+    r, rng = np.array([4e6, -5e6, 2.5e6]), np.random.default_rng(3)
+    places, masses = rng.normal(size=(6, 3)), rng.uniform(1, 5, 6)
+    places -= (masses[:, None] * places).sum(axis=0) / masses.sum()
+    inertia = sum(
+        m * (p @ p * np.eye(3) - np.outer(p, p)) for m, p in zip(masses, places, strict=True)
+    )
+    total = np.zeros(3)
+    for m, p in zip(masses, places, strict=True):
+        # the quadratic term in p/r is 1e-7 of it
+        total += np.cross(p, -MU * m * (r + p) / np.linalg.norm(r + p) ** 3)
+    found = torques.gravity_gradient(tuple(r), tuple(inertia.ravel()))
+    assert np.allclose(found, total, rtol=1e-5, atol=1e-12)
+
+
+@given(vec3, vec3)
+def test_drag_and_radiation_on_an_area(v, centre):
+    speed = vector.scale(7500.0, v)
+    expected = np.cross(centre, -0.5 * 1e-12 * 2.2 * np.linalg.norm(speed) * np.array(speed))
+    assert np.allclose(torques.drag(speed, 1e-12, 2.2, centre), expected, rtol=1e-12, atol=1e-20)
+    expected = np.cross(centre, -4.56e-6 * 1.5 * np.array(v))
+    assert np.allclose(torques.radiation(v, 4.56e-6, 1.5, centre), expected, atol=1e-20)
+
+
+def plate(normal, area, centre, specular=0.0, diffuse=0.0) -> tuple[float, ...]:
+    return (*normal, area, *centre, specular, diffuse)
+
+
+def test_plates():
+    box = plate((1, 0, 0), 2.0, (0, 0.1, 0)) + plate((-1, 0, 0), 2.0, (0, 0.1, 0))
+    box += (0.0,) * (54 - len(box))
+    v = (7500.0, 0.0, 0.0)
+    # only the plate that faces the flow counts, and head on it is its area
+    assert torques.drag_on_plates(v, 1e-12, 2.2, box) == pytest.approx(
+        torques.drag(v, 1e-12, 2.2 * 2.0, (0, 0.1, 0))
+    )
+    black = torques.radiation_on_plates((1, 0, 0), 4.56e-6, box)
+    assert black == pytest.approx(torques.radiation((1, 0, 0), 4.56e-6, 2.0, (0, 0.1, 0)))
+    mirror = plate((1, 0, 0), 2.0, (0, 0.1, 0), specular=1.0) + (0.0,) * 45
+    # a mirror is pushed twice as hard, along its normal
+    assert torques.radiation_on_plates((1, 0, 0), 4.56e-6, mirror) == pytest.approx(
+        [2 * x for x in black]
+    )
+    s = (0.6, 0.8, 0.0)
+    pushed = torques.radiation_on_plates(s, 4.56e-6, mirror)
+    assert pushed == pytest.approx(np.cross((0, 0.1, 0), [-4.56e-6 * 2 * 2 * 0.36, 0, 0]))
+
+
+def rigid(**values) -> SpacecraftRigid:
+    block = SpacecraftRigid()
+    block.gravity_gradient = False
+    for name, value in values.items():
+        setattr(block, name, value)
+    block.start()
+    block.output(0.0)
+    return block
+
+
+@given(vec3, st.tuples(number, number, number, number), st.sampled_from([0.1, 1.0, 10.0]))
+def test_momentum_is_constant_to_the_last_bit_without_torque(omega, h, dt):
+    block = rigid(omega_start_body=vector.scale(0.1, omega), h_wheel=h)
+    start = block._momentum
+    block.tau_mean_wheel, block.tau_slope_wheel = (0.01, -0.02, 0.005, 0.0), (0.1, 0.2, 0.0, 0.0)
+    for k in range(5):
+        block.advance(k * dt, dt)
+        block.output((k + 1) * dt)
+    assert block._momentum == start
+    assert block.impulse_eci == (0.0, 0.0, 0.0)
+
+
+@pytest.mark.parametrize("source", ["thruster", "dipole", "ext", "disturbance"])
+def test_impulse_is_torque_times_time(source):
+    """A body that cannot turn (huge inertia) takes the impulse of each source."""
+    values = {"inertia": tuple(x * 1e9 for x in (1, 0, 0, 0, 1, 0, 0, 0, 1)), "b_eci": (0, 3e-5, 0)}
+    if source == "thruster":
+        values["tau_mean_thruster_body"] = (0.01, 0.0, 0.0)
+    elif source == "dipole":
+        values["m_mean_body"] = (0.0, 0.0, -0.01 / 3e-5)  # m x B = +x
+    elif source == "ext":
+        values["tau_ext_body"] = (0.01, 0.0, 0.0)
+    else:
+        values["tau_disturbance_body"] = (0.01, 0.0, 0.0)
+    block = rigid(**values)
+    block.advance(0.0, 2.0)
+    block.output(2.0)
+    assert block.impulse_eci == pytest.approx((0.02, 0.0, 0.0), abs=1e-9)
+
+
+@given(vec3)
+def test_slope_moves_impulse_in_time(direction):
+    """A torque with mean 0 and a slope gives no impulse; it turns the body by -slope T^2 / 12 J."""
+    slope = vector.scale(0.1, direction)
+    inertia = (40.0, 0, 0, 0, 50.0, 0, 0, 0, 30.0)
+    block = rigid(inertia=inertia, inertia_wheel=(0.0,) * 4, tau_slope_thruster_body=slope)
+    block.advance(0.0, 1.0)
+    block.output(1.0)
+    assert max(map(abs, block.impulse_eci)) < 1e-6
+    turned = [2 * x for x in block.q_bi[:3]]
+    expected = [-s / (12 * j) for s, j in zip(slope, (40, 50, 30), strict=True)]
+    assert turned == pytest.approx(expected, abs=2e-8)
+
+
+def test_starts_relative_to_the_orbit():
+    block = rigid(start_frame=1, r_eci=(7e6, 0, 0), v_eci=(0, 0, 7.5e3))
+    assert rotate(block.q_bi, (-1, 0, 0)) == pytest.approx((0, 0, 1), abs=1e-15)  # z to nadir
+    rate = rotate_back(block.q_bi, block.omega_bi_body)
+    assert rate == pytest.approx((0, -7.5e3 / 7e6, 0), abs=1e-15)  # about the orbit normal
+
+
+def test_bad_inertia_is_named():
+    for bad in ((1, 0, 0, 0, 1, 0, 0, 0, -1), (1, 0.5, 0, 0, 1, 0, 0, 0, 1)):
+        with pytest.raises(BlockError, match="not symmetric and positive"):
+            inverse_inertia(tuple(float(x) for x in bad))
+    carrier = carrier_inertia((1, 0, 0, 0, 1, 0, 0, 0, 1), (1, 0, 0, 0) + (0,) * 8, (2.0, 0, 0, 0))
+    with pytest.raises(BlockError):
+        inverse_inertia(carrier)
