@@ -14,7 +14,8 @@ from components.block import BlockError
 from components.blocks.wheels import Wheels
 from components.rotor import friction, step
 
-torque = st.floats(-0.02, 0.02)
+torque = st.floats(-0.02, 0.02).map(lambda x: round(x, 6))
+momentum = st.floats(-3, 3).map(lambda x: round(x, 6))
 J = 0.008
 
 
@@ -43,7 +44,7 @@ def exact(motor, rotor, command, rate0, rate1, dt):
     return y[:3], y[3]
 
 
-@given(torque, torque, st.floats(-3, 3), st.sampled_from([0.0, 0.05, 0.3]),
+@given(torque, torque, momentum, st.sampled_from([0.0, 0.05, 0.3]),
        st.sampled_from([0.1, 1.0, 5.0]))  # fmt: skip
 def test_a_frictionless_step_is_exact(command, torque0, h, lag, dt):
     motor = (J, lag, 0.0, 0.0, 1.0, 0.0, 0.0)
@@ -54,17 +55,19 @@ def test_a_frictionless_step_is_exact(command, torque0, h, lag, dt):
     assert integral == pytest.approx(integral_e, abs=1e-10)
 
 
-@given(torque, torque, st.floats(-3, 3), st.sampled_from([0.0, 0.3]), st.floats(-0.02, 0.02),
+@given(torque, torque, momentum, st.sampled_from([0.0, 0.3]), torque,
        st.sampled_from([0.0, 1.0]))  # fmt: skip
 def test_a_step_with_friction(command, torque0, h, lag, rate, compensation):
     motor = (J, lag, 2e-5, 5e-4, 20.0, compensation, 0.0)
     rotor = (h, torque0, 1e-4 if compensation else 0.0)
     (h1, t1, l1), integral = step(motor, rotor, command, rate, 1.1 * rate, 1.0, 1e9)
     (he, te, le), integral_e = exact(motor, rotor, command, rate, 1.1 * rate, 1.0)
-    assert h1 == pytest.approx(he, abs=5e-7)
+    # a compensating loop takes friction as linear over the step
+    accuracy = 2e-6 if compensation else 5e-7
+    assert h1 == pytest.approx(he, abs=accuracy)
     assert t1 == pytest.approx(te, abs=1e-9)
     assert l1 == pytest.approx(le, abs=1e-5)
-    assert integral == pytest.approx(integral_e, abs=5e-7)
+    assert integral == pytest.approx(integral_e, abs=accuracy)
 
 
 def run(block: Wheels, steps: int, dt: float, k0: int = 0):
