@@ -27,7 +27,7 @@ bench: ssp .venv-basilisk/.tried ## microseconds per step of ours and of others,
 	$(BIN)/python -m benchmarks.run
 
 papers: ssp ## the pages under docs/papers, from runs made now
-	$(BIN)/python -m docs.papers
+	$(BIN)/python -m docs.generate
 
 .venv-basilisk/.tried:
 	$(PYTHON) -m venv .venv-basilisk

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from collections.abc import Iterable
 
 from .block import Output, Parameter, Table, Vec3
@@ -72,9 +73,9 @@ class PulsedThrusters(Thrusters):
         self.tau_mean_thruster_body = (mean[0], mean[1], mean[2])
         self.tau_slope_thruster_body = (slope[0], slope[1], slope[2])
 
+    @abstractmethod
     def wanted(self, period: float) -> Iterable[tuple[float, Vec3, float]]:
         """What the command wants in this sample period: on-time (s), torque (N m), force (N)."""
-        raise NotImplementedError
 
     def _fired(self, t: float, period: float) -> Iterable[Pulse]:
         for on_time, torque, force in self.wanted(period):

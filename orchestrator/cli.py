@@ -57,7 +57,7 @@ TARGET = typer.Argument(
 Target = Annotated[str, TARGET]
 Sets = Annotated[
     list[str] | None,
-    typer.Option("--set", metavar="COMPONENT.VARIABLE=VALUE",
+    typer.Option("--set", metavar="COMP.VAR=VALUE",
                  help="Give a parameter (or unconnected input) another value; a choice by its "
                  "name, an array as 1,2,3. May be repeated."),
 ]  # fmt: skip
@@ -71,8 +71,8 @@ Blocks = Annotated[bool, typer.Option("--blocks", help="Bare blocks instead of F
 Json = Annotated[bool, typer.Option("--json", help="Print JSON for programs.")]
 Classes = Annotated[
     list[str] | None,
-    typer.Option("--output-class", metavar="COMPONENT.OUTPUT=state|interval",
-                 help="Override the class of an output. May be repeated."),
+    typer.Option("--output-class", metavar="COMP.OUT=CLASS",
+                 help="Class of an output: state or interval. May be repeated."),
 ]  # fmt: skip
 Jobs = Annotated[int, typer.Option(help="Processes.", min=1)]
 CPUS = os.cpu_count() or 1

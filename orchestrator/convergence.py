@@ -112,15 +112,15 @@ def write_html(result: dict[str, Any], path: Path) -> Path:
     figures = [
         (
             "Largest attitude error against the monolithic reference",
-            Markup(_plot(result, "attitude_error", "rad")),
+            Markup(plot(result, "attitude_error", "rad")),
         ),
         (
             "Largest error of the wheels' momentum",
-            Markup(_plot(result, "wheel_momentum_error", "N m s")),
+            Markup(plot(result, "wheel_momentum_error", "N m s")),
         ),
         (
             "Momentum residual: what the exchange loses",
-            Markup(_plot(result, "momentum_drift", "N m s")),
+            Markup(plot(result, "momentum_drift", "N m s")),
         ),
     ]
     text = render("convergence.html", result=result, figures=figures)
@@ -128,7 +128,8 @@ def write_html(result: dict[str, Any], path: Path) -> Path:
     return write_page(path, text)
 
 
-def _plot(result: dict[str, Any], key: str, unit: str) -> str:
+def plot(result: dict[str, Any], key: str, unit: str) -> str:
+    """Errors over steps as SVG."""
     fig, ax = figure()
     lines = [(a, key, "-") for a in ALGORITHMS]
     if f"{key}_same_delays" in result["rows"][0]:

@@ -112,7 +112,7 @@ class Scenario:
     def about(self) -> dict[str, Any]:
         """What travels with a packed system: story, numbers, plots and the like."""
         keys = ("title", "story", "source", "twin", "numbers", "plots", "output_classes",
-                "decimation", "labels", "dispersions")  # fmt: skip
+                "labels", "dispersions")  # fmt: skip
         about = {k: self.data[k] for k in keys if k in self.data}
         return {"name": self.name, **about, "cell": self.cell}
 

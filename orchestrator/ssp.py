@@ -55,9 +55,6 @@ def read(path: Path) -> tuple[System, list[str]]:
     if about.exists():
         system.about = json.loads(about.read_text(encoding="utf-8"))
         system.output_classes.update(system.about.get("output_classes", {}))
-        for name, decimation in system.about.get("decimation", {}).items():
-            if name in system.components:
-                system.components[name].decimation = decimation
     return system, reader.problems
 
 
@@ -101,6 +98,11 @@ class _Reader:
                     f"{self.at(binding)}: parameter {name} belongs to no component"
                 )
         self.experiment(root, system)
+        for child in element.iterfind(f"{{{SSD}}}Elements/{{{SSD}}}Component"):
+            hint = child.find(f".//{{{OSP}}}StepSizeHint")
+            if hint is not None and system.step:
+                decimation = max(1, round(float(hint.get("value", "0")) / system.step))
+                system.components[child.get("name")].decimation = decimation
         return system
 
     def component(self, element: Any) -> Component:
@@ -213,8 +215,9 @@ class _Reader:
 def pack(system: System, target: Path) -> None:
     """Write a system as one self-contained .ssp in the universal profile.
 
-    Raises DesatError for what other tools would misread: a connection that converts units or
-    values, a component without a file.
+    Components that step once in several steps get a step-size hint, which of the other tools only
+    libcosim reads. Raises DesatError for what they would misread: a connection that converts units
+    or values, a component without a file.
     """
     for connection in system.connections:
         if (connection.factor, connection.offset) != (1.0, 0.0):
@@ -253,6 +256,11 @@ def pack(system: System, target: Path) -> None:
             members[file] = _parameter_set(component)
             bindings = _sub(element, "ParameterBindings")
             _sub(bindings, "ParameterBinding", source=file)
+        if component.decimation > 1:
+            assert system.step is not None
+            annotation = _annotation(element, "com.opensimulationplatform")
+            hint = repr(component.decimation * system.step)
+            etree.SubElement(annotation, f"{{{OSP}}}StepSizeHint", value=hint)
     connections = _sub(top, "Connections")
     for c in system.connections:
         _sub(
@@ -269,6 +277,10 @@ def pack(system: System, target: Path) -> None:
 
 def _sub(parent: Any, tag: str, /, **attributes: str) -> Any:
     return etree.SubElement(parent, f"{{{SSD}}}{tag}", attributes)
+
+
+def _annotation(parent: Any, kind: str) -> Any:
+    return etree.SubElement(_sub(parent, "Annotations"), f"{{{SSC}}}Annotation", type=kind)
 
 
 def _text(root: Any) -> bytes:
@@ -290,8 +302,7 @@ def _parameter_set(component: Component) -> bytes:
 
 
 def _annotate_for_omsimulator(top: Any, system: System) -> None:
-    annotations = _sub(top, "Annotations")
-    annotation = etree.SubElement(annotations, f"{{{SSC}}}Annotation", type="org.openmodelica")
+    annotation = _annotation(top, "org.openmodelica")
     oms = etree.SubElement(annotation, f"{{{OMS}}}Annotations")
     information = etree.SubElement(oms, f"{{{OMS}}}SimulationInformation")
     etree.SubElement(
@@ -303,11 +314,7 @@ def _default_experiment(root: Any, system: System) -> None:
     experiment = _sub(root, "DefaultExperiment", startTime=f"{system.start!r}")
     if system.stop is not None:
         experiment.set("stopTime", repr(system.stop))
-    annotation = etree.SubElement(
-        _sub(experiment, "Annotations"),
-        f"{{{SSC}}}Annotation",
-        type="com.opensimulationplatform",
-    )
+    annotation = _annotation(experiment, "com.opensimulationplatform")
     algorithm = etree.SubElement(annotation, f"{{{OSP}}}Algorithm")
     etree.SubElement(
         algorithm,

@@ -13,7 +13,7 @@ from orchestrator.check import load_interfaces
 from orchestrator.pack import pack_scenario
 from orchestrator.run import Options, execute
 from orchestrator.scenario import find
-from orchestrator.ssp import read
+from orchestrator.ssp import pack, read
 
 STEPS = 60
 SHORT = Options(algorithm="jacobi", stop=600.0)
@@ -117,4 +117,22 @@ def test_ecos_agrees(name):
     theirs = rows_of(python(ECOS, str(path), json.dumps(wanted), str(STEPS), step))
     mine = columns(run, outputs)[:STEPS]
     print("largest difference", np.abs(theirs - mine).max())
+    assert np.abs(theirs - mine).max() <= 1e-12
+
+
+@pytest.mark.skipif(not importlib.util.find_spec("libcosimpy"), reason="libcosimpy not installable")
+def test_libcosim_agrees_on_components_that_step_less_often(tmp_path):
+    """The lcm rule: an output moves when its source and its target are both due."""
+    system, problems = find("gyrostat/full").system()
+    for name, decimation in {"controller": 2, "magnetometer": 3, "manager": 6}.items():
+        system.components[name].decimation = decimation
+        system.components[name].parameters["sample_time"] = 0.0
+    assert not problems
+    path = tmp_path / "multirate.ssp"
+    pack(system, path)
+    assert read(path)[0].components["manager"].decimation == 6
+    outputs = real_outputs(path)
+    wanted = [(c, list(v.values())) for c, v in outputs.items()]
+    theirs = rows_of(python(LIBCOSIM, str(path), json.dumps(wanted), str(STEPS)))
+    mine = columns(execute(str(path), SHORT), outputs)[:STEPS]
     assert np.abs(theirs - mine).max() <= 1e-12

@@ -1,0 +1,1 @@
+"""The generator of the pages under docs/papers: `make papers`."""
