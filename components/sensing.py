@@ -5,9 +5,49 @@ Every function takes its random numbers as arguments; `noise.py` makes them.
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from math import pi, sqrt
 
-from .block import Vec3
+from .block import Parameter, Sampled, Vec3
+
+
+class Sensor(Sampled):
+    """What a sensor does at its samples; a block adds `measure`."""
+
+    fail_time: float = Parameter(
+        "s", "from this time on invalid, holding the last value; negative: never", start=-1.0
+    )
+    seed: int = Parameter("1", "seed of the errors", start=1)
+
+    valid: bool
+
+    def start(self) -> None:
+        super().start()
+        self.valid = True
+        self.measure(0, 0.0)
+        if failed(0.0, self.fail_time):
+            self.lost()
+
+    def advance(self, t: float, dt: float) -> None:
+        before = self._sample
+        if not self.due(t):
+            return
+        if failed(t, self.fail_time):
+            self.lost()
+            return
+        self.valid = True
+        self.measure(
+            self._sample,
+            (self._sample - before) * (self.sample_time or dt) if before >= 0 else 0.0,
+        )
+
+    def lost(self) -> None:
+        """The sensor has failed: its last value stays, invalid."""
+        self.valid = False
+
+    @abstractmethod
+    def measure(self, sample: int, elapsed: float) -> None:
+        """Take sample number `sample`, `elapsed` (s) after the one before; 0 for the first."""
 
 
 def failed(t: float, fail_time: float) -> bool:

@@ -6,13 +6,13 @@ from ..attitude import propagated
 from ..block import Parameter, Vec3
 from ..noise import normal3, normal6
 from ..roles import AttitudeDetermination as Role
-from ..sensing import failed, gauss_markov
+from ..sensing import Sensor, gauss_markov
 from ..vector import ZERO, add, scale, unit
 
 _CHANNEL = 32  # apart from those of other sensors, which may have the same seed
 
 
-class AttitudeDetermination(Role):
+class AttitudeDetermination(Role, Sensor):
     """Attitude determination: a performance model
 
         q_meas = dq(a_k) (x) q_bi
@@ -43,36 +43,20 @@ class AttitudeDetermination(Role):
         "s", "correlation time of the Gauss-Markov error; 0: white", start=100.0, min=0.0
     )
     noise: float = Parameter("rad", "standard deviation of the white error of each axis", min=0.0)
-    fail_time: float = Parameter(
-        "s", "from this time on invalid, holding the last value; negative: never", start=-1.0
-    )
-    seed: int = Parameter("1", "seed of the errors", start=1)
 
     def start(self) -> None:
-        super().start()
         drawn = unit(normal3(self.seed, 0, _CHANNEL + 6))
         self._constant = add(self.misalignment_body, scale(self.misalignment_norm, drawn))
-        white, markov = normal6(self.seed, 0, _CHANNEL)
+        _, markov = normal6(self.seed, 0, _CHANNEL)
         self._markov = scale(self.markov_sigma, markov)
-        self._measure(white)
-        self.valid = not failed(0.0, self.fail_time)
+        super().start()
 
-    def advance(self, t: float, dt: float) -> None:
-        before = self._sample
-        if not self.due(t):
-            return
-        self.valid = not failed(t, self.fail_time)
-        if not self.valid:
-            return
+    def measure(self, sample: int, elapsed: float) -> None:
         white = ZERO
         if self.noise > 0.0 or self.markov_sigma > 0.0:
-            white, markov = normal6(self.seed, self._sample, _CHANNEL)
-            if before >= 0:
-                elapsed = (self._sample - before) * (self.sample_time or dt)
+            white, markov = normal6(self.seed, sample, _CHANNEL)
+            if elapsed > 0.0:
                 decay = exp(-elapsed / self.correlation_time) if self.correlation_time else 0.0
                 self._markov = gauss_markov(self._markov, decay, self.markov_sigma, markov)
-        self._measure(white)
-
-    def _measure(self, white: Vec3) -> None:
         error = add(add(self._constant, self._markov), scale(self.noise, white))
         self.q_meas_bi = propagated(self.q_bi, error, 1.0)

@@ -4,11 +4,11 @@ from ..attitude import rotate
 from ..block import Parameter, Vec3
 from ..noise import normal3
 from ..roles import Magnetometer as Role
-from ..sensing import digital3, failed
+from ..sensing import Sensor, digital3
 from ..vector import add, scale
 
 
-class Magnetometer(Role):
+class Magnetometer(Role, Sensor):
     """Three-axis magnetometer
 
         b_body = C(q_bi) b_eci + bias + noise
@@ -22,24 +22,9 @@ class Magnetometer(Role):
     noise: float = Parameter("T", "standard deviation of the noise of each axis", min=0.0)
     resolution: float = Parameter("T", "quantisation step of each axis; 0: none", min=0.0)
     full_scale: float = Parameter("T", "largest magnitude of each axis; 0: no limit", min=0.0)
-    fail_time: float = Parameter(
-        "s", "from this time on invalid, holding the last value; negative: never", start=-1.0
-    )
-    seed: int = Parameter("1", "seed of the noise", start=1)
 
-    def start(self) -> None:
-        super().start()
-        self._measure(0)
-        self.valid = not failed(0.0, self.fail_time)
-
-    def advance(self, t: float, dt: float) -> None:
-        if self.due(t):
-            self.valid = not failed(t, self.fail_time)
-            if self.valid:
-                self._measure(self._sample)
-
-    def _measure(self, index: int) -> None:
+    def measure(self, sample: int, elapsed: float) -> None:
         b = add(rotate(self.q_bi, self.b_eci), self.bias_body)
         if self.noise > 0.0:
-            b = add(b, scale(self.noise, normal3(self.seed, index)))
+            b = add(b, scale(self.noise, normal3(self.seed, sample)))
         self.b_body = digital3(b, self.resolution, self.full_scale)

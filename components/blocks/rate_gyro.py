@@ -5,13 +5,13 @@ from math import hypot, sqrt
 from ..block import Parameter, Vec3
 from ..noise import normal6
 from ..roles import RateGyro as Role
-from ..sensing import digital3, failed
+from ..sensing import Sensor, digital3
 from ..vector import ZERO, add, scale
 
 _CHANNEL = 16  # apart from those of other sensors, which may have the same seed
 
 
-class RateGyro(Role):
+class RateGyro(Role, Sensor):
     """Three-axis rate gyro
 
         omega_meas = (1 + scale_error) omega + b_k + sigma n_k
@@ -48,38 +48,22 @@ class RateGyro(Role):
     scale_error: Vec3 = Parameter("1", "scale-factor error of each axis")
     resolution: float = Parameter("rad/s", "quantisation step of each axis; 0: none", min=0.0)
     full_scale: float = Parameter("rad/s", "largest magnitude of each axis; 0: no limit", min=0.0)
-    fail_time: float = Parameter(
-        "s", "from this time on invalid, holding the last value; negative: never", start=-1.0
-    )
-    seed: int = Parameter("1", "seed of the noise", start=1)
 
     def start(self) -> None:
-        super().start()
         self._sigma = self.noise
         if self.angle_random_walk > 0.0:
             if self.sample_time <= 0.0:
                 self.fail("angle_random_walk needs a sample_time above 0 s")
             self._sigma = hypot(self.noise, self.angle_random_walk / sqrt(self.sample_time))
         self._bias = self.bias_body
-        self._measure(normal6(self.seed, 0, _CHANNEL)[0])
-        self.valid = not failed(0.0, self.fail_time)
+        super().start()
 
-    def advance(self, t: float, dt: float) -> None:
-        before = self._sample
-        if not self.due(t):
-            return
-        self.valid = not failed(t, self.fail_time)
-        if not self.valid:
-            return
+    def measure(self, sample: int, elapsed: float) -> None:
         white = ZERO
         if self._sigma > 0.0 or self.bias_walk > 0.0:
-            white, walk = normal6(self.seed, self._sample, _CHANNEL)
-            if before >= 0:
-                elapsed = (self._sample - before) * (self.sample_time or dt)
+            white, walk = normal6(self.seed, sample, _CHANNEL)
+            if elapsed > 0.0:
                 self._bias = add(self._bias, scale(self.bias_walk * sqrt(elapsed), walk))
-        self._measure(white)
-
-    def _measure(self, white: Vec3) -> None:
         omega, error, bias, s = self.omega_bi_body, self.scale_error, self._bias, self._sigma
         measured = (
             (1.0 + error[0]) * omega[0] + bias[0] + s * white[0],

@@ -6,13 +6,13 @@ from ..attitude import rotate
 from ..block import Parameter, Vec3
 from ..noise import normal3
 from ..roles import SunSensor as Role
-from ..sensing import failed
+from ..sensing import Sensor
 from ..vector import ZERO, add, dot, norm, scale, unit
 
 _CHANNEL = 48  # apart from those of other sensors, which may have the same seed
 
 
-class SunSensor(Role):
+class SunSensor(Role, Sensor):
     """Sun sensor
 
         s = C(q_bi) sun_eci,        sun_meas_body = unit(s + noise n)
@@ -35,29 +35,26 @@ class SunSensor(Role):
     noise: float = Parameter(
         "rad", "standard deviation of the direction, each of two axes", min=0.0
     )
-    fail_time: float = Parameter("s", "from this time on invalid; negative: never", start=-1.0)
-    seed: int = Parameter("1", "seed of the noise", start=1)
 
     def start(self) -> None:
-        super().start()
         if not any(self.boresight_body):
             self.fail("boresight_body is zero; it must be a direction")
         self._boresight = unit(self.boresight_body)
         self._cosine = cos(self.half_angle)
-        self._measure(0, 0.0)
+        super().start()
 
-    def advance(self, t: float, dt: float) -> None:
-        if self.due(t):
-            self._measure(self._sample, t)
-
-    def _measure(self, index: int, t: float) -> None:
+    def lost(self) -> None:
         self.valid, self.sun_meas_body = False, ZERO
+
+    def measure(self, sample: int, elapsed: float) -> None:
         size = norm(self.sun_eci)
-        if size == 0.0 or self.sunlight < self.sunlight_min or failed(t, self.fail_time):
+        if size == 0.0 or self.sunlight < self.sunlight_min:
+            self.lost()
             return
         s = rotate(self.q_bi, scale(1.0 / size, self.sun_eci))
         if dot(s, self._boresight) < self._cosine - 1e-12:  # rounding must not cut pi or 0
+            self.lost()
             return
         if self.noise > 0.0:
-            s = unit(add(s, scale(self.noise, normal3(self.seed, index, _CHANNEL))))
-        self.valid, self.sun_meas_body = True, s
+            s = unit(add(s, scale(self.noise, normal3(self.seed, sample, _CHANNEL))))
+        self.sun_meas_body = s

@@ -3,10 +3,10 @@ from __future__ import annotations
 from ..block import Parameter, Vec4
 from ..noise import normal_pair
 from ..roles import Tachometers as Role
-from ..sensing import digital, failed
+from ..sensing import Sensor, digital
 
 
-class Tachometers(Role):
+class Tachometers(Role, Sensor):
     """Wheel tachometers
 
         h_meas_wheel = h_wheel + bias + noise
@@ -24,29 +24,14 @@ class Tachometers(Role):
     full_scale: float = Parameter(
         "N.m.s", "largest magnitude of each wheel's momentum; 0: no limit", min=0.0
     )
-    fail_time: float = Parameter(
-        "s", "from this time on invalid, holding the last value; negative: never", start=-1.0
-    )
-    seed: int = Parameter("1", "seed of the noise", start=1)
 
-    def start(self) -> None:
-        super().start()
-        self._measure(0)
-        self.valid = not failed(0.0, self.fail_time)
-
-    def advance(self, t: float, dt: float) -> None:
-        if self.due(t):
-            self.valid = not failed(t, self.fail_time)
-            if self.valid:
-                self._measure(self._sample)
-
-    def _measure(self, index: int) -> None:
+    def measure(self, sample: int, elapsed: float) -> None:
         h, b = self.h_wheel, self.bias_wheel
         if any(b):
             h = (h[0] + b[0], h[1] + b[1], h[2] + b[2], h[3] + b[3])
         if self.noise > 0.0:
-            x, y = normal_pair(self.seed, index)
-            z, w = normal_pair(self.seed, index, 2)
+            x, y = normal_pair(self.seed, sample)
+            z, w = normal_pair(self.seed, sample, 2)
             s = self.noise
             h = (h[0] + s * x, h[1] + s * y, h[2] + s * z, h[3] + s * w)
         if self.resolution > 0.0 or self.full_scale > 0.0:
