@@ -416,6 +416,10 @@ def main() -> None:
         sys.exit(130)
     except BrokenPipeError:
         sys.exit(0)
+    except OSError as error:
+        what = f"{error.filename}: {error.strerror}" if error.filename else str(error)
+        err.print(f"error: {what}", highlight=False, markup=False)
+        sys.exit(2)
     except Exception as error:
         if hasattr(error, "show"):  # click's own messages
             error.show()

@@ -70,6 +70,7 @@ def test_runs_do_not_overwrite(desat, tmp_path):
         (("report", "."), "no run folder"),
         (("draws", NAME, "--set", "manager.duty=3"), "allowed is 0 to 1"),
         (("pack", "uosat12/x"), "no scenario uosat12/x"),
+        (("run", NAME, "--out", "/proc/x"), "/proc/x: No such file or directory"),
     ],
 )
 def test_bad_input_is_a_line(desat, tmp_path, arguments, message):
