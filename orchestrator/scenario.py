@@ -1,6 +1,7 @@
 """Scenarios: TOML files in ssp/FAMILY/scenarios/, each one scenario or, with axes, a table of them.
 
     extends = "common"            # another file of the folder, or several, merged below this one
+    without = ["parameters.manager"]  # what of those is left out
     title = "…"                   # and story: two sentences for a reader
     ssd = "SystemStructure.ssd"   # in ssp/FAMILY/
     step, stop, start             # seconds
@@ -8,14 +9,16 @@
     [sources]                     # manager = "manager_other": another FMU for a component
     [shared]                      # a parameter for every component that has it
     [parameters.manager]          # parameters (or unconnected inputs) of one component
+    [design]                      # parameters below these that `desat design` computes: design.py
     [output_classes]              # "component.output" = "state" | "interval"
     [decimation]                  # manager = 10: steps once in 10 steps of the master
     [dispersions]                 # "component.parameter" = how `desat draws` draws it
+    draws = 20                    # its numbers in the tables are medians of so many draws
     twin = "NAME"                 # a scenario that the report shows beside this one
     [numbers.NAME], [[plots]]     # what the report shows
     [[paper]]                     # a paper's values for the numbers
-    [axes.method.crcp]            # each axis' values are partial scenarios; the product of the
-    [axes.case.ilqr-1]            # axes gives scenarios FILE-crcp-ilqr-1
+    [axes.method.crcp]            # each axis' values are partial scenarios (`without` included);
+    [axes.case.ilqr-1]            # the product of the axes gives scenarios FILE-crcp-ilqr-1
 
 `{method}` in a text stands for the axis' value of the cell, in title and story for its label.
 """
@@ -43,7 +46,7 @@ DIST = ROOT / "dist"
 KEYS = {
     "extends", "abstract", "title", "story", "ssd", "step", "stop", "start", "sources", "shared",
     "parameters", "output_classes", "decimation", "dispersions", "twin", "numbers", "plots",
-    "paper", "axes", "labels", "source", "epoch",
+    "paper", "axes", "labels", "source", "epoch", "design", "draws",
 }  # fmt: skip
 
 
@@ -73,9 +76,29 @@ class Scenario:
         """Where `desat pack` puts its .ssp."""
         return DIST / f"{self.name}.ssp"
 
-    def system(self, blocks: bool = False) -> tuple[System, list[str]]:
+    @property
+    def design(self) -> Path | None:
+        """The file with its design, where it has a [design]; `of` names the scenario that has it
+        made."""
+        if "design" not in self.data:
+            return None
+        name = self.data["design"].get("of", self.name.partition("/")[2])
+        return ROOT / self.family / "design" / f"{name}.toml"
+
+    def parameters(self, designed: bool = True) -> dict[str, Any]:
+        """Its [parameters], with those of its design below. Raises DesatError where it has none."""
+        merged: dict[str, Any] = {}
+        if designed and self.design is not None:
+            if not self.design.exists():
+                name = f"{self.family}/{self.design.stem}"
+                raise DesatError(f"{self.name} has no design yet; run `desat design {name}`")
+            merged = _toml(self.design)["parameters"]
+        _merge(merged, self.data.get("parameters", {}))
+        return merged
+
+    def system(self, blocks: bool = False, designed: bool = True) -> tuple[System, list[str]]:
         """The system that it describes and what is wrong with it so far (schema, missing FMUs,
-        parameters)."""
+        parameters); `designed` False leaves its design out."""
         folder = ROOT / self.family
         system, problems = ssp.read(folder / self.data.get("ssd", ssp.FILE))
         where = f"{self.file.relative_to(ROOT.parent)}"
@@ -96,7 +119,7 @@ class Scenario:
         if "epoch" in self.data:
             shared["epoch_j2000"] = _epoch(self.data["epoch"], where)
         problems += _set_shared(system, shared, where)
-        for name, values in self.data.get("parameters", {}).items():
+        for name, values in self.parameters(designed).items():
             component = _component(system, name, f"{where}: parameters")
             for parameter, value in values.items():
                 if component.interface is None:
@@ -190,6 +213,8 @@ def _read(file: Path, family: str) -> list[Scenario]:
         cell = dict(zip(axes, (key for key, _ in values), strict=True))
         merged = deepcopy(data)
         for _, partial in values:
+            partial = deepcopy(partial)
+            _leave_out(merged, partial, file.relative_to(ROOT.parent))
             _merge(merged, partial)
         merged["labels"] = {
             axis: axes[axis][value].get("label", value) for axis, value in cell.items()
@@ -202,14 +227,19 @@ def _read(file: Path, family: str) -> list[Scenario]:
     return cells
 
 
-def _load(file: Path, seen: tuple[Path, ...] = ()) -> dict[str, Any]:
+def _toml(file: Path) -> dict[str, Any]:
     where = file.relative_to(ROOT.parent)
     try:
-        data = tomllib.loads(file.read_text(encoding="utf-8"))
+        return tomllib.loads(file.read_text(encoding="utf-8"))
     except FileNotFoundError as error:
         raise DesatError(f"{where}: no such file") from error
     except tomllib.TOMLDecodeError as error:
         raise DesatError(f"{where}: {error}") from error
+
+
+def _load(file: Path, seen: tuple[Path, ...] = ()) -> dict[str, Any]:
+    where = file.relative_to(ROOT.parent)
+    data = _toml(file)
     bases = data.pop("extends", [])
     if file in seen:
         raise DesatError(f"{where}: extends itself")
@@ -217,8 +247,21 @@ def _load(file: Path, seen: tuple[Path, ...] = ()) -> dict[str, Any]:
     for base in [bases] if isinstance(bases, str) else bases:
         _merge(merged, _load(file.with_name(f"{base}.toml"), (*seen, file)))
     merged.pop("abstract", None)
+    _leave_out(merged, data, where)
     _merge(merged, data)
     return merged
+
+
+def _leave_out(merged: dict[str, Any], data: dict[str, Any], where: Path) -> None:
+    """Take out of `merged` what data's `without` names, and `without` out of data."""
+    for path in data.pop("without", []):
+        *tables, key = path.split(".")
+        owner: Any = merged
+        for table in tables:
+            owner = owner.get(table, {})
+        if key not in owner:
+            raise DesatError(f"{where}: without {path}: there is none before")
+        del owner[key]
 
 
 def _known_keys(data: dict[str, Any], file: Path) -> None:

@@ -7,6 +7,17 @@ from ..roles import Spacecraft
 from ..vector import ZERO, add, cross, dot, mat_vec, norm, scale, sub
 
 
+def constant_torque(inertia: Mat33, omega: Vec3, nadir: Vec3, radius: float) -> Vec3:
+    """N_con = -omega x J omega + 3 mu / r^3 u x J u (N m, body): paper 000, eq. 3.
+
+    Inertia in kg m2, inertial rate in rad/s, u the unit vector to nadir, all in body; r in m.
+    """
+    return sub(
+        scale(3.0 * MU / radius**3, cross(nadir, mat_vec(inertia, nadir))),
+        cross(omega, mat_vec(inertia, omega)),
+    )
+
+
 class SpacecraftFixedAttitude(Spacecraft):
     """Spacecraft with a fixed attitude in the orbital frame and ideal wheels inside
 
@@ -43,13 +54,8 @@ class SpacecraftFixedAttitude(Spacecraft):
         self._q = product(q_bo, lvlh_attitude(self.r_eci, self.v_eci))
         self._omega = rotate(q_bo, (0.0, -n, 0.0))
         nadir = rotate(self._q, scale(-1.0, up))
-        gravity_gradient = 3.0 * MU / norm(self.r_eci) ** 3
-        spin = mat_vec(self.inertia, self._omega)
-        self._n_con = sub(
-            scale(gravity_gradient, cross(nadir, mat_vec(self.inertia, nadir))),
-            cross(self._omega, spin),
-        )
-        self._spin = spin
+        self._n_con = constant_torque(self.inertia, self._omega, nadir, norm(self.r_eci))
+        self._spin = mat_vec(self.inertia, self._omega)
         self._h = self.h_start_body
         self._start_momentum = self._total()
 

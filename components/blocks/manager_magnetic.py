@@ -1,0 +1,60 @@
+from __future__ import annotations
+
+from ..block import Parameter, Table, Vec3
+from ..laws import magnetic
+from ..magnetic_manager import MagneticManager
+
+CAPACITY = 64
+LQR, MEC = range(2)
+
+
+class ManagerMagnetic(MagneticManager):
+    """Optimal dumping by magnetic torquers, from a design made beforehand
+
+    At each sample, with B the measured field and t the time since the first sample with `enable`,
+    until `horizon`:
+
+        M = -R^-1 Q' p,        Q = -[B x], R = diag(dipole_weight)        (eqs. 11, 13)
+
+    - `lqr`: p = K(t) h - g(t), with h the wheels' momentum less `h_target_body`: feedback that
+      makes 1/2 int h'F h + M'R M dt least (eq. 10). K and g stand in tables whose first
+      `table_nodes` rows lie evenly from 0 to `horizon`, linear in between;
+    - `mec`: p = exp(W t) costate, W = -[omega_nominal_body x]: least 1/2 int M'R M dt to a given
+      end (eq. 12), in open loop: the momentum is not used.
+
+    Tables and costate belong to one orbit, attitude and start; `desat design` computes them.
+    Limit and wheels as in `manager_cross_product`.
+
+    Source: Chen & Steyn (paper 000), eqs. 10-14.
+    """
+
+    law: int = Parameter("1", "dumping law", choices=("lqr", "mec"), start="lqr")
+    horizon: float = Parameter("s", "final time after the start", start=3000.0, min=1.0)
+    dipole_weight: Vec3 = Parameter("1", "diagonal of R", start=1.0, min=1e-9)
+    table_nodes: int = Parameter("1", "rows of the tables in use", start=2, min=2, max=CAPACITY)
+    gain_table: Table = Parameter(
+        "1/(T2.s)", "lqr: a row a node: K, its upper triangle xx, xy, xz, yy, yz, zz",
+        shape=(CAPACITY, magnetic.UPPER),
+    )  # fmt: skip
+    offset_table: Table = Parameter("A.m2/T", "lqr: a row a node: g", shape=(CAPACITY, 3))
+    costate: Vec3 = Parameter("A.m2/T", "mec: p at the start, body")
+    omega_nominal_body: Vec3 = Parameter("rad/s", "mec: rate that the costate was computed for")
+
+    def start(self) -> None:
+        super().start()
+        self._started: float | None = None
+
+    def dipole(self, t: float, h: Vec3) -> Vec3 | None:
+        if self._started is None:
+            self._started = t
+        elapsed = t - self._started
+        if elapsed >= self.horizon:
+            return None
+        if self.law == MEC:
+            p = magnetic.mec_costate(self.costate, self.omega_nominal_body, elapsed)
+        else:
+            span = self.table_nodes, self.horizon, elapsed
+            gain = magnetic.interpolated(self.gain_table, magnetic.UPPER, *span)
+            x, y, z = magnetic.interpolated(self.offset_table, 3, *span)
+            p = magnetic.lqr_costate(h, gain, (x, y, z))
+        return magnetic.dipole(p, self.b_body, self.dipole_weight)
