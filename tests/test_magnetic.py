@@ -426,6 +426,8 @@ def test_in_flight_feedback_keeps_what_open_loop_loses(start):
         assert np.abs(run.results.values("torquers.m_mean_body")).max() <= 40.0
         final[law] = numbers["final_momentum"]
     assert max(final["lqr"], final["ilqr"]) < min(final["mec"], 0.25)
+    informed = execute(f"uosat12/fig2-flight-igrf-mec-{start}", Options(blocks=True))
+    assert informed.manifest["numbers"]["final_momentum"]["value"] == pytest.approx(0.05, abs=0.02)
 
 
 # --- desat design -----------------------------------------------------------------------------
