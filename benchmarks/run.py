@@ -246,14 +246,67 @@ def memory(path: str, steps: int) -> dict[str, Any]:
         return {"steps": steps, "mib_after_a_tenth": early, "mib_at_the_end": resident()}
 
 
-MEASUREMENTS = {f.__name__: f for f in (desat, blocks, libcosim, fmpy, shares, memory, day, plant)}
+def law(path: str, runs: int, *sets: str) -> dict[str, Any]:
+    """One manager FMU's updates in so many runs of 60 samples: microseconds in its do_step, the
+    mean over a run and the first update, medians of the runs."""
+    means, firsts = [], []
+    for _ in range(runs + 1):  # the first run is for what is made once
+        system, checked = prepare(path, Options(sets=list(sets)))
+        with Master(system, checked.or_raise(), watched=lambda c, s: False) as master:
+            master.initialise()
+            took: list[float] = []
+            master._cycle = [
+                ([_watched(move, took) if move[0].name == "manager" else move for move in moves],
+                 ends) for moves, ends in master._cycle
+            ]  # fmt: skip
+            for _ in range(60):
+                master.advance()
+        means.append(1e6 * statistics.mean(took))
+        firsts.append(1e6 * took[0])
+    return {"us": statistics.median(means[1:]), "first_us": statistics.median(firsts[1:])}
+
+
+def _watched(move: tuple[Any, ...], took: list[float]) -> tuple[Any, ...]:
+    """A move of the master whose component's step writes down how long it took (s)."""
+    unit, gathers, push, step, pull, copies = move
+
+    def timed(*arguments: Any) -> Any:
+        began = time.perf_counter()
+        result = step(*arguments)
+        took.append(time.perf_counter() - began)
+        return result
+
+    return unit, gathers, push, timed, pull, copies
+
+
+def monolith(path: str, steps: int) -> dict[str, Any]:
+    """The loop over numpy arrays of the same model; the path is not needed."""
+    from . import monolith as numpy_loop
+
+    began = time.perf_counter()
+    numpy_loop.run(steps, [])
+    seconds = time.perf_counter() - began
+    return {"wall_seconds": round(seconds, 3), "us_per_step": round(1e6 * seconds / steps, 2)}
+
+
+def agreement(path: str, steps: int) -> dict[str, Any]:
+    """How far apart they are without noise, over so many steps of 0.5 s."""
+    from . import monolith as numpy_loop
+
+    return numpy_loop.compare(0.5 * steps)
+
+
+MEASUREMENTS: dict[str, Callable[..., dict[str, Any]]] = {
+    f.__name__: f
+    for f in (desat, blocks, libcosim, fmpy, shares, memory, day, plant, law, monolith, agreement)
+}
 
 
 # --- all of them ------------------------------------------------------------------------------
 
 
-def _measure(tool: str, path: str, steps: int) -> dict[str, Any]:
-    return _result([sys.executable, "-m", "benchmarks.run", tool, path, str(steps)])
+def _measure(tool: str, path: str, steps: int, *more: str) -> dict[str, Any]:
+    return _result([sys.executable, "-m", "benchmarks.run", tool, path, str(steps), *more])
 
 
 def _result(command: list[str]) -> dict[str, Any]:
@@ -304,6 +357,38 @@ def where_the_time_goes(path: str, steps: int) -> dict[str, Any]:
     }
 
 
+# name: (scenario, what is set in it); every scenario's step is a sample of its manager
+LAWS: dict[str, tuple[str, tuple[str, ...]]] = {
+    "ILQR, thrusters only": ("uosat12/table2-dct-ilqr-1", ()),
+    "ILQR, CCCP": ("uosat12/table2-cccp-ilqr-1", ()),
+    "ILQR, CRCP": ("uosat12/table2-crcp-ilqr-1", ()),
+    "ILQR, OCDC": ("uosat12/table2-ocdc-ilqr-1", ()),
+    "LQR, OCDC": ("uosat12/table2-ocdc-ilqr-1", ("manager.law=lqr",)),
+    "MEC, OCDC": ("uosat12/table2-ocdc-mec-1", ()),
+    "ILQR, OCDC with eq. 34": ("uosat12/table3-ocdc-ilqr-1", ()),
+    "ILQR, bounded quadratic": ("uosat12/beyond-bounded_quadratic-ilqr-1", ()),
+    "ILQR, bounded 1-norm": ("uosat12/beyond-bounded_one_norm-ilqr-1", ()),
+    "receding horizon": ("uosat12/beyond-receding_horizon-ilqr-1", ()),
+    "torquers alone, LQR": ("uosat12/fig2-lqr-1", ()),
+    "torquers alone, ILQR": ("uosat12/fig2-ilqr-1", ()),
+    "torquers alone, MEC": ("uosat12/fig2-mec-1", ()),
+    "torquers alone, CCPL": ("uosat12/fig2-ccpl-1", ()),
+}
+
+
+def laws() -> dict[str, Any]:
+    """Microseconds per update of each law's manager, an FMU in CPython: the mean over 60 samples,
+    and the first, which for LQR and MEC prepares and for the receding horizon has all to plan."""
+    result = {}
+    for name in track(list(LAWS), "laws", disable=not sys.stderr.isatty()):
+        scenario, sets = LAWS[name]
+        measured = _measure("law", packed(scenario), 9, *sets)
+        result[name] = {
+            "us_per_update": round(measured["us"], 1), "first_us": round(measured["first_us"], 1)
+        }  # fmt: skip
+    return result
+
+
 def nadir_day() -> dict[str, Any]:
     """24 h of nadir pointing, four wheels, three coils, 1 s steps, all components as FMUs."""
     result: dict[str, Any] = {}
@@ -313,6 +398,35 @@ def nadir_day() -> dict[str, Any]:
         runs.sort(key=lambda r: r["wall_seconds"])
         result[field] = {**runs[1], **where_the_time_goes(path, 10000)}
     return result
+
+
+def integrated_day() -> dict[str, Any]:
+    """24 h of paper 004 at 0.5 s: all components as FMUs, and one loop over numpy arrays of the
+    same model; the whole day once each, and slices in turn."""
+    scenario, steps, slice_ = "integrated/mil-nadir", 172800, 8000
+    path = packed(scenario)
+    rounds: dict[str, list[float]] = {"day": [], "monolith": []}
+    for _ in track(range(ROUNDS), scenario, disable=not sys.stderr.isatty()):
+        for tool, found in rounds.items():
+            found.append(_measure(tool, path, slice_)["us_per_step"])
+    pairs = [b / a for a, b in zip(rounds["day"], rounds["monolith"], strict=True)]
+    whole = {tool: _measure(tool, path, steps) for tool in rounds}
+    return {
+        "scenario": scenario,
+        "steps": steps,
+        "fmus": whole["day"],
+        "numpy_loop": whole["monolith"],
+        "times_as_fast": round(whole["monolith"]["wall_seconds"] / whole["day"]["wall_seconds"], 2),
+        "slices": {
+            "steps": slice_,
+            "fmus_us_per_step": statistics.median(rounds["day"]),
+            "numpy_loop_us_per_step": statistics.median(rounds["monolith"]),
+            "times_as_fast": round(statistics.median(pairs), 2),
+        },
+        "agreement_without_noise": _measure("agreement", path, 7200),
+        **where_the_time_goes(path, 10000),
+        "memory": _measure("memory", path, steps),
+    }
 
 
 def plant_trajectory() -> dict[str, Any]:
@@ -351,15 +465,17 @@ def _basilisk(step: float) -> dict[str, Any]:
 CASES: dict[str, Callable[[], dict[str, Any]]] = {
     "uosat12": uosat12,
     "day": nadir_day,
+    "integrated": integrated_day,
     "plant": plant_trajectory,
+    "laws": laws,
 }
 
 
 def main() -> int:
     """Measure every case, or run one measurement when arguments name it."""
-    if len(sys.argv) == 4 and sys.argv[1] in MEASUREMENTS:
-        tool, path, steps = sys.argv[1:]
-        print("RESULT " + json.dumps(MEASUREMENTS[tool](path, int(steps))), flush=True)
+    if len(sys.argv) >= 4 and sys.argv[1] in MEASUREMENTS:
+        tool, path, steps, *more = sys.argv[1:]
+        print("RESULT " + json.dumps(MEASUREMENTS[tool](path, int(steps), *more)), flush=True)
         return 0
     names = sys.argv[1:] or list(CASES)
     data = json.loads(LATEST.read_text()) if LATEST.exists() else {}

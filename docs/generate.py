@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import sys
 
-from . import exchange, uosat12
+from . import exchange, integrated, uosat12
 
-PAGES = {"uosat12": uosat12.main, "exchange": exchange.main}
+PAGES = {"uosat12": uosat12.main, "exchange": exchange.main,
+         "integrated": integrated.main}  # fmt: skip
 
 
 def main() -> int:

@@ -13,12 +13,16 @@ from typing import Annotated, Any
 
 import typer
 from rich.console import Console
+from rich.progress import track
 from rich.table import Table
 
+from . import bound as bound_module
 from . import convergence as convergence_module
+from . import design as design_module
 from . import draws as draws_module
 from . import pack as pack_module
 from . import report as report_module
+from . import stored as stored_module
 from . import tables as tables_module
 from .errors import DesatError
 from .interface import base_name
@@ -307,6 +311,36 @@ def pack(
 
 
 @app.command()
+def design(
+    names: Annotated[
+        list[str] | None,
+        typer.Argument(metavar="[NAME]...", help="Scenarios (default: all with a design)."),
+    ] = None,
+    as_json: Json = False,
+) -> None:
+    """Compute what laws need beforehand (gain tables, costates) into ssp/FAMILY/design/."""
+    wanted = design_module.designable(names or [])
+    made = [
+        (s, d := design_module.design(s), design_module.write(s, d))
+        for s in track(wanted, "design", console=err, transient=True,
+                       disable=as_json or not err.is_terminal)
+    ]  # fmt: skip
+    if as_json:
+        _print_json([design_module.as_json(*each) for each in made])
+        return
+    table = Table("scenario", box=None, header_style="bold", pad_edge=False)
+    for column in ("|h_f| N m s", "dipole energy A2 m4 s"):
+        table.add_column(column, justify="right")
+    table.add_column("tuned")
+    for s, d, _ in made:
+        tuned = ", ".join(f"{n} = {v:.6g} {u}" for n, (v, u) in d.tuned.items())
+        table.add_row(s.name, f"{d.flight.size:.3g}", f"{d.flight.energy:.6g}", tuned)
+    out.print(table)
+    for folder in sorted({path.parent for _, _, path in made}):
+        out.print(f"written to {os.path.relpath(folder)}", highlight=False, markup=False)
+
+
+@app.command()
 def tables(
     family: Annotated[str, typer.Argument(help="Scenario family, as uosat12.")],
     algorithm: Alg = Semantics.conserving,
@@ -315,13 +349,20 @@ def tables(
     html: Annotated[
         Path | None, typer.Option(help="Where the page goes (default: runs/tables-FAMILY.html).")
     ] = None,
+    fresh: Annotated[
+        bool, typer.Option("--fresh", help="Make the draws now; default: the stored ones.")
+    ] = False,
     as_json: Json = False,
 ) -> None:
-    """Run a family's scenarios and print the paper's tables beside ours."""
+    """Run a family's scenarios and print the paper's tables beside ours.
+
+    Scenarios with draws give their median; these are read from docs/papers/FAMILY/draws.json.
+    """
     options = _options(None, None, None, algorithm, blocks)
-    rows = tables_module.rows(family, options, jobs)
+    drawn, origin = _drawn(family, jobs, fresh, progress=not as_json)
+    rows = tables_module.rows(family, options, jobs, drawn)
     if as_json:
-        _print_json(tables_module.as_json(family, rows))
+        _print_json(tables_module.as_json(family, rows, origin))
         return
     for heading, group in tables_module.grouped(rows):
         table = Table(title=heading, title_justify="left", box=None, header_style="bold",
@@ -330,20 +371,64 @@ def tables(
             table.add_column(column)
         for column in ("paper", "ours", "difference"):
             table.add_column(column, justify="right")
-        for column in ("band", "", "remark"):
+        drawn_here = any(row.draws for row in group)
+        for column in (*(["draws"] if drawn_here else []), "band", "", "remark"):
             table.add_column(column)
         for row in group:
             s = tables_module.shown(row)
             style = {"ok": "green", "bad": "red", "": ""}[s["mark"]]
             verdict = f"[{style}]{s['verdict']}[/{style}]" if style else ""
             table.add_row(s["method"], s["case"], s["paper"], s["ours"], s["difference"],
-                          s["band"], verdict, s["remark"])  # fmt: skip
+                          *([s["draws"]] if drawn_here else []), s["band"], verdict,
+                          s["remark"])  # fmt: skip
         out.print(table)
         out.print()
+    if origin:
+        out.print(f"draws: {tables_module.origin(origin)}", highlight=False, markup=False)
     page = tables_module.write_html(
-        family, rows, html or Path("runs") / f"tables-{family}.html", options
+        family, rows, html or Path("runs") / f"tables-{family}.html", options, origin
     )
     out.print(f"page: {page.resolve()}", highlight=False, markup=False)
+
+
+def _drawn(
+    family: str, jobs: int, fresh: bool, progress: bool
+) -> tuple[dict[str, Any] | None, dict[str, Any] | None]:
+    """The draws of a family that has some, stored or made now, and where they are from."""
+    if not stored_module.with_draws(family):
+        return None, None
+    if fresh:
+        made = stored_module.compute(family, jobs, progress)
+        return made, stored_module.provenance(made, fresh=True)
+    kept = stored_module.read(family)
+    if old := stored_module.outdated(kept):
+        err.print(f"warning: the stored draws of {', '.join(old)} are not of this version; "
+                  f"--fresh makes new ones", highlight=False, markup=False)  # fmt: skip
+    return kept, stored_module.provenance(kept, fresh=False)
+
+
+@app.command()
+def bound(
+    target: Annotated[
+        str, typer.Argument(metavar="NAME|RUN|FILE.ssp", help="A scenario, or a run's folder.",
+                            show_default=False)
+    ],
+    as_json: Json = False,
+) -> None:  # fmt: skip
+    """Compute the least thruster seconds that a dumping run could have done with."""
+    manifest, found = bound_module.of_target(target)
+    if as_json:
+        _print_json({"scenario": manifest["scenario"], **found.as_json()})
+        return
+    if found.least is None:
+        err.print("no momentum left: more than can be dumped in this time", markup=False)
+    table = Table(box=None, pad_edge=False, show_header=False)
+    table.add_column()
+    table.add_column(justify="right")
+    table.add_row("Thruster firing time of the run", f"{found.seconds:.2f}", "s")
+    for n in found.numbers().values():
+        table.add_row(n["title"], f"{n['value']:.2f}", n["unit"])
+    out.print(table)
 
 
 @app.command()

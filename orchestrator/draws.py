@@ -23,6 +23,7 @@ import numpy as np
 from rich.console import Console
 from rich.progress import track
 
+from . import bound
 from .check import load_interfaces
 from .errors import DesatError, nearest
 from .run import Options, execute, load
@@ -83,7 +84,12 @@ def _one(target: str, options: Options, seed: int, draw: int) -> dict[str, Any]:
         raise DesatError("\n".join(problems))
     load_interfaces(system, options.blocks)
     values = drawn(system, seed, draw)
-    run = execute(target, replace(options, values={**options.values, **values}))
+    needed = options.record
+    if needed == ("*",):
+        dumping = bound.parts(system)
+        needed = tuple(needed_signals(system.about))
+        needed += tuple(bound.needed_signals(dumping)) if dumping else ()
+    run = execute(target, replace(options, values={**options.values, **values}, record=needed))
     row = {
         "draw": draw,
         "status": run.manifest["status"],
@@ -93,6 +99,15 @@ def _one(target: str, options: Options, seed: int, draw: int) -> dict[str, Any]:
     }
     run.results.close()
     return row
+
+
+def needed_signals(about: dict[str, Any]) -> list[str]:
+    """What a scenario's numbers are made of; the rest need not be recorded."""
+    found: list[str] = []
+    for number in about.get("numbers", {}).values():
+        signals = number.get("signal", [])
+        found += [signals] if isinstance(signals, str) else signals
+    return sorted(set(found))
 
 
 def draws(

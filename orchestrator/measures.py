@@ -1,7 +1,16 @@
 """Numbers from series: the measures that a scenario's `[numbers.NAME]` may name.
 
-A measure takes times (rows,), values (rows, elements) and its options, and gives one number in
-the unit of the values unless its text says otherwise.
+    [numbers.wheels]
+    title = "Mean wheel from 2 h on"
+    signal = "wheels.h_wheel"        # or several, where the measure takes several
+    measure = "mean_size"
+    options = {}                     # the measure's own
+    window = [7200.0, 86400.0]       # only rows of this time (s), ends included; default: all
+    percent_of = 0.02                # in per cent of this, given in the signal's unit
+    unit = "%"                       # else: converted from the signal's unit
+
+A measure takes times (rows,), values (rows, elements) and its options, and gives one number: in
+the unit of the values, and then converted to the number's unit, or in the one its text says.
 """
 
 from __future__ import annotations
@@ -12,18 +21,28 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from components.units import UNITS, conversion
+
 from .errors import DesatError, nearest
 from .results import Results
 
 Array = NDArray[np.float64]
 Measure = Callable[..., float]
 MEASURES: dict[str, Measure] = {}
+OWN_UNIT: set[str] = set()
+"""Measures that give another unit than that of their values."""
 
 
 def measure(function: Measure) -> Measure:
     """Make a function known by its name."""
     MEASURES[function.__name__] = function
     return function
+
+
+def own_unit(function: Measure) -> Measure:
+    """The same, of a function that gives another unit than that of its values."""
+    OWN_UNIT.add(function.__name__)
+    return measure(function)
 
 
 @measure
@@ -56,22 +75,179 @@ def rms(times: Array, values: Array) -> float:
     return float(np.sqrt((values**2).sum(axis=1).mean()))
 
 
-@measure
+@own_unit
 def pointing_last(times: Array, q: Array, q_ref: Array) -> float:
     """The angle between two attitudes at the end (deg)."""
     return float(pointing(q, q_ref)[-1])
 
 
-@measure
+@own_unit
 def pointing_largest(times: Array, q: Array, q_ref: Array) -> float:
     """The largest angle between two attitudes (deg)."""
     return float(pointing(q, q_ref).max())
 
 
-@measure
+@own_unit
 def pointing_rms(times: Array, q: Array, q_ref: Array) -> float:
     """The root mean square angle between two attitudes (deg)."""
     return float(np.sqrt((pointing(q, q_ref) ** 2).mean()))
+
+
+@measure
+def norm_mean(times: Array, values: Array) -> float:
+    """The mean size of a vector."""
+    return float(np.linalg.norm(values, axis=1).mean())
+
+
+@measure
+def norm_level_while(
+    times: Array, values: Array, driver: Array, least: float, level: float
+) -> float:
+    """What the size of a vector stays below for `level` per cent of the time in which the size of
+    another is at least `least`; nan where it never is."""
+    there = np.linalg.norm(driver, axis=1) >= least
+    size = np.linalg.norm(values[there], axis=1)
+    return float(np.percentile(size, level)) if there.any() else float("nan")
+
+
+@measure
+def mean_size(times: Array, values: Array) -> float:
+    """The mean over time and elements of the elements' sizes."""
+    return float(np.abs(values).mean())
+
+
+@measure
+def mean_size_last(times: Array, values: Array) -> float:
+    """The mean of the elements' last sizes."""
+    return mean_size(times, values[-1:])
+
+
+@measure
+def largest_mean(times: Array, values: Array) -> float:
+    """The mean over time of the size of the largest element."""
+    return float(np.abs(values).max(axis=1).mean())
+
+
+@measure
+def load_until_below(times: Array, values: Array, stored: Array, limit: float) -> float:
+    """`largest_mean` of the values until the mean size of `stored` is below a limit to stay."""
+    end = until_below(times, stored, limit)
+    return largest_mean(times, values[: max(1, int(np.searchsorted(times, end)))])
+
+
+@measure
+def along(times: Array, values: Array, direction: list[float]) -> float:
+    """The size of the last value's part along a direction, divided by the direction's length as
+    the elements have it: |x.n| / n.n (the momentum of a wheel with n_i = 1 that n alone makes)."""
+    n = np.array(direction)
+    return float(abs(values[-1] @ n) / (n @ n))
+
+
+@measure
+def above(times: Array, values: Array, direction: list[float], floor: float) -> float:
+    """The last mean size of the elements, less `along` or `floor`, whichever is larger."""
+    return mean_size_last(times, values) - max(along(times, values, direction), floor)
+
+
+@own_unit
+def until_below(times: Array, values: Array, limit: float, kind: str = "mean") -> float:
+    """When the values have come below a limit to stay (s): the mean size of the elements, the
+    largest, or the vector's (`norm`). The end of the run where they do not."""
+    sizes = {"mean": lambda v: np.abs(v).mean(axis=1), "largest": lambda v: np.abs(v).max(axis=1),
+             "norm": lambda v: np.linalg.norm(v, axis=1)}  # fmt: skip
+    return _settled(times, sizes[kind](values) < limit)
+
+
+@own_unit
+def first_reached(times: Array, values: Array, limit: float, count: int = 1) -> float:
+    """When `count` elements at once have first reached a limit (s); the end of the run if never."""
+    reached = np.flatnonzero((np.abs(values) >= limit).sum(axis=1) >= count)
+    return float(times[reached[0]] if len(reached) else times[-1])
+
+
+@own_unit
+def share_below(times: Array, values: Array, limit: float) -> float:
+    """The share of time and elements whose size is below a limit (%)."""
+    return float(100.0 * (np.abs(values) < limit).mean())
+
+
+@own_unit
+def sign_changes(times: Array, values: Array) -> float:
+    """How often elements change their sign."""
+    return float((np.diff(np.signbit(values), axis=0)).sum())
+
+
+@own_unit
+def decay_rate(times: Array, values: Array) -> float:
+    """How fast the size of a vector falls, from first to last row (unit per s)."""
+    size = np.linalg.norm(values[[0, -1]], axis=1)
+    return float((size[0] - size[1]) / (times[-1] - times[0]))
+
+
+@own_unit
+def pointing_mean(times: Array, q: Array, q_ref: Array) -> float:
+    """The mean angle between two attitudes (deg)."""
+    return float(pointing(q, q_ref).mean())
+
+
+@own_unit
+def pointing_until_below(times: Array, q: Array, q_ref: Array, limit: float) -> float:
+    """When the angle has come below a limit (deg) to stay (s); the end of the run if never."""
+    return _settled(times, pointing(q, q_ref) < limit)
+
+
+@own_unit
+def pointing_level(times: Array, q: Array, q_ref: Array, level: float = 95.0) -> float:
+    """The angle that `level` per cent of the time stay below: absolute performance error (APE) at
+    this level (deg); ECSS-E-ST-60-10C."""
+    return float(np.percentile(pointing(q, q_ref), level))
+
+
+@own_unit
+def pointing_relative(
+    times: Array, q: Array, q_ref: Array, interval: float, level: float | None = None
+) -> float:
+    """The relative performance error (RPE) over intervals of so many seconds (deg): the distance
+    of the error vector from its mean over its interval. Its mean, or the value that `level` per
+    cent of the time stay below; ECSS-E-ST-60-10C."""
+    error = error_vector(q, q_ref)
+    count = max(1, round(interval / (times[1] - times[0])))
+    whole = error[: len(error) // count * count].reshape(-1, count, 3)
+    if not len(whole):
+        return float("nan")
+    size = np.linalg.norm(whole - whole.mean(axis=1, keepdims=True), axis=2)
+    return float(size.mean() if level is None else np.percentile(size, level))
+
+
+def _settled(times: Array, good: NDArray[np.bool_]) -> float:
+    bad = np.flatnonzero(~good)
+    if not len(bad):
+        return float(times[0])
+    return float(times[min(bad[-1] + 1, len(times) - 1)])
+
+
+def rotate_back(q: Array, v: Array) -> Array:
+    """C(q)' v, row by row: from body to eci."""
+    vector, scalar = q[:, :3], q[:, 3:]
+    t = 2.0 * np.cross(vector, v)
+    return np.asarray(v + scalar * t + np.cross(vector, t))
+
+
+def error_vector(q: Array, q_ref: Array) -> Array:
+    """The rotation vectors from the reference to the attitude, body axes (deg)."""
+    x, y, z, w = q.T
+    a, b, c, d = q_ref.T
+    vector = np.array([
+        x * d - w * a - z * b + y * c,
+        y * d + z * a - w * b - x * c,
+        z * d - y * a + x * b - w * c,
+    ]).T  # fmt: skip
+    scalar = (q * q_ref).sum(axis=1)
+    sign = np.where(scalar < 0.0, -1.0, 1.0)[:, None]
+    half_sine = np.linalg.norm(vector, axis=1, keepdims=True)
+    angle = 2.0 * np.arctan2(half_sine, np.abs(scalar)[:, None])
+    direction = vector / np.where(half_sine > 0.0, half_sine, 1.0)
+    return np.asarray(np.degrees(sign * angle * direction))
 
 
 def pointing(q: Array, q_ref: Array) -> Array:
@@ -90,14 +266,40 @@ def evaluate(number: dict[str, Any], results: Results) -> float:
     if name not in MEASURES:
         raise DesatError(f"no measure {name}{nearest(name, MEASURES)}")
     signals = number["signal"]
-    series = [results.values(s) for s in ([signals] if isinstance(signals, str) else signals)]
+    names = [signals] if isinstance(signals, str) else signals
+    series = [results.values(s) for s in names]
     columns = [(s if s.ndim > 1 else s[:, None]).astype(float) for s in series]
     rows = min(len(c) for c in columns)
     times = results.times()[:rows]
+    if "window" in number:
+        begin, end = number["window"]
+        kept = (times >= begin - 1e-6) & (times <= end + 1e-6)
+        times, columns = times[kept], [c[:rows][kept] for c in columns]
+        rows = len(times)
     if rows == 0:
         return float("nan")
     with np.errstate(over="ignore"):  # a run that diverges has infinite numbers
-        return MEASURES[name](times, *(c[:rows] for c in columns), **number.get("options", {}))
+        value = MEASURES[name](times, *(c[:rows] for c in columns), **number.get("options", {}))
+    if "percent_of" in number:
+        return 100.0 * value / float(number["percent_of"])
+    if "unit" in number and name not in OWN_UNIT:
+        return value * scale(results.attribute(names[0], "unit"), number["unit"])
+    return value
+
+
+def scale(source: str, target: str) -> float:
+    """The factor from one unit to another. Raises DesatError where they do not fit."""
+    source, target = source or "1", target or "1"
+    if source == target:
+        return 1.0
+    if target == "%" and source == "1":
+        return 100.0
+    if source not in UNITS or target not in UNITS:
+        raise DesatError(f"unit {source if source not in UNITS else target} is not known")
+    converted = conversion(UNITS[source], UNITS[target])
+    if converted is None:
+        raise DesatError(f"unit {source} does not fit {target}")
+    return converted[0]
 
 
 def relative(form: str, value: float, reference: float) -> float:

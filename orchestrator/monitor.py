@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from .measures import rotate_back
 from .plots import COLOURS, figure, svg, time_axis
 from .results import Results
 from .system import System
@@ -50,13 +51,6 @@ def momentum(manifest: dict[str, Any], results: Results) -> tuple[Array, Array] 
     carrier = np.reshape(given["inertia"]["value"], (3, 3)) - (axes * spin) @ axes.T
     in_eci = rotate_back(q, omega @ carrier.T + h @ axes.T)
     return results.times(series[0]), in_eci - in_eci[0] - (impulse - impulse[0])
-
-
-def rotate_back(q: Array, v: Array) -> Array:
-    """C(q)' v, row by row: from body to eci."""
-    vector, scalar = q[:, :3], q[:, 3:]
-    t = 2.0 * np.cross(vector, v)
-    return np.asarray(v + scalar * t + np.cross(vector, t))
 
 
 def summary(manifest: dict[str, Any], results: Results) -> dict[str, Any] | None:

@@ -11,10 +11,8 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.figure import Figure
 
-from components.units import UNITS, conversion
-
 from .errors import DesatError, nearest
-from .measures import pointing
+from .measures import error_vector, pointing, rotate_back, scale
 from .results import Results
 
 COLOURS = ("#0b62a4", "#d1495b", "#2e8b57", "#8a5fbf", "#e08e0b", "#444444")
@@ -74,16 +72,18 @@ def series_plot(
     fig, ax = figure()
     seconds, time_unit = time_axis(runs[0][1].times())
     unit = plot.get("unit") or runs[0][1].attribute(signals[0], "unit")
+    least = 0.0
     for number, (label, results, _) in enumerate(runs):
         if "derive" in plot:
-            lines = [_derived(plot, results)]
+            lines = _derived(plot, results, unit)
         else:
             lines = [line for s in signals for line in _lines(plot, results, s, unit)]
         for i, (name, times, values, stepped) in enumerate(lines):
             named = name if number == 0 else None
             if len(runs) > 1 and (len(lines) == 1 or (number and i == 0)):
                 named = label
-            x, y = _thinned(times, values)
+            x, y = _thinned(times, values, plot.get("points", POINTS))
+            least = min(least, float(np.nanmin(y, initial=0.0)))
             ax.plot(
                 x / seconds,
                 y,
@@ -92,9 +92,13 @@ def series_plot(
                 drawstyle="steps-post" if stepped else "default",
                 **(_FIRST if number == 0 else _OTHER),
             )
-    for name, value in _limits(plot, runs[0][2], unit):
-        for sign in (1.0, -1.0) if ax.get_ylim()[0] < 0 else (1.0,):
-            text = f"{'±' if ax.get_ylim()[0] < 0 else ''}{value:g}  {name}"
+    for name, value, filled in _limits(plot, runs[0][2], unit):
+        both = least < 0.0  # a size has no limit below zero
+        text = f"{'±' if both else ''}{value:.4g}  {name}"
+        if filled:
+            ax.axhspan(-value if both else 0.0, value, color="#b22222", alpha=0.08, label=text)
+            continue
+        for sign in (1.0, -1.0) if both else (1.0,):
             ax.axhline(
                 sign * value,
                 color="#b22222",
@@ -112,17 +116,42 @@ def series_plot(
     return svg(fig)
 
 
-DERIVED = {"pointing": pointing}
-"""What a plot may derive from several series: functions of their values, in the plot's unit."""
+def momentum_budget(times: Any, impulse: Any, b_eci: Any, q: Any, dipole: Any) -> Any:
+    """Sizes (rows, 3) of what disturbances, coils and both have given a craft since the start, as
+    vectors in eci (N m s): the external impulse, the field and the attitude at t_k and the mean
+    dipole over each step. The coils' torque is taken at the middle of the step."""
+    n = min(len(dipole), len(b_eci) - 1)
+    b, halfway = (b_eci[:n] + b_eci[1 : n + 1]) / 2.0, q[:n] + q[1 : n + 1]
+    m_eci = rotate_back(halfway / np.linalg.norm(halfway, axis=1, keepdims=True), dipole[:n])
+    steps = np.diff(times[: n + 1])[:, None]
+    coils = np.vstack([np.zeros(3), np.cumsum(np.cross(m_eci, b) * steps, axis=0)])
+    parts = impulse[: n + 1] - coils, coils, impulse[: n + 1]
+    return np.array([np.linalg.norm(p, axis=1) for p in parts]).T
 
 
-def _derived(plot: dict[str, Any], results: Results) -> tuple[str, Any, Any, bool]:
-    """The line that a plot derives from its signals."""
-    if plot["derive"] not in DERIVED:
-        raise DesatError(f"plot: no derive {plot['derive']}{nearest(plot['derive'], DERIVED)}")
+DERIVED: dict[str, Any] = {
+    "pointing": lambda times, q, q_ref: pointing(q, q_ref),
+    "error_vector": lambda times, q, q_ref: error_vector(q, q_ref),
+    "momentum_budget": momentum_budget,
+}
+"""What a plot may derive from several series: functions of times and values, whose rows are one
+line, or several named by the plot's `components`. In degrees, or the first signal's unit."""
+
+
+def _derived(plot: dict[str, Any], results: Results, unit: str) -> list[tuple[str, Any, Any, bool]]:
+    """The lines that a plot derives from its signals."""
+    name = plot["derive"]
+    if name not in DERIVED:
+        raise DesatError(f"plot: no derive {name}{nearest(name, DERIVED)}")
     series = [results.values(s) for s in plot["signals"]]
     rows = min(map(len, series))
-    return "", results.times()[:rows], DERIVED[plot["derive"]](*(s[:rows] for s in series)), False
+    values = DERIVED[name](results.times()[:rows], *(s[:rows] for s in series))
+    times = results.times()[: len(values)]
+    if values.ndim == 1:
+        return [("", times, values, False)]
+    if name == "momentum_budget":
+        values = values * scale(results.attribute(plot["signals"][0], "unit"), unit)
+    return [(n, times, values[:, i], False) for i, n in enumerate(plot["components"])]
 
 
 def _lines(
@@ -146,34 +175,24 @@ def _lines(
     ]
 
 
-def scale(source: str, target: str) -> float:
-    """The factor from one unit to another. Raises DesatError where they do not fit."""
-    if source == target:
-        return 1.0
-    if target == "%" and source in ("1", ""):
-        return 100.0
-    if source not in UNITS or target not in UNITS:
-        raise DesatError(f"plot: unit {source if source not in UNITS else target} is not known")
-    converted = conversion(UNITS[source], UNITS[target])
-    if converted is None:
-        raise DesatError(f"plot: unit {source} does not fit {target}")
-    return converted[0]
-
-
-def _limits(plot: dict[str, Any], parameters: dict[str, Any], unit: str) -> list[tuple[str, float]]:
-    """(name, value) of the limit lines: parameters, or numbers, that hold in this run."""
+def _limits(
+    plot: dict[str, Any], parameters: dict[str, Any], unit: str
+) -> list[tuple[str, float, bool]]:
+    """(name, value, filled) of the limit lines, or bands about zero: parameters, or numbers, that
+    hold in this run."""
     found = []
     for limit in plot.get("limits", []):
         spec = {"value": limit} if not isinstance(limit, dict) else limit
         if any(_parameter(parameters, k)[0] == v for k, v in spec.get("unless", {}).items()):
             continue
+        filled = bool(spec.get("fill"))
         if isinstance(spec["value"], str):
             value, own = _parameter(parameters, spec["value"])
             if value is not None:
                 name = spec["value"].partition("[")[0]
-                found.append((spec.get("name", name), float(value) * scale(own, unit)))
+                found.append((spec.get("name", name), float(value) * scale(own, unit), filled))
         else:
-            found.append((spec.get("name", "limit"), float(spec["value"])))
+            found.append((spec.get("name", "limit"), float(spec["value"]), filled))
     return found
 
 
@@ -190,10 +209,10 @@ def _parameter(parameters: dict[str, Any], name: str) -> tuple[Any, str]:
     return value, entry["unit"]
 
 
-def _thinned(x: Any, y: Any) -> tuple[Any, Any]:
-    if len(x) <= POINTS:
+def _thinned(x: Any, y: Any, points: int = POINTS) -> tuple[Any, Any]:
+    if len(x) <= points:
         return x, y
-    edges = np.linspace(0, len(x), POINTS // 2 + 1).astype(int)
+    edges = np.linspace(0, len(x), points // 2 + 1).astype(int)
     keep: set[int] = set()
     for a, b in pairwise(edges):
         keep.update((a + int(np.argmin(y[a:b])), a + int(np.argmax(y[a:b]))))

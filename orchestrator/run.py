@@ -8,7 +8,7 @@ import signal
 import sys
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from importlib.metadata import version
@@ -17,7 +17,7 @@ from typing import Any
 
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
-from . import library, monitor, scenario, ssp
+from . import bound, library, monitor, scenario, ssp
 from .check import Checked, check, load_interfaces, steps_of, value_of
 from .errors import DesatError, nearest
 from .interface import base_name
@@ -141,6 +141,9 @@ def execute(
     )
     if (residual := monitor.summary(manifest, results)) is not None:
         manifest["numbers"]["momentum_residual"] = residual
+    if manifest["dumping"] is not None and status == "completed":
+        with suppress(DesatError):  # a run that was not recorded so far has no bound
+            manifest["numbers"].update(bound.of_run(manifest, results).numbers())
     if folder is not None:
         write_json(folder / MANIFEST, manifest)
         (folder / f"{MANIFEST}.part").unlink(missing_ok=True)
@@ -226,6 +229,7 @@ def describe(system: System, options: Options, target: str) -> dict[str, Any]:
             for c in system.components.values() if c.fmu is not None and not options.blocks
         },
         "rigid_body": monitor.rigid_body(system),
+        "dumping": bound.parts(system),
         "parameters": parameters(system),
     }  # fmt: skip
 

@@ -1,4 +1,8 @@
-"""`desat tables FAMILY`: a paper's tables beside ours, computed by runs made now."""
+"""`desat tables FAMILY`: a paper's tables beside ours, computed by runs made now.
+
+A scenario with `draws` gives the median of so many draws instead; these are read from the file that
+`make papers` has stored (`stored.py`), or made now.
+"""
 
 from __future__ import annotations
 
@@ -34,6 +38,8 @@ class Row:
     tuned: bool
     remark: str
     scenario: str
+    draws: dict[str, Any] | None = None
+    """Where `ours` is a median: number of draws, `min`, `max`, and the `band` of each draw."""
 
 
 def _numbers(path: str, options: Options) -> dict[str, float]:
@@ -45,51 +51,79 @@ def _numbers(path: str, options: Options) -> dict[str, float]:
     return values
 
 
-def rows(family: str, options: Options, jobs: int = 2) -> list[Row]:
-    """Pack and run every scenario of a family that a paper's table has a cell for."""
+def rows(
+    family: str, options: Options, jobs: int = 2, drawn: dict[str, Any] | None = None
+) -> list[Row]:
+    """Pack and run every scenario of a family that a paper's table has a cell for.
+
+    `drawn`: the draws of the scenarios that have some (`stored.read` or `stored.compute`).
+    """
     cells = {n: s for n, s in scenarios(family).items() if s.data.get("paper")}
     if not cells:
         raise DesatError(f"{family}: no scenario has paper values")
-    paths = [str(pack_scenario(s)) for s in cells.values()]
-    with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool:
-        results = pool.map(
-            _numbers, paths, [options] * len(paths), chunksize=-(-len(paths) // jobs)
-        )
-        values = dict(zip(cells, results, strict=True))
-    found = [row for name, s in cells.items() for row in _rows_of(s, values[name], values)]
+    summaries = {n: d["summary"] for n, d in (drawn or {}).get("scenarios", {}).items()}
+    if missing := [n for n, s in cells.items() if s.data.get("draws") and n not in summaries]:
+        raise DesatError(f"{missing[0]}: no draws; `desat tables {family} --fresh` makes them")
+    values = {n: {k: d["median"] for k, d in summaries[n].items()} for n in cells if n in summaries}
+    single = [n for n in cells if n not in values]
+    if single:
+        paths = [str(pack_scenario(cells[n])) for n in single]
+        with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool:
+            results = pool.map(
+                _numbers, paths, [options] * len(paths), chunksize=-(-len(paths) // jobs)
+            )
+            values.update(zip(single, results, strict=True))
+    # first what the paper has values for, then what is ours alone
+    ranked = sorted(cells, key=lambda n: not any("values" in e for e in cells[n].data["paper"]))
+    found = [
+        row
+        for n, s in ((n, cells[n]) for n in ranked)
+        for row in _rows_of(s, values[n], values, summaries.get(n, {}))
+    ]
     quantities = list(
-        dict.fromkeys((e["table"], e["quantity"]) for s in cells.values() for e in s.data["paper"])
+        dict.fromkeys((e["table"], e["quantity"]) for n in ranked for e in cells[n].data["paper"])
     )
     return sorted(found, key=lambda row: quantities.index((row.table, row.quantity)))
 
 
 def _rows_of(
-    scenario: Scenario, values: dict[str, float], everything: dict[str, dict[str, float]]
-) -> list[Row]:
+    scenario: Scenario, values: dict[str, float], everything: dict[str, dict[str, float]],
+    summary: dict[str, dict[str, Any]],
+) -> list[Row]:  # fmt: skip
     found = []
     method, case = (scenario.cell.get(axis, "") for axis in ("method", "case"))
     labels = scenario.data["labels"]
     for entry in scenario.data["paper"]:
+        if method not in entry.get("only", [method]):
+            continue
         paper = _cell(entry, "values", method, case)
         name = entry.get("number", entry["quantity"])
         ours = _value(scenario, name, values, everything)
         if ours is None or ("values" in entry and paper is None):
             continue
-        band = _band(_cell(entry, "tolerance", method, case), paper)
+        band = _band(_cell(entry, "tolerance", method, case), paper, values)
+        drawn, within = None, None if band is None else band[0] <= ours <= band[1]
+        if name in summary:
+            n, least, most = (summary[name][k] for k in ("n", "min", "max"))
+            each = entry.get("each")
+            drawn = {"n": n, "min": least, "max": most, "band": each}
+            if each is not None:
+                within = within is not False and each[0] <= least and most <= each[1]
         found.append(
             Row(
                 table=entry["table"],
-                method=labels.get("method", ""),
-                case=labels.get("case", ""),
+                method=entry.get("label", labels.get("method", "")),
+                case=labels.get("case", "") if method or case else scenario.name.partition("/")[2],
                 quantity=entry["quantity"],
                 unit=entry["unit"],
                 paper=paper,
                 ours=ours,
                 band=band,
-                within=None if band is None else band[0] <= ours <= band[1],
+                within=within,
                 tuned=_tuned(entry, method, case),
                 remark=_remark(entry, method, case),
                 scenario=scenario.name,
+                draws=drawn,
             )
         )
     return found
@@ -108,16 +142,28 @@ def _value(
 
 
 def _cell(entry: dict[str, Any], key: str, method: str, case: str) -> Any:
-    """The value of a cell in a row by method and columns by case; None where there is none."""
-    row = entry.get(key, {}).get(method)
-    if not isinstance(row, list):
+    """The value of a cell in a row by method and columns by case; None where there is none.
+
+    What is no table of rows holds for every cell, and a row without columns for all of it.
+    """
+    row = entry.get(key)
+    if isinstance(row, dict):
+        row = row.get(method)
+    if not isinstance(row, list) or "columns" not in entry:
         return row
     return row[entry["columns"].index(case)]
 
 
-def _band(tolerance: Any, paper: float | None) -> tuple[float, float] | None:
+def _band(
+    tolerance: Any, paper: float | None, values: dict[str, float]
+) -> tuple[float, float] | None:  # fmt: skip
+    """[low, high]; or `x %` or `x` either way of the paper's; or, of another number of the run,
+    { of = NUMBER, from = FACTOR, to = FACTOR }."""
     if isinstance(tolerance, list):
         return float(tolerance[0]), float(tolerance[1])
+    if isinstance(tolerance, dict):
+        of = values[tolerance["of"]]
+        return tolerance["from"] * of, tolerance["to"] * of
     if not tolerance or paper is None:
         return None
     width = (
@@ -127,25 +173,31 @@ def _band(tolerance: Any, paper: float | None) -> tuple[float, float] | None:
 
 
 def _tuned(entry: dict[str, Any], method: str, case: str) -> bool:
-    tuned = entry.get("tuned", {}).get(method)
+    tuned = _tuning(entry, method)
     if isinstance(tuned, dict):
         return any(case.startswith(c) for c in tuned["cases"])
     return bool(tuned)
 
 
+def _tuning(entry: dict[str, Any], method: str) -> Any:
+    tuned = entry.get("tuned")
+    return tuned.get(method) if isinstance(tuned, dict) else tuned
+
+
 def _remark(entry: dict[str, Any], method: str, case: str) -> str:
     parts = []
     if _tuned(entry, method, case):
-        tuned = entry["tuned"][method]
+        tuned = _tuning(entry, method)
         parts.append("tuned: " + (tuned["what"] if isinstance(tuned, dict) else tuned))
     if remark := _cell(entry, "remark", method, case):
         parts.append(remark)
     return "; ".join(parts)
 
 
-def as_json(family: str, table: list[Row]) -> dict[str, Any]:
-    """What `--json` prints."""
-    return {"family": family, "rows": [asdict(row) for row in table]}
+def as_json(family: str, table: list[Row], drawn: dict[str, Any] | None = None) -> dict[str, Any]:
+    """What `--json` prints; `drawn`: which run the draws are from (`stored.provenance`)."""
+    data = {"family": family, "rows": [asdict(row) for row in table]}
+    return data if drawn is None else {**data, "run": drawn}
 
 
 def shown(row: Row) -> dict[str, str]:
@@ -166,10 +218,18 @@ def shown(row: Row) -> dict[str, str]:
         "ours": number(row.ours) if large else f"{row.ours:.{digits}f}",
         "difference": difference,
         "band": "" if row.band is None else f"{row.band[0]:.{digits}f} to {row.band[1]:.{digits}f}",
+        "draws": "" if row.draws is None else _of_draws(row.draws, digits),
         "verdict": verdict,
         "mark": {"within": "ok", "OUTSIDE": "bad", "": ""}[verdict],
         "remark": row.remark,
     }
+
+
+def _of_draws(draws: dict[str, Any], digits: int) -> str:
+    text = f"{draws['min']:.{digits}f} to {draws['max']:.{digits}f} of {draws['n']}"
+    if draws["band"]:
+        text += f" (each: {draws['band'][0]:g} to {draws['band'][1]:g})"
+    return text
 
 
 def _signed(x: float, digits: int) -> str:
@@ -181,12 +241,21 @@ def grouped(table: list[Row]) -> list[tuple[str, list[Row]]]:
     groups: dict[str, list[Row]] = {}
     for row in table:
         unit = f" [{pretty_unit(row.unit)}]" if pretty_unit(row.unit) else ""
-        heading = f"Table {row.table}: {row.quantity.replace('_', ' ')}{unit}"
+        place = f"Table {row.table}" if row.table[0].isdigit() else row.table
+        heading = f"{place}: {row.quantity.replace('_', ' ')}{unit}"
         groups.setdefault(heading, []).append(row)
     return list(groups.items())
 
 
-def write_html(family: str, table: list[Row], path: Path, options: Options) -> Path:
+def origin(drawn: dict[str, Any]) -> str:
+    """Where the numbers of draws are from, for people."""
+    how = "just now" if drawn["file"] == "computed now" else f"on {drawn['date']} ({drawn['file']})"
+    return f"computed {how} with seed {drawn['seed']} by {drawn['components_as']}"
+
+
+def write_html(
+    family: str, table: list[Row], path: Path, options: Options, drawn: dict[str, Any] | None = None
+) -> Path:
     """The tables as a self-contained page."""
     from importlib.metadata import version
 
@@ -196,7 +265,7 @@ def write_html(family: str, table: list[Row], path: Path, options: Options) -> P
         for row in group:
             lines.append({**shown(row), "first": row.method != previous})
             previous = row.method
-        pages.append((heading, lines))
+        pages.append((heading, lines, any(r.draws for r in group)))
     banded = [r for r in table if r.within is not None]
     inside = sum(1 for r in banded if r.within)
     text = render(
@@ -204,7 +273,8 @@ def write_html(family: str, table: list[Row], path: Path, options: Options) -> P
         title=f"{family}: the paper's tables beside ours",
         lead=(
             f"{inside} of {len(banded)} cells with a band are within it. Every number of ours was "
-            "computed by a run of the packed scenario when this page was written."
+            "computed by a run of the packed scenario when this page was written"
+            + (f", medians of draws {origin(drawn)}." if drawn else ".")
         ),
         tables=pages,
         provenance=(

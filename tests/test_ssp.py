@@ -175,6 +175,14 @@ def test_scenario_files(tmp_path, monkeypatch, scenario_module):
     assert b.twin == "f/t-a-x"
     assert found["f/t-a-x"].twin is None
     assert b.data["parameters"]["manager"] == {"duty": 0.5, "split": "dct"}
+    found = read(
+        base=base,
+        t='extends = "base"\n[axes.m.a]\n[axes.m.b]\nwithout = ["parameters.manager.duty"]\n',
+    )
+    assert found["f/t-a"].data["parameters"]["manager"] == {"duty": 0.5}
+    assert found["f/t-b"].data["parameters"]["manager"] == {}
+    with pytest.raises(DesatError, match=r"t.toml: without parameters.q.x: there is none before"):
+        read(t='[axes.m.a]\nwithout = ["parameters.q.x"]')
     with pytest.raises(DesatError, match=r"ssp/f/scenarios/t.toml: unknown key stp; did you mean"):
         read(t="stp = 3")
     with pytest.raises(DesatError, match=r"ssp/f/scenarios/t.toml: .*line 1"):

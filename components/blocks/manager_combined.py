@@ -1,15 +1,15 @@
 from __future__ import annotations
 
-from ..block import Mat34, Parameter, Vec3
+from ..block import Parameter, Vec3
 from ..laws import blending, dumping
-from ..roles import Manager
-from ..vector import ZERO, sub
-from ..wheel_array import body_momentum, pseudo_inverse, wheel_torque
+from ..thruster_manager import DUMPING, NO_AXIS, ThrusterManager
+from ..vector import ZERO
 
-IDLE, DUMPING = 0, 1
+ILQR, LQR, MEC = range(3)
+DCT, CCCP, CRCP, OCDC, BOUNDED_QUADRATIC, BOUNDED_ONE_NORM = range(6)
 
 
-class ManagerCombined(Manager):
+class ManagerCombined(ThrusterManager):
     """Combined dumping by magnetic torquers and thrusters
 
     At each sample `law` gives the dumping torque N on the wheels' momentum h - h_target
@@ -21,27 +21,30 @@ class ManagerCombined(Manager):
     and `split` divides it, N = N_T + M x B, with the measured field B (eq. 20)
 
     - `dct`: thrusters only; `cccp`: M = -k_cross (N x B) / |B| (eq. 25);
-    - `crcp`: M = -(N x B) / |B|^2 (eq. 26); `ocdc`: least a |M|^2 + b |N_T|^2 (eq. 24).
+    - `crcp`: M = -(N x B) / |B|^2 (eq. 26); `ocdc`: least a |M|^2 + b |N_T|^2 (eq. 24);
+    - `bounded_quadratic`: as ocdc, but among the dipoles within the limit;
+    - `bounded_one_norm`: least |N_T|_1, the thrusters' on-time, among the dipoles within the limit.
 
     With `saturation` each component of M stays within duty * m_limit and the thrusters make up
-    for the rest (eq. 34).
+    for the rest (eq. 34); the bounded splits stay within it anyway. `dead_axis` is left out by
+    all of them.
 
     The wheels are commanded to give the body what the controller wants and to absorb, with
     `feedforward`, the dumping torque and, with `gyroscopic`, omega x h:
 
         tau_cmd_wheel = A^+ (N - tau_ctrl_body - omega x A h)        (paper 004, eq. 16)
 
-    Source: Chen & Steyn (paper 000), eqs. 15-34.
+    Source: Chen & Steyn (paper 000), eqs. 15-34; the bounded splits are not in the paper.
     """
 
     law: int = Parameter("1", "dumping law", choices=("ilqr", "lqr", "mec"), start="ilqr")
     split: int = Parameter(
-        "1", "division of the torque", choices=("dct", "cccp", "crcp", "ocdc"), start="ocdc"
+        "1",
+        "division of the torque",
+        choices=("dct", "cccp", "crcp", "ocdc", "bounded_quadratic", "bounded_one_norm"),
+        start="ocdc",
     )
     saturation: bool = Parameter("1", "true: bounded dipole, eq. 34", start=True)
-    m_limit: float = Parameter("A.m2", "largest dipole of each coil", start=40.0, min=0.0)
-    duty: float = Parameter("1", "share of the period that coils may be on", start=0.9, min=0.0,
-                            max=1.0)  # fmt: skip
     g_rate: float = Parameter(
         "1/s", "sqrt(F/R): closed-loop rate of ilqr and lqr", start=0.0077, min=0.0
     )
@@ -49,83 +52,56 @@ class ManagerCombined(Manager):
         "s", "final time of lqr and mec after the start", start=600.0, min=1.0
     )
     k_cross: float = Parameter("1/T", "gain k of cccp", start=35000.0, min=0.0)
-    weight_ratio: float = Parameter("1/T2", "b/a of ocdc", start=1e9, min=0.0)
-    n_con_body: Vec3 = Parameter("N.m", "known constant torque of an off-nadir attitude, body")
-    axes_wheel: Mat34 = Parameter(
-        "1", "columns: the wheels' axes, body; zero where there is no wheel",
-        start=(1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0),
-        shared=True,
-    )  # fmt: skip
-    feedforward: bool = Parameter(
-        "1", "true: the wheels absorb the dumping torque at once", start=True
-    )
-    gyroscopic: bool = Parameter(
-        "1", "true: the wheels absorb the gyroscopic torque of their momentum", start=True
-    )
+    weight_ratio: float = Parameter("1/T2", "b/a of ocdc and bounded_quadratic", start=1e9, min=0.0)
 
     def start(self) -> None:
         super().start()
-        self._to_wheels = pseudo_inverse(self.axes_wheel)
         self._offsets: tuple[float, ...] = ()
         self._costate = ZERO
         self._omega = self.omega_bi_body
-        self._started = 0.0
-        self.tau_cmd_wheel = (0.0, 0.0, 0.0, 0.0)
-        self.m_cmd_body = self.tau_cmd_thruster_body = ZERO
-        self._n = ZERO
-        self.mode = IDLE
 
-    def advance(self, t: float, dt: float) -> None:
-        first = self._sample < 0
-        if self.due(t):
-            if self.enable:
-                self._sample_now(t, first)
-            else:
-                self._n = self.m_cmd_body = self.tau_cmd_thruster_body = ZERO
-                self.mode = IDLE
-        self.tau_cmd_wheel = wheel_torque(
-            self._to_wheels,
-            self.axes_wheel,
-            self._n if self.feedforward else ZERO,
-            self.tau_ctrl_body,
-            self.omega_bi_body if self.gyroscopic else ZERO,
-            self.h_wheel,
-        )
+    def dump(self, t: float, elapsed: float, h: Vec3) -> tuple[Vec3, blending.Split]:
+        if elapsed == 0.0:
+            self._prepare(h)
+        n = self._torque(elapsed, h)
+        self.mode = DUMPING
+        return n, self._split(n)
 
-    def _sample_now(self, t: float, first: bool) -> None:
-        h = sub(body_momentum(self.axes_wheel, self.h_wheel), self.h_target_body)
-        if first:
-            self._prepare(t, h)
-        self._n = n = self._torque(t - self._started, h)
+    def _split(self, n: Vec3) -> blending.Split:
         b = self.b_body
-        if self.split == 0:
+        if self.split == BOUNDED_QUADRATIC:
+            return blending.bounded_quadratic(n, b, self.weight_ratio, self.limits())
+        if self.split == BOUNDED_ONE_NORM:
+            return blending.bounded_one_norm(n, b, self.limits())
+        if self.split == DCT:
             split = blending.dct(n, b)
-        elif self.split == 1:
+        elif self.split == CCCP:
             split = blending.cccp(n, b, self.k_cross)
-        elif self.split == 2:
+        elif self.split == CRCP:
             split = blending.crcp(n, b)
         else:
             split = blending.ocdc(n, b, self.weight_ratio)
         if self.saturation:
             split = blending.saturated(split, b, self.duty * self.m_limit)
-        self.m_cmd_body, self.tau_cmd_thruster_body = split
-        self.mode = DUMPING
+        if self.dead_axis != NO_AXIS:
+            split = blending.without(split, b, self.dead_axis - 1)
+        return split
 
-    def _prepare(self, t: float, h: Vec3) -> None:
-        self._started, self._omega = t, self.omega_bi_body
-        if self.law == 1:
+    def _prepare(self, h: Vec3) -> None:
+        self._omega = self.omega_bi_body
+        if self.law == LQR:
             self._offsets = dumping.lqr_offsets(
                 self._omega, self.g_rate, self.n_con_body, self.horizon, self.sample_time
             )
-        elif self.law == 2:
+        elif self.law == MEC:
             self._costate = dumping.mec_costate(h, self._omega, self.n_con_body, self.horizon)
 
     def _torque(self, elapsed: float, h: Vec3) -> Vec3:
-        if self.law == 0:
+        if self.law == ILQR:
             return dumping.ilqr(h, self.omega_bi_body, self.g_rate, self.n_con_body)
         if elapsed >= self.horizon:
             return ZERO
-        if self.law == 1:
+        if self.law == LQR:
             i = 3 * int(elapsed / self.sample_time + 0.5)
             x, y, z = self._offsets[i : i + 3]
             return dumping.lqr(h, self.g_rate, self.horizon - elapsed, (x, y, z))

@@ -2,12 +2,18 @@
 
 N = N_T + M x B (eq. 20): N_T (N m) by thrusters, M (A m2) the torquers' dipole, B (T) the measured
 field; all in the body frame. Each split returns (M, N_T).
+
+The bounded splits at the end are not in the paper: they know the limit while they optimise, where
+eq. 34 repairs afterwards what was optimal without it.
 """
 
 from __future__ import annotations
 
-from ..block import Vec3
-from ..vector import ZERO, clip, cross, dot, norm, scale, sub
+from math import copysign, inf
+
+from ..block import Mat33, Vec3
+from ..simplex import least_cost
+from ..vector import IDENTITY, ZERO, add, clip, cross, dot, inverse, mat_vec, norm, scale, sub
 
 Split = tuple[Vec3, Vec3]
 
@@ -48,10 +54,86 @@ def ocdc(n: Vec3, b: Vec3, weight_ratio: float) -> Split:
 
 def saturated(split: Split, b: Vec3, limit: float) -> Split:
     """Each dipole component within +-limit (A m2); thrusters compensate what is lost (eq. 34)."""
-    m, n_t = split
-    bounded = clip(m, limit)
-    lost = cross(sub(m, bounded), b)
-    return bounded, (n_t[0] + lost[0], n_t[1] + lost[1], n_t[2] + lost[2])
+    return _compensated(split, b, clip(split[0], limit))
+
+
+def without(split: Split, b: Vec3, axis: int) -> Split:
+    """No dipole along `axis` (0 to 2): a dead coil; thrusters compensate what is lost (eq. 34)."""
+    x, y, z = (0.0 if i == axis else m for i, m in enumerate(split[0]))
+    return _compensated(split, b, (x, y, z))
+
+
+def bounded_quadratic(n: Vec3, b: Vec3, weight_ratio: float, limit: Vec3) -> Split:
+    """Optimal blending with |M_i| <= limit_i (A m2): least a |M|^2 + b |N_T|^2, as `ocdc`.
+
+    Exact, without tolerances. Where the optimum without bounds breaks some of them, the optimum
+    with bounds lies on one of those (else a step towards the former would better it): each is held
+    in turn, and what is left is the same problem with one component less.
+    """
+    split = ocdc(n, b, weight_ratio)
+    if all(abs(m) <= most for m, most in zip(split[0], limit, strict=True)):
+        return split
+    x, y, z = b
+    s, k = dot(b, b), weight_ratio
+    # half the gradient is hessian M - slope, as |N - M x B|^2 = |N|^2 + 2 M.(N x B) + |M x B|^2
+    hessian = (
+        1.0 + k * (s - x * x), -k * x * y, -k * x * z,
+        -k * x * y, 1.0 + k * (s - y * y), -k * y * z,
+        -k * x * z, -k * y * z, 1.0 + k * (s - z * z),
+    )  # fmt: skip
+    return _with_thrusters(n, b, _in_box(hessian, scale(-k, cross(n, b)), limit, {}))
+
+
+def bounded_one_norm(n: Vec3, b: Vec3, limit: Vec3) -> Split:
+    """Least |N_T|_1, the thrusters' on-time, with |M_i| <= limit_i (A m2).
+
+    A linear programme (`simplex`). Dipole along B gives no torque: of the dipoles with the same
+    torque the smallest is taken.
+    """
+    size = norm(b)
+    if size == 0.0:
+        return ZERO, n
+    # M = y - limit with 0 <= y <= 2 limit, and torques over |B|, so that all is of the size of M
+    x, y, z = scale(1.0 / size, b)
+    columns = ((0.0, -z, y), (z, 0.0, -x), (-y, x, 0.0))  # e_i x B / |B|
+    lowest = scale(-1.0, limit)
+    goal = sub(scale(1.0 / size, n), cross(lowest, (x, y, z)))
+    most = (2.0 * limit[0], 2.0 * limit[1], 2.0 * limit[2])
+    m0, m1, m2 = least_cost(columns, (0.0,) * 3, most, goal, 1.0)
+    m = _nearest_along(add((m0, m1, m2), lowest), (x, y, z), limit)
+    return _with_thrusters(n, b, m)
+
+
+def _in_box(hessian: Mat33, slope: Vec3, limit: Vec3, held: dict[int, float]) -> Vec3:
+    """The M of least M'(hessian M / 2 - slope) with |M_i| <= limit_i and M_i = held[i]."""
+    rows = [IDENTITY[k] if k // 3 in held else h for k, h in enumerate(hessian)]
+    right = tuple(held.get(i, s) for i, s in enumerate(slope))
+    solved = mat_vec(inverse(tuple(rows)), right)  # type: ignore[arg-type]
+    x, y, z = m = tuple(held.get(i, value) for i, value in enumerate(solved))
+    broken = [i for i in range(3) if abs(m[i]) > limit[i] and i not in held]
+    if not broken:
+        return (x, y, z)
+    on_bounds = (
+        _in_box(hessian, slope, limit, {**held, i: copysign(limit[i], m[i])}) for i in broken
+    )
+    return min(on_bounds, key=lambda v: dot(v, sub(scale(0.5, mat_vec(hessian, v)), slope)))
+
+
+def _nearest_along(m: Vec3, u: Vec3, limit: Vec3) -> Vec3:
+    """The shortest m + s u, u of length 1, with every component within its limit, as m is."""
+    low, high = -inf, inf
+    for component, slope, most in zip(m, u, limit, strict=True):
+        if slope != 0.0:
+            a, b = (-most - component) / slope, (most - component) / slope
+            low, high = max(low, min(a, b)), min(high, max(a, b))
+    shifted = add(m, scale(min(max(-dot(m, u), low), high), u))
+    x, y, z = (min(max(c, -most), most) for c, most in zip(shifted, limit, strict=True))
+    return (x, y, z)  # again within: the shift rounds
+
+
+def _compensated(split: Split, b: Vec3, m: Vec3) -> Split:
+    lost = cross(sub(split[0], m), b)
+    return m, add(split[1], lost)
 
 
 def _with_thrusters(n: Vec3, b: Vec3, m: Vec3) -> Split:

@@ -1,0 +1,206 @@
+from __future__ import annotations
+
+from math import copysign
+
+from .. import earth, geomagnetic
+from ..attitude import normalised, product, rotate
+from ..block import BlockError, Parameter, Vec3, Vec4
+from ..igrf14 import DEGREE
+from ..laws import blending, dumping, receding_horizon
+from ..orbit import EARTH_RATE, lvlh_attitude
+from ..thruster_manager import FALLBACK, IDLE, RECEDING_HORIZON, ThrusterManager
+from ..vector import ZERO, add, cross, scale, sub
+
+ORBIT_DIPOLE, DIPOLE, IGRF = range(3)
+EPOCH, GIVEN = range(2)
+
+
+class ManagerRecedingHorizon(ThrusterManager):
+    """Dumping with the least thruster time, planned over the remaining time
+
+    At each sample, from the measured momentum, all samples until `horizon` are planned anew: mean
+    dipoles M_k and on-times of the thrusters, by the linear programme
+
+        minimise  the thrusters' on-time
+        C_f' h_target - C_0' h = T sum C_k' (N_T,k + M_k x B_k + n_con)
+        |M_k| <= duty m_limit each axis, 0 for `dead_axis`
+        |N_T,k| <= (1 - reserve) thruster_duty tau_level each axis
+
+    T = `sample_time`; C the attitude, fixed at `q_bo` from lvlh, and B_k the field, in the middle
+    of sample k on two-body motion from r_eci and v_eci. The plan's first sample is commanded. Its
+    field is the measured one with the model's change over half a sample; the others come from a
+    model of the manager's own, `field_scale` (1: right) times
+
+    - `orbit_dipole`: (b_x cos u, b_y, b_z sin u) in lvlh, u the argument of latitude (eq. 30);
+    - `dipole`: centred, Earth-fixed; `igrf`: IGRF-14 up to `igrf_degree`, as the environments do.
+
+    On-times are rounded to whole `least_pulse`; the next plan knows what that did. After the last
+    sample there is none, so there the dipole makes up for the rounding as far as it can. What can
+    fire early or late fires late, when more is known. The `reserve` is for what was not foreseen:
+    where no plan keeps it in all samples it is used, at first in this one only.
+
+    Where there is no plan (the momentum is more than can be dumped in time) the torque
+    N = -g_rate h, or -h over the time left where that is more, is shared out by the bounded 1-norm
+    blend of `manager_combined`, its thrusters within thruster_duty tau_level, with `mode` 3
+    instead of 2. From `horizon` on `mode` is 0: no dumping. The wheels are commanded as by
+    `manager_combined`.
+
+    Needs numpy and scipy in its host.
+    """
+
+    sample_time: float = Parameter(
+        "s", "time between samples, a multiple of the step; above 0", start=10.0, min=0.0
+    )
+    horizon: float = Parameter(
+        "s", "when the momentum shall be h_target_body, after the start; to the nearest sample",
+        start=600.0, min=1.0,
+    )  # fmt: skip
+    tau_level: Vec3 = Parameter("N.m", "torque of each axis while it fires", start=0.04, min=1e-9)
+    thruster_duty: float = Parameter(
+        "1", "largest share of the period that the thrusters of an axis may be on", start=1.0,
+        min=0.0, max=1.0,
+    )  # fmt: skip
+    reserve: float = Parameter(
+        "1", "share of that time that plans leave free", start=0.2, min=0.0, max=1.0
+    )
+    least_pulse: float = Parameter(
+        "s", "on-times that the thrusters make are multiples of it", start=0.05, min=1e-6
+    )
+    g_rate: float = Parameter("1/s", "closed-loop rate of the fallback", start=0.0077, min=0.0)
+    q_bo: Vec4 = Parameter(
+        "1", "assumed attitude: body from lvlh, scalar last; normalised", start=(0.0, 0.0, 0.0, 1.0)
+    )
+    field_model: int = Parameter(
+        "1", "model of the field ahead", choices=("orbit_dipole", "dipole", "igrf"),
+        start="orbit_dipole",
+    )  # fmt: skip
+    field_scale: float = Parameter("1", "the model's field is multiplied by it", start=1.0)
+    b_x: float = Parameter("T", "orbit_dipole: amplitude along the velocity", start=23e-6)
+    b_y: float = Parameter("T", "orbit_dipole: constant part, minus orbit normal", start=2.4e-6)
+    b_z: float = Parameter("T", "orbit_dipole: amplitude to nadir", start=46e-6)
+    dipole_earth: Vec3 = Parameter(
+        "T.m3",
+        "dipole: Earth-fixed, mu_0 / (4 pi) times the moment, which points south. Start: IGRF-14 "
+        "at 2025.0",
+        start=scale(geomagnetic.REFERENCE_RADIUS**3, (-1410.3e-9, 4545.5e-9, -29350.0e-9)),
+    )
+    igrf_degree: int = Parameter("1", "igrf: highest degree", start=DEGREE, min=1, max=DEGREE)
+    epoch_j2000: float = Parameter(
+        "s", "UTC of t = 0: seconds since 2000-01-01T12:00:00 UTC, leap seconds not counted",
+        start=820497600.0, min=-3.2e9, max=3.2e9,
+    )  # fmt: skip
+    earth_rate: float = Parameter("rad/s", "rotation of the Earth", start=EARTH_RATE)
+    earth_angle: int = Parameter(
+        "1", "the Earth's angle at t = 0, from the epoch or as given", choices=("epoch", "given"),
+        start="epoch",
+    )  # fmt: skip
+    earth_angle_start: float = Parameter(
+        "rad", "if given: angle at t = 0 from the x axis of eci to the meridian of Greenwich"
+    )
+
+    def start(self) -> None:
+        super().start()
+        if self.sample_time <= 0.0:
+            self.fail("sample_time = 0 s: a plan is made of samples")
+        self._q_bo = normalised(self.q_bo)
+        given = self.earth_angle == GIVEN
+        self._angle = self.earth_angle_start if given else earth.earth_angle(self.epoch_j2000)
+        self._year = 0.0
+        if self.field_model == IGRF:
+            self._year = earth.decimal_year(self.epoch_j2000)
+            try:
+                geomagnetic.igrf(self._year, self.igrf_degree)
+            except BlockError as error:
+                self.fail(f"epoch_j2000 = {self.epoch_j2000:.10g} s: {error}")
+
+    def dump(self, t: float, elapsed: float, h: Vec3) -> tuple[Vec3, blending.Split]:
+        samples = int((self.horizon - elapsed) / self.sample_time + 0.5)
+        if samples < 1:
+            self.mode = IDLE
+            return ZERO, (ZERO, ZERO)
+        q_bi, fields = self._predicted(t, samples)
+        step = self._planned(h, q_bi, fields)
+        if step is None:
+            return self._fallback(h, self.sample_time * samples)
+        self.mode = RECEDING_HORIZON
+        m, on_times = step
+        n_t = self._torque(tuple(map(self._rounded, on_times)))  # type: ignore[arg-type]
+        if samples == 1:
+            missing = add(cross(m, fields[0]), sub(self._torque(on_times), n_t))
+            m, _ = blending.bounded_one_norm(missing, fields[0], self.limits())
+        return add(cross(m, self.b_body), n_t), (m, n_t)
+
+    def _planned(
+        self, h: Vec3, q_bi: list[Vec4], fields: list[Vec3]
+    ) -> tuple[Vec3, Vec3] | None:  # fmt: skip
+        """Dipole and on-times of the plan's first sample: the reserve kept in all samples, or in
+        all but this one, or in none, as there is a plan."""
+        whole = self.thruster_duty * self.sample_time
+        kept = (1.0 - self.reserve) * whole
+        for longest in ((kept, kept), (whole, kept), (whole, whole)):
+            step = receding_horizon.first_step(
+                add(h, self.h_target_body),
+                self.h_target_body,
+                q_bi,
+                fields,
+                self.n_con_body,
+                self.limits(),
+                self.tau_level,
+                longest,
+                self.sample_time,
+            )
+            if step is not None:
+                return step
+        return None
+
+    def _fallback(self, h: Vec3, left: float) -> tuple[Vec3, blending.Split]:
+        """The blend in place of a plan, with `left` (s) until the horizon."""
+        self.mode = FALLBACK
+        rate = max(self.g_rate, 1.0 / left)
+        n = dumping.ilqr(h, self.omega_bi_body, rate, self.n_con_body)
+        m, (x, y, z) = blending.bounded_one_norm(n, self.b_body, self.limits())
+        a, b, c = scale(self.thruster_duty, self.tau_level)
+        n_t = (min(max(x, -a), a), min(max(y, -b), b), min(max(z, -c), c))
+        return add(cross(m, self.b_body), n_t), (m, n_t)
+
+    def _rounded(self, on_time: float) -> float:
+        count = int(abs(on_time) / self.least_pulse + 0.5)
+        return copysign(count * self.least_pulse, on_time)
+
+    def _torque(self, on_times: Vec3) -> Vec3:
+        """The mean torque (N m) over a sample of on-times (s)."""
+        x, y, z = (
+            level * on / self.sample_time
+            for level, on in zip(self.tau_level, on_times, strict=True)
+        )
+        return (x, y, z)
+
+    def _predicted(self, t: float, samples: int) -> tuple[list[Vec4], list[Vec3]]:
+        """The attitudes now, in the middle of each sample and at the end, and B (T, body) in the
+        middle of each sample."""
+        period = self.sample_time
+        ahead = (0.0, *(period * (k + 0.5) for k in range(samples)), period * samples)
+        states = receding_horizon.coast(self.r_eci, self.v_eci, ahead)
+        q_bi = [product(self._q_bo, lvlh_attitude(r, v)) for r, v in states]
+        if self.field_model == ORBIT_DIPOLE:
+            amplitudes = (self.b_x, self.b_y, self.b_z)
+            in_lvlh = receding_horizon.orbit_dipole(self.r_eci, self.v_eci, amplitudes)
+            fields = [rotate(self._q_bo, in_lvlh(r)) for r, _ in states[:-1]]
+        else:
+            fields = [
+                rotate(q, self._field_eci(r, t + s))
+                for s, q, (r, _) in zip(ahead[:-1], q_bi, states, strict=False)
+            ]
+        fields = [scale(self.field_scale, b) for b in fields]
+        return q_bi, [add(self.b_body, sub(fields[1], fields[0])), *fields[2:]]
+
+    def _field_eci(self, r_eci: Vec3, t: float) -> Vec3:
+        angle = self._angle + self.earth_rate * t
+        if self.field_model == DIPOLE:
+            return receding_horizon.turned_with_earth(
+                r_eci, angle, lambda r: geomagnetic.dipole(r, self.dipole_earth)
+            )
+        model = geomagnetic.igrf(self._year, self.igrf_degree)
+        return receding_horizon.turned_with_earth(
+            r_eci, angle, lambda r: geomagnetic.field(r, model)
+        )

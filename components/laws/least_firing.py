@@ -1,0 +1,74 @@
+"""The least firing time for a wanted angular impulse over a horizon: a linear programme.
+
+The momentum of the craft in an inertial frame is the sum of impulses, so the dynamics of a whole
+horizon are three linear equations. Needs numpy and scipy (HiGHS).
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import linprog
+
+Array = NDArray[np.float64]
+
+
+class Plan(NamedTuple):
+    """What to do in each of n intervals."""
+
+    on_time: Array
+    """(n, p) s, of each thruster"""
+    dipole: Array
+    """(n, c) of each coil, as a share of its limit, from -1 to 1"""
+    seconds: float
+    """sum of on_time"""
+    price: Array
+    """(3,) s/(N m s): how the least seconds change with the wanted impulse"""
+
+
+def least_firing(
+    impulse: Array, thrust: Array, longest: Array, dipole: Array, dipole_cost: float = 0.0,
+    patience: float = 0.0, bounded: bool = True,
+) -> Plan | None:  # fmt: skip
+    """The plan of least firing time whose impulses add up to `impulse`; None where there is none.
+
+    minimise  sum (1 - patience k / n) on_time + dipole_cost sum |share|
+    sum on_time thrust + sum share dipole = impulse,  0 <= on_time <= longest,  |share| <= 1
+
+    All in one inertial frame: impulse (3,) N m s; thrust (n, p, 3) N m, the mean torque of thruster
+    j over interval k; longest (n,) s; dipole (n, c, 3) N m s, the impulse of coil j over interval k
+    with all of its dipole, without a limit where not `bounded`. `dipole_cost` (s) is what a whole
+    dipole over one interval is worth: a little of it keeps dipoles off that save nothing. A little
+    `patience` makes late what could as well be early.
+    """
+    n, p, _ = thrust.shape
+    c = dipole.shape[1]
+    torques, impulses = thrust.reshape(-1, 3).T, dipole.reshape(-1, 3).T
+    strength = np.abs(torques).max()  # seconds on both sides: the solver's tolerances are absolute
+    found = linprog(
+        np.concatenate(
+            [np.repeat(1.0 - patience * np.arange(n) / n, p), np.full(2 * n * c, dipole_cost)]
+        ),
+        A_eq=np.concatenate([torques, impulses, -impulses], axis=1) / strength,
+        b_eq=impulse / strength,
+        bounds=np.column_stack(
+            [
+                np.zeros(n * (p + 2 * c)),
+                np.concatenate(
+                    [np.repeat(longest, p), np.full(2 * n * c, 1.0 if bounded else np.inf)]
+                ),
+            ]
+        ),
+        method="highs-ds",
+    )
+    if found.status != 0:
+        return None
+    on_time, plus, minus = np.split(found.x, [n * p, n * (p + c)])
+    return Plan(
+        on_time.reshape(n, p),
+        (plus - minus).reshape(n, c),
+        float(on_time.sum()),
+        found.eqlin.marginals / strength,
+    )

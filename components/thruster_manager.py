@@ -1,0 +1,85 @@
+"""What managers that dump by thrusters and magnetic torquers together have in common."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+
+from .block import Mat34, Parameter, Vec3
+from .laws.blending import Split
+from .roles import Manager
+from .vector import ZERO, sub
+from .wheel_array import body_momentum, pseudo_inverse, wheel_torque
+
+IDLE, DUMPING, RECEDING_HORIZON, FALLBACK = range(4)
+NO_AXIS = 0
+
+
+class ThrusterManager(Manager):
+    """Base of managers whose law says a dumping torque and its split: a block adds `dump`.
+
+    The wheels are commanded to give the body what the controller wants and to absorb, with
+    `feedforward`, the dumping torque and, with `gyroscopic`, omega x h:
+
+        tau_cmd_wheel = A^+ (N - tau_ctrl_body - omega x A h)        (paper 004, eq. 16)
+    """
+
+    m_limit: float = Parameter("A.m2", "largest dipole of each coil", start=40.0, min=0.0)
+    duty: float = Parameter("1", "share of the period that coils may be on", start=0.9, min=0.0,
+                            max=1.0)  # fmt: skip
+    dead_axis: int = Parameter(
+        "1", "axis whose coil is known to be dead", choices=("none", "x", "y", "z"), start="none"
+    )
+    n_con_body: Vec3 = Parameter("N.m", "known constant torque of an off-nadir attitude, body")
+    axes_wheel: Mat34 = Parameter(
+        "1", "columns: the wheels' axes, body; zero where there is no wheel",
+        start=(1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0),
+        shared=True,
+    )  # fmt: skip
+    feedforward: bool = Parameter(
+        "1", "true: the wheels absorb the dumping torque at once", start=True
+    )
+    gyroscopic: bool = Parameter(
+        "1", "true: the wheels absorb the gyroscopic torque of their momentum", start=True
+    )
+
+    def start(self) -> None:
+        super().start()
+        self._to_wheels = pseudo_inverse(self.axes_wheel)
+        self._started: float | None = None
+        self.tau_cmd_wheel = (0.0, 0.0, 0.0, 0.0)
+        self.m_cmd_body = self.tau_cmd_thruster_body = self._n = ZERO
+        self.mode = IDLE
+
+    @abstractmethod
+    def dump(self, t: float, elapsed: float, h: Vec3) -> tuple[Vec3, Split]:
+        """The dumping torque N (N m) and its split, body, at the sample at t (s); sets `mode`.
+
+        `elapsed` (s) counts from the first sample with `enable`; h (N m s, body) is the wheels'
+        momentum less its target.
+        """
+
+    def limits(self) -> Vec3:
+        """The largest mean dipole of each axis over a sample (A m2)."""
+        most = self.duty * self.m_limit
+        x, y, z = (0.0 if self.dead_axis == axis else most for axis in (1, 2, 3))
+        return (x, y, z)
+
+    def advance(self, t: float, dt: float) -> None:
+        if self.due(t):
+            if self.enable:
+                if self._started is None:
+                    self._started = t
+                h = sub(body_momentum(self.axes_wheel, self.h_wheel), self.h_target_body)
+                self._n, split = self.dump(t, t - self._started, h)
+                self.m_cmd_body, self.tau_cmd_thruster_body = split
+            else:
+                self._n = self.m_cmd_body = self.tau_cmd_thruster_body = ZERO
+                self.mode = IDLE
+        self.tau_cmd_wheel = wheel_torque(
+            self._to_wheels,
+            self.axes_wheel,
+            self._n if self.feedforward else ZERO,
+            self.tau_ctrl_body,
+            self.omega_bi_body if self.gyroscopic else ZERO,
+            self.h_wheel,
+        )
