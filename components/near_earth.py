@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import inspect
 from abc import abstractmethod
-from math import cos, floor, sin
+from math import floor
 
-from . import atmosphere, earth, geomagnetic
-from .block import BlockError, Parameter, Vec3
-from .igrf14 import DEGREE
-from .orbit import EARTH_RADIUS, EARTH_RATE
+from . import atmosphere, earth
+from .block import Parameter, Vec3
+from .earth_field import EarthField
+from .orbit import EARTH_RADIUS
 from .roles import Environment
-from .vector import ZERO, norm, scale
+from .vector import ZERO, norm
 
 _PAGE = """
 **Field.** `none`; `dipole`, centred, B = (3 (m.u) u - m) / r^3 with u = r / |r| and m =
@@ -39,7 +39,7 @@ NODE_TIME = 10.0
 NODES = 6
 """Points that a polynomial goes through."""
 
-_NO_FIELD, _DIPOLE, _IGRF = 0, 1, 2
+_NO_FIELD, _IGRF = 0, 2
 _NO_AIR, _AIR_TABLE = 0, 1
 
 _Vec6 = tuple[float, float, float, float, float, float]
@@ -48,7 +48,7 @@ _Piece = tuple[int, tuple[Vec3, ...], tuple[_Vec6, ...], Vec3, float]
 component, unit vector and distance of the Sun."""
 
 
-class NearEarth(Environment):
+class NearEarth(Environment, EarthField):
     """Base of the environments of an Earth orbit: a block adds `motion`, and to its page is added
     what all of them compute.
 
@@ -57,31 +57,8 @@ class NearEarth(Environment):
     They depend on parameters and time only, so the outputs do not depend on the calls before.
     """
 
-    epoch_j2000: float = Parameter(
-        "s", "UTC of t = 0: seconds since 2000-01-01T12:00:00 UTC, leap seconds not counted; "
-        "820497600 is 2026-01-01T00:00:00",
-        start=820497600.0, min=-3.2e9, max=3.2e9,
-    )  # fmt: skip
     field: int = Parameter(
         "1", "geomagnetic field", choices=("none", "dipole", "igrf"), start="igrf"
-    )
-    dipole_earth: Vec3 = Parameter(
-        "T.m3",
-        "centred dipole, Earth-fixed: mu_0 / (4 pi) times the moment, which points south; from "
-        "Gauss coefficients (g11, h11, g10) R^3. Start: IGRF-14 at 2025.0",
-        start=scale(geomagnetic.REFERENCE_RADIUS**3, (-1410.3e-9, 4545.5e-9, -29350.0e-9)),
-    )
-    igrf_degree: int = Parameter(
-        "1", "highest degree of igrf; 1: the tilted dipole of the epoch", start=DEGREE, min=1,
-        max=DEGREE,
-    )  # fmt: skip
-    earth_rate: float = Parameter("rad/s", "rotation of the Earth", start=EARTH_RATE)
-    earth_angle: int = Parameter(
-        "1", "the Earth's angle at t = 0, from the epoch or as given", choices=("epoch", "given"),
-        start="epoch",
-    )  # fmt: skip
-    earth_angle_start: float = Parameter(
-        "rad", "if given: angle at t = 0 from the x axis of eci to the meridian of Greenwich"
     )
     atmosphere: int = Parameter(
         "1", "model of the atmosphere", choices=("none", "table", "exponential"), start="table"
@@ -104,15 +81,7 @@ class NearEarth(Environment):
         """Position (m) and velocity (m/s) in eci at t (s)."""
 
     def start(self) -> None:
-        given = self.earth_angle
-        self._angle = self.earth_angle_start if given else earth.earth_angle(self.epoch_j2000)
-        self._year = 0.0
-        if self.field == _IGRF:
-            self._year = earth.decimal_year(self.epoch_j2000)
-            try:
-                geomagnetic.igrf(self._year, self.igrf_degree)
-            except BlockError as error:
-                self.fail(f"epoch_j2000 = {self.epoch_j2000:.10g} s: {error}")
+        self.start_field(igrf=self.field == _IGRF)
         self._piece: _Piece | None = None
 
     def output(self, t: float) -> None:
@@ -147,22 +116,13 @@ class NearEarth(Environment):
                 nodes = self._piece[1][interval - self._piece[0] :]
             first = interval - NODES // 2 + 1
             missing = range(first + len(nodes), first + NODES)
-            nodes += tuple(self._field(NODE_TIME * k) for k in missing)
+            nodes += tuple(
+                self.field_eci(self.motion(t)[0], t, igrf=self.field == _IGRF)
+                for t in (NODE_TIME * k for k in missing)
+            )
             polynomials = tuple(quintic(f) for f in zip(*nodes, strict=True))
         sun_eci, distance = earth.sun(self.epoch_j2000 + NODE_TIME * (interval + 0.5))
         return interval, nodes, polynomials, sun_eci, distance
-
-    def _field(self, t: float) -> Vec3:
-        """B (T) in eci at t (s)."""
-        x, y, z = self.motion(t)[0]
-        angle = self._angle + self.earth_rate * t
-        c, s = cos(angle), sin(angle)
-        r_earth = (c * x + s * y, c * y - s * x, z)
-        if self.field == _DIPOLE:
-            bx, by, bz = geomagnetic.dipole(r_earth, self.dipole_earth)
-        else:
-            bx, by, bz = geomagnetic.field(r_earth, geomagnetic.igrf(self._year, self.igrf_degree))
-        return (c * bx - s * by, s * bx + c * by, bz)
 
     def _density(self, r_eci: Vec3) -> float:
         """Density (kg/m3) at r (m)."""

@@ -327,12 +327,12 @@ def _default_experiment(root: Any, system: System) -> None:
 def _write_archive(members: dict[str, bytes], target: Path) -> None:
     target.parent.mkdir(parents=True, exist_ok=True)
     buffer = io.BytesIO()
-    with zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED) as archive:
+    with zipfile.ZipFile(buffer, "w") as archive:
         for name, data in sorted(members.items()):
             info = zipfile.ZipInfo(name)
-            info.compress_type, info.create_system = zipfile.ZIP_DEFLATED, 3
-            info.external_attr = 0o644 << 16
-            archive.writestr(info, data)
+            info.create_system, info.external_attr = 3, 0o644 << 16
+            # hundreds of these with the same FMUs: level 6 takes thrice the time for 10 % less
+            archive.writestr(info, data, zipfile.ZIP_DEFLATED, compresslevel=1)
     part = target.with_name(f"{target.name}.{os.getpid()}.part")
     part.write_bytes(buffer.getvalue())
     part.replace(target)

@@ -1,8 +1,8 @@
 from __future__ import annotations
 
 from ..block import Parameter, Vec3
+from ..dumping_manager import DUMPING, NO_AXIS, ThrusterManager
 from ..laws import blending, dumping
-from ..thruster_manager import DUMPING, NO_AXIS, ThrusterManager
 from ..vector import ZERO
 
 ILQR, LQR, MEC = range(3)

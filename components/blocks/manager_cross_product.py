@@ -1,8 +1,8 @@
 from __future__ import annotations
 
 from ..block import Parameter, Vec3
+from ..dumping_manager import MagneticManager
 from ..laws import cross_product
-from ..magnetic_manager import MagneticManager
 from ..vector import norm
 
 
@@ -27,7 +27,7 @@ class ManagerCrossProduct(MagneticManager):
     gain: float = Parameter("1/s", "gain; for ccpl in 1/(T s)", start=5e-3, min=0.0)
     h_deadband: float = Parameter("N.m.s", "no dumping below this momentum", min=0.0)
 
-    def dipole(self, t: float, h: Vec3) -> Vec3 | None:
+    def dipole(self, elapsed: float, h: Vec3) -> Vec3 | None:
         if norm(h) <= self.h_deadband:
             return None
         law = (cross_product.normalised, cross_product.ccpl)[self.law]

@@ -1,8 +1,8 @@
 from __future__ import annotations
 
 from ..block import Parameter, Table, Vec3
+from ..dumping_manager import MagneticManager
 from ..laws import magnetic
-from ..magnetic_manager import MagneticManager
 
 CAPACITY = 64
 LQR, MEC = range(2)
@@ -40,14 +40,7 @@ class ManagerMagnetic(MagneticManager):
     costate: Vec3 = Parameter("A.m2/T", "mec: p at the start, body")
     omega_nominal_body: Vec3 = Parameter("rad/s", "mec: rate that the costate was computed for")
 
-    def start(self) -> None:
-        super().start()
-        self._started: float | None = None
-
-    def dipole(self, t: float, h: Vec3) -> Vec3 | None:
-        if self._started is None:
-            self._started = t
-        elapsed = t - self._started
+    def dipole(self, elapsed: float, h: Vec3) -> Vec3 | None:
         if elapsed >= self.horizon:
             return None
         if self.law == MEC:

@@ -3,8 +3,8 @@ from __future__ import annotations
 import numpy as np
 
 from ..block import Parameter, Vec3
+from ..dumping_manager import MagneticManager
 from ..laws import magnetic, riccati
-from ..magnetic_manager import MagneticManager
 
 
 class ManagerMagneticIlqr(MagneticManager):
@@ -28,7 +28,7 @@ class ManagerMagneticIlqr(MagneticManager):
     dipole_weight: Vec3 = Parameter("1", "diagonal of R", start=1.0, min=1e-9)
     n_con_body: Vec3 = Parameter("N.m", "known constant torque of an off-nadir attitude, body")
 
-    def dipole(self, t: float, h: Vec3) -> Vec3 | None:
+    def dipole(self, elapsed: float, h: Vec3) -> Vec3 | None:
         bx, by, bz = self.b_body
         x, y, z = self.omega_bi_body
         w = np.array([[0.0, z, -y], [-z, 0.0, x], [y, -x, 0.0]])

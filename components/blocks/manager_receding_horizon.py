@@ -2,20 +2,18 @@ from __future__ import annotations
 
 from math import copysign
 
-from .. import earth, geomagnetic
 from ..attitude import normalised, product, rotate
-from ..block import BlockError, Parameter, Vec3, Vec4
-from ..igrf14 import DEGREE
+from ..block import Parameter, Vec3, Vec4
+from ..dumping_manager import FALLBACK, IDLE, RECEDING_HORIZON, ThrusterManager
+from ..earth_field import EarthField
 from ..laws import blending, dumping, receding_horizon
-from ..orbit import EARTH_RATE, lvlh_attitude
-from ..thruster_manager import FALLBACK, IDLE, RECEDING_HORIZON, ThrusterManager
+from ..orbit import lvlh_attitude
 from ..vector import ZERO, add, cross, scale, sub
 
-ORBIT_DIPOLE, DIPOLE, IGRF = range(3)
-EPOCH, GIVEN = range(2)
+ORBIT_DIPOLE, _, IGRF = range(3)
 
 
-class ManagerRecedingHorizon(ThrusterManager):
+class ManagerRecedingHorizon(ThrusterManager, EarthField):
     """Dumping with the least thruster time, planned over the remaining time
 
     At each sample, from the measured momentum, all samples until `horizon` are planned anew: mean
@@ -78,40 +76,13 @@ class ManagerRecedingHorizon(ThrusterManager):
     b_x: float = Parameter("T", "orbit_dipole: amplitude along the velocity", start=23e-6)
     b_y: float = Parameter("T", "orbit_dipole: constant part, minus orbit normal", start=2.4e-6)
     b_z: float = Parameter("T", "orbit_dipole: amplitude to nadir", start=46e-6)
-    dipole_earth: Vec3 = Parameter(
-        "T.m3",
-        "dipole: Earth-fixed, mu_0 / (4 pi) times the moment, which points south. Start: IGRF-14 "
-        "at 2025.0",
-        start=scale(geomagnetic.REFERENCE_RADIUS**3, (-1410.3e-9, 4545.5e-9, -29350.0e-9)),
-    )
-    igrf_degree: int = Parameter("1", "igrf: highest degree", start=DEGREE, min=1, max=DEGREE)
-    epoch_j2000: float = Parameter(
-        "s", "UTC of t = 0: seconds since 2000-01-01T12:00:00 UTC, leap seconds not counted",
-        start=820497600.0, min=-3.2e9, max=3.2e9,
-    )  # fmt: skip
-    earth_rate: float = Parameter("rad/s", "rotation of the Earth", start=EARTH_RATE)
-    earth_angle: int = Parameter(
-        "1", "the Earth's angle at t = 0, from the epoch or as given", choices=("epoch", "given"),
-        start="epoch",
-    )  # fmt: skip
-    earth_angle_start: float = Parameter(
-        "rad", "if given: angle at t = 0 from the x axis of eci to the meridian of Greenwich"
-    )
 
     def start(self) -> None:
         super().start()
         if self.sample_time <= 0.0:
             self.fail("sample_time = 0 s: a plan is made of samples")
         self._q_bo = normalised(self.q_bo)
-        given = self.earth_angle == GIVEN
-        self._angle = self.earth_angle_start if given else earth.earth_angle(self.epoch_j2000)
-        self._year = 0.0
-        if self.field_model == IGRF:
-            self._year = earth.decimal_year(self.epoch_j2000)
-            try:
-                geomagnetic.igrf(self._year, self.igrf_degree)
-            except BlockError as error:
-                self.fail(f"epoch_j2000 = {self.epoch_j2000:.10g} s: {error}")
+        self.start_field(igrf=self.field_model == IGRF)
 
     def dump(self, t: float, elapsed: float, h: Vec3) -> tuple[Vec3, blending.Split]:
         samples = int((self.horizon - elapsed) / self.sample_time + 0.5)
@@ -188,19 +159,8 @@ class ManagerRecedingHorizon(ThrusterManager):
             fields = [rotate(self._q_bo, in_lvlh(r)) for r, _ in states[:-1]]
         else:
             fields = [
-                rotate(q, self._field_eci(r, t + s))
+                rotate(q, self.field_eci(r, t + s, igrf=self.field_model == IGRF))
                 for s, q, (r, _) in zip(ahead[:-1], q_bi, states, strict=False)
             ]
         fields = [scale(self.field_scale, b) for b in fields]
         return q_bi, [add(self.b_body, sub(fields[1], fields[0])), *fields[2:]]
-
-    def _field_eci(self, r_eci: Vec3, t: float) -> Vec3:
-        angle = self._angle + self.earth_rate * t
-        if self.field_model == DIPOLE:
-            return receding_horizon.turned_with_earth(
-                r_eci, angle, lambda r: geomagnetic.dipole(r, self.dipole_earth)
-            )
-        model = geomagnetic.igrf(self._year, self.igrf_degree)
-        return receding_horizon.turned_with_earth(
-            r_eci, angle, lambda r: geomagnetic.field(r, model)
-        )

@@ -13,7 +13,6 @@ for constant N_T (N m) and M (A m2) in each sample: within a sample of 10 s that
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from math import cos, sin
 
 import numpy as np
 
@@ -63,14 +62,6 @@ def orbit_dipole(r_eci: Vec3, v_eci: Vec3, amplitudes: Vec3) -> Callable[[Vec3],
         return (bx * dot(r, node) / size, by, bz * dot(r, ahead) / size)
 
     return field
-
-
-def turned_with_earth(r_eci: Vec3, angle: float, field: Callable[[Vec3], Vec3]) -> Vec3:
-    """B (T, eci) at r (m) of a field in Earth-fixed axes; angle (rad) of the Earth from eci."""
-    x, y, z = r_eci
-    c, s = cos(angle), sin(angle)
-    bx, by, bz = field((c * x + s * y, c * y - s * x, z))
-    return (c * bx - s * by, s * bx + c * by, bz)
 
 
 def first_step(

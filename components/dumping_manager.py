@@ -1,4 +1,5 @@
-"""What managers that dump by thrusters and magnetic torquers together have in common."""
+"""What managers that dump momentum at samples have in common: the wheels' part, and the rest by
+torquers alone or by thrusters and torquers."""
 
 from __future__ import annotations
 
@@ -7,14 +8,14 @@ from abc import abstractmethod
 from .block import Mat34, Parameter, Vec3
 from .laws.blending import Split
 from .roles import Manager
-from .vector import ZERO, sub
+from .vector import ZERO, clip, cross, sub
 from .wheel_array import body_momentum, pseudo_inverse, wheel_torque
 
 IDLE, DUMPING, RECEDING_HORIZON, FALLBACK = range(4)
 NO_AXIS = 0
 
 
-class ThrusterManager(Manager):
+class DumpingManager(Manager):
     """Base of managers whose law says a dumping torque and its split: a block adds `dump`.
 
     The wheels are commanded to give the body what the controller wants and to absorb, with
@@ -23,13 +24,6 @@ class ThrusterManager(Manager):
         tau_cmd_wheel = A^+ (N - tau_ctrl_body - omega x A h)        (paper 004, eq. 16)
     """
 
-    m_limit: float = Parameter("A.m2", "largest dipole of each coil", start=40.0, min=0.0)
-    duty: float = Parameter("1", "share of the period that coils may be on", start=0.9, min=0.0,
-                            max=1.0)  # fmt: skip
-    dead_axis: int = Parameter(
-        "1", "axis whose coil is known to be dead", choices=("none", "x", "y", "z"), start="none"
-    )
-    n_con_body: Vec3 = Parameter("N.m", "known constant torque of an off-nadir attitude, body")
     axes_wheel: Mat34 = Parameter(
         "1", "columns: the wheels' axes, body; zero where there is no wheel",
         start=(1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0),
@@ -58,12 +52,6 @@ class ThrusterManager(Manager):
         momentum less its target.
         """
 
-    def limits(self) -> Vec3:
-        """The largest mean dipole of each axis over a sample (A m2)."""
-        most = self.duty * self.m_limit
-        x, y, z = (0.0 if self.dead_axis == axis else most for axis in (1, 2, 3))
-        return (x, y, z)
-
     def advance(self, t: float, dt: float) -> None:
         if self.due(t):
             if self.enable:
@@ -83,3 +71,43 @@ class ThrusterManager(Manager):
             self.omega_bi_body if self.gyroscopic else ZERO,
             self.h_wheel,
         )
+
+
+class MagneticManager(DumpingManager):
+    """Base of managers that dump by magnetic torquers alone: a block adds `dipole`.
+
+    N = M x B; with `saturation` each component of M stays within `m_limit`.
+    """
+
+    saturation: bool = Parameter("1", "true: the dipole is limited to m_limit", start=True)
+    m_limit: float = Parameter("A.m2", "largest dipole of each axis", start=20.0, min=0.0)
+
+    @abstractmethod
+    def dipole(self, elapsed: float, h: Vec3) -> Vec3 | None:
+        """The dipole (A m2, body) at a sample, None where the law has none; arguments as of
+        `dump`."""
+
+    def dump(self, t: float, elapsed: float, h: Vec3) -> tuple[Vec3, Split]:
+        m = self.dipole(elapsed, h)
+        self.mode = IDLE if m is None else DUMPING
+        m = ZERO if m is None else m
+        m = clip(m, self.m_limit) if self.saturation else m
+        return cross(m, self.b_body), (m, ZERO)
+
+
+class ThrusterManager(DumpingManager):
+    """Base of managers that dump by thrusters and magnetic torquers together."""
+
+    m_limit: float = Parameter("A.m2", "largest dipole of each coil", start=40.0, min=0.0)
+    duty: float = Parameter("1", "share of the period that coils may be on", start=0.9, min=0.0,
+                            max=1.0)  # fmt: skip
+    dead_axis: int = Parameter(
+        "1", "axis whose coil is known to be dead", choices=("none", "x", "y", "z"), start="none"
+    )
+    n_con_body: Vec3 = Parameter("N.m", "known constant torque of an off-nadir attitude, body")
+
+    def limits(self) -> Vec3:
+        """The largest mean dipole of each axis over a sample (A m2)."""
+        most = self.duty * self.m_limit
+        x, y, z = (0.0 if self.dead_axis == axis else most for axis in (1, 2, 3))
+        return (x, y, z)
