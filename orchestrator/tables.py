@@ -83,7 +83,11 @@ def rows(
     quantities = list(
         dict.fromkeys((e["table"], e["quantity"]) for n in ranked for e in cells[n].data["paper"])
     )
-    return sorted(found, key=lambda row: quantities.index((row.table, row.quantity)))
+    methods = list(dict.fromkeys(row.method for row in found))
+    return sorted(
+        found,
+        key=lambda r: (quantities.index((r.table, r.quantity)), methods.index(r.method)),
+    )
 
 
 def _rows_of(
