@@ -3,7 +3,9 @@
 What one writes without components: the model of `integrated/mil-nadir` (sensors with noise, nadir
 guidance, PID, integrated manager, wheels with lag and compensated friction, lagging coils, rigid
 body with gravity gradient, dipole, drag and radiation) in one function, vectors as numpy arrays,
-at the same steps and with the same equations. Orbit, field, Sun and density are asked of the same
+at the same steps and with the same equations. It exists twice: with numpy's own `cross` and matrix
+products (`Plain`), and with these few written out in floats (`Tuned`), as one does after profiling;
+then not much of numpy is left in it. Orbit, field, Sun and density are asked of the same
 plain-float code that the environment's FMU has inside; so only what is on board and the craft are
 numpy. Noise is numpy's own, so runs agree where all noise is off (`compare`).
 """
@@ -46,40 +48,63 @@ def values(sets: list[str]) -> dict[str, dict[str, Any]]:
 # --- vectors ----------------------------------------------------------------------------------
 
 
-def cross(a: Array, b: Array) -> Array:
-    """a x b; ten times faster than numpy's own for one pair of vectors."""
-    ax, ay, az = a.tolist()
-    bx, by, bz = b.tolist()
-    return np.array((ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx))
+class Plain:
+    """What one writes first."""
+
+    @staticmethod
+    def cross(a: Array, b: Array) -> Array:
+        """a x b"""
+        return np.asarray(np.cross(a, b))
+
+    @staticmethod
+    def matrix(q: Array) -> Array:
+        """C(q): body from eci."""
+        v, w = q[:3], q[3]
+        skew = np.array(((0.0, -v[2], v[1]), (v[2], 0.0, -v[0]), (-v[1], v[0], 0.0)))
+        return np.asarray((w * w - v @ v) * np.eye(3) + 2.0 * np.outer(v, v) - 2.0 * w * skew)
+
+    @staticmethod
+    def product(a: Array, b: Array) -> Array:
+        """a (x) b: first b, then a."""
+        v = a[3] * b[:3] + b[3] * a[:3] - np.cross(a[:3], b[:3])
+        return np.append(v, a[3] * b[3] - a[:3] @ b[:3])
 
 
-def matrix(q: Array) -> Array:
-    """C(q): body from eci."""
-    x, y, z, w = q.tolist()
-    return np.array((
-        (x * x - y * y - z * z + w * w, 2 * (x * y + z * w), 2 * (x * z - y * w)),
-        (2 * (x * y - z * w), -x * x + y * y - z * z + w * w, 2 * (y * z + x * w)),
-        (2 * (x * z + y * w), 2 * (y * z - x * w), -x * x - y * y + z * z + w * w),
-    ))  # fmt: skip
+class Tuned(Plain):
+    """The same, written out in floats."""
+
+    @staticmethod
+    def cross(a: Array, b: Array) -> Array:
+        ax, ay, az = a.tolist()
+        bx, by, bz = b.tolist()
+        return np.array((ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx))
+
+    @staticmethod
+    def matrix(q: Array) -> Array:
+        x, y, z, w = q.tolist()
+        return np.array((
+            (x * x - y * y - z * z + w * w, 2 * (x * y + z * w), 2 * (x * z - y * w)),
+            (2 * (x * y - z * w), -x * x + y * y - z * z + w * w, 2 * (y * z + x * w)),
+            (2 * (x * z + y * w), 2 * (y * z - x * w), -x * x - y * y + z * z + w * w),
+        ))  # fmt: skip
+
+    @staticmethod
+    def product(a: Array, b: Array) -> Array:
+        a1, a2, a3, a4 = a.tolist()
+        b1, b2, b3, b4 = b.tolist()
+        return np.array((
+            a4 * b1 + a3 * b2 - a2 * b3 + a1 * b4, -a3 * b1 + a4 * b2 + a1 * b3 + a2 * b4,
+            a2 * b1 - a1 * b2 + a4 * b3 + a3 * b4, -a1 * b1 - a2 * b2 - a3 * b3 + a4 * b4,
+        ))  # fmt: skip
 
 
-def product(a: Array, b: Array) -> Array:
-    """a (x) b: first b, then a."""
-    a1, a2, a3, a4 = a.tolist()
-    b1, b2, b3, b4 = b.tolist()
-    return np.array((
-        a4 * b1 + a3 * b2 - a2 * b3 + a1 * b4, -a3 * b1 + a4 * b2 + a1 * b3 + a2 * b4,
-        a2 * b1 - a1 * b2 + a4 * b3 + a3 * b4, -a1 * b1 - a2 * b2 - a3 * b3 + a4 * b4,
-    ))  # fmt: skip
-
-
-def turned(q: Array, angle: Array) -> Array:
+def turned(ops: type[Plain], q: Array, angle: Array) -> Array:
     """q turned by a rotation vector in body axes."""
     size = sqrt(angle @ angle)
     if size == 0.0:
         return q
     step = np.append(angle * (np.sin(0.5 * size) / size), np.cos(0.5 * size))
-    new = product(step, q)
+    new = ops.product(step, q)
     return new / sqrt(new @ new)
 
 
@@ -102,9 +127,10 @@ def from_matrix(c: Array) -> Array:
 # --- the loop ---------------------------------------------------------------------------------
 
 
-def run(steps: int, sets: list[str], every: int = 0) -> dict[str, Array]:
+def run(steps: int, sets: list[str], every: int = 0, ops: type[Plain] = Plain) -> dict[str, Array]:
     """So many steps from the scenario's start: attitude and wheel momentum at the end, and with
     `every` at every n-th step (`q`, `h`: rows)."""
+    cross, matrix, product = ops.cross, ops.matrix, ops.product
     p = values(sets)
     dt = float(p["run"]["step"])
     environment = _environment(p["environment"])
@@ -152,7 +178,7 @@ def run(steps: int, sets: list[str], every: int = 0) -> dict[str, Array]:
         # sensors
         if k:
             markov = decay * markov + sigma_q * sqrt(1.0 - decay**2) * random.standard_normal(3)
-        q_meas = turned(q, markov)
+        q_meas = turned(ops, q, markov)
         omega_meas = omega + sigma_w * random.standard_normal(3)
         b_meas = c @ b + sigma_b * random.standard_normal(3)
         h_meas = h + sigma_h * random.standard_normal(4)
@@ -270,7 +296,7 @@ def run(steps: int, sets: list[str], every: int = 0) -> dict[str, Array]:
 
         for i in range(n):
             s, step = i * de, de * dt
-            c_half = matrix(turned(q, 0.5 * step * omega))
+            c_half = matrix(turned(ops, q, 0.5 * step * omega))
             flow = c_half @ wind
             outer = jitter + craft["tau_disturbance_body"]
             outer = outer + cross(
@@ -351,16 +377,19 @@ def _environment(given: dict[str, Any]) -> EnvironmentKepler:
     return block
 
 
-def compare(seconds: float) -> dict[str, float]:
-    """The largest differences of a run without noise from that of the components: attitude (rad),
+def compare(seconds: float) -> dict[str, dict[str, float]]:
+    """The largest differences of runs without noise from that of the components: attitude (rad),
     wheel momentum (N m s)."""
     sets = [f"{name}=0" for name in NOISE_OFF]
     ours = execute(SCENARIO, Options(sets=sets, stop=seconds, blocks=True)).results
     q, h = ours.values("spacecraft.q_bi"), ours.values("wheels.h_wheel")
-    theirs = run(len(q) - 1, sets, every=1)
-    sign = np.sign((q * theirs["q"]).sum(axis=1, keepdims=True))
-    return {
-        "seconds": seconds,
-        "attitude_rad": float(2.0 * np.linalg.norm(q - sign * theirs["q"], axis=1).max()),
-        "wheel_momentum": float(np.abs(h - theirs["h"]).max()),
-    }
+    found = {}
+    for ops in (Plain, Tuned):
+        theirs = run(len(q) - 1, sets, every=1, ops=ops)
+        sign = np.sign((q * theirs["q"]).sum(axis=1, keepdims=True))
+        found[ops.__name__.lower()] = {
+            "seconds": seconds,
+            "attitude_rad": float(2.0 * np.linalg.norm(q - sign * theirs["q"], axis=1).max()),
+            "wheel_momentum": float(np.abs(h - theirs["h"]).max()),
+        }
+    return found

@@ -29,7 +29,10 @@ def _stream(seed: int, index: int) -> int:
 
 def uniform(seed: int, index: int, channel: int = 0) -> float:
     """A number from (0, 1), never 0 or 1."""
-    return ((_mix(_stream(seed, index) ^ channel) >> 12) + 0.5) / (1 << 52)
+    x = ((_stream(seed, index) ^ channel) + 0x9E3779B97F4A7C15) & _MASK  # _mix, written out
+    x = ((x ^ (x >> 30)) * 0xBF58476D1CE4E5B9) & _MASK
+    x = ((x ^ (x >> 27)) * 0x94D049BB133111EB) & _MASK
+    return (((x ^ (x >> 31)) >> 12) + 0.5) / (1 << 52)
 
 
 def normal_pair(seed: int, index: int, channel: int = 0) -> tuple[float, float]:

@@ -12,7 +12,6 @@ body (rad/s), and `learnt` what a compensating speed loop has found of the frict
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from math import ceil, exp, expm1, tanh
 
 from .moments import lag as lag_moments
@@ -104,55 +103,56 @@ def _stopped(
 def _with_friction(
     motor: Motor, rotor: Rotor, command: float, rate: float, slope: float, dt: float, limit: float
 ) -> tuple[Rotor, float]:
-    j, lag, viscous, coulomb, omega_eps, compensation, stiction = motor
-    h0, torque0, learnt0 = rotor
+    j, lag, viscous, coulomb, omega_eps, c, stiction = motor
+    h0, torque0, learnt = rotor
+    pushed, torque, motor_part = command * dt, command, 0.5 * command * dt * dt
     excess = (torque0 - command) * lag  # of the motor over the command, in momentum
-
-    def pushed(s: float) -> float:
-        """int_0^s T dt"""
-        return command * s + (excess * (1.0 - exp(-s / lag)) if excess else 0.0)
-
-    torque = command + (excess / lag * exp(-dt / lag) if excess else 0.0)
+    if excess:
+        decay = exp(-dt / lag)
+        pushed += excess * (1.0 - decay)
+        torque += excess / lag * decay
+        motor_part += excess * (dt - lag * (1.0 - decay))
     omega = h0 / j - rate
     if stiction > 0.0 and abs(torque) <= stiction and abs(omega) <= omega_eps:
         h = j * (rate + slope * dt)  # held: the rotor turns with the body
         return (h, torque, 0.0), 0.5 * dt * (h0 + h)
-
-    def drag(s: float, lost: float) -> float:
-        """The friction at s into the step, with `lost` of the momentum lost so far."""
-        return friction((h0 + pushed(s) - lost) / j - rate - slope * s, viscous, coulomb, omega_eps)
-
-    if compensation > 0.0:
-        lost, learnt, first = _compensated(drag, learnt0, compensation, dt)
+    if c > 0.0:
+        # A loop of bandwidth c (1/s) learns what friction takes: friction goes linearly from start
+        # to end, the loop's exponential is exact. Written out, for most steps of a day are here.
+        start = viscous * omega + coulomb * tanh(omega / omega_eps)
+        x0 = start - learnt
+        decayed = -expm1(-c * dt)
+        omega = (h0 + pushed - x0 * decayed / c) / j - rate - slope * dt
+        end = viscous * omega + coulomb * tanh(omega / omega_eps)
+        steady = (end - start) / (c * dt)
+        rest = x0 - steady
+        lost = steady * dt + rest * decayed / c
+        first = 0.5 * steady * dt * dt + rest / c * (dt - decayed / c)
+        learnt = end - steady - rest * (1.0 - decayed)
     else:
-        half = 0.5 * dt
-        a = drag(0.0, 0.0)
-        b = drag(half, half * a)
-        c = drag(half, half * b)
-        d = drag(dt, dt * c)
-        lost, learnt = dt / 6.0 * (a + 2.0 * (b + c) + d), 0.0
-        first = dt * (0.5 * lost + dt * (a - d) / 12.0)  # by the Hermite cubic
-    h = h0 + pushed(dt) - lost
+        lost, first = _lost(motor, h0, excess, command, rate, slope, dt)
+        learnt = 0.0
+    h = h0 + pushed - lost
     if abs(h) > limit:
         return _stopped(h0, h, torque, learnt, dt, limit)
-    motor_part = 0.5 * command * dt * dt
-    if excess:
-        motor_part += excess * (dt - lag * (1.0 - exp(-dt / lag)))
     return (h, torque, learnt), h0 * dt + motor_part - first
 
 
-def _compensated(
-    drag: Callable[[float, float], float], learnt0: float, c: float, dt: float
-) -> tuple[float, float, float]:
-    """What friction takes while a loop of bandwidth c (1/s) learns it: the momentum lost, what is
-    learnt at the end, and the integral of the momentum lost. Friction goes linearly from start to
-    end, the loop's exponential is exact."""
-    start = drag(0.0, 0.0)
-    x0 = start - learnt0
-    decayed = -expm1(-c * dt)
-    end = drag(dt, x0 * decayed / c)
-    steady = (end - start) / (c * dt)
-    rest = x0 - steady
-    lost = steady * dt + rest * decayed / c
-    first = 0.5 * steady * dt * dt + rest / c * (dt - decayed / c)
-    return lost, end - steady - rest * (1.0 - decayed), first
+def _lost(
+    motor: Motor, h0: float, excess: float, command: float, rate: float, slope: float, dt: float
+) -> tuple[float, float]:
+    """The momentum that friction takes (N m s) by RK4, and the integral of what it has taken."""
+    j, lag, viscous, coulomb, omega_eps, _, _ = motor
+
+    def drag(s: float, lost: float) -> float:
+        """The friction at s into the step, with `lost` of the momentum lost so far."""
+        pushed = command * s + (excess * (1.0 - exp(-s / lag)) if excess else 0.0)
+        return friction((h0 + pushed - lost) / j - rate - slope * s, viscous, coulomb, omega_eps)
+
+    half = 0.5 * dt
+    a = drag(0.0, 0.0)
+    b = drag(half, half * a)
+    c = drag(half, half * b)
+    d = drag(dt, dt * c)
+    lost = dt / 6.0 * (a + 2.0 * (b + c) + d)
+    return lost, dt * (0.5 * lost + dt * (a - d) / 12.0)  # by the Hermite cubic

@@ -68,6 +68,7 @@ UNITS: dict[str, Unit] = {
     "rpm": Unit(rad=1, s=-1, factor=pi / 30),
     "uT": Unit(kg=1, s=-2, A=-1, factor=1e-6),
     "nT": Unit(kg=1, s=-2, A=-1, factor=1e-9),
+    "uN.m": Unit(kg=1, m=2, s=-2, factor=1e-6),
     "mN.m": Unit(kg=1, m=2, s=-2, factor=1e-3),
     "mN.m.s": Unit(kg=1, m=2, s=-1, factor=1e-3),
     "km": Unit(m=1, factor=1e3),

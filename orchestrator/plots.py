@@ -21,8 +21,8 @@ POINTS = 3000
 
 _FIRST: dict[str, Any] = {"linestyle": "-", "linewidth": 1.4}
 _OTHER: dict[str, Any] = {"linestyle": (0, (4, 2)), "linewidth": 1.0, "alpha": 0.75}
-_PRETTY = {"A.m2": "A m²", "N.m": "N m", "N.m.s": "N m s", "mN.m": "mN m", "mN.m.s": "mN m s",
-           "uT": "µT", "A2.m4.s": "A² m⁴ s", "1": ""}  # fmt: skip
+_PRETTY = {"A.m2": "A m²", "N.m": "N m", "N.m.s": "N m s", "uN.m": "µN m", "mN.m": "mN m",
+           "mN.m.s": "mN m s", "uT": "µT", "A2.m4.s": "A² m⁴ s", "1": ""}  # fmt: skip
 
 
 def pretty_unit(unit: str) -> str:

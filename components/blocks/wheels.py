@@ -92,6 +92,8 @@ class Wheels(Role):
         self._last_dt = 0.0
         self.tau_mean_wheel = self.tau_slope_wheel = (0.0, 0.0, 0.0, 0.0)
         self.tau_jitter_body = (0.0, 0.0, 0.0)
+        self._jitter_second = -1
+        self._unit_jitter: tuple[Vec3, ...] = ()
         self._failed = False
         for i in self._present:
             if abs(norm(self._axis(i)) - 1.0) > 1e-6:
@@ -116,20 +118,23 @@ class Wheels(Role):
 
     def output(self, t: float) -> None:
         h, speed, saturated = [0.0] * 4, [0.0] * 4, [False] * 4
+        rates, inertia, fastest = self._rates, self.inertia_wheel, self.speed_limit
+        idle, constant = self.idle_power, self.motor_constant
         power = 0.0
         for i in self._present:
-            h[i], torque, learnt = self._rotors[i]
-            speed[i] = self._speed(i)
-            limit = self.inertia_wheel[i] * self.speed_limit
-            saturated[i] = abs(h[i]) >= limit
+            momentum, torque, learnt = self._rotors[i]
+            h[i] = momentum
+            speed[i] = momentum / inertia[i] - rates[i]
+            saturated[i] = abs(momentum) >= inertia[i] * fastest
             drive = torque + learnt
-            power += self.idle_power + max(0.0, drive * speed[i])
-            if self.motor_constant > 0.0:
-                power += (drive / self.motor_constant) ** 2
+            power += idle + max(0.0, drive * speed[i])
+            if constant > 0.0:
+                power += (drive / constant) ** 2
         self.h_wheel = (h[0], h[1], h[2], h[3])
         self.speed_wheel = (speed[0], speed[1], speed[2], speed[3])
         self.saturated_wheel = (saturated[0], saturated[1], saturated[2], saturated[3])
-        self.failed_wheel = tuple(self._has_failed(i) for i in range(4))  # type: ignore[assignment]
+        failed = self.failed if self._failed else 0
+        self.failed_wheel = (failed == 1, failed == 2, failed == 3, failed == 4)
         self.power = power
 
     def _has_failed(self, i: int) -> bool:
@@ -173,10 +178,14 @@ class Wheels(Role):
         return min(max(wanted, -self.torque_limit), self.torque_limit)
 
     def _jitter(self, t: float) -> Vec3:
-        index = floor(t + 1e-6)
+        second = floor(t + 1e-6)
+        if second != self._jitter_second:
+            self._jitter_second = second
+            self._unit_jitter = tuple(
+                cross(self._axis(i), normal3(self.seed, second, 4 * i)) for i in self._present
+            )
         x = y = z = 0.0
-        for i in self._present:
+        for i, (jx, jy, jz) in zip(self._present, self._unit_jitter, strict=True):
             size = self.unbalance * self._speed(i) ** 2
-            jx, jy, jz = cross(self._axis(i), normal3(self.seed, index, 4 * i))
             x, y, z = x + size * jx, y + size * jy, z + size * jz
         return (x, y, z)

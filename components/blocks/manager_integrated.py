@@ -1,0 +1,196 @@
+from __future__ import annotations
+
+from math import inf
+
+from ..block import Mat34, Output, Parameter, Vec3, Vec4
+from ..laws import integrated
+from ..roles import Manager
+from ..vector import ZERO, norm, scale
+from ..wheel_array import body_momentum, pseudo_inverse, to_wheels, wheel_torque
+
+IDLE, DUMPING, _, _, EMERGENCY, VELOCITY_DUMPING = range(6)
+
+
+class ManagerIntegrated(Manager):
+    """Attitude control and magnetic momentum management in one loop
+
+    The controller's torque tau is split by k = `magnetic_share`, and the wheels are told to give
+    away momentum besides, A being `axes_wheel` and B the measured field:
+
+        tau_cmd_wheel = A^+ (t_DES - (1 - k) tau - omega x A h)       (eqs. 13, 14, 16, 21, 22)
+        m_cmd_body = B x (k tau) / |B|^2                              (eqs. 17, 18)
+        t_DES = -gain (A h')_perp, at most `torque_limit`             (eq. 19)
+
+    perp: across B. The controller answers t_DES with a tau that cancels it, of which the coils
+    give the share k; so the wheels lose k t_DES. The dipole is made smaller as a whole where a
+    component exceeds `m_limit`. At each sample t_DES, dipole and mode are decided; the wheels
+    follow tau and omega at every step.
+
+    h' leaves out the wheels near what is wanted of them, so that a wheel is not brought through
+    zero speed: with e = h - A^+ h_target_body - h_null n, wheel i counts in A h' = sum g_i e_i from
+    |e_i| = `threshold_on` h_limit on until it is below `threshold_off` h_limit (eq. 23).
+    `paper_signed_threshold` takes e_i instead of |e_i|, as eq. 23 is printed: wheels that turn
+    backwards are then never unloaded.
+
+    **Emergency** (the paper names it without a law). From a wheel at `emergency_on` h_limit until
+    all are below `emergency_off` h_limit, the coils leave the control loop (k = 0) and do what
+    they can: t_DES = -`gain_emergency` (A e)_perp, at most `m_limit` |B|, balanced at once by
+    m_cmd_body = B x t_DES / |B|^2. Momentum in the null space is not in A e.
+
+    **Velocity dumping** (section 4), where `velocity_dumping` is set: tau = -`gain_rate` omega
+    (eqs. 24, 25) instead of the controller's torque, while |omega| was above `rate_on` and has not
+    come below `rate_off` since; both 0: always. While t_DES is at its limit the craft keeps
+    tumbling at |omega| = torque_limit / gain_rate. Eq. 26 (gain_rate ~ h_limit gain) has a wrong
+    dimension; equal bandwidths mean gain_rate = gain times the inertia.
+
+    **Null space** (not in the paper). n with A n = 0, for a pyramid (1, -1, 1, -1): momentum along
+    it is in no A h and stays. `null_gain` adds -null_gain (e.n / n.n) n to tau_cmd_wheel, no wheel
+    more than `null_torque_limit`; `h_null` holds the wheels at h_null n, away from zero.
+
+    `enable` false: no dumping, the wheels give all of tau. `mode`: 0 idle (no wheel to unload, the
+    coils still give their share), 1 dumping, 4 emergency, 5 velocity dumping, whatever else.
+
+    Source: paper 004, eqs. 9 and 13-26.
+    """
+
+    magnetic_share: float = Parameter(
+        "1", "k: share of the control torque that the coils give", start=0.25, min=0.0, max=1.0
+    )
+    gain: float = Parameter("1/s", "k_DES of eq. 19", start=0.05, min=0.0)
+    torque_limit: float = Parameter(
+        "N.m", "largest t_DES; the coils see k of it; 0: no limit", start=1.2e-5, min=0.0
+    )
+    m_limit: float = Parameter("A.m2", "largest dipole of each axis", start=0.3, min=0.0)
+    h_limit: float = Parameter("N.m.s", "momentum capacity of a wheel", start=0.02, min=1e-9)
+    threshold_off: float = Parameter(
+        "1", "share of h_limit below which a wheel is not unloaded", start=0.1, min=0.0, max=1.0
+    )
+    threshold_on: float = Parameter(
+        "1", "share of h_limit from which on it is again", start=0.11, min=0.0, max=1.0
+    )
+    paper_signed_threshold: bool = Parameter("1", "true: eq. 23 as printed, without |.|")
+    emergency_on: float = Parameter(
+        "1", "share of h_limit of a wheel that begins the emergency", start=0.9, min=0.0
+    )
+    emergency_off: float = Parameter(
+        "1", "share of h_limit below which all wheels end it", start=0.6, min=0.0
+    )
+    gain_emergency: float = Parameter("1/s", "k_DES in the emergency", start=0.05, min=0.0)
+    velocity_dumping: bool = Parameter("1", "true: velocity dumping above the rates below")
+    gain_rate: float = Parameter("N.m.s", "k_DMP of eq. 24", start=2e-3, min=0.0)
+    rate_on: float = Parameter("rad/s", "velocity dumping begins from this rate on", min=0.0)
+    rate_off: float = Parameter("rad/s", "and ends below this one", min=0.0)
+    null_gain: float = Parameter("1/s", "rate at which null-space momentum decays", min=0.0)
+    null_torque_limit: float = Parameter(
+        "N.m", "largest torque of a wheel along the null space", start=1e-5, min=0.0
+    )
+    h_null: float = Parameter(
+        "N.m.s", "wanted momentum along the null space: of the wheel whose element of n is 1"
+    )
+    axes_wheel: Mat34 = Parameter(
+        "1",
+        "columns: the wheels' axes, body; zero where there is no wheel",
+        start=(
+            0.5773502691896258, -0.5773502691896258, -0.5773502691896258, 0.5773502691896258,
+            0.5773502691896258, 0.5773502691896258, -0.5773502691896258, -0.5773502691896258,
+            0.5773502691896258, 0.5773502691896258, 0.5773502691896258, 0.5773502691896258,
+        ),
+        shared=True,
+    )  # fmt: skip
+
+    tau_des_body: Vec3 = Output("N.m", "t_DES, body: for the report", interval=True)
+
+    def start(self) -> None:
+        super().start()
+        for on, off in (("threshold_on", "threshold_off"), ("emergency_on", "emergency_off"),
+                        ("rate_on", "rate_off")):  # fmt: skip
+            if getattr(self, on) < getattr(self, off):
+                self.fail(f"{on} = {getattr(self, on)} is below {off} = {getattr(self, off)}")
+        self._to_wheels = pseudo_inverse(self.axes_wheel)
+        self._null = integrated.null_vector(self.axes_wheel)
+        self._unloading = (False, False, False, False)
+        self._emergency = self._tumbling = False
+        self._share = 0.0
+        self.tau_des_body = ZERO
+        self._null_torque = self.tau_cmd_wheel = (0.0, 0.0, 0.0, 0.0)
+        self.m_cmd_body = self.tau_cmd_thruster_body = ZERO
+        self.mode = IDLE
+
+    def advance(self, t: float, dt: float) -> None:
+        if self.due(t):
+            self._decide()
+        a, b, c, d = wheel_torque(
+            self._to_wheels,
+            self.axes_wheel,
+            self.tau_des_body,
+            scale(1.0 - self._share, self._wanted()),
+            self.omega_bi_body,
+            self.h_wheel,
+        )
+        p, q, r, s = self._null_torque
+        self.tau_cmd_wheel = (a + p, b + q, c + r, d + s)
+
+    def _wanted(self) -> Vec3:
+        """tau: the torque that wheels and coils are to give the body."""
+        if self._tumbling:
+            return integrated.velocity_torque(self.omega_bi_body, self.gain_rate)
+        return self.tau_ctrl_body
+
+    def _decide(self) -> None:
+        self._tumbling = self.velocity_dumping and integrated.hysteresis(
+            self._tumbling, norm(self.omega_bi_body), self.rate_off, self.rate_on
+        )
+        if self.enable:
+            self._manage()
+        else:
+            self._unloading, self._emergency = (False, False, False, False), False
+            self._share, self.tau_des_body, self.m_cmd_body = 0.0, ZERO, ZERO
+            self._null_torque = (0.0, 0.0, 0.0, 0.0)
+        if self._emergency:
+            self.mode = EMERGENCY
+        elif self._tumbling:
+            self.mode = VELOCITY_DUMPING
+        else:
+            self.mode = DUMPING if any(self._unloading) else IDLE
+
+    def _manage(self) -> None:
+        h, b, capacity = self.h_wheel, self.b_body, self.h_limit
+        self._emergency = integrated.hysteresis(
+            self._emergency,
+            max(map(abs, h)),
+            self.emergency_off * capacity,
+            self.emergency_on * capacity,
+        )
+        excess = self._excess(h)
+        self._unloading = integrated.unloading(
+            self._unloading,
+            excess,
+            self.threshold_off * capacity,
+            self.threshold_on * capacity,
+            self.paper_signed_threshold,
+        )
+        self._null_torque = integrated.null_torque(
+            excess, self._null, self.null_gain, self.null_torque_limit
+        )
+        if self._emergency:
+            all_of_it = body_momentum(self.axes_wheel, excess)
+            most = self.m_limit * norm(b)
+            self.tau_des_body = integrated.desaturation(all_of_it, b, self.gain_emergency, most)
+            self._share, by_coils = 0.0, self.tau_des_body
+        else:
+            k, on = self.magnetic_share, self._unloading
+            counted = (on[0] * excess[0], on[1] * excess[1], on[2] * excess[2], on[3] * excess[3])
+            self.tau_des_body = integrated.desaturation(
+                body_momentum(self.axes_wheel, counted), b, self.gain, self.torque_limit or inf
+            )
+            self._share, by_coils = k, scale(k, self._wanted())
+        self.m_cmd_body = integrated.dipole(by_coils, b, self.m_limit)
+
+    def _excess(self, h: Vec4) -> Vec4:
+        """What the wheels have beyond what is wanted of them."""
+        n, bias = self._null, self.h_null
+        a, b, c, d = to_wheels(self._to_wheels, self.h_target_body)
+        return (
+            h[0] - a - bias * n[0], h[1] - b - bias * n[1],
+            h[2] - c - bias * n[2], h[3] - d - bias * n[3],
+        )  # fmt: skip
