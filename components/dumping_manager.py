@@ -5,9 +5,9 @@ from __future__ import annotations
 
 from abc import abstractmethod
 
-from .block import Mat34, Parameter, Vec3
+from .block import Parameter, Vec3
 from .laws.blending import Split
-from .roles import Manager
+from .roles import Manager, WheelAxes
 from .vector import ZERO, clip, cross, sub
 from .wheel_array import body_momentum, pseudo_inverse, wheel_torque
 
@@ -15,7 +15,7 @@ IDLE, DUMPING, RECEDING_HORIZON, FALLBACK = range(4)
 NO_AXIS = 0
 
 
-class DumpingManager(Manager):
+class DumpingManager(Manager, WheelAxes):
     """Base of managers whose law says a dumping torque and its split: a block adds `dump`.
 
     The wheels are commanded to give the body what the controller wants and to absorb, with
@@ -24,11 +24,6 @@ class DumpingManager(Manager):
         tau_cmd_wheel = A^+ (N - tau_ctrl_body - omega x A h)        (paper 004, eq. 16)
     """
 
-    axes_wheel: Mat34 = Parameter(
-        "1", "columns: the wheels' axes, body; zero where there is no wheel",
-        start=(1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0),
-        shared=True,
-    )  # fmt: skip
     feedforward: bool = Parameter(
         "1", "true: the wheels absorb the dumping torque at once", start=True
     )

@@ -6,9 +6,29 @@ swapping one block for another changes one `source` and its parameters.
 
 from __future__ import annotations
 
-from .block import Block, Flags4, Input, Output, Sampled, Vec3, Vec4
+from .block import Block, Flags4, Input, Mat34, Output, Parameter, Sampled, Vec3, Vec4
 
 UPRIGHT = (0.0, 0.0, 0.0, 1.0)
+
+
+class WheelAxes(Block):
+    """What every block that knows the wheels has, beside its role."""
+
+    axes_wheel: Mat34 = Parameter(
+        "1",
+        "columns: the wheels' axes, body; zero where there is no wheel",
+        start=(1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0),
+        shared=True,
+    )
+
+
+class WheelInertias(WheelAxes):
+    """What every block that moves the wheels has, beside its role."""
+
+    inertia_wheel: Vec4 = Parameter(
+        "kg.m2", "spin inertia of each wheel", start=(0.008, 0.008, 0.008, 0.0), min=0.0,
+        shared=True,
+    )  # fmt: skip
 
 
 class Environment(Block):

@@ -141,7 +141,7 @@ def test_gain_margins_are_where_the_characteristic_polynomial_crosses_the_axis()
 
 def manager(**values):
     made = fresh("manager_integrated")
-    for key, value in values.items():
+    for key, value in {"axes_wheel": PYRAMID, **values}.items():
         assert hasattr(made, key)
         setattr(made, key, value)
     return begin(made)

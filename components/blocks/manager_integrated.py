@@ -2,16 +2,16 @@ from __future__ import annotations
 
 from math import inf
 
-from ..block import Mat34, Output, Parameter, Vec3, Vec4
+from ..block import Output, Parameter, Vec3, Vec4
 from ..laws import integrated
-from ..roles import Manager
+from ..roles import Manager, WheelAxes
 from ..vector import ZERO, norm, scale
 from ..wheel_array import body_momentum, pseudo_inverse, to_wheels, wheel_torque
 
 IDLE, DUMPING, _, _, EMERGENCY, VELOCITY_DUMPING = range(6)
 
 
-class ManagerIntegrated(Manager):
+class ManagerIntegrated(Manager, WheelAxes):
     """Attitude control and magnetic momentum management in one loop
 
     The controller's torque tau is split by k = `magnetic_share`, and the wheels are told to give
@@ -87,17 +87,6 @@ class ManagerIntegrated(Manager):
     h_null: float = Parameter(
         "N.m.s", "wanted momentum along the null space: of the wheel whose element of n is 1"
     )
-    axes_wheel: Mat34 = Parameter(
-        "1",
-        "columns: the wheels' axes, body; zero where there is no wheel",
-        start=(
-            0.5773502691896258, -0.5773502691896258, -0.5773502691896258, 0.5773502691896258,
-            0.5773502691896258, 0.5773502691896258, -0.5773502691896258, -0.5773502691896258,
-            0.5773502691896258, 0.5773502691896258, 0.5773502691896258, 0.5773502691896258,
-        ),
-        shared=True,
-    )  # fmt: skip
-
     tau_des_body: Vec3 = Output("N.m", "t_DES, body: for the report", interval=True)
 
     def start(self) -> None:

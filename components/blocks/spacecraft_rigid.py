@@ -5,10 +5,10 @@ from math import ceil
 
 from .. import torques
 from ..attitude import normalised, product, propagated, rotate, rotate_back
-from ..block import Mat33, Mat34, Parameter, Table, Vec3, Vec4
+from ..block import Mat33, Parameter, Table, Vec3, Vec4
 from ..gyrostat import carrier_inertia, inverse_inertia, rate
 from ..orbit import EARTH_RATE, MU, lvlh_attitude
-from ..roles import Spacecraft
+from ..roles import Spacecraft, WheelInertias
 from ..vector import ZERO, add, cross, dot, mat_vec, norm, sub
 from ..wheel_array import body_momentum
 
@@ -20,7 +20,7 @@ LARGEST_NUTATION = 0.25
 """Of the nutation in one integration step (rad)."""
 
 
-class SpacecraftRigid(Spacecraft):
+class SpacecraftRigid(Spacecraft, WheelInertias):
     """Rigid body with up to four wheels about any axes
 
     The state is the attitude q and the total inertial angular momentum H, beside an own copy of the
@@ -49,16 +49,6 @@ class SpacecraftRigid(Spacecraft):
         start=(40.45, 0.0, 0.0, 0.0, 42.09, 0.0, 0.0, 0.0, 40.36),
         shared=True,
     )
-    axes_wheel: Mat34 = Parameter(
-        "1",
-        "columns: the wheels' axes, body; zero where there is no wheel",
-        start=(1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0),
-        shared=True,
-    )
-    inertia_wheel: Vec4 = Parameter(
-        "kg.m2", "spin inertia of each wheel", start=(0.008, 0.008, 0.008, 0.0), min=0.0,
-        shared=True,
-    )  # fmt: skip
     q_start_bi: Vec4 = Parameter(
         "1", "attitude at the start: body from eci, scalar last; normalised",
         start=(0.0, 0.0, 0.0, 1.0),

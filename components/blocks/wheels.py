@@ -2,8 +2,9 @@ from __future__ import annotations
 
 from math import floor
 
-from ..block import Mat34, Parameter, Vec3, Vec4
+from ..block import Parameter, Vec3, Vec4
 from ..noise import normal3
+from ..roles import WheelInertias
 from ..roles import Wheels as Role
 from ..rotor import step
 from ..vector import cross, norm
@@ -11,7 +12,7 @@ from ..vector import cross, norm
 TORQUE, SPEED = range(2)
 
 
-class Wheels(Role):
+class Wheels(Role, WheelInertias):
     """Reaction wheels, one to four, with motor lag, friction, limits and failures
 
     For each wheel, g its axis, Omega = h / J_s - g.omega its speed relative to the body:
@@ -38,16 +39,6 @@ class Wheels(Role):
     paper 004.
     """
 
-    axes_wheel: Mat34 = Parameter(
-        "1",
-        "columns: the wheels' axes, body; zero where there is no wheel",
-        start=(1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0),
-        shared=True,
-    )
-    inertia_wheel: Vec4 = Parameter(
-        "kg.m2", "spin inertia of each wheel", start=(0.008, 0.008, 0.008, 0.0), min=0.0,
-        shared=True,
-    )  # fmt: skip
     h_start_wheel: Vec4 = Parameter("N.m.s", "axial momentum at the start, absolute")
     command_mode: int = Parameter(
         "1", "which command counts", choices=("torque", "speed"), start="torque"

@@ -14,6 +14,9 @@ from collections.abc import Callable
 from math import degrees, inf, log10, pi, sqrt
 from typing import NamedTuple
 
+import numpy as np
+from scipy.optimize import brentq
+
 
 class Margins(NamedTuple):
     """Of an open loop: the paper asks for 45 deg and 6 dB."""
@@ -55,8 +58,5 @@ def pid_margins(kp: float, kd: float, ki: float, delay: float = 0.0) -> Margins:
 
 
 def _root(f: Callable[[float], float], low: float, high: float) -> float:
-    """Where f goes from negative to positive between two positive bounds, by bisection."""
-    for _ in range(200):
-        middle = sqrt(low * high)
-        low, high = (low, middle) if f(middle) > 0.0 else (middle, high)
-    return sqrt(low * high)
+    """Where f changes its sign between two positive bounds."""
+    return float(np.exp(brentq(lambda x: f(np.exp(x)), np.log(low), np.log(high), xtol=1e-14)))
