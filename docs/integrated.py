@@ -97,14 +97,13 @@ def claims(page: Page) -> None:
         {origin(stored.provenance(draws(), fresh=False))}; bare blocks give the same bits as the
         FMUs, which is a test. Cells without draws are single runs of the packed files."""
     )
+    lines = []
     for heading, group in grouped(table):
-        page.lines += [f"### {heading}", ""]
-        lines = []
         for row in group:
             s = shown(row)
-            lines.append([s["case"], s["paper"], s["ours"], s["draws"], s["band"], s["verdict"],
-                          s["remark"]])  # fmt: skip
-        page.table(["scenario", "paper", "ours", "draws", "band", "", "remark"], lines)
+            lines.append([heading, s["case"], s["paper"], s["ours"], s["draws"], s["band"],
+                          s["verdict"], s["remark"]])  # fmt: skip
+    page.table(["claim", "scenario", "paper", "ours", "draws", "band", "", "remark"], lines)
 
 
 def ideal(page: Page) -> None:
