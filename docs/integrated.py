@@ -191,6 +191,17 @@ def velocity(page: Page) -> None:
         craft keeps turning at torque_limit / k_DMP until the wheels are low, then stops
         ({spread("velocity-dumping", "rate_end", 3)} deg/s after 2 h)."""
     )
+    plots(page, "velocity-to-pointing", [
+        ("velocity-to-pointing-a", "Velocity dumping, then nadir", "Angular rate, size"),
+        ("velocity-to-pointing-b", "Velocity dumping, then nadir", "Pointing error"),
+    ])  # fmt: skip
+    page.text(
+        f"""With thresholds of the rate the manager hands over by itself: below 1 deg/s, at
+        {value("velocity-to-pointing", "slow") / 60:.1f} min, the controller's torque takes the
+        place of -k_DMP omega, and the pointing error is below 10 deg to stay from
+        {value("velocity-to-pointing", "settled") / 60:.1f} min on, while the coils go on
+        unloading; {value("velocity-to-pointing", "pointing"):.1f} deg in the second hour."""
+    )
 
 
 def threshold(page: Page) -> None:

@@ -271,7 +271,7 @@ def main() -> None:
     tables(page)
     momentum_figures(page)
     activity_figures(page)
-    uosat12_beyond.section(page, run)
+    uosat12_beyond.section(page, run, draws())
     tuned(page)
     page.write()
     flight()

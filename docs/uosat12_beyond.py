@@ -61,10 +61,10 @@ def scenario(method: str, case: str) -> str:
     return f"uosat12/{table}-{method}-{case}"
 
 
-def section(page: Page, run: Runner) -> None:
+def section(page: Page, run: Runner, made: dict[str, Any]) -> None:
     """The sections of the page, in order; `run` runs a scenario by its name, with `--set` texts."""
     comparison(page, run)
-    random_starts(page)
+    random_starts(page, made)
     robustness(page, run)
     updates(page)
 
