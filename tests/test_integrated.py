@@ -347,6 +347,17 @@ def test_the_paper_s_law_keeps_null_space_momentum_and_the_option_drains_it():
     assert abs(option) < 0.05 * 0.0055
 
 
+def test_velocity_dumping_hands_over_to_pointing():
+    run = execute("integrated/velocity-to-pointing", Options(stop=900.0, blocks=True))
+    mode = run.results.values("manager.mode")
+    dumping = np.flatnonzero(mode == 5)
+    over = dumping[-1] + 1
+    assert (mode[:over] == 5).all()  # no way back
+    rate = np.linalg.norm(run.results.values("spacecraft.omega_bi_body"), axis=1)
+    assert rate[0] > math.radians(9.0) > math.radians(1.1) > rate[over]
+    assert run.manifest["numbers"]["settled"]["value"] < 600.0
+
+
 def test_the_manager_is_replaced_by_one_source_and_its_parameters():
     swapped, usual = find("integrated/mil-cross-product").data, find("integrated/mil-nadir").data
     assert swapped["sources"] == {"manager": "manager_cross_product"}
