@@ -125,7 +125,7 @@ def test_least_seconds_of_the_linear_programme(rows):
 
 
 def test_random_starts_are_stored_draws(rows):
-    drawn = {(r["method"], r["quantity"]): r for r in rows if r["table"] == "20 random starts"}
+    drawn = {(r["method"], r["quantity"]): r for r in rows if r["table"] == "Random starts"}
     assert all(r["draws"]["n"] == 20 and r["paper"] is None for r in drawn.values())
     bound = drawn["BOUND", "firing_time"]
     for method in ("DCT", "OCDC", "BOUNDED QUADRATIC", "BOUNDED 1-NORM", "RECEDING HORIZON"):
