@@ -13,6 +13,7 @@ from typing import Annotated, Any
 
 import typer
 from rich.console import Console
+from rich.markup import escape
 from rich.progress import track
 from rich.table import Table
 
@@ -365,7 +366,7 @@ def tables(
         _print_json(tables_module.as_json(family, rows, origin))
         return
     for heading, group in tables_module.grouped(rows):
-        table = Table(title=heading, title_justify="left", box=None, header_style="bold",
+        table = Table(title=escape(heading), title_justify="left", box=None, header_style="bold",
                       pad_edge=False)  # fmt: skip
         for column in ("method", "case"):
             table.add_column(column)
@@ -380,7 +381,7 @@ def tables(
             verdict = f"[{style}]{s['verdict']}[/{style}]" if style else ""
             table.add_row(s["method"], s["case"], s["paper"], s["ours"], s["difference"],
                           *([s["draws"]] if drawn_here else []), s["band"], verdict,
-                          s["remark"])  # fmt: skip
+                          escape(s["remark"]))  # fmt: skip
         out.print(table)
         out.print()
     if origin:
