@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from orchestrator.plots import COLOURS, figure, svg, time_axis
+from orchestrator.plots import COLOURS, figure, legend, svg, time_axis
 
 Curve = tuple[str, Any, Any]
 """label, times (s), values"""
@@ -35,7 +35,7 @@ def curves(
     ax.set_xlabel(f"time [{unit}]")
     ax.set_ylabel(ylabel)
     ax.margins(x=0.01)
-    ax.legend(fontsize=8, frameon=False, loc="center left", bbox_to_anchor=(1.0, 0.5))
+    legend(ax)
     return svg(fig)
 
 
@@ -53,5 +53,5 @@ def bars(groups: dict[str, dict[str, float]], ylabel: str, *, log: bool = False)
     if log:
         ax.set_yscale("log")
     ax.set_ylabel(ylabel)
-    ax.legend(fontsize=8, frameon=False, loc="center left", bbox_to_anchor=(1.0, 0.5))
+    legend(ax)
     return svg(fig)

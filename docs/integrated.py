@@ -13,7 +13,7 @@ import numpy as np
 from components.laws.margins import pid_margins
 from orchestrator import stored
 from orchestrator.measures import pointing
-from orchestrator.plots import COLOURS, figure, pretty_unit, series_plot, svg
+from orchestrator.plots import COLOURS, figure, legend, pretty_unit, series_plot, svg
 from orchestrator.report import number as text_of
 from orchestrator.run import Options, Run, execute
 from orchestrator.scenario import find
@@ -359,7 +359,7 @@ def null_space(page: Page) -> None:
             label="nothing dumped of it")  # fmt: skip
     ax.set_xlabel("null-space part at the start [% of capacity]")
     ax.set_ylabel("mean wheel from 2 h on [%]")
-    ax.legend(fontsize=8, frameon=False, loc="center left", bbox_to_anchor=(1.0, 0.5))
+    legend(ax)
     page.figure("null-space", "Each draw: null-space momentum and where the wheels end", svg(fig))
 
 

@@ -16,7 +16,7 @@ from rich.progress import track
 from .errors import DesatError
 from .master import ALGORITHMS, Algorithm
 from .measures import pointing
-from .plots import COLOURS, figure, svg
+from .plots import COLOURS, figure, legend, svg
 from .reference import Gyrostat, Trajectory
 from .report import render, write_page
 from .run import Options, execute, prepare
@@ -146,5 +146,5 @@ def plot(result: dict[str, Any], key: str, unit: str) -> str:
     ax.minorticks_off()
     ax.set_xlabel("step [s]")
     ax.set_ylabel(f"[{unit}]")
-    ax.legend(fontsize=8, frameon=False, loc="center left", bbox_to_anchor=(1.0, 0.5))
+    legend(ax)
     return svg(fig)

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .measures import rotate_back
-from .plots import COLOURS, figure, svg, time_axis
+from .plots import COLOURS, figure, legend, svg, time_axis
 from .results import Results
 from .system import System
 
@@ -74,5 +74,5 @@ def plot(times: Array, residual: Array) -> str:
     ax.set_xlabel(f"time [{unit}]")
     ax.set_ylabel("[N m s], eci")
     ax.margins(x=0.01)
-    ax.legend(fontsize=8, frameon=False, loc="center left", bbox_to_anchor=(1.0, 0.5))
+    legend(ax)
     return svg(fig)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import re
+import textwrap
 from itertools import pairwise
 from typing import Any
 
@@ -18,6 +19,8 @@ from .results import Results
 COLOURS = ("#0b62a4", "#d1495b", "#2e8b57", "#8a5fbf", "#e08e0b", "#444444")
 POINTS = 3000
 """More points than a plot is wide are thinned, keeping each bin's least and largest."""
+LEGEND_WIDTH = 24
+"""Characters that there is room for beside the axes."""
 
 _FIRST: dict[str, Any] = {"linestyle": "-", "linewidth": 1.4}
 _OTHER: dict[str, Any] = {"linestyle": (0, (4, 2)), "linewidth": 1.0, "alpha": 0.75}
@@ -47,6 +50,16 @@ def figure(width: float = 7.2, height: float = 2.9) -> tuple[Figure, Any]:
     for side in ("top", "right"):
         ax.spines[side].set_visible(False)
     return fig, ax
+
+
+def legend(ax: Any) -> None:
+    """The legend beside the axes, where there is something to name; long labels are wrapped."""
+    handles, labels = ax.get_legend_handles_labels()
+    if labels:
+        ax.legend(
+            handles, [textwrap.fill(label, LEGEND_WIDTH) for label in labels], fontsize=8,
+            frameon=False, loc="center left", bbox_to_anchor=(1.0, 0.5),
+        )  # fmt: skip
 
 
 def svg(fig: Figure) -> str:
@@ -111,8 +124,7 @@ def series_plot(
     ax.set_xlabel(f"time [{time_unit}]")
     ax.set_ylabel(f"[{pretty_unit(unit)}]" if pretty_unit(unit) else "")
     ax.margins(x=0.01)
-    if any(ax.get_legend_handles_labels()[1]):
-        ax.legend(fontsize=8, frameon=False, loc="center left", bbox_to_anchor=(1.0, 0.5))
+    legend(ax)
     return svg(fig)
 
 
