@@ -36,24 +36,28 @@ class Checked:
 def load_interfaces(system: System, blocks: bool = False) -> list[str]:
     """Give every component its interface, from its FMU or (`blocks`) from the bare block of the
     same name; return what is missing."""
-    problems = []
-    for c in system.components.values():
-        where = f"{system.where}:{c.line}: {c.name}"
-        try:
-            if blocks:
-                name = c.source.rpartition("/")[2].removesuffix(".fmu")
-                c.interface = of_block(name, registry.block_class(name))
-            elif c.fmu is None:
-                known = (p.name for p in library.FMUS.glob("*.fmu"))
-                hint = nearest(c.source.rpartition("/")[2], known) or "; run `make fmus`"
-                problems.append(f"{where}: FMU {c.source} is missing{hint}")
-            else:
-                c.interface = library.load(c.fmu).interface
-        except KeyError:
-            problems.append(f"{where}: no block {name}{nearest(name, registry.names())}")
-        except DesatError as error:
-            problems.append(f"{where}: {error}")
-    return problems
+    found = (load_interface(system, c, blocks) for c in system.components.values())
+    return [problem for problem in found if problem]
+
+
+def load_interface(system: System, c: Component, blocks: bool) -> str:
+    """Give a component its interface; return what is missing, or nothing."""
+    where = f"{system.where}:{c.line}: {c.name}"
+    name = c.source.rpartition("/")[2].removesuffix(".fmu")
+    try:
+        if blocks:
+            c.interface = of_block(name, registry.block_class(name))
+        elif c.fmu is None:
+            known = (p.name for p in library.FMUS.glob("*.fmu"))
+            hint = nearest(f"{name}.fmu", known) or "; run `make fmus`"
+            return f"{where}: FMU {c.source} is missing{hint}"
+        else:
+            c.interface = library.load(c.fmu).interface
+    except KeyError:
+        return f"{where}: no block {name}{nearest(name, registry.names())}"
+    except DesatError as error:
+        return f"{where}: {error}"
+    return ""
 
 
 def check(system: System, problems: list[str]) -> Checked:

@@ -43,8 +43,9 @@ app = typer.Typer(
     "then [bold]desat run NAME[/bold]; every command explains itself with --help.",
 )
 # piped output is for other programs: not folded to a terminal's width
-out = Console(soft_wrap=True) if sys.stdout.isatty() else Console(width=200)
-err = Console(stderr=True, soft_wrap=True)
+# no emoji: `file.ssd:100: …` is a line number
+out = Console(emoji=False, **({"soft_wrap": True} if sys.stdout.isatty() else {"width": 200}))
+err = Console(stderr=True, soft_wrap=True, emoji=False)
 
 
 class Semantics(StrEnum):
@@ -66,6 +67,12 @@ Sets = Annotated[
                  help="Give a parameter (or unconnected input) another value; a choice by its "
                  "name, an array as 1,2,3. May be repeated."),
 ]  # fmt: skip
+Sources = Annotated[
+    list[str] | None,
+    typer.Option("--source", metavar="COMP=FMU",
+                 help="Another FMU in a component's place: a file, or one of ours by its name. "
+                 "Parameters that both declare alike stay. May be repeated."),
+]  # fmt: skip
 Stop = Annotated[float | None, typer.Option(help="Stop time, s.")]
 Step = Annotated[float | None, typer.Option(help="Step, s.")]
 Alg = Annotated[
@@ -85,7 +92,7 @@ CPUS = os.cpu_count() or 1
 
 def _options(
     sets: list[str] | None, stop: float | None, step: float | None, algorithm: Semantics,
-    blocks: bool, classes: list[str] | None = None, **more: Any,
+    blocks: bool, classes: list[str] | None = None, sources: list[str] | None = None, **more: Any,
 ) -> Options:  # fmt: skip
     overrides: dict[str, str] = {}
     for text in classes or []:
@@ -93,8 +100,8 @@ def _options(
         overrides[key] = value
     name: Algorithm = "jacobi" if algorithm is Semantics.jacobi else "conserving"
     return Options(
-        sets=list(sets or []), stop=stop, step=step, algorithm=name, blocks=blocks,
-        output_classes=overrides, **more,
+        sets=list(sets or []), sources=list(sources or []), stop=stop, step=step, algorithm=name,
+        blocks=blocks, output_classes=overrides, **more,
     )  # fmt: skip
 
 
@@ -122,6 +129,7 @@ def list_command(
 def run(
     target: Target,
     sets: Sets = None,
+    sources: Sources = None,
     stop: Stop = None,
     step: Step = None,
     algorithm: Alg = Semantics.conserving,
@@ -143,8 +151,9 @@ def run(
 ) -> None:
     """Run a scenario and write a run folder: series, manifest, report."""
     options = _options(
-        sets, stop, step, algorithm, blocks, classes, record=tuple(record or ("*",)), every=every
-    )
+        sets, stop, step, algorithm, blocks, classes, sources, record=tuple(record or ("*",)),
+        every=every,
+    )  # fmt: skip
     target_folder = _run_folder(target, folder)
     _, checked = prepare(target, options)
     for warning in checked.warnings:
@@ -183,7 +192,7 @@ def _run_twin(finished: Run, options: Options, folder: Path) -> Run | None:
     if not about.get("twin") or name == about["name"] or name not in scenarios():
         return None
     twin_folder = folder / "twin"
-    other = execute(name, replace(options, sets=[]), twin_folder)
+    other = execute(name, replace(options, sets=[], sources=[]), twin_folder)
     relate(finished.manifest, {about["twin"]: other.manifest})
     write_json(folder / MANIFEST, finished.manifest)
     report_module.write_report(twin_folder, other)
@@ -254,6 +263,7 @@ def draws(
 def check(
     target: Target,
     sets: Sets = None,
+    sources: Sources = None,
     stop: Stop = None,
     step: Step = None,
     blocks: Blocks = False,
@@ -261,7 +271,7 @@ def check(
     as_json: Json = False,
 ) -> None:
     """Find what is wrong with a system before it runs, and print its schedule."""
-    options = _options(sets, stop, step, Semantics.conserving, blocks, classes)
+    options = _options(sets, stop, step, Semantics.conserving, blocks, classes, sources)
     system, checked = prepare(target, options)
     schedule = checked.schedule
     timing: dict[str, str] = {}

@@ -18,7 +18,7 @@ from typing import Any
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
 from . import bound, library, monitor, scenario, ssp
-from .check import Checked, check, load_interfaces, steps_of, value_of
+from .check import Checked, check, load_interface, load_interfaces, steps_of, value_of
 from .errors import DesatError, nearest
 from .interface import base_name
 from .master import Algorithm, Master
@@ -37,6 +37,8 @@ class Options:
     """What the command line may change about a run."""
 
     sets: list[str] = field(default_factory=list)
+    sources: list[str] = field(default_factory=list)
+    """`component=FMU`: a file, or one of ours by its name, in a component's place"""
     stop: float | None = None
     step: float | None = None
     algorithm: Algorithm = "conserving"
@@ -78,6 +80,11 @@ def prepare(target: str, options: Options) -> tuple[System, Checked]:
         system.step = options.step
     system.output_classes.update(options.output_classes)
     problems += load_interfaces(system, options.blocks)
+    warnings = []
+    for text in options.sources:
+        problem, warning = _replace(system, text, options.blocks)
+        problems += [problem] if problem else []
+        warnings += [warning] if warning else []
     assignments = [(f"--set {t}", *parse_assignment(t)) for t in options.sets]
     assignments += [(k, *k.split(".", 1), v) for k, v in options.values.items()]
     for text, name, variable, value in assignments:
@@ -86,7 +93,41 @@ def prepare(target: str, options: Options) -> tuple[System, Checked]:
             raise DesatError(f"{text}: no component {name}{nearest(name, system.components)}")
         if component.interface is not None:
             component.parameters.update(expand(component.interface, variable, value, name))
-    return system, check(system, problems)
+    checked = check(system, problems)
+    checked.warnings[:0] = warnings
+    return system, checked
+
+
+def _replace(system: System, text: str, blocks: bool) -> tuple[str, str]:
+    """Another FMU in a component's place, with those parameters of the old one that it declares
+    alike; what is wrong with that, and what was left out."""
+    name, _, source = text.partition("=")
+    component = system.components.get(name)
+    if not source:
+        raise DesatError(f"--source {text}: the form is COMPONENT=FMU")
+    if component is None:
+        raise DesatError(f"--source {text}: no component {name}{nearest(name, system.components)}")
+    file = Path(source)
+    component.source = source if file.suffix == ".fmu" else f"resources/{source}.fmu"
+    component.fmu = library.find(component.source, Path())
+    old, component.interface = component.interface, None
+    if problem := load_interface(system, component, blocks):
+        return problem, ""
+    assert component.interface is not None
+    new, given = component.interface.signals, component.parameters
+
+    def alike(key: str) -> bool:
+        was, now = old.signals.get(key) if old else None, new.get(key)
+        return was is not None and now is not None and all(
+            getattr(was, what) == getattr(now, what)
+            for what in ("causality", "kind", "unit", "choices")
+        )  # fmt: skip
+
+    component.parameters = {key: value for key, value in given.items() if alike(key)}
+    lost = dict.fromkeys(base_name(key) for key in given if key not in component.parameters)
+    if not lost:
+        return "", ""
+    return "", f"{name}: {source} does not take {', '.join(lost)} of the FMU that it replaces"
 
 
 def execute(

@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import json
+import shutil
 
 import pytest
+
+from orchestrator import library
 
 NAME = "uosat12/table3-ocdc-ilqr-1"
 
@@ -70,6 +73,9 @@ def test_runs_do_not_overwrite(desat, tmp_path):
         (("report", "."), "no run folder"),
         (("draws", NAME, "--set", "manager.duty=3"), "allowed is 0 to 1"),
         (("pack", "uosat12/x"), "no scenario uosat12/x"),
+        (("run", NAME, "--source", "manger=x.fmu"), "no component manger; did you mean manager?"),
+        (("run", NAME, "--source", "manager"), "the form is COMPONENT=FMU"),
+        (("run", NAME, "--source", "manager=manager_combind"), "mean manager_combined.fmu?"),
         (("run", NAME, "--out", "/proc/x"), "/proc/x: No such file or directory"),
     ],
 )
@@ -81,6 +87,31 @@ def test_bad_input_is_a_line(desat, tmp_path, arguments, message):
     assert len(result.stderr.strip().splitlines()) == 1
     assert result.stderr.startswith("error: ")
     assert not list(tmp_path.rglob("series.h5*"))
+
+
+def test_another_fmu_in_a_components_place(desat, tmp_path):
+    """By name or file; what both managers declare alike stays, and what is lost is said."""
+    fmu = tmp_path / "theirs.fmu"
+    shutil.copy(library.FMUS / "manager_receding_horizon.fmu", fmu)
+    found = []
+    for number, source in enumerate(("manager_receding_horizon", str(fmu))):
+        result = desat("run", NAME, "--source", f"manager={source}", "--set",
+                       "manager.b_y=-2.4e-6", "--no-twin", "--json", "--out",
+                       str(tmp_path / str(number)), check=True)  # fmt: skip
+        assert "does not take k_cross, weight_ratio, saturation, split" in result.stderr
+        found.append(json.loads(result.stdout))
+    assert found[0]["fmus"]["manager"]["sha256"] == found[1]["fmus"]["manager"]["sha256"]
+    assert (
+        found[0]["parameters"]["manager"]["g_rate"] == found[1]["parameters"]["manager"]["g_rate"]
+    )
+    for manifest in found:
+        assert manifest["numbers"]["firing_time"]["value"] == pytest.approx(52.85, abs=0.1)
+
+
+def test_line_numbers_are_not_emoji(desat, tmp_path):
+    result = desat("check", NAME, "--source", "manager=magnetometer")
+    assert result.returncode == 1
+    assert "SystemStructure.ssd:100: manager" in result.stderr
 
 
 def test_usage_errors(desat):
