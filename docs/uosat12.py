@@ -11,7 +11,7 @@ import numpy as np
 
 from orchestrator import stored
 from orchestrator.run import Options, Run, execute
-from orchestrator.tables import Row, grouped, rows, shown
+from orchestrator.tables import Row, columns, grouped, rows, shown
 
 from . import uosat12_beyond, uosat12_fig2
 from .figures import curves
@@ -76,12 +76,9 @@ def tables(page: Page) -> None:
     )
     for heading, group in grouped(list(table_rows())):
         page.lines += [f"### {heading}", ""]
-        lines = []
-        for row in group:
-            s = shown(row)
-            lines.append([s["method"], s["case"], s["paper"], s["ours"], s["difference"],
-                          s["band"], s["verdict"], s["remark"]])  # fmt: skip
-        page.table(["method", "case", "paper", "ours", "difference", "band", "", "remark"], lines)
+        lines = [shown(row) for row in group]
+        names = columns(lines)
+        page.table(list(names.values()), [[line[c] for c in names] for line in lines])
 
 
 def momentum_figures(page: Page) -> None:

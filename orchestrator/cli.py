@@ -16,6 +16,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.progress import track
 from rich.table import Table
+from rich.text import Text
 
 from . import bound as bound_module
 from . import convergence as convergence_module
@@ -378,20 +379,13 @@ def tables(
     for heading, group in tables_module.grouped(rows):
         table = Table(title=escape(heading), title_justify="left", box=None, header_style="bold",
                       pad_edge=False)  # fmt: skip
-        for column in ("method", "case"):
-            table.add_column(column)
-        for column in ("paper", "ours", "difference"):
-            table.add_column(column, justify="right")
-        drawn_here = any(row.draws for row in group)
-        for column in (*(["draws"] if drawn_here else []), "band", "", "remark"):
-            table.add_column(column)
-        for row in group:
-            s = tables_module.shown(row)
-            style = {"ok": "green", "bad": "red", "": ""}[s["mark"]]
-            verdict = f"[{style}]{s['verdict']}[/{style}]" if style else ""
-            table.add_row(s["method"], s["case"], s["paper"], s["ours"], s["difference"],
-                          *([s["draws"]] if drawn_here else []), s["band"], verdict,
-                          escape(s["remark"]))  # fmt: skip
+        lines = [tables_module.shown(row) for row in group]
+        shown = tables_module.columns(lines)
+        for column, text in shown.items():
+            table.add_column(text, justify="right" if column in tables_module.NUMBERS else "left")
+        for line in lines:
+            style = {"ok": "green", "bad": "red", "": ""}[line["mark"]]
+            table.add_row(*(Text(line[c], style if c == "verdict" else "") for c in shown))
         out.print(table)
         out.print()
     if origin:

@@ -229,6 +229,16 @@ def shown(row: Row) -> dict[str, str]:
     }
 
 
+COLUMNS = ("method", "case", "paper", "ours", "difference", "draws", "band", "verdict", "remark")
+NUMBERS = ("paper", "ours", "difference")
+
+
+def columns(lines: list[dict[str, str]]) -> dict[str, str]:
+    """The columns that have something to show in these rows, and their headings."""
+    found = (c for c in COLUMNS if any(line[c] for line in lines))
+    return {c: "" if c == "verdict" else c for c in found}
+
+
 def _of_draws(draws: dict[str, Any], digits: int) -> str:
     text = f"{draws['min']:.{digits}f} to {draws['max']:.{digits}f} of {draws['n']}"
     if draws["band"]:
@@ -265,11 +275,8 @@ def write_html(
 
     pages = []
     for heading, group in grouped(table):
-        previous, lines = "", []
-        for row in group:
-            lines.append({**shown(row), "first": row.method != previous})
-            previous = row.method
-        pages.append((heading, lines, any(r.draws for r in group)))
+        lines = [shown(row) for row in group]
+        pages.append((heading, lines, columns(lines)))
     banded = [r for r in table if r.within is not None]
     inside = sum(1 for r in banded if r.within)
     text = render(
@@ -281,6 +288,7 @@ def write_html(
             + (f", medians of draws {origin(drawn)}." if drawn else ".")
         ),
         tables=pages,
+        numbers=NUMBERS,
         provenance=(
             f"{datetime.now(UTC):%Y-%m-%d %H:%M} UTC; {options.algorithm}; "
             + ("bare blocks" if options.blocks else "FMUs")
