@@ -24,6 +24,7 @@ from .page import Page
 
 FAMILY = "integrated"
 JOBS = os.cpu_count() or 1
+COUNT = find(f"{FAMILY}/mil-nadir").data["draws"]
 
 
 @cache
@@ -148,7 +149,7 @@ def day(page: Page) -> None:
         relative one (RPE), which is what is left of the error vector after its mean over 10 s."""
     )
     page.table(
-        ["", "this run", "20 draws, median [min, max]", ""],
+        ["", "this run", f"{COUNT} draws, median [min, max]", ""],
         [[found[k]["title"], text_of(found[k]["value"]), spread("mil-nadir", k, 2),
           pretty_unit(found[k]["unit"])] for k in keys],
     )  # fmt: skip
@@ -238,9 +239,9 @@ def clamp(page: Page) -> None:
         (0.05 1/s) and without a limit the wheels are told to give away up to 2 mN m, a hundred
         times what coils can balance; the PID cancels it, but only by an error. From 25 % of all
         wheels that is at most {value("no-clamp-25", "pointing"):.0f} deg from 15 min on, from 75 %
-        attitude control is lost: {spread("no-clamp-75", "pointing", 0)} deg over 20 draws, against
-        {spread("ideal-inertial", "pointing")} deg with the limit. The paper does say that t_DES
-        "can also be limited"; it has to be."""
+        attitude control is lost: {spread("no-clamp-75", "pointing", 0)} deg over {COUNT} draws,
+        against {spread("ideal-inertial", "pointing")} deg with the limit. The paper does say
+        that t_DES "can also be limited"; it has to be."""
     )
     page.figure("no-clamp", "Pointing error, eq. 20 at equality", curves(data, "[deg]"))
 
@@ -330,9 +331,9 @@ def null_space(page: Page) -> None:
     slow = of_draws("mil-nadir", "dumped") > 7200.0
     page.text(
         f"""Momentum along (1, -1, 1, -1) adds up to nothing, so no law that acts on R h sees it.
-        It explains the slow draws: over the 20 draws of the day, what it makes of a wheel at the
-        start and the mean wheel from 2 h on have a correlation of {r:.3f}. {int(slow.sum())} draws
-        are not below 11 % after 2 h; they start with
+        It explains the slow draws: over the {COUNT} draws of the day, what it makes of a wheel at
+        the start and the mean wheel from 2 h on have a correlation of {r:.3f}. {int(slow.sum())}
+        draws are not below 11 % after 2 h; they start with
         {", ".join(f"{x:.0f}" for x in sorted(start[slow]))} % there, the others with at most
         {start[~slow].max():.0f} %. With `null_gain` = 2e-3 1/s the manager drains it too
         (`integrated/mil-null-space`), with internal torques only:"""
@@ -345,7 +346,7 @@ def null_space(page: Page) -> None:
         )
         lines.append([
             label, spread(name, "wheels"), spread(name, "pointing", 2),
-            f"{np.median(of_draws(name, 'dumped')) / 60:.0f}", f"{never} of 20",
+            f"{np.median(of_draws(name, 'dumped')) / 60:.0f}", f"{never} of {COUNT}",
         ])  # fmt: skip
     page.table(["", "mean wheel from 2 h on %", "pointing deg", "below 11 % after min, median",
                 "never"], lines)  # fmt: skip

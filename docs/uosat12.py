@@ -118,7 +118,8 @@ def activity_figures(page: Page) -> None:
             f"Figure {figure}: thruster torque, sum of the axes, mean over each 10 s",
             curves(data, "[mN m]", steps=True),
         )
-        results = run(f"uosat12/table3-ocdc-{case}").results
+        finished = run(f"uosat12/table3-ocdc-{case}")
+        results, manager = finished.results, finished.manifest["parameters"]["manager"]
         dipole = results.values("torquers.m_mean_body")
         times = results.times("torquers.m_mean_body")
         page.figure(
@@ -126,7 +127,8 @@ def activity_figures(page: Page) -> None:
             f"Figure {figure}: dipole with OCDC, mean over each 10 s",
             curves(
                 [(axis, times, dipole[:, i]) for i, axis in enumerate("xyz")], "[A m²]",
-                steps=True, limits=[("limit x duty", 36.0)],
+                steps=True,
+                limits=[("limit x duty", manager["m_limit"]["value"] * manager["duty"]["value"])],
             ),
         )  # fmt: skip
 
@@ -134,16 +136,24 @@ def activity_figures(page: Page) -> None:
 def tuned(page: Page) -> None:
     """What is tuned and what cannot be matched."""
     page.heading("What is tuned, and what cannot be matched")
+    parameters = run("uosat12/table2-ocdc-ilqr-1").manifest["parameters"]
+
+    def used(component: str, name: str) -> float:
+        return float(parameters[component][name]["value"])
+
     page.table(
         ["number", "value", "why"],
         [
-            ["g_rate = sqrt(F/R)", "0.0077 1/s", "tuned to the three DCT/ILQR cells of Table 2; "
-             "the paper gives no weights"],
-            ["k of CCCP", "35000 1/T", "tuned to the CCCP row; not given"],
-            ["b/a of OCDC", "5.25e9 1/T²", "tuned to the OCDC row; the printed a and b give 1e9, "
-             "which cannot give Table 2 in SI"],
-            ["B_y of eq. 30", "-2.4 µT in the table scenarios", "printed and physical is +2.4; "
-             "only -2.4 gives the paper's CRCP cells"],
+            ["g_rate = sqrt(F/R)", f"{used('manager', 'g_rate'):g} 1/s",
+             "tuned to the three DCT/ILQR cells of Table 2; the paper gives no weights"],
+            ["k of CCCP", f"{used('manager', 'k_cross'):.0f} 1/T",
+             "tuned to the CCCP row; not given"],
+            ["b/a of OCDC", f"{used('manager', 'weight_ratio') / 1e9:g}e9 1/T²",
+             "tuned to the OCDC row; the printed a and b give 1e9, which cannot give Table 2 in "
+             "SI"],
+            ["B_y of eq. 30",
+             f"{1e6 * used('environment', 'paper_b_y'):g} µT in the table scenarios",
+             "printed and physical is +2.4; only -2.4 gives the paper's CRCP cells"],
         ],
     )  # fmt: skip
     missed = [r for r in table_rows() if r.paper is not None and r.band is None and r.remark
