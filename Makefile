@@ -10,7 +10,7 @@ demo: ssp ## build everything, run one scenario, print the paper's tables beside
 	$(BIN)/desat tables uosat12
 
 fmus: .venv/.installed ## build the FMUs of all blocks into fmus/dist/
-	$(BIN)/python -m fmus.build
+	$(BIN)/python -m desat.fmus.build
 
 ssp: fmus ## pack every scenario into ssp/dist/
 	$(BIN)/desat pack
@@ -19,6 +19,8 @@ test: check fmus ## all tests
 	$(BIN)/python -m pytest -n 2
 
 check: .venv/.installed ## lint and types
+	@rm -rf .venv/names && mkdir -p .venv/names/desat
+	@ln -s $(CURDIR)/orchestrator/* $(CURDIR)/components $(CURDIR)/fmus .venv/names/desat
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy

@@ -18,11 +18,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from components.blocks.environment_kepler import EnvironmentKepler
-from components.moments import lag as lag_moments
-from components.orbit import EARTH_RATE, MU
-from components.torques import SOLAR_PRESSURE
-from orchestrator.run import Options, execute, parameters, prepare
+from desat.components.blocks.environment_kepler import EnvironmentKepler
+from desat.components.moments import lag as lag_moments
+from desat.components.orbit import EARTH_RATE, MU
+from desat.components.torques import SOLAR_PRESSURE
+from desat.study.case import Options, execute, parameters, prepare
 
 Array = NDArray[np.float64]
 SCENARIO = "integrated/mil-nadir"

@@ -23,11 +23,11 @@ from typing import Any
 
 from rich.progress import track
 
-from orchestrator import library
-from orchestrator.master import Master
-from orchestrator.pack import pack_scenario
-from orchestrator.run import Options, prepare
-from orchestrator.scenario import find
+from desat.engine.master import Master
+from desat.files import library
+from desat.files.pack import pack_scenario
+from desat.files.scenario import find
+from desat.study.case import Options, prepare
 
 HERE = Path(__file__).parent
 LATEST = HERE / "latest.json"

@@ -6,8 +6,8 @@ import os
 from dataclasses import asdict
 from typing import Any
 
-from orchestrator import convergence
-from orchestrator.run import Options
+from desat.analyses import convergence
+from desat.study.case import Options
 
 from .page import Page
 

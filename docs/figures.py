@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from orchestrator.plots import COLOURS, figure, legend, svg, time_axis
+from desat.study.plots import COLOURS, figure, legend, svg, time_axis
 
 Curve = tuple[str, Any, Any]
 """label, times (s), values"""

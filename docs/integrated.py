@@ -10,14 +10,14 @@ from typing import Any
 
 import numpy as np
 
-from components.laws.margins import pid_margins
-from orchestrator import stored
-from orchestrator.measures import pointing
-from orchestrator.plots import COLOURS, figure, legend, pretty_unit, series_plot, svg
-from orchestrator.report import number as text_of
-from orchestrator.run import Options, Run, execute
-from orchestrator.scenario import find
-from orchestrator.tables import grouped, origin, rows, shown
+from desat.components.laws.margins import pid_margins
+from desat.files.scenario import find
+from desat.study import stored
+from desat.study.case import Options, Run, execute
+from desat.study.measures import pointing
+from desat.study.plots import COLOURS, figure, legend, pretty_unit, series_plot, svg
+from desat.study.report import number as text_of
+from desat.study.tables import grouped, origin, rows, shown
 
 from .figures import curves
 from .page import Page

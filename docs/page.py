@@ -10,7 +10,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from orchestrator.run import PACKAGES
+from desat.study.case import PACKAGES
 
 PAPERS = Path(__file__).parent / "papers"
 

@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from orchestrator import stored
-from orchestrator.run import Options, Run, execute
-from orchestrator.tables import Row, columns, grouped, rows, shown
+from desat.study import stored
+from desat.study.case import Options, Run, execute
+from desat.study.tables import Row, columns, grouped, rows, shown
 
 from . import uosat12_beyond, uosat12_fig2
 from .figures import curves
@@ -256,7 +256,7 @@ def flight() -> None:
 
 def pointing_of(finished: Run) -> Any:
     """The pointing error of a run (deg)."""
-    from orchestrator.measures import pointing
+    from desat.study.measures import pointing
 
     q = finished.results.values("spacecraft.q_bi")
     q_ref = finished.results.values("guidance.q_ref_bi")

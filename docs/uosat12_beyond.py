@@ -9,7 +9,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from orchestrator.run import Run
+from desat.study.case import Run
 
 from .figures import bars, curves
 from .page import Page

@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from orchestrator.run import Run
-from orchestrator.scenario import find
+from desat.files.scenario import find
+from desat.study.case import Run
 
 from .figures import bars, curves
 from .page import Page

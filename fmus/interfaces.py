@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from components import roles
-from components.block import Block, Variable
+from desat.components import roles
+from desat.components.block import Block, Variable
 
 from .description import describe, start_text, title
 from .registry import block_class, names

@@ -7,14 +7,14 @@ import inspect
 import pkgutil
 from functools import cache
 
-import components.blocks
-from components.block import Block
+from desat.components import blocks
+from desat.components.block import Block
 
 
 @cache
 def names() -> tuple[str, ...]:
     """The names of all blocks, sorted; the name of a block is that of its file and its FMU."""
-    return tuple(sorted(m.name for m in pkgutil.iter_modules(components.blocks.__path__)))
+    return tuple(sorted(m.name for m in pkgutil.iter_modules(blocks.__path__)))
 
 
 @cache
@@ -23,7 +23,7 @@ def block_class(name: str) -> type[Block]:
     folder does not hold exactly one block."""
     if name not in names():
         raise KeyError(name)
-    module = importlib.import_module(f"components.blocks.{name}")
+    module = importlib.import_module(f"desat.components.blocks.{name}")
     found = [
         c for c in vars(module).values()
         if inspect.isclass(c) and issubclass(c, Block) and c.__module__ == module.__name__

@@ -18,22 +18,32 @@ from rich.progress import track
 from rich.table import Table
 from rich.text import Text
 
-from . import bound as bound_module
-from . import convergence as convergence_module
-from . import design as design_module
-from . import draws as draws_module
-from . import pack as pack_module
-from . import report as report_module
-from . import stored as stored_module
-from . import tables as tables_module
-from .errors import DesatError
-from .interface import base_name
-from .master import Algorithm
-from .parameters import parse_value
-from .plots import pretty_unit
-from .results import SERIES
-from .run import MANIFEST, Options, Run, execute, prepare, relate, write_json
-from .scenario import find, scenarios
+from .analyses import bound as bound_module
+from .analyses import convergence as convergence_module
+from .designs import dumping as design_module
+from .engine.master import Algorithm
+from .engine.results import SERIES
+from .files import pack as pack_module
+from .files.scenario import find, scenarios
+from .study import draws as draws_module
+from .study import report as report_module
+from .study import stored as stored_module
+from .study import tables as tables_module
+from .study.case import (
+    MANIFEST,
+    Options,
+    Run,
+    execute,
+    load_run,
+    prepare,
+    relate,
+    run_or_load,
+    write_json,
+)
+from .study.plots import pretty_unit
+from .system.errors import DesatError
+from .system.interface import base_name
+from .system.parameters import parse_value
 
 app = typer.Typer(
     add_completion=False,
@@ -421,7 +431,9 @@ def bound(
     as_json: Json = False,
 ) -> None:  # fmt: skip
     """Compute the least thruster seconds that a dumping run could have done with."""
-    manifest, found = bound_module.of_target(target)
+    finished = run_or_load(target, bound_module)
+    with finished.results as results:
+        manifest, found = finished.manifest, bound_module.of_run(finished.manifest, results)
     if as_json:
         _print_json({"scenario": manifest["scenario"], **found.as_json()})
         return
@@ -488,8 +500,8 @@ def report(
     folder: Annotated[Path, typer.Argument(metavar="RUN", help="A run folder.")],
 ) -> None:
     """Write a run's report again; also for a run that was killed."""
-    finished = report_module.load_run(folder)
-    twin = report_module.load_run(folder / "twin") if (folder / "twin").is_dir() else None
+    finished = load_run(folder)
+    twin = load_run(folder / "twin") if (folder / "twin").is_dir() else None
     out.print(str(report_module.write_report(folder, finished, twin).resolve()), markup=False)
 
 

@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 from hypothesis import settings
 
-from fmus import registry
-from orchestrator import library
+from desat.files import library
+from desat.fmus import registry
 
 settings.register_profile("desat", deadline=None, max_examples=60, derandomize=True)
 settings.load_profile("desat")
@@ -30,7 +30,7 @@ def desat():
 
     def run(*arguments: str, check: bool = False, **options: object):
         return subprocess.run(
-            [sys.executable, "-m", "orchestrator.cli", *arguments],
+            [sys.executable, "-m", "desat.cli", *arguments],
             capture_output=True, text=True, cwd=options.pop("cwd", ROOT), check=check, timeout=300,
             **options,
         )  # fmt: skip

@@ -11,12 +11,12 @@ from hypothesis import strategies as st
 from scipy.integrate import quad
 from scipy.optimize import linprog, nnls
 
-from components import moments
-from components.allocation import least_on_times
-from components.block import Block, BlockError
-from components.pulses import STANDARD_GRAVITY
-from components.wheel_array import pseudo_inverse
-from fmus import registry
+from desat.components import moments
+from desat.components.allocation import least_on_times
+from desat.components.block import Block, BlockError
+from desat.components.pulses import STANDARD_GRAVITY
+from desat.components.wheel_array import pseudo_inverse
+from desat.fmus import registry
 
 STEPS = (0.01, 0.05, 0.1, 0.125, 0.25, 0.5, 1.0, 2.0, 10.0)
 IDEAL, LIMITED, PULSED = range(3)

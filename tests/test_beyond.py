@@ -10,14 +10,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import linprog, lsq_linear
 
-from components import vector
-from components.attitude import rotate
-from components.laws import blending
-from components.laws.least_firing import least_firing
-from fmus.registry import block_class
-from orchestrator import bound
-from orchestrator.errors import DesatError
-from orchestrator.run import Options, execute
+from desat.analyses import bound
+from desat.components import vector
+from desat.components.attitude import rotate
+from desat.components.laws import blending
+from desat.components.laws.least_firing import least_firing
+from desat.fmus.registry import block_class
+from desat.study.case import Options, execute
+from desat.system.errors import DesatError
 
 number = st.floats(-1, 1, allow_nan=False)
 triple = st.tuples(number, number, number)
@@ -223,8 +223,9 @@ def test_a_pulsed_coil_is_bounded_by_its_duty_and_an_ideal_one_not():
 
 def test_nozzles_as_the_axis_pairs_have_the_same_bound():
     """The default nozzles are one each way about every axis."""
-    from orchestrator.check import check, load_interfaces
-    from orchestrator.run import load
+    from desat.files.library import load_interfaces
+    from desat.study.case import load
+    from desat.system.check import check
 
     pairs = execute("uosat12/table3-dct-ilqr-2", Options(blocks=True))
     expected = bound.of_run(pairs.manifest, pairs.results)
@@ -234,7 +235,7 @@ def test_nozzles_as_the_axis_pairs_have_the_same_bound():
     nozzles.parameters = {k: v for k, v in nozzles.parameters.items() if "tau_level" not in k}
     assert check(system, load_interfaces(system, blocks=True)).problems == []
     manifest = dict(pairs.manifest)
-    from orchestrator.run import parameters
+    from desat.study.case import parameters
 
     manifest["parameters"] = {**manifest["parameters"],
                               "thrusters": parameters(system)["thrusters"]}  # fmt: skip
@@ -417,7 +418,7 @@ def test_the_field_ahead_is_the_environments(model):
 
 
 def test_a_plan_needs_samples():
-    from components.block import BlockError
+    from desat.components.block import BlockError
 
     with pytest.raises(BlockError, match="sample_time = 0 s"):
         begun("manager_receding_horizon", sample_time=0.0)

@@ -10,9 +10,9 @@ import random
 
 import pytest
 
-from components.block import Block, BlockError, Input, Output, Parameter, Sampled, Vec3
-from fmus import registry
-from fmus.description import title
+from desat.components.block import Block, BlockError, Input, Output, Parameter, Sampled, Vec3
+from desat.fmus import registry
+from desat.fmus.description import title
 
 BLOCKS = registry.names()
 

@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 from conftest import ROOT
 
-from orchestrator.errors import DesatError
-from orchestrator.run import Options, prepare
+from desat.study.case import Options, prepare
+from desat.system.errors import DesatError
 
 SSD = ROOT / "ssp" / "uosat12" / "SystemStructure.ssd"
 

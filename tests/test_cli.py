@@ -7,7 +7,7 @@ import shutil
 
 import pytest
 
-from orchestrator import library
+from desat.files import library
 
 NAME = "uosat12/table3-ocdc-ilqr-1"
 

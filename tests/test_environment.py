@@ -21,12 +21,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
-from components import atmosphere, earth, geomagnetic, igrf14, near_earth, orbit, tle
-from components.block import Block, BlockError, Vec3
-from components.blocks.environment_kepler import EnvironmentKepler
-from components.blocks.environment_tle import EnvironmentTle
-from components.vector import cross, dot, norm, sub
-from fmus import build
+from desat.components import atmosphere, earth, geomagnetic, igrf14, near_earth, orbit, tle
+from desat.components.block import Block, BlockError, Vec3
+from desat.components.blocks.environment_kepler import EnvironmentKepler
+from desat.components.blocks.environment_tle import EnvironmentTle
+from desat.components.vector import cross, dot, norm, sub
+from desat.fmus import build
 
 AUTHORITIES = Path(__file__).parent / "authorities"
 OUTPUTS = [v.name for v in EnvironmentKepler.variables if v.causality == "output"]

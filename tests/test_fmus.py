@@ -16,9 +16,11 @@ from fmpy.fmi2 import FMU2Slave
 from fmpy.validation import validate_fmu
 from test_blocks import begin, fresh, randomise_inputs
 
-from fmus import build, interfaces, registry
-from orchestrator import interface, library
-from orchestrator.interface import KINDS
+from desat.files import library
+from desat.files.fmu import of_fmu
+from desat.fmus import build, interfaces, registry
+from desat.system import interface
+from desat.system.interface import KINDS
 
 NAMES = registry.names()
 
@@ -36,7 +38,7 @@ def test_validates(name):
 def test_interface_is_the_blocks(name):
     """Units, bounds, start values, choices, classes, references: all arrive in the FMU."""
     from_block = interface.of_block(name, registry.block_class(name))
-    from_fmu = interface.of_fmu(path(name))
+    from_fmu = of_fmu(path(name))
     assert from_fmu.role == from_block.role
     assert list(from_fmu.signals) == list(from_block.signals)
     for a, b in zip(from_fmu.signals.values(), from_block.signals.values(), strict=True):
@@ -302,10 +304,10 @@ def test_a_thousand_instances_in_a_row():
 TOGETHER = """
 import sys
 from pathlib import Path
-from orchestrator import library
-from orchestrator.units import FmuUnit
-from orchestrator.system import Component
-from orchestrator.interface import KINDS
+from desat.files import library
+from desat.engine.instances import FmuUnit
+from desat.system.model import Component
+from desat.system.interface import KINDS
 import ctypes
 clock = ctypes.c_double(0.0)
 units = []
@@ -316,7 +318,7 @@ for round in range(2):
 for unit in units:
     outputs = {k: [s for s in unit._interface.of("output") if s.kind == k] for k in KINDS}
     import numpy as np
-    from orchestrator.units import DTYPE
+    from desat.engine.instances import DTYPE
     into = {k: np.zeros(len(outputs[k]), DTYPE[k]) for k in KINDS}
     unit.wire({k: [] for k in KINDS}, outputs, into, clock, 1.0)
     unit.enter(0.0, {})

@@ -12,8 +12,8 @@ from scipy.integrate import quad
 from scipy.linalg import expm
 from scipy.spatial.transform import Rotation
 
-from components import attitude, moments, noise, orbit, vector, wheel_array
-from components.units import UNITS, conversion
+from desat.components import attitude, moments, noise, orbit, vector, wheel_array
+from desat.components.units import UNITS, conversion
 
 number = st.floats(-10, 10, allow_nan=False)
 vec3 = st.tuples(number, number, number)

@@ -11,14 +11,14 @@ import numpy as np
 import pytest
 from conftest import ROOT
 
-from orchestrator import convergence
-from orchestrator.errors import DesatError
-from orchestrator.measures import pointing
-from orchestrator.pack import pack_scenario
-from orchestrator.reference import Gyrostat
-from orchestrator.run import Options, execute, prepare
-from orchestrator.scenario import find
-from orchestrator.ssp import read
+from desat.analyses import convergence
+from desat.analyses.reference import Gyrostat
+from desat.files.pack import pack_scenario
+from desat.files.scenario import find
+from desat.files.ssp import read
+from desat.study.case import Options, execute, prepare
+from desat.study.measures import pointing
+from desat.system.errors import DesatError
 
 AUTHORITIES = ROOT / "tests" / "authorities"
 CASES = {

@@ -13,14 +13,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 from test_blocks import begin, fresh
 
-from components.laws import integrated
-from components.laws.margins import pid_margins
-from components.vector import cross, dot, norm, sub
-from components.wheel_array import body_momentum, pseudo_inverse, to_wheels
-from orchestrator import measures, plots, stored
-from orchestrator.run import Options, execute
-from orchestrator.scenario import find
-from orchestrator.tables import rows
+from desat.components.laws import integrated
+from desat.components.laws.margins import pid_margins
+from desat.components.vector import cross, dot, norm, sub
+from desat.components.wheel_array import body_momentum, pseudo_inverse, to_wheels
+from desat.files.scenario import find
+from desat.study import measures, plots, stored
+from desat.study.case import Options, execute
+from desat.study.tables import rows
 
 S = 1.0 / math.sqrt(3.0)
 PYRAMID = (S, -S, -S, S, S, S, -S, -S, S, S, S, S)
@@ -422,8 +422,8 @@ def test_every_band_of_the_draws_is_met(drawn):
 
 def test_a_stored_draw_comes_out_again(drawn):
     """The first draw of the shortest scenario, bit for bit."""
-    from orchestrator.draws import drawn as values_of
-    from orchestrator.run import load
+    from desat.study.case import load
+    from desat.study.draws import drawn as values_of
 
     name = "integrated/velocity-dumping"
     system, _ = load(name, blocks=True)
@@ -435,7 +435,7 @@ def test_a_stored_draw_comes_out_again(drawn):
 
 def test_rows_of_draws_have_the_median_and_the_file_is_named(drawn, monkeypatch):
     """Without the scenarios that would have to run."""
-    from orchestrator import tables
+    from desat.study import tables
 
     chosen = {n: s for n, s in tables.scenarios("integrated").items() if n in drawn["scenarios"]}
     monkeypatch.setattr(tables, "scenarios", lambda family: chosen)

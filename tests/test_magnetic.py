@@ -14,15 +14,15 @@ from scipy.integrate import solve_ivp
 from scipy.linalg import solve_continuous_are
 from typer.testing import CliRunner
 
-from components.laws import magnetic, riccati
-from components.laws import magnetic_offline as offline
-from fmus.registry import block_class
-from orchestrator import cli
-from orchestrator import design as design_module
-from orchestrator.errors import DesatError
-from orchestrator.pack import pack_scenario
-from orchestrator.run import Options, execute
-from orchestrator.scenario import find, scenarios
+from desat import cli
+from desat.components.laws import magnetic, riccati
+from desat.components.laws import magnetic_offline as offline
+from desat.designs import dumping as design_module
+from desat.files.pack import pack_scenario
+from desat.files.scenario import find, scenarios
+from desat.fmus.registry import block_class
+from desat.study.case import Options, execute
+from desat.system.errors import DesatError
 
 RATE, HORIZON = 1.0715e-3, 3000.0
 NADIR = np.array([0.0, -RATE, 0.0])
@@ -552,7 +552,7 @@ def test_design_command_ends_with_one_line(desat):
 
 
 def test_a_scenario_without_its_design_says_so(monkeypatch, tmp_path):
-    from orchestrator import scenario as scenario_module
+    from desat.files import scenario as scenario_module
 
     monkeypatch.setattr(scenario_module, "ROOT", tmp_path)
     with pytest.raises(DesatError, match="run `desat design uosat12/fig2-lqr-1`"):

@@ -10,17 +10,17 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from components.units import UNITS
-from orchestrator import master as master_module
-from orchestrator.check import check
-from orchestrator.errors import DesatError
-from orchestrator.interface import KINDS, Interface, Signal
-from orchestrator.master import Master
-from orchestrator.run import Options, execute, load
-from orchestrator.scenario import find, scenarios
-from orchestrator.schedule import schedule
-from orchestrator.system import Component, Connection, System
-from orchestrator.units import UnitError
+from desat.components.units import UNITS
+from desat.engine import master as master_module
+from desat.engine.instances import UnitError
+from desat.engine.master import Master
+from desat.files.scenario import find, scenarios
+from desat.study.case import Options, execute, load
+from desat.system.check import check
+from desat.system.errors import DesatError
+from desat.system.interface import KINDS, Interface, Signal
+from desat.system.model import Component, Connection, System
+from desat.system.schedule import schedule
 
 
 class FunctionUnit:
@@ -289,7 +289,7 @@ def test_same_bits_again_and_from_the_packed_file():
     name = "uosat12/table3-ocdc-mec-2"
     first = execute(name, Options())
     assert bits(first) == bits(execute(name, Options()))
-    from orchestrator.pack import pack_scenario
+    from desat.files.pack import pack_scenario
 
     packed = execute(str(pack_scenario(find(name))), Options())
     assert bits(first) == bits(packed)

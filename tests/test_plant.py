@@ -8,13 +8,13 @@ from conftest import ROOT
 from hypothesis import given
 from hypothesis import strategies as st
 
-from components import torques, vector
-from components.attitude import rotate, rotate_back
-from components.block import BlockError
-from components.blocks.spacecraft_rigid import SpacecraftRigid
-from components.gyrostat import carrier_inertia, inverse_inertia
-from components.orbit import MU
-from orchestrator.run import Options, execute
+from desat.components import torques, vector
+from desat.components.attitude import rotate, rotate_back
+from desat.components.block import BlockError
+from desat.components.blocks.spacecraft_rigid import SpacecraftRigid
+from desat.components.gyrostat import carrier_inertia, inverse_inertia
+from desat.components.orbit import MU
+from desat.study.case import Options, execute
 
 TRUTH = np.loadtxt(
     ROOT / "tests" / "authorities" / "plant_reference_highprec.csv", delimiter=",", skiprows=1

@@ -14,11 +14,11 @@ import numpy as np
 import pytest
 from conftest import ROOT
 
-from orchestrator.errors import DesatError
-from orchestrator.measures import MEASURES, evaluate, relative
-from orchestrator.plots import _thinned, scale
-from orchestrator.results import Results
-from orchestrator.run import Options, execute
+from desat.engine.results import Results
+from desat.study.case import Options, execute
+from desat.study.measures import MEASURES, evaluate, relative
+from desat.study.plots import _thinned, scale
+from desat.system.errors import DesatError
 
 NAME = "uosat12/table3-ocdc-ilqr-1"
 
@@ -123,7 +123,7 @@ LONG = ["run", NAME, "--stop", "2e7", "--no-twin", "--record", "spacecraft.h_cop
 
 def _start(folder):
     process = subprocess.Popen(
-        [sys.executable, "-m", "orchestrator.cli", *LONG, "--out", str(folder)],
+        [sys.executable, "-m", "desat.cli", *LONG, "--out", str(folder)],
         cwd=ROOT, stderr=subprocess.PIPE, stdout=subprocess.PIPE, text=True,
     )  # fmt: skip
     part = folder / "series.h5.part"

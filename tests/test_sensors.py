@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from test_blocks import begin, fresh
 
-from components import attitude, noise, sensing
+from desat.components import attitude, noise, sensing
 
 Q = attitude.normalised((0.3, -0.5, 0.2, 0.8))
 N = 20000

@@ -9,12 +9,12 @@ import pytest
 from conftest import ROOT
 from lxml import etree
 
-from orchestrator import library, ssp
-from orchestrator.errors import DesatError
-from orchestrator.pack import pack_scenario
-from orchestrator.run import Options, execute, load
-from orchestrator.scenario import families, find, scenarios
-from orchestrator.xml import parse_bytes, validate
+from desat.files import library, ssp
+from desat.files.pack import pack_scenario
+from desat.files.scenario import families, find, scenarios
+from desat.files.xml import parse_bytes, validate
+from desat.study.case import Options, execute, load
+from desat.system.errors import DesatError
 
 NAME = "uosat12/table3-ocdc-ilqr-1"
 
@@ -137,7 +137,7 @@ def test_entities_are_not_resolved():
 
 @pytest.fixture
 def scenario_module():
-    from orchestrator import scenario
+    from desat.files import scenario
 
     yield scenario
     scenario.families.cache_clear()

@@ -24,7 +24,7 @@ def desat_module():
     from conftest import ROOT
 
     return lambda *a: subprocess.run(
-        [sys.executable, "-m", "orchestrator.cli", *a], capture_output=True, text=True, cwd=ROOT,
+        [sys.executable, "-m", "desat.cli", *a], capture_output=True, text=True, cwd=ROOT,
         check=False,
     )  # fmt: skip
 
@@ -135,9 +135,9 @@ def test_random_starts_are_stored_draws(rows):
 
 
 def test_a_stored_draw_is_what_the_fmus_give():
-    from orchestrator import stored
-    from orchestrator.draws import draws
-    from orchestrator.run import Options
+    from desat.study import stored
+    from desat.study.case import Options
+    from desat.study.draws import draws
 
     name = "uosat12/starts-receding_horizon"
     kept = stored.read("uosat12")

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 from conftest import python
 
-from orchestrator.check import load_interfaces
-from orchestrator.pack import pack_scenario
-from orchestrator.run import Options, execute
-from orchestrator.scenario import find
-from orchestrator.ssp import pack, read
+from desat.files.library import load_interfaces
+from desat.files.pack import pack_scenario
+from desat.files.scenario import find
+from desat.files.ssp import pack, read
+from desat.study.case import Options, execute
 
 STEPS = 60
 SHORT = Options(algorithm="jacobi", stop=600.0)

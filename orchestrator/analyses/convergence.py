@@ -13,13 +13,13 @@ from numpy.typing import NDArray
 from rich.console import Console
 from rich.progress import track
 
-from .errors import DesatError
-from .master import ALGORITHMS, Algorithm
-from .measures import pointing
-from .plots import COLOURS, figure, legend, svg
+from ..engine.master import ALGORITHMS, Algorithm
+from ..study.case import Options, execute, prepare
+from ..study.measures import pointing
+from ..study.plots import COLOURS, figure, legend, svg
+from ..study.report import render, write_page
+from ..system.errors import DesatError
 from .reference import Gyrostat, Trajectory
-from .report import render, write_page
-from .run import Options, execute, prepare
 
 STEPS = (1.0, 0.5, 0.25, 0.125)
 SERIES = ("spacecraft.q_bi", "spacecraft.omega_bi_body", "spacecraft.impulse_eci",

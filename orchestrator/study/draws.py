@@ -23,11 +23,11 @@ import numpy as np
 from rich.console import Console
 from rich.progress import track
 
-from . import bound
-from .check import load_interfaces
-from .errors import DesatError, nearest
-from .run import Options, execute, load
-from .system import System
+from ..analyses import analyses
+from ..files import library
+from ..system.errors import DesatError, nearest
+from ..system.model import System
+from .case import Options, execute, load
 
 KINDS = ("normal", "uniform", "direction", "attitude", "seed")
 
@@ -82,13 +82,14 @@ def _one(target: str, options: Options, seed: int, draw: int) -> dict[str, Any]:
     system, problems = load(target, options.blocks)
     if problems:
         raise DesatError("\n".join(problems))
-    load_interfaces(system, options.blocks)
+    library.load_interfaces(system, options.blocks)
     values = drawn(system, seed, draw)
     needed = options.record
     if needed == ("*",):
-        dumping = bound.parts(system)
         needed = tuple(needed_signals(system.about))
-        needed += tuple(bound.needed_signals(dumping)) if dumping else ()
+        for analysis in analyses():
+            parts = analysis.applies(system)
+            needed += tuple(analysis.signals(parts)) if parts else ()
     run = execute(target, replace(options, values={**options.values, **values}, record=needed))
     row = {
         "draw": draw,

@@ -8,25 +8,27 @@ import signal
 import sys
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
-from . import bound, library, monitor, scenario, ssp
-from .check import Checked, check, load_interface, load_interfaces, steps_of, value_of
-from .errors import DesatError, nearest
-from .interface import base_name
-from .master import Algorithm, Master
+from ..analyses import analyses
+from ..engine.instances import UnitError
+from ..engine.master import Algorithm, Master
+from ..engine.results import SERIES, Recorder, Results, selects
+from ..files import library, scenario, ssp
+from ..system.check import Checked, check, steps_of, value_of
+from ..system.errors import DesatError, nearest
+from ..system.interface import base_name
+from ..system.model import System
+from ..system.parameters import expand, parse_assignment
 from .measures import evaluate, relative
-from .parameters import expand, parse_assignment
-from .results import SERIES, Recorder, Results, selects
-from .system import System
-from .units import UnitError
 
 MANIFEST = "manifest.json"
 PACKAGES = ("desat", "fmpy", "pythonfmu", "numpy", "scipy", "h5py")
@@ -79,7 +81,7 @@ def prepare(target: str, options: Options) -> tuple[System, Checked]:
     if options.step is not None:
         system.step = options.step
     system.output_classes.update(options.output_classes)
-    problems += load_interfaces(system, options.blocks)
+    problems += library.load_interfaces(system, options.blocks)
     warnings = []
     for text in options.sources:
         problem, warning = _replace(system, text, options.blocks)
@@ -111,7 +113,7 @@ def _replace(system: System, text: str, blocks: bool) -> tuple[str, str]:
     component.source = source if file.suffix == ".fmu" else f"resources/{source}.fmu"
     component.fmu = library.find(component.source, Path())
     old, component.interface = component.interface, None
-    if problem := load_interface(system, component, blocks):
+    if problem := library.load_interface(system, component, blocks):
         return problem, ""
     assert component.interface is not None
     new, given = component.interface.signals, component.parameters
@@ -180,11 +182,9 @@ def execute(
         us_per_step=round(1e6 * seconds / max(done, 1), 3),
         numbers=numbers(system.about, results),
     )
-    if (residual := monitor.summary(manifest, results)) is not None:
-        manifest["numbers"]["momentum_residual"] = residual
-    if manifest["dumping"] is not None and status == "completed":
-        with suppress(DesatError):  # a run that was not recorded so far has no bound
-            manifest["numbers"].update(bound.of_run(manifest, results).numbers())
+    for analysis in analyses():
+        if manifest[analysis.KEY] is not None:
+            manifest["numbers"].update(analysis.numbers(manifest, results))
     if folder is not None:
         write_json(folder / MANIFEST, manifest)
         (folder / f"{MANIFEST}.part").unlink(missing_ok=True)
@@ -269,8 +269,7 @@ def describe(system: System, options: Options, target: str) -> dict[str, Any]:
             c.name: {"source": c.source, "sha256": library.load(c.fmu).sha256}
             for c in system.components.values() if c.fmu is not None and not options.blocks
         },
-        "rigid_body": monitor.rigid_body(system),
-        "dumping": bound.parts(system),
+        **{a.KEY: a.applies(system) for a in analyses()},
         "parameters": parameters(system),
     }  # fmt: skip
 
@@ -348,3 +347,32 @@ def read_manifest(folder: Path) -> dict[str, Any]:
             except ValueError as error:
                 raise DesatError(f"{folder / name}: {error}") from error
     raise DesatError(f"{folder}: no run folder (it has no {MANIFEST})")
+
+
+def load_run(folder: Path) -> Run:
+    """A run from its folder. Raises DesatError where it is none."""
+    manifest = read_manifest(folder)
+    manifest.setdefault("numbers", {})
+    manifest.setdefault("message", "")
+    for key in ("steps_done", "us_per_step", "wall_seconds"):
+        manifest.setdefault(key, "?")
+    if manifest["status"] == "running":
+        manifest["status"] = "killed (or still running)"
+    return Run(manifest, Results.open(folder))
+
+
+def run_or_load(target: str, analysis: ModuleType | None = None) -> Run:
+    """The run of a run folder; or of a scenario, .ssp or folder, run now.
+
+    Raises DesatError where that run does not complete, and before it begins where `analysis` does
+    not apply to the system.
+    """
+    folder = Path(target)
+    if any((folder / f"{MANIFEST}{end}").exists() for end in ("", ".part")):
+        return load_run(folder)
+    if analysis is not None and analysis.applies(load(target)[0]) is None:
+        raise DesatError(analysis.NOT_APPLICABLE.format(target))
+    run = execute(target, Options())
+    if not run.ok:
+        raise DesatError(f"{target}: {run.manifest['status']}: {run.manifest['message']}")
+    return run

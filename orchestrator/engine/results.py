@@ -20,8 +20,8 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from .errors import DesatError, nearest
-from .interface import KINDS, Kind, Signal, base_name
+from ..system.errors import DesatError, nearest
+from ..system.interface import KINDS, Kind, Signal, base_name
 from .master import Master, Slot
 
 ROWS = 1024

@@ -6,7 +6,7 @@ import math
 import tomllib
 from typing import Any
 
-from components.block import Scalar
+from desat.components.block import Scalar
 
 from .errors import DesatError, nearest
 from .interface import Interface, Signal, base_name

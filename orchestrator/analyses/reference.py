@@ -19,17 +19,17 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.integrate import DOP853
 
-from components import attitude, geomagnetic, torques, vector, wheel_array
-from components.block import Vec3
-from components.earth import earth_angle
-from components.gyrostat import carrier_inertia, rate
-from components.laws import attitude_control, cross_product
-from components.orbit import Drift, Elements, drifting_state
-from components.rotor import friction
+from desat.components import attitude, geomagnetic, torques, vector, wheel_array
+from desat.components.block import Vec3
+from desat.components.earth import earth_angle
+from desat.components.gyrostat import carrier_inertia, rate
+from desat.components.laws import attitude_control, cross_product
+from desat.components.orbit import Drift, Elements, drifting_state
+from desat.components.rotor import friction
 
-from .check import value_of
-from .errors import DesatError
-from .system import System
+from ..system.check import value_of
+from ..system.errors import DesatError
+from ..system.model import System
 
 RTOL, ATOL = 1e-13, 1e-15
 Array = NDArray[np.float64]

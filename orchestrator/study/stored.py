@@ -15,10 +15,10 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
+from ..files.scenario import ROOT, Scenario, scenarios
+from ..system.errors import DesatError
+from .case import PACKAGES, Options, write_json
 from .draws import draws
-from .errors import DesatError
-from .run import PACKAGES, Options, write_json
-from .scenario import ROOT, Scenario, scenarios
 
 FOLDER = ROOT.parent / "docs" / "papers"
 SEED = 1

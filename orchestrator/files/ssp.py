@@ -17,11 +17,11 @@ from urllib.parse import unquote
 
 from lxml import etree
 
-from components.block import Scalar
+from desat.components.block import Scalar
 
+from ..system.errors import DesatError
+from ..system.model import Component, Connection, Connector, System
 from . import library
-from .errors import DesatError
-from .system import Component, Connection, Connector, System
 from .xml import parse_bytes, validate
 
 SSD = "http://ssp-standard.org/SSP1/SystemStructureDescription"

@@ -13,13 +13,13 @@ from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
-from .errors import DesatError
+from ..files.pack import pack_scenario
+from ..files.scenario import Scenario, scenarios
+from ..system.errors import DesatError
+from .case import PACKAGES, Options, execute
 from .measures import relative
-from .pack import pack_scenario
 from .plots import pretty_unit
 from .report import number, render, write_page
-from .run import PACKAGES, Options, execute
-from .scenario import Scenario, scenarios
 
 
 @dataclass

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from ..system.check import check
 from . import library, ssp
-from .check import check
 from .scenario import ROOT, Scenario
 
 

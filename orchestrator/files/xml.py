@@ -9,7 +9,7 @@ from typing import Any
 import fmpy
 from lxml import etree
 
-from .errors import DesatError
+from ..system.errors import DesatError
 
 _SCHEMAS = Path(fmpy.__file__).parent / "ssp" / "schema"
 

@@ -21,10 +21,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from components.units import UNITS, conversion
+from desat.components.units import UNITS, conversion
 
-from .errors import DesatError, nearest
-from .results import Results
+from ..engine.results import Results
+from ..system.errors import DesatError, nearest
 
 Array = NDArray[np.float64]
 Measure = Callable[..., float]

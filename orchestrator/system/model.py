@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from components.block import Scalar
+from desat.components.block import Scalar
 
 from .interface import Interface, OutputClass
 

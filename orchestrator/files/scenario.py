@@ -34,13 +34,12 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+from ..system.errors import DesatError, nearest
+from ..system.model import System
+from ..system.parameters import expand
 from . import library, ssp
-from .check import load_interfaces
-from .errors import DesatError, nearest
-from .parameters import expand
-from .system import System
 
-ROOT = Path(__file__).resolve().parent.parent / "ssp"
+ROOT = Path(__file__).resolve().parents[2] / "ssp"
 DIST = ROOT / "dist"
 
 KEYS = {
@@ -114,7 +113,7 @@ class Scenario:
             component.fmu = library.find(component.source, folder)
         for name, decimation in self.data.get("decimation", {}).items():
             _component(system, name, f"{where}: decimation").decimation = int(decimation)
-        problems += load_interfaces(system, blocks)
+        problems += library.load_interfaces(system, blocks)
         shared = dict(self.data.get("shared", {}))
         if "epoch" in self.data:
             shared["epoch_j2000"] = _epoch(self.data["epoch"], where)

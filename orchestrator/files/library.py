@@ -13,13 +13,17 @@ from pathlib import Path
 
 import fmpy
 
-from .errors import DesatError
-from .interface import Interface, of_fmu
+from desat.fmus import registry
+
+from ..system.errors import DesatError, nearest
+from ..system.interface import Interface, of_block
+from ..system.model import Component, System
+from .fmu import of_fmu
 
 LARGEST = 1 << 30
 """The largest archive that is extracted (bytes, extracted)."""
 
-FMUS = Path(__file__).resolve().parent.parent / "fmus" / "dist"
+FMUS = Path(__file__).resolve().parents[2] / "fmus" / "dist"
 """Where `make fmus` puts our FMUs: a `resources/NAME.fmu` that is not there is looked for here."""
 
 
@@ -105,3 +109,30 @@ def load(path: Path) -> Fmu:
         return Fmu(path, path, digest.hexdigest(), of_fmu(path))
     folder = extract(path)
     return Fmu(path, folder, sha256(path), of_fmu(folder))
+
+
+def load_interfaces(system: System, blocks: bool = False) -> list[str]:
+    """Give every component its interface, from its FMU or (`blocks`) from the bare block of the
+    same name; return what is missing."""
+    found = (load_interface(system, c, blocks) for c in system.components.values())
+    return [problem for problem in found if problem]
+
+
+def load_interface(system: System, c: Component, blocks: bool) -> str:
+    """Give a component its interface; return what is missing, or nothing."""
+    where = f"{system.where}:{c.line}: {c.name}"
+    name = c.source.rpartition("/")[2].removesuffix(".fmu")
+    try:
+        if blocks:
+            c.interface = of_block(name, registry.block_class(name))
+        elif c.fmu is None:
+            known = (p.name for p in FMUS.glob("*.fmu"))
+            hint = nearest(f"{name}.fmu", known) or "; run `make fmus`"
+            return f"{where}: FMU {c.source} is missing{hint}"
+        else:
+            c.interface = load(c.fmu).interface
+    except KeyError:
+        return f"{where}: no block {name}{nearest(name, registry.names())}"
+    except DesatError as error:
+        return f"{where}: {error}"
+    return ""

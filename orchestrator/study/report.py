@@ -8,10 +8,10 @@ from typing import Any
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
-from . import monitor
+from ..analyses import analyses
+from ..engine.results import Results
+from .case import Run
 from .plots import pretty_unit, series_plot
-from .results import Results
-from .run import Run, read_manifest
 
 REPORT = "report.html"
 
@@ -19,7 +19,7 @@ REPORT = "report.html"
 def render(template: str, **values: Any) -> str:
     """A page from one of our templates."""
     environment = Environment(
-        loader=PackageLoader("orchestrator"), autoescape=True, undefined=StrictUndefined,
+        loader=PackageLoader("desat"), autoescape=True, undefined=StrictUndefined,
         trim_blocks=True,
     )  # fmt: skip
     return environment.get_template(template).render(**values)
@@ -58,9 +58,9 @@ def write_report(folder: Path, run: Run, twin: Run | None = None) -> Path:
         for plot in about.get("plots", _default_plots(run.results))
         if (image := series_plot(plot, runs))
     ]
-    if (residual := monitor.momentum(manifest, run.results)) is not None:
-        caption = "Momentum residual: what the exchange between components loses"
-        figures.append((caption, Markup(monitor.plot(*residual))))
+    for analysis in analyses():
+        extra = analysis.figures(manifest, run.results)
+        figures += [(caption, Markup(image)) for caption, image in extra]
     rows = [
         {
             "title": n["title"],
@@ -94,15 +94,3 @@ def write_report(folder: Path, run: Run, twin: Run | None = None) -> Path:
 def _default_plots(results: Results) -> list[dict[str, Any]]:
     """For a system that says nothing about plots: the first dozen series, one each."""
     return [{"title": name, "signals": [name]} for name in results.names()[:12]]
-
-
-def load_run(folder: Path) -> Run:
-    """A run from its folder. Raises DesatError where it is none."""
-    manifest = read_manifest(folder)
-    manifest.setdefault("numbers", {})
-    manifest.setdefault("message", "")
-    for key in ("steps_done", "us_per_step", "wall_seconds"):
-        manifest.setdefault(key, "?")
-    if manifest["status"] == "running":
-        manifest["status"] = "killed (or still running)"
-    return Run(manifest, Results.open(folder))

@@ -12,16 +12,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .measures import rotate_back
-from .plots import COLOURS, figure, legend, svg, time_axis
-from .results import Results
-from .system import System
+from ..engine.results import Results
+from ..study.measures import rotate_back
+from ..study.plots import COLOURS, figure, legend, svg, time_axis
+from ..system.model import System
 
 Array = NDArray[np.float64]
+KEY = "rigid_body"
 _NEEDED = ("inertia", "axes_wheel", "inertia_wheel", "q_bi", "omega_bi_body", "impulse_eci")
 
 
-def rigid_body(system: System) -> dict[str, str] | None:
+def applies(system: System) -> dict[str, str] | None:
     """Which component is a rigid body and where its wheels' momentum comes from; None: there is
     no such component."""
     for c in system.connections:
@@ -35,7 +36,7 @@ def rigid_body(system: System) -> dict[str, str] | None:
 def momentum(manifest: dict[str, Any], results: Results) -> tuple[Array, Array] | None:
     """(times, residual) of a run, the residual (rows, 3) in N m s, eci; None where there is no
     rigid body or its series are not recorded."""
-    body = manifest.get("rigid_body")
+    body = manifest.get(KEY)
     if body is None:
         return None
     name = body["spacecraft"]
@@ -53,16 +54,30 @@ def momentum(manifest: dict[str, Any], results: Results) -> tuple[Array, Array] 
     return results.times(series[0]), in_eci - in_eci[0] - (impulse - impulse[0])
 
 
-def summary(manifest: dict[str, Any], results: Results) -> dict[str, Any] | None:
-    """The number that the manifest has of the residual."""
+def signals(parts: dict[str, str]) -> list[str]:
+    """None: the residual is computed where its series are recorded anyhow."""
+    return []
+
+
+def numbers(manifest: dict[str, Any], results: Results) -> dict[str, dict[str, Any]]:
+    """The largest residual of a run (N m s)."""
     found = momentum(manifest, results)
     if found is None:
-        return None
+        return {}
     return {
-        "title": "Momentum residual, largest",
-        "value": float(np.linalg.norm(found[1], axis=1).max()),
-        "unit": "N.m.s",
+        "momentum_residual": {
+            "title": "Momentum residual, largest",
+            "value": float(np.linalg.norm(found[1], axis=1).max()),
+            "unit": "N.m.s",
+        }
     }
+
+
+def figures(manifest: dict[str, Any], results: Results) -> list[tuple[str, str]]:
+    """The residual over time."""
+    found = momentum(manifest, results)
+    caption = "Momentum residual: what the exchange between components loses"
+    return [] if found is None else [(caption, plot(*found))]
 
 
 def plot(times: Array, residual: Array) -> str:

@@ -28,11 +28,11 @@ from typing import Any, Literal, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from .errors import DesatError
-from .interface import KINDS, Interface, Kind, Signal
-from .schedule import Schedule
-from .system import Connection, System
-from .units import DTYPE, Unit, UnitError, unit_for
+from ..system.errors import DesatError
+from ..system.interface import KINDS, Interface, Kind, Signal
+from ..system.model import Connection, System
+from ..system.schedule import Schedule
+from .instances import DTYPE, Unit, UnitError, unit_for
 
 Algorithm = Literal["conserving", "jacobi"]
 ALGORITHMS: tuple[Algorithm, ...] = ("conserving", "jacobi")

@@ -7,15 +7,13 @@ from collections import defaultdict
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 
-from components.units import conversion
-from fmus import registry
+from desat.components.units import conversion
 
-from . import library
 from .errors import DesatError, nearest
-from .interface import Interface, Signal, base_name, of_block
+from .interface import Interface, Signal, base_name
+from .model import Component, Connection, System
 from .parameters import expand
 from .schedule import Schedule, schedule
-from .system import Component, Connection, System
 
 
 @dataclass
@@ -31,33 +29,6 @@ class Checked:
         if self.problems or self.schedule is None:
             raise DesatError("\n".join(self.problems))
         return self.schedule
-
-
-def load_interfaces(system: System, blocks: bool = False) -> list[str]:
-    """Give every component its interface, from its FMU or (`blocks`) from the bare block of the
-    same name; return what is missing."""
-    found = (load_interface(system, c, blocks) for c in system.components.values())
-    return [problem for problem in found if problem]
-
-
-def load_interface(system: System, c: Component, blocks: bool) -> str:
-    """Give a component its interface; return what is missing, or nothing."""
-    where = f"{system.where}:{c.line}: {c.name}"
-    name = c.source.rpartition("/")[2].removesuffix(".fmu")
-    try:
-        if blocks:
-            c.interface = of_block(name, registry.block_class(name))
-        elif c.fmu is None:
-            known = (p.name for p in library.FMUS.glob("*.fmu"))
-            hint = nearest(f"{name}.fmu", known) or "; run `make fmus`"
-            return f"{where}: FMU {c.source} is missing{hint}"
-        else:
-            c.interface = library.load(c.fmu).interface
-    except KeyError:
-        return f"{where}: no block {name}{nearest(name, registry.names())}"
-    except DesatError as error:
-        return f"{where}: {error}"
-    return ""
 
 
 def check(system: System, problems: list[str]) -> Checked:

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 from .errors import DesatError
 from .interface import OutputClass, Signal, base_name
-from .system import Connection, System
+from .model import Connection, System
 
 AT, OVER, LATE = "at t_k", "over the step", "one step late"
 

@@ -30,23 +30,26 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 
-from components.attitude import normalised, product, rotate
-from components.block import Block, Vec3
-from components.blocks.manager_magnetic import CAPACITY
-from components.blocks.spacecraft_fixed_attitude import SpacecraftFixedAttitude, constant_torque
-from components.laws import magnetic_offline as offline
-from components.orbit import lvlh_attitude
-from components.vector import norm, scale
-from fmus.registry import block_class
+from desat.components.attitude import normalised, product, rotate
+from desat.components.block import Block, Vec3
+from desat.components.blocks.manager_magnetic import CAPACITY
+from desat.components.blocks.spacecraft_fixed_attitude import (
+    SpacecraftFixedAttitude,
+    constant_torque,
+)
+from desat.components.laws import magnetic_offline as offline
+from desat.components.orbit import lvlh_attitude
+from desat.components.vector import norm, scale
+from desat.fmus.registry import block_class
 
-from .check import check, steps_of, value_of
-from .errors import DesatError, nearest
-from .master import Master
-from .parameters import expand
-from .results import Recorder
-from .scenario import ROOT, Scenario, find, scenarios
-from .system import Component
-from .units import UnitError
+from ..engine.instances import UnitError
+from ..engine.master import Master
+from ..engine.results import Recorder
+from ..files.scenario import ROOT, Scenario, find, scenarios
+from ..system.check import check, steps_of, value_of
+from ..system.errors import DesatError, nearest
+from ..system.model import Component
+from ..system.parameters import expand
 
 Array = NDArray[np.floating[Any]]
 

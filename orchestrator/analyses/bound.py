@@ -11,25 +11,27 @@ such samples does with less, but for the 0.01 rad that the body turns within a s
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import asdict, dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
-from components.laws.least_firing import least_firing
+from desat.components.laws.least_firing import least_firing
 
-from .errors import DesatError
-from .results import Results
-from .system import System
+from ..engine.results import Results
+from ..system.errors import DesatError
+from ..system.model import System
 
 Array = NDArray[np.float64]
 
+KEY = "dumping"
+
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(3)
 NODES, WEIGHTS = (NODES + 1.0) / 2.0, WEIGHTS / 2.0
-_NO_DUMPING = "{}: no manager commands thrusters in it beside torquers; there is no firing time"
+NOT_APPLICABLE = "{}: no manager commands thrusters in it beside torquers; there is no firing time"
 SMALLEST = 1e-6
 """A bound (s) below which no percentage of it is given."""
 
@@ -74,7 +76,7 @@ class Bound:
         return asdict(self)
 
 
-def parts(system: System) -> dict[str, str] | None:
+def applies(system: System) -> dict[str, str] | None:
     """Which component is what, by the connections; None where no manager commands thrusters."""
 
     def source(component: str | None, connector: str) -> str | None:
@@ -98,7 +100,7 @@ def parts(system: System) -> dict[str, str] | None:
     return None
 
 
-def needed_signals(who: dict[str, str]) -> list[str]:
+def signals(who: dict[str, str]) -> list[str]:
     """The series that a bound is computed from, by the parts of a system."""
     of = {
         "spacecraft": ("q_bi", "h_copy_wheel"),
@@ -114,9 +116,9 @@ def of_run(manifest: dict[str, Any], results: Results) -> Bound:
     """The bound of a run. Raises DesatError where it has none: another kind of run, or not
     recorded."""
     name = manifest["scenario"]
-    who = manifest.get("dumping")
+    who = manifest.get(KEY)
     if who is None:
-        raise DesatError(_NO_DUMPING.format(name))
+        raise DesatError(NOT_APPLICABLE.format(name))
     if manifest["algorithm"] != "conserving":
         raise DesatError(f"{name}: a run by {manifest['algorithm']}; the bound needs conserving")
     truth = _Truth(manifest, results, who)
@@ -136,22 +138,18 @@ def of_run(manifest: dict[str, Any], results: Results) -> Bound:
     )
 
 
-def of_target(target: str) -> tuple[dict[str, Any], Bound]:
-    """The manifest and the bound of a run folder, or of a scenario, .ssp or folder, run now."""
-    from .report import load_run
-    from .run import MANIFEST, Options, execute, load
+def numbers(manifest: dict[str, Any], results: Results) -> dict[str, dict[str, Any]]:
+    """The bound beside what a completed run fired; none where too little was recorded."""
+    if manifest["status"] != "completed":
+        return {}
+    with suppress(DesatError):
+        return of_run(manifest, results).numbers()
+    return {}
 
-    folder = Path(target)
-    if any((folder / f"{MANIFEST}{end}").exists() for end in ("", ".part")):
-        run = load_run(folder)
-    else:
-        if parts(load(target)[0]) is None:
-            raise DesatError(_NO_DUMPING.format(target))
-        run = execute(target, Options())
-        if not run.ok:
-            raise DesatError(f"{target}: {run.manifest['status']}: {run.manifest['message']}")
-    with run.results as results:
-        return run.manifest, of_run(run.manifest, results)
+
+def figures(manifest: dict[str, Any], results: Results) -> list[tuple[str, str]]:
+    """None."""
+    return []
 
 
 class _Truth:
@@ -162,7 +160,7 @@ class _Truth:
             role: {k: p["value"] for k, p in manifest["parameters"].get(c, {}).items()}
             for role, c in who.items()
         }
-        q, h, b, tau, tau_slope, m, m_slope, _ = _series(manifest, results, needed_signals(who))
+        q, h, b, tau, tau_slope, m, m_slope, _ = _series(manifest, results, signals(who))
         self.times = times = results.times()[: len(q)]
         self.attitude = CubicSpline(times, _matrices(q))
         self._field = CubicSpline(times, b)

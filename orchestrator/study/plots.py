@@ -12,9 +12,9 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.figure import Figure
 
-from .errors import DesatError, nearest
+from ..engine.results import Results
+from ..system.errors import DesatError, nearest
 from .measures import error_vector, pointing, rotate_back, scale
-from .results import Results
 
 COLOURS = ("#0b62a4", "#d1495b", "#2e8b57", "#8a5fbf", "#e08e0b", "#444444")
 POINTS = 3000

@@ -26,13 +26,13 @@ from fmpy.fmi2 import (
 from fmpy.logging import addLoggerProxy
 from numpy.typing import NDArray
 
-from components.block import Access, Scalar
-from fmus.registry import block_class
+from desat.components.block import Access, Scalar
+from desat.fmus.registry import block_class
 
-from .errors import DesatError
-from .interface import KINDS, Interface, Kind, Signal
-from .library import Fmu
-from .system import Component
+from ..files.library import Fmu
+from ..system.errors import DesatError
+from ..system.interface import KINDS, Interface, Kind, Signal
+from ..system.model import Component
 
 Array = NDArray[Any]
 DTYPE: dict[Kind, Any] = {"Real": np.float64, "Integer": np.int32, "Boolean": np.int32}
@@ -334,7 +334,7 @@ def unit_for(component: Component, blocks: bool) -> Unit:
     """The unit of a checked component: its FMU, or its bare block."""
     if blocks:
         return BlockUnit(component)
-    from . import library
+    from ..files import library
 
     assert component.fmu is not None, "check the system first"
     return FmuUnit(component, library.load(component.fmu))

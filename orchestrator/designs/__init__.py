@@ -1,0 +1,1 @@
+"""What laws need beforehand: a file a kind of design."""

@@ -1,0 +1,1 @@
+"""What runs a checked system: master, instances, recorder."""

@@ -1,0 +1,1 @@
+"""Files: scenarios, SSP, FMUs and archives on disk."""

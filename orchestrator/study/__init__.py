@@ -1,0 +1,1 @@
+"""Cases and what is made of them: numbers, draws, tables, plots, reports."""

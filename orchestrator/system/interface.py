@@ -1,0 +1,87 @@
+"""What is known of a component: its scalar variables and the class of its outputs.
+
+Read from an FMU's model description (`files/fmu.py`) or from a bare block; both give the same.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Literal
+
+from desat.components.block import Block, Scalar
+from desat.components.units import UNITS, Unit
+from desat.fmus.description import describe, title
+
+Kind = Literal["Real", "Integer", "Boolean"]
+KINDS: tuple[Kind, ...] = ("Real", "Integer", "Boolean")
+OutputClass = Literal["state", "interval", "undeclared"]
+
+
+@dataclass(frozen=True)
+class Signal:
+    """One scalar variable of a component."""
+
+    name: str
+    causality: str
+    kind: str
+    reference: int
+    unit_name: str = ""
+    unit: Unit | None = None
+    start: Scalar | str | None = None
+    minimum: float | None = None
+    maximum: float | None = None
+    description: str = ""
+    choices: tuple[str, ...] = ()
+    output_class: OutputClass = "state"
+    shared: bool = False
+    """All components of a system that have a parameter of this name must agree on it."""
+
+
+@dataclass(frozen=True)
+class Interface:
+    """The variables of a component by name, in the order of its description."""
+
+    model: str
+    title: str
+    signals: dict[str, Signal]
+    role: str = ""
+
+    def of(self, causality: str) -> Iterator[Signal]:
+        """The signals of one causality."""
+        return (s for s in self.signals.values() if s.causality == causality)
+
+    def elements(self, name: str) -> list[Signal]:
+        """The scalar `name`, or the elements `name[...]` of an array; empty when unknown."""
+        if name in self.signals:
+            return [self.signals[name]]
+        return [s for s in self.signals.values() if base_name(s.name) == name]
+
+
+def base_name(name: str) -> str:
+    """`b_eci[2]` -> `b_eci`"""
+    return name.partition("[")[0]
+
+
+def of_block(name: str, block: type[Block]) -> Interface:
+    """The interface of a bare block."""
+    signals: dict[str, Signal] = {}
+    for v in block.variables:
+        for element, start in zip(v.elements(), v.flat_start(), strict=True):
+            real = v.type == "Real"
+            signals[element] = Signal(
+                name=element,
+                causality=v.causality,
+                kind=v.type,
+                reference=len(signals),
+                unit_name=v.unit if real else "",
+                unit=UNITS[v.unit] if real else None,
+                start=None if v.causality == "output" else start,
+                minimum=v.minimum,
+                maximum=v.maximum,
+                description=describe(v),
+                choices=v.choices,
+                output_class="interval" if v.interval else "state",
+                shared=v.shared,
+            )
+    return Interface(name, title(block), signals, block.role)
