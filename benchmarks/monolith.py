@@ -22,7 +22,8 @@ from desat.components.blocks.environment_kepler import EnvironmentKepler
 from desat.components.moments import lag as lag_moments
 from desat.components.orbit import EARTH_RATE, MU
 from desat.components.torques import SOLAR_PRESSURE
-from desat.study.case import Options, execute, parameters, prepare
+from desat.study.case import Options, execute, prepare
+from desat.system.parameters import table
 
 Array = NDArray[np.float64]
 SCENARIO = "integrated/mil-nadir"
@@ -35,7 +36,7 @@ def values(sets: list[str]) -> dict[str, dict[str, Any]]:
     system, checked = prepare(SCENARIO, Options(sets=sets, blocks=True))
     checked.or_raise()
     found: dict[str, dict[str, Any]] = {}
-    for component, entries in parameters(system).items():
+    for component, entries in table(system).items():
         given = {name: e["value"] for name, e in entries.items()}
         found[component] = {
             n: np.array(v) if isinstance(v, list) and not isinstance(v[0], str) else v

@@ -221,7 +221,7 @@ def _report_run(finished: Run, other: Run | None, folder: Path, page: Path, as_j
     for column in ["", "this run", "twin", ""] if other else ["", "this run", ""]:
         table.add_column(column, justify="right" if "run" in column or column == "twin" else "left")
     for name, n in manifest["numbers"].items():
-        row = [n["title"], report_module.number(n["value"])]
+        row = [report_module.title_of(n), report_module.number(n["value"])]
         if other:
             theirs = other.manifest["numbers"].get(name)
             row.append(report_module.number(theirs["value"]) if theirs else "")
@@ -257,7 +257,7 @@ def draws(
         names = list(result["summary"])
         table = Table("draw", *names, box=None, header_style="bold", pad_edge=False)
         for row in result["draws"]:
-            cells = [report_module.number(row["numbers"].get(n, float("nan"))) for n in names]
+            cells = [report_module.number(row["numbers"].get(n)) for n in names]
             table.add_row(str(row["draw"]), *cells)
         for key in ("median", "min", "max"):
             cells = [report_module.number(result["summary"][n][key]) for n in names]

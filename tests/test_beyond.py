@@ -235,10 +235,10 @@ def test_nozzles_as_the_axis_pairs_have_the_same_bound():
     nozzles.parameters = {k: v for k, v in nozzles.parameters.items() if "tau_level" not in k}
     assert check(system, load_interfaces(system, blocks=True)).problems == []
     manifest = dict(pairs.manifest)
-    from desat.study.case import parameters
+    from desat.system.parameters import table
 
     manifest["parameters"] = {**manifest["parameters"],
-                              "thrusters": parameters(system)["thrusters"]}  # fmt: skip
+                              "thrusters": table(system)["thrusters"]}  # fmt: skip
     found = bound.of_run(manifest, pairs.results)
     assert found.least == pytest.approx(expected.least, rel=1e-9)
 

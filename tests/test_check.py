@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 from conftest import ROOT
 
+from desat.files import library
 from desat.study.case import Options, prepare
 from desat.system.errors import DesatError
 
@@ -24,6 +25,8 @@ def broken(tmp_path):
             assert old in text, old
             text = text.replace(old, new, 1)
         (tmp_path / "SystemStructure.ssd").write_text(text, encoding="utf-8")
+        if not (tmp_path / "resources").exists():
+            (tmp_path / "resources").symlink_to(library.FMUS)
         try:
             _, checked = prepare(str(tmp_path), Options(sets=list(sets), step=step, stop=600.0))
         except DesatError as error:
@@ -204,6 +207,7 @@ def test_everything_at_once(broken):
 
 def test_command(desat, tmp_path):
     shutil.copy(SSD, tmp_path / "SystemStructure.ssd")
+    (tmp_path / "resources").symlink_to(library.FMUS)
     good = desat("check", str(tmp_path), "--step", "10")
     assert good.returncode == 0
     assert "steps in this order: environment, magnetometer, tachometers, manager" in good.stdout
@@ -217,6 +221,48 @@ def test_command(desat, tmp_path):
 def test_command_exit_code(desat, tmp_path):
     text = SSD.read_text(encoding="utf-8").replace(CONNECTION, "", 1)
     (tmp_path / "SystemStructure.ssd").write_text(text, encoding="utf-8")
+    (tmp_path / "resources").symlink_to(library.FMUS)
     result = desat("check", str(tmp_path), "--step", "10")
     assert result.returncode == 1
     assert result.stderr.splitlines()[-1].startswith("2 problem(s) in ")
+
+
+def test_a_foreign_system_never_runs_our_fmus(desat, tmp_path):
+    """An .ssp that lacks an FMU is refused, although ours has one of that name."""
+    shutil.copy(SSD, tmp_path / "SystemStructure.ssd")
+    result = desat("check", str(tmp_path), "--step", "10")
+    assert result.returncode == 1
+    assert "manager: FMU resources/manager_combined.fmu is missing" in result.stderr
+
+
+SET = """<?xml version="1.0" encoding="UTF-8"?>
+<ssv:ParameterSet xmlns:ssv="http://ssp-standard.org/SSP1/SystemStructureParameterValues"
+ xmlns:ssc="http://ssp-standard.org/SSP1/SystemStructureCommon" name="p" version="1.0">
+<ssv:Parameters><ssv:Parameter name="altitude"><ssv:Real value="650" unit="UNIT"/></ssv:Parameter>
+</ssv:Parameters><ssv:Units><ssc:Unit name="league"><ssc:BaseUnit m="1" factor="5556"/></ssc:Unit>
+</ssv:Units></ssv:ParameterSet>"""
+
+
+@pytest.mark.parametrize(("unit", "value"), [
+    ("km", 650e3), (None, "altitude = 650 m: allowed is 100000 to inf"), ("league", 650 * 5556.0),
+    ("s", "the unit of altitude = 650.0 does not fit m"), ("mile", "unit mile is not known"),
+])  # fmt: skip
+def test_the_unit_of_a_parameter_is_read(tmp_path, unit, value):
+    text = SSD.read_text(encoding="utf-8")
+    head, middle, tail = text.partition('name="environment"')
+    tail = tail.replace(
+        "</ssd:Connectors>",
+        "</ssd:Connectors><ssd:ParameterBindings>"
+        '<ssd:ParameterBinding source="e.ssv"/></ssd:ParameterBindings>', 1,
+    )  # fmt: skip
+    (tmp_path / "SystemStructure.ssd").write_text(head + middle + tail, encoding="utf-8")
+    (tmp_path / "e.ssv").write_text(
+        SET.replace(' unit="UNIT"', f' unit="{unit}"' if unit else ""), encoding="utf-8"
+    )
+    (tmp_path / "resources").symlink_to(library.FMUS)
+    system, checked = prepare(str(tmp_path), Options(step=10.0, stop=600.0))
+    if isinstance(value, str):
+        assert any(value in problem for problem in checked.problems)
+    else:
+        assert checked.problems == []
+        assert system.components["environment"].parameters["altitude"] == value

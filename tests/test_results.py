@@ -178,7 +178,7 @@ def test_measures():
     assert relative("saving", 30, 40) == 25
     assert relative("ratio", 30, 40) == 0.75
     with pytest.raises(DesatError, match="did you mean norm_last"):
-        evaluate({"measure": "norm_lst", "signal": "x.y"}, None)
+        evaluate({"measure": "norm_lst", "signal": "x.y"}, None, {})
 
 
 def test_plots_keep_extremes_when_thinned():

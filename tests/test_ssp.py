@@ -152,6 +152,7 @@ def test_scenario_files(tmp_path, monkeypatch, scenario_module):
         (ROOT / "ssp/uosat12/SystemStructure.ssd").read_text()
     )
     monkeypatch.setattr(scenario, "ROOT", tmp_path / "ssp")
+    monkeypatch.setattr(library, "SYSTEMS", tmp_path / "ssp")
 
     def read(**files: str):
         for old in folder.glob("*.toml"):

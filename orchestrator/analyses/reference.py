@@ -27,9 +27,9 @@ from desat.components.laws import attitude_control, cross_product
 from desat.components.orbit import Drift, Elements, drifting_state
 from desat.components.rotor import friction
 
-from ..system.check import value_of
 from ..system.errors import DesatError
 from ..system.model import System
+from ..system.parameters import value_of
 
 RTOL, ATOL = 1e-13, 1e-15
 Array = NDArray[np.float64]

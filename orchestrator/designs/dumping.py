@@ -46,10 +46,10 @@ from ..engine.instances import UnitError
 from ..engine.master import Master
 from ..engine.results import Recorder
 from ..files.scenario import ROOT, Scenario, find, scenarios
-from ..system.check import check, steps_of, value_of
+from ..system.check import check, steps_of
 from ..system.errors import DesatError, nearest
 from ..system.model import Component
-from ..system.parameters import expand
+from ..system.parameters import expand, value_of
 
 Array = NDArray[np.floating[Any]]
 

@@ -24,7 +24,10 @@ LARGEST = 1 << 30
 """The largest archive that is extracted (bytes, extracted)."""
 
 FMUS = Path(__file__).resolve().parents[2] / "fmus" / "dist"
-"""Where `make fmus` puts our FMUs: a `resources/NAME.fmu` that is not there is looked for here."""
+"""Where `make fmus` puts our FMUs: a `resources/NAME.fmu` of our ssp/ is looked for here."""
+
+SYSTEMS = Path(__file__).resolve().parents[2] / "ssp"
+"""Our own systems."""
 
 
 @dataclass(frozen=True)
@@ -92,12 +95,18 @@ def extract(path: Path) -> Path:
 
 
 def find(source: str, folder: Path) -> Path | None:
-    """The file that an SSD's `source` stands for: beside the SSD, or one of our built FMUs."""
+    """The file that an SSD's `source` stands for: beside the SSD, or, for an SSD in our own ssp/
+    alone, one of our built FMUs (a foreign system never runs ours because of an equal name)."""
     beside = folder / source
     if beside.exists():
         return beside
-    built = FMUS / Path(source).name
-    return built if built.exists() else None
+    return built(source) if folder.resolve().is_relative_to(SYSTEMS) else None
+
+
+def built(source: str) -> Path | None:
+    """Our built FMU of a name (`resources/NAME.fmu`, `NAME.fmu`); None where there is none."""
+    path = FMUS / Path(source).name
+    return path if path.exists() else None
 
 
 def load(path: Path) -> Fmu:

@@ -36,7 +36,7 @@ from typing import Any
 
 from ..system.errors import DesatError, nearest
 from ..system.model import System
-from ..system.parameters import expand
+from ..system.parameters import assign
 from . import library, ssp
 
 ROOT = Path(__file__).resolve().parents[2] / "ssp"
@@ -109,8 +109,11 @@ class Scenario:
         system.about = self.about()
         for name, source in self.data.get("sources", {}).items():
             component = _component(system, name, f"{where}: sources")
-            component.source = source if "/" in source else f"resources/{source}.fmu"
+            ours = "/" not in source
+            component.source = f"resources/{source}.fmu" if ours else source
             component.fmu = library.find(component.source, folder)
+            if ours and component.fmu is None:
+                component.fmu = library.built(component.source)
         for name, decimation in self.data.get("decimation", {}).items():
             _component(system, name, f"{where}: decimation").decimation = int(decimation)
         problems += library.load_interfaces(system, blocks)
@@ -124,9 +127,7 @@ class Scenario:
                 if component.interface is None:
                     continue
                 try:
-                    component.parameters.update(
-                        expand(component.interface, parameter, value, f"{where}: {name}")
-                    )
+                    assign(component, parameter, value, f"{where}: {name}")
                 except DesatError as error:
                     problems.append(str(error))
         return system, problems
@@ -161,11 +162,8 @@ def _set_shared(system: System, shared: dict[str, Any], where: str) -> list[str]
         if not owners:
             problems.append(f"{where}: shared: no component has a parameter {name}")
         for component in owners:
-            assert component.interface is not None
             try:
-                component.parameters.update(
-                    expand(component.interface, name, value, f"{where}: {component.name}")
-                )
+                assign(component, name, value, f"{where}: {component.name}")
             except DesatError as error:
                 problems.append(str(error))
     return problems

@@ -18,8 +18,9 @@ from urllib.parse import unquote
 from lxml import etree
 
 from desat.components.block import Scalar
+from desat.components.units import UNITS, Unit
 
-from ..system.errors import DesatError
+from ..system.errors import DesatError, nearest
 from ..system.model import Component, Connection, Connector, System
 from . import library
 from .xml import parse_bytes, validate
@@ -89,10 +90,12 @@ class _Reader:
                 )
         for child in element.iterfind(f"{{{SSD}}}Connections/{{{SSD}}}Connection"):
             self.connection(child, system)
-        for binding, name, value in self.bindings(element):
+        for binding, name, value, unit in self.bindings(element):
             owner, _, variable = name.partition(".")
             if owner in system.components:
                 system.components[owner].parameters[variable] = value
+                if unit is not None:
+                    system.components[owner].units[variable] = unit
             else:
                 self.problems.append(
                     f"{self.at(binding)}: parameter {name} belongs to no component"
@@ -127,8 +130,10 @@ class _Reader:
                     f"{self.at(child)}: {component.name}.{connector.name} is listed twice"
                 )
             component.connectors[connector.name] = connector
-        for _, name, value in self.bindings(element):
+        for _, name, value, unit in self.bindings(element):
             component.parameters[name] = value
+            if unit is not None:
+                component.units[name] = unit
         return component
 
     def connection(self, element: Any, system: System) -> None:
@@ -153,9 +158,10 @@ class _Reader:
                 )
         system.connections.append(connection)
 
-    def bindings(self, element: Any) -> list[tuple[Any, str, Scalar]]:
-        """(binding, prefixed name, value) of the parameter sets bound to a component or system."""
-        found: list[tuple[Any, str, Scalar]] = []
+    def bindings(self, element: Any) -> list[tuple[Any, str, Scalar, Unit | None]]:
+        """(binding, prefixed name, value, its unit where one is given) of the parameter sets bound
+        to a component or system."""
+        found: list[tuple[Any, str, Scalar, Unit | None]] = []
         for binding in element.iterfind(f"{{{SSD}}}ParameterBindings/{{{SSD}}}ParameterBinding"):
             if binding.find(f"{{{SSD}}}ParameterMapping") is not None:
                 raise DesatError(f"{self.at(binding)}: a ParameterMapping is not supported")
@@ -177,10 +183,26 @@ class _Reader:
             for parameter in root.iterfind(f"{{{SSV}}}Parameters/{{{SSV}}}Parameter"):
                 value = next(iter(parameter), None)
                 if value is not None:
-                    found.append(
-                        (binding, prefix + parameter.get("name", ""), self.value(value, where))
-                    )
+                    name, at = prefix + parameter.get("name", ""), f"{where}:{value.sourceline}"
+                    unit = self.unit(value.get("unit"), root, f"{at}: {name}")
+                    found.append((binding, name, self.value(value, where), unit))
         return found
+
+    def unit(self, name: str | None, root: Any, where: str) -> Unit | None:
+        """The unit that a value is given in: of the parameter set's own units, or one of ours."""
+        if name is None:
+            return None
+        for unit in root.iterfind(f"{{{SSV}}}Units/{{{SSC}}}Unit"):
+            base = unit.find(f"{{{SSC}}}BaseUnit")
+            if unit.get("name") == name and base is not None:
+                exponents = {k: int(base.get(k, "0")) for k in ("kg", "m", "s", "A", "K", "rad")}
+                factor, offset = float(base.get("factor", "1")), float(base.get("offset", "0"))
+                if base.get("mol", "0") == base.get("cd", "0") == "0":
+                    return Unit(**exponents, factor=factor, offset=offset)
+        if name not in UNITS:
+            self.problems.append(f"{where}: unit {name} is not known{nearest(name, UNITS)}")
+            return None
+        return UNITS[name]
 
     def value(self, element: Any, where: str) -> Scalar:
         kind, text = etree.QName(element).localname, element.get("value", "")

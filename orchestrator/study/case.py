@@ -12,6 +12,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from importlib.metadata import version
+from math import inf
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -23,12 +24,13 @@ from ..engine.instances import UnitError
 from ..engine.master import Algorithm, Master
 from ..engine.results import SERIES, Recorder, Results, selects
 from ..files import library, scenario, ssp
-from ..system.check import Checked, check, steps_of, value_of
+from ..system.check import Checked, check, steps_of
 from ..system.errors import DesatError, nearest
+from ..system.expression import Table
 from ..system.interface import base_name
 from ..system.model import System
-from ..system.parameters import expand, parse_assignment
-from .measures import evaluate, relative
+from ..system.parameters import assign, parse_assignment, table
+from .measures import OPEN_END, evaluate, problems, relative, signals_of
 
 MANIFEST = "manifest.json"
 PACKAGES = ("desat", "fmpy", "pythonfmu", "numpy", "scipy", "h5py")
@@ -94,10 +96,24 @@ def prepare(target: str, options: Options) -> tuple[System, Checked]:
         if component is None:
             raise DesatError(f"{text}: no component {name}{nearest(name, system.components)}")
         if component.interface is not None:
-            component.parameters.update(expand(component.interface, variable, value, name))
+            assign(component, variable, value, name)
     checked = check(system, problems)
     checked.warnings[:0] = warnings
+    if checked.schedule is not None:
+        what = problems_of_numbers(system)
+        # another FMU may lack what the scenario's numbers are made of: it runs without them
+        (checked.warnings if options.sources else checked.problems).extend(what)
     return system, checked
+
+
+def problems_of_numbers(system: System) -> list[str]:
+    """What is wrong with the numbers that a scenario wants of a checked system."""
+    units = {
+        f"{c.name}.{base_name(s.name)}": s.unit_name
+        for c in system.components.values() if c.interface for s in c.interface.of("output")
+    }  # fmt: skip
+    name = system.about.get("name", system.name)
+    return [f"{name}: {text}" for text in problems(system.about, units, table(system))]
 
 
 def _replace(system: System, text: str, blocks: bool) -> tuple[str, str]:
@@ -111,7 +127,7 @@ def _replace(system: System, text: str, blocks: bool) -> tuple[str, str]:
         raise DesatError(f"--source {text}: no component {name}{nearest(name, system.components)}")
     file = Path(source)
     component.source = source if file.suffix == ".fmu" else f"resources/{source}.fmu"
-    component.fmu = library.find(component.source, Path())
+    component.fmu = file if file.is_file() else library.built(component.source)
     old, component.interface = component.interface, None
     if problem := library.load_interface(system, component, blocks):
         return problem, ""
@@ -126,6 +142,10 @@ def _replace(system: System, text: str, blocks: bool) -> tuple[str, str]:
         )  # fmt: skip
 
     component.parameters = {key: value for key, value in given.items() if alike(key)}
+    component.references = {
+        name: text for name, text in component.references.items()
+        if all(alike(s.name) for s in (old.elements(name) if old else ()))
+    }  # fmt: skip
     lost = dict.fromkeys(base_name(key) for key in given if key not in component.parameters)
     if not lost:
         return "", ""
@@ -180,7 +200,7 @@ def execute(
         end_time=master.t,
         wall_seconds=round(time.perf_counter() - clock, 6),
         us_per_step=round(1e6 * seconds / max(done, 1), 3),
-        numbers=numbers(system.about, results),
+        numbers=numbers(system.about, results, manifest["parameters"]),
     )
     for analysis in analyses():
         if manifest[analysis.KEY] is not None:
@@ -270,44 +290,32 @@ def describe(system: System, options: Options, target: str) -> dict[str, Any]:
             for c in system.components.values() if c.fmu is not None and not options.blocks
         },
         **{a.KEY: a.applies(system) for a in analyses()},
-        "parameters": parameters(system),
+        "parameters": table(system),
     }  # fmt: skip
 
 
-def parameters(system: System) -> dict[str, dict[str, Any]]:
-    """Every parameter of every component: value, unit, and whether the scenario gave it."""
-    table: dict[str, dict[str, Any]] = {}
-    for c in system.components.values():
-        assert c.interface is not None
-        for s in c.interface.signals.values():
-            if s.causality != "parameter" and s.name not in c.parameters:
-                continue
-            value = value_of(c, s.name)
-            entry = table.setdefault(c.name, {}).setdefault(
-                base_name(s.name),
-                {"value": [], "unit": s.unit_name, "given": False, "text": s.description},
-            )
-            named = s.choices[value] if s.choices and isinstance(value, int) else value
-            entry["value"] = named if s.name == base_name(s.name) else [*entry["value"], named]
-            entry["given"] = entry["given"] or s.name in c.parameters
-    return table
+def numbers(
+    about: dict[str, Any], results: Results, parameters: Table
+) -> dict[str, dict[str, Any]]:  # fmt: skip
+    """The scenario's numbers that need no other run, where their series are recorded.
 
-
-def numbers(about: dict[str, Any], results: Results) -> dict[str, dict[str, Any]]:
-    """The scenario's numbers that need no other run, where their series are recorded."""
-    found = {}
-    known = set(results.names())
+    `value` is None, and shown as "not reached", where the run does not reach a number's window;
+    `note` says how much of the window it has.
+    """
+    rows: dict[str, dict[str, Any]] = {}
+    known, end = set(results.names()), results.times()[-1:].tolist()
     for name, number in about.get("numbers", {}).items():
-        if "reference" in number:
+        if "reference" in number or not known.issuperset(signals_of(number)):
             continue
-        signals = number["signal"]
-        if known.issuperset([signals] if isinstance(signals, str) else signals):
-            found[name] = {
-                "title": number.get("title", name),
-                "value": evaluate(number, results),
-                "unit": number.get("unit", ""),
-            }
-    return found
+        rows[name] = {
+            "title": number.get("title", name),
+            "value": evaluate(number, results, parameters),
+            "unit": number.get("unit", ""),
+        }
+        until = number.get("window", (0.0, inf))[1]
+        if rows[name]["value"] is not None and until < OPEN_END and end[0] < until - 1e-6:
+            rows[name]["note"] = f"only to {end[0]:g} s of {until:g} s"
+    return rows
 
 
 def relate(manifest: dict[str, Any], others: dict[str, dict[str, Any]]) -> None:

@@ -134,12 +134,12 @@ def draws(
     definitions = system.about.get("numbers", {})
     summary = {}
     for name in whole[0]["numbers"] if whole else ():
-        values = [r["numbers"][name] for r in whole]
+        values = [x for r in whole if (x := r["numbers"].get(name)) is not None]
         summary[name] = {
             "unit": definitions.get(name, {}).get("unit", ""),
-            "median": statistics.median(values),
-            "min": min(values),
-            "max": max(values),
+            "median": statistics.median(values) if values else None,
+            "min": min(values, default=None),
+            "max": max(values, default=None),
             "n": len(values),
         }
     return {"scenario": target, "seed": seed, "draws": rows, "summary": summary}

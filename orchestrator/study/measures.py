@@ -6,31 +6,39 @@
     measure = "mean_size"
     options = {}                     # the measure's own
     window = [7200.0, 86400.0]       # only rows of this time (s), ends included; default: all
-    percent_of = 0.02                # in per cent of this, given in the signal's unit
-    unit = "%"                       # else: converted from the signal's unit
+    percent_of = "wheels.inertia_wheel * wheels.speed_limit"   # in per cent of this: a product
+                                     # of parameters, or a number in the measure's own unit
+    unit = "%"                       # else: converted from the measure's unit
 
 A measure takes times (rows,), values (rows, elements) and its options, and gives one number: in
-the unit of the values, and then converted to the number's unit, or in the one its text says.
+the unit of the values, or in the one that is declared with it. An option may be a product of
+parameters, too (`system/expression.py`).
 """
 
 from __future__ import annotations
 
+import inspect
+import math
 from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from desat.components.units import UNITS, conversion
+from desat.components.units import Unit
 
 from ..engine.results import Results
 from ..system.errors import DesatError, nearest
+from ..system.expression import Table, factor, product, unit_of
+from ..system.expression import times as times_unit
 
 Array = NDArray[np.float64]
 Measure = Callable[..., float]
 MEASURES: dict[str, Measure] = {}
-OWN_UNIT: set[str] = set()
-"""Measures that give another unit than that of their values."""
+OPEN_END = 1e9
+"""A window that ends here or later (s) ends with the run."""
+OWN_UNIT: dict[str, Callable[[Unit], Unit]] = {}
+"""Measures that give another unit than that of their values: which, from the values' unit."""
 
 
 def measure(function: Measure) -> Measure:
@@ -39,10 +47,20 @@ def measure(function: Measure) -> Measure:
     return function
 
 
-def own_unit(function: Measure) -> Measure:
-    """The same, of a function that gives another unit than that of its values."""
-    OWN_UNIT.add(function.__name__)
-    return measure(function)
+def in_unit(unit: str | Callable[[Unit], Unit]) -> Callable[[Measure], Measure]:
+    """The same, of a function that gives a unit of its own, or one made from that of its values."""
+
+    def known(function: Measure) -> Measure:
+        own = unit_of(unit) if isinstance(unit, str) else None
+        OWN_UNIT[function.__name__] = (lambda _: own) if own is not None else unit  # type: ignore[assignment]
+        return measure(function)
+
+    return known
+
+
+def per_second(unit: Unit) -> Unit:
+    """The unit of a rate of change."""
+    return times_unit(unit, unit_of("s"), -1)
 
 
 @measure
@@ -75,19 +93,19 @@ def rms(times: Array, values: Array) -> float:
     return float(np.sqrt((values**2).sum(axis=1).mean()))
 
 
-@own_unit
+@in_unit("deg")
 def pointing_last(times: Array, q: Array, q_ref: Array) -> float:
     """The angle between two attitudes at the end (deg)."""
     return float(pointing(q, q_ref)[-1])
 
 
-@own_unit
+@in_unit("deg")
 def pointing_largest(times: Array, q: Array, q_ref: Array) -> float:
     """The largest angle between two attitudes (deg)."""
     return float(pointing(q, q_ref).max())
 
 
-@own_unit
+@in_unit("deg")
 def pointing_rms(times: Array, q: Array, q_ref: Array) -> float:
     """The root mean square angle between two attitudes (deg)."""
     return float(np.sqrt((pointing(q, q_ref) ** 2).mean()))
@@ -149,7 +167,7 @@ def above(times: Array, values: Array, direction: list[float], floor: float) -> 
     return mean_size_last(times, values) - max(along(times, values, direction), floor)
 
 
-@own_unit
+@in_unit("s")
 def until_below(times: Array, values: Array, limit: float, kind: str = "mean") -> float:
     """When the values have come below a limit to stay (s): the mean size of the elements, the
     largest, or the vector's (`norm`). The end of the run where they do not."""
@@ -158,52 +176,52 @@ def until_below(times: Array, values: Array, limit: float, kind: str = "mean") -
     return _settled(times, sizes[kind](values) < limit)
 
 
-@own_unit
+@in_unit("s")
 def first_reached(times: Array, values: Array, limit: float, count: int = 1) -> float:
     """When `count` elements at once have first reached a limit (s); the end of the run if never."""
     reached = np.flatnonzero((np.abs(values) >= limit).sum(axis=1) >= count)
     return float(times[reached[0]] if len(reached) else times[-1])
 
 
-@own_unit
+@in_unit("%")
 def share_below(times: Array, values: Array, limit: float) -> float:
     """The share of time and elements whose size is below a limit (%)."""
     return float(100.0 * (np.abs(values) < limit).mean())
 
 
-@own_unit
+@in_unit("1")
 def sign_changes(times: Array, values: Array) -> float:
     """How often elements change their sign."""
     return float((np.diff(np.signbit(values), axis=0)).sum())
 
 
-@own_unit
+@in_unit(per_second)
 def decay_rate(times: Array, values: Array) -> float:
     """How fast the size of a vector falls, from first to last row (unit per s)."""
     size = np.linalg.norm(values[[0, -1]], axis=1)
     return float((size[0] - size[1]) / (times[-1] - times[0]))
 
 
-@own_unit
+@in_unit("deg")
 def pointing_mean(times: Array, q: Array, q_ref: Array) -> float:
     """The mean angle between two attitudes (deg)."""
     return float(pointing(q, q_ref).mean())
 
 
-@own_unit
+@in_unit("s")
 def pointing_until_below(times: Array, q: Array, q_ref: Array, limit: float) -> float:
     """When the angle has come below a limit (deg) to stay (s); the end of the run if never."""
     return _settled(times, pointing(q, q_ref) < limit)
 
 
-@own_unit
+@in_unit("deg")
 def pointing_level(times: Array, q: Array, q_ref: Array, level: float = 95.0) -> float:
     """The angle that `level` per cent of the time stay below: absolute performance error (APE) at
     this level (deg); ECSS-E-ST-60-10C."""
     return float(np.percentile(pointing(q, q_ref), level))
 
 
-@own_unit
+@in_unit("deg")
 def pointing_relative(
     times: Array, q: Array, q_ref: Array, interval: float, level: float | None = None
 ) -> float:
@@ -257,16 +275,15 @@ def pointing(q: Array, q_ref: Array) -> Array:
     return np.asarray(np.degrees(4.0 * np.arcsin(np.clip(half_chord, 0.0, 1.0))))
 
 
-def evaluate(number: dict[str, Any], results: Results) -> float:
+def evaluate(number: dict[str, Any], results: Results, parameters: Table) -> float | None:
     """The number that a scenario describes: `signal`, `measure` and the measure's options.
 
-    Raises DesatError for an unknown measure or series.
+    None where the run does not reach it: no row in its window, or nothing there to measure.
+    Raises DesatError for an unknown measure or series, a unit that does not fit, and a product of
+    parameters that has no value.
     """
-    name = number.get("measure", "last")
-    if name not in MEASURES:
-        raise DesatError(f"no measure {name}{nearest(name, MEASURES)}")
-    signals = number["signal"]
-    names = [signals] if isinstance(signals, str) else signals
+    name = _measure(number)
+    names = signals_of(number)
     series = [results.values(s) for s in names]
     columns = [(s if s.ndim > 1 else s[:, None]).astype(float) for s in series]
     rows = min(len(c) for c in columns)
@@ -276,36 +293,97 @@ def evaluate(number: dict[str, Any], results: Results) -> float:
         kept = (times >= begin - 1e-6) & (times <= end + 1e-6)
         times, columns = times[kept], [c[:rows][kept] for c in columns]
         rows = len(times)
+    units = [unit_of(results.attribute(s, "unit")) for s in names]
+    conversion, options = (
+        _conversion(number, units, parameters),
+        _options(number, units, parameters),
+    )
     if rows == 0:
-        return float("nan")
+        return None
     with np.errstate(over="ignore"):  # a run that diverges has infinite numbers
-        value = MEASURES[name](times, *(c[:rows] for c in columns), **number.get("options", {}))
+        value = MEASURES[name](times, *(c[:rows] for c in columns), **options)
+    return None if math.isnan(value) else conversion(value)
+
+
+def signals_of(number: dict[str, Any]) -> list[str]:
+    """The series that a number is made of."""
+    signals = number.get("signal", [])
+    return [signals] if isinstance(signals, str) else list(signals)
+
+
+def _measure(number: dict[str, Any]) -> str:
+    name: str = number.get("measure", "last")
+    if name not in MEASURES:
+        raise DesatError(f"no measure {name}{nearest(name, MEASURES)}")
+    return name
+
+
+def _conversion(
+    number: dict[str, Any], units: list[Unit], parameters: Table
+) -> Callable[[float], float]:  # fmt: skip
+    """From the measure's unit to the number's. Raises DesatError where they do not fit."""
+    name = _measure(number)
+    source = OWN_UNIT[name](units[0]) if name in OWN_UNIT else units[0]
+    unit = number.get("unit")
     if "percent_of" in number:
-        return 100.0 * value / float(number["percent_of"])
-    if "unit" in number and name not in OWN_UNIT:
-        return value * scale(results.attribute(names[0], "unit"), number["unit"])
-    return value
+        if unit != "%":
+            raise DesatError(f"unit {unit}: a number with percent_of is in %")
+        whole = number["percent_of"]
+        if isinstance(whole, str):
+            text, (whole, own) = whole, product(whole, parameters)
+            if own.dimension != source.dimension:
+                raise DesatError(f'percent_of = "{text}": its unit is not that of {name}')
+            whole *= own.factor / source.factor
+        if whole == 0.0:
+            raise DesatError(f"percent_of = {number['percent_of']} is 0")
+        return lambda value: 100.0 * value / float(whole)
+    if unit is None or (name not in OWN_UNIT and unit_of(unit) == source):
+        return lambda value: value
+    scaled = factor(source, unit, f"of {name}")
+    return lambda value: value * scaled
+
+
+def _options(number: dict[str, Any], units: list[Unit], parameters: Table) -> dict[str, Any]:
+    """The measure's options; a product of parameters has the unit of one of its series."""
+    options = dict(number.get("options", {}))
+    accepted = inspect.signature(MEASURES[_measure(number)]).parameters
+    for key, value in options.items():
+        if key not in accepted:
+            raise DesatError(f"no option {key}{nearest(key, accepted)}")
+        if isinstance(value, str) and accepted[key].annotation == "float":
+            options[key], unit = product(value, parameters)
+            if all(unit.dimension != u.dimension for u in units):
+                raise DesatError(f'{key} = "{value}": its unit is that of no signal')
+    return options
+
+
+def problems(about: dict[str, Any], units: dict[str, str], parameters: Table) -> list[str]:
+    """What is wrong with a system's numbers before it runs; `units`: of every series there is."""
+    wrong = []
+    for name, number in about.get("numbers", {}).items():
+        try:
+            if missing := [s for s in signals_of(number) if s not in units]:
+                raise DesatError(f"signal {missing[0]}: no such series{nearest(missing[0], units)}")
+            if "reference" not in number:
+                known = [unit_of(units[s]) for s in signals_of(number)]
+                _conversion(number, known, parameters)
+                _options(number, known, parameters)
+        except DesatError as error:
+            wrong.append(f"numbers.{name}: {error}")
+    return wrong
 
 
 def scale(source: str, target: str) -> float:
     """The factor from one unit to another. Raises DesatError where they do not fit."""
     source, target = source or "1", target or "1"
-    if source == target:
-        return 1.0
-    if target == "%" and source == "1":
-        return 100.0
-    if source not in UNITS or target not in UNITS:
-        raise DesatError(f"unit {source if source not in UNITS else target} is not known")
-    converted = conversion(UNITS[source], UNITS[target])
-    if converted is None:
-        raise DesatError(f"unit {source} does not fit {target}")
-    return converted[0]
+    return 1.0 if source == target else factor(unit_of(source), target, source)
 
 
-def relative(form: str, value: float, reference: float) -> float:
-    """`saving`: percent less than the reference; `ratio`: value over reference."""
-    if reference == 0.0:
-        return float("nan")
+def relative(form: str, value: float | None, reference: float | None) -> float | None:
+    """`saving`: percent less than the reference; `ratio`: value over reference. None where one of
+    them was not reached, or there is no ratio."""
+    if value is None or not reference:
+        return None
     if form == "saving":
         return 100.0 * (1.0 - value / reference)
     if form == "ratio":

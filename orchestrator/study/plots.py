@@ -14,6 +14,7 @@ from matplotlib.figure import Figure
 
 from ..engine.results import Results
 from ..system.errors import DesatError, nearest
+from ..system.expression import factor, product
 from .measures import error_vector, pointing, rotate_back, scale
 
 COLOURS = ("#0b62a4", "#d1495b", "#2e8b57", "#8a5fbf", "#e08e0b", "#444444")
@@ -199,10 +200,10 @@ def _limits(
             continue
         filled = bool(spec.get("fill"))
         if isinstance(spec["value"], str):
-            value, own = _parameter(parameters, spec["value"])
-            if value is not None:
-                name = spec["value"].partition("[")[0]
-                found.append((spec.get("name", name), float(value) * scale(own, unit), filled))
+            value, own = product(spec["value"], parameters)
+            name = spec["value"].partition("[")[0]
+            scaled = value * factor(own, unit, f'of "{spec["value"]}"')
+            found.append((spec.get("name", name), scaled, filled))
         else:
             found.append((spec.get("name", "limit"), float(spec["value"]), filled))
     return found

@@ -35,11 +35,18 @@ def write_page(path: Path, text: str) -> Path:
 
 def number(x: Any) -> str:
     """A number for people: four significant digits, thousands apart."""
+    if x is None:
+        return "not reached"
     if isinstance(x, bool) or not isinstance(x, (int, float)):
         return str(x)
     if x != 0.0 and not 1e-3 <= abs(x) < 1e9:
         return f"{x:.3e}"
     return f"{x:.4g}" if abs(x) < 1000 else f"{x:,.0f}"
+
+
+def title_of(number: dict[str, Any]) -> str:
+    """A number's title, with what there is to say of it."""
+    return f"{number['title']} ({number['note']})" if "note" in number else str(number["title"])
 
 
 def label_of(manifest: dict[str, Any]) -> str:
@@ -63,7 +70,7 @@ def write_report(folder: Path, run: Run, twin: Run | None = None) -> Path:
         figures += [(caption, Markup(image)) for caption, image in extra]
     rows = [
         {
-            "title": n["title"],
+            "title": title_of(n),
             "value": number(n["value"]),
             "twin": number(twin.manifest["numbers"][name]["value"])
             if twin and name in twin.manifest["numbers"]

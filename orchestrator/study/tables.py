@@ -102,9 +102,11 @@ def _rows_of(
             continue
         paper = _cell(entry, "values", method, case)
         name = entry.get("number", entry["quantity"])
-        ours = _value(scenario, name, values, everything)
-        if ours is None or ("values" in entry and paper is None):
+        if name not in scenario.data["numbers"] | values or ("values" in entry and paper is None):
             continue
+        ours = _value(scenario, name, values, everything)
+        if ours is None:
+            raise DesatError(f"{scenario.name}: {name} is not reached, and a table has it")
         band = _band(_cell(entry, "tolerance", method, case), paper, values)
         drawn, within = None, None if band is None else band[0] <= ours <= band[1]
         if name in summary:

@@ -7,12 +7,12 @@ from collections import defaultdict
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 
-from desat.components.units import conversion
+from desat.components.units import UNITS, conversion
 
 from .errors import DesatError, nearest
 from .interface import Interface, Signal, base_name
 from .model import Component, Connection, System
-from .parameters import expand
+from .parameters import expand, in_unit_of, resolve, value_of
 from .schedule import Schedule, schedule
 
 
@@ -33,7 +33,7 @@ class Checked:
 
 def check(system: System, problems: list[str]) -> Checked:
     """Check a system; `problems` is what reading it and loading its interfaces found."""
-    found = Checked(problems=list(dict.fromkeys(problems)))
+    found = Checked(problems=list(dict.fromkeys([*problems, *resolve(system)])))
     for component in system.components.values():
         if component.interface is not None:
             found.problems += _connectors(system, component, component.interface)
@@ -65,11 +65,18 @@ def _connectors(system: System, c: Component, interface: Interface) -> Iterator[
             yield f"{where}: listed as {connector.kind}, but it is an {signal.causality}"
         if connector.type and connector.type != signal.kind:
             yield f"{where}: listed as {connector.type}, but it is {signal.kind}"
+        if connector.unit and connector.unit != signal.unit_name and signal.unit is not None:
+            listed = UNITS.get(connector.unit)
+            if listed is None or conversion(listed, signal.unit) != (1.0, 0.0):
+                yield f"{where}: listed in {connector.unit}, but it is in {signal.unit_name or 1}"
 
 
 def _parameters(system: System, c: Component, interface: Interface) -> Iterator[str]:
     for name, value in list(c.parameters.items()):
         try:
+            if name in c.units and name in interface.signals:
+                value = in_unit_of(interface.signals[name], value, c.units.pop(name))
+                c.parameters[name] = value
             c.parameters.update(expand(interface, name, value, f"{system.where}: {c.name}"))
         except DesatError as error:
             yield str(error)
@@ -144,13 +151,6 @@ def _inputs(system: System) -> Iterator[str]:
                 array = base_name(missing[0])
                 yield (f"{system.where}:{c.line}: {c.name}.{array} is wired in part: "
                        f"{', '.join(missing)} has neither a connection nor a value")  # fmt: skip
-
-
-def value_of(component: Component, name: str) -> object:
-    """The value of a parameter: the scenario's, or the start value of its declaration."""
-    assert component.interface is not None
-    signal = component.interface.signals[name]
-    return component.parameters.get(name, signal.start)
 
 
 def _shared(system: System) -> Iterator[str]:

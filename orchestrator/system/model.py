@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from desat.components.block import Scalar
+from desat.components.units import Unit
 
 from .interface import Interface, OutputClass
 
@@ -31,6 +32,10 @@ class Component:
     connectors: dict[str, Connector] = field(default_factory=dict)
     parameters: dict[str, Scalar] = field(default_factory=dict)
     """Scalar values by element name; inputs may be among them."""
+    references: dict[str, str] = field(default_factory=dict)
+    """Parameters that are given as other parameters: `gain_matrix = "shared.inertia"`."""
+    units: dict[str, Unit] = field(default_factory=dict)
+    """Units that values in `parameters` were given in, where they are not the component's own."""
     line: int = 0
     fmu: Path | None = None
     """The file that `source` stands for; None where there is none."""

@@ -1,0 +1,132 @@
+"""Products of parameters that stand where a scenario may have a number.
+
+    percent_of = "wheels.inertia_wheel * wheels.speed_limit"
+    limits = [{ value = "0.1 * manager.h_limit", name = "not unloaded" }]
+
+A text is a product or quotient of numbers and parameters, from left to right. A parameter is
+`component.name`, `component.name[i]`, or `shared.name` for one that several components have with
+the same value. Its unit counts: N m / N m s is 1/s.
+"""
+
+from __future__ import annotations
+
+import re
+from typing import Any
+
+from desat.components.units import UNITS, Unit, conversion
+
+from .errors import DesatError, nearest
+
+Table = dict[str, dict[str, dict[str, Any]]]
+"""Component -> parameter -> `value` (a number, a text, a list) and `unit`, as in a manifest."""
+
+_TOKEN = re.compile(r"\s*(?:([*/])|([^\s*/]+))")
+_NAME = re.compile(r"(\w+)\.(\w+)(?:\[(\d+)\])?\Z")
+FORM = "a Real is needed, or a product of numbers and component.parameter"
+PEOPLE = {"%": Unit(factor=0.01), "min": Unit(s=1, factor=60.0), "h": Unit(s=1, factor=3600.0),
+          "W.h": Unit(kg=1, m=2, s=-2, factor=3600.0)}  # fmt: skip
+"""Units that only people read, beside those that may cross a boundary."""
+
+
+def unit_of(name: str) -> Unit:
+    """A unit by its name. Raises DesatError for one that is not known."""
+    known = UNITS | PEOPLE
+    if (name or "1") not in known:
+        raise DesatError(f"unit {name} is not known{nearest(name, known)}")
+    return known[name or "1"]
+
+
+def factor(source: Unit, target: str, what: str) -> float:
+    """What a value in `source` is multiplied by to be in `target`.
+
+    Raises DesatError, naming `what` has the unit, where the dimensions differ.
+    """
+    converted = conversion(source, unit_of(target))
+    if converted is None:
+        raise DesatError(f"unit {what} does not fit {target or '1'}")
+    return converted[0]
+
+
+def times(a: Unit, b: Unit, power: int = 1) -> Unit:
+    """The unit a b, or with `power` -1 a / b."""
+    return Unit(
+        a.kg + power * b.kg, a.m + power * b.m, a.s + power * b.s, a.A + power * b.A,
+        a.K + power * b.K, a.rad + power * b.rad, a.factor * b.factor**power,
+    )  # fmt: skip
+
+
+def is_name(text: str) -> bool:
+    """True for the name of one parameter, with nothing to multiply."""
+    return _NAME.match(text.strip()) is not None
+
+
+def product(text: str, known: Table) -> tuple[float, Unit]:
+    """The value of a text, and its unit. Raises DesatError, naming the text, where it has none."""
+    tokens = [m.groups() for m in _TOKEN.finditer(text.strip())]
+    operators, factors = [t[0] for t in tokens[1::2]], [t[1] for t in tokens[::2]]
+    if not tokens or len(tokens) % 2 == 0 or None in operators or None in factors:
+        raise DesatError(f'"{text}": {FORM}')
+    result, unit = 1.0, Unit()
+    for operator, name in zip(["*", *operators], factors, strict=True):
+        try:
+            number, own = _number(name, known)
+        except DesatError as error:
+            raise DesatError(f'"{text}": {error}') from error
+        if operator == "/":
+            if number == 0.0:
+                raise DesatError(f'"{text}": {name} is 0')
+            result, unit = result / number, times(unit, own, -1)
+        else:
+            result, unit = result * number, times(unit, own)
+    return result, unit
+
+
+def _number(name: str, known: Table) -> tuple[float, Unit]:
+    try:
+        return float(name), Unit()
+    except ValueError:
+        return _scalar(name, known)
+
+
+def entry(name: str, table: Table) -> tuple[Any, str]:
+    """(value, unit) of `component.parameter` or one of its elements. Raises DesatError."""
+    match = _NAME.match(name.strip())
+    if match is None:
+        raise DesatError(f"{name}: {FORM}")
+    owner, parameter, index = match.groups()
+    if owner == "shared":
+        owner = _owner_of_shared(parameter, table)
+    if owner not in table:
+        raise DesatError(f"no component {owner}{nearest(owner, table)}")
+    if parameter not in table[owner]:
+        hint = nearest(parameter, table[owner])
+        raise DesatError(f"{owner} has no parameter {parameter}{hint}")
+    value, unit = table[owner][parameter]["value"], table[owner][parameter]["unit"]
+    if index:
+        if not isinstance(value, list) or not 1 <= int(index) <= len(value):
+            raise DesatError(f"{owner}.{parameter} has no element {index}")
+        value = value[int(index) - 1]
+    return value, unit
+
+
+def _owner_of_shared(parameter: str, table: Table) -> str:
+    owners = sorted(c for c, parameters in table.items() if parameter in parameters)
+    if not owners:
+        raise DesatError(f"no component has a parameter {parameter}")
+    if any(table[c][parameter]["value"] != table[owners[0]][parameter]["value"] for c in owners):
+        raise DesatError(f"{parameter} differs between {', '.join(owners)}; name one of them")
+    return owners[0]
+
+
+def _scalar(name: str, table: Table) -> tuple[float, Unit]:
+    """A parameter as one number; of an array, what all elements that are not zero have in common
+    (a wheel that is not there has inertia 0)."""
+    value, unit = entry(name, table)
+    if isinstance(value, list):
+        different = sorted({float(x) for x in value if x})
+        if len(different) > 1:
+            raise DesatError(f"{name} has elements that differ; name one, as {name}[1]")
+        value = different[0] if different else 0.0
+    if isinstance(value, (str, bool)):
+        raise DesatError(f"{name} = {value} is no number")
+    return float(value), unit_of(unit)

@@ -1,0 +1,96 @@
+"""Products of parameters in the place of numbers; parameters that follow others."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from desat.components.units import UNITS
+from desat.study.case import Options, execute, prepare
+from desat.system.errors import DesatError
+from desat.system.expression import entry, factor, product, times, unit_of
+
+TABLE = {
+    "wheels": {
+        "inertia_wheel": {"value": [0.008, 0.008, 0.008, 0.0], "unit": "kg.m2"},
+        "speed_limit": {"value": 500.0, "unit": "rad/s"},
+        "drive": {"value": "ideal", "unit": ""},
+        "axes": {"value": [1.0, 2.0], "unit": "1"},
+    },
+    "manager": {"h_limit": {"value": 2.0, "unit": "N.m.s"}, "k": {"value": 0.0, "unit": "1"}},
+    "spacecraft": {"inertia": {"value": [1.0, 2.0], "unit": "kg.m2"}},
+}
+
+
+def test_products_have_values_and_units():
+    value, unit = product("0.5 * wheels.inertia_wheel * wheels.speed_limit", TABLE)
+    assert value == 0.5 * 0.008 * 500.0
+    assert unit.dimension == UNITS["N.m.s"].dimension
+    value, unit = product("manager.h_limit/wheels.inertia_wheel[1]", TABLE)
+    assert value == 2.0 / 0.008
+    assert unit.dimension == UNITS["rad/s"].dimension
+    assert entry("shared.inertia", TABLE) == ([1.0, 2.0], "kg.m2")
+    assert times(UNITS["km"], UNITS["s"], -1).factor == 1000.0
+    assert factor(unit_of("s"), "min", "of it") == pytest.approx(1 / 60)
+
+
+@pytest.mark.parametrize(("text", "what"), [
+    ("wheels.sped_limit", "did you mean speed_limit"),
+    ("wheel.speed_limit", "did you mean wheels"),
+    ("wheels.drive", "is no number"),
+    ("wheels.axes", "elements that differ"),
+    ("wheels.axes[3]", "no element 3"),
+    ("2 *", "or a product of numbers"),
+    ("2 3", "or a product of numbers"),
+    ("nonsense", "or a product of numbers"),
+    ("1 / manager.k", "is 0"),
+    ("shared.mass", "no component has a parameter mass"),
+    ("", "or a product of numbers"),
+])  # fmt: skip
+def test_bad_products_are_a_line(text, what):
+    with pytest.raises(DesatError, match=what) as error:
+        product(text, TABLE)
+    assert "\n" not in str(error.value)
+
+
+def numbers(*sets: str, target: str = "integrated/ideal-inertial", stop: float = 5.0):
+    run = execute(target, Options(sets=list(sets), stop=stop, blocks=True))
+    with run.results:
+        return run.manifest["numbers"], run.manifest["parameters"]
+
+
+def test_capacity_is_the_wheels():
+    """Twice the speed limit is twice the capacity, whatever the manager thinks of it."""
+    one, _ = numbers()
+    two, _ = numbers("wheels.speed_limit=1250", "manager.h_limit=0.04")
+    assert two["largest_wheel"]["value"] == pytest.approx(
+        one["largest_wheel"]["value"] / 2, rel=1e-3
+    )
+
+
+def test_what_derives_from_the_craft_follows_it():
+    _, parameters = numbers("spacecraft.inertia=0.2,0,0,0,0.3,0,0,0,0.1")
+    assert parameters["controller"]["gain_matrix"]["value"] == [0.2, 0, 0, 0, 0.3, 0, 0, 0, 0.1]
+    _, parameters = numbers("controller.gain_matrix=1,0,0,0,1,0,0,0,1")
+    assert parameters["controller"]["gain_matrix"]["value"] == [1, 0, 0, 0, 1, 0, 0, 0, 1]
+    _, parameters = numbers("manager.h_limit=wheels.inertia_wheel * wheels.speed_limit")
+    assert parameters["manager"]["h_limit"]["value"] == 3.2e-5 * 625.0
+
+
+@pytest.mark.parametrize(("sets", "what"), [
+    (["manager.h_limit=wheels.torque_limit"], "its unit does not fit N.m.s"),
+    (["manager.h_limit=wheels.none"], "wheels has no parameter none"),
+    (["controller.kp=controller.kd", "controller.kd=controller.kp"], "in a circle"),
+    (["controller.kp=manager.velocity_dumping"], "is no number"),
+])  # fmt: skip
+def test_references_that_make_no_sense_are_refused(sets, what):
+    _, checked = prepare("integrated/ideal-inertial", Options(sets=sets, blocks=True))
+    assert any(what in problem for problem in checked.problems)
+
+
+def test_a_window_that_is_not_reached_is_said():
+    some, _ = numbers(stop=1000.0)
+    assert some["wheels_3h"]["value"] is None
+    assert some["pointing"]["note"] == "only to 1000 s of 14400 s"
+    assert not any(isinstance(n["value"], float) and math.isnan(n["value"]) for n in some.values())
