@@ -12,7 +12,8 @@ demo: ssp ## build everything, run one scenario, print the paper's tables beside
 fmus: .venv/.installed ## build the FMUs of all blocks into fmus/dist/
 	$(BIN)/python -m desat.fmus.build
 
-ssp: fmus ## pack every scenario into ssp/dist/
+ssp: fmus ## write the SSD of every craft, pack every scenario into ssp/dist/
+	$(BIN)/desat craft
 	$(BIN)/desat pack
 
 test: check fmus ## all tests

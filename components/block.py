@@ -73,6 +73,7 @@ class Variable:
     interval: bool = False
     starts_from: tuple[str, ...] = ()
     shared: bool = False
+    source: tuple[str, ...] = ()
 
     @property
     def size(self) -> int:
@@ -142,9 +143,14 @@ def _flatten(value: Any) -> list[Any]:
 
 
 def Input(unit: str, description: str, *, start: Any = None, min: float | None = None,
-          max: float | None = None) -> Any:  # fmt: skip
-    """Declare an input: unit, meaning with frame and sign, value while unconnected."""
-    return _Declaration("input", unit, description, start=start, minimum=min, maximum=max)
+          max: float | None = None, source: str | tuple[str, ...] = ()) -> Any:  # fmt: skip
+    """Declare an input: unit, meaning with frame and sign, value while unconnected.
+
+    `source` names the outputs (`role.output`) that usually feed it, the best first.
+    """
+    usual = (source,) if isinstance(source, str) else source
+    return _Declaration("input", unit, description, start=start, minimum=min, maximum=max,
+                        source=usual)  # fmt: skip
 
 
 def Output(unit: str, description: str, *, interval: bool = False,

@@ -51,26 +51,54 @@ class Spacecraft(Block):
 
     role = "spacecraft"
 
-    r_eci: Vec3 = Input("m", "position, eci", start=(7.0e6, 0.0, 0.0))
-    v_eci: Vec3 = Input("m/s", "velocity, eci", start=(0.0, 7.5e3, 0.0))
-    b_eci: Vec3 = Input("T", "geomagnetic field, eci")
-    b_rate_eci: Vec3 = Input("T/s", "its time derivative, eci components")
-    b_accel_eci: Vec3 = Input("T/s2", "its second time derivative, eci components")
-    sun_eci: Vec3 = Input("1", "unit vector to the Sun, eci")
-    sunlight: float = Input("1", "visible share of the Sun")
-    density: float = Input("kg/m3", "density of the atmosphere")
+    r_eci: Vec3 = Input("m", "position, eci", start=(7.0e6, 0.0, 0.0), source="environment.r_eci")
+    v_eci: Vec3 = Input("m/s", "velocity, eci", start=(0.0, 7.5e3, 0.0), source="environment.v_eci")
+    b_eci: Vec3 = Input("T", "geomagnetic field, eci", source="environment.b_eci")
+    b_rate_eci: Vec3 = Input(
+        "T/s", "its time derivative, eci components", source="environment.b_rate_eci"
+    )
+    b_accel_eci: Vec3 = Input(
+        "T/s2", "its second time derivative, eci components", source="environment.b_accel_eci"
+    )
+    sun_eci: Vec3 = Input("1", "unit vector to the Sun, eci", source="environment.sun_eci")
+    sunlight: float = Input("1", "visible share of the Sun", source="environment.sunlight")
+    density: float = Input("kg/m3", "density of the atmosphere", source="environment.density")
     h_wheel: Vec4 = Input(
-        "N.m.s", "axial momentum of each wheel, absolute; read in initialisation mode only"
+        "N.m.s",
+        "axial momentum of each wheel, absolute; read in initialisation mode only",
+        source="wheels.h_wheel",
     )
     tau_mean_wheel: Vec4 = Input(
-        "N.m", "net torque on each rotor, mean over the step; the body receives the opposite"
+        "N.m",
+        "net torque on each rotor, mean over the step; the body receives the opposite",
+        source="wheels.tau_mean_wheel",
     )
-    tau_slope_wheel: Vec4 = Input("N.m", "net torque on each rotor, slope over the step")
-    m_mean_body: Vec3 = Input("A.m2", "magnetic dipole of the torquers, body, mean over the step")
-    m_slope_body: Vec3 = Input("A.m2", "magnetic dipole of the torquers, body, slope")
-    tau_mean_thruster_body: Vec3 = Input("N.m", "thruster torque, body, mean over the step")
-    tau_slope_thruster_body: Vec3 = Input("N.m", "thruster torque, body, slope over the step")
-    tau_ext_body: Vec3 = Input("N.m", "any other external torque, body, constant over the step")
+    tau_slope_wheel: Vec4 = Input(
+        "N.m", "net torque on each rotor, slope over the step", source="wheels.tau_slope_wheel"
+    )
+    m_mean_body: Vec3 = Input(
+        "A.m2",
+        "magnetic dipole of the torquers, body, mean over the step",
+        source="torquers.m_mean_body",
+    )
+    m_slope_body: Vec3 = Input(
+        "A.m2", "magnetic dipole of the torquers, body, slope", source="torquers.m_slope_body"
+    )
+    tau_mean_thruster_body: Vec3 = Input(
+        "N.m",
+        "thruster torque, body, mean over the step",
+        source="thrusters.tau_mean_thruster_body",
+    )
+    tau_slope_thruster_body: Vec3 = Input(
+        "N.m",
+        "thruster torque, body, slope over the step",
+        source="thrusters.tau_slope_thruster_body",
+    )
+    tau_ext_body: Vec3 = Input(
+        "N.m",
+        "any other external torque, body, constant over the step",
+        source="wheels.tau_jitter_body",
+    )
 
     q_bi: Vec4 = Output("1", "attitude: body from eci, scalar last", starts_from=("r_eci", "v_eci"))
     omega_bi_body: Vec3 = Output(
@@ -89,8 +117,10 @@ class Magnetometer(Sampled):
 
     role = "magnetometer"
 
-    b_eci: Vec3 = Input("T", "geomagnetic field, eci")
-    q_bi: Vec4 = Input("1", "attitude: body from eci, scalar last", start=UPRIGHT)
+    b_eci: Vec3 = Input("T", "geomagnetic field, eci", source="environment.b_eci")
+    q_bi: Vec4 = Input(
+        "1", "attitude: body from eci, scalar last", start=UPRIGHT, source="spacecraft.q_bi"
+    )
     b_body: Vec3 = Output("T", "measured field, body", interval=True, starts_from=("b_eci", "q_bi"))
     valid: bool = Output("1", "true: the measurement may be used", interval=True)
 
@@ -100,7 +130,11 @@ class Tachometers(Sampled):
 
     role = "tachometers"
 
-    h_wheel: Vec4 = Input("N.m.s", "axial momentum of each wheel, absolute")
+    h_wheel: Vec4 = Input(
+        "N.m.s",
+        "axial momentum of each wheel, absolute",
+        source=("wheels.h_wheel", "spacecraft.h_copy_wheel"),
+    )
     h_meas_wheel: Vec4 = Output(
         "N.m.s",
         "measured axial momentum of each wheel",
@@ -115,7 +149,9 @@ class RateGyro(Sampled):
 
     role = "gyro"
 
-    omega_bi_body: Vec3 = Input("rad/s", "angular rate of the body relative to eci, body")
+    omega_bi_body: Vec3 = Input(
+        "rad/s", "angular rate of the body relative to eci, body", source="spacecraft.omega_bi_body"
+    )
     omega_meas_body: Vec3 = Output(
         "rad/s", "measured angular rate, body", interval=True, starts_from=("omega_bi_body",)
     )
@@ -127,7 +163,9 @@ class AttitudeDetermination(Sampled):
 
     role = "determination"
 
-    q_bi: Vec4 = Input("1", "attitude: body from eci, scalar last", start=UPRIGHT)
+    q_bi: Vec4 = Input(
+        "1", "attitude: body from eci, scalar last", start=UPRIGHT, source="spacecraft.q_bi"
+    )
     q_meas_bi: Vec4 = Output(
         "1", "estimated attitude: body from eci, scalar last", interval=True, starts_from=("q_bi",)
     )
@@ -139,9 +177,13 @@ class SunSensor(Sampled):
 
     role = "sun_sensor"
 
-    sun_eci: Vec3 = Input("1", "unit vector to the Sun, eci")
-    sunlight: float = Input("1", "visible share of the Sun", start=1.0)
-    q_bi: Vec4 = Input("1", "attitude: body from eci, scalar last", start=UPRIGHT)
+    sun_eci: Vec3 = Input("1", "unit vector to the Sun, eci", source="environment.sun_eci")
+    sunlight: float = Input(
+        "1", "visible share of the Sun", start=1.0, source="environment.sunlight"
+    )
+    q_bi: Vec4 = Input(
+        "1", "attitude: body from eci, scalar last", start=UPRIGHT, source="spacecraft.q_bi"
+    )
     sun_meas_body: Vec3 = Output(
         "1",
         "measured unit vector to the Sun, body; zero while invalid",
@@ -161,8 +203,8 @@ class Guidance(Sampled):
 
     role = "guidance"
 
-    r_eci: Vec3 = Input("m", "position, eci", start=(7.0e6, 0.0, 0.0))
-    v_eci: Vec3 = Input("m/s", "velocity, eci", start=(0.0, 7.5e3, 0.0))
+    r_eci: Vec3 = Input("m", "position, eci", start=(7.0e6, 0.0, 0.0), source="environment.r_eci")
+    v_eci: Vec3 = Input("m/s", "velocity, eci", start=(0.0, 7.5e3, 0.0), source="environment.v_eci")
     q_ref_bi: Vec4 = Output(
         "1",
         "reference attitude: body from eci, scalar last",
@@ -182,10 +224,28 @@ class Controller(Sampled):
 
     role = "controller"
 
-    q_bi: Vec4 = Input("1", "measured attitude: body from eci, scalar last", start=UPRIGHT)
-    omega_bi_body: Vec3 = Input("rad/s", "measured angular rate, body")
-    q_ref_bi: Vec4 = Input("1", "reference attitude: body from eci, scalar last", start=UPRIGHT)
-    omega_ref_body: Vec3 = Input("rad/s", "rate of the reference frame, in the reference frame")
+    q_bi: Vec4 = Input(
+        "1",
+        "measured attitude: body from eci, scalar last",
+        start=UPRIGHT,
+        source=("determination.q_meas_bi", "spacecraft.q_bi"),
+    )
+    omega_bi_body: Vec3 = Input(
+        "rad/s",
+        "measured angular rate, body",
+        source=("gyro.omega_meas_body", "spacecraft.omega_bi_body"),
+    )
+    q_ref_bi: Vec4 = Input(
+        "1",
+        "reference attitude: body from eci, scalar last",
+        start=UPRIGHT,
+        source="guidance.q_ref_bi",
+    )
+    omega_ref_body: Vec3 = Input(
+        "rad/s",
+        "rate of the reference frame, in the reference frame",
+        source="guidance.omega_ref_body",
+    )
     enable: bool = Input("1", "false: no torque, integral at zero", start=True)
     tau_ctrl_body: Vec3 = Output("N.m", "torque wanted on the body, body", interval=True)
 
@@ -195,15 +255,39 @@ class Manager(Sampled):
 
     role = "manager"
 
-    b_body: Vec3 = Input("T", "measured geomagnetic field, body")
-    q_bi: Vec4 = Input("1", "measured attitude: body from eci, scalar last", start=UPRIGHT)
-    omega_bi_body: Vec3 = Input("rad/s", "measured angular rate, body")
-    r_eci: Vec3 = Input("m", "position, eci", start=(7.0e6, 0.0, 0.0))
-    v_eci: Vec3 = Input("m/s", "velocity, eci", start=(0.0, 7.5e3, 0.0))
-    h_wheel: Vec4 = Input("N.m.s", "measured axial momentum of each wheel")
-    tau_ctrl_body: Vec3 = Input("N.m", "torque wanted on the body by the attitude controller")
-    q_ref_bi: Vec4 = Input("1", "reference attitude: body from eci, scalar last", start=UPRIGHT)
-    omega_ref_body: Vec3 = Input("rad/s", "rate of the reference frame, in the reference frame")
+    b_body: Vec3 = Input("T", "measured geomagnetic field, body", source="magnetometer.b_body")
+    q_bi: Vec4 = Input(
+        "1",
+        "measured attitude: body from eci, scalar last",
+        start=UPRIGHT,
+        source=("determination.q_meas_bi", "spacecraft.q_bi"),
+    )
+    omega_bi_body: Vec3 = Input(
+        "rad/s",
+        "measured angular rate, body",
+        source=("gyro.omega_meas_body", "spacecraft.omega_bi_body"),
+    )
+    r_eci: Vec3 = Input("m", "position, eci", start=(7.0e6, 0.0, 0.0), source="environment.r_eci")
+    v_eci: Vec3 = Input("m/s", "velocity, eci", start=(0.0, 7.5e3, 0.0), source="environment.v_eci")
+    h_wheel: Vec4 = Input(
+        "N.m.s",
+        "measured axial momentum of each wheel",
+        source=("tachometers.h_meas_wheel", "wheels.h_wheel", "spacecraft.h_copy_wheel"),
+    )
+    tau_ctrl_body: Vec3 = Input(
+        "N.m",
+        "torque wanted on the body by the attitude controller",
+        source="controller.tau_ctrl_body",
+    )
+    q_ref_bi: Vec4 = Input(
+        "1",
+        "reference attitude: body from eci, scalar last",
+        start=UPRIGHT,
+    )
+    omega_ref_body: Vec3 = Input(
+        "rad/s",
+        "rate of the reference frame, in the reference frame",
+    )
     h_target_body: Vec3 = Input("N.m.s", "wanted sum of the wheels' momentum (a bias), body")
     enable: bool = Input("1", "false: no dumping", start=True)
 
@@ -223,7 +307,7 @@ class Torquers(Sampled):
 
     role = "torquers"
 
-    m_cmd_body: Vec3 = Input("A.m2", "dipole command, body")
+    m_cmd_body: Vec3 = Input("A.m2", "dipole command, body", source="manager.m_cmd_body")
     m_mean_body: Vec3 = Output("A.m2", "dipole, body, mean over the step", interval=True)
     m_slope_body: Vec3 = Output("A.m2", "dipole, body, slope over the step", interval=True)
     on_time: float = Output("s", "time that coils were on, summed over the coils")
@@ -239,7 +323,9 @@ class Thrusters(Sampled):
 
     role = "thrusters"
 
-    tau_cmd_thruster_body: Vec3 = Input("N.m", "torque command, body")
+    tau_cmd_thruster_body: Vec3 = Input(
+        "N.m", "torque command, body", source="manager.tau_cmd_thruster_body"
+    )
     tau_mean_thruster_body: Vec3 = Output("N.m", "torque, body, mean over the step", interval=True)
     tau_slope_thruster_body: Vec3 = Output(
         "N.m", "torque, body, slope over the step", interval=True
@@ -253,9 +339,13 @@ class Wheels(Block):
 
     role = "wheels"
 
-    tau_cmd_wheel: Vec4 = Input("N.m", "torque command to each rotor")
+    tau_cmd_wheel: Vec4 = Input(
+        "N.m", "torque command to each rotor", source="manager.tau_cmd_wheel"
+    )
     speed_cmd_wheel: Vec4 = Input("rad/s", "speed command to each rotor, relative to the body")
-    omega_bi_body: Vec3 = Input("rad/s", "angular rate of the body relative to eci, body")
+    omega_bi_body: Vec3 = Input(
+        "rad/s", "angular rate of the body relative to eci, body", source="spacecraft.omega_bi_body"
+    )
     tau_mean_wheel: Vec4 = Output(
         "N.m", "net torque on each rotor, friction included, mean over the step", interval=True
     )

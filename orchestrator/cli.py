@@ -23,8 +23,9 @@ from .analyses import convergence as convergence_module
 from .designs import dumping as design_module
 from .engine.master import Algorithm
 from .engine.results import SERIES
+from .files import craft_ssd
 from .files import pack as pack_module
-from .files.scenario import find, scenarios
+from .files.scenario import craft_files, find, scenarios
 from .study import draws as draws_module
 from .study import report as report_module
 from .study import stored as stored_module
@@ -330,6 +331,26 @@ def pack(
         _print_json(packed)
     else:
         out.print(f"{len(packed)} packed: {os.path.commonpath(packed)}", highlight=False)
+
+
+@app.command("craft")
+def craft_command(
+    families: Annotated[
+        list[str] | None,
+        typer.Argument(metavar="[FAMILY|FILE.toml]...", help="Crafts (default: all of ssp/)."),
+    ] = None,
+    as_json: Json = False,
+) -> None:
+    """Write the standard SSD of every craft file beside it."""
+    written = {}
+    for file in craft_files(families or []):
+        path, changed = craft_ssd.write(file)
+        written[os.path.relpath(path)] = changed
+    if as_json:
+        _print_json(written)
+        return
+    for name, changed in written.items():
+        out.print(f"{name}: {'written' if changed else 'current'}", highlight=False, markup=False)
 
 
 @app.command()

@@ -111,7 +111,7 @@ def test_another_fmu_in_a_components_place(desat, tmp_path):
 def test_line_numbers_are_not_emoji(desat, tmp_path):
     result = desat("check", NAME, "--source", "manager=magnetometer")
     assert result.returncode == 1
-    assert "SystemStructure.ssd:100: manager" in result.stderr
+    assert "craft.toml:9: manager" in result.stderr
 
 
 def test_usage_errors(desat):

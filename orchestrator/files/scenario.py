@@ -3,7 +3,8 @@
     extends = "common"            # another file of the folder, or several, merged below this one
     without = ["parameters.manager"]  # what of those is left out
     title = "…"                   # and story: two sentences for a reader
-    ssd = "SystemStructure.ssd"   # in ssp/FAMILY/
+    craft = "craft.toml"          # in ssp/FAMILY/: the spacecraft, see files/craft.py; or
+    ssd = "SystemStructure.ssd"   # its wiring kept by hand; without either, what is there
     step, stop, start             # seconds
     epoch = 2026-01-01T00:00:00Z  # UTC of t = 0, for every component with an epoch_j2000
     [sources]                     # manager = "manager_other": another FMU for a component
@@ -37,15 +38,15 @@ from typing import Any
 from ..system.errors import DesatError, nearest
 from ..system.model import System
 from ..system.parameters import assign
-from . import library, ssp
+from . import craft, library, ssp
 
 ROOT = Path(__file__).resolve().parents[2] / "ssp"
 DIST = ROOT / "dist"
 
 KEYS = {
-    "extends", "abstract", "title", "story", "ssd", "step", "stop", "start", "sources", "shared",
-    "parameters", "output_classes", "decimation", "dispersions", "twin", "numbers", "plots",
-    "paper", "axes", "labels", "source", "epoch", "design", "draws",
+    "extends", "abstract", "title", "story", "craft", "ssd", "step", "stop", "start", "sources",
+    "shared", "parameters", "output_classes", "decimation", "dispersions", "twin", "numbers",
+    "plots", "paper", "axes", "labels", "source", "epoch", "design", "draws",
 }  # fmt: skip
 
 
@@ -99,8 +100,8 @@ class Scenario:
         """The system that it describes and what is wrong with it so far (schema, missing FMUs,
         parameters); `designed` False leaves its design out."""
         folder = ROOT / self.family
-        system, problems = ssp.read(folder / self.data.get("ssd", ssp.FILE))
         where = f"{self.file.relative_to(ROOT.parent)}"
+        system, problems = self._wired(folder, where)
         system.name = self.name
         for key in ("start", "stop", "step"):
             if key in self.data:
@@ -131,6 +132,17 @@ class Scenario:
                 except DesatError as error:
                     problems.append(str(error))
         return system, problems
+
+    def _wired(self, folder: Path, where: str) -> tuple[System, list[str]]:
+        """The system of its craft file or SSD, and the problems of that."""
+        file = folder / self.data.get("craft", craft.FILE)
+        if "ssd" in self.data:
+            if "craft" in self.data:
+                raise DesatError(f"{where}: craft and ssd: only one of them can say what is wired")
+            return ssp.read(folder / self.data["ssd"])
+        if "craft" in self.data or file.exists():
+            return craft.read(file), []
+        return ssp.read(folder / ssp.FILE)
 
     def about(self) -> dict[str, Any]:
         """What travels with a packed system: story, numbers, plots and the like."""
@@ -189,6 +201,20 @@ def scenarios(family: str | None = None) -> dict[str, Scenario]:
             for scenario in _read(file, name):
                 found[scenario.name] = scenario
     return found
+
+
+def craft_files(names: list[str]) -> list[Path]:
+    """The craft files of some families, or of all, and those given by their path. Raises
+    DesatError for an unknown family."""
+    files: list[Path] = []
+    for name in names or families():
+        if name.endswith(".toml"):
+            files.append(Path(name))
+        elif name in families():
+            files += craft.files(ROOT / name)
+        else:
+            raise DesatError(f"no family {name}{nearest(name, families())}")
+    return files
 
 
 def find(name: str) -> Scenario:

@@ -1,0 +1,306 @@
+"""Craft files: which block fills each role of a spacecraft, and what is wired otherwise than usual.
+
+    title = "A rigid body with wheels, dumping while it points to nadir"
+    stop = 600.0                          # s, where a scenario says nothing else
+
+    [components]
+    environment = "environment_kepler"    # role = a block's name, or an FMU: "path/to/its.fmu"
+    magnetometer = "magnetometer"
+    magnetometer_2 = "magnetometer"       # a further instance: ROLE_anything
+
+    [wiring]                              # "component.input" = "component.output", or false
+    "manager.b_body" = "magnetometer_2.b_body"
+    "spacecraft.density" = false
+
+    [shared]                              # a parameter for every component that has it
+    [parameters.manager]                  # parameters (or unconnected inputs) of one component
+
+Everything else is wired as the roles say (`source` in `components/roles.py`): each input from the
+first of its sources whose component is there. A further instance is fed as its role is; what it
+gives goes nowhere unless [wiring] says so. Paths of FMUs start at the craft file.
+
+`desat craft` writes the same system as a standard SSD beside the craft file: `craft.toml` gives
+`SystemStructure.ssd`, `NAME.craft.toml` gives `NAME.ssd`.
+"""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from pathlib import Path
+from typing import Any
+
+from desat.fmus import registry
+
+from ..system.errors import DesatError, nearest
+from ..system.interface import Interface, base_name, of_block
+from ..system.model import Component, Connection, Connector, System
+from ..system.parameters import expand
+from ..system.wiring import elements, misfit, names, usual_sources
+from . import library
+
+FILE = "craft.toml"
+ENDING = ".craft.toml"
+KEYS = ("title", "stop", "components", "wiring", "shared", "parameters")
+
+
+def files(folder: Path) -> list[Path]:
+    """The craft files of a folder, sorted."""
+    return sorted([*folder.glob(FILE), *folder.glob(f"*{ENDING}")])
+
+
+def read(path: Path) -> System:
+    """The system that a craft file describes, with interfaces and without an SSD.
+
+    Raises DesatError with everything that is wrong with the file, a line each.
+    """
+    return _Reader(path).system()
+
+
+def stem(path: Path) -> str:
+    """The name of a craft file without its endings."""
+    return path.name.removesuffix(".toml").removesuffix(".craft")
+
+
+# --- reading ----------------------------------------------------------------------------------
+
+
+class _Reader:
+    def __init__(self, path: Path) -> None:
+        self.folder = path.parent
+        root = library.FMUS.parents[1]
+        inside = path.is_absolute() and path.is_relative_to(root)
+        self.where = str(path.relative_to(root) if inside else path)
+        self.problems: list[str] = []
+        try:
+            source = path.read_text(encoding="utf-8")
+            self.data = tomllib.loads(source)
+        except OSError as error:
+            raise DesatError(f"{self.where}: {error.strerror}") from error
+        except UnicodeDecodeError as error:
+            raise DesatError(f"{self.where}: not UTF-8 ({error.reason})") from error
+        except tomllib.TOMLDecodeError as error:
+            raise DesatError(f"{self.where}: {error}") from error
+        self.lines = _lines(source)
+        name = path.resolve().parent.name if path.name == FILE else stem(path)
+        if path.name.endswith(ENDING):
+            name = f"{path.resolve().parent.name}_{name}"
+        self.result = System(name, self.where, {}, [])
+        self.roles: dict[str, str] = {}
+
+    def system(self) -> System:
+        self.top()
+        for name, source in self.table("components").items():
+            self.component(name, source)
+        self.stop_here()
+        wiring = self.wiring()
+        for component in self.result.components.values():
+            assert component.interface is not None
+            for name in dict.fromkeys(base_name(s.name) for s in component.interface.of("input")):
+                self.feed(component, name, wiring)
+        for component in self.result.components.values():
+            self.list_connectors(component)
+        self.parameters()
+        self.stop_here()
+        return self.result
+
+    def stop_here(self) -> None:
+        if self.problems:
+            raise DesatError("\n".join(self.problems))
+
+    def at(self, key: str) -> str:
+        return f"{self.where}:{self.line(key)}: {key}"
+
+    def line(self, key: str) -> int:
+        """The line of a key, or of the nearest table around it."""
+        while key not in self.lines and "." in key:
+            key = key.rpartition(".")[0]
+        return self.lines.get(key, 1)
+
+    def problem(self, key: str, message: str) -> None:
+        self.problems.append(f"{self.at(key)}{message}")
+
+    def table(self, key: str) -> dict[str, Any]:
+        value = self.data.get(key, {})
+        if isinstance(value, dict):
+            return value
+        self.problem(key, f" = {value!r}: a table [{key}] is needed")
+        return {}
+
+    def top(self) -> None:
+        for key in self.data:
+            if key not in KEYS:
+                self.problem(key, f": unknown key{nearest(key, KEYS)}")
+        if not isinstance(self.data.get("title", ""), str):
+            self.problem("title", f" = {self.data['title']!r}: a text is needed")
+        elif "title" in self.data:
+            self.result.about["title"] = self.data["title"]
+        stop = self.data.get("stop")
+        if isinstance(stop, (int, float)) and not isinstance(stop, bool):
+            self.result.stop = float(stop)
+        elif stop is not None:
+            self.problem("stop", f" = {stop!r}: a time in seconds is needed")
+        if not self.table("components"):
+            self.problems.append(f"{self.where}: there is no component; name some in [components]")
+
+    def component(self, name: str, source: Any) -> None:
+        key = f"components.{name}"
+        if not isinstance(source, str):
+            self.problem(key, f" = {source!r}: the name of a block or the path of an FMU is needed")
+            return
+        is_file = "/" in source or source.endswith(".fmu")
+        try:
+            fmu, interface = self.from_file(source) if is_file else self.from_block(source)
+        except DesatError as error:
+            self.problem(key, f" = {source}: {error}")
+            return
+        if role := self.role(name, source, interface):
+            self.roles[name] = role
+            self.result.components[name] = Component(
+                name, source if is_file else f"resources/{source}.fmu", line=self.line(key),
+                fmu=fmu, interface=interface,
+            )  # fmt: skip
+
+    def from_file(self, source: str) -> tuple[Path, Interface]:
+        path = self.folder / source
+        if not path.exists():
+            raise DesatError(f"no such file in {self.folder}")
+        return path, library.load(path).interface
+
+    def from_block(self, source: str) -> tuple[Path | None, Interface]:
+        if source not in registry.names():
+            raise DesatError(f"no such block{nearest(source, registry.names())}")
+        built = library.FMUS / f"{source}.fmu"
+        return (
+            built if built.exists() else None,
+            of_block(source, registry.block_class(source)),
+        )
+
+    def role(self, name: str, source: str, interface: Interface) -> str:
+        """The role of a component; nothing, and a problem, where its name says another."""
+        key, known = f"components.{name}", usual_sources()
+        by_name = [r for r in known if name == r or name.startswith(f"{r}_")]
+        if not by_name:
+            self.problem(key, f": no role {name}{nearest(name, known)}")
+            return ""
+        role = max(by_name, key=len)
+        if interface.role and interface.role != role:
+            of_role = [n for n in registry.names() if registry.block_class(n).role == role]
+            self.problem(
+                key, f" = {source}: its role is {interface.role}, not {role}"
+                f"{nearest(source, of_role)}",
+            )  # fmt: skip
+            return ""
+        return role
+
+    def wiring(self) -> dict[tuple[str, str], str]:
+        """Component and input -> `component.output`, or nothing where it stays unwired."""
+        entries: dict[tuple[str, str], Any] = {}
+        for name, value in self.table("wiring").items():
+            if isinstance(value, dict):
+                entries |= {(name, i): v for i, v in value.items()}
+            else:
+                component, _, variable = name.partition(".")
+                entries[component, variable] = value
+        result: dict[tuple[str, str], str] = {}
+        components = self.result.components
+        for (name, variable), value in entries.items():
+            key = f"wiring.{name}.{variable}".rstrip(".")
+            if name not in components:
+                self.problem(key, f": no component {name}{nearest(name, components)}")
+            elif variable not in (known := names(components[name], "input")):
+                self.problem(key, f": {name} has no input {variable}{nearest(variable, known)}")
+            elif value is False:
+                result[name, variable] = ""
+            elif isinstance(value, str) and value:
+                result[name, variable] = value
+            else:
+                self.problem(key, f' = {value!r}: "component.output" or false is needed')
+        return result
+
+    def feed(self, target: Component, name: str, wiring: dict[tuple[str, str], str]) -> None:
+        """Connect the elements of one input, as [wiring] or else the role says."""
+        key = f"wiring.{target.name}.{name}"
+        source = wiring.get((target.name, name))
+        if source is None:
+            usual = usual_sources()[self.roles[target.name]].get(name, ())
+            there = (s for s in usual if s.partition(".")[0] in self.result.components)
+            source = next(there, "")
+            key = f"components.{target.name}"
+        if not source:
+            return
+        owner_name, _, output = source.partition(".")
+        owner = self.result.components.get(owner_name)
+        if owner is None:
+            known = self.result.components
+            self.problem(key, f" = {source}: no component {owner_name}{nearest(owner_name, known)}")
+            return
+        outputs, inputs = elements(owner, output, "output"), elements(target, name, "input")
+        if not outputs:
+            hint = nearest(output, names(owner, "output"))
+            text = f"{owner_name} has no output {output}, which {target.name}.{name} would take"
+            self.problem(key, f": {text}{hint}")
+        elif reason := misfit(outputs, inputs):
+            self.problem(key, f": {source} does not fit {target.name}.{name}: {reason}")
+        else:
+            self.result.connections += [
+                Connection(
+                    owner_name, outputs[i].name, target.name, inputs[i].name, line=self.line(key)
+                )
+                for i in inputs
+            ]
+
+    def list_connectors(self, component: Component) -> None:
+        """List what is wired of a component, as an SSD does."""
+        assert component.interface is not None
+        wired = {c.input for c in self.result.connections if c.target == component.name}
+        wired |= {c.output for c in self.result.connections if c.source == component.name}
+        component.connectors = {
+            s.name: Connector(s.name, s.causality, s.kind, line=component.line)
+            for causality in ("input", "output")
+            for s in component.interface.of(causality)
+            if s.name in wired
+        }
+
+    def parameters(self) -> None:
+        """Give the components the values of [shared], then their own."""
+        components, own = self.result.components, self.table("parameters")
+        for name, value in self.table("shared").items():
+            owners = [n for n, c in components.items() if elements(c, name, "parameter")]
+            if not owners:
+                known = {p for c in components.values() for p in names(c, "parameter")}
+                key = f"shared.{name}"
+                self.problem(key, f": no component has a parameter {name}{nearest(name, known)}")
+            for owner in owners:
+                self.assign(components[owner], name, value, f"shared.{name}")
+        for component, values in own.items():
+            key = f"parameters.{component}"
+            if component not in components:
+                self.problem(key, f": no component {component}{nearest(component, components)}")
+            elif not isinstance(values, dict):
+                self.problem(key, f" = {values!r}: a table [{key}] is needed")
+            else:
+                for name, value in values.items():
+                    self.assign(components[component], name, value, f"{key}.{name}")
+
+    def assign(self, component: Component, name: str, value: Any, key: str) -> None:
+        assert component.interface is not None
+        try:
+            where = f"{self.at(key)}: {component.name}"
+            component.parameters.update(expand(component.interface, name, value, where))
+        except DesatError as error:
+            self.problems.append(str(error))
+
+
+def _lines(source: str) -> dict[str, int]:
+    """The line of every `table.key` and `table` of a TOML file, for messages."""
+    lines: dict[str, int] = {}
+    table = ""
+    for number, line in enumerate(source.splitlines(), 1):
+        if header := re.match(r"\s*\[([^\[\]]+)\]", line):
+            table = re.sub(r"[\s\"']", "", header[1])
+            lines.setdefault(table, number)
+        elif key := re.match(r"\s*([\w.\"'-]+)\s*=", line):
+            name = re.sub(r"[\"']", "", key[1])
+            lines.setdefault(f"{table}.{name}" if table else name, number)
+    return lines

@@ -1,0 +1,51 @@
+"""What usually feeds which input, and whether one variable can feed another."""
+
+from __future__ import annotations
+
+from functools import cache
+
+from desat.components import roles
+from desat.components.block import Block
+from desat.components.units import conversion
+
+from .interface import Signal, base_name
+from .model import Component
+
+
+@cache
+def usual_sources() -> dict[str, dict[str, tuple[str, ...]]]:
+    """What usually feeds each input: role -> input -> `role.output`, the best first."""
+    return {
+        c.role: {v.name: v.source for v in c.variables if v.causality == "input"}
+        for c in vars(roles).values()
+        if isinstance(c, type) and issubclass(c, Block) and c.role
+    }
+
+
+def names(component: Component, causality: str) -> dict[str, None]:
+    """The variables of one causality, arrays by their names."""
+    assert component.interface is not None
+    return dict.fromkeys(base_name(s.name) for s in component.interface.of(causality))
+
+
+def elements(component: Component, name: str, causality: str) -> dict[str, Signal]:
+    """The scalars of a variable by what follows its name: nothing, `[1]`, `[3,4]`."""
+    assert component.interface is not None
+    return {
+        s.name.removeprefix(name): s
+        for s in component.interface.elements(name)
+        if s.causality == causality and base_name(s.name) == name
+    }
+
+
+def misfit(outputs: dict[str, Signal], inputs: dict[str, Signal]) -> str:
+    """Why an output cannot feed an input; nothing where it can."""
+    if outputs.keys() != inputs.keys():
+        return f"{len(outputs)} elements, {len(inputs)} are needed"
+    for index, target in inputs.items():
+        source = outputs[index]
+        if source.kind != target.kind:
+            return f"type {source.kind}, {target.kind} is needed"
+        if source.unit and target.unit and conversion(source.unit, target.unit) is None:
+            return f"unit {source.unit_name}, {target.unit_name} is needed"
+    return ""
