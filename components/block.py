@@ -24,7 +24,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, ClassVar, Literal, NoReturn
 
 from .units import UNITS
@@ -73,6 +73,8 @@ class Variable:
     interval: bool = False
     starts_from: tuple[str, ...] = ()
     shared: bool = False
+    needs: tuple[str, ...] = ()
+    needed_by: tuple[str, ...] = ()
 
     @property
     def size(self) -> int:
@@ -142,9 +144,15 @@ def _flatten(value: Any) -> list[Any]:
 
 
 def Input(unit: str, description: str, *, start: Any = None, min: float | None = None,
-          max: float | None = None) -> Any:  # fmt: skip
-    """Declare an input: unit, meaning with frame and sign, value while unconnected."""
-    return _Declaration("input", unit, description, start=start, minimum=min, maximum=max)
+          max: float | None = None, needs: tuple[str, ...] = ()) -> Any:  # fmt: skip
+    """Declare an input: unit, meaning with frame and sign, value while unconnected.
+
+    `needs` names other variables without which it has no effect, as for a parameter; it counts
+    where the input is wired.
+    """
+    return _Declaration(
+        "input", unit, description, start=start, minimum=min, maximum=max, needs=needs
+    )
 
 
 def Output(unit: str, description: str, *, interval: bool = False,
@@ -158,14 +166,17 @@ def Output(unit: str, description: str, *, interval: bool = False,
 
 def Parameter(unit: str, description: str, *, start: Any = None, min: float | None = None,
               max: float | None = None, choices: tuple[str, ...] = (),
-              shape: tuple[int, ...] | None = None, shared: bool = False) -> Any:  # fmt: skip
+              shape: tuple[int, ...] | None = None, shared: bool = False,
+              needs: tuple[str, ...] = ()) -> Any:  # fmt: skip
     """Declare a parameter, fixed once the simulation runs.
 
     `choices` names its integer values; `shared`: all blocks of a system that have a parameter of
-    this name must have the same value.
+    this name must have the same value. `needs` names the block's inputs that must be wired or
+    given, and the outputs that must reach somebody, unless the parameter is off: 0, false, its
+    first choice, or all elements so. `desat check` holds a system to that.
     """
     return _Declaration("parameter", unit, description, start=start, minimum=min, maximum=max,
-                        choices=choices, shape=shape, shared=shared)  # fmt: skip
+                        choices=choices, shape=shape, shared=shared, needs=needs)  # fmt: skip
 
 
 class Access:
@@ -242,7 +253,13 @@ class Block:
                 raise TypeError(f"{cls.__name__}.{name} changes what its role declares")
             found[name] = variable
             delattr(cls, name)
-        cls.variables = tuple(found.values())
+        for name in {n for v in found.values() for n in v.needs}:
+            if name not in found or found[name].causality == "parameter":
+                raise TypeError(f"{cls.__name__}: needs {name!r}, which is no input or output")
+        cls.variables = tuple(
+            replace(v, needed_by=tuple(n for n, w in found.items() if v.name in w.needs))
+            for v in found.values()
+        )
 
     def __init__(self) -> None:
         for variable in self.variables:

@@ -28,8 +28,9 @@ class DumpingManager(Manager, WheelAxes):
         "1", "true: the wheels absorb the dumping torque at once", start=True
     )
     gyroscopic: bool = Parameter(
-        "1", "true: the wheels absorb the gyroscopic torque of their momentum", start=True
-    )
+        "1", "true: the wheels absorb the gyroscopic torque of their momentum", start=True,
+        needs=("omega_bi_body", "h_wheel"),
+    )  # fmt: skip
 
     def start(self) -> None:
         super().start()
@@ -75,7 +76,8 @@ class MagneticManager(DumpingManager):
     """
 
     saturation: bool = Parameter("1", "true: the dipole is limited to m_limit", start=True)
-    m_limit: float = Parameter("A.m2", "largest dipole of each axis", start=20.0, min=0.0)
+    m_limit: float = Parameter("A.m2", "largest dipole of each axis", start=20.0, min=0.0,
+                               needs=("b_body",))  # fmt: skip
 
     @abstractmethod
     def dipole(self, elapsed: float, h: Vec3) -> Vec3 | None:

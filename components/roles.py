@@ -63,10 +63,12 @@ class Spacecraft(Block):
         "N.m.s", "axial momentum of each wheel, absolute; read in initialisation mode only"
     )
     tau_mean_wheel: Vec4 = Input(
-        "N.m", "net torque on each rotor, mean over the step; the body receives the opposite"
-    )
+        "N.m", "net torque on each rotor, mean over the step; the body receives the opposite",
+        needs=("h_wheel",),
+    )  # fmt: skip
     tau_slope_wheel: Vec4 = Input("N.m", "net torque on each rotor, slope over the step")
-    m_mean_body: Vec3 = Input("A.m2", "magnetic dipole of the torquers, body, mean over the step")
+    m_mean_body: Vec3 = Input("A.m2", "magnetic dipole of the torquers, body, mean over the step",
+                              needs=("b_eci",))  # fmt: skip
     m_slope_body: Vec3 = Input("A.m2", "magnetic dipole of the torquers, body, slope")
     tau_mean_thruster_body: Vec3 = Input("N.m", "thruster torque, body, mean over the step")
     tau_slope_thruster_body: Vec3 = Input("N.m", "thruster torque, body, slope over the step")

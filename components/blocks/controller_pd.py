@@ -20,8 +20,10 @@ class ControllerPd(Controller):
     Source: paper 004, eqs. 7-11.
     """
 
-    kp: float = Parameter("N.m", "gain on e; 1/s2 where G is an inertia", start=1e-2, min=0.0)
-    kd: float = Parameter("N.m.s", "gain on delta omega; 1/s where G is", start=0.1, min=0.0)
+    kp: float = Parameter("N.m", "gain on e; 1/s2 where G is an inertia", start=1e-2, min=0.0,
+                          needs=("q_bi", "tau_ctrl_body"))  # fmt: skip
+    kd: float = Parameter("N.m.s", "gain on delta omega; 1/s where G is", start=0.1, min=0.0,
+                          needs=("omega_bi_body", "tau_ctrl_body"))  # fmt: skip
     gain_matrix: Mat33 = Parameter(
         "1", "G, body: the identity, or the inertia matrix in kg.m2 (eq. 11)", start=IDENTITY
     )

@@ -43,11 +43,13 @@ class ManagerCombined(ThrusterManager):
         "division of the torque",
         choices=("dct", "cccp", "crcp", "ocdc", "bounded_quadratic", "bounded_one_norm"),
         start="ocdc",
+        needs=("b_body",),
     )
     saturation: bool = Parameter("1", "true: bounded dipole, eq. 34", start=True)
     g_rate: float = Parameter(
-        "1/s", "sqrt(F/R): closed-loop rate of ilqr and lqr", start=0.0077, min=0.0
-    )
+        "1/s", "sqrt(F/R): closed-loop rate of ilqr and lqr", start=0.0077, min=0.0,
+        needs=("h_wheel",),
+    )  # fmt: skip
     horizon: float = Parameter(
         "s", "final time of lqr and mec after the start", start=600.0, min=1.0
     )

@@ -24,7 +24,8 @@ class ManagerCrossProduct(MagneticManager):
     """
 
     law: int = Parameter("1", "form of the law", choices=("normalised", "ccpl"), start="normalised")
-    gain: float = Parameter("1/s", "gain; for ccpl in 1/(T s)", start=5e-3, min=0.0)
+    gain: float = Parameter("1/s", "gain; for ccpl in 1/(T s)", start=5e-3, min=0.0,
+                            needs=("h_wheel", "m_cmd_body"))  # fmt: skip
     h_deadband: float = Parameter("N.m.s", "no dumping below this momentum", min=0.0)
 
     def dipole(self, elapsed: float, h: Vec3) -> Vec3 | None:

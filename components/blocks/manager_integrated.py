@@ -54,9 +54,12 @@ class ManagerIntegrated(Manager, WheelAxes):
     """
 
     magnetic_share: float = Parameter(
-        "1", "k: share of the control torque that the coils give", start=0.25, min=0.0, max=1.0
+        "1", "k: share of the control torque that the coils give", start=0.25, min=0.0, max=1.0,
+        needs=("b_body", "m_cmd_body"),
+    )  # fmt: skip
+    gain: float = Parameter(
+        "1/s", "k_DES of eq. 19", start=0.05, min=0.0, needs=("h_wheel", "b_body")
     )
-    gain: float = Parameter("1/s", "k_DES of eq. 19", start=0.05, min=0.0)
     torque_limit: float = Parameter(
         "N.m", "largest t_DES; the coils see k of it; 0: no limit", start=1.2e-5, min=0.0
     )
@@ -76,11 +79,13 @@ class ManagerIntegrated(Manager, WheelAxes):
         "1", "share of h_limit below which all wheels end it", start=0.6, min=0.0
     )
     gain_emergency: float = Parameter("1/s", "k_DES in the emergency", start=0.05, min=0.0)
-    velocity_dumping: bool = Parameter("1", "true: velocity dumping above the rates below")
+    velocity_dumping: bool = Parameter("1", "true: velocity dumping above the rates below",
+                                       needs=("omega_bi_body",))  # fmt: skip
     gain_rate: float = Parameter("N.m.s", "k_DMP of eq. 24", start=2e-3, min=0.0)
     rate_on: float = Parameter("rad/s", "velocity dumping begins from this rate on", min=0.0)
     rate_off: float = Parameter("rad/s", "and ends below this one", min=0.0)
-    null_gain: float = Parameter("1/s", "rate at which null-space momentum decays", min=0.0)
+    null_gain: float = Parameter("1/s", "rate at which null-space momentum decays", min=0.0,
+                                 needs=("h_wheel",))  # fmt: skip
     null_torque_limit: float = Parameter(
         "N.m", "largest torque of a wheel along the null space", start=1e-5, min=0.0
     )

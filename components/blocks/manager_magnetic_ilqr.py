@@ -24,7 +24,8 @@ class ManagerMagneticIlqr(MagneticManager):
     Source: Chen & Steyn (paper 000), eqs. 10-11 and section III.A.
     """
 
-    momentum_weight: Vec3 = Parameter("1/(T2.s2)", "diagonal of F", start=3000.0, min=0.0)
+    momentum_weight: Vec3 = Parameter("1/(T2.s2)", "diagonal of F", start=3000.0, min=0.0,
+                                      needs=("h_wheel", "omega_bi_body"))  # fmt: skip
     dipole_weight: Vec3 = Parameter("1", "diagonal of R", start=1.0, min=1e-9)
     n_con_body: Vec3 = Parameter("N.m", "known constant torque of an off-nadir attitude, body")
 

@@ -51,7 +51,7 @@ class ManagerRecedingHorizon(ThrusterManager, EarthField):
     )
     horizon: float = Parameter(
         "s", "when the momentum shall be h_target_body, after the start; to the nearest sample",
-        start=600.0, min=1.0,
+        start=600.0, min=1.0, needs=("r_eci", "v_eci", "h_wheel", "b_body"),
     )  # fmt: skip
     tau_level: Vec3 = Parameter("N.m", "torque of each axis while it fires", start=0.04, min=1e-9)
     thruster_duty: float = Parameter(
