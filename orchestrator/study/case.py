@@ -28,6 +28,7 @@ from ..system.errors import DesatError, nearest
 from ..system.interface import base_name
 from ..system.model import System
 from ..system.parameters import expand, parse_assignment
+from ..system.replace import drop_unwanted
 from .measures import evaluate, relative
 
 MANIFEST = "manifest.json"
@@ -115,6 +116,7 @@ def _replace(system: System, text: str, blocks: bool) -> tuple[str, str]:
     old, component.interface = component.interface, None
     if problem := library.load_interface(system, component, blocks):
         return problem, ""
+    drop_unwanted(system, component)
     assert component.interface is not None
     new, given = component.interface.signals, component.parameters
 

@@ -37,7 +37,7 @@ class Checked:
 
 def check(system: System, problems: list[str]) -> Checked:
     """Check a system; `problems` is what reading it and loading its interfaces found."""
-    found = Checked(problems=list(dict.fromkeys(problems)))
+    found = Checked(list(dict.fromkeys(problems)), list(system.warnings))
     for component in system.components.values():
         if component.interface is not None:
             found.problems += _connectors(system, component, component.interface)
