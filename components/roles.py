@@ -180,7 +180,8 @@ class Guidance(Sampled):
 
 
 class Controller(Sampled):
-    """Says which torque the body needs to follow its reference."""
+    """Says which torque the body needs to follow its reference; none while a measurement is not
+    valid."""
 
     role = "controller"
 
@@ -189,11 +190,14 @@ class Controller(Sampled):
     q_ref_bi: Vec4 = Input("1", "reference attitude: body from eci, scalar last", start=UPRIGHT)
     omega_ref_body: Vec3 = Input("rad/s", "rate of the reference frame, in the reference frame")
     enable: bool = Input("1", "false: no torque, integral at zero", start=True)
+    valid_q: bool = Input("1", "false: q_bi is not used", start=True)
+    valid_omega: bool = Input("1", "false: omega_bi_body is not used", start=True)
     tau_ctrl_body: Vec3 = Output("N.m", "torque wanted on the body, body", interval=True)
 
 
 class Manager(Sampled):
-    """Decides how the wheels' momentum is dumped, and by which actuator."""
+    """Decides how the wheels' momentum is dumped, and by which actuator; a measurement that is not
+    valid is not used."""
 
     role = "manager"
 
@@ -208,6 +212,10 @@ class Manager(Sampled):
     omega_ref_body: Vec3 = Input("rad/s", "rate of the reference frame, in the reference frame")
     h_target_body: Vec3 = Input("N.m.s", "wanted sum of the wheels' momentum (a bias), body")
     enable: bool = Input("1", "false: no dumping", start=True)
+    valid_b: bool = Input("1", "false: b_body is not used, no dipole", start=True)
+    valid_q: bool = Input("1", "false: q_bi is not used", start=True)
+    valid_omega: bool = Input("1", "false: omega_bi_body is not used", start=True)
+    valid_h: bool = Input("1", "false: h_wheel is not used, no dumping", start=True)
 
     tau_cmd_wheel: Vec4 = Output("N.m", "torque command to each rotor", interval=True)
     m_cmd_body: Vec3 = Output("A.m2", "dipole command, body", interval=True)

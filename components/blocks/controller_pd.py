@@ -13,9 +13,10 @@ class ControllerPd(Controller):
         delta omega = omega_bi_body - C(dq) omega_ref_body                          (eq. 8)
         tau_ctrl_body = -G (kp e + kd delta omega)                                  (eqs. 10, 11)
 
-    at each sample, held in between, each axis within +-`torque_limit`; `controller_pid` without
-    its integral. e is half the angle for small errors. Eq. 8 subtracts the rates without saying
-    in which frame; here the reference rate is brought into the body frame.
+    at each sample, held in between, each axis within +-`torque_limit`; `controller_pid` without its
+    integral. No torque at a sample whose attitude or rate is not valid. e is half the angle for
+    small errors. Eq. 8 subtracts the rates without saying in which frame; here the reference rate
+    is brought into the body frame.
 
     Source: paper 004, eqs. 7-11.
     """
@@ -37,6 +38,9 @@ class ControllerPd(Controller):
         if not self.due(t):
             return
         if not self.enable:
+            self.tau_ctrl_body = ZERO
+            return
+        if not (self.valid_q and self.valid_omega):
             self.tau_ctrl_body = ZERO
             return
         e, d_omega = tracking_error(

@@ -19,7 +19,8 @@ class ControllerPid(Controller):
     saying in which frame; here the reference rate is brought into the body frame.
 
     With `anti_windup` the integral does not grow at a sample whose torque the limit cuts. While
-    disabled it is zero.
+    disabled it is zero. At a sample whose attitude or rate is not valid there is no torque, and the
+    integral stays.
 
     The paper's tuning with G the inertia is kp >= beta, kd >= 3 beta, ki <= beta / 500 (eq. 12),
     beta 1e-3 to 1e-2; at equality the phase margin is 3 to 22 deg. The defaults, beta = 1e-2 and
@@ -51,6 +52,9 @@ class ControllerPid(Controller):
             return
         if not self.enable:
             self._xi = self.tau_ctrl_body = ZERO
+            return
+        if not (self.valid_q and self.valid_omega):
+            self.tau_ctrl_body = ZERO
             return
         e, d_omega = tracking_error(
             self.q_bi, self.omega_bi_body, self.q_ref_bi, self.omega_ref_body

@@ -23,7 +23,7 @@ class ManagerMagnetic(MagneticManager):
       end (eq. 12), in open loop: the momentum is not used.
 
     Tables and costate belong to one orbit, attitude and start; `desat design` computes them.
-    Limit and wheels as in `manager_cross_product`.
+    Limit, wheels and measurements that are not valid as in `manager_cross_product`.
 
     Source: Chen & Steyn (paper 000), eqs. 10-14.
     """

@@ -37,11 +37,12 @@ class ManagerRecedingHorizon(ThrusterManager, EarthField):
     fire early or late fires late, when more is known. The `reserve` is for what was not foreseen:
     where no plan keeps it in all samples it is used, at first in this one only.
 
-    Where there is no plan (the momentum is more than can be dumped in time) the torque
-    N = -g_rate h, or -h over the time left where that is more, is shared out by the bounded 1-norm
-    blend of `manager_combined`, its thrusters within thruster_duty tau_level, with `mode` 3
-    instead of 2. From `horizon` on `mode` is 0: no dumping. The wheels are commanded as by
-    `manager_combined`.
+    Where there is no plan (the momentum is more than can be dumped in time) the torque N = -g_rate
+    h, or -h over the time left where that is more, is shared out by the bounded 1-norm blend of
+    `manager_combined`, its thrusters within thruster_duty tau_level, with `mode` 3 instead of 2; so
+    it is at a sample whose field is not valid, there by thrusters alone. Where the momentum is not
+    valid nothing is dumped. From `horizon` on `mode` is 0: no dumping. The wheels are commanded as
+    by `manager_combined`.
 
     Needs numpy and scipy in its host.
     """
@@ -89,6 +90,8 @@ class ManagerRecedingHorizon(ThrusterManager, EarthField):
         if samples < 1:
             self.mode = IDLE
             return ZERO, (ZERO, ZERO)
+        if not self.valid_b:
+            return self._fallback(h, self.sample_time * samples)
         q_bi, fields = self._predicted(t, samples)
         step = self._planned(h, q_bi, fields)
         if step is None:
@@ -128,11 +131,12 @@ class ManagerRecedingHorizon(ThrusterManager, EarthField):
         """The blend in place of a plan, with `left` (s) until the horizon."""
         self.mode = FALLBACK
         rate = max(self.g_rate, 1.0 / left)
-        n = dumping.ilqr(h, self.omega_bi_body, rate, self.n_con_body)
-        m, (x, y, z) = blending.bounded_one_norm(n, self.b_body, self.limits())
+        n = dumping.ilqr(h, self.rate(), rate, self.n_con_body)
+        field = self.b_body if self.valid_b else ZERO
+        m, (x, y, z) = blending.bounded_one_norm(n, field, self.limits())
         a, b, c = scale(self.thruster_duty, self.tau_level)
         n_t = (min(max(x, -a), a), min(max(y, -b), b), min(max(z, -c), c))
-        return add(cross(m, self.b_body), n_t), (m, n_t)
+        return add(cross(m, field), n_t), (m, n_t)
 
     def _rounded(self, on_time: float) -> float:
         count = int(abs(on_time) / self.least_pulse + 0.5)
