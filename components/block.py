@@ -156,12 +156,15 @@ def Input(unit: str, description: str, *, start: Any = None, min: float | None =
 
 
 def Output(unit: str, description: str, *, interval: bool = False,
-           starts_from: tuple[str, ...] = ()) -> Any:  # fmt: skip
+           starts_from: tuple[str, ...] = (), choices: tuple[str, ...] = ()) -> Any:  # fmt: skip
     """Declare an output: *state* (set in `output`) or *interval* (set in `advance`).
 
-    `starts_from` names the inputs that its value in initialisation mode depends on.
+    `starts_from` names the inputs that its value in initialisation mode depends on. `choices` names
+    its integer values, `-` for one that it never has; where a role declares the output, each block
+    declares it again with its own.
     """
-    return _Declaration("output", unit, description, interval=interval, starts_from=starts_from)
+    return _Declaration("output", unit, description, interval=interval, starts_from=starts_from,
+                        choices=choices)  # fmt: skip
 
 
 def Parameter(unit: str, description: str, *, start: Any = None, min: float | None = None,

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 
-from .block import Parameter, Vec3, Vec4
+from .block import Output, Parameter, Vec3, Vec4
 from .laws.blending import Split
 from .roles import Manager, WheelAxes
 from .vector import ZERO, clip, cross, sub
@@ -35,6 +35,10 @@ class DumpingManager(Manager, WheelAxes):
     gyroscopic: bool = Parameter(
         "1", "true: the wheels absorb the gyroscopic torque of their momentum", start=True,
         needs=("omega_bi_body", "h_wheel"),
+    )  # fmt: skip
+    mode: int = Output(
+        "1", "what the manager does", interval=True,
+        choices=("idle", "dumping"),
     )  # fmt: skip
 
     def start(self) -> None:

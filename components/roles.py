@@ -220,12 +220,7 @@ class Manager(Sampled):
     tau_cmd_wheel: Vec4 = Output("N.m", "torque command to each rotor", interval=True)
     m_cmd_body: Vec3 = Output("A.m2", "dipole command, body", interval=True)
     tau_cmd_thruster_body: Vec3 = Output("N.m", "thruster torque command, body", interval=True)
-    mode: int = Output(
-        "1",
-        "what the manager does: 0 idle, 1 dumping, 2 receding horizon, 3 fallback, "
-        "4 emergency, 5 velocity dumping",
-        interval=True,
-    )
+    mode: int = Output("1", "what the manager does; its values are each block's", interval=True)
 
 
 class Torquers(Sampled):

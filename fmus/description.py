@@ -131,7 +131,9 @@ def describe(v: Variable) -> str:
     """The description, with the names of a mode's values."""
     if not v.choices:
         return v.description
-    return f"{v.description}: " + ", ".join(f"{i} = {name}" for i, name in enumerate(v.choices))
+    return f"{v.description}: " + ", ".join(
+        f"{i} = {name}" for i, name in enumerate(v.choices) if name != "-"
+    )
 
 
 def _unit_definitions(root: Any, block: type[Block]) -> None:

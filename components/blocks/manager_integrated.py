@@ -98,6 +98,10 @@ class ManagerIntegrated(Manager, WheelAxes):
     h_null: float = Parameter(
         "N.m.s", "wanted momentum along the null space: of the wheel whose element of n is 1"
     )
+    mode: int = Output(
+        "1", "what the manager does", interval=True,
+        choices=("idle", "dumping", "-", "-", "emergency", "velocity_dumping"),
+    )  # fmt: skip
     tau_des_body: Vec3 = Output("N.m", "t_DES, body: for the report", interval=True)
 
     def start(self) -> None:

@@ -3,7 +3,7 @@ from __future__ import annotations
 from math import copysign
 
 from ..attitude import normalised, product, rotate
-from ..block import Parameter, Vec3, Vec4
+from ..block import Output, Parameter, Vec3, Vec4
 from ..dumping_manager import FALLBACK, IDLE, RECEDING_HORIZON, ThrusterManager
 from ..earth_field import EarthField
 from ..laws import blending, dumping, receding_horizon
@@ -77,6 +77,10 @@ class ManagerRecedingHorizon(ThrusterManager, EarthField):
     b_x: float = Parameter("T", "orbit_dipole: amplitude along the velocity", start=23e-6)
     b_y: float = Parameter("T", "orbit_dipole: constant part, minus orbit normal", start=2.4e-6)
     b_z: float = Parameter("T", "orbit_dipole: amplitude to nadir", start=46e-6)
+    mode: int = Output(
+        "1", "what the manager does", interval=True,
+        choices=("idle", "-", "receding_horizon", "fallback"),
+    )  # fmt: skip
 
     def start(self) -> None:
         super().start()

@@ -272,6 +272,11 @@ def describe(system: System, options: Options, target: str) -> dict[str, Any]:
             for c in system.components.values() if c.fmu is not None and not options.blocks
         },
         **{a.KEY: a.applies(system) for a in analyses()},
+        "choices": {
+            f"{c.name}.{s.name}": s.choices
+            for c in system.components.values() if c.interface is not None
+            for s in c.interface.of("output") if s.choices
+        },
         "parameters": parameters(system),
     }  # fmt: skip
 
