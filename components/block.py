@@ -24,7 +24,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, ClassVar, Literal, NoReturn
 
 from .units import UNITS
@@ -74,6 +74,8 @@ class Variable:
     starts_from: tuple[str, ...] = ()
     shared: bool = False
     source: tuple[str, ...] = ()
+    needs: tuple[str, ...] = ()
+    needed_by: tuple[str, ...] = ()
 
     @property
     def size(self) -> int:
@@ -143,35 +145,44 @@ def _flatten(value: Any) -> list[Any]:
 
 
 def Input(unit: str, description: str, *, start: Any = None, min: float | None = None,
-          max: float | None = None, source: str | tuple[str, ...] = ()) -> Any:  # fmt: skip
+          max: float | None = None, needs: tuple[str, ...] = (),
+          source: str | tuple[str, ...] = ()) -> Any:  # fmt: skip
     """Declare an input: unit, meaning with frame and sign, value while unconnected.
 
-    `source` names the outputs (`role.output`) that usually feed it, the best first.
+    `source` names the outputs (`role.output`) that usually feed it, the best first. `needs` names
+    other variables without which it has no effect, as for a parameter; it counts where the input
+    is wired.
     """
     usual = (source,) if isinstance(source, str) else source
     return _Declaration("input", unit, description, start=start, minimum=min, maximum=max,
-                        source=usual)  # fmt: skip
+                        needs=needs, source=usual)  # fmt: skip
 
 
 def Output(unit: str, description: str, *, interval: bool = False,
-           starts_from: tuple[str, ...] = ()) -> Any:  # fmt: skip
+           starts_from: tuple[str, ...] = (), choices: tuple[str, ...] = ()) -> Any:  # fmt: skip
     """Declare an output: *state* (set in `output`) or *interval* (set in `advance`).
 
-    `starts_from` names the inputs that its value in initialisation mode depends on.
+    `starts_from` names the inputs that its value in initialisation mode depends on. `choices` names
+    its integer values, `-` for one that it never has; where a role declares the output, each block
+    declares it again with its own.
     """
-    return _Declaration("output", unit, description, interval=interval, starts_from=starts_from)
+    return _Declaration("output", unit, description, interval=interval, starts_from=starts_from,
+                        choices=choices)  # fmt: skip
 
 
 def Parameter(unit: str, description: str, *, start: Any = None, min: float | None = None,
               max: float | None = None, choices: tuple[str, ...] = (),
-              shape: tuple[int, ...] | None = None, shared: bool = False) -> Any:  # fmt: skip
+              shape: tuple[int, ...] | None = None, shared: bool = False,
+              needs: tuple[str, ...] = ()) -> Any:  # fmt: skip
     """Declare a parameter, fixed once the simulation runs.
 
     `choices` names its integer values; `shared`: all blocks of a system that have a parameter of
-    this name must have the same value.
+    this name must have the same value. `needs` names the block's inputs that must be wired or
+    given, and the outputs that must reach somebody, unless the parameter is off: 0, false, its
+    first choice, or all elements so. `desat check` holds a system to that.
     """
     return _Declaration("parameter", unit, description, start=start, minimum=min, maximum=max,
-                        choices=choices, shape=shape, shared=shared)  # fmt: skip
+                        choices=choices, shape=shape, shared=shared, needs=needs)  # fmt: skip
 
 
 class Access:
@@ -248,7 +259,13 @@ class Block:
                 raise TypeError(f"{cls.__name__}.{name} changes what its role declares")
             found[name] = variable
             delattr(cls, name)
-        cls.variables = tuple(found.values())
+        for name in {n for v in found.values() for n in v.needs}:
+            if name not in found or found[name].causality == "parameter":
+                raise TypeError(f"{cls.__name__}: needs {name!r}, which is no input or output")
+        cls.variables = tuple(
+            replace(v, needed_by=tuple(n for n, w in found.items() if v.name in w.needs))
+            for v in found.values()
+        )
 
     def __init__(self) -> None:
         for variable in self.variables:

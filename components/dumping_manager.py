@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 
-from .block import Parameter, Vec3
+from .block import Output, Parameter, Vec3, Vec4
 from .laws.blending import Split
 from .roles import Manager, WheelAxes
 from .vector import ZERO, clip, cross, sub
@@ -13,6 +13,7 @@ from .wheel_array import body_momentum, pseudo_inverse, wheel_torque
 
 IDLE, DUMPING, RECEDING_HORIZON, FALLBACK = range(4)
 NO_AXIS = 0
+NO_MOMENTUM: Vec4 = (0.0, 0.0, 0.0, 0.0)
 
 
 class DumpingManager(Manager, WheelAxes):
@@ -22,14 +23,23 @@ class DumpingManager(Manager, WheelAxes):
     `feedforward`, the dumping torque and, with `gyroscopic`, omega x h:
 
         tau_cmd_wheel = A^+ (N - tau_ctrl_body - omega x A h)        (paper 004, eq. 16)
+
+    A measurement that is not valid is not used: at a sample without `valid_h` nothing is dumped;
+    omega x h is left out while `valid_h` or `valid_omega` is false, and a law takes `rate`, which
+    is zero then. Without `valid_b` there is no dipole; that is the blocks' part.
     """
 
     feedforward: bool = Parameter(
         "1", "true: the wheels absorb the dumping torque at once", start=True
     )
     gyroscopic: bool = Parameter(
-        "1", "true: the wheels absorb the gyroscopic torque of their momentum", start=True
-    )
+        "1", "true: the wheels absorb the gyroscopic torque of their momentum", start=True,
+        needs=("omega_bi_body", "h_wheel"),
+    )  # fmt: skip
+    mode: int = Output(
+        "1", "what the manager does", interval=True,
+        choices=("idle", "dumping"),
+    )  # fmt: skip
 
     def start(self) -> None:
         super().start()
@@ -43,13 +53,13 @@ class DumpingManager(Manager, WheelAxes):
     def dump(self, t: float, elapsed: float, h: Vec3) -> tuple[Vec3, Split]:
         """The dumping torque N (N m) and its split, body, at the sample at t (s); sets `mode`.
 
-        `elapsed` (s) counts from the first sample with `enable`; h (N m s, body) is the wheels'
-        momentum less its target.
+        `elapsed` (s) counts from the first sample with `enable` and `valid_h`; h (N m s, body) is
+        the wheels' momentum less its target.
         """
 
     def advance(self, t: float, dt: float) -> None:
         if self.due(t):
-            if self.enable:
+            if self.enable and self.valid_h:
                 if self._started is None:
                     self._started = t
                 h = sub(body_momentum(self.axes_wheel, self.h_wheel), self.h_target_body)
@@ -63,19 +73,25 @@ class DumpingManager(Manager, WheelAxes):
             self.axes_wheel,
             self._n if self.feedforward else ZERO,
             self.tau_ctrl_body,
-            self.omega_bi_body if self.gyroscopic else ZERO,
-            self.h_wheel,
+            self.rate() if self.gyroscopic else ZERO,
+            self.h_wheel if self.valid_h else NO_MOMENTUM,
         )
+
+    def rate(self) -> Vec3:
+        """The measured rate (rad/s, body); zero while it is not valid."""
+        return self.omega_bi_body if self.valid_omega else ZERO
 
 
 class MagneticManager(DumpingManager):
     """Base of managers that dump by magnetic torquers alone: a block adds `dipole`.
 
-    N = M x B; with `saturation` each component of M stays within `m_limit`.
+    N = M x B; with `saturation` each component of M stays within `m_limit`. No dipole at a sample
+    whose field or momentum is not valid.
     """
 
     saturation: bool = Parameter("1", "true: the dipole is limited to m_limit", start=True)
-    m_limit: float = Parameter("A.m2", "largest dipole of each axis", start=20.0, min=0.0)
+    m_limit: float = Parameter("A.m2", "largest dipole of each axis", start=20.0, min=0.0,
+                               needs=("b_body",))  # fmt: skip
 
     @abstractmethod
     def dipole(self, elapsed: float, h: Vec3) -> Vec3 | None:
@@ -83,6 +99,9 @@ class MagneticManager(DumpingManager):
         `dump`."""
 
     def dump(self, t: float, elapsed: float, h: Vec3) -> tuple[Vec3, Split]:
+        if not self.valid_b:
+            self.mode = IDLE
+            return ZERO, (ZERO, ZERO)
         m = self.dipole(elapsed, h)
         self.mode = IDLE if m is None else DUMPING
         m = ZERO if m is None else m

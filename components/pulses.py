@@ -34,8 +34,9 @@ class PulsedThrusters(Thrusters):
     specific_impulse: float = Parameter("s", "specific impulse", start=68.0, min=1.0)
     schedule_start: Table = Parameter("s", "scheduled firings: when each begins", shape=(ENTRIES,))
     schedule_duration: Table = Parameter(
-        "s", "scheduled firings: how long; 0: none", shape=(ENTRIES,), min=0.0
-    )
+        "s", "scheduled firings: how long; 0: none", shape=(ENTRIES,), min=0.0,
+        needs=("tau_mean_thruster_body", "tau_slope_thruster_body"),
+    )  # fmt: skip
     schedule_tau_body: Table = Parameter(
         "N.m", "scheduled firings: torque of each on the body, body", shape=(ENTRIES, 3)
     )

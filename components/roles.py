@@ -72,6 +72,7 @@ class Spacecraft(Block):
         "N.m",
         "net torque on each rotor, mean over the step; the body receives the opposite",
         source="wheels.tau_mean_wheel",
+        needs=("h_wheel",),
     )
     tau_slope_wheel: Vec4 = Input(
         "N.m", "net torque on each rotor, slope over the step", source="wheels.tau_slope_wheel"
@@ -80,6 +81,7 @@ class Spacecraft(Block):
         "A.m2",
         "magnetic dipole of the torquers, body, mean over the step",
         source="torquers.m_mean_body",
+        needs=("b_eci",),
     )
     m_slope_body: Vec3 = Input(
         "A.m2", "magnetic dipole of the torquers, body, slope", source="torquers.m_slope_body"
@@ -220,7 +222,8 @@ class Guidance(Sampled):
 
 
 class Controller(Sampled):
-    """Says which torque the body needs to follow its reference."""
+    """Says which torque the body needs to follow its reference; none while a measurement is not
+    valid."""
 
     role = "controller"
 
@@ -247,11 +250,16 @@ class Controller(Sampled):
         source="guidance.omega_ref_body",
     )
     enable: bool = Input("1", "false: no torque, integral at zero", start=True)
+    valid_q: bool = Input("1", "false: q_bi is not used", start=True, source="determination.valid")
+    valid_omega: bool = Input(
+        "1", "false: omega_bi_body is not used", start=True, source="gyro.valid"
+    )
     tau_ctrl_body: Vec3 = Output("N.m", "torque wanted on the body, body", interval=True)
 
 
 class Manager(Sampled):
-    """Decides how the wheels' momentum is dumped, and by which actuator."""
+    """Decides how the wheels' momentum is dumped, and by which actuator; a measurement that is not
+    valid is not used."""
 
     role = "manager"
 
@@ -290,16 +298,21 @@ class Manager(Sampled):
     )
     h_target_body: Vec3 = Input("N.m.s", "wanted sum of the wheels' momentum (a bias), body")
     enable: bool = Input("1", "false: no dumping", start=True)
+    valid_b: bool = Input(
+        "1", "false: b_body is not used, no dipole", start=True, source="magnetometer.valid"
+    )
+    valid_q: bool = Input("1", "false: q_bi is not used", start=True, source="determination.valid")
+    valid_omega: bool = Input(
+        "1", "false: omega_bi_body is not used", start=True, source="gyro.valid"
+    )
+    valid_h: bool = Input(
+        "1", "false: h_wheel is not used, no dumping", start=True, source="tachometers.valid"
+    )
 
     tau_cmd_wheel: Vec4 = Output("N.m", "torque command to each rotor", interval=True)
     m_cmd_body: Vec3 = Output("A.m2", "dipole command, body", interval=True)
     tau_cmd_thruster_body: Vec3 = Output("N.m", "thruster torque command, body", interval=True)
-    mode: int = Output(
-        "1",
-        "what the manager does: 0 idle, 1 dumping, 2 receding horizon, 3 fallback, "
-        "4 emergency, 5 velocity dumping",
-        interval=True,
-    )
+    mode: int = Output("1", "what the manager does; its values are each block's", interval=True)
 
 
 class Torquers(Sampled):

@@ -15,7 +15,8 @@ from desat.components.units import UNITS
 
 BASE_UNIT_EXPONENTS = ("kg", "m", "s", "A", "K", "rad")
 TOOL = "desat"
-"""Name of our annotations: a block's role, the names of a mode's values, shared parameters."""
+"""Name of our annotations: a block's role, the names of a mode's values, shared parameters, and
+which parameters (or inputs) have no effect without an input or output."""
 
 
 def title(block: type[Block]) -> str:
@@ -115,20 +116,24 @@ def _scalar_variable(parent: Any, v: Variable, name: str, reference: int, start:
             value.set(key, repr(bound))
     if v.causality != "output":
         value.set("start", str(start).lower() if v.type == "Boolean" else repr(start))
-    if v.choices or v.shared:
+    if v.choices or v.shared or v.needed_by:
         tool = etree.SubElement(etree.SubElement(element, "Annotations"), "Tool", name=TOOL)
-        note = etree.SubElement(tool, "Parameter")
+        note = etree.SubElement(tool, "Variable")
         if v.choices:
             note.set("choices", " ".join(v.choices))
         if v.shared:
             note.set("shared", "true")
+        if v.needed_by:
+            note.set("neededBy", " ".join(v.needed_by))
 
 
 def describe(v: Variable) -> str:
     """The description, with the names of a mode's values."""
     if not v.choices:
         return v.description
-    return f"{v.description}: " + ", ".join(f"{i} = {name}" for i, name in enumerate(v.choices))
+    return f"{v.description}: " + ", ".join(
+        f"{i} = {name}" for i, name in enumerate(v.choices) if name != "-"
+    )
 
 
 def _unit_definitions(root: Any, block: type[Block]) -> None:

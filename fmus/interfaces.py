@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 from desat.components import roles
@@ -34,10 +35,15 @@ def text() -> str:
         for name in names():
             block = block_class(name)
             if issubclass(block, role):
-                own = [v for v in block.variables if v not in role.variables]
+                own = [v for v in block.variables if not _as_in(role, v)]
                 lines += ["", f"### `{name}`", "", f"{title(block)}.", ""]
                 lines += _table(own)
     return "\n".join(lines) + "\n"
+
+
+def _as_in(role: type[Block], variable: Variable) -> bool:
+    """True where the role declares the variable alike; what needs it is each block's own."""
+    return any(replace(variable, needed_by=v.needed_by) == v for v in role.variables)
 
 
 def _table(variables: list[Variable]) -> list[str]:
@@ -51,7 +57,8 @@ def _table(variables: list[Variable]) -> list[str]:
         size = "×".join(map(str, v.shape))
         name = f"`{v.name}`" + (f" [{size}]" if size else "")
         start = "" if v.causality == "output" else start_text(v)
-        rows.append(f"| {name} | {kind} | {v.unit} | {start} | {describe(v)} |")
+        needs = "; needs " + ", ".join(f"`{n}`" for n in v.needs) if v.needs else ""
+        rows.append(f"| {name} | {kind} | {v.unit} | {start} | {describe(v)}{needs} |")
     return rows
 
 

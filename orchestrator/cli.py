@@ -6,7 +6,7 @@ import json
 import os
 import sys
 import traceback
-from dataclasses import replace
+from dataclasses import asdict, replace
 from enum import StrEnum
 from pathlib import Path
 from typing import Annotated, Any
@@ -296,6 +296,7 @@ def check(
             {
                 "problems": checked.problems,
                 "warnings": checked.warnings,
+                "unwired": {name: asdict(ends) for name, ends in checked.unwired.items()},
                 "order": schedule.order if schedule else [],
                 "connections": [{"connection": k, "timing": v} for k, v in timing.items()],
             }
@@ -305,6 +306,8 @@ def check(
             err.print(problem, highlight=False, markup=False)
         for warning in checked.warnings:
             err.print(f"warning: {warning}", highlight=False, markup=False)
+        for note in checked.notes:
+            err.print(f"note: {note}", highlight=False, markup=False)
         if schedule is not None:
             out.print("steps in this order: " + ", ".join(schedule.order), highlight=False)
             table = Table("connection", "moves", box=None, header_style="bold", pad_edge=False)

@@ -224,3 +224,97 @@ def test_declarations_are_refused():
 
         class Derived(Base):
             x: float = Parameter("m", "x")
+
+
+NAN = math.nan
+MANAGERS = [n for n in BLOCKS if n.startswith("manager_") and n != "manager_test_signal"]
+CONTROLLERS = [n for n in BLOCKS if n.startswith("controller_")]
+
+
+def at_work(name: str) -> Block:
+    """A manager or controller in the middle of something, sampled at every step of 10 s."""
+    block = fresh(name)
+    if hasattr(block, "gain_table"):
+        block.gain_table = (9e5, 0.0, 0.0, 9e5, 0.0, 9e5) * 64
+    for input, value in (
+        ("b_body", (2e-5, -3e-5, 1e-5)),
+        ("h_wheel", (0.1, -0.08, 0.05, 0.0)),
+        ("omega_bi_body", (1e-3, -2e-3, 5e-4)),
+        ("tau_ctrl_body", (1e-4, 2e-4, -3e-4)),
+        ("q_bi", (0.1, 0.2, -0.1, math.sqrt(0.94))),
+    ):
+        if hasattr(block, input):
+            setattr(block, input, value)
+    block.sample_time = 10.0
+    begin(block)
+    for k in range(3):
+        block.advance(10.0 * k, 10.0)
+    return block
+
+
+def all_finite(block: Block) -> bool:
+    values = [getattr(block, v.name) for v in block.variables if v.causality == "output"]
+    return all(math.isfinite(x) for v in values for x in (v if isinstance(v, tuple) else (v,)))
+
+
+@pytest.mark.parametrize("name", MANAGERS)
+def test_a_field_that_is_not_valid_makes_no_dipole(name):
+    block = at_work(name)
+    assert any(block.m_cmd_body)
+    block.valid_b, block.b_body = False, (NAN,) * 3
+    block.advance(30.0, 10.0)
+    assert not any(block.m_cmd_body)
+    assert all_finite(block)
+    block.valid_b, block.b_body = True, (2e-5, -3e-5, 1e-5)
+    block.advance(40.0, 10.0)
+    assert any(block.m_cmd_body)
+
+
+@pytest.mark.parametrize("name", MANAGERS)
+def test_a_momentum_that_is_not_valid_is_not_dumped(name):
+    """What is left is what the manager does where it is not enabled (or the coils' share)."""
+    block, idle = at_work(name), at_work(name)
+    block.valid_h, block.h_wheel = False, (NAN,) * 4
+    block.advance(30.0, 10.0)
+    assert all_finite(block)
+    assert not any(block.tau_cmd_thruster_body)
+    if name == "manager_integrated":
+        assert not any(block.tau_des_body)
+    else:
+        assert not any(block.m_cmd_body)
+        idle.enable, idle.h_wheel = False, (0.0,) * 4
+        idle.advance(30.0, 10.0)
+        assert block.tau_cmd_wheel == idle.tau_cmd_wheel
+        assert block.mode == idle.mode == 0
+
+
+@pytest.mark.parametrize("name", MANAGERS)
+def test_a_rate_that_is_not_valid_is_not_used(name):
+    block, still = at_work(name), at_work(name)
+    block.valid_omega, block.omega_bi_body = False, (NAN,) * 3
+    block.advance(30.0, 10.0)
+    assert all_finite(block)
+    assert any(block.tau_cmd_wheel)
+    if name != "manager_magnetic_ilqr":  # without a rate it has no law
+        still.omega_bi_body = (0.0, 0.0, 0.0)
+        still.advance(30.0, 10.0)
+        assert outputs(block) == outputs(still)
+
+
+@pytest.mark.parametrize("name", CONTROLLERS)
+@pytest.mark.parametrize(("flag", "input"), [("valid_q", "q_bi"), ("valid_omega", "omega_bi_body")])
+def test_a_controller_rests_while_a_measurement_is_not_valid(name, flag, input):
+    block = at_work(name)
+    torque, integral = block.tau_ctrl_body, getattr(block, "_xi", None)
+    measured = getattr(block, input)
+    assert any(torque)
+    assert integral is None or any(integral)
+    setattr(block, flag, False)
+    setattr(block, input, (NAN,) * len(measured))
+    block.advance(30.0, 10.0)
+    assert not any(block.tau_ctrl_body)
+    assert getattr(block, "_xi", None) == integral
+    setattr(block, flag, True)
+    setattr(block, input, measured)
+    block.advance(40.0, 10.0)
+    assert any(block.tau_ctrl_body)

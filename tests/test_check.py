@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import shutil
 from pathlib import Path
 
@@ -10,6 +11,7 @@ from conftest import ROOT
 
 from desat.files import library
 from desat.study.case import Options, prepare
+from desat.system.check import check
 from desat.system.errors import DesatError
 
 SSD = ROOT / "ssp" / "uosat12" / "SystemStructure.ssd"
@@ -266,3 +268,58 @@ def test_the_unit_of_a_parameter_is_read(tmp_path, unit, value):
     else:
         assert checked.problems == []
         assert system.components["environment"].parameters["altitude"] == value
+
+
+def unwired(name: str, *sets: str) -> list[str]:
+    return prepare(name, Options(sets=list(sets)))[1].problems
+
+
+@pytest.mark.parametrize(
+    ("name", "setting", "lack"),
+    [
+        ("uosat12/flight-ocdc-1", "spacecraft.aerodynamics=area",
+         "spacecraft.aerodynamics = area needs density, which is neither wired nor given"),
+        ("uosat12/flight-ocdc-1", "spacecraft.radiation=plates",
+         "spacecraft.radiation = plates needs sun_eci, which is neither wired nor given"),
+        ("gyrostat/full", "wheels.unbalance=1e-3",
+         "wheels.unbalance = 0.001 needs tau_jitter_body, an output that reaches nobody"),
+        ("gyrostat/full", "wheels.command_mode=speed",
+         "wheels.command_mode = speed needs speed_cmd_wheel, which is neither wired nor given"),
+        ("gyrostat/full", "manager.gyroscopic=true",
+         "manager.gyroscopic = true needs omega_bi_body, which is neither wired nor given"),
+    ],
+)  # fmt: skip
+def test_physics_that_is_not_wired_is_refused(name, setting, lack):
+    assert unwired(name) == []
+    assert any(problem.endswith(f".ssd: {lack}") for problem in unwired(name, setting))
+
+
+def test_an_input_that_is_given_counts_as_wired():
+    drag = ("spacecraft.aerodynamics=area", "spacecraft.density=1e-12")
+    assert unwired("uosat12/flight-ocdc-1", *drag) == []
+
+
+def test_a_wired_input_that_needs_another():
+    """A dipole without a field would have no effect."""
+    system, _ = prepare("gyrostat/full", Options())
+    spacecraft = system.components["spacecraft"]
+    system.connections = [
+        c for c in system.connections if (c.target, c.input[:5]) != ("spacecraft", "b_eci")
+    ]
+    spacecraft.connectors = {n: c for n, c in spacecraft.connectors.items() if n[:5] != "b_eci"}
+    (problem,) = check(system, []).problems
+    assert "spacecraft.m_mean_body is wired and needs b_eci, which is neither" in problem
+
+
+def test_what_is_left_open_is_listed(desat):
+    result = desat("check", "gyrostat/full", "--json")
+    assert result.returncode == 0
+    open_ends = json.loads(result.stdout)["unwired"]
+    assert "density" in open_ends["spacecraft"]["inputs_at_default"]
+    assert "q_bi" not in open_ends["spacecraft"]["outputs_unread"]
+    assert "tau_jitter_body" in open_ends["wheels"]["outputs_unread"]
+    assert "fault" not in open_ends["wheels"]["outputs_unread"]
+    lines = desat("check", "gyrostat/full").stderr.splitlines()
+    assert (
+        sum(line.startswith("note: spacecraft: inputs at their default: ") for line in lines) == 1
+    )

@@ -7,6 +7,7 @@ import shutil
 
 import pytest
 
+from desat.engine.results import Results
 from desat.files import library
 
 NAME = "uosat12/table3-ocdc-ilqr-1"
@@ -109,7 +110,7 @@ def test_another_fmu_in_a_components_place(desat, tmp_path):
 
 
 def test_line_numbers_are_not_emoji(desat, tmp_path):
-    result = desat("check", NAME, "--source", "manager=magnetometer")
+    result = desat("check", NAME, "--source", "manager=spacecraft_rigid")
     assert result.returncode == 1
     assert "craft.toml:9: manager" in result.stderr
 
@@ -134,3 +135,70 @@ def test_draws_do_not_depend_on_count_or_processes(desat):
         "unit": "s", "median": times[1], "min": times[0], "max": times[2], "n": 3,
     }  # fmt: skip
     assert len({d["values"]["magnetometer.seed"] for d in five["draws"]}) == 5
+
+
+LEAN_MANAGER = '''
+from pythonfmu import Fmi2Causality, Fmi2Slave, Real
+
+
+class LeanManager(Fmi2Slave):
+    """Somebody's manager: rates and momentum are none of its business, three wheels."""
+
+    def __init__(self, **kwargs):
+        super().__init__(**kwargs)
+        self.values = dict.fromkeys({inputs!r} + {outputs!r}, 0.0)
+        for names, causality in (
+            ({inputs!r}, Fmi2Causality.input), ({outputs!r}, Fmi2Causality.output)
+        ):
+            for name in names:
+                self.register_variable(Real(
+                    name, causality=causality, getter=lambda n=name: self.values[n],
+                    setter=lambda v, n=name: self.values.update({{n: v}}),
+                ))
+
+    def do_step(self, current_time, step_size):
+        for i in (1, 2, 3):
+            self.values[f"m_cmd_body[{{i}}]"] = 1e5 * self.values[f"b_body[{{i}}]"]
+        return True
+'''
+
+
+@pytest.fixture
+def lean_manager(tmp_path):
+    """Build a foreign manager with some outputs; its only inputs are field and three wheels."""
+
+    def make(*outputs: str) -> str:
+        from pythonfmu import FmuBuilder
+
+        inputs = [f"{name}[{i}]" for name in ("b_body", "h_wheel") for i in (1, 2, 3)]
+        script = tmp_path / f"lean_manager_{len(outputs)}.py"
+        script.write_text(LEAN_MANAGER.format(inputs=inputs, outputs=list(outputs)))
+        built = FmuBuilder.build_FMU(script, dest=tmp_path / f"lean{len(outputs)}.fmu")
+        return str(built)
+
+    return make
+
+
+def test_a_foreign_manager_needs_only_what_its_law_wants(desat, tmp_path, lean_manager):
+    outputs = [f"{name}[{i}]" for name in ("m_cmd_body", "tau_cmd_thruster_body", "tau_cmd_wheel")
+               for i in range(1, 5 if name == "tau_cmd_wheel" else 4)]  # fmt: skip
+    whole = f"manager={lean_manager(*outputs)}"
+    result = desat("run", NAME, "--source", whole, "--no-twin", "--json", "--stop", "100",
+                   "--out", str(tmp_path / "run"))  # fmt: skip
+    assert result.returncode == 0, result.stderr
+    lines = [x for x in result.stderr.splitlines() if "left unwired" in x]
+    assert len(lines) == 1
+    assert lines[0].startswith("warning: manager: lean")
+    assert "has no input h_wheel[4], omega_bi_body, r_eci, v_eci:" in lines[0]
+    with Results.open(tmp_path / "run") as results:
+        dipole = results.values("manager.m_cmd_body")
+        field = results.values("magnetometer.b_body")
+    assert dipole[2:].any()
+    assert dipole[2:].tolist() == (1e5 * field[1 : len(dipole) - 1]).tolist()
+
+    short = f"manager={lean_manager(*outputs[3:])}"
+    result = desat("check", NAME, "--source", short)
+    assert result.returncode == 1
+    problems = [x for x in result.stderr.splitlines() if "the FMU has no such variable" in x]
+    assert len(problems) == 3
+    assert all("manager.m_cmd_body[" in x for x in problems)

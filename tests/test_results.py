@@ -15,10 +15,13 @@ import pytest
 from conftest import ROOT
 
 from desat.engine.results import Results
-from desat.study.case import Options, execute
+from desat.files import library
+from desat.fmus import registry
+from desat.study.case import Options, execute, read_manifest
 from desat.study.measures import MEASURES, evaluate, relative
 from desat.study.plots import _thinned, scale
 from desat.system.errors import DesatError
+from desat.system.interface import of_block
 
 NAME = "uosat12/table3-ocdc-ilqr-1"
 
@@ -192,3 +195,22 @@ def test_plots_keep_extremes_when_thinned():
     assert scale("N.m", "mN.m") == 1000
     with pytest.raises(DesatError):
         scale("N.m", "uT")
+
+
+def test_modes_have_names_of_their_block(tmp_path):
+    """They come with the FMU, and stand in the series, the manifest and nowhere in the role."""
+    own = {
+        "manager_integrated": ("idle", "dumping", "-", "-", "emergency", "velocity_dumping"),
+        "manager_receding_horizon": ("idle", "-", "receding_horizon", "fallback"),
+        "manager_cross_product": ("idle", "dumping"),
+    }
+    for name, choices in own.items():
+        fmu = library.load(library.FMUS / f"{name}.fmu").interface.signals["mode"]
+        block = of_block(name, registry.block_class(name)).signals["mode"]
+        assert fmu.choices == block.choices == choices
+    run = execute("integrated/velocity-to-pointing", Options(stop=20.0), tmp_path)
+    assert run.results.choices("manager.mode") == own["manager_integrated"]
+    assert run.results.choices("manager.m_cmd_body") == ()
+    assert read_manifest(tmp_path)["choices"] == {"manager.mode": list(own["manager_integrated"])}
+    names = run.results.choices("manager.mode")
+    assert {names[k] for k in run.results.values("manager.mode")} == {"velocity_dumping"}

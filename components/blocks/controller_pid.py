@@ -19,7 +19,8 @@ class ControllerPid(Controller):
     saying in which frame; here the reference rate is brought into the body frame.
 
     With `anti_windup` the integral does not grow at a sample whose torque the limit cuts. While
-    disabled it is zero.
+    disabled it is zero. At a sample whose attitude or rate is not valid there is no torque, and the
+    integral stays.
 
     The paper's tuning with G the inertia is kp >= beta, kd >= 3 beta, ki <= beta / 500 (eq. 12),
     beta 1e-3 to 1e-2; at equality the phase margin is 3 to 22 deg. The defaults, beta = 1e-2 and
@@ -28,8 +29,10 @@ class ControllerPid(Controller):
     Source: paper 004, eqs. 7-12.
     """
 
-    kp: float = Parameter("N.m", "gain on e; 1/s2 where G is an inertia", start=1e-2, min=0.0)
-    kd: float = Parameter("N.m.s", "gain on delta omega; 1/s where G is", start=0.1, min=0.0)
+    kp: float = Parameter("N.m", "gain on e; 1/s2 where G is an inertia", start=1e-2, min=0.0,
+                          needs=("q_bi", "tau_ctrl_body"))  # fmt: skip
+    kd: float = Parameter("N.m.s", "gain on delta omega; 1/s where G is", start=0.1, min=0.0,
+                          needs=("omega_bi_body", "tau_ctrl_body"))  # fmt: skip
     ki: float = Parameter("N.m/s", "gain on xi; 1/s3 where G is", start=2e-5, min=0.0)
     gain_matrix: Mat33 = Parameter(
         "1", "G, body: the identity, or the inertia matrix in kg.m2 (eq. 11)", start=IDENTITY
@@ -49,6 +52,9 @@ class ControllerPid(Controller):
             return
         if not self.enable:
             self._xi = self.tau_ctrl_body = ZERO
+            return
+        if not (self.valid_q and self.valid_omega):
+            self.tau_ctrl_body = ZERO
             return
         e, d_omega = tracking_error(
             self.q_bi, self.omega_bi_body, self.q_ref_bi, self.omega_ref_body

@@ -22,8 +22,9 @@ class GuidanceNadir(Guidance):
     """
 
     q_bo: Vec4 = Parameter(
-        "1", "wanted attitude: body from lvlh, scalar last; normalised", start=UPRIGHT
-    )
+        "1", "wanted attitude: body from lvlh, scalar last; normalised", start=UPRIGHT,
+        needs=("r_eci", "v_eci"),
+    )  # fmt: skip
 
     def start(self) -> None:
         super().start()

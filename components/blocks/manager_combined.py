@@ -25,9 +25,10 @@ class ManagerCombined(ThrusterManager):
     - `bounded_quadratic`: as ocdc, but among the dipoles within the limit;
     - `bounded_one_norm`: least |N_T|_1, the thrusters' on-time, among the dipoles within the limit.
 
-    With `saturation` each component of M stays within duty * m_limit and the thrusters make up
-    for the rest (eq. 34); the bounded splits stay within it anyway. `dead_axis` is left out by
-    all of them.
+    With `saturation` each component of M stays within duty * m_limit and the thrusters make up for
+    the rest (eq. 34); the bounded splits stay within it anyway. `dead_axis` is left out by all of
+    them. At a sample whose field is not valid the thrusters give all of N; where the momentum is
+    not valid nothing is dumped; a rate that is not valid is taken as zero.
 
     The wheels are commanded to give the body what the controller wants and to absorb, with
     `feedforward`, the dumping torque and, with `gyroscopic`, omega x h:
@@ -43,11 +44,13 @@ class ManagerCombined(ThrusterManager):
         "division of the torque",
         choices=("dct", "cccp", "crcp", "ocdc", "bounded_quadratic", "bounded_one_norm"),
         start="ocdc",
+        needs=("b_body",),
     )
     saturation: bool = Parameter("1", "true: bounded dipole, eq. 34", start=True)
     g_rate: float = Parameter(
-        "1/s", "sqrt(F/R): closed-loop rate of ilqr and lqr", start=0.0077, min=0.0
-    )
+        "1/s", "sqrt(F/R): closed-loop rate of ilqr and lqr", start=0.0077, min=0.0,
+        needs=("h_wheel",),
+    )  # fmt: skip
     horizon: float = Parameter(
         "s", "final time of lqr and mec after the start", start=600.0, min=1.0
     )
@@ -69,6 +72,8 @@ class ManagerCombined(ThrusterManager):
 
     def _split(self, n: Vec3) -> blending.Split:
         b = self.b_body
+        if not self.valid_b:
+            return blending.dct(n, b)
         if self.split == BOUNDED_QUADRATIC:
             return blending.bounded_quadratic(n, b, self.weight_ratio, self.limits())
         if self.split == BOUNDED_ONE_NORM:
@@ -88,7 +93,7 @@ class ManagerCombined(ThrusterManager):
         return split
 
     def _prepare(self, h: Vec3) -> None:
-        self._omega = self.omega_bi_body
+        self._omega = self.rate()
         if self.law == LQR:
             self._offsets = dumping.lqr_offsets(
                 self._omega, self.g_rate, self.n_con_body, self.horizon, self.sample_time
@@ -98,7 +103,7 @@ class ManagerCombined(ThrusterManager):
 
     def _torque(self, elapsed: float, h: Vec3) -> Vec3:
         if self.law == ILQR:
-            return dumping.ilqr(h, self.omega_bi_body, self.g_rate, self.n_con_body)
+            return dumping.ilqr(h, self.rate(), self.g_rate, self.n_con_body)
         if elapsed >= self.horizon:
             return ZERO
         if self.law == LQR:

@@ -9,6 +9,7 @@ from ..vector import ZERO, norm, scale
 from ..wheel_array import body_momentum, pseudo_inverse, to_wheels, wheel_torque
 
 IDLE, DUMPING, _, _, EMERGENCY, VELOCITY_DUMPING = range(6)
+OFF: Vec4 = (0.0, 0.0, 0.0, 0.0)
 
 
 class ManagerIntegrated(Manager, WheelAxes):
@@ -50,13 +51,21 @@ class ManagerIntegrated(Manager, WheelAxes):
     `enable` false: no dumping, the wheels give all of tau. `mode`: 0 idle (no wheel to unload, the
     coils still give their share), 1 dumping, 4 emergency, 5 velocity dumping, whatever else.
 
+    A measurement that is not valid is not used. At a sample without `valid_h` no momentum is
+    unloaded and which wheels are to be stays as it was; without `valid_b` the wheels give all of
+    tau, as no dipole is commanded. While `valid_omega` is false omega x A h is left out, as it is
+    without `valid_h`, velocity dumping neither begins nor ends, and gives no torque.
+
     Source: paper 004, eqs. 9 and 13-26.
     """
 
     magnetic_share: float = Parameter(
-        "1", "k: share of the control torque that the coils give", start=0.25, min=0.0, max=1.0
+        "1", "k: share of the control torque that the coils give", start=0.25, min=0.0, max=1.0,
+        needs=("b_body", "m_cmd_body"),
+    )  # fmt: skip
+    gain: float = Parameter(
+        "1/s", "k_DES of eq. 19", start=0.05, min=0.0, needs=("h_wheel", "b_body")
     )
-    gain: float = Parameter("1/s", "k_DES of eq. 19", start=0.05, min=0.0)
     torque_limit: float = Parameter(
         "N.m", "largest t_DES; the coils see k of it; 0: no limit", start=1.2e-5, min=0.0
     )
@@ -76,17 +85,23 @@ class ManagerIntegrated(Manager, WheelAxes):
         "1", "share of h_limit below which all wheels end it", start=0.6, min=0.0
     )
     gain_emergency: float = Parameter("1/s", "k_DES in the emergency", start=0.05, min=0.0)
-    velocity_dumping: bool = Parameter("1", "true: velocity dumping above the rates below")
+    velocity_dumping: bool = Parameter("1", "true: velocity dumping above the rates below",
+                                       needs=("omega_bi_body",))  # fmt: skip
     gain_rate: float = Parameter("N.m.s", "k_DMP of eq. 24", start=2e-3, min=0.0)
     rate_on: float = Parameter("rad/s", "velocity dumping begins from this rate on", min=0.0)
     rate_off: float = Parameter("rad/s", "and ends below this one", min=0.0)
-    null_gain: float = Parameter("1/s", "rate at which null-space momentum decays", min=0.0)
+    null_gain: float = Parameter("1/s", "rate at which null-space momentum decays", min=0.0,
+                                 needs=("h_wheel",))  # fmt: skip
     null_torque_limit: float = Parameter(
         "N.m", "largest torque of a wheel along the null space", start=1e-5, min=0.0
     )
     h_null: float = Parameter(
         "N.m.s", "wanted momentum along the null space: of the wheel whose element of n is 1"
     )
+    mode: int = Output(
+        "1", "what the manager does", interval=True,
+        choices=("idle", "dumping", "-", "-", "emergency", "velocity_dumping"),
+    )  # fmt: skip
     tau_des_body: Vec3 = Output("N.m", "t_DES, body: for the report", interval=True)
 
     def start(self) -> None:
@@ -113,54 +128,47 @@ class ManagerIntegrated(Manager, WheelAxes):
             self.axes_wheel,
             self.tau_des_body,
             scale(1.0 - self._share, self._wanted()),
-            self.omega_bi_body,
-            self.h_wheel,
+            self.omega_bi_body if self.valid_omega else ZERO,
+            self.h_wheel if self.valid_h else OFF,
         )
         p, q, r, s = self._null_torque
         self.tau_cmd_wheel = (a + p, b + q, c + r, d + s)
 
     def _wanted(self) -> Vec3:
         """tau: the torque that wheels and coils are to give the body."""
+        if self._tumbling and not self.valid_omega:
+            return ZERO
         if self._tumbling:
             return integrated.velocity_torque(self.omega_bi_body, self.gain_rate)
         return self.tau_ctrl_body
 
     def _decide(self) -> None:
-        self._tumbling = self.velocity_dumping and integrated.hysteresis(
-            self._tumbling, norm(self.omega_bi_body), self.rate_off, self.rate_on
-        )
+        if self.valid_omega:
+            self._tumbling = self.velocity_dumping and integrated.hysteresis(
+                self._tumbling, norm(self.omega_bi_body), self.rate_off, self.rate_on
+            )
         if self.enable:
             self._manage()
         else:
             self._unloading, self._emergency = (False, False, False, False), False
             self._share, self.tau_des_body, self.m_cmd_body = 0.0, ZERO, ZERO
-            self._null_torque = (0.0, 0.0, 0.0, 0.0)
+            self._null_torque = OFF
         if self._emergency:
             self.mode = EMERGENCY
         elif self._tumbling:
             self.mode = VELOCITY_DUMPING
         else:
-            self.mode = DUMPING if any(self._unloading) else IDLE
+            self.mode = DUMPING if any(self._unloading) and self.valid_h and self.valid_b else IDLE
 
     def _manage(self) -> None:
-        h, b, capacity = self.h_wheel, self.b_body, self.h_limit
-        self._emergency = integrated.hysteresis(
-            self._emergency,
-            max(map(abs, h)),
-            self.emergency_off * capacity,
-            self.emergency_on * capacity,
-        )
-        excess = self._excess(h)
-        self._unloading = integrated.unloading(
-            self._unloading,
-            excess,
-            self.threshold_off * capacity,
-            self.threshold_on * capacity,
-            self.paper_signed_threshold,
-        )
-        self._null_torque = integrated.null_torque(
-            excess, self._null, self.null_gain, self.null_torque_limit
-        )
+        b = self.b_body
+        excess = self._null_torque = OFF
+        if self.valid_h:
+            excess = self._excess(self.h_wheel)
+            self._watch(excess)
+        if not self.valid_b:
+            self._share, self.tau_des_body, self.m_cmd_body = 0.0, ZERO, ZERO
+            return
         if self._emergency:
             all_of_it = body_momentum(self.axes_wheel, excess)
             most = self.m_limit * norm(b)
@@ -174,6 +182,26 @@ class ManagerIntegrated(Manager, WheelAxes):
             )
             self._share, by_coils = k, scale(k, self._wanted())
         self.m_cmd_body = integrated.dipole(by_coils, b, self.m_limit)
+
+    def _watch(self, excess: Vec4) -> None:
+        """Emergency, the wheels to unload and the null space's torque, from a valid momentum."""
+        capacity = self.h_limit
+        self._emergency = integrated.hysteresis(
+            self._emergency,
+            max(map(abs, self.h_wheel)),
+            self.emergency_off * capacity,
+            self.emergency_on * capacity,
+        )
+        self._unloading = integrated.unloading(
+            self._unloading,
+            excess,
+            self.threshold_off * capacity,
+            self.threshold_on * capacity,
+            self.paper_signed_threshold,
+        )
+        self._null_torque = integrated.null_torque(
+            excess, self._null, self.null_gain, self.null_torque_limit
+        )
 
     def _excess(self, h: Vec4) -> Vec4:
         """What the wheels have beyond what is wanted of them."""

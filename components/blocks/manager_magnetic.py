@@ -23,7 +23,7 @@ class ManagerMagnetic(MagneticManager):
       end (eq. 12), in open loop: the momentum is not used.
 
     Tables and costate belong to one orbit, attitude and start; `desat design` computes them.
-    Limit and wheels as in `manager_cross_product`.
+    Limit, wheels and measurements that are not valid as in `manager_cross_product`.
 
     Source: Chen & Steyn (paper 000), eqs. 10-14.
     """
@@ -34,7 +34,7 @@ class ManagerMagnetic(MagneticManager):
     table_nodes: int = Parameter("1", "rows of the tables in use", start=2, min=2, max=CAPACITY)
     gain_table: Table = Parameter(
         "1/(T2.s)", "lqr: a row a node: K, its upper triangle xx, xy, xz, yy, yz, zz",
-        shape=(CAPACITY, magnetic.UPPER),
+        shape=(CAPACITY, magnetic.UPPER), needs=("h_wheel",),
     )  # fmt: skip
     offset_table: Table = Parameter("A.m2/T", "lqr: a row a node: g", shape=(CAPACITY, 3))
     costate: Vec3 = Parameter("A.m2/T", "mec: p at the start, body")

@@ -18,17 +18,20 @@ class ManagerMagneticIlqr(MagneticManager):
 
     with F = diag(momentum_weight), R = diag(dipole_weight) and K from the stable eigenvectors of
     the Hamiltonian matrix. No tables, no knowledge of the orbit. There is no such K, and so no
-    dipole at that sample, where B is zero or along omega. Limit and wheels as in
-    `manager_cross_product`. This block needs numpy in its host.
+    dipole at that sample, where B is zero or along omega, or where B, h or omega is not valid.
+    Limit and wheels as in `manager_cross_product`. This block needs numpy in its host.
 
     Source: Chen & Steyn (paper 000), eqs. 10-11 and section III.A.
     """
 
-    momentum_weight: Vec3 = Parameter("1/(T2.s2)", "diagonal of F", start=3000.0, min=0.0)
+    momentum_weight: Vec3 = Parameter("1/(T2.s2)", "diagonal of F", start=3000.0, min=0.0,
+                                      needs=("h_wheel", "omega_bi_body"))  # fmt: skip
     dipole_weight: Vec3 = Parameter("1", "diagonal of R", start=1.0, min=1e-9)
     n_con_body: Vec3 = Parameter("N.m", "known constant torque of an off-nadir attitude, body")
 
     def dipole(self, elapsed: float, h: Vec3) -> Vec3 | None:
+        if not self.valid_omega:
+            return None
         bx, by, bz = self.b_body
         x, y, z = self.omega_bi_body
         w = np.array([[0.0, z, -y], [-z, 0.0, x], [y, -x, 0.0]])

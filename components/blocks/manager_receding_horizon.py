@@ -3,7 +3,7 @@ from __future__ import annotations
 from math import copysign
 
 from ..attitude import normalised, product, rotate
-from ..block import Parameter, Vec3, Vec4
+from ..block import Output, Parameter, Vec3, Vec4
 from ..dumping_manager import FALLBACK, IDLE, RECEDING_HORIZON, ThrusterManager
 from ..earth_field import EarthField
 from ..laws import blending, dumping, receding_horizon
@@ -37,11 +37,12 @@ class ManagerRecedingHorizon(ThrusterManager, EarthField):
     fire early or late fires late, when more is known. The `reserve` is for what was not foreseen:
     where no plan keeps it in all samples it is used, at first in this one only.
 
-    Where there is no plan (the momentum is more than can be dumped in time) the torque
-    N = -g_rate h, or -h over the time left where that is more, is shared out by the bounded 1-norm
-    blend of `manager_combined`, its thrusters within thruster_duty tau_level, with `mode` 3
-    instead of 2. From `horizon` on `mode` is 0: no dumping. The wheels are commanded as by
-    `manager_combined`.
+    Where there is no plan (the momentum is more than can be dumped in time) the torque N = -g_rate
+    h, or -h over the time left where that is more, is shared out by the bounded 1-norm blend of
+    `manager_combined`, its thrusters within thruster_duty tau_level, with `mode` 3 instead of 2; so
+    it is at a sample whose field is not valid, there by thrusters alone. Where the momentum is not
+    valid nothing is dumped. From `horizon` on `mode` is 0: no dumping. The wheels are commanded as
+    by `manager_combined`.
 
     Needs numpy and scipy in its host.
     """
@@ -51,7 +52,7 @@ class ManagerRecedingHorizon(ThrusterManager, EarthField):
     )
     horizon: float = Parameter(
         "s", "when the momentum shall be h_target_body, after the start; to the nearest sample",
-        start=600.0, min=1.0,
+        start=600.0, min=1.0, needs=("r_eci", "v_eci", "h_wheel", "b_body"),
     )  # fmt: skip
     tau_level: Vec3 = Parameter("N.m", "torque of each axis while it fires", start=0.04, min=1e-9)
     thruster_duty: float = Parameter(
@@ -76,6 +77,10 @@ class ManagerRecedingHorizon(ThrusterManager, EarthField):
     b_x: float = Parameter("T", "orbit_dipole: amplitude along the velocity", start=23e-6)
     b_y: float = Parameter("T", "orbit_dipole: constant part, minus orbit normal", start=2.4e-6)
     b_z: float = Parameter("T", "orbit_dipole: amplitude to nadir", start=46e-6)
+    mode: int = Output(
+        "1", "what the manager does", interval=True,
+        choices=("idle", "-", "receding_horizon", "fallback"),
+    )  # fmt: skip
 
     def start(self) -> None:
         super().start()
@@ -89,6 +94,8 @@ class ManagerRecedingHorizon(ThrusterManager, EarthField):
         if samples < 1:
             self.mode = IDLE
             return ZERO, (ZERO, ZERO)
+        if not self.valid_b:
+            return self._fallback(h, self.sample_time * samples)
         q_bi, fields = self._predicted(t, samples)
         step = self._planned(h, q_bi, fields)
         if step is None:
@@ -128,11 +135,12 @@ class ManagerRecedingHorizon(ThrusterManager, EarthField):
         """The blend in place of a plan, with `left` (s) until the horizon."""
         self.mode = FALLBACK
         rate = max(self.g_rate, 1.0 / left)
-        n = dumping.ilqr(h, self.omega_bi_body, rate, self.n_con_body)
-        m, (x, y, z) = blending.bounded_one_norm(n, self.b_body, self.limits())
+        n = dumping.ilqr(h, self.rate(), rate, self.n_con_body)
+        field = self.b_body if self.valid_b else ZERO
+        m, (x, y, z) = blending.bounded_one_norm(n, field, self.limits())
         a, b, c = scale(self.thruster_duty, self.tau_level)
         n_t = (min(max(x, -a), a), min(max(y, -b), b), min(max(z, -c), c))
-        return add(cross(m, self.b_body), n_t), (m, n_t)
+        return add(cross(m, field), n_t), (m, n_t)
 
     def _rounded(self, on_time: float) -> float:
         count = int(abs(on_time) / self.least_pulse + 0.5)

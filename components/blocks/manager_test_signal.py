@@ -2,7 +2,7 @@ from __future__ import annotations
 
 from math import pi, sin
 
-from ..block import Parameter, Vec4
+from ..block import Output, Parameter, Vec4
 from ..roles import Manager
 from ..vector import ZERO
 
@@ -19,6 +19,10 @@ class ManagerTestSignal(Manager):
     amplitude: Vec4 = Parameter("N.m", "amplitude for each wheel")
     period: Vec4 = Parameter("s", "period for each wheel", start=600.0, min=1e-3)
     phase: Vec4 = Parameter("rad", "phase for each wheel")
+    mode: int = Output(
+        "1", "what the manager does", interval=True,
+        choices=("idle",),
+    )  # fmt: skip
 
     def start(self) -> None:
         super().start()

@@ -42,8 +42,9 @@ class SpacecraftFixedAttitude(Spacecraft):
         start=(40.45, 0.0, 0.0, 0.0, 42.09, 0.0, 0.0, 0.0, 40.36),
     )
     q_bo: Vec4 = Parameter(
-        "1", "fixed attitude: body from lvlh, scalar last; normalised", start=(0.0, 0.0, 0.0, 1.0)
-    )
+        "1", "fixed attitude: body from lvlh, scalar last; normalised",
+        start=(0.0, 0.0, 0.0, 1.0), needs=("r_eci", "v_eci"),
+    )  # fmt: skip
     h_start_body: Vec3 = Parameter("N.m.s", "the wheels' momentum at the start, body")
     tau_disturbance_body: Vec3 = Parameter("N.m", "a constant external torque, body")
 

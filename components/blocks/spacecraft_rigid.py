@@ -56,19 +56,25 @@ class SpacecraftRigid(Spacecraft, WheelInertias):
     omega_start_body: Vec3 = Parameter("rad/s", "angular rate at the start, body")
     start_frame: int = Parameter(
         "1", "what q_start_bi and omega_start_body are relative to", choices=("eci", "lvlh"),
-        start="eci",
+        start="eci", needs=("r_eci", "v_eci"),
     )  # fmt: skip
-    gravity_gradient: bool = Parameter("1", "true: gravity-gradient torque", start=True)
-    residual_dipole_body: Vec3 = Parameter("A.m2", "dipole of the craft itself, body")
-    aerodynamics: int = Parameter(
-        "1", "drag torque", choices=("none", "area", "plates"), start="none"
+    gravity_gradient: bool = Parameter(
+        "1", "true: gravity-gradient torque", start=True, needs=("r_eci", "v_eci")
     )
+    residual_dipole_body: Vec3 = Parameter(
+        "A.m2", "dipole of the craft itself, body", needs=("b_eci",)
+    )
+    aerodynamics: int = Parameter(
+        "1", "drag torque", choices=("none", "area", "plates"), start="none",
+        needs=("density", "r_eci", "v_eci"),
+    )  # fmt: skip
     drag_coefficient: float = Parameter("1", "drag coefficient", start=2.2, min=0.0)
     area_drag: float = Parameter("m2", "projected area for `area`", start=1.0, min=0.0)
     centre_drag_body: Vec3 = Parameter("m", "centre of pressure for `area`, body")
     radiation: int = Parameter(
-        "1", "solar torque", choices=("none", "area", "plates"), start="none"
-    )
+        "1", "solar torque", choices=("none", "area", "plates"), start="none",
+        needs=("sun_eci", "sunlight"),
+    )  # fmt: skip
     area_radiation: float = Parameter(
         "m2", "projected area times radiation coefficient for `area`", start=1.0, min=0.0
     )

@@ -41,30 +41,37 @@ class Wheels(Role, WheelInertias):
 
     h_start_wheel: Vec4 = Parameter("N.m.s", "axial momentum at the start, absolute")
     command_mode: int = Parameter(
-        "1", "which command counts", choices=("torque", "speed"), start="torque"
-    )
+        "1", "which command counts", choices=("torque", "speed"), start="torque",
+        needs=("speed_cmd_wheel", "omega_bi_body"),
+    )  # fmt: skip
     torque_limit: float = Parameter("N.m", "largest motor torque of a wheel", start=0.02, min=0.0)
     speed_limit: float = Parameter(
         "rad/s", "speed at which a wheel is saturated", start=600.0, min=1e-3
     )
     speed_gain: float = Parameter("1/s", "speed mode: bandwidth of the loop", start=0.5, min=0.0)
     motor_lag: float = Parameter("s", "time constant of the motor; 0: none", min=0.0)
-    viscous: float = Parameter("N.m.s/rad", "viscous friction c_v", min=0.0)
-    coulomb: float = Parameter("N.m", "Coulomb friction c_c", min=0.0)
+    viscous: float = Parameter(
+        "N.m.s/rad", "viscous friction c_v", min=0.0, needs=("omega_bi_body",)
+    )
+    coulomb: float = Parameter(
+        "N.m", "Coulomb friction c_c", min=0.0, needs=("omega_bi_body",)
+    )  # fmt: skip
     friction_speed: float = Parameter(
         "rad/s", "omega_eps: speed over which Coulomb friction turns", start=2.0, min=1e-6
     )
     compensation: float = Parameter(
         "1/s", "bandwidth of the loop that compensates friction; 0: none", min=0.0
     )
-    stiction: float = Parameter("N.m", "torque that a standing rotor resists", min=0.0)
+    stiction: float = Parameter("N.m", "torque that a standing rotor resists", min=0.0,
+                                needs=("omega_bi_body",))  # fmt: skip
     failed: int = Parameter(
         "1", "which wheel fails", choices=("none", "1", "2", "3", "4"), start="none"
     )
     failed_from: float = Parameter("s", "when it fails", start=0.0)
     unbalance: float = Parameter(
-        "kg.m2", "jitter: equivalent noise torque over squared speed", min=0.0
-    )
+        "kg.m2", "jitter: equivalent noise torque over squared speed", min=0.0,
+        needs=("tau_jitter_body", "omega_bi_body"),
+    )  # fmt: skip
     seed: int = Parameter("1", "seed of the jitter", start=1)
     idle_power: float = Parameter("W", "power of the electronics of each wheel", min=0.0)
     motor_constant: float = Parameter(

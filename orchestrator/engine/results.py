@@ -1,8 +1,9 @@
 """Time series of a run: written in HDF5 while it runs, read afterwards.
 
 `/time` and one data set per variable, `/component/variable`, a row per recorded step and a column
-per element, with unit, frame, description and output class as attributes. A row of a state output
-belongs to its time t_k, a row of an interval output to [t_k, t_k+1), so these have no last row.
+per element, with unit, frame, description, output class and the names of its values as attributes.
+A row of a state output belongs to its time t_k, a row of an interval output to [t_k, t_k+1), so
+these have no last row.
 """
 
 from __future__ import annotations
@@ -87,6 +88,8 @@ class Recorder:
                     "class": "interval" if slots[0].interval else "state",
                 }
             )
+            if slots[0].signal.choices:
+                dataset.attrs["choices"] = " ".join(slots[0].signal.choices)
             self._sets.append((dataset, kind, slice(first, last), slots[0].interval))
         self._buffer = {k: np.zeros((ROWS, len(master.live[k])), master.live[k].dtype)
                         for k in KINDS if len(master.live[k])}  # fmt: skip
@@ -215,6 +218,10 @@ class Results:
     def attribute(self, name: str, key: str) -> str:
         """`unit`, `frame`, `description` or `class` of a series."""
         return str(self._find(name).attrs[key])
+
+    def choices(self, name: str) -> tuple[str, ...]:
+        """The names of an Integer's values, `-` for one that it never has; empty without names."""
+        return tuple(str(self._find(name).attrs.get("choices", "")).split())
 
     def to_csv(self, path: Path) -> None:
         """All series in one CSV file: a column per element, empty where a row has no value."""

@@ -59,18 +59,15 @@ def _of_fmu(path: Path, _modified: int) -> Interface:
             else "interval" if any(id(v) in inputs for v in depends)
             else "state"
         )  # fmt: skip
-    choices: dict[str, tuple[str, ...]] = {}
-    shared = set()
-    for variable in root.iterfind("ModelVariables/ScalarVariable"):
-        note = variable.find(f"Annotations/Tool[@name='{TOOL}']/Parameter")
-        if note is not None:
-            choices[variable.get("name")] = tuple(note.get("choices", "").split())
-            if note.get("shared") == "true":
-                shared.add(variable.get("name"))
+    notes = {
+        variable.get("name"): dict(note.attrib)
+        for variable in root.iterfind("ModelVariables/ScalarVariable")
+        for note in variable.iterfind(f"Annotations/Tool[@name='{TOOL}']/*")
+    }
     block = root.find(f"VendorAnnotations/Tool[@name='{TOOL}']/Block")
     signals = {}
     for v in description.modelVariables:
-        declared = v.declaredType
+        declared, note = v.declaredType, notes.get(v.name, {})
         unit_name = v.unit or (declared.unit if declared else None) or ""
         base = units.get(unit_name)
         bound = [
@@ -91,9 +88,10 @@ def _of_fmu(path: Path, _modified: int) -> Interface:
             minimum=None if bound[0] is None else float(bound[0]),
             maximum=None if bound[1] is None else float(bound[1]),
             description=v.description or "",
-            choices=choices.get(v.name, ()),
+            choices=tuple(note.get("choices", "").split()),
             output_class=classes.get(v.name, "undeclared") if v.causality == "output" else "state",
-            shared=v.name in shared,
+            shared=note.get("shared") == "true",
+            needed_by=tuple(note.get("neededBy", "").split()),
         )
     return Interface(
         description.modelName,

@@ -38,6 +38,7 @@ from typing import Any
 from ..system.errors import DesatError, nearest
 from ..system.model import System
 from ..system.parameters import assign
+from ..system.replace import drop_unwanted
 from . import craft, library, ssp
 
 ROOT = Path(__file__).resolve().parents[2] / "ssp"
@@ -118,6 +119,8 @@ class Scenario:
         for name, decimation in self.data.get("decimation", {}).items():
             _component(system, name, f"{where}: decimation").decimation = int(decimation)
         problems += library.load_interfaces(system, blocks)
+        for name in self.data.get("sources", {}):
+            drop_unwanted(system, system.components[name])
         shared = dict(self.data.get("shared", {}))
         if "epoch" in self.data:
             shared["epoch_j2000"] = _epoch(self.data["epoch"], where)

@@ -30,6 +30,7 @@ from ..system.expression import Table
 from ..system.interface import base_name
 from ..system.model import System
 from ..system.parameters import assign, parse_assignment, table
+from ..system.replace import drop_unwanted
 from .measures import OPEN_END, evaluate, problems, relative, signals_of
 
 MANIFEST = "manifest.json"
@@ -131,6 +132,7 @@ def _replace(system: System, text: str, blocks: bool) -> tuple[str, str]:
     old, component.interface = component.interface, None
     if problem := library.load_interface(system, component, blocks):
         return problem, ""
+    drop_unwanted(system, component)
     assert component.interface is not None
     new, given = component.interface.signals, component.parameters
 
@@ -290,6 +292,11 @@ def describe(system: System, options: Options, target: str) -> dict[str, Any]:
             for c in system.components.values() if c.fmu is not None and not options.blocks
         },
         **{a.KEY: a.applies(system) for a in analyses()},
+        "choices": {
+            f"{c.name}.{s.name}": s.choices
+            for c in system.components.values() if c.interface is not None
+            for s in c.interface.of("output") if s.choices
+        },
         "parameters": table(system),
     }  # fmt: skip
 

@@ -14,6 +14,7 @@ from .interface import Interface, Signal, base_name
 from .model import Component, Connection, System
 from .parameters import expand, in_unit_of, resolve, value_of
 from .schedule import Schedule, schedule
+from .unwired import Unwired, unwired, without_effect
 
 
 @dataclass
@@ -22,6 +23,9 @@ class Checked:
 
     problems: list[str] = field(default_factory=list)
     warnings: list[str] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
+    """A line a component: the inputs that keep their default, the outputs that reach nobody."""
+    unwired: dict[str, Unwired] = field(default_factory=dict)
     schedule: Schedule | None = None
 
     def or_raise(self) -> Schedule:
@@ -33,7 +37,8 @@ class Checked:
 
 def check(system: System, problems: list[str]) -> Checked:
     """Check a system; `problems` is what reading it and loading its interfaces found."""
-    found = Checked(problems=list(dict.fromkeys([*problems, *resolve(system)])))
+    problems = [*problems, *resolve(system)]
+    found = Checked(list(dict.fromkeys(problems)), list(system.warnings))
     for component in system.components.values():
         if component.interface is not None:
             found.problems += _connectors(system, component, component.interface)
@@ -44,6 +49,9 @@ def check(system: System, problems: list[str]) -> Checked:
         found.problems += _shared(system)
         found.problems += _times(system)
         found.problems += _overrides(system)
+        found.unwired = unwired(system)
+        found.problems += without_effect(system, found.unwired)
+        found.notes += filter(None, (ends.text(n) for n, ends in found.unwired.items()))
     if not found.problems:
         found.warnings += _undeclared(system)
         try:

@@ -36,6 +36,9 @@ class Signal:
     output_class: OutputClass = "state"
     shared: bool = False
     """All components of a system that have a parameter of this name must agree on it."""
+    needed_by: tuple[str, ...] = ()
+    """The component's parameters and inputs that have no effect where this input is neither wired
+    nor given, or where this output reaches nobody."""
 
 
 @dataclass(frozen=True)
@@ -83,5 +86,6 @@ def of_block(name: str, block: type[Block]) -> Interface:
                 choices=v.choices,
                 output_class="interval" if v.interval else "state",
                 shared=v.shared,
+                needed_by=v.needed_by,
             )
     return Interface(name, title(block), signals, block.role)

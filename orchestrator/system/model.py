@@ -75,5 +75,7 @@ class System:
     step: float | None = None
     output_classes: dict[str, OutputClass] = field(default_factory=dict)
     """Overrides: `component.variable` -> class."""
+    warnings: list[str] = field(default_factory=list)
+    """What was left out as the system was put together."""
     about: dict[str, Any] = field(default_factory=dict)
     """The scenario as data (story, numbers, plots, paper); empty for a foreign system."""
