@@ -109,9 +109,9 @@ def test_another_fmu_in_a_components_place(desat, tmp_path):
 
 
 def test_line_numbers_are_not_emoji(desat, tmp_path):
-    result = desat("check", NAME, "--source", "manager=magnetometer")
+    result = desat("check", "ssp/uosat12", "--source", "manager=magnetometer")
     assert result.returncode == 1
-    assert "craft.toml:9: manager" in result.stderr
+    assert "SystemStructure.ssd:100: manager" in result.stderr
 
 
 def test_usage_errors(desat):

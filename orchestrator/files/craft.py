@@ -106,7 +106,7 @@ class _Reader:
 
     def stop_here(self) -> None:
         if self.problems:
-            raise DesatError("\n".join(self.problems))
+            raise DesatError("\n".join(dict.fromkeys(self.problems)))
 
     def at(self, key: str) -> str:
         return f"{self.where}:{self.line(key)}: {key}"
@@ -140,7 +140,7 @@ class _Reader:
             self.result.stop = float(stop)
         elif stop is not None:
             self.problem("stop", f" = {stop!r}: a time in seconds is needed")
-        if not self.table("components"):
+        if self.data.get("components", {}) == {}:
             self.problems.append(f"{self.where}: there is no component; name some in [components]")
 
     def component(self, name: str, source: Any) -> None:
@@ -208,6 +208,8 @@ class _Reader:
             key = f"wiring.{name}.{variable}".rstrip(".")
             if name not in components:
                 self.problem(key, f": no component {name}{nearest(name, components)}")
+            elif not variable:
+                self.problem(key, ": the form is COMPONENT.INPUT")
             elif variable not in (known := names(components[name], "input")):
                 self.problem(key, f": {name} has no input {variable}{nearest(variable, known)}")
             elif value is False:
