@@ -41,6 +41,8 @@ from . import library
 
 FILE = "craft.toml"
 ENDING = ".craft.toml"
+ROOT = Path(__file__).resolve().parents[2]
+"""Files in here are named from here in messages."""
 KEYS = ("title", "stop", "components", "wiring", "shared", "parameters")
 
 
@@ -68,9 +70,7 @@ def stem(path: Path) -> str:
 class _Reader:
     def __init__(self, path: Path) -> None:
         self.folder = path.parent
-        root = library.FMUS.parents[1]
-        inside = path.is_absolute() and path.is_relative_to(root)
-        self.where = str(path.relative_to(root) if inside else path)
+        self.where = str(path.relative_to(ROOT) if path.is_relative_to(ROOT) else path)
         self.problems: list[str] = []
         try:
             source = path.read_text(encoding="utf-8")
