@@ -291,7 +291,7 @@ def unwired(name: str, *sets: str) -> list[str]:
 )  # fmt: skip
 def test_physics_that_is_not_wired_is_refused(name, setting, lack):
     assert unwired(name) == []
-    assert any(problem.endswith(f".ssd: {lack}") for problem in unwired(name, setting))
+    assert any(problem.endswith(f"craft.toml: {lack}") for problem in unwired(name, setting))
 
 
 def test_an_input_that_is_given_counts_as_wired():

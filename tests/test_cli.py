@@ -110,9 +110,9 @@ def test_another_fmu_in_a_components_place(desat, tmp_path):
 
 
 def test_line_numbers_are_not_emoji(desat, tmp_path):
-    result = desat("check", NAME, "--source", "manager=spacecraft_rigid")
+    result = desat("check", "ssp/uosat12", "--source", "manager=spacecraft_rigid")
     assert result.returncode == 1
-    assert "craft.toml:9: manager" in result.stderr
+    assert "SystemStructure.ssd:100: manager" in result.stderr
 
 
 def test_usage_errors(desat):
@@ -189,7 +189,7 @@ def test_a_foreign_manager_needs_only_what_its_law_wants(desat, tmp_path, lean_m
     lines = [x for x in result.stderr.splitlines() if "left unwired" in x]
     assert len(lines) == 1
     assert lines[0].startswith("warning: manager: lean")
-    assert "has no input h_wheel[4], omega_bi_body, r_eci, v_eci:" in lines[0]
+    assert "has no input h_wheel[4], omega_bi_body, r_eci, v_eci, valid_b, valid_h:" in lines[0]
     with Results.open(tmp_path / "run") as results:
         dipole = results.values("manager.m_cmd_body")
         field = results.values("magnetometer.b_body")

@@ -41,6 +41,8 @@ from . import library
 
 FILE = "craft.toml"
 ENDING = ".craft.toml"
+ROOT = Path(__file__).resolve().parents[2]
+"""Files in here are named from here in messages."""
 KEYS = ("title", "stop", "components", "wiring", "shared", "parameters")
 
 
@@ -68,9 +70,7 @@ def stem(path: Path) -> str:
 class _Reader:
     def __init__(self, path: Path) -> None:
         self.folder = path.parent
-        root = library.FMUS.parents[1]
-        inside = path.is_absolute() and path.is_relative_to(root)
-        self.where = str(path.relative_to(root) if inside else path)
+        self.where = str(path.relative_to(ROOT) if path.is_relative_to(ROOT) else path)
         self.problems: list[str] = []
         try:
             source = path.read_text(encoding="utf-8")
@@ -106,7 +106,7 @@ class _Reader:
 
     def stop_here(self) -> None:
         if self.problems:
-            raise DesatError("\n".join(self.problems))
+            raise DesatError("\n".join(dict.fromkeys(self.problems)))
 
     def at(self, key: str) -> str:
         return f"{self.where}:{self.line(key)}: {key}"
@@ -140,7 +140,7 @@ class _Reader:
             self.result.stop = float(stop)
         elif stop is not None:
             self.problem("stop", f" = {stop!r}: a time in seconds is needed")
-        if not self.table("components"):
+        if self.data.get("components", {}) == {}:
             self.problems.append(f"{self.where}: there is no component; name some in [components]")
 
     def component(self, name: str, source: Any) -> None:
@@ -208,6 +208,8 @@ class _Reader:
             key = f"wiring.{name}.{variable}".rstrip(".")
             if name not in components:
                 self.problem(key, f": no component {name}{nearest(name, components)}")
+            elif not variable:
+                self.problem(key, ": the form is COMPONENT.INPUT")
             elif variable not in (known := names(components[name], "input")):
                 self.problem(key, f": {name} has no input {variable}{nearest(variable, known)}")
             elif value is False:
