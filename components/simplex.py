@@ -37,21 +37,20 @@ def least_cost(
     columns = columns + _ERRORS
     cost, most = cost + (error_cost,) * 6, most + (inf,) * 6
     basis = [n + k if goal[k] >= 0.0 else n + 3 + k for k in range(3)]
-    full = [False] * (n + 6)
+    full: set[int] = set()
     for exchange in range(_MOST_EXCHANGES + 1):
         p, q, r = (columns[j] for j in basis)
         to_basis = inverse((p[0], q[0], r[0], p[1], q[1], r[1], p[2], q[2], r[2]))
         rest = goal
-        for j, at_most in enumerate(full):
-            if at_most:
-                rest = sub(rest, scale(most[j], columns[j]))
+        for j in full:
+            rest = sub(rest, scale(most[j], columns[j]))
         values = mat_vec(to_basis, rest)
         price = mat_t_vec(to_basis, (cost[basis[0]], cost[basis[1]], cost[basis[2]]))
         entering = _entering(columns, cost, price, basis, full)
         if entering < 0 or exchange == _MOST_EXCHANGES:
             break
         falls = mat_vec(to_basis, columns[entering])
-        if full[entering]:
+        if entering in full:
             falls = scale(-1.0, falls)
         room, leaving = most[entering], -1
         for i, fall in enumerate(falls):
@@ -60,15 +59,15 @@ def least_cost(
             reach = max((values[i] - (0.0 if fall > 0.0 else most[basis[i]])) / fall, 0.0)
             if reach < room or (reach == room and leaving >= 0 and basis[i] < basis[leaving]):
                 room, leaving = reach, i
-        if full[entering]:
-            full[entering] = False
+        if entering in full:
+            full.remove(entering)
         elif leaving < 0:
-            full[entering] = True
+            full.add(entering)
         if leaving >= 0:
             if falls[leaving] < 0.0:
-                full[basis[leaving]] = True
+                full.add(basis[leaving])
             basis[leaving] = entering
-    x = [most[j] if full[j] else 0.0 for j in range(n)]
+    x = [most[j] if j in full else 0.0 for j in range(n)]
     for j, value in zip(basis, values, strict=True):
         if j < n:
             x[j] = min(max(value, 0.0), most[j])
@@ -80,11 +79,11 @@ def _entering(
     cost: tuple[float, ...],
     price: Vec3,
     basis: list[int],
-    full: list[bool],
+    full: set[int],
 ) -> int:
     """The first column whose change pays, or -1: the first, not the best, cannot cycle (Bland)."""
     for j, column in enumerate(columns):
         gain = dot(price, column) - cost[j]
-        if (gain < -_TOLERANCE if full[j] else gain > _TOLERANCE) and j not in basis:
+        if (gain < -_TOLERANCE if j in full else gain > _TOLERANCE) and j not in basis:
             return j
     return -1
