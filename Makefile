@@ -19,12 +19,13 @@ ssp: fmus ## write the SSD of every craft, pack every scenario into ssp/dist/
 test: check fmus ## all tests
 	$(BIN)/python -m pytest -n 2
 
-check: .venv/.installed ## lint and types
+check: .venv/.installed ## lint, types, and blocks within what translates to C
 	@rm -rf .venv/names && mkdir -p .venv/names/desat
 	@ln -s $(CURDIR)/orchestrator/* $(CURDIR)/components $(CURDIR)/fmus .venv/names/desat
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
+	$(BIN)/python -m desat.fmus.subset
 
 bench: ssp .venv-basilisk/.tried ## microseconds per step of ours and of others, into benchmarks/latest.json
 	$(BIN)/python -m benchmarks.run

@@ -63,7 +63,12 @@ class PulsedThrusters(Thrusters):
 
     def advance(self, t: float, dt: float) -> None:
         if self.due(t):
-            self._pulses = tuple(self._fired(t, self.sample_time or dt))
+            period = self.sample_time or dt
+            self._pulses = tuple(
+                self._pulse(t, period, width, torque, force)
+                for on_time, torque, force in self.wanted(period)
+                if (width := self._width(on_time, period)) > 0.0
+            )
         mean, slope = [0.0] * 3, [0.0] * 3
         for begin, end, torque, force in self._pulses:
             seconds = _add(mean, slope, torque, begin, end, t, dt)
@@ -78,14 +83,15 @@ class PulsedThrusters(Thrusters):
     def wanted(self, period: float) -> Iterable[tuple[float, Vec3, float]]:
         """What the command wants in this sample period: on-time (s), torque (N m), force (N)."""
 
-    def _fired(self, t: float, period: float) -> Iterable[Pulse]:
-        for on_time, torque, force in self.wanted(period):
-            count = int(on_time / self.least_pulse + 0.5)
-            width = min(count * self.least_pulse, period)
-            if width == 0.0 or width < self.least_on_time * (1.0 - 1e-12):
-                continue
-            begin = t if self.placement == BEGIN else t + 0.5 * (period - width)
-            yield begin, begin + width, torque, force
+    def _width(self, on_time: float, period: float) -> float:
+        """The pulse (s) that a wanted on-time (s) becomes; 0 where it is left out."""
+        count = int(on_time / self.least_pulse + 0.5)
+        width = min(count * self.least_pulse, period)
+        return 0.0 if width < self.least_on_time * (1.0 - 1e-12) else width
+
+    def _pulse(self, t: float, period: float, width: float, torque: Vec3, force: float) -> Pulse:
+        begin = t if self.placement == BEGIN else t + 0.5 * (period - width)
+        return begin, begin + width, torque, force
 
 
 def _add(mean: list[float], slope: list[float], torque: Vec3, begin: float, end: float,

@@ -25,10 +25,13 @@ def body_momentum(axes: Mat34, h: Vec4) -> Vec3:
 def pseudo_inverse(axes: Mat34) -> tuple[float, ...]:
     """A^+ = A' (A A')^+ as 4 rows of 3: least squares where the axes span no space."""
     rows = (axes[0:4], axes[4:8], axes[8:12])
-    gram = tuple(sum(x * y for x, y in zip(p, q, strict=True)) for p in rows for q in rows)
+    gram = tuple(
+        0.0 + p[0] * q[0] + p[1] * q[1] + p[2] * q[2] + p[3] * q[3] for p in rows for q in rows
+    )
     m = _gram_inverse(gram)  # type: ignore[arg-type]
+    a, b, c = rows
     return tuple(
-        sum(rows[k][i] * m[3 * k + j] for k in range(3)) for i in range(4) for j in range(3)
+        0.0 + a[i] * m[j] + b[i] * m[3 + j] + c[i] * m[6 + j] for i in range(4) for j in range(3)
     )
 
 

@@ -90,7 +90,11 @@ class SpacecraftRigid(Spacecraft, WheelInertias):
         carrier = carrier_inertia(self.inertia, self.axes_wheel, self.inertia_wheel)
         self._inverse = inverse_inertia(carrier)
         i = self._inverse
-        self._stiffest = max(sum(map(abs, i[row : row + 3])) for row in (0, 3, 6))  # 1/(kg m2)
+        self._stiffest = max(  # 1/(kg m2)
+            abs(i[0]) + abs(i[1]) + abs(i[2]),
+            abs(i[3]) + abs(i[4]) + abs(i[5]),
+            abs(i[6]) + abs(i[7]) + abs(i[8]),
+        )
         q, omega = normalised(self.q_start_bi), self.omega_start_body
         if self.start_frame == 1:
             q, omega = self._from_lvlh(q, omega)

@@ -29,9 +29,10 @@ class Thrusters(PulsedThrusters):
     arm: float = Parameter("m", "lever arm of the thrusters", start=0.4, min=1e-3)
 
     def wanted(self, period: float) -> Iterable[tuple[float, Vec3, float]]:
-        for i, command in enumerate(self.tau_cmd_thruster_body):
-            level = self.tau_level[i]
-            torque = [0.0] * 3
-            torque[i] = copysign(level, command)
-            x, y, z = torque
-            yield abs(command) / level * period, (x, y, z), level / self.arm
+        return tuple(self._axis(i, period) for i in range(3))
+
+    def _axis(self, i: int, period: float) -> tuple[float, Vec3, float]:
+        command, level = self.tau_cmd_thruster_body[i], self.tau_level[i]
+        torque = copysign(level, command)
+        x, y, z = (torque if axis == i else 0.0 for axis in range(3))
+        return abs(command) / level * period, (x, y, z), level / self.arm

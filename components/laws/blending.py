@@ -16,6 +16,7 @@ from ..simplex import least_cost
 from ..vector import IDENTITY, ZERO, add, clip, cross, dot, inverse, mat_vec, norm, scale, sub
 
 Split = tuple[Vec3, Vec3]
+_Held = tuple[float | None, float | None, float | None]
 
 
 def dct(n: Vec3, b: Vec3) -> Split:
@@ -81,7 +82,9 @@ def bounded_quadratic(n: Vec3, b: Vec3, weight_ratio: float, limit: Vec3) -> Spl
         -k * x * y, 1.0 + k * (s - y * y), -k * y * z,
         -k * x * z, -k * y * z, 1.0 + k * (s - z * z),
     )  # fmt: skip
-    return _with_thrusters(n, b, _in_box(hessian, scale(-k, cross(n, b)), limit, {}))
+    return _with_thrusters(
+        n, b, _in_box(hessian, scale(-k, cross(n, b)), limit, (None, None, None))
+    )
 
 
 def bounded_one_norm(n: Vec3, b: Vec3, limit: Vec3) -> Split:
@@ -104,19 +107,27 @@ def bounded_one_norm(n: Vec3, b: Vec3, limit: Vec3) -> Split:
     return _with_thrusters(n, b, m)
 
 
-def _in_box(hessian: Mat33, slope: Vec3, limit: Vec3, held: dict[int, float]) -> Vec3:
-    """The M of least M'(hessian M / 2 - slope) with |M_i| <= limit_i and M_i = held[i]."""
-    rows = [IDENTITY[k] if k // 3 in held else h for k, h in enumerate(hessian)]
-    right = tuple(held.get(i, s) for i, s in enumerate(slope))
+def _in_box(hessian: Mat33, slope: Vec3, limit: Vec3, held: _Held) -> Vec3:
+    """The M of least M'(hessian M / 2 - slope) with |M_i| <= limit_i and M_i = held[i], where that
+    is not None."""
+    rows = [h if held[k // 3] is None else IDENTITY[k] for k, h in enumerate(hessian)]
+    right = tuple(s if fixed is None else fixed for s, fixed in zip(slope, held, strict=True))
     solved = mat_vec(inverse(tuple(rows)), right)  # type: ignore[arg-type]
-    x, y, z = m = tuple(held.get(i, value) for i, value in enumerate(solved))
-    broken = [i for i in range(3) if abs(m[i]) > limit[i] and i not in held]
+    x, y, z = m = tuple(
+        value if fixed is None else fixed for value, fixed in zip(solved, held, strict=True)
+    )
+    broken = [i for i in range(3) if abs(m[i]) > limit[i] and held[i] is None]
     if not broken:
         return (x, y, z)
     on_bounds = (
-        _in_box(hessian, slope, limit, {**held, i: copysign(limit[i], m[i])}) for i in broken
+        _in_box(hessian, slope, limit, _with(held, i, copysign(limit[i], m[i]))) for i in broken
     )
     return min(on_bounds, key=lambda v: dot(v, sub(scale(0.5, mat_vec(hessian, v)), slope)))
+
+
+def _with(held: _Held, axis: int, value: float) -> _Held:
+    x, y, z = (value if i == axis else fixed for i, fixed in enumerate(held))
+    return (x, y, z)
 
 
 def _nearest_along(m: Vec3, u: Vec3, limit: Vec3) -> Vec3:
