@@ -16,6 +16,8 @@ from desat.components.units import UNITS
 BASE_UNIT_EXPONENTS = ("kg", "m", "s", "A", "K", "rad")
 TOOL = "desat"
 """Name of our annotations: a block's role, the names of a mode's values, shared parameters."""
+GENERATION_TOOL = "desat with PythonFMU"
+"""What an FMU of ours says of who made it."""
 
 
 def title(block: type[Block]) -> str:
@@ -38,7 +40,7 @@ def model_description(
         guid=guid,
         description=title(block),
         version=version,
-        generationTool="desat with PythonFMU",
+        generationTool=GENERATION_TOOL,
         generationDateAndTime=date,
         variableNamingConvention="structured",
     )

@@ -23,6 +23,7 @@ from .analyses import convergence as convergence_module
 from .designs import making as design_module
 from .engine.master import Algorithm
 from .engine.results import SERIES
+from .engine.trial import refusals
 from .files import pack as pack_module
 from .files.scenario import find, scenarios
 from .study import draws as draws_module
@@ -297,6 +298,10 @@ def check(
                        design=design)  # fmt: skip
     system, checked = prepare(target, options)
     schedule = checked.schedule
+    if schedule is not None:
+        problems, warnings = refusals(system, schedule, blocks)
+        checked.problems += problems
+        checked.warnings += warnings
     timing: dict[str, str] = {}
     for connection, when in schedule.timing if schedule else ():
         key = (f"{connection.source}.{base_name(connection.output)} -> "

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import zipfile
 from dataclasses import replace
 
 import pytest
 
 from desat.designs import making, origin
+from desat.engine import trial
+from desat.files import library
 from desat.files.scenario import find, read_toml, scenarios
 from desat.study.case import Options, execute, prepare
 
@@ -44,7 +47,7 @@ def test_what_cannot_matter_to_a_design_is_not_said():
     assert prepare(MEC, same)[1].warnings == []
     blind = find("uosat12/fig2-offnadir-mec-blind")
     ((name, table),) = blind.data["design"]["assume"].items()
-    values = {f"{name}.{k}": [2.0 * x for x in v] for k, v in table.items()}
+    values = {f"{name}.{k}": [[2.0 * x for x in row] for row in v] for k, v in table.items()}
     assert prepare(blind.name, Options(values=values))[1].warnings == []
 
 
@@ -101,3 +104,58 @@ def test_a_bad_design_is_a_line(desat, tmp_path, arguments, message):
     assert result.returncode == 2
     assert message in result.stderr
     assert len(result.stderr.splitlines()) == 1
+
+
+# --- what components refuse -------------------------------------------------------------------
+
+COMBINED = "uosat12/table3-ocdc-ilqr-1"
+
+
+@pytest.mark.parametrize("how", [(), ("--blocks",)])
+def test_check_lists_what_every_component_refuses(desat, how):
+    result = desat("check", COMBINED, "--set", "torquers.quiet_time=9", "--set",
+                   "manager.k_cross=1", *how)  # fmt: skip
+    assert result.returncode == 1
+    lines = result.stderr.splitlines()
+    assert len(lines) == 2
+    assert lines[0].startswith("torquers: start: ")
+    assert "quiet_time" in lines[0]
+    assert lines[1].startswith("1 problem(s)")
+    assert desat("check", COMBINED, *how).returncode == 0
+
+
+def test_all_failing_components_are_collected():
+    system, checked = prepare(COMBINED, Options(blocks=True))
+    for name in ("torquers", "magnetometer"):
+        system.components[name].parameters["sample_time"] = float("nan")
+    problems, warnings = trial.refusals(system, checked.or_raise(), True)
+    assert {p.partition(":")[0] for p in problems} == {"torquers", "magnetometer"}
+    assert warnings == []
+
+
+def test_of_a_foreign_fmu_only_the_description_is_read(tmp_path):
+    """One that says that another tool made it, and whose library would end the process."""
+    fmu = tmp_path / "theirs.fmu"
+    with (
+        zipfile.ZipFile(library.FMUS / "magnetometer.fmu") as ours,
+        zipfile.ZipFile(fmu, "w") as theirs,
+    ):
+        for name in ours.namelist():
+            data = ours.read(name)
+            if name == "modelDescription.xml":
+                data = data.replace(b"desat with PythonFMU", b"another tool")
+            theirs.writestr(name, b"no library" if name.startswith("binaries/") else data)
+    options = Options(sources=[f"magnetometer={fmu}"], sets=["torquers.quiet_time=9"])
+    system, checked = prepare(COMBINED, options)
+    problems, warnings = trial.refusals(system, checked.or_raise(), False)
+    assert not trial.is_ours(fmu)
+    assert [p.partition(":")[0] for p in problems + warnings] == ["torquers"]
+    assert "quiet_time" in (problems + warnings)[0]
+
+
+def test_a_crash_of_the_trial_is_a_line(monkeypatch):
+    system, checked = prepare(COMBINED, Options())
+    monkeypatch.setattr(trial.pickle, "dumps", lambda data: b"no pickle")
+    (line,), _ = trial.refusals(system, checked.or_raise(), False)
+    assert "crashed (exit 1)" in line
+    assert "\n" not in line
