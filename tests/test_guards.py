@@ -11,6 +11,7 @@ from desat.designs import making, origin
 from desat.engine import trial
 from desat.files import library
 from desat.files.scenario import find, read_toml, scenarios
+from desat.study import stored
 from desat.study.case import Options, execute, prepare
 
 MEC = "uosat12/fig2-mec-1"
@@ -159,3 +160,34 @@ def test_a_crash_of_the_trial_is_a_line(monkeypatch):
     (line,), _ = trial.refusals(system, checked.or_raise(), False)
     assert "crashed (exit 1)" in line
     assert "\n" not in line
+
+
+# --- stored draws -----------------------------------------------------------------------------
+
+
+def test_stored_draws_are_stale_when_their_code_changes(monkeypatch, tmp_path):
+    name = "uosat12/starts-dct"
+    kept = stored.read("uosat12")
+    kept["scenarios"][name]["code_sha256"] = stored.code(find(name))
+    assert name not in stored.outdated(kept)
+    (tmp_path / "law.py").write_text("x = 1\n")
+    before = stored.sources
+    monkeypatch.setattr(stored, "sources", lambda n: [*before(n), tmp_path / "law.py"])
+    assert name in stored.outdated(kept)
+
+
+def test_draws_are_stamped_only_if_they_come_out_again(monkeypatch, tmp_path):
+    name = "uosat12/starts-dct"
+    kept = stored.read("uosat12")
+    monkeypatch.setattr(stored, "with_draws", lambda family: {name: find(name)})
+    monkeypatch.setattr(stored, "file_of", lambda family: tmp_path / "draws.json")
+    kept["scenarios"] = {name: kept["scenarios"][name]}
+    kept["scenarios"][name].pop("code_sha256", None)
+    stored.write(kept)
+    assert stored.outdated(stored.read("uosat12")) == [name]
+    assert stored.stamp("uosat12", 1, 1) == []
+    assert stored.outdated(stored.read("uosat12")) == []
+    row = kept["scenarios"][name]["draws"][0]["numbers"]
+    row["firing_time"] *= 1.0 + 1e-9
+    stored.write(kept)
+    assert stored.stamp("uosat12", 1, 1) == [name]
