@@ -48,8 +48,8 @@ def value(name: str, key: str) -> float:
 
 @cache
 def draws() -> dict[str, Any]:
-    """The family's draws, made now and stored."""
-    made = stored.compute(FAMILY, JOBS, progress=sys.stderr.isatty())
+    """The family's draws, made now where those stored are outdated."""
+    made = stored.renew(FAMILY, JOBS, progress=sys.stderr.isatty())
     stored.write(made)
     return made
 

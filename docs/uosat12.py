@@ -52,8 +52,8 @@ def size(finished: Run, series: str) -> tuple[Any, Any]:
 
 @cache
 def draws() -> dict[str, Any]:
-    """The random starts, drawn now and stored."""
-    made = stored.compute("uosat12", os.cpu_count() or 1, progress=sys.stderr.isatty())
+    """The random starts, drawn now where those stored are outdated."""
+    made = stored.renew("uosat12", os.cpu_count() or 1, progress=sys.stderr.isatty())
     stored.write(made)
     return made
 

@@ -17,6 +17,8 @@ BASE_UNIT_EXPONENTS = ("kg", "m", "s", "A", "K", "rad")
 TOOL = "desat"
 """Name of our annotations: a block's role, the names of a mode's values, shared parameters, and
 which parameters (or inputs) have no effect without an input or output."""
+GENERATION_TOOL = "desat with PythonFMU"
+"""What an FMU of ours says of who made it."""
 
 
 def title(block: type[Block]) -> str:
@@ -39,7 +41,7 @@ def model_description(
         guid=guid,
         description=title(block),
         version=version,
-        generationTool="desat with PythonFMU",
+        generationTool=GENERATION_TOOL,
         generationDateAndTime=date,
         variableNamingConvention="structured",
     )

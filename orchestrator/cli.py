@@ -20,9 +20,10 @@ from rich.text import Text
 
 from .analyses import bound as bound_module
 from .analyses import convergence as convergence_module
-from .designs import dumping as design_module
+from .designs import making as design_module
 from .engine.master import Algorithm
 from .engine.results import SERIES
+from .engine.trial import refusals
 from .files import craft_ssd
 from .files import pack as pack_module
 from .files.scenario import craft_files, find, scenarios
@@ -98,6 +99,12 @@ Classes = Annotated[
     typer.Option("--output-class", metavar="COMP.OUT=CLASS",
                  help="Class of an output: state or interval. May be repeated."),
 ]  # fmt: skip
+DesignOption = Annotated[
+    str | None,
+    typer.Option("--design", metavar="now|FILE",
+                 help="Of a scenario with a design (gain tables, costates): make one now for these "
+                 "values, or take that of a file. Default: the kept one."),
+]  # fmt: skip
 Jobs = Annotated[int, typer.Option(help="Processes.", min=1)]
 CPUS = os.cpu_count() or 1
 
@@ -146,6 +153,7 @@ def run(
     step: Step = None,
     algorithm: Alg = Semantics.conserving,
     blocks: Blocks = False,
+    design: DesignOption = None,
     folder: Annotated[
         Path | None, typer.Option("--out", help="Run folder (default: a new one under runs/).")
     ] = None,
@@ -164,7 +172,7 @@ def run(
     """Run a scenario and write a run folder: series, manifest, report."""
     options = _options(
         sets, stop, step, algorithm, blocks, classes, sources, record=tuple(record or ("*",)),
-        every=every,
+        every=every, design=design,
     )  # fmt: skip
     target_folder = _run_folder(target, folder)
     _, checked = prepare(target, options)
@@ -204,7 +212,7 @@ def _run_twin(finished: Run, options: Options, folder: Path) -> Run | None:
     if not about.get("twin") or name == about["name"] or name not in scenarios():
         return None
     twin_folder = folder / "twin"
-    other = execute(name, replace(options, sets=[], sources=[]), twin_folder)
+    other = execute(name, replace(options, sets=[], sources=[], design=None), twin_folder)
     relate(finished.manifest, {about["twin"]: other.manifest})
     write_json(folder / MANIFEST, finished.manifest)
     report_module.write_report(twin_folder, other)
@@ -245,12 +253,15 @@ def draws(
     step: Step = None,
     algorithm: Alg = Semantics.conserving,
     blocks: Blocks = False,
+    design: DesignOption = None,
     jobs: Jobs = CPUS,
     as_json: Json = False,
 ) -> None:
     """Run seeded draws of a scenario's dispersions."""
-    options = _options(sets, stop, step, algorithm, blocks)
+    options = _options(sets, stop, step, algorithm, blocks, design=design)
     result = draws_module.draws(target, count, seed, options, jobs, progress=not as_json)
+    for warning in result["warnings"]:
+        err.print(f"warning: {warning}", highlight=False, markup=False)
     failed = [r for r in result["draws"] if r["status"] != "completed"]
     if as_json:
         _print_json(result)
@@ -279,13 +290,19 @@ def check(
     stop: Stop = None,
     step: Step = None,
     blocks: Blocks = False,
+    design: DesignOption = None,
     classes: Classes = None,
     as_json: Json = False,
 ) -> None:
     """Find what is wrong with a system before it runs, and print its schedule."""
-    options = _options(sets, stop, step, Semantics.conserving, blocks, classes, sources)
+    options = _options(sets, stop, step, Semantics.conserving, blocks, classes, sources,
+                       design=design)  # fmt: skip
     system, checked = prepare(target, options)
     schedule = checked.schedule
+    if schedule is not None:
+        problems, warnings = refusals(system, schedule, blocks)
+        checked.problems += problems
+        checked.warnings += warnings
     timing: dict[str, str] = {}
     for connection, when in schedule.timing if schedule else ():
         key = (f"{connection.source}.{base_name(connection.output)} -> "
@@ -362,25 +379,42 @@ def design(
         list[str] | None,
         typer.Argument(metavar="[NAME]...", help="Scenarios (default: all with a design)."),
     ] = None,
+    sets: Sets = None,
+    stop: Stop = None,
+    step: Step = None,
+    file: Annotated[
+        Path | None,
+        typer.Option("--out", help="Another file than the scenario's own; needed with other "
+                     "values, for `desat run NAME --set ... --design FILE`."),
+    ] = None,
     as_json: Json = False,
-) -> None:
+) -> None:  # fmt: skip
     """Compute what laws need beforehand (gain tables, costates) into ssp/FAMILY/design/."""
+    options = _options(sets, stop, step, Semantics.conserving, True)
     wanted = design_module.designable(names or [])
+    if file is not None and len(wanted) != 1:
+        raise DesatError(f"--out {file}: one scenario is needed")
+    if file is None and (sets or stop is not None or step is not None):
+        raise DesatError(
+            "a design for other values needs --out FILE: the scenario's own file stays what it is "
+            "(or make it within the run: `desat run NAME --set ... --design now`)"
+        )
     made = [
-        (s, d := design_module.design(s), design_module.write(s, d))
+        (s, d := design_module.design(s, options), design_module.write(s, d, options, file))
         for s in track(wanted, "design", console=err, transient=True,
                        disable=as_json or not err.is_terminal)
     ]  # fmt: skip
     if as_json:
         _print_json([design_module.as_json(*each) for each in made])
         return
-    table = Table("scenario", box=None, header_style="bold", pad_edge=False)
-    for column in ("|h_f| N m s", "dipole energy A2 m4 s"):
-        table.add_column(column, justify="right")
-    table.add_column("tuned")
+    table = Table("scenario", "reached", "tuned", box=None, header_style="bold", pad_edge=False)
     for s, d, _ in made:
-        tuned = ", ".join(f"{n} = {v:.6g} {u}" for n, (v, u) in d.tuned.items())
-        table.add_row(s.name, f"{d.flight.size:.3g}", f"{d.flight.energy:.6g}", tuned)
+        columns = (
+            ", ".join(f"{n} = {v:.6g} {pretty_unit(u)}" for n, (v, u) in entries.items()
+                      if isinstance(v, float))
+            for entries in (d.reached, d.tuned)
+        )  # fmt: skip
+        table.add_row(s.name, *columns)
     out.print(table)
     for folder in sorted({path.parent for _, _, path in made}):
         out.print(f"written to {os.path.relpath(folder)}", highlight=False, markup=False)

@@ -91,7 +91,9 @@ def same_system(a, b) -> None:
     assert list(a.components) == list(b.components)
     for c, d in zip(a.components.values(), b.components.values(), strict=True):
         assert (c.source, c.parameters) == (d.source, d.parameters)
-        assert c.fmu and d.fmu and c.fmu.resolve() == d.fmu.resolve()
+        assert c.fmu is not None
+        assert d.fmu is not None
+        assert c.fmu.resolve() == d.fmu.resolve()
         assert [(x.name, x.kind, x.type) for x in c.connectors.values()] == [
             (x.name, x.kind, x.type) for x in d.connectors.values()
         ]

@@ -1,1 +1,49 @@
-"""What laws need beforehand: a file a kind of design."""
+"""What laws need beforehand (`desat design`): a file a kind of design, found by the folder.
+
+    [design]
+    of = "NAME"                       # no design of its own: that of another scenario
+    [design.assume.spacecraft]        # what the design takes to be so, against the scenario
+    inertia = [1, 0, 0, 0, 1, 0, 0, 0, 1]
+
+and what the kind takes. A module of this folder that has `applies` is a kind of design:
+
+    KEYS                              # what [design] may hold for it: name -> (text, test)
+    def applies(system) -> bool       # whether it is the one for this system
+    def make(scenario, options) -> Design
+
+What is computed becomes parameters of one component, in ssp/FAMILY/design/NAME.toml, which the
+scenario loader merges below the scenario's own (`origin.py`: what a file was made from).
+"""
+
+from __future__ import annotations
+
+import importlib
+import pkgutil
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import cache
+from types import ModuleType
+from typing import Any
+
+Key = tuple[str, Callable[[Any], bool]]
+
+
+@dataclass(frozen=True)
+class Design:
+    """Parameters of a component, what the run with them reached, the numbers tuned for them."""
+
+    component: str
+    parameters: dict[str, Any]
+    reached: dict[str, tuple[Any, str]]
+    """name -> value and unit"""
+    tuned: dict[str, tuple[float, str]] = field(default_factory=dict)
+    """name -> value and unit"""
+    notes: tuple[str, ...] = ()
+
+
+@cache
+def kinds() -> tuple[ModuleType, ...]:
+    """The kinds of design that there are, by the names of their files."""
+    names = sorted(m.name for m in pkgutil.iter_modules(__path__))
+    modules = (importlib.import_module(f"{__name__}.{name}") for name in names)
+    return tuple(m for m in modules if hasattr(m, "applies"))

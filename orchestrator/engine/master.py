@@ -18,7 +18,7 @@ from __future__ import annotations
 
 import ctypes
 from collections import defaultdict
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import partial
 from math import lcm
@@ -220,9 +220,14 @@ class Master:
     # --- initialisation -----------------------------------------------------------------------
 
     def initialise(self) -> None:
-        """Set parameters and exchange in initialisation mode until nothing changes."""
-        for name, unit in self.units.items():
-            unit.enter(self.start, self.system.components[name].parameters)
+        """Set parameters and exchange in initialisation mode until nothing changes.
+
+        Raises UnitError with a line for each component that cannot start.
+        """
+        _each(
+            partial(unit.enter, self.start, self.system.components[name].parameters)
+            for name, unit in self.units.items()
+        )
         gathers = {name: self._gathers(name, 0) for name in self.units}
         for name in self.units:
             self._pull(name)
@@ -246,8 +251,7 @@ class Master:
             raise DesatError(
                 f"{self.system.where}: initialisation does not settle: {names} keep changing"
             )
-        for unit in self.units.values():
-            unit.exit()
+        _each(unit.exit for unit in self.units.values())
         for name in self.units:
             self._pull(name)
         self._check_finite()
@@ -334,6 +338,18 @@ class Master:
                 raise UnitError(
                     f"{slot.component}.{slot.signal.name} = {value} at t = {self.t:g} s"
                 )
+
+
+def _each(calls: Iterable[Callable[[], None]]) -> None:
+    """Make all calls. Raises UnitError with what all of those said that failed."""
+    failures = []
+    for call in calls:
+        try:
+            call()
+        except UnitError as error:
+            failures.append(str(error))
+    if failures:
+        raise UnitError("\n".join(failures))
 
 
 def _nothing() -> int:

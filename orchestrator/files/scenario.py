@@ -10,7 +10,7 @@
     [sources]                     # manager = "manager_other": another FMU for a component
     [shared]                      # a parameter for every component that has it
     [parameters.manager]          # parameters (or unconnected inputs) of one component
-    [design]                      # parameters below these that `desat design` computes: design.py
+    [design]                      # parameters below these that `desat design` computes: designs/
     [output_classes]              # "component.output" = "state" | "interval"
     [decimation]                  # manager = 10: steps once in 10 steps of the master
     [dispersions]                 # "component.parameter" = how `desat draws` draws it
@@ -93,7 +93,7 @@ class Scenario:
             if not self.design.exists():
                 name = f"{self.family}/{self.design.stem}"
                 raise DesatError(f"{self.name} has no design yet; run `desat design {name}`")
-            merged = _toml(self.design)["parameters"]
+            merged = read_toml(self.design)["parameters"]
         _merge(merged, self.data.get("parameters", {}))
         return merged
 
@@ -253,19 +253,20 @@ def _read(file: Path, family: str) -> list[Scenario]:
     return cells
 
 
-def _toml(file: Path) -> dict[str, Any]:
-    where = file.relative_to(ROOT.parent)
+def read_toml(file: Path) -> dict[str, Any]:
+    """What a TOML file holds. Raises DesatError where there is none or it cannot be read."""
+    where = file.relative_to(ROOT.parent) if file.is_relative_to(ROOT.parent) else file
     try:
         return tomllib.loads(file.read_text(encoding="utf-8"))
     except FileNotFoundError as error:
         raise DesatError(f"{where}: no such file") from error
-    except tomllib.TOMLDecodeError as error:
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise DesatError(f"{where}: {error}") from error
 
 
 def _load(file: Path, seen: tuple[Path, ...] = ()) -> dict[str, Any]:
     where = file.relative_to(ROOT.parent)
-    data = _toml(file)
+    data = read_toml(file)
     bases = data.pop("extends", [])
     if file in seen:
         raise DesatError(f"{where}: extends itself")

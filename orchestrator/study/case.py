@@ -53,6 +53,8 @@ class Options:
     output_classes: dict[str, Any] = field(default_factory=dict)
     values: dict[str, Any] = field(default_factory=dict)
     """`component.variable` -> value, beside `sets`, for callers that are programs."""
+    design: str | None = None
+    """Of a scenario with a [design]: a file with another one, or `now`: made for these values."""
 
 
 @dataclass
@@ -77,8 +79,52 @@ def load(target: str, blocks: bool = False) -> tuple[System, list[str]]:
 
 
 def prepare(target: str, options: Options) -> tuple[System, Checked]:
-    """Load a system, apply the options, and check it."""
-    system, problems = load(target, options.blocks)
+    """Load a system, apply the options, and check it; warns of a design made for other values."""
+    from ..designs import making, origin
+
+    known = _scenario_of(target)
+    if options.design is None:
+        system, problems = load(target, options.blocks)
+        warnings = modify(system, problems, options)
+        # of a packed one, the scenario that it was packed from
+        name = system.about.get("name", "")
+        if known is None and name.partition("/")[0] in scenario.families():
+            known = scenario.scenarios(name.partition("/")[0]).get(name)
+        warnings += origin.warnings(known, options) if known else []
+    elif known is None:
+        raise DesatError(f"--design {options.design}: {target} is no scenario with a [design]")
+    else:
+        system, problems = known.system(options.blocks, designed=False)
+        designed = making.parameters_for(known, options)
+        warnings = modify(system, problems, options, designed, known.parameters(designed=False))
+    checked = check(system, problems)
+    checked.warnings[:0] = warnings
+    if checked.schedule is not None:
+        what = problems_of_numbers(system)
+        # another FMU may lack what the scenario's numbers are made of: it runs without them
+        (checked.warnings if options.sources else checked.problems).extend(what)
+    return system, checked
+
+
+def _scenario_of(target: str) -> scenario.Scenario | None:
+    path = Path(target)
+    if path.suffix in (".ssp", ".ssd") or path.is_dir():
+        return None
+    return scenario.find(target)
+
+
+def modify(
+    system: System,
+    problems: list[str],
+    options: Options,
+    designed: dict[str, dict[str, Any]] | None = None,
+    own: dict[str, dict[str, Any]] | None = None,
+) -> list[str]:
+    """Apply the options to a system, in place, and return warnings; problems are added to the list.
+
+    `designed`: parameters, a table a component, below those of the options and below `own`, the
+    scenario's. Raises DesatError for what is unknown.
+    """
     if options.stop is not None:
         system.stop = options.stop
     if options.step is not None:
@@ -90,7 +136,12 @@ def prepare(target: str, options: Options) -> tuple[System, Checked]:
         problem, warning = _replace(system, text, options.blocks)
         problems += [problem] if problem else []
         warnings += [warning] if warning else []
-    assignments = [(f"--set {t}", *parse_assignment(t)) for t in options.sets]
+    assignments = [
+        (f"--design: {name}.{variable}", name, variable, value)
+        for name, table in (designed or {}).items() for variable, value in table.items()
+        if variable not in (own or {}).get(name, {})
+    ]  # fmt: skip
+    assignments += [(f"--set {t}", *parse_assignment(t)) for t in options.sets]
     assignments += [(k, *k.split(".", 1), v) for k, v in options.values.items()]
     for text, name, variable, value in assignments:
         component = system.components.get(name)
@@ -98,13 +149,7 @@ def prepare(target: str, options: Options) -> tuple[System, Checked]:
             raise DesatError(f"{text}: no component {name}{nearest(name, system.components)}")
         if component.interface is not None:
             assign(component, variable, value, name)
-    checked = check(system, problems)
-    checked.warnings[:0] = warnings
-    if checked.schedule is not None:
-        what = problems_of_numbers(system)
-        # another FMU may lack what the scenario's numbers are made of: it runs without them
-        (checked.warnings if options.sources else checked.problems).extend(what)
-    return system, checked
+    return warnings
 
 
 def problems_of_numbers(system: System) -> list[str]:
@@ -170,7 +215,8 @@ def execute(
     steps = steps_of(system)
     began, clock = datetime.now(UTC), time.perf_counter()
     manifest = describe(system, options, target)
-    manifest.update(started=began.isoformat(timespec="seconds"), steps=steps, status="running")
+    manifest.update(started=began.isoformat(timespec="seconds"), steps=steps, status="running",
+                    warnings=checked.warnings)  # fmt: skip
 
     def watched(component: str, signal: Any) -> bool:
         return selects(options.record, component, signal)

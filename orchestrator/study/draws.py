@@ -27,7 +27,7 @@ from ..analyses import analyses
 from ..files import library
 from ..system.errors import DesatError, nearest
 from ..system.model import System
-from .case import Options, execute, load
+from .case import Options, execute, load, prepare
 
 KINDS = ("normal", "uniform", "direction", "attitude", "seed")
 
@@ -123,6 +123,8 @@ def draws(
         raise DesatError("\n".join(problems))
     if not system.about.get("dispersions"):
         raise DesatError(f"{target}: it has no [dispersions], so there is nothing to draw")
+    first = replace(options, values={**options.values, **drawn(system, seed, 0)})
+    warnings = prepare(target, first)[1].warnings
     with ProcessPoolExecutor(min(jobs, count), mp_context=get_context("spawn")) as pool:
         results = pool.map(_one, [target] * count, [options] * count, [seed] * count, range(count))
         console = Console(stderr=True)
@@ -142,4 +144,6 @@ def draws(
             "max": max(values, default=None),
             "n": len(values),
         }
-    return {"scenario": target, "seed": seed, "draws": rows, "summary": summary}
+    return {
+        "scenario": target, "seed": seed, "draws": rows, "summary": summary, "warnings": warnings,
+    }  # fmt: skip

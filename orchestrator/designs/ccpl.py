@@ -1,0 +1,27 @@
+"""The gain of the cross-product law of magnetic dumping.
+
+[design]
+final_momentum = 0.05         # N m s: the gain is tuned to this |h_f|
+"""
+
+from __future__ import annotations
+
+from ..files.scenario import Scenario
+from ..study.case import Options
+from ..system.model import System
+from . import Design, tuning
+from .plant import Plant
+from .tuning import GAIN_UNIT, flies, tuned
+
+KEYS = {k: tuning.KEYS[k] for k in ("final_momentum",)}
+
+
+def applies(system: System) -> bool:
+    """For this block and this law."""
+    return flies(system, "manager_cross_product", "ccpl")
+
+
+def make(scenario: Scenario, options: Options) -> Design:
+    """The gain."""
+    plant = Plant(scenario, options)
+    return tuned(plant, lambda gain: {"gain": gain}, "gain", GAIN_UNIT)

@@ -1,0 +1,37 @@
+"""The ILQR of magnetic dumping: its weight, paper 000, eq. 14.
+
+[design]
+final_momentum = 0.05         # N m s: the weight F is tuned to this |h_f|
+momentum_weight = [1, 1, 1]   # diagonal of F; with final_momentum, its shape only
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from desat.components.vector import norm
+
+from ..files.scenario import Scenario
+from ..study.case import Options
+from ..system.model import System
+from . import Design, tuning
+from .plant import Plant
+from .tuning import flies, shape, with_weight
+
+KEYS = {k: tuning.KEYS[k] for k in ("final_momentum", "momentum_weight")}
+
+
+def applies(system: System) -> bool:
+    """For this block and this law."""
+    return flies(system, "manager_magnetic_ilqr")
+
+
+def make(scenario: Scenario, options: Options) -> Design:
+    """The weight F, and N_con where there is one."""
+    plant = Plant(scenario, options)
+    n_con = {"n_con_body": list(plant.n_con)} if norm(plant.n_con) > 1e-15 else {}
+
+    def parameters(scale_of_f: float) -> dict[str, Any]:
+        return {"momentum_weight": (scale_of_f * shape(plant)).tolist(), **n_con}
+
+    return with_weight(plant, parameters)

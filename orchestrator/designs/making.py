@@ -1,0 +1,208 @@
+"""`desat design`: which scenarios have a design made, and how one is made, kept and used."""
+
+from __future__ import annotations
+
+import json
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..files.scenario import ROOT, Scenario, find, read_toml, scenarios
+from ..study.case import Options
+from ..system.errors import DesatError, nearest
+from . import Design, kinds
+from .origin import TABLE, computed, made_of, owner, system_of
+
+PACKAGES = ("desat", "numpy", "scipy")
+COMMON = ("of", "assume")
+ROUNDING = 1e-12
+"""Of what a kept design reached: the last bits of linear algebra are the machine's."""
+NOW = "now"
+"""`--design now`: made for the run, and not kept."""
+
+
+def designable(names: list[str]) -> list[Scenario]:
+    """The scenarios of these names, or all that have a design of their own; one that ends where
+    another ends comes after it. Raises DesatError for one that has none."""
+    wanted = [find(n) for n in names] or [
+        s for s in scenarios().values() if "of" not in s.data.get("design", {"of": ""})
+    ]
+    for s in wanted:
+        if "design" not in s.data:
+            raise DesatError(f"{s.name}: it has no [design]")
+        if "of" in s.data["design"]:
+            other = f"{s.family}/{s.data['design']['of']}"
+            raise DesatError(f"{s.name} uses the design of {other}: run `desat design {other}`")
+    return sorted(wanted, key=lambda s: "end_of" in s.data["design"])
+
+
+def design(scenario: Scenario, options: Options | None = None) -> Design:
+    """Compute a scenario's design for the values of `options`. Raises DesatError where it cannot
+    be made."""
+    options = options or Options()
+    about = scenario.data["design"]
+    known = dict.fromkeys([*COMMON, *(k for kind in kinds() for k in kind.KEYS)])
+    for key in about:
+        if key not in known:
+            raise DesatError(f"{scenario.name}: design: unknown key {key}{nearest(key, known)}")
+    assumed = about.get("assume", {})
+    if not (isinstance(assumed, dict) and all(isinstance(v, dict) for v in assumed.values())):
+        raise DesatError(
+            f"{scenario.name}: design: assume = {assumed!r}: tables of parameters, one a "
+            "component, are needed"
+        )
+    system, _ = system_of(scenario, options)
+    kind = next((k for k in kinds() if k.applies(system)), None)
+    if kind is None:
+        raise DesatError(f"{scenario.name}: {_no_kind(system)}")
+    for key, value in about.items():
+        if key in COMMON:
+            continue
+        if key not in kind.KEYS:
+            name = kind.__name__.rpartition(".")[2]
+            raise DesatError(
+                f"{scenario.name}: design: {key} is not for {name}; known are "
+                f"{', '.join(kind.KEYS)}"
+            )
+        text, test = kind.KEYS[key]
+        if not test(value) or (key == "end_of" and f"{scenario.family}/{value}" == scenario.name):
+            raise DesatError(f"{scenario.name}: design: {key} = {value!r}: {text} is needed")
+    made: Design = kind.make(scenario, options)
+    return made
+
+
+def _no_kind(system: Any) -> str:
+    names = ", ".join(k.__name__.rpartition(".")[2] for k in kinds())
+    manager = system.components.get("manager")
+    what = ""
+    if manager is not None and manager.interface is not None:
+        what = f" for {manager.interface.model}"
+        for signal in manager.interface.elements("law"):
+            value = manager.parameters.get("law", signal.start)
+            what += f" {signal.choices[int(value)]}"
+    return f"no design{what}; there is one for {names}"
+
+
+_made: dict[str, Design] = {}
+
+
+def parameters_for(scenario: Scenario, options: Options) -> dict[str, dict[str, Any]]:
+    """The designed parameters, a table a component, that `options.design` asks for: a file, or
+    made now for the values of the options. Raises DesatError where that cannot be."""
+    if scenario.design is None:
+        raise DesatError(f"--design {options.design}: {scenario.name} has no [design]")
+    if options.design != NOW:
+        file = read_toml(Path(options.design or ""))
+        if not isinstance(file.get("parameters"), dict):
+            raise DesatError(f"--design {options.design}: no design: it has no [parameters]")
+        return dict(file["parameters"])
+    other, fitting, _ = owner(scenario, options)
+    key = repr((other.name, fitting))
+    if key not in _made:
+        _made[key] = design(other, fitting)
+    return {_made[key].component: _made[key].parameters}
+
+
+def text(scenario: Scenario, made: Design, options: Options | None = None) -> str:
+    """The file of a design. The same design with the same versions gives the same text."""
+    versions = ", ".join(f"{p} {version(p)}" for p in PACKAGES)
+    lines = [
+        f"# Computed by `desat design {scenario.name}`, not kept by hand; {versions}.",
+        "# `reached` is what the run on bare blocks that it was computed with ended with.",
+        *(f"# {note}." for note in made.notes),
+    ]
+    if assumed := scenario.data["design"].get("assume"):
+        lines.append(f"# Assumed, against the scenario: {assumed}.")
+    if made.tuned:
+        lines += ["", "[tuned]"]
+        lines += [f"{name} = {value!r}  # {unit}" for name, (value, unit) in made.tuned.items()]
+    lines += [
+        "",
+        "[reached]",
+        *(f"{k} = {v!r}  # {u}" for k, (v, u) in made.reached.items()),
+        "",
+        f"[parameters.{made.component}]",
+        *(_assignment(name, value) for name, value in made.parameters.items()),
+    ]
+    without = {f"{made.component}.{k}" for k in made.parameters}
+    return "\n".join(lines) + "\n" + origin_text(made_of(scenario, options or Options(), without))
+
+
+def origin_text(values: dict[str, Any]) -> str:
+    """The table that ends a design's file."""
+    lines = [f"{json.dumps(k)} = {_toml_value(v)}" for k, v in values.items()]
+    return "\n".join(["", f"[{TABLE}]", *lines]) + "\n"
+
+
+def _toml_value(value: Any) -> str:
+    if isinstance(value, list):
+        return f"[{', '.join(_toml_value(v) for v in value)}]"
+    return json.dumps(value) if isinstance(value, (str, bool)) else repr(value)
+
+
+def _assignment(name: str, value: Any) -> str:
+    if isinstance(value, list) and isinstance(value[0], list):
+        return "\n".join([f"{name} = [", *(f"  {row!r}," for row in value), "]"])
+    return f"{name} = {value!r}"
+
+
+def as_json(scenario: Scenario, made: Design, path: Path) -> dict[str, Any]:
+    """What `--json` prints of a design that was written to `path`."""
+    return {
+        "scenario": scenario.name,
+        "file": str(path),
+        "tuned": {name: {"value": v, "unit": u} for name, (v, u) in made.tuned.items()},
+        "reached": {name: v for name, (v, _) in made.reached.items()},
+    }
+
+
+def write(
+    scenario: Scenario, made: Design, options: Options | None = None, file: Path | None = None
+) -> Path:
+    """Write a design's file (default: where the scenario looks) and return its path."""
+    path = file or ROOT / scenario.family / "design" / f"{scenario.name.partition('/')[2]}.toml"
+    replace_text(path, text(scenario, made, options))
+    return path
+
+
+def replace_text(path: Path, content: str) -> None:
+    """Write a file under a temporary name, then rename."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    part = path.with_name(f"{path.name}.part")
+    part.write_text(content, encoding="utf-8")
+    part.replace(path)
+
+
+def stamp(scenario: Scenario) -> bool:
+    """Renew the table [made_of] of a scenario's kept design, and nothing else of its file, if a
+    run with the kept numbers reaches what the file says, to `ROUNDING`; False where it does not."""
+    from .plant import Plant
+
+    assert scenario.design is not None
+    file = read_toml(scenario.design)
+    plant = Plant(scenario)
+    flight = plant.fly(**file["parameters"]["manager"])
+    for key, (value, _) in flight.reached().items():
+        kept, now = np.atleast_1d(file["reached"][key]), np.atleast_1d(value)
+        if not np.abs(now - kept).max() <= ROUNDING * np.abs(kept).max():
+            return False
+    content = scenario.design.read_text(encoding="utf-8").partition(f"\n[{TABLE}]\n")[0]
+    origin = origin_text(made_of(scenario, Options(), computed(file)))
+    replace_text(scenario.design, content + origin)
+    return True
+
+
+def main() -> int:
+    """`python -m desat.designs.making`: stamp the kept designs that runs now confirm."""
+    failed = 0
+    for scenario in designable([]):
+        if not stamp(scenario):
+            failed += 1
+            print(f"{scenario.name}: a run with its design ends elsewhere; not stamped")
+    return min(failed, 1)
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

@@ -1,0 +1,75 @@
+"""Minimum-energy control of magnetic dumping: the costate, paper 000, eqs. 10-12.
+
+[design]
+final_momentum = 0.05             # N m s: the cheapest end of this size
+final_momentum_body = [0, 0, 0]   # or this end
+end_of = "NAME"                   # or the end of another scenario's run, with its kept design
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from desat.components.laws import magnetic_offline as offline
+
+from ..files.scenario import Scenario, find
+from ..study.case import Options
+from ..system.errors import DesatError
+from ..system.model import System
+from . import Design, tuning
+from .plant import Array, Flight, Plant
+from .tuning import flies, needless, of_flight
+
+LARGEST_MISS = 1e-9
+"""Of an end that a costate was solved for (N m s)."""
+REFINEMENTS = 3
+"""Of a costate: the first solves the linear equations, the others take out their rounding."""
+
+
+KEYS = {k: tuning.KEYS[k] for k in ("final_momentum", "final_momentum_body", "end_of")}
+
+
+def applies(system: System) -> bool:
+    """For this block and this law."""
+    return flies(system, "manager_magnetic", "mec")
+
+
+def make(scenario: Scenario, options: Options) -> Design:
+    """The costate with which the run ends where it shall."""
+    plant = Plant(scenario, options)
+    if plant.manager_value("saturation"):
+        raise DesatError(f"{plant.system.name}: design: mec needs manager.saturation = false")
+    weight, about = np.asarray(plant.manager_value("dipole_weight")), plant.about
+    fixed = {"horizon": plant.horizon, "omega_nominal_body": list(plant.omega)}
+
+    def fly(p: Array) -> Flight:
+        return plant.fly(costate=p.tolist(), **fixed)
+
+    start = fly(np.zeros(3)).momentum[0]
+    end = np.asarray(about.get("final_momentum_body", (0.0, 0.0, 0.0)), float)
+    if "end_of" in about:
+        other = find(f"{plant.system.name.partition('/')[0]}/{about['end_of']}")
+        end = Plant(other, designed=True).fly().momentum[-1]
+    p = offline.costate(
+        plant.field, plant.omega, weight, plant.n_con, start, end, plant.horizon
+    )  # fmt: skip
+    # variation of extremals: the end is linear in p, also that of commands held over a sample
+    flight, size = fly(p), float(np.linalg.norm(p))
+    miss = np.linalg.norm(flight.momentum[-1] - end)
+    note = f"The costate of the continuous problem would miss the end by {miss:.2e} N m s"
+    varied = [fly(p + size * e) for e in np.eye(3)]
+    effect = np.stack([(v.momentum[-1] - flight.momentum[-1]) / size for v in varied], axis=1)
+    if (wanted := float(about.get("final_momentum", 0.0))) > 0.0:
+        dipoles = [(v.dipole - flight.dipole) / size for v in varied]
+        cost = np.array([[np.sum(a * weight * b) for b in dipoles] for a in dipoles])
+        free = flight.momentum[-1] - effect @ p
+        if wanted >= np.linalg.norm(free):
+            raise needless(plant, wanted)
+        end = offline.cheapest_end(free, effect, cost, wanted)
+    for _ in range(REFINEMENTS):
+        p = p - np.linalg.solve(effect, flight.momentum[-1] - end)
+        flight = fly(p)
+    miss = np.linalg.norm(flight.momentum[-1] - end)
+    if not miss <= LARGEST_MISS:
+        raise DesatError(f"{plant.system.name}: design: the end is missed by {miss:.1e} N m s")
+    return of_flight({**fixed, "costate": p.tolist()}, flight, notes=(note,))

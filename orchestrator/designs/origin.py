@@ -1,0 +1,165 @@
+"""What a design was made from, and in what a run differs from it.
+
+A design's file ends with a table [made_of]: times, sources, wiring, the [design] of the scenario
+and every parameter of its system but those that were computed.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Container
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from ..files.scenario import Scenario, find, read_toml
+from ..study.case import Options, modify
+from ..system.errors import DesatError, nearest
+from ..system.interface import base_name
+from ..system.model import System
+from ..system.parameters import assign, parse_assignment, resolve, table
+
+TABLE = "made_of"
+
+
+def give(system: System, name: str, variable: str, value: Any) -> None:
+    """Give a parameter of a component a value. Raises DesatError for what is unknown or no fit."""
+    component = system.components.get(name)
+    if component is None:
+        raise DesatError(f"{system.name}: no component {name}{nearest(name, system.components)}")
+    assert component.interface is not None
+    where = f"{system.name}: {name}"
+    assign(component, variable, value, where)
+
+
+def system_of(
+    scenario: Scenario, options: Options, designed: bool = False
+) -> tuple[System, list[str]]:
+    """The system, on bare blocks, that a scenario's design is made for: with the values of
+    `options`, then what [design] assumes; and its problems so far. `designed`: with the kept
+    design, and nothing assumed."""
+    system, problems = scenario.system(blocks=True, designed=designed)
+    modify(system, problems, replace(options, blocks=True))
+    for name, values in scenario.data.get("design", {}).get("assume", {}).items():
+        for variable, value in values.items() if not designed else ():
+            give(system, name, variable, value)
+    problems += resolve(system)
+    return system, problems
+
+
+LONGEST = 12
+"""An array longer than this is kept as a digest."""
+
+
+def made_of(
+    scenario: Scenario, options: Options, without: set[str], known: Container[str] | None = None
+) -> dict[str, Any]:
+    """What a scenario's design is made of, `component.parameter` -> value and more; `without` the
+    parameters that it computes. A choice stands by its name. With `known`, parameters that are
+    neither in it nor given by anybody are left out: a block has got them since."""
+    system, _ = system_of(scenario, replace(options, sources=[]))
+    wiring = sorted(str(replace(c, line=0)) for c in system.connections)
+    values: dict[str, Any] = {
+        "start": system.start,
+        "stop": system.stop,
+        "step": system.step,
+        "wiring": _digest(wiring),
+        **{f"design.{k}": v for k, v in scenario.data["design"].items() if k != "assume"},
+    }
+    if "end_of" in scenario.data["design"]:
+        other = find(f"{scenario.family}/{scenario.data['design']['end_of']}")
+        given = other.parameters()
+        values["end_of"] = _digest([made_of(other, Options(), set()), given])
+    for c in system.components.values():
+        values[f"source.{c.name}"] = Path(c.source).stem
+        if c.decimation > 1:
+            values[f"decimation.{c.name}"] = c.decimation
+    for text in options.sources:
+        name, _, source = text.partition("=")
+        values[f"source.{name}"] = Path(source).stem
+    for name, rows in table(system).items():
+        for k, entry in rows.items():
+            if known is None or entry["given"] or f"{name}.{k}" in known:
+                values[f"{name}.{k}"] = _kept(entry["value"])
+    return {k: v for k, v in values.items() if k not in without and v is not None}
+
+
+def _kept(value: Any) -> Any:
+    if isinstance(value, list) and len(value) > LONGEST:
+        return f"{len(value)} values, {_digest(value)}"
+    return value
+
+
+def _digest(data: Any) -> str:
+    return hashlib.sha256(json.dumps(data, sort_keys=True, default=str).encode()).hexdigest()[:16]
+
+
+def owner(scenario: Scenario, options: Options) -> tuple[Scenario, Options, list[str]]:
+    """The scenario that has the design made which this one uses, those of the options that it
+    knows, and the `component.variable` of those that it does not."""
+    if "of" not in scenario.data["design"]:
+        return scenario, options, []
+    other = find(f"{scenario.family}/{scenario.data['design']['of']}")
+    system, _ = other.system(blocks=True, designed=False)
+    strange: list[str] = []
+
+    def known(name: str, variable: str) -> bool:
+        component = system.components.get(name)
+        if component is not None and component.interface is not None:
+            names = {base_name(n) for n in component.interface.signals}
+            if base_name(variable) in names:
+                return True
+        strange.append(f"{name}.{variable}")
+        return False
+
+    return other, replace(
+        options,
+        sets=[t for t in options.sets if known(*parse_assignment(t)[:2])],
+        values={k: v for k, v in options.values.items() if known(*k.split(".", 1))},
+        sources=[t for t in options.sources if t.partition("=")[0] in system.components],
+    ), strange  # fmt: skip
+
+
+def computed(file: dict[str, Any]) -> set[str]:
+    """`component.parameter` of all that a design's file computes."""
+    return {f"{name}.{k}" for name, values in file["parameters"].items() for k in values}
+
+
+def warnings(scenario: Scenario, options: Options) -> list[str]:
+    """What to say of a run of a scenario, with these options, that uses a kept design made for
+    other values: with the command that makes one for them."""
+    if scenario.design is None or not scenario.design.exists():
+        return []
+    file = read_toml(scenario.design)
+    other, fitting, strange = owner(scenario, options)
+    again = f"`desat design {other.name}`"
+    if TABLE not in file:
+        return [f"{scenario.name}: its design does not say what it was made from; {again} does"]
+    before, without = file[TABLE], computed(file)
+    now = made_of(other, fitting, without, before)
+    differing = [
+        f"{key} = {_short(before.get(key))}, now {_short(now.get(key))}"
+        for key in dict.fromkeys([*before, *now])
+        if before.get(key) != now.get(key)
+    ]
+    lines = []
+    if differing:
+        if made_of(other, Options(), without, before) == before:
+            again = f"`desat run {scenario.name} ... --design now` makes one for these"
+        else:
+            again += " makes it again"
+        what = "; ".join(differing)
+        lines.append(f"{scenario.name}: its design was made for other values: {what}; {again}")
+    if strange:
+        lines.append(
+            f"{scenario.name}: its design is that of {other.name}, which has no "
+            f"{', '.join(strange)}: it does not follow; `desat design {other.name} --set ... "
+            "--out FILE`, then --design FILE"
+        )
+    return lines
+
+
+def _short(value: Any) -> str:
+    text = "nothing" if value is None else str(value)
+    return text if len(text) <= 80 else f"{text[:77]}..."

@@ -1,0 +1,148 @@
+"""The paper's model of dumping by magnetic torquers: fixed attitude, ideal wheels.
+
+Field, attitude and N_con come from the scenario's own environment and spacecraft, and every end
+that is tuned or solved for is that of a run of the scenario on bare blocks.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from desat.components.attitude import normalised, product, rotate
+from desat.components.block import Block, Vec3
+from desat.components.blocks.spacecraft_fixed_attitude import (
+    SpacecraftFixedAttitude,
+    constant_torque,
+)
+from desat.components.orbit import lvlh_attitude
+from desat.components.vector import norm, scale
+from desat.fmus.registry import block_class
+
+from ..engine.master import Master
+from ..engine.results import Recorder
+from ..files.scenario import Scenario
+from ..study.case import Options
+from ..system.check import check, steps_of
+from ..system.errors import DesatError, nearest
+from ..system.model import Component
+from ..system.parameters import value_of
+from .origin import give, system_of
+
+Array = NDArray[np.floating[Any]]
+MOMENTUM, DIPOLE = "spacecraft.h_copy_wheel", "torquers.m_mean_body"
+ENERGY = "torquers.dipole_energy"
+
+
+@dataclass(frozen=True)
+class Flight:
+    """What a run did: the wheels' momentum (rows, 3; N m s), the dipole over each step (steps, 3;
+    A m2) and its energy (A2 m4 s)."""
+
+    momentum: Array
+    dipole: Array
+    energy: float
+
+    @property
+    def size(self) -> float:
+        """|h_f| (N m s)"""
+        return float(np.linalg.norm(self.momentum[-1]))
+
+    def reached(self) -> dict[str, tuple[Any, str]]:
+        """What it ended with: name -> value and unit."""
+        return {
+            "final_momentum": (self.size, "N.m.s"),
+            "final_momentum_body": ([float(x) for x in self.momentum[-1]], "N.m.s"),
+            "dipole_energy": (self.energy, "A2.m4.s"),
+        }
+
+
+class Plant:
+    """A scenario, with the values of `options`, that is flown on bare blocks with this or that
+    parameter of its manager; `designed`: with its kept design, and nothing assumed."""
+
+    def __init__(
+        self, scenario: Scenario, options: Options | None = None, designed: bool = False
+    ) -> None:
+        self.system, problems = system_of(scenario, options or Options(), designed)
+        self.about = scenario.data.get("design", {})
+        self._schedule = check(self.system, problems).or_raise()
+        spacecraft = self._bare("spacecraft")
+        if not isinstance(spacecraft, SpacecraftFixedAttitude):
+            raise DesatError(
+                f"{scenario.name}: a design is made in the paper's model, with the block "
+                "spacecraft_fixed_attitude; [design] of = NAME takes that of another scenario"
+            )
+        self.manager = self._component("manager")
+        self.horizon = steps_of(self.system) * (self.system.step or 0.0)
+        self._environment = self._bare("environment")
+        self._at(0.0)
+        r, v = self._environment.r_eci, self._environment.v_eci
+        spacecraft.r_eci, spacecraft.v_eci = r, v
+        spacecraft.start()
+        spacecraft.output(self.system.start)
+        self._attitude = normalised(spacecraft.q_bo)
+        self.omega: Vec3 = spacecraft.omega_bi_body
+        nadir = rotate(spacecraft.q_bi, scale(-1.0 / norm(r), r))
+        self.n_con = constant_torque(spacecraft.inertia, self.omega, nadir, norm(r))
+
+    def _component(self, name: str) -> Component:
+        if name not in self.system.components:
+            known = nearest(name, self.system.components)
+            raise DesatError(f"{self.system.name}: no component {name}{known}")
+        return self.system.components[name]
+
+    def _bare(self, name: str) -> Any:
+        """The block of a component with its parameters, started."""
+        component = self._component(name)
+        assert component.interface is not None
+        block: Block = block_class(component.interface.model)()
+        signals = component.interface.signals
+        block.access([signals[n].reference for n in component.parameters]).write(
+            list(component.parameters.values())
+        )
+        block.check()
+        if name == "environment":
+            block.start()
+        return block
+
+    def _at(self, t: float) -> None:
+        self._environment.output(self.system.start + t)
+
+    def field(self, t: float) -> Vec3:
+        """B (T, body) in the fixed attitude, t (s) after the start."""
+        self._at(t)
+        e = self._environment
+        return rotate(product(self._attitude, lvlh_attitude(e.r_eci, e.v_eci)), e.b_eci)
+
+    def manager_value(self, name: str) -> Any:
+        """A parameter of the manager; a choice by its name."""
+        assert self.manager.interface is not None
+        signals = self.manager.interface.elements(name)
+        values = [value_of(self.manager, s.name) for s in signals]
+        if signals[0].choices:
+            return signals[0].choices[int(values[0])]  # type: ignore[call-overload]
+        return values if signals[0].name != name else values[0]
+
+    def fly(self, **parameters: Any) -> Flight:
+        """Run it with these parameters of its manager."""
+        kept = dict(self.manager.parameters)
+        for name, value in parameters.items():
+            give(self.system, "manager", name, value)
+        record = (MOMENTUM, DIPOLE, ENERGY)
+        try:
+            with Master(self.system, self._schedule, blocks=True) as master:
+                master.initialise()
+                recorder = Recorder(None, master, record)
+                for _ in range(steps_of(self.system)):
+                    master.advance(recorder.record)
+                with recorder.finish(master) as results:
+                    return Flight(
+                        results.values(MOMENTUM)[:, :3], results.values(DIPOLE),
+                        float(results.values(ENERGY)[-1]),
+                    )  # fmt: skip
+        finally:
+            self.manager.parameters = kept

@@ -1,0 +1,123 @@
+"""What the laws of magnetic dumping share: their keys, and the search for their one free number."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from math import inf, isfinite
+from typing import Any
+
+import numpy as np
+from scipy.optimize import brentq
+
+from desat.components.blocks.manager_magnetic import CAPACITY
+
+from ..engine.instances import UnitError
+from ..system.errors import DesatError
+from ..system.model import System
+from ..system.parameters import value_of
+from . import Design, Key
+from .plant import Array, Flight, Plant
+
+WEIGHT_UNIT, GAIN_UNIT = "1/(T2.s2)", "1/(T.s)"
+SEARCH = (-1.0, 8.0, 0.1)
+"""For a law's free number: least, largest and step of its decimal logarithm."""
+
+
+def _numbers(value: Any, size: int) -> bool:
+    values = value if isinstance(value, list) else [value]
+    return (isinstance(value, list) == (size > 1) and len(values) == size
+            and all(type(x) in (int, float) and isfinite(x) for x in values))  # fmt: skip
+
+
+KEYS: dict[str, Key] = {
+    "final_momentum": ("a number above 0", lambda x: _numbers(x, 1) and x > 0.0),
+    "momentum_weight": (
+        "three numbers, none below 0", lambda x: _numbers(x, 3) and min(x) >= 0.0
+    ),
+    "final_momentum_body": ("three numbers", lambda x: _numbers(x, 3)),
+    "nodes": (
+        f"a whole number from 2 to {CAPACITY}", lambda x: type(x) is int and 2 <= x <= CAPACITY
+    ),
+    "end_of": ("the name of another scenario of the family", lambda x: isinstance(x, str)),
+}  # fmt: skip
+"""What [design] may hold for these laws."""
+
+
+def flies(system: System, model: str, law: str = "") -> bool:
+    """True where the system's manager is this block with this `law`."""
+    manager = system.components.get("manager")
+    if manager is None or manager.interface is None or manager.interface.model != model:
+        return False
+    signals = manager.interface.elements("law")
+    name = signals[0].choices[int(value_of(manager, "law"))] if signals else ""  # type: ignore[call-overload]
+    return bool(name == law)
+
+
+def of_flight(
+    parameters: dict[str, Any], flight: Flight, tuned: dict[str, tuple[float, str]] | None = None,
+    notes: tuple[str, ...] = (),
+) -> Design:  # fmt: skip
+    """The design of manager parameters with which this was flown."""
+    return Design("manager", parameters, flight.reached(), tuned or {}, notes)
+
+
+def with_weight(plant: Plant, parameters: Callable[[float], dict[str, Any]]) -> Design:
+    """The design with F as given, or as large as the wanted end asks."""
+    if "final_momentum" in plant.about:
+        return tuned(plant, parameters, "momentum_weight", WEIGHT_UNIT)
+    if "momentum_weight" not in plant.about:
+        raise DesatError(f"{plant.system.name}: design: momentum_weight or final_momentum needed")
+    fixed = parameters(1.0)
+    return of_flight(fixed, plant.fly(**fixed))
+
+
+def shape(plant: Plant) -> Array:
+    """The diagonal of F, its shape where a number is tuned (3)."""
+    return np.asarray(plant.about.get("momentum_weight", (1.0, 1.0, 1.0)), float)
+
+
+def tuned(
+    plant: Plant, parameters: Callable[[float], dict[str, Any]], name: str, unit: str
+) -> Design:
+    """The least value of the law's one free number, from SEARCH up, with which the run ends at the
+    wanted size. The size falls with the number, and rises again where a sample is too long for it.
+    """
+    where = f"{plant.system.name}: design"
+    if "final_momentum" not in plant.about:
+        raise DesatError(f"{where}: final_momentum is needed")
+    wanted = plant.about["final_momentum"]
+    best = inf
+
+    def excess(log: float) -> float:
+        nonlocal best
+        try:
+            size = plant.fly(**parameters(float(10.0**log))).size
+        except UnitError:
+            if best == inf:
+                raise
+            return inf  # it has diverged
+        best = min(best, size)
+        return size - float(wanted)
+
+    lowest, highest, step = SEARCH
+    low = high = lowest
+    while (value := excess(high)) > 0.0:
+        low, high = high, high + step
+        if high > highest or value == inf:
+            raise DesatError(
+                f"{where}: final_momentum = {wanted:g} N m s: no {name} up to {10**low:.0e} {unit} "
+                f"ends there; the least is {best:.3g} N m s"
+            )
+    if low == high and value < 0.0:
+        raise needless(plant, wanted)
+    log = high if value == 0.0 else brentq(excess, low, high, xtol=1e-13, rtol=1e-14)
+    number = 10.0 ** float(log)
+    chosen = parameters(number)
+    return of_flight(chosen, plant.fly(**chosen), {name: (number, unit)})
+
+
+def needless(plant: Plant, wanted: float) -> DesatError:
+    """The error of an end that is reached without dumping."""
+    return DesatError(
+        f"{plant.system.name}: design: final_momentum = {wanted:g} N m s is reached without dumping"
+    )

@@ -1,0 +1,193 @@
+"""Guards: designs made for other values, refusals of components, stale draws, sweeps, pairs."""
+
+from __future__ import annotations
+
+import zipfile
+from dataclasses import replace
+
+import pytest
+
+from desat.designs import making, origin
+from desat.engine import trial
+from desat.files import library
+from desat.files.scenario import find, read_toml, scenarios
+from desat.study import stored
+from desat.study.case import Options, execute, prepare
+
+MEC = "uosat12/fig2-mec-1"
+START = "spacecraft.h_start_body=2,0,0"
+
+# --- designs ----------------------------------------------------------------------------------
+
+
+def test_no_kept_design_is_for_other_values():
+    designed = [s for s in scenarios("uosat12").values() if s.design]
+    assert len(designed) > 36
+    assert [line for s in designed for line in origin.warnings(s, Options())] == []
+
+
+@pytest.mark.parametrize(
+    ("options", "what"),
+    [
+        ({"sets": [START]}, "h_start_body = [1.0, 2.0, -1.0], now [2.0, 0.0, 0.0]"),
+        ({"values": {"environment.phase": 0.5}}, "environment.phase = 1.4451326206513049, now 0.5"),
+        ({"stop": 1500.0}, "stop = 3000.0, now 1500.0"),
+        ({"step": 5.0}, "step = 10.0, now 5.0"),
+        ({"sources": ["manager=manager_cross_product"]}, "source.manager = manager_magnetic, now"),
+    ],
+)
+def test_a_design_for_other_values_is_said(options, what):
+    _, checked = prepare(MEC, Options(**options))
+    (line,) = [w for w in checked.warnings if "its design" in w]
+    assert what in line
+    assert f"`desat run {MEC} ... --design now`" in line
+
+
+def test_what_cannot_matter_to_a_design_is_not_said():
+    same = Options(sets=["spacecraft.h_start_body=1,2,-1", "manager.costate=0,0,0"], stop=3000.0)
+    assert prepare(MEC, same)[1].warnings == []
+    blind = find("uosat12/fig2-offnadir-mec-blind")
+    ((name, table),) = blind.data["design"]["assume"].items()
+    values = {f"{name}.{k}": [[2.0 * x for x in row] for row in v] for k, v in table.items()}
+    assert prepare(blind.name, Options(values=values))[1].warnings == []
+
+
+def test_a_design_of_another_scenario_follows_its_values():
+    flight = "uosat12/fig2-flight-mec-1"
+    (line,) = prepare(flight, Options(values={"torquers.quiet_time": 2.0}))[1].warnings
+    assert "torquers.quiet_time = 0.0, now 2.0" in line
+    (line,) = prepare(flight, Options(values={"wheels.h_start_wheel": [1.0] * 4}))[1].warnings
+    assert "that of uosat12/fig2-mec-1, which has no wheels.h_start_wheel" in line
+
+
+@pytest.mark.real_units
+def test_one_command_gets_the_right_gains(tmp_path):
+    wrong = execute(MEC, Options(sets=[START], blocks=True))
+    right = execute(MEC, Options(sets=[START], blocks=True, design="now"))
+    assert any("its design" in w for w in wrong.manifest["warnings"])
+    assert right.manifest["warnings"] == []
+    assert wrong.manifest["numbers"]["final_momentum"]["value"] > 2.0
+    assert right.manifest["numbers"]["final_momentum"]["value"] == pytest.approx(0.05, abs=1e-9)
+    options = Options(sets=[START])
+    file = making.write(find(MEC), making.design(find(MEC), options), options, tmp_path / "d.toml")
+    again = execute(MEC, Options(sets=[START], blocks=True, design=str(file)))
+    assert again.manifest["numbers"] == right.manifest["numbers"]
+    assert read_toml(file)["made_of"]["spacecraft.h_start_body"] == [2.0, 0.0, 0.0]
+
+
+def test_a_design_is_stamped_only_if_its_numbers_are_reached(monkeypatch, tmp_path):
+    scenario = find("uosat12/fig2-ccpl-1")
+    kept = scenario.design.read_text(encoding="utf-8")
+    bare = kept.partition("\n[made_of]\n")[0]
+    file = tmp_path / "x.toml"
+    monkeypatch.setattr(type(scenario), "design", property(lambda self: file))
+    moved = {**scenario.data["parameters"], "spacecraft": {"h_start_body": [2.0, 0.0, 0.0]}}
+    other = replace(scenario, data={**scenario.data, "parameters": moved})
+    file.write_text(bare, encoding="utf-8")
+    assert not making.stamp(other)
+    assert file.read_text(encoding="utf-8") == bare
+    assert "does not say" in origin.warnings(scenario, Options())[0]
+    assert making.stamp(scenario)
+    assert file.read_text(encoding="utf-8") == kept
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("run", "plant/reference", "--design", "now"), "plant/reference has no [design]"),
+        (("run", MEC, "--design", "no.toml"), "no.toml: no such file"),
+        (("design", MEC, "--set", START), "a design for other values needs --out FILE"),
+        (("design", MEC, "--set", "spacecraft.h_stat=1", "--out", "x"), "did you mean"),
+    ],
+)
+def test_a_bad_design_is_a_line(desat, tmp_path, arguments, message):
+    result = desat(*arguments, cwd=tmp_path)
+    assert result.returncode == 2
+    assert message in result.stderr
+    assert len(result.stderr.splitlines()) == 1
+
+
+# --- what components refuse -------------------------------------------------------------------
+
+COMBINED = "uosat12/table3-ocdc-ilqr-1"
+
+
+@pytest.mark.parametrize("how", [(), ("--blocks",)])
+def test_check_lists_what_every_component_refuses(desat, how):
+    result = desat("check", COMBINED, "--set", "torquers.quiet_time=9", "--set",
+                   "manager.k_cross=1", *how)  # fmt: skip
+    assert result.returncode == 1
+    lines = result.stderr.splitlines()
+    assert len(lines) == 2
+    assert lines[0].startswith("torquers: start: ")
+    assert "quiet_time" in lines[0]
+    assert lines[1].startswith("1 problem(s)")
+    assert desat("check", COMBINED, *how).returncode == 0
+
+
+def test_all_failing_components_are_collected():
+    system, checked = prepare(COMBINED, Options(blocks=True))
+    for name in ("torquers", "magnetometer"):
+        system.components[name].parameters["sample_time"] = float("nan")
+    problems, warnings = trial.refusals(system, checked.or_raise(), True)
+    assert {p.partition(":")[0] for p in problems} == {"torquers", "magnetometer"}
+    assert warnings == []
+
+
+def test_of_a_foreign_fmu_only_the_description_is_read(tmp_path):
+    """One that says that another tool made it, and whose library would end the process."""
+    fmu = tmp_path / "theirs.fmu"
+    with (
+        zipfile.ZipFile(library.FMUS / "magnetometer.fmu") as ours,
+        zipfile.ZipFile(fmu, "w") as theirs,
+    ):
+        for name in ours.namelist():
+            data = ours.read(name)
+            if name == "modelDescription.xml":
+                data = data.replace(b"desat with PythonFMU", b"another tool")
+            theirs.writestr(name, b"no library" if name.startswith("binaries/") else data)
+    options = Options(sources=[f"magnetometer={fmu}"], sets=["torquers.quiet_time=9"])
+    system, checked = prepare(COMBINED, options)
+    problems, warnings = trial.refusals(system, checked.or_raise(), False)
+    assert not trial.is_ours(fmu)
+    assert [p.partition(":")[0] for p in problems + warnings] == ["torquers"]
+    assert "quiet_time" in (problems + warnings)[0]
+
+
+def test_a_crash_of_the_trial_is_a_line(monkeypatch):
+    system, checked = prepare(COMBINED, Options())
+    monkeypatch.setattr(trial.pickle, "dumps", lambda data: b"no pickle")
+    (line,), _ = trial.refusals(system, checked.or_raise(), False)
+    assert "crashed (exit 1)" in line
+    assert "\n" not in line
+
+
+# --- stored draws -----------------------------------------------------------------------------
+
+
+def test_stored_draws_are_stale_when_their_code_changes(monkeypatch, tmp_path):
+    name = "uosat12/starts-dct"
+    kept = stored.read("uosat12")
+    kept["scenarios"][name]["code_sha256"] = stored.code(find(name))
+    assert name not in stored.outdated(kept)
+    (tmp_path / "law.py").write_text("x = 1\n")
+    before = stored.sources
+    monkeypatch.setattr(stored, "sources", lambda n: [*before(n), tmp_path / "law.py"])
+    assert name in stored.outdated(kept)
+
+
+def test_draws_are_stamped_only_if_they_come_out_again(monkeypatch, tmp_path):
+    name = "uosat12/starts-dct"
+    kept = stored.read("uosat12")
+    monkeypatch.setattr(stored, "with_draws", lambda family: {name: find(name)})
+    monkeypatch.setattr(stored, "file_of", lambda family: tmp_path / "draws.json")
+    kept["scenarios"] = {name: kept["scenarios"][name]}
+    kept["scenarios"][name].pop("code_sha256", None)
+    stored.write(kept)
+    assert stored.outdated(stored.read("uosat12")) == [name]
+    assert stored.stamp("uosat12", 1, 1) == []
+    assert stored.outdated(stored.read("uosat12")) == []
+    row = kept["scenarios"][name]["draws"][0]["numbers"]
+    row["firing_time"] *= 1.0 + 1e-9
+    stored.write(kept)
+    assert stored.stamp("uosat12", 1, 1) == [name]
