@@ -45,6 +45,7 @@ from desat.fmus.registry import block_class
 from ..engine.instances import UnitError
 from ..engine.master import Master
 from ..engine.results import Recorder
+from ..files import places
 from ..files.scenario import ROOT, Scenario, find, scenarios
 from ..system.check import check, steps_of, value_of
 from ..system.errors import DesatError, nearest
@@ -445,7 +446,9 @@ def reached(made: Design) -> dict[str, Any]:
 
 def write(scenario: Scenario, made: Design, folder: Path | None = None) -> Path:
     """Write a design's file into a folder (default: where the scenario looks) and return it."""
-    folder = folder or ROOT / scenario.family / "design"
+    if folder is None:
+        places.writable("`desat design`")
+        folder = ROOT / scenario.family / "design"
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / f"{scenario.name.partition('/')[2]}.toml"
     part = path.with_name(f"{path.name}.part")

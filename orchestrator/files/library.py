@@ -18,13 +18,11 @@ from desat.fmus import registry
 from ..system.errors import DesatError, nearest
 from ..system.interface import Interface, of_block
 from ..system.model import Component, System
+from . import places
 from .fmu import of_fmu
 
 LARGEST = 1 << 30
 """The largest archive that is extracted (bytes, extracted)."""
-
-FMUS = Path(__file__).resolve().parents[2] / "fmus" / "dist"
-"""Where `make fmus` puts our FMUs: a `resources/NAME.fmu` that is not there is looked for here."""
 
 
 @dataclass(frozen=True)
@@ -96,7 +94,7 @@ def find(source: str, folder: Path) -> Path | None:
     beside = folder / source
     if beside.exists():
         return beside
-    built = FMUS / Path(source).name
+    built = places.fmus() / Path(source).name
     return built if built.exists() else None
 
 
@@ -126,7 +124,7 @@ def load_interface(system: System, c: Component, blocks: bool) -> str:
         if blocks:
             c.interface = of_block(name, registry.block_class(name))
         elif c.fmu is None:
-            known = (p.name for p in FMUS.glob("*.fmu"))
+            known = (p.name for p in places.fmus().glob("*.fmu"))
             hint = nearest(f"{name}.fmu", known) or "; run `make fmus`"
             return f"{where}: FMU {c.source} is missing{hint}"
         else:

@@ -94,6 +94,7 @@ def _one(target: str, options: Options, seed: int, draw: int) -> dict[str, Any]:
     row = {
         "draw": draw,
         "status": run.manifest["status"],
+        "code": int(run.code),
         "message": run.manifest["message"],
         "numbers": {name: n["value"] for name, n in run.manifest["numbers"].items()},
         "values": values,

@@ -43,9 +43,7 @@ class Row:
 
 
 def _numbers(path: str, options: Options) -> dict[str, float]:
-    run = execute(path, options)
-    if not run.ok:
-        raise DesatError(f"{path}: {run.manifest['status']}: {run.manifest['message']}")
+    run = execute(path, options).or_raise(path)
     values = {name: n["value"] for name, n in run.manifest["numbers"].items()}
     run.results.close()
     return values
