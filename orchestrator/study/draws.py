@@ -14,7 +14,9 @@ from __future__ import annotations
 
 import statistics
 import zlib
+from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ProcessPoolExecutor
+from contextlib import contextmanager
 from dataclasses import replace
 from multiprocessing import get_context
 from typing import Any
@@ -112,6 +114,16 @@ def needed_signals(about: dict[str, Any]) -> list[str]:
     return sorted(set(found))
 
 
+@contextmanager
+def pool_of(jobs: int) -> Iterator[Callable[..., Iterable[Any]]]:
+    """A `map` over so many processes; with one it is this process."""
+    if jobs == 1:
+        yield map
+        return
+    with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool:
+        yield pool.map
+
+
 def draws(
     target: str, count: int, seed: int, options: Options, jobs: int = 2, progress: bool = False
 ) -> dict[str, Any]:
@@ -124,8 +136,8 @@ def draws(
         raise DesatError("\n".join(problems))
     if not system.about.get("dispersions"):
         raise DesatError(f"{target}: it has no [dispersions], so there is nothing to draw")
-    with ProcessPoolExecutor(min(jobs, count), mp_context=get_context("spawn")) as pool:
-        results = pool.map(_one, [target] * count, [options] * count, [seed] * count, range(count))
+    with pool_of(min(jobs, count)) as map_:
+        results = map_(_one, [target] * count, [options] * count, [seed] * count, range(count))
         console = Console(stderr=True)
         rows = list(
             track(results, target, total=count, console=console, transient=True,
