@@ -262,3 +262,27 @@ def test_no_space_is_6(arguments):
         )  # fmt: skip
     assert result.returncode == Exit.SPACE
     assert result.stderr == "error: [Errno 28] No space left on device\n"
+
+
+def test_a_scenario_file_of_ones_own(desat, tmp_path):
+    """From any folder, on a scenario of ours by its name or a file beside; messages name it."""
+    (tmp_path / "mine.toml").write_text('extends = "integrated/mil-nadir"\nstop = 20.0\n')
+    (tmp_path / "next.toml").write_text('extends = "mine"\nstop = 10.0\n')
+    ends = []
+    for name in ("mine", "next"):
+        result = desat("run", f"{name}.toml", "--no-twin", "--json", cwd=tmp_path, check=True)
+        manifest = json.loads(result.stdout)
+        assert manifest["scenario"] == f"integrated/{name}"
+        ends.append(manifest["end_time"])
+    assert ends == [20.0, 10.0]
+    for text, message in (
+        ('extends = "integrated/mil-nadr"', "extends: no scenario integrated/mil-nadr; did you"),
+        ('extends = "mil-nadir"', "mil-nadir.toml: no such file"),
+        ('extends = "mine"\ntitel = "x"', "bad.toml: unknown key titel; did you mean title?"),
+        ('extends = "mine"\nparameters.manger.x = 1', "bad.toml: parameters: no component manger"),
+    ):
+        (tmp_path / "bad.toml").write_text(text)
+        result = desat("check", "bad.toml", cwd=tmp_path)
+        assert result.returncode == Exit.INPUT
+        assert message in result.stderr
+        assert len(result.stderr.splitlines()) == 1

@@ -27,7 +27,7 @@ from __future__ import annotations
 
 import itertools
 import tomllib
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from functools import cache
 from pathlib import Path
@@ -57,6 +57,8 @@ class Scenario:
     data: dict[str, Any]
     cell: dict[str, str]
     """The value of each axis, where the file has axes."""
+    folder: Path
+    """Where its SSD and FMUs of its own are looked for."""
 
     @property
     def family(self) -> str:
@@ -100,9 +102,9 @@ class Scenario:
         from ..system.parameters import expand
         from . import library, ssp
 
-        folder = ROOT / self.family
+        folder = self.folder
         system, problems = ssp.read(folder / self.data.get("ssd", ssp.FILE))
-        where = f"{self.file.relative_to(ROOT.parent)}"
+        where = places.shown(self.file)
         system.name = self.name
         for key in ("start", "stop", "step"):
             if key in self.data:
@@ -111,7 +113,8 @@ class Scenario:
         system.about = self.about()
         for name, source in self.data.get("sources", {}).items():
             component = _component(system, name, f"{where}: sources")
-            component.source = source if "/" in source else f"resources/{source}.fmu"
+            ours = "/" not in source and not source.endswith(".fmu")
+            component.source = f"resources/{source}.fmu" if ours else source
             component.fmu = library.find(component.source, folder)
         for name, decimation in self.data.get("decimation", {}).items():
             _component(system, name, f"{where}: decimation").decimation = int(decimation)
@@ -220,6 +223,46 @@ def find(name: str) -> Scenario:
     return known[name]
 
 
+def own(file: Path) -> Scenario:
+    """The scenario of a file that is not one of ours. `extends` names files beside it, or ours as
+    FAMILY/NAME; its SSD is beside it, else that of the family that it extends.
+
+    Raises DesatError, which names the file, for what is wrong with it.
+    """
+    where = places.shown(file)
+    made = _read(file, "")
+    if len(made) != 1:
+        what = "is abstract" if not made else f"has axes, and so is {len(made)} scenarios"
+        raise DesatError(f"{where}: it {what}; one scenario is needed")
+    (scenario,) = made
+    family = scenario.data.pop("family", "")
+    beside = (file.parent / scenario.data.get("ssd", "SystemStructure.ssd")).is_file()
+    return replace(
+        scenario,
+        name=f"{family}/{file.stem}" if family else file.stem,
+        folder=file.parent if beside or not family else ROOT / family,
+    )
+
+
+def _base(name: str, file: Path, seen: tuple[Path, ...]) -> dict[str, Any]:
+    """What a file extends: a file beside it or, for one that is not ours, FAMILY/NAME of ours."""
+    if "/" not in name or file.is_relative_to(ROOT):
+        return _load(file.with_name(f"{name}.toml"), seen)
+    where = f"{places.shown(file)}: extends"
+    family, _, stem = name.partition("/")
+    if family not in families():
+        raise DesatError(f"{where}: no family {family}{nearest(family, families())}")
+    if name in scenarios(family):
+        data = _copy(scenarios(family)[name].data)
+    elif (ROOT / family / "scenarios" / f"{stem}.toml").is_file():
+        data = _load(ROOT / family / "scenarios" / f"{stem}.toml", seen)
+    else:
+        raise DesatError(f"{where}: no scenario {name}{nearest(name, scenarios(family))}")
+    if "design" in data:  # it stays that of the scenario that it was made for
+        data["design"].setdefault("of", stem)
+    return {**data, "family": family}
+
+
 def _read(file: Path, family: str) -> list[Scenario]:
     data = _load(file)
     if data.get("abstract"):
@@ -231,7 +274,7 @@ def _read(file: Path, family: str) -> list[Scenario]:
         merged = _copy(data)
         for _, partial in values:
             partial = dict(partial)
-            _leave_out(merged, partial, file.relative_to(ROOT.parent))
+            _leave_out(merged, partial, places.shown(file))
             _merge(merged, partial)
         merged["labels"] = {
             axis: axes[axis][value].get("label", value) for axis, value in cell.items()
@@ -240,7 +283,8 @@ def _read(file: Path, family: str) -> list[Scenario]:
         name = "-".join([file.stem, *cell.values()])
         _known_keys(merged, file)
         texts = {k: _fill(merged[k], merged["labels"]) for k in ("title", "story") if k in merged}
-        cells.append(Scenario(f"{family}/{name}", file, _fill(merged, cell) | texts, cell))
+        whole = _fill(merged, cell) | texts
+        cells.append(Scenario(f"{family}/{name}", file, whole, cell, ROOT / family))
     return cells
 
 
@@ -272,14 +316,14 @@ def _copy(value: Any) -> Any:
 
 
 def _load(file: Path, seen: tuple[Path, ...] = ()) -> dict[str, Any]:
-    where = file.relative_to(ROOT.parent)
+    where = places.shown(file)
     data = _toml(file)
     bases = data.pop("extends", [])
     if file in seen:
         raise DesatError(f"{where}: extends itself")
     merged: dict[str, Any] = {}
     for base in [bases] if isinstance(bases, str) else bases:
-        below = _load(file.with_name(f"{base}.toml"), (*seen, file))
+        below = _base(base, file, (*seen, file))
         if merged:
             _merge(merged, below)
         else:
@@ -290,7 +334,7 @@ def _load(file: Path, seen: tuple[Path, ...] = ()) -> dict[str, Any]:
     return merged
 
 
-def _leave_out(merged: dict[str, Any], data: dict[str, Any], where: Path) -> None:
+def _leave_out(merged: dict[str, Any], data: dict[str, Any], where: str) -> None:
     """Take out of `merged` what data's `without` names, and `without` out of data."""
     for path in data.pop("without", []):
         *tables, key = path.split(".")
@@ -304,10 +348,8 @@ def _leave_out(merged: dict[str, Any], data: dict[str, Any], where: Path) -> Non
 
 def _known_keys(data: dict[str, Any], file: Path) -> None:
     for key in data:
-        if key not in KEYS:
-            raise DesatError(
-                f"{file.relative_to(ROOT.parent)}: unknown key {key}{nearest(key, KEYS)}"
-            )
+        if key not in KEYS and (key != "family" or file.is_relative_to(ROOT)):
+            raise DesatError(f"{places.shown(file)}: unknown key {key}{nearest(key, KEYS)}")
 
 
 def _merge(into: dict[str, Any], new: dict[str, Any]) -> None:

@@ -83,10 +83,13 @@ class Run:
 
 
 def load(target: str, blocks: bool = False) -> tuple[System, list[str]]:
-    """The system of a scenario name, a .ssp, an .ssd or a folder, and its problems so far."""
+    """The system of a scenario name, a scenario file, a .ssp, an .ssd or a folder, and its
+    problems so far."""
     path = Path(target)
     if path.suffix in (".ssp", ".ssd") or path.is_dir():
         return ssp.read(path)
+    if path.suffix == ".toml":
+        return scenario.own(path).system(blocks)
     return scenario.find(target).system(blocks)
 
 
