@@ -134,17 +134,19 @@ def main() -> int:
     """Command line: build all blocks, or those named."""
     parser = argparse.ArgumentParser(description="Build the FMUs of the blocks into fmus/dist/.")
     parser.add_argument("names", nargs="*", metavar="NAME", help="blocks (default: all)")
-    wanted = tuple(parser.parse_args().names) or names()
+    parser.add_argument("--into", type=Path, help="another folder, and nothing else is written")
+    given = parser.parse_args()
+    wanted = tuple(given.names) or names()
     if unknown := sorted(set(wanted) - set(names())):
         print(f"error: no block {', '.join(unknown)}; blocks are {', '.join(names())}",
               file=sys.stderr)  # fmt: skip
         return 2
-    built = build_all(wanted)
-    if len(wanted) == len(names()):
+    built = build_all(wanted, given.into or DIST)
+    if given.into is None and len(wanted) == len(names()):
         for stale in set(DIST.glob("*.fmu")) - set(built):
             stale.unlink()
         interfaces.write()
-    print(f"{len(built)} FMUs in {os.path.relpath(DIST)}")
+    print(f"{len(built)} FMUs in {os.path.relpath(given.into or DIST)}")
     return 0
 
 

@@ -1,1 +1,97 @@
-"""Runs systems of FMUs: scenarios, SSP, check, master, results, command line."""
+"""Runs systems of FMUs: scenarios, SSP, check, master, results, command line.
+
+`run`, `load`, `draws` and `tables` are what programs need of it; what they import is imported when
+they are called. Bad input raises `desat.system.errors.DesatError` with one line for people.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from os import PathLike
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from .study.case import Run
+    from .study.tables import Row
+
+__all__ = ["draws", "load", "run", "tables"]
+
+
+def run(
+    target: str | PathLike[str],
+    sets: Mapping[str, Any] | None = None,
+    *,
+    stop: float | None = None,
+    step: float | None = None,
+    folder: str | PathLike[str] | None = None,
+    **options: Any,
+) -> Run:
+    """Run a system and return its manifest and series.
+
+    `target`: a scenario's name, a scenario file (.toml), an .ssp, an .ssd or a folder with one.
+    `sets`: "component.variable" -> value in SI: a number, a choice's name, a list (an array, rows
+    in lists). `stop`, `step`: seconds. `folder`: where manifest and series are written; None keeps
+    the series in memory. `options`: further fields of `desat.study.case.Options`.
+
+    `.manifest["numbers"]` has the scenario's numbers with their units; `.results.values(
+    "component.output")` an array (rows,) or (rows, n), row k at `start + k step`.
+
+    Raises DesatError for wrong input. A component that fails ends the run early: see `.ok`,
+    `.manifest["message"]`; `.or_raise(name)` makes a RunError of that.
+    """
+    from pathlib import Path
+
+    from .study.case import Options, execute
+
+    given = Options(stop=stop, step=step, values=dict(sets or {}), **options)
+    return execute(str(target), given, None if folder is None else Path(folder))
+
+
+def load(folder: str | PathLike[str]) -> Run:
+    """A run from its folder, also of a run that was killed. Raises DesatError where it is none."""
+    from pathlib import Path
+
+    from .study.case import load_run
+
+    return load_run(Path(folder))
+
+
+def draws(
+    target: str | PathLike[str],
+    count: int = 20,
+    seed: int = 1,
+    sets: Mapping[str, Any] | None = None,
+    *,
+    stop: float | None = None,
+    step: float | None = None,
+    jobs: int = 1,
+    **options: Any,
+) -> dict[str, Any]:
+    """Run seeded draws of a system's dispersions; arguments as for `run`.
+
+    Returns "draws": a row each with status, numbers and drawn values; and "summary": of each number
+    its unit, median, min, max and n. Draw i of a seed is the same whatever `count` and `jobs`,
+    processes; with more than one, the caller's script needs `if __name__ == "__main__":`.
+
+    Raises DesatError for wrong input, and where there are no dispersions.
+    """
+    from .study import draws as study
+    from .study.case import Options
+
+    given = Options(stop=stop, step=step, values=dict(sets or {}), **options)
+    return study.draws(str(target), count, seed, given, jobs)
+
+
+def tables(family: str, *, jobs: int = 1, **options: Any) -> list[Row]:
+    """Run a family's scenarios and return the cells of its paper's tables: each the paper's value,
+    ours, unit and band. Medians of draws are the stored ones. `jobs` as for `draws`; `options`:
+    fields of `desat.study.case.Options`.
+
+    Raises DesatError for an unknown family, and RunError where a run does not complete.
+    """
+    from .study import stored
+    from .study import tables as study
+    from .study.case import Options
+
+    drawn = stored.read(family) if stored.with_draws(family) else None
+    return study.rows(family, Options(**options), jobs, drawn)

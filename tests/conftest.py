@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from hypothesis import settings
 
-from desat.files import library
+from desat.files import places
 from desat.fmus import registry
 
 settings.register_profile("desat", deadline=None, max_examples=60, derandomize=True)
@@ -20,7 +20,7 @@ ROOT = Path(__file__).resolve().parent.parent
 
 @pytest.fixture(scope="session", autouse=True)
 def _fmus_are_built() -> None:
-    missing = [n for n in registry.names() if not (library.FMUS / f"{n}.fmu").exists()]
+    missing = [n for n in registry.names() if not (places.fmus() / f"{n}.fmu").exists()]
     assert not missing, f"run `make fmus` first: {missing}"
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from conftest import ROOT
 
-from desat.files import library
+from desat.files import places
 from desat.study.case import Options, prepare
 from desat.system.check import check
 from desat.system.errors import DesatError
@@ -28,7 +28,7 @@ def broken(tmp_path):
             text = text.replace(old, new, 1)
         (tmp_path / "SystemStructure.ssd").write_text(text, encoding="utf-8")
         if not (tmp_path / "resources").exists():
-            (tmp_path / "resources").symlink_to(library.FMUS)
+            (tmp_path / "resources").symlink_to(places.fmus())
         try:
             _, checked = prepare(str(tmp_path), Options(sets=list(sets), step=step, stop=600.0))
         except DesatError as error:
@@ -209,7 +209,7 @@ def test_everything_at_once(broken):
 
 def test_command(desat, tmp_path):
     shutil.copy(SSD, tmp_path / "SystemStructure.ssd")
-    (tmp_path / "resources").symlink_to(library.FMUS)
+    (tmp_path / "resources").symlink_to(places.fmus())
     good = desat("check", str(tmp_path), "--step", "10")
     assert good.returncode == 0
     assert "steps in this order: environment, magnetometer, tachometers, manager" in good.stdout
@@ -223,7 +223,7 @@ def test_command(desat, tmp_path):
 def test_command_exit_code(desat, tmp_path):
     text = SSD.read_text(encoding="utf-8").replace(CONNECTION, "", 1)
     (tmp_path / "SystemStructure.ssd").write_text(text, encoding="utf-8")
-    (tmp_path / "resources").symlink_to(library.FMUS)
+    (tmp_path / "resources").symlink_to(places.fmus())
     result = desat("check", str(tmp_path), "--step", "10")
     assert result.returncode == 1
     assert result.stderr.splitlines()[-1].startswith("2 problem(s) in ")
@@ -261,7 +261,7 @@ def test_the_unit_of_a_parameter_is_read(tmp_path, unit, value):
     (tmp_path / "e.ssv").write_text(
         SET.replace(' unit="UNIT"', f' unit="{unit}"' if unit else ""), encoding="utf-8"
     )
-    (tmp_path / "resources").symlink_to(library.FMUS)
+    (tmp_path / "resources").symlink_to(places.fmus())
     system, checked = prepare(str(tmp_path), Options(step=10.0, stop=600.0))
     if isinstance(value, str):
         assert any(value in problem for problem in checked.problems)

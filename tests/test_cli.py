@@ -3,18 +3,28 @@
 from __future__ import annotations
 
 import json
+import os
 import shutil
+import subprocess
+import sys
+import time
+from importlib.metadata import version
+from pathlib import Path
 
 import pytest
+from conftest import ROOT, python
 
 from desat.engine.results import Results
-from desat.files import library
+from desat.files import places
+from desat.files.scenario import families, scenarios, summary
+from desat.system.codes import Exit
 
 NAME = "uosat12/table3-ocdc-ilqr-1"
 
 
 def test_help(desat):
     for command in ((), ("run",), ("draws",), ("check",), ("pack",), ("tables",), ("report",),
+                    ("bound",), ("convergence",), ("design",),
                     ("list",)):  # fmt: skip
         result = desat(*command, "--help")
         assert result.returncode == 0
@@ -93,7 +103,7 @@ def test_bad_input_is_a_line(desat, tmp_path, arguments, message):
 def test_another_fmu_in_a_components_place(desat, tmp_path):
     """By name or file; what both managers declare alike stays, and what is lost is said."""
     fmu = tmp_path / "theirs.fmu"
-    shutil.copy(library.FMUS / "manager_receding_horizon.fmu", fmu)
+    shutil.copy(places.fmus() / "manager_receding_horizon.fmu", fmu)
     found = []
     for number, source in enumerate(("manager_receding_horizon", str(fmu))):
         result = desat("run", NAME, "--source", f"manager={source}", "--set",
@@ -202,3 +212,145 @@ def test_a_foreign_manager_needs_only_what_its_law_wants(desat, tmp_path, lean_m
     problems = [x for x in result.stderr.splitlines() if "the FMU has no such variable" in x]
     assert len(problems) == 3
     assert all("manager.m_cmd_body[" in x for x in problems)
+
+
+def test_list_and_help_import_nothing_heavy():
+    """Numerics, plots and FMI take a second to import; `list` and `--help` have 0.4 s."""
+    code = """
+import sys
+from desat.cli import main
+try:
+    main()
+except SystemExit as end:
+    assert end.code == 0, end.code
+heavy = {"numpy", "scipy", "matplotlib", "fmpy", "h5py", "lxml", "jinja2", "sgp4", "pythonfmu"}
+print("heavy:", sorted(heavy & set(sys.modules)), file=sys.stderr)
+"""
+    for arguments in (
+        ("list",),
+        ("--help",),
+        ("list", "uosat12"),
+        ("--version",),
+        ("run", "--help"),
+    ):
+        result = python(code, *arguments)
+        assert result.returncode == 0, result.stderr
+        assert result.stderr == "heavy: []\n"
+
+
+def test_list_by_family(desat):
+    lines = desat("list", check=True).stdout.splitlines()
+    for family in families():
+        (line,) = (x for x in lines if x.startswith(f"{family} "))
+        assert f" {len(scenarios(family))} " in line
+        assert summary(family)
+        assert summary(family) in line
+    assert len(desat("list", "--all", check=True).stdout.splitlines()) == 1 + len(scenarios())
+
+
+def test_version(desat):
+    assert desat("--version", check=True).stdout == f"desat {version('desat')}\n"
+
+
+def test_completion_offers_names(desat):
+    words = {"COMP_WORDS": "desat run integrated/mil-n", "COMP_CWORD": "2"}
+    result = desat(env={**os.environ, **words, "_DESAT_COMPLETE": "complete_bash"})
+    assert "integrated/mil-nadir" in result.stdout.split()
+    assert not any(n.startswith("uosat12") for n in result.stdout.split())
+
+
+def test_shared_parameter(desat, tmp_path):
+    """Every component that has the parameter gets it; a wrong name is a line."""
+    given = ("--stop", "2", "--json", "--no-twin", "--out", str(tmp_path / "a"))
+    result = desat("run", "gyrostat/free", *given, "--set",
+                   "shared.inertia_wheel=2e-4,2e-4,3e-4,0", check=True)  # fmt: skip
+    owners = {
+        name: table["inertia_wheel"]["value"]
+        for name, table in json.loads(result.stdout)["parameters"].items()
+        if "inertia_wheel" in table
+    }
+    assert set(owners) >= {"spacecraft", "wheels"}
+    assert all(value == [2e-4, 2e-4, 3e-4, 0.0] for value in owners.values())
+    result = desat("run", "gyrostat/free", "--set", "shared.inertia_weel=2e-4")
+    assert result.returncode == Exit.INPUT
+    assert "--set shared.inertia_weel=2e-4: shared: no component has a parameter" in result.stderr
+    assert "did you mean inertia_wheel?" in result.stderr
+
+
+def test_exit_codes_are_told(desat):
+    readme = (ROOT / "README.md").read_text(encoding="utf-8")
+    told = " ".join(desat("--help", check=True).stdout.split())
+    for code in Exit:
+        assert f"| {int(code)} | {code.meaning} |" in readme
+        assert f"{int(code)} {code.meaning}" in told
+
+
+FAILING = {
+    "spacecraft.h_start_body": "1e295,0,0",
+    "thrusters.tau_level": "1e-9,1e-9,1e-9",
+    "thrusters.least_pulse": "1e-6",
+}
+
+
+def test_a_component_that_fails_is_4(desat, tmp_path):
+    """More pulses than there are numbers overflow in the thrusters' step."""
+    given = [f"--set={k}={v}" for k, v in FAILING.items()]
+    result = desat("run", NAME, *given, "--out", str(tmp_path / "a"))
+    assert result.returncode == Exit.COMPONENT, result.stderr
+    assert "\nfailed: thrusters: the step from t = 0 s returned discard" in "\n" + result.stderr
+
+
+def test_sigterm_ends_as_ctrl_c_does(tmp_path):
+    folder = tmp_path / "run"
+    process = subprocess.Popen(
+        [sys.executable, "-m", "desat.cli", "run", NAME, "--stop", "2e7", "--no-twin",
+         "--record", "spacecraft.h_copy_wheel", "--out", str(folder)],
+        cwd=ROOT, stderr=subprocess.PIPE, stdout=subprocess.PIPE, text=True,
+    )  # fmt: skip
+    part = folder / "series.h5.part"
+    deadline = time.monotonic() + 60
+    while not (part.exists() and part.stat().st_size > 60000):
+        assert process.poll() is None, process.communicate()
+        assert time.monotonic() < deadline
+        time.sleep(0.1)
+    process.terminate()
+    out, err = process.communicate(timeout=60)
+    assert process.returncode == Exit.TERMINATED
+    assert "Traceback" not in out + err
+    assert json.loads((folder / "manifest.json").read_text())["status"] == "interrupted"
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs the device that is always full")
+@pytest.mark.parametrize("arguments", [("list",), ("list", "--json")])
+def test_no_space_is_6(arguments):
+    with Path("/dev/full").open("w") as full:
+        result = subprocess.run(
+            [sys.executable, "-m", "desat.cli", *arguments],
+            stdout=full, stderr=subprocess.PIPE, text=True, check=False, cwd=ROOT,
+        )  # fmt: skip
+    assert result.returncode == Exit.SPACE
+    assert result.stderr == "error: [Errno 28] No space left on device\n"
+
+
+def test_a_scenario_file_of_ones_own(desat, tmp_path):
+    """From any folder, on a scenario of ours by its name or a file beside; messages name it."""
+    (tmp_path / "mine.toml").write_text('extends = "integrated/mil-nadir"\nstop = 20.0\n')
+    (tmp_path / "next.toml").write_text('extends = "mine"\nstop = 10.0\n')
+    ends = []
+    for name in ("mine", "next"):
+        result = desat("run", f"{name}.toml", "--no-twin", "--json", cwd=tmp_path, check=True)
+        manifest = json.loads(result.stdout)
+        assert manifest["scenario"] == f"integrated/{name}"
+        ends.append(manifest["end_time"])
+    assert ends == [20.0, 10.0]
+    for text, message in (
+        ('extends = "integrated/mil-nadr"', "extends: no scenario integrated/mil-nadr; did you"),
+        ('extends = "mil-nadir"', "mil-nadir.toml: no such file"),
+        ('extends = "mine"\ntitel = "x"', "bad.toml: unknown key titel; did you mean title?"),
+        ('extends = "mine"\nparameters.manger.x = 1', "bad.toml: parameters: no component manger"),
+    ):
+        (tmp_path / "bad.toml").write_text(text)
+        result = desat("check", "bad.toml", cwd=tmp_path)
+        assert result.returncode == Exit.INPUT
+        assert message in result.stderr
+        assert len(result.stderr.splitlines()) == 1

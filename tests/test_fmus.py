@@ -16,7 +16,7 @@ from fmpy.fmi2 import FMU2Slave
 from fmpy.validation import validate_fmu
 from test_blocks import begin, fresh, randomise_inputs
 
-from desat.files import library
+from desat.files import library, places
 from desat.files.fmu import of_fmu
 from desat.fmus import build, interfaces, registry
 from desat.system import interface
@@ -26,7 +26,7 @@ NAMES = registry.names()
 
 
 def path(name: str) -> Path:
-    return library.FMUS / f"{name}.fmu"
+    return places.fmus() / f"{name}.fmu"
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -304,7 +304,7 @@ def test_a_thousand_instances_in_a_row():
 TOGETHER = """
 import sys
 from pathlib import Path
-from desat.files import library
+from desat.files import library, places
 from desat.engine.instances import FmuUnit
 from desat.system.model import Component
 from desat.system.interface import KINDS
@@ -312,7 +312,7 @@ import ctypes
 clock = ctypes.c_double(0.0)
 units = []
 for round in range(2):
-    for path in sorted(library.FMUS.glob("*.fmu")):
+    for path in sorted(places.fmus().glob("*.fmu")):
         fmu = library.load(path)
         units.append(FmuUnit(Component(path.stem + str(round), path.name), fmu))
 for unit in units:

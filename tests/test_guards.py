@@ -9,7 +9,7 @@ import pytest
 
 from desat.designs import making, origin
 from desat.engine import trial
-from desat.files import library
+from desat.files import places
 from desat.files.scenario import find, read_toml, scenarios
 from desat.study import stored
 from desat.study.case import Options, execute, prepare
@@ -138,7 +138,7 @@ def test_of_a_foreign_fmu_only_the_description_is_read(tmp_path):
     """One that says that another tool made it, and whose library would end the process."""
     fmu = tmp_path / "theirs.fmu"
     with (
-        zipfile.ZipFile(library.FMUS / "magnetometer.fmu") as ours,
+        zipfile.ZipFile(places.fmus() / "magnetometer.fmu") as ours,
         zipfile.ZipFile(fmu, "w") as theirs,
     ):
         for name in ours.namelist():

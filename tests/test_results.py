@@ -15,7 +15,7 @@ import pytest
 from conftest import ROOT
 
 from desat.engine.results import Results
-from desat.files import library
+from desat.files import library, places
 from desat.fmus import registry
 from desat.study.case import Options, execute, read_manifest
 from desat.study.measures import MEASURES, evaluate, relative
@@ -205,7 +205,7 @@ def test_modes_have_names_of_their_block(tmp_path):
         "manager_cross_product": ("idle", "dumping"),
     }
     for name, choices in own.items():
-        fmu = library.load(library.FMUS / f"{name}.fmu").interface.signals["mode"]
+        fmu = library.load(places.fmus() / f"{name}.fmu").interface.signals["mode"]
         block = of_block(name, registry.block_class(name)).signals["mode"]
         assert fmu.choices == block.choices == choices
     run = execute("integrated/velocity-to-pointing", Options(stop=20.0), tmp_path)

@@ -9,7 +9,7 @@ import pytest
 from conftest import ROOT
 from lxml import etree
 
-from desat.files import library, ssp
+from desat.files import library, places, ssp
 from desat.files.pack import pack_scenario
 from desat.files.scenario import families, find, scenarios
 from desat.files.xml import parse_bytes, validate
@@ -59,7 +59,7 @@ def test_packing_is_reproducible(packed, tmp_path):
 
 
 def test_packed_file_stands_alone(packed, tmp_path, monkeypatch):
-    monkeypatch.setattr(library, "FMUS", tmp_path)
+    monkeypatch.setattr(places, "fmus", lambda: tmp_path)
     run = execute(str(packed), Options(stop=50.0))
     assert run.ok
     assert run.manifest["about"]["name"] == NAME

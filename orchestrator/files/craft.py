@@ -37,7 +37,7 @@ from ..system.interface import Interface, base_name, of_block
 from ..system.model import Component, Connection, Connector, System
 from ..system.parameters import expand
 from ..system.wiring import elements, misfit, names, usual_sources
-from . import library
+from . import library, places
 
 FILE = "craft.toml"
 ENDING = ".craft.toml"
@@ -170,7 +170,7 @@ class _Reader:
     def from_block(self, source: str) -> tuple[Path | None, Interface]:
         if source not in registry.names():
             raise DesatError(f"no such block{nearest(source, registry.names())}")
-        built = library.FMUS / f"{source}.fmu"
+        built = places.fmus() / f"{source}.fmu"
         return (
             built if built.exists() else None,
             of_block(source, registry.block_class(source)),

@@ -18,16 +18,11 @@ from desat.fmus import registry
 from ..system.errors import DesatError, nearest
 from ..system.interface import Interface, of_block
 from ..system.model import Component, System
+from . import places
 from .fmu import of_fmu
 
 LARGEST = 1 << 30
 """The largest archive that is extracted (bytes, extracted)."""
-
-FMUS = Path(__file__).resolve().parents[2] / "fmus" / "dist"
-"""Where `make fmus` puts our FMUs: a `resources/NAME.fmu` of our ssp/ is looked for here."""
-
-SYSTEMS = Path(__file__).resolve().parents[2] / "ssp"
-"""Our own systems."""
 
 
 @dataclass(frozen=True)
@@ -100,12 +95,12 @@ def find(source: str, folder: Path) -> Path | None:
     beside = folder / source
     if beside.exists():
         return beside
-    return built(source) if folder.resolve().is_relative_to(SYSTEMS) else None
+    return built(source) if folder.resolve().is_relative_to(places.SCENARIOS) else None
 
 
 def built(source: str) -> Path | None:
     """Our built FMU of a name (`resources/NAME.fmu`, `NAME.fmu`); None where there is none."""
-    path = FMUS / Path(source).name
+    path = places.fmus() / Path(source).name
     return path if path.exists() else None
 
 
@@ -135,7 +130,7 @@ def load_interface(system: System, c: Component, blocks: bool) -> str:
         if blocks:
             c.interface = of_block(name, registry.block_class(name))
         elif c.fmu is None:
-            known = (p.name for p in FMUS.glob("*.fmu"))
+            known = (p.name for p in places.fmus().glob("*.fmu"))
             hint = nearest(f"{name}.fmu", known) or "; run `make fmus`"
             return f"{where}: FMU {c.source} is missing{hint}"
         else:

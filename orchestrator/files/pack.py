@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from ..system.check import check
-from . import library, ssp
+from . import places, ssp
 from .scenario import ROOT, Scenario
 
 
@@ -17,7 +17,7 @@ def pack_scenario(scenario: Scenario, target: Path | None = None, force: bool = 
     path = target or scenario.packed
     inputs = [
         *(ROOT / scenario.family).rglob("*.toml"), *(ROOT / scenario.family).rglob("*.ssd"),
-        *library.FMUS.glob("*.fmu"), *Path(__file__).parent.glob("*.py"),
+        *places.fmus().glob("*.fmu"), *Path(__file__).parent.glob("*.py"),
     ]  # fmt: skip
     newest = max(p.stat().st_mtime_ns for p in inputs)
     if not force and path.exists() and path.stat().st_mtime_ns > newest:

@@ -28,21 +28,19 @@ from __future__ import annotations
 
 import itertools
 import tomllib
-from copy import deepcopy
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from ..system.errors import DesatError, nearest
-from ..system.model import System
-from ..system.parameters import assign
-from ..system.replace import drop_unwanted
-from . import craft, library, ssp
+from . import places
 
-ROOT = Path(__file__).resolve().parents[2] / "ssp"
-DIST = ROOT / "dist"
+if TYPE_CHECKING:  # what a list of scenarios does without, and loads slowly
+    from ..system.model import System
+
+ROOT = places.SCENARIOS
 
 KEYS = {
     "extends", "abstract", "title", "story", "craft", "ssd", "step", "stop", "start", "sources",
@@ -60,6 +58,8 @@ class Scenario:
     data: dict[str, Any]
     cell: dict[str, str]
     """The value of each axis, where the file has axes."""
+    folder: Path
+    """Where its SSD and FMUs of its own are looked for."""
 
     @property
     def family(self) -> str:
@@ -75,7 +75,7 @@ class Scenario:
     @property
     def packed(self) -> Path:
         """Where `desat pack` puts its .ssp."""
-        return DIST / f"{self.name}.ssp"
+        return places.packed() / f"{self.name}.ssp"
 
     @property
     def design(self) -> Path | None:
@@ -93,15 +93,19 @@ class Scenario:
             if not self.design.exists():
                 name = f"{self.family}/{self.design.stem}"
                 raise DesatError(f"{self.name} has no design yet; run `desat design {name}`")
-            merged = read_toml(self.design)["parameters"]
+            merged = _copy(read_toml(self.design)["parameters"])
         _merge(merged, self.data.get("parameters", {}))
         return merged
 
     def system(self, blocks: bool = False, designed: bool = True) -> tuple[System, list[str]]:
         """The system that it describes and what is wrong with it so far (schema, missing FMUs,
         parameters); `designed` False leaves its design out."""
-        folder = ROOT / self.family
-        where = f"{self.file.relative_to(ROOT.parent)}"
+        from ..system.parameters import assign
+        from ..system.replace import drop_unwanted
+        from . import library
+
+        folder = self.folder
+        where = places.shown(self.file)
         system, problems = self._wired(folder, where)
         system.name = self.name
         for key in ("start", "stop", "step"):
@@ -111,7 +115,7 @@ class Scenario:
         system.about = self.about()
         for name, source in self.data.get("sources", {}).items():
             component = _component(system, name, f"{where}: sources")
-            ours = "/" not in source
+            ours = "/" not in source and not source.endswith(".fmu")
             component.source = f"resources/{source}.fmu" if ours else source
             component.fmu = library.find(component.source, folder)
             if ours and component.fmu is None:
@@ -124,7 +128,7 @@ class Scenario:
         shared = dict(self.data.get("shared", {}))
         if "epoch" in self.data:
             shared["epoch_j2000"] = _epoch(self.data["epoch"], where)
-        problems += _set_shared(system, shared, where)
+        problems += set_shared(system, shared, where)
         for name, values in self.parameters(designed).items():
             component = _component(system, name, f"{where}: parameters")
             for parameter, value in values.items():
@@ -138,6 +142,8 @@ class Scenario:
 
     def _wired(self, folder: Path, where: str) -> tuple[System, list[str]]:
         """The system of its craft file or SSD, and the problems of that."""
+        from . import craft, ssp
+
         file = folder / self.data.get("craft", craft.FILE)
         if "ssd" in self.data:
             if "craft" in self.data:
@@ -168,14 +174,24 @@ def _component(system: System, name: str, where: str) -> Any:
     return system.components[name]
 
 
-def _set_shared(system: System, shared: dict[str, Any], where: str) -> list[str]:
+def set_shared(system: System, shared: dict[str, Any], where: str) -> list[str]:
+    """Give parameters to every component that has them; return what is wrong with that."""
+    from ..system.interface import base_name
+    from ..system.parameters import assign
+
     problems = []
     for name, value in shared.items():
         owners = [
             c for c in system.components.values() if c.interface and c.interface.elements(name)
         ]
         if not owners:
-            problems.append(f"{where}: shared: no component has a parameter {name}")
+            known = {
+                base_name(s.name)
+                for c in system.components.values() if c.interface
+                for s in c.interface.of("parameter")
+            }  # fmt: skip
+            hint = nearest(name, known)
+            problems.append(f"{where}: shared: no component has a parameter {name}{hint}")
         for component in owners:
             try:
                 assign(component, name, value, f"{where}: {component.name}")
@@ -191,6 +207,12 @@ def _set_shared(system: System, shared: dict[str, Any], where: str) -> list[str]
 def families() -> tuple[str, ...]:
     """The folders of ssp/ that hold scenarios."""
     return tuple(sorted(p.parent.name for p in ROOT.glob("*/scenarios")))
+
+
+def summary(family: str) -> str:
+    """What a family of scenarios is about, in a line; empty where its folder does not say."""
+    file = ROOT / family / "family.toml"
+    return str(read_toml(file).get("title", "")) if file.exists() else ""
 
 
 @cache
@@ -209,6 +231,8 @@ def scenarios(family: str | None = None) -> dict[str, Scenario]:
 def craft_files(names: list[str]) -> list[Path]:
     """The craft files of some families, or of all, and those given by their path. Raises
     DesatError for an unknown family."""
+    from . import craft
+
     files: list[Path] = []
     for name in names or families():
         if name.endswith(".toml"):
@@ -229,6 +253,46 @@ def find(name: str) -> Scenario:
     return known[name]
 
 
+def own(file: Path) -> Scenario:
+    """The scenario of a file that is not one of ours. `extends` names files beside it, or ours as
+    FAMILY/NAME; its SSD is beside it, else that of the family that it extends.
+
+    Raises DesatError, which names the file, for what is wrong with it.
+    """
+    where = places.shown(file)
+    made = _read(file, "")
+    if len(made) != 1:
+        what = "is abstract" if not made else f"has axes, and so is {len(made)} scenarios"
+        raise DesatError(f"{where}: it {what}; one scenario is needed")
+    (scenario,) = made
+    family = scenario.data.pop("family", "")
+    beside = (file.parent / scenario.data.get("ssd", "SystemStructure.ssd")).is_file()
+    return replace(
+        scenario,
+        name=f"{family}/{file.stem}" if family else file.stem,
+        folder=file.parent if beside or not family else ROOT / family,
+    )
+
+
+def _base(name: str, file: Path, seen: tuple[Path, ...]) -> dict[str, Any]:
+    """What a file extends: a file beside it or, for one that is not ours, FAMILY/NAME of ours."""
+    if "/" not in name or file.is_relative_to(ROOT):
+        return _load(file.with_name(f"{name}.toml"), seen)
+    where = f"{places.shown(file)}: extends"
+    family, _, stem = name.partition("/")
+    if family not in families():
+        raise DesatError(f"{where}: no family {family}{nearest(family, families())}")
+    if name in scenarios(family):
+        data = _copy(scenarios(family)[name].data)
+    elif (ROOT / family / "scenarios" / f"{stem}.toml").is_file():
+        data = _load(ROOT / family / "scenarios" / f"{stem}.toml", seen)
+    else:
+        raise DesatError(f"{where}: no scenario {name}{nearest(name, scenarios(family))}")
+    if "design" in data:  # it stays that of the scenario that it was made for
+        data["design"].setdefault("of", stem)
+    return {**data, "family": family}
+
+
 def _read(file: Path, family: str) -> list[Scenario]:
     data = _load(file)
     if data.get("abstract"):
@@ -237,10 +301,10 @@ def _read(file: Path, family: str) -> list[Scenario]:
     cells = []
     for values in itertools.product(*(axis.items() for axis in axes.values())):
         cell = dict(zip(axes, (key for key, _ in values), strict=True))
-        merged = deepcopy(data)
+        merged = _copy(data)
         for _, partial in values:
-            partial = deepcopy(partial)
-            _leave_out(merged, partial, file.relative_to(ROOT.parent))
+            partial = dict(partial)
+            _leave_out(merged, partial, places.shown(file))
             _merge(merged, partial)
         merged["labels"] = {
             axis: axes[axis][value].get("label", value) for axis, value in cell.items()
@@ -249,37 +313,59 @@ def _read(file: Path, family: str) -> list[Scenario]:
         name = "-".join([file.stem, *cell.values()])
         _known_keys(merged, file)
         texts = {k: _fill(merged[k], merged["labels"]) for k in ("title", "story") if k in merged}
-        cells.append(Scenario(f"{family}/{name}", file, _fill(merged, cell) | texts, cell))
+        whole = _fill(merged, cell) | texts
+        cells.append(Scenario(f"{family}/{name}", file, whole, cell, ROOT / family))
     return cells
 
 
 def read_toml(file: Path) -> dict[str, Any]:
-    """What a TOML file holds. Raises DesatError where there is none or it cannot be read."""
-    where = file.relative_to(ROOT.parent) if file.is_relative_to(ROOT.parent) else file
+    """What a TOML file holds, the caller's at the top level only. Raises DesatError where there is
+    none or it cannot be read."""
+    where = places.shown(file)
     try:
-        return tomllib.loads(file.read_text(encoding="utf-8"))
+        stat = file.stat()
+        return dict(_parsed(file, stat.st_mtime_ns, stat.st_size))
     except FileNotFoundError as error:
         raise DesatError(f"{where}: no such file") from error
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+    except tomllib.TOMLDecodeError as error:
         raise DesatError(f"{where}: {error}") from error
+    except UnicodeDecodeError as error:
+        raise DesatError(f"{where}: byte {error.start} is not UTF-8") from error
+
+
+@cache
+def _parsed(file: Path, time: int, size: int) -> dict[str, Any]:
+    """Bases are read once for all that extend them."""
+    return tomllib.loads(file.read_text(encoding="utf-8"))
+
+
+def _copy(value: Any) -> Any:
+    """A copy of what a TOML file has; ten times faster than `deepcopy`."""
+    if isinstance(value, dict):
+        return {k: _copy(v) for k, v in value.items()}
+    return [_copy(v) for v in value] if isinstance(value, list) else value
 
 
 def _load(file: Path, seen: tuple[Path, ...] = ()) -> dict[str, Any]:
-    where = file.relative_to(ROOT.parent)
+    where = places.shown(file)
     data = read_toml(file)
     bases = data.pop("extends", [])
     if file in seen:
         raise DesatError(f"{where}: extends itself")
     merged: dict[str, Any] = {}
     for base in [bases] if isinstance(bases, str) else bases:
-        _merge(merged, _load(file.with_name(f"{base}.toml"), (*seen, file)))
+        below = _base(base, file, (*seen, file))
+        if merged:
+            _merge(merged, below)
+        else:
+            merged = below
     merged.pop("abstract", None)
     _leave_out(merged, data, where)
     _merge(merged, data)
     return merged
 
 
-def _leave_out(merged: dict[str, Any], data: dict[str, Any], where: Path) -> None:
+def _leave_out(merged: dict[str, Any], data: dict[str, Any], where: str) -> None:
     """Take out of `merged` what data's `without` names, and `without` out of data."""
     for path in data.pop("without", []):
         *tables, key = path.split(".")
@@ -293,10 +379,8 @@ def _leave_out(merged: dict[str, Any], data: dict[str, Any], where: Path) -> Non
 
 def _known_keys(data: dict[str, Any], file: Path) -> None:
     for key in data:
-        if key not in KEYS:
-            raise DesatError(
-                f"{file.relative_to(ROOT.parent)}: unknown key {key}{nearest(key, KEYS)}"
-            )
+        if key not in KEYS and (key != "family" or file.is_relative_to(ROOT)):
+            raise DesatError(f"{places.shown(file)}: unknown key {key}{nearest(key, KEYS)}")
 
 
 def _merge(into: dict[str, Any], new: dict[str, Any]) -> None:
@@ -305,11 +389,13 @@ def _merge(into: dict[str, Any], new: dict[str, Any]) -> None:
         if isinstance(value, dict) and isinstance(into.get(key), dict):
             _merge(into[key], value)
         else:
-            into[key] = deepcopy(value)
+            into[key] = _copy(value)
 
 
 def _fill(value: Any, cell: dict[str, str]) -> Any:
     """Texts with `{axis}` replaced by the axis' value of the cell."""
+    if not cell:
+        return value
     if isinstance(value, str):
         for axis, name in cell.items():
             value = value.replace(f"{{{axis}}}", name)

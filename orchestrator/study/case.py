@@ -25,7 +25,8 @@ from ..engine.master import Algorithm, Master
 from ..engine.results import SERIES, Recorder, Results, selects
 from ..files import library, scenario, ssp
 from ..system.check import Checked, check, steps_of
-from ..system.errors import DesatError, nearest
+from ..system.codes import Exit
+from ..system.errors import DesatError, RunError, nearest
 from ..system.expression import Table
 from ..system.interface import base_name
 from ..system.model import System
@@ -69,12 +70,31 @@ class Run:
         """True when it reached its stop time."""
         return bool(self.manifest["status"] == "completed")
 
+    @property
+    def code(self) -> Exit:
+        """The exit code that says how it ended."""
+        if self.ok:
+            return Exit.COMPLETED
+        if self.manifest["status"] == "interrupted":
+            return Exit(self.manifest.get("exit", Exit.INTERRUPTED))
+        return Exit.COMPONENT
+
+    def or_raise(self, target: str) -> Run:
+        """Itself where it completed. Raises RunError, which names the target, where not."""
+        if self.ok:
+            return self
+        status, message = self.manifest["status"], self.manifest["message"]
+        raise RunError(f"{target}: {status}: {message}", self.code)
+
 
 def load(target: str, blocks: bool = False) -> tuple[System, list[str]]:
-    """The system of a scenario name, a .ssp, an .ssd or a folder, and its problems so far."""
+    """The system of a scenario name, a scenario file, a .ssp, an .ssd or a folder, and its
+    problems so far."""
     path = Path(target)
     if path.suffix in (".ssp", ".ssd") or path.is_dir():
         return ssp.read(path)
+    if path.suffix == ".toml":
+        return scenario.own(path).system(blocks)
     return scenario.find(target).system(blocks)
 
 
@@ -144,6 +164,9 @@ def modify(
     assignments += [(f"--set {t}", *parse_assignment(t)) for t in options.sets]
     assignments += [(k, *k.split(".", 1), v) for k, v in options.values.items()]
     for text, name, variable, value in assignments:
+        if name == "shared" and name not in system.components:
+            problems += scenario.set_shared(system, {variable: value}, text)
+            continue
         component = system.components.get(name)
         if component is None:
             raise DesatError(f"{text}: no component {name}{nearest(name, system.components)}")
@@ -207,8 +230,8 @@ def execute(
 ) -> Run:
     """Run a scenario, an .ssp or a folder; `folder` None keeps the series in memory.
 
-    A component that fails and Ctrl-C end the run early: what was recorded is kept, and the
-    manifest's status says which. Raises DesatError where the run cannot begin.
+    A component that fails, Ctrl-C and SIGTERM end the run early: what was recorded is kept, and
+    the manifest's status says which. Raises DesatError where the run cannot begin.
     """
     system, checked = prepare(target, options)
     schedule = checked.or_raise()
@@ -234,8 +257,9 @@ def execute(
         try:
             with _interruptible() as interrupted, _bar(system.name, steps, progress) as report:
                 _loop(master, steps, recorder, interrupted, report)
-            if interrupted():
+            if number := interrupted():
                 status, message = "interrupted", f"stopped by the user at t = {master.t:g} s"
+                manifest["exit"] = int(Exit(128 + number))
         except UnitError as error:
             status, message = "failed", str(error)
         seconds = time.perf_counter() - loop
@@ -260,10 +284,10 @@ def execute(
 
 
 def _loop(
-    master: Master, steps: int, recorder: Recorder, interrupted: Callable[[], bool],
+    master: Master, steps: int, recorder: Recorder, interrupted: Callable[[], int],
     report: Callable[[int], None],
 ) -> None:  # fmt: skip
-    """Step to the end, or to the first Ctrl-C; look at clock and terminal twenty times a second."""
+    """Step to the end, or to the first signal to stop; look at the clock twenty times a second."""
     advance, record = master.advance, recorder.record
     chunk = 1
     while master.k < steps and not interrupted():
@@ -279,22 +303,24 @@ def _loop(
 
 
 @contextmanager
-def _interruptible() -> Iterator[Callable[[], bool]]:
-    """Within: Ctrl-C only sets a flag, for an exception inside an FMU would crash the process."""
-    flag = [False]
+def _interruptible() -> Iterator[Callable[[], int]]:
+    """Within: Ctrl-C and SIGTERM only leave their number, for an exception inside an FMU would
+    crash the process."""
+    got = [0]
 
     def handler(number: int, frame: Any) -> None:
-        flag[0] = True
+        got[0] = number
 
     try:
-        previous = signal.signal(signal.SIGINT, handler)
+        previous = {n: signal.signal(n, handler) for n in (signal.SIGINT, signal.SIGTERM)}
     except ValueError:  # not the main thread: nobody can interrupt us
-        yield lambda: False
+        yield lambda: 0
         return
     try:
-        yield lambda: flag[0]
+        yield lambda: got[0]
     finally:
-        signal.signal(signal.SIGINT, previous)
+        for number, before in previous.items():
+            signal.signal(number, before)
 
 
 @contextmanager
@@ -425,15 +451,12 @@ def load_run(folder: Path) -> Run:
 def run_or_load(target: str, analysis: ModuleType | None = None) -> Run:
     """The run of a run folder; or of a scenario, .ssp or folder, run now.
 
-    Raises DesatError where that run does not complete, and before it begins where `analysis` does
-    not apply to the system.
+    Raises RunError where that run does not complete, and DesatError before it begins where
+    `analysis` does not apply to the system.
     """
     folder = Path(target)
     if any((folder / f"{MANIFEST}{end}").exists() for end in ("", ".part")):
         return load_run(folder)
     if analysis is not None and analysis.applies(load(target)[0]) is None:
         raise DesatError(analysis.NOT_APPLICABLE.format(target))
-    run = execute(target, Options())
-    if not run.ok:
-        raise DesatError(f"{target}: {run.manifest['status']}: {run.manifest['message']}")
-    return run
+    return execute(target, Options()).or_raise(target)

@@ -14,7 +14,9 @@ from __future__ import annotations
 
 import statistics
 import zlib
+from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ProcessPoolExecutor
+from contextlib import contextmanager
 from dataclasses import replace
 from multiprocessing import get_context
 from typing import Any
@@ -94,6 +96,7 @@ def _one(target: str, options: Options, seed: int, draw: int) -> dict[str, Any]:
     row = {
         "draw": draw,
         "status": run.manifest["status"],
+        "code": int(run.code),
         "message": run.manifest["message"],
         "numbers": {name: n["value"] for name, n in run.manifest["numbers"].items()},
         "values": values,
@@ -111,6 +114,16 @@ def needed_signals(about: dict[str, Any]) -> list[str]:
     return sorted(set(found))
 
 
+@contextmanager
+def pool_of(jobs: int) -> Iterator[Callable[..., Iterable[Any]]]:
+    """A `map` over so many processes; with one it is this process."""
+    if jobs == 1:
+        yield map
+        return
+    with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool:
+        yield pool.map
+
+
 def draws(
     target: str, count: int, seed: int, options: Options, jobs: int = 2, progress: bool = False
 ) -> dict[str, Any]:
@@ -125,8 +138,8 @@ def draws(
         raise DesatError(f"{target}: it has no [dispersions], so there is nothing to draw")
     first = replace(options, values={**options.values, **drawn(system, seed, 0)})
     warnings = prepare(target, first)[1].warnings
-    with ProcessPoolExecutor(min(jobs, count), mp_context=get_context("spawn")) as pool:
-        results = pool.map(_one, [target] * count, [options] * count, [seed] * count, range(count))
+    with pool_of(min(jobs, count)) as map_:
+        results = map_(_one, [target] * count, [options] * count, [seed] * count, range(count))
         console = Console(stderr=True)
         rows = list(
             track(results, target, total=count, console=console, transient=True,

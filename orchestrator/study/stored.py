@@ -20,12 +20,13 @@ from typing import Any
 
 from desat.fmus.build import sources
 
-from ..files.scenario import ROOT, Scenario, families, scenarios
-from ..system.errors import DesatError
+from ..files import places
+from ..files.scenario import Scenario, families, scenarios
+from ..system.codes import Exit
+from ..system.errors import DesatError, RunError
 from .case import PACKAGES, Options, write_json
 from .draws import draws
 
-FOLDER = ROOT.parent / "docs" / "papers"
 SEED = 1
 ROUNDING = 1e-12
 """The last bit of a solved programme (a bound) is the processor's."""
@@ -35,7 +36,7 @@ _TEXTS = ("title", "story", "source", "twin", "plots", "paper", "labels")
 
 def file_of(family: str) -> Path:
     """Where the draws of a family are stored."""
-    return FOLDER / family / "draws.json"
+    return places.DRAWS / family / "draws.json"
 
 
 def with_draws(family: str) -> dict[str, Scenario]:
@@ -87,7 +88,9 @@ def compute(
             continue
         result = draws(name, scenario.data["draws"], SEED, Options(blocks=True), jobs, progress)
         if failed := [r for r in result["draws"] if r["status"] != "completed"]:
-            raise DesatError(f"{name}: draw {failed[0]['draw']}: {failed[0]['message']}")
+            worst = failed[0]
+            text = f"{name}: draw {worst['draw']}: {worst['message']}"
+            raise RunError(text, Exit(worst["code"]))
         found[name] = {
             "sha256": digest(scenario),
             "code_sha256": code(scenario),
@@ -119,7 +122,7 @@ def read(family: str) -> dict[str, Any]:
         result: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
     except FileNotFoundError as error:
         raise DesatError(
-            f"{path.relative_to(ROOT.parent)}: no such file; `desat tables {family} --fresh` "
+            f"{places.shown(path)}: no such file; `desat tables {family} --fresh` "
             "computes the draws now"
         ) from error
     return result
@@ -166,7 +169,7 @@ def stamp(family: str, count: int, jobs: int) -> list[str]:
 def provenance(stored: dict[str, Any], fresh: bool) -> dict[str, Any]:
     """Which run the numbers of the draws are from."""
     keys = ("date", "seed", "components_as", "versions")
-    file = "" if fresh else file_of(stored["family"]).relative_to(ROOT.parent).as_posix()
+    file = "" if fresh else places.shown(file_of(stored["family"]))
     return {"file": file or "computed now", **{k: stored[k] for k in keys}}
 
 

@@ -6,10 +6,8 @@ A scenario with `draws` gives the median of so many draws instead; these are rea
 
 from __future__ import annotations
 
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
-from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +15,7 @@ from ..files.pack import pack_scenario
 from ..files.scenario import Scenario, scenarios
 from ..system.errors import DesatError
 from .case import PACKAGES, Options, execute
+from .draws import pool_of
 from .measures import relative
 from .plots import pretty_unit
 from .report import number, render, write_page
@@ -43,9 +42,7 @@ class Row:
 
 
 def _numbers(path: str, options: Options) -> dict[str, float]:
-    run = execute(path, options)
-    if not run.ok:
-        raise DesatError(f"{path}: {run.manifest['status']}: {run.manifest['message']}")
+    run = execute(path, options).or_raise(path)
     values = {name: n["value"] for name, n in run.manifest["numbers"].items()}
     run.results.close()
     return values
@@ -68,10 +65,8 @@ def rows(
     single = [n for n in cells if n not in values]
     if single:
         paths = [str(pack_scenario(cells[n])) for n in single]
-        with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool:
-            results = pool.map(
-                _numbers, paths, [options] * len(paths), chunksize=-(-len(paths) // jobs)
-            )
+        with pool_of(jobs) as map_:
+            results = map_(_numbers, paths, [options] * len(paths))
             values.update(zip(single, results, strict=True))
     # first what the paper has values for, then what is ours alone
     ranked = sorted(cells, key=lambda n: not any("values" in e for e in cells[n].data["paper"]))

@@ -5,10 +5,25 @@ from __future__ import annotations
 import difflib
 from collections.abc import Iterable
 
+from .codes import Exit
+
 
 class DesatError(Exception):
     """Something the user can mend; the text names file, component and variable, what was got and
-    what is allowed."""
+    what is allowed. `code` is how the command ends."""
+
+    code: Exit = Exit.INPUT
+
+
+class RunError(DesatError):
+    """A run that did not complete: a component failed, or somebody stopped it."""
+
+    def __init__(self, text: str, code: Exit = Exit.COMPONENT) -> None:
+        super().__init__(text, code)
+        self.code = code
+
+    def __str__(self) -> str:
+        return str(self.args[0])
 
 
 def nearest(name: str, known: Iterable[str]) -> str:

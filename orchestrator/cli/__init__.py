@@ -1,0 +1,102 @@
+"""The command `desat`. Every file of `commands/` is registered; see there."""
+
+from __future__ import annotations
+
+import errno
+import importlib
+import os
+import pkgutil
+import signal
+import sys
+import traceback
+from typing import Annotated, Any, NoReturn
+
+import typer
+
+from ..system.codes import Exit
+from ..system.errors import DesatError
+from . import commands
+from .common import app, err, out
+
+for _module in sorted(m.name for m in pkgutil.iter_modules(commands.__path__)):
+    importlib.import_module(f"{commands.__name__}.{_module}")
+
+FULL = (errno.ENOSPC, errno.EDQUOT)
+
+
+def _version(wanted: bool) -> None:
+    if wanted:
+        from importlib.metadata import version
+
+        out.print(f"desat {version('desat')}", highlight=False)
+        raise typer.Exit
+
+
+@app.callback()
+def _desat(
+    version: Annotated[
+        bool,
+        typer.Option("--version", help="Print the version.", callback=_version, is_eager=True),
+    ] = False,
+) -> None:
+    pass
+
+
+def _terminate(number: int, frame: Any) -> NoReturn:
+    """SIGTERM ends as an exception does: what is open is closed, what is temporary removed."""
+    sys.exit(Exit.TERMINATED)
+
+
+def main() -> None:
+    """Entry of the command: every error is a line, never a traceback."""
+    signal.signal(signal.SIGTERM, _terminate)
+    sys.exit(_code())
+
+
+def _code() -> int:
+    """Do what the command line says; how it ended."""
+    try:
+        code = app(prog_name="desat", standalone_mode=False)  # typer.Exit comes back as a number
+        sys.stdout.flush()
+        return code if isinstance(code, int) else Exit.COMPLETED
+    except DesatError as error:
+        for line in str(error).splitlines():
+            _say(line)
+        return error.code
+    except (typer.Abort, KeyboardInterrupt):
+        return Exit.INTERRUPTED
+    except BrokenPipeError:
+        _drop_output()
+        return Exit.COMPLETED
+    except OSError as error:
+        _say(f"{error.filename}: {error.strerror}" if error.filename else str(error))
+        if not _is_full(error):
+            return Exit.INPUT
+        _drop_output()
+        return Exit.SPACE
+    except Exception as error:
+        if hasattr(error, "show"):  # click's own messages
+            error.show()
+            return int(getattr(error, "exit_code", Exit.INPUT))
+        if os.environ.get("DESAT_TRACEBACK"):
+            traceback.print_exc()
+        _say(f"internal: {type(error).__name__}: {error} (DESAT_TRACEBACK=1 shows where)")
+        return Exit.BUG
+
+
+def _say(text: str) -> None:
+    err.print(f"error: {text}", highlight=False, markup=False)
+
+
+def _is_full(error: BaseException | None) -> bool:
+    """Whether an error, or one that it came from, says that the disk is full."""
+    while error is not None:
+        if isinstance(error, OSError) and error.errno in FULL:
+            return True
+        error = error.__cause__ or error.__context__
+    return False
+
+
+def _drop_output() -> None:
+    """Nobody takes our output: the interpreter must not try once more when it ends."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

@@ -1,0 +1,86 @@
+"""`desat check NAME`."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+
+import typer
+from rich.table import Table
+
+from ...system.codes import Exit
+from ..common import (
+    Blocks,
+    Classes,
+    DesignOption,
+    Json,
+    Semantics,
+    Sets,
+    Sources,
+    Step,
+    Stop,
+    Target,
+    app,
+    err,
+    options_of,
+    out,
+    print_json,
+)
+
+
+@app.command()
+def check(
+    target: Target,
+    sets: Sets = None,
+    sources: Sources = None,
+    stop: Stop = None,
+    step: Step = None,
+    blocks: Blocks = False,
+    design: DesignOption = None,
+    classes: Classes = None,
+    as_json: Json = False,
+) -> None:
+    """Find what is wrong with a system before it runs, and print its schedule."""
+    from ...engine.trial import refusals
+    from ...study.case import prepare
+    from ...system.interface import base_name
+
+    options = options_of(sets, stop, step, Semantics.conserving, blocks, classes, sources,
+                         design=design)  # fmt: skip
+    system, checked = prepare(target, options)
+    schedule = checked.schedule
+    if schedule is not None:
+        problems, warnings = refusals(system, schedule, blocks)
+        checked.problems += problems
+        checked.warnings += warnings
+    timing: dict[str, str] = {}
+    for connection, when in schedule.timing if schedule else ():
+        key = (f"{connection.source}.{base_name(connection.output)} -> "
+               f"{connection.target}.{base_name(connection.input)}")  # fmt: skip
+        timing[key] = when
+    if as_json:
+        print_json(
+            {
+                "problems": checked.problems,
+                "warnings": checked.warnings,
+                "unwired": {name: asdict(ends) for name, ends in checked.unwired.items()},
+                "order": schedule.order if schedule else [],
+                "connections": [{"connection": k, "timing": v} for k, v in timing.items()],
+            }
+        )
+    else:
+        for problem in checked.problems:
+            err.print(problem, highlight=False, markup=False)
+        for warning in checked.warnings:
+            err.print(f"warning: {warning}", highlight=False, markup=False)
+        for note in checked.notes:
+            err.print(f"note: {note}", highlight=False, markup=False)
+        if schedule is not None:
+            out.print("steps in this order: " + ", ".join(schedule.order), highlight=False)
+            table = Table("connection", "moves", box=None, header_style="bold", pad_edge=False)
+            for key, when in timing.items():
+                table.add_row(key, when)
+            out.print(table)
+    if checked.problems:
+        if not as_json:
+            err.print(f"{len(checked.problems)} problem(s) in {system.where}", markup=False)
+        raise typer.Exit(Exit.UNMET)

@@ -1,0 +1,34 @@
+"""`desat craft`."""
+
+from __future__ import annotations
+
+import os
+from typing import Annotated
+
+import typer
+
+from ..common import Json, app, out, print_json
+
+
+@app.command()
+def craft(
+    families: Annotated[
+        list[str] | None,
+        typer.Argument(metavar="[FAMILY|FILE.toml]...", help="Crafts (default: all of ssp/)."),
+    ] = None,
+    as_json: Json = False,
+) -> None:
+    """Write the standard SSD of every craft file beside it."""
+    from ...files import craft_ssd, places
+    from ...files.scenario import craft_files
+
+    places.writable("`desat craft`")
+    written = {}
+    for file in craft_files(families or []):
+        path, changed = craft_ssd.write(file)
+        written[os.path.relpath(path)] = changed
+    if as_json:
+        print_json(written)
+        return
+    for name, changed in written.items():
+        out.print(f"{name}: {'written' if changed else 'current'}", highlight=False, markup=False)

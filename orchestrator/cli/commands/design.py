@@ -1,0 +1,68 @@
+"""`desat design`."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.table import Table
+
+from ...system.errors import DesatError
+from ..common import Json, Semantics, Sets, Step, Stop, app, err, options_of, out, print_json
+
+
+@app.command()
+def design(
+    names: Annotated[
+        list[str] | None,
+        typer.Argument(metavar="[NAME]...", help="Scenarios (default: all with a design)."),
+    ] = None,
+    sets: Sets = None,
+    stop: Stop = None,
+    step: Step = None,
+    file: Annotated[
+        Path | None,
+        typer.Option("--out", help="Another file than the scenario's own; needed with other "
+                     "values, for `desat run NAME --set ... --design FILE`."),
+    ] = None,
+    as_json: Json = False,
+) -> None:  # fmt: skip
+    """Compute what laws need beforehand (gain tables, costates) into ssp/FAMILY/design/."""
+    from rich.progress import track
+
+    from ...designs import making as design_module
+    from ...files import places
+    from ...study.plots import pretty_unit
+
+    if file is None:
+        places.writable("`desat design`")
+    options = options_of(sets, stop, step, Semantics.conserving, True)
+    wanted = design_module.designable(names or [])
+    if file is not None and len(wanted) != 1:
+        raise DesatError(f"--out {file}: one scenario is needed")
+    if file is None and (sets or stop is not None or step is not None):
+        raise DesatError(
+            "a design for other values needs --out FILE: the scenario's own file stays what it is "
+            "(or make it within the run: `desat run NAME --set ... --design now`)"
+        )
+    made = [
+        (s, d := design_module.design(s, options), design_module.write(s, d, options, file))
+        for s in track(wanted, "design", console=err, transient=True,
+                       disable=as_json or not err.is_terminal)
+    ]  # fmt: skip
+    if as_json:
+        print_json([design_module.as_json(*each) for each in made])
+        return
+    table = Table("scenario", "reached", "tuned", box=None, header_style="bold", pad_edge=False)
+    for s, d, _ in made:
+        columns = (
+            ", ".join(f"{n} = {v:.6g} {pretty_unit(u)}" for n, (v, u) in entries.items()
+                      if isinstance(v, float))
+            for entries in (d.reached, d.tuned)
+        )  # fmt: skip
+        table.add_row(s.name, *columns)
+    out.print(table)
+    for folder in sorted({path.parent for _, _, path in made}):
+        out.print(f"written to {os.path.relpath(folder)}", highlight=False, markup=False)

@@ -1,0 +1,32 @@
+"""`desat pack`."""
+
+from __future__ import annotations
+
+import os
+from typing import Annotated
+
+import typer
+
+from ..common import Json, app, complete_name, out, print_json
+
+
+@app.command()
+def pack(
+    names: Annotated[
+        list[str] | None,
+        typer.Argument(
+            metavar="[NAME]...", help="Scenarios (default: all).", autocompletion=complete_name
+        ),
+    ] = None,
+    as_json: Json = False,
+) -> None:
+    """Pack scenarios as self-contained .ssp files into ssp/dist/."""
+    from ...files import pack as pack_module
+    from ...files.scenario import find, scenarios
+
+    wanted = [find(n) for n in names] if names else list(scenarios().values())
+    packed = [str(pack_module.pack_scenario(s, force=True)) for s in wanted]
+    if as_json:
+        print_json(packed)
+    else:
+        out.print(f"{len(packed)} packed: {os.path.commonpath(packed)}", highlight=False)

@@ -1,0 +1,141 @@
+"""`desat run NAME`."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+from rich.table import Table
+
+from ...system.errors import DesatError
+from ..common import (
+    Alg,
+    Blocks,
+    Classes,
+    DesignOption,
+    Json,
+    Semantics,
+    Sets,
+    Sources,
+    Step,
+    Stop,
+    Target,
+    app,
+    err,
+    name_of,
+    options_of,
+    out,
+    print_json,
+)
+
+if TYPE_CHECKING:
+    from ...study.case import Options, Run
+
+
+@app.command()
+def run(
+    target: Target,
+    sets: Sets = None,
+    sources: Sources = None,
+    stop: Stop = None,
+    step: Step = None,
+    algorithm: Alg = Semantics.conserving,
+    blocks: Blocks = False,
+    design: DesignOption = None,
+    folder: Annotated[
+        Path | None, typer.Option("--out", help="Run folder (default: a new one under runs/).")
+    ] = None,
+    record: Annotated[
+        list[str] | None,
+        typer.Option(help="Record only outputs that fit, as 'manager.*'. May be repeated."),
+    ] = None,
+    every: Annotated[int, typer.Option(help="Record every n-th step.", min=1)] = 1,
+    csv: Annotated[bool, typer.Option("--csv", help="Write series.csv too.")] = False,
+    twin: Annotated[
+        bool, typer.Option(help="Also run the scenario's twin, and show it beside.")
+    ] = True,
+    classes: Classes = None,
+    as_json: Json = False,
+) -> None:
+    """Run a scenario and write a run folder: series, manifest, report."""
+    from ...study import report as report_module
+    from ...study.case import execute, prepare
+
+    options = options_of(
+        sets, stop, step, algorithm, blocks, classes, sources, record=tuple(record or ("*",)),
+        every=every, design=design,
+    )  # fmt: skip
+    target_folder = _run_folder(target, folder)
+    _, checked = prepare(target, options)
+    for warning in checked.warnings:
+        err.print(f"warning: {warning}", highlight=False, markup=False)
+    checked.or_raise()
+    finished = execute(target, options, target_folder, progress=not as_json)
+    other = _run_twin(finished, options, target_folder) if twin and finished.ok else None
+    page = report_module.write_report(target_folder, finished, other)
+    if csv:
+        finished.results.to_csv(target_folder / "series.csv")
+    _report_run(finished, other, target_folder, page, as_json)
+    if code := finished.code or (other.code if other else 0):
+        raise typer.Exit(code)
+
+
+def _run_folder(target: str, folder: Path | None) -> Path:
+    if folder is not None:
+        if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
+            raise DesatError(f"--out {folder}: it exists already and is not an empty folder")
+        return folder
+    name = name_of(target)
+    candidate, count = Path("runs") / name, 1
+    while candidate.exists():
+        count += 1
+        candidate = Path("runs") / f"{name}-{count}"
+    return candidate
+
+
+def _run_twin(finished: Run, options: Options, folder: Path) -> Run | None:
+    """Run the twin that the scenario names, into a folder beside, and compare."""
+    from ...files.scenario import scenarios
+    from ...study import report as report_module
+    from ...study.case import MANIFEST, execute, relate, write_json
+
+    about = finished.manifest["about"]
+    name = about.get("name", "").partition("/")[0] + "/" + about.get("twin", "")
+    if not about.get("twin") or name == about["name"] or name not in scenarios():
+        return None
+    twin_folder = folder / "twin"
+    other = execute(name, replace(options, sets=[], sources=[], design=None), twin_folder)
+    relate(finished.manifest, {about["twin"]: other.manifest})
+    write_json(folder / MANIFEST, finished.manifest)
+    report_module.write_report(twin_folder, other)
+    return other
+
+
+def _report_run(finished: Run, other: Run | None, folder: Path, page: Path, as_json: bool) -> None:
+    from ...engine.results import SERIES
+    from ...study.plots import pretty_unit
+    from ...study.report import number, title_of
+
+    manifest = finished.manifest
+    if as_json:
+        print_json({**manifest, "folder": str(folder), "report": str(page)})
+        return
+    if manifest["status"] != "completed":
+        err.print(f"{manifest['status']}: {manifest['message']}", highlight=False, markup=False)
+    table = Table(box=None, pad_edge=False, show_header=other is not None, header_style="bold")
+    for column in ["", "this run", "twin", ""] if other else ["", "this run", ""]:
+        table.add_column(column, justify="right" if "run" in column or column == "twin" else "left")
+    for name, n in manifest["numbers"].items():
+        row = [title_of(n), number(n["value"])]
+        if other:
+            theirs = other.manifest["numbers"].get(name)
+            row.append(number(theirs["value"]) if theirs else "")
+        table.add_row(*row, pretty_unit(n["unit"]))
+    if manifest["numbers"]:
+        out.print(table)
+    out.print(
+        f"{manifest['steps_done']} steps, {manifest['us_per_step']} us a step; series in "
+        f"{folder / SERIES}\nreport: {page.resolve()}", highlight=False, markup=False,
+    )  # fmt: skip

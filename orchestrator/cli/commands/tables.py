@@ -1,0 +1,93 @@
+"""`desat tables FAMILY`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from rich.table import Table
+
+from ..common import (
+    CPUS,
+    Alg,
+    Blocks,
+    Jobs,
+    Json,
+    Semantics,
+    app,
+    complete_family,
+    err,
+    options_of,
+    out,
+    print_json,
+)
+
+
+@app.command()
+def tables(
+    family: Annotated[
+        str, typer.Argument(help="Scenario family, as uosat12.", autocompletion=complete_family)
+    ],
+    algorithm: Alg = Semantics.conserving,
+    blocks: Blocks = False,
+    jobs: Jobs = CPUS,
+    html: Annotated[
+        Path | None, typer.Option(help="Where the page goes (default: runs/tables-FAMILY.html).")
+    ] = None,
+    fresh: Annotated[
+        bool, typer.Option("--fresh", help="Make the draws now; default: the stored ones.")
+    ] = False,
+    as_json: Json = False,
+) -> None:
+    """Run a family's scenarios and print the paper's tables beside ours.
+
+    Scenarios with draws give their median; these are read from docs/papers/FAMILY/draws.json.
+    """
+    from rich.markup import escape
+    from rich.text import Text
+
+    from ...study import tables as tables_module
+
+    options = options_of(None, None, None, algorithm, blocks)
+    drawn, origin = _drawn(family, jobs, fresh, progress=not as_json)
+    rows = tables_module.rows(family, options, jobs, drawn)
+    if as_json:
+        print_json(tables_module.as_json(family, rows, origin))
+        return
+    for heading, group in tables_module.grouped(rows):
+        table = Table(title=escape(heading), title_justify="left", box=None, header_style="bold",
+                      pad_edge=False)  # fmt: skip
+        lines = [tables_module.shown(row) for row in group]
+        shown = tables_module.columns(lines)
+        for column, text in shown.items():
+            table.add_column(text, justify="right" if column in tables_module.NUMBERS else "left")
+        for line in lines:
+            style = {"ok": "green", "bad": "red", "": ""}[line["mark"]]
+            table.add_row(*(Text(line[c], style if c == "verdict" else "") for c in shown))
+        out.print(table)
+        out.print()
+    if origin:
+        out.print(f"draws: {tables_module.origin(origin)}", highlight=False, markup=False)
+    page = tables_module.write_html(
+        family, rows, html or Path("runs") / f"tables-{family}.html", options, origin
+    )
+    out.print(f"page: {page.resolve()}", highlight=False, markup=False)
+
+
+def _drawn(
+    family: str, jobs: int, fresh: bool, progress: bool
+) -> tuple[dict[str, Any] | None, dict[str, Any] | None]:
+    """The draws of a family that has some, stored or made now, and where they are from."""
+    from ...study import stored as stored_module
+
+    if not stored_module.with_draws(family):
+        return None, None
+    if fresh:
+        made = stored_module.compute(family, jobs, progress)
+        return made, stored_module.provenance(made, fresh=True)
+    kept = stored_module.read(family)
+    if old := stored_module.outdated(kept):
+        err.print(f"warning: the stored draws of {', '.join(old)} are not of this version; "
+                  f"--fresh makes new ones", highlight=False, markup=False)  # fmt: skip
+    return kept, stored_module.provenance(kept, fresh=False)

@@ -1,0 +1,128 @@
+"""What the commands of `desat` share: the application, consoles, options."""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+from enum import StrEnum
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+from rich.console import Console
+
+from ..system.codes import Exit
+
+if TYPE_CHECKING:
+    from ..engine.master import Algorithm
+    from ..study.case import Options
+
+EPILOG = "[bold]Exit codes[/bold]  " + "; ".join(f"{e.value} {e.meaning}" for e in Exit) + "."
+
+app = typer.Typer(
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+    rich_markup_mode="rich",
+    help="Spacecraft momentum management as co-simulated FMUs. Start with [bold]desat list[/bold], "
+    "then [bold]desat run NAME[/bold]; every command explains itself with --help.",
+    epilog=EPILOG,
+)
+# piped output is for other programs: not folded to a terminal's width
+# no emoji: `file.ssd:100: …` is a line number
+out = Console(emoji=False, **({"soft_wrap": True} if sys.stdout.isatty() else {"width": 200}))
+err = Console(stderr=True, soft_wrap=True, emoji=False)
+
+
+class Semantics(StrEnum):
+    """How values move between components."""
+
+    conserving = "conserving"
+    jacobi = "jacobi"
+
+
+def complete_name(incomplete: str) -> list[str]:
+    """The scenarios that a shell offers for the beginning of a name."""
+    from ..files.scenario import scenarios
+
+    return [n for n in scenarios() if n.startswith(incomplete)]
+
+
+def complete_family(incomplete: str) -> list[str]:
+    """The families that a shell offers for the beginning of a name."""
+    from ..files.scenario import families
+
+    return [n for n in families() if n.startswith(incomplete)]
+
+
+TARGET = typer.Argument(
+    metavar="NAME|FILE|FOLDER",
+    help="A scenario (see `desat list`), a scenario file of your own (.toml), an .ssp file, or a "
+    "folder with a SystemStructure.ssd.",
+    show_default=False,
+    autocompletion=complete_name,
+)
+Target = Annotated[str, TARGET]
+Sets = Annotated[
+    list[str] | None,
+    typer.Option("--set", metavar="COMP.VAR=VALUE",
+                 help="Give a parameter (or unconnected input) another value; a choice by its "
+                 "name, an array as 1,2,3; shared.VAR in every component that has it. May be "
+                 "repeated."),
+]  # fmt: skip
+Sources = Annotated[
+    list[str] | None,
+    typer.Option("--source", metavar="COMP=FMU",
+                 help="Another FMU in a component's place: a file, or one of ours by its name. "
+                 "Parameters that both declare alike stay. May be repeated."),
+]  # fmt: skip
+Stop = Annotated[float | None, typer.Option(help="Stop time, s.")]
+Step = Annotated[float | None, typer.Option(help="Step, s.")]
+Alg = Annotated[
+    Semantics,
+    typer.Option(help="conserving: no delay in the loop; jacobi: as libcosim and Ecos do."),
+]
+Blocks = Annotated[bool, typer.Option("--blocks", help="Bare blocks instead of FMUs.")]
+Json = Annotated[bool, typer.Option("--json", help="Print JSON for programs.")]
+Classes = Annotated[
+    list[str] | None,
+    typer.Option("--output-class", metavar="COMP.OUT=CLASS",
+                 help="Class of an output: state or interval. May be repeated."),
+]  # fmt: skip
+DesignOption = Annotated[
+    str | None,
+    typer.Option("--design", metavar="now|FILE",
+                 help="Of a scenario with a design (gain tables, costates): make one now for these "
+                 "values, or take that of a file. Default: the kept one."),
+]  # fmt: skip
+Jobs = Annotated[int, typer.Option(help="Processes.", min=1)]
+CPUS = os.cpu_count() or 1
+
+
+def options_of(
+    sets: list[str] | None, stop: float | None, step: float | None, algorithm: Semantics,
+    blocks: bool, classes: list[str] | None = None, sources: list[str] | None = None, **more: Any,
+) -> Options:  # fmt: skip
+    """What the options of a command say."""
+    from ..study.case import Options
+
+    overrides: dict[str, str] = {}
+    for text in classes or []:
+        key, _, value = text.partition("=")
+        overrides[key] = value
+    name: Algorithm = "jacobi" if algorithm is Semantics.jacobi else "conserving"
+    return Options(
+        sets=list(sets or []), sources=list(sources or []), stop=stop, step=step, algorithm=name,
+        blocks=blocks, output_classes=overrides, **more,
+    )  # fmt: skip
+
+
+def print_json(data: Any) -> None:
+    """Data for programs, on standard output."""
+    sys.stdout.write(json.dumps(data, indent=1) + "\n")
+
+
+def name_of(target: str) -> str:
+    """The name under runs/ of what is made of a target."""
+    from pathlib import Path
+
+    return Path(target).resolve().stem if Path(target).exists() else target.replace("/", "-")

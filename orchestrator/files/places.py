@@ -1,0 +1,106 @@
+"""Where scenarios, FMUs, packed systems and stored draws are: in a checkout and in an installation.
+
+In a checkout all is in its folders: ssp/, fmus/dist/, ssp/dist/, docs/papers/. An installation
+brings scenarios and draws below the package and keeps what it builds, FMUs and packed systems, in
+the user's cache, in a folder named after version and contents of what they are made of; nothing is
+written beside the package. `DESAT_CACHE` names another folder than the user's usual one.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable
+from functools import cache
+from pathlib import Path
+
+from ..system.errors import DesatError
+
+PACKAGE = Path(__file__).resolve().parents[1]
+INSTALLED = (PACKAGE / "ssp").is_dir()
+"""True where the package has its scenarios inside: it comes from a wheel."""
+
+SCENARIOS = PACKAGE / "ssp" if INSTALLED else PACKAGE.parent / "ssp"
+DRAWS = PACKAGE / "papers" if INSTALLED else PACKAGE.parent / "docs" / "papers"
+
+
+def fmus() -> Path:
+    """The folder with our FMUs. In an installation they are built now where they are not yet, by
+    one process at a time; raises DesatError where that fails. In a checkout `make fmus` builds."""
+    return _built() if INSTALLED else PACKAGE.parent / "fmus" / "dist"
+
+
+def packed() -> Path:
+    """The folder where `desat pack` puts its .ssp files."""
+    return _cache() / "ssp" if INSTALLED else SCENARIOS / "dist"
+
+
+def writable(what: str) -> None:
+    """Raise DesatError in an installation, whose scenarios are not to be written."""
+    if INSTALLED:
+        raise DesatError(f"{what} writes beside the scenarios and needs a checkout of desat; this "
+                         f"is an installation, {PACKAGE}")  # fmt: skip
+
+
+def shown(path: Path) -> str:
+    """A file's name for people: from our folder on where it is in it, else as it is."""
+    home = SCENARIOS.parent
+    return path.relative_to(home).as_posix() if path.is_relative_to(home) else str(path)
+
+
+@cache
+def _cache() -> Path:
+    """The folder of this version and these contents in the user's cache."""
+    import hashlib
+    from importlib.metadata import version
+
+    from platformdirs import user_cache_path
+
+    digest = hashlib.sha256(version("pythonfmu").encode())
+    for file in _sources():
+        digest.update(f"\0{file.relative_to(PACKAGE)}\0".encode() + file.read_bytes())
+    root = Path(os.environ.get("DESAT_CACHE") or user_cache_path("desat", appauthor=False))
+    return root.absolute() / f"{version('desat')}-{digest.hexdigest()[:16]}"
+
+
+def _sources() -> Iterable[Path]:
+    """All that FMUs and packed systems are made of."""
+    folders = (PACKAGE / name for name in ("components", "files", "fmus", "ssp", "system"))
+    return sorted(
+        p for folder in folders for p in folder.rglob("*")
+        if p.is_file() and p.suffix not in (".pyc", ".fmu", ".ssp")
+    )  # fmt: skip
+
+
+@cache
+def _built() -> Path:
+    """The folder of the FMUs, which is there as a whole or not at all."""
+    import shutil
+    import subprocess
+    import sys
+    import tempfile
+
+    from filelock import FileLock
+
+    folder = _cache() / "fmus"
+    if folder.is_dir():
+        return folder
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    with FileLock(folder.with_suffix(".lock")):
+        if folder.is_dir():
+            return folder
+        part = Path(tempfile.mkdtemp(prefix="fmus-", suffix=".part", dir=folder.parent))
+        try:
+            if sys.stderr.isatty():
+                print(f"building the FMUs, this once, into {folder}", file=sys.stderr)
+            # a process of its own: building spawns others, which need a script that can be imported
+            done = subprocess.run(
+                [sys.executable, "-m", "desat.fmus.build", "--into", str(part)],
+                capture_output=True, text=True, check=False,
+            )  # fmt: skip
+            if done.returncode:
+                last = (done.stderr.strip().splitlines() or ["no message"])[-1]
+                raise DesatError(f"{folder}: our FMUs could not be built: {last}")
+            part.replace(folder)
+        finally:
+            shutil.rmtree(part, ignore_errors=True)
+    return folder

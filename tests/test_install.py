@@ -1,0 +1,113 @@
+"""The wheel in an environment of its own, used from an empty folder, without the checkout."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import shutil
+import subprocess
+import sys
+import sysconfig
+from pathlib import Path
+
+import pytest
+from conftest import ROOT
+
+from desat.files import places
+from desat.files.scenario import scenarios
+from desat.fmus import registry
+
+
+def _do(*command: str | Path, **options: object) -> subprocess.CompletedProcess[str]:
+    done = subprocess.run(
+        [str(c) for c in command], capture_output=True, text=True, timeout=300, check=False,
+        **options,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stdout + done.stderr
+    return done
+
+
+@pytest.fixture(scope="module")
+def home(tmp_path_factory):
+    """A folder with an environment `env` in which the wheel is, and nothing of the checkout.
+
+    What desat needs is taken from the environment of the tests, so that this takes seconds; its
+    finder of the checkout is not, for a .pth inside a folder that a .pth names is not read.
+    """
+    folder = tmp_path_factory.mktemp("install")
+    source = folder / "source"
+    files = _do("git", "ls-files", "-co", "--exclude-standard", cwd=ROOT).stdout.splitlines()
+    for name in files:
+        if (ROOT / name).is_file():
+            (source / name).parent.mkdir(parents=True, exist_ok=True)
+            shutil.copy(ROOT / name, source / name)
+    _do(sys.executable, "-m", "venv", "--without-pip", folder / "env")
+    python = folder / "env" / "bin" / "python"
+    site = Path(_do(python, "-c", "import sysconfig; print(sysconfig.get_path('purelib'))")
+                .stdout.strip())  # fmt: skip
+    _do(sys.executable, "-m", "pip", "--python", python, "install", "-q", "--no-deps",
+        "--disable-pip-version-check", source)  # fmt: skip
+    shutil.rmtree(source)
+    (site / "others.pth").write_text(sysconfig.get_path("purelib") + "\n", encoding="utf-8")
+    return folder
+
+
+@pytest.fixture
+def installed(home, tmp_path):
+    """Run a program of the environment from an empty folder; the cache is in `home`."""
+    environment = {k: v for k, v in os.environ.items() if not k.startswith(("PYTHON", "DESAT"))}
+    environment["DESAT_CACHE"] = str(home / "cache")
+
+    def run(program: str, *arguments: str) -> str:
+        return _do(home / "env" / "bin" / program, *arguments, cwd=tmp_path, env=environment).stdout
+
+    return run
+
+
+def _contents(folder: Path) -> dict[str, str]:
+    return {
+        p.relative_to(folder).as_posix(): hashlib.sha256(p.read_bytes()).hexdigest()
+        for p in folder.rglob("*") if p.is_file() and p.suffix != ".pyc"
+    }  # fmt: skip
+
+
+def test_from_an_empty_folder(home, installed, tmp_path):
+    """All scenarios are there, a run and a paper's tables work, nothing is written beside them."""
+    where = Path(installed("python", "-c", "import desat; print(desat.__file__)").strip()).parent
+    assert where.is_relative_to(home / "env")
+    before = _contents(where)
+    names = [s["name"] for s in json.loads(installed("desat", "list", "--json"))]
+    assert names == list(scenarios())
+    result = json.loads(
+        installed("desat", "run", "integrated/mil-nadir", "--stop", "600", "--json", "--no-twin")
+    )
+    assert result["status"] == "completed"
+    assert result["end_time"] == 600.0
+    assert (tmp_path / result["report"]).is_file()
+    rows = json.loads(installed("desat", "tables", "uosat12", "--json"))["rows"]
+    assert len(rows) > 50
+    assert any(row["draws"] for row in rows)
+    assert _contents(where) == before
+    (cache,) = (home / "cache").iterdir()
+    assert {p.name for p in cache.iterdir()} == {"fmus", "fmus.lock", "ssp"}
+    built = {p.name: p.read_bytes() for p in (cache / "fmus").iterdir()}
+    assert set(built) == {f"{n}.fmu" for n in registry.names()}
+    assert built == {n: (places.fmus() / n).read_bytes() for n in built}  # the checkout's bytes
+
+
+def test_from_python(installed):
+    """`import desat` imports nothing heavy and offers run, load, draws and tables."""
+    code = """
+import sys
+import desat
+assert "numpy" not in sys.modules
+name, sets = "uosat12/table3-ocdc-ilqr-1", {"manager.split": "crcp"}
+run = desat.run(name, sets, stop=100.0, folder="a")
+assert run.manifest["parameters"]["manager"]["split"]["value"] == "crcp"
+assert desat.load("a").manifest == run.manifest
+print(run.results.values("spacecraft.h_copy_wheel").shape)
+drawn = desat.draws(name, 2, stop=100.0)
+print(len(drawn["draws"]))
+"""
+    assert installed("python", "-c", code).split("\n")[:2] == ["(11, 4)", "2"]
