@@ -1,0 +1,124 @@
+"""A scenario's file and its bases, merged; each value remembers where it was given."""
+
+from __future__ import annotations
+
+import tomllib
+from pathlib import Path
+from typing import Any
+
+from ..system.errors import DesatError, nearest
+
+Keys = tuple[str, ...]
+Origins = dict[Keys, tuple[str, str]]
+"""Path of a value -> the file that gave it, and the axis' cell in it (`axes.method.dct.`)."""
+
+
+def origin(origins: Origins, path: Keys) -> tuple[str, str]:
+    """Where a value, or the nearest table around it, was given: file and cell."""
+    for end in range(len(path), 0, -1):
+        if path[:end] in origins:
+            return origins[path[:end]]
+        inside = [o for p, o in origins.items() if p[:end] == path[:end]]
+        if inside:
+            return inside[-1]
+    return "", ""
+
+
+def toml(file: Path, root: Path) -> dict[str, Any]:
+    """The data of a TOML file. Raises DesatError; `root` shortens the file's name in it."""
+    where = file.relative_to(root)
+    try:
+        return tomllib.loads(file.read_bytes().decode("utf-8"))
+    except FileNotFoundError as error:
+        raise DesatError(f"{where}: no such file") from error
+    except UnicodeDecodeError as error:
+        raise DesatError(f"{where}: not UTF-8 (byte {error.start + 1})") from error
+    except (tomllib.TOMLDecodeError, RecursionError) as error:
+        raise DesatError(f"{where}: {error}") from error
+
+
+def load(
+    file: Path, root: Path, origins: Origins, seen: tuple[Path, ...] = ()
+) -> dict[str, Any]:  # fmt: skip
+    """The data of a file merged over that of its bases. Raises DesatError, a line a problem."""
+    from .refuse import problems  # pydantic, only where a scenario is read
+
+    where = file.relative_to(root).as_posix()
+    data = toml(file, root)
+    if wrong := [f"{where}: {'.'.join(p)}: {text}" for p, text in problems(data, part=True)]:
+        raise DesatError("\n".join(wrong))
+    bases = data.pop("extends", [])
+    if file in seen:
+        chain = " -> ".join(f.stem for f in (*seen[seen.index(file) :], file))
+        raise DesatError(f"{where}: extends itself ({chain})")
+    merged: dict[str, Any] = {}
+    known = [f.stem for f in file.parent.glob("*.toml")]
+    for base in [bases] if isinstance(bases, str) else bases:
+        if base not in known:
+            raise DesatError(f"{where}: extends: no file {base}.toml{nearest(base, known)}")
+        below: Origins = {}
+        table = load(file.with_name(f"{base}.toml"), root, below, (*seen, file))
+        merge(merged, table, origins, below)
+    merged.pop("abstract", None)
+    leave_out(merged, data, origins, where)
+    merge(merged, data, origins, (where, ""))
+    return merged
+
+
+def leave_out(merged: dict[str, Any], data: dict[str, Any], origins: Origins, where: str) -> None:
+    """Take out of `merged` what data's `without` names, and `without` out of data."""
+    for text in data.pop("without", []):
+        path = tuple(text.split("."))
+        owner: Any = merged
+        for table in path[:-1]:
+            owner = owner.get(table, {}) if isinstance(owner, dict) else {}
+        if not isinstance(owner, dict) or path[-1] not in owner:
+            hint = nearest(path[-1], owner) if isinstance(owner, dict) else ""
+            raise DesatError(f"{where}: without {text}: there is none before{hint}")
+        del owner[path[-1]]
+        _forget(origins, path)
+
+
+def merge(
+    into: dict[str, Any], new: dict[str, Any], origins: Origins,
+    given: Origins | tuple[str, str], path: Keys = (),
+) -> None:  # fmt: skip
+    """Tables are merged, everything else is replaced; `given`: where the new values are from."""
+    for key, value in new.items():
+        here = (*path, key)
+        if isinstance(value, dict) and isinstance(into.get(key), dict):
+            merge(into[key], value, origins, given, here)
+            continue
+        into[key] = copy(value)
+        _forget(origins, here)
+        for leaf in _leaves(value, here):
+            origins[leaf] = given if isinstance(given, tuple) else origin(given, leaf)
+
+
+def copy(value: Any) -> Any:
+    """Its own tables; lists are shared, for nobody changes them."""
+    return {k: copy(v) for k, v in value.items()} if isinstance(value, dict) else value
+
+
+def _forget(origins: Origins, path: Keys) -> None:
+    for old in [p for p in origins if p[: len(path)] == path]:
+        del origins[old]
+
+
+def _leaves(value: Any, path: Keys) -> list[Keys]:
+    if isinstance(value, dict) and value:
+        return [leaf for k, v in value.items() for leaf in _leaves(v, (*path, k))]
+    return [path]
+
+
+def fill(value: Any, cell: dict[str, str]) -> Any:
+    """Texts with `{axis}` replaced by the axis' value of the cell."""
+    if isinstance(value, str):
+        for axis, name in cell.items():
+            value = value.replace(f"{{{axis}}}", name)
+        return value
+    if isinstance(value, dict):
+        return {k: fill(v, cell) for k, v in value.items()}
+    if isinstance(value, list):
+        return [fill(v, cell) for v in value]
+    return value
