@@ -26,6 +26,7 @@ from .engine.results import SERIES
 from .files import pack as pack_module
 from .files.scenario import find, scenarios
 from .study import draws as draws_module
+from .study import explain
 from .study import report as report_module
 from .study import stored as stored_module
 from .study import tables as tables_module
@@ -126,13 +127,53 @@ def list_command(
     as_json: Json = False,
 ) -> None:
     """List the scenarios."""
-    found = scenarios(family)
+    found, problems = explain.readable(family)
     if as_json:
         _print_json([{"name": n, "title": s.data.get("title", "")} for n, s in found.items()])
+    else:
+        table = Table("scenario", "what it is", box=None, header_style="bold", pad_edge=False)
+        for name, scenario in found.items():
+            table.add_row(name, scenario.data.get("title", ""))
+        out.print(table)
+    if problems:
+        raise DesatError("\n".join(problems))
+
+
+@app.command("keys")
+def keys_command(
+    what: Annotated[str | None, typer.Argument(help="Only this table of the language.")] = None,
+    schema: Annotated[bool, typer.Option("--schema", help="A JSON schema for editors.")] = False,
+    as_json: Json = False,
+) -> None:
+    """Print the keys of a scenario's file: type, unit and what they say."""
+    if schema:
+        _print_json(explain.schema())
         return
-    table = Table("scenario", "what it is", box=None, header_style="bold", pad_edge=False)
-    for name, scenario in found.items():
-        table.add_row(name, scenario.data.get("title", ""))
+    _print_rows(explain.keys(what), as_json)
+
+
+@app.command("measures")
+def measures_command(as_json: Json = False) -> None:
+    """Print the measures that a number may name, and their options."""
+    _print_rows(explain.measures(), as_json)
+
+
+@app.command("show")
+def show_command(
+    name: Annotated[str, typer.Argument(help="A scenario, as uosat12/table2-ocdc-ilqr-1.")],
+    as_json: Json = False,
+) -> None:
+    """Print a scenario as merged, and where each value comes from."""
+    _print_rows(explain.show(name), as_json)
+
+
+def _print_rows(rows: list[dict[str, str]], as_json: bool) -> None:
+    if as_json:
+        _print_json(rows)
+        return
+    table = Table(*rows[0], box=None, header_style="bold", pad_edge=False)
+    for row in rows:
+        table.add_row(*(escape(str(value)) for value in row.values()))
     out.print(table)
 
 

@@ -6,129 +6,41 @@ A table of the language is a class here, and its keys are the fields.
 
 from __future__ import annotations
 
-import re
 from datetime import datetime
-from typing import Annotated, Any, ClassVar, Literal, Self
+from typing import Annotated, Any, Literal, Self
 
-from pydantic import (
-    AfterValidator,
-    BaseModel,
-    ConfigDict,
-    Discriminator,
-    Field,
-    FiniteFloat,
-    Tag,
-    model_validator,
+from pydantic import AfterValidator, Discriminator, Field, FiniteFloat, Tag, model_validator
+
+from .vocabulary import (
+    NumberOrText,
+    Range,
+    Table,
+    Text,
+    TextOrTexts,
+    Three,
+    Unit,
+    Value,
+    by_kind,
+    either,
+    incomplete,
+    key,
+    ordered,
+    utc,
+    width,
 )
-from pydantic_core import PydanticCustomError
-
-from desat.components.units import UNITS
-
-from ..system.errors import nearest
-
-
-def key(text: str, unit: str = "", default: Any = None, **limits: Any) -> Any:
-    """A key of the language: its sentence, unit and default (None: it may be left out)."""
-    extra: Any = {"unit": unit} if unit else None
-    return Field(default, description=text, json_schema_extra=extra, **limits)
-
-
-def _one_line(text: str) -> str:
-    if not text.strip() or "\0" in text:
-        raise ValueError("a text with something in it is needed")
-    return text
-
-
-def _known_unit(text: str) -> str:
-    if text != "%" and text not in UNITS:
-        raise ValueError(f"no such unit{nearest(text, [*UNITS, '%'])}")
-    return text
-
-
-def _a_value(value: Any) -> Any:
-    for x in value if isinstance(value, list) else [value]:
-        if isinstance(x, list):
-            _a_value(x)
-        elif not isinstance(x, (bool, int, float, str)):
-            raise ValueError("a number, a text, true or false, or lists of these are needed")
-    return value
-
-
-def _utc(value: datetime) -> datetime:
-    if value.tzinfo is None:
-        raise ValueError("a UTC time is needed, 2026-01-01T00:00:00Z")
-    return value
-
-
-def _by_kind(value: Any) -> str:
-    names = {dict: "<table>", list: "<list>", str: "<text>"}
-    return next((name for kind, name in names.items() if isinstance(value, kind)), "<number>")
-
-
-def either(**kinds: Any) -> Any:
-    """A value of one of several kinds (`table`, `list`, `text`, `number`), told by its looks."""
-    union: Any = None
-    for name, kind in kinds.items():
-        member: Any = Annotated[kind, Tag(f"<{name}>")]
-        union = member if union is None else union | member
-    return Annotated[union, Discriminator(_by_kind)]
-
-
-Text = Annotated[str, AfterValidator(_one_line)]
-Unit = Annotated[str, AfterValidator(_known_unit)]
-Value = Annotated[Any, AfterValidator(_a_value)]
-Band = Annotated[list[FiniteFloat], Field(min_length=2, max_length=2)]
-Three = Annotated[list[FiniteFloat], Field(min_length=3, max_length=3)]
-NumberOrText = either(number=FiniteFloat, text=Text)
-TextOrTexts = either(text=Text, list=Annotated[list[Text], Field(min_length=1)])
-
-
-def _ordered(band: list[float]) -> list[float]:
-    if band[0] > band[1]:
-        raise ValueError(f"the first, {band[0]:g}, is above the second, {band[1]:g}")
-    return band
-
-
-def _width(text: str) -> str:
-    """A width about the paper's value: `3 %`, `0.02`, or nothing."""
-    if text and not re.fullmatch(r"\d+(\.\d*)?(e-?\d+)? ?%?", text.strip()):
-        raise ValueError('a width is needed, "3 %" or "0.02", or [low, high]')
-    return text
-
-
-Range = Annotated[Band, AfterValidator(_ordered)]
-
-
-def incomplete(text: str) -> PydanticCustomError:
-    """What is wrong with a whole table, and may be right with a part of one."""
-    return PydanticCustomError("incomplete", "{text}", {"text": text})
-
-
-class Table(BaseModel):
-    """A table of the language: no other keys, no conversions between types."""
-
-    model_config = ConfigDict(extra="forbid", strict=True)
-    NEEDED: ClassVar[tuple[str, ...]] = ()
-    """Keys that a whole table has; a part, which others complete, may leave them out."""
-
-    @model_validator(mode="after")
-    def _needed(self) -> Self:
-        if missing := [name for name in self.NEEDED if name not in self.model_fields_set]:
-            raise incomplete(f"{', '.join(missing)} missing")
-        return self
 
 
 class Number(Table):
     """[numbers.NAME]: a number of each run, from its series or from other runs' numbers."""
 
     title: Text = key("what the number is, for a reader")
-    signal: TextOrTexts = key("`component.output`, or several where the measure takes several")  # type: ignore[valid-type]
+    signal: TextOrTexts = key("`component.output`, or several where the measure takes several")
     measure: Text = key("how the series becomes a number (`desat measures`); default: last")
     options: dict[str, Value] = key("the measure's own options")
-    window: Annotated[list[float], Field(min_length=2, max_length=2), AfterValidator(_ordered)] = (
+    window: Annotated[list[float], Field(min_length=2, max_length=2), AfterValidator(ordered)] = (
         key("only rows of this time, ends included; default: all", "s")
     )
-    percent_of: NumberOrText = key("in per cent of this: a value in the signal's unit, or a text")  # type: ignore[valid-type]
+    percent_of: NumberOrText = key("in per cent of this: a value in the signal's unit, or a text")
     unit: Unit = key("the unit it is given in, converted from the signal's")
     of: Text = key("with `reference`: the number that is compared")
     reference: Text = key("the scenario of this family whose number it is compared with")
@@ -149,7 +61,7 @@ class LimitLine(Table):
     """An entry of a plot's `limits` as a table: a line, or a band about zero."""
 
     NEEDED = ("value",)
-    value: NumberOrText = key("a number in the plot's unit, or parameters `component.parameter[i]`")  # type: ignore[valid-type]
+    value: NumberOrText = key("a number in the plot's unit, or parameters `component.parameter[i]`")
     name: Text = key("what the legend calls it")
     fill: bool = key("true: a filled band about zero instead of a line")
     unless: dict[str, Value] = key("left out where `component.parameter` has this value")
@@ -192,14 +104,14 @@ class Tuning(Table):
     cases: list[Text] = key("beginnings of the cases' names that this holds for")
 
 
-Width = Annotated[str, AfterValidator(_width)]
+Width = Annotated[str, AfterValidator(width)]
 _Cell = either(text=Width, table=OfNumber, list=Range)
 
 
 def _tolerance(value: Any) -> str:
     if isinstance(value, list) and value and all(type(x) in (int, float) for x in value):
         return "<band>"
-    return _by_kind(value)
+    return by_kind(value)
 
 
 Tolerances = Annotated[
@@ -302,7 +214,7 @@ class Scenario(Table):
     start: FiniteFloat = key("start time", "s")
     step: FiniteFloat = key("the master's step", "s")
     stop: FiniteFloat = key("stop time", "s")
-    epoch: Annotated[datetime, AfterValidator(_utc)] = key("UTC of t = 0")
+    epoch: Annotated[datetime, AfterValidator(utc)] = key("UTC of t = 0")
     sources: dict[str, Text] = key("another FMU for a component")
     shared: dict[str, Value] = key("a parameter for every component that has it")
     parameters: dict[str, dict[str, Value]] = key("parameters (or unwired inputs) of a component")
@@ -326,6 +238,6 @@ class Cell(Scenario):
 class ScenarioFile(Scenario):
     """A scenario's file."""
 
-    extends: TextOrTexts = key("another file of the folder, or several, merged below this one")  # type: ignore[valid-type]
+    extends: TextOrTexts = key("another file of the folder, or several, merged below this one")
     abstract: bool = key("true: only for others to extend")
     axes: dict[str, dict[str, Cell]] = key("each axis' values; their product gives scenarios")

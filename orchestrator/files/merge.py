@@ -68,14 +68,17 @@ def load(
 def leave_out(merged: dict[str, Any], data: dict[str, Any], origins: Origins, where: str) -> None:
     """Take out of `merged` what data's `without` names, and `without` out of data."""
     for text in data.pop("without", []):
-        path = tuple(text.split("."))
         owner: Any = merged
-        for table in path[:-1]:
-            owner = owner.get(table, {}) if isinstance(owner, dict) else {}
-        if not isinstance(owner, dict) or path[-1] not in owner:
-            hint = nearest(path[-1], owner) if isinstance(owner, dict) else ""
+        path: Keys = ()
+        rest = text
+        while isinstance(owner, dict) and rest not in owner and "." in rest:
+            table, _, rest = rest.partition(".")  # a name may have dots itself
+            owner, path = owner.get(table), (*path, table)
+        if not isinstance(owner, dict) or rest not in owner:
+            hint = nearest(rest, owner) if isinstance(owner, dict) else ""
             raise DesatError(f"{where}: without {text}: there is none before{hint}")
-        del owner[path[-1]]
+        del owner[rest]
+        path = (*path, rest)
         _forget(origins, path)
 
 

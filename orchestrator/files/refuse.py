@@ -9,6 +9,7 @@ from pydantic import ValidationError
 
 from ..system.errors import nearest
 from . import language
+from .vocabulary import Table
 
 Path = tuple[str, ...]
 NEEDED = {
@@ -57,21 +58,21 @@ def _text(error: dict[str, Any]) -> str:
     return f"got {got}: {error['msg'][0].lower()}{error['msg'][1:]}"
 
 
-def keys(table: type[language.Table]) -> list[str]:
+def keys(table: type[Table]) -> list[str]:
     """The keys of a table of the language, as they are written."""
     return [field.alias or name for name, field in table.model_fields.items()]
 
 
-def table_of(path: Path, part: bool = True) -> type[language.Table]:
+def table_of(path: Path, part: bool = True) -> type[Table]:
     """The table of the language that stands at a path of a scenario."""
     if path[:1] == ("axes",):
         return table_of(path[3:], False) if path[3:] else language.Cell
     if not path:
         return language.ScenarioFile if part else language.Scenario
-    inner: dict[str, type[language.Table]] = {
+    inner: dict[str, type[Table]] = {
         "limits": language.LimitLine, "tolerance": language.OfNumber, "tuned": language.Tuning,
     }  # fmt: skip
-    outer: dict[str, type[language.Table]] = {
+    outer: dict[str, type[Table]] = {
         "numbers": language.Number, "plots": language.Plot, "paper": language.PaperRow,
         "dispersions": language.Dispersion, "design": language.Design,
     }  # fmt: skip

@@ -28,6 +28,7 @@ from ..system.errors import DesatError, nearest
 from ..system.interface import base_name
 from ..system.model import System
 from ..system.parameters import expand, parse_assignment
+from . import meaning
 from .measures import evaluate, relative
 
 MANIFEST = "manifest.json"
@@ -67,10 +68,11 @@ class Run:
 
 def load(target: str, blocks: bool = False) -> tuple[System, list[str]]:
     """The system of a scenario name, a .ssp, an .ssd or a folder, and its problems so far."""
-    path = Path(target)
-    if path.suffix in (".ssp", ".ssd") or path.is_dir():
-        return ssp.read(path)
-    return scenario.find(target).system(blocks)
+    return ssp.read(Path(target)) if _is_file(target) else scenario.find(target).system(blocks)
+
+
+def _is_file(target: str) -> bool:
+    return Path(target).suffix in (".ssp", ".ssd") or Path(target).is_dir()
 
 
 def prepare(target: str, options: Options) -> tuple[System, Checked]:
@@ -82,6 +84,9 @@ def prepare(target: str, options: Options) -> tuple[System, Checked]:
         system.step = options.step
     system.output_classes.update(options.output_classes)
     problems += library.load_interfaces(system, options.blocks)
+    if not _is_file(target):
+        described = scenario.find(target)
+        problems += meaning.words(described) or meaning.names(described, system)
     warnings = []
     for text in options.sources:
         problem, warning = _replace(system, text, options.blocks)

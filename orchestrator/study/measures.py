@@ -16,15 +16,17 @@ the unit of the values, and then converted to the number's unit, or in the one i
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from desat.components.units import UNITS, conversion
 
-from ..engine.results import Results
 from ..system.errors import DesatError, nearest
+
+if TYPE_CHECKING:
+    from ..engine.results import Results
 
 Array = NDArray[np.float64]
 Measure = Callable[..., float]
@@ -162,6 +164,29 @@ def until_below(times: Array, values: Array, limit: float, kind: str = "mean") -
 def first_reached(times: Array, values: Array, limit: float, count: int = 1) -> float:
     """When `count` elements at once have first reached a limit (s); the end of the run if never."""
     reached = np.flatnonzero((np.abs(values) >= limit).sum(axis=1) >= count)
+    return float(times[reached[0]] if len(reached) else times[-1])
+
+
+@own_unit
+def first_below(times: Array, values: Array, limit: float, held: float = 0.0) -> float:
+    """When the sizes of all elements at once have first come below a limit and stayed there for
+    `held` seconds (s: the beginning of that time); the end of the run if never."""
+    good = (np.abs(values) < limit).all(axis=1)
+    begins = np.flatnonzero(np.diff(good.astype(int), prepend=0) == 1)
+    bad = np.flatnonzero(~good)
+    for begin in begins:
+        later = bad[bad > begin]
+        end = later[0] if len(later) else len(times) - 1
+        if times[end] - times[begin] >= held - 1e-9:
+            return float(times[begin])
+    return float(times[-1])
+
+
+@own_unit
+def time_of(times: Array, values: Array, value: int) -> float:
+    """When a whole-number signal, such as a mode, first has a value (s); the end of the run if
+    never."""
+    reached = np.flatnonzero((values == value).all(axis=1))
     return float(times[reached[0]] if len(reached) else times[-1])
 
 

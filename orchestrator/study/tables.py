@@ -142,6 +142,8 @@ def _value(
 ) -> float | None:
     definition = scenario.data["numbers"].get(name, {})
     if "reference" not in definition:
+        if name not in values and name in scenario.data.get("numbers", {}):
+            raise DesatError(f"{scenario.where(('numbers', name))}: no run gives it")
         return values.get(name)
     other = everything.get(f"{scenario.family}/{definition['reference']}")
     if other is None:
