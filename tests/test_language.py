@@ -105,6 +105,8 @@ EVERYWHERE = {
     "key in an axis": ("label", "lable", "axes.m.a.lable: unknown key; did you mean label?"),
     "measure": ('"last"', '"lst"', "numbers.firing_time.measure: no measure lst; did you mean"),
     "option": ('"last"', '"until_below"\noptions = { limt = 1 }', "limt: until_below has no"),
+    "option's value": ('"last"', '"until_below"\noptions = { limit = 1, kind = "men" }', "'men'"),
+    "option's type": ('"last"', '"until_below"\noptions = { limit = true }', "limit: got True"),
     "type": ("step = 10.0", 'step = "10"', "step: got '10'; a number is needed"),
     "plot that is not there": ('title = "T"', 'without = ["plots.r"]', "without plots.r: there is"),
     "derive": ('signals = ["th', 'derive = "eler"\nsignals = ["th', "plots.rate.derive: no eler"),

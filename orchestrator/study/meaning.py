@@ -12,7 +12,7 @@ from ..system.errors import DesatError, nearest
 from ..system.interface import Signal, base_name
 from ..system.model import System
 from ..system.parameters import expand
-from .measures import MEASURES, OWN_UNIT, scale
+from .measures import MEASURES, OWN_UNIT, SIZES, scale
 
 Path = tuple[str, ...]
 
@@ -51,6 +51,10 @@ def _words(data: dict[str, Any]) -> Iterator[tuple[Path, str]]:
             if option not in options:
                 hint = nearest(option, options) or "; it has none"
                 yield (*path, "options", option), f"{measure} has no option {option}{hint}"
+        kinds = inspect.get_annotations(MEASURES[measure])
+        for option, value in number.get("options", {}).items():
+            if option in options and (wanted := _unfit(option, kinds[option], value)):
+                yield (*path, "options", option), f"got {value!r}; {wanted} is needed"
         unknown = number.get("options", {}).keys() - options.keys()
         for option, default in () if unknown else options.items():
             if default is inspect.Parameter.empty and option not in number.get("options", {}):
@@ -65,6 +69,19 @@ def _words(data: dict[str, Any]) -> Iterator[tuple[Path, str]]:
             )
         if "sequence" in plot and plot.get("derive") != "euler":
             yield ("plots", name, "sequence"), 'only with derive = "euler"'
+
+
+def _unfit(option: str, annotation: str, value: Any) -> str:
+    """What an option of a measure needs, where the value is not that. A text may stand for a
+    number: it names parameters."""
+    if option == "kind":
+        return "" if value in SIZES else " or ".join(SIZES)
+    if annotation.startswith("list"):
+        good = isinstance(value, list) and all(type(x) in (int, float) for x in value)
+        return "" if good else "a list of numbers"
+    if annotation == "int":
+        return "" if type(value) is int else "a whole number"
+    return "" if type(value) in (int, float, str) else "a number"
 
 
 def names(scenario: Scenario, system: System) -> list[str]:

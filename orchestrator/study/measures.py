@@ -35,6 +35,14 @@ OWN_UNIT: set[str] = set()
 """Measures that give another unit than that of their values."""
 
 
+SIZES: dict[str, Callable[[Array], Array]] = {
+    "mean": lambda v: np.asarray(np.abs(v).mean(axis=1)),
+    "largest": lambda v: np.asarray(np.abs(v).max(axis=1)),
+    "norm": lambda v: np.asarray(np.linalg.norm(v, axis=1)),
+}
+"""Kinds of size of a row, for `until_below`."""
+
+
 def measure(function: Measure) -> Measure:
     """Make a function known by its name."""
     MEASURES[function.__name__] = function
@@ -155,9 +163,7 @@ def above(times: Array, values: Array, direction: list[float], floor: float) -> 
 def until_below(times: Array, values: Array, limit: float, kind: str = "mean") -> float:
     """When the values have come below a limit to stay (s): the mean size of the elements, the
     largest, or the vector's (`norm`). The end of the run where they do not."""
-    sizes = {"mean": lambda v: np.abs(v).mean(axis=1), "largest": lambda v: np.abs(v).max(axis=1),
-             "norm": lambda v: np.linalg.norm(v, axis=1)}  # fmt: skip
-    return _settled(times, sizes[kind](values) < limit)
+    return _settled(times, SIZES[kind](values) < limit)
 
 
 @own_unit
