@@ -10,7 +10,8 @@ import pytest
 from desat.designs import making, origin
 from desat.engine import trial
 from desat.files import places
-from desat.files.scenario import find, read_toml, scenarios
+from desat.files.merge import toml
+from desat.files.scenario import find, scenarios
 from desat.study import stored
 from desat.study.case import Options, execute, prepare
 
@@ -72,7 +73,7 @@ def test_one_command_gets_the_right_gains(tmp_path):
     file = making.write(find(MEC), making.design(find(MEC), options), options, tmp_path / "d.toml")
     again = execute(MEC, Options(sets=[START], blocks=True, design=str(file)))
     assert again.manifest["numbers"] == right.manifest["numbers"]
-    assert read_toml(file)["made_of"]["spacecraft.h_start_body"] == [2.0, 0.0, 0.0]
+    assert toml(file)["made_of"]["spacecraft.h_start_body"] == [2.0, 0.0, 0.0]
 
 
 def test_a_design_is_stamped_only_if_its_numbers_are_reached(monkeypatch, tmp_path):

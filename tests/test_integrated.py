@@ -408,7 +408,7 @@ def test_the_stored_draws_are_of_these_scenarios_and_say_where_they_are_from(dra
 def test_every_band_of_the_draws_is_met(drawn):
     banded = 0
     for name, found in drawn["scenarios"].items():
-        for entry in find(name).data.get("paper", []):
+        for entry in find(name).data.get("paper", {}).values():
             if "tolerance" not in entry:
                 continue
             s = found["summary"][entry.get("number", entry["quantity"])]

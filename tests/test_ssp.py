@@ -141,6 +141,7 @@ def scenario_module():
 
     yield scenario
     scenario.families.cache_clear()
+    scenario.survey.cache_clear()
     scenario.scenarios.cache_clear()
 
 
@@ -152,7 +153,7 @@ def test_scenario_files(tmp_path, monkeypatch, scenario_module):
         (ROOT / "ssp/uosat12/SystemStructure.ssd").read_text()
     )
     monkeypatch.setattr(scenario, "ROOT", tmp_path / "ssp")
-    monkeypatch.setattr(library, "SYSTEMS", tmp_path / "ssp")
+    monkeypatch.setattr(places, "SCENARIOS", tmp_path / "ssp")
 
     def read(**files: str):
         for old in folder.glob("*.toml"):
@@ -160,6 +161,7 @@ def test_scenario_files(tmp_path, monkeypatch, scenario_module):
         for name, text in files.items():
             (folder / f"{name}.toml").write_text(text)
         scenario.families.cache_clear()
+        scenario.survey.cache_clear()
         scenario.scenarios.cache_clear()
         return scenario.scenarios()
 
@@ -184,7 +186,7 @@ def test_scenario_files(tmp_path, monkeypatch, scenario_module):
     assert found["f/t-b"].data["parameters"]["manager"] == {}
     with pytest.raises(DesatError, match=r"t.toml: without parameters.q.x: there is none before"):
         read(t='[axes.m.a]\nwithout = ["parameters.q.x"]')
-    with pytest.raises(DesatError, match=r"ssp/f/scenarios/t.toml: unknown key stp; did you mean"):
+    with pytest.raises(DesatError, match=r"ssp/f/scenarios/t.toml: stp: unknown key; did you mean"):
         read(t="stp = 3")
     with pytest.raises(DesatError, match=r"ssp/f/scenarios/t.toml: .*line 1"):
         read(t="x = = 3")

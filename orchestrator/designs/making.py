@@ -9,7 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from ..files.scenario import ROOT, Scenario, find, read_toml, scenarios
+from ..files.merge import toml
+from ..files.scenario import ROOT, Scenario, find, scenarios
 from ..study.case import Options
 from ..system.errors import DesatError, nearest
 from . import Design, kinds
@@ -94,7 +95,7 @@ def parameters_for(scenario: Scenario, options: Options) -> dict[str, dict[str, 
     if scenario.design is None:
         raise DesatError(f"--design {options.design}: {scenario.name} has no [design]")
     if options.design != NOW:
-        file = read_toml(Path(options.design or ""))
+        file = toml(Path(options.design or ""))
         if not isinstance(file.get("parameters"), dict):
             raise DesatError(f"--design {options.design}: no design: it has no [parameters]")
         return dict(file["parameters"])
@@ -181,7 +182,7 @@ def stamp(scenario: Scenario) -> bool:
     from .plant import Plant
 
     assert scenario.design is not None
-    file = read_toml(scenario.design)
+    file = toml(scenario.design)
     plant = Plant(scenario)
     flight = plant.fly(**file["parameters"]["manager"])
     for key, (value, _) in flight.reached().items():

@@ -16,19 +16,20 @@
     [dispersions]                 # "component.parameter" = how `desat draws` draws it
     draws = 20                    # its numbers in the tables are medians of so many draws
     twin = "NAME"                 # a scenario that the report shows beside this one
-    [numbers.NAME], [[plots]]     # what the report shows
-    [[paper]]                     # a paper's values for the numbers
+    [numbers.NAME], [plots.NAME]  # what the report shows
+    [paper.NAME]                  # a paper's values for the numbers
     [axes.method.crcp]            # each axis' values are partial scenarios (`without` included);
     [axes.case.ilqr-1]            # the product of the axes gives scenarios FILE-crcp-ilqr-1
 
-`{method}` in a text stands for the axis' value of the cell, in title and story for its label.
+`language.py` declares every key and `desat keys` prints them. `{method}` in a text stands for the
+axis' value of the cell, in title and story for its label.
 """
 
 from __future__ import annotations
 
 import itertools
-import tomllib
-from dataclasses import dataclass, replace
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from functools import cache
 from pathlib import Path
@@ -36,17 +37,12 @@ from typing import TYPE_CHECKING, Any
 
 from ..system.errors import DesatError, nearest
 from . import places
+from .merge import Origins, copy, fill, leave_out, load, merge, origin, toml
 
 if TYPE_CHECKING:  # what a list of scenarios does without, and loads slowly
     from ..system.model import System
 
 ROOT = places.SCENARIOS
-
-KEYS = {
-    "extends", "abstract", "title", "story", "craft", "ssd", "step", "stop", "start", "sources",
-    "shared", "parameters", "output_classes", "decimation", "dispersions", "twin", "numbers",
-    "plots", "paper", "axes", "labels", "source", "epoch", "design", "draws",
-}  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -59,7 +55,14 @@ class Scenario:
     cell: dict[str, str]
     """The value of each axis, where the file has axes."""
     folder: Path
-    """Where its SSD and FMUs of its own are looked for."""
+    """Where its craft file or SSD and FMUs of its own are looked for."""
+    origins: Origins = field(default_factory=dict, repr=False, compare=False)
+    """Where each value was given: path -> file and cell."""
+
+    def where(self, path: tuple[str, ...]) -> str:
+        """File and path of a value, for messages."""
+        file, cell = origin(self.origins, path)
+        return f"{file or places.shown(self.file)}: {cell}{'.'.join(path)}"
 
     @property
     def family(self) -> str:
@@ -93,8 +96,8 @@ class Scenario:
             if not self.design.exists():
                 name = f"{self.family}/{self.design.stem}"
                 raise DesatError(f"{self.name} has no design yet; run `desat design {name}`")
-            merged = _copy(read_toml(self.design)["parameters"])
-        _merge(merged, self.data.get("parameters", {}))
+            merged = copy(toml(self.design).get("parameters", {}))
+        merge(merged, self.data.get("parameters", {}), {}, ("", ""))
         return merged
 
     def system(self, blocks: bool = False, designed: bool = True) -> tuple[System, list[str]]:
@@ -158,6 +161,8 @@ class Scenario:
         keys = ("title", "story", "source", "twin", "numbers", "plots", "output_classes",
                 "labels", "dispersions")  # fmt: skip
         about = {k: self.data[k] for k in keys if k in self.data}
+        if "plots" in about:
+            about["plots"] = list(about["plots"].values())  # a list keeps its order in JSON
         return {"name": self.name, **about, "cell": self.cell}
 
 
@@ -212,20 +217,64 @@ def families() -> tuple[str, ...]:
 def summary(family: str) -> str:
     """What a family of scenarios is about, in a line; empty where its folder does not say."""
     file = ROOT / family / "family.toml"
-    return str(read_toml(file).get("title", "")) if file.exists() else ""
+    return str(toml(file).get("title", "")) if file.exists() else ""
+
+
+@cache
+def survey(family: str) -> tuple[dict[str, Scenario], dict[str, str]]:
+    """The scenarios of a family by name, and what is wrong with its other files by their stem."""
+    good: dict[str, Scenario] = {}
+    broken: dict[str, str] = {}
+    for file in sorted((ROOT / family / "scenarios").glob("*.toml")):
+        try:
+            good |= {s.name: s for s in _read(file, family)}
+        except DesatError as error:
+            broken[file.stem] = str(error)
+    known = {name.partition("/")[2] for name in good}
+    wrong: dict[str, str] = {}
+    for scenario in good.values():
+        for path, other in _others(scenario.data):
+            unread = any(f"{other}-".startswith(f"{stem}-") for stem in broken)
+            if other not in known and not unread:
+                text = f"{scenario.where(path)}: no scenario {other}{nearest(other, known)}"
+                wrong.setdefault(scenario.name, text)
+    for name, text in wrong.items():
+        broken.setdefault(good.pop(name).file.stem, text)
+    return good, broken
+
+
+def _others(data: dict[str, Any]) -> Iterator[tuple[tuple[str, ...], str]]:
+    """Path and name of the other scenarios that one names."""
+    if "twin" in data:
+        yield ("twin",), data["twin"]
+    for key in {"of", "end_of"} & data.get("design", {}).keys():
+        yield ("design", key), data["design"][key]
+    for name, number in data.get("numbers", {}).items():
+        if "reference" in number:
+            yield ("numbers", name, "reference"), number["reference"]
+
+
+def readable(family: str | None = None) -> tuple[dict[str, Scenario], list[str]]:
+    """All scenarios by name, or those of one family, whose files are right; and what is wrong with
+    the others, one line each."""
+    if family is not None and family not in families():
+        raise DesatError(f"no family {family}{nearest(family, families())}")
+    good: dict[str, Scenario] = {}
+    lines: list[str] = []
+    for name in (family,) if family else families():
+        scenarios, broken = survey(name)
+        good |= scenarios
+        lines += [line for text in broken.values() for line in text.splitlines()]
+    return good, list(dict.fromkeys(lines))
 
 
 @cache
 def scenarios(family: str | None = None) -> dict[str, Scenario]:
     """All scenarios by name, or those of one family. Raises DesatError for a bad file."""
-    if family is not None and family not in families():
-        raise DesatError(f"no family {family}{nearest(family, families())}")
-    found: dict[str, Scenario] = {}
-    for name in (family,) if family else families():
-        for file in sorted((ROOT / name / "scenarios").glob("*.toml")):
-            for scenario in _read(file, name):
-                found[scenario.name] = scenario
-    return found
+    good, lines = readable(family)
+    if lines:
+        raise DesatError("\n".join(lines))
+    return good
 
 
 def craft_files(names: list[str]) -> list[Path]:
@@ -245,12 +294,17 @@ def craft_files(names: list[str]) -> list[Path]:
 
 
 def find(name: str) -> Scenario:
-    """The scenario of a name. Raises DesatError with the nearest name."""
-    family = name.partition("/")[0]
-    known = scenarios(family) if family in families() else scenarios()
-    if name not in known:
-        raise DesatError(f"no scenario {name}{nearest(name, known)}")
-    return known[name]
+    """The scenario of a name. Raises DesatError with the nearest name, or with what is wrong with
+    its file."""
+    family, _, rest = name.partition("/")
+    known, _ = readable(family if family in families() else None)
+    if name in known:
+        return known[name]
+    broken = survey(family)[1] if family in families() else {}
+    for stem, text in broken.items():
+        if f"{rest}-".startswith(f"{stem}-"):
+            raise DesatError(text)
+    raise DesatError(f"no scenario {name}{nearest(name, known)}")
 
 
 def own(file: Path) -> Scenario:
@@ -265,143 +319,49 @@ def own(file: Path) -> Scenario:
         what = "is abstract" if not made else f"has axes, and so is {len(made)} scenarios"
         raise DesatError(f"{where}: it {what}; one scenario is needed")
     (scenario,) = made
-    family = scenario.data.pop("family", "")
-    beside = (file.parent / scenario.data.get("ssd", "SystemStructure.ssd")).is_file()
-    return replace(
-        scenario,
-        name=f"{family}/{file.stem}" if family else file.stem,
-        folder=file.parent if beside or not family else ROOT / family,
-    )
-
-
-def _base(name: str, file: Path, seen: tuple[Path, ...]) -> dict[str, Any]:
-    """What a file extends: a file beside it or, for one that is not ours, FAMILY/NAME of ours."""
-    if "/" not in name or file.is_relative_to(ROOT):
-        return _load(file.with_name(f"{name}.toml"), seen)
-    where = f"{places.shown(file)}: extends"
-    family, _, stem = name.partition("/")
-    if family not in families():
-        raise DesatError(f"{where}: no family {family}{nearest(family, families())}")
-    if name in scenarios(family):
-        data = _copy(scenarios(family)[name].data)
-    elif (ROOT / family / "scenarios" / f"{stem}.toml").is_file():
-        data = _load(ROOT / family / "scenarios" / f"{stem}.toml", seen)
-    else:
-        raise DesatError(f"{where}: no scenario {name}{nearest(name, scenarios(family))}")
-    if "design" in data:  # it stays that of the scenario that it was made for
-        data["design"].setdefault("of", stem)
-    return {**data, "family": family}
+    wiring = [scenario.data[k] for k in ("ssd", "craft") if k in scenario.data]
+    beside = (file.parent / (wiring or ["SystemStructure.ssd"])[0]).is_file()
+    own_craft = not wiring and (file.parent / "craft.toml").is_file()
+    ours = "/" in scenario.name and not beside and not own_craft
+    return scenario if ours else replace(scenario, folder=file.parent)
 
 
 def _read(file: Path, family: str) -> list[Scenario]:
-    data = _load(file)
-    if data.get("abstract"):
-        return []
+    given: Origins = {}
+    where = places.shown(file)
+    data = load(file, given)
+    home = data.pop("family", family)
+    abstract = data.pop("abstract", False)
     axes: dict[str, dict[str, Any]] = data.pop("axes", {})
+    if empty := [axis for axis, values in axes.items() if not values and not abstract]:
+        raise DesatError(f"{where}: axes.{empty[0]}: an axis needs a value")
     cells = []
     for values in itertools.product(*(axis.items() for axis in axes.values())):
         cell = dict(zip(axes, (key for key, _ in values), strict=True))
-        merged = _copy(data)
-        for _, partial in values:
-            partial = dict(partial)
-            _leave_out(merged, partial, places.shown(file))
-            _merge(merged, partial)
-        merged["labels"] = {
-            axis: axes[axis][value].get("label", value) for axis, value in cell.items()
-        }
-        merged.pop("label", None)
+        merged, origins = copy(data), dict(given)
+        for axis, (value, partial) in zip(axes, values, strict=True):
+            partial = copy(partial)
+            partial.pop("label", None)
+            leave_out(merged, partial, origins, where)
+            merge(merged, partial, origins, (where, f"axes.{axis}.{value}."))
+        labels = {axis: axes[axis][value].get("label", value) for axis, value in cell.items()}
+        texts = {k: fill(merged[k], labels) for k in ("title", "story") if k in merged}
         name = "-".join([file.stem, *cell.values()])
-        _known_keys(merged, file)
-        texts = {k: _fill(merged[k], merged["labels"]) for k in ("title", "story") if k in merged}
-        whole = _fill(merged, cell) | texts
-        cells.append(Scenario(f"{family}/{name}", file, whole, cell, ROOT / family))
-    return cells
+        name = f"{home}/{name}" if home else name
+        whole = fill(merged, cell) | texts
+        scenario = Scenario(name, file, whole, cell, ROOT / home, origins)
+        if not abstract:
+            _refuse(scenario, axes)
+        scenario.data["labels"] = labels
+        cells.append(scenario)
+    return [] if abstract else cells
 
 
-def read_toml(file: Path) -> dict[str, Any]:
-    """What a TOML file holds, the caller's at the top level only. Raises DesatError where there is
-    none or it cannot be read."""
-    where = places.shown(file)
-    try:
-        stat = file.stat()
-        return dict(_parsed(file, stat.st_mtime_ns, stat.st_size))
-    except FileNotFoundError as error:
-        raise DesatError(f"{where}: no such file") from error
-    except tomllib.TOMLDecodeError as error:
-        raise DesatError(f"{where}: {error}") from error
-    except UnicodeDecodeError as error:
-        raise DesatError(f"{where}: byte {error.start} is not UTF-8") from error
+def _refuse(scenario: Scenario, axes: dict[str, Any]) -> None:
+    """Raise DesatError with what is wrong with the merged data of a scenario."""
+    from .refuse import paper_problems, problems
 
-
-@cache
-def _parsed(file: Path, time: int, size: int) -> dict[str, Any]:
-    """Bases are read once for all that extend them."""
-    return tomllib.loads(file.read_text(encoding="utf-8"))
-
-
-def _copy(value: Any) -> Any:
-    """A copy of what a TOML file has; ten times faster than `deepcopy`."""
-    if isinstance(value, dict):
-        return {k: _copy(v) for k, v in value.items()}
-    return [_copy(v) for v in value] if isinstance(value, list) else value
-
-
-def _load(file: Path, seen: tuple[Path, ...] = ()) -> dict[str, Any]:
-    where = places.shown(file)
-    data = read_toml(file)
-    bases = data.pop("extends", [])
-    if file in seen:
-        raise DesatError(f"{where}: extends itself")
-    merged: dict[str, Any] = {}
-    for base in [bases] if isinstance(bases, str) else bases:
-        below = _base(base, file, (*seen, file))
-        if merged:
-            _merge(merged, below)
-        else:
-            merged = below
-    merged.pop("abstract", None)
-    _leave_out(merged, data, where)
-    _merge(merged, data)
-    return merged
-
-
-def _leave_out(merged: dict[str, Any], data: dict[str, Any], where: str) -> None:
-    """Take out of `merged` what data's `without` names, and `without` out of data."""
-    for path in data.pop("without", []):
-        *tables, key = path.split(".")
-        owner: Any = merged
-        for table in tables:
-            owner = owner.get(table, {})
-        if key not in owner:
-            raise DesatError(f"{where}: without {path}: there is none before")
-        del owner[key]
-
-
-def _known_keys(data: dict[str, Any], file: Path) -> None:
-    for key in data:
-        if key not in KEYS and (key != "family" or file.is_relative_to(ROOT)):
-            raise DesatError(f"{places.shown(file)}: unknown key {key}{nearest(key, KEYS)}")
-
-
-def _merge(into: dict[str, Any], new: dict[str, Any]) -> None:
-    """Tables are merged, everything else is replaced."""
-    for key, value in new.items():
-        if isinstance(value, dict) and isinstance(into.get(key), dict):
-            _merge(into[key], value)
-        else:
-            into[key] = _copy(value)
-
-
-def _fill(value: Any, cell: dict[str, str]) -> Any:
-    """Texts with `{axis}` replaced by the axis' value of the cell."""
-    if not cell:
-        return value
-    if isinstance(value, str):
-        for axis, name in cell.items():
-            value = value.replace(f"{{{axis}}}", name)
-        return value
-    if isinstance(value, dict):
-        return {k: _fill(v, cell) for k, v in value.items()}
-    if isinstance(value, list):
-        return [_fill(v, cell) for v in value]
-    return value
+    found = [*problems(scenario.data, part=False)]
+    found = found or [*paper_problems(scenario.data, scenario.cell, axes)]
+    if found:
+        raise DesatError("\n".join(f"{scenario.where(p)}: {text}" for p, text in found))

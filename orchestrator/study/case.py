@@ -32,6 +32,7 @@ from ..system.interface import base_name
 from ..system.model import System
 from ..system.parameters import assign, parse_assignment, table
 from ..system.replace import drop_unwanted
+from . import meaning
 from .measures import OPEN_END, evaluate, problems, relative, signals_of
 
 MANIFEST = "manifest.json"
@@ -105,6 +106,7 @@ def prepare(target: str, options: Options) -> tuple[System, Checked]:
     known = _scenario_of(target)
     if options.design is None:
         system, problems = load(target, options.blocks)
+        problems += _wrong_words(known, system)
         warnings = modify(system, problems, options)
         # of a packed one, the scenario that it was packed from
         name = system.about.get("name", "")
@@ -115,6 +117,7 @@ def prepare(target: str, options: Options) -> tuple[System, Checked]:
         raise DesatError(f"--design {options.design}: {target} is no scenario with a [design]")
     else:
         system, problems = known.system(options.blocks, designed=False)
+        problems += _wrong_words(known, system)
         designed = making.parameters_for(known, options)
         warnings = modify(system, problems, options, designed, known.parameters(designed=False))
     checked = check(system, problems)
@@ -126,11 +129,18 @@ def prepare(target: str, options: Options) -> tuple[System, Checked]:
     return system, checked
 
 
+def _wrong_words(described: scenario.Scenario | None, system: System) -> list[str]:
+    """What a scenario names that is not there, in the language or in its system."""
+    if described is None:
+        return []
+    return meaning.words(described) or meaning.names(described, system)
+
+
 def _scenario_of(target: str) -> scenario.Scenario | None:
     path = Path(target)
     if path.suffix in (".ssp", ".ssd") or path.is_dir():
         return None
-    return scenario.find(target)
+    return scenario.own(path) if path.suffix == ".toml" else scenario.find(target)
 
 
 def modify(

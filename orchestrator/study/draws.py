@@ -5,6 +5,8 @@
     "environment.phase" = { uniform = [0.0, 6.283] }         # each element: low, high
     "spacecraft.omega_start_body" = { direction = 0.17 }     # random direction, this size
     "spacecraft.q_start_bi" = { attitude = "random" }        # uniform over all attitudes
+    "spacecraft.h_start_body" = { signs = [0.1, 0.1, 0.1] }  # each element: plus or minus this
+    "environment.phase" = { one_of = [0.0, 1.5, 3.0] }       # one of these, as likely as each other
     "*.seed" = { seed = true }                               # every component that has a seed
 
 What is drawn depends on seed, draw and name alone, not on the order of the lines.
@@ -31,7 +33,7 @@ from ..system.errors import DesatError, nearest
 from ..system.model import System
 from .case import Options, execute, load, prepare
 
-KINDS = ("normal", "uniform", "direction", "attitude", "seed")
+KINDS = ("normal", "uniform", "direction", "attitude", "signs", "one_of", "seed")
 
 
 def drawn(system: System, seed: int, draw: int) -> dict[str, Any]:
@@ -73,6 +75,10 @@ def _value(
         return [float(x) for x in stream.normal(given[0], given[1], size)]
     if kind == "uniform":
         return [float(x) for x in stream.uniform(given[0], given[1], size)]
+    if kind == "signs":
+        return [float(x) for x in stream.choice([-1.0, 1.0], len(given)) * np.array(given)]
+    if kind == "one_of":
+        return given[int(stream.integers(len(given)))]
     if kind == "seed":
         return int(stream.integers(1, 2**31 - 1))
     vector = stream.normal(size=size)

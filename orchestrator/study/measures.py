@@ -20,17 +20,19 @@ from __future__ import annotations
 import inspect
 import math
 from collections.abc import Callable
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from desat.components.units import Unit
 
-from ..engine.results import Results
 from ..system.errors import DesatError, nearest
 from ..system.expression import Table, factor, product, unit_of
 from ..system.expression import times as times_unit
+
+if TYPE_CHECKING:
+    from ..engine.results import Results
 
 Array = NDArray[np.float64]
 Measure = Callable[..., float]
@@ -39,6 +41,14 @@ OPEN_END = 1e9
 """A window that ends here or later (s) ends with the run."""
 OWN_UNIT: dict[str, Callable[[Unit], Unit]] = {}
 """Measures that give another unit than that of their values: which, from the values' unit."""
+
+
+SIZES: dict[str, Callable[[Array], Array]] = {
+    "mean": lambda v: np.asarray(np.abs(v).mean(axis=1)),
+    "largest": lambda v: np.asarray(np.abs(v).max(axis=1)),
+    "norm": lambda v: np.asarray(np.linalg.norm(v, axis=1)),
+}
+"""Kinds of size of a row, for `until_below`."""
 
 
 def measure(function: Measure) -> Measure:
@@ -171,15 +181,36 @@ def above(times: Array, values: Array, direction: list[float], floor: float) -> 
 def until_below(times: Array, values: Array, limit: float, kind: str = "mean") -> float:
     """When the values have come below a limit to stay (s): the mean size of the elements, the
     largest, or the vector's (`norm`). The end of the run where they do not."""
-    sizes = {"mean": lambda v: np.abs(v).mean(axis=1), "largest": lambda v: np.abs(v).max(axis=1),
-             "norm": lambda v: np.linalg.norm(v, axis=1)}  # fmt: skip
-    return _settled(times, sizes[kind](values) < limit)
+    return _settled(times, SIZES[kind](values) < limit)
 
 
 @in_unit("s")
 def first_reached(times: Array, values: Array, limit: float, count: int = 1) -> float:
     """When `count` elements at once have first reached a limit (s); the end of the run if never."""
     reached = np.flatnonzero((np.abs(values) >= limit).sum(axis=1) >= count)
+    return float(times[reached[0]] if len(reached) else times[-1])
+
+
+@in_unit("s")
+def first_below(times: Array, values: Array, limit: float, held: float = 0.0) -> float:
+    """When the sizes of all elements at once have first come below a limit and stayed there for
+    `held` seconds (s: the beginning of that time); the end of the run if never."""
+    good = (np.abs(values) < limit).all(axis=1)
+    begins = np.flatnonzero(np.diff(good.astype(int), prepend=0) == 1)
+    bad = np.flatnonzero(~good)
+    for begin in begins:
+        later = bad[bad > begin]
+        end = later[0] if len(later) else len(times) - 1
+        if times[end] - times[begin] >= held - 1e-9:
+            return float(times[begin])
+    return float(times[-1])
+
+
+@in_unit("s")
+def time_of(times: Array, values: Array, value: int) -> float:
+    """When a whole-number signal, such as a mode, first has a value (s); the end of the run if
+    never."""
+    reached = np.flatnonzero((values == value).all(axis=1))
     return float(times[reached[0]] if len(reached) else times[-1])
 
 

@@ -142,10 +142,21 @@ def momentum_budget(times: Any, impulse: Any, b_eci: Any, q: Any, dipole: Any) -
     return np.array([np.linalg.norm(p, axis=1) for p in parts]).T
 
 
+def euler(times: Any, q: Any, q_ref: Any, sequence: str = "321") -> Any:
+    """Euler angles (rows, 3; deg) from a reference to an attitude: turns about body axes, first to
+    last as in `sequence`."""
+    from scipy.spatial.transform import Rotation
+
+    turn = Rotation.from_quat(q_ref).inv() * Rotation.from_quat(q)
+    axes = "".join("XYZ"[int(axis) - 1] for axis in sequence)
+    return turn.as_euler(axes, degrees=True)
+
+
 DERIVED: dict[str, Any] = {
     "pointing": lambda times, q, q_ref: pointing(q, q_ref),
     "error_vector": lambda times, q, q_ref: error_vector(q, q_ref),
     "momentum_budget": momentum_budget,
+    "euler": euler,
 }
 """What a plot may derive from several series: functions of times and values, whose rows are one
 line, or several named by the plot's `components`. In degrees, or the first signal's unit."""
@@ -158,7 +169,8 @@ def _derived(plot: dict[str, Any], results: Results, unit: str) -> list[tuple[st
         raise DesatError(f"plot: no derive {name}{nearest(name, DERIVED)}")
     series = [results.values(s) for s in plot["signals"]]
     rows = min(map(len, series))
-    values = DERIVED[name](results.times()[:rows], *(s[:rows] for s in series))
+    options = {"sequence": plot["sequence"]} if "sequence" in plot else {}
+    values = DERIVED[name](results.times()[:rows], *(s[:rows] for s in series), **options)
     times = results.times()[: len(values)]
     if values.ndim == 1:
         return [("", times, values, False)]

@@ -69,14 +69,18 @@ def rows(
             results = map_(_numbers, paths, [options] * len(paths))
             values.update(zip(single, results, strict=True))
     # first what the paper has values for, then what is ours alone
-    ranked = sorted(cells, key=lambda n: not any("values" in e for e in cells[n].data["paper"]))
+    ranked = sorted(
+        cells, key=lambda n: not any("values" in e for e in cells[n].data["paper"].values())
+    )
     found = [
         row
         for n, s in ((n, cells[n]) for n in ranked)
         for row in _rows_of(s, values[n], values, summaries.get(n, {}))
     ]
     quantities = list(
-        dict.fromkeys((e["table"], e["quantity"]) for n in ranked for e in cells[n].data["paper"])
+        dict.fromkeys(
+            (e["table"], e["quantity"]) for n in ranked for e in cells[n].data["paper"].values()
+        )
     )
     methods = list(dict.fromkeys(row.method for row in found))
     return sorted(
@@ -92,7 +96,7 @@ def _rows_of(
     found = []
     method, case = (scenario.cell.get(axis, "") for axis in ("method", "case"))
     labels = scenario.data["labels"]
-    for entry in scenario.data["paper"]:
+    for entry in scenario.data["paper"].values():
         if method not in entry.get("only", [method]):
             continue
         paper = _cell(entry, "values", method, case)
@@ -135,6 +139,8 @@ def _value(
 ) -> float | None:
     definition = scenario.data["numbers"].get(name, {})
     if "reference" not in definition:
+        if name not in values and name in scenario.data.get("numbers", {}):
+            raise DesatError(f"{scenario.where(('numbers', name))}: no run gives it")
         return values.get(name)
     other = everything.get(f"{scenario.family}/{definition['reference']}")
     if other is None:

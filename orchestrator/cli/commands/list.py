@@ -7,7 +7,8 @@ from typing import Annotated
 import typer
 from rich.table import Table
 
-from ...files.scenario import Scenario, scenarios, summary
+from ...files.scenario import Scenario, readable, summary
+from ...system.errors import DesatError
 from ..common import Json, app, complete_family, out, print_json
 
 
@@ -21,11 +22,22 @@ def list_command(
     as_json: Json = False,
 ) -> None:
     """List the families of scenarios, or the scenarios of one."""
-    known = scenarios(family)
+    if family or everything or as_json:
+        from ...study.explain import readable as checked
+
+        known, problems = checked(family)
+    else:
+        known, problems = readable(family)
+    _print_list(known, bool(family or everything), as_json)
+    if problems:
+        raise DesatError("\n".join(problems))
+
+
+def _print_list(known: dict[str, Scenario], by_name: bool, as_json: bool) -> None:
     if as_json:
         print_json([{"name": n, "title": s.data.get("title", "")} for n, s in known.items()])
         return
-    if family or everything:
+    if by_name:
         table = Table("scenario", "what it is", box=None, header_style="bold", pad_edge=False)
         for name, scenario in known.items():
             table.add_row(name, scenario.data.get("title", ""))

@@ -1,0 +1,59 @@
+"""`desat keys`, `desat measures`, `desat show`: the scenario language, and a scenario as merged."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+from rich.markup import escape
+from rich.table import Table
+
+from ..common import Json, app, complete_name, out, print_json
+
+
+@app.command()
+def keys(
+    what: Annotated[str | None, typer.Argument(help="Only this table of the language.")] = None,
+    schema: Annotated[bool, typer.Option("--schema", help="A JSON schema for editors.")] = False,
+    as_json: Json = False,
+) -> None:
+    """Print the keys of a scenario's file: type, unit and what they say."""
+    from ...study import explain
+
+    if schema:
+        print_json(explain.schema())
+        return
+    _print_rows(explain.keys(what), as_json)
+
+
+@app.command()
+def measures(as_json: Json = False) -> None:
+    """Print the measures that a number may name, and their options."""
+    from ...study import explain
+
+    _print_rows(explain.measures(), as_json)
+
+
+@app.command()
+def show(
+    name: Annotated[
+        str,
+        typer.Argument(help="A scenario, as uosat12/table2-ocdc-ilqr-1.",
+                       autocompletion=complete_name),
+    ],
+    as_json: Json = False,
+) -> None:  # fmt: skip
+    """Print a scenario as merged, and where each value comes from."""
+    from ...study import explain
+
+    _print_rows(explain.show(name), as_json)
+
+
+def _print_rows(rows: list[dict[str, str]], as_json: bool) -> None:
+    if as_json:
+        print_json(rows)
+        return
+    table = Table(*rows[0], box=None, header_style="bold", pad_edge=False)
+    for row in rows:
+        table.add_row(*(escape(str(value)) for value in row.values()))
+    out.print(table)

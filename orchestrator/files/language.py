@@ -1,0 +1,244 @@
+"""The scenario language: every key of a scenario's TOML file, its type, its unit, and what it says.
+
+Each key is declared once, as a field; `desat keys` prints them, `problems` holds data against them.
+A table of the language is a class here, and its keys are the fields.
+"""
+
+from __future__ import annotations
+
+from datetime import datetime
+from typing import Annotated, Any, Literal, Self
+
+from pydantic import AfterValidator, Discriminator, Field, FiniteFloat, Tag, model_validator
+
+from .vocabulary import (
+    NumberOrText,
+    Range,
+    Table,
+    Text,
+    TextOrTexts,
+    Three,
+    Unit,
+    Value,
+    by_kind,
+    either,
+    incomplete,
+    key,
+    ordered,
+    utc,
+    width,
+)
+
+
+class Number(Table):
+    """[numbers.NAME]: a number of each run, from its series or from other runs' numbers."""
+
+    title: Text = key("what the number is, for a reader")
+    signal: TextOrTexts = key("`component.output`, or several where the measure takes several")
+    measure: Text = key("how the series becomes a number (`desat measures`); default: last")
+    options: dict[str, Value] = key("the measure's own options")
+    window: Annotated[list[float], Field(min_length=2, max_length=2), AfterValidator(ordered)] = (
+        key("only rows of this time, ends included; default: all", "s")
+    )
+    percent_of: NumberOrText = key("in per cent of this: a value in the signal's unit, or a text")
+    unit: Unit = key("the unit it is given in, converted from the signal's")
+    of: Text = key("with `reference`: the number that is compared")
+    reference: Text = key("the scenario of this family whose number it is compared with")
+    form: Literal["saving", "ratio"] = key("how: saving (per cent less) or ratio")
+
+    @model_validator(mode="after")
+    def _whole(self) -> Self:
+        given = self.model_fields_set
+        relation, series = {"of", "reference", "form"}, {"signal"}
+        if "signal" in given and given & relation:
+            raise incomplete("either signal or of, reference and form, not both")
+        if missing := (relation if given & relation else series) - given:
+            raise incomplete(f"{', '.join(sorted(missing))} missing")
+        return self
+
+
+class LimitLine(Table):
+    """An entry of a plot's `limits` as a table: a line, or a band about zero."""
+
+    NEEDED = ("value",)
+    value: NumberOrText = key("a number in the plot's unit, or parameters `component.parameter[i]`")
+    name: Text = key("what the legend calls it")
+    fill: bool = key("true: a filled band about zero instead of a line")
+    unless: dict[str, Value] = key("left out where `component.parameter` has this value")
+
+
+class Plot(Table):
+    """[plots.NAME]: a figure of the report; figures stand in the order of their tables."""
+
+    NEEDED = ("title", "signals")
+    title: Text = key("the caption")
+    signals: Annotated[list[Text], Field(min_length=1)] = key("`component.output`, one or several")
+    components: list[Text] = key("names of the elements; fewer names show fewer elements")
+    unit: Unit = key("the unit of the axis; default: the first signal's")
+    norm: bool = key("true: the size of vectors, one line each")
+    log: bool = key("true: a logarithmic axis")
+    derive: Text = key("what is computed from the signals first, such as pointing or euler")
+    sequence: Annotated[str, Field(pattern="^[123]{3}$")] = key(
+        "for derive = euler: the axes turned about, such as 321; default: 321"
+    )
+    points: Annotated[int, Field(ge=10)] = key("so many points a line; default: 3000")
+    limits: list[either(table=LimitLine, text=Text, number=FiniteFloat)] = key(  # type: ignore[valid-type]
+        "limit lines: numbers, parameters, or tables"
+    )
+
+
+class OfNumber(Table):
+    """A band by another number of the run."""
+
+    NEEDED = ("of", "from_", "to")
+    of: Text = key("the other number")
+    from_: FiniteFloat = Field(0.0, alias="from", description="least, as a multiple of it")
+    to: FiniteFloat = key("most, as a multiple of it")
+
+
+class Tuning(Table):
+    """What was tuned, and for which cases."""
+
+    NEEDED = ("what", "cases")
+    what: Text = key("what was tuned to the paper")
+    cases: list[Text] = key("beginnings of the cases' names that this holds for")
+
+
+Width = Annotated[str, AfterValidator(width)]
+_Cell = either(text=Width, table=OfNumber, list=Range)
+
+
+def _tolerance(value: Any) -> str:
+    if isinstance(value, list) and value and all(type(x) in (int, float) for x in value):
+        return "<band>"
+    return by_kind(value)
+
+
+Tolerances = Annotated[
+    Annotated[Width, Tag("<text>")]
+    | Annotated[Range, Tag("<band>")]
+    | Annotated[OfNumber, Tag("<table>")]
+    | Annotated[list[_Cell], Tag("<list>")],  # type: ignore[valid-type]
+    Discriminator(_tolerance),
+]
+Values = either(number=FiniteFloat, list=list[FiniteFloat])
+Remarks = either(text=str, list=list[str])
+
+
+class PaperRow(Table):
+    """[paper.NAME]: a row of a paper's table beside ours. `values`, `tolerance` and `remark` hold
+    for all, or are tables by method, of one for each of `columns`."""
+
+    NEEDED = ("table", "quantity", "unit")
+    table: Text = key("the paper's table, such as 2, or a heading")
+    quantity: Text = key("what the row gives, and the number of that name, where `number` is not")
+    number: Text = key("which number of the run it is held against; default: quantity")
+    unit: Unit = key("its unit")
+    columns: list[Text] = key("the cases that lists give values for, in this order")
+    values: either(number=FiniteFloat, list=list[FiniteFloat], table=dict[str, Values]) = key(  # type: ignore[valid-type]
+        "the paper's values, in `unit`; left out: it gives none"
+    )
+    tolerance: Annotated[
+        Annotated[Tolerances, Tag("<any>")] | Annotated[dict[str, Tolerances], Tag("<methods>")],
+        Discriminator(lambda v: "<methods>" if isinstance(v, dict) else "<any>"),
+    ] = key('what counts as within: "3 %", "0.02", [low, high], { of, from, to }')
+    each: Range = key("[low, high] that every draw keeps to")
+    tuned: either(text=Text, table=dict[str, either(text=Text, table=Tuning)]) = key(  # type: ignore[valid-type]
+        "what was tuned to this row"
+    )
+    remark: either(text=str, list=list[str], table=dict[str, Remarks]) = key("for a reader")  # type: ignore[valid-type]
+    only: list[Text] = key("only for these methods")
+    label: Text = key("stands in the method's place")
+
+    @model_validator(mode="after")
+    def _columns(self) -> Self:
+        for name in ("values", "tolerance", "remark"):
+            given = getattr(self, name)
+            for row in given.values() if isinstance(given, dict) else [given]:
+                if not isinstance(row, list) or (
+                    name == "tolerance" and _tolerance(row) == "<band>"
+                ):
+                    continue
+                if self.columns is None:
+                    raise incomplete(f"{name} is a list, and there are no columns")
+                if len(row) != len(self.columns):
+                    raise incomplete(f"{name}: {len(row)} for {len(self.columns)} columns")
+        return self
+
+
+class Dispersion(Table):
+    """An entry of [dispersions], "component.parameter" or "*.parameter": exactly one kind."""
+
+    normal: Annotated[list[FiniteFloat], Field(min_length=2, max_length=2)] = key(
+        "each element: [mean, deviation]"
+    )
+    uniform: Range = key("each element: [low, high]")
+    direction: FiniteFloat = key("a vector of random direction and this size")
+    attitude: Literal["random"] = key("a quaternion, uniform over all attitudes")
+    signs: Annotated[list[FiniteFloat], Field(min_length=1)] = key(
+        "each element: plus or minus this"
+    )
+    one_of: Annotated[list[Value], Field(min_length=1)] = key("one of these values")
+    seed: Literal[True] = key("a seed of its own for each draw")
+
+    @model_validator(mode="after")
+    def _one(self) -> Self:
+        if len(self.model_fields_set) != 1:
+            raise incomplete(f"one of {', '.join(type(self).model_fields)} is needed")
+        return self
+
+
+class Design(Table):
+    """[design]: what `desat design` computes for this scenario."""
+
+    of: Text = key("the scenario of this family whose design it uses")
+    final_momentum: Annotated[FiniteFloat, Field(gt=0.0)] = key("size at the end", "N.m.s")
+    final_momentum_body: Three = key("vector at the end, body", "N.m.s")
+    momentum_weight: Annotated[list[Annotated[FiniteFloat, Field(ge=0.0)]],
+                               Field(min_length=3, max_length=3)] = key(
+        "weight of the momentum, one an axis", "1/(T2.s2)"
+    )  # fmt: skip
+    nodes: Annotated[int, Field(ge=2)] = key("nodes of the gain table")
+    end_of: Text = key("ends where the design of this scenario ends")
+    assume: dict[str, dict[str, Value]] = key("parameters that the design assumes instead")
+
+
+class Scenario(Table):
+    """What a whole file and a value of an axis both may hold."""
+
+    without: list[Text] = key("paths of what is left out of that before, such as plots.rate")
+    title: Text = key("what it is, in a line; {axis} stands for the axis' label")
+    story: Text = key("two sentences for a reader")
+    source: Text = key("the paper it is from")
+    craft: Text = key("the craft file, beside; default: craft.toml")
+    ssd: Text = key("the wiring as an SSD kept by hand, in place of a craft file")
+    start: FiniteFloat = key("start time", "s")
+    step: FiniteFloat = key("the master's step", "s")
+    stop: FiniteFloat = key("stop time", "s")
+    epoch: Annotated[datetime, AfterValidator(utc)] = key("UTC of t = 0")
+    sources: dict[str, Text] = key("another FMU for a component")
+    shared: dict[str, Value] = key("a parameter for every component that has it")
+    parameters: dict[str, dict[str, Value]] = key("parameters (or unwired inputs) of a component")
+    design: Design = key("parameters below these that `desat design` computes")
+    output_classes: dict[str, Literal["state", "interval"]] = key("`component.output`: its class")
+    decimation: dict[str, Annotated[int, Field(ge=1)]] = key("steps once in so many steps")
+    dispersions: dict[str, Dispersion] = key('"component.parameter": how `desat draws` draws it')
+    draws: Annotated[int, Field(ge=0)] = key("its numbers in tables are medians of so many draws")
+    twin: Text = key("a scenario of this family that the report shows beside this one")
+    numbers: dict[str, Number] = key("the numbers of a run")
+    plots: dict[str, Plot] = key("the figures of the report, in this order")
+    paper: dict[str, PaperRow] = key("a paper's values beside the numbers")
+
+
+class Cell(Scenario):
+    """[axes.AXIS.VALUE]: what a value of an axis changes in the scenario."""
+
+    label: Text = key("the value's name for a reader")
+
+
+class ScenarioFile(Scenario):
+    """A scenario's file."""
+
+    extends: TextOrTexts = key("another file of the folder, or several, merged below this one")
+    abstract: bool = key("true: only for others to extend")
+    axes: dict[str, dict[str, Cell]] = key("each axis' values; their product gives scenarios")

@@ -1,0 +1,99 @@
+"""What is wrong with a scenario's data, held against the language: (path, one line) each."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+from pydantic import ValidationError
+
+from ..system.errors import nearest
+from . import language
+from .vocabulary import Table
+
+Path = tuple[str, ...]
+NEEDED = {
+    "float_type": "a number", "int_type": "a whole number", "string_type": "a text",
+    "bool_type": "true or false", "list_type": "a list", "dict_type": "a table",
+    "model_type": "a table", "datetime_type": "a UTC time, 2026-01-01T00:00:00Z,",
+    "finite_number": "a finite number",
+}  # fmt: skip
+_KINDS = {"<table>": "a table", "<list>": "a list", "<text>": "a text", "<number>": "a number"}
+
+
+def problems(data: dict[str, Any], part: bool) -> Iterator[tuple[Path, str]]:
+    """What is wrong with the data of a file (`part`: others may complete it) or, whole, with the
+    merged data of a scenario."""
+    model = language.ScenarioFile if part else language.Scenario
+    try:
+        model.model_validate(data)
+    except ValidationError as error:
+        for e in error.errors(include_url=False):
+            path = tuple(str(p) for p in e["loc"] if not str(p).startswith("<"))
+            if e["type"] == "extra_forbidden":
+                yield path, f"unknown key{nearest(path[-1], keys(table_of(path[:-1], part)))}"
+            elif not (part and e["type"] == "incomplete"):
+                yield path, _text(dict(e))
+
+
+def _text(error: dict[str, Any]) -> str:
+    kind, context = error["type"], error.get("ctx", {})
+    if kind == "incomplete":
+        return str(context["text"])
+    got = repr(error["input"])
+    got = got if len(got) <= 60 else f"{got[:57]}..."
+    if kind == "literal_error" and isinstance(error["input"], str):
+        choices = [c.strip("' ") for c in context["expected"].replace(" or ", ", ").split(", ")]
+        return f"got {got}{nearest(error['input'], choices)}"
+    if kind == "union_tag_invalid":
+        expected = context["expected_tags"].replace("'", "").split(", ")
+        return f"got {got}; {' or '.join(_KINDS.get(t, t) for t in expected)} is needed"
+    if kind in ("too_short", "too_long"):
+        wanted = context.get("min_length", context.get("max_length"))
+        return f"got {context['actual_length']} values; {wanted} needed"
+    if kind == "value_error":
+        return f"got {got}: {context['error']!s}"
+    if kind in NEEDED:
+        return f"got {got}; {NEEDED[kind]} is needed"
+    return f"got {got}: {error['msg'][0].lower()}{error['msg'][1:]}"
+
+
+def keys(table: type[Table]) -> list[str]:
+    """The keys of a table of the language, as they are written."""
+    return [field.alias or name for name, field in table.model_fields.items()]
+
+
+def table_of(path: Path, part: bool = True) -> type[Table]:
+    """The table of the language that stands at a path of a scenario."""
+    if path[:1] == ("axes",):
+        return table_of(path[3:], False) if path[3:] else language.Cell
+    if not path:
+        return language.ScenarioFile if part else language.Scenario
+    inner: dict[str, type[Table]] = {
+        "limits": language.LimitLine, "tolerance": language.OfNumber, "tuned": language.Tuning,
+    }  # fmt: skip
+    outer: dict[str, type[Table]] = {
+        "numbers": language.Number, "plots": language.Plot, "paper": language.PaperRow,
+        "dispersions": language.Dispersion, "design": language.Design,
+    }  # fmt: skip
+    return inner.get(path[2], outer[path[0]]) if len(path) > 2 else outer[path[0]]
+
+
+def paper_problems(
+    data: dict[str, Any], cell: dict[str, str], axes: dict[str, Any]
+) -> Iterator[tuple[Path, str]]:
+    """What rows of a paper's tables say of methods and cases that there are not."""
+    methods = axes.get("method", {})
+    for name, row in data.get("paper", {}).items():
+        for key in ("values", "tolerance", "tuned", "remark", "only"):
+            given = row.get(key)
+            if not isinstance(given, dict if key != "only" else list):
+                continue
+            for method in given:
+                if method not in methods:
+                    text = f"no value {method} of the axis method{nearest(method, methods)}"
+                    yield ("paper", name, key, *([method] if key != "only" else [])), text
+        columns = row.get("columns")
+        if columns is not None and cell.get("case", "") not in columns:
+            text = f"no column {cell.get('case', '')}, a value of the axis case"
+            yield ("paper", name, "columns"), f"{text}{nearest(cell.get('case', ''), columns)}"

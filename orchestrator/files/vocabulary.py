@@ -1,0 +1,114 @@
+"""What tables of the scenario language are made of: keys, and the kinds of their values."""
+
+from __future__ import annotations
+
+import re
+from datetime import datetime
+from typing import Annotated, Any, ClassVar, Self
+
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    ConfigDict,
+    Discriminator,
+    Field,
+    FiniteFloat,
+    Tag,
+    model_validator,
+)
+from pydantic_core import PydanticCustomError
+
+from desat.components.units import UNITS
+
+from ..system.errors import nearest
+
+
+def key(text: str, unit: str = "", default: Any = None, **limits: Any) -> Any:
+    """A key of the language: its sentence, unit and default (None: it may be left out)."""
+    extra: Any = {"unit": unit} if unit else None
+    return Field(default, description=text, json_schema_extra=extra, **limits)
+
+
+def _one_line(text: str) -> str:
+    if not text.strip() or "\0" in text:
+        raise ValueError("a text with something in it is needed")
+    return text
+
+
+def _known_unit(text: str) -> str:
+    if text != "%" and text not in UNITS:
+        raise ValueError(f"no such unit{nearest(text, [*UNITS, '%'])}")
+    return text
+
+
+def _a_value(value: Any) -> Any:
+    for x in value if isinstance(value, list) else [value]:
+        if isinstance(x, list):
+            _a_value(x)
+        elif not isinstance(x, (bool, int, float, str)):
+            raise ValueError("a number, a text, true or false, or lists of these are needed")
+    return value
+
+
+def utc(value: datetime) -> datetime:
+    if value.tzinfo is None:
+        raise ValueError("a UTC time is needed, 2026-01-01T00:00:00Z")
+    return value
+
+
+def by_kind(value: Any) -> str:
+    names = {dict: "<table>", list: "<list>", str: "<text>"}
+    return next((name for kind, name in names.items() if isinstance(value, kind)), "<number>")
+
+
+def either(**kinds: Any) -> Any:
+    """A value of one of several kinds (`table`, `list`, `text`, `number`), told by its looks."""
+    union: Any = None
+    for name, kind in kinds.items():
+        member: Any = Annotated[kind, Tag(f"<{name}>")]
+        union = member if union is None else union | member
+    return Annotated[union, Discriminator(by_kind)]
+
+
+Text = Annotated[str, AfterValidator(_one_line)]
+Unit = Annotated[str, AfterValidator(_known_unit)]
+Value = Annotated[Any, AfterValidator(_a_value)]
+Band = Annotated[list[FiniteFloat], Field(min_length=2, max_length=2)]
+Three = Annotated[list[FiniteFloat], Field(min_length=3, max_length=3)]
+NumberOrText = either(number=FiniteFloat, text=Text)
+TextOrTexts = either(text=Text, list=Annotated[list[Text], Field(min_length=1)])
+
+
+def ordered(band: list[float]) -> list[float]:
+    if band[0] > band[1]:
+        raise ValueError(f"the first, {band[0]:g}, is above the second, {band[1]:g}")
+    return band
+
+
+def width(text: str) -> str:
+    """A width about the paper's value: `3 %`, `0.02`, or nothing."""
+    if text and not re.fullmatch(r"\d+(\.\d*)?(e-?\d+)? ?%?", text.strip()):
+        raise ValueError('a width is needed, "3 %" or "0.02", or [low, high]')
+    return text
+
+
+Range = Annotated[Band, AfterValidator(ordered)]
+
+
+def incomplete(text: str) -> PydanticCustomError:
+    """What is wrong with a whole table, and may be right with a part of one."""
+    return PydanticCustomError("incomplete", "{text}", {"text": text})
+
+
+class Table(BaseModel):
+    """A table of the language: no other keys, no conversions between types."""
+
+    model_config = ConfigDict(extra="forbid", strict=True)
+    NEEDED: ClassVar[tuple[str, ...]] = ()
+    """Keys that a whole table has; a part, which others complete, may leave them out."""
+
+    @model_validator(mode="after")
+    def _needed(self) -> Self:
+        if missing := [name for name in self.NEEDED if name not in self.model_fields_set]:
+            raise incomplete(f"{', '.join(missing)} missing")
+        return self

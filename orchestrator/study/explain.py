@@ -1,0 +1,115 @@
+"""What `desat list`, `keys`, `measures` and `show` print."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Iterator
+from typing import Any, get_args, get_origin
+
+from ..files import scenario
+from ..files.merge import origin
+from ..files.scenario import Scenario
+from ..system.errors import DesatError, nearest
+from . import meaning
+from .measures import MEASURES
+
+
+def readable(family: str | None) -> tuple[dict[str, Scenario], list[str]]:
+    """The scenarios that are right, and what is wrong with the others, one line each."""
+    good, lines = scenario.readable(family)
+    for name in list(good):
+        if wrong := meaning.words(good[name]):
+            lines += wrong
+            del good[name]
+    return good, list(dict.fromkeys(lines))
+
+
+def _tables() -> dict[str, Any]:
+    from ..files import language as l
+
+    return {"scenario": l.ScenarioFile, "number": l.Number, "plot": l.Plot, "limit": l.LimitLine,
+            "paper": l.PaperRow, "dispersion": l.Dispersion, "axis": l.Cell,
+            "design": l.Design}  # fmt: skip
+
+
+def keys(what: str | None) -> list[dict[str, str]]:
+    """The keys of a table of the language, or of all. Raises DesatError where there is none."""
+    tables = _tables()
+    if what is not None and what not in tables:
+        raise DesatError(f"no table {what}{nearest(what, tables)}")
+    return [
+        {"table": name, "key": field.alias or key, "type": _type(field.annotation),
+         "unit": (field.json_schema_extra or {}).get("unit", ""), "what": field.description or ""}
+        for name, table in tables.items() if what in (None, name)
+        for key, field in table.model_fields.items()
+    ]  # fmt: skip
+
+
+def _type(annotation: Any) -> str:
+    """A type as a reader says it."""
+    plain = {float: "number", int: "whole number", str: "text", bool: "true or false", Any: "value"}
+    if annotation in plain:
+        return plain[annotation]
+    kind, inner = get_origin(annotation), get_args(annotation)
+    if kind is list:
+        return f"list of {_type(inner[0])}"
+    if kind is dict:
+        return f"table of {_type(inner[1])}"
+    if kind is None:
+        return getattr(annotation, "__name__", str(annotation)).lower()
+    if str(kind).endswith("Literal"):
+        return ", ".join(str(x) for x in inner)
+    if hasattr(annotation, "__metadata__"):
+        return _type(inner[0])
+    return " or ".join(dict.fromkeys(_type(x) for x in inner))
+
+
+def schema() -> dict[str, Any]:
+    """The language as a JSON schema, for editors."""
+    made: dict[str, Any] = _tables()["scenario"].model_json_schema()
+    return made
+
+
+def measures() -> list[dict[str, str]]:
+    """Every measure: how many series, its options, its sentence."""
+    rows = []
+    for name in sorted(MEASURES):
+        series, options = meaning.options_of(name)
+        texts = [o if d is inspect.Parameter.empty else f"{o} = {d}" for o, d in options.items()]
+        what = " ".join((MEASURES[name].__doc__ or "").split())
+        rows.append({"measure": name, "series": ", ".join(series), "options": ", ".join(texts),
+                     "what": what})  # fmt: skip
+    return rows
+
+
+def show(name: str) -> list[dict[str, Any]]:
+    """Every value of a scenario as merged, and the file, axis cell or design it comes from."""
+    found = scenario.find(name)
+    rows = [
+        {"key": ".".join(path), "value": value, "from": found.where(path).partition(": ")[0],
+         "cell": origin(found.origins, path)[1].rstrip(".")}
+        for path, value in _leaves(found.data) if path[0] != "labels"
+    ]  # fmt: skip
+    if found.design is not None and found.design.exists():
+        own = {row["key"] for row in rows}
+        file = found.design.relative_to(scenario.ROOT.parent).as_posix()
+        rows += [
+            {"key": key, "value": value, "from": file, "cell": "design"}
+            for path, value in _leaves(found.parameters(), ("parameters",))
+            if (key := ".".join(path)) not in own
+        ]
+    return [{**row, "value": _plain(row["value"])} for row in rows]
+
+
+def _leaves(
+    value: Any, path: tuple[str, ...] = ()
+) -> Iterator[tuple[tuple[str, ...], Any]]:  # fmt: skip
+    if isinstance(value, dict) and value:
+        for key, inner in value.items():
+            yield from _leaves(inner, (*path, key))
+    else:
+        yield path, value
+
+
+def _plain(value: Any) -> Any:
+    return value.isoformat() if hasattr(value, "isoformat") else value

@@ -1,0 +1,274 @@
+"""The scenario language: what is wrong with a file is one line, never silence or a bug of ours."""
+
+from __future__ import annotations
+
+import shutil
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
+
+from desat.files import scenario
+from desat.files.merge import load
+from desat.study import explain, meaning
+from desat.study.draws import drawn
+from desat.study.measures import first_below, time_of
+from desat.study.plots import euler
+from desat.system.errors import DesatError
+
+ROOT = Path(__file__).resolve().parent.parent
+BASE = """step = 10.0
+stop = 600.0
+title = "T"
+[numbers.firing_time]
+title = "Thruster firing time"
+signal = "thrusters.on_time"
+measure = "last"
+unit = "s"
+[plots.rate]
+title = "Rate"
+signals = ["thrusters.on_time"]
+unit = "s"
+[paper.firing_time]
+table = "2"
+quantity = "firing_time"
+unit = "s"
+values = 3.0
+tolerance = "2 %"
+[dispersions]
+"spacecraft.h_start_body" = { direction = 2.0 }
+[axes.m.a]
+label = "A"
+"""
+
+
+def _clear() -> None:
+    for cached in (scenario.families, scenario.survey, scenario.scenarios):
+        cached.cache_clear()
+
+
+@pytest.fixture
+def family(tmp_path, monkeypatch):
+    """Write files of a family in a temporary folder; then everything reads that."""
+    folder = tmp_path / "ssp" / "f" / "scenarios"
+    folder.mkdir(parents=True)
+    shutil.copy(ROOT / "ssp/uosat12/SystemStructure.ssd", folder.parent)
+    monkeypatch.setattr(scenario, "ROOT", tmp_path / "ssp")
+
+    def write(**files: str | bytes) -> None:
+        for old in folder.glob("*.toml"):
+            old.unlink()
+        for name, text in files.items():
+            data = text if isinstance(text, bytes) else text.encode()
+            (folder / f"{name}.toml").write_bytes(data)
+        _clear()
+
+    yield write
+    _clear()
+
+
+def listed() -> str:
+    """What `desat list` says is wrong."""
+    return "\n".join(explain.readable(None)[1])
+
+
+def checked(name: str = "f/t-a") -> str:
+    """What `desat check` says is wrong with the words and names of a scenario."""
+    try:
+        found = scenario.find(name)
+        system, problems = found.system(blocks=True)
+        problems += meaning.words(found) or meaning.names(found, system)
+    except DesatError as error:
+        return str(error)
+    return "\n".join(problems)
+
+
+def test_the_sound_file_is_silent(family):
+    family(t=BASE)
+    assert listed() == ""
+    assert checked() == ""
+
+
+EVERYWHERE = {
+    "top": ("step = 10.0", "stepp = 10.0", "stepp: unknown key; did you mean step?"),
+    "number": ('unit = "s"', 'unitt = "s"', "numbers.firing_time.unitt: unknown key; did you mean"),
+    "plot": ("signals = ", "signls = ", "plots.rate.signls: unknown key; did you mean signals?"),
+    "paper": ("values = 3.0", "vals = 3.0", "paper.firing_time.vals: unknown key; did you mean"),
+    "unknown unit": ('unit = "s"', 'unit = "sek"', "numbers.firing_time.unit: got 'sek': no such"),
+    "twin": ('title = "T"', 'twin = "t-q"', "twin: no scenario t-q; did you mean t-a?"),
+    "kind of dispersion": ("direction", "directon", 'directon: unknown key; did you mean directi'),
+    "bad axis": ("[axes.m.a]", "[axes.m]", "axes.m.label: got 'A'; a table is needed"),
+    "key in an axis": ("label", "lable", "axes.m.a.lable: unknown key; did you mean label?"),
+    "measure": ('"last"', '"lst"', "numbers.firing_time.measure: no measure lst; did you mean"),
+    "option": ('"last"', '"until_below"\noptions = { limt = 1 }', "limt: until_below has no"),
+    "option's value": ('"last"', '"until_below"\noptions = { limit = 1, kind = "men" }', "'men'"),
+    "option's type": ('"last"', '"until_below"\noptions = { limit = true }', "limit: got True"),
+    "type": ("step = 10.0", 'step = "10"', "step: got '10'; a number is needed"),
+    "plot that is not there": ('title = "T"', 'without = ["plots.r"]', "without plots.r: there is"),
+    "derive": ('signals = ["th', 'derive = "eler"\nsignals = ["th', "plots.rate.derive: no eler"),
+    "tolerance": ('"2 %"', '"two"', "paper.firing_time.tolerance: got 'two': a width is needed"),
+    "circle": ("step = 10.0", 'extends = "t"', "extends itself"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", EVERYWHERE)
+def test_a_broken_file_is_one_line_on_list_and_check(family, case):
+    old, new, message = EVERYWHERE[case]
+    assert old in BASE
+    family(t=BASE.replace(old, new, 1), sound=BASE)
+    for lines in (listed(), checked()):
+        assert lines.startswith("ssp/f/scenarios/t.toml: ")
+        assert message in lines
+        assert len(lines.splitlines()) == 1
+    assert list(explain.readable(None)[0]) == ["f/sound-a"]
+    assert checked("f/sound-a") == "", "another file's fault is not its own"
+
+
+OF_THE_SYSTEM = {
+    "unit of another kind": ('unit = "s"', 'unit = "m"', "numbers.firing_time.unit: unit s does"),
+    "series": ("thrusters.on_time", "thrusters.on_tim", "firing_time.signal: thrusters has no out"),
+    "plot's series": ('["thrusters.on_time', '["thrusters.on_tim', "plots.rate.signals: thrusters"),
+    "component": ('"thrusters.on', '"thruster.on', "no component thruster; did you mean thrusters"),
+    "size": ("{ direction = 2.0 }", "{ signs = [1.0] }", "signs: h_start_body has 3 elements, not"),
+    "dispersed": ("spacecraft.h_st", "spacecraft.h_str", "spacecraft has no parameter h_strart"),
+    "limit": ('title = "Rate"', 'title = "R"\nlimits = ["thrusters.tau_lvel[1]"]', "no parameter"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", OF_THE_SYSTEM)
+def test_what_the_system_has_not_is_one_line_on_check(family, case):
+    old, new, message = OF_THE_SYSTEM[case]
+    assert old in BASE
+    family(t=BASE.replace(old, new, 1))
+    lines = checked()
+    assert lines.startswith("ssp/f/scenarios/t.toml: ")
+    assert message in lines
+    assert len(lines.splitlines()) == 1
+
+
+def test_not_utf8_and_bases(family):
+    family(t=b"title = '\xff'\n")
+    assert listed() == "ssp/f/scenarios/t.toml: not UTF-8 (byte 10)"
+    family(t='extends = "tt"', tt='extends = "t"')
+    assert "extends itself (t -> tt -> t)" in listed()
+    family(t='extends = "comon"', common="abstract = true")
+    assert listed().endswith("extends: no file comon.toml; did you mean common?")
+    family(t='extends = "base"', base='abstract = true\n[numbers.x]\nsignal = "a.b"\nunt = "s"')
+    assert listed().startswith("ssp/f/scenarios/base.toml: numbers.x.unt: unknown key"), "once"
+
+
+def _paths(data: dict, path: tuple = ()) -> list[tuple]:
+    found = []
+    for key, value in data.items():
+        found += [(*path, key), *(_paths(value, (*path, key)) if isinstance(value, dict) else [])]
+    return found
+
+
+def _toml(value) -> str:
+    if isinstance(value, dict):
+        return "{" + ", ".join(f'"{k}" = {_toml(v)}' for k, v in value.items()) + "}"
+    if isinstance(value, list):
+        return "[" + ", ".join(map(_toml, value)) + "]"
+    if isinstance(value, bool):
+        return str(value).lower()
+    return f"'{value}'" if isinstance(value, str) else repr(value)
+
+
+SCALARS = (
+    st.booleans() | st.integers(-5, 5) | st.floats(-1e3, 1e3)
+    | st.sampled_from(["", "x", "a.b", "5 %", "s", "thrusters.on_time"])
+)  # fmt: skip
+NAMES = st.sampled_from(["a", "value", "table", "of", "x.y"])
+VALUES = st.recursive(
+    SCALARS,
+    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(NAMES, inner, max_size=2),
+    max_leaves=4,
+)
+DECLARED = {row["key"] for row in explain.keys(None)}
+
+
+@settings(max_examples=150, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(data=st.data())
+def test_no_broken_file_meets_a_bug_or_silence(family, data):
+    """A declared key renamed is always refused; any value changed is refused or taken, no more."""
+    table = tomllib.loads(BASE)
+    path = data.draw(st.sampled_from(_paths(table)))
+    owner = table
+    for key in path[:-1]:
+        owner = owner[key]
+    renamed = data.draw(st.booleans()) and path[-1] in DECLARED and len(path) != 2
+    if renamed:
+        owner[path[-1] + data.draw(st.sampled_from(["x", "_", "Q"]))] = owner.pop(path[-1])
+    else:
+        owner[path[-1]] = data.draw(VALUES)
+    family(t="\n".join(f'"{k}" = {_toml(v)}' for k, v in table.items()))
+    names = list(explain.readable(None)[0])  # anything but a DesatError is our bug
+    lines = listed() or "\n".join(checked(name) for name in names)
+    assert not renamed or "unknown key" in lines
+    assert lines or names
+
+
+def test_signs_and_one_of(family):
+    spec = '{ signs = [0.1, 0.2, 0.3] }\n"environment.phase" = { one_of = [0.5, 1.5] }'
+    family(t=BASE.replace("{ direction = 2.0 }", spec))
+    assert checked() == ""
+    system, _ = scenario.find("f/t-a").system(blocks=True)
+    found = [drawn(system, 1, i) for i in range(40)]
+    h = np.array([d["spacecraft.h_start_body"] for d in found])
+    assert np.array_equal(np.abs(h), np.tile([0.1, 0.2, 0.3], (40, 1)))
+    assert len({tuple(row) for row in np.sign(h)}) == 8
+    assert {d["environment.phase"] for d in found} == {0.5, 1.5}
+
+
+def test_first_below_and_time_of():
+    t = np.arange(6.0)
+    v = np.array([[2, 0], [0, 0], [2, 0], [0, -0.5], [0, 0], [0, 0]], float)
+    assert first_below(t, v, 1.0) == 1.0
+    assert first_below(t, v, 1.0, held=2.0) == 3.0
+    assert first_below(t, v, 1.0, held=3.0) == 5.0, "never: the end of the run"
+    mode = np.array([0, 0, 5, 1, 5, 5.0])[:, None]
+    assert time_of(t, mode, 5) == 2.0
+    assert time_of(t, mode, 7) == 5.0
+
+
+@pytest.mark.parametrize("sequence", ["321", "213", "123"])
+def test_euler_angles_are_scipys(sequence):
+    """Of a turn by known angles about moving axes, from any reference."""
+    angles = np.array([[10.0, -20.0, 30.0], [-1.0, 2.0, 0.5]])
+    axes = "".join("XYZ"[int(a) - 1] for a in sequence)
+    ref = Rotation.from_quat([[0.1, 0.2, 0.3, 0.9], [0.5, -0.5, 0.5, 0.5]])
+    q = (ref * Rotation.from_euler(axes, angles, degrees=True)).as_quat()
+    assert euler(np.zeros(2), q, ref.as_quat(), sequence) == pytest.approx(angles)
+
+
+def test_inheritance_of_plots_by_name():
+    """A child changes one plot and repeats none; what it leaves out may have dots in its name."""
+    data = load(ROOT / "ssp/uosat12/scenarios/fig2-common.toml", ROOT, {})
+    assert list(data["plots"]) == ["momentum_size", "momentum", "dipole", "dipole_energy", "field"]
+    assert data["plots"]["dipole"]["signals"] == ["torquers.m_mean_body"]
+
+
+def test_all_of_ours_are_sound():
+    good, lines = explain.readable(None)
+    assert lines == []
+    assert len(good) == 203
+    problems = []
+    for name in [
+        n for n in good if n.endswith(("-1", "dumping", "nadir", "cross-product", "full"))
+    ]:
+        system, _ = good[name].system(blocks=True)
+        problems += meaning.names(good[name], system)
+    assert problems == []
+
+
+def test_commands(desat):
+    assert "final_momentum" in desat("keys", "design", check=True).stdout
+    assert "first_below" in desat("measures", check=True).stdout
+    assert "$defs" in desat("keys", "--schema", check=True).stdout
+    shown = desat("show", "uosat12/table3-ocdc-ilqr-1", check=True).stdout
+    assert "axes.method.ocdc" in shown
+    assert "plot" in desat("keys", "plt").stderr
