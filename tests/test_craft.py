@@ -233,6 +233,7 @@ def family(tmp_path, monkeypatch):
         '[sources]\nenvironment = "environment_kepler"\n', encoding="utf-8",
     )  # fmt: skip
     monkeypatch.setattr(scenario, "ROOT", tmp_path / "ssp")
+    monkeypatch.setattr(places, "SCENARIOS", tmp_path / "ssp")
     scenario.families.cache_clear()
     scenario.scenarios.cache_clear()
     yield folder

@@ -12,7 +12,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from desat.files import scenario
+from desat.files import places, scenario
 from desat.files.merge import load
 from desat.study import explain, meaning
 from desat.study.draws import drawn
@@ -58,6 +58,7 @@ def family(tmp_path, monkeypatch):
     folder.mkdir(parents=True)
     shutil.copy(ROOT / "ssp/uosat12/SystemStructure.ssd", folder.parent)
     monkeypatch.setattr(scenario, "ROOT", tmp_path / "ssp")
+    monkeypatch.setattr(places, "SCENARIOS", tmp_path / "ssp")
 
     def write(**files: str | bytes) -> None:
         for old in folder.glob("*.toml"):
