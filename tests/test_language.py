@@ -248,7 +248,7 @@ def test_euler_angles_are_scipys(sequence):
 
 def test_inheritance_of_plots_by_name():
     """A child changes one plot and repeats none; what it leaves out may have dots in its name."""
-    data = load(ROOT / "ssp/uosat12/scenarios/fig2-common.toml", ROOT, {})
+    data = load(ROOT / "ssp/uosat12/scenarios/fig2-common.toml", {})
     assert list(data["plots"]) == ["momentum_size", "momentum", "dipole", "dipole_energy", "field"]
     assert data["plots"]["dipole"]["signals"] == ["torquers.m_mean_body"]
 
