@@ -375,7 +375,7 @@ def describe(system: System, options: Options, target: str) -> dict[str, Any]:
         },
         **{a.KEY: a.applies(system) for a in analyses()},
         "choices": {
-            f"{c.name}.{s.name}": s.choices
+            f"{c.name}.{s.name}": list(s.choices)
             for c in system.components.values() if c.interface is not None
             for s in c.interface.of("output") if s.choices
         },

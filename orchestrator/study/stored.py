@@ -149,17 +149,17 @@ def renew(family: str, jobs: int, progress: bool = False) -> dict[str, Any]:
 
 
 def stamp(family: str, count: int, jobs: int) -> list[str]:
-    """Make the first `count` draws of each scenario whose draws are of other code, and say that
-    they are of this code where all numbers come out equal, to the last bit; the names of the
-    scenarios where they do not, or whose file has changed: `renew` is for these."""
+    """Make the first `count` draws of each scenario whose draws are of other code, or whose file
+    has changed, and say that they are of this where all numbers come out equal (to ROUNDING); the
+    names of the scenarios where they do not: `renew` is for these."""
     known, failed = read(family), []
     for name in outdated(known):
-        scenario, kept = with_draws(family)[name], known["scenarios"].get(name, {})
-        if kept.get("sha256") == digest(scenario):
+        scenario, kept = with_draws(family)[name], known["scenarios"].get(name)
+        if kept is not None:
             again = draws(name, count, known["seed"], Options(blocks=True), jobs)["draws"]
             numbers = [r["numbers"] for r in again]
             if _alike(numbers, [r["numbers"] for r in kept["draws"][:count]]):
-                kept["code_sha256"] = code(scenario)
+                kept["sha256"], kept["code_sha256"] = digest(scenario), code(scenario)
                 write(known)
                 continue
         failed.append(name)
