@@ -19,9 +19,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from desat.components.blocks.environment_kepler import EnvironmentKepler
-from desat.components.moments import lag as lag_moments
-from desat.components.orbit import EARTH_RATE, MU
-from desat.components.torques import SOLAR_PRESSURE
+from desat.components.maths.moments import lag as lag_moments
+from desat.components.physics.orbit import EARTH_RATE, MU
+from desat.components.physics.torques import SOLAR_PRESSURE
 from desat.study.case import Options, execute, prepare
 from desat.system.parameters import table
 

@@ -10,8 +10,8 @@ from jinja2 import Environment
 from lxml import etree
 from markdown_it import MarkdownIt
 
-from desat.components.block import Block, Variable
-from desat.components.units import UNITS
+from desat.components.contract.block import Block, Variable
+from desat.components.contract.units import UNITS
 
 BASE_UNIT_EXPONENTS = ("kg", "m", "s", "A", "K", "rad")
 TOOL = "desat"

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
-from desat.components import roles
-from desat.components.block import Block, Variable
+from desat.components.contract import roles
+from desat.components.contract.block import Block, Variable
 
 from .description import describe, start_text, title
 from .registry import block_class, names

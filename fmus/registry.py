@@ -8,7 +8,7 @@ import pkgutil
 from functools import cache
 
 from desat.components import blocks
-from desat.components.block import Block
+from desat.components.contract.block import Block
 
 
 @cache

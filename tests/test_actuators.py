@@ -11,11 +11,11 @@ from hypothesis import strategies as st
 from scipy.integrate import quad
 from scipy.optimize import linprog, nnls
 
-from desat.components import moments
-from desat.components.allocation import least_on_times
-from desat.components.block import Block, BlockError
-from desat.components.pulses import STANDARD_GRAVITY
-from desat.components.wheel_array import pseudo_inverse
+from desat.components.bases.pulses import STANDARD_GRAVITY
+from desat.components.contract.block import Block, BlockError
+from desat.components.maths import moments
+from desat.components.maths.allocation import least_on_times
+from desat.components.physics.wheel_array import pseudo_inverse
 from desat.fmus import registry
 
 STEPS = (0.01, 0.05, 0.1, 0.125, 0.25, 0.5, 1.0, 2.0, 10.0)

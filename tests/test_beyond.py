@@ -11,10 +11,10 @@ from hypothesis import strategies as st
 from scipy.optimize import linprog, lsq_linear
 
 from desat.analyses import bound
-from desat.components import vector
-from desat.components.attitude import rotate
 from desat.components.laws import blending
 from desat.components.laws.least_firing import least_firing
+from desat.components.maths import vector
+from desat.components.maths.attitude import rotate
 from desat.fmus.registry import block_class
 from desat.study.case import Options, execute
 from desat.system.errors import DesatError
@@ -418,7 +418,7 @@ def test_the_field_ahead_is_the_environments(model):
 
 
 def test_a_plan_needs_samples():
-    from desat.components.block import BlockError
+    from desat.components.contract.block import BlockError
 
     with pytest.raises(BlockError, match="sample_time = 0 s"):
         begun("manager_receding_horizon", sample_time=0.0)

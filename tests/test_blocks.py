@@ -10,7 +10,15 @@ import random
 
 import pytest
 
-from desat.components.block import Block, BlockError, Input, Output, Parameter, Sampled, Vec3
+from desat.components.contract.block import (
+    Block,
+    BlockError,
+    Input,
+    Output,
+    Parameter,
+    Sampled,
+    Vec3,
+)
 from desat.fmus import registry
 from desat.fmus.description import title
 

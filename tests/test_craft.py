@@ -8,7 +8,7 @@ import shutil
 import pytest
 from conftest import ROOT
 
-from desat.components import roles
+from desat.components.contract import roles
 from desat.files import craft, craft_ssd, places, scenario, ssp
 from desat.study.case import Options, execute
 from desat.system.errors import DesatError

@@ -21,11 +21,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
-from desat.components import atmosphere, earth, geomagnetic, igrf14, near_earth, orbit, tle
-from desat.components.block import Block, BlockError, Vec3
+from desat.components.bases import near_earth
 from desat.components.blocks.environment_kepler import EnvironmentKepler
 from desat.components.blocks.environment_tle import EnvironmentTle
-from desat.components.vector import cross, dot, norm, sub
+from desat.components.contract.block import Block, BlockError, Vec3
+from desat.components.maths.vector import cross, dot, norm, sub
+from desat.components.physics import atmosphere, earth, geomagnetic, igrf14, orbit, tle
 from desat.fmus import build
 
 AUTHORITIES = Path(__file__).parent / "authorities"

@@ -12,8 +12,9 @@ from scipy.integrate import quad
 from scipy.linalg import expm
 from scipy.spatial.transform import Rotation
 
-from desat.components import attitude, moments, noise, orbit, vector, wheel_array
-from desat.components.units import UNITS, conversion
+from desat.components.contract.units import UNITS, conversion
+from desat.components.maths import attitude, moments, noise, vector
+from desat.components.physics import orbit, wheel_array
 
 number = st.floats(-10, 10, allow_nan=False)
 vec3 = st.tuples(number, number, number)

@@ -9,8 +9,9 @@ import pytest
 from scipy.integrate import solve_ivp
 from test_blocks import begin, fresh
 
-from desat.components import attitude, orbit
 from desat.components.laws import attitude_control
+from desat.components.maths import attitude
+from desat.components.physics import orbit
 
 TURN = attitude.normalised((0.3, -0.5, 0.2, 0.8))
 

@@ -15,8 +15,8 @@ from test_blocks import begin, fresh
 
 from desat.components.laws import integrated
 from desat.components.laws.margins import pid_margins
-from desat.components.vector import cross, dot, norm, sub
-from desat.components.wheel_array import body_momentum, pseudo_inverse, to_wheels
+from desat.components.maths.vector import cross, dot, norm, sub
+from desat.components.physics.wheel_array import body_momentum, pseudo_inverse, to_wheels
 from desat.files.scenario import find
 from desat.study import measures, plots, stored
 from desat.study.case import Options, execute

@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 from scipy.linalg import solve_continuous_are
 
-from desat.components import vector
 from desat.components.laws import blending, dumping
+from desat.components.maths import vector
 
 number = st.floats(-1, 1, allow_nan=False)
 torque = st.tuples(number, number, number).map(lambda v: vector.scale(0.05, v))

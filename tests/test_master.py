@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from desat.components.units import UNITS
+from desat.components.contract.units import UNITS
 from desat.engine import master as master_module
 from desat.engine.instances import UnitError
 from desat.engine.master import Master

@@ -8,12 +8,13 @@ from conftest import ROOT
 from hypothesis import given
 from hypothesis import strategies as st
 
-from desat.components import torques, vector
-from desat.components.attitude import rotate, rotate_back
-from desat.components.block import BlockError
 from desat.components.blocks.spacecraft_rigid import SpacecraftRigid
-from desat.components.gyrostat import carrier_inertia, inverse_inertia
-from desat.components.orbit import MU
+from desat.components.contract.block import BlockError
+from desat.components.maths import vector
+from desat.components.maths.attitude import rotate, rotate_back
+from desat.components.physics import torques
+from desat.components.physics.gyrostat import carrier_inertia, inverse_inertia
+from desat.components.physics.orbit import MU
 from desat.study.case import Options, execute
 
 TRUTH = np.loadtxt(

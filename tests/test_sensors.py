@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 from test_blocks import begin, fresh
 
-from desat.components import attitude, noise, sensing
+from desat.components.bases import sensing
+from desat.components.maths import attitude, noise
 
 Q = attitude.normalised((0.3, -0.5, 0.2, 0.8))
 N = 20000

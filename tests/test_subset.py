@@ -14,7 +14,7 @@ def rules(text: str) -> list[str]:
 def test_the_blocks_are_within():
     assert subset.problems() == []
     names = {path.name for path in subset.files()}
-    assert {"wheels.py", "vector.py", "simplex.py", "dumping_manager.py", "tle.py"} <= names
+    assert {"wheels.py", "vector.py", "simplex.py", "dumping.py", "tle.py"} <= names
     assert "block.py" not in names
 
 

@@ -10,9 +10,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
-from desat.components.block import BlockError
 from desat.components.blocks.wheels import Wheels
-from desat.components.rotor import friction, step
+from desat.components.contract.block import BlockError
+from desat.components.physics.rotor import friction, step
 
 torque = st.floats(-0.02, 0.02).map(lambda x: round(x, 6))
 momentum = st.floats(-3, 3).map(lambda x: round(x, 6))

@@ -2,12 +2,12 @@ from __future__ import annotations
 
 from math import exp
 
-from ..attitude import propagated
-from ..block import Parameter, Vec3
-from ..noise import normal3, normal6
-from ..roles import AttitudeDetermination as Role
-from ..sensing import Sensor, gauss_markov
-from ..vector import ZERO, add, scale, unit
+from ..bases.sensing import Sensor, gauss_markov
+from ..contract.block import Parameter, Vec3
+from ..contract.roles import AttitudeDetermination as Role
+from ..maths.attitude import propagated
+from ..maths.noise import normal3, normal6
+from ..maths.vector import ZERO, add, scale, unit
 
 _CHANNEL = 32  # apart from those of other sensors, which may have the same seed
 

@@ -1,9 +1,9 @@
 from __future__ import annotations
 
-from ..block import Mat33, Parameter
+from ..contract.block import Mat33, Parameter
+from ..contract.roles import Controller
 from ..laws.attitude_control import limited, pd_torque, tracking_error
-from ..roles import Controller
-from ..vector import IDENTITY, ZERO
+from ..maths.vector import IDENTITY, ZERO
 
 
 class ControllerPd(Controller):

@@ -1,9 +1,9 @@
 from __future__ import annotations
 
-from ..block import Mat33, Parameter, Vec3
+from ..contract.block import Mat33, Parameter, Vec3
+from ..contract.roles import Controller
 from ..laws.attitude_control import integrated, limited, pid_torque, tracking_error, unwound
-from ..roles import Controller
-from ..vector import IDENTITY, ZERO
+from ..maths.vector import IDENTITY, ZERO
 
 
 class ControllerPid(Controller):

@@ -1,8 +1,8 @@
 from __future__ import annotations
 
-from ..block import Parameter, Vec3
-from ..near_earth import NearEarth
-from ..orbit import (
+from ..bases.near_earth import NearEarth
+from ..contract.block import Parameter, Vec3
+from ..physics.orbit import (
     EARTH_RADIUS,
     MU,
     Drift,

@@ -2,10 +2,10 @@ from __future__ import annotations
 
 from math import cos, sin
 
-from ..block import Parameter
-from ..orbit import EARTH_RADIUS, mean_motion, orbit_plane
-from ..roles import Environment
-from ..vector import add, scale
+from ..contract.block import Parameter
+from ..contract.roles import Environment
+from ..maths.vector import add, scale
+from ..physics.orbit import EARTH_RADIUS, mean_motion, orbit_plane
 
 
 class EnvironmentOrbitDipole(Environment):

@@ -1,8 +1,8 @@
 from __future__ import annotations
 
-from ..block import Parameter, Vec3
-from ..near_earth import NearEarth
-from ..tle import teme_state
+from ..bases.near_earth import NearEarth
+from ..contract.block import Parameter, Vec3
+from ..physics.tle import teme_state
 
 
 class EnvironmentTle(NearEarth):

@@ -1,9 +1,9 @@
 from __future__ import annotations
 
-from ..attitude import normalised
-from ..block import Parameter, Vec4
-from ..roles import UPRIGHT, Guidance
-from ..vector import ZERO
+from ..contract.block import Parameter, Vec4
+from ..contract.roles import UPRIGHT, Guidance
+from ..maths.attitude import normalised
+from ..maths.vector import ZERO
 
 
 class GuidanceInertial(Guidance):

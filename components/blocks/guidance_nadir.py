@@ -1,10 +1,10 @@
 from __future__ import annotations
 
-from ..attitude import normalised, product, rotate
-from ..block import Parameter, Vec4
-from ..orbit import lvlh_attitude
-from ..roles import UPRIGHT, Guidance
-from ..vector import cross, dot, norm, scale
+from ..contract.block import Parameter, Vec4
+from ..contract.roles import UPRIGHT, Guidance
+from ..maths.attitude import normalised, product, rotate
+from ..maths.vector import cross, dot, norm, scale
+from ..physics.orbit import lvlh_attitude
 
 
 class GuidanceNadir(Guidance):

@@ -1,10 +1,10 @@
 from __future__ import annotations
 
-from ..attitude import normalised, propagated
-from ..block import Parameter, Vec4
+from ..contract.block import Parameter, Vec4
+from ..contract.roles import UPRIGHT, Guidance
 from ..laws.attitude_control import eigenaxis, rest_to_rest
-from ..roles import UPRIGHT, Guidance
-from ..vector import scale
+from ..maths.attitude import normalised, propagated
+from ..maths.vector import scale
 
 
 class GuidanceSlew(Guidance):

@@ -1,11 +1,11 @@
 from __future__ import annotations
 
-from ..attitude import rotate
-from ..block import Parameter, Vec3
-from ..noise import normal3
-from ..roles import Magnetometer as Role
-from ..sensing import Sensor, digital3
-from ..vector import add, scale
+from ..bases.sensing import Sensor, digital3
+from ..contract.block import Parameter, Vec3
+from ..contract.roles import Magnetometer as Role
+from ..maths.attitude import rotate
+from ..maths.noise import normal3
+from ..maths.vector import add, scale
 
 
 class Magnetometer(Role, Sensor):

@@ -1,15 +1,15 @@
 from __future__ import annotations
 
-from ..block import Parameter, Vec3
-from ..dumping_manager import DUMPING, NO_AXIS, ThrusterManager
+from ..bases.dumping import DUMPING, NO_AXIS, ThrusterDumping
+from ..contract.block import Parameter, Vec3
 from ..laws import blending, dumping
-from ..vector import ZERO
+from ..maths.vector import ZERO
 
 ILQR, LQR, MEC = range(3)
 DCT, CCCP, CRCP, OCDC, BOUNDED_QUADRATIC, BOUNDED_ONE_NORM = range(6)
 
 
-class ManagerCombined(ThrusterManager):
+class ManagerCombined(ThrusterDumping):
     """Combined dumping by magnetic torquers and thrusters
 
     At each sample `law` gives the dumping torque N on the wheels' momentum h - h_target

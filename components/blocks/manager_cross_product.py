@@ -1,12 +1,12 @@
 from __future__ import annotations
 
-from ..block import Parameter, Vec3
-from ..dumping_manager import MagneticManager
+from ..bases.dumping import TorquerDumping
+from ..contract.block import Parameter, Vec3
 from ..laws import cross_product
-from ..vector import norm
+from ..maths.vector import norm
 
 
-class ManagerCrossProduct(MagneticManager):
+class ManagerCrossProduct(TorquerDumping):
     """Cross-product dumping by magnetic torquers
 
     At each sample, with h the wheels' momentum less `h_target_body` and B the measured field:

@@ -2,11 +2,11 @@ from __future__ import annotations
 
 from math import inf
 
-from ..block import Output, Parameter, Vec3, Vec4
+from ..contract.block import Output, Parameter, Vec3, Vec4
+from ..contract.roles import Manager, WheelAxes
 from ..laws import integrated
-from ..roles import Manager, WheelAxes
-from ..vector import ZERO, norm, scale
-from ..wheel_array import body_momentum, pseudo_inverse, to_wheels, wheel_torque
+from ..maths.vector import ZERO, norm, scale
+from ..physics.wheel_array import body_momentum, pseudo_inverse, to_wheels, wheel_torque
 
 IDLE, DUMPING, _, _, EMERGENCY, VELOCITY_DUMPING = range(6)
 OFF: Vec4 = (0.0, 0.0, 0.0, 0.0)

@@ -1,14 +1,14 @@
 from __future__ import annotations
 
-from ..block import Parameter, Table, Vec3
-from ..dumping_manager import MagneticManager
+from ..bases.dumping import TorquerDumping
+from ..contract.block import Parameter, Table, Vec3
 from ..laws import magnetic
 
 CAPACITY = 64
 LQR, MEC = range(2)
 
 
-class ManagerMagnetic(MagneticManager):
+class ManagerMagnetic(TorquerDumping):
     """Optimal dumping by magnetic torquers, from a design made beforehand
 
     At each sample, with B the measured field and t the time since the first sample with `enable`,

@@ -2,12 +2,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..block import Parameter, Vec3
-from ..dumping_manager import MagneticManager
+from ..bases.dumping import TorquerDumping
+from ..contract.block import Parameter, Vec3
 from ..laws import magnetic, riccati
 
 
-class ManagerMagneticIlqr(MagneticManager):
+class ManagerMagneticIlqr(TorquerDumping):
     """Optimal dumping by magnetic torquers, solved at every sample
 
     The best feedback for a field that would stay as it is (quasi-static LQR). At each sample, with

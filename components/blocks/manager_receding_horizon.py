@@ -2,18 +2,18 @@ from __future__ import annotations
 
 from math import copysign
 
-from ..attitude import normalised, product, rotate
-from ..block import Output, Parameter, Vec3, Vec4
-from ..dumping_manager import FALLBACK, IDLE, RECEDING_HORIZON, ThrusterManager
-from ..earth_field import EarthField
+from ..bases.dumping import FALLBACK, IDLE, RECEDING_HORIZON, ThrusterDumping
+from ..bases.earth_field import EarthField
+from ..contract.block import Output, Parameter, Vec3, Vec4
 from ..laws import blending, dumping, receding_horizon
-from ..orbit import lvlh_attitude
-from ..vector import ZERO, add, cross, scale, sub
+from ..maths.attitude import normalised, product, rotate
+from ..maths.vector import ZERO, add, cross, scale, sub
+from ..physics.orbit import lvlh_attitude
 
 ORBIT_DIPOLE, _, IGRF = range(3)
 
 
-class ManagerRecedingHorizon(ThrusterManager, EarthField):
+class ManagerRecedingHorizon(ThrusterDumping, EarthField):
     """Dumping with the least thruster time, planned over the remaining time
 
     At each sample, from the measured momentum, all samples until `horizon` are planned anew: mean

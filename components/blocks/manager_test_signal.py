@@ -2,9 +2,9 @@ from __future__ import annotations
 
 from math import pi, sin
 
-from ..block import Output, Parameter, Vec4
-from ..roles import Manager
-from ..vector import ZERO
+from ..contract.block import Output, Parameter, Vec4
+from ..contract.roles import Manager
+from ..maths.vector import ZERO
 
 
 class ManagerTestSignal(Manager):

@@ -2,11 +2,11 @@ from __future__ import annotations
 
 from math import hypot, sqrt
 
-from ..block import Parameter, Vec3
-from ..noise import normal6
-from ..roles import RateGyro as Role
-from ..sensing import Sensor, digital3
-from ..vector import ZERO, add, scale
+from ..bases.sensing import Sensor, digital3
+from ..contract.block import Parameter, Vec3
+from ..contract.roles import RateGyro as Role
+from ..maths.noise import normal6
+from ..maths.vector import ZERO, add, scale
 
 _CHANNEL = 16  # apart from those of other sensors, which may have the same seed
 

@@ -1,10 +1,10 @@
 from __future__ import annotations
 
-from ..attitude import normalised, product, propagated, rotate, rotate_back
-from ..block import Mat33, Parameter, Vec3, Vec4
-from ..orbit import MU, lvlh_attitude
-from ..roles import Spacecraft
-from ..vector import ZERO, add, cross, dot, mat_vec, norm, scale, sub
+from ..contract.block import Mat33, Parameter, Vec3, Vec4
+from ..contract.roles import Spacecraft
+from ..maths.attitude import normalised, product, propagated, rotate, rotate_back
+from ..maths.vector import ZERO, add, cross, dot, mat_vec, norm, scale, sub
+from ..physics.orbit import MU, lvlh_attitude
 
 
 def constant_torque(inertia: Mat33, omega: Vec3, nadir: Vec3, radius: float) -> Vec3:

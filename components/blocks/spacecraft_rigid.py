@@ -3,14 +3,14 @@ from __future__ import annotations
 from collections.abc import Callable
 from math import ceil
 
-from .. import torques
-from ..attitude import normalised, product, propagated, rotate, rotate_back
-from ..block import Mat33, Parameter, Table, Vec3, Vec4
-from ..gyrostat import carrier_inertia, inverse_inertia, rate
-from ..orbit import EARTH_RATE, MU, lvlh_attitude
-from ..roles import Spacecraft, WheelInertias
-from ..vector import ZERO, add, cross, dot, mat_vec, norm, sub
-from ..wheel_array import body_momentum
+from ..contract.block import Mat33, Parameter, Table, Vec3, Vec4
+from ..contract.roles import Spacecraft, WheelInertias
+from ..maths.attitude import normalised, product, propagated, rotate, rotate_back
+from ..maths.vector import ZERO, add, cross, dot, mat_vec, norm, sub
+from ..physics import torques
+from ..physics.gyrostat import carrier_inertia, inverse_inertia, rate
+from ..physics.orbit import EARTH_RATE, MU, lvlh_attitude
+from ..physics.wheel_array import body_momentum
 
 NONE, AREA, PLATES = range(3)
 

@@ -2,12 +2,12 @@ from __future__ import annotations
 
 from math import cos, pi
 
-from ..attitude import rotate
-from ..block import Parameter, Vec3
-from ..noise import normal3
-from ..roles import SunSensor as Role
-from ..sensing import Sensor
-from ..vector import ZERO, add, dot, norm, scale, unit
+from ..bases.sensing import Sensor
+from ..contract.block import Parameter, Vec3
+from ..contract.roles import SunSensor as Role
+from ..maths.attitude import rotate
+from ..maths.noise import normal3
+from ..maths.vector import ZERO, add, dot, norm, scale, unit
 
 _CHANNEL = 48  # apart from those of other sensors, which may have the same seed
 

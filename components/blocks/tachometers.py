@@ -1,9 +1,9 @@
 from __future__ import annotations
 
-from ..block import Parameter, Vec4
-from ..noise import normal_pair
-from ..roles import Tachometers as Role
-from ..sensing import Sensor, digital
+from ..bases.sensing import Sensor, digital
+from ..contract.block import Parameter, Vec4
+from ..contract.roles import Tachometers as Role
+from ..maths.noise import normal_pair
 
 
 class Tachometers(Role, Sensor):

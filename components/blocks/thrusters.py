@@ -3,8 +3,8 @@ from __future__ import annotations
 from collections.abc import Iterable
 from math import copysign
 
-from ..block import Parameter, Vec3
-from ..pulses import PulsedThrusters
+from ..bases.pulses import PulsedThrusters
+from ..contract.block import Parameter, Vec3
 
 
 class Thrusters(PulsedThrusters):

@@ -2,10 +2,10 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from ..allocation import least_on_times
-from ..block import Parameter, Table, Vec3
-from ..pulses import PulsedThrusters
-from ..vector import ZERO, cross, norm, scale
+from ..bases.pulses import PulsedThrusters
+from ..contract.block import Parameter, Table, Vec3
+from ..maths.allocation import least_on_times
+from ..maths.vector import ZERO, cross, norm, scale
 
 NOZZLES = 8
 

@@ -2,11 +2,11 @@ from __future__ import annotations
 
 from math import copysign, inf
 
-from ..block import Mat34, Output, Parameter, Vec3, Vec4
-from ..moments import first_order, lag, part, window
-from ..roles import Torquers as Role
-from ..vector import ZERO, add, norm, scale
-from ..wheel_array import body_momentum, pseudo_inverse, to_wheels
+from ..contract.block import Mat34, Output, Parameter, Vec3, Vec4
+from ..contract.roles import Torquers as Role
+from ..maths.moments import first_order, lag, part, window
+from ..maths.vector import ZERO, add, norm, scale
+from ..physics.wheel_array import body_momentum, pseudo_inverse, to_wheels
 
 IDEAL, LIMITED, PULSED = range(3)
 NO_COIL = 0

@@ -2,12 +2,12 @@ from __future__ import annotations
 
 from math import floor
 
-from ..block import Parameter, Vec3, Vec4
-from ..noise import normal3
-from ..roles import WheelInertias
-from ..roles import Wheels as Role
-from ..rotor import step
-from ..vector import cross, norm
+from ..contract.block import Parameter, Vec3, Vec4
+from ..contract.roles import WheelInertias
+from ..contract.roles import Wheels as Role
+from ..maths.noise import normal3
+from ..maths.vector import cross, norm
+from ..physics.rotor import step
 
 TORQUE, SPEED = range(2)
 

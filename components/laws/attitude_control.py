@@ -8,9 +8,9 @@ from __future__ import annotations
 
 from math import atan2, sqrt
 
-from ..attitude import inverse, product, rotate
-from ..block import Mat33, Vec3, Vec4
-from ..vector import ZERO, add, clip, mat_vec, scale, sub
+from ..contract.block import Mat33, Vec3, Vec4
+from ..maths.attitude import inverse, product, rotate
+from ..maths.vector import ZERO, add, clip, mat_vec, scale, sub
 
 
 def tracking_error(q_BI: Vec4, omega_BI_B: Vec3, q_RI: Vec4, omega_RI_R: Vec3) -> tuple[Vec3, Vec3]:

@@ -11,9 +11,9 @@ from __future__ import annotations
 
 from math import copysign, inf
 
-from ..block import Mat33, Vec3
-from ..simplex import least_cost
-from ..vector import IDENTITY, ZERO, add, clip, cross, dot, inverse, mat_vec, norm, scale, sub
+from ..contract.block import Mat33, Vec3
+from ..maths.simplex import least_cost
+from ..maths.vector import IDENTITY, ZERO, add, clip, cross, dot, inverse, mat_vec, norm, scale, sub
 
 Split = tuple[Vec3, Vec3]
 _Held = tuple[float | None, float | None, float | None]

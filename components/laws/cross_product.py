@@ -6,8 +6,8 @@ M (A m2) gives the torque M x B = -k h across B.
 
 from __future__ import annotations
 
-from ..block import Vec3
-from ..vector import ZERO, cross, dot, norm, scale
+from ..contract.block import Vec3
+from ..maths.vector import ZERO, cross, dot, norm, scale
 
 
 def normalised(h: Vec3, b: Vec3, gain: float) -> Vec3:

@@ -13,8 +13,8 @@ from __future__ import annotations
 
 from math import cos, sin, tanh
 
-from ..block import Mat33, Vec3
-from ..vector import add, cross, dot, inverse, mat_vec, norm, rotation_about, scale, sub
+from ..contract.block import Mat33, Vec3
+from ..maths.vector import add, cross, dot, inverse, mat_vec, norm, rotation_about, scale, sub
 
 
 def ilqr(h: Vec3, omega: Vec3, g_rate: float, n_con: Vec3) -> Vec3:

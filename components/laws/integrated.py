@@ -10,8 +10,8 @@ Torques N m, momenta N m s, field T, rates rad/s. Body frame, or along the wheel
 
 from __future__ import annotations
 
-from ..block import Flags4, Mat34, Vec3, Vec4
-from ..vector import ZERO, cross, dot, norm, scale
+from ..contract.block import Flags4, Mat34, Vec3, Vec4
+from ..maths.vector import ZERO, cross, dot, norm, scale
 
 NO_NULL_SPACE: Vec4 = (0.0, 0.0, 0.0, 0.0)
 

@@ -12,8 +12,8 @@ triangle, row by row.
 
 from __future__ import annotations
 
-from ..block import Mat33, Table, Vec3
-from ..vector import cross, mat_vec, rotation_about, scale, sub
+from ..contract.block import Mat33, Table, Vec3
+from ..maths.vector import cross, mat_vec, rotation_about, scale, sub
 
 UPPER = 6
 """Numbers of a symmetric matrix of three: xx, xy, xz, yy, yz, zz."""

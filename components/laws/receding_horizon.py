@@ -16,16 +16,16 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from ..attitude import matrix
-from ..block import Vec3, Vec4
-from ..orbit import (
+from ..contract.block import Vec3, Vec4
+from ..maths.attitude import matrix
+from ..maths.vector import dot, norm
+from ..physics.orbit import (
     elements_from_state,
     ellipse_state,
     mean_motion,
     orbit_plane,
     perifocal_axes,
 )
-from ..vector import dot, norm
 from .least_firing import least_firing
 
 _DIPOLE_COST = 1e-4

@@ -19,13 +19,14 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.integrate import DOP853
 
-from desat.components import attitude, geomagnetic, torques, vector, wheel_array
-from desat.components.block import Vec3
-from desat.components.earth import earth_angle
-from desat.components.gyrostat import carrier_inertia, rate
+from desat.components.contract.block import Vec3
 from desat.components.laws import attitude_control, cross_product
-from desat.components.orbit import Drift, Elements, drifting_state
-from desat.components.rotor import friction
+from desat.components.maths import attitude, vector
+from desat.components.physics import geomagnetic, torques, wheel_array
+from desat.components.physics.earth import earth_angle
+from desat.components.physics.gyrostat import carrier_inertia, rate
+from desat.components.physics.orbit import Drift, Elements, drifting_state
+from desat.components.physics.rotor import friction
 
 from ..system.errors import DesatError
 from ..system.model import System

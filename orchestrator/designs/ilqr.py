@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from desat.components.vector import norm
+from desat.components.maths.vector import norm
 
 from ..files.scenario import Scenario
 from ..study.case import Options

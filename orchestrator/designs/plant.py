@@ -12,14 +12,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from desat.components.attitude import normalised, product, rotate
-from desat.components.block import Block, Vec3
 from desat.components.blocks.spacecraft_fixed_attitude import (
     SpacecraftFixedAttitude,
     constant_torque,
 )
-from desat.components.orbit import lvlh_attitude
-from desat.components.vector import norm, scale
+from desat.components.contract.block import Block, Vec3
+from desat.components.maths.attitude import normalised, product, rotate
+from desat.components.maths.vector import norm, scale
+from desat.components.physics.orbit import lvlh_attitude
 from desat.fmus.registry import block_class
 
 from ..engine.master import Master

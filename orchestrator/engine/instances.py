@@ -26,7 +26,7 @@ from fmpy.fmi2 import (
 from fmpy.logging import addLoggerProxy
 from numpy.typing import NDArray
 
-from desat.components.block import Access, Scalar
+from desat.components.contract.block import Access, Scalar
 from desat.fmus.registry import block_class
 
 from ..files.library import Fmu

@@ -15,9 +15,9 @@
     [shared]                              # a parameter for every component that has it
     [parameters.manager]                  # parameters (or unconnected inputs) of one component
 
-Everything else is wired as the roles say (`source` in `components/roles.py`): each input from the
-first of its sources whose component is there. A further instance is fed as its role is; what it
-gives goes nowhere unless [wiring] says so. Paths of FMUs start at the craft file.
+Everything else is wired as the roles say (`source` in `components/contract/roles.py`): each input
+from the first of its sources whose component is there. A further instance is fed as its role is;
+what it gives goes nowhere unless [wiring] says so. Paths of FMUs start at the craft file.
 
 `desat craft` writes the same system as a standard SSD beside the craft file: `craft.toml` gives
 `SystemStructure.ssd`, `NAME.craft.toml` gives `NAME.ssd`.

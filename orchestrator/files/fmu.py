@@ -9,8 +9,8 @@ from pathlib import Path
 from fmpy import read_model_description
 from lxml import etree
 
-from desat.components.block import Scalar
-from desat.components.units import UNITS, Unit
+from desat.components.contract.block import Scalar
+from desat.components.contract.units import UNITS, Unit
 from desat.fmus.description import TOOL
 
 from ..system.errors import DesatError

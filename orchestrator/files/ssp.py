@@ -17,8 +17,8 @@ from urllib.parse import unquote
 
 from lxml import etree
 
-from desat.components.block import Scalar
-from desat.components.units import UNITS, Unit
+from desat.components.contract.block import Scalar
+from desat.components.contract.units import UNITS, Unit
 
 from ..system.errors import DesatError, nearest
 from ..system.model import Component, Connection, Connector, System

@@ -18,7 +18,7 @@ from pydantic import (
 )
 from pydantic_core import PydanticCustomError
 
-from desat.components.units import UNITS
+from desat.components.contract.units import UNITS
 
 from ..system.errors import nearest
 

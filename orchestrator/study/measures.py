@@ -25,7 +25,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from desat.components.units import Unit
+from desat.components.contract.units import Unit
 
 from ..system.errors import DesatError, nearest
 from ..system.expression import Table, factor, product, unit_of

@@ -7,7 +7,7 @@ from collections import defaultdict
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 
-from desat.components.units import UNITS, conversion
+from desat.components.contract.units import UNITS, conversion
 
 from .errors import DesatError, nearest
 from .interface import Interface, Signal, base_name

@@ -13,7 +13,7 @@ from __future__ import annotations
 import re
 from typing import Any
 
-from desat.components.units import UNITS, Unit, conversion
+from desat.components.contract.units import UNITS, Unit, conversion
 
 from .errors import DesatError, nearest
 

@@ -9,8 +9,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Literal
 
-from desat.components.block import Block, Scalar
-from desat.components.units import UNITS, Unit
+from desat.components.contract.block import Block, Scalar
+from desat.components.contract.units import UNITS, Unit
 from desat.fmus.description import describe, title
 
 Kind = Literal["Real", "Integer", "Boolean"]

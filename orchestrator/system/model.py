@@ -6,8 +6,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from desat.components.block import Scalar
-from desat.components.units import Unit
+from desat.components.contract.block import Scalar
+from desat.components.contract.units import Unit
 
 from .interface import Interface, OutputClass
 

@@ -7,8 +7,8 @@ import tomllib
 from collections.abc import Iterable
 from typing import Any
 
-from desat.components.block import Scalar
-from desat.components.units import Unit, conversion
+from desat.components.contract.block import Scalar
+from desat.components.contract.units import Unit, conversion
 
 from .errors import DesatError, nearest
 from .expression import Table, entry, is_name, product, unit_of

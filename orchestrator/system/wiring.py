@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from functools import cache
 
-from desat.components import roles
-from desat.components.block import Block
-from desat.components.units import conversion
+from desat.components.contract import roles
+from desat.components.contract.block import Block
+from desat.components.contract.units import conversion
 
 from .interface import Signal, base_name
 from .model import Component

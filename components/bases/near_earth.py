@@ -6,12 +6,12 @@ import inspect
 from abc import abstractmethod
 from math import floor
 
-from . import atmosphere, earth
-from .block import Parameter, Vec3
+from ..contract.block import Parameter, Vec3
+from ..contract.roles import Environment
+from ..maths.vector import ZERO, norm
+from ..physics import atmosphere, earth
+from ..physics.orbit import EARTH_RADIUS
 from .earth_field import EarthField
-from .orbit import EARTH_RADIUS
-from .roles import Environment
-from .vector import ZERO, norm
 
 _PAGE = """
 **Field.** `none`; `dipole`, centred, B = (3 (m.u) u - m) / r^3 with u = r / |r| and m =

@@ -9,9 +9,9 @@ from __future__ import annotations
 from math import acos, atan2, copysign, cos, hypot, pi, remainder, sin, sqrt, tau
 from typing import NamedTuple
 
-from .attitude import from_matrix
-from .block import Vec3, Vec4
-from .vector import add, cross, dot, norm, scale, unit
+from ..contract.block import Vec3, Vec4
+from ..maths.attitude import from_matrix
+from ..maths.vector import add, cross, dot, norm, scale, unit
 
 MU = 3.986004418e14
 """Gravitational parameter of the Earth (m3/s2), WGS-84 / EGM."""

@@ -9,7 +9,7 @@ import json
 from functools import cache
 from pathlib import Path
 
-from .block import BlockError
+from ..contract.block import BlockError
 
 Gauss = tuple[tuple[int, int, float], ...]
 """Gauss coefficients: (degree n, order m, T), m negative for h; Schmidt semi-normalised."""

@@ -10,7 +10,7 @@ import importlib
 from functools import lru_cache
 from typing import Any
 
-from .block import BlockError, Vec3
+from ..contract.block import BlockError, Vec3
 
 _DAY = 86400.0
 _J2000 = 2451545.0

@@ -6,8 +6,8 @@ an actuator that is not there.
 
 from __future__ import annotations
 
-from .block import Mat33, Mat34, Vec3, Vec4
-from .vector import inverse
+from ..contract.block import Mat33, Mat34, Vec3, Vec4
+from ..maths.vector import inverse
 
 _NEGLIGIBLE = 1e-9  # ratio of two eigenvalues of A A' below which the smaller one is 0
 

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from math import cos, sin
 
-from . import earth, geomagnetic
-from .block import Block, BlockError, Parameter, Vec3
-from .igrf14 import DEGREE
-from .orbit import EARTH_RATE
-from .vector import scale
+from ..contract.block import Block, BlockError, Parameter, Vec3
+from ..maths.vector import scale
+from ..physics import earth, geomagnetic
+from ..physics.igrf14 import DEGREE
+from ..physics.orbit import EARTH_RATE
 
 
 class EarthField(Block):

@@ -11,7 +11,7 @@ from __future__ import annotations
 from datetime import datetime, timedelta
 from math import acos, asin, cos, pi, radians, sin, sqrt, tau
 
-from .block import Vec3
+from ..contract.block import Vec3
 from .orbit import EARTH_RADIUS
 
 SUN_RADIUS = 6.957e8

@@ -5,18 +5,18 @@ from __future__ import annotations
 
 from abc import abstractmethod
 
-from .block import Output, Parameter, Vec3, Vec4
-from .laws.blending import Split
-from .roles import Manager, WheelAxes
-from .vector import ZERO, clip, cross, sub
-from .wheel_array import body_momentum, pseudo_inverse, wheel_torque
+from ..contract.block import Output, Parameter, Vec3, Vec4
+from ..contract.roles import Manager, WheelAxes
+from ..laws.blending import Split
+from ..maths.vector import ZERO, clip, cross, sub
+from ..physics.wheel_array import body_momentum, pseudo_inverse, wheel_torque
 
 IDLE, DUMPING, RECEDING_HORIZON, FALLBACK = range(4)
 NO_AXIS = 0
 NO_MOMENTUM: Vec4 = (0.0, 0.0, 0.0, 0.0)
 
 
-class DumpingManager(Manager, WheelAxes):
+class MomentumDumping(Manager, WheelAxes):
     """Base of managers whose law says a dumping torque and its split: a block adds `dump`.
 
     The wheels are commanded to give the body what the controller wants and to absorb, with
@@ -82,7 +82,7 @@ class DumpingManager(Manager, WheelAxes):
         return self.omega_bi_body if self.valid_omega else ZERO
 
 
-class MagneticManager(DumpingManager):
+class TorquerDumping(MomentumDumping):
     """Base of managers that dump by magnetic torquers alone: a block adds `dipole`.
 
     N = M x B; with `saturation` each component of M stays within `m_limit`. No dipole at a sample
@@ -109,7 +109,7 @@ class MagneticManager(DumpingManager):
         return cross(m, self.b_body), (m, ZERO)
 
 
-class ThrusterManager(DumpingManager):
+class ThrusterDumping(MomentumDumping):
     """Base of managers that dump by thrusters and magnetic torquers together."""
 
     m_limit: float = Parameter("A.m2", "largest dipole of each coil", start=40.0, min=0.0)

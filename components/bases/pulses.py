@@ -5,10 +5,10 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections.abc import Iterable
 
-from .block import Output, Parameter, Table, Vec3
-from .moments import window
-from .roles import Thrusters
-from .vector import ZERO
+from ..contract.block import Output, Parameter, Table, Vec3
+from ..contract.roles import Thrusters
+from ..maths.moments import window
+from ..maths.vector import ZERO
 
 STANDARD_GRAVITY = 9.80665
 BEGIN, CENTRED = range(2)

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from math import cos, sin, sqrt
 
-from .block import Mat33, Vec3
+from ..contract.block import Mat33, Vec3
 
 ZERO: Vec3 = (0.0, 0.0, 0.0)
 IDENTITY: Mat33 = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)

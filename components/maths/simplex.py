@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from math import inf
 
-from .block import Vec3
+from ..contract.block import Vec3
 from .vector import dot, inverse, mat_t_vec, mat_vec, scale, sub
 
 _ERRORS: tuple[Vec3, ...] = (

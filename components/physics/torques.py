@@ -7,9 +7,9 @@ from __future__ import annotations
 
 from math import sqrt
 
-from .block import Mat33, Table, Vec3
+from ..contract.block import Mat33, Table, Vec3
+from ..maths.vector import cross, dot, mat_vec, scale
 from .orbit import MU
-from .vector import cross, dot, mat_vec, scale
 
 SOLAR_PRESSURE = 4.56e-6
 """Radiation pressure at 1 astronomical unit (N/m2), 1367 W/m2 over the speed of light."""

@@ -7,8 +7,8 @@ momenta. Body frame; J (kg m2) is the whole craft with the wheels locked.
 
 from __future__ import annotations
 
-from .block import BlockError, Mat33, Mat34, Vec3, Vec4
-from .vector import inverse, mat_vec
+from ..contract.block import BlockError, Mat33, Mat34, Vec3, Vec4
+from ..maths.vector import inverse, mat_vec
 
 
 def carrier_inertia(inertia: Mat33, axes: Mat34, inertia_wheel: Vec4) -> Mat33:

@@ -8,7 +8,7 @@ from __future__ import annotations
 from abc import abstractmethod
 from math import pi, sqrt
 
-from .block import Parameter, Sampled, Vec3
+from ..contract.block import Parameter, Sampled, Vec3
 
 
 class Sensor(Sampled):

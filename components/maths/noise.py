@@ -9,7 +9,7 @@ from __future__ import annotations
 from functools import lru_cache
 from math import cos, log, pi, sin, sqrt
 
-from .block import Vec3
+from ..contract.block import Vec3
 
 _MASK = (1 << 64) - 1
 

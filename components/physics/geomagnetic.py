@@ -8,8 +8,8 @@ from __future__ import annotations
 from functools import lru_cache
 from math import factorial, sqrt
 
+from ..contract.block import Vec3
 from . import igrf14
-from .block import Vec3
 
 REFERENCE_RADIUS = 6371200.0
 """Of the Gauss coefficients (m)."""

@@ -6,7 +6,7 @@ give the impulse, too, but not by the least on-time.
 
 from __future__ import annotations
 
-from .block import Vec3
+from ..contract.block import Vec3
 from .simplex import least_cost
 from .vector import scale
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from math import atan2, cos, sin, sqrt
 
-from .block import Mat33, Vec3, Vec4
+from ..contract.block import Mat33, Vec3, Vec4
 
 IDENTITY_Q: Vec4 = (0.0, 0.0, 0.0, 1.0)
 

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from math import ceil, exp, expm1, tanh
 
-from .moments import lag as lag_moments
+from ..maths.moments import lag as lag_moments
 
 Motor = tuple[float, float, float, float, float, float, float]
 """J_s (kg m2), lag (s), c_v (N m s/rad), c_c (N m), omega_eps (rad/s), compensation (1/s),

@@ -1,0 +1,1 @@
+"""What several blocks of a role share."""
