@@ -71,6 +71,8 @@ class Variable:
     maximum: float | None = None
     choices: tuple[str, ...] = ()
     interval: bool = False
+    mean: bool = False
+    slope: str = ""
     starts_from: tuple[str, ...] = ()
     shared: bool = False
     source: tuple[str, ...] = ()
@@ -158,15 +160,20 @@ def Input(unit: str, description: str, *, start: Any = None, min: float | None =
                         needs=needs, source=usual)  # fmt: skip
 
 
-def Output(unit: str, description: str, *, interval: bool = False,
-           starts_from: tuple[str, ...] = (), choices: tuple[str, ...] = ()) -> Any:  # fmt: skip
+def Output(unit: str, description: str, *, interval: bool = False, mean: bool = False,
+           slope: str = "", starts_from: tuple[str, ...] = (),
+           choices: tuple[str, ...] = ()) -> Any:  # fmt: skip
     """Declare an output: *state* (set in `output`) or *interval* (set in `advance`).
 
-    `starts_from` names the inputs that its value in initialisation mode depends on. `choices` names
-    its integer values, `-` for one that it never has; where a role declares the output, each block
-    declares it again with its own.
+    `mean`: an interval output that is the mean over the step of a quantity whose integral counts (a
+    torque, a dipole); `slope` names the output with its slope, and makes the two a pair. A master
+    hands the integral on, whatever the rates of the two sides; of another interval output a slower
+    receiver takes one value in so many. `starts_from` names the inputs that its value in
+    initialisation mode depends on. `choices` names its integer values, `-` for one that it never
+    has; where a role declares the output, each block declares it again with its own.
     """
-    return _Declaration("output", unit, description, interval=interval, starts_from=starts_from,
+    return _Declaration("output", unit, description, interval=interval or mean or bool(slope),
+                        mean=mean or bool(slope), slope=slope, starts_from=starts_from,
                         choices=choices)  # fmt: skip
 
 
@@ -262,6 +269,10 @@ class Block:
         for name in {n for v in found.values() for n in v.needs}:
             if name not in found or found[name].causality == "parameter":
                 raise TypeError(f"{cls.__name__}: needs {name!r}, which is no input or output")
+        for v in found.values():
+            other = found.get(v.slope) if v.slope else None
+            if v.slope and (other is None or not other.interval or other.shape != v.shape):
+                raise TypeError(f"{cls.__name__}.{v.name}: its slope {v.slope!r} is no such output")
         cls.variables = tuple(
             replace(v, needed_by=tuple(n for n, w in found.items() if v.name in w.needs))
             for v in found.values()

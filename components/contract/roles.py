@@ -321,7 +321,7 @@ class Torquers(Sampled):
     role = "torquers"
 
     m_cmd_body: Vec3 = Input("A.m2", "dipole command, body", source="manager.m_cmd_body")
-    m_mean_body: Vec3 = Output("A.m2", "dipole, body, mean over the step", interval=True)
+    m_mean_body: Vec3 = Output("A.m2", "dipole, body, mean over the step", slope="m_slope_body")
     m_slope_body: Vec3 = Output("A.m2", "dipole, body, slope over the step", interval=True)
     on_time: float = Output("s", "time that coils were on, summed over the coils")
     dipole_energy: float = Output(
@@ -339,7 +339,9 @@ class Thrusters(Sampled):
     tau_cmd_thruster_body: Vec3 = Input(
         "N.m", "torque command, body", source="manager.tau_cmd_thruster_body"
     )
-    tau_mean_thruster_body: Vec3 = Output("N.m", "torque, body, mean over the step", interval=True)
+    tau_mean_thruster_body: Vec3 = Output(
+        "N.m", "torque, body, mean over the step", slope="tau_slope_thruster_body"
+    )
     tau_slope_thruster_body: Vec3 = Output(
         "N.m", "torque, body, slope over the step", interval=True
     )
@@ -360,11 +362,13 @@ class Wheels(Block):
         "rad/s", "angular rate of the body relative to eci, body", source="spacecraft.omega_bi_body"
     )
     tau_mean_wheel: Vec4 = Output(
-        "N.m", "net torque on each rotor, friction included, mean over the step", interval=True
+        "N.m",
+        "net torque on each rotor, friction included, mean over the step",
+        slope="tau_slope_wheel",
     )
     tau_slope_wheel: Vec4 = Output("N.m", "net torque on each rotor, slope", interval=True)
     tau_jitter_body: Vec3 = Output(
-        "N.m", "disturbance of unbalanced rotors on the body, body", interval=True
+        "N.m", "disturbance of unbalanced rotors on the body, body, mean over the step", mean=True
     )
     h_wheel: Vec4 = Output(
         "N.m.s",
