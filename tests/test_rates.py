@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -26,7 +28,7 @@ def test_shares_fill_the_window(count, ratio):
     assert parts[0][0] == 0.0
     assert parts[-1][0] + parts[-1][1] == 1.0
     assert sum(w for _, w in parts) == pytest.approx(1.0, abs=1e-15)
-    assert all(b[1] == pytest.approx(ratio * a[1]) for a, b in zip(parts, parts[1:], strict=False))
+    assert all(b[1] == pytest.approx(ratio * a[1]) for a, b in pairwise(parts))
 
 
 @given(numbers, numbers, counts, ratios)
