@@ -198,7 +198,7 @@ def plant(path: str, steps: int) -> dict[str, Any]:
 def shares(path: str, steps: int) -> dict[str, Any]:
     """Where our microseconds go: the calls of each component, and the master's own loop."""
     with _master(path, steps, blocks=False) as master:
-        clock, spent = time.perf_counter, {name: [0.0, 0.0] for name in master.units}
+        clock, spent = time.perf_counter, {name: [0.0, 0.0] for name in master.members}
 
         def wrapped(call: Callable[..., Any], cell: list[float], which: int) -> Callable[..., Any]:
             def timed(*arguments: Any) -> Any:

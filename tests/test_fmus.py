@@ -305,7 +305,7 @@ TOGETHER = """
 import sys
 from pathlib import Path
 from desat.files import library, places
-from desat.engine.instances import FmuUnit
+from desat.engine.fmu_instance import FmuInstance
 from desat.system.model import Component
 from desat.system.interface import KINDS
 import ctypes
@@ -314,7 +314,7 @@ units = []
 for round in range(2):
     for path in sorted(places.fmus().glob("*.fmu")):
         fmu = library.load(path)
-        units.append(FmuUnit(Component(path.stem + str(round), path.name), fmu))
+        units.append(FmuInstance(Component(path.stem + str(round), path.name), fmu))
 for unit in units:
     outputs = {k: [s for s in unit._interface.of("output") if s.kind == k] for k in KINDS}
     import numpy as np

@@ -1,4 +1,4 @@
-"""The master: both semantics, order, failures; with units made of functions, and with FMUs."""
+"""The master: both semantics, order, failures; with instances made of functions, and with FMUs."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from desat.components.contract.units import UNITS
 from desat.engine import master as master_module
-from desat.engine.instances import UnitError
+from desat.engine.instances import ComponentError
 from desat.engine.master import Master
 from desat.files.scenario import find, scenarios
 from desat.study.case import Options, execute, load
@@ -23,8 +23,8 @@ from desat.system.model import Component, Connection, System
 from desat.system.schedule import schedule
 
 
-class FunctionUnit:
-    """A unit made of functions: inputs u, state x; y_state = x, y_interval = f(u, x)."""
+class FunctionInstance:
+    """An instance made of functions: inputs u, state x; y_state = x, y_interval = f(u, x)."""
 
     def __init__(self, component: Component) -> None:
         self.name = component.name
@@ -61,8 +61,8 @@ class FunctionUnit:
         self.x = self.spec.get("g", lambda u, x, t, dt: x)(u, self.x, t, dt)
         return self.spec.get("status", lambda t: 0)(t)
 
-    def failed(self, what: str, status: int) -> UnitError:
-        return UnitError(f"{self.name}: {what}: {status}")
+    def failed(self, what: str, status: int) -> ComponentError:
+        return ComponentError(f"{self.name}: {what}: {status}")
 
     def close(self) -> None:
         pass
@@ -89,9 +89,9 @@ def system(components, wires, step=1.0, stop=10.0, **more) -> System:
 
 
 @pytest.fixture(autouse=True)
-def _function_units(monkeypatch, request):
+def _function_instances(monkeypatch, request):
     if "real_units" not in request.keywords:
-        monkeypatch.setattr(master_module, "unit_for", lambda c, blocks: FunctionUnit(c))
+        monkeypatch.setattr(master_module, "instance_for", lambda c, blocks: FunctionInstance(c))
 
 
 def rows(sys: System, steps: int, algorithm="conserving"):
@@ -101,7 +101,7 @@ def rows(sys: System, steps: int, algorithm="conserving"):
         names = {(s.component, s.signal.name): s.index for s in m.slots}
         for _ in range(steps):
             m.advance(lambda k, live: seen.append((k, live["Real"].copy())))
-        units = dict(m.units)
+        units = {n: member.instance for n, member in m.members.items()}
     return [(k, {n: v[i] for n, i in names.items()}) for k, v in seen], units
 
 
@@ -222,7 +222,7 @@ def test_not_finite_outputs_stop_the_run(bad):
         m.initialise()
         for _ in range(3):
             m.advance()
-        with pytest.raises(UnitError, match=r"a.interval_y = .* at t = 4 s"):
+        with pytest.raises(ComponentError, match=r"a.interval_y = .* at t = 4 s"):
             m.advance()
 
 
@@ -232,7 +232,7 @@ def test_a_failing_step_names_component_and_time():
         m.initialise()
         m.advance()
         m.advance()
-        with pytest.raises(UnitError, match="a: the step from t = 2 s: 3"):
+        with pytest.raises(ComponentError, match="a: the step from t = 2 s: 3"):
             m.advance()
 
 
@@ -240,12 +240,12 @@ def test_initialisation_that_does_not_settle():
     sys = system([component("a", 1), component("b", 1)],
                  [("a", "state_y", "b", "u0"), ("b", "state_y", "a", "u0")])  # fmt: skip
 
-    class Growing(FunctionUnit):
+    class Growing(FunctionInstance):
         def pull(self) -> int:
             self.x = 1 + (self.inputs["Real"][0] if self.inputs else 0)
             return super().pull()
 
-    master_module.unit_for = lambda c, blocks: Growing(c)
+    master_module.instance_for = lambda c, blocks: Growing(c)
     with Master(sys, schedule(sys)) as m, pytest.raises(DesatError, match=r"a.state_y.*b.state_y"):
         m.initialise()
 

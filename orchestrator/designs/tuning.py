@@ -11,7 +11,7 @@ from scipy.optimize import brentq
 
 from desat.components.blocks.manager_magnetic import CAPACITY
 
-from ..engine.instances import UnitError
+from ..engine.instances import ComponentError
 from ..system.errors import DesatError
 from ..system.model import System
 from ..system.parameters import value_of
@@ -92,7 +92,7 @@ def tuned(
         nonlocal best
         try:
             size = plant.fly(**parameters(float(10.0**log))).size
-        except UnitError:
+        except ComponentError:
             if best == inf:
                 raise
             return inf  # it has diverged

@@ -20,7 +20,7 @@ from typing import Any
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
 from ..analyses import analyses
-from ..engine.instances import UnitError
+from ..engine.instances import ComponentError
 from ..engine.master import Algorithm, Master
 from ..engine.results import SERIES, Recorder, Results, selects
 from ..files import library, scenario, ssp
@@ -270,7 +270,7 @@ def execute(
             if number := interrupted():
                 status, message = "interrupted", f"stopped by the user at t = {master.t:g} s"
                 manifest["exit"] = int(Exit(128 + number))
-        except UnitError as error:
+        except ComponentError as error:
             status, message = "failed", str(error)
         seconds = time.perf_counter() - loop
         done = master.k
