@@ -17,6 +17,7 @@ import sys
 import time
 from collections.abc import Callable
 from datetime import UTC, datetime
+from functools import partial
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -24,6 +25,7 @@ from typing import Any
 from rich.progress import track
 
 from desat.engine.master import Master
+from desat.engine.plan import Move
 from desat.files import library
 from desat.files.pack import pack_scenario
 from desat.files.scenario import find
@@ -209,16 +211,15 @@ def shares(path: str, steps: int) -> dict[str, Any]:
 
             return timed
 
-        cycle = []
-        for moves, ends in master._cycle:
-            new = []
-            for unit, gathers, push, step, pull, copies in moves:
-                cell = spent[unit.name]
-                new.append((unit, gathers, wrapped(push, cell, 0), wrapped(step, cell, 1),
-                            wrapped(pull, cell, 0), copies))  # fmt: skip
-            cycle.append((new, ends))
+        def watched(move: Move) -> Move:
+            cell = spent[move.instance.name]
+            return move._replace(
+                push=wrapped(move.push, cell, 0), step=wrapped(move.step, cell, 1),
+                pull=wrapped(move.pull, cell, 0),
+            )  # fmt: skip
+
         whole = _timed(master.advance, steps)
-        master._cycle = cycle
+        _replace_moves(master, watched)
         _timed(master.advance, steps)
         total = steps + 200
         parts = {n: round(1e6 * sum(cell) / total, 2) for n, cell in spent.items()}
@@ -255,10 +256,7 @@ def law(path: str, runs: int, *sets: str) -> dict[str, Any]:
         with Master(system, checked.or_raise(), watched=lambda c, s: False) as master:
             master.initialise()
             took: list[float] = []
-            master._cycle = [
-                ([_watched(move, took) if move[0].name == "manager" else move for move in moves],
-                 ends) for moves, ends in master._cycle
-            ]  # fmt: skip
+            _replace_moves(master, partial(_watched, name="manager", took=took))
             for _ in range(60):
                 master.advance()
         means.append(1e6 * statistics.mean(took))
@@ -266,17 +264,24 @@ def law(path: str, runs: int, *sets: str) -> dict[str, Any]:
     return {"us": statistics.median(means[1:]), "first_us": statistics.median(firsts[1:])}
 
 
-def _watched(move: tuple[Any, ...], took: list[float]) -> tuple[Any, ...]:
-    """A move of the master whose component's step writes down how long it took (s)."""
-    unit, gathers, push, step, pull, copies = move
+def _replace_moves(master: Master, changed: Callable[[Move], Move]) -> None:
+    for phases in master._cycle:
+        for phase in phases:
+            phase.moves = [changed(move) for move in phase.moves]
+
+
+def _watched(move: Move, name: str, took: list[float]) -> Move:
+    """A move of the master; the step of the component `name` writes down how long it took (s)."""
+    if move.instance.name != name:
+        return move
 
     def timed(*arguments: Any) -> Any:
         began = time.perf_counter()
-        result = step(*arguments)
+        result = move.step(*arguments)
         took.append(time.perf_counter() - began)
         return result
 
-    return unit, gathers, push, timed, pull, copies
+    return move._replace(step=timed)
 
 
 def numpy_loop(path: str, steps: int, tuned: bool = False) -> dict[str, Any]:

@@ -17,7 +17,7 @@ BASE_UNIT_EXPONENTS = ("kg", "m", "s", "A", "K", "rad")
 TOOL = "desat"
 """Name of our annotations: a block's role, the names of a mode's values, shared parameters, which
 parameters (or inputs) have no effect without an input or output, and which output is the mean over
-a step of a quantity whose integral counts, with its slope."""
+a step of a quantity whose integral counts, with its slope, which input is read at the start only."""
 GENERATION_TOOL = "desat with PythonFMU"
 """What an FMU of ours says of who made it."""
 
@@ -119,13 +119,15 @@ def _scalar_variable(parent: Any, v: Variable, name: str, reference: int, start:
             value.set(key, repr(bound))
     if v.causality != "output":
         value.set("start", str(start).lower() if v.type == "Boolean" else repr(start))
-    if v.choices or v.shared or v.needed_by or v.mean:
+    if v.choices or v.shared or v.needed_by or v.mean or v.initial:
         tool = etree.SubElement(etree.SubElement(element, "Annotations"), "Tool", name=TOOL)
         note = etree.SubElement(tool, "Variable")
         if v.choices:
             note.set("choices", " ".join(v.choices))
         if v.shared:
             note.set("shared", "true")
+        if v.initial:
+            note.set("initial", "true")
         if v.mean:
             note.set("mean", "true")
         if v.slope:

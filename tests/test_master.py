@@ -33,8 +33,8 @@ class FunctionInstance:
         self.interval = self.spec.get("interval0", 0.0)
         self.log: list[tuple[float, float, list[float]]] = []
 
-    def wire(self, inputs, outputs, into, clock, dt) -> None:
-        self.clock, self.dt = clock, dt
+    def wire(self, inputs, outputs, into, clock) -> None:
+        self.clock = clock
         self.inputs = {k: np.zeros(len(inputs[k])) for k in KINDS if inputs[k]}
         self.names = [s.name for s in outputs["Real"]]
         self.into = into["Real"]
@@ -54,7 +54,7 @@ class FunctionInstance:
         return 0
 
     def step(self) -> int:
-        t, dt = self.clock.value, self.dt
+        t, dt = self.clock.t.value, self.clock.dt.value
         u = self.inputs["Real"].tolist() if self.inputs else []
         self.log.append((t, dt, u))
         self.interval = self.spec.get("f", lambda u, x, t: 0.0)(u, self.x, t)

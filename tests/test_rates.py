@@ -9,34 +9,33 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from desat.engine.rates import Part, Whole, shares
-from desat.system.rates import Link, late
+from desat.engine.windows import Part, Places, Whole
+from desat.system.rates import Link, graded, late
 
 numbers = st.floats(-1e3, 1e3)
-ratios = st.floats(1.0, 1.5)
 counts = st.integers(1, 12)
+TARGET = Places.of([2], [3])
 
 
-def places(sloped: bool = True):
-    """Places of one quantity: source's mean and slope, receiver's mean and slope."""
-    return [0], [1 if sloped else -1], [2], [3]
+def source(sloped: bool = True) -> Places:
+    return Places.of([0], [1 if sloped else -1])
 
 
-@given(counts, ratios)
-def test_shares_fill_the_window(count, ratio):
-    parts = shares(count, ratio)
+@given(counts)
+def test_parts_fill_the_step_and_grow(count):
+    parts = graded(count)
     assert parts[0][0] == 0.0
-    assert parts[-1][0] + parts[-1][1] == 1.0
     assert sum(w for _, w in parts) == pytest.approx(1.0, abs=1e-15)
-    assert all(b[1] == pytest.approx(ratio * a[1]) for a, b in pairwise(parts))
+    growth = [b[1] / a[1] for a, b in pairwise(parts)]
+    assert growth == pytest.approx([4.5 ** (1 / count)] * (count - 1))
 
 
-@given(numbers, numbers, counts, ratios)
-def test_a_line_cut_and_joined_is_itself(mean, slope, count, ratio):
-    parts = shares(count, ratio)
+@given(numbers, numbers, counts)
+def test_a_line_cut_and_joined_is_itself(mean, slope, count):
+    parts = graded(count)
     cut = np.array([mean, slope, 0.0, 0.0])
     joined = np.zeros(4)
-    part, whole = Part(cut, *places(), parts), Whole(joined, *places(), parts)
+    part, whole = Part(cut, source(), TARGET, parts), Whole(joined, source(), joined, TARGET, parts)
     for i in range(count):
         part(i)
         joined[:2] = cut[2:]
@@ -45,11 +44,11 @@ def test_a_line_cut_and_joined_is_itself(mean, slope, count, ratio):
     assert joined[2:] == pytest.approx([mean, slope], abs=1e-13 * size)
 
 
-@given(st.lists(st.tuples(numbers, numbers), min_size=1, max_size=9), ratios, st.booleans())
-def test_joined_parts_keep_integral_and_first_moment(values, ratio, sloped):
-    parts = shares(len(values), ratio)
+@given(st.lists(st.tuples(numbers, numbers), min_size=1, max_size=9), st.booleans())
+def test_joined_parts_keep_integral_and_first_moment(values, sloped):
+    parts = graded(len(values))
     live = np.zeros(4)
-    whole = Whole(live, *places(sloped), parts)
+    whole = Whole(live, source(sloped), live, TARGET, parts)
     integral = moment = 0.0
     for i, ((m, p), (a, w)) in enumerate(zip(values, parts, strict=True)):
         p = p if sloped else 0.0

@@ -76,6 +76,7 @@ class Variable:
     starts_from: tuple[str, ...] = ()
     shared: bool = False
     source: tuple[str, ...] = ()
+    initial: bool = False
     needs: tuple[str, ...] = ()
     needed_by: tuple[str, ...] = ()
 
@@ -148,8 +149,9 @@ def _flatten(value: Any) -> list[Any]:
 
 def Input(unit: str, description: str, *, start: Any = None, min: float | None = None,
           max: float | None = None, needs: tuple[str, ...] = (),
-          source: str | tuple[str, ...] = ()) -> Any:  # fmt: skip
-    """Declare an input: unit, meaning with frame and sign, value while unconnected.
+          source: str | tuple[str, ...] = (), initial: bool = False) -> Any:  # fmt: skip
+    """Declare an input: unit, meaning with frame and sign, value while unconnected; `initial`: it
+    is read in initialisation mode only.
 
     `source` names the outputs (`role.output`) that usually feed it, the best first. `needs` names
     other variables without which it has no effect, as for a parameter; it counts where the input
@@ -157,7 +159,7 @@ def Input(unit: str, description: str, *, start: Any = None, min: float | None =
     """
     usual = (source,) if isinstance(source, str) else source
     return _Declaration("input", unit, description, start=start, minimum=min, maximum=max,
-                        needs=needs, source=usual)  # fmt: skip
+                        needs=needs, source=usual, initial=initial)  # fmt: skip
 
 
 def Output(unit: str, description: str, *, interval: bool = False, mean: bool = False,

@@ -67,6 +67,7 @@ class Spacecraft(Block):
         "N.m.s",
         "axial momentum of each wheel, absolute; read in initialisation mode only",
         source="wheels.h_wheel",
+        initial=True,
     )
     tau_mean_wheel: Vec4 = Input(
         "N.m",

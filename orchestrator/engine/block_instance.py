@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import ctypes
-
 import numpy as np
 
 from desat.components.contract.block import Access, Scalar
@@ -11,7 +9,7 @@ from desat.fmus.registry import block_class
 
 from ..system.interface import KINDS, Kind, Signal
 from ..system.model import Component
-from .instances import DTYPE, Array, ComponentError
+from .instances import DTYPE, Array, Clock, ComponentError
 
 
 class BlockInstance:
@@ -27,9 +25,9 @@ class BlockInstance:
 
     def wire(
         self, inputs: dict[Kind, list[Signal]], outputs: dict[Kind, list[Signal]],
-        into: dict[Kind, Array], clock: ctypes.c_double, dt: float,
+        into: dict[Kind, Array], clock: Clock,
     ) -> None:  # fmt: skip
-        self._clock, self._dt = clock, dt
+        self._clock = clock
 
         def access(signals: list[Signal]) -> Access:
             return self._block.access([s.reference for s in signals])
@@ -73,7 +71,7 @@ class BlockInstance:
         return 0
 
     def step(self) -> int:
-        t, dt = self._clock.value, self._dt
+        t, dt = self._clock.t.value, self._clock.dt.value
         try:
             self._block.advance(t, dt)
             self._block.output(t + dt)

@@ -26,7 +26,7 @@ from ..files.library import Fmu
 from ..system.errors import DesatError
 from ..system.interface import KINDS, Kind, Signal
 from ..system.model import Component
-from .instances import DTYPE, Array, ComponentError
+from .instances import DTYPE, Array, Clock, ComponentError
 
 # fmi2GetReal(c, references, n, values) and so on; fmi2DoStep(c, t, dt, no set state before)
 _CALLS = (*(f"fmi2{verb}{kind}" for verb in ("Get", "Set") for kind in KINDS), "fmi2DoStep")
@@ -130,7 +130,7 @@ class FmuInstance:
 
     def wire(
         self, inputs: dict[Kind, list[Signal]], outputs: dict[Kind, list[Signal]],
-        into: dict[Kind, Array], clock: ctypes.c_double, dt: float,
+        into: dict[Kind, Array], clock: Clock,
     ) -> None:  # fmt: skip
         self.inputs = {k: np.zeros(len(inputs[k]), DTYPE[k]) for k in KINDS if inputs[k]}
         self._keep: list[Any] = [self.inputs, into]  # the calls hold bare addresses
@@ -138,7 +138,7 @@ class FmuInstance:
         self.pull = self._transfer("Get", outputs, into)
         self.step: Callable[[], int] = partial(
             self._library.calls["fmi2DoStep"],
-            ctypes.c_void_p(self._c), clock, ctypes.c_double(dt), ctypes.c_int(1),
+            ctypes.c_void_p(self._c), clock.t, clock.dt, ctypes.c_int(1),
         )  # fmt: skip
 
     def _transfer(

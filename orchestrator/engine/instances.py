@@ -27,6 +27,14 @@ class ComponentError(DesatError):
     """A component failed while it ran."""
 
 
+class Clock:
+    """The start (s) and the length (s) of the step that components of one rate are about to make:
+    the prepared calls read them where they are."""
+
+    def __init__(self, t: float, dt: float) -> None:
+        self.t, self.dt = ctypes.c_double(t), ctypes.c_double(dt)
+
+
 class Instance(Protocol):
     """One component in a running system. Functions that return an int return an FMI status."""
 
@@ -39,7 +47,7 @@ class Instance(Protocol):
 
     @property
     def step(self) -> Callable[[], int]:
-        """Step from the time of `wire`'s clock by its dt."""
+        """Make the step that `wire`'s clock tells."""
 
     @property
     def pull(self) -> Callable[[], int]:
@@ -47,10 +55,10 @@ class Instance(Protocol):
 
     def wire(
         self, inputs: dict[Kind, list[Signal]], outputs: dict[Kind, list[Signal]],
-        into: dict[Kind, Array], clock: ctypes.c_double, dt: float,
+        into: dict[Kind, Array], clock: Clock,
     ) -> None:  # fmt: skip
-        """Choose which inputs are pushed, which outputs are pulled and where to, the clock (s)
-        that tells each step's time, and its length dt (s)."""
+        """Choose which inputs are pushed, which outputs are pulled and where to, and the clock
+        that tells each step's start and length."""
 
     def enter(self, start: float, parameters: dict[str, Scalar]) -> None:
         """Set parameters and enter initialisation mode at time `start` (s)."""

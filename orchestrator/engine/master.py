@@ -8,6 +8,9 @@ t_k = start + k step, from an integer k.
 - `jacobi`: all step with held inputs, then all outputs move, as in libcosim and Ecos; a row holds
   all outputs at its time.
 
+Under `conserving` a step may have inner steps, and components may be slower than the master
+(`system/rates.py`): `plan.py` prepares what happens in each part of a step.
+
 All outputs live in one array per type, `live`. A step of a component is: gather its inputs from
 there, push, step, pull. A component whose outputs are all of the interval class pulls straight
 into `live`; any other pulls into `fresh`, from where its interval outputs follow at once and its
@@ -16,32 +19,31 @@ state outputs when all have stepped.
 
 from __future__ import annotations
 
-import ctypes
 from collections import defaultdict
 from collections.abc import Callable, Iterable
 from functools import partial
-from math import lcm
 from types import TracebackType
-from typing import Any, Literal, Self
+from typing import Literal, Self
 
 import numpy as np
+
+from desat.components.contract.block import Scalar
 
 from ..files import library
 from ..system.errors import DesatError
 from ..system.interface import KINDS, Kind, Signal
 from ..system.model import Component, Connection, System
+from ..system.rates import Rates, graded
 from ..system.schedule import Schedule
 from .block_instance import BlockInstance
 from .fmu_instance import FmuInstance
 from .instances import Array, ComponentError, Instance
-from .member import Copy, Member, Outputs, Slot
+from .member import Member, Outputs, Slot
+from .plan import Plan, Row
 
 Algorithm = Literal["conserving", "jacobi"]
 ALGORITHMS: tuple[Algorithm, ...] = ("conserving", "jacobi")
-
-_Call = Callable[[], int]
-# instance, gathers, push, step, pull, copies
-_Move = tuple[Instance, list[Callable[[], Any]], _Call, _Call, _Call, list[Copy]]
+Rows = Callable[[int, dict[Kind, Array]], None]
 
 
 def instance_for(component: Component, blocks: bool) -> Instance:
@@ -75,12 +77,16 @@ class Master:
         self._conserving = algorithm == "conserving"
         self.start, self.step_size, self.k = system.start, system.step, 0
         self.members: dict[str, Member] = {}
-        self._clock = ctypes.c_double(self.start)
+        self._rates = schedule.rates
+        if not self._conserving:
+            every = {name: c.decimation for name, c in system.components.items()}
+            self._rates = Rates(graded(1), every, frozenset())
         try:
             for name in schedule.order:
                 instance = instance_for(system.components[name], blocks)
                 self.members[name] = self._member(system.components[name], instance, watched)
             self._outputs = Outputs(self.members.values())
+            self._plan = Plan(self.members, self._outputs, self._rates, self._conserving)
             self._wire()
         except BaseException:
             self.close()
@@ -119,6 +125,8 @@ class Master:
         """A component with the outputs that are read of it, not yet placed."""
         name = component.name
         read = {c.output for c in self.system.connections if c.source == name}
+        pairs = [(s.name, s.slope) for s in component.interface.of("output") if s.slope]
+        read |= {end for pair in pairs if read & set(pair) for end in pair}
         slots: dict[Kind, list[Slot]] = {kind: [] for kind in KINDS}
         for s in component.interface.of("output"):
             if s.kind in KINDS and (s.name in read or watched(name, s)):
@@ -126,15 +134,17 @@ class Master:
                 slots[s.kind].append(Slot(name, s, s.kind, interval))
         for of_kind in slots.values():
             of_kind.sort(key=lambda slot: not slot.interval)
+        every = self._rates.every[name]
         direct = (
             self._conserving
-            and component.decimation == 1
+            and every == 1
             and all(slot.interval for of_kind in slots.values() for slot in of_kind)
         )
-        return Member(component, instance, slots, direct)
+        return Member(component, instance, slots, every, name in self._rates.late, direct)
 
     def _wire(self) -> None:
         """Connect the inputs of all members, and prepare the calls of their instances."""
+        clocks = self._plan.clocks(self.start, self.step_size)
         slots = {(s.component, s.signal.name): s for s in self._outputs.slots}
         incoming: dict[str, list[Connection]] = defaultdict(list)
         for c in self.system.connections:
@@ -145,23 +155,23 @@ class Master:
             for c in sorted(incoming[name], key=lambda c: order[c.input]):
                 slot = slots[c.source, c.output]
                 member.incoming.setdefault(slot.kind, []).append((slot, c))
+        self._plan.windows()
+        for member in self.members.values():
+            signals = member.component.interface.signals
             member.instance.wire(
                 {k: [signals[c.input] for _, c in member.incoming.get(k, ())] for k in KINDS},
                 {k: [slot.signal for slot in member.slots[k]] for k in KINDS},
                 {k: self._outputs.home(member, k) for k in KINDS},
-                self._clock,
-                member.decimation * self.step_size,
+                clocks[member.every],
             )
 
-    def _gathers(self, member: Member, phase: int) -> list[Callable[[], Any]]:
-        """Functions that collect a member's inputs in a step of the cycle of decimations.
-
-        Under `jacobi` an output moves only when its source and its target are both due.
-        """
-        return member.gathers(
-            self.live,
-            lambda c: self._conserving or phase % self.members[c.source].decimation == 0,
-        )
+    def _parameters(self, member: Member) -> dict[str, Scalar]:
+        """A component's parameters; a sample at every step is one at every whole step."""
+        given = dict(member.component.parameters)
+        sample = member.component.interface.signals.get("sample_time")
+        if len(self._rates.parts) > 1 and member.every == 1 and sample is not None:
+            given["sample_time"] = given.get("sample_time", sample.start) or self.step_size
+        return given
 
     # --- initialisation -----------------------------------------------------------------------
 
@@ -171,7 +181,7 @@ class Master:
         Raises ComponentError with a line for each component that cannot start.
         """
         members = self.members.values()
-        _each(partial(m.instance.enter, self.start, m.component.parameters) for m in members)
+        _each(partial(m.instance.enter, self.start, self._parameters(m)) for m in members)
         for member in members:
             self._pull(member)
         self._settle()
@@ -179,11 +189,16 @@ class Master:
         for member in members:
             self._pull(member)
         self._check_finite()
-        self._plan()
+        self._cycle = self._plan.cycle()
+        inner = len(self._rates.parts) > 1
+        self._row = Row(self._outputs, members, self._rates) if inner else None
 
     def _settle(self) -> None:
         """Exchange until nothing changes. Raises DesatError where that does not end."""
-        gathers = {name: self._gathers(member, 0) for name, member in self.members.items()}
+        gathers = {
+            name: member.gathers(self.live, lambda slot: True, started=False)
+            for name, member in self.members.items()
+        }
         changed: list[Slot] = []
         for _ in range(len(self.members) + 2):
             before = {kind: values.copy() for kind, values in self.live.items()}
@@ -214,51 +229,36 @@ class Master:
 
     # --- stepping -----------------------------------------------------------------------------
 
-    def _plan(self) -> None:
-        """Prepare what each step of the cycle of decimations does, and in which order."""
-        members = list(self.members.values())
-        self._cycle: list[tuple[list[_Move], list[Copy]]] = []
-        for phase in range(lcm(*(m.decimation for m in members))):
-            moves = [self._move(m, phase) for m in members if phase % m.decimation == 0]
-            done = [m for m in members if (phase + 1) % m.decimation == 0]
-            self._cycle.append((moves, self._ends(done)))
-
-    def _move(self, member: Member, phase: int) -> _Move:
-        """What a member does in a step: its calls, and what it shows at once."""
-        instance = member.instance
-        at_once = self._outputs.fresh_of(member, "interval") if self._conserving else []
-        push = instance.push if member.incoming else _nothing
-        gathers = self._gathers(member, phase)
-        return instance, gathers, push, instance.step, instance.pull, at_once
-
-    def _ends(self, done: list[Member]) -> list[Copy]:
-        """What is shown at the end of a step, whose members `done` have come to their own end."""
-        if len(done) == len(self.members):
-            return self._outputs.all_fresh()
-        which: Literal["state", "all"] = "state" if self._conserving else "all"
-        return [copy for member in done for copy in self._outputs.fresh_of(member, which)]
-
-    def advance(self, record: Callable[[int, dict[Kind, Array]], None] | None = None) -> None:
+    def advance(self, record: Rows | None = None) -> None:
         """One step. `record(k, outputs)` sees the row of this step: see the module's text."""
-        k = self.k
-        t = self.start + k * self.step_size
-        self._clock.value = t
-        moves, ends = self._cycle[k % len(self._cycle)]
-        for instance, gathers, push, step, pull, copies in moves:
-            for gather in gathers:
-                gather()
-            if (status := push()) > 1:
-                raise instance.failed(f"setting its inputs at t = {t:g} s", status)
-            if (status := step()) > 1:
-                raise instance.failed(f"the step from t = {t:g} s", status)
-            if (status := pull()) > 1:
-                raise instance.failed(f"reading its outputs after t = {t:g} s", status)
-            for live, fresh in copies:
+        k, row = self.k, self._row
+        if row is not None:
+            row.begin()
+        for i, phase in enumerate(self._cycle[k % len(self._cycle)]):
+            t = self.start + (k + phase.at) * self.step_size
+            for clock in phase.clocks:
+                clock.value = t
+            for length, value in phase.lengths:
+                length.value = value
+            for instance, gathers, push, step, pull, copies, joins in phase.moves:
+                for gather in gathers:
+                    gather()
+                if (status := push()) > 1:
+                    raise instance.failed(f"setting its inputs at t = {t:g} s", status)
+                if (status := step()) > 1:
+                    raise instance.failed(f"the step from t = {t:g} s", status)
+                if (status := pull()) > 1:
+                    raise instance.failed(f"reading its outputs after t = {t:g} s", status)
+                for live, fresh in copies:
+                    live[:] = fresh
+                for join in joins:
+                    join()
+            if row is not None:
+                row.add(i)
+            if record is not None and self._conserving and phase.last:
+                record(k, self.live if row is None else row.values)
+            for live, fresh in phase.ends:
                 live[:] = fresh
-        if record is not None and self._conserving:
-            record(k, self.live)
-        for live, fresh in ends:
-            live[:] = fresh
         self.k = k + 1
         if record is not None and not self._conserving:
             record(k + 1, self.live)
@@ -284,7 +284,3 @@ def _each(calls: Iterable[Callable[[], None]]) -> None:
             failures.append(str(error))
     if failures:
         raise ComponentError("\n".join(failures))
-
-
-def _nothing() -> int:
-    return 0

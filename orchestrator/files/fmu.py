@@ -90,6 +90,7 @@ def _of_fmu(path: Path, _modified: int) -> Interface:
             description=v.description or "",
             choices=tuple(note.get("choices", "").split()),
             output_class=classes.get(v.name, "undeclared") if v.causality == "output" else "state",
+            initial=note.get("initial") == "true",
             mean=note.get("mean") == "true",
             slope=note.get("slope", ""),
             shared=note.get("shared") == "true",

@@ -56,8 +56,9 @@ def check(system: System, problems: list[str]) -> Checked:
         found.warnings += _undeclared(system)
         try:
             found.schedule = schedule(system)
+            found.warnings += found.schedule.warnings
         except DesatError as error:
-            found.problems.append(str(error))
+            found.problems += str(error).splitlines()
     return found
 
 

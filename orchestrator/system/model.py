@@ -73,6 +73,8 @@ class System:
     start: float = 0.0
     stop: float | None = None
     step: float | None = None
+    inner: int = 1
+    """So many steps within a step, of those that hand means on to each other (`rates.py`)."""
     output_classes: dict[str, OutputClass] = field(default_factory=dict)
     """Overrides: `component.variable` -> class."""
     warnings: list[str] = field(default_factory=list)
