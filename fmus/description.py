@@ -16,8 +16,8 @@ from desat.components.contract.units import UNITS
 BASE_UNIT_EXPONENTS = ("kg", "m", "s", "A", "K", "rad")
 TOOL = "desat"
 """Name of our annotations: a block's role, the names of a mode's values, shared parameters, which
-parameters (or inputs) have no effect without an input or output, and which output is the mean over
-a step of a quantity whose integral counts, with its slope, which input is read at the start only."""
+parameters (or inputs) have no effect without an input or output, which output is the mean over a
+step of a quantity whose integral counts, with its slope, and which input is read at the start."""
 GENERATION_TOOL = "desat with PythonFMU"
 """What an FMU of ours says of who made it."""
 
