@@ -27,7 +27,7 @@ def applies(system: System) -> dict[str, str] | None:
     no such component."""
     for c in system.connections:
         target = system.components[c.target].interface
-        if c.input == "h_wheel[1]" and target and all(target.elements(n) for n in _NEEDED):
+        if c.input == "h_wheel[1]" and all(target.elements(n) for n in _NEEDED):
             wheels = f"{c.source}.{c.output.partition('[')[0]}"
             return {"spacecraft": c.target, "wheels": wheels}
     return None

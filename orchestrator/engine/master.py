@@ -44,11 +44,10 @@ _Call = Callable[[], int]
 _Move = tuple[Instance, list[Callable[[], Any]], _Call, _Call, _Call, list[Copy]]
 
 
-def instance_for(component: Component, blocks: bool) -> Instance:
-    """The instance of a checked component: its FMU, or its bare block."""
-    if blocks:
+def instance_for(component: Component) -> Instance:
+    """The instance of a component: its FMU, or its bare block."""
+    if component.fmu is None:
         return BlockInstance(component)
-    assert component.fmu is not None, "check the system first"
     return FmuInstance(component, library.load(component.fmu))
 
 
@@ -65,12 +64,10 @@ class Master:
         schedule: Schedule,
         *,
         algorithm: Algorithm = "conserving",
-        blocks: bool = False,
         watched: Callable[[str, Signal], bool] = lambda component, signal: True,
     ) -> None:
         if algorithm not in ALGORITHMS:
             raise DesatError(f"algorithm {algorithm}: there is {', '.join(ALGORITHMS)}")
-        assert system.step is not None
         self.system, self.schedule, self.algorithm = system, schedule, algorithm
         self._conserving = algorithm == "conserving"
         self.start, self.step_size, self.k = system.start, system.step, 0
@@ -78,7 +75,7 @@ class Master:
         self._clock = ctypes.c_double(self.start)
         try:
             for name in schedule.order:
-                instance = instance_for(system.components[name], blocks)
+                instance = instance_for(system.components[name])
                 self.members[name] = self._member(system.components[name], instance, watched)
             self._outputs = Outputs(self.members.values())
             self._wire()
