@@ -10,7 +10,7 @@ import pytest
 from conftest import ROOT
 
 from desat.files import places
-from desat.study.case import Options, prepare
+from desat.study.case import Options, load, prepare
 from desat.system.check import check
 from desat.system.errors import DesatError
 
@@ -30,10 +30,10 @@ def broken(tmp_path):
         if not (tmp_path / "resources").exists():
             (tmp_path / "resources").symlink_to(places.fmus())
         try:
-            _, checked = prepare(str(tmp_path), Options(sets=list(sets), step=step, stop=600.0))
+            case = prepare(str(tmp_path), Options(sets=list(sets), step=step, stop=600.0))
         except DesatError as error:
             return str(error)
-        return "\n".join(checked.problems)
+        return "\n".join(case.checked.problems)
 
     return make
 
@@ -262,16 +262,16 @@ def test_the_unit_of_a_parameter_is_read(tmp_path, unit, value):
         SET.replace(' unit="UNIT"', f' unit="{unit}"' if unit else ""), encoding="utf-8"
     )
     (tmp_path / "resources").symlink_to(places.fmus())
-    system, checked = prepare(str(tmp_path), Options(step=10.0, stop=600.0))
+    checked = prepare(str(tmp_path), Options(step=10.0, stop=600.0)).checked
     if isinstance(value, str):
         assert any(value in problem for problem in checked.problems)
     else:
         assert checked.problems == []
-        assert system.components["environment"].parameters["altitude"] == value
+        assert checked.system.components["environment"].parameters["altitude"] == value
 
 
 def unwired(name: str, *sets: str) -> list[str]:
-    return prepare(name, Options(sets=list(sets)))[1].problems
+    return prepare(name, Options(sets=list(sets))).checked.problems
 
 
 @pytest.mark.parametrize(
@@ -301,13 +301,13 @@ def test_an_input_that_is_given_counts_as_wired():
 
 def test_a_wired_input_that_needs_another():
     """A dipole without a field would have no effect."""
-    system, _ = prepare("gyrostat/full", Options())
-    spacecraft = system.components["spacecraft"]
-    system.connections = [
-        c for c in system.connections if (c.target, c.input[:5]) != ("spacecraft", "b_eci")
+    draft = load("gyrostat/full")
+    spacecraft = draft.components["spacecraft"]
+    draft.connections = [
+        c for c in draft.connections if (c.target, c.input[:5]) != ("spacecraft", "b_eci")
     ]
     spacecraft.connectors = {n: c for n, c in spacecraft.connectors.items() if n[:5] != "b_eci"}
-    (problem,) = check(system, []).problems
+    (problem,) = check(draft).problems
     assert "spacecraft.m_mean_body is wired and needs b_eci, which is neither" in problem
 
 
