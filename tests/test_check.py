@@ -245,11 +245,8 @@ SET = """<?xml version="1.0" encoding="UTF-8"?>
 </ssv:Units></ssv:ParameterSet>"""
 
 
-@pytest.mark.parametrize(("unit", "value"), [
-    ("km", 650e3), (None, "altitude = 650 m: allowed is 100000 to inf"), ("league", 650 * 5556.0),
-    ("s", "the unit of altitude = 650.0 does not fit m"), ("mile", "unit mile is not known"),
-])  # fmt: skip
-def test_the_unit_of_a_parameter_is_read(tmp_path, unit, value):
+def write_altitude(tmp_path: Path, unit: str | None) -> None:
+    """The UoSAT-12 system with an altitude of 650 of a unit."""
     text = SSD.read_text(encoding="utf-8")
     head, middle, tail = text.partition('name="environment"')
     tail = tail.replace(
@@ -262,12 +259,28 @@ def test_the_unit_of_a_parameter_is_read(tmp_path, unit, value):
         SET.replace(' unit="UNIT"', f' unit="{unit}"' if unit else ""), encoding="utf-8"
     )
     (tmp_path / "resources").symlink_to(places.fmus())
+
+
+@pytest.mark.parametrize(("unit", "value"), [
+    ("km", 650e3), (None, "altitude = 650 m: allowed is 100000 to inf"), ("league", 650 * 5556.0),
+    ("s", "the unit of altitude = 650.0 does not fit m"), ("mile", "unit mile is not known"),
+])  # fmt: skip
+def test_the_unit_of_a_parameter_is_read(tmp_path, unit, value):
+    write_altitude(tmp_path, unit)
     checked = prepare(str(tmp_path), Options(step=10.0, stop=600.0)).checked
     if isinstance(value, str):
         assert any(value in problem for problem in checked.problems)
     else:
         assert checked.problems == []
         assert checked.system.components["environment"].parameters["altitude"] == value
+
+
+def test_a_value_of_the_command_line_is_in_the_variables_own_unit(tmp_path):
+    """The unit that the file gave its value in is not that of another value."""
+    write_altitude(tmp_path, "km")
+    options = Options(step=10.0, stop=600.0, sets=["environment.altitude=5e5"])
+    system, _ = prepare(str(tmp_path), options).or_raise()
+    assert system.components["environment"].parameters["altitude"] == 5e5
 
 
 def unwired(name: str, *sets: str) -> list[str]:

@@ -13,7 +13,9 @@ from hypothesis import strategies as st
 from desat.components.contract.units import UNITS
 from desat.engine import master as master_module
 from desat.engine.instances import ComponentError
+from desat.engine.loop import loop
 from desat.engine.master import Master
+from desat.engine.results import Recorder
 from desat.files.scenario import find, scenarios
 from desat.study.case import Options, execute, load
 from desat.system.check import check
@@ -244,6 +246,24 @@ def test_a_failing_step_names_component_and_time():
         m.advance()
         with pytest.raises(ComponentError, match="a: the step from t = 2 s: 3"):
             m.advance()
+
+
+def test_the_loop_ends_where_a_condition_says():
+    sys = chain()
+    with Master(sys, schedule(sys)) as m:
+        m.initialise()
+        recorder = Recorder(None, m)
+        (time,) = [s for s in m.slots if (s.component, s.signal.name) == ("source", "state_y")]
+
+        def finished() -> str:
+            return "three" if m.live[time.kind][time.index] >= 3.0 else ""
+
+        reason = loop(m, 10, recorder, lambda: 0, lambda k: None, finished)
+        assert (reason, m.k) == ("three", 3)
+        assert loop(m, 10, recorder, lambda: 0, lambda k: None) == ""
+        assert m.k == 10
+        with recorder.finish(m) as results:
+            assert results.times().tolist() == [float(k) for k in range(11)]
 
 
 def test_initialisation_that_does_not_settle():

@@ -61,13 +61,13 @@ def signals(parts: dict[str, str]) -> list[str]:
 
 def numbers(manifest: dict[str, Any], results: Results) -> dict[str, dict[str, Any]]:
     """The largest residual of a run (N m s)."""
-    found = momentum(manifest, results)
-    if found is None:
+    series = momentum(manifest, results)
+    if series is None:
         return {}
     return {
         "momentum_residual": {
             "title": "Momentum residual, largest",
-            "value": float(np.linalg.norm(found[1], axis=1).max()),
+            "value": float(np.linalg.norm(series[1], axis=1).max()),
             "unit": "N.m.s",
         }
     }
@@ -75,9 +75,9 @@ def numbers(manifest: dict[str, Any], results: Results) -> dict[str, dict[str, A
 
 def figures(manifest: dict[str, Any], results: Results) -> list[tuple[str, str]]:
     """The residual over time."""
-    found = momentum(manifest, results)
+    series = momentum(manifest, results)
     caption = "Momentum residual: what the exchange between components loses"
-    return [] if found is None else [(caption, plot(*found))]
+    return [] if series is None else [(caption, plot(*series))]
 
 
 def plot(times: Array, residual: Array) -> str:
