@@ -44,11 +44,8 @@ GOAL = 1e-7
 
 
 def _master(path: str, steps: int, blocks: bool) -> Master:
-    options = Options(blocks=blocks)
-    system, checked = prepare(path, options)
-    assert system.step is not None
-    system.stop = system.start + (steps + 200) * system.step
-    master = Master(system, checked.or_raise(), blocks=blocks, watched=lambda c, s: False)
+    system, schedule = prepare(path, Options(blocks=blocks)).or_raise()
+    master = Master(system, schedule, watched=lambda c, s: False)
     master.initialise()
     return master
 
@@ -92,7 +89,7 @@ def fmpy(path: str, steps: int) -> dict[str, Any]:
     import fmpy as fmpy_package
     from fmpy.fmi2 import FMU2Slave
 
-    system, _ = prepare(path, Options())
+    system, _ = prepare(path, Options()).or_raise()
     fmus: dict[str, Any] = {}
     for c in system.components.values():
         assert c.fmu is not None
@@ -106,7 +103,6 @@ def fmpy(path: str, steps: int) -> dict[str, Any]:
         )
         fmu.instantiate()
         fmus[c.name] = fmu
-        assert c.interface is not None
         for name, value in c.parameters.items():
             signal = c.interface.signals[name]
             getattr(fmu, f"set{signal.kind}")([signal.reference], [value])
@@ -172,14 +168,13 @@ def plant(path: str, steps: int) -> dict[str, Any]:
 
     truth = np.loadtxt(AUTHORITIES / "plant_reference_highprec.csv", delimiter=",", skiprows=1)
     step, every = 6000.0 / steps, steps // 600
-    options = Options(step=step)
-    system, checked = prepare(path, options)
+    system, schedule = prepare(path, Options(step=step)).or_raise()
     rows, seconds = [], 0.0
 
     def attitude(component: str, signal: Any) -> bool:
         return component == "spacecraft" and bool(signal.name.startswith("q_bi"))
 
-    with Master(system, checked.or_raise(), watched=attitude) as master:
+    with Master(system, schedule, watched=attitude) as master:
         master.initialise()
         index = sorted(
             s.index for s in master.slots
@@ -252,8 +247,8 @@ def law(path: str, runs: int, *sets: str) -> dict[str, Any]:
     mean over a run and the first update, medians of the runs."""
     means, firsts = [], []
     for _ in range(runs + 1):  # the first run is for what is made once
-        system, checked = prepare(path, Options(sets=list(sets)))
-        with Master(system, checked.or_raise(), watched=lambda c, s: False) as master:
+        system, schedule = prepare(path, Options(sets=list(sets))).or_raise()
+        with Master(system, schedule, watched=lambda c, s: False) as master:
             master.initialise()
             took: list[float] = []
             _replace_moves(master, partial(_watched, name="manager", took=took))

@@ -10,7 +10,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from desat.study.case import PACKAGES
+from desat.study.manifest import PACKAGES
 
 PAPERS = Path(__file__).parent / "papers"
 

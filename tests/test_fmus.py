@@ -314,7 +314,7 @@ units = []
 for round in range(2):
     for path in sorted(places.fmus().glob("*.fmu")):
         fmu = library.load(path)
-        units.append(FmuInstance(Component(path.stem + str(round), path.name), fmu))
+        units.append(FmuInstance(Component(path.stem + str(round), path.name, fmu.interface), fmu))
 for unit in units:
     outputs = {k: [s for s in unit._interface.of("output") if s.kind == k] for k in KINDS}
     import numpy as np

@@ -10,8 +10,8 @@ import pytest
 from desat.designs import making, origin
 from desat.engine import trial
 from desat.files import places
-from desat.files.merge import toml
 from desat.files.scenario import find, scenarios
+from desat.files.toml import toml
 from desat.study import stored
 from desat.study.case import Options, execute, prepare
 
@@ -38,7 +38,7 @@ def test_no_kept_design_is_for_other_values():
     ],
 )
 def test_a_design_for_other_values_is_said(options, what):
-    _, checked = prepare(MEC, Options(**options))
+    checked = prepare(MEC, Options(**options)).checked
     (line,) = [w for w in checked.warnings if "its design" in w]
     assert what in line
     assert f"`desat run {MEC} ... --design now`" in line
@@ -46,18 +46,18 @@ def test_a_design_for_other_values_is_said(options, what):
 
 def test_what_cannot_matter_to_a_design_is_not_said():
     same = Options(sets=["spacecraft.h_start_body=1,2,-1", "manager.costate=0,0,0"], stop=3000.0)
-    assert prepare(MEC, same)[1].warnings == []
+    assert prepare(MEC, same).checked.warnings == []
     blind = find("uosat12/fig2-offnadir-mec-blind")
     ((name, table),) = blind.data["design"]["assume"].items()
     values = {f"{name}.{k}": [[2.0 * x for x in row] for row in v] for k, v in table.items()}
-    assert prepare(blind.name, Options(values=values))[1].warnings == []
+    assert prepare(blind.name, Options(values=values)).checked.warnings == []
 
 
 def test_a_design_of_another_scenario_follows_its_values():
     flight = "uosat12/fig2-flight-mec-1"
-    (line,) = prepare(flight, Options(values={"torquers.quiet_time": 2.0}))[1].warnings
+    (line,) = prepare(flight, Options(values={"torquers.quiet_time": 2.0})).checked.warnings
     assert "torquers.quiet_time = 0.0, now 2.0" in line
-    (line,) = prepare(flight, Options(values={"wheels.h_start_wheel": [1.0] * 4}))[1].warnings
+    (line,) = prepare(flight, Options(values={"wheels.h_start_wheel": [1.0] * 4})).checked.warnings
     assert "that of uosat12/fig2-mec-1, which has no wheels.h_start_wheel" in line
 
 
@@ -127,10 +127,12 @@ def test_check_lists_what_every_component_refuses(desat, how):
 
 
 def test_all_failing_components_are_collected():
-    system, checked = prepare(COMBINED, Options(blocks=True))
+    system, schedule = prepare(COMBINED, Options(blocks=True)).or_raise()
+    components = dict(system.components)
     for name in ("torquers", "magnetometer"):
-        system.components[name].parameters["sample_time"] = float("nan")
-    problems, warnings = trial.refusals(system, checked.or_raise(), True)
+        parameters = {**components[name].parameters, "sample_time": float("nan")}
+        components[name] = replace(components[name], parameters=parameters)
+    problems, warnings = trial.refusals(replace(system, components=components), schedule)
     assert {p.partition(":")[0] for p in problems} == {"torquers", "magnetometer"}
     assert warnings == []
 
@@ -148,17 +150,16 @@ def test_of_a_foreign_fmu_only_the_description_is_read(tmp_path):
                 data = data.replace(b"desat with PythonFMU", b"another tool")
             theirs.writestr(name, b"no library" if name.startswith("binaries/") else data)
     options = Options(sources=[f"magnetometer={fmu}"], sets=["torquers.quiet_time=9"])
-    system, checked = prepare(COMBINED, options)
-    problems, warnings = trial.refusals(system, checked.or_raise(), False)
+    problems, warnings = trial.refusals(*prepare(COMBINED, options).or_raise())
     assert not trial.is_ours(fmu)
     assert [p.partition(":")[0] for p in problems + warnings] == ["torquers"]
     assert "quiet_time" in (problems + warnings)[0]
 
 
 def test_a_crash_of_the_trial_is_a_line(monkeypatch):
-    system, checked = prepare(COMBINED, Options())
+    system, schedule = prepare(COMBINED, Options()).or_raise()
     monkeypatch.setattr(trial.pickle, "dumps", lambda data: b"no pickle")
-    (line,), _ = trial.refusals(system, checked.or_raise(), False)
+    (line,), _ = trial.refusals(system, schedule)
     assert "crashed (exit 1)" in line
     assert "\n" not in line
 

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from desat.files import places, scenario
-from desat.files.merge import load
+from desat.files.scenario import load
 from desat.study import explain, meaning
 from desat.study.draws import drawn
 from desat.study.measures import first_below, time_of
@@ -81,11 +81,11 @@ def checked(name: str = "f/t-a") -> str:
     """What `desat check` says is wrong with the words and names of a scenario."""
     try:
         found = scenario.find(name)
-        system, problems = found.system(blocks=True)
-        problems += meaning.words(found) or meaning.names(found, system)
+        draft = found.draft(blocks=True)
+        draft.problems += meaning.words(found) or meaning.names(found, draft)
     except DesatError as error:
         return str(error)
-    return "\n".join(problems)
+    return "\n".join(draft.problems)
 
 
 def test_the_sound_file_is_silent(family):
@@ -217,7 +217,7 @@ def test_signs_and_one_of(family):
     spec = '{ signs = [0.1, 0.2, 0.3] }\n"environment.phase" = { one_of = [0.5, 1.5] }'
     family(t=BASE.replace("{ direction = 2.0 }", spec))
     assert checked() == ""
-    system, _ = scenario.find("f/t-a").system(blocks=True)
+    system = scenario.find("f/t-a").draft(blocks=True)
     found = [drawn(system, 1, i) for i in range(40)]
     h = np.array([d["spacecraft.h_start_body"] for d in found])
     assert np.array_equal(np.abs(h), np.tile([0.1, 0.2, 0.3], (40, 1)))
@@ -261,8 +261,7 @@ def test_all_of_ours_are_sound():
     for name in [
         n for n in good if n.endswith(("-1", "dumping", "nadir", "cross-product", "full"))
     ]:
-        system, _ = good[name].system(blocks=True)
-        problems += meaning.names(good[name], system)
+        problems += meaning.names(good[name], good[name].draft(blocks=True))
     assert problems == []
 
 

@@ -13,14 +13,21 @@ from hypothesis import strategies as st
 from desat.components.contract.units import UNITS
 from desat.engine import master as master_module
 from desat.engine.instances import ComponentError
+from desat.engine.loop import loop
 from desat.engine.master import Master
+from desat.engine.results import Recorder
 from desat.files.scenario import find, scenarios
 from desat.study.case import Options, execute, load
 from desat.system.check import check
+from desat.system.draft import Draft, DraftComponent
 from desat.system.errors import DesatError
 from desat.system.interface import KINDS, Interface, Signal
 from desat.system.model import Component, Connection, System
+from desat.system.resolve import resolve
 from desat.system.schedule import schedule
+
+SPECS: dict[str, dict] = {}
+"""What the functions of each component are."""
 
 
 class FunctionInstance:
@@ -28,7 +35,7 @@ class FunctionInstance:
 
     def __init__(self, component: Component) -> None:
         self.name = component.name
-        self.spec = component.spec  # type: ignore[attr-defined]
+        self.spec = SPECS[component.name]
         self.x = self.spec.get("x0", 0.0)
         self.interval = self.spec.get("interval0", 0.0)
         self.log: list[tuple[float, float, list[float]]] = []
@@ -72,26 +79,33 @@ def real(name, causality, output_class="state", unit="1") -> Signal:
     return Signal(name, causality, "Real", 0, unit, UNITS[unit], output_class=output_class)
 
 
-def component(name, inputs=0, decimation=1, outputs=("state", "interval"), **spec) -> Component:
+def component(
+    name, inputs=0, decimation=1, outputs=("state", "interval"), **spec
+) -> DraftComponent:
     signals = [real(f"u{i}", "input") for i in range(inputs)]
     signals += [real(f"{o}_y", "output", o if o in ("state", "interval") else "undeclared")
                 for o in outputs]  # fmt: skip
-    made = Component(name, f"{name}.fmu", decimation=decimation)
-    made.interface = Interface(name, name, {s.name: s for s in signals})
-    made.spec = spec  # type: ignore[attr-defined]
-    return made
+    SPECS[name] = spec
+    interface = Interface(name, name, {s.name: s for s in signals})
+    return DraftComponent(name, f"{name}.fmu", interface=interface, decimation=decimation)
 
 
-def system(components, wires, step=1.0, stop=10.0, **more) -> System:
+def draft(components, wires, **more) -> Draft:
     connections = [Connection(*w[:4], **(w[4] if len(w) > 4 else {})) for w in wires]
-    return System("test", "test.ssd", {c.name: c for c in components}, connections,
-                  step=step, stop=stop, **more)  # fmt: skip
+    return Draft("test", "test.ssd", {c.name: c for c in components}, connections,
+                 step=1.0, stop=10.0, **more)  # fmt: skip
+
+
+def system(components, wires, **more) -> System:
+    resolved = resolve(draft(components, wires, **more))
+    assert resolved.problems == []
+    return resolved.system
 
 
 @pytest.fixture(autouse=True)
 def _function_instances(monkeypatch, request):
     if "real_units" not in request.keywords:
-        monkeypatch.setattr(master_module, "instance_for", lambda c, blocks: FunctionInstance(c))
+        monkeypatch.setattr(master_module, "instance_for", FunctionInstance)
 
 
 def rows(sys: System, steps: int, algorithm="conserving"):
@@ -141,9 +155,8 @@ def test_jacobi_delays_by_a_step_a_link():
 def test_listing_order_does_not_matter():
     reference, _ = rows(chain(), 6)
     for order in itertools.permutations(chain().components):
-        shuffled = chain()
-        shuffled.components = {n: shuffled.components[n] for n in order}
-        shuffled.connections.reverse()
+        components = {n: chain().components[n] for n in order}
+        shuffled = replace(chain(), components=components, connections=chain().connections[::-1])
         found, _ = rows(shuffled, 6)
         assert [(k, sorted(r.items())) for k, r in found] == [
             (k, sorted(r.items())) for k, r in reference
@@ -151,8 +164,7 @@ def test_listing_order_does_not_matter():
 
 
 def test_time_comes_from_an_integer():
-    sys = chain()
-    sys.step, sys.start = 0.1, 5.0
+    sys = replace(chain(), step=0.1, start=5.0)
     _, units = rows(sys, 1000)
     assert [t for t, _, _ in units["sensor"].log] == [5.0 + k * 0.1 for k in range(1000)]
 
@@ -193,24 +205,24 @@ def test_a_cycle_is_named():
     )  # fmt: skip
     with pytest.raises(DesatError, match=r"cycle over the step: .*a.interval_y -> b.interval_y"):
         schedule(sys)
-    sys.output_classes["c.interval_y"] = "state"
-    assert schedule(sys).order == ("a", "b", "c")
+    broken = replace(sys, output_classes={"c.interval_y": "state"})
+    assert schedule(broken).order == ("a", "b", "c")
 
 
 def test_undeclared_outputs_are_state_with_a_warning():
-    sys = system(
+    parts = draft(
         [component("a", 1, outputs=("undeclared",)), component("b", 1)],
         [("a", "undeclared_y", "b", "u0"), ("b", "interval_y", "a", "u0")],
     )
-    checked = check(sys, [])
+    checked = check(parts)
     assert not checked.problems
     assert (
         "a declares no dependencies: undeclared_y taken as state outputs, one step late"
         in (checked.warnings[0])
     )
     assert {when for _, when in checked.schedule.timing} == {"one step late", "over the step"}
-    sys.output_classes["a.undeclared_y"] = "interval"
-    checked = check(sys, [])
+    parts.output_classes["a.undeclared_y"] = "interval"
+    checked = check(parts)
     assert "cycle" in checked.problems[0]
     assert not checked.warnings
 
@@ -236,6 +248,24 @@ def test_a_failing_step_names_component_and_time():
             m.advance()
 
 
+def test_the_loop_ends_where_a_condition_says():
+    sys = chain()
+    with Master(sys, schedule(sys)) as m:
+        m.initialise()
+        recorder = Recorder(None, m)
+        (time,) = [s for s in m.slots if (s.component, s.signal.name) == ("source", "state_y")]
+
+        def finished() -> str:
+            return "three" if m.live[time.kind][time.index] >= 3.0 else ""
+
+        reason = loop(m, 10, recorder, lambda: 0, lambda k: None, finished)
+        assert (reason, m.k) == ("three", 3)
+        assert loop(m, 10, recorder, lambda: 0, lambda k: None) == ""
+        assert m.k == 10
+        with recorder.finish(m) as results:
+            assert results.times().tolist() == [float(k) for k in range(11)]
+
+
 def test_initialisation_that_does_not_settle():
     sys = system([component("a", 1), component("b", 1)],
                  [("a", "state_y", "b", "u0"), ("b", "state_y", "a", "u0")])  # fmt: skip
@@ -245,7 +275,7 @@ def test_initialisation_that_does_not_settle():
             self.x = 1 + (self.inputs["Real"][0] if self.inputs else 0)
             return super().pull()
 
-    master_module.instance_for = lambda c, blocks: Growing(c)
+    master_module.instance_for = Growing
     with Master(sys, schedule(sys)) as m, pytest.raises(DesatError, match=r"a.state_y.*b.state_y"):
         m.initialise()
 
@@ -302,14 +332,13 @@ def test_same_bits_under_permuted_components():
     name = "uosat12/table3-ocdc-ilqr-2"
     reference = None
     for seed in range(4):
-        sys, problems = load(name)
+        shuffled = load(name)
         rng = np.random.default_rng(seed)
-        names = list(sys.components)
+        names = list(shuffled.components)
         rng.shuffle(names)
-        sys.components = {n: sys.components[n] for n in names}
-        rng.shuffle(sys.connections)
-        plan = check(sys, problems).or_raise()
-        with Master(sys, plan) as m:
+        shuffled.components = {n: shuffled.components[n] for n in names}
+        rng.shuffle(shuffled.connections)
+        with Master(*check(shuffled).or_raise()) as m:
             m.initialise()
             for _ in range(60):
                 m.advance()

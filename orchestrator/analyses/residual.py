@@ -27,7 +27,7 @@ def applies(system: System) -> dict[str, str] | None:
     no such component."""
     for c in system.connections:
         target = system.components[c.target].interface
-        if c.input == "h_wheel[1]" and target and all(target.elements(n) for n in _NEEDED):
+        if c.input == "h_wheel[1]" and all(target.elements(n) for n in _NEEDED):
             wheels = f"{c.source}.{c.output.partition('[')[0]}"
             return {"spacecraft": c.target, "wheels": wheels}
     return None
@@ -61,13 +61,13 @@ def signals(parts: dict[str, str]) -> list[str]:
 
 def numbers(manifest: dict[str, Any], results: Results) -> dict[str, dict[str, Any]]:
     """The largest residual of a run (N m s)."""
-    found = momentum(manifest, results)
-    if found is None:
+    series = momentum(manifest, results)
+    if series is None:
         return {}
     return {
         "momentum_residual": {
             "title": "Momentum residual, largest",
-            "value": float(np.linalg.norm(found[1], axis=1).max()),
+            "value": float(np.linalg.norm(series[1], axis=1).max()),
             "unit": "N.m.s",
         }
     }
@@ -75,9 +75,9 @@ def numbers(manifest: dict[str, Any], results: Results) -> dict[str, dict[str, A
 
 def figures(manifest: dict[str, Any], results: Results) -> list[tuple[str, str]]:
     """The residual over time."""
-    found = momentum(manifest, results)
+    series = momentum(manifest, results)
     caption = "Momentum residual: what the exchange between components loses"
-    return [] if found is None else [(caption, plot(*found))]
+    return [] if series is None else [(caption, plot(*series))]
 
 
 def plot(times: Array, residual: Array) -> str:

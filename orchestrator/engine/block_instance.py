@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from desat.components.contract.block import Access, Scalar
@@ -36,7 +38,7 @@ class BlockInstance:
         self._writes = [(a, access(inputs[k]), k == "Boolean") for k, a in self.inputs.items()]
         self._reads = [(into[k], access(outputs[k])) for k in KINDS if outputs[k]]
 
-    def enter(self, start: float, parameters: dict[str, Scalar]) -> None:
+    def enter(self, start: float, parameters: Mapping[str, Scalar]) -> None:
         for name, value in parameters.items():
             self._block.access([self._interface.signals[name].reference]).write([value])
         self._start, self._initialising, self._stale = start, True, True

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import atexit
 import ctypes
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import cache, partial
 from pathlib import Path
 from typing import Any
@@ -158,7 +158,7 @@ class FmuInstance:
             calls.append(partial(self._library.calls[f"fmi2{verb}{kind}"], *arguments))
         return calls[0] if len(calls) == 1 else lambda: max((call() for call in calls), default=0)
 
-    def enter(self, start: float, parameters: dict[str, Scalar]) -> None:
+    def enter(self, start: float, parameters: Mapping[str, Scalar]) -> None:
         by_kind: dict[str, list[tuple[Signal, Scalar]]] = {}
         for name, value in parameters.items():
             signal = self._interface.signals[name]

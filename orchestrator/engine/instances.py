@@ -8,7 +8,7 @@ step. `fmu_instance.py` is an FMU through prepared ctypes calls, `block_instance
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any, Protocol
 
 import numpy as np
@@ -60,7 +60,7 @@ class Instance(Protocol):
         """Choose which inputs are pushed, which outputs are pulled and where to, and the clock
         that tells each step's start and length."""
 
-    def enter(self, start: float, parameters: dict[str, Scalar]) -> None:
+    def enter(self, start: float, parameters: Mapping[str, Scalar]) -> None:
         """Set parameters and enter initialisation mode at time `start` (s)."""
 
     def exit(self) -> None:

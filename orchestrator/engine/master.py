@@ -20,19 +20,18 @@ state outputs when all have stepped.
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from functools import partial
 from types import TracebackType
-from typing import Literal, Self
+from typing import Any, Literal, Self
 
 import numpy as np
-
-from desat.components.contract.block import Scalar
 
 from ..files import library
 from ..system.errors import DesatError
 from ..system.interface import KINDS, Kind, Signal
 from ..system.model import Component, Connection, System
+from ..system.parameters import value_of
 from ..system.rates import Rates, graded
 from ..system.schedule import Schedule
 from .block_instance import BlockInstance
@@ -46,11 +45,10 @@ ALGORITHMS: tuple[Algorithm, ...] = ("conserving", "jacobi")
 Rows = Callable[[int, dict[Kind, Array]], None]
 
 
-def instance_for(component: Component, blocks: bool) -> Instance:
-    """The instance of a checked component: its FMU, or its bare block."""
-    if blocks:
+def instance_for(component: Component) -> Instance:
+    """The instance of a component: its FMU, or its bare block."""
+    if component.fmu is None:
         return BlockInstance(component)
-    assert component.fmu is not None, "check the system first"
     return FmuInstance(component, library.load(component.fmu))
 
 
@@ -67,12 +65,10 @@ class Master:
         schedule: Schedule,
         *,
         algorithm: Algorithm = "conserving",
-        blocks: bool = False,
         watched: Callable[[str, Signal], bool] = lambda component, signal: True,
     ) -> None:
         if algorithm not in ALGORITHMS:
             raise DesatError(f"algorithm {algorithm}: there is {', '.join(ALGORITHMS)}")
-        assert system.step is not None
         self.system, self.schedule, self.algorithm = system, schedule, algorithm
         self._conserving = algorithm == "conserving"
         self.start, self.step_size, self.k = system.start, system.step, 0
@@ -83,7 +79,7 @@ class Master:
             self._rates = Rates(graded(1), every, frozenset())
         try:
             for name in schedule.order:
-                instance = instance_for(system.components[name], blocks)
+                instance = instance_for(system.components[name])
                 self.members[name] = self._member(system.components[name], instance, watched)
             self._outputs = Outputs(self.members.values())
             self._plan = Plan(self.members, self._outputs, self._rates, self._conserving)
@@ -165,13 +161,13 @@ class Master:
                 clocks[member.every],
             )
 
-    def _parameters(self, member: Member) -> dict[str, Scalar]:
+    def _parameters(self, member: Member) -> Mapping[str, Any]:
         """A component's parameters; a sample at every step is one at every whole step."""
-        given = dict(member.component.parameters)
-        sample = member.component.interface.signals.get("sample_time")
-        if len(self._rates.parts) > 1 and member.every == 1 and sample is not None:
-            given["sample_time"] = given.get("sample_time", sample.start) or self.step_size
-        return given
+        given = member.component.parameters
+        inner = len(self._rates.parts) > 1 and member.every == 1
+        if not inner or "sample_time" not in member.component.interface.signals:
+            return given
+        return {**given, "sample_time": value_of(member.component, "sample_time") or self.step_size}
 
     # --- initialisation -----------------------------------------------------------------------
 

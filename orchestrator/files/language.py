@@ -214,6 +214,9 @@ class Scenario(Table):
     ssd: Text = key("the wiring as an SSD kept by hand, in place of a craft file")
     start: FiniteFloat = key("start time", "s")
     step: FiniteFloat = key("the master's step", "s")
+    inner: Annotated[int, Field(ge=1, le=1000)] = key(
+        "inner steps, within each step, of what hands means over the step on (actuators and body)"
+    )
     stop: FiniteFloat = key("stop time", "s")
     epoch: Annotated[datetime, AfterValidator(utc)] = key("UTC of t = 0")
     sources: dict[str, Text] = key("another FMU for a component")

@@ -28,45 +28,35 @@ from rich.console import Console
 from rich.progress import track
 
 from ..analyses import analyses
-from ..files import library
+from ..system.draft import Draft
 from ..system.errors import DesatError, nearest
-from ..system.model import System
-from .case import Options, execute, load, prepare
+from ..system.interface import base_name
+from .case import Options, load, prepare, simulate
 
 KINDS = ("normal", "uniform", "direction", "attitude", "signs", "one_of", "seed")
 
 
-def drawn(system: System, seed: int, draw: int) -> dict[str, Any]:
+def drawn(system: Draft, seed: int, draw: int) -> dict[str, Any]:
     """`component.variable` -> value for one draw of the system's dispersions."""
     values: dict[str, Any] = {}
     for key, spec in system.about.get("dispersions", {}).items():
         owner, _, variable = key.partition(".")
-        if owner == "*":
-            owners = [
-                c.name for c in system.components.values()
-                if c.interface and c.interface.elements(variable)
-            ]  # fmt: skip
-        else:
-            owners = [owner]
+        owners = [c.name for c in system.having(variable)] if owner == "*" else [owner]
         for name in owners:
             values[f"{name}.{variable}"] = _value(system, name, variable, spec, seed, draw)
     return values
 
 
 def _value(
-    system: System, owner: str, variable: str, spec: dict[str, Any], seed: int, draw: int
+    system: Draft, owner: str, variable: str, spec: dict[str, Any], seed: int, draw: int
 ) -> Any:
-    component = system.components.get(owner)
-    if component is None:
-        raise DesatError(
-            f"{system.where}: dispersions: no component {owner}{nearest(owner, system.components)}"
-        )
-    assert component.interface is not None
-    size = len(component.interface.elements(variable))
+    component = system.component(owner, f"{system.where}: dispersions")
+    size = len(component.elements(variable))
     where = f"{system.where}: dispersions: {owner}.{variable}"
     if size == 0:
-        known = {s.name.partition("[")[0] for s in component.interface.of("parameter")}
-        raise DesatError(f"{where}: no such parameter{nearest(variable, known)}")
+        signals = component.interface.of("parameter") if component.interface else ()
+        raise DesatError(f"{where}: no such parameter"
+                         f"{nearest(variable, {base_name(s.name) for s in signals})}")  # fmt: skip
     if len(spec) != 1 or next(iter(spec)) not in KINDS:
         raise DesatError(f"{where}: one of {', '.join(KINDS)} is needed")
     stream = np.random.default_rng([seed, draw, zlib.crc32(f"{owner}.{variable}".encode())])
@@ -87,18 +77,16 @@ def _value(
 
 
 def _one(target: str, options: Options, seed: int, draw: int) -> dict[str, Any]:
-    system, problems = load(target, options.blocks)
-    if problems:
-        raise DesatError("\n".join(problems))
-    library.load_interfaces(system, options.blocks)
-    values = drawn(system, seed, draw)
-    needed = options.record
-    if needed == ("*",):
-        needed = tuple(needed_signals(system.about))
+    values = drawn(_whole(target, options), seed, draw)
+    case = prepare(target, replace(options, values={**options.values, **values}))
+    system, _ = case.or_raise()
+    if options.record == ("*",):
+        needed = tuple(needed_signals(dict(system.about)))
         for analysis in analyses():
             parts = analysis.applies(system)
             needed += tuple(analysis.signals(parts)) if parts else ()
-    run = execute(target, replace(options, values={**options.values, **values}, record=needed))
+        case = replace(case, options=replace(case.options, record=needed))
+    run = simulate(case)
     row = {
         "draw": draw,
         "status": run.manifest["status"],
@@ -109,6 +97,14 @@ def _one(target: str, options: Options, seed: int, draw: int) -> dict[str, Any]:
     }
     run.results.close()
     return row
+
+
+def _whole(target: str, options: Options) -> Draft:
+    """The draft of a target. Raises DesatError where something is wrong with it."""
+    draft = load(target, options.blocks)
+    if draft.problems:
+        raise DesatError("\n".join(draft.problems))
+    return draft
 
 
 def needed_signals(about: dict[str, Any]) -> list[str]:
@@ -137,13 +133,11 @@ def draws(
 
     Draw i of a seed is the same whatever the count and the number of processes.
     """
-    system, problems = load(target, options.blocks)
-    if problems:
-        raise DesatError("\n".join(problems))
+    system = _whole(target, options)
     if not system.about.get("dispersions"):
         raise DesatError(f"{target}: it has no [dispersions], so there is nothing to draw")
     first = replace(options, values={**options.values, **drawn(system, seed, 0)})
-    warnings = prepare(target, first)[1].warnings
+    warnings = prepare(target, first).checked.warnings
     with pool_of(min(jobs, count)) as map_:
         results = map_(_one, [target] * count, [options] * count, [seed] * count, range(count))
         console = Console(stderr=True)

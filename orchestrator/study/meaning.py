@@ -8,9 +8,9 @@ from collections.abc import Iterator
 from typing import Any
 
 from ..files.scenario import Scenario
+from ..system.draft import Draft
 from ..system.errors import DesatError, nearest
 from ..system.interface import Signal, base_name
-from ..system.model import System
 from ..system.parameters import expand
 from .measures import MEASURES, OWN_UNIT, SIZES, scale
 
@@ -84,13 +84,13 @@ def _unfit(option: str, annotation: str, value: Any) -> str:
     return "" if type(value) in (int, float, str) else "a number"
 
 
-def names(scenario: Scenario, system: System) -> list[str]:
+def names(scenario: Scenario, system: Draft) -> list[str]:
     """Series, units, limits and dispersions that do not fit the system, interfaces loaded."""
     found = (*_series(scenario.data, system), *_dispersions(scenario.data, system))
     return [f"{scenario.where(path)}: {text}" for path, text in found]
 
 
-def _elements(system: System, name: str, causalities: tuple[str, ...]) -> list[Signal] | str:
+def _elements(system: Draft, name: str, causalities: tuple[str, ...]) -> list[Signal] | str:
     """The elements of `component.variable`, or what is wrong with the name; none where the
     component's FMU is missing, which is said elsewhere."""
     owner, _, variable = name.partition(".")
@@ -116,7 +116,7 @@ def _unit(elements: list[Signal], unit: str | None) -> str:
     return ""
 
 
-def _series(data: dict[str, Any], system: System) -> Iterator[tuple[Path, str]]:
+def _series(data: dict[str, Any], system: Draft) -> Iterator[tuple[Path, str]]:
     for table, key in (("numbers", "signal"), ("plots", "signals")):
         for name, entry in data.get(table, {}).items():
             signals = entry.get(key, [])
@@ -153,7 +153,7 @@ def _is_number(text: str) -> bool:
     return True
 
 
-def _dispersions(data: dict[str, Any], system: System) -> Iterator[tuple[Path, str]]:
+def _dispersions(data: dict[str, Any], system: Draft) -> Iterator[tuple[Path, str]]:
     for key, spec in data.get("dispersions", {}).items():
         path = ("dispersions", key)
         owner, _, variable = key.partition(".")
@@ -172,7 +172,7 @@ def _dispersions(data: dict[str, Any], system: System) -> Iterator[tuple[Path, s
 
 
 def _misfit(
-    system: System, owner: str, variable: str, elements: list[Signal], spec: dict[str, Any]
+    system: Draft, owner: str, variable: str, elements: list[Signal], spec: dict[str, Any]
 ) -> str:
     ((kind, given),) = spec.items()
     wanted = {"signs": len(given) if kind == "signs" else 0, "attitude": 4, "seed": 1}

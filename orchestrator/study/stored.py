@@ -24,8 +24,9 @@ from ..files import places
 from ..files.scenario import Scenario, families, scenarios
 from ..system.codes import Exit
 from ..system.errors import DesatError, RunError
-from .case import PACKAGES, Options, write_json
 from .draws import draws
+from .manifest import PACKAGES, write_json
+from .options import Options
 
 SEED = 1
 ROUNDING = 1e-12
@@ -53,8 +54,8 @@ def digest(scenario: Scenario) -> str:
 def code(scenario: Scenario) -> str:
     """A hash of the code that makes a scenario's draws: its blocks and all that they import, the
     engine, the drawing and the measures; and of its kept design, where it has one."""
-    system, _ = scenario.system(blocks=True)
-    names = sorted({Path(c.source).stem for c in system.components.values()})
+    draft = scenario.draft(blocks=True)
+    names = sorted({Path(c.source).stem for c in draft.components.values()})
     files = {p for name in names for p in sources(name)}
     here = Path(__file__).parent
     files |= {*(here.parent / "engine").glob("*.py"), here / "draws.py", here / "measures.py"}

@@ -14,8 +14,9 @@ from typing import Any
 from ..files.pack import pack_scenario
 from ..files.scenario import Scenario, scenarios
 from ..system.errors import DesatError
-from .case import PACKAGES, Options, execute
+from .case import Options, execute
 from .draws import pool_of
+from .manifest import PACKAGES
 from .measures import relative
 from .plots import pretty_unit
 from .report import number, render, write_page

@@ -43,7 +43,6 @@ def schedule(system: System) -> Schedule:
     in a circle, and where means cannot be handed on between components of different rates."""
     classes: dict[tuple[str, str], OutputClass] = {}
     for name, component in system.components.items():
-        assert component.interface is not None
         for signal in component.interface.of("output"):
             classes[name, signal.name] = output_class(system, name, signal)
     before: dict[str, set[str]] = {name: set() for name in system.components}
