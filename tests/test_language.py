@@ -99,7 +99,7 @@ EVERYWHERE = {
     "number": ('unit = "s"', 'unitt = "s"', "numbers.firing_time.unitt: unknown key; did you mean"),
     "plot": ("signals = ", "signls = ", "plots.rate.signls: unknown key; did you mean signals?"),
     "paper": ("values = 3.0", "vals = 3.0", "paper.firing_time.vals: unknown key; did you mean"),
-    "unknown unit": ('unit = "s"', 'unit = "sek"', "numbers.firing_time.unit: got 'sek': no such"),
+    "unknown unit": ('unit = "s"', 'unit = "sek"', "got 'sek': unit sek is not known"),
     "twin": ('title = "T"', 'twin = "t-q"', "twin: no scenario t-q; did you mean t-a?"),
     "kind of dispersion": ("direction", "directon", 'directon: unknown key; did you mean directi'),
     "bad axis": ("[axes.m.a]", "[axes.m]", "axes.m.label: got 'A'; a table is needed"),

@@ -26,10 +26,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from desat.components.contract.units import Unit
+from desat.components.contract.units import times as times_unit
 
 from ..system.errors import DesatError, nearest
 from ..system.expression import Table, factor, product, unit_of
-from ..system.expression import times as times_unit
 
 if TYPE_CHECKING:
     from ..engine.results import Results
