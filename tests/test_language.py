@@ -15,9 +15,11 @@ from scipy.spatial.transform import Rotation
 from desat.files import places, scenario
 from desat.files.merge import load
 from desat.study import explain, meaning
+from desat.study.case import Options, execute
+from desat.study.derived import euler
 from desat.study.draws import drawn
 from desat.study.measures import first_below, time_of
-from desat.study.plots import euler
+from desat.study.numbers import evaluate
 from desat.system.errors import DesatError
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -132,6 +134,7 @@ def test_a_broken_file_is_one_line_on_list_and_check(family, case):
 OF_THE_SYSTEM = {
     "unit of another kind": ('unit = "s"', 'unit = "m"', "numbers.firing_time.unit: unit s does"),
     "series": ("thrusters.on_time", "thrusters.on_tim", "firing_time.signal: thrusters has no out"),
+    "element": ('"last"', '"last"\nelement = 2', "element: got 2; the signal has 1"),
     "plot's series": ('["thrusters.on_time', '["thrusters.on_tim', "plots.rate.signals: thrusters"),
     "component": ('"thrusters.on', '"thruster.on', "no component thruster; did you mean thrusters"),
     "size": ("{ direction = 2.0 }", "{ signs = [1.0] }", "signs: h_start_body has 3 elements, not"),
@@ -243,7 +246,22 @@ def test_euler_angles_are_scipys(sequence):
     axes = "".join("XYZ"[int(a) - 1] for a in sequence)
     ref = Rotation.from_quat([[0.1, 0.2, 0.3, 0.9], [0.5, -0.5, 0.5, 0.5]])
     q = (ref * Rotation.from_euler(axes, angles, degrees=True)).as_quat()
-    assert euler(np.zeros(2), q, ref.as_quat(), sequence) == pytest.approx(angles)
+    assert euler(q, ref.as_quat(), sequence) == pytest.approx(angles)
+
+
+def test_numbers_of_derived_quantities():
+    """The largest roll of a run is that of its attitudes by scipy, and nothing else."""
+    run = execute("integrated/mil-nadir", Options(stop=400.0, blocks=True))
+    q, ref = (run.results.values(n) for n in ("spacecraft.q_bi", "guidance.q_ref_bi"))
+    n = min(len(q), len(ref))
+    turn = Rotation.from_quat(ref[:n]).inv() * Rotation.from_quat(q[:n])
+    roll = np.abs(turn.as_euler("ZYX", degrees=True)[:, 2]).max()
+    number = {"signal": ["spacecraft.q_bi", "guidance.q_ref_bi"], "derive": "euler", "element": 3,
+              "sequence": "321", "measure": "largest", "unit": "rad"}  # fmt: skip
+    found = evaluate(number, run.results, run.manifest["parameters"])
+    assert found == pytest.approx(np.radians(roll), rel=1e-12)
+    number |= {"measure": "until_below", "options": {"limit": 1e9}, "unit": "min"}
+    assert evaluate(number, run.results, run.manifest["parameters"]) == 0.0
 
 
 def test_inheritance_of_plots_by_name():

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..engine.results import Results
-from ..study.measures import rotate_back
+from ..study.derived import rotate_back
 from ..study.plots import COLOURS, figure, legend, svg, time_axis
 from ..system.model import System
 

@@ -29,6 +29,8 @@ from .vocabulary import (
     width,
 )
 
+_Sequence = Annotated[str, Field(pattern="^[123]{3}$")]
+
 
 class Number(Table):
     """[numbers.NAME]: a number of each run, from its series or from other runs' numbers."""
@@ -37,6 +39,9 @@ class Number(Table):
     signal: TextOrTexts = key("`component.output`, or several where the measure takes several")
     measure: Text = key("how the series becomes a number (`desat measures`); default: last")
     options: dict[str, Value] = key("the measure's own options")
+    derive: Text = key("what is computed of the signals and then measured, such as euler")
+    sequence: _Sequence = key("for derive = euler: the axes turned about; default: 321")
+    element: Annotated[int, Field(ge=1)] = key("only this element of what is measured, from 1 on")
     window: Annotated[list[float], Field(min_length=2, max_length=2), AfterValidator(ordered)] = (
         key("only rows of this time, ends included; default: all", "s")
     )
@@ -78,9 +83,7 @@ class Plot(Table):
     norm: bool = key("true: the size of vectors, one line each")
     log: bool = key("true: a logarithmic axis")
     derive: Text = key("what is computed from the signals first, such as pointing or euler")
-    sequence: Annotated[str, Field(pattern="^[123]{3}$")] = key(
-        "for derive = euler: the axes turned about, such as 321; default: 321"
-    )
+    sequence: _Sequence = key("for derive = euler: the axes turned about; default: 321")
     points: Annotated[int, Field(ge=10)] = key("so many points a line; default: 3000")
     limits: list[either(table=LimitLine, text=Text, number=FiniteFloat)] = key(  # type: ignore[valid-type]
         "limit lines: numbers, parameters, or tables"

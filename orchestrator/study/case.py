@@ -33,7 +33,7 @@ from ..system.model import System
 from ..system.parameters import assign, parse_assignment, table
 from ..system.replace import drop_unwanted
 from . import meaning
-from .measures import OPEN_END, evaluate, problems, relative, signals_of
+from .numbers import OPEN_END, evaluate, problems, relative, signals_of
 
 MANIFEST = "manifest.json"
 PACKAGES = ("desat", "fmpy", "pythonfmu", "numpy", "scipy", "h5py")

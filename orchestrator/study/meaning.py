@@ -12,7 +12,9 @@ from ..system.errors import DesatError, nearest
 from ..system.interface import Signal, base_name
 from ..system.model import System
 from ..system.parameters import expand
-from .measures import MEASURES, OWN_UNIT, SIZES, scale
+from . import derived
+from .measures import MEASURES, OWN_UNIT, SIZES
+from .numbers import scale
 
 Path = tuple[str, ...]
 
@@ -44,7 +46,9 @@ def _words(data: dict[str, Any]) -> Iterator[tuple[Path, str]]:
             continue
         series, options = options_of(measure)
         signals = number["signal"]
-        count = 1 if isinstance(signals, str) else len(signals)
+        count = 1 if isinstance(signals, str) or "derive" in number else len(signals)
+        if "element" in number and len(series) > 1:
+            yield (*path, "element"), f"{measure} takes {len(series)} series; only with one"
         if count != len(series):
             yield (*path, "signal"), f"{count} given; {measure} takes {len(series)}"
         for option in number.get("options", {}):
@@ -59,16 +63,27 @@ def _words(data: dict[str, Any]) -> Iterator[tuple[Path, str]]:
         for option, default in () if unknown else options.items():
             if default is inspect.Parameter.empty and option not in number.get("options", {}):
                 yield (*path, "options"), f"{measure} needs {option}"
-    from .plots import DERIVED  # matplotlib
+    for table in ("numbers", "plots"):
+        for name, entry in data.get(table, {}).items():
+            yield from (((table, name, key), text) for key, text in _derived(entry))
 
-    for name, plot in data.get("plots", {}).items():
-        if "derive" in plot and plot["derive"] not in DERIVED:
-            yield (
-                ("plots", name, "derive"),
-                f"no {plot['derive']}{nearest(plot['derive'], DERIVED)}",
-            )
-        if "sequence" in plot and plot.get("derive") != "euler":
-            yield ("plots", name, "sequence"), 'only with derive = "euler"'
+
+def _derived(entry: dict[str, Any]) -> Iterator[tuple[str, str]]:
+    """What is wrong with what a number or plot derives: key and text."""
+    try:
+        found = derived.of_entry(entry)
+    except DesatError as error:
+        yield "derive", str(error)
+        return
+    if "sequence" in entry and entry.get("derive") != "euler":
+        yield "sequence", 'only with derive = "euler"'
+    if found is None:
+        return
+    count = len(found[0].names)
+    if len(entry.get("components", ())) > count:
+        yield "components", f"{len(entry['components'])} names for {count} elements"
+    if entry.get("element", 0) > count:
+        yield "element", f"got {entry['element']}; {entry['derive']} has {count}"
 
 
 def _unfit(option: str, annotation: str, value: Any) -> str:
@@ -106,11 +121,12 @@ def _elements(system: System, name: str, causalities: tuple[str, ...]) -> list[S
     return elements
 
 
-def _unit(elements: list[Signal], unit: str | None) -> str:
-    if not elements or unit is None:
+def _unit(own: str, unit: str | None) -> str:
+    """What is wrong with a unit in place of another; nothing where none is given."""
+    if unit is None:
         return ""
     try:
-        scale(elements[0].unit_name, unit)
+        scale(own, unit)
     except DesatError as error:
         return str(error)
     return ""
@@ -125,15 +141,10 @@ def _series(data: dict[str, Any], system: System) -> Iterator[tuple[Path, str]]:
             for problem in found:
                 if isinstance(problem, str):
                     yield (table, name, key), problem
-            own = entry.get("measure") in OWN_UNIT or "derive" in entry or "percent_of" in entry
-            for elements in found[:1] if table == "numbers" else found:
-                if isinstance(elements, list) and not own:
-                    if text := _unit(elements, entry.get("unit")):
-                        yield (table, name, "unit"), text
-                    names = entry.get("components", [])
-                    if elements and len(names) > len(elements):
-                        text = f"{len(names)} names for {len(elements)} elements"
-                        yield (table, name, "components"), text
+            known = [e for e in found if isinstance(e, list) and e]
+            first = table == "numbers" or "derive" in entry
+            for what, text in _entry(entry, known[:1] if first else known):
+                yield (table, name, what), text
     for name, plot in data.get("plots", {}).items():
         for limit in plot.get("limits", []):
             value = limit["value"] if isinstance(limit, dict) else limit
@@ -143,6 +154,22 @@ def _series(data: dict[str, Any], system: System) -> Iterator[tuple[Path, str]]:
                     problem = _elements(system, parameter, ("parameter", "input"))
                     if isinstance(problem, str):
                         yield ("plots", name, "limits"), problem
+
+
+def _entry(entry: dict[str, Any], signals: list[list[Signal]]) -> Iterator[tuple[str, str]]:
+    """What of a number or plot does not fit the elements of its signals: key and text."""
+    quantity = derived.of_entry(entry)
+    own = entry.get("measure") in OWN_UNIT or "percent_of" in entry
+    for elements in signals:
+        unit = (quantity[0].unit if quantity else "") or elements[0].unit_name
+        if not own and (text := _unit(unit, entry.get("unit"))):
+            yield "unit", text
+        if quantity:
+            continue
+        if len(entry.get("components", [])) > len(elements):
+            yield "components", f"{len(entry['components'])} names for {len(elements)} elements"
+        if entry.get("element", 0) > len(elements):
+            yield "element", f"got {entry['element']}; the signal has {len(elements)}"
 
 
 def _is_number(text: str) -> bool:

@@ -16,7 +16,7 @@ from ..files.scenario import Scenario, scenarios
 from ..system.errors import DesatError
 from .case import PACKAGES, Options, execute
 from .draws import pool_of
-from .measures import relative
+from .numbers import relative
 from .plots import pretty_unit
 from .report import number, render, write_page
 
