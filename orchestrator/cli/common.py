@@ -94,6 +94,12 @@ DesignOption = Annotated[
                  help="Of a scenario with a design (gain tables, costates): make one now for these "
                  "values, or take that of a file. Default: the kept one."),
 ]  # fmt: skip
+TimeLimit = Annotated[
+    float | None,
+    typer.Option(metavar="SECONDS", min=0.0,
+                 help="Wall time that a run may take to step; what it has by then is kept, and the "
+                 "command ends with 5."),
+]  # fmt: skip
 Jobs = Annotated[int, typer.Option(help="Processes.", min=1)]
 CPUS = os.cpu_count() or 1
 

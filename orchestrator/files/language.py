@@ -206,6 +206,36 @@ class Design(Table):
     assume: dict[str, dict[str, Value]] = key("parameters that the design assumes instead")
 
 
+def _value_reached(value: Any) -> Any:
+    if isinstance(value, bool) or type(value) is int or (isinstance(value, str) and value.strip()):
+        return value
+    raise ValueError("a whole number, the name of a value, true or false is needed")
+
+
+class StopWhen(Table):
+    """[stop_when]: a condition that ends the run before its stop time; looked at after each
+    step. Exactly one of `below`, `above` and `reaches`."""
+
+    NEEDED = ("signal",)
+    signal: Text = key("`component.output`; it need not be recorded")
+    below: NumberOrText = key("met while the sizes of all elements are below this")
+    above: NumberOrText = key("met while the size of any element is above this")
+    reaches: Annotated[Any, AfterValidator(_value_reached)] = key(
+        "met while an Integer, such as a mode, has this value (or its name); true or false"
+    )
+    held: Annotated[FiniteFloat, Field(ge=0.0)] = key("met for so long; default: 0", "s")
+    unit: Unit = key("the unit of the limit; default: the signal's")
+
+    @model_validator(mode="after")
+    def _one(self) -> Self:
+        given = self.model_fields_set & {"below", "above", "reaches"}
+        if len(given) != 1:
+            raise incomplete("exactly one of below, above, reaches is needed")
+        if "unit" in self.model_fields_set and "reaches" in given:
+            raise incomplete("unit: only with below and above")
+        return self
+
+
 class Scenario(Table):
     """What a whole file and a value of an axis both may hold."""
 
@@ -218,6 +248,7 @@ class Scenario(Table):
     start: FiniteFloat = key("start time", "s")
     step: FiniteFloat = key("the master's step", "s")
     stop: FiniteFloat = key("stop time", "s")
+    stop_when: StopWhen = key("a condition that ends it before")
     epoch: Annotated[datetime, AfterValidator(utc)] = key("UTC of t = 0")
     sources: dict[str, Text] = key("another FMU for a component")
     shared: dict[str, Value] = key("a parameter for every component that has it")

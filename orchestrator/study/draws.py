@@ -105,6 +105,7 @@ def _one(target: str, options: Options, seed: int, draw: int) -> dict[str, Any]:
         "code": int(run.code),
         "message": run.manifest["message"],
         "numbers": {name: n["value"] for name, n in run.manifest["numbers"].items()},
+        "stopped_when": run.manifest["stopped_when"],
         "values": values,
     }
     run.results.close()

@@ -29,7 +29,7 @@ def _tables() -> dict[str, Any]:
 
     return {"scenario": l.ScenarioFile, "number": l.Number, "plot": l.Plot, "limit": l.LimitLine,
             "paper": l.PaperRow, "dispersion": l.Dispersion, "axis": l.Cell,
-            "design": l.Design}  # fmt: skip
+            "design": l.Design, "stop_when": l.StopWhen}  # fmt: skip
 
 
 def keys(what: str | None) -> list[dict[str, str]]:

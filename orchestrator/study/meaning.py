@@ -12,7 +12,7 @@ from ..system.errors import DesatError, nearest
 from ..system.interface import Signal, base_name
 from ..system.model import System
 from ..system.parameters import expand
-from . import derived
+from . import derived, stopping
 from .measures import MEASURES, OWN_UNIT, SIZES
 from .numbers import scale
 
@@ -101,7 +101,11 @@ def _unfit(option: str, annotation: str, value: Any) -> str:
 
 def names(scenario: Scenario, system: System) -> list[str]:
     """Series, units, limits and dispersions that do not fit the system, interfaces loaded."""
-    found = (*_series(scenario.data, system), *_dispersions(scenario.data, system))
+    found = [*_series(scenario.data, system), *_dispersions(scenario.data, system)]
+    if all(c.interface for c in system.components.values()):
+        for line in stopping.problems(system):
+            path, _, text = line.partition(": ")
+            found.append((tuple(path.split(".")), text))
     return [f"{scenario.where(path)}: {text}" for path, text in found]
 
 

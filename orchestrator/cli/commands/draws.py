@@ -19,6 +19,7 @@ from ..common import (
     Step,
     Stop,
     Target,
+    TimeLimit,
     app,
     err,
     options_of,
@@ -38,6 +39,7 @@ def draws(
     algorithm: Alg = Semantics.conserving,
     blocks: Blocks = False,
     design: DesignOption = None,
+    time_limit: TimeLimit = None,
     jobs: Jobs = CPUS,
     as_json: Json = False,
 ) -> None:
@@ -46,7 +48,8 @@ def draws(
     from ...study.plots import pretty_unit
     from ...study.report import number
 
-    options = options_of(sets, stop, step, algorithm, blocks, design=design)
+    options = options_of(sets, stop, step, algorithm, blocks, design=design,
+                         time_limit=time_limit)  # fmt: skip
     result = draws_module.draws(target, count, seed, options, jobs, progress=not as_json)
     for warning in result["warnings"]:
         err.print(f"warning: {warning}", highlight=False, markup=False)
