@@ -122,6 +122,12 @@ def options_of(
     )  # fmt: skip
 
 
+def warn(texts: list[str]) -> None:
+    """Warnings, on standard error."""
+    for text in texts:
+        err.print(f"warning: {text}", highlight=False, markup=False)
+
+
 def print_json(data: Any) -> None:
     """Data for programs, on standard output."""
     sys.stdout.write(json.dumps(data, indent=1) + "\n")

@@ -187,7 +187,7 @@ class Dispersion(Table):
     @model_validator(mode="after")
     def _one(self) -> Self:
         if len(self.model_fields_set) != 1:
-            raise incomplete(f"one of {', '.join(type(self).model_fields)} is needed")
+            raise incomplete(f"exactly one of {', '.join(type(self).model_fields)} is needed")
         return self
 
 
