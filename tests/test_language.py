@@ -114,6 +114,7 @@ EVERYWHERE = {
     "plot that is not there": ('title = "T"', 'without = ["plots.r"]', "without plots.r: there is"),
     "derive": ('signals = ["th', 'derive = "eler"\nsignals = ["th', "plots.rate.derive: no eler"),
     "tolerance": ('"2 %"', '"two"', "paper.firing_time.tolerance: got 'two': a width is needed"),
+    "number of a row": ('y = "firing_time"', 'y = "fireing"', "paper.firing_time.quantity: no num"),
     "circle": ("step = 10.0", 'extends = "t"', "extends itself"),
 }  # fmt: skip
 
@@ -139,6 +140,9 @@ OF_THE_SYSTEM = {
     "component": ('"thrusters.on', '"thruster.on', "no component thruster; did you mean thrusters"),
     "size": ("{ direction = 2.0 }", "{ signs = [1.0] }", "signs: h_start_body has 3 elements, not"),
     "dispersed": ("spacecraft.h_st", "spacecraft.h_str", "spacecraft has no parameter h_strart"),
+    "number of an analysis": (
+        'y = "firing_time"', 'y = "momentum_residual"', "paper.firing_time: no number momentum"
+    ),
     "limit": ('title = "Rate"', 'title = "R"\nlimits = ["thrusters.tau_lvel[1]"]', "no parameter"),
 }  # fmt: skip
 
@@ -152,6 +156,34 @@ def test_what_the_system_has_not_is_one_line_on_check(family, case):
     assert lines.startswith("ssp/f/scenarios/t.toml: ")
     assert message in lines
     assert len(lines.splitlines()) == 1
+
+
+def test_a_band_by_a_number_that_is_not_there(family):
+    text = BASE.replace('tolerance = "2 %"', "tolerance.b = {of='firing_tim', from=0.0, to=1.0}")
+    family(t=text.replace("[axes.m.a]", "[axes.method.b]"))
+    line = "ssp/f/scenarios/t.toml: paper.firing_time.tolerance: no number firing_tim; did you"
+    assert listed().startswith(line)
+    assert checked("f/t-b") == listed()
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("[parameters.manager]\n[tune]\n", "tune: unknown key; did you mean tuned?"),
+        ("[tuned]\n", "parameters missing"),
+        ("parameters = 1\n", "parameters: got 1; a table is needed"),
+        ("[parameters.manager]\nx = 2026-01-01\n", "parameters.manager.x: got datetime"),
+        ("[parameters", "Expected ']'"),
+    ],
+)
+def test_a_broken_design_is_one_line(family, tmp_path, text, message):
+    family(t=BASE.replace("[axes.m.a]", "[design]\nfinal_momentum = 1.0\n[axes.m.a]"))
+    (tmp_path / "ssp/f/design").mkdir()
+    (tmp_path / "ssp/f/design/t-a.toml").write_text(text)
+    for lines in (listed(), checked()):
+        assert lines.startswith("ssp/f/design/t-a.toml: ")
+        assert message in lines
+        assert len(lines.splitlines()) == 1
 
 
 def test_not_utf8_and_bases(family):

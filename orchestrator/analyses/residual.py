@@ -19,6 +19,7 @@ from ..system.model import System
 
 Array = NDArray[np.float64]
 KEY = "rigid_body"
+NUMBERS = ("momentum_residual",)
 _NEEDED = ("inertia", "axes_wheel", "inertia_wheel", "q_bi", "omega_bi_body", "impulse_eci")
 
 

@@ -206,6 +206,16 @@ class Design(Table):
     assume: dict[str, dict[str, Value]] = key("parameters that the design assumes instead")
 
 
+class DesignFile(Table):
+    """A file of ssp/FAMILY/design/, as `desat design` writes it."""
+
+    NEEDED = ("parameters",)
+    tuned: dict[str, Value] = key("what was tuned for it")
+    reached: dict[str, Value] = key("what the run that it was computed with ended with")
+    parameters: dict[str, dict[str, Value]] = key("the designed parameters of a component")
+    made_of: dict[str, Value] = key("what it was made from, `component.parameter` and more")
+
+
 def _value_reached(value: Any) -> Any:
     if isinstance(value, bool) or type(value) is int or (isinstance(value, str) and value.strip()):
         return value

@@ -7,6 +7,7 @@ import inspect
 from collections.abc import Iterator
 from typing import Any
 
+from ..analyses import analyses
 from ..files.scenario import Scenario
 from ..system.errors import DesatError, nearest
 from ..system.interface import Signal, base_name
@@ -29,7 +30,8 @@ def options_of(measure: str) -> tuple[list[str], dict[str, Any]]:
 
 def words(scenario: Scenario) -> list[str]:
     """Measures, options and derived quantities that there are not; no system is needed."""
-    return [f"{scenario.where(path)}: {text}" for path, text in _words(scenario.data)]
+    found = [*_words(scenario.data), *_rows(scenario.data, scenario.cell)]
+    return [f"{scenario.where(path)}: {text}" for path, text in found]
 
 
 def _words(data: dict[str, Any]) -> Iterator[tuple[Path, str]]:
@@ -68,6 +70,52 @@ def _words(data: dict[str, Any]) -> Iterator[tuple[Path, str]]:
             yield from (((table, name, key), text) for key, text in _derived(entry))
 
 
+def _rows(data: dict[str, Any], cell: dict[str, str]) -> Iterator[tuple[Path, str]]:
+    """Rows of a paper's table, as far as they are of this cell, whose number nobody computes."""
+    numbers = data.get("numbers", {})
+    for row, name in numbers_of_rows(data, cell).items():
+        entry = data["paper"][row]
+        named = [("number" if "number" in entry else "quantity", name)]
+        named += [("tolerance", other) for other in _bands_of(entry.get("tolerance"))]
+        for key, number in named:
+            if number in numbers:
+                continue
+            known = {*numbers, *(n for a in analyses() for n in a.NUMBERS)}
+            if number not in known:
+                yield ("paper", row, key), f"no number {number}{nearest(number, known)}"
+
+
+def _bands_of(tolerance: Any) -> Iterator[str]:
+    """The other numbers that bands are given by."""
+    if isinstance(tolerance, dict) and isinstance(tolerance.get("of"), str):
+        yield tolerance["of"]
+    elif isinstance(tolerance, (dict, list)):
+        for each in tolerance.values() if isinstance(tolerance, dict) else tolerance:
+            yield from _bands_of(each)
+
+
+def numbers_of_rows(data: dict[str, Any], cell: dict[str, str]) -> dict[str, str]:
+    """Row -> number, of the rows of a paper's tables that have a value, or none at all, for the
+    method of a cell."""
+    method = cell.get("method", "")
+    found = {}
+    for row, entry in data.get("paper", {}).items():
+        values = entry.get("values")
+        if method in entry.get("only", [method]) and (
+            not isinstance(values, dict) or method in values
+        ):
+            found[row] = entry.get("number", entry["quantity"])
+    return found
+
+
+def _analysed(scenario: Scenario, system: System) -> Iterator[tuple[Path, str]]:
+    """Rows whose number is of an analysis that does not apply to the system."""
+    for row, name in numbers_of_rows(scenario.data, scenario.cell).items():
+        of = [a for a in analyses() if name in a.NUMBERS]
+        if name not in scenario.data.get("numbers", {}) and not any(a.applies(system) for a in of):
+            yield ("paper", row), f"no number {name} of this system"
+
+
 def _derived(entry: dict[str, Any]) -> Iterator[tuple[str, str]]:
     """What is wrong with what a number or plot derives: key and text."""
     try:
@@ -102,6 +150,7 @@ def _unfit(option: str, annotation: str, value: Any) -> str:
 def names(scenario: Scenario, system: System) -> list[str]:
     """Series, units, limits and dispersions that do not fit the system, interfaces loaded."""
     found = [*_series(scenario.data, system), *_dispersions(scenario.data, system)]
+    found += _analysed(scenario, system)
     if all(c.interface for c in system.components.values()):
         for line in stopping.problems(system):
             path, _, text = line.partition(": ")
