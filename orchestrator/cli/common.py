@@ -17,14 +17,16 @@ if TYPE_CHECKING:
     from ..engine.master import Algorithm
     from ..study.case import Options
 
-EPILOG = "[bold]Exit codes[/bold]  " + "; ".join(f"{e.value} {e.meaning}" for e in Exit) + "."
+EPILOG = "Exit codes: " + "; ".join(f"{e.value} {e.meaning}" for e in Exit) + "."
 
 app = typer.Typer(
     no_args_is_help=True,
     pretty_exceptions_enable=False,
-    rich_markup_mode="rich",
-    help="Spacecraft momentum management as co-simulated FMUs. Start with [bold]desat list[/bold], "
-    "then [bold]desat run NAME[/bold]; every command explains itself with --help.",
+    # boxes take as long to load as all else: only where a person looks
+    rich_markup_mode="rich" if sys.stdout.isatty() else None,
+    context_settings={} if sys.stdout.isatty() else {"terminal_width": 120},
+    help="Spacecraft momentum management as co-simulated FMUs. Start with `desat list`, then "
+    "`desat run NAME`; every command explains itself with --help.",
     epilog=EPILOG,
 )
 # piped output is for other programs: not folded to a terminal's width
@@ -42,14 +44,15 @@ class Semantics(StrEnum):
 
 def complete_name(incomplete: str) -> list[str]:
     """The scenarios that a shell offers for the beginning of a name."""
-    from ..files.scenario import scenarios
+    from ..study import listing
 
-    return [n for n in scenarios() if n.startswith(incomplete)]
+    names = (name for f in listing.families() for name in listing.family(f).scenarios)
+    return [name for name in names if name.startswith(incomplete)]
 
 
 def complete_family(incomplete: str) -> list[str]:
     """The families that a shell offers for the beginning of a name."""
-    from ..files.scenario import families
+    from ..study.listing import families
 
     return [n for n in families() if n.startswith(incomplete)]
 
@@ -94,6 +97,12 @@ DesignOption = Annotated[
                  help="Of a scenario with a design (gain tables, costates): make one now for these "
                  "values, or take that of a file. Default: the kept one."),
 ]  # fmt: skip
+TimeLimit = Annotated[
+    float | None,
+    typer.Option(metavar="SECONDS", min=0.0,
+                 help="Wall time that a run may take to step; what it has by then is kept, and the "
+                 "command ends with 5."),
+]  # fmt: skip
 Jobs = Annotated[int, typer.Option(help="Processes.", min=1)]
 CPUS = os.cpu_count() or 1
 
@@ -114,6 +123,12 @@ def options_of(
         sets=list(sets or []), sources=list(sources or []), stop=stop, step=step, algorithm=name,
         blocks=blocks, output_classes=overrides, **more,
     )  # fmt: skip
+
+
+def warn(texts: list[str]) -> None:
+    """Warnings, on standard error."""
+    for text in texts:
+        err.print(f"warning: {text}", highlight=False, markup=False)
 
 
 def print_json(data: Any) -> None:

@@ -13,8 +13,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from ..files.refuse import design
 from ..files.scenario import Scenario, find
-from ..files.toml import toml
 from ..study.modify import modify
 from ..study.options import Options
 from ..system.draft import Draft
@@ -53,6 +53,7 @@ def made_of(
         "start": draft.start,
         "stop": draft.stop,
         "step": draft.step,
+        **({"inner": draft.inner} if draft.inner > 1 else {}),
         "wiring": _digest(wiring),
         **{f"design.{k}": v for k, v in scenario.data["design"].items() if k != "assume"},
     }
@@ -117,7 +118,7 @@ def warnings(scenario: Scenario, options: Options) -> list[str]:
     other values: with the command that makes one for them."""
     if scenario.design is None or not scenario.design.exists():
         return []
-    file = toml(scenario.design)
+    file = design(scenario.design)
     other, fitting, strange = owner(scenario, options)
     again = f"`desat design {other.name}`"
     if TABLE not in file:

@@ -11,10 +11,11 @@ from fmpy import read_model_description
 from lxml import etree
 
 from desat.components.contract.block import Scalar
-from desat.components.contract.units import UNITS, Unit
+from desat.components.contract.units import Unit
 from desat.fmus.description import TOOL
 
 from ..system.errors import DesatError
+from ..system.expression import known_unit
 from ..system.interface import Interface, OutputClass, Signal
 from .xml import parse_bytes
 
@@ -45,7 +46,7 @@ def _of_fmu(path: Path, _modified: int) -> Interface:
         description.modelName,
         description.description or "",
         {
-            v.name: _signal(v, UNITS | units, classes, notes.get(v.name, {}))
+            v.name: _signal(v, units, classes, notes.get(v.name, {}))
             for v in description.modelVariables
         },
         "" if block is None else block.get("role", ""),
@@ -106,7 +107,7 @@ def _signal(
         kind=v.type,
         reference=v.valueReference,
         unit_name=unit_name,
-        unit=units.get(unit_name),
+        unit=units.get(unit_name) or (known_unit(unit_name) if unit_name else None),
         start=_value(v.type, v.start),
         minimum=None if least is None else float(least),
         maximum=None if largest is None else float(largest),

@@ -76,7 +76,9 @@ class Scenario:
             if not self.design.exists():
                 name = f"{self.family}/{self.design.stem}"
                 raise DesatError(f"{self.name} has no design yet; run `desat design {name}`")
-            merged = copy(toml(self.design).get("parameters", {}))
+            from .refuse import design
+
+            merged = copy(design(self.design)["parameters"])
         merge(merged, self.data.get("parameters", {}), {}, ("", ""))
         return merged
 

@@ -18,9 +18,8 @@ from pydantic import (
 )
 from pydantic_core import PydanticCustomError
 
-from desat.components.contract.units import UNITS
-
-from ..system.errors import nearest
+from ..system.errors import DesatError
+from ..system.expression import unit_of
 
 
 def key(text: str, unit: str = "", default: Any = None, **limits: Any) -> Any:
@@ -36,8 +35,10 @@ def _one_line(text: str) -> str:
 
 
 def _known_unit(text: str) -> str:
-    if text != "%" and text not in UNITS:
-        raise ValueError(f"no such unit{nearest(text, [*UNITS, '%'])}")
+    try:
+        unit_of(_one_line(text))
+    except DesatError as error:
+        raise ValueError(str(error)) from error
     return text
 
 

@@ -16,6 +16,7 @@ from ..engine.master import Master
 from ..engine.results import SERIES, Recorder, Results, selects
 from ..system.codes import Exit
 from ..system.errors import DesatError, RunError
+from . import stopping
 from .manifest import MANIFEST, describe, numbers, read_manifest, write_json
 from .options import Options
 from .prepare import Case, load, prepare
@@ -41,6 +42,10 @@ class Run:
         """The exit code that says how it ended."""
         if self.ok:
             return Exit.COMPLETED
+        if self.manifest["status"] == stopping.LATE:
+            return Exit.TIMEOUT
+        if self.manifest["status"] == stopping.LATE:
+            return Exit.TIMEOUT
         if self.manifest["status"] == "interrupted":
             return Exit(self.manifest.get("exit", Exit.INTERRUPTED))
         return Exit.COMPONENT
@@ -63,8 +68,10 @@ def execute(
 def simulate(case: Case, folder: Path | None = None, progress: bool = False) -> Run:
     """Run a prepared case; `folder` None keeps the series in memory.
 
-    A component that fails, Ctrl-C and SIGTERM end the run early: what was recorded is kept, and
-    the manifest's status says which. Raises DesatError where the run cannot begin.
+    A component that fails, Ctrl-C, SIGTERM and the time limit end the run early: what was recorded
+    is kept, and the manifest's status says which. A run that its scenario's `stop_when` ends is
+    completed, and the manifest's `stopped_when` says when.
+    Raises DesatError where the run cannot begin.
     """
     system, schedule = case.or_raise()
     options = case.options
@@ -74,8 +81,10 @@ def simulate(case: Case, folder: Path | None = None, progress: bool = False) -> 
                     status="running", warnings=case.checked.warnings)  # fmt: skip
 
     def watched(component: str, signal: Any) -> bool:
-        return selects(options.record, component, signal)
+        ends_it = ends is not None and ends.reads(component, signal)
+        return ends_it or selects(options.record, component, signal)
 
+    ends = stopping.condition(system)
     with Master(system, schedule, algorithm=options.algorithm, watched=watched) as master:
         master.initialise()
         recorder = Recorder(folder and folder / SERIES, master, options.record, options.every)
@@ -84,12 +93,18 @@ def simulate(case: Case, folder: Path | None = None, progress: bool = False) -> 
         if options.algorithm == "jacobi":
             recorder.record(0, master.live)
         status, message, stepping = "completed", "", time.perf_counter()
+        finished, stopped = stopping.watch(master, ends, options.time_limit), None
         try:
             with interruptible() as interrupted, bar(system.name, system.steps, progress) as report:
-                loop(master, system.steps, recorder, interrupted, report)
+                reason = loop(master, system.steps, recorder, interrupted, report, finished)
             if number := interrupted():
                 status, message = "interrupted", f"stopped by the user at t = {master.t:g} s"
                 manifest["exit"] = int(Exit(128 + number))
+            elif reason == stopping.LATE:
+                status = reason
+                message = f"{options.time_limit:g} s of wall time over at t = {master.t:g} s"
+            elif reason:
+                stopped = {"condition": reason, "time": master.t}
         except ComponentError as error:
             status, message = "failed", str(error)
         seconds = time.perf_counter() - stepping
@@ -100,6 +115,7 @@ def simulate(case: Case, folder: Path | None = None, progress: bool = False) -> 
         message=message,
         steps_done=done,
         end_time=master.t,
+        stopped_when=stopped,
         wall_seconds=round(time.perf_counter() - clock, 6),
         us_per_step=round(1e6 * seconds / max(done, 1), 3),
         numbers=numbers(system.about, results, manifest["parameters"]),

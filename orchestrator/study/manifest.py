@@ -17,7 +17,7 @@ from ..system.errors import DesatError
 from ..system.expression import Table
 from ..system.model import System
 from ..system.parameters import table
-from .measures import OPEN_END, evaluate, relative, signals_of
+from .numbers import OPEN_END, evaluate, relative, signals_of
 from .options import Options
 
 MANIFEST = "manifest.json"

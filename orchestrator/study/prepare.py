@@ -16,9 +16,9 @@ from ..system.interface import base_name
 from ..system.model import System
 from ..system.parameters import table
 from ..system.schedule import Schedule
-from . import meaning
-from .measures import problems
+from . import meaning, stopping
 from .modify import modify
+from .numbers import problems
 from .options import Options
 
 
@@ -62,6 +62,10 @@ def prepare(target: str, options: Options) -> Case:
         modify(draft, options, _designed(described, options))
     checked = check(draft)
     if checked.system is not None and checked.schedule is not None:
+        if described is not None:
+            checked.problems += meaning.wants(described, checked.system)
+        else:
+            checked.problems += [f"{draft.where}: {t}" for t in stopping.problems(checked.system)]
         lacking = _problems_of_numbers(checked.system)
         # another FMU may lack what the scenario's numbers are made of: it runs without them
         (checked.warnings if options.sources else checked.problems).extend(lacking)
