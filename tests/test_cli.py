@@ -254,6 +254,18 @@ def test_version(desat):
     assert desat("--version", check=True).stdout == f"desat {version('desat')}\n"
 
 
+@pytest.mark.skipif(not shutil.which("bash"), reason="needs bash")
+def test_completion_can_be_installed(tmp_path):
+    """Into the shell that asks for it, as the files of one's home."""
+    line = f"{sys.executable} -m desat.cli --install-completion; exit $?"
+    result = subprocess.run(
+        ["bash", "-c", line], capture_output=True, text=True, check=False, cwd=ROOT,
+        env={**os.environ, "HOME": str(tmp_path)},
+    )  # fmt: skip
+    assert result.returncode == 0, result.stderr
+    assert "_DESAT_COMPLETE" in (tmp_path / ".bash_completions/desat.sh").read_text()
+
+
 def test_completion_offers_names(desat):
     words = {"COMP_WORDS": "desat run integrated/mil-n", "COMP_CWORD": "2"}
     result = desat(env={**os.environ, **words, "_DESAT_COMPLETE": "complete_bash"})

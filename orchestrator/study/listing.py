@@ -45,6 +45,8 @@ def family(name: str) -> Family:
         known = json.loads(kept.read_text(encoding="utf-8"))
         if known.pop("digest") == digest:
             return Family(**known)
+    if sys.stderr.isatty():
+        print(f"reading the scenarios of {name}, for they or desat have changed", file=sys.stderr)
     found = _read(name)
     with suppress(OSError):  # no cache is no harm
         kept.parent.mkdir(parents=True, exist_ok=True)
