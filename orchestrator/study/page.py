@@ -26,13 +26,14 @@ from jinja2 import (
 
 from ..files import places, scenario
 from ..system.errors import DesatError, RunError, nearest
-from . import verbs as vocabulary
 from .case import PACKAGES
+from .filters import FILTERS
 from .report import write_page
-from .verbs import FILTERS, Verbs
+from .sources import Sources
+from .verbs import Verbs
 
 PAGE = "page.md"
-VERBS = Path(vocabulary.__file__)
+VERBS = tuple(Path(__file__).with_name(f"{n}.py") for n in ("verbs", "filters"))
 
 
 def templates(family: str) -> dict[str, Path]:
@@ -68,7 +69,8 @@ def write(
                 "--draft: --into FOLDER is needed, too; a draft is not for docs/papers"
             )
     folder = into or places.DRAWS / family
-    verbs = Verbs(family, [p.read_text(encoding="utf-8") for p in known.values()], jobs, draft)
+    texts = [p.read_text(encoding="utf-8") for p in known.values()]
+    verbs = Verbs(Sources(family, texts, jobs, draft))
     pages = {file: _rendered(template, verbs) + _origin(draft) for file, template in known.items()}
     folder.mkdir(parents=True, exist_ok=True)
     for name, svg in verbs.figures.items():
@@ -91,7 +93,7 @@ def _rendered(file: Path, verbs: Verbs) -> str:
         text = environment.get_template(file.name).render()
     except Exception as error:
         raise _at(file, error) from error
-    return "\n\n".join(_set(block) for block in re.split(r"\n\s*\n", text.strip())) + "\n\n"
+    return f"{_set(text)}\n\n"
 
 
 def _at(file: Path, error: Exception) -> Exception:
@@ -105,16 +107,24 @@ def _at(file: Path, error: Exception) -> Exception:
     if isinstance(error, RunError):
         return RunError(text, error.code)
     innermost = Path(frames[-1].filename)
-    of_template = innermost in (file, VERBS) or "jinja2" in innermost.parts
+    of_template = innermost in (file, *VERBS) or "jinja2" in innermost.parts
     if isinstance(error, (DesatError, TemplateError)) or of_template:
         return DesatError(text)
     return error
 
 
-def _set(block: str) -> str:
-    """A block of Markdown: of a table or list every line, of a paragraph one."""
-    lines = [line.strip() for line in block.splitlines() if line.strip()]
-    return ("\n" if lines[0].startswith(("|", "- ", "```")) else " ").join(lines)
+def _set(text: str) -> str:
+    """Markdown with each paragraph in one line, and a line between blocks."""
+    blocks: list[list[str]] = []
+    open_ = ""  # the kind of the block that the next line may belong to
+    for line in (line.strip() for line in text.splitlines()):
+        kind = "table" if line.startswith("|") else "item" if line.startswith("- ") else "prose"
+        if line and kind == open_:
+            blocks[-1].append(line)
+        elif line:
+            blocks.append([line])
+        open_ = kind if line and not line.startswith("#") else ""
+    return "\n\n".join(("\n" if b[0].startswith(("|", "- ")) else " ").join(b) for b in blocks)
 
 
 def _origin(draft: float | None) -> str:

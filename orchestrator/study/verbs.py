@@ -1,8 +1,7 @@
-"""The verbs of pages: what a template may call, and its filters.
+"""The verbs of pages: what a template may call.
 
 A scenario is named without its family; `change` gives parameters other values, as
-`{"manager.gain": 2.0}`. Each run is made once, by FMUs, and kept in memory: of it what its numbers
-and plots are made of, and every series that a template of the family names as "component.output".
+`{"manager.gain": 2.0}`.
 """
 
 from __future__ import annotations
@@ -10,44 +9,30 @@ from __future__ import annotations
 import importlib
 import json
 import math
-import re
 import statistics
-import sys
 import tomllib
 from collections.abc import Callable, Sequence
-from dataclasses import replace
-from functools import cached_property
 from typing import Any
 
-import numpy as np
-
-from ..analyses import analyses
 from ..files import places
 from ..files.scenario import find
 from ..system.errors import DesatError, nearest
 from ..system.expression import factor, product
 from . import figures, stored, tables
-from .case import Options, Run, execute, load
-from .draws import needed_signals
+from .case import Options
 from .plots import lines_of, pretty_unit, series_plot
-from .report import number as text_of
 from .series import Series
+from .sources import Change, Sources
 
 POINTS = 600
 """Of a line in a figure of a page, so that files stay small."""
-
-Change = dict[str, Any]
 
 
 class Verbs:
     """Every public method is a verb; `figures` collects what they draw: file -> SVG."""
 
-    def __init__(
-        self, family: str, templates: Sequence[str], jobs: int, draft: float | None
-    ) -> None:
-        self._family, self._jobs, self._draft = family, jobs, draft
-        self._named = sorted({n for t in templates for n in re.findall(r'"(\w+\.\w+)"', t)})
-        self._runs: dict[str, Run] = {}
+    def __init__(self, sources: Sources) -> None:
+        self._of = sources
         self._figures: dict[str, str] = {}
 
     def known(self) -> dict[str, Callable[..., Any]]:
@@ -65,27 +50,27 @@ class Verbs:
 
     def value(self, scenario: str, number: str, change: Change | None = None) -> float:
         """A number of a run. Raises DesatError where the run has none or does not reach it."""
-        numbers = self._run(scenario, change).manifest["numbers"]
+        numbers = self._of.run(scenario, change).manifest["numbers"]
         if number not in numbers:
             raise DesatError(f"{scenario} has no number {number}{nearest(number, numbers)}")
         value = numbers[number]["value"]
-        if value is None and self._draft is None:
+        if value is None and self._of.draft is None:
             raise DesatError(f"{scenario}: {number} is not reached")
         return math.nan if value is None else float(value)
 
     def about(self, scenario: str, number: str) -> dict[str, Any]:
         """What a number is: its `title`, its `unit` as people write it."""
-        told = self._run(scenario).manifest["numbers"][number]
+        told = self._of.run(scenario).manifest["numbers"][number]
         return {**told, "unit": pretty_unit(told["unit"])}
 
     def parameter(self, scenario: str, text: str, unit: str = "") -> float:
         """A parameter of a run, or a product of several, in a unit (default: its own)."""
-        value, own = product(text, self._run(scenario).manifest["parameters"])
+        value, own = product(text, self._of.run(scenario).manifest["parameters"])
         return value * factor(own, unit, f'of "{text}"') if unit else value
 
     def setting(self, scenario: str, key: str) -> Any:
         """What a scenario's file says for a key at its top, such as stop."""
-        data = find(self._full(scenario)).data
+        data = find(self._of.name_of(scenario)).data
         if key not in data:
             raise DesatError(f"{scenario} has no {key}{nearest(key, data)}")
         return data[key]
@@ -100,7 +85,7 @@ class Verbs:
 
     def drawn(self, scenario: str, number: str) -> list[float]:
         """A number of each draw, in their order."""
-        rows = self._stored(scenario)["draws"]
+        rows = self._of.draws_of(scenario)["draws"]
         if number not in rows[0]["numbers"]:
             hint = nearest(number, rows[0]["numbers"])
             raise DesatError(f"{scenario}: draws have no number {number}{hint}")
@@ -114,7 +99,7 @@ class Verbs:
 
     def seed(self) -> int:
         """The seed of the draws."""
-        return int(self._draws["seed"])
+        return int(self._of.draws["seed"])
 
     # --- the paper's tables -------------------------------------------------------------------
 
@@ -123,7 +108,7 @@ class Verbs:
         medians of draws."""
         return {
             heading: [tables.shown(row) for row in group]
-            for heading, group in tables.grouped(self._cells(draws))
+            for heading, group in tables.grouped(self._of.cells(draws))
         }
 
     def paper_table(self, rows: list[dict[str, str]]) -> str:
@@ -134,7 +119,7 @@ class Verbs:
 
     def within(self, draws: bool = True) -> str:
         """How many of the cells that have a band are within it: `62 of 62`."""
-        banded = [row for row in self._cells(draws) if row.within is not None]
+        banded = [row for row in self._of.cells(draws) if row.within is not None]
         return f"{sum(bool(row.within) for row in banded)} of {len(banded)}"
 
     def missed(self) -> list[dict[str, Any]]:
@@ -142,13 +127,13 @@ class Verbs:
         them."""
         return [
             {**tables.shown(row), "table": row.table, "quantity": row.quantity.replace("_", " ")}
-            for row in self._cells(False)
+            for row in self._of.cells(False)
             if row.paper is not None and row.band is None and row.remark and not row.tuned
         ]
 
     def origin(self) -> str:
         """Where the draws are from."""
-        return tables.origin(stored.provenance(self._draws, fresh=False))
+        return tables.origin(stored.provenance(self._of.draws, fresh=False))
 
     # --- series and figures -------------------------------------------------------------------
 
@@ -157,12 +142,12 @@ class Verbs:
         step: float | None = None, stop: float | None = None,
     ) -> Series:  # fmt: skip
         """A series of a run, in its unit; with another step or end (s) of the run."""
-        results = self._run(scenario, change, step, stop).results
+        results = self._of.run(scenario, change, step, stop).results
         return Series(results.times(signal), results.values(signal).astype(float))
 
     def line(self, scenario: str, plot: str, change: Change | None = None) -> Series:
         """The first line of a scenario's plot, such as one that it derives."""
-        spec, results = self._plot(scenario, plot), self._run(scenario, change).results
+        spec, results = self._plot(scenario, plot), self._of.run(scenario, change).results
         if not (lines := lines_of(spec, results, spec.get("unit", "1"))):
             raise DesatError(f"{scenario}: plot {plot}: not recorded")
         return Series(lines[0].times, lines[0].values)
@@ -170,7 +155,7 @@ class Verbs:
     def plot(self, file: str, scenario: str, plot: str, place: str = "") -> str:
         """A plot of a scenario as a figure; `place` stands before its title."""
         spec = {"points": POINTS, **self._plot(scenario, plot)}
-        run = self._run(scenario)
+        run = self._of.run(scenario)
         image = series_plot(spec, [("", run.results, run.manifest["parameters"])])
         if image is None:
             raise DesatError(f"{scenario}: plot {plot}: not recorded")
@@ -226,8 +211,8 @@ class Verbs:
         """A scenario at several steps against its monolithic reference: `rows`, `order`."""
         from ..analyses import convergence
 
-        options = Options(stop=self._end(scenario, None))
-        return convergence.study(self._full(scenario), options, jobs=self._jobs)
+        options = Options(stop=self._of.end_of(scenario, None))
+        return convergence.study(self._of.name_of(scenario), options, jobs=self._of.jobs)
 
     def convergence_plot(
         self, file: str, caption: str, study: dict[str, Any], key: str, unit: str
@@ -239,41 +224,8 @@ class Verbs:
 
     # --- how ----------------------------------------------------------------------------------
 
-    def _full(self, scenario: str) -> str:
-        return scenario if "/" in scenario else f"{self._family}/{scenario}"
-
-    def _end(self, scenario: str, stop: float | None) -> float | None:
-        """The stop time of a run; None: that of the scenario."""
-        if self._draft is None:
-            return stop
-        own = stop or find(self._full(scenario)).data.get("stop", math.inf)
-        return min(own, self._draft)
-
-    def _run(
-        self, scenario: str, change: Change | None = None, step: float | None = None,
-        stop: float | None = None,
-    ) -> Run:  # fmt: skip
-        """A run, made once."""
-        key = repr((scenario, change, step, stop))
-        if key not in self._runs:
-            options = Options(values=change or {}, step=step, stop=self._end(scenario, stop))
-            name = self._full(scenario)
-            record = tuple(self._needed(name))
-            self._runs[key] = execute(name, replace(options, record=record)).or_raise(name)
-        return self._runs[key]
-
-    def _needed(self, name: str) -> list[str]:
-        """What must be recorded of a scenario."""
-        system, _ = load(name)
-        needed = [*self._named, *needed_signals(system.about)]
-        needed += [signal for p in system.about.get("plots", []) for signal in p["signals"]]
-        for analysis in analyses():
-            if parts := analysis.applies(system):
-                needed += analysis.signals(parts)
-        return sorted(set(needed))
-
     def _plot(self, scenario: str, plot: str) -> dict[str, Any]:
-        plots: dict[str, Any] = find(self._full(scenario)).data.get("plots", {})
+        plots: dict[str, Any] = find(self._of.name_of(scenario)).data.get("plots", {})
         if plot not in plots:
             raise DesatError(f"{scenario} has no plot {plot}{nearest(plot, plots)}")
         return dict(plots[plot])
@@ -285,53 +237,3 @@ class Verbs:
             raise DesatError(f"figure {file}: it is there already")
         self._figures[name] = svg
         return f"\n![{caption}]({name})\n\n*{caption}*\n"
-
-    @cached_property
-    def _draws(self) -> dict[str, Any]:
-        """The family's draws: those that are outdated are made now, but not for a draft."""
-        if self._draft is not None:
-            return stored.read(self._family)
-        made = stored.renew(self._family, self._jobs, progress=sys.stderr.isatty())
-        stored.write(made)
-        return made
-
-    def _stored(self, scenario: str) -> dict[str, Any]:
-        kept: dict[str, Any] = self._draws["scenarios"]
-        if (name := self._full(scenario)) not in kept:
-            raise DesatError(f"{scenario} has no draws{nearest(name, kept)}")
-        draws: dict[str, Any] = kept[name]
-        return draws
-
-    @cached_property
-    def _table(self) -> list[tables.Row]:
-        drawn = self._draws if stored.with_draws(self._family) else None
-        return tables.rows(self._family, Options(), self._jobs, drawn)
-
-    def _cells(self, draws: bool) -> list[tables.Row]:
-        return [row for row in self._table if draws or row.draws is None]
-
-
-def fixed(value: float, digits: int = 0) -> str:
-    """A number with so many digits after the point."""
-    return f"{value:.{digits}f}"
-
-
-def short(value: float | None) -> str:
-    """An error or a residual: two digits; empty where there is none."""
-    return "" if value is None else f"{value:.1e}"
-
-
-def correlation(x: Sequence[float], y: Sequence[float]) -> float:
-    """Pearson's correlation of two lists."""
-    return float(np.corrcoef(x, y)[0, 1])
-
-
-FILTERS: dict[str, Callable[..., Any]] = {
-    "fixed": fixed,
-    "short": short,
-    "text": text_of,
-    "median": statistics.median,
-    "correlation": correlation,
-    "degrees": math.degrees,
-}
-"""Beside those of Jinja2: `{{ value(...)|fixed(2) }}`."""
