@@ -191,7 +191,7 @@ def f(x: float) -> float:
     [
         ("What it is.", "What it was.", True),
         ("Twice.", "Two times.", True),
-        ('    \"\"\"Twice.\"\"\"\n', "", True),
+        ('    """Twice."""\n', "", True),
         ("# a comment", "", True),
         ("2.0 * x", "(2.0\n    * x)", True),
         ("2.0 * x", "x * 2.0", False),

@@ -10,7 +10,6 @@ figures come from runs made now. A paragraph is set as one line; a table has a l
 from __future__ import annotations
 
 import platform
-import re
 import traceback
 from datetime import UTC, datetime
 from importlib.metadata import version
