@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -57,7 +57,7 @@ def bars(groups: dict[str, dict[str, float]], ylabel: str, *, log: bool = False)
 
 
 def scatter(
-    groups: dict[str, tuple[Sequence[float], Sequence[float]]], xlabel: str, ylabel: str, *,
+    groups: Mapping[str, tuple[Sequence[float], Sequence[float]]], xlabel: str, ylabel: str, *,
     diagonal: str = "",
 ) -> str:  # fmt: skip
     """Points: {label: (x, y)}; `diagonal` names the line y = x, empty for none."""

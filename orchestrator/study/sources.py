@@ -14,6 +14,7 @@ from ..files.scenario import find
 from ..system.errors import DesatError, nearest
 from . import stored, tables
 from .case import Options, Run, execute, load
+from .cells import Row
 from .draws import needed_signals
 
 Change = dict[str, Any]
@@ -89,10 +90,10 @@ class Sources:
         return draws
 
     @cached_property
-    def _table(self) -> list[tables.Row]:
+    def _table(self) -> list[Row]:
         drawn = self.draws if stored.with_draws(self.family) else None
         return tables.rows(self.family, Options(), self.jobs, drawn)
 
-    def cells(self, draws: bool) -> list[tables.Row]:
+    def cells(self, draws: bool) -> list[Row]:
         """The cells of the paper's tables; `draws` False leaves out the medians of draws."""
         return [row for row in self._table if draws or row.draws is None]
