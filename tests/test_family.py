@@ -112,7 +112,7 @@ left the body turns at {{ value("wheels", "rate_end")|fixed(6) }} rad/s. {# "man
 
 | rate 1/s | left N m s |
 |---|---|
-{% for rate, left in sweep("wheels", "manager.rate", [0.0, 0.1], "momentum_end") %}
+{% for rate, left in sweep("wheels", "manager.rate", [0.1], "momentum_end") %}
 {{ row(rate, left|fixed(6)) }}
 {% endfor %}
 
@@ -186,7 +186,7 @@ def test_a_family_touches_no_existing_file(repository):
     assert page.strip().endswith("copy/docs/papers/spin_down/README.md")
     text = (repository / "docs/papers/spin_down/README.md").read_text(encoding="utf-8")
     assert f"From {start * left:.6f} N m s left the body turns at {turning:.6f} rad/s.\n" in text
-    assert f"\n| 0.0 | {start:.6f} |\n| 0.1 | {start * 0.9**50:.6f} |\n" in text
+    assert f"\n| 0.1 | {start * 0.9**50:.6f} |\n" in text
     assert "![Figure 1: wheel momentum](momentum.svg)" in text
 
     after = hashes()
