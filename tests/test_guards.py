@@ -178,6 +178,34 @@ def test_stored_draws_are_stale_when_their_code_changes(monkeypatch, tmp_path):
     assert name in stored.outdated(kept)
 
 
+CODE = """\"\"\"What it is.\"\"\"
+
+
+def f(x: float) -> float:
+    \"\"\"Twice.\"\"\"
+    return 2.0 * x  # a comment
+"""
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "same"),
+    [
+        ("What it is.", "What it was.", True),
+        ("Twice.", "Two times.", True),
+        ('    """Twice."""\n', "", True),
+        ("# a comment", "", True),
+        ("2.0 * x", "(2.0\n    * x)", True),
+        ("2.0 * x", "x * 2.0", False),
+        ("2.0", "2", False),
+        ("f(x", "g(x", False),
+        ("2.0 * x", "None", False),
+    ],
+)
+def test_texts_and_layout_of_code_do_not_count(old, new, same):
+    assert old in CODE
+    assert (stored.meaning(CODE.replace(old, new)) == stored.meaning(CODE)) is same
+
+
 def test_draws_are_stamped_only_if_they_come_out_again(monkeypatch, tmp_path):
     name = "uosat12/starts-dct"
     kept = stored.read("uosat12")

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from ..engine.results import Results
 from ..study.derived import rotate_back
 from ..study.plots import COLOURS, figure, legend, svg, time_axis
+from ..study.strips import timeline
 from ..system.model import System
 
 Array = NDArray[np.float64]
@@ -78,17 +79,16 @@ def figures(manifest: dict[str, Any], results: Results) -> list[tuple[str, str]]
     """The residual over time."""
     series = momentum(manifest, results)
     caption = "Momentum residual: what the exchange between components loses"
-    return [] if series is None else [(caption, plot(*series))]
+    return [] if series is None else [(caption, plot(*series, results))]
 
 
-def plot(times: Array, residual: Array) -> str:
-    """The residual over time as SVG."""
+def plot(times: Array, residual: Array, results: Results) -> str:
+    """The residual over time as SVG, over the strips of the run's modes."""
     fig, ax = figure()
     seconds, unit = time_axis(times)
     for i, axis in enumerate("xyz"):
         ax.plot(times / seconds, residual[:, i], color=COLOURS[i], linewidth=1.0, label=axis)
-    ax.set_xlabel(f"time [{unit}]")
+    timeline(ax, seconds, unit, results)
     ax.set_ylabel("[N m s], eci")
-    ax.margins(x=0.01)
     legend(ax)
     return svg(fig)

@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import statistics
 import zlib
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
 from dataclasses import replace
@@ -117,7 +117,7 @@ def system_of(target: str, options: Options) -> Draft:
     return draft
 
 
-def needed_signals(about: dict[str, Any]) -> list[str]:
+def needed_signals(about: Mapping[str, Any]) -> list[str]:
     """What a scenario's numbers are made of; the rest need not be recorded."""
     found: list[str] = []
     for number in about.get("numbers", {}).values():
@@ -171,7 +171,7 @@ def draws(
     }  # fmt: skip
 
 
-def summary(rows: list[dict[str, Any]], about: dict[str, Any]) -> dict[str, dict[str, Any]]:
+def summary(rows: list[dict[str, Any]], about: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
     """Of each number of the draws that completed: unit, median, least, largest, and how many draws
     have reached it."""
     whole = [r for r in rows if r["status"] == "completed"]

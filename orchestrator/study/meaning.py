@@ -4,6 +4,7 @@ describes, series, units, limits and dispersions. A line for each thing that is 
 from __future__ import annotations
 
 import inspect
+import re
 from collections.abc import Iterator
 from typing import Any
 
@@ -207,7 +208,7 @@ def _series(data: dict[str, Any], system: Draft) -> Iterator[tuple[Path, str]]:
     for name, plot in data.get("plots", {}).items():
         for limit in plot.get("limits", []):
             value = limit["value"] if isinstance(limit, dict) else limit
-            for factor in value.split("*") if isinstance(value, str) else ():
+            for factor in re.split(r"[*/]", value) if isinstance(value, str) else ():
                 if not _is_number(factor):
                     parameter = base_name(factor.strip())
                     problem = _elements(system, parameter, ("parameter", "input"))
