@@ -7,8 +7,10 @@ momenta. Body frame; J (kg m2) is the whole craft with the wheels locked.
 
 from __future__ import annotations
 
+from math import sqrt
+
 from ..contract.block import BlockError, Mat33, Mat34, Vec3, Vec4
-from ..maths.vector import inverse, mat_vec
+from ..maths.vector import dot, inverse, mat_vec
 
 
 def carrier_inertia(inertia: Mat33, axes: Mat34, inertia_wheel: Vec4) -> Mat33:
@@ -38,3 +40,13 @@ def rate(h_total: Vec3, h_wheels: Vec3, inverse_carrier: Mat33) -> Vec3:
         inverse_carrier,
         (h_total[0] - h_wheels[0], h_total[1] - h_wheels[1], h_total[2] - h_wheels[2]),
     )
+
+
+def nutation(h_total: Vec3, carrier: Mat33) -> float:
+    """The rate (rad/s) of nutation about the total momentum l (N m s, body): sqrt(l.J_r l / det J_r).
+
+    The eigenvalue of l x J_r^-1, by which dl' = l x J_r^-1 dl + dl x omega.
+    """
+    a, b, c, d, e, f, g, h, i = carrier
+    determinant = a * (e * i - f * h) - b * (d * i - f * g) + c * (d * h - e * g)
+    return sqrt(dot(h_total, mat_vec(carrier, h_total)) / determinant)

@@ -71,5 +71,18 @@ def radiation_on_plates(sun: Vec3, pressure: float, plates: Table) -> Vec3:
     return (tx, ty, tz)
 
 
+def present(plates: Table) -> Table:
+    """The rows of a plate table that have an area."""
+    return tuple(x for row in _rows(plates) if row[3] > 0.0 for x in row)
+
+
+def lever(plates: Table) -> float:
+    """The sum of area times distance from the centre (m3): no pressure makes more torque."""
+    total = 0.0
+    for _, _, _, area, cx, cy, cz, _, _ in _rows(plates):
+        total += area * sqrt(cx * cx + cy * cy + cz * cz)
+    return total
+
+
 def _rows(plates: Table) -> list[Table]:
     return [plates[i : i + PLATE_COLUMNS] for i in range(0, len(plates), PLATE_COLUMNS)]
