@@ -5,17 +5,25 @@ from math import ceil
 from ..contract.block import Mat33, Parameter, Table, Vec3, Vec4
 from ..contract.roles import Spacecraft, WheelInertias
 from ..maths.attitude import normalised, product, rotate, rotate_back
-from ..maths.runge_kutta import Slope, step4, step6, step8
+from ..maths.runge_kutta import step4, step6, step8
 from ..maths.vector import ZERO, add, cross, dot, mat_vec, norm, scale, sub
 from ..physics import torques
-from ..physics.gyrostat import carrier_inertia, inverse_inertia, nutation, rate
+from ..physics.gyrostat import carrier_inertia, inverse_inertia, nutation, over_determinant, rate
 from ..physics.orbit import EARTH_RATE, MU, lvlh_attitude
-from ..physics.rigid_body import Torque, course, gathered, ramp, slopes
+from ..physics.rigid_body import (
+    STILL,
+    Torque,
+    course,
+    gathered,
+    peak,
+    ramp,
+    slopes,
+)
 from ..physics.wheel_array import body_momentum
 
 NONE, AREA, PLATES = range(3)
 
-ANGLE_4, ANGLE_6, ANGLE_8 = 0.005, 0.043, 0.3
+ANGLE_4, ANGLE_6, ANGLE_8 = 0.007, 0.05, 0.3
 """Up to where one step of RK4, of RK6 and of RK8 errs by the same share of the angle (rad)."""
 MOST_PARTS = 100_000
 """Of a step; more is a mistake."""
@@ -100,7 +108,9 @@ class SpacecraftRigid(Spacecraft, WheelInertias):
 
     def start(self) -> None:
         carrier = carrier_inertia(self.inertia, self.axes_wheel, self.inertia_wheel)
-        self._carrier, self._inverse = carrier, inverse_inertia(carrier)
+        self._inverse = inverse_inertia(carrier)
+        self._half_inverse = tuple(0.5 * x for x in self._inverse)
+        self._nutation = over_determinant(carrier)
         share = self.angle_limit / ANGLE_8
         self._angle4, self._angle6 = ANGLE_4 * share**2, ANGLE_6 * share ** (4.0 / 3.0)
         self._plates = torques.present(self.plates)
@@ -115,15 +125,15 @@ class SpacecraftRigid(Spacecraft, WheelInertias):
         self._momentum_start = self._momentum
 
     def _sizes(self) -> None:
-        """What `_largest_torque` and `_angle` need of the parameters."""
+        """What `_angle` and `_largest_around` need of the parameters."""
         i = self._inverse
         self._inverse_size = max(  # 1/(kg m2)
             abs(i[0]) + abs(i[1]) + abs(i[2]),
             abs(i[3]) + abs(i[4]) + abs(i[5]),
             abs(i[6]) + abs(i[7]) + abs(i[8]),
         )
-        # N m3, N m / (kg/m3 m2/s2), N m: at most one half of the largest moment for 3 mu / r^3,
-        # every surface head on to the flow, every surface a mirror
+        # gravity at most 3 mu / r^3 times half the largest moment (N m times r^3); every surface
+        # head on to the flow (N m over density speed^2); every surface a mirror (N m)
         self._gravity_size = 1.5 * MU * max(self.inertia[0], self.inertia[4], self.inertia[8])
         on_plates = torques.lever(self._plates)
         drag = (0.0, self.area_drag * norm(self.centre_drag_body), on_plates)
@@ -147,7 +157,28 @@ class SpacecraftRigid(Spacecraft, WheelInertias):
         return rate(rotate(self._q, self._momentum), wheels, self._inverse)
 
     def advance(self, t: float, dt: float) -> None:
-        slope, angle = self._slope(dt), self._angle(dt)
+        axes, h, mean = self.axes_wheel, self._h, self.tau_mean_wheel
+        wheels = body_momentum(axes, h)
+        motors = ramp(body_momentum(axes, mean), body_momentum(axes, self.tau_slope_wheel))
+        given = ramp(
+            add(self.tau_disturbance_body, add(self.tau_ext_body, self.tau_mean_thruster_body)),
+            self.tau_slope_thruster_body,
+        )
+        dipole = ramp(add(self.m_mean_body, self.residual_dipole_body), self.m_slope_body)
+        magnetic = dipole != STILL
+        torque = peak(motors) + peak(given) + self._largest_around()
+        if magnetic:
+            torque += peak(dipole) * norm(self.b_eci)
+        angle = self._angle(dt, wheels, torque)
+        field = place = None
+        if magnetic:
+            field = course(self.b_eci, self.b_rate_eci, self.b_accel_eci, dt)
+        if self.gravity_gradient:
+            place = course(self.r_eci, self.v_eci, _fall(self.r_eci), dt)
+        slope = slopes(
+            self.inertia, self._half_inverse, gathered(wheels, motors, dt), given, dipole,
+            field, place, self._surfaces(dt),
+        )  # fmt: skip
         y = (*self._q, *self._momentum)
         if angle <= self._angle4:
             y = step4(slope, 0.0, y, 1.0, dt)
@@ -159,22 +190,19 @@ class SpacecraftRigid(Spacecraft, WheelInertias):
                 y = step8(slope, i / n, y, 1.0 / n, dt / n)
         self._q = normalised(y[:4])
         self._momentum = (y[4], y[5], y[6])
-        h, mean = self._h, self.tau_mean_wheel
         self._h = (
             h[0] + dt * mean[0], h[1] + dt * mean[1], h[2] + dt * mean[2], h[3] + dt * mean[3],
         )  # fmt: skip
 
-    def _angle(self, dt: float) -> float:
-        """Angle (rad) that body and nutation turn in dt, with what the torques of the step add.
+    def _angle(self, dt: float, wheels: Vec3, torque: float) -> float:
+        """Angle (rad) that body and nutation turn in dt, with the wheels' momentum (N m s, body) at
+        its start and the largest torque on the body (N m).
 
-        Raises BlockError where a step would be cut into too many parts, or it is not finite.
+        Raises BlockError where it is not finite or would take too many integration steps.
         """
         total = rotate(self._q, self._momentum)
-        wheels = body_momentum(self.axes_wheel, self._h)
-        angle = dt * (
-            norm(rate(total, wheels, self._inverse)) + nutation(total, self._carrier)
-            + dt * self._inverse_size * self._largest_torque()
-        )  # fmt: skip
+        rates = norm(rate(total, wheels, self._inverse)) + nutation(total, self._nutation)
+        angle = dt * (rates + dt * self._inverse_size * torque)
         if not angle <= MOST_PARTS * self.angle_limit:
             self.fail(
                 f"in a step of {dt:g} s body and nutation turn by {angle:.3g} rad, more than "
@@ -183,43 +211,14 @@ class SpacecraftRigid(Spacecraft, WheelInertias):
             )
         return angle
 
-    def _largest_torque(self) -> float:
-        """A bound of the torque on the body (N m) in this step, the wheels' included."""
-        axes = self.axes_wheel
-        torque = (
-            norm(body_momentum(axes, self.tau_mean_wheel)) + norm(self.tau_mean_thruster_body)
-            + 0.5 * norm(body_momentum(axes, self.tau_slope_wheel))
-            + 0.5 * norm(self.tau_slope_thruster_body)
-            + norm(add(self.tau_disturbance_body, self.tau_ext_body))
-        )  # fmt: skip
-        dipole = norm(add(self.m_mean_body, self.residual_dipole_body))
-        torque += (dipole + 0.5 * norm(self.m_slope_body)) * norm(self.b_eci)
+    def _largest_around(self) -> float:
+        """What gravity, air and light make at most (N m)."""
+        torque = self._light_size * self.sunlight
         if self.gravity_gradient:
             torque += self._gravity_size / norm(self.r_eci) ** 3
         if self._drag_size > 0.0:
             torque += self._drag_size * self.density * dot(self.v_eci, self.v_eci)
-        return torque + self._light_size * self.sunlight
-
-    def _slope(self, dt: float) -> Slope:
-        """f(e, y): the derivative of y = (q, H) per second, at the share e of the step."""
-        axes, r = self.axes_wheel, self.r_eci
-        wheels = gathered(
-            body_momentum(axes, self._h), body_momentum(axes, self.tau_mean_wheel),
-            body_momentum(axes, self.tau_slope_wheel), dt,
-        )  # fmt: skip
-        constant = add(self.tau_disturbance_body, self.tau_ext_body)
-        torque = ramp(
-            add(constant, self.tau_mean_thruster_body), self.tau_slope_thruster_body
-        )
-        dipole = ramp(add(self.m_mean_body, self.residual_dipole_body), self.m_slope_body)
-        field = place = None
-        if any(dipole[0]) or any(dipole[1]):
-            field = course(self.b_eci, self.b_rate_eci, self.b_accel_eci, dt)
-        if self.gravity_gradient:
-            place = course(r, self.v_eci, _fall(r), dt)
-        return slopes(
-            self.inertia, self._inverse, wheels, torque, dipole, field, place, self._surfaces(dt)
-        )
+        return torque
 
     def _surfaces(self, dt: float) -> Torque | None:
         """f(e, C): drag and radiation torque (N m, body), density and Sun as at the step's start

@@ -42,11 +42,16 @@ def rate(h_total: Vec3, h_wheels: Vec3, inverse_carrier: Mat33) -> Vec3:
     )
 
 
-def nutation(h_total: Vec3, carrier: Mat33) -> float:
-    """The rate (rad/s) of nutation about the total momentum l (N m s, body): sqrt(l.J_r l / det J_r).
+def over_determinant(carrier: Mat33) -> Mat33:
+    """J_r / det J_r (1/(kg m2)^2), for `nutation`."""
+    a, b, c, d, e, f, g, h, i = carrier
+    s = 1.0 / (a * (e * i - f * h) - b * (d * i - f * g) + c * (d * h - e * g))
+    return (s * a, s * b, s * c, s * d, s * e, s * f, s * g, s * h, s * i)
+
+
+def nutation(h_total: Vec3, over_det: Mat33) -> float:
+    """sqrt(l.J_r l / det J_r): how fast (rad/s) the total momentum l (N m s, body) nutates.
 
     The eigenvalue of l x J_r^-1, by which dl' = l x J_r^-1 dl + dl x omega.
     """
-    a, b, c, d, e, f, g, h, i = carrier
-    determinant = a * (e * i - f * h) - b * (d * i - f * g) + c * (d * h - e * g)
-    return sqrt(dot(h_total, mat_vec(carrier, h_total)) / determinant)
+    return sqrt(dot(h_total, mat_vec(over_det, h_total)))
