@@ -73,13 +73,12 @@ def test_drag_and_radiation_on_an_area(v, centre):
     assert np.allclose(torques.radiation(v, 4.56e-6, 1.5, centre), expected, atol=1e-20)
 
 
-def plate(normal, area, centre, specular=0.0, diffuse=0.0) -> tuple[float, ...]:
-    return (*normal, area, *centre, specular, diffuse)
+def plate(normal, area, centre, specular=0.0, diffuse=0.0) -> torques.Plates:
+    return torques.plates_of((*normal, area, *centre, specular, diffuse) + (0.0,) * 9)
 
 
 def test_plates():
     box = plate((1, 0, 0), 2.0, (0, 0.1, 0)) + plate((-1, 0, 0), 2.0, (0, 0.1, 0))
-    box += (0.0,) * (54 - len(box))
     v = (7500.0, 0.0, 0.0)
     # only the plate that faces the flow counts, and head on it is its area
     assert torques.drag_on_plates(v, 1e-12, 2.2, box) == pytest.approx(
@@ -87,7 +86,7 @@ def test_plates():
     )
     black = torques.radiation_on_plates((1, 0, 0), 4.56e-6, box)
     assert black == pytest.approx(torques.radiation((1, 0, 0), 4.56e-6, 2.0, (0, 0.1, 0)))
-    mirror = plate((1, 0, 0), 2.0, (0, 0.1, 0), specular=1.0) + (0.0,) * 45
+    mirror = plate((1, 0, 0), 2.0, (0, 0.1, 0), specular=1.0)
     # a mirror is pushed twice as hard, along its normal
     assert torques.radiation_on_plates((1, 0, 0), 4.56e-6, mirror) == pytest.approx(
         [2 * x for x in black]

@@ -23,8 +23,8 @@ from ..physics.wheel_array import body_momentum
 
 NONE, AREA, PLATES = range(3)
 
-ANGLE_4, ANGLE_6, ANGLE_8 = 0.007, 0.05, 0.3
-"""Up to where one step of RK4, of RK6 and of RK8 errs by the same share of the angle (rad)."""
+ANGLE_4, ANGLE_6, ANGLE_8 = 0.009, 0.055, 0.3
+"""Up to where one step of RK4, RK6 or RK8 errs by about the same share of the angle (rad)."""
 MOST_PARTS = 100_000
 """Of a step; more is a mistake."""
 
@@ -45,16 +45,17 @@ class SpacecraftRigid(Spacecraft, WheelInertias):
         tau_ext = (m + m_residual) x B + 3 mu / r^3 u x J u + drag + radiation + thrusters
                   + tau_disturbance + tau_ext_body
 
-    With a the angle that body and nutation turn in a step,
+    In a step of dt, body and nutation turn by about the angle a,
 
-        a = dt (|omega| + sqrt(l . J_r l / det J_r) + |J_r^-1| (|A tau_wheel| + |tau_ext|) dt),
-        l = C(q) H
+        a = dt (|omega| + sqrt(l . J_r l / det J_r)) + b
+        b = dt^2 |J_r^-1| (|A tau_wheel| + |tau_ext|)
 
-    it is integrated by one step of RK4 or RK6 where a is small, else by ceil(a / angle_limit)
-    steps of order 8: the error of phase is 1e-12 of the angle turned or less, whatever the step.
-    Torque-free, the default angle_limit loses 3e-8 of the energy of nutation in a day at
-    0.4 rad/s, its half 7.6e-11. `h_wheel` is read in initialisation mode only: the copy starts
-    from it.
+    with l = C(q) H and the torques at their largest. RK4 errs by a (a^2 + b)^2, RK6 by
+    a (a^2 + b)^3 times a constant: where that is small they integrate the step at once, else
+    ceil(a / angle_limit) steps of order 8 do. The error of phase is then a few 1e-12 of the angle
+    turned, whatever the step. Without torque, the default angle_limit takes 1e-8 of the energy of
+    a nutation of 1 rad/s in a day, half of it 3e-11. `h_wheel` is read in initialisation mode only:
+    the copy starts from it.
 
     Source: conservation of momentum; paper 004, eqs. 1-6; Wertz (1978), ch. 17 for the torques.
     """
@@ -109,11 +110,12 @@ class SpacecraftRigid(Spacecraft, WheelInertias):
     def start(self) -> None:
         carrier = carrier_inertia(self.inertia, self.axes_wheel, self.inertia_wheel)
         self._inverse = inverse_inertia(carrier)
-        self._half_inverse = tuple(0.5 * x for x in self._inverse)
-        self._nutation = over_determinant(carrier)
+        self._half_inverse: Mat33 = tuple(0.5 * x for x in self._inverse)  # type: ignore[assignment]
+        self._over_determinant = over_determinant(carrier)
         share = self.angle_limit / ANGLE_8
-        self._angle4, self._angle6 = ANGLE_4 * share**2, ANGLE_6 * share ** (4.0 / 3.0)
-        self._plates = torques.present(self.plates)
+        self._limit4 = (ANGLE_4 * share**2) ** 5
+        self._limit6 = (ANGLE_6 * share ** (4.0 / 3.0)) ** 7
+        self._plates = torques.plates_of(self.plates)
         self._sizes()
         q, omega = normalised(self.q_start_bi), self.omega_start_body
         if self.start_frame == 1:
@@ -169,7 +171,9 @@ class SpacecraftRigid(Spacecraft, WheelInertias):
         torque = peak(motors) + peak(given) + self._largest_around()
         if magnetic:
             torque += peak(dipole) * norm(self.b_eci)
-        angle = self._angle(dt, wheels, torque)
+        gained = dt * dt * self._inverse_size * torque
+        angle = self._angle(dt, wheels, gained)
+        square = angle * angle + gained
         field = place = None
         if magnetic:
             field = course(self.b_eci, self.b_rate_eci, self.b_accel_eci, dt)
@@ -180,9 +184,9 @@ class SpacecraftRigid(Spacecraft, WheelInertias):
             field, place, self._surfaces(dt),
         )  # fmt: skip
         y = (*self._q, *self._momentum)
-        if angle <= self._angle4:
+        if angle * square * square <= self._limit4:
             y = step4(slope, 0.0, y, 1.0, dt)
-        elif angle <= self._angle6:
+        elif angle * square * square * square <= self._limit6:
             y = step6(slope, 0.0, y, 1.0, dt)
         else:
             n = ceil(angle / self.angle_limit)
@@ -194,15 +198,15 @@ class SpacecraftRigid(Spacecraft, WheelInertias):
             h[0] + dt * mean[0], h[1] + dt * mean[1], h[2] + dt * mean[2], h[3] + dt * mean[3],
         )  # fmt: skip
 
-    def _angle(self, dt: float, wheels: Vec3, torque: float) -> float:
+    def _angle(self, dt: float, wheels: Vec3, gained: float) -> float:
         """Angle (rad) that body and nutation turn in dt, with the wheels' momentum (N m s, body) at
-        its start and the largest torque on the body (N m).
+        its start and what the torques add at most (rad).
 
         Raises BlockError where it is not finite or would take too many integration steps.
         """
         total = rotate(self._q, self._momentum)
-        rates = norm(rate(total, wheels, self._inverse)) + nutation(total, self._nutation)
-        angle = dt * (rates + dt * self._inverse_size * torque)
+        omega = rate(total, wheels, self._inverse)
+        angle = dt * (norm(omega) + nutation(total, self._over_determinant)) + gained
         if not angle <= MOST_PARTS * self.angle_limit:
             self.fail(
                 f"in a step of {dt:g} s body and nutation turn by {angle:.3g} rad, more than "
