@@ -1,33 +1,39 @@
-"""The standing monitor of a rigid body's energy: is what it gains what the torques do?
+"""The standing monitor of a rigid body from outside: does its energy add up, and its impulse?
 
 The kinetic energy of the body without the wheels' axial part, E = 1/2 omega . J_r omega, changes by
 
     dE/dt = omega . (tau_ext - A tau_wheel)
 
 (the wheels' own, h^2 / 2 J_s, changes by tau_wheel . h / J_s, which the momentum of each wheel
-fulfils by itself; the sum of both is tau_ext . omega + tau_wheel . Omega). Work is integrated over
-each step from the rows (`within.py`), with the external torque as its mean: exact but for terms of
-order 6 in nutation times step, and of order 2 where an external torque changes within a step.
-What stays is what the integrator or the exchange takes or makes.
+fulfils by itself; the sum of both is tau_ext . omega + tau_wheel . Omega). Both integrals, of work
+and of impulse, are taken over each step from the rows (`within.py`), with the external torque as
+the body's neighbours recorded it (`outside.py`): exact but for terms of order 6 in nutation times
+step. Where that torque is not known, its mean by the body's own impulse serves for the work, which
+then errs by order 2 where the torque changes within a step.
+
+What stays of the energy is what the integrator or the exchange takes or makes; what stays of the
+impulse is a torque that the body has computed otherwise.
 """
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from ..engine.results import Results
+from ..study.measures import rotate_back
 from ..study.plots import COLOURS, figure, svg, time_axis
 from ..system.model import System
-from . import residual
-from .within import NODES, WEIGHTS, Array, Steps, rotate
+from . import outside, residual
+from .within import NODES, WEIGHTS, Array, Steps
 
 KEY = "energy"
 _PAIR = ("tau_mean_wheel", "tau_slope_wheel")
 
 
-def applies(system: System) -> dict[str, str] | None:
+def applies(system: System) -> dict[str, Any] | None:
     """As for the momentum residual, and where the wheels' torques come from; None where they do
     not reach the body or are not stepped with it."""
     parts = residual.applies(system)
@@ -45,7 +51,7 @@ def applies(system: System) -> dict[str, str] | None:
         ):
             return None
         parts[name] = f"{feed.source}.{feed.output.partition('[')[0]}"
-    return parts
+    return {**parts, "feeds": outside.feeds(system, body)}
 
 
 def steps_of(manifest: dict[str, Any], results: Results) -> Steps | None:
@@ -69,18 +75,45 @@ def steps_of(manifest: dict[str, Any], results: Results) -> Steps | None:
     return Steps(
         float(manifest["step"]), carrier, axes, q[: n + 1], omega[: n + 1], impulse[: n + 1],
         h[: n + 1], mean[:n], slope[:n],
+        parts["feeds"] and outside.torque(manifest, results, name, parts["feeds"], n),
     )  # fmt: skip
 
 
-def balance(steps: Steps) -> tuple[Array, Array]:
-    """(energy, work): of the body at the rows and what the torques have done until then, in J."""
-    energy = 0.5 * np.einsum("ij,jk,ik->i", steps.omega, steps.carrier, steps.omega)
-    work = np.zeros(len(steps.mean))
+@dataclass
+class Balance:
+    """At the rows of a run: times (s), the body's energy and what torques have done to it (J), the
+    impulse by its own account less that computed outside (N m s, eci; None: not known)."""
+
+    times: Array
+    energy: Array
+    work: Array
+    impulse: Array | None
+
+    @property
+    def mismatch(self) -> Array:
+        """Energy gained beyond the work (J)."""
+        return np.asarray(self.energy - self.energy[0] - self.work)
+
+
+def balance(manifest: dict[str, Any], results: Results) -> Balance | None:
+    """Of a run; None as for `steps_of`."""
+    steps = steps_of(manifest, results)
+    if steps is None:
+        return None
+    n, dt = len(steps.mean), steps.dt
+    work, impulse = np.zeros(n), np.zeros((n, 3))
     for e, weight in zip(NODES.tolist(), WEIGHTS.tolist(), strict=True):
         q = steps.attitude(e)
-        motors = steps.dt * (steps.mean + (e - 0.5) * steps.slope) @ steps.axes.T
-        work += weight * (steps.rate(e, q) * (rotate(q, steps.gained) - motors)).sum(axis=1)
-    return energy, np.concatenate([[0.0], np.cumsum(work)])
+        torque = steps.torque(e, q)
+        work += weight * dt * (steps.rate(e, q) * (torque - steps.motors(e))).sum(axis=1)
+        impulse += weight * dt * rotate_back(q, torque)
+    own = steps.impulse - steps.impulse[0]
+    return Balance(
+        times=manifest["start"] + dt * np.arange(n + 1),
+        energy=0.5 * np.einsum("ij,jk,ik->i", steps.omega, steps.carrier, steps.omega),
+        work=np.concatenate([[0.0], np.cumsum(work)]),
+        impulse=own - np.vstack([np.zeros(3), np.cumsum(impulse, axis=0)]) if steps.outer else None,
+    )
 
 
 def signals(parts: dict[str, str]) -> list[str]:
@@ -89,34 +122,37 @@ def signals(parts: dict[str, str]) -> list[str]:
 
 
 def numbers(manifest: dict[str, Any], results: Results) -> dict[str, dict[str, Any]]:
-    """The largest mismatch, as a share of the largest energy that the body had or got."""
-    steps = steps_of(manifest, results)
-    if steps is None:
+    """The largest mismatch of energy, as a share of the largest energy that the body had or got,
+    and the largest one of impulse (N m s)."""
+    found = balance(manifest, results)
+    if found is None:
         return {}
-    energy, work = balance(steps)
-    scale = max(energy.max(), np.abs(work).max())
-    if scale == 0.0:
-        return {}
-    return {
-        "energy_mismatch": {
+    rows: dict[str, dict[str, Any]] = {}
+    scale = max(found.energy.max(), np.abs(found.work).max())
+    if scale > 0.0:
+        rows["energy_mismatch"] = {
             "title": "Energy mismatch, largest",
-            "value": float(np.abs(energy - energy[0] - work).max() / scale),
+            "value": float(np.abs(found.mismatch).max() / scale),
             "unit": "1",
             "note": "of the body's largest energy or work",
         }
-    }
+    if found.impulse is not None:
+        rows["impulse_mismatch"] = {
+            "title": "External impulse, the body's own less that computed outside, largest",
+            "value": float(np.linalg.norm(found.impulse, axis=1).max()),
+            "unit": "N.m.s",
+        }
+    return rows
 
 
 def figures(manifest: dict[str, Any], results: Results) -> list[tuple[str, str]]:
-    """The mismatch over time."""
-    steps = steps_of(manifest, results)
-    if steps is None:
+    """The mismatch of energy over time."""
+    found = balance(manifest, results)
+    if found is None:
         return []
-    energy, work = balance(steps)
-    times = manifest["start"] + steps.dt * np.arange(len(energy))
     fig, ax = figure()
-    seconds, unit = time_axis(times)
-    ax.plot(times / seconds, energy - energy[0] - work, color=COLOURS[0], linewidth=1.0)
+    seconds, unit = time_axis(found.times)
+    ax.plot(found.times / seconds, found.mismatch, color=COLOURS[0], linewidth=1.0)
     ax.set_xlabel(f"time [{unit}]")
     ax.set_ylabel("[J]")
     ax.margins(x=0.01)
