@@ -466,6 +466,15 @@ def test_too_much_for_a_step_is_refused(wrong):
         block.advance(0.0, 10.0)
 
 
+@pytest.mark.parametrize("name", ["b_rate_eci", "v_eci", "r_eci", "sun_eci"])
+def test_an_input_that_is_no_number_is_refused(name):
+    values = {**LIGHT, **AROUND, "m_mean_body": (1.0, 0.0, 0.0), "b_eci": (0.0, 3e-5, 0.0)}
+    block = rigid(**values)
+    setattr(block, name, (0.0, math.nan, 0.0))
+    with pytest.raises(BlockError, match=r"body and nutation turn by nan rad|is not finite after"):
+        block.advance(0.0, 1.0)
+
+
 def test_more_than_many_small_parts_is_allowed():
     """Thousands of parts are slow, not wrong."""
     block = rigid(**{**LIGHT, "h_wheel": (60.0, 0.0, 0.0, 0.0)})

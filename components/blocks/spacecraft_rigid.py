@@ -1,6 +1,6 @@
 from __future__ import annotations
 
-from math import ceil
+from math import ceil, isfinite
 
 from ..contract.block import Mat33, Parameter, Table, Vec3, Vec4
 from ..contract.roles import Spacecraft, WheelInertias
@@ -138,10 +138,12 @@ class SpacecraftRigid(Spacecraft, WheelInertias):
         # head on to the flow (N m over density speed^2); every surface a mirror (N m)
         self._gravity_size = 1.5 * MU * max(self.inertia[0], self.inertia[4], self.inertia[8])
         on_plates = torques.lever(self._plates)
-        drag = (0.0, self.area_drag * norm(self.centre_drag_body), on_plates)
-        light = (0.0, self.area_radiation * norm(self.centre_radiation_body), 2.0 * on_plates)
-        self._drag_size = 0.5 * self.drag_coefficient * drag[self.aerodynamics]
-        self._light_size = torques.SOLAR_PRESSURE * light[self.radiation]
+        drag = self.area_drag * norm(self.centre_drag_body)
+        drag = on_plates if self.aerodynamics == PLATES else drag
+        self._drag_size = 0.0 if self.aerodynamics == NONE else 0.5 * self.drag_coefficient * drag
+        light = self.area_radiation * norm(self.centre_radiation_body)
+        light = 2.0 * on_plates if self.radiation == PLATES else light
+        self._light_size = 0.0 if self.radiation == NONE else torques.SOLAR_PRESSURE * light
 
     def _from_lvlh(self, q_bo: Vec4, omega_bo: Vec3) -> tuple[Vec4, Vec3]:
         n = norm(cross(self.r_eci, self.v_eci)) / dot(self.r_eci, self.r_eci)
@@ -192,6 +194,10 @@ class SpacecraftRigid(Spacecraft, WheelInertias):
             n = ceil(angle / self.angle_limit)
             for i in range(n):
                 y = step8(slope, i / n, y, 1.0 / n, dt / n)
+        if not isfinite(y[3] + y[4] + y[5] + y[6]):
+            self.fail(
+                f"attitude or momentum is not finite after a step of {dt:g} s: an input is not"
+            )
         self._q = normalised(y[:4])
         self._momentum = (y[4], y[5], y[6])
         self._h = (
