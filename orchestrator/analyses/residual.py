@@ -48,12 +48,18 @@ def momentum(manifest: dict[str, Any], results: Results) -> tuple[Array, Array] 
     q, omega, impulse, h = (results.values(s) for s in series)
     if len(q) == 0:
         return None
+    carrier, axes = carrier_of(manifest, name)
+    in_eci = rotate_back(q, omega @ carrier.T + h @ axes.T)
+    return results.times(series[0]), in_eci - in_eci[0] - (impulse - impulse[0])
+
+
+def carrier_of(manifest: dict[str, Any], name: str) -> tuple[Array, Array]:
+    """(J_r, axes) of a rigid body: inertia (3, 3) without the wheels' axial part, kg m2, and the
+    wheels' axes (3, 4)."""
     given = manifest["parameters"][name]
     axes = np.reshape(given["axes_wheel"]["value"], (3, 4))
     spin = np.array(given["inertia_wheel"]["value"])
-    carrier = np.reshape(given["inertia"]["value"], (3, 3)) - (axes * spin) @ axes.T
-    in_eci = rotate_back(q, omega @ carrier.T + h @ axes.T)
-    return results.times(series[0]), in_eci - in_eci[0] - (impulse - impulse[0])
+    return np.reshape(given["inertia"]["value"], (3, 3)) - (axes * spin) @ axes.T, axes
 
 
 def signals(parts: dict[str, str]) -> list[str]:
