@@ -90,7 +90,7 @@ def one(target: str, options: Options, seed: int, draw: int | None) -> dict[str,
     case = prepare(target, replace(options, values={**options.values, **values}))
     system, _ = case.or_raise()
     if options.record == ("*",):
-        needed = tuple(needed_signals(dict(system.about)))
+        needed = tuple(needed_signals(system.about))
         for analysis in analyses():
             parts = analysis.applies(system)
             needed += tuple(analysis.signals(parts)) if parts else ()
