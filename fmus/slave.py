@@ -38,6 +38,7 @@ class Slave(Fmi2Slave):  # type: ignore[misc]
         _PINNED.append(vars(sys.modules[type(self).__module__]))
         self.modelName = self.model_identifier()
         self._block = self.block_class()
+        self._block.instance = self.instance_name
         self._values = vars(self._block)
         self._scalars = self._block.scalars()
         self._phase = _INSTANTIATED

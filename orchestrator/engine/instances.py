@@ -87,6 +87,7 @@ class BlockUnit:
         self.name = component.name
         self._interface = _interface(component)
         self._block = block_class(self._interface.model)()
+        self._block.instance = self.name
         self._initialising = self._stale = False
         self._start = 0.0
         self._error: UnitError | None = None

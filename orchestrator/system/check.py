@@ -204,12 +204,14 @@ def _times(system: System) -> Iterator[str]:
     for c in system.components.values():
         assert c.interface is not None
         step = system.step * c.decimation
-        if "sample_time" in c.interface.signals:
-            sample = value_of(c, "sample_time")
+        for name in ("sample_time", "wheel_sample_time", "delay"):
+            if name not in c.interface.signals:
+                continue
+            sample = value_of(c, name)
             assert isinstance(sample, float)
             ratio = sample / step
             if sample and (ratio < 1.0 - 1e-9 or abs(ratio - round(ratio)) > 1e-6):
-                yield (f"{system.where}: {c.name}.sample_time = {sample:g} s is not a multiple of "
+                yield (f"{system.where}: {c.name}.{name} = {sample:g} s is not a multiple of "
                        f"its step {step:g} s")  # fmt: skip
 
 
