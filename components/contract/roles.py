@@ -477,8 +477,9 @@ class Wheels(Block):
         starts_from=("omega_bi_body",),
     )
     speed_wheel: Vec4 = Output(
-        "rad/s", "speed of each rotor relative to the body", starts_from=("omega_bi_body",)
-    )
+        "rad/s", "speed of each rotor relative to the body, at the step's begin", interval=True,
+        starts_from=("omega_bi_body",),
+    )  # fmt: skip
     saturated_wheel: Flags4 = Output("1", "true: the wheel is at its momentum limit")
     failed_wheel: Flags4 = Output("1", "true: the wheel has failed")
     power: float = Output(

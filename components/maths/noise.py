@@ -1,8 +1,9 @@
 """Seeded noise as a function of (key, index, channel): it does not depend on call patterns.
 
 A stream's key is made of the instance's name, the variable and the seed (`stream`), so that no two
-variables of a system draw the same numbers, whatever their seeds. A counter-based generator (the SplitMix64 finaliser) and the Box-Muller transform; the same bits
-on every platform that rounds sqrt, log, cos and sin alike.
+variables of a system draw the same numbers, whatever their seeds. A counter-based generator (the
+SplitMix64 finaliser) and the Box-Muller transform; the same bits on every platform that rounds
+sqrt, log, cos and sin alike.
 """
 
 from __future__ import annotations
