@@ -38,7 +38,7 @@ class Slave(Fmi2Slave):  # type: ignore[misc]
         _PINNED.append(vars(sys.modules[type(self).__module__]))
         self.modelName = self.model_identifier()
         self._block = self.block_class()
-        self._block.instance = self.instance_name
+        self._block.instance = _name(self.instance_name)
         self._values = vars(self._block)
         self._scalars = self._block.scalars()
         self._phase = _INSTANTIATED
@@ -200,6 +200,13 @@ class Slave(Fmi2Slave):  # type: ignore[misc]
             return json.loads(bytes(state).decode())
         except BaseException:
             return {}  # refused, with a log message, when it is set
+
+
+def _name(instance: str) -> str:
+    """The instance's name, by which noise is keyed; of a path, as Ecos gives, the file's stem."""
+    if not instance.endswith(".fmu"):
+        return instance
+    return instance.replace("\\", "/").rpartition("/")[2].removesuffix(".fmu")
 
 
 def _frozen(value: Any) -> Any:
