@@ -177,12 +177,13 @@ class Wheels(Role, WheelInertias):
 
     def output(self, t: float) -> None:
         h, saturated = [0.0] * 4, [False] * 4
+        rotors, inertia, rates = self._rotors, self.inertia_wheel, self._rates
         idle, constant, most = self.idle_power, self.motor_constant, self.torque_limit
         fastest = self.speed_limit * (1.0 - AT_LIMIT)
         power = 0.0
         for i in self._present:
-            h[i], torque, learnt, _ = self._rotors[i]
-            speed = self._speed(i)
+            h[i], torque, learnt, _ = rotors[i]
+            speed = h[i] / inertia[i] - rates[i]
             saturated[i] = abs(speed) >= fastest
             drive = min(max(torque + learnt, -most), most)
             power += idle + max(0.0, drive * speed)
@@ -203,18 +204,27 @@ class Wheels(Role, WheelInertias):
             a[2] + ahead * (a[2] - b[2]), a[3] + ahead * (a[3] - b[3]),
         )  # fmt: skip
         self._rates, self._last_rates, self._last_dt = now, now, dt
-        self.speed_wheel = self._speeds()
         mean, slope, turned = [0.0] * 4, [0.0] * 4, list(self._turned)
-        rotors, loops = list(self._rotors), list(self._loops)
+        rotors, loops, speed = list(self._rotors), list(self._loops), [0.0] * 4
+        inertia, torque_mode = self.inertia_wheel, self.command_mode == TORQUE
+        most = self.torque_limit
         for i in self._present:
             h0 = rotors[i][0]
-            rotors[i], integral, loops[i] = self._over_step(i, t, dt, now[i], then[i])
+            speed[i] = h0 / inertia[i] - now[i]
+            if torque_mode and self.failed != i + 1:
+                command = min(max(self.tau_cmd_wheel[i], -most), most)
+                rotors[i], integral = step(
+                    self._motors[i], rotors[i], command, now[i], then[i], dt, self.speed_limit
+                )
+            else:
+                rotors[i], integral, loops[i] = self._in_pieces(i, t, dt, now[i], then[i])
             h1 = rotors[i][0]
             mean[i] = (h1 - h0) / dt
             slope[i] = 12.0 * ((h1 - integral / dt) / dt - 0.5 * mean[i])
-            turned[i] += integral / self.inertia_wheel[i] - 0.5 * dt * (now[i] + then[i])
+            turned[i] += integral / inertia[i] - 0.5 * dt * (now[i] + then[i])
         self._rotors, self._loops = tuple(rotors), tuple(loops)
         self._rates = then  # for the next outputs
+        self.speed_wheel = (speed[0], speed[1], speed[2], speed[3])
         self._failed = self.failed > 0 and t + dt >= self.failed_from - EDGE * dt
         self.tau_mean_wheel = (mean[0], mean[1], mean[2], mean[3])
         self.tau_slope_wheel = (slope[0], slope[1], slope[2], slope[3])
@@ -223,7 +233,7 @@ class Wheels(Role, WheelInertias):
             before, self._across = self._across, self._momentum_across(self._speeds())
             self.tau_jitter_body = scale(1.0 / dt, sub(before, self._across))
 
-    def _over_step(
+    def _in_pieces(
         self, i: int, t: float, dt: float, now: float, then: float
     ) -> tuple[Rotor, float, Loop]:
         """Rotor i after the step, the integral of its h, and its speed loop; cut where the wheel

@@ -56,11 +56,13 @@ def step(
     The body's axial rate g.omega goes linearly from rate0 to rate1 (rad/s); |Omega| <= fastest
     (rad/s). A rotor that is faster brakes with the torque limit.
     """
-    _, _, viscous, coulomb, _, _, stiction, _ = motor
-    if viscous == coulomb == stiction == 0.0 and not _may_pass(
-        motor, rotor, command, rate0, rate1, dt, fastest
-    ):
-        return _frictionless(motor, rotor, command, dt)
+    j, viscous, coulomb, stiction = motor[0], motor[2], motor[3], motor[6]
+    # as `_may_pass`, written out, for most steps end here
+    gained = max(abs(rotor[1]), abs(command)) * dt / j + abs(rate1 - rate0)
+    if stiction == 0.0 and abs(rotor[0] / j - rate0) + gained <= fastest:
+        if viscous == coulomb == 0.0:
+            return _frictionless(motor, rotor, command, dt)
+        return _free(motor, rotor, command, (rate0, (rate1 - rate0) / dt), dt)
     change, rest, total = (rate1 - rate0) / dt, dt, 0.0
     for _ in range(CHANGES):
         axial = rate1 - change * rest, change
@@ -69,7 +71,7 @@ def step(
         rest -= lasted
         if rest <= 0.0:
             return rotor, total
-    rotor, _, integral = _moving(motor, rotor, command, (rate1 - change * rest, change), rest, inf)
+    rotor, integral = _free(motor, rotor, command, (rate1 - change * rest, change), rest)
     return rotor, total + integral
 
 
@@ -171,6 +173,19 @@ def _braking(
 
 
 # --- moving ---------------------------------------------------------------------------------------
+
+
+def _free(
+    motor: Motor, rotor: Rotor, command: float, axial: Axial, dt: float
+) -> tuple[Rotor, float]:
+    """The state after dt (s) and the integral of h, of a rotor that goes on moving."""
+    rate, change = axial
+    n = _parts(motor, rotor, command, axial, dt, inf)
+    part, total = dt / n, 0.0
+    for i in range(n):
+        rotor, integral = _part(motor, rotor, command, (rate + change * i * part, change), part)
+        total += integral
+    return rotor, total
 
 
 def _moving(
@@ -307,13 +322,15 @@ def _lost(
     motor: Motor, rotor: Rotor, excess: float, command: float, axial: Axial, dt: float
 ) -> tuple[float, float]:
     """The momentum that friction takes (N m s) by RK4, and the integral of what it has taken."""
-    j, lag, (rate, change) = motor[0], motor[1], axial
-    h0, _, _, way = rotor
+    j, lag, viscous, coulomb, omega_eps, _, stiction, _ = motor
+    (rate, change), (h0, _, _, way) = axial, rotor
 
     def drag(s: float, lost: float) -> float:
-        """The friction at s into the step, with `lost` of the momentum lost so far."""
+        """The friction at s into the step, with `lost` of the momentum lost so far: `_drag`,
+        written out, for it is called often."""
         pushed = command * s + (excess * (1.0 - exp(-s / lag)) if excess else 0.0)
-        return _drag(motor, (h0 + pushed - lost) / j - rate - change * s, way)
+        omega = (h0 + pushed - lost) / j - rate - change * s
+        return viscous * omega + coulomb * (way if stiction > 0.0 else tanh(omega / omega_eps))
 
     half = 0.5 * dt
     a = drag(0.0, 0.0)
