@@ -3,6 +3,9 @@
 An FMU carries this file, the block and what the block imports, in a package of a name of its own.
 Nothing here knows what a block computes; a block knows nothing of this file.
 
+Noise is keyed by the instance's name: a master that names instances otherwise than the system names
+its components gets other streams, of the same statistics.
+
 Two rules of pythonfmu's library shape it: an exception that leaves an entry point takes the host
 down, so none does (it becomes a log message, the output `fault`, and `do_step` returning False);
 and each instantiation releases the entry module's globals once too often, so each instance adds

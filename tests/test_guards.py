@@ -21,6 +21,7 @@ from desat.files.merge import toml
 from desat.files.scenario import find, scenarios
 from desat.fmus import registry
 from desat.fmus.build import sources
+from desat.fmus.slave import _name
 from desat.study import stored
 from desat.study.case import Options, execute, prepare
 
@@ -201,6 +202,13 @@ def test_draws_are_stamped_only_if_they_come_out_again(monkeypatch, tmp_path):
     row["firing_time"] *= 1.0 + 1e-9
     stored.write(kept)
     assert stored.stamp("uosat12", 1, 1) == [name]
+
+
+def test_an_instance_that_is_named_by_its_file_has_the_components_name():
+    """As Ecos does; its folder is another one in every run."""
+    assert _name("gyro") == "gyro"
+    assert _name("/somewhere/ecos_ssp_667c8ae5/resources/gyro.fmu") == "gyro"
+    assert _name("C:\\somewhere\\resources\\gyro.fmu") == "gyro"
 
 
 # --- the same bits under another Python ---------------------------------------------------------
