@@ -45,7 +45,6 @@ EXCEPTIONS = {
     "maths/simplex.py:least_cost:set": _ORDER,
     "maths/simplex.py:least_cost:growing list": _ORDER,
     "physics/orbit.py:elements_from_state:hypot": "no block calls it",
-    "blocks/rate_gyro.py:start:hypot": "once as the block starts; sqrt(x x + y y) changes bits",
 }
 """File (below components/), function and rule -> why it stays; an import counts a file."""
 

@@ -4,7 +4,7 @@ from ..bases.sensing import Sensor, digital3
 from ..contract.block import Parameter, Vec3
 from ..contract.roles import Magnetometer as Role
 from ..maths.attitude import rotate
-from ..maths.noise import normal3
+from ..maths.noise import normal3, stream
 from ..maths.vector import add, scale
 
 
@@ -15,7 +15,7 @@ class Magnetometer(Role, Sensor):
 
     at each sample, held in between; then each axis is rounded to a multiple of `resolution` and
     limited to +-`full_scale`, where these are not 0. A limited value stays valid: it still has
-    the sign. The noise is a function of seed and sample index.
+    the sign. The noise is a function of seed, instance name and sample index.
     """
 
     bias_body: Vec3 = Parameter("T", "constant error, body")
@@ -23,8 +23,12 @@ class Magnetometer(Role, Sensor):
     resolution: float = Parameter("T", "quantisation step of each axis; 0: none", min=0.0)
     full_scale: float = Parameter("T", "largest magnitude of each axis; 0: no limit", min=0.0)
 
+    def start(self) -> None:
+        self._noise = stream(self.instance, "b_body", self.seed)
+        super().start()
+
     def measure(self, sample: int, elapsed: float) -> None:
         b = add(rotate(self.q_bi, self.b_eci), self.bias_body)
         if self.noise > 0.0:
-            b = add(b, scale(self.noise, normal3(self.seed, sample)))
+            b = add(b, scale(self.noise, normal3(self._noise, sample)))
         self.b_body = digital3(b, self.resolution, self.full_scale)

@@ -6,10 +6,8 @@ from ..bases.sensing import Sensor
 from ..contract.block import Parameter, Vec3
 from ..contract.roles import SunSensor as Role
 from ..maths.attitude import rotate
-from ..maths.noise import normal3
+from ..maths.noise import normal3, stream
 from ..maths.vector import ZERO, add, dot, norm, scale, unit
-
-_CHANNEL = 48  # apart from those of other sensors, which may have the same seed
 
 
 class SunSensor(Role, Sensor):
@@ -20,7 +18,7 @@ class SunSensor(Role, Sensor):
     at each sample, held in between, where the Sun is seen: within `half_angle` of the boresight,
     and with no less than `sunlight_min` of its disc visible. Otherwise the vector is zero and
     invalid. n are standard normal numbers, so `noise` is the angular error of each of the two
-    axes across the direction. The noise is a function of seed and sample index.
+    axes across the direction. The noise is a function of seed, instance name and sample index.
     """
 
     boresight_body: Vec3 = Parameter(
@@ -41,6 +39,7 @@ class SunSensor(Role, Sensor):
             self.fail("boresight_body is zero; it must be a direction")
         self._boresight = unit(self.boresight_body)
         self._cosine = cos(self.half_angle)
+        self._noise = stream(self.instance, "sun_meas_body", self.seed)
         super().start()
 
     def lost(self) -> None:
@@ -56,5 +55,5 @@ class SunSensor(Role, Sensor):
             self.lost()
             return
         if self.noise > 0.0:
-            s = unit(add(s, scale(self.noise, normal3(self.seed, sample, _CHANNEL))))
+            s = unit(add(s, scale(self.noise, normal3(self._noise, sample))))
         self.sun_meas_body = s

@@ -16,6 +16,9 @@ instance each name is a plain attribute (a float, int, bool, or a flat tuple in 
 - `advance(t, dt)` moves the state from t to t + dt with the inputs of t and assigns the
   *interval* outputs, which are valid on [t, t + dt).
 
+`instance` is the name that the block has in its system: an FMU's as given at instantiation, a bare
+block's its component's, and its role's until it is told. Noise is keyed by it.
+
 Everything a block keeps is an attribute that is immutable and JSON-able (float, int, bool, str,
 None, tuples of these), so that a copy of its `__dict__` is its whole state.
 """
@@ -283,6 +286,7 @@ class Block:
         )
 
     def __init__(self) -> None:
+        self.instance = self.role
         for variable in self.variables:
             setattr(self, variable.name, variable.start)
 

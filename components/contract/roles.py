@@ -6,9 +6,66 @@ swapping one block for another changes one `source` and its parameters.
 
 from __future__ import annotations
 
+from abc import abstractmethod
+from math import floor
+
 from .block import Block, Flags4, Input, Mat34, Output, Parameter, Sampled, Vec3, Vec4
 
 UPRIGHT = (0.0, 0.0, 0.0, 1.0)
+ON_THEIR_WAY = 16
+"""Commands that a computer's delay may hold back at a time."""
+
+
+class Computer(Sampled):
+    """A flight computer: its commands leave it `delay` after the sample that they are made of.
+
+    A block says in `compute` what it decides and in `commands` and `command` which of its outputs
+    are commands. What it decides for itself, as modes and integrals, is not delayed.
+    """
+
+    delay: float = Parameter(
+        "s", "from a sample to its commands: any multiple of the step; 0: none", min=0.0
+    )
+
+    def start(self) -> None:
+        super().start()
+        self._decided: tuple[float, ...] = ()
+        self._waiting: tuple[tuple[float, ...], ...] = ()  # (when it leaves, *commands), in order
+
+    @abstractmethod
+    def compute(self, t: float, dt: float) -> None:
+        """What `advance` is for other blocks: decide, and assign the interval outputs."""
+
+    @abstractmethod
+    def commands(self) -> tuple[float, ...]:
+        """The outputs that are commands, one after the other."""
+
+    @abstractmethod
+    def command(self, values: tuple[float, ...]) -> None:
+        """Assign them."""
+
+    def advance(self, t: float, dt: float) -> None:
+        if self.delay <= 0.0:
+            self.compute(t, dt)
+            return
+        leaving = self.commands()
+        before = self._decided or leaving
+        self.command(before)
+        self.compute(t, dt)
+        self._decided = self.commands()
+        if self._decided != before:
+            self._send(t, dt)
+        while self._waiting and self._waiting[0][0] <= t + 1e-6 * dt:
+            leaving, self._waiting = self._waiting[0][1:], self._waiting[1:]
+        self.command(leaving)
+
+    def _send(self, t: float, dt: float) -> None:
+        steps = self.delay / dt
+        if abs(steps - round(steps)) > 1e-6:
+            self.fail(f"delay = {self.delay} s is not a multiple of the step of {dt} s")
+        if len(self._waiting) == ON_THEIR_WAY:
+            self.fail(f"delay = {self.delay} s holds more than {ON_THEIR_WAY} commands back")
+        self._waiting = (*self._waiting, (t + self.delay, *self._decided))
 
 
 class WheelAxes(Block):
@@ -222,7 +279,7 @@ class Guidance(Sampled):
     )
 
 
-class Controller(Sampled):
+class Controller(Computer):
     """Says which torque the body needs to follow its reference; none while a measurement is not
     valid."""
 
@@ -257,8 +314,15 @@ class Controller(Sampled):
     )
     tau_ctrl_body: Vec3 = Output("N.m", "torque wanted on the body, body", interval=True)
 
+    def commands(self) -> tuple[float, ...]:
+        return self.tau_ctrl_body
 
-class Manager(Sampled):
+    def command(self, values: tuple[float, ...]) -> None:
+        x, y, z = values
+        self.tau_ctrl_body = (x, y, z)
+
+
+class Manager(Computer):
     """Decides how the wheels' momentum is dumped, and by which actuator; a measurement that is not
     valid is not used."""
 
@@ -314,6 +378,47 @@ class Manager(Sampled):
     m_cmd_body: Vec3 = Output("A.m2", "dipole command, body", interval=True)
     tau_cmd_thruster_body: Vec3 = Output("N.m", "thruster torque command, body", interval=True)
     mode: int = Output("1", "what the manager does; its values are each block's", interval=True)
+
+    def commands(self) -> tuple[float, ...]:
+        return (*self.tau_cmd_wheel, *self.m_cmd_body, *self.tau_cmd_thruster_body)
+
+    def command(self, values: tuple[float, ...]) -> None:
+        a, b, c, d, mx, my, mz, x, y, z = values
+        self.tau_cmd_wheel = (a, b, c, d)
+        self.m_cmd_body = (mx, my, mz)
+        self.tau_cmd_thruster_body = (x, y, z)
+
+
+class WheelManager(Manager, WheelAxes):
+    """A manager that commands the wheels, at samples of their own where the attitude control that
+    passes through it is faster than the dumping."""
+
+    wheel_sample_time: float = Parameter(
+        "s", "time between commands to the wheels, sample_time over a whole number; 0: sample_time",
+        min=0.0,
+    )  # fmt: skip
+
+    def start(self) -> None:
+        super().start()
+        self._wheel_sample = -1
+        if self.wheel_sample_time > 0.0:
+            ratio = self.sample_time / self.wheel_sample_time
+            if ratio < 0.5 or abs(ratio - round(ratio)) > 1e-6:
+                self.fail(
+                    f"wheel_sample_time = {self.wheel_sample_time} s does not divide "
+                    f"sample_time = {self.sample_time} s"
+                )
+
+    def wheels_due(self, t: float, sampled: bool) -> bool:
+        """True when the wheels are commanded anew in the step that starts at t (s); `sampled`: the
+        manager takes a sample there. Call it once a step."""
+        if self.wheel_sample_time <= 0.0:
+            return sampled
+        sample = floor(t / self.wheel_sample_time + 1e-6)
+        if sample <= self._wheel_sample:
+            return False
+        self._wheel_sample = sample
+        return True
 
 
 class Torquers(Sampled):
@@ -377,8 +482,9 @@ class Wheels(Block):
         starts_from=("omega_bi_body",),
     )
     speed_wheel: Vec4 = Output(
-        "rad/s", "speed of each rotor relative to the body", starts_from=("omega_bi_body",)
-    )
+        "rad/s", "speed of each rotor relative to the body, at the step's begin", interval=True,
+        starts_from=("omega_bi_body",),
+    )  # fmt: skip
     saturated_wheel: Flags4 = Output("1", "true: the wheel is at its momentum limit")
     failed_wheel: Flags4 = Output("1", "true: the wheel has failed")
     power: float = Output(

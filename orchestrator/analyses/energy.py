@@ -23,7 +23,7 @@ from typing import Any
 import numpy as np
 
 from ..engine.results import Results
-from ..study.measures import rotate_back
+from ..study.derived import rotate_back
 from ..study.plots import COLOURS, figure, svg, time_axis
 from ..system.model import System
 from . import outside, residual

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..study.measures import rotate_back
+from ..study.derived import rotate_back
 
 Array = NDArray[np.float64]
 

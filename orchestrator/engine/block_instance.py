@@ -21,6 +21,7 @@ class BlockInstance:
         self.name = component.name
         self._interface = component.interface
         self._block = block_class(self._interface.model)()
+        self._block.instance = self.name
         self._initialising = self._stale = False
         self._start = 0.0
         self._error: ComponentError | None = None

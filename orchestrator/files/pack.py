@@ -71,7 +71,8 @@ def pack(system: System, target: Path) -> None:
     for component in system.components.values():
         if component.fmu is None:
             raise DesatError(f"{system.where}: {component.name}: no FMU {component.source}")
-        source = f"resources/{Path(component.source).name}"
+        # the component's name: Ecos instantiates by the file, and noise is keyed by the instance
+        source = f"resources/{component.name}.fmu"
         members[source] = component.fmu.read_bytes()
         element = _sub(
             elements, "Component", name=component.name, type="application/x-fmu-sharedlibrary",

@@ -99,13 +99,13 @@ def _shared(system: System) -> Iterator[str]:
 def _samples(system: System) -> Iterator[str]:
     """A component samples once in a whole number of its steps."""
     for c in system.components.values():
-        if "sample_time" not in c.interface.signals:
-            continue
-        step, sample = system.step * c.decimation, value_of(c, "sample_time")
-        ratio = float(sample) / step if isinstance(sample, (int, float)) else 0.0
-        if ratio and (ratio < 1.0 - 1e-9 or abs(ratio - round(ratio)) > 1e-6):
-            yield (f"{system.where}: {c.name}.sample_time = {sample:g} s is not a multiple of "
-                   f"its step {step:g} s")  # fmt: skip
+        step = system.step * c.decimation
+        for name in ("sample_time", "wheel_sample_time", "delay"):
+            sample = value_of(c, name) if name in c.interface.signals else 0.0
+            ratio = float(sample) / step if isinstance(sample, (int, float)) else 0.0
+            if ratio and (ratio < 1.0 - 1e-9 or abs(ratio - round(ratio)) > 1e-6):
+                yield (f"{system.where}: {c.name}.{name} = {sample:g} s is not a multiple of "
+                       f"its step {step:g} s")  # fmt: skip
 
 
 def _overrides(system: System) -> Iterator[str]:
