@@ -159,7 +159,8 @@ def Input(unit: str, description: str, *, start: Any = None, min: float | None =
 
 
 def Output(unit: str, description: str, *, interval: bool = False,
-           starts_from: tuple[str, ...] = (), choices: tuple[str, ...] = ()) -> Any:  # fmt: skip
+           starts_from: tuple[str, ...] = (), choices: tuple[str, ...] = (),
+           shape: tuple[int, ...] | None = None) -> Any:  # fmt: skip
     """Declare an output: *state* (set in `output`) or *interval* (set in `advance`).
 
     `starts_from` names the inputs that its value in initialisation mode depends on. `choices` names
@@ -167,7 +168,7 @@ def Output(unit: str, description: str, *, interval: bool = False,
     declares it again with its own.
     """
     return _Declaration("output", unit, description, interval=interval, starts_from=starts_from,
-                        choices=choices)  # fmt: skip
+                        choices=choices, shape=shape)  # fmt: skip
 
 
 def Parameter(unit: str, description: str, *, start: Any = None, min: float | None = None,

@@ -62,6 +62,7 @@ UNITS: dict[str, Unit] = {
     "1/T2": Unit(kg=-2, s=4, A=2),
     "1/(T2.s)": Unit(kg=-2, s=3, A=2),
     "1/(T2.s2)": Unit(kg=-2, s=2, A=2),
+    "T/(A.m2)": Unit(kg=1, m=-2, s=-2, A=-2),
     "A.m2/T": Unit(kg=-1, m=2, s=2, A=2),
     "deg": Unit(rad=1, factor=pi / 180),
     "deg/s": Unit(rad=1, s=-1, factor=pi / 180),
