@@ -1,13 +1,12 @@
 from __future__ import annotations
 
-from math import floor, sqrt
+from math import ceil, floor, sqrt
 
 from ..bases.near_earth import NODE_TIME, NODES, NearEarth, derivatives
 from ..bases.orbit_start import STATE, OrbitStart
 from ..contract.block import Parameter, Vec3
 from ..maths.attitude import propagated, rotate_back
 from ..maths.runge_kutta import State, step8
-from ..maths.vector import add, scale
 from ..physics import earth
 from ..physics.orbit import ellipse_state, gravity, mean_motion, perifocal_axes
 
@@ -33,9 +32,8 @@ class EnvironmentPropagated(NearEarth, OrbitStart):
     step does not depend on the master's. In between r is the polynomial of fifth degree through
     position, velocity and acceleration of both nodes, 1e-9 m from the solution; v its derivative.
 
-    With `firings` the force is held over a step, in the attitude of the step's middle, q_bi turned
-    by omega_bi_body; the orbit goes on from where it leads. So no output depends on an input of the
-    same time. `environment.force_mean_thruster_body`, `q_bi` and `omega_bi_body` are to be wired
+    With `firings` the mean force of a step acts over it, in the body that turns on from q_bi with
+    omega_bi_body; the orbit goes on from where it leads. `environment.force_mean_thruster_body`, `q_bi` and `omega_bi_body` are to be wired
     from the thrusters and the spacecraft in the craft file. `mass` is constant.
     """
 
@@ -80,7 +78,7 @@ class EnvironmentPropagated(NearEarth, OrbitStart):
         after = t + dt
         interval = floor(after / NODE_TIME)
         if self.firings and any(self.force_mean_thruster_body):
-            self._fire(after, dt)
+            self._fire(t, dt)
         while self._first + _BEFORE < interval:
             latest = self._step(NODE_TIME * (self._first + NODES - 1), self._arc[-1], NODE_TIME)
             _, b, c, d, e, f = self._arc
@@ -89,12 +87,15 @@ class EnvironmentPropagated(NearEarth, OrbitStart):
             self._path = self._path_of(interval)
         super().advance(t, dt)
 
-    def _fire(self, after: float, dt: float) -> None:
-        """Go on from where the force of the step that ends at `after` (s) leads."""
-        q = propagated(self.q_bi, self.omega_bi_body, 0.5 * dt)
-        push = scale(dt / self.mass, rotate_back(q, self.force_mean_thruster_body))
-        r, v = self.motion(after)
-        self._new_arc(after, (*add(r, scale(0.5 * dt, push)), *add(v, push), 0.0))
+    def _fire(self, t: float, dt: float) -> None:
+        """Go on from where the force leads over the step of dt (s) from t (s) on."""
+        r, v = self.motion(t)
+        y: State = (*r, *v, 0.0)
+        parts = ceil(dt / NODE_TIME)
+        for k in range(parts):
+            share = k / parts
+            y = self._step(t + share * dt, y, dt / parts, firing_since=share * dt)
+        self._new_arc(t + dt, y)
         self._piece = None  # the field is that of another path
 
     def _new_arc(self, t: float, y: State) -> None:
@@ -133,12 +134,17 @@ class EnvironmentPropagated(NearEarth, OrbitStart):
                    for i in range(3))  # fmt: skip
         return interval, (x, y, z)
 
-    def _step(self, t: float, y: State, dt: float) -> State:
-        """The state dt (s) after y at t (s), without firing."""
+    def _step(self, t: float, y: State, dt: float, firing_since: float = -1.0) -> State:
+        """The state dt (s) after y at t (s): without force where `firing_since` is negative, else
+        with that of the master's step that began so long (s) before t."""
         sun = self._sun(t + 0.5 * dt)
 
         def slope(e: float, y: State) -> State:
             ax, ay, az = self._acceleration(t + e * dt, y, sun)
+            if firing_since >= 0.0:
+                q = propagated(self.q_bi, self.omega_bi_body, firing_since + e * dt)
+                fx, fy, fz = rotate_back(q, self.force_mean_thruster_body)
+                ax, ay, az = ax + fx / self.mass, ay + fy / self.mass, az + fz / self.mass
             return (y[3], y[4], y[5], ax, ay, az, 0.0)
 
         return step8(slope, 0.0, y, 1.0, dt)
