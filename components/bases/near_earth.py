@@ -49,7 +49,7 @@ NODES = 6
 """Points that a polynomial goes through."""
 
 _NO_FIELD, _IGRF = 0, 2
-_NO_AIR, _AIR_TABLE, _AIR_EXPONENTIAL = 0, 1, 2
+NO_AIR, _AIR_TABLE, _AIR_EXPONENTIAL = 0, 1, 2
 
 _Vec6 = tuple[float, float, float, float, float, float]
 _Piece = tuple[int, tuple[Vec3, ...], tuple[_Vec6, ...], Vec3, Vec3, float]
@@ -149,7 +149,7 @@ class NearEarth(Environment, EarthField):
 
     def density_at(self, r_date: Vec3, t: float, sun_date: Vec3) -> float:
         """Density (kg/m3) at r (m) and t (s), with the unit vector to the Sun."""
-        if self.atmosphere == _NO_AIR:
+        if self.atmosphere == NO_AIR:
             return 0.0
         if self.atmosphere == _AIR_TABLE:
             return atmosphere.table(earth.height(r_date))

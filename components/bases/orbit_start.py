@@ -4,20 +4,22 @@ from __future__ import annotations
 
 from ..contract.block import Block, Parameter, Vec3
 from ..maths.vector import mat_vec
-from ..physics import earth
+from ..physics import averaging, earth
 from ..physics.orbit import EARTH_RADIUS, MU, Elements, elements_from_state, turned
 
-STATE = 1
+MEAN, OSCULATING, STATE = range(3)
 _AS_ECI, _J2000 = 0, 2
 _ECI_IS_J2000 = 1
+_STEEPEST = 3.13
 
 
 class OrbitStart(Block):
     """Parameters of an orbit at t = 0, as elements or as position and velocity."""
 
     orbit_start: int = Parameter(
-        "1", "what gives the orbit at t = 0: the elements, or r_start and v_start",
-        choices=("elements", "state"), start="elements",
+        "1", "what gives the orbit at t = 0: the elements, as mean or as osculating ones, or "
+        "r_start and v_start; alike where the Earth is taken as a sphere",
+        choices=("mean", "osculating", "state"), start="mean",
     )  # fmt: skip
     orbit_frame: int = Parameter(
         "1", "what they are relative to: eci, or the mean equator and equinox of date or of J2000",
@@ -36,9 +38,12 @@ class OrbitStart(Block):
     epoch_j2000: float
     eci_frame: int
 
-    def start_elements(self) -> Elements:
-        """The elements at t = 0 in the mean equator and equinox of date; fails where they are those
-        of no orbit."""
+    def start_elements(self, degree: int, wanted: int) -> Elements:
+        """The elements at t = 0, MEAN or OSCULATING as wanted, in the mean equator and equinox of
+        date; fails where they are those of no orbit.
+
+        `degree`: of the zonal harmonics; 1: a sphere.
+        """
         elements = Elements(
             self.semi_major_axis, self.eccentricity, self.inclination, self.raan,
             self.argument_of_perigee, self.mean_anomaly,
@@ -56,9 +61,18 @@ class OrbitStart(Block):
             self.fail(
                 f"{name}: the perigee at {perigee:g} m is inside the Earth, {EARTH_RADIUS:g} m"
             )
-        if not self._from_j2000():
+        if self._from_j2000():
+            elements = turned(elements, earth.precession(self.epoch_j2000))
+        given = MEAN if self.orbit_start == MEAN else OSCULATING
+        if degree == 1 or given == wanted:
             return elements
-        return turned(elements, earth.precession(self.epoch_j2000))
+        if elements.inclination > _STEEPEST:
+            self.fail(
+                f"inclination = {elements.inclination:g} rad: between mean and osculating elements "
+                f"it must be below {_STEEPEST:g} rad"
+            )
+        convert = averaging.mean_elements if wanted == MEAN else averaging.osculating_elements
+        return convert(elements, degree, self.mu)
 
     def start_state(self) -> tuple[Vec3, Vec3]:
         """r_start (m) and v_start (m/s) in the mean equator and equinox of date."""

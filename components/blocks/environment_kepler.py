@@ -1,7 +1,7 @@
 from __future__ import annotations
 
 from ..bases.near_earth import NearEarth
-from ..bases.orbit_start import STATE, OrbitStart
+from ..bases.orbit_start import MEAN, OrbitStart
 from ..contract.block import Parameter, Vec3
 from ..physics.orbit import (
     Drift,
@@ -13,6 +13,9 @@ from ..physics.orbit import (
     perifocal_axes,
 )
 
+DEGREE = 4
+"""Of the zonal harmonics in which osculating elements are averaged."""
+
 
 class EnvironmentKepler(NearEarth, OrbitStart):
     """Kepler orbit with the Earth's field, Sun, eclipse and atmosphere
@@ -21,31 +24,26 @@ class EnvironmentKepler(NearEarth, OrbitStart):
 
         r = a (cos E - e) p + a sqrt(1 - e^2) sin E q
 
-    in closed form; p points to the perigee, q 90 deg ahead. The elements are osculating ones, or
-    those of the ellipse through `r_start` with `v_start`.
+    in closed form; p points to the perigee, q 90 deg ahead.
 
-    With `j2` the elements are **mean** elements, and raan, argument of perigee and M drift at the
-    secular rates of the Earth's oblateness (first order; Vallado, Fundamentals of Astrodynamics and
+    With `j2` the Earth is no sphere: raan, argument of perigee and M of the mean elements drift at
+    the secular rates of its oblateness (first order; Vallado, Fundamentals of Astrodynamics and
     Applications, section 9.6)
 
         raan' = -3/2 k n cos i,  arg' = 3/4 k n (5 cos^2 i - 1),
         M' = n + 3/4 k n sqrt(1 - e^2) (3 cos^2 i - 1),  k = J2 (R / (a (1 - e^2)))^2;
 
-    the periodic part, some km, is left out. Osculating elements given as mean ones are off by
-    50 to 100 km after a revolution; so position and velocity, which are osculating, are refused:
-    environment_propagated takes them. v is the time derivative of r either way.
+    the periodic part, some km, is left out. Osculating elements, or position and velocity, are
+    averaged first over a revolution integrated in J2 to J4; given as if they were mean ones, they
+    are off by 50 to 100 km after a revolution in a low orbit. environment_propagated keeps the
+    periodic part. v is the time derivative of r either way.
     """
 
-    j2: bool = Parameter("1", "true: the elements are mean elements, with the secular drift of J2")
+    j2: bool = Parameter("1", "true: secular drift of the mean elements by J2")
 
     def start(self) -> None:
         super().start()
-        if self.j2 and self.orbit_start == STATE:
-            self.fail(
-                "j2 = true needs mean elements, and orbit_start = state gives osculating ones; "
-                "environment_propagated takes them"
-            )
-        elements = self.start_elements()
+        elements = self.start_elements(DEGREE if self.j2 else 1, MEAN)
         a, e, i, raan, perigee, _ = elements
         self._elements = tuple(elements)
         self._mean_motion = mean_motion(a, self.mu)

@@ -2,13 +2,13 @@ from __future__ import annotations
 
 from math import ceil, floor, sqrt
 
-from ..bases.near_earth import NODE_TIME, NODES, NearEarth, derivatives
-from ..bases.orbit_start import STATE, OrbitStart
+from ..bases.near_earth import NO_AIR, NODE_TIME, NODES, NearEarth, derivatives
+from ..bases.orbit_start import OSCULATING, STATE, OrbitStart
 from ..contract.block import Parameter, Vec3
 from ..maths.attitude import propagated, rotate_back
 from ..maths.runge_kutta import State, step8
 from ..physics import earth
-from ..physics.orbit import ellipse_state, gravity, mean_motion, perifocal_axes
+from ..physics.orbit import gravity, state_from_elements
 
 _BEFORE = NODES // 2 - 1
 """Nodes of the arc before the interval that the block is in."""
@@ -24,8 +24,9 @@ class EnvironmentPropagated(NearEarth, OrbitStart):
 
         r'' = g(r) - 1/2 rho C_d A / m |w| w + C(q_bi)' F / m,    w = v - omega_earth x r
 
-    from osculating elements, or from position and velocity. g is the Earth's gravity with the zonal
-    harmonics J2 to J4 (EGM-96), drag is that of `area_drag`, F the thrusters' force.
+    from mean or osculating elements, or from position and velocity. g is the Earth's gravity with
+    the zonal harmonics J2 to J4 (EGM-96), drag is that of `area_drag`, F the thrusters' force. The
+    osculating elements of mean ones are those whose average over a revolution the mean ones are.
 
     Between the nodes at the multiples of 10 s it is integrated by the Runge-Kutta method of order 8
     of Dormand and Prince (Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I): the
@@ -33,8 +34,12 @@ class EnvironmentPropagated(NearEarth, OrbitStart):
     position, velocity and acceleration of both nodes, 1e-9 m from the solution; v its derivative.
 
     With `firings` the mean force of a step acts over it, in the body that turns on from q_bi with
-    omega_bi_body; the orbit goes on from where it leads. `environment.force_mean_thruster_body`, `q_bi` and `omega_bi_body` are to be wired
-    from the thrusters and the spacecraft in the craft file. `mass` is constant.
+    omega_bi_body; the orbit goes on from where it leads. `environment.force_mean_thruster_body`,
+    `q_bi` and `omega_bi_body` are to be wired from the thrusters and the spacecraft in the craft
+    file. `mass` is constant.
+
+    A block of its own, not a choice of environment_kepler: it has a state, which firings change,
+    where that one is a function of time.
     """
 
     _first: int
@@ -54,12 +59,12 @@ class EnvironmentPropagated(NearEarth, OrbitStart):
 
     def start(self) -> None:
         super().start()
-        a, e, i, raan, perigee, anomaly = self.start_elements()
+        if self.area_drag > 0.0 and self.atmosphere == NO_AIR:
+            self.fail(f"area_drag = {self.area_drag:g} m2 needs an atmosphere, which is none")
+        elements = self.start_elements(self.zonals + 1, OSCULATING)
+        r, v = state_from_elements(elements, self.mu)
         if self.orbit_start == STATE:
             r, v = self.start_state()
-        else:
-            p, q = perifocal_axes(i, raan, perigee)
-            r, v = ellipse_state(a, e, anomaly, mean_motion(a, self.mu), p, q)
         self._new_arc(0.0, (*r, *v, 0.0))
 
     def motion(self, t: float) -> tuple[Vec3, Vec3]:

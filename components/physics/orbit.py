@@ -236,6 +236,13 @@ def elements_from_state(r_eci: Vec3, v_eci: Vec3, mu: float = MU) -> Elements:
     return Elements(a, e, inclination, raan, perigee, anomaly - e_sin)
 
 
+def state_from_elements(elements: Elements, mu: float = MU) -> tuple[Vec3, Vec3]:
+    """r (m) and v (m/s) on the ellipse of the elements, at their time."""
+    a, e, i, raan, perigee, anomaly = elements
+    p, q = perifocal_axes(i, raan, perigee)
+    return ellipse_state(a, e, anomaly, mean_motion(a, mu), p, q)
+
+
 def turned(elements: Elements, c: Mat33) -> Elements:
     """The elements of the same ellipse in another frame, v_other = c v."""
     p, q = perifocal_axes(elements.inclination, elements.raan, elements.argument_of_perigee)
