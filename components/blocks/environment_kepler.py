@@ -51,11 +51,8 @@ class EnvironmentKepler(NearEarth, OrbitStart):
         self._drift = tuple(j2_drift(a, e, i, self.mu))
 
     def motion(self, t: float) -> tuple[Vec3, Vec3]:
-        elements = Elements(*self._elements)
         if self.j2:
-            return drifting_state(elements, Drift(*self._drift), t, self.mu)
+            return drifting_state(Elements(*self._elements), Drift(*self._drift), t, self.mu)
+        a, e, _, _, _, anomaly = self._elements
         n = self._mean_motion
-        return ellipse_state(
-            elements.semi_major_axis, elements.eccentricity, elements.mean_anomaly + n * t, n,
-            self._to_perigee, self._ahead,
-        )  # fmt: skip
+        return ellipse_state(a, e, anomaly + n * t, n, self._to_perigee, self._ahead)

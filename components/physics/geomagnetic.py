@@ -86,9 +86,10 @@ def harmonics(coefficients: igrf14.Gauss) -> Harmonics:
 @lru_cache(maxsize=16)
 def _model(k: int, degree: int) -> tuple[Harmonics, Harmonics]:
     """Model number k of IGRF-14 and its change a year, for `field`; remembered, as a block asks for
-    it again at each node."""
+    it again at each node. The change of today's ends at degree 8."""
     now, change = igrf14.model(k, degree)
-    return harmonics(now), harmonics(change)
+    last = max(n for n, _, value in change if value != 0.0)
+    return harmonics(now), harmonics(tuple(row for row in change if row[0] <= last))
 
 
 def igrf(r: Vec3, year: float, degree: int = igrf14.DEGREE) -> Vec3:
