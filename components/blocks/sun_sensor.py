@@ -16,7 +16,7 @@ class SunSensor(Role, Sensor):
         s = C(q_bi) sun_eci,        sun_meas_body = unit(s + noise n)
 
     at each sample, held in between, where the Sun is seen: within `half_angle` of the boresight,
-    and with no less than `sunlight_min` of its disc visible. Otherwise the vector is zero and
+    and with no less than `sunlight_min` of its light. Otherwise the vector is zero and
     invalid. n are standard normal numbers, so `noise` is the angular error of each of the two
     axes across the direction. The noise is a function of seed, instance name and sample index.
     """
@@ -28,8 +28,9 @@ class SunSensor(Role, Sensor):
         "rad", "half-angle of the field of view; pi: sees everywhere", start=pi, min=0.0, max=pi
     )
     sunlight_min: float = Parameter(
-        "1", "visible share of the Sun from which on it is seen", start=0.5, min=0.0, max=1.0
-    )
+        "1", "light of the Sun, over that at 1 astronomical unit, from which on it is seen",
+        start=0.5, min=0.0, max=0.96,
+    )  # fmt: skip
     noise: float = Parameter(
         "rad", "standard deviation of the direction, each of two axes", min=0.0
     )

@@ -169,7 +169,8 @@ def Input(unit: str, description: str, *, start: Any = None, min: float | None =
 
 def Output(unit: str, description: str, *, interval: bool = False, mean: bool = False,
            slope: str = "", starts_from: tuple[str, ...] = (),
-           choices: tuple[str, ...] = ()) -> Any:  # fmt: skip
+           choices: tuple[str, ...] = (), shape: tuple[int, ...] | None = None,
+           ) -> Any:  # fmt: skip
     """Declare an output: *state* (set in `output`) or *interval* (set in `advance`).
 
     `mean`: an interval output that is the mean over the step of a quantity whose integral counts (a
@@ -181,7 +182,7 @@ def Output(unit: str, description: str, *, interval: bool = False, mean: bool = 
     """
     return _Declaration("output", unit, description, interval=interval or mean or bool(slope),
                         mean=mean or bool(slope), slope=slope, starts_from=starts_from,
-                        choices=choices)  # fmt: skip
+                        choices=choices, shape=shape)  # fmt: skip
 
 
 def Parameter(unit: str, description: str, *, start: Any = None, min: float | None = None,

@@ -68,6 +68,13 @@ class Computer(Sampled):
         self._waiting = (*self._waiting, (t + self.delay, *self._decided))
 
 
+ECI = (
+    "eci: inertial, Earth-centred, of the mean equator and equinox of date: those of t = 0, held "
+    "while a system runs; of J2000 where eci_frame says so"
+)
+"""The frame of every variable whose name ends in eci."""
+
+
 class WheelAxes(Block):
     """What every block that knows the wheels has, beside its role."""
 
@@ -89,17 +96,30 @@ class WheelInertias(WheelAxes):
 
 
 class Environment(Block):
-    """Where the spacecraft is and what surrounds it; never a torque."""
+    """Where the spacecraft is and what surrounds it; never a torque.
+
+    `eci` is the mean equator and equinox of date: those of t = 0, held while a system runs; of
+    J2000 where `eci_frame` says so.
+    """
 
     role = "environment"
 
+    # for orbits that firings change; the usual ones read nothing, so no craft wires these unasked
+    force_mean_thruster_body: Vec3 = Input(
+        "N", "force of the thrusters, body, mean over the step", needs=("q_bi",)
+    )
+    q_bi: Vec4 = Input("1", "attitude: body from eci, scalar last", start=UPRIGHT)
+    omega_bi_body: Vec3 = Input("rad/s", "angular rate of the body relative to eci, body")
     r_eci: Vec3 = Output("m", "position, eci")
     v_eci: Vec3 = Output("m/s", "velocity, eci")
     b_eci: Vec3 = Output("T", "geomagnetic field at the spacecraft, eci")
     b_rate_eci: Vec3 = Output("T/s", "its time derivative along the orbit, eci components")
     b_accel_eci: Vec3 = Output("T/s2", "its second time derivative, eci components")
     sun_eci: Vec3 = Output("1", "unit vector to the Sun, eci; zero where no Sun is modelled")
-    sunlight: float = Output("1", "visible share of the Sun: 0 in eclipse, 1 outside")
+    sunlight: float = Output(
+        "1",
+        "the Sun's light over that at 1 astronomical unit: 0 in eclipse, 0.967 to 1.034 outside",
+    )
     density: float = Output("kg/m3", "density of the atmosphere at the spacecraft")
 
 
@@ -118,7 +138,9 @@ class Spacecraft(Block):
         "T/s2", "its second time derivative, eci components", source="environment.b_accel_eci"
     )
     sun_eci: Vec3 = Input("1", "unit vector to the Sun, eci", source="environment.sun_eci")
-    sunlight: float = Input("1", "visible share of the Sun", source="environment.sunlight")
+    sunlight: float = Input(
+        "1", "the Sun's light over that at 1 astronomical unit", source="environment.sunlight"
+    )
     density: float = Input("kg/m3", "density of the atmosphere", source="environment.density")
     h_wheel: Vec4 = Input(
         "N.m.s",
@@ -181,7 +203,12 @@ class Magnetometer(Sampled):
     q_bi: Vec4 = Input(
         "1", "attitude: body from eci, scalar last", start=UPRIGHT, source="spacecraft.q_bi"
     )
-    b_body: Vec3 = Output("T", "measured field, body", interval=True, starts_from=("b_eci", "q_bi"))
+    m_body: Vec3 = Input(
+        "A.m2", "dipole of the torquers at this time, body", source="torquers.m_body"
+    )
+    b_body: Vec3 = Output(
+        "T", "measured field, body", interval=True, starts_from=("b_eci", "q_bi", "m_body")
+    )
     valid: bool = Output("1", "true: the measurement may be used", interval=True)
 
 
@@ -239,8 +266,9 @@ class SunSensor(Sampled):
 
     sun_eci: Vec3 = Input("1", "unit vector to the Sun, eci", source="environment.sun_eci")
     sunlight: float = Input(
-        "1", "visible share of the Sun", start=1.0, source="environment.sunlight"
-    )
+        "1", "the Sun's light over that at 1 astronomical unit", start=1.0,
+        source="environment.sunlight",
+    )  # fmt: skip
     q_bi: Vec4 = Input(
         "1", "attitude: body from eci, scalar last", start=UPRIGHT, source="spacecraft.q_bi"
     )
@@ -451,6 +479,7 @@ class Thrusters(Sampled):
     tau_slope_thruster_body: Vec3 = Output(
         "N.m", "torque, body, slope over the step", interval=True
     )
+    force_mean_thruster_body: Vec3 = Output("N", "force, body, mean over the step", mean=True)
     on_time: float = Output("s", "firing time, summed over the nozzles or axes")
     propellant: float = Output("kg", "propellant used")
 

@@ -30,6 +30,7 @@ from . import outside, residual
 from .within import NODES, WEIGHTS, Array, Steps
 
 KEY = "energy"
+NUMBERS = ("energy_mismatch", "impulse_mismatch")
 _PAIR = ("tau_mean_wheel", "tau_slope_wheel")
 
 

@@ -5,6 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from xml.sax.saxutils import quoteattr
 
+from desat.components.contract.roles import ECI
+
 from ..system.errors import DesatError, nearest
 from ..system.model import Component
 from ..system.resolve import resolve
@@ -51,6 +53,7 @@ def text(path: Path) -> str:
     lines = [
         '<?xml version="1.0" encoding="UTF-8"?>',
         f"<!-- made by `desat craft` from {path.name.replace('--', '- -')}: change that -->",
+        f"<!-- {ECI} -->",
         f'<ssd:SystemStructureDescription xmlns:ssd="{ssp.SSD}" xmlns:ssc="{ssp.SSC}"'
         f' xmlns:ssv="{ssp.SSV}" name={name} version="1.0">',
         f"  <ssd:System name={name}{about}>",
