@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 from itertools import pairwise
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,6 +12,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from desat.engine.windows import Part, Places, Whole
+from desat.files.pack import pack
+from desat.study.case import Options, execute, prepare
+from desat.system.codes import Exit
+from desat.system.errors import DesatError
 from desat.system.rates import Link, graded, late
 
 numbers = st.floats(-1e3, 1e3)
@@ -91,3 +97,95 @@ def test_a_slow_one_between_two_fast_ones_is_refused_by_name():
     assert len(problems) == 1
     for word in ("b>c", "a>b", "decimation of 10", "c steps 10 times"):
         assert word in problems[0]
+
+
+def scenario(folder: Path, **keys: object) -> str:
+    """gyrostat/full with other keys, as a file."""
+    file = folder / "mine.toml"
+    lines = [f"{k} = {json.dumps(v)}" for k, v in keys.items() if not isinstance(v, dict)]
+    tables = [f"[{k}]\n" + "\n".join(f"{n} = {v[n]}" for n in v)
+              for k, v in keys.items() if isinstance(v, dict)]  # fmt: skip
+    text = "\n".join(['extends = "gyrostat/full"', *lines, *tables])
+    file.write_text(text, encoding="utf-8")
+    return str(file)
+
+
+def final(target: str, **options: object):
+    """Attitude (4,) and the wheels' momentum (4,) at the end of 20 s, and the run's manifest."""
+    made = execute(target, Options(stop=20.0, **options))
+    assert made.ok, made.manifest["message"]
+    ends = [made.results.values(n)[-1] for n in ("spacecraft.q_bi", "wheels.h_wheel")]
+    made.results.close()
+    return (*ends, made.manifest)
+
+
+@pytest.fixture(scope="module")
+def truth():
+    """gyrostat/full at a step where its error is below 1e-12."""
+    return final("gyrostat/full", step=0.0125, blocks=True)
+
+
+@pytest.mark.parametrize("slow", [["spacecraft"], ["wheels"], ["spacecraft", "wheels"],
+                                  ["torquers"]])  # fmt: skip
+def test_rates_lose_no_momentum_and_little_accuracy(tmp_path, truth, slow):
+    target = scenario(tmp_path, step=0.1, decimation=dict.fromkeys(slow, 10))
+    q, h, manifest = final(target, blocks=True)
+    assert manifest["numbers"]["momentum_residual"]["value"] < 1e-14
+    assert manifest["unmet"] == []
+    # one value in ten without a mean gave 2e-2 rad and 5e-2 N m s
+    assert np.abs(q - truth[0]).max() < 2e-7
+    assert np.abs(h - truth[1]).max() < 2e-7
+
+
+def test_rates_that_cannot_be_are_refused_by_name(tmp_path):
+    target = scenario(tmp_path, step=0.1, decimation={"wheels": 3, "spacecraft": 2})
+    with pytest.raises(DesatError, match=r"wheels\.tau_mean_wheel.*multiple"):
+        prepare(target, Options(blocks=True)).or_raise()
+
+
+def test_held_values_are_said(tmp_path):
+    target = scenario(tmp_path, step=0.1, decimation={"spacecraft": 10})
+    case = prepare(target, Options(blocks=True))
+    assert any("held for 10 steps" in w and "omega_bi_body" in w for w in case.checked.warnings)
+    timing = {str(c): t for c, t in case.or_raise()[1].timing}
+    assert timing["wheels.tau_mean_wheel[1] -> spacecraft.tau_mean_wheel[1]"] == "mean of 10 steps"
+    assert timing["wheels.h_wheel[1] -> spacecraft.h_wheel[1]"] == "at the start"
+
+
+def test_inner_steps_converge(tmp_path, truth):
+    errors = []
+    for inner in (1, 2, 4, 8):
+        q, _, manifest = final(scenario(tmp_path, inner=inner), blocks=True)
+        assert manifest["inner"] == inner
+        assert manifest["numbers"]["momentum_residual"]["value"] < 1e-14
+        errors.append(np.abs(q - truth[0]).max())
+    assert all(b < a / 4.0 for a, b in pairwise(errors)), errors
+    assert errors[-1] < 1e-10
+
+
+def test_inner_steps_have_the_same_bits_as_fmus_and_as_a_packed_system(tmp_path):
+    target = scenario(tmp_path, inner=3, decimation={"guidance": 2})
+    packed = tmp_path / "mine.ssp"
+    pack(prepare(target, Options()).or_raise()[0], packed)
+    made = [final(target, blocks=True), final(target), final(str(packed))]
+    for q, h, manifest in made:
+        assert manifest["inner"] == 3
+        assert q.tobytes() == made[0][0].tobytes()
+        assert h.tobytes() == made[0][1].tobytes()
+
+
+def test_rows_of_inner_steps_have_states_of_the_start_and_means_of_the_step(tmp_path):
+    made = execute(scenario(tmp_path, inner=4), Options(stop=20.0, blocks=True))
+    h, mean = (made.results.values(f"wheels.{n}") for n in ("h_wheel", "tau_mean_wheel"))
+    made.results.close()
+    assert len(h) == 21
+    assert np.diff(h, axis=0) == pytest.approx(mean, abs=1e-15)
+
+
+def test_a_lost_momentum_ends_with_1(tmp_path):
+    target = scenario(tmp_path, residual_bound=1e-18)
+    made = execute(target, Options(stop=20.0, blocks=True))
+    assert made.ok
+    assert made.code == Exit.UNMET
+    assert "momentum_residual" in made.manifest["unmet"][0]
+    assert "residual_bound = 1e-18" in made.manifest["unmet"][0]

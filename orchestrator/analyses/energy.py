@@ -30,6 +30,9 @@ from . import outside, residual
 from .within import NODES, WEIGHTS, Array, Steps
 
 KEY = "energy"
+BOUND = 1e-6
+"""Of the impulse's mismatch, as a share of the largest momentum, where a scenario has no
+`impulse_bound`."""
 NUMBERS = ("energy_mismatch", "impulse_mismatch")
 _PAIR = ("tau_mean_wheel", "tau_slope_wheel")
 
@@ -56,10 +59,10 @@ def applies(system: System) -> dict[str, Any] | None:
 
 
 def steps_of(manifest: dict[str, Any], results: Results) -> Steps | None:
-    """The steps of a run; None where not every row of what is needed is recorded, or a torque
-    reaches the body a step late."""
+    """The steps of a run; None where not every row of what is needed is recorded, where a torque
+    reaches the body a step late, and where a row has the mean of several inner steps."""
     parts = manifest.get(KEY)
-    if parts is None or manifest["algorithm"] != "conserving":
+    if parts is None or manifest["algorithm"] != "conserving" or manifest["inner"] > 1:
         return None
     name = parts["spacecraft"]
     states = [f"{name}.{n}" for n in ("q_bi", "omega_bi_body", "impulse_eci")] + [parts["wheels"]]
@@ -144,6 +147,16 @@ def numbers(manifest: dict[str, Any], results: Results) -> dict[str, dict[str, A
             "unit": "N.m.s",
         }
     return rows
+
+
+def unmet(manifest: dict[str, Any], results: Results) -> list[str]:
+    """An external impulse that is not the one of the torques from outside the body."""
+    mismatch = manifest["numbers"].get("impulse_mismatch")
+    series = residual.momentum(manifest, results)
+    if mismatch is None or series is None:
+        return []
+    bound = manifest["about"].get("impulse_bound", BOUND)
+    return residual.beyond("impulse_mismatch", mismatch, "impulse_bound", bound, series.largest)
 
 
 def figures(manifest: dict[str, Any], results: Results) -> list[tuple[str, str]]:

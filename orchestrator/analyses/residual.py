@@ -7,7 +7,8 @@ copy of the wheels' momentum is not used, so an exchange that loses momentum sho
 
 from __future__ import annotations
 
-from typing import Any
+from math import lcm
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +22,8 @@ from ..system.model import System
 Array = NDArray[np.float64]
 KEY = "rigid_body"
 NUMBERS = ("momentum_residual",)
+BOUND = 1e-9
+"""Of the residual, as a share of the largest momentum, where a scenario has no `residual_bound`."""
 _NEEDED = ("inertia", "axes_wheel", "inertia_wheel", "q_bi", "omega_bi_body", "impulse_eci")
 
 
@@ -35,9 +38,17 @@ def applies(system: System) -> dict[str, str] | None:
     return None
 
 
-def momentum(manifest: dict[str, Any], results: Results) -> tuple[Array, Array] | None:
-    """(times, residual) of a run, the residual (rows, 3) in N m s, eci; None where there is no
-    rigid body or its series are not recorded."""
+class Momentum(NamedTuple):
+    """Times (s), the residual (rows, 3) in N m s, eci, and the largest momentum (N m s), of the
+    whole or of the wheels."""
+
+    times: Array
+    residual: Array
+    largest: float
+
+
+def momentum(manifest: dict[str, Any], results: Results) -> Momentum | None:
+    """Of a run; None where there is no rigid body or its series are not recorded."""
     body = manifest.get(KEY)
     if body is None:
         return None
@@ -45,12 +56,18 @@ def momentum(manifest: dict[str, Any], results: Results) -> tuple[Array, Array] 
     series = [f"{name}.{n}" for n in ("q_bi", "omega_bi_body", "impulse_eci")] + [body["wheels"]]
     if not set(series) <= set(results.names()):
         return None
-    q, omega, impulse, h = (results.values(s) for s in series)
+    times = results.times(series[0])
+    # a slow component's outputs are held between its steps
+    every = lcm(*(manifest["decimation"][s.partition(".")[0]] for s in series))
+    whole = np.round((times - manifest["start"]) / manifest["step"]).astype(int) % every == 0
+    q, omega, impulse, h = (results.values(s)[whole] for s in series)
     if len(q) == 0:
         return None
     carrier, axes = carrier_of(manifest, name)
     in_eci = rotate_back(q, omega @ carrier.T + h @ axes.T)
-    return results.times(series[0]), in_eci - in_eci[0] - (impulse - impulse[0])
+    sizes = np.linalg.norm(in_eci, axis=1).max(), np.linalg.norm(h, axis=1).max()
+    residual = in_eci - in_eci[0] - (impulse - impulse[0])
+    return Momentum(times[whole], residual, float(max(sizes)))
 
 
 def carrier_of(manifest: dict[str, Any], name: str) -> tuple[Array, Array]:
@@ -75,17 +92,38 @@ def numbers(manifest: dict[str, Any], results: Results) -> dict[str, dict[str, A
     return {
         "momentum_residual": {
             "title": "Momentum residual, largest",
-            "value": float(np.linalg.norm(series[1], axis=1).max()),
+            "value": float(np.linalg.norm(series.residual, axis=1).max()),
             "unit": "N.m.s",
         }
     }
+
+
+def unmet(manifest: dict[str, Any], results: Results) -> list[str]:
+    """A residual above its bound; not under jacobi, whose exchange is known to lose momentum."""
+    series = momentum(manifest, results)
+    if series is None or manifest["algorithm"] != "conserving":
+        return []
+    number = manifest["numbers"]["momentum_residual"]
+    bound = manifest["about"].get("residual_bound", BOUND)
+    return beyond("momentum_residual", number, "residual_bound", bound, series.largest)
+
+
+def beyond(
+    name: str, number: dict[str, Any], key: str, bound: float, largest: float
+) -> list[str]:  # fmt: skip
+    """A line where a number (N m s) is above its bound, a share of the largest momentum."""
+    value = number["value"]
+    if value <= bound * largest:
+        return []
+    return [f"{name} = {value:.2g} N m s: above {key} = {bound:g} of the largest momentum, "
+            f"{largest:.3g} N m s"]  # fmt: skip
 
 
 def figures(manifest: dict[str, Any], results: Results) -> list[tuple[str, str]]:
     """The residual over time."""
     series = momentum(manifest, results)
     caption = "Momentum residual: what the exchange between components loses"
-    return [] if series is None else [(caption, plot(*series, results))]
+    return [] if series is None else [(caption, plot(series.times, series.residual, results))]
 
 
 def plot(times: Array, residual: Array, results: Results) -> str:

@@ -46,7 +46,8 @@ def about(data: dict[str, Any]) -> dict[str, Any]:
     """What of a scenario's data travels with a packed system: story, numbers, plots and the
     like."""
     keys = ("title", "story", "source", "twin", "numbers", "plots", "output_classes", "labels",
-            "dispersions", "inner", "stop_when")  # fmt: skip
+            "dispersions", "inner", "stop_when",
+            "residual_bound", "impulse_bound")  # fmt: skip
     kept = {k: data[k] for k in keys if k in data}
     if "plots" in kept:
         kept["plots"] = list(kept["plots"].values())  # a list keeps its order in JSON

@@ -261,6 +261,12 @@ class Scenario(Table):
         "inner steps, within each step, of what hands means over the step on (actuators and body)"
     )
     stop: FiniteFloat = key("stop time", "s")
+    residual_bound: Annotated[FiniteFloat, Field(gt=0.0)] = key(
+        "largest momentum residual, over the largest momentum: above it a run ends with 1; 1e-9"
+    )
+    impulse_bound: Annotated[FiniteFloat, Field(gt=0.0)] = key(
+        "the same for the external impulse against one computed outside the body; 1e-6"
+    )
     stop_when: StopWhen = key("a condition that ends it before")
     epoch: Annotated[datetime, AfterValidator(utc)] = key("UTC of t = 0")
     sources: dict[str, Text] = key("another FMU for a component")

@@ -41,7 +41,7 @@ class Run:
     def code(self) -> Exit:
         """The exit code that says how it ended."""
         if self.ok:
-            return Exit.COMPLETED
+            return Exit.UNMET if self.manifest.get("unmet") else Exit.COMPLETED
         if self.manifest["status"] == stopping.LATE:
             return Exit.TIMEOUT
         if self.manifest["status"] == stopping.LATE:
@@ -119,10 +119,12 @@ def simulate(case: Case, folder: Path | None = None, progress: bool = False) -> 
         wall_seconds=round(time.perf_counter() - clock, 6),
         us_per_step=round(1e6 * seconds / max(done, 1), 3),
         numbers=numbers(system.about, results, manifest["parameters"]),
+        unmet=[],
     )
     for analysis in analyses():
         if manifest[analysis.KEY] is not None:
             manifest["numbers"].update(analysis.numbers(manifest, results))
+            manifest["unmet"] += analysis.unmet(manifest, results)
     if folder is not None:
         write_json(folder / MANIFEST, manifest)
         (folder / f"{MANIFEST}.part").unlink(missing_ok=True)

@@ -36,6 +36,7 @@ def describe(system: System, options: Options, target: str) -> dict[str, Any]:
         "stop": system.stop,
         "step": system.step,
         "inner": system.inner,
+        "decimation": {c.name: c.decimation for c in system.components.values()},
         "output_classes": system.output_classes,
         "versions": {
             **{name: version(name) for name in PACKAGES},

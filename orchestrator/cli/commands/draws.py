@@ -75,8 +75,11 @@ def draws(
     failed = [r for each in results for r in each["draws"] if r["status"] != "completed"]
     for row in failed:
         err.print(f"draw {row['draw']}: {row['status']}: {row['message']}", markup=False)
-    if failed:
-        raise typer.Exit(max(row["code"] for row in failed))
+    unmet = [r for each in results for r in each["draws"] if r["unmet"]]
+    for row in unmet:
+        err.print(f"draw {row['draw']}: not met: {'; '.join(row['unmet'])}", markup=False)
+    if failed or unmet:
+        raise typer.Exit(max(row["code"] for row in failed + unmet))
 
 
 def _print_draws(result: dict[str, Any]) -> None:

@@ -129,6 +129,8 @@ def _report_run(finished: Run, other: Run | None, folder: Path, page: Path, as_j
         err.print(f"{manifest['status']}: {manifest['message']}", highlight=False, markup=False)
     if stopped := manifest.get("stopped_when"):
         out.print(f"ended at {stopped['time']:g} s: {stopped['condition']}", highlight=False)
+    for line in manifest["unmet"]:
+        err.print(f"not met: {line}", highlight=False, markup=False)
     table = Table(box=None, pad_edge=False, show_header=other is not None, header_style="bold")
     for column in ["", "this run", "twin", ""] if other else ["", "this run", ""]:
         table.add_column(column, justify="right" if "run" in column or column == "twin" else "left")
