@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 import statistics
 from collections.abc import Callable, Sequence
 from typing import Any
@@ -15,6 +16,11 @@ from .report import number as text_of
 def fixed(value: float, digits: int = 0) -> str:
     """A number with so many digits after the point."""
     return f"{value:.{digits}f}"
+
+
+def plain(value: float) -> str:
+    """A number as a scenario has it: 0.25, 12, 3e-5."""
+    return re.sub(r"e([+-])0", r"e\1", f"{value:g}").replace("e+", "e")
 
 
 def short(value: float | None) -> str:
@@ -39,6 +45,7 @@ def correlation(x: Sequence[float], y: Sequence[float]) -> float:
 
 FILTERS: dict[str, Callable[..., Any]] = {
     "fixed": fixed,
+    "plain": plain,
     "short": short,
     "text": text_of,
     "three": three,
