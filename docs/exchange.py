@@ -39,7 +39,7 @@ def main() -> None:
             ["master", "step s", "attitude rad", "wheel momentum N m s", "momentum residual N m s",
              "attitude, same delays", "wheel momentum, same delays"],
             [[r["algorithm"], f"{r['step']:g}",
-              *(cell(r[k]) for k in list(asdict(convergence.Row("", 0, 0, 0, 0)))[2:])]
+              *(cell(r[k]) for k in list(asdict(convergence.Row("", 0, 0, 0, 0)))[2:7])]
              for r in study["rows"]],
         )  # fmt: skip
         page.text(

@@ -7,6 +7,8 @@ A module of this folder that has `applies` is an analysis:
     def signals(parts) -> list of series            # what a run of which little is kept must record
     def numbers(manifest, results) -> numbers       # as a manifest has them, {} where there is none
     def figures(manifest, results) -> [(caption, svg)]
+
+and one that has `warnings(system) -> [line]` says of a checked system what to beware of, at no cost.
 """
 
 from __future__ import annotations
@@ -16,10 +18,22 @@ import pkgutil
 from functools import cache
 from types import ModuleType
 
+from ..system.model import System
+
+
+@cache
+def _modules() -> tuple[ModuleType, ...]:
+    names = sorted(m.name for m in pkgutil.iter_modules(__path__))
+    return tuple(importlib.import_module(f"{__name__}.{name}") for name in names)
+
 
 @cache
 def analyses() -> tuple[ModuleType, ...]:
     """The analyses that there are, by the names of their files."""
-    names = sorted(m.name for m in pkgutil.iter_modules(__path__))
-    modules = (importlib.import_module(f"{__name__}.{name}") for name in names)
-    return tuple(m for m in modules if hasattr(m, "applies"))
+    return tuple(m for m in _modules() if hasattr(m, "applies"))
+
+
+def warnings(system: System) -> list[str]:
+    """What to beware of in a checked system, a line each."""
+    modules = (m for m in _modules() if hasattr(m, "warnings"))
+    return [line for m in modules for line in m.warnings(system)]

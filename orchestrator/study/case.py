@@ -20,6 +20,7 @@ from typing import Any
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
 from ..analyses import analyses
+from ..analyses import warnings as warnings_of
 from ..engine.instances import UnitError
 from ..engine.master import Algorithm, Master
 from ..engine.results import SERIES, Recorder, Results, selects
@@ -126,6 +127,7 @@ def prepare(target: str, options: Options) -> tuple[System, Checked]:
         what = problems_of_numbers(system)
         # another FMU may lack what the scenario's numbers are made of: it runs without them
         (checked.warnings if options.sources else checked.problems).extend(what)
+        checked.warnings += warnings_of(system)
     return system, checked
 
 

@@ -57,6 +57,11 @@ def run(
         bool, typer.Option(help="Also run the scenario's twin, and show it beside.")
     ] = True,
     classes: Classes = None,
+    estimate: Annotated[
+        bool,
+        typer.Option("--estimate", help="Also run with half the step, and say how much the run "
+                     "may err for its step."),
+    ] = False,
     as_json: Json = False,
 ) -> None:
     """Run a scenario and write a run folder: series, manifest, report."""
@@ -73,6 +78,12 @@ def run(
         err.print(f"warning: {warning}", highlight=False, markup=False)
     checked.or_raise()
     finished = execute(target, options, target_folder, progress=not as_json)
+    if estimate and finished.ok:
+        from ...analyses import estimate as estimate_module
+        from ...study.case import MANIFEST, write_json
+
+        estimate_module.add(finished, target, options)
+        write_json(target_folder / MANIFEST, finished.manifest)
     other = _run_twin(finished, options, target_folder) if twin and finished.ok else None
     page = report_module.write_report(target_folder, finished, other)
     if csv:
