@@ -1,5 +1,5 @@
-"""The monolithic reference itself, the ten cases of the exchange against it, a run's estimate of its
-own error, and the bound that it warns by."""
+"""The monolithic reference itself, the ten cases of the exchange against it, a run's estimate of
+its own error, and the bound that it warns by."""
 
 from __future__ import annotations
 
@@ -80,7 +80,8 @@ def test_a_saturating_wheel(of_speed, command, h0):
         }).plant  # fmt: skip
         y, full = plant.start_state(), 140.0 / K if of_speed else 140.0 * 0.008
         y, held, (_, there) = advance(plant, 0.0, 900.0, y, Held((command, 0.0, 0.0, 0.0)))
-        assert h0 + motor(command, there.begin) == pytest.approx(full, rel=1e-12)
+        # found on the interpolant of a step that may be long: 2e-11
+        assert h0 + motor(command, there.begin) == pytest.approx(full, abs=1e-10)
         assert y[H] == pytest.approx([full, 0.0, 0.0, 0.0], rel=1e-12)
         assert inertial(plant, y) == pytest.approx([0.0] * 3, abs=1e-13)
         back = Held((-command, 0.0, 0.0, 0.0), pinned=held.pinned)
@@ -202,10 +203,11 @@ def test_a_loop_learns_the_friction():
     ("name", "values", "least_order"),
     [
         ("full", {"manager.gyroscopic": True, "manager.feedforward": True}, 2.5),
-        ("full", {"wheels.compensation": 0.5}, 1.8),
+        ("full", {"wheels.compensation": 0.5, "controller.torque_limit": 0.015}, 1.8),
         ("full", {"controller.sample_time": 2.0, "magnetometer.sample_time": 4.0,
                   "torquers.sample_time": 2.0}, 2.5),
-        ("full", {"manager.law": "ccpl", "manager.gain": 200.0, "magnetometer.bias_body": [1e-6] * 3,
+        ("full", {"manager.law": "ccpl", "manager.gain": 200.0,
+                  "magnetometer.bias_body": [1e-6] * 3,
                   "spacecraft.residual_dipole_body": [0.1, 0.2, -0.1],
                   "spacecraft.tau_disturbance_body": [1e-5, 0, -2e-5],
                   "controller.anti_windup": True, "environment.eccentricity": 0.01}, 2.5),
@@ -260,7 +262,7 @@ def test_a_run_beyond_the_cases_warns():
         ({"wheels.h_start_wheel": [90.0, 0.0, 0.0, 0.0], "wheels.speed_limit": 2e4},
          r"turn and nutation in a step: .* rad, .* take a step of 1\.\d s or less"),
         ({"wheels.torque_limit": 4.0}, "turn by the wheels' largest torque in a step"),
-        ({"torquers.lag": 1e-3}, r"step over the lag of motors or coils: 1e\+03, .* up to 125 only"),
+        ({"torquers.lag": 1e-3}, r"step over the lag of motors or coils: 1e\+03, .* 125 only"),
     ):  # fmt: skip
         _, checked = prepare("gyrostat/full", Options(blocks=True, values=values))
         assert len(checked.warnings) == 1
@@ -310,7 +312,9 @@ def test_convergence_prints_estimates(desat):
 
 def test_a_run_estimates_its_error(desat, tmp_path):
     folder = tmp_path / "run"
-    desat("run", "gyrostat/slow-samples", "--blocks", "--estimate", "--out", str(folder), check=True)
+    desat(
+        "run", "gyrostat/slow-samples", "--blocks", "--estimate", "--out", str(folder), check=True
+    )
     manifest = json.loads((folder / "manifest.json").read_text())
     assert manifest["estimate"] == {"companion_step": 5.0, "factor": pytest.approx(4 / 3)}
     number = manifest["numbers"]["estimated_attitude_error"]

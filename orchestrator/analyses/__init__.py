@@ -8,7 +8,7 @@ A module of this folder that has `applies` is an analysis:
     def numbers(manifest, results) -> numbers       # as a manifest has them, {} where there is none
     def figures(manifest, results) -> [(caption, svg)]
 
-and one that has `warnings(system) -> [line]` says of a checked system what to beware of, at no cost.
+and one that has `warnings(system) -> [line]` says what to beware of in a checked system.
 """
 
 from __future__ import annotations

@@ -30,8 +30,8 @@ SERIES = ("spacecraft.q_bi", "spacecraft.omega_bi_body", "spacecraft.impulse_eci
 @dataclass
 class Row:
     """One run: the largest errors over its samples (rad, N m s) and the largest momentum residual
-    (N m s). `*_same_delays`: under `jacobi`, against the reference with the same delays. `estimate*`:
-    what a `conserving` run says of its errors itself, from its companion (`estimate.py`)."""
+    (N m s). `*_same_delays`: under `jacobi`, against the reference with the same delays.
+    `estimate*`: what a `conserving` run says of its own errors (`estimate.py`)."""
 
     algorithm: str
     step: float
@@ -120,10 +120,10 @@ def study(
                   disable=not (progress and console.is_terminal))
         )  # fmt: skip
     by_step = {r.step: f for r, f in zip(runs, flown, strict=True) if r.algorithm == "conserving"}
-    rows = [
-        _row(c, f, ideal, by_step.get((c.step or 0.0) / FINER) if c.algorithm == "conserving" else None)
-        for c, f in zip(cases, flown, strict=False)
-    ]  # fmt: skip
+    rows = []
+    for case, run in zip(cases, flown, strict=False):
+        finer = by_step.get((case.step or 0.0) / FINER)
+        rows.append(_row(case, run, ideal, finer if case.algorithm == "conserving" else None))
     conserving = [r for r in rows if r.algorithm == "conserving"]
     return {
         "scenario": target,

@@ -180,6 +180,7 @@ def _first(
     def when(i: int) -> float:
         if before[i] <= 0.0:
             return start
+
         # the interpolant's end may round to the other side
         def value(t: float) -> float:
             return after[i] if t == end else events(t, between(t).tolist())[i]

@@ -2,7 +2,8 @@
 ordinary differential equations.
 
 The state, in the order of the slices below: attitude q; total angular momentum L (N m s, body);
-of each wheel the momentum h (N m s), motor torque T (N m) and learnt friction (N m); dipole m (A m2).
+of the wheels the momenta h (N m s), motor torques T (N m) and learnt friction (N m); dipole m
+(A m2).
 
     q' = 1/2 Omega(omega) q,     L' = torque - omega x L,     omega = J_r^-1 (L - A h)
     h' = T + learnt - friction(Omega),     T' = (command - T) / lag,     m' = (command - m) / lag

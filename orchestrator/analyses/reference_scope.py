@@ -145,7 +145,10 @@ class Values:
                 given = signal.causality == "parameter" or signal.name in component.parameters
                 if not given or name in free:
                     continue
-                wanted, value = known.fixed.get(name, signal.start), value_of(component, signal.name)
+                wanted, value = (
+                    known.fixed.get(name, signal.start),
+                    value_of(component, signal.name),
+                )
                 if value != wanted:
                     yield f"needs {role}.{signal.name} = {wanted}, it is {value}"
 

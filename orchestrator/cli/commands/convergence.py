@@ -34,7 +34,9 @@ def convergence(
     target: Target,
     steps: Annotated[
         str | None,
-        typer.Option(help="Steps, s (default: the scenario's, a half, a quarter, an eighth of it)."),
+        typer.Option(
+            help="Steps, s (default: the scenario's, a half, a quarter, an eighth of it)."
+        ),
     ] = None,
     algorithm: Annotated[
         list[Semantics] | None, typer.Option(help="Only this one (default: both).")

@@ -59,8 +59,10 @@ def run(
     classes: Classes = None,
     estimate: Annotated[
         bool,
-        typer.Option("--estimate", help="Also run with half the step, and say how much the run "
-                     "may err for its step."),
+        typer.Option(
+            "--estimate",
+            help="Also run with half the step, and say how much the run may err for its step.",
+        ),
     ] = False,
     as_json: Json = False,
 ) -> None:
