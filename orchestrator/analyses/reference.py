@@ -140,6 +140,7 @@ class Gyrostat:
                 computers.control(y, omega)
             if computers.due("manager", t):
                 wanted = computers.dump(h, b)
+            if computers.due("wheels", t):
                 command = computers.wheels(omega, h, computers.tau)
             if computers.due("torquers", t):
                 coils = computers.coils(wanted)
@@ -177,7 +178,9 @@ class Gyrostat:
                 coils = computers.coils(wanted)
             if computers.due("manager", t):
                 m = computers.dump(h, b)
-            next_command = computers.wheels(omega, h, seen_tau)
+            next_command = command
+            if computers.due("wheels", t) or not computers.wheels_sampled:
+                next_command = computers.wheels(omega, h, seen_tau)
             if computers.due("controller", t):
                 tau = computers.control(y, omega)
             if computers.due("magnetometer", t):

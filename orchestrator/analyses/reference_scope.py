@@ -71,7 +71,7 @@ KNOWN = {
     ),
     "manager": Known(
         "manager_cross_product",
-        "sample_time axes_wheel feedforward gyroscopic saturation m_limit law gain h_deadband "
+        "sample_time wheel_sample_time axes_wheel feedforward gyroscopic saturation m_limit law gain h_deadband "
         "enable h_target_body",
         {},
         "",
@@ -119,6 +119,11 @@ class Values:
             value_of(component, s.name) for s in component.interface.elements(name)
         ]
         return tuple(float(x) for x in values)
+
+    def has(self, role: str, name: str) -> bool:
+        """True when a role's block declares a variable."""
+        component = self._system.components[role]
+        return component.interface is not None and bool(component.interface.elements(name))
 
     def one(self, role: str, name: str) -> float:
         """The value of a scalar parameter; of a choice its number."""
