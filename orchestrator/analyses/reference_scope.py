@@ -71,8 +71,8 @@ KNOWN = {
     ),
     "manager": Known(
         "manager_cross_product",
-        "sample_time wheel_sample_time axes_wheel feedforward gyroscopic saturation m_limit law gain h_deadband "
-        "enable h_target_body",
+        "sample_time wheel_sample_time axes_wheel feedforward gyroscopic saturation m_limit law "
+        "gain h_deadband enable h_target_body",
         {},
         "",
         "magnetometer.b_body wheels.h_wheel controller.tau_ctrl_body",
