@@ -80,8 +80,7 @@ def test_a_saturating_wheel(of_speed, command, h0):
         }).plant  # fmt: skip
         y, full = plant.start_state(), 140.0 / K if of_speed else 140.0 * 0.008
         y, held, (_, there) = advance(plant, 0.0, 900.0, y, Held((command, 0.0, 0.0, 0.0)))
-        # found on the interpolant of a step that may be long: 2e-11
-        assert h0 + motor(command, there.begin) == pytest.approx(full, abs=1e-10)
+        assert h0 + motor(command, there.begin) == pytest.approx(full, abs=1e-12)
         assert y[H] == pytest.approx([full, 0.0, 0.0, 0.0], rel=1e-12)
         assert inertial(plant, y) == pytest.approx([0.0] * 3, abs=1e-13)
         back = Held((-command, 0.0, 0.0, 0.0), pinned=held.pinned)

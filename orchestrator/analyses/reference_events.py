@@ -142,7 +142,13 @@ def _solve(
         if min(after, default=1.0) < 0.0:
             end, event = _first(solver.dense_output(), events, start, solver.t, before, after)
             if end > start:
-                # a step's interpolant is less accurate than the step
+                # a step's interpolant is less accurate than the step: found again without it
+                end = _root(
+                    lambda t, i=event, start=start, state=state: events(  # type: ignore[misc]
+                        t, _there(slope, start, t, state)
+                    )[i],
+                    start, solver.t, before[event], after[event],
+                )  # fmt: skip
                 solver = _solver(slope, start, end, state)
                 while solver.status == "running":
                     _step(solver)
@@ -171,6 +177,28 @@ def _step(solver: DOP853) -> None:
         raise DesatError(f"the reference fails at t = {solver.t:g} s: {message}")
 
 
+def _there(
+    slope: Callable[[float, State], State], start: float, end: float, y: Array
+) -> State:  # fmt: skip
+    """The state at the end."""
+    solver = _solver(slope, start, end, y)
+    while solver.status == "running":
+        _step(solver)
+    there: State = solver.y.tolist()
+    return there
+
+
+def _root(
+    value: Callable[[float], float], start: float, end: float, at_start: float, at_end: float
+) -> float:  # fmt: skip
+    """Where a value passes zero, its ends known: an interpolant's may round to the other side."""
+    ends = {start: at_start, end: at_end}
+    return float(
+        brentq(lambda t: ends[t] if t in ends else value(t), start, end,
+               xtol=1e-14 * max(1.0, abs(end)), rtol=1e-15)
+    )  # fmt: skip
+
+
 def _first(
     between: Callable[[float], Array], events: Events, start: float, end: float,
     before: list[float], after: list[float],
@@ -181,10 +209,9 @@ def _first(
         if before[i] <= 0.0:
             return start
 
-        # the interpolant's end may round to the other side
         def value(t: float) -> float:
-            return after[i] if t == end else events(t, between(t).tolist())[i]
+            return events(t, between(t).tolist())[i]
 
-        return float(brentq(value, start, end, xtol=1e-14 * max(1.0, abs(end)), rtol=1e-15))
+        return _root(value, start, end, before[i], after[i])
 
     return min((when(i), i) for i, x in enumerate(after) if x < 0.0)
