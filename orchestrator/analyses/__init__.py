@@ -9,6 +9,8 @@ A module of this folder that has `applies` is an analysis:
     def numbers(manifest, results) -> numbers       # as a manifest has them, {} where there is none
     def unmet(manifest, results) -> list of lines   # what of it is not as it ought to be
     def figures(manifest, results) -> [(caption, svg)]
+
+and one that has `warnings(system) -> [line]` says what to beware of in a checked system.
 """
 
 from __future__ import annotations
@@ -18,10 +20,22 @@ import pkgutil
 from functools import cache
 from types import ModuleType
 
+from ..system.model import System
+
+
+@cache
+def _modules() -> tuple[ModuleType, ...]:
+    names = sorted(m.name for m in pkgutil.iter_modules(__path__))
+    return tuple(importlib.import_module(f"{__name__}.{name}") for name in names)
+
 
 @cache
 def analyses() -> tuple[ModuleType, ...]:
     """The analyses that there are, by the names of their files."""
-    names = sorted(m.name for m in pkgutil.iter_modules(__path__))
-    modules = (importlib.import_module(f"{__name__}.{name}") for name in names)
-    return tuple(m for m in modules if hasattr(m, "applies"))
+    return tuple(m for m in _modules() if hasattr(m, "applies"))
+
+
+def warnings(system: System) -> list[str]:
+    """What to beware of in a checked system, a line each."""
+    modules = (m for m in _modules() if hasattr(m, "warnings"))
+    return [line for m in modules for line in m.warnings(system)]

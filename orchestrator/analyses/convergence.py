@@ -15,13 +15,14 @@ from rich.progress import track
 
 from ..engine.master import ALGORITHMS, Algorithm
 from ..study.case import Options, prepare, simulate
-from ..study.derived import pointing
 from ..study.plots import COLOURS, figure, legend, svg
 from ..study.report import render, write_page
 from ..system.errors import DesatError
+from .estimate import companion, difference, estimate
 from .reference import Gyrostat, Trajectory
 
 STEPS = (1.0, 0.5, 0.25, 0.125)
+"""Of the scenario's own step."""
 SERIES = ("spacecraft.q_bi", "spacecraft.omega_bi_body", "spacecraft.impulse_eci",
           "wheels.h_wheel")  # fmt: skip
 
@@ -29,7 +30,8 @@ SERIES = ("spacecraft.q_bi", "spacecraft.omega_bi_body", "spacecraft.impulse_eci
 @dataclass
 class Row:
     """One run: the largest errors over its samples (rad, N m s) and the largest momentum residual
-    (N m s). `*_same_delays`: under `jacobi`, against the reference with the same delays."""
+    (N m s). `*_same_delays`: under `jacobi`, against the reference with the same delays.
+    `estimate*`: what a `conserving` run says of its own errors (`estimate.py`)."""
 
     algorithm: str
     step: float
@@ -38,53 +40,87 @@ class Row:
     momentum_drift: float
     attitude_error_same_delays: float | None = None
     wheel_momentum_error_same_delays: float | None = None
+    estimate: float | None = None
+    estimate_wheel_momentum: float | None = None
+    note: str = ""
+    """Why there is nothing with the same delays."""
 
 
-def _errors(q: NDArray[Any], h: NDArray[Any], reference: Trajectory) -> tuple[float, float]:
-    return float(np.radians(pointing(q, reference.q)).max()), float(np.abs(h - reference.h).max())
+@dataclass
+class Flown:
+    """A run at the controller's samples: q (n, 4), h (n, 4, N m s), its momentum residual (N m s),
+    and under `jacobi` the reference with its delays, or why there is none."""
+
+    q: NDArray[Any]
+    h: NDArray[Any]
+    residual: float
+    delayed: Trajectory | None = None
+    note: str = ""
 
 
-def measure(target: str, options: Options, ideal: Trajectory) -> Row:
-    """Run a system once and compare."""
+def fly(target: str, options: Options) -> Flown:
+    """Run a system once."""
     case = prepare(target, replace(options, record=SERIES))
     system, _ = case.or_raise()
     gyrostat = Gyrostat(system)
-    run = simulate(case)
-    if not run.ok:
-        raise DesatError(f"{target}: {run.manifest['message']}")
+    run = simulate(case).or_raise(target)
     every = round(gyrostat.sample / system.step)
-    q = run.results.values("spacecraft.q_bi")[::every]
-    h = run.results.values("wheels.h_wheel")[::every]
-    drift = run.manifest["numbers"]["momentum_residual"]["value"]
+    flown = Flown(
+        run.results.values("spacecraft.q_bi")[::every],
+        run.results.values("wheels.h_wheel")[::every],
+        run.manifest["numbers"]["momentum_residual"]["value"],
+    )
     run.results.close()
-    row = Row(options.algorithm, system.step, *_errors(q, h, ideal), drift)
     if options.algorithm == "jacobi":
-        delayed = _errors(q, h, gyrostat.delayed(system.step))
-        row.attitude_error_same_delays, row.wheel_momentum_error_same_delays = delayed
+        try:
+            flown.delayed = gyrostat.delayed(system.step)
+        except DesatError as error:
+            flown.note = str(error)
+    return flown
+
+
+def _row(case: Options, flown: Flown, ideal: Trajectory, finer: Flown | None) -> Row:
+    assert case.step is not None
+    q, h = flown.q, flown.h
+    row = Row(case.algorithm, case.step, *difference(q, h, ideal.q, ideal.h), flown.residual)
+    row.note = flown.note
+    if (late := flown.delayed) is not None:
+        row.attitude_error_same_delays, row.wheel_momentum_error_same_delays = difference(
+            q, h, late.q, late.h
+        )
+    if finer is not None:
+        row.estimate, row.estimate_wheel_momentum = estimate(q, h, finer.q, finer.h)
     return row
 
 
-def _ideal(target: str, options: Options) -> Trajectory:
-    system, _ = prepare(target, options).or_raise()
-    return Gyrostat(system).ideal()
-
-
 def study(
-    target: str, options: Options, steps: tuple[float, ...] = STEPS,
+    target: str, options: Options, steps: tuple[float, ...] | None = None,
     algorithms: tuple[Algorithm, ...] = ALGORITHMS, jobs: int = 2, progress: bool = False,
 ) -> dict[str, Any]:  # fmt: skip
-    """Rows for every algorithm and step, and the observed order of the conserving master."""
+    """Rows for every algorithm and step (s; default: the scenario's and three finer ones), and the
+    observed order of the conserving master."""
+    if steps is None:
+        own = prepare(target, options).or_raise()[0].step
+        steps = tuple(own * share for share in STEPS)
     if not steps or any(s <= 0 for s in steps):
         raise DesatError("--steps: positive numbers are needed, as 1,0.5,0.25")
-    ideal = _ideal(target, replace(options, step=steps[0]))
+    system, _ = prepare(target, replace(options, step=steps[0])).or_raise()
+    ideal = Gyrostat(system).ideal()
     cases = [replace(options, step=s, algorithm=a) for a in algorithms for s in steps]
-    with ProcessPoolExecutor(min(jobs, len(cases)), mp_context=get_context("spawn")) as pool:
-        results = pool.map(measure, [target] * len(cases), cases, [ideal] * len(cases))
+    companions = [companion(system, c) for c in cases if c.algorithm == "conserving"]
+    runs = cases + companions
+    with ProcessPoolExecutor(min(jobs, len(runs)), mp_context=get_context("spawn")) as pool:
+        results = pool.map(fly, [target] * len(runs), runs)
         console = Console(stderr=True)
-        rows = list(
-            track(results, target, total=len(cases), console=console, transient=True,
+        flown = list(
+            track(results, target, total=len(runs), console=console, transient=True,
                   disable=not (progress and console.is_terminal))
         )  # fmt: skip
+    finer = {c.step: f for c, f in zip(companions, flown[len(cases) :], strict=True)}
+    rows = [
+        _row(case, run, ideal, finer[case.step] if case.algorithm == "conserving" else None)
+        for case, run in zip(cases, flown[: len(cases)], strict=True)
+    ]
     conserving = [r for r in rows if r.algorithm == "conserving"]
     return {
         "scenario": target,

@@ -1,56 +1,54 @@
 """The monolithic reference of a gyrostat: the uncut system, against which the cut one is held.
 
-Built from the functions of `components`, without blocks, FMUs or exchange: one system of ordinary
-differential equations, scipy's DOP853, restarted at every sample of the controller. It knows the
-components of `ssp/gyrostat`: environment_kepler (dipole or no field), spacecraft_rigid, wheels,
-guidance_inertial, controller_pid, magnetometer (ideal), manager_cross_product, torquers (limited).
+One system of ordinary differential equations (`reference_plant.py`), integrated from event to event
+(`reference_events.py`), without blocks, FMUs or exchange. Here is what happens at known times:
+samples of computers and sensors (`reference_computers.py`), edges of firings, a failure. What it
+knows is in `reference_scope.py`.
 
-With a `delay` it is the same system as a `jacobi` master with that step makes it: an interval
-output reaches its consumer one step late.
+With a `step` of delay it is the same system as a `jacobi` master with that step makes it: an
+interval output reaches its consumer one step late.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from math import floor
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy.integrate import DOP853
 
-from desat.components.contract.block import Vec3
-from desat.components.laws import attitude_control, cross_product
-from desat.components.maths import attitude, vector
-from desat.components.physics import geomagnetic, torques, wheel_array
-from desat.components.physics.earth import earth_angle
-from desat.components.physics.gyrostat import carrier_inertia, rate
-from desat.components.physics.orbit import Drift, Elements, drifting_state
-from desat.components.physics.rotor import friction
+from desat.components.contract.block import Vec3, Vec4
+from desat.components.maths import vector
 
 from ..system.errors import DesatError
 from ..system.model import System
-from ..system.parameters import value_of
-
-RTOL, ATOL = 1e-13, 1e-15
-Array = NDArray[np.float64]
-Force = Callable[[float], tuple[list[float], Vec3]]
-"""At a time: torque on each rotor (N m), dipole (A m2)."""
-
-Q, MOMENTUM, H, MOTOR, DIPOLE, COPY = (
-    slice(0, 4), slice(4, 7), slice(7, 11), slice(11, 15), slice(15, 18), slice(18, 22)
+from .reference_computers import Computers
+from .reference_events import Piece, advance
+from .reference_plant import (
+    LEARNT,
+    MOTOR,
+    NO_WHEEL,
+    Array,
+    H,
+    Held,
+    Late,
+    M,
+    Plant,
+    Q,
+    State,
+    part,
 )  # fmt: skip
-"""Where attitude, total momentum, wheels' momenta, motor torques, dipole, and the body's copy of
-the wheels' momenta stand in the state."""
+from .reference_scope import Values
 
-
-def _part(y: list[float], where: slice) -> Any:
-    return tuple(y[where])
+SAME_TIME = 1e-9
+"""Times nearer than this (s) are one."""
 
 
 @dataclass(frozen=True)
 class Trajectory:
-    """The reference at the samples: times (n,), q (n, 4), omega (n, 3), h (n, 4)."""
+    """The reference at the controller's samples: times (n,), q (n, 4), omega (n, 3), h (n, 4)."""
 
     times: Array
     q: Array
@@ -58,274 +56,194 @@ class Trajectory:
     h: Array
 
 
-NEEDED: dict[str, tuple[str, dict[str, Any]]] = {
-    "environment": ("environment_kepler", {"j2": False, "eccentricity": 0.0}),
-    "spacecraft": ("spacecraft_rigid", {"aerodynamics": 0, "radiation": 0, "start_frame": 0}),
-    "wheels": ("wheels", {"command_mode": 0, "failed": 0, "stiction": 0.0, "unbalance": 0.0,
-                          "compensation": 0.0}),
-    "guidance": ("guidance_inertial", {}),
-    "controller": ("controller_pid", {"anti_windup": False}),
-    "magnetometer": ("magnetometer", {"noise": 0.0}),
-    "manager": ("manager_cross_product", {"feedforward": False, "gyroscopic": False,
-                                          "h_deadband": 0.0, "law": 0}),
-    "torquers": ("torquers", {"drive": 1}),
-}  # fmt: skip
-"""Role -> block and the parameters that the reference takes as given."""
-
-
-def _refuse(system: System) -> None:
-    for role, (block, fixed) in NEEDED.items():
-        component = system.components.get(role)
-        model = component.interface.model if component and component.interface else None
-        if component is None or model != block:
-            raise DesatError(
-                f"{system.where}: the reference needs {role} = {block}, there is {model or 'none'}"
-            )
-        for name, wanted in fixed.items():
-            if (got := value_of(component, name)) != wanted:
-                raise DesatError(
-                    f"{system.where}: the reference needs {role}.{name} = {wanted}, it is {got}"
-                )
-
-
-FIELD_DIPOLE = 1
-
-
 class Gyrostat:
     """The uncut system of a checked scenario. Raises DesatError for one that it does not know."""
 
     def __init__(self, system: System) -> None:
-        _refuse(system)
-        self._system = system
-        self.sample = float(self._one("controller", "sample_time"))
-        for role in ("magnetometer", "manager"):
-            if self._one(role, "sample_time") != self.sample:
-                raise DesatError(
-                    f"{system.where}: the reference needs {role}.sample_time = {self.sample:g} s"
-                )
-        assert system.stop is not None
-        self.count = round((system.stop - system.start) / self.sample)
-        self.start = system.start
-        self.inertia = self._many("spacecraft", "inertia")
-        self.axes = self._many("spacecraft", "axes_wheel")
-        self.spin = self._many("spacecraft", "inertia_wheel")
-        self.carrier = carrier_inertia(self.inertia, self.axes, self.spin)
-        self.inverse = vector.inverse(self.carrier)
-        self.pinv = wheel_array.pseudo_inverse(self.axes)
-        self.friction = tuple(
-            self._one("wheels", n) for n in ("viscous", "coulomb", "friction_speed")
-        )
-        self.motor_lag = self._one("wheels", "motor_lag")
-        self.torque_limit = self._one("wheels", "torque_limit")
-        self.coil_lag = self._one("torquers", "lag")
-        self.m_limit = min(self._one("torquers", "m_limit"), self._one("manager", "m_limit"))
-        self.gravity_gradient = bool(self._one("spacecraft", "gravity_gradient"))
-        self.q_ref = attitude.normalised(self._many("guidance", "q_target_bi"))
-        self.gains = tuple(self._one("controller", n) for n in ("kp", "kd", "ki"))
-        self.gain_matrix = self._many("controller", "gain_matrix")
-        self.limits = tuple(self._one("controller", n) for n in ("integral_limit", "torque_limit"))
-        self._elements = Elements(*(self._one("environment", n) for n in Elements._fields))
-        self._mu = self._one("environment", "mu")
-        given = bool(self._one("environment", "earth_angle"))
-        self._angle0 = (
-            self._one("environment", "earth_angle_start")
-            if given
-            else earth_angle(self._one("environment", "epoch_j2000"))
-        )
-        self._earth_rate = self._one("environment", "earth_rate")
-        dipole = self._many("environment", "dipole_earth")
-        has_field = self._one("environment", "field") == FIELD_DIPOLE
-        self._dipole: Vec3 = dipole if has_field else vector.ZERO
-        self.dumping = bool(self._one("manager", "enable"))
-        self.gain = self._one("manager", "gain")
+        values = Values(system)
+        self._decimated = [c.name for c in system.components.values() if c.decimation != 1]
+        self.start, self.stop = system.start, system.stop
+        self.sample = values.one("controller", "sample_time")
+        self._values, self.plant = values, Plant(values)
+        self._failed = int(values.one("wheels", "failed")) - 1
+        self._failed_from = values.one("wheels", "failed_from")
+        self._firings: list[tuple[float, float, Vec3]] = []
+        if "thrusters" in values.known:
+            begins, seconds, torque = (
+                values.many("thrusters", f"schedule_{n}") for n in ("start", "duration", "tau_body")
+            )
+            self._firings = [
+                (begin, begin + long, torque[3 * i : 3 * i + 3])
+                for i, (begin, long) in enumerate(zip(begins, seconds, strict=True)) if long > 0.0
+            ]  # fmt: skip
 
-    def _many(self, role: str, name: str) -> Any:
-        component = self._system.components[role]
-        assert component.interface is not None
-        values: list[Any] = [
-            value_of(component, s.name) for s in component.interface.elements(name)
-        ]
-        return tuple(float(x) for x in values)
+    # --- what happens at known times ------------------------------------------------------------
 
-    def _one(self, role: str, name: str) -> float:
-        value: float = self._many(role, name)[0]
-        return value
+    def _edges(self) -> list[float]:
+        """When firings begin and end, and when a wheel fails (s)."""
+        edges = [t for begin, end, _ in self._firings for t in (begin, end)]
+        return edges + ([self._failed_from] if self._failed != NO_WHEEL else [])
 
-    # --- what the system is ---------------------------------------------------------------------
+    def _thrust(self, t: float) -> Vec3:
+        """The torque (N m, body) of the firings from t (s) on."""
+        total = vector.ZERO
+        for begin, end, torque in self._firings:
+            if begin <= t + SAME_TIME and t + SAME_TIME < end:
+                total = vector.add(total, torque)
+        return total
 
-    def _place(self, t: float) -> Vec3:
-        """Position (m, eci) at t (s)."""
-        return drifting_state(self._elements, Drift(0.0, 0.0, 0.0), t, self._mu)[0]
+    def _failure(self, t: float, y: State, held: Held) -> Held:
+        """The motor of the wheel that fails gives no torque from then on."""
+        i = self._failed
+        if i == NO_WHEEL or held.dead == i or t + SAME_TIME < self._failed_from:
+            return held
+        y[MOTOR.start + i] = y[LEARNT.start + i] = 0.0
+        return replace(held, dead=i)
 
-    def _field(self, t: float, r: Vec3) -> Vec3:
-        """Geomagnetic field (T, eci) at t (s) and r (m)."""
-        angle = self._angle0 + self._earth_rate * t
-        turn = vector.rotation_about((0.0, 0.0, angle), 1.0)
-        return geomagnetic.dipole(r, vector.mat_vec(turn, self._dipole))
+    def _commanded(self, y: State, held: Held, command: Vec4, coils: Vec3) -> Held:
+        """New commands; a motor or coil without lag follows at once."""
+        if held.dead != NO_WHEEL:
+            a, b, c, d = (0.0 if i == held.dead else x for i, x in enumerate(command))
+            command = (a, b, c, d)
+        if self.plant.motor_lag == 0.0:
+            y[MOTOR] = command
+        if self.plant.coil_lag == 0.0:
+            y[M] = coils
+        return replace(held, command=command, coils=coils)
 
-    def start_state(self) -> list[float]:
-        """The state at the start."""
-        q = attitude.normalised(self._many("spacecraft", "q_start_bi"))
-        h = self._many("wheels", "h_start_wheel")
-        spin = vector.mat_vec(self.carrier, self._many("spacecraft", "omega_start_body"))
-        momentum = vector.add(spin, wheel_array.body_momentum(self.axes, h))
-        inertial = attitude.rotate_back(q, momentum)
-        return [*q, *inertial, *h, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, *h]
-
-    def omega(self, y: list[float]) -> Vec3:
-        """The body's rate (rad/s) in a state."""
-        q, momentum, copy = _part(y, Q), _part(y, MOMENTUM), _part(y, COPY)
-        wheels = wheel_array.body_momentum(self.axes, copy)
-        return rate(attitude.rotate(q, momentum), wheels, self.inverse)
-
-    def forces(self, y: list[float]) -> tuple[list[float], Vec3]:
-        """Torque on each rotor (N m) and dipole (A m2) in a state."""
-        omega = self.omega(y)
-        torque = [0.0] * 4
-        for i, j in enumerate(self.spin):
-            if j > 0.0:
-                axial = sum(self.axes[4 * k + i] * omega[k] for k in range(3))
-                torque[i] = y[MOTOR][i] - friction(y[H][i] / j - axial, *self.friction)
-        mx, my, mz = y[DIPOLE]
-        return torque, (mx, my, mz)
-
-    def slope(
-        self, t: float, y: list[float], command: tuple[float, ...], m_command: Vec3,
-        late: Force | None,
-    ) -> list[float]:  # fmt: skip
-        """dy/dt with held commands; `late`: the body feels what was so one step ago."""
-        own, dipole = self.forces(y)
-        felt, felt_dipole = (own, dipole) if late is None else late(t)
-        x, v, z, w = q = _part(y, Q)
-        p, s, r = self.omega(y)
-        place = self._place(t)
-        body = attitude.rotate(q, place)
-        torque = vector.ZERO
-        if self.gravity_gradient:
-            torque = torques.gravity_gradient(body, self.inertia)
-        if any(felt_dipole):
-            b = attitude.rotate(q, self._field(t, place))
-            torque = vector.add(torque, vector.cross(felt_dipole, b))
-        return [
-            0.5 * (r * v - s * z + p * w),
-            0.5 * (-r * x + p * z + s * w),
-            0.5 * (s * x - p * v + r * w),
-            0.5 * (-p * x - s * v - r * z),
-            *attitude.rotate_back(q, torque),
-            *own,
-            *((c - m) / self.motor_lag for c, m in zip(command, y[MOTOR], strict=True)),
-            *((c - m) / self.coil_lag for c, m in zip(m_command, dipole, strict=True)),
-            *felt,
-        ]
-
-    def control(self, y: list[float], xi: Vec3) -> tuple[tuple[float, ...], Vec3]:
-        """The wheels' torque command (N m) of a sample and the controller's new integral."""
-        e, d_omega = attitude_control.tracking_error(
-            _part(y, Q),
-            self.omega(y),
-            self.q_ref,
-            vector.ZERO,
-        )
-        integral_limit, torque_limit = self.limits
-        xi = attitude_control.integrated(xi, e, self.sample, integral_limit)
-        kp, ki, kd = self.gains[0], self.gains[2], self.gains[1]
-        torque = attitude_control.pid_torque(e, d_omega, xi, kp, kd, ki, self.gain_matrix)
-        wanted = attitude_control.limited(torque, torque_limit)
-        command = wheel_array.to_wheels(self.pinv, vector.scale(-1.0, wanted))
-        limit = self.torque_limit
-        return tuple(min(max(c, -limit), limit) for c in command), xi
-
-    def measured_field(self, t: float, y: list[float]) -> Vec3:
-        """The field in the body (T) at t (s) in a state."""
-        return attitude.rotate(_part(y, Q), self._field(t, self._place(t)))
-
-    def dump(self, y: list[float], b: Vec3) -> Vec3:
-        """The dipole command (A m2) of a sample."""
-        if not self.dumping:
-            return vector.ZERO
-        h = wheel_array.body_momentum(self.axes, _part(y, H))
-        return vector.clip(cross_product.normalised(h, b, self.gain), self.m_limit)
+    def _times(self, *grids: float) -> list[float]:
+        """All multiples of the grids (s) and the edges from start to stop, each once."""
+        times = [*self._edges(), self.start, self.stop]
+        for step in grids:
+            first, last = (floor(x / step + 1e-6) for x in (self.start, self.stop))
+            times += [k * step for k in range(first, last + 1)]
+        return _once(times, self.start, self.stop)
 
     # --- its solution ---------------------------------------------------------------------------
 
     def ideal(self) -> Trajectory:
         """Without any delay: commands act from the sample they are computed from."""
-        y, xi = self.start_state(), vector.ZERO
-        rows = [(self.start, y)]
-        for k in range(self.count):
-            t = self.start + k * self.sample
-            command, xi = self.control(y, xi)
-            m_command = self.dump(y, self.measured_field(t, y))
-            y, _ = self._solve(t, t + self.sample, y, command, m_command, None)
-            rows.append((t + self.sample, y))
-        return self._trajectory(rows)
+        plant, computers = self.plant, Computers(self._values, self.plant)
+        y, held = plant.start_state(), Held()
+        grids = [c.sample_time for c in computers.clocks.values() if c.sample_time > 0.0]
+        rows = _Rows(plant, self.start, self.sample)
+        rows.add(self.start, y, held)
+        b = wanted = coils = vector.ZERO
+        command = held.command
+        for t, end in pairwise(self._times(*grids)):
+            held = replace(self._failure(t, y, held), thrust=self._thrust(t))
+            omega, h = plant.motion(t, y, held)
+            if computers.due("magnetometer", t):
+                b = computers.measure(t, y)
+            if computers.due("controller", t):
+                computers.control(y, omega)
+            if computers.due("manager", t):
+                wanted = computers.dump(h, b)
+            if computers.due("wheels", t):
+                command = computers.wheels(omega, h, computers.tau)
+            if computers.due("torquers", t):
+                coils = computers.coils(wanted)
+            held = self._commanded(y, held, command, coils)
+            y, held, _ = advance(plant, t, end, y, held)
+            rows.add(end, y, held)
+        return rows.trajectory()
 
     def delayed(self, step: float) -> Trajectory:
         """As a `jacobi` master with this step (s) makes it.
 
-        The controller's sample reaches the wheels two steps later (controller, manager), the
-        manager's dipole command the torquers one step later; the manager knows the field of its
-        sample before; rotor torque and dipole reach the body one step later.
+        The controller's torque reaches the manager one step later, the manager's commands wheels
+        and torquers one later again, the magnetometer's field the manager one later; what wheels,
+        torquers and thrusters do reaches the body one step later. Raises DesatError where a wheel
+        comes to its limit or components are decimated.
         """
-        y, xi = self.start_state(), vector.ZERO
-        rows = [(self.start, y)]
-        per_sample = round(self.sample / step)
-        commands: list[tuple[float, ...]] = [(0.0,) * 4] * 2
-        m_command = vector.ZERO
-        b = self.measured_field(self.start, y)
-        past: Callable[[float], list[float]] | None = None
-        for k in range(self.count * per_sample):
-            t = self.start + k * step
-            next_m = m_command
-            if k % per_sample == 0:
-                command, xi = self.control(y, xi)
-                next_m = self.dump(y, b)
-                b = self.measured_field(t, y)
-            else:
-                command = commands[-1]
-            late = self._late(past, step)
-            y, past = self._solve(t, t + step, y, commands[0], m_command, late)
-            commands = [commands[1], command]
-            m_command = next_m
-            if (k + 1) % per_sample == 0:
-                rows.append((self.start + (k + 1) * step, y))
-        return self._trajectory(rows)
+        if self._decimated:
+            raise DesatError(f"delays of decimated components: {', '.join(self._decimated)}")
+        plant, computers = self.plant, Computers(self._values, self.plant)
+        y, held = plant.start_state(), Held()
+        rows = _Rows(plant, self.start, self.sample)
+        rows.add(self.start, y, held)
+        count = round((self.stop - self.start) / step)
+        grid = [self.start + k * step for k in range(count + 1)]
+        b = computers.measure(self.start, y)
+        seen_tau = wanted = coils = vector.ZERO
+        command = held.command
+        past: list[Piece] = []
+        h_start = part(y, H)
+        for t, end in pairwise(grid):
+            late = _Past(past, step, h_start)
+            omega, h = plant.motion(t, y, held, late.at(t))
+            tau, m = seen_tau, wanted
+            if computers.due("torquers", t):
+                coils = computers.coils(wanted)
+            if computers.due("manager", t):
+                m = computers.dump(h, b)
+            next_command = command
+            if computers.due("wheels", t) or not computers.wheels_sampled:
+                next_command = computers.wheels(omega, h, seen_tau)
+            if computers.due("controller", t):
+                tau = computers.control(y, omega)
+            if computers.due("magnetometer", t):
+                b = computers.measure(t, y)
+            now: list[Piece] = []
+            for first, last in pairwise(_once([*self._edges(), *late.edges(), t, end], t, end)):
+                held = replace(self._failure(first, y, held), thrust=self._thrust(first))
+                held = self._commanded(y, held, command, coils)
+                y, held, pieces = advance(plant, first, last, y, held, late.at(first))
+                now += pieces
+            past, command, wanted, seen_tau = now, next_command, m, tau
+            rows.add(end, y, held, _Past(past, step, h_start).at(end))
+        return rows.trajectory()
 
-    def _late(self, past: Callable[[float], list[float]] | None, step: float) -> Force:
-        if past is None:
-            return lambda t: ([0.0] * 4, vector.ZERO)
-        return lambda t: self.forces(past(t - step))
 
-    def _solve(
-        self, t0: float, t1: float, y: list[float], command: tuple[float, ...], m_command: Vec3,
-        late: Force | None,
-    ) -> tuple[list[float], Callable[[float], list[float]]]:  # fmt: skip
-        """The state at t1 and the solution in between."""
-        solver = DOP853(
-            lambda t, x: np.array(self.slope(t, x.tolist(), command, m_command, late)),
-            t0, np.array(y), t1, rtol=RTOL, atol=ATOL, max_step=t1 - t0,
-        )  # fmt: skip
-        ends, pieces = [t0], []
-        while solver.status == "running":
-            message = solver.step()
-            if solver.status == "failed":
-                raise DesatError(f"the reference fails at t = {solver.t:g} s: {message}")
-            ends.append(solver.t)
-            if late is not None:
-                pieces.append(solver.dense_output())
+def _once(times: Iterable[float], start: float, stop: float) -> list[float]:
+    """The times from start to stop in order, those nearer than SAME_TIME once."""
+    result: list[float] = []
+    for t in sorted(times):
+        after = not result or t - result[-1] >= SAME_TIME
+        if after and start - SAME_TIME <= t <= stop + SAME_TIME:
+            result.append(t)
+    return result
 
-        def between(t: float) -> list[float]:
-            i = min(max(int(np.searchsorted(ends, t)) - 1, 0), len(pieces) - 1)
-            return list(pieces[i](t).tolist())
 
-        end = solver.y.tolist()
-        end[Q] = attitude.normalised(_part(end, Q))
-        return end, between
+class _Past:
+    """What the body feels one step (s) after it was so."""
 
-    def _trajectory(self, rows: list[tuple[float, list[float]]]) -> Trajectory:
-        return Trajectory(
-            times=np.array([t for t, _ in rows]),
-            q=np.array([y[Q] for _, y in rows]),
-            omega=np.array([self.omega(y) for _, y in rows]),
-            h=np.array([y[H] for _, y in rows]),
+    def __init__(self, pieces: list[Piece], step: float, h_start: Vec4) -> None:
+        self.pieces, self.step, self.h_start = pieces, step, h_start
+
+    def edges(self) -> list[float]:
+        """When something happens in what is felt (s)."""
+        return [p.begin + self.step for p in self.pieces]
+
+    def at(self, t: float) -> Late:
+        """What is felt from t (s) to the next edge."""
+        past = [p for p in self.pieces if p.begin + self.step <= t + SAME_TIME]
+        if not past:
+            return Late(lambda t: self.h_start, lambda t: vector.ZERO, vector.ZERO)
+        piece, step = past[-1], self.step
+        assert piece.at is not None
+        solution: Any = piece.at
+        return Late(
+            lambda t: tuple(solution(t - step)[H].tolist()),  # type: ignore[return-value]
+            lambda t: tuple(solution(t - step)[M].tolist()),  # type: ignore[return-value]
+            piece.held.thrust,
         )
+
+
+class _Rows:
+    """The states at the controller's samples."""
+
+    def __init__(self, plant: Plant, start: float, sample: float) -> None:
+        self.plant, self.start, self.sample = plant, start, sample
+        self.rows: list[tuple[float, Any, Vec3, Vec4]] = []
+
+    def add(self, t: float, y: State, held: Held, late: Late | None = None) -> None:
+        """Keep the state at t (s), where a sample stands."""
+        count = round((t - self.start) / self.sample)
+        if abs(t - self.start - count * self.sample) < SAME_TIME and count == len(self.rows):
+            self.rows.append((t, part(y, Q), *self.plant.motion(t, y, held, late)))
+
+    def trajectory(self) -> Trajectory:
+        """All of them."""
+        times, q, omega, h = (np.array(x) for x in zip(*self.rows, strict=True))
+        return Trajectory(times, q, omega, h)

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from ..analyses import warnings
 from ..designs import making, origin
 from ..files import library, scenario, ssp
 from ..files.scenario import Scenario
@@ -69,6 +70,7 @@ def prepare(target: str, options: Options) -> Case:
         lacking = _problems_of_numbers(checked.system)
         # another FMU may lack what the scenario's numbers are made of: it runs without them
         (checked.warnings if options.sources else checked.problems).extend(lacking)
+        checked.warnings += warnings(checked.system)
     return Case(target, options, draft.where, checked)
 
 

@@ -32,7 +32,12 @@ if TYPE_CHECKING:
 @app.command()
 def convergence(
     target: Target,
-    steps: Annotated[str, typer.Option(help="Steps, s.")] = "1,0.5,0.25,0.125",
+    steps: Annotated[
+        str | None,
+        typer.Option(
+            help="Steps, s (default: the scenario's, a half, a quarter, an eighth of it)."
+        ),
+    ] = None,
     algorithm: Annotated[
         list[Semantics] | None, typer.Option(help="Only this one (default: both).")
     ] = None,
@@ -50,27 +55,36 @@ def convergence(
     from ...system.parameters import parse_value
 
     options = options_of(sets, stop, None, Semantics.conserving, blocks)
-    sizes = parse_value(steps)
-    sizes = tuple(sizes if isinstance(sizes, list) else [sizes])
-    if not all(isinstance(s, (int, float)) for s in sizes):
-        raise DesatError(f"--steps {steps}: positive numbers are needed, as 1,0.5,0.25")
+    sizes: tuple[float, ...] | None = None
+    if steps is not None:
+        given = parse_value(steps)
+        sizes = tuple(given if isinstance(given, list) else [given])
+        if not all(isinstance(s, (int, float)) for s in sizes):
+            raise DesatError(f"--steps {steps}: positive numbers are needed, as 1,0.5,0.25")
     wanted: tuple[Algorithm, ...] = tuple(a.value for a in algorithm or list(Semantics))
     result = convergence_module.study(
-        target, options, tuple(float(s) for s in sizes), wanted, jobs, progress=not as_json
+        target, options, sizes and tuple(float(s) for s in sizes), wanted, jobs, not as_json
     )
     if as_json:
         print_json(result)
         return
     table = Table(box=None, header_style="bold", pad_edge=False)
+    columns = {
+        "step": "step s", "attitude_error": "attitude rad", "estimate": "its estimate",
+        "wheel_momentum_error": "wheel momentum N m s", "estimate_wheel_momentum": "its estimate",
+        "momentum_drift": "momentum residual N m s",
+        "attitude_error_same_delays": "attitude, same delays",
+        "wheel_momentum_error_same_delays": "wheel momentum, same delays",
+    }  # fmt: skip
     table.add_column("algorithm")
-    for name in ("step s", "attitude rad", "wheel momentum N m s", "momentum residual N m s",
-                 "attitude, same delays", "wheel momentum, same delays"):  # fmt: skip
-        table.add_column(name, justify="right")
+    for title in columns.values():
+        table.add_column(title, justify="right")
     for row in result["rows"]:
-        values = list(row.values())
-        cells = [f"{values[1]:g}", *("" if v is None else f"{v:.2e}" for v in values[2:])]
-        table.add_row(values[0], *cells)
+        cells = ["" if row[key] is None else f"{row[key]:.2e}" for key in columns]
+        table.add_row(row["algorithm"], f"{row['step']:g}", *cells[1:])
     out.print(table)
+    for note in dict.fromkeys(filter(None, (row["note"] for row in result["rows"]))):
+        out.print(f"same delays: {note}", highlight=False, markup=False)
     if result["order"] is not None:
         out.print(f"observed order (conserving): {result['order']:.2f} in attitude, "
                   f"{result['order_wheel_momentum']:.2f} in the wheels' momentum")  # fmt: skip

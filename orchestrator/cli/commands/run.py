@@ -59,6 +59,13 @@ def run(
     ] = True,
     classes: Classes = None,
     time_limit: TimeLimit = None,
+    estimate: Annotated[
+        bool,
+        typer.Option(
+            "--estimate",
+            help="Also run with twice the inner steps, and say how much the run may err by them.",
+        ),
+    ] = False,
     as_json: Json = False,
 ) -> None:
     """Run a scenario and write a run folder: series, manifest, report."""
@@ -75,6 +82,12 @@ def run(
     for warning in case.checked.warnings:
         err.print(f"warning: {warning}", highlight=False, markup=False)
     finished = simulate(case, target_folder, progress=not as_json)
+    if estimate and finished.ok:
+        from ...analyses import estimate as estimate_module
+        from ...study.manifest import MANIFEST, write_json
+
+        estimate_module.add(finished, target, options)
+        write_json(target_folder / MANIFEST, finished.manifest)
     other = _run_twin(finished, options, target_folder) if twin and finished.ok else None
     page = report_module.write_report(target_folder, finished, other)
     if csv:

@@ -1,0 +1,234 @@
+"""The continuous part of the monolithic reference: a gyrostat on an orbit, as one system of
+ordinary differential equations.
+
+The state, in the order of the slices below: attitude q; total angular momentum L (N m s, body);
+of the wheels the momenta h (N m s), motor torques T (N m) and learnt friction (N m); dipole m
+(A m2).
+
+    q' = 1/2 Omega(omega) q,     L' = torque - omega x L,     omega = J_r^-1 (L - A h)
+    h' = T + learnt - friction(Omega),     T' = (command - T) / lag,     m' = (command - m) / lag
+    learnt' = compensation (friction - learnt),     Omega = h / J_s - g.omega
+
+A wheel at its limit is pinned: h = +-J_s speed_limit, as long as h' would go beyond it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from desat.components.contract.block import Vec3, Vec4
+from desat.components.maths import attitude, vector
+from desat.components.physics import geomagnetic, torques, wheel_array
+from desat.components.physics.earth import earth_angle
+from desat.components.physics.gyrostat import carrier_inertia
+from desat.components.physics.orbit import ellipse_state, mean_motion, perifocal_axes
+from desat.components.physics.rotor import friction
+
+from .reference_scope import DIPOLE, Values
+
+Array = NDArray[np.float64]
+State = list[float]
+
+Q, L, H, MOTOR, LEARNT, M = (
+    slice(0, 4), slice(4, 7), slice(7, 11), slice(11, 15), slice(15, 19), slice(19, 22)
+)  # fmt: skip
+NO_WHEEL = -1
+WHEELS = range(4)
+
+LIMIT_COUNTS_BODY = False
+"""False: a wheel is at its limit at |h| = J_s speed_limit, as the block has it; True: at |Omega| =
+speed_limit, also while the body turns."""
+
+
+def part(y: State, where: slice) -> Any:
+    """A part of the state as a tuple."""
+    return tuple(y[where])
+
+
+@dataclass(frozen=True)
+class Held:
+    """What stays from one event to the next."""
+
+    command: Vec4 = (0.0, 0.0, 0.0, 0.0)
+    """Torque commands of the wheels (N m)."""
+    coils: Vec3 = vector.ZERO
+    """Dipole command (A m2)."""
+    thrust: Vec3 = vector.ZERO
+    """Torque of the thrusters (N m, body)."""
+    dead: int = NO_WHEEL
+    """The wheel that has failed."""
+    pinned: tuple[int, ...] = (0, 0, 0, 0)
+    """Of each wheel: +1 or -1 at its limit, 0 free."""
+
+
+@dataclass(frozen=True)
+class Late:
+    """What the body feels where it is not what is so now: functions of the time (s)."""
+
+    h: Callable[[float], Vec4]
+    dipole: Callable[[float], Vec3]
+    thrust: Vec3
+
+
+class Plant:
+    """The equations for one system's parameters."""
+
+    def __init__(self, values: Values) -> None:
+        one, many = values.one, values.many
+        self.inertia = many("spacecraft", "inertia")
+        self.axes = many("spacecraft", "axes_wheel")
+        self.spin = many("spacecraft", "inertia_wheel")
+        self.carrier = carrier_inertia(self.inertia, self.axes, self.spin)
+        self.columns = tuple((self.axes[i], self.axes[4 + i], self.axes[8 + i]) for i in WHEELS)
+        self.present = tuple(i for i in WHEELS if self.spin[i] > 0.0)
+        self.h_limit = tuple(j * one("wheels", "speed_limit") for j in self.spin)
+        self.friction = (
+            one("wheels", "viscous"), one("wheels", "coulomb"), one("wheels", "friction_speed")
+        )  # fmt: skip
+        self.compensation = one("wheels", "compensation")
+        self.torque_limit = one("wheels", "torque_limit")
+        self.motor_lag, self.coil_lag = one("wheels", "motor_lag"), one("torquers", "lag")
+        self.gravity_gradient = bool(one("spacecraft", "gravity_gradient"))
+        self.constant = many("spacecraft", "tau_disturbance_body")
+        self.residual_dipole = many("spacecraft", "residual_dipole_body")
+        self._inverse = {(0, 0, 0, 0): vector.inverse(self.carrier)}
+        self._orbit(values)
+        self._q = attitude.normalised(many("spacecraft", "q_start_bi"))
+        self._omega = many("spacecraft", "omega_start_body")
+        self._h = many("wheels", "h_start_wheel")
+
+    def _orbit(self, values: Values) -> None:
+        def of(name: str) -> float:
+            return values.one("environment", name)
+
+        self._a, self._e, self._mean_anomaly = (
+            of("semi_major_axis"), of("eccentricity"), of("mean_anomaly")
+        )  # fmt: skip
+        self._n = mean_motion(self._a, of("mu"))
+        self._plane = perifocal_axes(of("inclination"), of("raan"), of("argument_of_perigee"))
+        given = bool(of("earth_angle"))
+        self._angle = of("earth_angle_start") if given else earth_angle(of("epoch_j2000"))
+        self._earth_rate = of("earth_rate")
+        dipole = values.many("environment", "dipole_earth")
+        self._dipole: Vec3 = dipole if of("field") == DIPOLE else vector.ZERO
+
+    def place(self, t: float) -> Vec3:
+        """Position (m, eci) at t (s)."""
+        anomaly = self._mean_anomaly + self._n * t
+        return ellipse_state(self._a, self._e, anomaly, self._n, *self._plane)[0]
+
+    def field(self, t: float, r: Vec3) -> Vec3:
+        """Geomagnetic field (T, eci) at t (s) and r (m)."""
+        turn = vector.rotation_about((0.0, 0.0, self._angle + self._earth_rate * t), 1.0)
+        return geomagnetic.dipole(r, vector.mat_vec(turn, self._dipole))
+
+    def start_state(self) -> State:
+        """The state at the start, without motor torques and dipole."""
+        spin = vector.mat_vec(self.carrier, self._omega)
+        momentum = vector.add(spin, wheel_array.body_momentum(self.axes, self._h))
+        return [*self._q, *momentum, *self._h, *[0.0] * 11]
+
+    def inverse(self, pinned: tuple[int, ...]) -> Any:
+        """The inverse of the inertia that turns with the body, pinned wheels included."""
+        if pinned not in self._inverse:
+            held = tuple(
+                j if p and LIMIT_COUNTS_BODY else 0.0
+                for p, j in zip(pinned, self.spin, strict=True)
+            )
+            turning = carrier_inertia(self.carrier, self.axes, tuple(-j for j in held))  # type: ignore[arg-type]
+            self._inverse[pinned] = vector.inverse(turning)
+        return self._inverse[pinned]
+
+    def motion(self, t: float, y: State, held: Held, late: Late | None = None) -> tuple[Vec3, Vec4]:
+        """The body's rate (rad/s) and the wheels' momentum (N m s) in a state."""
+        h, pinned = part(y, H), held.pinned
+        if late is not None:
+            omega = vector.sub(part(y, L), wheel_array.body_momentum(self.axes, late.h(t)))
+            return vector.mat_vec(self.inverse((0, 0, 0, 0)), omega), h
+        if any(pinned):
+            limit = self.h_limit
+            h = tuple(pinned[i] * limit[i] if pinned[i] else h[i] for i in WHEELS)
+        left = vector.sub(part(y, L), wheel_array.body_momentum(self.axes, h))
+        omega = vector.mat_vec(self.inverse(pinned), left)
+        if any(pinned) and LIMIT_COUNTS_BODY:
+            h = tuple(
+                h[i] + (self.spin[i] * vector.dot(self.columns[i], omega) if pinned[i] else 0.0)
+                for i in WHEELS
+            )
+        return omega, h
+
+    def speed(self, i: int, omega: Vec3, h: Vec4) -> float:
+        """The speed (rad/s) of wheel i relative to the body."""
+        return h[i] / self.spin[i] - vector.dot(self.columns[i], omega)
+
+    def rotor(self, i: int, y: State, omega: Vec3, h: Vec4) -> tuple[float, float]:
+        """The torque (N m) on a free rotor, and the slope of what its loop has learnt (N m/s)."""
+        drag = friction(self.speed(i, omega, h), *self.friction)
+        torque, learnt = y[11 + i], y[15 + i]
+        drive = torque
+        if self.compensation > 0.0:
+            drive = min(max(torque + learnt, -self.torque_limit), self.torque_limit)
+        return drive - drag, self.compensation * (drag - learnt)
+
+    def derivative(self, t: float, y: State, held: Held, late: Late | None = None) -> State:
+        """dy/dt."""
+        omega, h = self.motion(t, y, held, late)
+        x, v, z, w = q = part(y, Q)
+        p, s, r = omega
+        dipole = own_dipole = part(y, M)
+        thrust = held.thrust
+        if late is not None:
+            dipole, thrust = late.dipole(t), late.thrust
+        torque = vector.add(self.constant, thrust)
+        dipole = vector.add(dipole, self.residual_dipole)
+        if self.gravity_gradient or any(dipole):
+            place = self.place(t)
+            if self.gravity_gradient:
+                body = attitude.rotate(q, place)
+                torque = vector.add(torque, torques.gravity_gradient(body, self.inertia))
+            if any(dipole):
+                b = attitude.rotate(q, self.field(t, place))
+                torque = vector.add(torque, vector.cross(dipole, b))
+        dh, d_learnt, d_motor = [0.0] * 4, [0.0] * 4, [0.0] * 4
+        for i in self.present:
+            dh[i], d_learnt[i] = self.rotor(i, y, omega, h)
+            if self.motor_lag > 0.0:
+                d_motor[i] = (held.command[i] - y[11 + i]) / self.motor_lag
+            if held.dead == i or held.pinned[i]:
+                d_learnt[i] = 0.0  # the loop rests
+            if held.pinned[i]:
+                dh[i] = 0.0
+        lag = self.coil_lag
+        return [
+            0.5 * (r * v - s * z + p * w),
+            0.5 * (-r * x + p * z + s * w),
+            0.5 * (s * x - p * v + r * w),
+            0.5 * (-p * x - s * v - r * z),
+            *vector.sub(torque, vector.cross(omega, part(y, L))),
+            *dh,
+            *d_motor,
+            *d_learnt,
+            *((c - m) / lag if lag > 0.0 else 0.0
+              for c, m in zip(held.coils, own_dipole, strict=True)),
+        ]  # fmt: skip
+
+    def push(self, i: int, t: float, y: State, held: Held) -> float:
+        """The torque (N m) with which a wheel at its limit would go beyond it."""
+        omega, h = self.motion(t, y, held)
+        torque = self.rotor(i, y, omega, h)[0]
+        if LIMIT_COUNTS_BODY:
+            slope = self.derivative(t, y, held)
+            left = vector.sub(part(slope, L), wheel_array.body_momentum(self.axes, part(slope, H)))
+            turning = vector.mat_vec(self.inverse(held.pinned), left)
+            torque -= self.spin[i] * vector.dot(self.columns[i], turning)
+        return held.pinned[i] * torque
+
+    def room(self, i: int, omega: Vec3, h: Vec4) -> float:
+        """The momentum (N m s) that wheel i may still take before it is at its limit."""
+        body = self.spin[i] * vector.dot(self.columns[i], omega) if LIMIT_COUNTS_BODY else 0.0
+        return self.h_limit[i] - abs(h[i] - body)
