@@ -155,7 +155,7 @@ def test_a_family_touches_no_existing_file(repository):
 
     def do(*command: str) -> str:
         environment = {**os.environ, "PYTHONPATH": str(repository.parent / "names"),
-                       "PYTHONDONTWRITEBYTECODE": "1"}  # fmt: skip
+                       "PYTHONPYCACHEPREFIX": str(repository.parent / "pyc")}  # fmt: skip
         done = subprocess.run(
             [sys.executable, "-m", *command], cwd=repository.parent, env=environment,
             capture_output=True, text=True, check=False, timeout=100,
