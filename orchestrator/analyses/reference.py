@@ -224,8 +224,8 @@ class _Past:
         assert piece.at is not None
         solution: Any = piece.at
         return Late(
-            lambda t: tuple(solution(t - step)[H].tolist()),  # type: ignore[return-value]
-            lambda t: tuple(solution(t - step)[M].tolist()),  # type: ignore[return-value]
+            lambda t: tuple(solution(t - step)[H].tolist()),
+            lambda t: tuple(solution(t - step)[M].tolist()),
             piece.held.thrust,
         )
 

@@ -96,7 +96,7 @@ class Plant:
         self.gravity_gradient = bool(one("spacecraft", "gravity_gradient"))
         self.constant = many("spacecraft", "tau_disturbance_body")
         self.residual_dipole = many("spacecraft", "residual_dipole_body")
-        self._inverse = {(0, 0, 0, 0): vector.inverse(self.carrier)}
+        self._inverse: dict[tuple[int, ...], Any] = {(0, 0, 0, 0): vector.inverse(self.carrier)}
         self._orbit(values)
         self._q = attitude.normalised(many("spacecraft", "q_start_bi"))
         self._omega = many("spacecraft", "omega_start_body")
@@ -164,7 +164,8 @@ class Plant:
 
     def speed(self, i: int, omega: Vec3, h: Vec4) -> float:
         """The speed (rad/s) of wheel i relative to the body."""
-        return h[i] / self.spin[i] - vector.dot(self.columns[i], omega)
+        speed: float = h[i] / self.spin[i] - vector.dot(self.columns[i], omega)
+        return speed
 
     def rotor(self, i: int, y: State, omega: Vec3, h: Vec4) -> tuple[float, float]:
         """The torque (N m) on a free rotor, and the slope of what its loop has learnt (N m/s)."""
@@ -231,4 +232,5 @@ class Plant:
     def room(self, i: int, omega: Vec3, h: Vec4) -> float:
         """The momentum (N m s) that wheel i may still take before it is at its limit."""
         body = self.spin[i] * vector.dot(self.columns[i], omega) if LIMIT_COUNTS_BODY else 0.0
-        return self.h_limit[i] - abs(h[i] - body)
+        room: float = self.h_limit[i] - abs(h[i] - body)
+        return room
