@@ -113,8 +113,11 @@ class Wheels(Role, WheelInertias):
              self.compensation, self.stiction, self.torque_limit)
             for j in self.inertia_wheel
         )  # fmt: skip
-        self._rates = self._last_rates = self._axial(self.omega_bi_body)
-        self._last_dt = 0.0
+        self._rates = self._axial(self.omega_bi_body)
+        # rates at the begin of the last two steps, and how long these were
+        self._past: tuple[tuple[Vec4, float], tuple[Vec4, float]] = ((self._rates, 0.0),) * 2
+        self._last_command = NOTHING
+        self._steps_since = 0
         self._rotors: tuple[Rotor, ...] = tuple((h, 0.0, 0.0, 0.0) for h in self.h_start_wheel)
         self._check_speeds()
         self.speed_wheel = self._speeds()
@@ -197,13 +200,8 @@ class Wheels(Role, WheelInertias):
 
     def advance(self, t: float, dt: float) -> None:
         now = self._axial(self.omega_bi_body)
-        ahead = dt / self._last_dt if self._last_dt > 0.0 else 0.0
-        a, b = now, self._last_rates
-        then = (
-            a[0] + ahead * (a[0] - b[0]), a[1] + ahead * (a[1] - b[1]),
-            a[2] + ahead * (a[2] - b[2]), a[3] + ahead * (a[3] - b[3]),
-        )  # fmt: skip
-        self._rates, self._last_rates, self._last_dt = now, now, dt
+        then = self._ahead(now, dt)
+        self._rates = now
         mean, slope, turned = [0.0] * 4, [0.0] * 4, list(self._turned)
         rotors, loops, speed = list(self._rotors), list(self._loops), [0.0] * 4
         inertia, torque_mode = self.inertia_wheel, self.command_mode == TORQUE
@@ -232,6 +230,31 @@ class Wheels(Role, WheelInertias):
             self._turned = tuple(x % FULL_TURN for x in turned)
             before, self._across = self._across, self._momentum_across(self._speeds())
             self.tau_jitter_body = scale(1.0 / dt, sub(before, self._across))
+
+    def _ahead(self, now: Vec4, dt: float) -> Vec4:
+        """The rates about the axes (rad/s) a step dt (s) ahead: a parabola through the last three
+        as long as the command stays, for it bends their course; a line through two otherwise."""
+        command = self.tau_cmd_wheel if self.command_mode == TORQUE else self.speed_cmd_wheel
+        steps = self._steps_since + 1 if command == self._last_command else 0
+        (a, long), (b, before) = self._past
+        self._past, self._steps_since = ((now, dt), self._past[0]), steps
+        self._last_command = command
+        if long == 0.0:
+            return now
+        line = dt / long
+        if steps < 2:
+            return (
+                now[0] + line * (now[0] - a[0]), now[1] + line * (now[1] - a[1]),
+                now[2] + line * (now[2] - a[2]), now[3] + line * (now[3] - a[3]),
+            )  # fmt: skip
+        bend = dt * (dt + long) / (long + before)
+        p, q = line + bend / long, bend / before
+        return (
+            now[0] + p * (now[0] - a[0]) - q * (a[0] - b[0]),
+            now[1] + p * (now[1] - a[1]) - q * (a[1] - b[1]),
+            now[2] + p * (now[2] - a[2]) - q * (a[2] - b[2]),
+            now[3] + p * (now[3] - a[3]) - q * (a[3] - b[3]),
+        )
 
     def _in_pieces(
         self, i: int, t: float, dt: float, now: float, then: float

@@ -1,20 +1,22 @@
-"""The bound of the exchange: three numbers of a rigid craft with wheels, and the range in which the
-cases of `ssp/gyrostat` show how exact it is.
+"""The range in which the exchange is shown to be exact: three numbers of a rigid craft with wheels.
 
-Over a step H components exchange means and slopes; what a torque does beside, curvature c inside
-the step, leaves an error of the rate of about H^3 / 60 |omega x J_r^-1 c + J_r^-1 (J_r^-1 c x L)|.
-So it depends, with the state at the start and L the body's total momentum, on
+Over an inner step H (`system/rates.py`) components exchange means and slopes; what a torque does
+beside, curvature c inside it, leaves an error of the rate of about
+H^3 / 60 |omega x J_r^-1 c + J_r^-1 (J_r^-1 c x L)|. So it depends, with the state at the start and
+L the body's total momentum, on
 
 - `turn`: H (|omega| + nutation), nutation = sqrt(L . J_r L / det J_r); rad
 - `kick`: H^2 times the largest acceleration that the wheels' torque limit gives the body; rad
 - `transient`: H over the motors' or the coils' lag, the longer ratio; 0 without lag
 
-`tests/test_convergence.py` holds the limits below at the largest that the ten cases reach.
+H is the mean of a step's inner steps. `tests/test_convergence.py` holds the limits below at the
+largest that the scenarios of `ssp/gyrostat` reach, which err by 2e-5 rad at most.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
+from math import ceil
 from typing import Any
 
 import numpy as np
@@ -33,12 +35,13 @@ class Bound:
     transient: float
 
 
-LIMITS = Bound(turn=3.6, kick=0.06, transient=125.0)
-"""Reached by heavy-wheels (error 5e-3 rad), stiff-loop (6e-5 rad), slow-samples (5e-4 rad)."""
+LIMITS = Bound(turn=0.46, kick=0.0076, transient=20.0)
+"""Reached by heavy-wheels with its inner steps (1e-6 rad), by saturating without (4e-6 rad), and by
+stress (2e-6 rad)."""
 TEXTS = {
-    "turn": ("turn and nutation in a step", " rad"),
-    "kick": ("turn by the wheels' largest torque in a step", " rad"),
-    "transient": ("step over the lag of motors or coils", ""),
+    "turn": ("turn and nutation in an inner step", " rad"),
+    "kick": ("turn by the wheels' largest torque in an inner step", " rad"),
+    "transient": ("inner step over the lag of motors or coils", ""),
 }
 
 
@@ -78,10 +81,10 @@ def warnings(system: System) -> list[str]:
         value, limit = getattr(numbers, f.name), getattr(LIMITS, f.name)
         if value > limit * (1.0 + 1e-9):
             what, unit = TEXTS[f.name]
-            shorter = system.step * (limit / value) ** (0.5 if f.name == "kick" else 1.0)
+            inner = ceil(system.inner * (value / limit) ** (0.5 if f.name == "kick" else 1.0))
             lines.append(
                 f"{what}: {value:.3g}{unit}, accuracy is shown up to {limit:g}{unit} only: "
-                f"take a step of {shorter:.2g} s or less, or look at --estimate"
+                f"take inner = {inner} (--inner), or look at --estimate"
             )
     return lines
 

@@ -178,7 +178,7 @@ class Gyrostat:
             if computers.due("manager", t):
                 m = computers.dump(h, b)
             next_command = command
-            if computers.due("wheels", t) or not computers.wheels_sampled:
+            if computers.due("wheels", t):
                 next_command = computers.wheels(omega, h, seen_tau)
             if computers.due("controller", t):
                 tau = computers.control(y, omega)

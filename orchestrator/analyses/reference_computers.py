@@ -40,10 +40,9 @@ class Computers:
         one, many = values.one, values.many
         roles = ("magnetometer", "controller", "manager", "torquers")
         self.clocks = {role: Clock(one(role, "sample_time")) for role in roles}
-        # a manager without samples for the wheels of their own commands them at every step
-        self.wheels_sampled = values.has("manager", "wheel_sample_time")
-        own = one("manager", "wheel_sample_time") if self.wheels_sampled else 0.0
-        self.clocks["wheels"] = Clock(own or one("manager", "sample_time"))
+        self.clocks["wheels"] = Clock(
+            one("manager", "wheel_sample_time") or one("manager", "sample_time")
+        )
         self.pinv = wheel_array.pseudo_inverse(plant.axes)
         self.q_ref = attitude.normalised(many("guidance", "q_target_bi"))
         self.gains = tuple(one("controller", n) for n in ("kp", "kd", "ki"))

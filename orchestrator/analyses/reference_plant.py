@@ -9,7 +9,7 @@ of the wheels the momenta h (N m s), motor torques T (N m) and learnt friction (
     h' = T + learnt - friction(Omega),     T' = (command - T) / lag,     m' = (command - m) / lag
     learnt' = compensation (friction - learnt),     Omega = h / J_s - g.omega
 
-A wheel at its limit is pinned: h = +-J_s speed_limit, as long as h' would go beyond it.
+A wheel at its limit is pinned: Omega = +-speed_limit, as long as its torque would go beyond it.
 """
 
 from __future__ import annotations
@@ -39,10 +39,6 @@ Q, L, H, MOTOR, LEARNT, M = (
 )  # fmt: skip
 NO_WHEEL = -1
 WHEELS = range(4)
-
-LIMIT_COUNTS_BODY = False
-"""False: a wheel is at its limit at |h| = J_s speed_limit, as the block has it; True: at |Omega| =
-speed_limit, also while the body turns."""
 
 
 def part(y: State, where: slice) -> Any:
@@ -136,11 +132,8 @@ class Plant:
     def inverse(self, pinned: tuple[int, ...]) -> Any:
         """The inverse of the inertia that turns with the body, pinned wheels included."""
         if pinned not in self._inverse:
-            held = tuple(
-                j if p and LIMIT_COUNTS_BODY else 0.0
-                for p, j in zip(pinned, self.spin, strict=True)
-            )
-            turning = carrier_inertia(self.carrier, self.axes, tuple(-j for j in held))  # type: ignore[arg-type]
+            held = tuple(-j if p else 0.0 for p, j in zip(pinned, self.spin, strict=True))
+            turning = carrier_inertia(self.carrier, self.axes, held)  # type: ignore[arg-type]
             self._inverse[pinned] = vector.inverse(turning)
         return self._inverse[pinned]
 
@@ -155,7 +148,7 @@ class Plant:
             h = tuple(pinned[i] * limit[i] if pinned[i] else h[i] for i in WHEELS)
         left = vector.sub(part(y, L), wheel_array.body_momentum(self.axes, h))
         omega = vector.mat_vec(self.inverse(pinned), left)
-        if any(pinned) and LIMIT_COUNTS_BODY:
+        if any(pinned):
             h = tuple(
                 h[i] + (self.spin[i] * vector.dot(self.columns[i], omega) if pinned[i] else 0.0)
                 for i in WHEELS
@@ -221,16 +214,15 @@ class Plant:
     def push(self, i: int, t: float, y: State, held: Held) -> float:
         """The torque (N m) with which a wheel at its limit would go beyond it."""
         omega, h = self.motion(t, y, held)
+        rates = self.derivative(t, y, held)
+        left = vector.sub(part(rates, L), wheel_array.body_momentum(self.axes, part(rates, H)))
+        turning = vector.mat_vec(self.inverse(held.pinned), left)
         torque = self.rotor(i, y, omega, h)[0]
-        if LIMIT_COUNTS_BODY:
-            slope = self.derivative(t, y, held)
-            left = vector.sub(part(slope, L), wheel_array.body_momentum(self.axes, part(slope, H)))
-            turning = vector.mat_vec(self.inverse(held.pinned), left)
-            torque -= self.spin[i] * vector.dot(self.columns[i], turning)
-        return held.pinned[i] * torque
+        torque -= self.spin[i] * vector.dot(self.columns[i], turning)
+        return float(held.pinned[i] * torque)
 
     def room(self, i: int, omega: Vec3, h: Vec4) -> float:
         """The momentum (N m s) that wheel i may still take before it is at its limit."""
-        body = self.spin[i] * vector.dot(self.columns[i], omega) if LIMIT_COUNTS_BODY else 0.0
+        body = self.spin[i] * vector.dot(self.columns[i], omega)
         room: float = self.h_limit[i] - abs(h[i] - body)
         return room

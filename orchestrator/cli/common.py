@@ -80,6 +80,12 @@ Sources = Annotated[
 ]  # fmt: skip
 Stop = Annotated[float | None, typer.Option(help="Stop time, s.")]
 Step = Annotated[float | None, typer.Option(help="Step, s.")]
+Inner = Annotated[
+    int | None,
+    typer.Option(min=1, max=1000,
+                 help="Inner steps, within each step, of actuators and body: more of them exchange "
+                 "torques more exactly."),
+]  # fmt: skip
 Alg = Annotated[
     Semantics,
     typer.Option(help="conserving: no delay in the loop; jacobi: as libcosim and Ecos do."),

@@ -12,6 +12,7 @@ from ..common import (
     Blocks,
     Classes,
     DesignOption,
+    Inner,
     Json,
     Semantics,
     Sets,
@@ -34,6 +35,7 @@ def check(
     sources: Sources = None,
     stop: Stop = None,
     step: Step = None,
+    inner: Inner = None,
     blocks: Blocks = False,
     design: DesignOption = None,
     classes: Classes = None,
@@ -45,7 +47,7 @@ def check(
     from ...system.interface import base_name
 
     options = options_of(sets, stop, step, Semantics.conserving, blocks, classes, sources,
-                         design=design)  # fmt: skip
+                         inner=inner, design=design)  # fmt: skip
     case = prepare(target, options)
     checked, schedule = case.checked, case.checked.schedule
     if checked.system is not None and schedule is not None:

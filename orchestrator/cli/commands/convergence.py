@@ -12,6 +12,7 @@ from ...system.errors import DesatError
 from ..common import (
     CPUS,
     Blocks,
+    Inner,
     Jobs,
     Json,
     Semantics,
@@ -43,6 +44,7 @@ def convergence(
     ] = None,
     sets: Sets = None,
     stop: Stop = None,
+    inner: Inner = None,
     blocks: Blocks = False,
     jobs: Jobs = CPUS,
     html: Annotated[
@@ -54,7 +56,7 @@ def convergence(
     from ...analyses import convergence as convergence_module
     from ...system.parameters import parse_value
 
-    options = options_of(sets, stop, None, Semantics.conserving, blocks)
+    options = options_of(sets, stop, None, Semantics.conserving, blocks, inner=inner)
     sizes: tuple[float, ...] | None = None
     if steps is not None:
         given = parse_value(steps)

@@ -15,6 +15,7 @@ from ..common import (
     Blocks,
     Classes,
     DesignOption,
+    Inner,
     Json,
     Semantics,
     Sets,
@@ -42,6 +43,7 @@ def run(
     sources: Sources = None,
     stop: Stop = None,
     step: Step = None,
+    inner: Inner = None,
     algorithm: Alg = Semantics.conserving,
     blocks: Blocks = False,
     design: DesignOption = None,
@@ -74,7 +76,7 @@ def run(
 
     options = options_of(
         sets, stop, step, algorithm, blocks, classes, sources, record=tuple(record or ("*",)),
-        every=every, design=design,
+        every=every, design=design, inner=inner,
         time_limit=time_limit,
     )  # fmt: skip
     target_folder = _run_folder(target, folder)
