@@ -44,8 +44,7 @@ QUIET = {
 
 
 def gyrostat(name="gyrostat/free", stop=None, **values) -> Gyrostat:
-    system, checked = prepare(name, Options(blocks=True, stop=stop, values=values))
-    checked.or_raise()
+    system, _ = prepare(name, Options(blocks=True, stop=stop, values=values)).or_raise()
     return Gyrostat(system)
 
 
@@ -348,7 +347,7 @@ def test_it_refuses_other_wires():
 
 
 def test_convergence_prints_estimates(desat):
-    result = desat("convergence", "gyrostat/slow-samples", "--json", "--blocks", "--steps", "10,5",
+    result = desat("convergence", "gyrostat/slow-samples", "--json", "--blocks", "--steps", "10,5", "--inner", "1",
                    "--algorithm", "conserving", check=True)  # fmt: skip
     rows = json.loads(result.stdout)["rows"]
     assert [r["step"] for r in rows] == [10.0, 5.0]

@@ -242,7 +242,7 @@ class Wheels(Role, WheelInertias):
         if long == 0.0:
             return now
         line = dt / long
-        if steps < 2:
+        if steps < 2 or before == 0.0:
             return (
                 now[0] + line * (now[0] - a[0]), now[1] + line * (now[1] - a[1]),
                 now[2] + line * (now[2] - a[2]), now[3] + line * (now[3] - a[3]),

@@ -12,6 +12,7 @@ import math
 import statistics
 import tomllib
 from collections.abc import Callable, Sequence
+from dataclasses import asdict
 from typing import Any
 
 from ..files import places
@@ -19,7 +20,7 @@ from ..files.scenario import find
 from ..system.errors import DesatError, nearest
 from ..system.expression import factor, product
 from . import figures, stored, tables
-from .case import Options
+from .case import Options, prepare
 from .plots import lines_of, pretty_unit, series_plot
 from .series import Series
 from .sources import Change, Sources
@@ -213,6 +214,23 @@ class Verbs:
 
         options = Options(stop=self._of.end_of(scenario, None))
         return convergence.study(self._of.name_of(scenario), options, jobs=self._of.jobs)
+
+    def exchange(self, scenario: str, inner: int | None = None) -> dict[str, Any]:
+        """A scenario at its own step against its reference, with other inner steps: errors, the
+        run's own estimate, and the numbers that it is covered by."""
+        from ..analyses import convergence, coverage
+
+        options = Options(stop=self._of.end_of(scenario, None), inner=inner)
+        name, step = self._of.name_of(scenario), float(self.setting(scenario, "step"))
+        study = convergence.study(name, options, (step,), ("conserving",), self._of.jobs)
+        bound = coverage.bound(prepare(name, options).or_raise()[0])
+        return {**study["rows"][0], **(asdict(bound) if bound else {})}
+
+    def covered(self) -> dict[str, float]:
+        """Up to where the exchange is shown to be exact: `turn`, `kick`, `transient`."""
+        from ..analyses import coverage
+
+        return asdict(coverage.LIMITS)
 
     def convergence_plot(
         self, file: str, caption: str, study: dict[str, Any], key: str, unit: str
