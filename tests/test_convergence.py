@@ -347,8 +347,8 @@ def test_it_refuses_other_wires():
 
 
 def test_convergence_prints_estimates(desat):
-    result = desat("convergence", "gyrostat/slow-samples", "--json", "--blocks", "--steps", "10,5", "--inner", "1",
-                   "--algorithm", "conserving", check=True)  # fmt: skip
+    result = desat("convergence", "gyrostat/slow-samples", "--json", "--blocks", "--steps", "10,5",
+                   "--inner", "1", "--algorithm", "conserving", check=True)  # fmt: skip
     rows = json.loads(result.stdout)["rows"]
     assert [r["step"] for r in rows] == [10.0, 5.0]
     for row in rows:
