@@ -21,6 +21,7 @@ from pydantic_core import PydanticCustomError
 from desat.components.contract.units import UNITS
 
 from ..system.errors import nearest
+from ..system.expression import PEOPLE
 
 
 def key(text: str, unit: str = "", default: Any = None, **limits: Any) -> Any:
@@ -36,8 +37,8 @@ def _one_line(text: str) -> str:
 
 
 def _known_unit(text: str) -> str:
-    if text != "%" and text not in UNITS:
-        raise ValueError(f"no such unit{nearest(text, [*UNITS, '%'])}")
+    if text not in UNITS and text not in PEOPLE:
+        raise ValueError(f"no such unit{nearest(text, [*UNITS, *PEOPLE])}")
     return text
 
 
