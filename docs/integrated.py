@@ -14,7 +14,7 @@ from desat.components.laws.margins import pid_margins
 from desat.files.scenario import find
 from desat.study import stored
 from desat.study.case import Options, Run, execute
-from desat.study.measures import pointing
+from desat.study.derived import pointing
 from desat.study.plots import COLOURS, figure, legend, pretty_unit, series_plot, svg
 from desat.study.report import number as text_of
 from desat.study.tables import grouped, origin, rows, shown

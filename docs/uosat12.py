@@ -256,7 +256,7 @@ def flight() -> None:
 
 def pointing_of(finished: Run) -> Any:
     """The pointing error of a run (deg)."""
-    from desat.study.measures import pointing
+    from desat.study.derived import pointing
 
     q = finished.results.values("spacecraft.q_bi")
     q_ref = finished.results.values("guidance.q_ref_bi")

@@ -11,7 +11,7 @@ from lxml import etree
 from markdown_it import MarkdownIt
 
 from desat.components.contract.block import Block, Variable
-from desat.components.contract.units import UNITS
+from desat.components.contract.units import unit_of
 
 BASE_UNIT_EXPONENTS = ("kg", "m", "s", "A", "K", "rad")
 TOOL = "desat"
@@ -141,7 +141,7 @@ def describe(v: Variable) -> str:
 def _unit_definitions(root: Any, block: type[Block]) -> None:
     definitions = etree.SubElement(root, "UnitDefinitions")
     for name in dict.fromkeys(v.unit for v in block.variables if v.type == "Real"):
-        unit = UNITS[name]
+        unit = unit_of(name)
         base = etree.SubElement(etree.SubElement(definitions, "Unit", name=name), "BaseUnit")
         for exponent in BASE_UNIT_EXPONENTS:
             if getattr(unit, exponent):

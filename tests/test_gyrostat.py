@@ -17,7 +17,7 @@ from desat.files.pack import pack_scenario
 from desat.files.scenario import find
 from desat.files.ssp import read
 from desat.study.case import Options, execute, prepare
-from desat.study.measures import pointing
+from desat.study.derived import pointing
 from desat.system.errors import DesatError
 
 AUTHORITIES = ROOT / "tests" / "authorities"

@@ -18,7 +18,7 @@ from desat.components.laws.margins import pid_margins
 from desat.components.maths.vector import cross, dot, norm, sub
 from desat.components.physics.wheel_array import body_momentum, pseudo_inverse, to_wheels
 from desat.files.scenario import find
-from desat.study import measures, plots, stored
+from desat.study import derived, measures, stored
 from desat.study.case import Options, execute
 from desat.study.tables import rows
 
@@ -254,7 +254,7 @@ def test_error_vector_is_the_rotation_vector():
         w * a + z * b - y * c + x * d, -z * a + w * b + x * c + y * d,
         y * a - x * b + w * c + z * d, -x * a - y * b - z * c + w * d,
     ])  # fmt: skip
-    found = measures.error_vector(-q, reference)
+    found = derived.error_vector(-q, reference)
     assert found[:, 0] == pytest.approx(degrees, abs=1e-9)
     assert np.abs(found[:, 1:]).max() < 1e-9
 
@@ -289,7 +289,7 @@ def test_momentum_budget_adds_up():
     names = ("spacecraft.impulse_eci", "environment.b_eci", "spacecraft.q_bi",
              "torquers.m_mean_body")  # fmt: skip
     series = [run.results.values(n) for n in names]
-    budget = plots.momentum_budget(run.results.times(), *series)
+    budget = derived.momentum_budget(run.results.times(), *series)
     off = execute("integrated/mil-nadir",
                   Options(stop=900.0, blocks=True, sets=["manager.enable=false"]))  # fmt: skip
     alone = np.linalg.norm(off.results.values("spacecraft.impulse_eci"), axis=1)

@@ -15,9 +15,11 @@ from scipy.spatial.transform import Rotation
 from desat.files import places, scenario
 from desat.files.merge import load
 from desat.study import explain, meaning
+from desat.study.case import Options, execute
+from desat.study.derived import euler
 from desat.study.draws import drawn
 from desat.study.measures import first_below, time_of
-from desat.study.plots import euler
+from desat.study.numbers import evaluate
 from desat.system.errors import DesatError
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -99,7 +101,7 @@ EVERYWHERE = {
     "number": ('unit = "s"', 'unitt = "s"', "numbers.firing_time.unitt: unknown key; did you mean"),
     "plot": ("signals = ", "signls = ", "plots.rate.signls: unknown key; did you mean signals?"),
     "paper": ("values = 3.0", "vals = 3.0", "paper.firing_time.vals: unknown key; did you mean"),
-    "unknown unit": ('unit = "s"', 'unit = "sek"', "numbers.firing_time.unit: got 'sek': no such"),
+    "unknown unit": ('unit = "s"', 'unit = "sek"', "got 'sek': unit sek is not known"),
     "twin": ('title = "T"', 'twin = "t-q"', "twin: no scenario t-q; did you mean t-a?"),
     "kind of dispersion": ("direction", "directon", 'directon: unknown key; did you mean directi'),
     "bad axis": ("[axes.m.a]", "[axes.m]", "axes.m.label: got 'A'; a table is needed"),
@@ -112,6 +114,7 @@ EVERYWHERE = {
     "plot that is not there": ('title = "T"', 'without = ["plots.r"]', "without plots.r: there is"),
     "derive": ('signals = ["th', 'derive = "eler"\nsignals = ["th', "plots.rate.derive: no eler"),
     "tolerance": ('"2 %"', '"two"', "paper.firing_time.tolerance: got 'two': a width is needed"),
+    "number of a row": ('y = "firing_time"', 'y = "fireing"', "paper.firing_time.quantity: no num"),
     "circle": ("step = 10.0", 'extends = "t"', "extends itself"),
 }  # fmt: skip
 
@@ -132,10 +135,14 @@ def test_a_broken_file_is_one_line_on_list_and_check(family, case):
 OF_THE_SYSTEM = {
     "unit of another kind": ('unit = "s"', 'unit = "m"', "numbers.firing_time.unit: unit s does"),
     "series": ("thrusters.on_time", "thrusters.on_tim", "firing_time.signal: thrusters has no out"),
+    "element": ('"last"', '"last"\nelement = 2', "element: got 2; the signal has 1"),
     "plot's series": ('["thrusters.on_time', '["thrusters.on_tim', "plots.rate.signals: thrusters"),
     "component": ('"thrusters.on', '"thruster.on', "no component thruster; did you mean thrusters"),
     "size": ("{ direction = 2.0 }", "{ signs = [1.0] }", "signs: h_start_body has 3 elements, not"),
     "dispersed": ("spacecraft.h_st", "spacecraft.h_str", "spacecraft has no parameter h_strart"),
+    "number of an analysis": (
+        'y = "firing_time"', 'y = "momentum_residual"', "paper.firing_time: no number momentum"
+    ),
     "limit": ('title = "Rate"', 'title = "R"\nlimits = ["thrusters.tau_lvel[1]"]', "no parameter"),
 }  # fmt: skip
 
@@ -149,6 +156,34 @@ def test_what_the_system_has_not_is_one_line_on_check(family, case):
     assert lines.startswith("ssp/f/scenarios/t.toml: ")
     assert message in lines
     assert len(lines.splitlines()) == 1
+
+
+def test_a_band_by_a_number_that_is_not_there(family):
+    text = BASE.replace('tolerance = "2 %"', "tolerance.b = {of='firing_tim', from=0.0, to=1.0}")
+    family(t=text.replace("[axes.m.a]", "[axes.method.b]"))
+    line = "ssp/f/scenarios/t.toml: paper.firing_time.tolerance: no number firing_tim; did you"
+    assert listed().startswith(line)
+    assert checked("f/t-b") == listed()
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("[parameters.manager]\n[tune]\n", "tune: unknown key; did you mean tuned?"),
+        ("[tuned]\n", "parameters missing"),
+        ("parameters = 1\n", "parameters: got 1; a table is needed"),
+        ("[parameters.manager]\nx = 2026-01-01\n", "parameters.manager.x: got datetime"),
+        ("[parameters", "Expected ']'"),
+    ],
+)
+def test_a_broken_design_is_one_line(family, tmp_path, text, message):
+    family(t=BASE.replace("[axes.m.a]", "[design]\nfinal_momentum = 1.0\n[axes.m.a]"))
+    (tmp_path / "ssp/f/design").mkdir()
+    (tmp_path / "ssp/f/design/t-a.toml").write_text(text)
+    for lines in (listed(), checked()):
+        assert lines.startswith("ssp/f/design/t-a.toml: ")
+        assert message in lines
+        assert len(lines.splitlines()) == 1
 
 
 def test_not_utf8_and_bases(family):
@@ -243,7 +278,22 @@ def test_euler_angles_are_scipys(sequence):
     axes = "".join("XYZ"[int(a) - 1] for a in sequence)
     ref = Rotation.from_quat([[0.1, 0.2, 0.3, 0.9], [0.5, -0.5, 0.5, 0.5]])
     q = (ref * Rotation.from_euler(axes, angles, degrees=True)).as_quat()
-    assert euler(np.zeros(2), q, ref.as_quat(), sequence) == pytest.approx(angles)
+    assert euler(q, ref.as_quat(), sequence) == pytest.approx(angles)
+
+
+def test_numbers_of_derived_quantities():
+    """The largest roll of a run is that of its attitudes by scipy, and nothing else."""
+    run = execute("integrated/mil-nadir", Options(stop=400.0, blocks=True))
+    q, ref = (run.results.values(n) for n in ("spacecraft.q_bi", "guidance.q_ref_bi"))
+    n = min(len(q), len(ref))
+    turn = Rotation.from_quat(ref[:n]).inv() * Rotation.from_quat(q[:n])
+    roll = np.abs(turn.as_euler("ZYX", degrees=True)[:, 2]).max()
+    number = {"signal": ["spacecraft.q_bi", "guidance.q_ref_bi"], "derive": "euler", "element": 3,
+              "sequence": "321", "measure": "largest", "unit": "rad"}  # fmt: skip
+    found = evaluate(number, run.results, run.manifest["parameters"])
+    assert found == pytest.approx(np.radians(roll), rel=1e-12)
+    number |= {"measure": "until_below", "options": {"limit": 1e9}, "unit": "min"}
+    assert evaluate(number, run.results, run.manifest["parameters"]) == 0.0
 
 
 def test_inheritance_of_plots_by_name():

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from desat.components.contract.units import UNITS
+from desat.components.contract.units import unit_of
 from desat.engine import master as master_module
 from desat.engine.instances import UnitError
 from desat.engine.master import Master
@@ -69,7 +69,7 @@ class FunctionUnit:
 
 
 def real(name, causality, output_class="state", unit="1") -> Signal:
-    return Signal(name, causality, "Real", 0, unit, UNITS[unit], output_class=output_class)
+    return Signal(name, causality, "Real", 0, unit, unit_of(unit), output_class=output_class)
 
 
 def component(name, inputs=0, decimation=1, outputs=("state", "interval"), **spec) -> Component:

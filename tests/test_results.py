@@ -18,8 +18,9 @@ from desat.engine.results import Results
 from desat.files import library, places
 from desat.fmus import registry
 from desat.study.case import Options, execute, read_manifest
-from desat.study.measures import MEASURES, evaluate, relative
-from desat.study.plots import _thinned, scale
+from desat.study.measures import MEASURES
+from desat.study.numbers import evaluate, relative, scale
+from desat.study.plots import _thinned
 from desat.system.errors import DesatError
 from desat.system.interface import of_block
 

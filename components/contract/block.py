@@ -27,7 +27,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar, Literal, NoReturn
 
-from .units import UNITS
+from .units import unit_of
 
 Vec3 = tuple[float, float, float]
 Vec4 = tuple[float, float, float, float]
@@ -108,8 +108,10 @@ class _Declaration:
         where = f"{owner.__name__}.{name}"
         if annotation not in _SHAPES:
             raise TypeError(f"{where}: annotate it with one of {', '.join(_SHAPES)}")
-        if self.unit not in UNITS:
-            raise TypeError(f"{where}: unknown unit {self.unit!r}; units.py has {list(UNITS)}")
+        try:
+            unit_of(self.unit)
+        except ValueError as error:
+            raise TypeError(f"{where}: unit {self.unit!r}: {error}") from error
         kind, shape = _SHAPES[annotation]
         options = dict(self.options)
         given = options.pop("shape", None)

@@ -1,13 +1,17 @@
-"""The closed list of units that may cross a block's boundary.
+"""Units: any product of the names below, in FMI's and Modelica's spelling.
 
-A unit is a name, its exponents of the SI base units (as FMI 2.0 `BaseUnit` counts them) and a
-factor to SI. Signals are SI throughout; the units with a factor other than 1 exist so that
-connectors of foreign FMUs can be understood and converted.
+`rad/s2`, `kg.m2/s`, `1/(T2.s2)`, `mA.m2`: factors with whole-number exponents, joined by `.`, and
+at most one `/`, whose denominator is one factor or stands in parentheses. A unit is its exponents
+of the SI base units (as FMI 2.0 `BaseUnit` counts them) and a factor to SI. Signals of our blocks
+are SI throughout; units with a factor other than 1 exist for people, and so that connectors of
+foreign FMUs can be understood and converted.
 """
 
 from __future__ import annotations
 
-from math import pi
+import re
+from functools import lru_cache
+from math import inf, pi
 from typing import NamedTuple
 
 
@@ -29,54 +33,124 @@ class Unit(NamedTuple):
         return (self.kg, self.m, self.s, self.A, self.K)
 
 
-UNITS: dict[str, Unit] = {
-    "1": Unit(),
+SI: dict[str, Unit] = {
     "s": Unit(s=1),
-    "1/s": Unit(s=-1),
     "m": Unit(m=1),
-    "m2": Unit(m=2),
-    "m3/s2": Unit(m=3, s=-2),
-    "m/s": Unit(m=1, s=-1),
-    "m/s2": Unit(m=1, s=-2),
-    "kg": Unit(kg=1),
-    "kg/m3": Unit(kg=1, m=-3),
-    "kg.m2": Unit(kg=1, m=2),
+    "g": Unit(kg=1, factor=1e-3),
+    "A": Unit(A=1),
+    "K": Unit(K=1),
     "rad": Unit(rad=1),
-    "rad/s": Unit(rad=1, s=-1),
+    "Hz": Unit(s=-1),
     "N": Unit(kg=1, m=1, s=-2),
-    "N.m": Unit(kg=1, m=2, s=-2),
-    "N.m.s": Unit(kg=1, m=2, s=-1),
-    "N/m2": Unit(kg=1, m=-1, s=-2),
-    "N.m.s/rad": Unit(kg=1, m=2, s=-1, rad=-1),
-    "N.m/s": Unit(kg=1, m=2, s=-3),
-    "W": Unit(kg=1, m=2, s=-3),
+    "Pa": Unit(kg=1, m=-1, s=-2),
     "J": Unit(kg=1, m=2, s=-2),
-    "A.m2": Unit(m=2, A=1),
+    "W": Unit(kg=1, m=2, s=-3),
+    "C": Unit(s=1, A=1),
+    "V": Unit(kg=1, m=2, s=-3, A=-1),
     "Ohm": Unit(kg=1, m=2, s=-3, A=-2),
-    "A2.m4.s": Unit(m=4, s=1, A=2),
+    "H": Unit(kg=1, m=2, s=-2, A=-2),
     "T": Unit(kg=1, s=-2, A=-1),
-    "T/s": Unit(kg=1, s=-3, A=-1),
-    "T/s2": Unit(kg=1, s=-4, A=-1),
-    "T.m3": Unit(kg=1, m=3, s=-2, A=-1),
-    "1/T": Unit(kg=-1, s=2, A=1),
-    "1/T2": Unit(kg=-2, s=4, A=2),
-    "1/(T2.s)": Unit(kg=-2, s=3, A=2),
-    "1/(T2.s2)": Unit(kg=-2, s=2, A=2),
-    "A.m2.s": Unit(m=2, s=1, A=1),
-    "A.m2.s/T": Unit(kg=-1, m=2, s=3, A=2),
-    "N.m.s/T2": Unit(kg=-1, m=2, s=3, A=2),
-    "A.m2/T": Unit(kg=-1, m=2, s=2, A=2),
-    "deg": Unit(rad=1, factor=pi / 180),
-    "deg/s": Unit(rad=1, s=-1, factor=pi / 180),
-    "rpm": Unit(rad=1, s=-1, factor=pi / 30),
-    "uT": Unit(kg=1, s=-2, A=-1, factor=1e-6),
-    "nT": Unit(kg=1, s=-2, A=-1, factor=1e-9),
-    "uN.m": Unit(kg=1, m=2, s=-2, factor=1e-6),
-    "mN.m": Unit(kg=1, m=2, s=-2, factor=1e-3),
-    "mN.m.s": Unit(kg=1, m=2, s=-1, factor=1e-3),
-    "km": Unit(m=1, factor=1e3),
-    "km/s": Unit(m=1, s=-1, factor=1e3),
+    "Wb": Unit(kg=1, m=2, s=-2, A=-1),
 }
+"""Names that take a prefix."""
+PREFIXES = {"n": 1e-9, "u": 1e-6, "m": 1e-3, "c": 1e-2, "k": 1e3, "M": 1e6, "G": 1e9}
+OTHER: dict[str, Unit] = {
+    "kg": Unit(kg=1),
+    "%": Unit(factor=0.01),
+    "deg": Unit(rad=1, factor=pi / 180),
+    "rpm": Unit(rad=1, s=-1, factor=pi / 30),
+    "min": Unit(s=1, factor=60.0),
+    "h": Unit(s=1, factor=3600.0),
+}
+"""Names that take none."""
+NAMES = ("1", *SI, *OTHER)
+
+_TOKEN = re.compile(r"([A-Za-z%]+)([+-]?[0-9])?|(1)(?![0-9])|[./()]")
+_LONGEST = 60
+"""Characters of an expression."""
+
+
+@lru_cache(maxsize=256)
+def unit_of(text: str) -> Unit:
+    """The unit of an expression; the empty text is 1. Raises ValueError with what is wrong."""
+    if len(text) > _LONGEST:
+        raise ValueError(f"more than {_LONGEST} characters")
+    tokens = _tokens(text.strip() or "1")
+    try:
+        unit, end = _quotient(tokens, 0)
+    except ZeroDivisionError:
+        unit, end = Unit(factor=0.0), len(tokens)
+    if end < len(tokens):
+        hint = "; a product below / stands in parentheses" if tokens[end] in ("/", ".") else ""
+        raise ValueError(f"{tokens[end]} is one too many{hint}")
+    if not 0.0 < unit.factor < inf:
+        raise ValueError("its factor to SI is no number")
+    return unit
+
+
+def times(a: Unit, b: Unit, power: int = 1) -> Unit:
+    """The unit a b^power."""
+    return Unit(
+        a.kg + power * b.kg, a.m + power * b.m, a.s + power * b.s, a.A + power * b.A,
+        a.K + power * b.K, a.rad + power * b.rad, a.factor * b.factor**power,
+    )  # fmt: skip
+
+
+def _tokens(text: str) -> list[str]:
+    """The factors and signs of an expression."""
+    found, at = [], 0
+    while at < len(text):
+        token = _TOKEN.match(text, at)
+        if token is None:
+            raise ValueError(f"{text[at:]} is no unit; the form is kg.m2/(A.s3)")
+        found.append(token.group())
+        at = token.end()
+    return found
+
+
+def _quotient(tokens: list[str], at: int) -> tuple[Unit, int]:
+    """The unit of the tokens from `at` on, and where it ends: a product, or two with / between."""
+    unit, at = _product(tokens, at)
+    if at < len(tokens) and tokens[at] == "/":
+        below, at = _factor(tokens, at + 1)
+        unit = times(unit, below, -1)
+    return unit, at
+
+
+def _product(tokens: list[str], at: int) -> tuple[Unit, int]:
+    unit, at = _factor(tokens, at)
+    while at < len(tokens) and tokens[at] == ".":
+        other, at = _factor(tokens, at + 1)
+        unit = times(unit, other)
+    return unit, at
+
+
+def _factor(tokens: list[str], at: int) -> tuple[Unit, int]:
+    """A name with its exponent, or an expression in parentheses."""
+    if at == len(tokens):
+        raise ValueError("something is missing at its end")
+    if tokens[at] == "(":
+        unit, at = _quotient(tokens, at + 1)
+        if at == len(tokens) or tokens[at] != ")":
+            raise ValueError("a parenthesis is not closed")
+        return unit, at + 1
+    if tokens[at] == "1":
+        return Unit(), at + 1
+    match = _TOKEN.fullmatch(tokens[at])
+    if match is None or match.group(1) is None:
+        raise ValueError(f"a name is missing before {tokens[at]}")
+    return times(Unit(), _named(match.group(1)), int(match.group(2) or 1)), at + 1
+
+
+def _named(name: str) -> Unit:
+    """The unit of a name, with or without a prefix."""
+    if name in SI:
+        return SI[name]
+    if name in OTHER:
+        return OTHER[name]
+    if name[0] in PREFIXES and name[1:] in SI:
+        return times(Unit(factor=PREFIXES[name[0]]), SI[name[1:]])
+    raise ValueError(f"{name} is no unit")
 
 
 def conversion(source: Unit, target: Unit) -> tuple[float, float] | None:

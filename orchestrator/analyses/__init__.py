@@ -3,6 +3,7 @@
 A module of this folder that has `applies` is an analysis:
 
     KEY = "rigid_body"                              # its place in the manifest
+    NUMBERS = ("momentum_residual",)                # the names of all numbers that it may give
     def applies(system) -> parts or None            # which component is what; None: not this system
     def signals(parts) -> list of series            # what a run of which little is kept must record
     def numbers(manifest, results) -> numbers       # as a manifest has them, {} where there is none

@@ -28,6 +28,7 @@ from ..system.model import System
 Array = NDArray[np.float64]
 
 KEY = "dumping"
+NUMBERS = ("bound", "bound_same_end", "above_bound")
 
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(3)
 NODES, WEIGHTS = (NODES + 1.0) / 2.0, WEIGHTS / 2.0

@@ -13,12 +13,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..engine.results import Results
-from ..study.measures import rotate_back
+from ..study.derived import rotate_back
 from ..study.plots import COLOURS, figure, legend, svg, time_axis
 from ..system.model import System
 
 Array = NDArray[np.float64]
 KEY = "rigid_body"
+NUMBERS = ("momentum_residual",)
 _NEEDED = ("inertia", "axes_wheel", "inertia_wheel", "q_bi", "omega_bi_body", "impulse_eci")
 
 

@@ -94,6 +94,12 @@ DesignOption = Annotated[
                  help="Of a scenario with a design (gain tables, costates): make one now for these "
                  "values, or take that of a file. Default: the kept one."),
 ]  # fmt: skip
+TimeLimit = Annotated[
+    float | None,
+    typer.Option(metavar="SECONDS", min=0.0,
+                 help="Wall time that a run may take to step; what it has by then is kept, and the "
+                 "command ends with 5."),
+]  # fmt: skip
 Jobs = Annotated[int, typer.Option(help="Processes.", min=1)]
 CPUS = os.cpu_count() or 1
 
@@ -114,6 +120,12 @@ def options_of(
         sets=list(sets or []), sources=list(sources or []), stop=stop, step=step, algorithm=name,
         blocks=blocks, output_classes=overrides, **more,
     )  # fmt: skip
+
+
+def warn(texts: list[str]) -> None:
+    """Warnings, on standard error."""
+    for text in texts:
+        err.print(f"warning: {text}", highlight=False, markup=False)
 
 
 def print_json(data: Any) -> None:

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ..files.merge import toml
+from ..files.refuse import design as read_design
 from ..files.scenario import ROOT, Scenario, find, scenarios
 from ..study.case import Options
 from ..system.errors import DesatError, nearest
@@ -95,10 +95,7 @@ def parameters_for(scenario: Scenario, options: Options) -> dict[str, dict[str, 
     if scenario.design is None:
         raise DesatError(f"--design {options.design}: {scenario.name} has no [design]")
     if options.design != NOW:
-        file = toml(Path(options.design or ""))
-        if not isinstance(file.get("parameters"), dict):
-            raise DesatError(f"--design {options.design}: no design: it has no [parameters]")
-        return dict(file["parameters"])
+        return dict(read_design(Path(options.design or ""))["parameters"])
     other, fitting, _ = owner(scenario, options)
     key = repr((other.name, fitting))
     if key not in _made:
@@ -182,7 +179,7 @@ def stamp(scenario: Scenario) -> bool:
     from .plant import Plant
 
     assert scenario.design is not None
-    file = toml(scenario.design)
+    file = read_design(scenario.design)
     plant = Plant(scenario)
     flight = plant.fly(**file["parameters"]["manager"])
     for key, (value, _) in flight.reached().items():

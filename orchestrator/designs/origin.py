@@ -13,7 +13,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from ..files.merge import toml
+from ..files.refuse import design
 from ..files.scenario import Scenario, find
 from ..study.case import Options, modify
 from ..system.errors import DesatError, nearest
@@ -132,7 +132,7 @@ def warnings(scenario: Scenario, options: Options) -> list[str]:
     other values: with the command that makes one for them."""
     if scenario.design is None or not scenario.design.exists():
         return []
-    file = toml(scenario.design)
+    file = design(scenario.design)
     other, fitting, strange = owner(scenario, options)
     again = f"`desat design {other.name}`"
     if TABLE not in file:

@@ -10,10 +10,11 @@ from fmpy import read_model_description
 from lxml import etree
 
 from desat.components.contract.block import Scalar
-from desat.components.contract.units import UNITS, Unit
+from desat.components.contract.units import Unit
 from desat.fmus.description import TOOL
 
 from ..system.errors import DesatError
+from ..system.expression import known_unit
 from ..system.interface import Interface, OutputClass, Signal
 from .xml import parse_bytes
 
@@ -74,7 +75,7 @@ def _of_fmu(path: Path, _modified: int) -> Interface:
             x if x is not None else getattr(declared, key, None)
             for key, x in (("min", v.min), ("max", v.max))
         ]
-        unit = UNITS.get(unit_name)
+        unit = known_unit(unit_name) if unit_name else None
         if base is not None:
             unit = Unit(base.kg, base.m, base.s, base.A, base.K, base.rad, base.factor, base.offset)
         signals[v.name] = Signal(

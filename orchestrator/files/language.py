@@ -29,6 +29,8 @@ from .vocabulary import (
     width,
 )
 
+_Sequence = Annotated[str, Field(pattern="^[123]{3}$")]
+
 
 class Number(Table):
     """[numbers.NAME]: a number of each run, from its series or from other runs' numbers."""
@@ -37,6 +39,9 @@ class Number(Table):
     signal: TextOrTexts = key("`component.output`, or several where the measure takes several")
     measure: Text = key("how the series becomes a number (`desat measures`); default: last")
     options: dict[str, Value] = key("the measure's own options")
+    derive: Text = key("what is computed of the signals and then measured, such as euler")
+    sequence: _Sequence = key("for derive = euler: the axes turned about; default: 321")
+    element: Annotated[int, Field(ge=1)] = key("only this element of what is measured, from 1 on")
     window: Annotated[list[float], Field(min_length=2, max_length=2), AfterValidator(ordered)] = (
         key("only rows of this time, ends included; default: all", "s")
     )
@@ -78,9 +83,7 @@ class Plot(Table):
     norm: bool = key("true: the size of vectors, one line each")
     log: bool = key("true: a logarithmic axis")
     derive: Text = key("what is computed from the signals first, such as pointing or euler")
-    sequence: Annotated[str, Field(pattern="^[123]{3}$")] = key(
-        "for derive = euler: the axes turned about, such as 321; default: 321"
-    )
+    sequence: _Sequence = key("for derive = euler: the axes turned about; default: 321")
     points: Annotated[int, Field(ge=10)] = key("so many points a line; default: 3000")
     limits: list[either(table=LimitLine, text=Text, number=FiniteFloat)] = key(  # type: ignore[valid-type]
         "limit lines: numbers, parameters, or tables"
@@ -184,7 +187,7 @@ class Dispersion(Table):
     @model_validator(mode="after")
     def _one(self) -> Self:
         if len(self.model_fields_set) != 1:
-            raise incomplete(f"one of {', '.join(type(self).model_fields)} is needed")
+            raise incomplete(f"exactly one of {', '.join(type(self).model_fields)} is needed")
         return self
 
 
@@ -203,6 +206,46 @@ class Design(Table):
     assume: dict[str, dict[str, Value]] = key("parameters that the design assumes instead")
 
 
+class DesignFile(Table):
+    """A file of ssp/FAMILY/design/, as `desat design` writes it."""
+
+    NEEDED = ("parameters",)
+    tuned: dict[str, Value] = key("what was tuned for it")
+    reached: dict[str, Value] = key("what the run that it was computed with ended with")
+    parameters: dict[str, dict[str, Value]] = key("the designed parameters of a component")
+    made_of: dict[str, Value] = key("what it was made from, `component.parameter` and more")
+
+
+def _value_reached(value: Any) -> Any:
+    if isinstance(value, bool) or type(value) is int or (isinstance(value, str) and value.strip()):
+        return value
+    raise ValueError("a whole number, the name of a value, true or false is needed")
+
+
+class StopWhen(Table):
+    """[stop_when]: a condition that ends the run before its stop time; looked at after each
+    step. Exactly one of `below`, `above` and `reaches`."""
+
+    NEEDED = ("signal",)
+    signal: Text = key("`component.output`; it need not be recorded")
+    below: NumberOrText = key("met while the sizes of all elements are below this")
+    above: NumberOrText = key("met while the size of any element is above this")
+    reaches: Annotated[Any, AfterValidator(_value_reached)] = key(
+        "met while an Integer, such as a mode, has this value (or its name); true or false"
+    )
+    held: Annotated[FiniteFloat, Field(ge=0.0)] = key("met for so long; default: 0", "s")
+    unit: Unit = key("the unit of the limit; default: the signal's")
+
+    @model_validator(mode="after")
+    def _one(self) -> Self:
+        given = self.model_fields_set & {"below", "above", "reaches"}
+        if len(given) != 1:
+            raise incomplete("exactly one of below, above, reaches is needed")
+        if "unit" in self.model_fields_set and "reaches" in given:
+            raise incomplete("unit: only with below and above")
+        return self
+
+
 class Scenario(Table):
     """What a whole file and a value of an axis both may hold."""
 
@@ -215,6 +258,7 @@ class Scenario(Table):
     start: FiniteFloat = key("start time", "s")
     step: FiniteFloat = key("the master's step", "s")
     stop: FiniteFloat = key("stop time", "s")
+    stop_when: StopWhen = key("a condition that ends it before")
     epoch: Annotated[datetime, AfterValidator(utc)] = key("UTC of t = 0")
     sources: dict[str, Text] = key("another FMU for a component")
     shared: dict[str, Value] = key("a parameter for every component that has it")

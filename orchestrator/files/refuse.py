@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 from pydantic import ValidationError
 
-from ..system.errors import nearest
-from . import language
+from ..system.errors import DesatError, nearest
+from . import language, places
+from .merge import Keys, toml
 from .vocabulary import Table
 
-Path = tuple[str, ...]
 NEEDED = {
     "float_type": "a number", "int_type": "a whole number", "string_type": "a text",
     "bool_type": "true or false", "list_type": "a list", "dict_type": "a table",
@@ -21,19 +22,37 @@ NEEDED = {
 _KINDS = {"<table>": "a table", "<list>": "a list", "<text>": "a text", "<number>": "a number"}
 
 
-def problems(data: dict[str, Any], part: bool) -> Iterator[tuple[Path, str]]:
+def problems(data: dict[str, Any], part: bool) -> Iterator[tuple[Keys, str]]:
     """What is wrong with the data of a file (`part`: others may complete it) or, whole, with the
     merged data of a scenario."""
     model = language.ScenarioFile if part else language.Scenario
+    for path, error in _errors(model, data):
+        if error["type"] == "extra_forbidden":
+            yield path, f"unknown key{nearest(path[-1], keys(table_of(path[:-1], part)))}"
+        elif not (part and error["type"] == "incomplete"):
+            yield path, _text(error)
+
+
+def design(file: Path) -> dict[str, Any]:
+    """The data of a design's file. Raises DesatError, a line a problem."""
+    data, lines = toml(file), []
+    for path, error in _errors(language.DesignFile, data):
+        text = _text(error)
+        if error["type"] == "extra_forbidden":
+            text = f"unknown key{nearest(path[-1], keys(language.DesignFile))}"
+        lines.append(": ".join([places.shown(file), *([".".join(path)] if path else []), text]))
+    if lines:
+        raise DesatError("\n".join(lines))
+    return data
+
+
+def _errors(model: type[Table], data: dict[str, Any]) -> Iterator[tuple[Keys, dict[str, Any]]]:
+    """Path and pydantic's error of each thing that is wrong with the data of a table."""
     try:
         model.model_validate(data)
     except ValidationError as error:
         for e in error.errors(include_url=False):
-            path = tuple(str(p) for p in e["loc"] if not str(p).startswith("<"))
-            if e["type"] == "extra_forbidden":
-                yield path, f"unknown key{nearest(path[-1], keys(table_of(path[:-1], part)))}"
-            elif not (part and e["type"] == "incomplete"):
-                yield path, _text(dict(e))
+            yield tuple(str(p) for p in e["loc"] if not str(p).startswith("<")), dict(e)
 
 
 def _text(error: dict[str, Any]) -> str:
@@ -63,7 +82,7 @@ def keys(table: type[Table]) -> list[str]:
     return [field.alias or name for name, field in table.model_fields.items()]
 
 
-def table_of(path: Path, part: bool = True) -> type[Table]:
+def table_of(path: Keys, part: bool = True) -> type[Table]:
     """The table of the language that stands at a path of a scenario."""
     if path[:1] == ("axes",):
         return table_of(path[3:], False) if path[3:] else language.Cell
@@ -75,13 +94,14 @@ def table_of(path: Path, part: bool = True) -> type[Table]:
     outer: dict[str, type[Table]] = {
         "numbers": language.Number, "plots": language.Plot, "paper": language.PaperRow,
         "dispersions": language.Dispersion, "design": language.Design,
+        "stop_when": language.StopWhen,
     }  # fmt: skip
     return inner.get(path[2], outer[path[0]]) if len(path) > 2 else outer[path[0]]
 
 
 def paper_problems(
     data: dict[str, Any], cell: dict[str, str], axes: dict[str, Any]
-) -> Iterator[tuple[Path, str]]:
+) -> Iterator[tuple[Keys, str]]:
     """What rows of a paper's tables say of methods and cases that there are not."""
     methods = axes.get("method", {})
     for name, row in data.get("paper", {}).items():

@@ -6,6 +6,7 @@
     craft = "craft.toml"          # in ssp/FAMILY/: the spacecraft, see files/craft.py; or
     ssd = "SystemStructure.ssd"   # its wiring kept by hand; without either, what is there
     step, stop, start             # seconds
+    [stop_when]                   # a condition that ends it before: study/stopping.py
     epoch = 2026-01-01T00:00:00Z  # UTC of t = 0, for every component with an epoch_j2000
     [sources]                     # manager = "manager_other": another FMU for a component
     [shared]                      # a parameter for every component that has it
@@ -96,7 +97,9 @@ class Scenario:
             if not self.design.exists():
                 name = f"{self.family}/{self.design.stem}"
                 raise DesatError(f"{self.name} has no design yet; run `desat design {name}`")
-            merged = copy(toml(self.design).get("parameters", {}))
+            from .refuse import design
+
+            merged = copy(design(self.design)["parameters"])
         merge(merged, self.data.get("parameters", {}), {}, ("", ""))
         return merged
 
@@ -159,7 +162,7 @@ class Scenario:
     def about(self) -> dict[str, Any]:
         """What travels with a packed system: story, numbers, plots and the like."""
         keys = ("title", "story", "source", "twin", "numbers", "plots", "output_classes",
-                "labels", "dispersions")  # fmt: skip
+                "labels", "dispersions", "stop_when")  # fmt: skip
         about = {k: self.data[k] for k in keys if k in self.data}
         if "plots" in about:
             about["plots"] = list(about["plots"].values())  # a list keeps its order in JSON

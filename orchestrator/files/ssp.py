@@ -18,9 +18,10 @@ from urllib.parse import unquote
 from lxml import etree
 
 from desat.components.contract.block import Scalar
-from desat.components.contract.units import UNITS, Unit
+from desat.components.contract.units import Unit
 
-from ..system.errors import DesatError, nearest
+from ..system.errors import DesatError
+from ..system.expression import unit_of
 from ..system.model import Component, Connection, Connector, System
 from . import library
 from .xml import parse_bytes, validate
@@ -199,10 +200,11 @@ class _Reader:
                 factor, offset = float(base.get("factor", "1")), float(base.get("offset", "0"))
                 if base.get("mol", "0") == base.get("cd", "0") == "0":
                     return Unit(**exponents, factor=factor, offset=offset)
-        if name not in UNITS:
-            self.problems.append(f"{where}: unit {name} is not known{nearest(name, UNITS)}")
+        try:
+            return unit_of(name)
+        except DesatError as error:
+            self.problems.append(f"{where}: {error}")
             return None
-        return UNITS[name]
 
     def value(self, element: Any, where: str) -> Scalar:
         kind, text = etree.QName(element).localname, element.get("value", "")

@@ -18,10 +18,8 @@ from pydantic import (
 )
 from pydantic_core import PydanticCustomError
 
-from desat.components.contract.units import UNITS
-
-from ..system.errors import nearest
-from ..system.expression import PEOPLE
+from ..system.errors import DesatError
+from ..system.expression import unit_of
 
 
 def key(text: str, unit: str = "", default: Any = None, **limits: Any) -> Any:
@@ -37,8 +35,10 @@ def _one_line(text: str) -> str:
 
 
 def _known_unit(text: str) -> str:
-    if text not in UNITS and text not in PEOPLE:
-        raise ValueError(f"no such unit{nearest(text, [*UNITS, *PEOPLE])}")
+    try:
+        unit_of(_one_line(text))
+    except DesatError as error:
+        raise ValueError(str(error)) from error
     return text
 
 

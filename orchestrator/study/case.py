@@ -32,8 +32,8 @@ from ..system.interface import base_name
 from ..system.model import System
 from ..system.parameters import assign, parse_assignment, table
 from ..system.replace import drop_unwanted
-from . import meaning
-from .measures import OPEN_END, evaluate, problems, relative, signals_of
+from . import meaning, stopping
+from .numbers import OPEN_END, evaluate, problems, relative, signals_of
 
 MANIFEST = "manifest.json"
 PACKAGES = ("desat", "fmpy", "pythonfmu", "numpy", "scipy", "h5py")
@@ -57,6 +57,8 @@ class Options:
     """`component.variable` -> value, beside `sets`, for callers that are programs."""
     design: str | None = None
     """Of a scenario with a [design]: a file with another one, or `now`: made for these values."""
+    time_limit: float | None = None
+    """Wall time (s) that stepping may take; the run ends between two steps"""
 
 
 @dataclass
@@ -76,6 +78,8 @@ class Run:
         """The exit code that says how it ended."""
         if self.ok:
             return Exit.COMPLETED
+        if self.manifest["status"] == stopping.LATE:
+            return Exit.TIMEOUT
         if self.manifest["status"] == "interrupted":
             return Exit(self.manifest.get("exit", Exit.INTERRUPTED))
         return Exit.COMPONENT
@@ -123,6 +127,7 @@ def prepare(target: str, options: Options) -> tuple[System, Checked]:
     checked = check(system, problems)
     checked.warnings[:0] = warnings
     if checked.schedule is not None:
+        checked.problems += [f"{system.where}: {text}" for text in stopping.problems(system)]
         what = problems_of_numbers(system)
         # another FMU may lack what the scenario's numbers are made of: it runs without them
         (checked.warnings if options.sources else checked.problems).extend(what)
@@ -240,8 +245,10 @@ def execute(
 ) -> Run:
     """Run a scenario, an .ssp or a folder; `folder` None keeps the series in memory.
 
-    A component that fails, Ctrl-C and SIGTERM end the run early: what was recorded is kept, and
-    the manifest's status says which. Raises DesatError where the run cannot begin.
+    A component that fails, Ctrl-C, SIGTERM and the time limit end the run early: what was recorded
+    is kept, and the manifest's status says which. A run that its scenario's `stop_when` ends is
+    completed, and the manifest's `stopped_when` says when.
+    Raises DesatError where the run cannot begin.
     """
     system, checked = prepare(target, options)
     schedule = checked.or_raise()
@@ -252,8 +259,10 @@ def execute(
                     warnings=checked.warnings)  # fmt: skip
 
     def watched(component: str, signal: Any) -> bool:
-        return selects(options.record, component, signal)
+        ends_it = ends is not None and ends.reads(component, signal)
+        return ends_it or selects(options.record, component, signal)
 
+    ends = stopping.condition(system)
     with Master(
         system, schedule, algorithm=options.algorithm, blocks=options.blocks, watched=watched
     ) as master:
@@ -264,12 +273,18 @@ def execute(
         if options.algorithm == "jacobi":
             recorder.record(0, master.live)
         status, message, loop = "completed", "", time.perf_counter()
+        finished, stopped = stopping.watch(master, ends, options.time_limit), None
         try:
             with _interruptible() as interrupted, _bar(system.name, steps, progress) as report:
-                _loop(master, steps, recorder, interrupted, report)
+                reason = _loop(master, steps, recorder, interrupted, finished, report)
             if number := interrupted():
                 status, message = "interrupted", f"stopped by the user at t = {master.t:g} s"
                 manifest["exit"] = int(Exit(128 + number))
+            elif reason == stopping.LATE:
+                status = reason
+                message = f"{options.time_limit:g} s of wall time over at t = {master.t:g} s"
+            elif reason:
+                stopped = {"condition": reason, "time": master.t}
         except UnitError as error:
             status, message = "failed", str(error)
         seconds = time.perf_counter() - loop
@@ -280,6 +295,7 @@ def execute(
         message=message,
         steps_done=done,
         end_time=master.t,
+        stopped_when=stopped,
         wall_seconds=round(time.perf_counter() - clock, 6),
         us_per_step=round(1e6 * seconds / max(done, 1), 3),
         numbers=numbers(system.about, results, manifest["parameters"]),
@@ -295,21 +311,23 @@ def execute(
 
 def _loop(
     master: Master, steps: int, recorder: Recorder, interrupted: Callable[[], int],
-    report: Callable[[int], None],
-) -> None:  # fmt: skip
-    """Step to the end, or to the first signal to stop; look at the clock twenty times a second."""
+    finished: Callable[[], str], report: Callable[[int], None],
+) -> str:  # fmt: skip
+    """Step to the end, to the first signal to stop, or until `finished`, called after each step,
+    says why it is; look at the clock twenty times a second."""
     advance, record = master.advance, recorder.record
-    chunk = 1
-    while master.k < steps and not interrupted():
+    chunk, reason = 1, ""
+    while master.k < steps and not reason and not interrupted():
         began = time.perf_counter()
         for _ in range(min(chunk, steps - master.k)):
             advance(record)
-            if interrupted():
+            if (reason := finished()) or interrupted():
                 break
         seconds = time.perf_counter() - began
         chunk = max(1, min(2 * chunk, int(chunk * 0.05 / max(seconds, 1e-6))))
         recorder.tick()
         report(master.k)
+    return reason
 
 
 @contextmanager

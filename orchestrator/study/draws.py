@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import statistics
 import zlib
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
 from dataclasses import replace
@@ -36,20 +36,27 @@ from .case import Options, execute, load, prepare
 KINDS = ("normal", "uniform", "direction", "attitude", "signs", "one_of", "seed")
 
 
-def drawn(system: System, seed: int, draw: int) -> dict[str, Any]:
-    """`component.variable` -> value for one draw of the system's dispersions."""
-    values: dict[str, Any] = {}
+def dispersed(system: System) -> dict[str, dict[str, Any]]:
+    """`component.variable` -> how it is drawn, of a system with its interfaces loaded."""
+    found: dict[str, dict[str, Any]] = {}
     for key, spec in system.about.get("dispersions", {}).items():
         owner, _, variable = key.partition(".")
+        owners = [owner]
         if owner == "*":
             owners = [
                 c.name for c in system.components.values()
                 if c.interface and c.interface.elements(variable)
             ]  # fmt: skip
-        else:
-            owners = [owner]
-        for name in owners:
-            values[f"{name}.{variable}"] = _value(system, name, variable, spec, seed, draw)
+        found |= {f"{name}.{variable}": spec for name in owners}
+    return found
+
+
+def drawn(system: System, seed: int, draw: int) -> dict[str, Any]:
+    """`component.variable` -> value for one draw of the system's dispersions."""
+    values = {}
+    for name, spec in dispersed(system).items():
+        owner, _, variable = name.partition(".")
+        values[name] = _value(system, owner, variable, spec, seed, draw)
     return values
 
 
@@ -86,12 +93,19 @@ def _value(
     return [float(x) for x in (vector if kind == "attitude" else given * vector)]
 
 
-def _one(target: str, options: Options, seed: int, draw: int) -> dict[str, Any]:
+def system_of(target: str, options: Options) -> System:
+    """The system of a target with its interfaces loaded. Raises DesatError."""
     system, problems = load(target, options.blocks)
     if problems:
         raise DesatError("\n".join(problems))
     library.load_interfaces(system, options.blocks)
-    values = drawn(system, seed, draw)
+    return system
+
+
+def one(target: str, options: Options, seed: int, draw: int | None) -> dict[str, Any]:
+    """A run as a row: how it ended, its numbers, and the values drawn (`draw` None: nothing is)."""
+    system = system_of(target, options)
+    values = {} if draw is None else drawn(system, seed, draw)
     needed = options.record
     if needed == ("*",):
         needed = tuple(needed_signals(system.about))
@@ -105,6 +119,7 @@ def _one(target: str, options: Options, seed: int, draw: int) -> dict[str, Any]:
         "code": int(run.code),
         "message": run.manifest["message"],
         "numbers": {name: n["value"] for name, n in run.manifest["numbers"].items()},
+        "stopped_when": run.manifest["stopped_when"],
         "values": values,
     }
     run.results.close()
@@ -130,6 +145,18 @@ def pool_of(jobs: int) -> Iterator[Callable[..., Iterable[Any]]]:
         yield pool.map
 
 
+def rows_of(
+    tasks: Sequence[tuple[str, Options, int, int | None]], jobs: int, title: str, progress: bool
+) -> list[dict[str, Any]]:  # fmt: skip
+    """The row (`one`) of each task, over so many processes."""
+    with pool_of(min(jobs, len(tasks))) as map_:
+        console = Console(stderr=True)
+        return list(
+            track(map_(one, *zip(*tasks, strict=True)), title, total=len(tasks), console=console,
+                  transient=True, disable=not (progress and console.is_terminal))
+        )  # fmt: skip
+
+
 def draws(
     target: str, count: int, seed: int, options: Options, jobs: int = 2, progress: bool = False
 ) -> dict[str, Any]:
@@ -137,32 +164,35 @@ def draws(
 
     Draw i of a seed is the same whatever the count and the number of processes.
     """
-    system, problems = load(target, options.blocks)
-    if problems:
-        raise DesatError("\n".join(problems))
+    system = system_of(target, options)
     if not system.about.get("dispersions"):
         raise DesatError(f"{target}: it has no [dispersions], so there is nothing to draw")
     first = replace(options, values={**options.values, **drawn(system, seed, 0)})
     warnings = prepare(target, first)[1].warnings
-    with pool_of(min(jobs, count)) as map_:
-        results = map_(_one, [target] * count, [options] * count, [seed] * count, range(count))
-        console = Console(stderr=True)
-        rows = list(
-            track(results, target, total=count, console=console, transient=True,
-                  disable=not (progress and console.is_terminal))
-        )  # fmt: skip
+    given = {text.partition("=")[0] for text in options.sets} & dispersed(system).keys()
+    warnings += [f"--set {name}: it is drawn, and so never has this value" for name in given]
+    tasks = [(target, options, seed, draw) for draw in range(count)]
+    rows = rows_of(tasks, jobs, target, progress)
+    stopped = sum(r["stopped_when"] is not None for r in rows)
+    return {
+        "scenario": target, "seed": seed, "draws": rows, "stopped": stopped,
+        "summary": summary(rows, system.about), "warnings": warnings,
+    }  # fmt: skip
+
+
+def summary(rows: list[dict[str, Any]], about: dict[str, Any]) -> dict[str, dict[str, Any]]:
+    """Of each number of the draws that completed: unit, median, least, largest, and how many draws
+    have reached it."""
     whole = [r for r in rows if r["status"] == "completed"]
-    definitions = system.about.get("numbers", {})
-    summary = {}
+    definitions = about.get("numbers", {})
+    found = {}
     for name in whole[0]["numbers"] if whole else ():
         values = [x for r in whole if (x := r["numbers"].get(name)) is not None]
-        summary[name] = {
+        found[name] = {
             "unit": definitions.get(name, {}).get("unit", ""),
             "median": statistics.median(values) if values else None,
             "min": min(values, default=None),
             "max": max(values, default=None),
             "n": len(values),
         }
-    return {
-        "scenario": target, "seed": seed, "draws": rows, "summary": summary, "warnings": warnings,
-    }  # fmt: skip
+    return found

@@ -6,7 +6,7 @@ import inspect
 from collections.abc import Iterator
 from typing import Any, get_args, get_origin
 
-from ..files import scenario
+from ..files import refuse, scenario
 from ..files.merge import origin
 from ..files.scenario import Scenario
 from ..system.errors import DesatError, nearest
@@ -18,10 +18,20 @@ def readable(family: str | None) -> tuple[dict[str, Scenario], list[str]]:
     """The scenarios that are right, and what is wrong with the others, one line each."""
     good, lines = scenario.readable(family)
     for name in list(good):
-        if wrong := meaning.words(good[name]):
+        if wrong := meaning.words(good[name]) or _design(good[name]):
             lines += wrong
             del good[name]
     return good, list(dict.fromkeys(lines))
+
+
+def _design(found: Scenario) -> list[str]:
+    """What is wrong with the file of a scenario's design."""
+    try:
+        if found.design is not None and found.design.exists():
+            refuse.design(found.design)
+    except DesatError as error:
+        return str(error).splitlines()
+    return []
 
 
 def _tables() -> dict[str, Any]:
@@ -29,7 +39,7 @@ def _tables() -> dict[str, Any]:
 
     return {"scenario": l.ScenarioFile, "number": l.Number, "plot": l.Plot, "limit": l.LimitLine,
             "paper": l.PaperRow, "dispersion": l.Dispersion, "axis": l.Cell,
-            "design": l.Design}  # fmt: skip
+            "design": l.Design, "stop_when": l.StopWhen}  # fmt: skip
 
 
 def keys(what: str | None) -> list[dict[str, str]]:

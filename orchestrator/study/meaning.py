@@ -7,12 +7,15 @@ import inspect
 from collections.abc import Iterator
 from typing import Any
 
+from ..analyses import analyses
 from ..files.scenario import Scenario
 from ..system.errors import DesatError, nearest
 from ..system.interface import Signal, base_name
 from ..system.model import System
 from ..system.parameters import expand
-from .measures import MEASURES, OWN_UNIT, SIZES, scale
+from . import derived, stopping
+from .measures import MEASURES, OWN_UNIT, SIZES
+from .numbers import scale
 
 Path = tuple[str, ...]
 
@@ -27,7 +30,8 @@ def options_of(measure: str) -> tuple[list[str], dict[str, Any]]:
 
 def words(scenario: Scenario) -> list[str]:
     """Measures, options and derived quantities that there are not; no system is needed."""
-    return [f"{scenario.where(path)}: {text}" for path, text in _words(scenario.data)]
+    found = [*_words(scenario.data), *_rows(scenario.data, scenario.cell)]
+    return [f"{scenario.where(path)}: {text}" for path, text in found]
 
 
 def _words(data: dict[str, Any]) -> Iterator[tuple[Path, str]]:
@@ -44,7 +48,9 @@ def _words(data: dict[str, Any]) -> Iterator[tuple[Path, str]]:
             continue
         series, options = options_of(measure)
         signals = number["signal"]
-        count = 1 if isinstance(signals, str) else len(signals)
+        count = 1 if isinstance(signals, str) or "derive" in number else len(signals)
+        if "element" in number and len(series) > 1:
+            yield (*path, "element"), f"{measure} takes {len(series)} series; only with one"
         if count != len(series):
             yield (*path, "signal"), f"{count} given; {measure} takes {len(series)}"
         for option in number.get("options", {}):
@@ -59,16 +65,73 @@ def _words(data: dict[str, Any]) -> Iterator[tuple[Path, str]]:
         for option, default in () if unknown else options.items():
             if default is inspect.Parameter.empty and option not in number.get("options", {}):
                 yield (*path, "options"), f"{measure} needs {option}"
-    from .plots import DERIVED  # matplotlib
+    for table in ("numbers", "plots"):
+        for name, entry in data.get(table, {}).items():
+            yield from (((table, name, key), text) for key, text in _derived(entry))
 
-    for name, plot in data.get("plots", {}).items():
-        if "derive" in plot and plot["derive"] not in DERIVED:
-            yield (
-                ("plots", name, "derive"),
-                f"no {plot['derive']}{nearest(plot['derive'], DERIVED)}",
-            )
-        if "sequence" in plot and plot.get("derive") != "euler":
-            yield ("plots", name, "sequence"), 'only with derive = "euler"'
+
+def _rows(data: dict[str, Any], cell: dict[str, str]) -> Iterator[tuple[Path, str]]:
+    """Rows of a paper's table, as far as they are of this cell, whose number nobody computes."""
+    numbers = data.get("numbers", {})
+    for row, name in numbers_of_rows(data, cell).items():
+        entry = data["paper"][row]
+        named = [("number" if "number" in entry else "quantity", name)]
+        named += [("tolerance", other) for other in _bands_of(entry.get("tolerance"))]
+        for key, number in named:
+            if number in numbers:
+                continue
+            known = {*numbers, *(n for a in analyses() for n in a.NUMBERS)}
+            if number not in known:
+                yield ("paper", row, key), f"no number {number}{nearest(number, known)}"
+
+
+def _bands_of(tolerance: Any) -> Iterator[str]:
+    """The other numbers that bands are given by."""
+    if isinstance(tolerance, dict) and isinstance(tolerance.get("of"), str):
+        yield tolerance["of"]
+    elif isinstance(tolerance, (dict, list)):
+        for each in tolerance.values() if isinstance(tolerance, dict) else tolerance:
+            yield from _bands_of(each)
+
+
+def numbers_of_rows(data: dict[str, Any], cell: dict[str, str]) -> dict[str, str]:
+    """Row -> number, of the rows of a paper's tables that have a value, or none at all, for the
+    method of a cell."""
+    method = cell.get("method", "")
+    found = {}
+    for row, entry in data.get("paper", {}).items():
+        values = entry.get("values")
+        if method in entry.get("only", [method]) and (
+            not isinstance(values, dict) or method in values
+        ):
+            found[row] = entry.get("number", entry["quantity"])
+    return found
+
+
+def _analysed(scenario: Scenario, system: System) -> Iterator[tuple[Path, str]]:
+    """Rows whose number is of an analysis that does not apply to the system."""
+    for row, name in numbers_of_rows(scenario.data, scenario.cell).items():
+        of = [a for a in analyses() if name in a.NUMBERS]
+        if name not in scenario.data.get("numbers", {}) and not any(a.applies(system) for a in of):
+            yield ("paper", row), f"no number {name} of this system"
+
+
+def _derived(entry: dict[str, Any]) -> Iterator[tuple[str, str]]:
+    """What is wrong with what a number or plot derives: key and text."""
+    try:
+        found = derived.of_entry(entry)
+    except DesatError as error:
+        yield "derive", str(error)
+        return
+    if "sequence" in entry and entry.get("derive") != "euler":
+        yield "sequence", 'only with derive = "euler"'
+    if found is None:
+        return
+    count = len(found[0].names)
+    if len(entry.get("components", ())) > count:
+        yield "components", f"{len(entry['components'])} names for {count} elements"
+    if entry.get("element", 0) > count:
+        yield "element", f"got {entry['element']}; {entry['derive']} has {count}"
 
 
 def _unfit(option: str, annotation: str, value: Any) -> str:
@@ -86,7 +149,12 @@ def _unfit(option: str, annotation: str, value: Any) -> str:
 
 def names(scenario: Scenario, system: System) -> list[str]:
     """Series, units, limits and dispersions that do not fit the system, interfaces loaded."""
-    found = (*_series(scenario.data, system), *_dispersions(scenario.data, system))
+    found = [*_series(scenario.data, system), *_dispersions(scenario.data, system)]
+    found += _analysed(scenario, system)
+    if all(c.interface for c in system.components.values()):
+        for line in stopping.problems(system):
+            path, _, text = line.partition(": ")
+            found.append((tuple(path.split(".")), text))
     return [f"{scenario.where(path)}: {text}" for path, text in found]
 
 
@@ -106,11 +174,12 @@ def _elements(system: System, name: str, causalities: tuple[str, ...]) -> list[S
     return elements
 
 
-def _unit(elements: list[Signal], unit: str | None) -> str:
-    if not elements or unit is None:
+def _unit(own: str, unit: str | None) -> str:
+    """What is wrong with a unit in place of another; nothing where none is given."""
+    if unit is None:
         return ""
     try:
-        scale(elements[0].unit_name, unit)
+        scale(own, unit)
     except DesatError as error:
         return str(error)
     return ""
@@ -125,15 +194,10 @@ def _series(data: dict[str, Any], system: System) -> Iterator[tuple[Path, str]]:
             for problem in found:
                 if isinstance(problem, str):
                     yield (table, name, key), problem
-            own = entry.get("measure") in OWN_UNIT or "derive" in entry or "percent_of" in entry
-            for elements in found[:1] if table == "numbers" else found:
-                if isinstance(elements, list) and not own:
-                    if text := _unit(elements, entry.get("unit")):
-                        yield (table, name, "unit"), text
-                    names = entry.get("components", [])
-                    if elements and len(names) > len(elements):
-                        text = f"{len(names)} names for {len(elements)} elements"
-                        yield (table, name, "components"), text
+            known = [e for e in found if isinstance(e, list) and e]
+            first = table == "numbers" or "derive" in entry
+            for what, text in _entry(entry, known[:1] if first else known):
+                yield (table, name, what), text
     for name, plot in data.get("plots", {}).items():
         for limit in plot.get("limits", []):
             value = limit["value"] if isinstance(limit, dict) else limit
@@ -143,6 +207,22 @@ def _series(data: dict[str, Any], system: System) -> Iterator[tuple[Path, str]]:
                     problem = _elements(system, parameter, ("parameter", "input"))
                     if isinstance(problem, str):
                         yield ("plots", name, "limits"), problem
+
+
+def _entry(entry: dict[str, Any], signals: list[list[Signal]]) -> Iterator[tuple[str, str]]:
+    """What of a number or plot does not fit the elements of its signals: key and text."""
+    quantity = derived.of_entry(entry)
+    own = entry.get("measure") in OWN_UNIT or "percent_of" in entry
+    for elements in signals:
+        unit = (quantity[0].unit if quantity else "") or elements[0].unit_name
+        if not own and (text := _unit(unit, entry.get("unit"))):
+            yield "unit", text
+        if quantity:
+            continue
+        if len(entry.get("components", [])) > len(elements):
+            yield "components", f"{len(entry['components'])} names for {len(elements)} elements"
+        if entry.get("element", 0) > len(elements):
+            yield "element", f"got {entry['element']}; the signal has {len(elements)}"
 
 
 def _is_number(text: str) -> bool:

@@ -1,44 +1,23 @@
-"""Numbers from series: the measures that a scenario's `[numbers.NAME]` may name.
-
-    [numbers.wheels]
-    title = "Mean wheel from 2 h on"
-    signal = "wheels.h_wheel"        # or several, where the measure takes several
-    measure = "mean_size"
-    options = {}                     # the measure's own
-    window = [7200.0, 86400.0]       # only rows of this time (s), ends included; default: all
-    percent_of = "wheels.inertia_wheel * wheels.speed_limit"   # in per cent of this: a product
-                                     # of parameters, or a number in the measure's own unit
-    unit = "%"                       # else: converted from the measure's unit
+"""The measures that a scenario's `[numbers.NAME]` may name: how series become a number.
 
 A measure takes times (rows,), values (rows, elements) and its options, and gives one number: in
-the unit of the values, or in the one that is declared with it. An option may be a product of
-parameters, too (`system/expression.py`).
+the unit of the values, or in the one that is declared with it.
 """
 
 from __future__ import annotations
 
-import inspect
-import math
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from desat.components.contract.units import Unit
+from desat.components.contract.units import Unit, times, unit_of
 
-from ..system.errors import DesatError, nearest
-from ..system.expression import Table, factor, product, unit_of
-from ..system.expression import times as times_unit
-
-if TYPE_CHECKING:
-    from ..engine.results import Results
+from .derived import error_vector, pointing
 
 Array = NDArray[np.float64]
 Measure = Callable[..., float]
 MEASURES: dict[str, Measure] = {}
-OPEN_END = 1e9
-"""A window that ends here or later (s) ends with the run."""
 OWN_UNIT: dict[str, Callable[[Unit], Unit]] = {}
 """Measures that give another unit than that of their values: which, from the values' unit."""
 
@@ -70,7 +49,7 @@ def in_unit(unit: str | Callable[[Unit], Unit]) -> Callable[[Measure], Measure]:
 
 def per_second(unit: Unit) -> Unit:
     """The unit of a rate of change."""
-    return times_unit(unit, unit_of("s"), -1)
+    return times(unit, unit_of("s"), -1)
 
 
 @measure
@@ -273,150 +252,3 @@ def _settled(times: Array, good: NDArray[np.bool_]) -> float:
     if not len(bad):
         return float(times[0])
     return float(times[min(bad[-1] + 1, len(times) - 1)])
-
-
-def rotate_back(q: Array, v: Array) -> Array:
-    """C(q)' v, row by row: from body to eci."""
-    vector, scalar = q[:, :3], q[:, 3:]
-    t = 2.0 * np.cross(vector, v)
-    return np.asarray(v + scalar * t + np.cross(vector, t))
-
-
-def error_vector(q: Array, q_ref: Array) -> Array:
-    """The rotation vectors from the reference to the attitude, body axes (deg)."""
-    x, y, z, w = q.T
-    a, b, c, d = q_ref.T
-    vector = np.array([
-        x * d - w * a - z * b + y * c,
-        y * d + z * a - w * b - x * c,
-        z * d - y * a + x * b - w * c,
-    ]).T  # fmt: skip
-    scalar = (q * q_ref).sum(axis=1)
-    sign = np.where(scalar < 0.0, -1.0, 1.0)[:, None]
-    half_sine = np.linalg.norm(vector, axis=1, keepdims=True)
-    angle = 2.0 * np.arctan2(half_sine, np.abs(scalar)[:, None])
-    direction = vector / np.where(half_sine > 0.0, half_sine, 1.0)
-    return np.asarray(np.degrees(sign * angle * direction))
-
-
-def pointing(q: Array, q_ref: Array) -> Array:
-    """The angle between attitudes (deg), row by row; exact for small ones."""
-    sign = np.where((q * q_ref).sum(axis=1, keepdims=True) < 0.0, -1.0, 1.0)
-    half_chord = np.linalg.norm(q - sign * q_ref, axis=1) / 2.0
-    return np.asarray(np.degrees(4.0 * np.arcsin(np.clip(half_chord, 0.0, 1.0))))
-
-
-def evaluate(number: dict[str, Any], results: Results, parameters: Table) -> float | None:
-    """The number that a scenario describes: `signal`, `measure` and the measure's options.
-
-    None where the run does not reach it: no row in its window, or nothing there to measure.
-    Raises DesatError for an unknown measure or series, a unit that does not fit, and a product of
-    parameters that has no value.
-    """
-    name = _measure(number)
-    names = signals_of(number)
-    series = [results.values(s) for s in names]
-    columns = [(s if s.ndim > 1 else s[:, None]).astype(float) for s in series]
-    rows = min(len(c) for c in columns)
-    times = results.times()[:rows]
-    if "window" in number:
-        begin, end = number["window"]
-        kept = (times >= begin - 1e-6) & (times <= end + 1e-6)
-        times, columns = times[kept], [c[:rows][kept] for c in columns]
-        rows = len(times)
-    units = [unit_of(results.attribute(s, "unit")) for s in names]
-    conversion, options = (
-        _conversion(number, units, parameters),
-        _options(number, units, parameters),
-    )
-    if rows == 0:
-        return None
-    with np.errstate(over="ignore"):  # a run that diverges has infinite numbers
-        value = MEASURES[name](times, *(c[:rows] for c in columns), **options)
-    return None if math.isnan(value) else conversion(value)
-
-
-def signals_of(number: dict[str, Any]) -> list[str]:
-    """The series that a number is made of."""
-    signals = number.get("signal", [])
-    return [signals] if isinstance(signals, str) else list(signals)
-
-
-def _measure(number: dict[str, Any]) -> str:
-    name: str = number.get("measure", "last")
-    if name not in MEASURES:
-        raise DesatError(f"no measure {name}{nearest(name, MEASURES)}")
-    return name
-
-
-def _conversion(
-    number: dict[str, Any], units: list[Unit], parameters: Table
-) -> Callable[[float], float]:  # fmt: skip
-    """From the measure's unit to the number's. Raises DesatError where they do not fit."""
-    name = _measure(number)
-    source = OWN_UNIT[name](units[0]) if name in OWN_UNIT else units[0]
-    unit = number.get("unit")
-    if "percent_of" in number:
-        if unit != "%":
-            raise DesatError(f"unit {unit}: a number with percent_of is in %")
-        whole = number["percent_of"]
-        if isinstance(whole, str):
-            text, (whole, own) = whole, product(whole, parameters)
-            if own.dimension != source.dimension:
-                raise DesatError(f'percent_of = "{text}": its unit is not that of {name}')
-            whole *= own.factor / source.factor
-        if whole == 0.0:
-            raise DesatError(f"percent_of = {number['percent_of']} is 0")
-        return lambda value: 100.0 * value / float(whole)
-    if unit is None or (name not in OWN_UNIT and unit_of(unit) == source):
-        return lambda value: value
-    scaled = factor(source, unit, f"of {name}")
-    return lambda value: value * scaled
-
-
-def _options(number: dict[str, Any], units: list[Unit], parameters: Table) -> dict[str, Any]:
-    """The measure's options; a product of parameters has the unit of one of its series."""
-    options = dict(number.get("options", {}))
-    accepted = inspect.signature(MEASURES[_measure(number)]).parameters
-    for key, value in options.items():
-        if key not in accepted:
-            raise DesatError(f"no option {key}{nearest(key, accepted)}")
-        if isinstance(value, str) and accepted[key].annotation == "float":
-            options[key], unit = product(value, parameters)
-            if all(unit.dimension != u.dimension for u in units):
-                raise DesatError(f'{key} = "{value}": its unit is that of no signal')
-    return options
-
-
-def problems(about: dict[str, Any], units: dict[str, str], parameters: Table) -> list[str]:
-    """What is wrong with a system's numbers before it runs; `units`: of every series there is."""
-    wrong = []
-    for name, number in about.get("numbers", {}).items():
-        try:
-            if missing := [s for s in signals_of(number) if s not in units]:
-                raise DesatError(f"signal {missing[0]}: no such series{nearest(missing[0], units)}")
-            if "reference" not in number:
-                known = [unit_of(units[s]) for s in signals_of(number)]
-                _conversion(number, known, parameters)
-                _options(number, known, parameters)
-        except DesatError as error:
-            wrong.append(f"numbers.{name}: {error}")
-    return wrong
-
-
-def scale(source: str, target: str) -> float:
-    """The factor from one unit to another. Raises DesatError where they do not fit."""
-    source, target = source or "1", target or "1"
-    return 1.0 if source == target else factor(unit_of(source), target, source)
-
-
-def relative(form: str, value: float | None, reference: float | None) -> float | None:
-    """`saving`: percent less than the reference; `ratio`: value over reference. None where one of
-    them was not reached, or there is no ratio."""
-    if value is None or not reference:
-        return None
-    if form == "saving":
-        return 100.0 * (1.0 - value / reference)
-    if form == "ratio":
-        return value / reference
-    raise DesatError(f"no form {form}; there is ratio, saving")

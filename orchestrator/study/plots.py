@@ -13,9 +13,9 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from ..engine.results import Results
-from ..system.errors import DesatError, nearest
 from ..system.expression import factor, product
-from .measures import error_vector, pointing, rotate_back, scale
+from . import derived
+from .numbers import scale
 
 COLOURS = ("#0b62a4", "#d1495b", "#2e8b57", "#8a5fbf", "#e08e0b", "#444444")
 POINTS = 3000
@@ -85,7 +85,9 @@ def series_plot(
         return None
     fig, ax = figure()
     seconds, time_unit = time_axis(runs[0][1].times())
-    unit = plot.get("unit") or runs[0][1].attribute(signals[0], "unit")
+    found = derived.of_entry(plot)
+    own = found[0].unit if found else ""
+    unit = plot.get("unit") or own or runs[0][1].attribute(signals[0], "unit")
     least = 0.0
     for number, (label, results, _) in enumerate(runs):
         if "derive" in plot:
@@ -129,54 +131,17 @@ def series_plot(
     return svg(fig)
 
 
-def momentum_budget(times: Any, impulse: Any, b_eci: Any, q: Any, dipole: Any) -> Any:
-    """Sizes (rows, 3) of what disturbances, coils and both have given a craft since the start, as
-    vectors in eci (N m s): the external impulse, the field and the attitude at t_k and the mean
-    dipole over each step. The coils' torque is taken at the middle of the step."""
-    n = min(len(dipole), len(b_eci) - 1)
-    b, halfway = (b_eci[:n] + b_eci[1 : n + 1]) / 2.0, q[:n] + q[1 : n + 1]
-    m_eci = rotate_back(halfway / np.linalg.norm(halfway, axis=1, keepdims=True), dipole[:n])
-    steps = np.diff(times[: n + 1])[:, None]
-    coils = np.vstack([np.zeros(3), np.cumsum(np.cross(m_eci, b) * steps, axis=0)])
-    parts = impulse[: n + 1] - coils, coils, impulse[: n + 1]
-    return np.array([np.linalg.norm(p, axis=1) for p in parts]).T
-
-
-def euler(times: Any, q: Any, q_ref: Any, sequence: str = "321") -> Any:
-    """Euler angles (rows, 3; deg) from a reference to an attitude: turns about body axes, first to
-    last as in `sequence`."""
-    from scipy.spatial.transform import Rotation
-
-    turn = Rotation.from_quat(q_ref).inv() * Rotation.from_quat(q)
-    axes = "".join("XYZ"[int(axis) - 1] for axis in sequence)
-    return turn.as_euler(axes, degrees=True)
-
-
-DERIVED: dict[str, Any] = {
-    "pointing": lambda times, q, q_ref: pointing(q, q_ref),
-    "error_vector": lambda times, q, q_ref: error_vector(q, q_ref),
-    "momentum_budget": momentum_budget,
-    "euler": euler,
-}
-"""What a plot may derive from several series: functions of times and values, whose rows are one
-line, or several named by the plot's `components`. In degrees, or the first signal's unit."""
-
-
 def _derived(plot: dict[str, Any], results: Results, unit: str) -> list[tuple[str, Any, Any, bool]]:
     """The lines that a plot derives from its signals."""
-    name = plot["derive"]
-    if name not in DERIVED:
-        raise DesatError(f"plot: no derive {name}{nearest(name, DERIVED)}")
+    found = derived.of_entry(plot)
+    assert found is not None
+    quantity, options = found
     series = [results.values(s) for s in plot["signals"]]
-    rows = min(map(len, series))
-    options = {"sequence": plot["sequence"]} if "sequence" in plot else {}
-    values = DERIVED[name](results.times()[:rows], *(s[:rows] for s in series), **options)
+    values = quantity.rows(results.times(), series, options)
+    values = values * scale(quantity.unit or results.attribute(plot["signals"][0], "unit"), unit)
     times = results.times()[: len(values)]
-    if values.ndim == 1:
-        return [("", times, values, False)]
-    if name == "momentum_budget":
-        values = values * scale(results.attribute(plot["signals"][0], "unit"), unit)
-    return [(n, times, values[:, i], False) for i, n in enumerate(plot["components"])]
+    names = plot.get("components", quantity.names)
+    return [(n, times, values[:, i], False) for i, n in enumerate(names)]
 
 
 def _lines(

@@ -57,7 +57,8 @@ def code(scenario: Scenario) -> str:
     names = sorted({Path(c.source).stem for c in system.components.values()})
     files = {p for name in names for p in sources(name)}
     here = Path(__file__).parent
-    files |= {*(here.parent / "engine").glob("*.py"), here / "draws.py", here / "measures.py"}
+    files |= {*(here.parent / "engine").glob("*.py")}
+    files |= {here / f"{n}.py" for n in ("draws", "numbers", "measures", "derived")}
     if scenario.design is not None:
         files.add(scenario.design)
     made = hashlib.sha256()

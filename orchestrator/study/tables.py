@@ -16,7 +16,8 @@ from ..files.scenario import Scenario, scenarios
 from ..system.errors import DesatError
 from .case import PACKAGES, Options, execute
 from .draws import pool_of
-from .measures import relative
+from .meaning import numbers_of_rows, words
+from .numbers import relative
 from .plots import pretty_unit
 from .report import number, render, write_page
 
@@ -56,6 +57,8 @@ def rows(
     `drawn`: the draws of the scenarios that have some (`stored.read` or `stored.compute`).
     """
     cells = {n: s for n, s in scenarios(family).items() if s.data.get("paper")}
+    if wrong := [line for s in cells.values() for line in words(s)]:
+        raise DesatError("\n".join(dict.fromkeys(wrong)))
     if not cells:
         raise DesatError(f"{family}: no scenario has paper values")
     summaries = {n: d["summary"] for n, d in (drawn or {}).get("scenarios", {}).items()}
@@ -96,16 +99,13 @@ def _rows_of(
     found = []
     method, case = (scenario.cell.get(axis, "") for axis in ("method", "case"))
     labels = scenario.data["labels"]
-    for entry in scenario.data["paper"].values():
-        if method not in entry.get("only", [method]):
-            continue
+    for row, name in numbers_of_rows(scenario.data, scenario.cell).items():
+        entry = scenario.data["paper"][row]
         paper = _cell(entry, "values", method, case)
-        name = entry.get("number", entry["quantity"])
-        if name not in scenario.data["numbers"] | values or ("values" in entry and paper is None):
-            continue
         ours = _value(scenario, name, values, everything)
         if ours is None:
-            raise DesatError(f"{scenario.name}: {name} is not reached, and a table has it")
+            where = scenario.where(("paper", row))
+            raise DesatError(f"{where}: {scenario.name} does not reach {name}, and a table has it")
         band = _band(_cell(entry, "tolerance", method, case), paper, values)
         drawn, within = None, None if band is None else band[0] <= ours <= band[1]
         if name in summary:

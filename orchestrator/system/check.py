@@ -7,9 +7,10 @@ from collections import defaultdict
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 
-from desat.components.contract.units import UNITS, conversion
+from desat.components.contract.units import conversion
 
 from .errors import DesatError, nearest
+from .expression import known_unit
 from .interface import Interface, Signal, base_name
 from .model import Component, Connection, System
 from .parameters import expand, in_unit_of, resolve, value_of
@@ -74,7 +75,7 @@ def _connectors(system: System, c: Component, interface: Interface) -> Iterator[
         if connector.type and connector.type != signal.kind:
             yield f"{where}: listed as {connector.type}, but it is {signal.kind}"
         if connector.unit and connector.unit != signal.unit_name and signal.unit is not None:
-            listed = UNITS.get(connector.unit)
+            listed = known_unit(connector.unit)
             if listed is None or conversion(listed, signal.unit) != (1.0, 0.0):
                 yield f"{where}: listed in {connector.unit}, but it is in {signal.unit_name or 1}"
 

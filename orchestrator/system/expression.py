@@ -13,7 +13,8 @@ from __future__ import annotations
 import re
 from typing import Any
 
-from desat.components.contract.units import UNITS, Unit, conversion
+from desat.components.contract import units
+from desat.components.contract.units import Unit, conversion, times
 
 from .errors import DesatError, nearest
 
@@ -23,17 +24,25 @@ Table = dict[str, dict[str, dict[str, Any]]]
 _TOKEN = re.compile(r"\s*(?:([*/])|([^\s*/]+))")
 _NAME = re.compile(r"(\w+)\.(\w+)(?:\[(\d+)\])?\Z")
 FORM = "a Real is needed, or a product of numbers and component.parameter"
-PEOPLE = {"%": Unit(factor=0.01), "min": Unit(s=1, factor=60.0), "h": Unit(s=1, factor=3600.0),
-          "W.h": Unit(kg=1, m=2, s=-2, factor=3600.0)}  # fmt: skip
-"""Units that only people read, beside those that may cross a boundary."""
 
 
-def unit_of(name: str) -> Unit:
-    """A unit by its name. Raises DesatError for one that is not known."""
-    known = UNITS | PEOPLE
-    if (name or "1") not in known:
-        raise DesatError(f"unit {name} is not known{nearest(name, known)}")
-    return known[name or "1"]
+def unit_of(text: str) -> Unit:
+    """A unit by its expression. Raises DesatError for one that is none."""
+    try:
+        return units.unit_of(text)
+    except ValueError as error:
+        name = str(error).partition(" is no unit")[0]
+        why = "" if name == text else f" ({error})"
+        hint = nearest(name, units.NAMES) if name.isalpha() else ""
+        raise DesatError(f"unit {text} is not known{why}{hint}") from error
+
+
+def known_unit(text: str) -> Unit | None:
+    """A unit by its expression; None for one that is none, as other tools' FMUs may have it."""
+    try:
+        return units.unit_of(text)
+    except ValueError:
+        return None
 
 
 def factor(source: Unit, target: str, what: str) -> float:
@@ -45,14 +54,6 @@ def factor(source: Unit, target: str, what: str) -> float:
     if converted is None:
         raise DesatError(f"unit {what} does not fit {target or '1'}")
     return converted[0]
-
-
-def times(a: Unit, b: Unit, power: int = 1) -> Unit:
-    """The unit a b, or with `power` -1 a / b."""
-    return Unit(
-        a.kg + power * b.kg, a.m + power * b.m, a.s + power * b.s, a.A + power * b.A,
-        a.K + power * b.K, a.rad + power * b.rad, a.factor * b.factor**power,
-    )  # fmt: skip
 
 
 def is_name(text: str) -> bool:

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from desat.components.contract.block import Block, Scalar
-from desat.components.contract.units import UNITS, Unit
+from desat.components.contract.units import Unit, unit_of
 from desat.fmus.description import describe, title
 
 Kind = Literal["Real", "Integer", "Boolean"]
@@ -78,7 +78,7 @@ def of_block(name: str, block: type[Block]) -> Interface:
                 kind=v.type,
                 reference=len(signals),
                 unit_name=v.unit if real else "",
-                unit=UNITS[v.unit] if real else None,
+                unit=unit_of(v.unit) if real else None,
                 start=None if v.causality == "output" else start,
                 minimum=v.minimum,
                 maximum=v.maximum,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 from rich.table import Table
@@ -19,11 +19,14 @@ from ..common import (
     Step,
     Stop,
     Target,
+    TimeLimit,
     app,
+    complete_name,
     err,
     options_of,
     out,
     print_json,
+    warn,
 )
 
 
@@ -32,39 +35,86 @@ def draws(
     target: Target,
     count: Annotated[int, typer.Option("-n", "--count", help="Number of draws.", min=1)] = 20,
     seed: Annotated[int, typer.Option(help="Seed of the draws.", min=0)] = 1,
+    against: Annotated[
+        str | None,
+        typer.Option(metavar="OTHER", autocompletion=complete_name,
+                     help="Run OTHER in the same draws, and print the paired differences; --set, "
+                     "--source and --design are of NAME alone."),
+    ] = None,
     sets: Sets = None,
     stop: Stop = None,
     step: Step = None,
     algorithm: Alg = Semantics.conserving,
     blocks: Blocks = False,
     design: DesignOption = None,
+    time_limit: TimeLimit = None,
     jobs: Jobs = CPUS,
     as_json: Json = False,
-) -> None:
+) -> None:  # fmt: skip
     """Run seeded draws of a scenario's dispersions."""
-    from ...study import draws as draws_module
-    from ...study.plots import pretty_unit
-    from ...study.report import number
+    from ...study import draws as study
 
-    options = options_of(sets, stop, step, algorithm, blocks, design=design)
-    result = draws_module.draws(target, count, seed, options, jobs, progress=not as_json)
-    for warning in result["warnings"]:
-        err.print(f"warning: {warning}", highlight=False, markup=False)
-    failed = [r for r in result["draws"] if r["status"] != "completed"]
+    options = options_of(sets, stop, step, algorithm, blocks, design=design,
+                         time_limit=time_limit)  # fmt: skip
+    if against is None:
+        result = study.draws(target, count, seed, options, jobs, progress=not as_json)
+        results = [result]
+    else:
+        from ...study.paired import paired
+
+        result = paired(target, against, count, seed, options, jobs, progress=not as_json)
+        results = result["draws"]
+    for each in results:
+        warn(each["warnings"])
     if as_json:
         print_json(result)
+    elif against is None:
+        _print_draws(result)
     else:
-        names = list(result["summary"])
-        table = Table("draw", *names, box=None, header_style="bold", pad_edge=False)
-        for row in result["draws"]:
-            cells = [number(row["numbers"].get(n)) for n in names]
-            table.add_row(str(row["draw"]), *cells)
-        for key in ("median", "min", "max"):
-            cells = [number(result["summary"][n][key]) for n in names]
-            table.add_row(key, *cells, style="bold")
-        table.add_row("unit", *(pretty_unit(result["summary"][n]["unit"]) for n in names))
-        out.print(table)
+        _print_differences(result)
+    failed = [r for each in results for r in each["draws"] if r["status"] != "completed"]
     for row in failed:
         err.print(f"draw {row['draw']}: {row['status']}: {row['message']}", markup=False)
     if failed:
         raise typer.Exit(max(row["code"] for row in failed))
+
+
+def _print_draws(result: dict[str, Any]) -> None:
+    from ...study.plots import pretty_unit
+    from ...study.report import number
+
+    names = list(result["summary"])
+    table = Table("draw", *names, box=None, header_style="bold", pad_edge=False)
+    for row in result["draws"]:
+        table.add_row(str(row["draw"]), *(number(row["numbers"].get(n)) for n in names))
+    for key in ("median", "min", "max"):
+        cells = [number(result["summary"][n][key]) for n in names]
+        table.add_row(key, *cells, style="bold")
+    table.add_row("unit", *(pretty_unit(result["summary"][n]["unit"]) for n in names))
+    out.print(table)
+    conditions = {r["stopped_when"]["condition"] for r in result["draws"] if r["stopped_when"]}
+    if conditions:
+        share = f"{result['stopped']} of {len(result['draws'])}"
+        out.print(f"ended early: {share} ({', '.join(conditions)})", highlight=False, markup=False)
+
+
+def _print_differences(result: dict[str, Any]) -> None:
+    from ...study.plots import pretty_unit
+    from ...study.report import number
+
+    table = Table("number", box=None, header_style="bold", pad_edge=False)
+    columns = ("median", "min", "max", "lower", "higher", "equal")
+    for column in columns:
+        table.add_column(column, justify="right")
+    table.add_column("unit")
+    for name, entry in result["differences"].items():
+        cells = [number(entry[column]) for column in columns]
+        table.add_row(name, *cells, pretty_unit(entry["unit"]))
+    out.print(f"{result['scenario']} less {result['against']}, draw by draw:", highlight=False,
+              markup=False)  # fmt: skip
+    out.print(table)
+    for key in ("drawn_only_in_it", "drawn_only_in_the_other"):
+        if result[key]:
+            where = result["scenario" if key == "drawn_only_in_it" else "against"]
+            err.print(f"note: drawn in {where} alone: {', '.join(result[key])}", highlight=False,
+                      markup=False)  # fmt: skip

@@ -22,6 +22,7 @@ from ..common import (
     Step,
     Stop,
     Target,
+    TimeLimit,
     app,
     err,
     name_of,
@@ -57,6 +58,7 @@ def run(
         bool, typer.Option(help="Also run the scenario's twin, and show it beside.")
     ] = True,
     classes: Classes = None,
+    time_limit: TimeLimit = None,
     as_json: Json = False,
 ) -> None:
     """Run a scenario and write a run folder: series, manifest, report."""
@@ -66,6 +68,7 @@ def run(
     options = options_of(
         sets, stop, step, algorithm, blocks, classes, sources, record=tuple(record or ("*",)),
         every=every, design=design,
+        time_limit=time_limit,
     )  # fmt: skip
     target_folder = _run_folder(target, folder)
     _, checked = prepare(target, options)
@@ -124,6 +127,8 @@ def _report_run(finished: Run, other: Run | None, folder: Path, page: Path, as_j
         return
     if manifest["status"] != "completed":
         err.print(f"{manifest['status']}: {manifest['message']}", highlight=False, markup=False)
+    if stopped := manifest.get("stopped_when"):
+        out.print(f"ended at {stopped['time']:g} s: {stopped['condition']}", highlight=False)
     table = Table(box=None, pad_edge=False, show_header=other is not None, header_style="bold")
     for column in ["", "this run", "twin", ""] if other else ["", "this run", ""]:
         table.add_column(column, justify="right" if "run" in column or column == "twin" else "left")

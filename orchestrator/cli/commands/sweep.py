@@ -1,0 +1,98 @@
+"""`desat sweep NAME component.parameter=a,b,c`."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any
+
+import typer
+from rich.table import Table
+
+from ..common import (
+    CPUS,
+    Alg,
+    Blocks,
+    Jobs,
+    Json,
+    Semantics,
+    Sets,
+    Step,
+    Stop,
+    Target,
+    TimeLimit,
+    app,
+    err,
+    options_of,
+    out,
+    print_json,
+    warn,
+)
+
+
+@app.command()
+def sweep(
+    target: Target,
+    axes: Annotated[
+        list[str],
+        typer.Argument(metavar="COMP.VAR=A,B,C...", show_default=False,
+                       help="A parameter and its values (arrays with ; between them); several "
+                       "give every combination."),
+    ],
+    draws: Annotated[
+        int, typer.Option(help="Medians of so many seeded draws (0: none).", min=0)
+    ] = 0,
+    seed: Annotated[int, typer.Option(help="Seed of the draws.", min=0)] = 1,
+    sets: Sets = None,
+    stop: Stop = None,
+    step: Step = None,
+    algorithm: Alg = Semantics.conserving,
+    blocks: Blocks = False,
+    time_limit: TimeLimit = None,
+    jobs: Jobs = CPUS,
+    as_json: Json = False,
+) -> None:  # fmt: skip
+    """Run a system at several values of parameters, and print its numbers by value."""
+    from ...study import sweep as study
+
+    options = options_of(sets, stop, step, algorithm, blocks, time_limit=time_limit)
+    result = study.sweep(target, study.axes_of(axes), options, jobs, not as_json, draws=draws,
+                         seed=seed)  # fmt: skip
+    warn(result["warnings"])
+    if as_json:
+        print_json(result)
+    else:
+        _print(result)
+    failed = [p for p in result["points"] if p["status"] != "completed"]
+    for point in failed:
+        at = ", ".join(f"{name} = {value}" for name, value in point["values"].items())
+        err.print(f"{at}: {point['status']}: {point['message']}", highlight=False, markup=False)
+    if failed:
+        raise typer.Exit(max(point["code"] for point in failed))
+
+
+def _print(result: dict[str, Any]) -> None:
+    from ...study.plots import pretty_unit
+    from ...study.report import number
+
+    points, units = result["points"], result["units"]
+    rows = [[*result["axes"], *units]]
+    rows += [
+        [*map(_shown, p["values"].values()), *(number(p["numbers"].get(n)) for n in units)]
+        for p in points
+    ]  # fmt: skip
+    rows.append([*("" for _ in result["axes"]), *map(pretty_unit, units.values())])
+    if len(units) > len(points):  # the longer side goes down the page
+        rows = [list(row) for row in zip(*rows, strict=True)]
+    table = Table(box=None, pad_edge=False, show_header=False)
+    for i, _ in enumerate(rows[0]):
+        table.add_column(justify="right" if i else "left")
+    for row in rows:
+        table.add_row(*row)
+    out.print(table)
+    if result["draws"]:
+        out.print(f"medians of {result['draws']} draws", highlight=False)
+
+
+def _shown(value: Any) -> str:
+    if isinstance(value, list):
+        return ", ".join(_shown(x) for x in value)
+    return f"{value:g}" if isinstance(value, float) else str(value)

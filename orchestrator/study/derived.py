@@ -1,0 +1,134 @@
+"""Quantities that numbers and plots derive from several series, before they are measured or drawn.
+
+    derive = "euler"        # of a number or a plot whose signals are attitude and reference
+    sequence = "321"
+
+Each is a function of its series (rows, elements), and of `times` (rows,) where it asks for them.
+"""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..system.errors import DesatError, nearest
+
+Array = NDArray[np.float64]
+Derive = Callable[..., Array]
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """A derived quantity: its function, the names of its elements, and its unit (empty: that of its
+    first series)."""
+
+    function: Callable[..., Array]
+    names: tuple[str, ...]
+    unit: str
+
+    @property
+    def series(self) -> list[str]:
+        """The series that it takes."""
+        given = inspect.signature(self.function).parameters.values()
+        return [p.name for p in given if p.default is p.empty and p.name != "times"]
+
+    def rows(self, times: Array, series: Sequence[Array], options: dict[str, Any]) -> Array:
+        """Its rows (rows, elements); series of other lengths end with the shortest."""
+        count = min(map(len, series))
+        given = [s[:count] for s in series]
+        if "times" in inspect.signature(self.function).parameters:
+            given.insert(0, times[:count])
+        values = self.function(*given, **options)
+        return values if values.ndim > 1 else values[:, None]
+
+
+QUANTITIES: dict[str, Quantity] = {}
+
+
+def quantity(*names: str, unit: str) -> Callable[[Derive], Derive]:
+    """Make a function known by its name: its elements, and its unit."""
+
+    def known(function: Derive) -> Derive:
+        QUANTITIES[function.__name__] = Quantity(function, names, unit)
+        return function
+
+    return known
+
+
+def of_entry(entry: dict[str, Any]) -> tuple[Quantity, dict[str, Any]] | None:
+    """What a number or plot derives, and its options; None where it derives nothing. Raises
+    DesatError for what there is not, and where it takes other series."""
+    if "derive" not in entry:
+        return None
+    name = entry["derive"]
+    if name not in QUANTITIES:
+        raise DesatError(f"no {name}{nearest(name, QUANTITIES)}")
+    found = QUANTITIES[name]
+    signals = entry.get("signals") or entry.get("signal", [])
+    count = 1 if isinstance(signals, str) else len(signals)
+    if count != len(found.series):
+        raise DesatError(f"{name} takes {len(found.series)} signals, {', '.join(found.series)}")
+    return found, {"sequence": entry["sequence"]} if "sequence" in entry else {}
+
+
+def rotate_back(q: Array, v: Array) -> Array:
+    """C(q)' v, row by row: from body to eci."""
+    vector, scalar = q[:, :3], q[:, 3:]
+    t = 2.0 * np.cross(vector, v)
+    return np.asarray(v + scalar * t + np.cross(vector, t))
+
+
+@quantity("x", "y", "z", unit="deg")
+def error_vector(q: Array, q_ref: Array) -> Array:
+    """The rotation vectors from the reference to the attitude, body axes (deg)."""
+    x, y, z, w = q.T
+    a, b, c, d = q_ref.T
+    vector = np.array([
+        x * d - w * a - z * b + y * c,
+        y * d + z * a - w * b - x * c,
+        z * d - y * a + x * b - w * c,
+    ]).T  # fmt: skip
+    scalar = (q * q_ref).sum(axis=1)
+    sign = np.where(scalar < 0.0, -1.0, 1.0)[:, None]
+    half_sine = np.linalg.norm(vector, axis=1, keepdims=True)
+    angle = 2.0 * np.arctan2(half_sine, np.abs(scalar)[:, None])
+    direction = vector / np.where(half_sine > 0.0, half_sine, 1.0)
+    return np.asarray(np.degrees(sign * angle * direction))
+
+
+@quantity("", unit="deg")
+def pointing(q: Array, q_ref: Array) -> Array:
+    """The angle between attitudes (deg), row by row; exact for small ones."""
+    sign = np.where((q * q_ref).sum(axis=1, keepdims=True) < 0.0, -1.0, 1.0)
+    half_chord = np.linalg.norm(q - sign * q_ref, axis=1) / 2.0
+    return np.asarray(np.degrees(4.0 * np.arcsin(np.clip(half_chord, 0.0, 1.0))))
+
+
+@quantity("first", "second", "third", unit="deg")
+def euler(q: Array, q_ref: Array, sequence: str = "321") -> Array:
+    """Euler angles (rows, 3; deg) from a reference to an attitude: turns about body axes, first to
+    last as in `sequence`."""
+    from scipy.spatial.transform import Rotation
+
+    turn = Rotation.from_quat(q_ref).inv() * Rotation.from_quat(q)
+    axes = "".join("XYZ"[int(axis) - 1] for axis in sequence)
+    return np.asarray(turn.as_euler(axes, degrees=True))
+
+
+@quantity("disturbances", "coils", "both", unit="")
+def momentum_budget(times: Array, impulse: Array, b_eci: Array, q: Array, dipole: Array) -> Array:
+    """Sizes (rows, 3) of what disturbances, coils and both have given a craft since the start, as
+    vectors in eci (N m s): the external impulse, the field and the attitude at t_k and the mean
+    dipole over each step. The coils' torque is taken at the middle of the step."""
+    n = min(len(dipole), len(b_eci) - 1)
+    b, halfway = (b_eci[:n] + b_eci[1 : n + 1]) / 2.0, q[:n] + q[1 : n + 1]
+    m_eci = rotate_back(halfway / np.linalg.norm(halfway, axis=1, keepdims=True), dipole[:n])
+    steps = np.diff(times[: n + 1])[:, None]
+    coils = np.vstack([np.zeros(3), np.cumsum(np.cross(m_eci, b) * steps, axis=0)])
+    parts = impulse[: n + 1] - coils, coils, impulse[: n + 1]
+    return np.array([np.linalg.norm(p, axis=1) for p in parts]).T

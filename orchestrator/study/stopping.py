@@ -1,0 +1,168 @@
+"""What ends a run before its stop time: the scenario's `stop_when`, and a limit of wall time.
+
+    [stop_when]
+    signal = "wheels.h_wheel"
+    below = "0.05 * manager.h_limit"   # the size of every element; or `above`: of any of them
+    held = 60.0                        # so long without a break (s); default: at once
+
+    [stop_when]
+    signal = "manager.mode"
+    reaches = "nominal"                # an Integer's value or its name, or true or false
+
+It is looked at after each step. A state output belongs to t_k then, an interval output to the step
+just made, as in the rows of the results; so a run ends where the measure `first_below` is known.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..engine.master import Master
+from ..system.errors import DesatError, nearest
+from ..system.expression import factor, product, unit_of
+from ..system.interface import Signal, base_name
+from ..system.model import System
+from ..system.parameters import table
+
+LATE = "timed out"
+"""What `watch` says, and the manifest's status, where the limit of wall time is over."""
+
+
+@dataclass(frozen=True)
+class Condition:
+    """A `stop_when` of a system: which output, when it is met, and for how long (s)."""
+
+    component: str
+    variable: str
+    met: Callable[[NDArray[Any]], bool]
+    held: float
+    text: str
+
+    def reads(self, component: str, signal: Signal) -> bool:
+        """True for an element of its signal."""
+        return component == self.component and base_name(signal.name) == self.variable
+
+
+def condition(system: System) -> Condition | None:
+    """The condition of a system, interfaces loaded; None where it has none. Raises DesatError,
+    which begins with the key, for what does not fit the system."""
+    given = system.about.get("stop_when")
+    if given is None:
+        return None
+    signal = _signal(system, given["signal"])
+    ((kind, value),) = ((k, given[k]) for k in ("below", "above", "reaches") if k in given)
+    if kind == "reaches":
+        met, shown = _reaches(signal, value), str(value)
+    else:
+        limit, shown = _limit(system, signal, given, kind)
+        met = _below(limit) if kind == "below" else _above(limit)
+    held = float(given.get("held", 0.0))
+    text = f"{given['signal']} {kind} {shown}" + (f" for {held:g} s" if held else "")
+    owner, _, variable = given["signal"].partition(".")
+    return Condition(owner, variable, met, held, text)
+
+
+def problems(system: System) -> list[str]:
+    """What is wrong with a system's condition, beginning with the key; a line, or none."""
+    try:
+        condition(system)
+    except DesatError as error:
+        return [str(error)]
+    return []
+
+
+def _signal(system: System, name: str) -> Signal:
+    """The first element of the signal."""
+    owner, _, variable = name.partition(".")
+    component = system.components.get(owner)
+    if component is None or component.interface is None:
+        hint = nearest(owner, system.components)
+        raise DesatError(f"stop_when.signal: no component {owner}{hint}")
+    elements = component.interface.elements(variable)
+    if not elements or elements[0].causality != "output":
+        known = {base_name(s.name) for s in component.interface.of("output")}
+        hint = nearest(variable, known)
+        raise DesatError(f"stop_when.signal: {owner} has no output {variable}{hint}")
+    return elements[0]
+
+
+def _reaches(signal: Signal, value: Any) -> Callable[[NDArray[Any]], bool]:
+    where = f"stop_when.reaches: got {value!r}; {base_name(signal.name)} is"
+    if signal.kind == "Real":
+        raise DesatError(f"{where} a Real, which has below and above")
+    if (signal.kind == "Boolean") != isinstance(value, bool):
+        needed = "Boolean: true or false" if signal.kind == "Boolean" else "an Integer"
+        raise DesatError(f"{where} {needed}")
+    if isinstance(value, str):
+        if value not in signal.choices:
+            raise DesatError(f"stop_when.reaches: no value {value}{nearest(value, signal.choices)}")
+        value = signal.choices.index(value)
+    return lambda values: bool((values == value).all())
+
+
+def _limit(
+    system: System, signal: Signal, given: dict[str, Any], kind: str
+) -> tuple[float, str]:  # fmt: skip
+    """The limit in the signal's unit, and as people read it."""
+    if signal.kind != "Real":
+        raise DesatError(f"stop_when.{kind}: {given['signal']} is of type {signal.kind}; `reaches`")
+    own, unit, value = signal.unit_name, given.get("unit", signal.unit_name), given[kind]
+    try:
+        if isinstance(value, str):
+            number, of = product(value, table(system))
+            value = number * factor(of, unit, f'of "{value}"')
+        scale = 1.0 if unit == own else factor(unit_of(unit), own, f"{unit} of the limit")
+    except DesatError as error:
+        raise DesatError(f"stop_when.{kind}: {error}") from error
+    return value * scale, f"{value:g} {'' if unit == '1' else unit}".rstrip()
+
+
+def _below(limit: float) -> Callable[[NDArray[Any]], bool]:
+    return lambda values: bool(np.abs(values).max() < limit)
+
+
+def _above(limit: float) -> Callable[[NDArray[Any]], bool]:
+    return lambda values: bool(np.abs(values).max() > limit)
+
+
+def watch(master: Master, wanted: Condition | None, seconds: float | None) -> Callable[[], str]:
+    """A function that is called after each step of an initialised master, once, and says why the
+    run ends there: the text of its condition, LATE when `seconds` of wall time are over since now,
+    or nothing."""
+    met = _held(master, wanted) if wanted else lambda: False
+    text = wanted.text if wanted else ""
+    end = None if seconds is None else time.monotonic() + seconds
+
+    def finished() -> str:
+        if met():
+            return text
+        return LATE if end is not None and time.monotonic() > end else ""
+
+    return finished
+
+
+def _held(master: Master, wanted: Condition) -> Callable[[], bool]:
+    slots = [s for s in master.slots if wanted.reads(s.component, s.signal)]
+    live, index = master.live[slots[0].kind], np.array([s.index for s in slots], np.intp)
+    # the row that an interval output belongs to has begun a step ago
+    ago = int(slots[0].interval and master.algorithm == "conserving")
+    since: float | None = None
+    if not ago and wanted.met(live[index]):
+        since = master.start
+
+    def met() -> bool:
+        nonlocal since
+        if not wanted.met(live[index]):
+            since = None
+            return False
+        row = master.start + (master.k - ago) * master.step_size
+        since = row if since is None else since
+        return row - since >= wanted.held - 1e-9
+
+    return met

@@ -1,0 +1,145 @@
+"""What ends a run before its stop time: conditions, and the limit of wall time."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+from desat.study import stopping
+from desat.study.case import Options, execute, load, prepare
+from desat.study.draws import draws
+from desat.system.codes import Exit
+from desat.system.errors import DesatError
+from desat.system.model import System
+
+NAME = "integrated/mil-nadir"
+RATE = "spacecraft.omega_bi_body"
+
+
+@pytest.fixture
+def scenario(tmp_path):
+    """A scenario of one's own that ends on a condition, by blocks."""
+
+    def write(condition: str, more: str = "") -> str:
+        file = tmp_path / "mine.toml"
+        text = f'extends = "{NAME}"\nstop = 300.0\ntitle = "T"\n{more}\n[stop_when]\n{condition}\n'
+        file.write_text(text)
+        return str(file)
+
+    return write
+
+
+def run(target: str, **options):
+    return execute(target, Options(blocks=True, **options))
+
+
+def test_it_ends_where_the_measure_says(scenario):
+    """At the row where all elements have been below for so long, as `first_below` has it."""
+    whole = run(NAME, stop=300.0)
+    sizes = np.abs(whole.results.values(RATE))
+    limit = float(np.sort(sizes.max(axis=1))[len(sizes) // 2])
+    number = f"[numbers.first]\nsignal = '{RATE}'\nmeasure = 'first_below'\nunit = 's'\n"
+    options = f"options = {{ limit = {limit!r}, held = 5.0 }}\n"
+    ended = run(scenario(f"signal = '{RATE}'\nbelow = {limit!r}\nheld = 5.0", number + options))
+    good, step = (sizes < limit).all(axis=1), whole.manifest["step"]
+    rows = round(5.0 / step)
+    first = next(i for i in range(len(good)) if good[i : i + rows + 1].all())
+    assert ended.manifest["status"] == "completed"
+    assert ended.manifest["stopped_when"]["time"] == pytest.approx((first + rows) * step)
+    assert ended.manifest["steps_done"] == first + rows < whole.manifest["steps_done"]
+    assert ended.manifest["numbers"]["first"]["value"] == pytest.approx(first * step)
+    assert np.array_equal(
+        ended.results.values(RATE), whole.results.values(RATE)[: first + rows + 1]
+    )
+
+
+@pytest.mark.parametrize("algorithm", ["conserving", "jacobi"])
+def test_above_is_met_by_any_element_and_need_not_be_recorded(scenario, algorithm):
+    name = "wheels.h_wheel"
+    whole = run(NAME, stop=300.0, algorithm=algorithm)
+    sizes = np.abs(whole.results.values(name)).max(axis=1)
+    limit = float(sizes[len(sizes) // 3 :].max()) * 0.999
+    k = max(1, int(np.flatnonzero(sizes > limit)[0]))
+    target = scenario(f"signal = '{name}'\nabove = {1e3 * limit!r}\nunit = 'mN.m.s'")
+    ended = run(target, algorithm=algorithm, record=("spacecraft.q_bi",))
+    assert ended.manifest["steps_done"] == k
+    assert ended.results.names() == ["spacecraft.q_bi"]
+    assert "mN.m.s" in ended.manifest["stopped_when"]["condition"]
+
+
+def test_a_product_of_parameters_and_a_mode(scenario):
+    text = "signal = 'wheels.h_wheel'\nabove = '1e-9 * wheels.inertia_wheel * wheels.speed_limit'"
+    assert run(scenario(text)).manifest["steps_done"] == 1
+    assert run(scenario("signal = 'manager.mode'\nreaches = 99")).manifest["stopped_when"] is None
+    mode = run(NAME, stop=60.0).results
+    name, value = mode.choices("manager.mode"), int(mode.values("manager.mode")[-1])
+    ended = run(scenario(f"signal = 'manager.mode'\nreaches = '{name[value]}'\nheld = 20.0"))
+    assert ended.manifest["stopped_when"]["condition"].endswith(f"reaches {name[value]} for 20 s")
+
+
+def test_what_is_not_reached_stays_not_reached(scenario):
+    window = "[numbers.late]\nsignal = 'thrusters.on_time'\nwindow = [200.0, 300.0]\n"
+    window = window.replace("thrusters.on_time", RATE).replace(
+        "\nwindow", "\nmeasure = 'largest'\nwindow"
+    )
+    ended = run(scenario(f"signal = '{RATE}'\nabove = 0.0\nheld = 50.0", window))
+    assert ended.manifest["end_time"] == 50.0
+    assert ended.manifest["numbers"]["late"]["value"] is None
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("signal = 'manger.mode'\nreaches = 1", "stop_when.signal: no component manger; did you"),
+        ("signal = 'manager.mod'\nreaches = 1", "stop_when.signal: manager has no output mod;"),
+        ("signal = 'manager.mode'\nreaches = 'nomnal'", "stop_when.reaches: no value nomnal"),
+        (
+            "signal = 'manager.mode'\nbelow = 1.0",
+            "stop_when.below: manager.mode is of type Integer",
+        ),
+        (f"signal = '{RATE}'\nreaches = 1", "stop_when.reaches: got 1; omega_bi_body is a Real"),
+        (
+            f"signal = '{RATE}'\nbelow = 1.0\nunit = 'T'",
+            "stop_when.below: unit T of the limit does",
+        ),
+        (f"signal = '{RATE}'\nbelow = 'wheels.inertia_wheel'", "stop_when.below: unit of"),
+        (f"signal = '{RATE}'", "stop_when: exactly one of below, above, reaches is needed"),
+        (f"signal = '{RATE}'\nbelow = 1.0\nabove = 2.0", "stop_when: exactly one of"),
+        (f"signal = '{RATE}'\nbelo = 1.0", "stop_when.belo: unknown key; did you mean below?"),
+        (f"signal = '{RATE}'\nbelow = 1.0\nheld = -1.0", "stop_when.held: got -1.0"),
+        ("signal = 'manager.mode'\nreaches = 1.5", "stop_when.reaches: got 1.5: a whole number"),
+    ],
+)
+def test_what_is_wrong_is_one_line(scenario, text, message):
+    target = scenario(text)
+    with pytest.raises(DesatError) as error:
+        prepare(target, Options(blocks=True))[1].or_raise()
+    (line,) = str(error.value).splitlines()
+    assert "mine.toml: stop_when" in line
+    assert message in line
+
+
+def test_a_replaced_component_without_the_signal_is_refused(scenario):
+    system, _ = load(scenario("signal = 'manager.mode'\nreaches = 1"), True)
+    assert isinstance(system, System)
+    system.about["stop_when"]["signal"] = "manager.nothing"
+    assert "manager has no output nothing" in stopping.problems(system)[0]
+
+
+def test_the_time_limit(tmp_path):
+    late = execute(NAME, Options(blocks=True, time_limit=0.0), tmp_path / "run")
+    assert late.manifest["status"] == "timed out"
+    assert late.code == Exit.TIMEOUT == 5
+    assert late.manifest["steps_done"] == len(late.results.times()) - 1 == 1
+    result = draws("uosat12/flight-ocdc-1", 1, 1, Options(blocks=True, time_limit=0.0), jobs=1)
+    assert result["draws"][0]["code"] == 5
+
+
+def test_the_command_ends_with_5_and_keeps_the_run(desat, tmp_path):
+    done = desat("run", NAME, "--blocks", "--time-limit", "0", "--out", str(tmp_path / "a"))
+    assert done.returncode == 5
+    assert done.stderr.startswith("timed out: 0 s of wall time over at t = ")
+    assert json.loads((tmp_path / "a/manifest.json").read_text())["status"] == "timed out"
+    assert (tmp_path / "a/report.html").exists()
