@@ -58,7 +58,7 @@ class Acquisition(Manager, WheelAxes):
     spin_target: float = Parameter("rad/s", "pitch rate of the spin", start=-0.31)
     spin_error: float = Parameter("rad/s", "pitch spin: error of the rate", start=3e-3, min=1e-9)
     momentum_share: float = Parameter("1", "of h_nominal, at which a wheel phase ends",
-                                      start=0.98, min=0.0)  # fmt: skip
+                                      start=0.995, min=0.0)  # fmt: skip
     pointing_limit: float = Parameter(
         "rad", "three_axis: pointing error below", start=0.17453292519943295, min=1e-6
     )
