@@ -161,7 +161,7 @@ def turning(omega, wheel, seconds, part=0.1):
 @pytest.mark.parametrize("omega", [(0.1, -0.1, 0.1), (0.02, 0.05, -0.08)])
 def test_the_observer_finds_the_rate_from_the_field_alone(omega):
     wheel = np.array([0.0, -0.02, 0.0])
-    truth = turning(omega, wheel, 300.0)
+    truth = turning(omega, wheel, 200.0)
     inverse = tuple(np.linalg.inv(np.reshape(J, (3, 3))).ravel())
     found, b = (0.0, 0.0, 0.0), tuple(truth[0, 3:])
     still = (0.0, 0.0, 0.0)

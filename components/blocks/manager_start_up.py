@@ -123,6 +123,8 @@ class ManagerStartUp(Acquisition):
     def _spin(self) -> int:
         if missing := self._without():
             return missing
+        if not self.valid_b:
+            return NO_FIELD
         rate = self.turning()[1]
         m = laws.pitch_spin(self.b_body, rate, self.spin_target, self.gain_spin)
         if not self.spin_coil_alone:

@@ -191,7 +191,7 @@ def first_below(
 @in_unit("s")
 def until_above(times: Array, values: Array, limit: float) -> float:
     """When all values have come to a limit or above to stay (s); the end of the run if never."""
-    return _settled(times, (values >= limit).all(axis=1))
+    return _settled(times, np.asarray(values.min(axis=1) >= limit))
 
 
 @measure
