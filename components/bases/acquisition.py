@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 
-from ..contract.block import Output, Parameter, Table, Vec3
+from ..contract.block import Mat34, Output, Parameter, Table, Vec3
 from ..contract.roles import Manager, WheelAxes
 from ..laws import field_rate
 from ..laws.acquisition import PITCH_BIAS, within
@@ -43,6 +43,13 @@ class Acquisition(Manager, WheelAxes):
     so that the first gives none; `filtered`: a first-order low-pass of it, of `cut_off`.
     """
 
+    sample_time: float = Parameter(
+        "s", "time between samples, a multiple of the step; at most 2 s", start=1.0, min=0.0
+    )
+    axes_wheel: Mat34 = Parameter(
+        "1", "columns: the wheels' axes, body; one along +y or -y, the others zero",
+        start=(0.0, 0.0, 0.0, 0.0, -1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0), shared=True,
+    )  # fmt: skip
     m_limit: float = Parameter("A.m2", "largest dipole of each axis", start=2.0, min=0.0)
     torque_limit: float = Parameter("N.m", "largest torque command to the wheel", start=5e-3,
                                     min=0.0)  # fmt: skip

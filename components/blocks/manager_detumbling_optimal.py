@@ -14,8 +14,7 @@ from ..bases.acquisition import (
     THREE_AXIS,
     Acquisition,
 )
-from ..contract.block import Mat33, Output, Parameter, Vec3
-from ..contract.roles import WheelInertias
+from ..contract.block import Mat33, Output, Parameter, Vec3, Vec4
 from ..laws import acquisition as laws
 from ..laws import rate_observer
 from ..laws.field_rate import rate_across
@@ -27,7 +26,7 @@ GYRO, FIELD, OBSERVER = range(3)
 SATURATED, EVEN_DECAY = range(2)
 
 
-class ManagerDetumblingOptimal(Acquisition, WheelInertias):
+class ManagerDetumblingOptimal(Acquisition):
     """Detumbling and wheel start-up with all coils at their limit
 
     Detumbling, with omega the rate by `rate_from`, B the field, T the wheel's torque on the body:
@@ -73,6 +72,10 @@ class ManagerDetumblingOptimal(Acquisition, WheelInertias):
     inertia: Mat33 = Parameter(
         "kg.m2", "inertia of the whole craft, wheels locked, body",
         start=(0.3078, 0.0, 0.0, 0.0, 0.2865, 0.0, 0.0, 0.0, 0.2747), shared=True,
+    )  # fmt: skip
+    inertia_wheel: Vec4 = Parameter(
+        "kg.m2", "spin inertia of each wheel", start=(3.43774677e-4, 0.0, 0.0, 0.0), min=0.0,
+        shared=True,
     )  # fmt: skip
     gain: float = Parameter("A.m2.s/T", "of detumbling", start=3e7, min=0.0,
                             needs=("b_body", "m_cmd_body"))  # fmt: skip
