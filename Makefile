@@ -30,8 +30,8 @@ check: .venv/.installed ## lint, types, and blocks within what translates to C
 bench: ssp .venv-basilisk/.tried ## microseconds per step of ours and of others, into benchmarks/latest.json
 	$(BIN)/python -m benchmarks.run
 
-papers: ssp ## the pages under docs/papers, from runs made now
-	$(BIN)/python -m docs.generate
+papers: ssp ## the pages under docs/papers, from their templates and runs made now
+	$(BIN)/desat page
 
 .venv-basilisk/.tried:
 	$(PYTHON) -m venv .venv-basilisk

@@ -33,10 +33,9 @@ NOISE_OFF = ("determination.markov_sigma", "gyro.noise", "magnetometer.noise", "
 
 def values(sets: list[str]) -> dict[str, dict[str, Any]]:
     """The scenario's parameters as numbers and arrays."""
-    system, checked = prepare(SCENARIO, Options(sets=sets, blocks=True))
-    checked.or_raise()
+    system, _ = prepare(SCENARIO, Options(sets=sets, blocks=True)).or_raise()
     found: dict[str, dict[str, Any]] = {}
-    for component, entries in table(system).items():
+    for component, entries in table(system.components.values()).items():
         given = {name: e["value"] for name, e in entries.items()}
         found[component] = {
             n: np.array(v) if isinstance(v, list) and not isinstance(v[0], str) else v

@@ -17,6 +17,7 @@ import sys
 import time
 from collections.abc import Callable
 from datetime import UTC, datetime
+from functools import partial
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -24,6 +25,7 @@ from typing import Any
 from rich.progress import track
 
 from desat.engine.master import Master
+from desat.engine.plan import Move
 from desat.files import library
 from desat.files.pack import pack_scenario
 from desat.files.scenario import find
@@ -42,11 +44,8 @@ GOAL = 1e-7
 
 
 def _master(path: str, steps: int, blocks: bool) -> Master:
-    options = Options(blocks=blocks)
-    system, checked = prepare(path, options)
-    assert system.step is not None
-    system.stop = system.start + (steps + 200) * system.step
-    master = Master(system, checked.or_raise(), blocks=blocks, watched=lambda c, s: False)
+    system, schedule = prepare(path, Options(blocks=blocks)).or_raise()
+    master = Master(system, schedule, watched=lambda c, s: False)
     master.initialise()
     return master
 
@@ -90,7 +89,7 @@ def fmpy(path: str, steps: int) -> dict[str, Any]:
     import fmpy as fmpy_package
     from fmpy.fmi2 import FMU2Slave
 
-    system, _ = prepare(path, Options())
+    system, _ = prepare(path, Options()).or_raise()
     fmus: dict[str, Any] = {}
     for c in system.components.values():
         assert c.fmu is not None
@@ -104,7 +103,6 @@ def fmpy(path: str, steps: int) -> dict[str, Any]:
         )
         fmu.instantiate()
         fmus[c.name] = fmu
-        assert c.interface is not None
         for name, value in c.parameters.items():
             signal = c.interface.signals[name]
             getattr(fmu, f"set{signal.kind}")([signal.reference], [value])
@@ -170,14 +168,13 @@ def plant(path: str, steps: int) -> dict[str, Any]:
 
     truth = np.loadtxt(AUTHORITIES / "plant_reference_highprec.csv", delimiter=",", skiprows=1)
     step, every = 6000.0 / steps, steps // 600
-    options = Options(step=step)
-    system, checked = prepare(path, options)
+    system, schedule = prepare(path, Options(step=step)).or_raise()
     rows, seconds = [], 0.0
 
     def attitude(component: str, signal: Any) -> bool:
         return component == "spacecraft" and bool(signal.name.startswith("q_bi"))
 
-    with Master(system, checked.or_raise(), watched=attitude) as master:
+    with Master(system, schedule, watched=attitude) as master:
         master.initialise()
         index = sorted(
             s.index for s in master.slots
@@ -198,7 +195,7 @@ def plant(path: str, steps: int) -> dict[str, Any]:
 def shares(path: str, steps: int) -> dict[str, Any]:
     """Where our microseconds go: the calls of each component, and the master's own loop."""
     with _master(path, steps, blocks=False) as master:
-        clock, spent = time.perf_counter, {name: [0.0, 0.0] for name in master.units}
+        clock, spent = time.perf_counter, {name: [0.0, 0.0] for name in master.members}
 
         def wrapped(call: Callable[..., Any], cell: list[float], which: int) -> Callable[..., Any]:
             def timed(*arguments: Any) -> Any:
@@ -209,16 +206,15 @@ def shares(path: str, steps: int) -> dict[str, Any]:
 
             return timed
 
-        cycle = []
-        for moves, ends in master._cycle:
-            new = []
-            for unit, gathers, push, step, pull, copies in moves:
-                cell = spent[unit.name]
-                new.append((unit, gathers, wrapped(push, cell, 0), wrapped(step, cell, 1),
-                            wrapped(pull, cell, 0), copies))  # fmt: skip
-            cycle.append((new, ends))
+        def watched(move: Move) -> Move:
+            cell = spent[move.instance.name]
+            return move._replace(
+                push=wrapped(move.push, cell, 0), step=wrapped(move.step, cell, 1),
+                pull=wrapped(move.pull, cell, 0),
+            )  # fmt: skip
+
         whole = _timed(master.advance, steps)
-        master._cycle = cycle
+        _replace_moves(master, watched)
         _timed(master.advance, steps)
         total = steps + 200
         parts = {n: round(1e6 * sum(cell) / total, 2) for n, cell in spent.items()}
@@ -251,14 +247,11 @@ def law(path: str, runs: int, *sets: str) -> dict[str, Any]:
     mean over a run and the first update, medians of the runs."""
     means, firsts = [], []
     for _ in range(runs + 1):  # the first run is for what is made once
-        system, checked = prepare(path, Options(sets=list(sets)))
-        with Master(system, checked.or_raise(), watched=lambda c, s: False) as master:
+        system, schedule = prepare(path, Options(sets=list(sets))).or_raise()
+        with Master(system, schedule, watched=lambda c, s: False) as master:
             master.initialise()
             took: list[float] = []
-            master._cycle = [
-                ([_watched(move, took) if move[0].name == "manager" else move for move in moves],
-                 ends) for moves, ends in master._cycle
-            ]  # fmt: skip
+            _replace_moves(master, partial(_watched, name="manager", took=took))
             for _ in range(60):
                 master.advance()
         means.append(1e6 * statistics.mean(took))
@@ -266,17 +259,24 @@ def law(path: str, runs: int, *sets: str) -> dict[str, Any]:
     return {"us": statistics.median(means[1:]), "first_us": statistics.median(firsts[1:])}
 
 
-def _watched(move: tuple[Any, ...], took: list[float]) -> tuple[Any, ...]:
-    """A move of the master whose component's step writes down how long it took (s)."""
-    unit, gathers, push, step, pull, copies = move
+def _replace_moves(master: Master, changed: Callable[[Move], Move]) -> None:
+    for phases in master._cycle:
+        for phase in phases:
+            phase.moves = [changed(move) for move in phase.moves]
+
+
+def _watched(move: Move, name: str, took: list[float]) -> Move:
+    """A move of the master; the step of the component `name` writes down how long it took (s)."""
+    if move.instance.name != name:
+        return move
 
     def timed(*arguments: Any) -> Any:
         began = time.perf_counter()
-        result = step(*arguments)
+        result = move.step(*arguments)
         took.append(time.perf_counter() - began)
         return result
 
-    return unit, gathers, push, timed, pull, copies
+    return move._replace(step=timed)
 
 
 def numpy_loop(path: str, steps: int, tuned: bool = False) -> dict[str, Any]:

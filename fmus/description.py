@@ -15,8 +15,9 @@ from desat.components.contract.units import unit_of
 
 BASE_UNIT_EXPONENTS = ("kg", "m", "s", "A", "K", "rad")
 TOOL = "desat"
-"""Name of our annotations: a block's role, the names of a mode's values, shared parameters, and
-which parameters (or inputs) have no effect without an input or output."""
+"""Name of our annotations: a block's role, the names of a mode's values, shared parameters, which
+parameters (or inputs) have no effect without an input or output, which output is the mean over a
+step of a quantity whose integral counts, with its slope, and which input is read at the start."""
 GENERATION_TOOL = "desat with PythonFMU"
 """What an FMU of ours says of who made it."""
 
@@ -118,13 +119,19 @@ def _scalar_variable(parent: Any, v: Variable, name: str, reference: int, start:
             value.set(key, repr(bound))
     if v.causality != "output":
         value.set("start", str(start).lower() if v.type == "Boolean" else repr(start))
-    if v.choices or v.shared or v.needed_by:
+    if v.choices or v.shared or v.needed_by or v.mean or v.initial:
         tool = etree.SubElement(etree.SubElement(element, "Annotations"), "Tool", name=TOOL)
         note = etree.SubElement(tool, "Variable")
         if v.choices:
             note.set("choices", " ".join(v.choices))
         if v.shared:
             note.set("shared", "true")
+        if v.initial:
+            note.set("initial", "true")
+        if v.mean:
+            note.set("mean", "true")
+        if v.slope:
+            note.set("slope", name.replace(v.name, v.slope, 1))
         if v.needed_by:
             note.set("neededBy", " ".join(v.needed_by))
 

@@ -3,6 +3,9 @@
 An FMU carries this file, the block and what the block imports, in a package of a name of its own.
 Nothing here knows what a block computes; a block knows nothing of this file.
 
+Noise is keyed by the instance's name: a master that names instances otherwise than the system names
+its components gets other streams, of the same statistics.
+
 Two rules of pythonfmu's library shape it: an exception that leaves an entry point takes the host
 down, so none does (it becomes a log message, the output `fault`, and `do_step` returning False);
 and each instantiation releases the entry module's globals once too often, so each instance adds
@@ -38,6 +41,7 @@ class Slave(Fmi2Slave):  # type: ignore[misc]
         _PINNED.append(vars(sys.modules[type(self).__module__]))
         self.modelName = self.model_identifier()
         self._block = self.block_class()
+        self._block.instance = _name(self.instance_name)
         self._values = vars(self._block)
         self._scalars = self._block.scalars()
         self._phase = _INSTANTIATED
@@ -199,6 +203,13 @@ class Slave(Fmi2Slave):  # type: ignore[misc]
             return json.loads(bytes(state).decode())
         except BaseException:
             return {}  # refused, with a log message, when it is set
+
+
+def _name(instance: str) -> str:
+    """The instance's name, by which noise is keyed; of a path, as Ecos gives, the file's stem."""
+    if not instance.endswith(".fmu"):
+        return instance
+    return instance.replace("\\", "/").rpartition("/")[2].removesuffix(".fmu")
 
 
 def _frozen(value: Any) -> Any:

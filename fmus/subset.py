@@ -38,14 +38,11 @@ EXCEPTIONS = {
     "bases/near_earth.py:import inspect": "a block's page, as its class is made",
     "physics/igrf14.py:import json": "a table, read once and without arguments",
     "physics/igrf14.py:import pathlib": "a table, read once and without arguments",
-    "physics/earth.py:import datetime": "the calendar, as a block starts; another sum changes bits",
     "physics/geomagnetic.py:harmonics:dict": "coefficients of one year, as a block starts",
     "physics/geomagnetic.py:harmonics:growing list": "coefficients of one year, as a block starts",
     "laws/dumping.py:lqr_offsets:growing list": "a row a sample: its length is the horizon's",
     "maths/simplex.py:least_cost:set": _ORDER,
     "maths/simplex.py:least_cost:growing list": _ORDER,
-    "physics/orbit.py:elements_from_state:hypot": "no block calls it",
-    "blocks/rate_gyro.py:start:hypot": "once as the block starts; sqrt(x x + y y) changes bits",
 }
 """File (below components/), function and rule -> why it stays; an import counts a file."""
 

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from .study.case import Run
-    from .study.tables import Row
+    from .study.cells import Row
 
 __all__ = ["draws", "load", "run", "tables"]
 

@@ -9,6 +9,7 @@ import math
 import random
 
 import pytest
+from conftest import ROOT
 
 from desat.components.contract.block import (
     Block,
@@ -21,6 +22,8 @@ from desat.components.contract.block import (
 )
 from desat.fmus import registry
 from desat.fmus.description import title
+from desat.study.case import Options, execute
+from desat.study.measures import pointing
 
 BLOCKS = registry.names()
 
@@ -328,3 +331,99 @@ def test_a_controller_rests_while_a_measurement_is_not_valid(name, flag, input):
     setattr(block, input, measured)
     block.advance(40.0, 10.0)
     assert any(block.tau_ctrl_body)
+
+
+# --- when commands are made, and when they leave ------------------------------------------------
+
+COMMANDS = {
+    "manager": ("tau_cmd_wheel", "m_cmd_body", "tau_cmd_thruster_body"),
+    "controller": ("tau_ctrl_body",),
+}
+COMPUTERS = [*MANAGERS, "manager_test_signal", *CONTROLLERS]
+
+
+def commands(block: Block) -> tuple:
+    return tuple(getattr(block, name) for name in COMMANDS[block.role])
+
+
+def computed(name: str, rng: random.Random, steps: int, **values) -> list:
+    """The commands in each of some steps of 1 s, with inputs that change in every one."""
+    block = fresh(name)
+    if hasattr(block, "gain_table"):
+        block.gain_table = (9e5, 0.0, 0.0, 9e5, 0.0, 9e5) * 64
+    if name == "manager_test_signal":
+        block.amplitude, block.period = (1e-3,) * 4, (7.0,) * 4
+    for key, value in values.items():
+        assert hasattr(block, key)
+        setattr(block, key, value)
+    begin(block)
+    rows = []
+    for k in range(steps):
+        randomise_inputs(block, rng)
+        block.advance(float(k), 1.0)
+        rows.append(commands(block))
+    return rows
+
+
+@pytest.mark.parametrize("name", COMPUTERS)
+def test_commands_obey_the_sample_time(name):
+    """Once a manager's command to the wheels was made anew at every step."""
+    rows = computed(name, random.Random(1), 21, sample_time=10.0)
+    assert rows[0:10] == [rows[0]] * 10
+    assert rows[10:20] == [rows[10]] * 10
+    assert len({rows[0], rows[10], rows[20]}) == 3
+
+
+@pytest.mark.parametrize("name", MANAGERS)
+def test_wheels_may_be_commanded_more_often(name):
+    rows = computed(name, random.Random(1), 20, sample_time=10.0, wheel_sample_time=2.0)
+    wheels = [row[0] for row in rows]
+    assert wheels[::2] == wheels[1::2]
+    assert len(set(wheels)) == 10
+    assert len({row[1:] for row in rows}) == 2, "dipole and thrusters wait for their sample"
+    for time, period in ((3.0, 10.0), (20.0, 10.0), (1.0, 0.0)):
+        with pytest.raises(BlockError, match=f"wheel_sample_time = {time} s does not divide"):
+            computed(name, random.Random(1), 1, sample_time=period, wheel_sample_time=time)
+
+
+@pytest.mark.parametrize("name", COMPUTERS)
+@pytest.mark.parametrize(
+    ("sample_time", "delay"), [(5.0, 2.0), (5.0, 15.0), (5.0, 8.0), (0.0, 3.0)]
+)
+def test_commands_leave_after_the_delay(name, sample_time, delay):
+    """Part of a sample, whole ones, and in between."""
+    if name == "manager_receding_horizon":  # plans of samples
+        sample_time = sample_time or 1.0
+    at_once = computed(name, random.Random(1), 40, sample_time=sample_time)
+    late = computed(name, random.Random(1), 40, sample_time=sample_time, delay=delay)
+    start = commands(begin(fresh(name)))
+    assert late == [start] * int(delay) + at_once[: -int(delay)]
+
+
+def test_a_delay_that_cannot_be_kept_is_refused():
+    with pytest.raises(BlockError, match=r"delay = 0.5 s is not a multiple of the step of 1.0 s"):
+        computed("controller_pd", random.Random(1), 2, sample_time=2.0, delay=0.5)
+    with pytest.raises(BlockError, match=r"delay = 100.0 s holds more than 16 commands back"):
+        computed("controller_pd", random.Random(1), 40, sample_time=2.0, delay=100.0)
+
+
+def test_gyroscopic_feed_forward_does_not_depend_on_the_step(tmp_path):
+    """Once 1.8e-3 rad: the samples' command was made anew at every step."""
+    craft = (ROOT / "ssp" / "gyrostat" / "craft.toml").read_text().splitlines()
+    wired = [line for line in craft if "manager.omega_bi_body" not in line]
+    assert len(wired) == len(craft) - 1
+    (tmp_path / "craft.toml").write_text("\n".join(wired))
+    file = tmp_path / "gyroscopic.toml"
+    file.write_text(
+        'extends = "gyrostat/full"\ntitle = "With gyroscopic feed-forward"\nstory = "The same."\n'
+        "stop = 60.0\n[parameters.manager]\ngyroscopic = true\n"
+    )
+
+    def attitudes(step: float, **options):
+        options = {"record": ("spacecraft.q_bi",), "blocks": True, **options}
+        run = execute(str(file), Options(step=step, **options))
+        return run.results.values("spacecraft.q_bi")[:: round(1.0 / step)]
+
+    assert math.radians(pointing(attitudes(1.0), attitudes(0.25)).max()) < 2e-7
+    every_step = [attitudes(s, sets=["manager.sample_time=0"]) for s in (1.0, 0.25)]
+    assert math.radians(pointing(*every_step).max()) > 5e-4, "as it was"

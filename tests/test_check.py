@@ -10,7 +10,7 @@ import pytest
 from conftest import ROOT
 
 from desat.files import places
-from desat.study.case import Options, prepare
+from desat.study.case import Options, load, prepare
 from desat.system.check import check
 from desat.system.errors import DesatError
 
@@ -30,10 +30,10 @@ def broken(tmp_path):
         if not (tmp_path / "resources").exists():
             (tmp_path / "resources").symlink_to(places.fmus())
         try:
-            _, checked = prepare(str(tmp_path), Options(sets=list(sets), step=step, stop=600.0))
+            case = prepare(str(tmp_path), Options(sets=list(sets), step=step, stop=600.0))
         except DesatError as error:
             return str(error)
-        return "\n".join(checked.problems)
+        return "\n".join(case.checked.problems)
 
     return make
 
@@ -245,11 +245,8 @@ SET = """<?xml version="1.0" encoding="UTF-8"?>
 </ssv:Units></ssv:ParameterSet>"""
 
 
-@pytest.mark.parametrize(("unit", "value"), [
-    ("km", 650e3), (None, "altitude = 650 m: allowed is 100000 to inf"), ("league", 650 * 5556.0),
-    ("s", "the unit of altitude = 650.0 does not fit m"), ("mile", "unit mile is not known"),
-])  # fmt: skip
-def test_the_unit_of_a_parameter_is_read(tmp_path, unit, value):
+def write_altitude(tmp_path: Path, unit: str | None) -> None:
+    """The UoSAT-12 system with an altitude of 650 of a unit."""
     text = SSD.read_text(encoding="utf-8")
     head, middle, tail = text.partition('name="environment"')
     tail = tail.replace(
@@ -262,16 +259,32 @@ def test_the_unit_of_a_parameter_is_read(tmp_path, unit, value):
         SET.replace(' unit="UNIT"', f' unit="{unit}"' if unit else ""), encoding="utf-8"
     )
     (tmp_path / "resources").symlink_to(places.fmus())
-    system, checked = prepare(str(tmp_path), Options(step=10.0, stop=600.0))
+
+
+@pytest.mark.parametrize(("unit", "value"), [
+    ("km", 650e3), (None, "altitude = 650 m: allowed is 100000 to inf"), ("league", 650 * 5556.0),
+    ("s", "the unit of altitude = 650.0 does not fit m"), ("mile", "unit mile is not known"),
+])  # fmt: skip
+def test_the_unit_of_a_parameter_is_read(tmp_path, unit, value):
+    write_altitude(tmp_path, unit)
+    checked = prepare(str(tmp_path), Options(step=10.0, stop=600.0)).checked
     if isinstance(value, str):
         assert any(value in problem for problem in checked.problems)
     else:
         assert checked.problems == []
-        assert system.components["environment"].parameters["altitude"] == value
+        assert checked.system.components["environment"].parameters["altitude"] == value
+
+
+def test_a_value_of_the_command_line_is_in_the_variables_own_unit(tmp_path):
+    """The unit that the file gave its value in is not that of another value."""
+    write_altitude(tmp_path, "km")
+    options = Options(step=10.0, stop=600.0, sets=["environment.altitude=5e5"])
+    system, _ = prepare(str(tmp_path), options).or_raise()
+    assert system.components["environment"].parameters["altitude"] == 5e5
 
 
 def unwired(name: str, *sets: str) -> list[str]:
-    return prepare(name, Options(sets=list(sets)))[1].problems
+    return prepare(name, Options(sets=list(sets))).checked.problems
 
 
 @pytest.mark.parametrize(
@@ -301,13 +314,13 @@ def test_an_input_that_is_given_counts_as_wired():
 
 def test_a_wired_input_that_needs_another():
     """A dipole without a field would have no effect."""
-    system, _ = prepare("gyrostat/full", Options())
-    spacecraft = system.components["spacecraft"]
-    system.connections = [
-        c for c in system.connections if (c.target, c.input[:5]) != ("spacecraft", "b_eci")
+    draft = load("gyrostat/full")
+    spacecraft = draft.components["spacecraft"]
+    draft.connections = [
+        c for c in draft.connections if (c.target, c.input[:5]) != ("spacecraft", "b_eci")
     ]
     spacecraft.connectors = {n: c for n, c in spacecraft.connectors.items() if n[:5] != "b_eci"}
-    (problem,) = check(system, []).problems
+    (problem,) = check(draft).problems
     assert "spacecraft.m_mean_body is wired and needs b_eci, which is neither" in problem
 
 

@@ -214,8 +214,9 @@ def test_a_foreign_manager_needs_only_what_its_law_wants(desat, tmp_path, lean_m
     assert all("manager.m_cmd_body[" in x for x in problems)
 
 
-def test_list_and_help_import_nothing_heavy():
+def test_list_and_help_import_nothing_heavy(desat):
     """Numerics, plots and FMI take a second to import; `list` and `--help` have 0.4 s."""
+    desat("list", check=True)  # keeps what it has found of the files
     code = """
 import sys
 from desat.cli import main
@@ -228,6 +229,8 @@ print("heavy:", sorted(heavy & set(sys.modules)), file=sys.stderr)
 """
     for arguments in (
         ("list",),
+        ("list", "integrated"),
+        ("list", "--all", "--json"),
         ("--help",),
         ("--version",),
         ("run", "--help"),
@@ -249,6 +252,18 @@ def test_list_by_family(desat):
 
 def test_version(desat):
     assert desat("--version", check=True).stdout == f"desat {version('desat')}\n"
+
+
+@pytest.mark.skipif(not shutil.which("bash"), reason="needs bash")
+def test_completion_can_be_installed(tmp_path):
+    """Into the shell that asks for it, as the files of one's home."""
+    line = f"{sys.executable} -m desat.cli --install-completion; exit $?"
+    result = subprocess.run(
+        ["bash", "-c", line], capture_output=True, text=True, check=False, cwd=ROOT,
+        env={**os.environ, "HOME": str(tmp_path)},
+    )  # fmt: skip
+    assert result.returncode == 0, result.stderr
+    assert "_DESAT_COMPLETE" in (tmp_path / ".bash_completions/desat.sh").read_text()
 
 
 def test_completion_offers_names(desat):

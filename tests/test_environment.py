@@ -357,6 +357,20 @@ def test_eclipse_of_an_orbit():
     assert math.dist(block.sun_eci, earth.sun(block.epoch_j2000)[0]) < 2e-3
 
 
+@pytest.mark.parametrize(
+    ("date", "expected"),
+    # perihelion and aphelion of 2026 (0.983302, 1.016644 au), and one astronomical unit
+    [((2026, 1, 3, 17), 1.03425), ((2026, 7, 6, 18), 0.96753), ((2026, 4, 4), 1.0)],
+)
+def test_sunlight_over_the_year(date, expected):
+    """Outside of the shadow the inverse square of the distance: 6.7 % between January and July."""
+    block = kepler(field="none", epoch_j2000=epoch(*date))
+    lit = [at(block, t).sunlight for t in np.arange(0.0, 6000.0, 60.0).tolist()]
+    assert max(lit) == pytest.approx(expected, rel=3e-4)
+    distance = earth.sun(block.epoch_j2000 + 5.0)[1]
+    assert at(block, 0.0).sunlight in (0.0, pytest.approx((AU / distance) ** 2, rel=1e-9))
+
+
 # --- the reference trajectory ---------------------------------------------------------------------
 
 
@@ -461,7 +475,7 @@ def ppigrf_field(r: Vec3, date: datetime) -> Vec3:
     ],
 )  # fmt: skip
 def test_igrf(date, tolerance):
-    model = geomagnetic.igrf(earth.decimal_year(epoch(*date)))
+    year = earth.decimal_year(epoch(*date))
     rng = random.Random(1)
     for k in range(25):
         latitude = (90, -90, 89.9999, -89.99, 0)[k] if k < 5 else rng.uniform(-90, 90)
@@ -474,25 +488,22 @@ def test_igrf(date, tolerance):
         )
         # ppigrf divides by the sine of the colatitude
         expected = ppigrf_field(r if k > 1 else (1.0, 1.0, r[2]), datetime(*date))
-        assert math.dist(geomagnetic.field(r, model), expected) < (tolerance if k > 1 else 1e-9)
+        assert math.dist(geomagnetic.igrf(r, year), expected) < (tolerance if k > 1 else 1e-9)
 
 
 def test_igrf_at_the_poles_themselves():
-    model = geomagnetic.igrf(2025.0)
     for z in (6.8e6, -6.8e6):
-        here, beside = geomagnetic.field((0.0, 0.0, z), model), (1e-3, 2e-3, z)
-        assert here == pytest.approx(geomagnetic.field(beside, model), abs=1e-13)
+        here, beside = geomagnetic.igrf((0.0, 0.0, z), 2025.0), (1e-3, 2e-3, z)
+        assert here == pytest.approx(geomagnetic.igrf(beside, 2025.0), abs=1e-13)
 
 
 @pytest.mark.parametrize("degree", [1, 2, 7, 13])
 def test_igrf_degree(degree):
     """Every degree is a potential field: no divergence, no curl; and of its own power of r."""
-    model = geomagnetic.igrf(2025.0, degree)
-    lower = geomagnetic.igrf(2025.0, degree - 1) if degree > 1 else None
 
     def own(*r: float) -> np.ndarray:
-        b = np.array(geomagnetic.field(r, model))
-        return b - geomagnetic.field(r, lower) if lower else b
+        b = np.array(geomagnetic.igrf(r, 2025.0, degree))
+        return b - geomagnetic.igrf(r, 2025.0, degree - 1) if degree > 1 else b
 
     r = np.array([3.1e6, -4.2e6, 4.4e6])
     assert own(*(2 * r)) == pytest.approx(own(*r) / 2 ** (degree + 2), rel=1e-9, abs=1e-20)
@@ -504,18 +515,23 @@ def test_igrf_degree(degree):
 
 def test_the_dipole_is_degree_one():
     """The start value of `dipole_earth` is IGRF-14 at 2025.0."""
-    m, model = EnvironmentKepler().dipole_earth, geomagnetic.igrf(2025.0, 1)
+    m = EnvironmentKepler().dipole_earth
     for r in ((7e6, 0.0, 0.0), (1e6, -5e6, 4e6), (0.0, 0.0, -7e6)):
-        assert geomagnetic.dipole(r, m) == pytest.approx(geomagnetic.field(r, model), abs=1e-19)
+        expected = geomagnetic.igrf(r, 2025.0, 1)
+        assert geomagnetic.dipole(r, m) == pytest.approx(expected, abs=1e-19)
     assert geomagnetic.dipole((0.0, 0.0, 7e6), m)[2] < 0, "at the north pole B points down"
 
 
 def test_igrf_coefficients():
-    """Between models linear; after 2025 by the published secular variation."""
-    g10 = {(n, m): x for n, m, x in igrf14.coefficients(2027.0)}[1, 0]
-    assert g10 == pytest.approx(1e-9 * (-29350.0 + 2 * 12.6), rel=1e-12)
-    assert len(igrf14.coefficients(2025.0)) == 13 * 15
-    assert len(igrf14.coefficients(2025.0, 1)) == 3
+    """Models five years apart; after 2025 the published secular variation."""
+    assert [igrf14.model_year(igrf14.model_of(y)) for y in (1900.0, 2024.99, 2025.0, 2030.0)] == [
+        1900.0, 2020.0, 2025.0, 2025.0,
+    ]  # fmt: skip
+    now, change = igrf14.model(igrf14.model_of(2027.0))
+    assert len(now) == len(change) == 13 * 15
+    assert len(igrf14.model(25, 1)[0]) == 3
+    g10, dg10 = ({(n, m): x for n, m, x in part}[1, 0] for part in (now, change))
+    assert g10 + 2 * dg10 == pytest.approx(1e-9 * (-29350.0 + 2 * 12.6), rel=1e-12)
 
 
 @pytest.mark.parametrize("date", [(1899, 12, 31), (2030, 1, 2)])
@@ -527,7 +543,7 @@ def test_an_epoch_that_igrf_does_not_cover_is_refused(date):
 
 def test_the_coefficients_travel_with_the_fmu():
     for name in ("environment_kepler", "environment_tle"):
-        assert "igrf14.json" in build.contents(name)
+        assert "physics/igrf14.json" in build.contents(name)
 
 
 LOW = {"semi_major_axis": 6.63e6, "eccentricity": 0.01, "inclination": 1.7, "raan": 0.4}
@@ -550,7 +566,7 @@ def field_now(block: EnvironmentKepler | EnvironmentTle, t: float) -> Vec3:
     if block.field == FIELDS.index("dipole"):
         bx, by, bz = geomagnetic.dipole(r, block.dipole_earth)
     else:
-        bx, by, bz = geomagnetic.field(r, geomagnetic.igrf(earth.decimal_year(block.epoch_j2000)))
+        bx, by, bz = geomagnetic.igrf(r, earth.decimal_year(block.epoch_j2000 + t))
     return (c * bx - s * by, s * bx + c * by, bz)
 
 
@@ -577,6 +593,48 @@ def test_polynomial_and_its_derivatives():
     for s in (0.0, 3.3, 10.0):
         expected = (p(s), p.deriv()(s), p.deriv(2)(s))
         assert near_earth.derivatives(c, s) == pytest.approx(expected, rel=1e-11)
+
+
+def still(**parameters: object) -> EnvironmentKepler:
+    """An environment whose Earth does not turn: only the coefficients move."""
+    return kepler(earth_rate=0.0, earth_angle="given", **parameters)
+
+
+def test_the_coefficients_move_in_a_long_run():
+    """After 30 days the field of a run is that of one that begins then: 4 nT from the one before in
+    the median at 550 km, 12 nT at the most."""
+    start, month = epoch(2026, 3, 1), 30 * 86400.0
+    long, then = still(epoch_j2000=start), still(epoch_j2000=start + month)
+    moved = []
+    for u in np.random.default_rng(2).normal(size=(300, 3)):
+        r = tuple((6.928137e6 * u / np.linalg.norm(u)).tolist())
+        now = long.field_date(r, month, igrf=True)
+        assert math.dist(now, then.field_date(r, 0.0, igrf=True)) < 1e-18
+        moved.append(math.dist(now, long.field_date(r, 0.0, igrf=True)))
+        # the secular variation is linear
+        half = long.field_date(r, month / 2, igrf=True)
+        before = long.field_date(r, 0.0, igrf=True)
+        assert [2 * x for x in half] == pytest.approx(np.add(now, before), abs=1e-18)
+    assert np.median(moved) == pytest.approx(4e-9, rel=0.3)
+    assert max(moved) == pytest.approx(12e-9, rel=0.2)
+
+
+def test_a_run_across_two_models_is_continuous():
+    """At 2025.0 the secular variation changes, the field does not."""
+    block, r = still(epoch_j2000=epoch(2024, 12, 31)), (5e6, -3e6, 4e6)
+    before, at, after = (
+        np.array(block.field_date(r, 86400.0 + s, igrf=True)) for s in (-1.0, 0.0, 1.0)
+    )
+    assert np.abs(at - before).max() < 1e-14
+    assert np.abs(after - at).max() < 1e-14
+    assert at == pytest.approx(geomagnetic.igrf(r, 2025.0), abs=1e-19)
+
+
+def test_a_run_that_leaves_igrf_is_an_error():
+    block = kepler(field="igrf", epoch_j2000=epoch(2029, 12, 31, 12))
+    at(block, 43200.0 - 60.0)
+    with pytest.raises(BlockError, match=r"the year 2030.00 is outside \[1900, 2030\]"):
+        at(block, 43200.0 + 600.0)
 
 
 # --- calls ----------------------------------------------------------------------------------------
@@ -636,6 +694,116 @@ def test_atmosphere_of_the_block_is_over_the_ellipsoid():
     quarter = math.pi / 2 / orbit.mean_motion(a)
     expected = 6.967e-13 * math.exp(-21.384685 / 63.822)
     assert at(block, quarter).density == pytest.approx(expected, rel=1e-5)
+
+
+def test_kp_of_ap():
+    assert [atmosphere.kp_of_ap(ap) for ap in (0, 4, 15, 48, 400, 500)] == pytest.approx(
+        [0, 1, 3, 5, 9, 9]
+    )
+    assert atmosphere.kp_of_ap(45.0) == pytest.approx((14 + 6 / 9) / 3)
+
+
+@pytest.mark.parametrize("temperature", [650.0, 900.0, 1200.0, 1800.0])
+def test_separated_gases_are_in_diffusive_equilibrium(temperature):
+    """dn/n = -(m g / k T) dz - (1 + alpha) dT/T of each gas, integrated in Jacchia's temperature
+    T = T_inf - (T_inf - 355) exp(-s z); Walker's closed form moves T by a few K."""
+    x = (temperature - 800) / (750 + 1.722e-4 * (temperature - 800) ** 2)
+    s = 0.0291 * math.exp(-x * x / 2)
+    gases = ((4.0e17, 28.0134, 0), (7.5e16, 31.9988, 0), (7.6e16, 15.9994, 0), (3.4e13, 4.0026,
+             -0.38))  # fmt: skip
+
+    def slopes(z, y):
+        t = temperature - (temperature - 355) * math.exp(-s * (z - 120))
+        dt = s * (temperature - t)
+        g = 9.80665 * (6356.766 / (6356.766 + z)) ** 2
+        return [-m * g * 1e3 / (8314.46 * t) - (1 + alpha) * dt / t for _, m, alpha in gases]
+
+    heights = [200.0, 300.0, 500.0, 800.0]
+    logs = solve_ivp(slopes, (120, 800), [0.0] * 4, "DOP853", heights, rtol=1e-9).y
+    for z, column in zip(heights, logs.T, strict=True):
+        rho = sum(n * m * 1.66054e-27 * math.exp(y) for (n, m, _), y in zip(gases, column,
+                  strict=True))  # fmt: skip
+        assert atmosphere.separated(1e3 * z, temperature, 1.0) == pytest.approx(rho, rel=0.06)
+    assert atmosphere.separated(120e3, temperature, 1.0) == pytest.approx(2.46e-8, rel=5e-3)
+
+
+def test_exosphere():
+    """The bulge: 1.3 times the coldest, two hours after noon under the Sun; the night's side by 1;
+    above it the storm of Kp."""
+    equator = [
+        atmosphere.exosphere(0.0, math.radians(15 * h), 0.0, 800.0, 0.0)
+        for h in np.arange(-12, 12, 0.1)
+    ]
+    quiet = 0.03  # K: the exponential at Kp = 0
+    assert max(equator) - quiet == pytest.approx(1040.0, rel=1e-3)
+    assert np.arange(-12, 12, 0.1)[np.argmax(equator)] == pytest.approx(2.1, abs=0.3)
+    assert min(equator) - quiet == pytest.approx(800.0, abs=0.1)
+    storm = atmosphere.exosphere(0.2, 0.3, 0.1, 800.0, 5.0)
+    still = atmosphere.exosphere(0.2, 0.3, 0.1, 800.0, 0.0)
+    assert storm - still == pytest.approx(28 * 5 + 0.03 * (math.exp(5) - 1))
+
+
+def test_activity_day_and_night_of_the_block():
+    """At 500 km: day over night 2 to 6, moderate over low activity 13, high over moderate 4."""
+    given = {"semi_major_axis": 6378137.0 + 500e3, "inclination": 0.3, "field": "none"}
+    seen = {}
+    for activity in ("low", "moderate", "high"):
+        block = kepler(atmosphere="activity", solar_activity=activity, **given)
+        seen[activity] = [at(block, t).density for t in np.arange(0.0, 5700.0, 30.0).tolist()]
+        assert 2 < max(seen[activity]) / min(seen[activity]) < 6
+    low, moderate, high = (np.mean(x) for x in seen.values())
+    assert moderate / low == pytest.approx(13, rel=0.2)
+    assert high / moderate == pytest.approx(4, rel=0.2)
+    asked = kepler(atmosphere="activity", solar_activity="given", f107=250.0, ap=45.0, **given)
+    assert at(asked, 0.0).density == seen["high"][0]
+
+
+def test_atmosphere_by_activity_goes_on_below_120_km():
+    def density(h: float) -> float:
+        return atmosphere.by_activity(h, (6.5e6, 1e6, 2e6), (0.6, 0.7, 0.39), 8e8, 900.0, 3.0)
+
+    assert density(120e3 - 1e-3) == pytest.approx(density(120e3), rel=2e-4)
+    ratio = density(120e3) / atmosphere.table(120e3)
+    assert 0.7 < ratio < 1.4
+    assert density(50e3) == pytest.approx(ratio * atmosphere.table(50e3), rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("activity", "mean", "worst"),  # factors of error, at 200 to 800 km
+    [("low", 1.25, 2.5), ("moderate", 1.18, 2.1), ("high", 1.27, 2.7)],
+)
+def test_atmosphere_against_nrlmsise(activity, mean, worst):
+    """Day and night, summer and winter, equator and poles; the static table for comparison."""
+    pymsis = pytest.importorskip("pymsis", reason="the oracle of the atmosphere is pymsis")
+    f107, ap = atmosphere.ACTIVITY[("low", "moderate", "high").index(activity)]
+    coldest, kp = atmosphere.coldest_temperature(f107), atmosphere.kp_of_ap(ap)
+    points = [
+        (datetime(2026, month, 15, 12), latitude, hour, height)
+        for month in (1, 3, 6, 9, 11)
+        for latitude in (-75, -45, 0, 45, 75)
+        for hour in (2, 6, 10, 14, 18, 22)
+        for height in (200, 300, 400, 500, 600, 700, 800)
+    ]
+    dates, latitudes, hours, heights = zip(*points, strict=True)
+    n = len(points)
+    expected = pymsis.calculate(
+        np.array(dates, dtype="datetime64[s]"), 15.0 * (np.array(hours) - 12.0),
+        np.array(latitudes, float), np.array(heights, float), f107s=[f107] * n,
+        f107as=[f107] * n, aps=[[ap] * 7] * n, version=0,
+    )[:, 0]  # fmt: skip
+    found = []
+    for date, latitude, hour, height in points:
+        time = epoch(*date.timetuple()[:6])
+        direction, _ = earth.sun(time)
+        ascension = math.atan2(direction[1], direction[0]) + math.radians(15 * (hour - 12))
+        c, s = math.cos(math.radians(latitude)), math.sin(math.radians(latitude))
+        r = (c * math.cos(ascension), c * math.sin(ascension), s)
+        found.append(atmosphere.by_activity(1e3 * height, r, direction, time, coldest, kp))
+    ratio = np.log(found) - np.log(expected)
+    assert math.exp(np.sqrt(np.mean(ratio**2))) < mean
+    assert math.exp(np.abs(ratio).max()) < worst
+    static = np.log([atmosphere.table(1e3 * h) for h in heights]) - np.log(expected)
+    assert np.mean(static**2) > np.mean(ratio**2)
 
 
 # --- two-line elements ----------------------------------------------------------------------------

@@ -84,7 +84,7 @@ def test_what_derives_from_the_craft_follows_it():
     (["controller.kp=manager.velocity_dumping"], "is no number"),
 ])  # fmt: skip
 def test_references_that_make_no_sense_are_refused(sets, what):
-    _, checked = prepare("integrated/ideal-inertial", Options(sets=sets, blocks=True))
+    checked = prepare("integrated/ideal-inertial", Options(sets=sets, blocks=True)).checked
     assert any(what in problem for problem in checked.problems)
 
 

@@ -305,26 +305,26 @@ TOGETHER = """
 import sys
 from pathlib import Path
 from desat.files import library, places
-from desat.engine.instances import FmuUnit
+from desat.engine.fmu_instance import FmuInstance
 from desat.system.model import Component
 from desat.system.interface import KINDS
-import ctypes
-clock = ctypes.c_double(0.0)
+from desat.engine.instances import Clock
+clock = Clock(0.0, 1.0)
 units = []
 for round in range(2):
     for path in sorted(places.fmus().glob("*.fmu")):
         fmu = library.load(path)
-        units.append(FmuUnit(Component(path.stem + str(round), path.name), fmu))
+        units.append(FmuInstance(Component(path.stem + str(round), path.name, fmu.interface), fmu))
 for unit in units:
     outputs = {k: [s for s in unit._interface.of("output") if s.kind == k] for k in KINDS}
     import numpy as np
     from desat.engine.instances import DTYPE
     into = {k: np.zeros(len(outputs[k]), DTYPE[k]) for k in KINDS}
-    unit.wire({k: [] for k in KINDS}, outputs, into, clock, 1.0)
+    unit.wire({k: [] for k in KINDS}, outputs, into, clock)
     unit.enter(0.0, {})
     unit.exit()
 for k in range(3):
-    clock.value = float(k)
+    clock.t.value = float(k)
     for unit in units:
         assert unit.step() == 0, unit.failed("step", 2)
         assert unit.pull() == 0

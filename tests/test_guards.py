@@ -2,16 +2,26 @@
 
 from __future__ import annotations
 
+import json
+import os
+import shutil
+import subprocess
+import sys
 import zipfile
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
+from conftest import ROOT
 
 from desat.designs import making, origin
 from desat.engine import trial
 from desat.files import places
-from desat.files.merge import toml
 from desat.files.scenario import find, scenarios
+from desat.files.toml import toml
+from desat.fmus import registry
+from desat.fmus.build import sources
+from desat.fmus.slave import _name
 from desat.study import stored
 from desat.study.case import Options, execute, prepare
 
@@ -38,7 +48,7 @@ def test_no_kept_design_is_for_other_values():
     ],
 )
 def test_a_design_for_other_values_is_said(options, what):
-    _, checked = prepare(MEC, Options(**options))
+    checked = prepare(MEC, Options(**options)).checked
     (line,) = [w for w in checked.warnings if "its design" in w]
     assert what in line
     assert f"`desat run {MEC} ... --design now`" in line
@@ -46,18 +56,18 @@ def test_a_design_for_other_values_is_said(options, what):
 
 def test_what_cannot_matter_to_a_design_is_not_said():
     same = Options(sets=["spacecraft.h_start_body=1,2,-1", "manager.costate=0,0,0"], stop=3000.0)
-    assert prepare(MEC, same)[1].warnings == []
+    assert prepare(MEC, same).checked.warnings == []
     blind = find("uosat12/fig2-offnadir-mec-blind")
     ((name, table),) = blind.data["design"]["assume"].items()
     values = {f"{name}.{k}": [[2.0 * x for x in row] for row in v] for k, v in table.items()}
-    assert prepare(blind.name, Options(values=values))[1].warnings == []
+    assert prepare(blind.name, Options(values=values)).checked.warnings == []
 
 
 def test_a_design_of_another_scenario_follows_its_values():
     flight = "uosat12/fig2-flight-mec-1"
-    (line,) = prepare(flight, Options(values={"torquers.quiet_time": 2.0}))[1].warnings
+    (line,) = prepare(flight, Options(values={"torquers.quiet_time": 2.0})).checked.warnings
     assert "torquers.quiet_time = 0.0, now 2.0" in line
-    (line,) = prepare(flight, Options(values={"wheels.h_start_wheel": [1.0] * 4}))[1].warnings
+    (line,) = prepare(flight, Options(values={"wheels.h_start_wheel": [1.0] * 4})).checked.warnings
     assert "that of uosat12/fig2-mec-1, which has no wheels.h_start_wheel" in line
 
 
@@ -127,10 +137,12 @@ def test_check_lists_what_every_component_refuses(desat, how):
 
 
 def test_all_failing_components_are_collected():
-    system, checked = prepare(COMBINED, Options(blocks=True))
+    system, schedule = prepare(COMBINED, Options(blocks=True)).or_raise()
+    components = dict(system.components)
     for name in ("torquers", "magnetometer"):
-        system.components[name].parameters["sample_time"] = float("nan")
-    problems, warnings = trial.refusals(system, checked.or_raise(), True)
+        parameters = {**components[name].parameters, "sample_time": float("nan")}
+        components[name] = replace(components[name], parameters=parameters)
+    problems, warnings = trial.refusals(replace(system, components=components), schedule)
     assert {p.partition(":")[0] for p in problems} == {"torquers", "magnetometer"}
     assert warnings == []
 
@@ -148,17 +160,16 @@ def test_of_a_foreign_fmu_only_the_description_is_read(tmp_path):
                 data = data.replace(b"desat with PythonFMU", b"another tool")
             theirs.writestr(name, b"no library" if name.startswith("binaries/") else data)
     options = Options(sources=[f"magnetometer={fmu}"], sets=["torquers.quiet_time=9"])
-    system, checked = prepare(COMBINED, options)
-    problems, warnings = trial.refusals(system, checked.or_raise(), False)
+    problems, warnings = trial.refusals(*prepare(COMBINED, options).or_raise())
     assert not trial.is_ours(fmu)
     assert [p.partition(":")[0] for p in problems + warnings] == ["torquers"]
     assert "quiet_time" in (problems + warnings)[0]
 
 
 def test_a_crash_of_the_trial_is_a_line(monkeypatch):
-    system, checked = prepare(COMBINED, Options())
+    system, schedule = prepare(COMBINED, Options()).or_raise()
     monkeypatch.setattr(trial.pickle, "dumps", lambda data: b"no pickle")
-    (line,), _ = trial.refusals(system, checked.or_raise(), False)
+    (line,), _ = trial.refusals(system, schedule)
     assert "crashed (exit 1)" in line
     assert "\n" not in line
 
@@ -177,6 +188,34 @@ def test_stored_draws_are_stale_when_their_code_changes(monkeypatch, tmp_path):
     assert name in stored.outdated(kept)
 
 
+CODE = """\"\"\"What it is.\"\"\"
+
+
+def f(x: float) -> float:
+    \"\"\"Twice.\"\"\"
+    return 2.0 * x  # a comment
+"""
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "same"),
+    [
+        ("What it is.", "What it was.", True),
+        ("Twice.", "Two times.", True),
+        ('    """Twice."""\n', "", True),
+        ("# a comment", "", True),
+        ("2.0 * x", "(2.0\n    * x)", True),
+        ("2.0 * x", "x * 2.0", False),
+        ("2.0", "2", False),
+        ("f(x", "g(x", False),
+        ("2.0 * x", "None", False),
+    ],
+)
+def test_texts_and_layout_of_code_do_not_count(old, new, same):
+    assert old in CODE
+    assert (stored.meaning(CODE.replace(old, new)) == stored.meaning(CODE)) is same
+
+
 def test_draws_are_stamped_only_if_they_come_out_again(monkeypatch, tmp_path):
     name = "uosat12/starts-dct"
     kept = stored.read("uosat12")
@@ -192,3 +231,91 @@ def test_draws_are_stamped_only_if_they_come_out_again(monkeypatch, tmp_path):
     row["firing_time"] *= 1.0 + 1e-9
     stored.write(kept)
     assert stored.stamp("uosat12", 1, 1) == [name]
+
+
+def test_an_instance_that_is_named_by_its_file_has_the_components_name():
+    """As Ecos does; its folder is another one in every run."""
+    assert _name("gyro") == "gyro"
+    assert _name("/somewhere/ecos_ssp_667c8ae5/resources/gyro.fmu") == "gyro"
+    assert _name("C:\\somewhere\\resources\\gyro.fmu") == "gyro"
+
+
+# --- the same bits under another Python ---------------------------------------------------------
+
+DIGEST = """
+import hashlib, importlib, json, random, sys
+sys.path.insert(0, sys.argv[1])
+from components.contract.block import Block
+from components.physics.wheel_array import pseudo_inverse
+
+def value(v, rng):
+    flat = tuple(x + rng.uniform(-1.0, 1.0) * (abs(x) or SIZE.get(v.unit, 1.0)) * 0.1
+                 for x in v.flat_start())
+    return flat if v.shape else flat[0]
+
+SIZE = {"T": 3e-4, "N.m.s": 1.0, "N.m": 1e-2, "rad/s": 1e-2, "A.m2": 50.0, "kg/m3": 1e-11}
+digests = {}
+rng = random.Random(1)
+axes = (tuple(rng.uniform(-1.0, 1.0) for _ in range(12)) for _ in range(1000))
+digests["pseudo_inverse"] = repr([pseudo_inverse(a) for a in axes])
+for name in json.loads(sys.argv[2]):
+    module = importlib.import_module("components.blocks." + name)
+    (kind,) = (x for x in vars(module).values() if isinstance(x, type)
+               and issubclass(x, Block) and x.__module__ == module.__name__)
+    block, rng, rows = kind(), random.Random(2), []
+    for v in block.variables:  # everything that draws, rubs or drifts
+        if v.causality == "parameter" and v.name in ("noise", "bias_walk", "markov_sigma",
+                "viscous", "compensation", "unbalance", "motor_lag", "lag"):
+            setattr(block, v.name, 1e-5 if v.unit != "s" else 0.1)
+    block.start()
+    block.output(0.0)
+    for k in range(50):
+        for v in block.variables:
+            if v.causality == "input" and v.type == "Real":
+                setattr(block, v.name, value(v, rng))
+        block.advance(float(k), 1.0)
+        block.output(k + 1.0)
+        rows.append([getattr(block, v.name) for v in block.variables if v.causality == "output"])
+    digests[name] = repr(rows)
+digests = {k: hashlib.sha256(v.encode()).hexdigest() for k, v in digests.items()}
+print(json.dumps([list(sys.version_info[:2]), digests]))
+"""
+COMPENSATED_FROM = (3, 12)
+"""The Python from which on `sum` of floats is compensated."""
+
+
+def other_python() -> str | None:
+    """A Python on the other side of that, where there is one."""
+    pyenv = Path(os.environ.get("PYENV_ROOT", Path.home() / ".pyenv"))
+    candidates = [shutil.which(f"python3.{minor}") for minor in range(11, 16)]
+    candidates += [str(p) for p in sorted(pyenv.glob("versions/3.*/bin/python3"))]
+    for path in filter(None, candidates):
+        says = subprocess.run([path, "-c", "import sys; print(*sys.version_info[:2])"],
+                              capture_output=True, text=True, check=False).stdout  # fmt: skip
+        version = tuple(map(int, says.split()))
+        compensates = version >= COMPENSATED_FROM
+        if version >= (3, 11) and compensates != (sys.version_info >= COMPENSATED_FROM):
+            return path
+    return None
+
+
+def test_blocks_have_the_same_bits_under_another_python():
+    """Once `pseudo_inverse` differed in 74 % of its values between 3.11 and 3.12."""
+    other = other_python()
+    if other is None:
+        pytest.skip("no Python on the other side of 3.12 here")
+    foreign = ("import numpy", "import scipy", "sgp4")
+    names = [
+        name for name in registry.names()
+        if not any(word in path.read_text() for path in sources(name) for word in foreign)
+    ]  # fmt: skip
+    assert len(names) > 20
+    (ours, digests), (theirs, other_digests) = (
+        json.loads(subprocess.run(
+            [path, "-B", "-c", DIGEST, str(ROOT), json.dumps(names)],
+            capture_output=True, text=True, check=True, cwd=ROOT,
+        ).stdout)
+        for path in (sys.executable, other)
+    )  # fmt: skip
+    assert ours != theirs
+    assert digests == other_digests

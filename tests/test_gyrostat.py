@@ -82,8 +82,7 @@ def test_scenario_has_the_numbers_of_the_authority():
 
 @pytest.mark.parametrize("name", CASES)
 def test_reference_is_the_authority(name):
-    system, checked = prepare(name, Options())
-    checked.or_raise()
+    system, _ = prepare(name, Options()).or_raise()
     trajectory = Gyrostat(system).ideal()
     q, omega, h = authority(name)
     assert np.radians(pointing(trajectory.q, q)).max() < 1e-12
@@ -153,9 +152,9 @@ def corrupted(tmp_path, signal: str, factor: float, name: str = "gyrostat/full")
         lines.append(line)
     assert count == 4
     ssd.write_text("\n".join(lines), encoding="utf-8")
-    system, problems = read(tmp_path)
-    assert not problems
-    assert {c.factor for c in system.connections} == {1.0, factor}
+    draft = read(tmp_path)
+    assert not draft.problems
+    assert {c.factor for c in draft.connections} == {1.0, factor}
     return execute(str(tmp_path), Options())
 
 
@@ -179,12 +178,11 @@ def test_an_actuator_without_slopes_still_conserves(tmp_path):
 
 
 def test_the_reference_says_what_it_does_not_know():
-    system, checked = prepare("gyrostat/full", Options(sets=["magnetometer.noise=1e-7"]))
-    checked.or_raise()
+    options = Options(sets=["magnetometer.noise=1e-7"])
+    system, _ = prepare("gyrostat/full", options).or_raise()
     with pytest.raises(DesatError, match=r"needs magnetometer.noise = 0.0, it is 1e-07"):
         Gyrostat(system)
-    system, checked = prepare("uosat12/table3-ocdc-ilqr-1", Options())
-    checked.or_raise()
+    system, _ = prepare("uosat12/table3-ocdc-ilqr-1", Options()).or_raise()
     with pytest.raises(DesatError, match="needs environment = environment_kepler, there is env"):
         Gyrostat(system)
 

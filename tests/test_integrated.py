@@ -426,8 +426,7 @@ def test_a_stored_draw_comes_out_again(drawn):
     from desat.study.draws import drawn as values_of
 
     name = "integrated/velocity-dumping"
-    system, _ = load(name, blocks=True)
-    values = values_of(system, drawn["seed"], 0)
+    values = values_of(load(name, blocks=True), drawn["seed"], 0)
     again = execute(name, Options(blocks=True, values=values)).manifest["numbers"]
     kept = drawn["scenarios"][name]["draws"][0]["numbers"]
     assert {k: again[k]["value"] for k in kept} == pytest.approx(kept, rel=1e-6)

@@ -12,14 +12,16 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
+from desat import cli
 from desat.files import places, scenario
-from desat.files.merge import load
-from desat.study import explain, meaning
+from desat.files.scenario import load
+from desat.study import explain, listing, meaning
 from desat.study.case import Options, execute
 from desat.study.derived import euler
 from desat.study.draws import drawn
 from desat.study.measures import first_below, time_of
 from desat.study.numbers import evaluate
+from desat.system.codes import Exit
 from desat.system.errors import DesatError
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -61,6 +63,7 @@ def family(tmp_path, monkeypatch):
     shutil.copy(ROOT / "ssp/uosat12/SystemStructure.ssd", folder.parent)
     monkeypatch.setattr(scenario, "ROOT", tmp_path / "ssp")
     monkeypatch.setattr(places, "SCENARIOS", tmp_path / "ssp")
+    monkeypatch.setenv("DESAT_CACHE", str(tmp_path / "cache"))
 
     def write(**files: str | bytes) -> None:
         for old in folder.glob("*.toml"):
@@ -83,11 +86,11 @@ def checked(name: str = "f/t-a") -> str:
     """What `desat check` says is wrong with the words and names of a scenario."""
     try:
         found = scenario.find(name)
-        system, problems = found.system(blocks=True)
-        problems += meaning.words(found) or meaning.names(found, system)
+        draft = found.draft(blocks=True)
+        draft.problems += meaning.words(found) or meaning.names(found, draft)
     except DesatError as error:
         return str(error)
-    return "\n".join(problems)
+    return "\n".join(draft.problems)
 
 
 def test_the_sound_file_is_silent(family):
@@ -119,19 +122,6 @@ EVERYWHERE = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("case", EVERYWHERE)
-def test_a_broken_file_is_one_line_on_list_and_check(family, case):
-    old, new, message = EVERYWHERE[case]
-    assert old in BASE
-    family(t=BASE.replace(old, new, 1), sound=BASE)
-    for lines in (listed(), checked()):
-        assert lines.startswith("ssp/f/scenarios/t.toml: ")
-        assert message in lines
-        assert len(lines.splitlines()) == 1
-    assert list(explain.readable(None)[0]) == ["f/sound-a"]
-    assert checked("f/sound-a") == "", "another file's fault is not its own"
-
-
 OF_THE_SYSTEM = {
     "unit of another kind": ('unit = "s"', 'unit = "m"', "numbers.firing_time.unit: unit s does"),
     "series": ("thrusters.on_time", "thrusters.on_tim", "firing_time.signal: thrusters has no out"),
@@ -147,15 +137,68 @@ OF_THE_SYSTEM = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("case", OF_THE_SYSTEM)
-def test_what_the_system_has_not_is_one_line_on_check(family, case):
-    old, new, message = OF_THE_SYSTEM[case]
-    assert old in BASE
-    family(t=BASE.replace(old, new, 1))
-    lines = checked()
-    assert lines.startswith("ssp/f/scenarios/t.toml: ")
-    assert message in lines
-    assert len(lines.splitlines()) == 1
+WHOLE_FILES = {
+    "not UTF-8": (b"title = '\xff'", "not UTF-8 (byte 10)"),
+    "no TOML": ("title = ", "Invalid value"),
+    "base that is not there": ('extends = "comon"', "extends: no file comon.toml; did you mean"),
+    "stop_when": (BASE + "[stop_when]\nsignal = 'thrusters.on'\nabove = 1\n",
+                  "stop_when.signal: thrusters has no output on"),
+}  # fmt: skip
+CASES = {
+    **{name: (BASE.replace(old, new, 1), message)
+       for name, (old, new, message) in (EVERYWHERE | OF_THE_SYSTEM).items()},
+    **WHOLE_FILES,
+}  # fmt: skip
+
+
+@pytest.fixture
+def command(monkeypatch, capsys):
+    """Give a command line; what it ends with, and what it says is wrong, a line each."""
+
+    def give(*arguments: str) -> tuple[int, list[str]]:
+        monkeypatch.setattr("sys.argv", ["desat", *arguments])
+        code = cli._code()
+        lines = capsys.readouterr().err.splitlines()
+        said = [line.removeprefix("error: ") for line in lines]
+        return code, [x for x in said if not x.startswith(("note: ", "warning: ", "1 problem(s)"))]
+
+    return give
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_a_broken_scenario_is_one_line_on_run_check_and_list(family, command, tmp_path, case):
+    text, message = CASES[case]
+    assert text != BASE
+    family(t=text, sound=BASE, common="abstract = true")
+    code, lines = command("list", "f")
+    assert code == Exit.INPUT
+    (line,) = lines
+    assert line.startswith("ssp/f/scenarios/t.toml: ")
+    assert message in line
+    assert "internal" not in line
+    assert listing.family("f").scenarios == {"f/sound-a": "T"}
+    folder = tmp_path / "run"
+    assert command("run", "f/t-a", "--blocks", "--out", str(folder)) == (Exit.INPUT, [line])
+    assert not folder.exists()
+    code, lines = command("check", "f/t-a", "--blocks")
+    assert code in (Exit.INPUT, Exit.UNMET)
+    assert lines == [line]
+    assert checked("f/sound-a") == "", "another file's fault is not its own"
+
+
+def test_list_reads_again_what_has_changed(family, command, monkeypatch):
+    """What was found is kept until a file changes; a kept file that is broken is made anew."""
+    family(t=BASE)
+    assert command("list") == (0, [])
+    with monkeypatch.context() as patch:
+        patch.setattr(listing, "_read", None)  # would fail if it were called
+        assert command("list", "--all") == (0, [])
+    listing._file("f").write_text("{")
+    assert command("list") == (0, [])
+    family(t=BASE.replace("step =", "stepp ="))
+    assert command("list")[1] == ["ssp/f/scenarios/t.toml: stepp: unknown key; did you mean step?"]
+    family(t=BASE)
+    assert command("list") == (0, [])
 
 
 def test_a_band_by_a_number_that_is_not_there(family):
@@ -252,7 +295,7 @@ def test_signs_and_one_of(family):
     spec = '{ signs = [0.1, 0.2, 0.3] }\n"environment.phase" = { one_of = [0.5, 1.5] }'
     family(t=BASE.replace("{ direction = 2.0 }", spec))
     assert checked() == ""
-    system, _ = scenario.find("f/t-a").system(blocks=True)
+    system = scenario.find("f/t-a").draft(blocks=True)
     found = [drawn(system, 1, i) for i in range(40)]
     h = np.array([d["spacecraft.h_start_body"] for d in found])
     assert np.array_equal(np.abs(h), np.tile([0.1, 0.2, 0.3], (40, 1)))
@@ -311,8 +354,7 @@ def test_all_of_ours_are_sound():
     for name in [
         n for n in good if n.endswith(("-1", "dumping", "nadir", "cross-product", "full"))
     ]:
-        system, _ = good[name].system(blocks=True)
-        problems += meaning.names(good[name], system)
+        problems += meaning.names(good[name], good[name].draft(blocks=True))
     assert problems == []
 
 

@@ -1,4 +1,4 @@
-"""The master: both semantics, order, failures; with units made of functions, and with FMUs."""
+"""The master: both semantics, order, failures; with instances made of functions, and with FMUs."""
 
 from __future__ import annotations
 
@@ -12,29 +12,36 @@ from hypothesis import strategies as st
 
 from desat.components.contract.units import unit_of
 from desat.engine import master as master_module
-from desat.engine.instances import UnitError
+from desat.engine.instances import ComponentError
+from desat.engine.loop import loop
 from desat.engine.master import Master
+from desat.engine.results import Recorder
 from desat.files.scenario import find, scenarios
 from desat.study.case import Options, execute, load
 from desat.system.check import check
+from desat.system.draft import Draft, DraftComponent
 from desat.system.errors import DesatError
 from desat.system.interface import KINDS, Interface, Signal
 from desat.system.model import Component, Connection, System
+from desat.system.resolve import resolve
 from desat.system.schedule import schedule
 
+SPECS: dict[str, dict] = {}
+"""What the functions of each component are."""
 
-class FunctionUnit:
-    """A unit made of functions: inputs u, state x; y_state = x, y_interval = f(u, x)."""
+
+class FunctionInstance:
+    """An instance made of functions: inputs u, state x; y_state = x, y_interval = f(u, x)."""
 
     def __init__(self, component: Component) -> None:
         self.name = component.name
-        self.spec = component.spec  # type: ignore[attr-defined]
+        self.spec = SPECS[component.name]
         self.x = self.spec.get("x0", 0.0)
         self.interval = self.spec.get("interval0", 0.0)
         self.log: list[tuple[float, float, list[float]]] = []
 
-    def wire(self, inputs, outputs, into, clock, dt) -> None:
-        self.clock, self.dt = clock, dt
+    def wire(self, inputs, outputs, into, clock) -> None:
+        self.clock = clock
         self.inputs = {k: np.zeros(len(inputs[k])) for k in KINDS if inputs[k]}
         self.names = [s.name for s in outputs["Real"]]
         self.into = into["Real"]
@@ -54,15 +61,15 @@ class FunctionUnit:
         return 0
 
     def step(self) -> int:
-        t, dt = self.clock.value, self.dt
+        t, dt = self.clock.t.value, self.clock.dt.value
         u = self.inputs["Real"].tolist() if self.inputs else []
         self.log.append((t, dt, u))
         self.interval = self.spec.get("f", lambda u, x, t: 0.0)(u, self.x, t)
         self.x = self.spec.get("g", lambda u, x, t, dt: x)(u, self.x, t, dt)
         return self.spec.get("status", lambda t: 0)(t)
 
-    def failed(self, what: str, status: int) -> UnitError:
-        return UnitError(f"{self.name}: {what}: {status}")
+    def failed(self, what: str, status: int) -> ComponentError:
+        return ComponentError(f"{self.name}: {what}: {status}")
 
     def close(self) -> None:
         pass
@@ -72,26 +79,33 @@ def real(name, causality, output_class="state", unit="1") -> Signal:
     return Signal(name, causality, "Real", 0, unit, unit_of(unit), output_class=output_class)
 
 
-def component(name, inputs=0, decimation=1, outputs=("state", "interval"), **spec) -> Component:
+def component(
+    name, inputs=0, decimation=1, outputs=("state", "interval"), **spec
+) -> DraftComponent:
     signals = [real(f"u{i}", "input") for i in range(inputs)]
     signals += [real(f"{o}_y", "output", o if o in ("state", "interval") else "undeclared")
                 for o in outputs]  # fmt: skip
-    made = Component(name, f"{name}.fmu", decimation=decimation)
-    made.interface = Interface(name, name, {s.name: s for s in signals})
-    made.spec = spec  # type: ignore[attr-defined]
-    return made
+    SPECS[name] = spec
+    interface = Interface(name, name, {s.name: s for s in signals})
+    return DraftComponent(name, f"{name}.fmu", interface=interface, decimation=decimation)
 
 
-def system(components, wires, step=1.0, stop=10.0, **more) -> System:
+def draft(components, wires, **more) -> Draft:
     connections = [Connection(*w[:4], **(w[4] if len(w) > 4 else {})) for w in wires]
-    return System("test", "test.ssd", {c.name: c for c in components}, connections,
-                  step=step, stop=stop, **more)  # fmt: skip
+    return Draft("test", "test.ssd", {c.name: c for c in components}, connections,
+                 step=1.0, stop=10.0, **more)  # fmt: skip
+
+
+def system(components, wires, **more) -> System:
+    resolved = resolve(draft(components, wires, **more))
+    assert resolved.problems == []
+    return resolved.system
 
 
 @pytest.fixture(autouse=True)
-def _function_units(monkeypatch, request):
+def _function_instances(monkeypatch, request):
     if "real_units" not in request.keywords:
-        monkeypatch.setattr(master_module, "unit_for", lambda c, blocks: FunctionUnit(c))
+        monkeypatch.setattr(master_module, "instance_for", FunctionInstance)
 
 
 def rows(sys: System, steps: int, algorithm="conserving"):
@@ -101,7 +115,7 @@ def rows(sys: System, steps: int, algorithm="conserving"):
         names = {(s.component, s.signal.name): s.index for s in m.slots}
         for _ in range(steps):
             m.advance(lambda k, live: seen.append((k, live["Real"].copy())))
-        units = dict(m.units)
+        units = {n: member.instance for n, member in m.members.items()}
     return [(k, {n: v[i] for n, i in names.items()}) for k, v in seen], units
 
 
@@ -141,9 +155,8 @@ def test_jacobi_delays_by_a_step_a_link():
 def test_listing_order_does_not_matter():
     reference, _ = rows(chain(), 6)
     for order in itertools.permutations(chain().components):
-        shuffled = chain()
-        shuffled.components = {n: shuffled.components[n] for n in order}
-        shuffled.connections.reverse()
+        components = {n: chain().components[n] for n in order}
+        shuffled = replace(chain(), components=components, connections=chain().connections[::-1])
         found, _ = rows(shuffled, 6)
         assert [(k, sorted(r.items())) for k, r in found] == [
             (k, sorted(r.items())) for k, r in reference
@@ -151,8 +164,7 @@ def test_listing_order_does_not_matter():
 
 
 def test_time_comes_from_an_integer():
-    sys = chain()
-    sys.step, sys.start = 0.1, 5.0
+    sys = replace(chain(), step=0.1, start=5.0)
     _, units = rows(sys, 1000)
     assert [t for t, _, _ in units["sensor"].log] == [5.0 + k * 0.1 for k in range(1000)]
 
@@ -193,24 +205,24 @@ def test_a_cycle_is_named():
     )  # fmt: skip
     with pytest.raises(DesatError, match=r"cycle over the step: .*a.interval_y -> b.interval_y"):
         schedule(sys)
-    sys.output_classes["c.interval_y"] = "state"
-    assert schedule(sys).order == ("a", "b", "c")
+    broken = replace(sys, output_classes={"c.interval_y": "state"})
+    assert schedule(broken).order == ("a", "b", "c")
 
 
 def test_undeclared_outputs_are_state_with_a_warning():
-    sys = system(
+    parts = draft(
         [component("a", 1, outputs=("undeclared",)), component("b", 1)],
         [("a", "undeclared_y", "b", "u0"), ("b", "interval_y", "a", "u0")],
     )
-    checked = check(sys, [])
+    checked = check(parts)
     assert not checked.problems
     assert (
         "a declares no dependencies: undeclared_y taken as state outputs, one step late"
         in (checked.warnings[0])
     )
     assert {when for _, when in checked.schedule.timing} == {"one step late", "over the step"}
-    sys.output_classes["a.undeclared_y"] = "interval"
-    checked = check(sys, [])
+    parts.output_classes["a.undeclared_y"] = "interval"
+    checked = check(parts)
     assert "cycle" in checked.problems[0]
     assert not checked.warnings
 
@@ -222,7 +234,7 @@ def test_not_finite_outputs_stop_the_run(bad):
         m.initialise()
         for _ in range(3):
             m.advance()
-        with pytest.raises(UnitError, match=r"a.interval_y = .* at t = 4 s"):
+        with pytest.raises(ComponentError, match=r"a.interval_y = .* at t = 4 s"):
             m.advance()
 
 
@@ -232,20 +244,38 @@ def test_a_failing_step_names_component_and_time():
         m.initialise()
         m.advance()
         m.advance()
-        with pytest.raises(UnitError, match="a: the step from t = 2 s: 3"):
+        with pytest.raises(ComponentError, match="a: the step from t = 2 s: 3"):
             m.advance()
+
+
+def test_the_loop_ends_where_a_condition_says():
+    sys = chain()
+    with Master(sys, schedule(sys)) as m:
+        m.initialise()
+        recorder = Recorder(None, m)
+        (time,) = [s for s in m.slots if (s.component, s.signal.name) == ("source", "state_y")]
+
+        def finished() -> str:
+            return "three" if m.live[time.kind][time.index] >= 3.0 else ""
+
+        reason = loop(m, 10, recorder, lambda: 0, lambda k: None, finished)
+        assert (reason, m.k) == ("three", 3)
+        assert loop(m, 10, recorder, lambda: 0, lambda k: None) == ""
+        assert m.k == 10
+        with recorder.finish(m) as results:
+            assert results.times().tolist() == [float(k) for k in range(11)]
 
 
 def test_initialisation_that_does_not_settle():
     sys = system([component("a", 1), component("b", 1)],
                  [("a", "state_y", "b", "u0"), ("b", "state_y", "a", "u0")])  # fmt: skip
 
-    class Growing(FunctionUnit):
+    class Growing(FunctionInstance):
         def pull(self) -> int:
             self.x = 1 + (self.inputs["Real"][0] if self.inputs else 0)
             return super().pull()
 
-    master_module.unit_for = lambda c, blocks: Growing(c)
+    master_module.instance_for = Growing
     with Master(sys, schedule(sys)) as m, pytest.raises(DesatError, match=r"a.state_y.*b.state_y"):
         m.initialise()
 
@@ -302,14 +332,13 @@ def test_same_bits_under_permuted_components():
     name = "uosat12/table3-ocdc-ilqr-2"
     reference = None
     for seed in range(4):
-        sys, problems = load(name)
+        shuffled = load(name)
         rng = np.random.default_rng(seed)
-        names = list(sys.components)
+        names = list(shuffled.components)
         rng.shuffle(names)
-        sys.components = {n: sys.components[n] for n in names}
-        rng.shuffle(sys.connections)
-        plan = check(sys, problems).or_raise()
-        with Master(sys, plan) as m:
+        shuffled.components = {n: shuffled.components[n] for n in names}
+        rng.shuffle(shuffled.connections)
+        with Master(*check(shuffled).or_raise()) as m:
             m.initialise()
             for _ in range(60):
                 m.advance()

@@ -17,7 +17,8 @@ from conftest import ROOT
 from desat.engine.results import Results
 from desat.files import library, places
 from desat.fmus import registry
-from desat.study.case import Options, execute, read_manifest
+from desat.study.case import Options, execute
+from desat.study.manifest import read_manifest
 from desat.study.measures import MEASURES
 from desat.study.numbers import evaluate, relative, scale
 from desat.study.plots import _thinned

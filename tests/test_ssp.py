@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import zipfile
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -10,10 +11,11 @@ from conftest import ROOT
 from lxml import etree
 
 from desat.files import library, places, ssp
-from desat.files.pack import pack_scenario
+from desat.files.pack import pack, pack_scenario
 from desat.files.scenario import families, find, scenarios
 from desat.files.xml import parse_bytes, validate
 from desat.study.case import Options, execute, load
+from desat.system.check import check
 from desat.system.errors import DesatError
 
 NAME = "uosat12/table3-ocdc-ilqr-1"
@@ -88,10 +90,11 @@ def test_every_cell_of_tables_2_and_3_is_a_scenario():
 
 
 def test_what_others_would_misread_is_not_packed(tmp_path):
-    system, _ = load(NAME)
-    system.connections[0].factor = 2.0
+    draft = load(NAME)
+    draft.connections[0] = replace(draft.connections[0], factor=2.0)
+    system, _ = check(draft).or_raise()
     with pytest.raises(DesatError, match="converts its value"):
-        ssp.pack(system, tmp_path / "x.ssp")
+        pack(system, tmp_path / "x.ssp")
     assert not list(tmp_path.iterdir())
 
 
@@ -197,8 +200,8 @@ def test_scenario_files(tmp_path, monkeypatch, scenario_module):
         scenario.find("f/q")
     read(t="[parameters.manger]\nduty = 0.5")
     with pytest.raises(DesatError, match="no component manger; did you mean manager"):
-        scenario.find("f/t").system()
+        scenario.find("f/t").draft()
     read(t="[parameters.manager]\nduti = 0.5\n[shared]\nnothing = 1")
-    _, problems = scenario.find("f/t").system()
+    problems = scenario.find("f/t").draft().problems
     assert "manager has no variable duti; did you mean duty?" in "\n".join(problems)
     assert "no component has a parameter nothing" in "\n".join(problems)

@@ -115,7 +115,7 @@ def test_what_is_not_reached_stays_not_reached(scenario):
 def test_what_is_wrong_is_one_line(scenario, text, message):
     target = scenario(text)
     with pytest.raises(DesatError) as error:
-        prepare(target, Options(blocks=True))[1].or_raise()
+        prepare(target, Options(blocks=True)).or_raise()
     (line,) = str(error.value).splitlines()
     assert "mine.toml: stop_when" in line
     assert message in line

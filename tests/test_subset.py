@@ -57,10 +57,10 @@ def f(x: dict[str, float], y: Vec3) -> set[int]:
 
 def test_a_new_place_and_a_stale_exception_are_told(monkeypatch):
     pinned = dict(subset.EXCEPTIONS)
-    reason = pinned.pop("blocks/rate_gyro.py:start:hypot")
+    reason = pinned.pop("maths/simplex.py:least_cost:set")
     monkeypatch.setattr(subset, "EXCEPTIONS", {**pinned, "vector.py:norm:hypot": reason})
     new, stale = subset.problems()
-    assert new.startswith("components/blocks/rate_gyro.py:")
-    assert "hypot in start" in new
+    assert new.startswith("components/maths/simplex.py:")
+    assert "set in least_cost" in new
     assert stale == 'fmus/subset.py: exception "vector.py:norm:hypot" is no longer needed'
     assert subset.main() == 1

@@ -31,25 +31,27 @@ def wheels(**values) -> Wheels:
 
 def exact(motor, rotor, command, rate0, rate1, dt):
     """(h, T, learnt) and the integral of h, by scipy."""
-    j, lag, viscous, coulomb, eps, compensation, _ = motor
+    j, lag, viscous, coulomb, eps, compensation, _, limit = motor
 
-    def slope(t, y):
+    def derivative(t, y):
         h, torque, learnt, _ = y
         drag = friction(h / j - rate0 - (rate1 - rate0) * t / dt, viscous, coulomb, eps)
-        motor_slope = (command - torque) / lag if lag else 0.0
-        return [torque - drag + learnt, motor_slope, compensation * (drag - learnt), h]
+        following = (command - torque) / lag if lag else 0.0
+        drive = min(max(torque + learnt, -limit), limit)
+        return [drive - drag, following, compensation * (drag - learnt), h]
 
     start = [rotor[0], rotor[1] if lag else command, rotor[2], 0.0]
-    y = solve_ivp(slope, (0, dt), start, rtol=1e-12, atol=1e-15, method="DOP853").y[:, -1]
+    y = solve_ivp(derivative, (0, dt), start, rtol=1e-12, atol=1e-15, method="DOP853").y[:, -1]
     return y[:3], y[3]
 
 
 @given(torque, torque, momentum, st.sampled_from([0.0, 0.05, 0.3]),
        st.sampled_from([0.1, 1.0, 5.0]))  # fmt: skip
 def test_a_frictionless_step_is_exact(command, torque0, h, lag, dt):
-    motor = (J, lag, 0.0, 0.0, 1.0, 0.0, 0.0)
-    (h1, t1, _), integral = step(motor, (h, torque0, 0.0), command, 0.0, 0.0, dt, 1e9)
-    (he, te, _), integral_e = exact(motor, (h, torque0, 0.0), command, 0.0, 0.0, dt)
+    motor = (J, lag, 0.0, 0.0, 1.0, 0.0, 0.0, 1.0)
+    rotor = (h, torque0, 0.0, 0.0)
+    (h1, t1, _, _), integral = step(motor, rotor, command, 0.0, 0.0, dt, 1e9)
+    (he, te, _), integral_e = exact(motor, rotor, command, 0.0, 0.0, dt)
     assert h1 == pytest.approx(he, abs=1e-11)
     assert t1 == pytest.approx(te, abs=1e-11)
     assert integral == pytest.approx(integral_e, abs=1e-10)
@@ -58,9 +60,9 @@ def test_a_frictionless_step_is_exact(command, torque0, h, lag, dt):
 @given(torque, torque, momentum, st.sampled_from([0.0, 0.3]), torque,
        st.sampled_from([0.0, 1.0]))  # fmt: skip
 def test_a_step_with_friction(command, torque0, h, lag, rate, compensation):
-    motor = (J, lag, 2e-5, 5e-4, 20.0, compensation, 0.0)
-    rotor = (h, torque0, 1e-4 if compensation else 0.0)
-    (h1, t1, l1), integral = step(motor, rotor, command, rate, 1.1 * rate, 1.0, 1e9)
+    motor = (J, lag, 2e-5, 5e-4, 20.0, compensation, 0.0, 1.0)
+    rotor = (h, torque0, 1e-4 if compensation else 0.0, 0.0)
+    (h1, t1, l1, _), integral = step(motor, rotor, command, rate, 1.1 * rate, 1.0, 1e9)
     (he, te, le), integral_e = exact(motor, rotor, command, rate, 1.1 * rate, 1.0)
     # a compensating loop takes friction as linear over the step
     accuracy = 2e-6 if compensation else 5e-7
@@ -181,18 +183,6 @@ def test_rates_are_extrapolated():
     assert block.h_wheel[0] == pytest.approx(solution.y[0, -1], rel=0.02)
 
 
-def test_jitter_is_across_the_axes_and_grows_with_speed():
-    block = wheels(unbalance=1e-8, inertia_wheel=(J, 0, 0, 0), h_start_wheel=(0.8, 0, 0, 0))
-    jitter = []
-    for k in range(3000):
-        block.advance(float(k), 1.0)
-        jitter.append(block.tau_jitter_body)
-    values = np.array(jitter)
-    assert not values[:, 0].any()
-    assert values[:, 1:].std(axis=0) == pytest.approx([1e-8 * 100**2] * 2, rel=0.05)
-    assert block.tau_mean_wheel == (0.0, 0.0, 0.0, 0.0), "jitter is no wheel torque"
-
-
 def test_power():
     block = wheels(idle_power=0.5, motor_constant=0.02, inertia_wheel=(J, 0, 0, 0),
                    h_start_wheel=(0.8, 0, 0, 0))  # fmt: skip
@@ -203,6 +193,198 @@ def test_power():
     block.tau_cmd_wheel = (-0.01, 0.0, 0.0, 0.0)
     run(block, 1, 1.0, 1)
     assert block.power == pytest.approx(0.5 + 0.25), "braking gives nothing back"
+
+
+# --- what does not depend on the step -----------------------------------------------------------
+
+STEPS = (0.05, 0.25, 1.0, 2.0, 10.0)
+PHASES = 10.0  # s, of a command
+
+
+def momenta(dt: float, commands, **values) -> np.ndarray:
+    """The wheels' momenta at the end of each command of 10 s."""
+    block, n, rows = wheels(**values), round(PHASES / dt), []
+    for k, command in enumerate(commands):
+        block.tau_cmd_wheel = command
+        run(block, n, dt, k * n)
+        rows.append(block.h_wheel)
+    return np.array(rows)
+
+
+def test_a_slow_rotor_is_not_stopped_within_a_step():
+    """1.9 rad/s at a step of 10 ms: once -1.5 N m, where Coulomb friction is 5e-4."""
+    block = wheels(coulomb=5e-4, stiction=6e-4, h_start_wheel=(1.9 * J, 0, 0, 0))
+    ((_, mean, _, _),) = run(block, 1, 0.01)
+    assert mean[0] == pytest.approx(-5e-4, rel=1e-9)
+    run(block, 3100, 0.01, 1)
+    assert block.speed_wheel[0] == 0.0, "at rest after J 1.9 / 5e-4 = 30.4 s"
+
+
+@pytest.mark.parametrize("compensation", [0.0, 1.0])
+@pytest.mark.parametrize("dt", STEPS)
+def test_stopping_standing_and_breaking_loose_do_not_depend_on_the_step(dt, compensation):
+    commands = [(4e-4, 0.0, 5e-4, 0.0), (9e-4, -2e-3, 0.0, 0.0), (-3e-4, 1e-3, 0.0, 0.0),
+                (-7e-4, -6.1e-4, 0.0, 0.0)]  # fmt: skip
+    given = {
+        "viscous": 2e-5, "coulomb": 5e-4, "stiction": 6e-4, "motor_lag": 0.3,
+        "compensation": compensation, "h_start_wheel": (1.9 * J, 0.0, -3.0 * J, 0.0),
+    }  # fmt: skip
+    rows, fine = momenta(dt, commands, **given), momenta(0.01, commands, **given)
+    assert rows == pytest.approx(fine, abs=1e-8)
+    assert rows[0, 1] == 0.0
+    assert compensation or rows[3, 2] == 0.0, "friction that is not compensated stops it"
+    assert rows[1, 1] < -0.01, "2e-3 N m break it loose"
+
+
+def test_a_standing_rotor_is_broken_loose_by_the_bodys_motion():
+    """J (g.omega)' = 0.008 * 0.1 = 8e-4 N m, more than the stiction."""
+    for stiction, speed in ((1e-3, 0.0), (6e-4, -0.1 - 3 * 0.05)):
+        block = wheels(stiction=stiction, coulomb=4e-4)
+        for k in range(5):
+            block.omega_bi_body = (0.1 * k, 0.0, 0.0)
+            run(block, 1, 1.0, k)
+        # in the first step nothing is known of the motion; then 8e-4 - 4e-4 N m are left
+        assert block.speed_wheel[0] == pytest.approx(speed, abs=1e-12)
+
+
+def test_stiction_below_friction_is_refused():
+    with pytest.raises(BlockError, match=r"stiction = 0.0001 N m is below coulomb = 0.0005 N m"):
+        wheels(stiction=1e-4, coulomb=5e-4)
+
+
+@pytest.mark.parametrize("dt", [0.01, 0.25, 1.0, 4.0, 5.0, 10.0])
+def test_speed_mode_does_not_depend_on_the_step(dt):
+    """Once a limit cycle at 4 s and the wrong sign at 5 s."""
+    given = {"command_mode": 1, "viscous": 2e-5, "motor_lag": 0.05}
+    block, fine = wheels(**given), wheels(**given)
+    for each in (block, fine):
+        each.speed_cmd_wheel = (3.0, -2.0, 1.0, 0.0)
+    for k in range(3):
+        run(block, round(20 / dt), dt, round(20 / dt) * k)
+        run(fine, 200, 0.1, 200 * k)
+        assert block.h_wheel == pytest.approx(fine.h_wheel, abs=1e-11)
+    held = 1.0 / (1.0 + 2e-5 / (0.5 * J))  # what a proportional loop reaches against friction
+    expected = tuple(J * held * x for x in (3.0, -2.0, 1.0, 0.0))
+    assert block.h_wheel == pytest.approx(expected, abs=1e-8)
+
+
+def test_a_speed_loop_faster_than_its_samples_is_refused():
+    with pytest.raises(BlockError, match=r"speed_gain = 20.0 1/s is above 1 / speed_sample_time"):
+        wheels(command_mode=1, speed_gain=20.0)
+
+
+@given(st.floats(0.0, 6.0), st.sampled_from([0.25, 0.5, 1.0, 2.0, 6.0]))
+def test_a_wheel_fails_inside_a_step(at, dt):
+    """Against the closed form: the motor's lag until it fails, then the last momentum."""
+    block = wheels(failed=2, failed_from=at, motor_lag=0.3, h_start_wheel=(0.4, 0.4, 0.4, 0))
+    block.tau_cmd_wheel = (0.01, 0.01, 0.01, 0.0)
+    impulse = 0.0
+    for _, mean, _, _ in run(block, round(6.0 / dt), dt):
+        impulse += dt * mean[1]
+    assert impulse == pytest.approx(0.01 * (at + 0.3 * math.expm1(-at / 0.3)), abs=1e-8 * dt)
+    assert block.failed_wheel == (False, True, False, False)
+
+
+@pytest.mark.parametrize(
+    "friction", [{}, {"viscous": 2e-5}, {"viscous": 2e-5, "coulomb": 5e-4, "compensation": 1.0}]
+)
+@pytest.mark.parametrize("dt", STEPS)
+def test_the_limit_is_found_inside_a_step(dt, friction):
+    given = {"speed_limit": 100.0, "motor_lag": 0.3, "h_start_wheel": (0.75, -0.78, 0.0, 0.0)}
+    commands = [(0.015, -0.02, 0.0, 0.0), (-0.01, 0.02, 0.0, 0.0), (0.02, -0.02, 0.0, 0.0)]
+    rows = momenta(dt, commands, **given, **friction)
+    fine = momenta(0.01, commands, **given, **friction)
+    # a compensating loop takes friction as linear over the step
+    assert rows == pytest.approx(fine, abs=1e-6 if "compensation" in friction else 1e-7)
+    assert rows[0] == pytest.approx((0.8, -0.8, 0.0, 0.0), abs=1e-12)
+
+
+def test_the_limit_is_of_speed_while_the_body_turns():
+    block = wheels(speed_limit=100.0, h_start_wheel=(0.8, 0.799, 0.0, 0.0))
+    block.tau_cmd_wheel = (0.02, 0.001, 0.0, 0.0)
+    for k in range(300):
+        omega = 0.3 * math.sin(0.02 * k)
+        block.omega_bi_body = (omega, omega, 0.0)
+        run(block, 1, 1.0, k)
+        # what the extrapolated rate misses in a step: 0.3 * 0.02^2 rad/s
+        assert max(block.speed_wheel) <= 100.0 + 2e-4
+    assert block.h_wheel[0] == pytest.approx(J * (100.0 + 0.3 * math.sin(6.0)), abs=2e-6)
+
+
+def test_a_start_beyond_the_limit_is_refused():
+    with pytest.raises(BlockError, match=r"h_start_wheel\[2\] = -0.81 N m s: a speed of -101.25"):
+        wheels(speed_limit=100.0, h_start_wheel=(0.8, -0.81, 0.0, 0.0))
+
+
+@given(torque, st.floats(0.0, 0.02), st.floats(-600.0, 600.0), st.sampled_from([0.1, 1.0, 10.0]))
+def test_the_drive_stays_within_the_torque_limit(command, learnt, speed, dt):
+    """Motor and compensated friction together, against scipy with the same cut."""
+    motor = (J, 0.1, 2e-5, 5e-4, 2.0, 1.0, 0.0, 0.02)
+    rotor = (J * speed, -command, learnt, 0.0)
+    (h1, t1, _, _), integral = step(motor, rotor, command, 0.0, 0.0, dt, 1e9)
+    (he, te, _), integral_e = exact(motor, rotor, command, 0.0, 0.0, dt)
+    drags = 2e-5 * max(abs(speed), abs(h1 / J), abs(speed) + 0.02 * dt / J) + 5e-4
+    assert abs(h1 - J * speed) <= (0.02 + drags) * dt * (1 + 1e-9)
+    assert h1 == pytest.approx(he, abs=3e-5)
+    assert t1 == pytest.approx(te, abs=1e-9)
+    assert integral == pytest.approx(integral_e, abs=3e-5 * dt)
+
+
+def test_a_compensating_wheel_gives_no_more_than_its_torque():
+    """Once torque_limit and the friction."""
+    block = wheels(viscous=2e-5, coulomb=5e-4, compensation=1.0, h_start_wheel=(1.0, 0, 0, 0))
+    run(block, 20, 1.0)
+    block.tau_cmd_wheel = (0.02, 0.0, 0.0, 0.0)
+    for row in run(block, 100, 1.0, 20)[1:]:
+        speed = 0.5 * (row[0][0] + row[3][0]) / J
+        assert row[1][0] == pytest.approx(0.02 - friction(speed, 2e-5, 5e-4, 2.0), abs=1e-6)
+
+
+def jitter(dt: float, **values) -> np.ndarray:
+    """The impulse of the jitter (N m s, body) every 2 s."""
+    block, n, rows, total = wheels(**values), round(2.0 / dt), [], np.zeros(3)
+    block.tau_cmd_wheel = (0.003, 0.002, 0.01, 0.0)
+    for k in range(20 * n):
+        run(block, 1, dt, k)
+        total = total + dt * np.array(block.tau_jitter_body)
+        if (k + 1) % n == 0:
+            rows.append(total)
+    return np.array(rows)
+
+
+@pytest.mark.parametrize("dt", [0.1, 0.5, 1.0, 2.0])
+def test_jitter_does_not_depend_on_the_step_and_leaves_no_momentum(dt):
+    given = {"unbalance": 1e-6, "h_start_wheel": (0.5, 0.3, -0.2, 0.0)}
+    rows = jitter(dt, **given)
+    assert rows == pytest.approx(jitter(0.01, **given), abs=1e-12)
+    fastest = (0.5 + 0.3 + 0.2 + 40 * 0.015) / J
+    assert 1e-5 < np.abs(rows).max() < 2.0 * 1e-6 * fastest
+
+
+def test_jitter_is_that_of_a_turning_imbalance():
+    """A rotor at constant speed: -d/dt of U Omega across its axis, at the angle Omega t."""
+    block = wheels(unbalance=1e-8, inertia_wheel=(J, 0, 0, 0), h_start_wheel=(0.8, 0, 0, 0))
+    dt = 1e-4
+    values = np.array([(run(block, 1, dt, k), block.tau_jitter_body)[1] for k in range(1000)])
+    assert not values[:, 0].any()
+    assert np.hypot(values[:, 1], values[:, 2]) == pytest.approx(1e-8 * 100.0**2, rel=1e-4)
+    angle = np.unwrap(np.arctan2(values[:, 2], values[:, 1]))
+    assert np.diff(angle) == pytest.approx(100.0 * dt, rel=1e-6)
+    assert block.tau_mean_wheel == (0.0, 0.0, 0.0, 0.0), "jitter is no wheel torque"
+
+
+@pytest.mark.parametrize("dt", [1.0, 10.0])
+def test_speed_is_exact_at_the_beginning_of_a_step(dt):
+    """Tumbling with 30 deg/s: once 6e-2 rad/s wrong, 0.18 at 10 s."""
+    block = wheels(viscous=2e-5, h_start_wheel=(0.5, -1.5, 0.8, 0))
+    for k in range(30):
+        phase = 0.5 * k * dt
+        omega = (0.5 * math.sin(phase), 0.5 * math.cos(phase), 0.1)
+        block.omega_bi_body = omega
+        h = block.h_wheel
+        run(block, 1, dt, k)
+        exact_speed = [h[i] / J - omega[i] for i in range(3)]
+        assert block.speed_wheel[:3] == pytest.approx(exact_speed, abs=1e-12)
 
 
 def test_axes_must_be_unit_vectors():

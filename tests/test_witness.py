@@ -10,10 +10,11 @@ import pytest
 from conftest import python
 
 from desat.files.library import load_interfaces
-from desat.files.pack import pack_scenario
+from desat.files.pack import pack, pack_scenario
 from desat.files.scenario import find
-from desat.files.ssp import pack, read
+from desat.files.ssp import read
 from desat.study.case import Options, execute
+from desat.system.check import check
 
 STEPS = 60
 SHORT = Options(algorithm="jacobi", stop=600.0)
@@ -61,7 +62,7 @@ print("ROWS " + json.dumps(rows))
 
 def real_outputs(path):
     """Every Real output of every component: {component: {variable: reference}}."""
-    system, _ = read(path)
+    system = read(path)
     load_interfaces(system)
     return {
         c.name: {s.name: s.reference for s in c.interface.of("output") if s.kind == "Real"}
@@ -127,14 +128,14 @@ def test_ecos_agrees(name):
 @pytest.mark.skipif(not importlib.util.find_spec("libcosimpy"), reason="libcosimpy not installable")
 def test_libcosim_agrees_on_components_that_step_less_often(tmp_path):
     """The lcm rule: an output moves when its source and its target are both due."""
-    system, problems = find("gyrostat/full").system()
+    draft = find("gyrostat/full").draft()
     for name, decimation in {"controller": 2, "magnetometer": 3, "manager": 6}.items():
-        system.components[name].decimation = decimation
-        system.components[name].parameters["sample_time"] = 0.0
-    assert not problems
+        draft.components[name].decimation = decimation
+        draft.components[name].parameters["sample_time"] = 0.0
+    system, _ = check(draft).or_raise()
     path = tmp_path / "multirate.ssp"
     pack(system, path)
-    assert read(path)[0].components["manager"].decimation == 6
+    assert read(path).components["manager"].decimation == 6
     outputs = real_outputs(path)
     wanted = [(c, list(v.values())) for c, v in outputs.items()]
     theirs = rows_of(python(LIBCOSIM, str(path), json.dumps(wanted), str(STEPS)))

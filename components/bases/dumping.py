@@ -6,7 +6,7 @@ from __future__ import annotations
 from abc import abstractmethod
 
 from ..contract.block import Output, Parameter, Vec3, Vec4
-from ..contract.roles import Manager, WheelAxes
+from ..contract.roles import WheelManager
 from ..laws.blending import Split
 from ..maths.vector import ZERO, clip, cross, sub
 from ..physics.wheel_array import body_momentum, pseudo_inverse, wheel_torque
@@ -16,13 +16,15 @@ NO_AXIS = 0
 NO_MOMENTUM: Vec4 = (0.0, 0.0, 0.0, 0.0)
 
 
-class MomentumDumping(Manager, WheelAxes):
+class MomentumDumping(WheelManager):
     """Base of managers whose law says a dumping torque and its split: a block adds `dump`.
 
     The wheels are commanded to give the body what the controller wants and to absorb, with
     `feedforward`, the dumping torque and, with `gyroscopic`, omega x h:
 
         tau_cmd_wheel = A^+ (N - tau_ctrl_body - omega x A h)        (paper 004, eq. 16)
+
+    at each sample, or every `wheel_sample_time`, held in between.
 
     A measurement that is not valid is not used: at a sample without `valid_h` nothing is dumped;
     omega x h is left out while `valid_h` or `valid_omega` is false, and a law takes `rate`, which
@@ -57,8 +59,9 @@ class MomentumDumping(Manager, WheelAxes):
         the wheels' momentum less its target.
         """
 
-    def advance(self, t: float, dt: float) -> None:
-        if self.due(t):
+    def compute(self, t: float, dt: float) -> None:
+        sampled = self.due(t)
+        if sampled:
             if self.enable and self.valid_h:
                 if self._started is None:
                     self._started = t
@@ -68,14 +71,15 @@ class MomentumDumping(Manager, WheelAxes):
             else:
                 self._n = self.m_cmd_body = self.tau_cmd_thruster_body = ZERO
                 self.mode = IDLE
-        self.tau_cmd_wheel = wheel_torque(
-            self._to_wheels,
-            self.axes_wheel,
-            self._n if self.feedforward else ZERO,
-            self.tau_ctrl_body,
-            self.rate() if self.gyroscopic else ZERO,
-            self.h_wheel if self.valid_h else NO_MOMENTUM,
-        )
+        if self.wheels_due(t, sampled):
+            self.tau_cmd_wheel = wheel_torque(
+                self._to_wheels,
+                self.axes_wheel,
+                self._n if self.feedforward else ZERO,
+                self.tau_ctrl_body,
+                self.rate() if self.gyroscopic else ZERO,
+                self.h_wheel if self.valid_h else NO_MOMENTUM,
+            )
 
     def rate(self) -> Vec3:
         """The measured rate (rad/s, body); zero while it is not valid."""

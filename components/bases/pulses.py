@@ -8,14 +8,17 @@ from collections.abc import Iterable
 from ..contract.block import Output, Parameter, Table, Vec3
 from ..contract.roles import Thrusters
 from ..maths.moments import window
-from ..maths.vector import ZERO
+from ..maths.vector import ZERO, norm
 
 STANDARD_GRAVITY = 9.80665
 BEGIN, CENTRED = range(2)
 ENTRIES = 8
 
-# a torque (N m) from begin to end (s), and the force that it takes (N)
-Pulse = tuple[float, float, Vec3, float]
+Jet = tuple[Vec3, Vec3, float]
+"""What fires: torque (N m) and force (N) on the body, body, and the thrust that it takes (N)."""
+
+Pulse = tuple[float, float, int, Jet]
+"""From begin to end (s): which axis or nozzle, and what it does."""
 
 
 class PulsedThrusters(Thrusters):
@@ -40,48 +43,76 @@ class PulsedThrusters(Thrusters):
     schedule_tau_body: Table = Parameter(
         "N.m", "scheduled firings: torque of each on the body, body", shape=(ENTRIES, 3)
     )
+    schedule_force_body: Table = Parameter(
+        "N", "scheduled firings: force of each on the craft, body; propellant by its size",
+        shape=(ENTRIES, 3),
+    )  # fmt: skip
     schedule_on_time: float = Output("s", "time of scheduled firings; no part of on_time")
+    schedule_propellant: float = Output(
+        "kg", "propellant of scheduled firings whose force is given; no part of propellant"
+    )
 
     _pulses: tuple[Pulse, ...]
 
     def start(self) -> None:
         super().start()
         self._pulses = ()
-        x, y, z = (self.schedule_tau_body[i::3] for i in range(3))
-        self._schedule = tuple(
-            (self.schedule_start[i], self.schedule_start[i] + duration, (x[i], y[i], z[i]))
+        self._schedule: tuple[Pulse, ...] = tuple(
+            (self.schedule_start[i], self.schedule_start[i] + duration, i, self.scheduled(i))
             for i, duration in enumerate(self.schedule_duration)
             if duration > 0.0
         )
-        self._on_time = self._propellant = self._schedule_on_time = 0.0
+        self._on_time = self._propellant = 0.0
+        self._schedule_on_time = self._schedule_propellant = 0.0
         self.tau_mean_thruster_body = self.tau_slope_thruster_body = ZERO
+        self.force_mean_thruster_body = ZERO
 
     def output(self, t: float) -> None:
         self.on_time = self._on_time
         self.propellant = self._propellant
         self.schedule_on_time = self._schedule_on_time
+        self.schedule_propellant = self._schedule_propellant
 
     def advance(self, t: float, dt: float) -> None:
         if self.due(t):
             period = self.sample_time or dt
             self._pulses = tuple(
-                self._pulse(t, period, width, torque, force)
-                for on_time, torque, force in self.wanted(period)
+                self._pulse(t, period, width, i, jet)
+                for i, (on_time, jet) in enumerate(self.wanted(period))
                 if (width := self._width(on_time, period)) > 0.0
             )
-        mean, slope = [0.0] * 3, [0.0] * 3
-        for begin, end, torque, force in self._pulses:
-            seconds = _add(mean, slope, torque, begin, end, t, dt)
+        mean, slope, force = [0.0] * 3, [0.0] * 3, [0.0] * 3
+        exhaust = STANDARD_GRAVITY * self.specific_impulse
+        for begin, end, i, jet in self._pulses:
+            seconds = _add(mean, slope, force, jet, begin, end, t, dt)
             self._on_time += seconds
-            self._propellant += seconds * force / (STANDARD_GRAVITY * self.specific_impulse)
-        for begin, end, torque in self._schedule:
-            self._schedule_on_time += _add(mean, slope, torque, begin, end, t, dt)
+            self._propellant += seconds * jet[2] / exhaust
+            self.fired(i, seconds)
+        for begin, end, i, jet in self._schedule:
+            seconds = _add(mean, slope, force, jet, begin, end, t, dt)
+            self._schedule_on_time += seconds
+            self._schedule_propellant += seconds * jet[2] / exhaust
+            self.fired_as_scheduled(i, seconds)
         self.tau_mean_thruster_body = (mean[0], mean[1], mean[2])
         self.tau_slope_thruster_body = (slope[0], slope[1], slope[2])
+        self.force_mean_thruster_body = (force[0], force[1], force[2])
 
     @abstractmethod
-    def wanted(self, period: float) -> Iterable[tuple[float, Vec3, float]]:
-        """What the command wants in this sample period: on-time (s), torque (N m), force (N)."""
+    def wanted(self, period: float) -> Iterable[tuple[float, Jet]]:
+        """What the command wants in this sample period of each axis or nozzle: on-time (s), and
+        what fires."""
+
+    def scheduled(self, i: int) -> Jet:
+        """What fires in the scheduled firing i."""
+        x, y, z = self.schedule_tau_body[3 * i : 3 * i + 3]
+        fx, fy, fz = self.schedule_force_body[3 * i : 3 * i + 3]
+        return (x, y, z), (fx, fy, fz), norm((fx, fy, fz))
+
+    def fired(self, i: int, seconds: float) -> None:
+        """The axis or nozzle i has fired for some time (s) of this step."""
+
+    def fired_as_scheduled(self, i: int, seconds: float) -> None:
+        """The scheduled firing i has lasted some time (s) of this step."""
 
     def _width(self, on_time: float, period: float) -> float:
         """The pulse (s) that a wanted on-time (s) becomes; 0 where it is left out."""
@@ -89,17 +120,19 @@ class PulsedThrusters(Thrusters):
         width = min(count * self.least_pulse, period)
         return 0.0 if width < self.least_on_time * (1.0 - 1e-12) else width
 
-    def _pulse(self, t: float, period: float, width: float, torque: Vec3, force: float) -> Pulse:
+    def _pulse(self, t: float, period: float, width: float, i: int, jet: Jet) -> Pulse:
         begin = t if self.placement == BEGIN else t + 0.5 * (period - width)
-        return begin, begin + width, torque, force
+        return begin, begin + width, i, jet
 
 
-def _add(mean: list[float], slope: list[float], torque: Vec3, begin: float, end: float,
-         t: float, dt: float) -> float:  # fmt: skip
-    """Add to mean and slope on [t, t + dt] a torque on [begin, end]; return the time on (s)."""
+def _add(mean: list[float], slope: list[float], force: list[float], jet: Jet, begin: float,
+         end: float, t: float, dt: float) -> float:  # fmt: skip
+    """Add what fires on [begin, end] to the torque's mean and slope and the force's mean on
+    [t, t + dt]; return the time on (s)."""
     share, lead, seconds = window(begin, end, t, dt)
     if seconds > 0.0:
-        for i, x in enumerate(torque):
+        for i, x in enumerate(jet[0]):
             mean[i] += x * share
             slope[i] += x * lead
+            force[i] += jet[1][i] * share
     return seconds

@@ -17,7 +17,9 @@ class Sensor(Sampled):
     fail_time: float = Parameter(
         "s", "from this time on invalid, holding the last value; negative: never", start=-1.0
     )
-    seed: int = Parameter("1", "seed of the errors", start=1)
+    seed: int = Parameter(
+        "1", "seed of the errors; instance name and variable key them as well", start=1
+    )
 
     valid: bool
 

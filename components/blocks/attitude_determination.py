@@ -6,10 +6,10 @@ from ..bases.sensing import Sensor, gauss_markov
 from ..contract.block import Parameter, Vec3
 from ..contract.roles import AttitudeDetermination as Role
 from ..maths.attitude import propagated
-from ..maths.noise import normal3, normal6
+from ..maths.noise import normal3, normal6, stream
 from ..maths.vector import ZERO, add, scale, unit
 
-_CHANNEL = 32  # apart from those of other sensors, which may have the same seed
+_MISALIGNMENT = 6  # its channels in sample 0, after the six of every sample
 
 
 class AttitudeDetermination(Role, Sensor):
@@ -22,7 +22,8 @@ class AttitudeDetermination(Role, Sensor):
     at each sample, T = `sample_time` after the last one, held in between. dq(a) is the rotation
     by |a| about a, in body axes. u is a unit vector drawn once, n and w are standard normal
     numbers of each axis, and x starts from its stationary distribution (a first-order
-    Gauss-Markov process). The errors are functions of seed and sample index.
+    Gauss-Markov process). The errors are functions of seed, instance name
+    and sample index.
 
     An *average determination error* E (paper 004: 3 deg) comes from either
     - `misalignment_norm` = E: constant, its direction drawn;
@@ -45,16 +46,17 @@ class AttitudeDetermination(Role, Sensor):
     noise: float = Parameter("rad", "standard deviation of the white error of each axis", min=0.0)
 
     def start(self) -> None:
-        drawn = unit(normal3(self.seed, 0, _CHANNEL + 6))
+        self._noise = stream(self.instance, "q_meas_bi", self.seed)
+        drawn = unit(normal3(self._noise, 0, _MISALIGNMENT))
         self._constant = add(self.misalignment_body, scale(self.misalignment_norm, drawn))
-        _, markov = normal6(self.seed, 0, _CHANNEL)
+        _, markov = normal6(self._noise, 0)
         self._markov = scale(self.markov_sigma, markov)
         super().start()
 
     def measure(self, sample: int, elapsed: float) -> None:
         white = ZERO
         if self.noise > 0.0 or self.markov_sigma > 0.0:
-            white, markov = normal6(self.seed, sample, _CHANNEL)
+            white, markov = normal6(self._noise, sample)
             if elapsed > 0.0:
                 decay = exp(-elapsed / self.correlation_time) if self.correlation_time else 0.0
                 self._markov = gauss_markov(self._markov, decay, self.markov_sigma, markov)

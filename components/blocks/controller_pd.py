@@ -34,7 +34,7 @@ class ControllerPd(Controller):
         super().start()
         self.tau_ctrl_body = ZERO
 
-    def advance(self, t: float, dt: float) -> None:
+    def compute(self, t: float, dt: float) -> None:
         if not self.due(t):
             return
         if not self.enable:

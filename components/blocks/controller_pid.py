@@ -47,7 +47,7 @@ class ControllerPid(Controller):
         super().start()
         self._xi = self.tau_ctrl_body = ZERO
 
-    def advance(self, t: float, dt: float) -> None:
+    def compute(self, t: float, dt: float) -> None:
         if not self.due(t):
             return
         if not self.enable:

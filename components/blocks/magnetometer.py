@@ -1,30 +1,43 @@
 from __future__ import annotations
 
 from ..bases.sensing import Sensor, digital3
-from ..contract.block import Parameter, Vec3
+from ..contract.block import Mat33, Parameter, Vec3
 from ..contract.roles import Magnetometer as Role
 from ..maths.attitude import rotate
-from ..maths.noise import normal3
-from ..maths.vector import add, scale
+from ..maths.noise import normal3, stream
+from ..maths.vector import add, mat_vec, scale
 
 
 class Magnetometer(Role, Sensor):
     """Three-axis magnetometer
 
-        b_body = C(q_bi) b_eci + bias + noise
+        b_body = C(q_bi) b_eci + K m_body + bias + noise
 
     at each sample, held in between; then each axis is rounded to a multiple of `resolution` and
     limited to +-`full_scale`, where these are not 0. A limited value stays valid: it still has
-    the sign. The noise is a function of seed and sample index.
+    the sign. The noise is a function of seed, instance name and sample index.
+
+    K m_body is the field of the torquers' own dipole at the magnetometer, at the time of the
+    sample: what coils off during a measurement (paper 004) avoid. For a dipole far from
+    its coil, r (m) from it in the direction u, K = mu_0 / (4 pi r^3) (3 u u' - 1).
     """
 
     bias_body: Vec3 = Parameter("T", "constant error, body")
+    coil_coupling: Mat33 = Parameter(
+        "T/(A.m2)", "K: field at the magnetometer by the torquers' dipole, body", needs=("m_body",)
+    )
     noise: float = Parameter("T", "standard deviation of the noise of each axis", min=0.0)
     resolution: float = Parameter("T", "quantisation step of each axis; 0: none", min=0.0)
     full_scale: float = Parameter("T", "largest magnitude of each axis; 0: no limit", min=0.0)
 
+    def start(self) -> None:
+        self._noise = stream(self.instance, "b_body", self.seed)
+        super().start()
+
     def measure(self, sample: int, elapsed: float) -> None:
         b = add(rotate(self.q_bi, self.b_eci), self.bias_body)
+        if any(self.coil_coupling):
+            b = add(b, mat_vec(self.coil_coupling, self.m_body))
         if self.noise > 0.0:
-            b = add(b, scale(self.noise, normal3(self.seed, sample)))
+            b = add(b, scale(self.noise, normal3(self._noise, sample)))
         self.b_body = digital3(b, self.resolution, self.full_scale)

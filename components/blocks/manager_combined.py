@@ -35,6 +35,8 @@ class ManagerCombined(ThrusterDumping):
 
         tau_cmd_wheel = A^+ (N - tau_ctrl_body - omega x A h)        (paper 004, eq. 16)
 
+    at each sample, or every `wheel_sample_time`, held in between.
+
     Source: Chen & Steyn (paper 000), eqs. 15-34; the bounded splits are not in the paper.
     """
 

@@ -21,6 +21,8 @@ class ManagerCrossProduct(TorquerDumping):
 
         tau_cmd_wheel = A^+ (M x B - tau_ctrl_body - omega x A h)        (paper 004, eq. 16)
 
+    at each sample, or every `wheel_sample_time`, held in between.
+
     Source: Camillo & Markley (1980) for the law; paper 000, eq. 31; paper 004, eq. 19.
     """
 

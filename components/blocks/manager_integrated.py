@@ -3,7 +3,7 @@ from __future__ import annotations
 from math import inf
 
 from ..contract.block import Output, Parameter, Vec3, Vec4
-from ..contract.roles import Manager, WheelAxes
+from ..contract.roles import WheelManager
 from ..laws import integrated
 from ..maths.vector import ZERO, norm, scale
 from ..physics.wheel_array import body_momentum, pseudo_inverse, to_wheels, wheel_torque
@@ -12,7 +12,7 @@ IDLE, DUMPING, _, _, EMERGENCY, VELOCITY_DUMPING = range(6)
 OFF: Vec4 = (0.0, 0.0, 0.0, 0.0)
 
 
-class ManagerIntegrated(Manager, WheelAxes):
+class ManagerIntegrated(WheelManager):
     """Attitude control and magnetic momentum management in one loop
 
     The controller's torque tau is split by k = `magnetic_share`, and the wheels are told to give
@@ -25,7 +25,7 @@ class ManagerIntegrated(Manager, WheelAxes):
     perp: across B. The controller answers t_DES with a tau that cancels it, of which the coils
     give the share k; so the wheels lose k t_DES. The dipole is made smaller as a whole where a
     component exceeds `m_limit`. At each sample t_DES, dipole and mode are decided; the wheels
-    follow tau and omega at every step.
+    are commanded then, or every `wheel_sample_time`.
 
     h' leaves out the wheels near what is wanted of them, so that a wheel is not brought through
     zero speed: with e = h - A^+ h_target_body - h_null n, wheel i counts in A h' = sum g_i e_i from
@@ -120,9 +120,14 @@ class ManagerIntegrated(Manager, WheelAxes):
         self.m_cmd_body = self.tau_cmd_thruster_body = ZERO
         self.mode = IDLE
 
-    def advance(self, t: float, dt: float) -> None:
-        if self.due(t):
+    def compute(self, t: float, dt: float) -> None:
+        sampled = self.due(t)
+        if sampled:
             self._decide()
+        if self.wheels_due(t, sampled):
+            self.tau_cmd_wheel = self._wheel_command()
+
+    def _wheel_command(self) -> Vec4:
         a, b, c, d = wheel_torque(
             self._to_wheels,
             self.axes_wheel,
@@ -132,7 +137,7 @@ class ManagerIntegrated(Manager, WheelAxes):
             self.h_wheel if self.valid_h else OFF,
         )
         p, q, r, s = self._null_torque
-        self.tau_cmd_wheel = (a + p, b + q, c + r, d + s)
+        return (a + p, b + q, c + r, d + s)
 
     def _wanted(self) -> Vec3:
         """tau: the torque that wheels and coils are to give the body."""

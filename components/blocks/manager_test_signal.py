@@ -30,7 +30,7 @@ class ManagerTestSignal(Manager):
         self.m_cmd_body = self.tau_cmd_thruster_body = ZERO
         self.mode = 0
 
-    def advance(self, t: float, dt: float) -> None:
+    def compute(self, t: float, dt: float) -> None:
         if self.due(t):
             sampled = self._sample * self.sample_time if self.sample_time > 0.0 else t
             self.tau_cmd_wheel = tuple(  # type: ignore[assignment]

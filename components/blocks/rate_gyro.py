@@ -1,14 +1,12 @@
 from __future__ import annotations
 
-from math import hypot, sqrt
+from math import sqrt
 
 from ..bases.sensing import Sensor, digital3
 from ..contract.block import Parameter, Vec3
 from ..contract.roles import RateGyro as Role
-from ..maths.noise import normal6
+from ..maths.noise import normal6, stream
 from ..maths.vector import ZERO, add, scale
-
-_CHANNEL = 16  # apart from those of other sensors, which may have the same seed
 
 
 class RateGyro(Role, Sensor):
@@ -21,7 +19,7 @@ class RateGyro(Role, Sensor):
     at each sample, T = `sample_time` after the last one, held in between; n and w are standard
     normal numbers of each axis. Then each axis is rounded to a multiple of `resolution` and
     limited to +-`full_scale`, where these are not 0. A limited value stays valid: it still has
-    the sign. The noise is a function of seed and sample index.
+    the sign. The noise is a function of seed, instance name and sample index.
 
     The walks are given by what they come to in one second, so the numbers are those of a data
     sheet in rad/sqrt(s) and rad/s/sqrt(s); 1 deg/sqrt(h) = 2.909e-4 rad/sqrt(s).
@@ -54,14 +52,16 @@ class RateGyro(Role, Sensor):
         if self.angle_random_walk > 0.0:
             if self.sample_time <= 0.0:
                 self.fail("angle_random_walk needs a sample_time above 0 s")
-            self._sigma = hypot(self.noise, self.angle_random_walk / sqrt(self.sample_time))
+            walk = self.angle_random_walk / sqrt(self.sample_time)
+            self._sigma = sqrt(self.noise * self.noise + walk * walk)
         self._bias = self.bias_body
+        self._noise = stream(self.instance, "omega_meas_body", self.seed)
         super().start()
 
     def measure(self, sample: int, elapsed: float) -> None:
         white = ZERO
         if self._sigma > 0.0 or self.bias_walk > 0.0:
-            white, walk = normal6(self.seed, sample, _CHANNEL)
+            white, walk = normal6(self._noise, sample)
             if elapsed > 0.0:
                 self._bias = add(self._bias, scale(self.bias_walk * sqrt(elapsed), walk))
         omega, error, bias, s = self.omega_bi_body, self.scale_error, self._bias, self._sigma

@@ -1,23 +1,32 @@
 from __future__ import annotations
 
-from collections.abc import Callable
-from math import ceil
+from math import ceil, isfinite
 
 from ..contract.block import Mat33, Parameter, Table, Vec3, Vec4
 from ..contract.roles import Spacecraft, WheelInertias
-from ..maths.attitude import normalised, product, propagated, rotate, rotate_back
-from ..maths.vector import ZERO, add, cross, dot, mat_vec, norm, sub
+from ..maths.attitude import normalised, product, rotate, rotate_back
+from ..maths.runge_kutta import step4, step6, step8
+from ..maths.vector import ZERO, add, cross, dot, mat_vec, norm, scale, sub
 from ..physics import torques
-from ..physics.gyrostat import carrier_inertia, inverse_inertia, rate
+from ..physics.gyrostat import carrier_inertia, inverse_inertia, nutation, over_determinant, rate
 from ..physics.orbit import EARTH_RATE, MU, lvlh_attitude
+from ..physics.rigid_body import (
+    STILL,
+    Torque,
+    course,
+    gathered,
+    peak,
+    ramp,
+    slopes,
+)
 from ..physics.wheel_array import body_momentum
 
 NONE, AREA, PLATES = range(3)
 
-LARGEST_TURN = 0.025
-"""Of the body in one integration step (rad): the local error is then 3e-12 rad."""
-LARGEST_NUTATION = 0.25
-"""Of the nutation in one integration step (rad)."""
+ANGLE_4, ANGLE_6, ANGLE_8 = 0.009, 0.055, 0.3
+"""Up to where one step of RK4, RK6 or RK8 errs by about the same share of the angle (rad)."""
+MOST_PARTS = 100_000
+"""Of a step; more is a mistake."""
 
 
 class SpacecraftRigid(Spacecraft, WheelInertias):
@@ -36,9 +45,17 @@ class SpacecraftRigid(Spacecraft, WheelInertias):
         tau_ext = (m + m_residual) x B + 3 mu / r^3 u x J u + drag + radiation + thrusters
                   + tau_disturbance + tau_ext_body
 
-    Integrated by RK4 with as many steps as turn and nutation need; drag and radiation are taken
-    at the middle of each. `h_wheel` is read in
-    initialisation mode only: the copy starts from it.
+    In a step of dt, body and nutation turn by about the angle a,
+
+        a = dt (|omega| + sqrt(l . J_r l / det J_r)) + b
+        b = dt^2 |J_r^-1| (|A tau_wheel| + |tau_ext|)
+
+    with l = C(q) H and the torques at their largest. RK4 errs by a (a^2 + b)^2, RK6 by
+    a (a^2 + b)^3 times a constant: where that is small they integrate the step at once, else
+    ceil(a / angle_limit) steps of order 8 do. The error of phase is then a few 1e-12 of the angle
+    turned, whatever the step. Without torque, the default angle_limit takes 1e-8 of the energy of
+    a nutation of 1 rad/s in a day, half of it 3e-11. `h_wheel` is read in initialisation mode only:
+    the copy starts from it.
 
     Source: conservation of momentum; paper 004, eqs. 1-6; Wertz (1978), ch. 17 for the torques.
     """
@@ -82,19 +99,24 @@ class SpacecraftRigid(Spacecraft, WheelInertias):
     plates: Table = Parameter(
         "1",
         "a row a plate: outward normal (3), area m2, centre (3) m, specular, diffuse share",
-        shape=(6, torques.PLATE_COLUMNS),
+        shape=(16, torques.PLATE_COLUMNS),
     )
     tau_disturbance_body: Vec3 = Parameter("N.m", "a constant external torque, body")
+    angle_limit: float = Parameter(
+        "rad", "largest angle of body and nutation in one integration step; half: 1/250 the error",
+        start=ANGLE_8, min=0.01, max=0.5,
+    )  # fmt: skip
 
     def start(self) -> None:
         carrier = carrier_inertia(self.inertia, self.axes_wheel, self.inertia_wheel)
         self._inverse = inverse_inertia(carrier)
-        i = self._inverse
-        self._stiffest = max(  # 1/(kg m2)
-            abs(i[0]) + abs(i[1]) + abs(i[2]),
-            abs(i[3]) + abs(i[4]) + abs(i[5]),
-            abs(i[6]) + abs(i[7]) + abs(i[8]),
-        )
+        self._half_inverse: Mat33 = tuple(0.5 * x for x in self._inverse)  # type: ignore[assignment]
+        self._over_determinant = over_determinant(carrier)
+        share = self.angle_limit / ANGLE_8
+        self._limit4 = (ANGLE_4 * share**2) ** 5
+        self._limit6 = (ANGLE_6 * share ** (4.0 / 3.0)) ** 7
+        self._plates = torques.plates_of(self.plates)
+        self._sizes()
         q, omega = normalised(self.q_start_bi), self.omega_start_body
         if self.start_frame == 1:
             q, omega = self._from_lvlh(q, omega)
@@ -103,6 +125,25 @@ class SpacecraftRigid(Spacecraft, WheelInertias):
             q, add(mat_vec(carrier, omega), body_momentum(self.axes_wheel, self._h))
         )
         self._momentum_start = self._momentum
+
+    def _sizes(self) -> None:
+        """What `_angle` and `_largest_around` need of the parameters."""
+        i = self._inverse
+        self._inverse_size = max(  # 1/(kg m2)
+            abs(i[0]) + abs(i[1]) + abs(i[2]),
+            abs(i[3]) + abs(i[4]) + abs(i[5]),
+            abs(i[6]) + abs(i[7]) + abs(i[8]),
+        )
+        # gravity at most 3 mu / r^3 times half the largest moment (N m times r^3); every surface
+        # head on to the flow (N m over density speed^2); every surface a mirror (N m)
+        self._gravity_size = 1.5 * MU * max(self.inertia[0], self.inertia[4], self.inertia[8])
+        on_plates = torques.lever(self._plates)
+        drag = self.area_drag * norm(self.centre_drag_body)
+        drag = on_plates if self.aerodynamics == PLATES else drag
+        self._drag_size = 0.0 if self.aerodynamics == NONE else 0.5 * self.drag_coefficient * drag
+        light = self.area_radiation * norm(self.centre_radiation_body)
+        light = 2.0 * on_plates if self.radiation == PLATES else light
+        self._light_size = 0.0 if self.radiation == NONE else torques.SOLAR_PRESSURE * light
 
     def _from_lvlh(self, q_bo: Vec4, omega_bo: Vec3) -> tuple[Vec4, Vec3]:
         n = norm(cross(self.r_eci, self.v_eci)) / dot(self.r_eci, self.r_eci)
@@ -120,141 +161,102 @@ class SpacecraftRigid(Spacecraft, WheelInertias):
         return rate(rotate(self._q, self._momentum), wheels, self._inverse)
 
     def advance(self, t: float, dt: float) -> None:
-        omega = self._omega()
-        size = norm(self._momentum) * self._stiffest
-        n = max(
-            1, ceil(norm(omega) * dt / LARGEST_TURN), ceil(size * dt / LARGEST_NUTATION)
+        axes, h, mean = self.axes_wheel, self._h, self.tau_mean_wheel
+        wheels = body_momentum(axes, h)
+        motors = ramp(body_momentum(axes, mean), body_momentum(axes, self.tau_slope_wheel))
+        given = ramp(
+            add(self.tau_disturbance_body, add(self.tau_ext_body, self.tau_mean_thruster_body)),
+            self.tau_slope_thruster_body,
+        )
+        dipole = ramp(add(self.m_mean_body, self.residual_dipole_body), self.m_slope_body)
+        magnetic = dipole != STILL
+        torque = peak(motors) + peak(given) + self._largest_around()
+        if magnetic:
+            torque += peak(dipole) * norm(self.b_eci)
+        gained = dt * dt * self._inverse_size * torque
+        angle = self._angle(dt, wheels, gained)
+        square = angle * angle + gained
+        field = place = None
+        if magnetic:
+            field = course(self.b_eci, self.b_rate_eci, self.b_accel_eci, dt)
+        if self.gravity_gradient:
+            place = course(self.r_eci, self.v_eci, _fall(self.r_eci), dt)
+        slope = slopes(
+            self.inertia, self._half_inverse, gathered(wheels, motors, dt), given, dipole,
+            field, place, self._surfaces(dt),
         )  # fmt: skip
-        de = 1.0 / n
-        step, half = de * dt, 0.5 * de * dt
-        surfaces, outer = self._surfaces(), ZERO
-        slope = self._slopes(dt)
         y = (*self._q, *self._momentum)
-        for i in range(n):
-            e = i * de
-            if surfaces is not None:
-                outer = surfaces(propagated(y[:4], omega, half))
-            k1 = slope(e, y, outer)
-            k2 = slope(e + 0.5 * de, _moved(y, half, k1), outer)
-            k3 = slope(e + 0.5 * de, _moved(y, half, k2), outer)
-            k4 = slope(e + de, _moved(y, step, k3), outer)
-            y = _combined(y, step / 6.0, k1, k2, k3, k4)
+        if angle * square * square <= self._limit4:
+            y = step4(slope, 0.0, y, 1.0, dt)
+        elif angle * square * square * square <= self._limit6:
+            y = step6(slope, 0.0, y, 1.0, dt)
+        else:
+            n = ceil(angle / self.angle_limit)
+            for i in range(n):
+                y = step8(slope, i / n, y, 1.0 / n, dt / n)
+        if not isfinite(y[3] + y[4] + y[5] + y[6]):
+            self.fail(
+                f"attitude or momentum is not finite after a step of {dt:g} s: an input is not"
+            )
         self._q = normalised(y[:4])
         self._momentum = (y[4], y[5], y[6])
-        h, mean = self._h, self.tau_mean_wheel
         self._h = (
             h[0] + dt * mean[0], h[1] + dt * mean[1], h[2] + dt * mean[2], h[3] + dt * mean[3],
         )  # fmt: skip
 
-    def _slopes(self, dt: float) -> Callable[[float, _State, Vec3], _State]:
-        """f(e, y, outer): the derivative of y = (q, H) per second, at the share e of the step and
-        with the torque `outer` (N m, body) of the surfaces."""
-        i11, i12, i13, i21, i22, i23, i31, i32, i33 = self._inverse
-        mean, tilt = self.tau_mean_wheel, self.tau_slope_wheel
-        axes = self.axes_wheel
-        # the wheels' momentum in body, w0 + e (w1 + e w2)
-        w0x, w0y, w0z = body_momentum(axes, self._h)
-        ax, ay, az = body_momentum(axes, mean)
-        bx, by, bz = body_momentum(axes, tilt)
-        w2x, w2y, w2z = 0.5 * dt * bx, 0.5 * dt * by, 0.5 * dt * bz
-        w1x, w1y, w1z = dt * ax - w2x, dt * ay - w2y, dt * az - w2z
-        torque = self._torques(dt)
+    def _angle(self, dt: float, wheels: Vec3, gained: float) -> float:
+        """Angle (rad) that body and nutation turn in dt, with the wheels' momentum (N m s, body) at
+        its start and what the torques add at most (rad).
 
-        def slope(e: float, y: _State, outer: Vec3) -> _State:
-            x, v, z, w, hx, hy, hz = y
-            xx, v2, zz, ww = x * x, v * v, z * z, w * w
-            c11, c12, c13 = xx - v2 - zz + ww, 2.0 * (x * v + z * w), 2.0 * (x * z - v * w)
-            c21, c22, c23 = 2.0 * (x * v - z * w), ww - xx + v2 - zz, 2.0 * (v * z + x * w)
-            c31, c32, c33 = 2.0 * (x * z + v * w), 2.0 * (v * z - x * w), ww - xx - v2 + zz
-            lx = c11 * hx + c12 * hy + c13 * hz - (w0x + e * (w1x + e * w2x))
-            ly = c21 * hx + c22 * hy + c23 * hz - (w0y + e * (w1y + e * w2y))
-            lz = c31 * hx + c32 * hy + c33 * hz - (w0z + e * (w1z + e * w2z))
-            p = 0.5 * (i11 * lx + i12 * ly + i13 * lz)  # half the rate
-            q = 0.5 * (i21 * lx + i22 * ly + i23 * lz)
-            r = 0.5 * (i31 * lx + i32 * ly + i33 * lz)
-            dx, dy = r * v - q * z + p * w, -r * x + p * z + q * w
-            dz, dw = q * x - p * v + r * w, -p * x - q * v - r * z
-            if torque is None:
-                if outer is ZERO:
-                    return (dx, dy, dz, dw, 0.0, 0.0, 0.0)
-                tx, ty, tz = outer
-            else:
-                tx, ty, tz = torque(e, (c11, c12, c13, c21, c22, c23, c31, c32, c33), outer)
-            return (
-                dx, dy, dz, dw,
-                c11 * tx + c21 * ty + c31 * tz,
-                c12 * tx + c22 * ty + c32 * tz,
-                c13 * tx + c23 * ty + c33 * tz,
-            )  # fmt: skip
+        Raises BlockError where it is not finite or would take too many integration steps.
+        """
+        total = rotate(self._q, self._momentum)
+        omega = rate(total, wheels, self._inverse)
+        angle = dt * (norm(omega) + nutation(total, self._over_determinant)) + gained
+        if not angle <= MOST_PARTS * self.angle_limit:
+            self.fail(
+                f"in a step of {dt:g} s body and nutation turn by {angle:.3g} rad, more than "
+                f"{MOST_PARTS * self.angle_limit:g}: take a shorter step, or look for an inertia, "
+                "momentum or torque that is wrong"
+            )
+        return angle
 
-        return slope
-
-    def _torques(self, dt: float) -> Callable[[float, Mat33, Vec3], Vec3] | None:
-        """f(e, C, outer): `outer` and all other external torque (N m, body) at the share e of the
-        step; None where there is no other."""
-        constant = add(self.tau_disturbance_body, self.tau_ext_body)
-        thrust, thrust_slope = self.tau_mean_thruster_body, self.tau_slope_thruster_body
-        dipole = add(self.m_mean_body, self.residual_dipole_body)
-        dipole_slope = self.m_slope_body
-        magnetic = any(dipole) or any(dipole_slope)
-        gravity = self.gravity_gradient
-        if not (magnetic or gravity or any(constant) or any(thrust)
-                or any(thrust_slope)):  # fmt: skip
-            return None
-        b, db, ddb = self.b_eci, self.b_rate_eci, self.b_accel_eci
-        r, v, inertia = self.r_eci, self.v_eci, self.inertia
-        fall = -0.5 * MU / norm(r) ** 3
-
-        def torque(e: float, c: Mat33, outer: Vec3) -> Vec3:
-            lead, s = e - 0.5, e * dt
-            x = outer[0] + constant[0] + thrust[0] + lead * thrust_slope[0]
-            y = outer[1] + constant[1] + thrust[1] + lead * thrust_slope[1]
-            z = outer[2] + constant[2] + thrust[2] + lead * thrust_slope[2]
-            if magnetic:
-                half = 0.5 * s
-                bx, by, bz = mat_vec(c, (
-                    b[0] + s * (db[0] + half * ddb[0]),
-                    b[1] + s * (db[1] + half * ddb[1]),
-                    b[2] + s * (db[2] + half * ddb[2]),
-                ))  # fmt: skip
-                mx = dipole[0] + lead * dipole_slope[0]
-                my = dipole[1] + lead * dipole_slope[1]
-                mz = dipole[2] + lead * dipole_slope[2]
-                x += my * bz - mz * by
-                y += mz * bx - mx * bz
-                z += mx * by - my * bx
-            if gravity:
-                k = 1.0 + fall * s * s
-                place = (k * r[0] + s * v[0], k * r[1] + s * v[1], k * r[2] + s * v[2])
-                gx, gy, gz = torques.gravity_gradient(mat_vec(c, place), inertia)
-                x, y, z = x + gx, y + gy, z + gz
-            return (x, y, z)
-
+    def _largest_around(self) -> float:
+        """What gravity, air and light make at most (N m)."""
+        torque = self._light_size * self.sunlight
+        if self.gravity_gradient:
+            torque += self._gravity_size / norm(self.r_eci) ** 3
+        if self._drag_size > 0.0:
+            torque += self._drag_size * self.density * dot(self.v_eci, self.v_eci)
         return torque
 
-    def _surfaces(self) -> Callable[[Vec4], Vec3] | None:
-        """f(q): drag and radiation torque (N m, body), the surroundings as at the step's start."""
+    def _surfaces(self, dt: float) -> Torque | None:
+        """f(e, C): drag and radiation torque (N m, body), density and Sun as at the step's start
+        and the wind moving with the orbit."""
         drag = self.aerodynamics if self.density > 0.0 else NONE
         light = self.radiation if self.sunlight > 0.0 else NONE
         if drag == NONE and light == NONE:
             return None
-        r, v = self.r_eci, self.v_eci
-        wind = (v[0] + EARTH_RATE * r[1], v[1] - EARTH_RATE * r[0], v[2])
+        # the velocity through the air in eci, a + e b
+        r, v, spin = self.r_eci, self.v_eci, (0.0, 0.0, EARTH_RATE)
+        ax, ay, az = sub(v, cross(spin, r))
+        bx, by, bz = scale(dt, sub(_fall(r), cross(spin, v))) if drag != NONE else ZERO
+        density, sun_eci = self.density, self.sun_eci
         pressure = self.sunlight * torques.SOLAR_PRESSURE
-        cd, plates = self.drag_coefficient, self.plates
+        cd, plates = self.drag_coefficient, self._plates
 
-        def surfaces(q: Vec4) -> Vec3:
+        def surfaces(e: float, c: Mat33) -> Vec3:
             total = ZERO
             if drag != NONE:
-                flow = rotate(q, wind)
+                flow = mat_vec(c, (ax + e * bx, ay + e * by, az + e * bz))
                 total = (
-                    torques.drag(flow, self.density, cd * self.area_drag, self.centre_drag_body)
+                    torques.drag(flow, density, cd * self.area_drag, self.centre_drag_body)
                     if drag == AREA
-                    else torques.drag_on_plates(flow, self.density, cd, plates)
+                    else torques.drag_on_plates(flow, density, cd, plates)
                 )
             if light == NONE:
                 return total
-            sun = rotate(q, self.sun_eci)
+            sun = mat_vec(c, sun_eci)
             return add(
                 total,
                 torques.radiation(sun, pressure, self.area_radiation, self.centre_radiation_body)
@@ -265,24 +267,6 @@ class SpacecraftRigid(Spacecraft, WheelInertias):
         return surfaces
 
 
-_State = tuple[float, float, float, float, float, float, float]
-"""Attitude and total inertial angular momentum."""
-
-
-def _moved(y: _State, s: float, k: _State) -> _State:
-    return (
-        y[0] + s * k[0], y[1] + s * k[1], y[2] + s * k[2], y[3] + s * k[3],
-        y[4] + s * k[4], y[5] + s * k[5], y[6] + s * k[6],
-    )  # fmt: skip
-
-
-def _combined(y: _State, s: float, a: _State, b: _State, c: _State, d: _State) -> _State:
-    return (
-        y[0] + s * (a[0] + 2.0 * (b[0] + c[0]) + d[0]),
-        y[1] + s * (a[1] + 2.0 * (b[1] + c[1]) + d[1]),
-        y[2] + s * (a[2] + 2.0 * (b[2] + c[2]) + d[2]),
-        y[3] + s * (a[3] + 2.0 * (b[3] + c[3]) + d[3]),
-        y[4] + s * (a[4] + 2.0 * (b[4] + c[4]) + d[4]),
-        y[5] + s * (a[5] + 2.0 * (b[5] + c[5]) + d[5]),
-        y[6] + s * (a[6] + 2.0 * (b[6] + c[6]) + d[6]),
-    )
+def _fall(r: Vec3) -> Vec3:
+    """Acceleration (m/s2) towards the Earth's centre at r (m)."""
+    return scale(-MU / norm(r) ** 3, r)

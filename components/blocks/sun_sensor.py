@@ -6,10 +6,8 @@ from ..bases.sensing import Sensor
 from ..contract.block import Parameter, Vec3
 from ..contract.roles import SunSensor as Role
 from ..maths.attitude import rotate
-from ..maths.noise import normal3
+from ..maths.noise import normal3, stream
 from ..maths.vector import ZERO, add, dot, norm, scale, unit
-
-_CHANNEL = 48  # apart from those of other sensors, which may have the same seed
 
 
 class SunSensor(Role, Sensor):
@@ -18,9 +16,9 @@ class SunSensor(Role, Sensor):
         s = C(q_bi) sun_eci,        sun_meas_body = unit(s + noise n)
 
     at each sample, held in between, where the Sun is seen: within `half_angle` of the boresight,
-    and with no less than `sunlight_min` of its disc visible. Otherwise the vector is zero and
+    and with no less than `sunlight_min` of its light. Otherwise the vector is zero and
     invalid. n are standard normal numbers, so `noise` is the angular error of each of the two
-    axes across the direction. The noise is a function of seed and sample index.
+    axes across the direction. The noise is a function of seed, instance name and sample index.
     """
 
     boresight_body: Vec3 = Parameter(
@@ -30,8 +28,9 @@ class SunSensor(Role, Sensor):
         "rad", "half-angle of the field of view; pi: sees everywhere", start=pi, min=0.0, max=pi
     )
     sunlight_min: float = Parameter(
-        "1", "visible share of the Sun from which on it is seen", start=0.5, min=0.0, max=1.0
-    )
+        "1", "light of the Sun, over that at 1 astronomical unit, from which on it is seen",
+        start=0.5, min=0.0, max=0.96,
+    )  # fmt: skip
     noise: float = Parameter(
         "rad", "standard deviation of the direction, each of two axes", min=0.0
     )
@@ -41,6 +40,7 @@ class SunSensor(Role, Sensor):
             self.fail("boresight_body is zero; it must be a direction")
         self._boresight = unit(self.boresight_body)
         self._cosine = cos(self.half_angle)
+        self._noise = stream(self.instance, "sun_meas_body", self.seed)
         super().start()
 
     def lost(self) -> None:
@@ -56,5 +56,5 @@ class SunSensor(Role, Sensor):
             self.lost()
             return
         if self.noise > 0.0:
-            s = unit(add(s, scale(self.noise, normal3(self.seed, sample, _CHANNEL))))
+            s = unit(add(s, scale(self.noise, normal3(self._noise, sample))))
         self.sun_meas_body = s

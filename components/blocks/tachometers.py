@@ -3,7 +3,7 @@ from __future__ import annotations
 from ..bases.sensing import Sensor, digital
 from ..contract.block import Parameter, Vec4
 from ..contract.roles import Tachometers as Role
-from ..maths.noise import normal_pair
+from ..maths.noise import normal_pair, stream
 
 
 class Tachometers(Role, Sensor):
@@ -13,7 +13,7 @@ class Tachometers(Role, Sensor):
 
     at each sample, held in between; then each wheel's value is rounded to a multiple of
     `resolution` and limited to +-`full_scale`, where these are not 0. The noise is a function of
-    seed and sample index.
+    seed, instance name and sample index.
     """
 
     bias_wheel: Vec4 = Parameter("N.m.s", "constant error of each wheel")
@@ -25,13 +25,17 @@ class Tachometers(Role, Sensor):
         "N.m.s", "largest magnitude of each wheel's momentum; 0: no limit", min=0.0
     )
 
+    def start(self) -> None:
+        self._noise = stream(self.instance, "h_meas_wheel", self.seed)
+        super().start()
+
     def measure(self, sample: int, elapsed: float) -> None:
         h, b = self.h_wheel, self.bias_wheel
         if any(b):
             h = (h[0] + b[0], h[1] + b[1], h[2] + b[2], h[3] + b[3])
         if self.noise > 0.0:
-            x, y = normal_pair(self.seed, sample)
-            z, w = normal_pair(self.seed, sample, 2)
+            x, y = normal_pair(self._noise, sample)
+            z, w = normal_pair(self._noise, sample, 2)
             s = self.noise
             h = (h[0] + s * x, h[1] + s * y, h[2] + s * z, h[3] + s * w)
         if self.resolution > 0.0 or self.full_scale > 0.0:

@@ -3,8 +3,9 @@ from __future__ import annotations
 from collections.abc import Iterable
 from math import copysign
 
-from ..bases.pulses import PulsedThrusters
+from ..bases.pulses import Jet, PulsedThrusters
 from ..contract.block import Parameter, Vec3
+from ..maths.vector import ZERO
 
 
 class Thrusters(PulsedThrusters):
@@ -18,8 +19,10 @@ class Thrusters(PulsedThrusters):
 
         on_time += sum over the axes;  propellant += on-time tau_level / (arm g0 I_sp)
 
-    Up to eight scheduled firings (`schedule_...`: an orbit manoeuvre's disturbance, say) add their
-    torques, and count in `schedule_on_time` only.
+    A pair has no force. Up to eight scheduled firings (`schedule_...`: an orbit manoeuvre, say) add
+    their torque and force, and count in `schedule_on_time` and `schedule_propellant` only:
+
+        schedule_propellant += time |force| / (g0 I_sp)
 
     Source: Chen & Steyn (paper 000), section VI: +-40 mN m, 50 ms. Arm and specific impulse
     (cold nitrogen) are not in the paper.
@@ -28,11 +31,11 @@ class Thrusters(PulsedThrusters):
     tau_level: Vec3 = Parameter("N.m", "torque of each axis while it fires", start=0.04, min=1e-9)
     arm: float = Parameter("m", "lever arm of the thrusters", start=0.4, min=1e-3)
 
-    def wanted(self, period: float) -> Iterable[tuple[float, Vec3, float]]:
+    def wanted(self, period: float) -> Iterable[tuple[float, Jet]]:
         return tuple(self._axis(i, period) for i in range(3))
 
-    def _axis(self, i: int, period: float) -> tuple[float, Vec3, float]:
+    def _axis(self, i: int, period: float) -> tuple[float, Jet]:
         command, level = self.tau_cmd_thruster_body[i], self.tau_level[i]
         torque = copysign(level, command)
         x, y, z = (torque if axis == i else 0.0 for axis in range(3))
-        return abs(command) / level * period, (x, y, z), level / self.arm
+        return abs(command) / level * period, ((x, y, z), ZERO, level / self.arm)

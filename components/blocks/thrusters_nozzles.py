@@ -2,10 +2,10 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from ..bases.pulses import PulsedThrusters
-from ..contract.block import Parameter, Table, Vec3
+from ..bases.pulses import ENTRIES, Jet, PulsedThrusters
+from ..contract.block import Output, Parameter, Table
 from ..maths.allocation import least_on_times
-from ..maths.vector import ZERO, cross, norm, scale
+from ..maths.vector import ZERO, add, cross, norm, scale
 
 NOZZLES = 8
 
@@ -25,8 +25,15 @@ class ThrustersNozzles(PulsedThrusters):
 
         on_time += sum over the nozzles;  propellant += on-time thrust / (g0 I_sp)
 
-    Up to eight scheduled firings (`schedule_...`: an orbit manoeuvre's disturbance, say) add their
-    torques, and count in `schedule_on_time` only. The force on the orbit is not modelled.
+    Up to eight scheduled firings (`schedule_...`: an orbit manoeuvre, say) add torque and force,
+    and count in `schedule_on_time` and `schedule_propellant` only: those of the nozzles that
+    `schedule_nozzle` names, each with a share s_i of its thrust in the mean (off-modulated), and
+    those given by themselves, of an engine that is none of the nozzles:
+
+        tau = schedule_tau + sum s_i r_i x F_i,   F = schedule_force + sum s_i F_i
+        schedule_propellant += time (|schedule_force| + sum s_i thrust_i) / (g0 I_sp)
+
+    `on_time_nozzle` is the time that each nozzle was open, scheduled or not.
 
     The default is six nozzles of 0.1 N at 0.4 m: 40 mN m about each axis, one nozzle each way.
 
@@ -50,18 +57,52 @@ class ThrustersNozzles(PulsedThrusters):
     )  # fmt: skip
     thrust: Table = Parameter("N", "thrust of each nozzle", shape=(NOZZLES,), start=0.1, min=0.0)
 
-    def start(self) -> None:
-        super().start()
-        self._torques = tuple(self._torque(i) for i in range(NOZZLES))
+    schedule_nozzle: Table = Parameter(
+        "1", "scheduled firings: a row each, the share of the time that each nozzle is open",
+        shape=(ENTRIES, NOZZLES), min=0.0, max=1.0,
+    )  # fmt: skip
+    on_time_nozzle: Table = Output(
+        "s", "time that each nozzle was open, scheduled firings included", shape=(NOZZLES,)
+    )
 
-    def _torque(self, i: int) -> Vec3:
+    def start(self) -> None:
+        self._jets = tuple(self._jet(i) for i in range(NOZZLES))
+        self._open = (0.0,) * NOZZLES
+        super().start()
+
+    def output(self, t: float) -> None:
+        super().output(t)
+        self.on_time_nozzle = self._open
+
+    def _jet(self, i: int) -> Jet:
         x, y, z = self.direction_nozzle[3 * i : 3 * i + 3]
         if (x, y, z) != ZERO and abs(norm((x, y, z)) - 1.0) > 1e-6:
             self.fail(f"direction_nozzle: row {i + 1} = {(x, y, z)} is not a unit vector")
         px, py, pz = self.position_nozzle[3 * i : 3 * i + 3]
-        return cross((px, py, pz), scale(self.thrust[i], (x, y, z)))
+        force = scale(self.thrust[i], (x, y, z))
+        return cross((px, py, pz), force), force, self.thrust[i]
 
-    def wanted(self, period: float) -> Iterable[tuple[float, Vec3, float]]:
+    def wanted(self, period: float) -> Iterable[tuple[float, Jet]]:
         impulse = scale(period, self.tau_cmd_thruster_body)
-        on_times = least_on_times(self._torques, impulse, period)
-        return zip(on_times, self._torques, self.thrust, strict=True)
+        on_times = least_on_times(tuple(jet[0] for jet in self._jets), impulse, period)
+        return zip(on_times, self._jets, strict=True)
+
+    def scheduled(self, i: int) -> Jet:
+        torque, force, thrust = super().scheduled(i)
+        for share, jet in zip(self._shares(i), self._jets, strict=True):
+            torque = add(torque, scale(share, jet[0]))
+            force = add(force, scale(share, jet[1]))
+            thrust += share * jet[2]
+        return torque, force, thrust
+
+    def fired(self, i: int, seconds: float) -> None:
+        self._open = (*self._open[:i], self._open[i] + seconds, *self._open[i + 1 :])
+
+    def fired_as_scheduled(self, i: int, seconds: float) -> None:
+        if seconds > 0.0:
+            self._open = tuple(
+                x + share * seconds for x, share in zip(self._open, self._shares(i), strict=True)
+            )
+
+    def _shares(self, i: int) -> Table:
+        return self.schedule_nozzle[NOZZLES * i : NOZZLES * (i + 1)]

@@ -124,29 +124,50 @@ class Torquers(Role):
         self.m_slope_body = body_momentum(self.axes_coil, slope)
 
     def _take(self, t: float) -> None:
-        f = self.failed_coil - 1
-        failed = self.failed_coil != NO_COIL and t >= self.failed_from
-        known = failed and self.failure_known
-        wanted = list(
-            to_wheels(self._allocation_of_rest if known else self._allocation, self.m_cmd_body)
-        )
+        """Take a sample: what is commanded to each coil, and from when to when."""
+        fails = self.failed_coil != NO_COIL
+        failed = fails and t >= self.failed_from
+        wanted = self._allocated(failed)
         if failed:
-            wanted[f] = 0.0
-            self._m = tuple(0.0 if i == f else m for i, m in enumerate(self._m))  # type: ignore[assignment]
-        self._begin = t + self.quiet_time
-        end, most = [inf] * 4, self.m_limit
-        if self.drive == PULSED:
-            self._begin += self.pulse_delay
-            end = [self._begin + self._pulse_width(x) for x in wanted]
-            wanted = [copysign(most, x) for x in wanted]
-        elif self.drive == LIMITED and (max(wanted) > most or min(wanted) < -most):
-            wanted = [min(max(x, -most), most) for x in wanted]
-        if f >= 0 and not failed:
-            end[f] = min(end[f], self.failed_from)
-        self._command, self._end = tuple(wanted), tuple(end)  # type: ignore[assignment]
+            self._m = self._without_failed(self._m)
+        self._command = self._driven(wanted)
+        self._begin = t + self.quiet_time + (self.pulse_delay if self.drive == PULSED else 0.0)
+        self._end = self._ends(wanted)
+        if fails and not failed:
+            i = self.failed_coil - 1
+            end = min(self._end[i], self.failed_from)
+            self._end = _replaced(self._end, i, end)
         self._command_body = body_momentum(self.axes_coil, self._command)
-        self._coils_on = 4 - wanted.count(0.0)
-        self._constant_until = min(end) if self.drive != PULSED else self._begin
+        self._coils_on = 4 - self._command.count(0.0)
+        self._constant_until = min(self._end) if self.drive != PULSED else self._begin
+
+    def _allocated(self, failed: bool) -> Vec4:
+        """The dipole that is wanted of each coil."""
+        if failed and self.failure_known:
+            return self._without_failed(to_wheels(self._allocation_of_rest, self.m_cmd_body))
+        wanted = to_wheels(self._allocation, self.m_cmd_body)
+        return self._without_failed(wanted) if failed else wanted
+
+    def _driven(self, wanted: Vec4) -> Vec4:
+        """The dipole that each coil has while it is on."""
+        a, b, c, d = wanted
+        most = self.m_limit
+        if self.drive == PULSED:
+            return (copysign(most, a), copysign(most, b), copysign(most, c), copysign(most, d))
+        if self.drive == LIMITED:
+            return (_within(a, most), _within(b, most), _within(c, most), _within(d, most))
+        return wanted
+
+    def _ends(self, wanted: Vec4) -> Vec4:
+        """When each coil is switched off, if before the next sample."""
+        if self.drive != PULSED:
+            return (inf, inf, inf, inf)
+        a, b, c, d = wanted
+        begin, width = self._begin, self._pulse_width
+        return (begin + width(a), begin + width(b), begin + width(c), begin + width(d))
+
+    def _without_failed(self, x: Vec4) -> Vec4:
+        return _replaced(x, self.failed_coil - 1, 0.0)
 
     def _hold(self, dt: float) -> None:
         """A step with constant commands."""
@@ -202,3 +223,18 @@ class Torquers(Role):
                 mean, slope = mean + x, slope + lead
                 self._energy += 0.5 * square * (last - first)
         return mean, slope, m if alive == dt else 0.0
+
+
+def _within(x: float, limit: float) -> float:
+    return min(max(x, -limit), limit)
+
+
+def _replaced(x: Vec4, i: int, value: float) -> Vec4:
+    """x with another element i."""
+    a, b, c, d = x
+    return (
+        value if i == 0 else a,
+        value if i == 1 else b,
+        value if i == 2 else c,
+        value if i == 3 else d,
+    )

@@ -1,15 +1,23 @@
 from __future__ import annotations
 
-from math import floor
+from math import cos, floor, inf, pi, sin
 
 from ..contract.block import Parameter, Vec3, Vec4
 from ..contract.roles import WheelInertias
 from ..contract.roles import Wheels as Role
-from ..maths.noise import normal3
-from ..maths.vector import cross, norm
-from ..physics.rotor import step
+from ..maths.noise import stream, uniform
+from ..maths.vector import ZERO, add, cross, norm, scale, sub, unit
+from ..physics.rotor import AT_LIMIT, Motor, Rotor, step
 
 TORQUE, SPEED = range(2)
+NOTHING: Vec4 = (0.0, 0.0, 0.0, 0.0)
+FULL_TURN = 2.0 * pi
+EDGE = 1e-6
+"""A time so near a step's end, relative to the step, is the step's end."""
+
+
+Loop = tuple[int, float]
+"""A speed loop: its last sample and the command (N m) of that."""
 
 
 class Wheels(Role, WheelInertias):
@@ -17,23 +25,35 @@ class Wheels(Role, WheelInertias):
 
     For each wheel, g its axis, Omega = h / J_s - g.omega its speed relative to the body:
 
-        h' = T - friction(Omega) + learnt,     T' = (command - T) / lag
+        h' = drive - friction(Omega),      drive = T + learnt, within +-torque_limit
+        T' = (command - T) / lag,          learnt' = compensation (friction - learnt)
         friction = c_v Omega + c_c tanh(Omega / omega_eps)
-        learnt' = compensation (friction - learnt)
 
     `command` is the torque command within +-torque_limit (`command_mode` torque), or
-    speed_gain J_s (speed command - Omega) within it (`speed`). At |h| = J_s speed_limit the wheel
-    is saturated and takes no more. Below omega_eps a motor torque under `stiction` leaves the
-    rotor standing. A failed wheel's motor gives no torque from `failed_from` on.
+    speed_gain J_s (speed command - Omega) within it, sampled every `speed_sample_time` by the
+    wheel's own electronics, whatever the step (`speed`). At |Omega| = speed_limit the wheel is
+    saturated: it keeps that speed, also while the body turns, until its torque points inwards. A
+    failed wheel's motor gives no torque from `failed_from` on, which may be inside a step.
+
+    With `stiction` friction is dry, c_v Omega +- c_c, and stops the rotor in a finite time. It then
+    stands, and turns with the body, until the motor's torque and that of the body's motion, J_s
+    (g.omega)', differ by more than `stiction`, which is no less than c_c.
 
     What leaves the block is what the rotors took: over a step from h0 to h1
 
         tau_mean = (h1 - h0) / H,     tau_slope = 12 (I1 - tau_mean / 2)
         I1 = (h1 - mean of h) / H
 
-    The body's rate inside the step is extrapolated from its last two values. Unbalance is an
-    equivalent noise torque on the body, tau_jitter = unbalance Omega^2 n (n a unit normal number
-    across the axis, a new one each second), and never part of tau_mean_wheel.
+    The body's rate inside the step is extrapolated from its last two values. `speed_wheel` is of
+    the step's begin, with the rate of then; `power` and `saturated_wheel` are of its end, with the
+    extrapolated rate, which errs by H^2 (g.omega)'' at most.
+
+    Unbalance is a product of inertia of the rotor, whose momentum across the axis turns with it:
+
+        tau_jitter = -(p1 - p0) / H,     p = unbalance Omega e(phi),     phi' = Omega
+
+    e a unit vector across the axis, phi at the start drawn from the seed. So its impulse is exact
+    at any step, and none remains. It is never part of tau_mean_wheel.
 
     Source: definition of the exchange in the project's design; friction as in Wertz (1978) and
     paper 004.
@@ -49,6 +69,9 @@ class Wheels(Role, WheelInertias):
         "rad/s", "speed at which a wheel is saturated", start=600.0, min=1e-3
     )
     speed_gain: float = Parameter("1/s", "speed mode: bandwidth of the loop", start=0.5, min=0.0)
+    speed_sample_time: float = Parameter(
+        "s", "speed mode: time between the loop's own samples", start=0.1, min=1e-3
+    )
     motor_lag: float = Parameter("s", "time constant of the motor; 0: none", min=0.0)
     viscous: float = Parameter(
         "N.m.s/rad", "viscous friction c_v", min=0.0, needs=("omega_bi_body",)
@@ -62,17 +85,21 @@ class Wheels(Role, WheelInertias):
     compensation: float = Parameter(
         "1/s", "bandwidth of the loop that compensates friction; 0: none", min=0.0
     )
-    stiction: float = Parameter("N.m", "torque that a standing rotor resists", min=0.0,
-                                needs=("omega_bi_body",))  # fmt: skip
+    stiction: float = Parameter(
+        "N.m", "torque that a standing rotor resists, no less than coulomb; 0: none", min=0.0,
+        needs=("omega_bi_body",),
+    )  # fmt: skip
     failed: int = Parameter(
         "1", "which wheel fails", choices=("none", "1", "2", "3", "4"), start="none"
     )
     failed_from: float = Parameter("s", "when it fails", start=0.0)
     unbalance: float = Parameter(
-        "kg.m2", "jitter: equivalent noise torque over squared speed", min=0.0,
+        "kg.m2", "product of inertia of each rotor, whose turning makes the jitter", min=0.0,
         needs=("tau_jitter_body", "omega_bi_body"),
     )  # fmt: skip
-    seed: int = Parameter("1", "seed of the jitter", start=1)
+    seed: int = Parameter(
+        "1", "seed of the jitter's phase; instance name and variable key it as well", start=1
+    )
     idle_power: float = Parameter("W", "power of the electronics of each wheel", min=0.0)
     motor_constant: float = Parameter(
         "N.m", "torque that costs 1 W of copper loss; 0: no copper loss", min=0.0
@@ -80,22 +107,50 @@ class Wheels(Role, WheelInertias):
 
     def start(self) -> None:
         self._present = tuple(i for i in range(4) if self.inertia_wheel[i] > 0.0)
-        self._motors = tuple(
+        self._check_parameters()
+        self._motors: tuple[Motor, ...] = tuple(
             (j, self.motor_lag, self.viscous, self.coulomb, self.friction_speed,
-             self.compensation, self.stiction)
+             self.compensation, self.stiction, self.torque_limit)
             for j in self.inertia_wheel
         )  # fmt: skip
-        self._rotors = tuple((h, 0.0, 0.0) for h in self.h_start_wheel)
         self._rates = self._last_rates = self._axial(self.omega_bi_body)
         self._last_dt = 0.0
-        self.tau_mean_wheel = self.tau_slope_wheel = (0.0, 0.0, 0.0, 0.0)
-        self.tau_jitter_body = (0.0, 0.0, 0.0)
-        self._jitter_second = -1
-        self._unit_jitter: tuple[Vec3, ...] = ()
+        self._rotors: tuple[Rotor, ...] = tuple((h, 0.0, 0.0, 0.0) for h in self.h_start_wheel)
+        self._check_speeds()
+        self.speed_wheel = self._speeds()
+        self._rotors = tuple(
+            (h, 0.0, 0.0, float((speed > 0.0) - (speed < 0.0)))
+            for h, speed in zip(self.h_start_wheel, self.speed_wheel, strict=True)
+        )
+        self._loops: tuple[Loop, ...] = ((-1, 0.0),) * 4
+        self._turned: tuple[float, ...] = tuple(
+            FULL_TURN * uniform(stream(self.instance, "tau_jitter_body", self.seed), 0, i)
+            for i in range(4)
+        )  # the rotors' angles, rad
+        self._across = self._momentum_across(self.speed_wheel)
         self._failed = False
+        self.tau_mean_wheel = self.tau_slope_wheel = NOTHING
+        self.tau_jitter_body = ZERO
+
+    def _check_parameters(self) -> None:
         for i in self._present:
             if abs(norm(self._axis(i)) - 1.0) > 1e-6:
                 self.fail(f"axes_wheel: column {i + 1} = {self._axis(i)} is not a unit vector")
+        if 0.0 < self.stiction < self.coulomb:
+            self.fail(f"stiction = {self.stiction} N m is below coulomb = {self.coulomb} N m")
+        if self.command_mode == SPEED and self.speed_gain * self.speed_sample_time > 1.0:
+            self.fail(
+                f"speed_gain = {self.speed_gain} 1/s is above 1 / speed_sample_time = "
+                f"{1.0 / self.speed_sample_time} 1/s"
+            )
+
+    def _check_speeds(self) -> None:
+        for i in self._present:
+            if abs(self._speed(i)) > self.speed_limit * (1.0 + AT_LIMIT):
+                self.fail(
+                    f"h_start_wheel[{i + 1}] = {self.h_start_wheel[i]} N m s: a speed of "
+                    f"{self._speed(i)} rad/s, above speed_limit = {self.speed_limit} rad/s"
+                )
 
     def _axis(self, i: int) -> Vec3:
         a = self.axes_wheel
@@ -114,32 +169,33 @@ class Wheels(Role, WheelInertias):
     def _speed(self, i: int) -> float:
         return self._rotors[i][0] / self.inertia_wheel[i] - self._rates[i]
 
+    def _speeds(self) -> Vec4:
+        speed = [0.0] * 4
+        for i in self._present:
+            speed[i] = self._speed(i)
+        return (speed[0], speed[1], speed[2], speed[3])
+
     def output(self, t: float) -> None:
-        h, speed, saturated = [0.0] * 4, [0.0] * 4, [False] * 4
-        rates, inertia, fastest = self._rates, self.inertia_wheel, self.speed_limit
-        idle, constant = self.idle_power, self.motor_constant
+        h, saturated = [0.0] * 4, [False] * 4
+        rotors, inertia, rates = self._rotors, self.inertia_wheel, self._rates
+        idle, constant, most = self.idle_power, self.motor_constant, self.torque_limit
+        fastest = self.speed_limit * (1.0 - AT_LIMIT)
         power = 0.0
         for i in self._present:
-            momentum, torque, learnt = self._rotors[i]
-            h[i] = momentum
-            speed[i] = momentum / inertia[i] - rates[i]
-            saturated[i] = abs(momentum) >= inertia[i] * fastest
-            drive = torque + learnt
-            power += idle + max(0.0, drive * speed[i])
+            h[i], torque, learnt, _ = rotors[i]
+            speed = h[i] / inertia[i] - rates[i]
+            saturated[i] = abs(speed) >= fastest
+            drive = min(max(torque + learnt, -most), most)
+            power += idle + max(0.0, drive * speed)
             if constant > 0.0:
                 power += (drive / constant) ** 2
         self.h_wheel = (h[0], h[1], h[2], h[3])
-        self.speed_wheel = (speed[0], speed[1], speed[2], speed[3])
         self.saturated_wheel = (saturated[0], saturated[1], saturated[2], saturated[3])
         failed = self.failed if self._failed else 0
         self.failed_wheel = (failed == 1, failed == 2, failed == 3, failed == 4)
         self.power = power
 
-    def _has_failed(self, i: int) -> bool:
-        return self._failed and self.failed == i + 1
-
     def advance(self, t: float, dt: float) -> None:
-        self._failed = t >= self.failed_from
         now = self._axial(self.omega_bi_body)
         ahead = dt / self._last_dt if self._last_dt > 0.0 else 0.0
         a, b = now, self._last_rates
@@ -148,42 +204,76 @@ class Wheels(Role, WheelInertias):
             a[2] + ahead * (a[2] - b[2]), a[3] + ahead * (a[3] - b[3]),
         )  # fmt: skip
         self._rates, self._last_rates, self._last_dt = now, now, dt
-        if self.unbalance > 0.0:
-            self.tau_jitter_body = self._jitter(t)
-        mean, slope, rotors = [0.0] * 4, [0.0] * 4, list(self._rotors)
+        mean, slope, turned = [0.0] * 4, [0.0] * 4, list(self._turned)
+        rotors, loops, speed = list(self._rotors), list(self._loops), [0.0] * 4
+        inertia, torque_mode = self.inertia_wheel, self.command_mode == TORQUE
+        most = self.torque_limit
         for i in self._present:
-            motor, rotor, command = self._motors[i], rotors[i], self._command(i)
-            if self._has_failed(i):
-                motor, rotor, command = (*motor[:5], 0.0, motor[6]), (rotor[0], 0.0, 0.0), 0.0
-            limit = self.inertia_wheel[i] * self.speed_limit
-            rotors[i], integral = step(motor, rotor, command, now[i], then[i], dt, limit)
-            h0, h1 = rotor[0], rotors[i][0]
+            h0 = rotors[i][0]
+            speed[i] = h0 / inertia[i] - now[i]
+            if torque_mode and self.failed != i + 1:
+                command = min(max(self.tau_cmd_wheel[i], -most), most)
+                rotors[i], integral = step(
+                    self._motors[i], rotors[i], command, now[i], then[i], dt, self.speed_limit
+                )
+            else:
+                rotors[i], integral, loops[i] = self._in_pieces(i, t, dt, now[i], then[i])
+            h1 = rotors[i][0]
             mean[i] = (h1 - h0) / dt
             slope[i] = 12.0 * ((h1 - integral / dt) / dt - 0.5 * mean[i])
-        self._rotors, self._rates = (
-            tuple(rotors),
-            then,
-        )  # `then`: for the speeds until the next step
+            turned[i] += integral / inertia[i] - 0.5 * dt * (now[i] + then[i])
+        self._rotors, self._loops = tuple(rotors), tuple(loops)
+        self._rates = then  # for the next outputs
+        self.speed_wheel = (speed[0], speed[1], speed[2], speed[3])
+        self._failed = self.failed > 0 and t + dt >= self.failed_from - EDGE * dt
         self.tau_mean_wheel = (mean[0], mean[1], mean[2], mean[3])
         self.tau_slope_wheel = (slope[0], slope[1], slope[2], slope[3])
+        if self.unbalance > 0.0:
+            self._turned = tuple(x % FULL_TURN for x in turned)
+            before, self._across = self._across, self._momentum_across(self._speeds())
+            self.tau_jitter_body = scale(1.0 / dt, sub(before, self._across))
 
-    def _command(self, i: int) -> float:
-        if self.command_mode == TORQUE:
-            wanted = self.tau_cmd_wheel[i]
-        else:
-            error = self.speed_cmd_wheel[i] - self._speed(i)
-            wanted = self.speed_gain * self.inertia_wheel[i] * error
-        return min(max(wanted, -self.torque_limit), self.torque_limit)
+    def _in_pieces(
+        self, i: int, t: float, dt: float, now: float, then: float
+    ) -> tuple[Rotor, float, Loop]:
+        """Rotor i after the step, the integral of its h, and its speed loop; cut where the wheel
+        fails and where its speed loop takes a sample."""
+        motor, rotor, (sample, held) = self._motors[i], self._rotors[i], self._loops[i]
+        fails = self.failed_from - t if self.failed == i + 1 else inf
+        total, begin, rate = 0.0, 0.0, now
+        while begin < dt:
+            end, command, fastest = min(dt, fails), 0.0, self.speed_limit
+            if fails <= begin + EDGE * dt:
+                end, fastest = dt, inf
+                motor, rotor = (*motor[:5], 0.0, *motor[6:]), (rotor[0], 0.0, 0.0, rotor[3])
+            elif self.command_mode == TORQUE:
+                command = self._limited(self.tau_cmd_wheel[i])
+            else:
+                due = floor((t + begin) / self.speed_sample_time + EDGE)
+                if due > sample:
+                    sample, held = due, self._speed_command(i, rotor[0], rate)
+                end, command = min(end, (due + 1) * self.speed_sample_time - t), held
+            end = dt if end > dt * (1.0 - EDGE) else end
+            ahead = then if end == dt else now + (then - now) * end / dt
+            rotor, integral = step(motor, rotor, command, rate, ahead, end - begin, fastest)
+            total, begin, rate = total + integral, end, ahead
+        return rotor, total, (sample, held)
 
-    def _jitter(self, t: float) -> Vec3:
-        second = floor(t + 1e-6)
-        if second != self._jitter_second:
-            self._jitter_second = second
-            self._unit_jitter = tuple(
-                cross(self._axis(i), normal3(self.seed, second, 4 * i)) for i in self._present
-            )
-        x = y = z = 0.0
-        for i, (jx, jy, jz) in zip(self._present, self._unit_jitter, strict=True):
-            size = self.unbalance * self._speed(i) ** 2
-            x, y, z = x + size * jx, y + size * jy, z + size * jz
-        return (x, y, z)
+    def _speed_command(self, i: int, h: float, rate: float) -> float:
+        error = self.speed_cmd_wheel[i] - (h / self.inertia_wheel[i] - rate)
+        return self._limited(self.speed_gain * self.inertia_wheel[i] * error)
+
+    def _limited(self, torque: float) -> float:
+        return min(max(torque, -self.torque_limit), self.torque_limit)
+
+    def _momentum_across(self, speeds: Vec4) -> Vec3:
+        """The momentum of the rotors' products of inertia (N m s, body), across their axes."""
+        total = ZERO
+        if self.unbalance == 0.0:
+            return total
+        for i in self._present:
+            axis, size = self._axis(i), self.unbalance * speeds[i]
+            one = unit(cross(axis, (1.0, 0.0, 0.0) if abs(axis[0]) < 0.8 else (0.0, 1.0, 0.0)))
+            other, angle = cross(axis, one), self._turned[i]
+            total = add(total, add(scale(size * cos(angle), one), scale(size * sin(angle), other)))
+        return total

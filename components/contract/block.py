@@ -16,6 +16,9 @@ instance each name is a plain attribute (a float, int, bool, or a flat tuple in 
 - `advance(t, dt)` moves the state from t to t + dt with the inputs of t and assigns the
   *interval* outputs, which are valid on [t, t + dt).
 
+`instance` is the name that the block has in its system: an FMU's as given at instantiation, a bare
+block's its component's, and its role's until it is told. Noise is keyed by it.
+
 Everything a block keeps is an attribute that is immutable and JSON-able (float, int, bool, str,
 None, tuples of these), so that a copy of its `__dict__` is its whole state.
 """
@@ -71,9 +74,12 @@ class Variable:
     maximum: float | None = None
     choices: tuple[str, ...] = ()
     interval: bool = False
+    mean: bool = False
+    slope: str = ""
     starts_from: tuple[str, ...] = ()
     shared: bool = False
     source: tuple[str, ...] = ()
+    initial: bool = False
     needs: tuple[str, ...] = ()
     needed_by: tuple[str, ...] = ()
 
@@ -148,8 +154,9 @@ def _flatten(value: Any) -> list[Any]:
 
 def Input(unit: str, description: str, *, start: Any = None, min: float | None = None,
           max: float | None = None, needs: tuple[str, ...] = (),
-          source: str | tuple[str, ...] = ()) -> Any:  # fmt: skip
-    """Declare an input: unit, meaning with frame and sign, value while unconnected.
+          source: str | tuple[str, ...] = (), initial: bool = False) -> Any:  # fmt: skip
+    """Declare an input: unit, meaning with frame and sign, value while unconnected; `initial`: it
+    is read in initialisation mode only.
 
     `source` names the outputs (`role.output`) that usually feed it, the best first. `needs` names
     other variables without which it has no effect, as for a parameter; it counts where the input
@@ -157,19 +164,25 @@ def Input(unit: str, description: str, *, start: Any = None, min: float | None =
     """
     usual = (source,) if isinstance(source, str) else source
     return _Declaration("input", unit, description, start=start, minimum=min, maximum=max,
-                        needs=needs, source=usual)  # fmt: skip
+                        needs=needs, source=usual, initial=initial)  # fmt: skip
 
 
-def Output(unit: str, description: str, *, interval: bool = False,
-           starts_from: tuple[str, ...] = (), choices: tuple[str, ...] = ()) -> Any:  # fmt: skip
+def Output(unit: str, description: str, *, interval: bool = False, mean: bool = False,
+           slope: str = "", starts_from: tuple[str, ...] = (),
+           choices: tuple[str, ...] = (), shape: tuple[int, ...] | None = None,
+           ) -> Any:  # fmt: skip
     """Declare an output: *state* (set in `output`) or *interval* (set in `advance`).
 
-    `starts_from` names the inputs that its value in initialisation mode depends on. `choices` names
-    its integer values, `-` for one that it never has; where a role declares the output, each block
-    declares it again with its own.
+    `mean`: an interval output that is the mean over the step of a quantity whose integral counts (a
+    torque, a dipole); `slope` names the output with its slope, and makes the two a pair. A master
+    hands the integral on, whatever the rates of the two sides; of another interval output a slower
+    receiver takes one value in so many. `starts_from` names the inputs that its value in
+    initialisation mode depends on. `choices` names its integer values, `-` for one that it never
+    has; where a role declares the output, each block declares it again with its own.
     """
-    return _Declaration("output", unit, description, interval=interval, starts_from=starts_from,
-                        choices=choices)  # fmt: skip
+    return _Declaration("output", unit, description, interval=interval or mean or bool(slope),
+                        mean=mean or bool(slope), slope=slope, starts_from=starts_from,
+                        choices=choices, shape=shape)  # fmt: skip
 
 
 def Parameter(unit: str, description: str, *, start: Any = None, min: float | None = None,
@@ -264,12 +277,17 @@ class Block:
         for name in {n for v in found.values() for n in v.needs}:
             if name not in found or found[name].causality == "parameter":
                 raise TypeError(f"{cls.__name__}: needs {name!r}, which is no input or output")
+        for v in found.values():
+            other = found.get(v.slope) if v.slope else None
+            if v.slope and (other is None or not other.interval or other.shape != v.shape):
+                raise TypeError(f"{cls.__name__}.{v.name}: its slope {v.slope!r} is no such output")
         cls.variables = tuple(
             replace(v, needed_by=tuple(n for n, w in found.items() if v.name in w.needs))
             for v in found.values()
         )
 
     def __init__(self) -> None:
+        self.instance = self.role
         for variable in self.variables:
             setattr(self, variable.name, variable.start)
 

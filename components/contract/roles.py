@@ -6,9 +6,73 @@ swapping one block for another changes one `source` and its parameters.
 
 from __future__ import annotations
 
+from abc import abstractmethod
+from math import floor
+
 from .block import Block, Flags4, Input, Mat34, Output, Parameter, Sampled, Vec3, Vec4
 
 UPRIGHT = (0.0, 0.0, 0.0, 1.0)
+ON_THEIR_WAY = 16
+"""Commands that a computer's delay may hold back at a time."""
+
+
+class Computer(Sampled):
+    """A flight computer: its commands leave it `delay` after the sample that they are made of.
+
+    A block says in `compute` what it decides and in `commands` and `command` which of its outputs
+    are commands. What it decides for itself, as modes and integrals, is not delayed.
+    """
+
+    delay: float = Parameter(
+        "s", "from a sample to its commands: any multiple of the step; 0: none", min=0.0
+    )
+
+    def start(self) -> None:
+        super().start()
+        self._decided: tuple[float, ...] = ()
+        self._waiting: tuple[tuple[float, ...], ...] = ()  # (when it leaves, *commands), in order
+
+    @abstractmethod
+    def compute(self, t: float, dt: float) -> None:
+        """What `advance` is for other blocks: decide, and assign the interval outputs."""
+
+    @abstractmethod
+    def commands(self) -> tuple[float, ...]:
+        """The outputs that are commands, one after the other."""
+
+    @abstractmethod
+    def command(self, values: tuple[float, ...]) -> None:
+        """Assign them."""
+
+    def advance(self, t: float, dt: float) -> None:
+        if self.delay <= 0.0:
+            self.compute(t, dt)
+            return
+        leaving = self.commands()
+        before = self._decided or leaving
+        self.command(before)
+        self.compute(t, dt)
+        self._decided = self.commands()
+        if self._decided != before:
+            self._send(t, dt)
+        while self._waiting and self._waiting[0][0] <= t + 1e-6 * dt:
+            leaving, self._waiting = self._waiting[0][1:], self._waiting[1:]
+        self.command(leaving)
+
+    def _send(self, t: float, dt: float) -> None:
+        steps = self.delay / dt
+        if abs(steps - round(steps)) > 1e-6:
+            self.fail(f"delay = {self.delay} s is not a multiple of the step of {dt} s")
+        if len(self._waiting) == ON_THEIR_WAY:
+            self.fail(f"delay = {self.delay} s holds more than {ON_THEIR_WAY} commands back")
+        self._waiting = (*self._waiting, (t + self.delay, *self._decided))
+
+
+ECI = (
+    "eci: inertial, Earth-centred, of the mean equator and equinox of date: those of t = 0, held "
+    "while a system runs; of J2000 where eci_frame says so"
+)
+"""The frame of every variable whose name ends in eci."""
 
 
 class WheelAxes(Block):
@@ -32,17 +96,30 @@ class WheelInertias(WheelAxes):
 
 
 class Environment(Block):
-    """Where the spacecraft is and what surrounds it; never a torque."""
+    """Where the spacecraft is and what surrounds it; never a torque.
+
+    `eci` is the mean equator and equinox of date: those of t = 0, held while a system runs; of
+    J2000 where `eci_frame` says so.
+    """
 
     role = "environment"
 
+    # for orbits that firings change; the usual ones read nothing, so no craft wires these unasked
+    force_mean_thruster_body: Vec3 = Input(
+        "N", "force of the thrusters, body, mean over the step", needs=("q_bi",)
+    )
+    q_bi: Vec4 = Input("1", "attitude: body from eci, scalar last", start=UPRIGHT)
+    omega_bi_body: Vec3 = Input("rad/s", "angular rate of the body relative to eci, body")
     r_eci: Vec3 = Output("m", "position, eci")
     v_eci: Vec3 = Output("m/s", "velocity, eci")
     b_eci: Vec3 = Output("T", "geomagnetic field at the spacecraft, eci")
     b_rate_eci: Vec3 = Output("T/s", "its time derivative along the orbit, eci components")
     b_accel_eci: Vec3 = Output("T/s2", "its second time derivative, eci components")
     sun_eci: Vec3 = Output("1", "unit vector to the Sun, eci; zero where no Sun is modelled")
-    sunlight: float = Output("1", "visible share of the Sun: 0 in eclipse, 1 outside")
+    sunlight: float = Output(
+        "1",
+        "the Sun's light over that at 1 astronomical unit: 0 in eclipse, 0.967 to 1.034 outside",
+    )
     density: float = Output("kg/m3", "density of the atmosphere at the spacecraft")
 
 
@@ -61,12 +138,15 @@ class Spacecraft(Block):
         "T/s2", "its second time derivative, eci components", source="environment.b_accel_eci"
     )
     sun_eci: Vec3 = Input("1", "unit vector to the Sun, eci", source="environment.sun_eci")
-    sunlight: float = Input("1", "visible share of the Sun", source="environment.sunlight")
+    sunlight: float = Input(
+        "1", "the Sun's light over that at 1 astronomical unit", source="environment.sunlight"
+    )
     density: float = Input("kg/m3", "density of the atmosphere", source="environment.density")
     h_wheel: Vec4 = Input(
         "N.m.s",
         "axial momentum of each wheel, absolute; read in initialisation mode only",
         source="wheels.h_wheel",
+        initial=True,
     )
     tau_mean_wheel: Vec4 = Input(
         "N.m",
@@ -123,7 +203,12 @@ class Magnetometer(Sampled):
     q_bi: Vec4 = Input(
         "1", "attitude: body from eci, scalar last", start=UPRIGHT, source="spacecraft.q_bi"
     )
-    b_body: Vec3 = Output("T", "measured field, body", interval=True, starts_from=("b_eci", "q_bi"))
+    m_body: Vec3 = Input(
+        "A.m2", "dipole of the torquers at this time, body", source="torquers.m_body"
+    )
+    b_body: Vec3 = Output(
+        "T", "measured field, body", interval=True, starts_from=("b_eci", "q_bi", "m_body")
+    )
     valid: bool = Output("1", "true: the measurement may be used", interval=True)
 
 
@@ -181,8 +266,9 @@ class SunSensor(Sampled):
 
     sun_eci: Vec3 = Input("1", "unit vector to the Sun, eci", source="environment.sun_eci")
     sunlight: float = Input(
-        "1", "visible share of the Sun", start=1.0, source="environment.sunlight"
-    )
+        "1", "the Sun's light over that at 1 astronomical unit", start=1.0,
+        source="environment.sunlight",
+    )  # fmt: skip
     q_bi: Vec4 = Input(
         "1", "attitude: body from eci, scalar last", start=UPRIGHT, source="spacecraft.q_bi"
     )
@@ -221,7 +307,7 @@ class Guidance(Sampled):
     )
 
 
-class Controller(Sampled):
+class Controller(Computer):
     """Says which torque the body needs to follow its reference; none while a measurement is not
     valid."""
 
@@ -256,8 +342,15 @@ class Controller(Sampled):
     )
     tau_ctrl_body: Vec3 = Output("N.m", "torque wanted on the body, body", interval=True)
 
+    def commands(self) -> tuple[float, ...]:
+        return self.tau_ctrl_body
 
-class Manager(Sampled):
+    def command(self, values: tuple[float, ...]) -> None:
+        x, y, z = values
+        self.tau_ctrl_body = (x, y, z)
+
+
+class Manager(Computer):
     """Decides how the wheels' momentum is dumped, and by which actuator; a measurement that is not
     valid is not used."""
 
@@ -314,6 +407,47 @@ class Manager(Sampled):
     tau_cmd_thruster_body: Vec3 = Output("N.m", "thruster torque command, body", interval=True)
     mode: int = Output("1", "what the manager does; its values are each block's", interval=True)
 
+    def commands(self) -> tuple[float, ...]:
+        return (*self.tau_cmd_wheel, *self.m_cmd_body, *self.tau_cmd_thruster_body)
+
+    def command(self, values: tuple[float, ...]) -> None:
+        a, b, c, d, mx, my, mz, x, y, z = values
+        self.tau_cmd_wheel = (a, b, c, d)
+        self.m_cmd_body = (mx, my, mz)
+        self.tau_cmd_thruster_body = (x, y, z)
+
+
+class WheelManager(Manager, WheelAxes):
+    """A manager that commands the wheels, at samples of their own where the attitude control that
+    passes through it is faster than the dumping."""
+
+    wheel_sample_time: float = Parameter(
+        "s", "time between commands to the wheels, sample_time over a whole number; 0: sample_time",
+        min=0.0,
+    )  # fmt: skip
+
+    def start(self) -> None:
+        super().start()
+        self._wheel_sample = -1
+        if self.wheel_sample_time > 0.0:
+            ratio = self.sample_time / self.wheel_sample_time
+            if ratio < 0.5 or abs(ratio - round(ratio)) > 1e-6:
+                self.fail(
+                    f"wheel_sample_time = {self.wheel_sample_time} s does not divide "
+                    f"sample_time = {self.sample_time} s"
+                )
+
+    def wheels_due(self, t: float, sampled: bool) -> bool:
+        """True when the wheels are commanded anew in the step that starts at t (s); `sampled`: the
+        manager takes a sample there. Call it once a step."""
+        if self.wheel_sample_time <= 0.0:
+            return sampled
+        sample = floor(t / self.wheel_sample_time + 1e-6)
+        if sample <= self._wheel_sample:
+            return False
+        self._wheel_sample = sample
+        return True
+
 
 class Torquers(Sampled):
     """Magnetic torquers: a dipole, not a torque."""
@@ -321,7 +455,7 @@ class Torquers(Sampled):
     role = "torquers"
 
     m_cmd_body: Vec3 = Input("A.m2", "dipole command, body", source="manager.m_cmd_body")
-    m_mean_body: Vec3 = Output("A.m2", "dipole, body, mean over the step", interval=True)
+    m_mean_body: Vec3 = Output("A.m2", "dipole, body, mean over the step", slope="m_slope_body")
     m_slope_body: Vec3 = Output("A.m2", "dipole, body, slope over the step", interval=True)
     on_time: float = Output("s", "time that coils were on, summed over the coils")
     dipole_energy: float = Output(
@@ -339,10 +473,13 @@ class Thrusters(Sampled):
     tau_cmd_thruster_body: Vec3 = Input(
         "N.m", "torque command, body", source="manager.tau_cmd_thruster_body"
     )
-    tau_mean_thruster_body: Vec3 = Output("N.m", "torque, body, mean over the step", interval=True)
+    tau_mean_thruster_body: Vec3 = Output(
+        "N.m", "torque, body, mean over the step", slope="tau_slope_thruster_body"
+    )
     tau_slope_thruster_body: Vec3 = Output(
         "N.m", "torque, body, slope over the step", interval=True
     )
+    force_mean_thruster_body: Vec3 = Output("N", "force, body, mean over the step", mean=True)
     on_time: float = Output("s", "firing time, summed over the nozzles or axes")
     propellant: float = Output("kg", "propellant used")
 
@@ -360,11 +497,13 @@ class Wheels(Block):
         "rad/s", "angular rate of the body relative to eci, body", source="spacecraft.omega_bi_body"
     )
     tau_mean_wheel: Vec4 = Output(
-        "N.m", "net torque on each rotor, friction included, mean over the step", interval=True
+        "N.m",
+        "net torque on each rotor, friction included, mean over the step",
+        slope="tau_slope_wheel",
     )
     tau_slope_wheel: Vec4 = Output("N.m", "net torque on each rotor, slope", interval=True)
     tau_jitter_body: Vec3 = Output(
-        "N.m", "disturbance of unbalanced rotors on the body, body", interval=True
+        "N.m", "disturbance of unbalanced rotors on the body, body, mean over the step", mean=True
     )
     h_wheel: Vec4 = Output(
         "N.m.s",
@@ -372,8 +511,9 @@ class Wheels(Block):
         starts_from=("omega_bi_body",),
     )
     speed_wheel: Vec4 = Output(
-        "rad/s", "speed of each rotor relative to the body", starts_from=("omega_bi_body",)
-    )
+        "rad/s", "speed of each rotor relative to the body, at the step's begin", interval=True,
+        starts_from=("omega_bi_body",),
+    )  # fmt: skip
     saturated_wheel: Flags4 = Output("1", "true: the wheel is at its momentum limit")
     failed_wheel: Flags4 = Output("1", "true: the wheel has failed")
     power: float = Output(

@@ -1,9 +1,11 @@
-"""Density of the upper atmosphere: piecewise exponential."""
+"""Density of the upper atmosphere: piecewise exponential, or by solar activity."""
 
 from __future__ import annotations
 
 from bisect import bisect_right
-from math import exp
+from math import asin, atan2, copysign, cos, exp, pi, radians, remainder, sin, sqrt, tau
+
+from ..contract.block import Vec3
 
 # base altitude (km), nominal density (kg/m3), scale height (km)
 _LAYERS = (
@@ -53,3 +55,122 @@ def table(altitude: float) -> float:
     """
     base, density, scale_height = _LAYERS[max(bisect_right(_BASES, altitude) - 1, 0)]
     return exponential(altitude, 1e3 * base, density, 1e3 * scale_height)
+
+
+# --- by solar activity --------------------------------------------------------------------------
+
+ACTIVITY = ((65.0, 0.0), (140.0, 15.0), (250.0, 45.0))
+"""F10.7 (1e-22 W/(m2 Hz)) and Ap of low, moderate and high activity, long-term: ECSS-E-ST-10-04C,
+Space environment (2008), and ISO 14222."""
+
+_AP = (
+    0, 2, 3, 4, 5, 6, 7, 9, 12, 15, 18, 22, 27, 32, 39, 48, 56, 67, 80, 94, 111, 132, 154, 179,
+    207, 236, 300, 400,
+)  # fmt: skip
+"""ap (2 nT) of Kp = 0, 1/3, 2/3 to 9: its definition (Bartels)."""
+
+_BASE = 120e3
+"""The height (m) from which on gases separate."""
+_BASE_TEMPERATURE = 355.0
+_GASES = (
+    (4.0e17, 28.0134, 0.0),
+    (7.5e16, 31.9988, 0.0),
+    (7.6e16, 15.9994, 0.0),
+    (3.4e13, 4.0026, -0.38),
+)
+"""N2, O2, O, He: number at the base (1/m3), mass (u), factor of thermal diffusion."""
+_RADIUS = 6356766.0
+_GAS_CONSTANT, _DALTON = 8314.462618, 1.66053906660e-27  # J/(kmol K), kg
+_OBLIQUITY = radians(23.44)
+
+
+def kp_of_ap(ap: float) -> float:
+    """The index Kp of an index ap, linear between thirds; 9 above 400."""
+    k = min(bisect_right(_AP, ap), len(_AP) - 1)
+    low, high = _AP[k - 1], _AP[k]
+    return (k - 1 + min((ap - low) / (high - low), 1.0)) / 3.0
+
+
+def coldest_temperature(f107: float) -> float:
+    """The least temperature (K) of the exosphere of a day without magnetic disturbance, by F10.7
+    (1e-22 W/(m2 Hz)), which also stands for its mean over 81 days. Jacchia (1971)."""
+    return 379.0 + 3.24 * f107
+
+
+def exosphere(latitude: float, hour_angle: float, declination: float, coldest: float,
+              kp: float) -> float:  # fmt: skip
+    """The temperature of the exosphere (K), with its bulge two hours after noon.
+
+    Angles in rad: geographic latitude, hour angle and declination of the Sun. Jacchia (1971);
+    Montenbruck & Gill, Satellite Orbits, section 3.5.3.
+    """
+    theta, eta = 0.5 * abs(latitude + declination), 0.5 * abs(latitude - declination)
+    lag = hour_angle - radians(37.0) + radians(6.0) * sin(hour_angle + radians(43.0))
+    day = max(cos(0.5 * remainder(lag, tau)), 0.0)
+    night: float = sin(theta) ** 2.2
+    noon: float = cos(eta) ** 2.2
+    return (
+        coldest * (1.0 + 0.3 * (night + (noon - night) * day * day * day))
+        + 28.0 * kp
+        + 0.03 * exp(kp)
+    )
+
+
+def semiannual(epoch: float) -> float:
+    """The share g of the semiannual variation at an epoch (s since J2000). Jacchia (1971)."""
+    phase = (epoch / 86400.0 + 51544.5 - 36204.0) / 365.2422
+    turn: float = phase + 0.09544 * ((0.5 + 0.5 * sin(tau * phase + 6.035)) ** 1.65 - 0.5)
+    return 0.02835 + (0.3817 + 0.17829 * sin(tau * turn + 4.137)) * sin(2.0 * tau * turn + 4.259)
+
+
+def separated(altitude: float, temperature: float, helium: float) -> float:
+    """Density (kg/m3) at a height (m) from 120 km on, by the temperature of the exosphere (K).
+
+    Each gas by itself in diffusive equilibrium above 120 km, where its number is given; `helium`
+    multiplies that of helium. Jacchia, Static diffusion models of the upper atmosphere with
+    empirical temperature profiles, Smithsonian Astrophys. Obs. Special Report 170 (1964), in the
+    closed form of Walker, J. Atmos. Sci. 22 (1965) 462.
+    """
+    x = temperature - 800.0
+    x /= 750.0 + 1.722e-4 * x * x
+    base = _RADIUS + _BASE
+    gradient = 2.91e-5 * exp(-0.5 * x * x) + 1.0 / base
+    up = (altitude - _BASE) * base / (_RADIUS + altitude)
+    decay = exp(-gradient * up)
+    cooler = _BASE_TEMPERATURE / (temperature - (temperature - _BASE_TEMPERATURE) * decay)
+    gravity = 9.80665 * (_RADIUS / base) ** 2
+    k = gravity / (_GAS_CONSTANT * temperature * gradient)
+    density = 0.0
+    for number, mass, diffusion in _GASES:
+        gamma = mass * k
+        amount = number * cooler ** (1.0 + diffusion + gamma) * exp(-gamma * gradient * up)
+        density += mass * _DALTON * (amount if diffusion == 0.0 else helium * amount)
+    return density
+
+
+def by_activity(altitude: float, r: Vec3, sun: Vec3, epoch: float, coldest: float,
+                kp: float) -> float:  # fmt: skip
+    """Density (kg/m3) by solar and magnetic activity, place, local time and season.
+
+    altitude (m) above the ellipsoid; r (m) and the unit vector to the Sun in axes of the equator;
+    epoch (s since J2000); the temperature of `coldest_temperature` (K); Kp. `separated` by the
+    temperature of `exosphere`, with the semiannual and the seasonal variation of Jacchia (1971).
+    Below 120 km `table`, scaled to meet it.
+
+    Jacchia, Revised static models of the thermosphere and exosphere with empirical temperature
+    profiles, Smithsonian Astrophys. Obs. Special Report 332 (1971).
+    """
+    x, y, z = r
+    latitude = asin(max(min(z / sqrt(x * x + y * y + z * z), 1.0), -1.0))
+    declination = asin(max(min(sun[2], 1.0), -1.0))
+    hour_angle = atan2(y, x) - atan2(sun[1], sun[0])
+    temperature = exosphere(latitude, hour_angle, declination, coldest, kp)
+
+    season = sin(0.25 * pi - 0.5 * copysign(latitude, latitude * declination))
+    helium = 0.65 * abs(declination) / _OBLIQUITY * (season * season * season - 0.35355)
+    above = max(altitude, _BASE)
+    density = separated(above, temperature, 10.0**helium)
+    km = 1e-3 * above
+    strength: float = (5.876e-7 * km**2.331 + 0.06328) * exp(-2.868e-3 * km)
+    varied: float = density * 10.0 ** (strength * semiannual(epoch))
+    return varied if altitude >= _BASE else varied * table(altitude) / table(_BASE)

@@ -1,17 +1,16 @@
 """The Earth's turn, the Sun and the Earth's shadow.
 
 Times are epochs: seconds since 2000-01-01T12:00:00 UTC, leap seconds not counted, UT1 = UTC. The
-frame `eci` of this module is that of the equator and the equinox of date (what the elements of
-SGP4 mean by TEME, to 20 arcsec), held fixed during a run; so the Earth's angle is the sidereal time
-and the Sun's direction that of the almanac. v_earth_fixed = R3(angle) v_eci.
+frame of this module is `date`: the mean equator and equinox of date (what the elements of SGP4 mean
+by TEME, to 20 arcsec), held fixed during a run; so the Earth's angle is the sidereal time and the
+Sun's direction that of the almanac. v_earth_fixed = R3(angle) v_date.
 """
 
 from __future__ import annotations
 
-from datetime import datetime, timedelta
-from math import acos, asin, cos, pi, radians, sin, sqrt, tau
+from math import acos, asin, cos, floor, pi, radians, sin, sqrt, tau
 
-from ..contract.block import Vec3
+from ..contract.block import Mat33, Vec3
 from .orbit import EARTH_RADIUS
 
 SUN_RADIUS = 6.957e8
@@ -37,15 +36,46 @@ def earth_angle(epoch: float) -> float:
     return tau * (seconds % _DAY) / _DAY
 
 
+def _days_before(year: int) -> int:
+    """Days from 2000-01-01 to the first of January of a year of the Gregorian calendar."""
+    n = year - 1
+    return 365 * n + n // 4 - n // 100 + n // 400 - 730119
+
+
 def decimal_year(epoch: float) -> float:
     """The calendar year with its elapsed share, 2026.5 for the middle of 2026, of an epoch (s)."""
-    date = datetime(2000, 1, 1, 12) + timedelta(seconds=epoch)
-    first = datetime(date.year, 1, 1)
-    return date.year + (date - first) / (datetime(date.year + 1, 1, 1) - first)
+    days = epoch / _DAY + 0.5
+    year = 2000 + floor(days / 365.2425)
+    if days < _days_before(year):
+        year -= 1
+    elif days >= _days_before(year + 1):
+        year += 1
+    first = _days_before(year)
+    return year + (days - first) / (_days_before(year + 1) - first)
+
+
+def precession(epoch: float) -> Mat33:
+    """P with v_date = P v_j2000: from the mean equator and equinox of J2000 to those of an epoch
+    (s).
+
+    IAU 1976, the precession that goes with the sidereal time of 1982 (Lieske and others, Astron.
+    Astrophys. 58 (1977) 1; Vallado, Fundamentals of Astrodynamics and Applications, 4th ed.,
+    eq. 3-88): P = R3(-z) R2(theta) R3(-zeta). That of 2006 differs by 0.3 arcsec a century.
+    """
+    c = epoch / (36525.0 * _DAY)
+    zeta = radians((2306.2181 + (0.30188 + 0.017998 * c) * c) * c / 3600.0)
+    theta = radians((2004.3109 - (0.42665 + 0.041833 * c) * c) * c / 3600.0)
+    z = radians((2306.2181 + (1.09468 + 0.018203 * c) * c) * c / 3600.0)
+    cx, sx, cy, sy, cz, sz = cos(zeta), sin(zeta), cos(theta), sin(theta), cos(z), sin(z)
+    return (
+        cz * cy * cx - sz * sx, -cz * cy * sx - sz * cx, -cz * sy,
+        sz * cy * cx + cz * sx, -sz * cy * sx + cz * cx, -sz * sy,
+        sy * cx, -sy * sx, cy,
+    )  # fmt: skip
 
 
 def sun(epoch: float) -> tuple[Vec3, float]:
-    """Unit vector from the Earth to the Sun, eci, and the distance (m), at an epoch (s).
+    """Unit vector from the Earth to the Sun, date, and the distance (m), at an epoch (s).
 
     The low-precision formulae of the Astronomical Almanac (page C5): 0.01 deg from 1950 to 2050.
     """
@@ -68,14 +98,14 @@ def raan_of_local_time(hours: float, epoch: float) -> float:
     return (mean_sun + (hours - 12.0) * tau / 24.0) % tau
 
 
-def sunlight(r_eci: Vec3, sun_eci: Vec3, sun_distance: float) -> float:
+def sunlight(r_date: Vec3, sun_date: Vec3, sun_distance: float) -> float:
     """The visible share of the Sun's disc at r (m): 0 in umbra, 1 outside of the penumbra.
 
     The Earth is a sphere of the equatorial radius. Two overlapping discs, Montenbruck & Gill,
     Satellite Orbits, section 3.4.2.
     """
-    x, y, z = r_eci
-    sx, sy, sz = sun_eci
+    x, y, z = r_date
+    sx, sy, sz = sun_date
     along = x * sx + y * sy + z * sz
     if along >= 0.0:  # before the Earth
         return 1.0
@@ -99,12 +129,12 @@ def sunlight(r_eci: Vec3, sun_eci: Vec3, sun_distance: float) -> float:
     return 1.0 - hidden / (pi * a * a)
 
 
-def height(r_eci: Vec3) -> float:
+def height(r_date: Vec3) -> float:
     """The height (m) of r (m) above the WGS-84 ellipsoid, to 5 m up to 1000 km.
 
     Measured along the radius, which leans from the vertical by 0.2 deg at the most.
     """
-    x, y, z = r_eci
+    x, y, z = r_date
     size2 = x * x + y * y + z * z
     polar2 = (1.0 - FLATTENING) ** 2
     surface = EARTH_RADIUS / sqrt(1.0 + (1.0 / polar2 - 1.0) * z * z / size2)

@@ -84,12 +84,25 @@ def harmonics(coefficients: igrf14.Gauss) -> Harmonics:
 
 
 @lru_cache(maxsize=16)
-def igrf(year: float, degree: int = igrf14.DEGREE) -> Harmonics:
-    """IGRF-14 of a decimal year up to a degree, for `field`; raises BlockError as the table does.
+def _model(k: int, degree: int) -> tuple[Harmonics, Harmonics]:
+    """Model number k of IGRF-14 and its change a year, for `field`; remembered, as a block asks for
+    it again at each node. The change of today's ends at degree 8."""
+    now, change = igrf14.model(k, degree)
+    last = max(n for n, _, value in change if value != 0.0)
+    return harmonics(now), harmonics(tuple(row for row in change if row[0] <= last))
 
-    Remembered, as a block asks for it again at each node.
+
+def igrf(r: Vec3, year: float, degree: int = igrf14.DEGREE) -> Vec3:
+    """B (T) of IGRF-14 up to a degree at r (m) in a decimal year, both Earth-fixed.
+
+    Raises BlockError outside of the years that IGRF-14 covers.
     """
-    return harmonics(igrf14.coefficients(year, degree))
+    k = igrf14.model_of(year)
+    now, change = _model(k, degree)
+    since = year - igrf14.model_year(k)
+    bx, by, bz = field(r, now)
+    dx, dy, dz = field(r, change)
+    return (bx + since * dx, by + since * dy, bz + since * dz)
 
 
 def field(r: Vec3, model: Harmonics) -> Vec3:

@@ -7,8 +7,10 @@ momenta. Body frame; J (kg m2) is the whole craft with the wheels locked.
 
 from __future__ import annotations
 
+from math import sqrt
+
 from ..contract.block import BlockError, Mat33, Mat34, Vec3, Vec4
-from ..maths.vector import inverse, mat_vec
+from ..maths.vector import dot, inverse, mat_vec
 
 
 def carrier_inertia(inertia: Mat33, axes: Mat34, inertia_wheel: Vec4) -> Mat33:
@@ -38,3 +40,18 @@ def rate(h_total: Vec3, h_wheels: Vec3, inverse_carrier: Mat33) -> Vec3:
         inverse_carrier,
         (h_total[0] - h_wheels[0], h_total[1] - h_wheels[1], h_total[2] - h_wheels[2]),
     )
+
+
+def over_determinant(carrier: Mat33) -> Mat33:
+    """J_r / det J_r (1/(kg m2)^2), for `nutation`."""
+    a, b, c, d, e, f, g, h, i = carrier
+    s = 1.0 / (a * (e * i - f * h) - b * (d * i - f * g) + c * (d * h - e * g))
+    return (s * a, s * b, s * c, s * d, s * e, s * f, s * g, s * h, s * i)
+
+
+def nutation(h_total: Vec3, over_det: Mat33) -> float:
+    """sqrt(l.J_r l / det J_r): how fast (rad/s) the total momentum l (N m s, body) nutates.
+
+    The eigenvalue of l x J_r^-1, by which dl' = l x J_r^-1 dl + dl x omega.
+    """
+    return sqrt(dot(h_total, mat_vec(over_det, h_total)))

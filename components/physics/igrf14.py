@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import json
+from bisect import bisect_right
 from functools import cache
 from pathlib import Path
 
@@ -19,6 +20,9 @@ DEGREE = 13
 
 FIRST_YEAR, LAST_YEAR = 1900.0, 2030.0
 
+_LEEWAY = 1e-5
+"""Years beyond either end, five minutes: for the points around the first and the last step."""
+
 
 @cache
 def _table() -> tuple[tuple[float, ...], tuple[tuple[int, int, tuple[float, ...]], ...]]:
@@ -28,22 +32,34 @@ def _table() -> tuple[tuple[float, ...], tuple[tuple[int, int, tuple[float, ...]
     return tuple(map(float, data["years"])), rows
 
 
-def coefficients(year: float, degree: int = DEGREE) -> Gauss:
-    """The coefficients of a decimal year (2026.5) up to a degree from 1 to 13.
+def model_of(year: float) -> int:
+    """The number of the last model, counted from 0, that is not after a decimal year (2026.5).
 
-    Linear between the models, which are five years apart; after 2025 by their secular variation.
     Raises BlockError outside 1900 to 2030.
     """
-    if not FIRST_YEAR <= year <= LAST_YEAR:
+    if not FIRST_YEAR - _LEEWAY <= year <= LAST_YEAR + _LEEWAY:
         raise BlockError(
             f"the year {year:.2f} is outside [{FIRST_YEAR:.0f}, {LAST_YEAR:.0f}], which IGRF-14 "
             "covers; use the dipole, or another epoch"
         )
+    years, _ = _table()
+    return min(max(bisect_right(years, year) - 1, 0), len(years) - 2)
+
+
+def model_year(k: int) -> float:
+    """The decimal year of model number k."""
+    return _table()[0][k]
+
+
+def model(k: int, degree: int = DEGREE) -> tuple[Gauss, Gauss]:
+    """The coefficients (T) of model number k and their change (T a year) to the next, up to a
+    degree from 1 to 13.
+
+    The field is linear between the models, which are five years apart; after 2025 its change is
+    the published secular variation.
+    """
     years, rows = _table()
-    k = max(i for i, y in enumerate(years[:-1]) if y <= year)
-    share = (year - years[k]) / (years[k + 1] - years[k])
-    return tuple(
-        (n, m, 1e-9 * ((1.0 - share) * values[k] + share * values[k + 1]))
-        for n, m, values in rows
-        if n <= degree
+    span = years[k + 1] - years[k]
+    return tuple((n, m, 1e-9 * values[k]) for n, m, values in rows if n <= degree), tuple(
+        (n, m, 1e-9 * (values[k + 1] - values[k]) / span) for n, m, values in rows if n <= degree
     )

@@ -1,17 +1,17 @@
 """Orbits: constants of the Earth, Kepler motion, the local orbital frame.
 
-Frames: `eci`; `lvlh` (z to nadir, y to minus orbit normal, x completes: along the velocity on a
-circular orbit).
+Frames: `eci`, where gravity and drift have z to the Earth's pole; `lvlh` (z to nadir, y to minus
+orbit normal, x completes: along the velocity on a circular orbit).
 """
 
 from __future__ import annotations
 
-from math import acos, atan2, copysign, cos, hypot, pi, remainder, sin, sqrt, tau
+from math import acos, atan2, copysign, cos, pi, remainder, sin, sqrt, tau
 from typing import NamedTuple
 
-from ..contract.block import Vec3, Vec4
+from ..contract.block import Mat33, Vec3, Vec4
 from ..maths.attitude import from_matrix
-from ..maths.vector import add, cross, dot, norm, scale, unit
+from ..maths.vector import add, cross, dot, mat_vec, norm, scale, unit
 
 MU = 3.986004418e14
 """Gravitational parameter of the Earth (m3/s2), WGS-84 / EGM."""
@@ -22,8 +22,8 @@ EARTH_RADIUS = 6378137.0
 EARTH_RATE = 7.2921159e-5
 """Rotation of the Earth (rad/s)."""
 
-J2 = 1.08262668e-3
-"""Second zonal harmonic of the Earth's gravity, EGM-96 (not normalised)."""
+J2, J3, J4 = 1.08262668e-3, -2.53265649e-6, -1.61962159e-6
+"""Zonal harmonics of the Earth's gravity, EGM-96 (not normalised)."""
 
 TROPICAL_YEAR = 365.24219 * 86400.0
 """The Sun's mean turn through the equinoxes (s)."""
@@ -163,6 +163,38 @@ def j2_drift(
     )
 
 
+def gravity(r: Vec3, degree: int, mu: float = MU) -> Vec3:
+    """The Earth's gravity (m/s2) at r (m, z to the pole) with the zonal harmonics up to `degree`,
+    from 1 (none) to 4.
+
+    Vallado, Fundamentals of Astrodynamics and Applications, 4th ed., section 8.7.
+    """
+    x, y, z = r
+    size2 = x * x + y * y + z * z
+    size = sqrt(size2)
+    # a = mu / r^3 (-r + across (x, y, 0) + along (0, 0, 1))
+    across = along = 0.0
+    s = z / size
+    s2 = s * s
+    q = EARTH_RADIUS / size
+    q2 = q * q
+    if degree > 1:
+        k = 1.5 * J2 * q2
+        across += k * (5.0 * s2 - 1.0)
+        along += k * (5.0 * s2 - 3.0) * z
+    if degree > 2:
+        k = 2.5 * J3 * q2 * q
+        across += k * s * (7.0 * s2 - 3.0)
+        along += k * (s2 * (7.0 * s2 - 6.0) + 0.6) * size
+    if degree > 3:
+        k = 1.875 * J4 * q2 * q2
+        across += k * (1.0 + s2 * (21.0 * s2 - 14.0))
+        along += k * (5.0 + s2 * (21.0 * s2 - 70.0 / 3.0)) * z
+    g = mu / (size2 * size)
+    inward = g * (across - 1.0)
+    return (inward * x, inward * y, g * (along - z))
+
+
 def sun_synchronous_inclination(semi_major_axis: float, eccentricity: float = 0.0) -> float:
     """The inclination (rad) at which J2 turns the node once in a tropical year.
 
@@ -189,16 +221,39 @@ def elements_from_state(r_eci: Vec3, v_eci: Vec3, mu: float = MU) -> Elements:
     h = cross(r_eci, v_eci)
     if not (a > 0.0 and norm(h) > 0.0):
         raise ValueError("r and v are not those of an ellipse")
-    tilt = hypot(h[0], h[1])
+    tilt = sqrt(h[0] * h[0] + h[1] * h[1])
     inclination = atan2(tilt, h[2])
     raan = atan2(h[0], -h[1]) if tilt > 1e-12 * norm(h) else 0.0
     node, ahead, _ = orbit_plane(inclination, raan)
 
     e_sin, e_cos = dot(r_eci, v_eci) / sqrt(mu * a), 1.0 - radius / a
-    e = hypot(e_sin, e_cos)
+    e = sqrt(e_sin * e_sin + e_cos * e_cos)
     if e < 1e-14:
         return Elements(a, 0.0, inclination, raan, 0.0, atan2(dot(r_eci, ahead), dot(r_eci, node)))
     anomaly = atan2(e_sin, e_cos)
     true = atan2(sqrt(1.0 - e * e) * sin(anomaly), cos(anomaly) - e)
     perigee = remainder(atan2(dot(r_eci, ahead), dot(r_eci, node)) - true, tau)
     return Elements(a, e, inclination, raan, perigee, anomaly - e_sin)
+
+
+def state_from_elements(elements: Elements, mu: float = MU) -> tuple[Vec3, Vec3]:
+    """r (m) and v (m/s) on the ellipse of the elements, at their time."""
+    a, e, i, raan, perigee, anomaly = elements
+    p, q = perifocal_axes(i, raan, perigee)
+    return ellipse_state(a, e, anomaly, mean_motion(a, mu), p, q)
+
+
+def turned(elements: Elements, c: Mat33) -> Elements:
+    """The elements of the same ellipse in another frame, v_other = c v."""
+    p, q = perifocal_axes(elements.inclination, elements.raan, elements.argument_of_perigee)
+    p, q = mat_vec(c, p), mat_vec(c, q)
+    nx, ny, nz = cross(p, q)
+    tilt = sqrt(nx * nx + ny * ny)
+    inclination = atan2(tilt, nz)
+    raan = atan2(nx, -ny) if tilt > 1e-12 else 0.0
+    node, ahead, _ = orbit_plane(inclination, raan)
+    perigee = atan2(dot(p, ahead), dot(p, node))
+    return Elements(
+        elements.semi_major_axis, elements.eccentricity, inclination, raan, perigee,
+        elements.mean_anomaly,
+    )  # fmt: skip

@@ -1,31 +1,45 @@
-"""One reaction wheel over a step: motor lag, friction, stiction, momentum limit.
+"""One reaction wheel over a step: motor lag, friction, stiction, speed limit.
 
-The absolute axial momentum h (N m s) obeys
+The absolute axial momentum h (N m s) of a rotor that moves obeys
 
-    h' = T - friction(Omega) + learnt        T' = (command - T) / lag
+    h' = drive - friction(Omega)             drive = T + learnt, within +-torque limit
+    T' = (command - T) / lag                 learnt' = compensation (friction - learnt)
     friction = c_v Omega + c_c tanh(Omega / omega_eps)
-    learnt' = compensation (friction - learnt)
 
-with T the motor torque on the rotor (N m), Omega = h / J_s - g.omega the speed relative to the
+with T the motor's answer to its command (N m), Omega = h / J_s - g.omega the speed relative to the
 body (rad/s), and `learnt` what a compensating speed loop has found of the friction.
+
+Two states beside that keep Omega, and so h' = J_s (g.omega)'. With stiction, Coulomb friction is
+dry, +-c_c, and brings a rotor to rest in a finite time; from then on it *stands* as long as
+|T - J_s (g.omega)'| <= stiction. *At its speed limit* a rotor stays until its torque points
+inwards. A step is cut where one state follows on another, so that its impulse does not depend on
+its length.
 """
 
 from __future__ import annotations
 
-from math import ceil, exp, expm1, tanh
+from math import ceil, copysign, exp, expm1, inf, log, tanh
 
 from ..maths.moments import lag as lag_moments
 
-Motor = tuple[float, float, float, float, float, float, float]
+Motor = tuple[float, float, float, float, float, float, float, float]
 """J_s (kg m2), lag (s), c_v (N m s/rad), c_c (N m), omega_eps (rad/s), compensation (1/s),
-stiction (N m)"""
+stiction (N m), torque limit (N m)"""
 
-Rotor = tuple[float, float, float]
-"""The state: h (N m s), T (N m), learnt (N m)"""
+Rotor = tuple[float, float, float, float]
+"""h (N m s), T (N m), learnt (N m), and with stiction the way it moves: 1, -1, or 0 as it stands"""
 
+Axial = tuple[float, float]
+"""The body's axial rate g.omega (rad/s) and its change (rad/s2), which is constant"""
 
 SMALL_SPEED = 3e-8
 """A motor transient is not resolved where friction makes less of it (rad/s)."""
+CHANGES = 16
+"""Most changes between moving, standing and the limit in a step; the rest of it then moves on."""
+HALVINGS = 48
+"""Of a step, to find when a state ends."""
+AT_LIMIT = 1e-9
+"""A speed so near the limit, relative to it, is at the limit."""
 
 
 def friction(omega: float, viscous: float, coulomb: float, omega_eps: float) -> float:
@@ -34,35 +48,202 @@ def friction(omega: float, viscous: float, coulomb: float, omega_eps: float) -> 
 
 
 def step(
-    motor: Motor, rotor: Rotor, command: float, rate0: float, rate1: float, dt: float, limit: float
-) -> tuple[Rotor, float]:
+    motor: Motor, rotor: Rotor, command: float, rate0: float, rate1: float, dt: float,
+    fastest: float,
+) -> tuple[Rotor, float]:  # fmt: skip
     """The state after dt (s) with a held motor command (N m), and the integral of h (N m s2).
 
-    The body's axial rate g.omega goes linearly from rate0 to rate1 (rad/s); |h| <= limit (N m s).
-    The motor's exponential is integrated in closed form, friction beside it by RK4, or where a loop
-    compensates it, with the loop's exponential.
+    The body's axial rate g.omega goes linearly from rate0 to rate1 (rad/s); |Omega| <= fastest
+    (rad/s). A rotor that is faster brakes with the torque limit.
     """
-    _, lag, viscous, coulomb, _, _, stiction = motor
-    if viscous == coulomb == stiction == 0.0:
-        return _frictionless(lag, rotor, command, dt, limit)
-    n = _parts(motor, rotor, command, rate0, dt)
-    part, slope = dt / n, (rate1 - rate0) / dt
-    total = 0.0
+    j, viscous, coulomb, stiction = motor[0], motor[2], motor[3], motor[6]
+    # as `_may_pass`, written out, for most steps end here
+    gained = max(abs(rotor[1]), abs(command)) * dt / j + abs(rate1 - rate0)
+    if stiction == 0.0 and abs(rotor[0] / j - rate0) + gained <= fastest:
+        if viscous == coulomb == 0.0:
+            return _frictionless(motor, rotor, command, dt)
+        return _free(motor, rotor, command, (rate0, (rate1 - rate0) / dt), dt)
+    change, rest, total = (rate1 - rate0) / dt, dt, 0.0
+    for _ in range(CHANGES):
+        axial = rate1 - change * rest, change
+        rotor, lasted, integral = _state(motor, rotor, command, axial, rest, fastest)
+        total += integral
+        rest -= lasted
+        if rest <= 0.0:
+            return rotor, total
+    rotor, integral = _free(motor, rotor, command, (rate1 - change * rest, change), rest)
+    return rotor, total + integral
+
+
+def _may_pass(
+    motor: Motor, rotor: Rotor, command: float, rate0: float, rate1: float, dt: float,
+    fastest: float,
+) -> bool:  # fmt: skip
+    """True where the motor may take the rotor beyond its limit within dt (s)."""
+    gained = max(abs(rotor[1]), abs(command)) * dt / motor[0] + abs(rate1 - rate0)
+    return abs(rotor[0] / motor[0] - rate0) + gained > fastest
+
+
+def _state(
+    motor: Motor, rotor: Rotor, command: float, axial: Axial, dt: float, fastest: float
+) -> tuple[Rotor, float, float]:
+    """As `_moving`, in the state in which the rotor is now."""
+    j, _, _, _, _, _, stiction, _ = motor
+    h, torque, learnt, way = rotor
+    omega, turning = h / j - axial[0], j * axial[1]
+    if stiction > 0.0 and way == 0.0:
+        pull = _motor_torque(motor, torque, command, 0.0) - turning
+        if abs(pull) <= stiction:
+            return _standing(motor, rotor, command, axial, dt)
+        rotor = (h, torque, learnt, copysign(1.0, pull))
+    if abs(omega) > fastest * (1.0 + AT_LIMIT):
+        return _braking(motor, rotor, command, axial, dt, fastest)
+    if abs(omega) >= fastest * (1.0 - AT_LIMIT):
+        outwards = copysign(1.0, omega)
+        balance = turning + _drag(motor, omega, outwards) - learnt  # of the motor's torque
+        if (_motor_torque(motor, torque, command, 0.0) - balance) * outwards > 0.0:
+            return _at_limit(motor, rotor, command, axial, dt, outwards * fastest, balance)
+    return _moving(motor, rotor, command, axial, dt, fastest)
+
+
+def _motor_torque(motor: Motor, torque: float, command: float, t: float) -> float:
+    """T (N m) at t (s) after it was `torque`."""
+    lag = motor[1]
+    return command + (torque - command) * exp(-t / lag) if lag > 0.0 else command
+
+
+def _reaches(motor: Motor, torque: float, command: float, level: float) -> float:
+    """When T is at a level (N m) on its way from `torque` to the command (s); inf: never."""
+    lag, there, to_go = motor[1], level - command, torque - command
+    on_its_way = lag > 0.0 and there * to_go > 0.0 and abs(there) <= abs(to_go)
+    return lag * log(to_go / there) if on_its_way else inf
+
+
+def _drag(motor: Motor, omega: float, way: float) -> float:
+    """The friction of a moving rotor (N m): dry where there is stiction."""
+    _, _, viscous, coulomb, omega_eps, _, stiction, _ = motor
+    if stiction > 0.0:
+        return viscous * omega + coulomb * way
+    return viscous * omega + coulomb * tanh(omega / omega_eps)
+
+
+# --- states that keep the speed -------------------------------------------------------------------
+
+
+def _standing(
+    motor: Motor, rotor: Rotor, command: float, axial: Axial, dt: float
+) -> tuple[Rotor, float, float]:
+    """The rotor turns with the body until the motor breaks it loose."""
+    j, stiction = motor[0], motor[6]
+    h0, torque, _, _ = rotor
+    level = j * axial[1] + copysign(stiction, command - torque)
+    lasted = min(_reaches(motor, torque, command, level), dt)
+    way = copysign(1.0, command - torque) if lasted < dt else 0.0
+    h = j * (axial[0] + axial[1] * lasted)
+    after = _motor_torque(motor, torque, command, lasted)
+    return (h, after, 0.0, way), lasted, 0.5 * lasted * (h0 + h)
+
+
+def _at_limit(
+    motor: Motor, rotor: Rotor, command: float, axial: Axial, dt: float, omega: float,
+    balance: float,
+) -> tuple[Rotor, float, float]:  # fmt: skip
+    """The rotor keeps the speed `omega` (rad/s) until T is at its `balance` (N m); the compensating
+    loop rests."""
+    h0, torque, learnt, way = rotor
+    lasted = min(_reaches(motor, torque, command, balance), dt)
+    h = motor[0] * (omega + axial[0] + axial[1] * lasted)
+    after = _motor_torque(motor, torque, command, lasted)
+    return (h, after, learnt, way), lasted, 0.5 * lasted * (h0 + h)
+
+
+def _braking(
+    motor: Motor, rotor: Rotor, command: float, axial: Axial, dt: float, fastest: float
+) -> tuple[Rotor, float, float]:
+    """Above the limit, as the body's rate was not what was foreseen: the motor brakes."""
+    j, torque_limit = motor[0], motor[7]
+    h0, torque, learnt, way = rotor
+    omega = h0 / j - axial[0]
+    outwards = copysign(1.0, omega)
+    falls = torque_limit / j + outwards * axial[1]  # the speed relative to the body, rad/s2
+    lasted = min((abs(omega) - fastest) / falls, dt) if falls > 0.0 else dt
+    h = h0 - outwards * torque_limit * lasted
+    after = _motor_torque(motor, torque, command, lasted)
+    return (h, after, learnt, way), lasted, 0.5 * lasted * (h0 + h)
+
+
+# --- moving ---------------------------------------------------------------------------------------
+
+
+def _free(
+    motor: Motor, rotor: Rotor, command: float, axial: Axial, dt: float
+) -> tuple[Rotor, float]:
+    """The state after dt (s) and the integral of h, of a rotor that goes on moving."""
+    rate, change = axial
+    n = _parts(motor, rotor, command, axial, dt, inf)
+    part, total = dt / n, 0.0
     for i in range(n):
-        rate = rate0 + slope * i * part
-        rotor, integral = _with_friction(motor, rotor, command, rate, slope, part, limit)
+        rotor, integral = _part(motor, rotor, command, (rate + change * i * part, change), part)
         total += integral
     return rotor, total
 
 
-def _parts(motor: Motor, rotor: Rotor, command: float, rate: float, dt: float) -> int:
-    """Into how many parts a step is cut so that friction is integrated well."""
-    inertia, lag, viscous, coulomb, omega_eps, _, _ = motor
-    h, torque, _ = rotor
+def _moving(
+    motor: Motor, rotor: Rotor, command: float, axial: Axial, dt: float, fastest: float
+) -> tuple[Rotor, float, float]:
+    """The state when moving ends or after dt (s), how long that was (s), and the integral of h."""
+    rate, change = axial
+    n = _parts(motor, rotor, command, axial, dt, fastest)
+    part, total = dt / n, 0.0
+    for i in range(n):
+        now = rate + change * i * part, change
+        after, integral = _part(motor, rotor, command, now, part)
+        if _has_ended(motor, after, now, part, fastest):
+            after, lasted, integral = _to_its_end(motor, rotor, command, now, part, fastest)
+            return after, i * part + lasted, total + integral
+        rotor, total = after, total + integral
+    return rotor, dt, total
+
+
+def _has_ended(motor: Motor, rotor: Rotor, axial: Axial, t: float, fastest: float) -> bool:
+    """True when the rotor, t (s) after `axial`, is beyond its limit or turns the other way."""
+    omega = rotor[0] / motor[0] - axial[0] - axial[1] * t
+    return abs(omega) > fastest * (1.0 + AT_LIMIT) or omega * rotor[3] < 0.0
+
+
+def _to_its_end(
+    motor: Motor, rotor: Rotor, command: float, axial: Axial, dt: float, fastest: float
+) -> tuple[Rotor, float, float]:
+    """As `_moving`, where it ends within dt: by halving; the speed is then exact."""
+    j, (rate, change) = motor[0], axial
+    before, lasted = 0.0, dt
+    for _ in range(HALVINGS):
+        middle = 0.5 * (before + lasted)
+        if _has_ended(
+            motor, _part(motor, rotor, command, axial, middle)[0], axial, middle, fastest
+        ):
+            lasted = middle
+        else:
+            before = middle
+    (h, torque, learnt, way), integral = _part(motor, rotor, command, axial, lasted)
+    rate += change * lasted
+    omega = h / j - rate
+    if omega * way < 0.0:
+        return (j * rate, torque, 0.0, 0.0), lasted, integral
+    return (j * (copysign(fastest, omega) + rate), torque, learnt, way), lasted, integral
+
+
+def _parts(
+    motor: Motor, rotor: Rotor, command: float, axial: Axial, dt: float, fastest: float
+) -> int:
+    """Into how many parts a step is cut so that friction is integrated well, and that the speed
+    does not pass its limit or zero within one and come back."""
+    inertia, lag, viscous, coulomb, omega_eps, _, stiction, _ = motor
+    (h, torque, _, _), rate = rotor, axial[0]
     decay = viscous / inertia  # of the speed by friction, 1/s
     parts = 0.0
     gained = max(abs(torque), abs(command)) * dt / inertia
-    if coulomb > 0.0 and abs(h / inertia - rate) < 8.0 * omega_eps + gained:
+    if coulomb > 0.0 and stiction == 0.0 and abs(h / inertia - rate) < 8.0 * omega_eps + gained:
         # the sign of Coulomb friction may turn
         decay += coulomb / omega_eps / inertia
         parts = 2.0 * gained / omega_eps
@@ -71,13 +252,35 @@ def _parts(motor: Motor, rotor: Rotor, command: float, rate: float, dt: float) -
     swing = abs(torque - command) * lag / inertia
     if decay * swing * min(lag, dt) > SMALL_SPEED:
         parts = max(parts, 0.5 * dt / lag)
+    if torque * command < 0.0 < lag and (
+        stiction > 0.0 or _may_pass(motor, rotor, command, rate, rate + axial[1] * dt, dt, fastest)
+    ):
+        parts = max(parts, 4.0 * dt / lag)
     return min(max(1, ceil(parts)), 64)
 
 
-def _frictionless(
-    lag: float, rotor: Rotor, command: float, dt: float, limit: float
+def _part(
+    motor: Motor, rotor: Rotor, command: float, axial: Axial, dt: float
 ) -> tuple[Rotor, float]:
-    h0, torque, learnt = rotor
+    """The state after dt (s) and the integral of h, without an end of moving."""
+    _, _, viscous, coulomb, _, compensation, stiction, torque_limit = motor
+    if viscous == coulomb == stiction == 0.0:
+        return _frictionless(motor, rotor, command, dt)
+    if compensation <= 0.0:
+        return _with_friction(motor, rotor, command, axial, dt)
+    after, integral = _compensated(motor, rotor, command, axial, dt)
+    start = _motor_torque(motor, rotor[1], command, 0.0) + rotor[2]
+    most = torque_limit * (1.0 + 1e-12)
+    if abs(start) > most or abs(after[1] + after[2]) > most:
+        return _clipped(motor, rotor, command, axial, dt)
+    return after, integral
+
+
+def _frictionless(
+    motor: Motor, rotor: Rotor, command: float, dt: float
+) -> tuple[Rotor, float]:  # fmt: skip
+    lag = motor[1]
+    h0, torque, learnt, way = rotor
     if lag > 0.0:
         mean, slope, end = lag_moments(dt / lag)
         excess = torque - command
@@ -86,68 +289,48 @@ def _frictionless(
     else:
         gained, torque, first = dt * command, command, 0.5 * command
     h = h0 + gained
-    if abs(h) > limit:
-        return _stopped(h0, h, torque, learnt, dt, limit)
-    return (h, torque, learnt), dt * (h - dt * first)
+    return (h, torque, learnt, way), dt * (h - dt * first)
 
 
-def _stopped(
-    h0: float, h: float, torque: float, learnt: float, dt: float, limit: float
-) -> tuple[Rotor, float]:
-    """The wheel reaches +-limit within the step, along a straight line, and stays there."""
-    end = limit if h > 0.0 else -limit
-    share = min(max((end - h0) / (h - h0), 0.0), 1.0) if h != h0 else 0.0
-    return (end, torque, learnt), dt * (share * 0.5 * (h0 + end) + (1.0 - share) * end)
-
-
-def _with_friction(
-    motor: Motor, rotor: Rotor, command: float, rate: float, slope: float, dt: float, limit: float
-) -> tuple[Rotor, float]:
-    j, lag, viscous, coulomb, omega_eps, c, stiction = motor
-    h0, torque0, learnt = rotor
-    pushed, torque, motor_part = command * dt, command, 0.5 * command * dt * dt
-    excess = (torque0 - command) * lag  # of the motor over the command, in momentum
+def _pushed(
+    motor: Motor, torque0: float, command: float, dt: float
+) -> tuple[float, float, float, float]:
+    """What the motor does in dt (s): momentum (N m s), its integral, T at the end, and the motor's
+    excess over the command, in momentum."""
+    lag = motor[1]
+    pushed, torque, first = command * dt, command, 0.5 * command * dt * dt
+    excess = (torque0 - command) * lag
     if excess:
         decay = exp(-dt / lag)
         pushed += excess * (1.0 - decay)
         torque += excess / lag * decay
-        motor_part += excess * (dt - lag * (1.0 - decay))
-    omega = h0 / j - rate
-    if stiction > 0.0 and abs(torque) <= stiction and abs(omega) <= omega_eps:
-        h = j * (rate + slope * dt)  # held: the rotor turns with the body
-        return (h, torque, 0.0), 0.5 * dt * (h0 + h)
-    if c > 0.0:
-        # A loop of bandwidth c (1/s) learns what friction takes: friction goes linearly from start
-        # to end, the loop's exponential is exact. Written out, for most steps of a day are here.
-        start = viscous * omega + coulomb * tanh(omega / omega_eps)
-        x0 = start - learnt
-        decayed = -expm1(-c * dt)
-        omega = (h0 + pushed - x0 * decayed / c) / j - rate - slope * dt
-        end = viscous * omega + coulomb * tanh(omega / omega_eps)
-        steady = (end - start) / (c * dt)
-        rest = x0 - steady
-        lost = steady * dt + rest * decayed / c
-        first = 0.5 * steady * dt * dt + rest / c * (dt - decayed / c)
-        learnt = end - steady - rest * (1.0 - decayed)
-    else:
-        lost, first = _lost(motor, h0, excess, command, rate, slope, dt)
-        learnt = 0.0
-    h = h0 + pushed - lost
-    if abs(h) > limit:
-        return _stopped(h0, h, torque, learnt, dt, limit)
-    return (h, torque, learnt), h0 * dt + motor_part - first
+        first += excess * (dt - lag * (1.0 - decay))
+    return pushed, first, torque, excess
+
+
+def _with_friction(
+    motor: Motor, rotor: Rotor, command: float, axial: Axial, dt: float
+) -> tuple[Rotor, float]:
+    """The motor's exponential in closed form, friction beside it by RK4."""
+    h0, torque0, _, way = rotor
+    pushed, first, torque, excess = _pushed(motor, torque0, command, dt)
+    lost, first_lost = _lost(motor, rotor, excess, command, axial, dt)
+    return (h0 + pushed - lost, torque, 0.0, way), h0 * dt + first - first_lost
 
 
 def _lost(
-    motor: Motor, h0: float, excess: float, command: float, rate: float, slope: float, dt: float
+    motor: Motor, rotor: Rotor, excess: float, command: float, axial: Axial, dt: float
 ) -> tuple[float, float]:
     """The momentum that friction takes (N m s) by RK4, and the integral of what it has taken."""
-    j, lag, viscous, coulomb, omega_eps, _, _ = motor
+    j, lag, viscous, coulomb, omega_eps, _, stiction, _ = motor
+    (rate, change), (h0, _, _, way) = axial, rotor
 
     def drag(s: float, lost: float) -> float:
-        """The friction at s into the step, with `lost` of the momentum lost so far."""
+        """The friction at s into the step, with `lost` of the momentum lost so far: `_drag`,
+        written out, for it is called often."""
         pushed = command * s + (excess * (1.0 - exp(-s / lag)) if excess else 0.0)
-        return friction((h0 + pushed - lost) / j - rate - slope * s, viscous, coulomb, omega_eps)
+        omega = (h0 + pushed - lost) / j - rate - change * s
+        return viscous * omega + coulomb * (way if stiction > 0.0 else tanh(omega / omega_eps))
 
     half = 0.5 * dt
     a = drag(0.0, 0.0)
@@ -156,3 +339,53 @@ def _lost(
     d = drag(dt, dt * c)
     lost = dt / 6.0 * (a + 2.0 * (b + c) + d)
     return lost, dt * (0.5 * lost + dt * (a - d) / 12.0)  # by the Hermite cubic
+
+
+def _compensated(
+    motor: Motor, rotor: Rotor, command: float, axial: Axial, dt: float
+) -> tuple[Rotor, float]:
+    """A loop of bandwidth c (1/s) learns what friction takes: friction goes linearly from start to
+    end, the loop's exponential is exact."""
+    j, c, (rate, change) = motor[0], motor[5], axial
+    h0, torque0, learnt, way = rotor
+    pushed, first_pushed, torque, _ = _pushed(motor, torque0, command, dt)
+    start = _drag(motor, h0 / j - rate, way)
+    x0 = start - learnt
+    decayed = -expm1(-c * dt)
+    omega = (h0 + pushed - x0 * decayed / c) / j - rate - change * dt
+    end = _drag(motor, omega, way)
+    steady = (end - start) / (c * dt)
+    rest = x0 - steady
+    lost = steady * dt + rest * decayed / c
+    first = 0.5 * steady * dt * dt + rest / c * (dt - decayed / c)
+    learnt = end - steady - rest * (1.0 - decayed)
+    return (h0 + pushed - lost, torque, learnt, way), h0 * dt + first_pushed - first
+
+
+def _clipped(
+    motor: Motor, rotor: Rotor, command: float, axial: Axial, dt: float
+) -> tuple[Rotor, float]:
+    """As `_compensated`, with the drive cut at the torque limit: h and learnt by RK4."""
+    j, c, limit, (rate, change) = motor[0], motor[5], motor[7], axial
+    h, torque, learnt, way = rotor
+    total = 0.0
+
+    def changes(s: float, h: float, learnt: float) -> tuple[float, float]:
+        drive = _motor_torque(motor, torque, command, s) + learnt
+        drag = _drag(motor, h / j - rate - change * s, way)
+        return min(max(drive, -limit), limit) - drag, c * (drag - learnt)
+
+    n = min(max(16, ceil(8.0 * c * dt)), 256)
+    part = dt / n
+    half = 0.5 * part
+    for i in range(n):
+        s = i * part
+        a, a2 = changes(s, h, learnt)
+        b, b2 = changes(s + half, h + half * a, learnt + half * a2)
+        d, d2 = changes(s + half, h + half * b, learnt + half * b2)
+        e, e2 = changes(s + part, h + part * d, learnt + part * d2)
+        gained = part / 6.0 * (a + 2.0 * (b + d) + e)
+        total += part * (h + 0.5 * gained + part * (a - e) / 12.0)
+        h += gained
+        learnt += part / 6.0 * (a2 + 2.0 * (b2 + d2) + e2)
+    return (h, _motor_torque(motor, torque, command, dt), learnt, way), total

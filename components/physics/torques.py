@@ -7,8 +7,8 @@ from __future__ import annotations
 
 from math import sqrt
 
-from ..contract.block import Mat33, Table, Vec3
-from ..maths.vector import cross, dot, mat_vec, scale
+from ..contract.block import BlockError, Mat33, Table, Vec3
+from ..maths.vector import cross, dot, mat_vec, norm, scale, unit
 from .orbit import MU
 
 SOLAR_PRESSURE = 4.56e-6
@@ -16,6 +16,13 @@ SOLAR_PRESSURE = 4.56e-6
 
 PLATE_COLUMNS = 9
 """Of a plate table: outward normal (3), area (m2), centre (3, m), specular and diffuse share."""
+
+Plate = tuple[
+    float, float, float, float, float, float, float, float, float, float, float, float
+]  # fmt: skip
+"""Normal n (3), area (m2), centre c (3, m), c x n (3, m), specular and diffuse share."""
+
+Plates = tuple[Plate, ...]
 
 
 def gravity_gradient(r: Vec3, inertia: Mat33) -> Vec3:
@@ -36,16 +43,18 @@ def drag(v: Vec3, density: float, area_cd: float, centre: Vec3) -> Vec3:
     return cross(centre, scale(-0.5 * density * area_cd * speed, v))
 
 
-def drag_on_plates(v: Vec3, density: float, drag_coefficient: float, plates: Table) -> Vec3:
-    """Sum over the plates that face the flow: F = -1/2 rho C_d A (n.v) v."""
-    tx = ty = tz = 0.0
-    for nx, ny, nz, area, cx, cy, cz, _, _ in _rows(plates):
-        facing = nx * v[0] + ny * v[1] + nz * v[2]
-        if area > 0.0 and facing > 0.0:
-            size = -0.5 * density * drag_coefficient * area * facing
-            x, y, z = cross((cx, cy, cz), (size * v[0], size * v[1], size * v[2]))
-            tx, ty, tz = tx + x, ty + y, tz + z
-    return (tx, ty, tz)
+def drag_on_plates(v: Vec3, density: float, drag_coefficient: float, plates: Plates) -> Vec3:
+    """Sum over the plates that face the flow: c x F with F = -1/2 rho C_d A (n.v) v."""
+    vx, vy, vz = v
+    x = y = z = 0.0  # the sum of A (n.v) c
+    for nx, ny, nz, area, cx, cy, cz, _, _, _, _, _ in plates:
+        facing = nx * vx + ny * vy + nz * vz
+        if facing > 0.0:
+            size = area * facing
+            x, y, z = x + size * cx, y + size * cy, z + size * cz
+    return scale(
+        -0.5 * density * drag_coefficient, (y * vz - z * vy, z * vx - x * vz, x * vy - y * vx)
+    )
 
 
 def radiation(sun: Vec3, pressure: float, area_cr: float, centre: Vec3) -> Vec3:
@@ -53,23 +62,55 @@ def radiation(sun: Vec3, pressure: float, area_cr: float, centre: Vec3) -> Vec3:
     return cross(centre, scale(-pressure * area_cr, sun))
 
 
-def radiation_on_plates(sun: Vec3, pressure: float, plates: Table) -> Vec3:
-    """Sum over the lit plates: F = -P A cos [(1 - rs) s + 2 (rs cos + rd / 3) n].
+def radiation_on_plates(sun: Vec3, pressure: float, plates: Plates) -> Vec3:
+    """Sum over the lit plates: c x F with F = -P A cos [(1 - rs) s + 2 (rs cos + rd / 3) n].
 
     rs and rd are the specular and the diffuse share of the reflected light (Wertz, Spacecraft
     Attitude Determination and Control, eq. 17-34).
     """
-    tx = ty = tz = 0.0
-    for nx, ny, nz, area, cx, cy, cz, specular, diffuse in _rows(plates):
-        cosine = nx * sun[0] + ny * sun[1] + nz * sun[2]
-        if area > 0.0 and cosine > 0.0:
-            size = -pressure * area * cosine
-            a, b = size * (1.0 - specular), 2.0 * size * (specular * cosine + diffuse / 3.0)
-            force = (a * sun[0] + b * nx, a * sun[1] + b * ny, a * sun[2] + b * nz)
-            x, y, z = cross((cx, cy, cz), force)
-            tx, ty, tz = tx + x, ty + y, tz + z
-    return (tx, ty, tz)
+    sx, sy, sz = sun
+    x = y = z = 0.0  # the sum of A cos (1 - rs) c
+    tx = ty = tz = 0.0  # the sum of 2 A cos (rs cos + rd / 3) c x n
+    for nx, ny, nz, area, cx, cy, cz, mx, my, mz, specular, diffuse in plates:
+        cosine = nx * sx + ny * sy + nz * sz
+        if cosine > 0.0:
+            a = area * cosine
+            b = 2.0 * a * (specular * cosine + diffuse / 3.0)
+            a = a * (1.0 - specular)
+            x, y, z = x + a * cx, y + a * cy, z + a * cz
+            tx, ty, tz = tx + b * mx, ty + b * my, tz + b * mz
+    return scale(-pressure, (tx + y * sz - z * sy, ty + z * sx - x * sz, tz + x * sy - y * sx))
 
 
-def _rows(plates: Table) -> list[Table]:
-    return [plates[i : i + PLATE_COLUMNS] for i in range(0, len(plates), PLATE_COLUMNS)]
+def plates_of(table: Table) -> Plates:
+    """The plates of a table that have an area, their normals of length 1.
+
+    Raises BlockError for an area, a normal or reflected shares that make no sense.
+    """
+    rows = tuple(table[i : i + PLATE_COLUMNS] for i in range(0, len(table), PLATE_COLUMNS))
+    for i, (nx, ny, nz, area, _, _, _, specular, diffuse) in enumerate(rows):
+        if area < 0.0:
+            raise BlockError(f"plates[{i + 1},4] = {area} m2: an area is 0 or more")
+        if area > 0.0 and nx == ny == nz == 0.0:
+            raise BlockError(f"plates[{i + 1},1..3] = 0: a plate with an area needs a normal")
+        if not (specular >= 0.0 and diffuse >= 0.0 and specular + diffuse <= 1.0):
+            raise BlockError(
+                f"plates[{i + 1},8..9] = {specular}, {diffuse}: the specular and the diffuse share "
+                "are 0 or more and together 1 or less"
+            )
+    return tuple(_plate(row) for row in rows if row[3] > 0.0)
+
+
+def _plate(row: Table) -> Plate:
+    nx, ny, nz, area, cx, cy, cz, specular, diffuse = row
+    nx, ny, nz = unit((nx, ny, nz))
+    mx, my, mz = cross((cx, cy, cz), (nx, ny, nz))
+    return (nx, ny, nz, area, cx, cy, cz, mx, my, mz, specular, diffuse)
+
+
+def lever(plates: Plates) -> float:
+    """The sum of area times distance from the centre (m3): no pressure makes more torque."""
+    total = 0.0
+    for _, _, _, area, cx, cy, cz, _, _, _, _, _ in plates:
+        total += area * norm((cx, cy, cz))
+    return total

@@ -89,15 +89,16 @@ def applies(system: System) -> dict[str, str] | None:
     for c in system.connections:
         if c.input != "tau_mean_thruster_body[1]":
             continue
-        found = {
+        parts = {
             "spacecraft": c.target,
             "thrusters": c.source,
             "manager": source(c.source, "tau_cmd_thruster_body[1]"),
             "torquers": source(c.target, "m_mean_body[1]"),
             "environment": source(c.target, "b_eci[1]"),
         }
-        if all(found.values()):
-            return found  # type: ignore[return-value]
+        there = {part: name for part, name in parts.items() if name is not None}
+        if len(there) == len(parts):
+            return there
     return None
 
 
@@ -258,10 +259,10 @@ def _series(manifest: dict[str, Any], results: Results, names: list[str]) -> lis
     times = results.times()
     if len(times) < 2 or times[1] - times[0] > 1.5 * manifest["step"]:
         raise DesatError(f"{scenario}: the bound needs every step recorded, and at least one")
-    found = [results.values(name) for name in names]
-    if not all(np.isfinite(values).all() for values in found):
+    series = [results.values(name) for name in names]
+    if not all(np.isfinite(values).all() for values in series):
         raise DesatError(f"{scenario}: the run diverged; it has no bound")
-    return found
+    return series
 
 
 def _matrices(q: Array) -> Array:

@@ -14,7 +14,7 @@ from rich.console import Console
 from rich.progress import track
 
 from ..engine.master import ALGORITHMS, Algorithm
-from ..study.case import Options, execute, prepare
+from ..study.case import Options, prepare, simulate
 from ..study.derived import pointing
 from ..study.plots import COLOURS, figure, legend, svg
 from ..study.report import render, write_page
@@ -46,11 +46,10 @@ def _errors(q: NDArray[Any], h: NDArray[Any], reference: Trajectory) -> tuple[fl
 
 def measure(target: str, options: Options, ideal: Trajectory) -> Row:
     """Run a system once and compare."""
-    system, checked = prepare(target, options)
-    checked.or_raise()
-    assert system.step is not None
+    case = prepare(target, replace(options, record=SERIES))
+    system, _ = case.or_raise()
     gyrostat = Gyrostat(system)
-    run = execute(target, replace(options, record=SERIES))
+    run = simulate(case)
     if not run.ok:
         raise DesatError(f"{target}: {run.manifest['message']}")
     every = round(gyrostat.sample / system.step)
@@ -66,8 +65,7 @@ def measure(target: str, options: Options, ideal: Trajectory) -> Row:
 
 
 def _ideal(target: str, options: Options) -> Trajectory:
-    system, checked = prepare(target, options)
-    checked.or_raise()
+    system, _ = prepare(target, options).or_raise()
     return Gyrostat(system).ideal()
 
 

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from ..engine.results import Results
 from ..study.derived import rotate_back
 from ..study.plots import COLOURS, figure, legend, svg, time_axis
+from ..study.strips import timeline
 from ..system.model import System
 
 Array = NDArray[np.float64]
@@ -28,7 +29,7 @@ def applies(system: System) -> dict[str, str] | None:
     no such component."""
     for c in system.connections:
         target = system.components[c.target].interface
-        if c.input == "h_wheel[1]" and target and all(target.elements(n) for n in _NEEDED):
+        if c.input == "h_wheel[1]" and all(target.elements(n) for n in _NEEDED):
             wheels = f"{c.source}.{c.output.partition('[')[0]}"
             return {"spacecraft": c.target, "wheels": wheels}
     return None
@@ -47,12 +48,18 @@ def momentum(manifest: dict[str, Any], results: Results) -> tuple[Array, Array] 
     q, omega, impulse, h = (results.values(s) for s in series)
     if len(q) == 0:
         return None
+    carrier, axes = carrier_of(manifest, name)
+    in_eci = rotate_back(q, omega @ carrier.T + h @ axes.T)
+    return results.times(series[0]), in_eci - in_eci[0] - (impulse - impulse[0])
+
+
+def carrier_of(manifest: dict[str, Any], name: str) -> tuple[Array, Array]:
+    """(J_r, axes) of a rigid body: inertia (3, 3) without the wheels' axial part, kg m2, and the
+    wheels' axes (3, 4)."""
     given = manifest["parameters"][name]
     axes = np.reshape(given["axes_wheel"]["value"], (3, 4))
     spin = np.array(given["inertia_wheel"]["value"])
-    carrier = np.reshape(given["inertia"]["value"], (3, 3)) - (axes * spin) @ axes.T
-    in_eci = rotate_back(q, omega @ carrier.T + h @ axes.T)
-    return results.times(series[0]), in_eci - in_eci[0] - (impulse - impulse[0])
+    return np.reshape(given["inertia"]["value"], (3, 3)) - (axes * spin) @ axes.T, axes
 
 
 def signals(parts: dict[str, str]) -> list[str]:
@@ -62,13 +69,13 @@ def signals(parts: dict[str, str]) -> list[str]:
 
 def numbers(manifest: dict[str, Any], results: Results) -> dict[str, dict[str, Any]]:
     """The largest residual of a run (N m s)."""
-    found = momentum(manifest, results)
-    if found is None:
+    series = momentum(manifest, results)
+    if series is None:
         return {}
     return {
         "momentum_residual": {
             "title": "Momentum residual, largest",
-            "value": float(np.linalg.norm(found[1], axis=1).max()),
+            "value": float(np.linalg.norm(series[1], axis=1).max()),
             "unit": "N.m.s",
         }
     }
@@ -76,19 +83,18 @@ def numbers(manifest: dict[str, Any], results: Results) -> dict[str, dict[str, A
 
 def figures(manifest: dict[str, Any], results: Results) -> list[tuple[str, str]]:
     """The residual over time."""
-    found = momentum(manifest, results)
+    series = momentum(manifest, results)
     caption = "Momentum residual: what the exchange between components loses"
-    return [] if found is None else [(caption, plot(*found))]
+    return [] if series is None else [(caption, plot(*series, results))]
 
 
-def plot(times: Array, residual: Array) -> str:
-    """The residual over time as SVG."""
+def plot(times: Array, residual: Array, results: Results) -> str:
+    """The residual over time as SVG, over the strips of the run's modes."""
     fig, ax = figure()
     seconds, unit = time_axis(times)
     for i, axis in enumerate("xyz"):
         ax.plot(times / seconds, residual[:, i], color=COLOURS[i], linewidth=1.0, label=axis)
-    ax.set_xlabel(f"time [{unit}]")
+    timeline(ax, seconds, unit, results)
     ax.set_ylabel("[N m s], eci")
-    ax.margins(x=0.01)
     legend(ax)
     return svg(fig)

@@ -17,14 +17,16 @@ if TYPE_CHECKING:
     from ..engine.master import Algorithm
     from ..study.case import Options
 
-EPILOG = "[bold]Exit codes[/bold]  " + "; ".join(f"{e.value} {e.meaning}" for e in Exit) + "."
+EPILOG = "Exit codes: " + "; ".join(f"{e.value} {e.meaning}" for e in Exit) + "."
 
 app = typer.Typer(
     no_args_is_help=True,
     pretty_exceptions_enable=False,
-    rich_markup_mode="rich",
-    help="Spacecraft momentum management as co-simulated FMUs. Start with [bold]desat list[/bold], "
-    "then [bold]desat run NAME[/bold]; every command explains itself with --help.",
+    # boxes take as long to load as all else: only where a person looks
+    rich_markup_mode="rich" if sys.stdout.isatty() else None,
+    context_settings={} if sys.stdout.isatty() else {"terminal_width": 120},
+    help="Spacecraft momentum management as co-simulated FMUs. Start with `desat list`, then "
+    "`desat run NAME`; every command explains itself with --help.",
     epilog=EPILOG,
 )
 # piped output is for other programs: not folded to a terminal's width
@@ -42,14 +44,15 @@ class Semantics(StrEnum):
 
 def complete_name(incomplete: str) -> list[str]:
     """The scenarios that a shell offers for the beginning of a name."""
-    from ..files.scenario import scenarios
+    from ..study import listing
 
-    return [n for n in scenarios() if n.startswith(incomplete)]
+    names = (name for f in listing.families() for name in listing.family(f).scenarios)
+    return [name for name in names if name.startswith(incomplete)]
 
 
 def complete_family(incomplete: str) -> list[str]:
     """The families that a shell offers for the beginning of a name."""
-    from ..files.scenario import families
+    from ..study.listing import families
 
     return [n for n in families() if n.startswith(incomplete)]
 

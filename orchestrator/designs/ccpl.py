@@ -7,7 +7,7 @@ final_momentum = 0.05         # N m s: the gain is tuned to this |h_f|
 from __future__ import annotations
 
 from ..files.scenario import Scenario
-from ..study.case import Options
+from ..study.options import Options
 from ..system.model import System
 from . import Design, tuning
 from .plant import Plant

@@ -12,7 +12,7 @@ from typing import Any
 from desat.components.maths.vector import norm
 
 from ..files.scenario import Scenario
-from ..study.case import Options
+from ..study.options import Options
 from ..system.model import System
 from . import Design, tuning
 from .plant import Plant

@@ -16,7 +16,7 @@ from desat.components.blocks.manager_magnetic import CAPACITY
 from desat.components.laws import magnetic_offline as offline
 
 from ..files.scenario import Scenario
-from ..study.case import Options
+from ..study.options import Options
 from ..system.model import System
 from . import Design, tuning
 from .plant import Array, Plant

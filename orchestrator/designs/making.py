@@ -11,10 +11,13 @@ import numpy as np
 
 from ..files.refuse import design as read_design
 from ..files.scenario import ROOT, Scenario, find, scenarios
-from ..study.case import Options
+from ..study.options import Options
+from ..system.check import check
 from ..system.errors import DesatError, nearest
+from ..system.model import System
+from ..system.parameters import choice_of
 from . import Design, kinds
-from .origin import TABLE, computed, made_of, owner, system_of
+from .origin import TABLE, computed, draft_of, made_of, owner
 
 PACKAGES = ("desat", "numpy", "scipy")
 COMMON = ("of", "assume")
@@ -54,7 +57,7 @@ def design(scenario: Scenario, options: Options | None = None) -> Design:
             f"{scenario.name}: design: assume = {assumed!r}: tables of parameters, one a "
             "component, are needed"
         )
-    system, _ = system_of(scenario, options)
+    system, _ = check(draft_of(scenario, options)).or_raise()
     kind = next((k for k in kinds() if k.applies(system)), None)
     if kind is None:
         raise DesatError(f"{scenario.name}: {_no_kind(system)}")
@@ -74,15 +77,14 @@ def design(scenario: Scenario, options: Options | None = None) -> Design:
     return made
 
 
-def _no_kind(system: Any) -> str:
+def _no_kind(system: System) -> str:
     names = ", ".join(k.__name__.rpartition(".")[2] for k in kinds())
     manager = system.components.get("manager")
     what = ""
-    if manager is not None and manager.interface is not None:
+    if manager is not None:
         what = f" for {manager.interface.model}"
         for signal in manager.interface.elements("law"):
-            value = manager.parameters.get("law", signal.start)
-            what += f" {signal.choices[int(value)]}"
+            what += f" {choice_of(manager, signal.name)}"
     return f"no design{what}; there is one for {names}"
 
 
@@ -178,7 +180,8 @@ def stamp(scenario: Scenario) -> bool:
     run with the kept numbers reaches what the file says, to `ROUNDING`; False where it does not."""
     from .plant import Plant
 
-    assert scenario.design is not None
+    if scenario.design is None:
+        raise DesatError(f"{scenario.name}: it has no [design]")
     file = read_design(scenario.design)
     plant = Plant(scenario)
     flight = plant.fly(**file["parameters"]["manager"])

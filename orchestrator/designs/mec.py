@@ -13,7 +13,7 @@ import numpy as np
 from desat.components.laws import magnetic_offline as offline
 
 from ..files.scenario import Scenario, find
-from ..study.case import Options
+from ..study.options import Options
 from ..system.errors import DesatError
 from ..system.model import System
 from . import Design, tuning

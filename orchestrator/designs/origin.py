@@ -15,38 +15,26 @@ from typing import Any
 
 from ..files.refuse import design
 from ..files.scenario import Scenario, find
-from ..study.case import Options, modify
-from ..system.errors import DesatError, nearest
+from ..study.modify import modify
+from ..study.options import Options
+from ..system.draft import Draft
 from ..system.interface import base_name
-from ..system.model import System
-from ..system.parameters import assign, parse_assignment, resolve, table
+from ..system.parameters import parse_assignment, table
+from ..system.resolve import resolve
 
 TABLE = "made_of"
 
 
-def give(system: System, name: str, variable: str, value: Any) -> None:
-    """Give a parameter of a component a value. Raises DesatError for what is unknown or no fit."""
-    component = system.components.get(name)
-    if component is None:
-        raise DesatError(f"{system.name}: no component {name}{nearest(name, system.components)}")
-    assert component.interface is not None
-    where = f"{system.name}: {name}"
-    assign(component, variable, value, where)
-
-
-def system_of(
-    scenario: Scenario, options: Options, designed: bool = False
-) -> tuple[System, list[str]]:
+def draft_of(scenario: Scenario, options: Options, designed: bool = False) -> Draft:
     """The system, on bare blocks, that a scenario's design is made for: with the values of
-    `options`, then what [design] assumes; and its problems so far. `designed`: with the kept
-    design, and nothing assumed."""
-    system, problems = scenario.system(blocks=True, designed=designed)
-    modify(system, problems, replace(options, blocks=True))
+    `options`, then what [design] assumes. `designed`: with the kept design, and nothing assumed."""
+    draft = scenario.draft(blocks=True, designed=designed)
+    modify(draft, replace(options, blocks=True))
     for name, values in scenario.data.get("design", {}).get("assume", {}).items():
         for variable, value in values.items() if not designed else ():
-            give(system, name, variable, value)
-    problems += resolve(system)
-    return system, problems
+            component = draft.component(name, draft.name)
+            component.assign(variable, value, f"{draft.name}: {name}")
+    return draft
 
 
 LONGEST = 12
@@ -59,12 +47,13 @@ def made_of(
     """What a scenario's design is made of, `component.parameter` -> value and more; `without` the
     parameters that it computes. A choice stands by its name. With `known`, parameters that are
     neither in it nor given by anybody are left out: a block has got them since."""
-    system, _ = system_of(scenario, replace(options, sources=[]))
-    wiring = sorted(str(replace(c, line=0)) for c in system.connections)
+    draft = draft_of(scenario, replace(options, sources=[]))
+    wiring = sorted(str(c) for c in draft.connections)
     values: dict[str, Any] = {
-        "start": system.start,
-        "stop": system.stop,
-        "step": system.step,
+        "start": draft.start,
+        "stop": draft.stop,
+        "step": draft.step,
+        **({"inner": draft.inner} if draft.inner > 1 else {}),
         "wiring": _digest(wiring),
         **{f"design.{k}": v for k, v in scenario.data["design"].items() if k != "assume"},
     }
@@ -72,14 +61,14 @@ def made_of(
         other = find(f"{scenario.family}/{scenario.data['design']['end_of']}")
         given = other.parameters()
         values["end_of"] = _digest([made_of(other, Options(), set()), given])
-    for c in system.components.values():
+    for c in draft.components.values():
         values[f"source.{c.name}"] = Path(c.source).stem
         if c.decimation > 1:
             values[f"decimation.{c.name}"] = c.decimation
     for text in options.sources:
         name, _, source = text.partition("=")
         values[f"source.{name}"] = Path(source).stem
-    for name, rows in table(system).items():
+    for name, rows in table(resolve(draft).components.values()).items():
         for k, entry in rows.items():
             if known is None or entry["given"] or f"{name}.{k}" in known:
                 values[f"{name}.{k}"] = _kept(entry["value"])
@@ -102,15 +91,12 @@ def owner(scenario: Scenario, options: Options) -> tuple[Scenario, Options, list
     if "of" not in scenario.data["design"]:
         return scenario, options, []
     other = find(f"{scenario.family}/{scenario.data['design']['of']}")
-    system, _ = other.system(blocks=True, designed=False)
+    draft = other.draft(blocks=True, designed=False)
     strange: list[str] = []
 
     def known(name: str, variable: str) -> bool:
-        component = system.components.get(name)
-        if component is not None and component.interface is not None:
-            names = {base_name(n) for n in component.interface.signals}
-            if base_name(variable) in names:
-                return True
+        if name in draft.components and draft.components[name].elements(base_name(variable)):
+            return True
         strange.append(f"{name}.{variable}")
         return False
 
@@ -118,7 +104,7 @@ def owner(scenario: Scenario, options: Options) -> tuple[Scenario, Options, list
         options,
         sets=[t for t in options.sets if known(*parse_assignment(t)[:2])],
         values={k: v for k, v in options.values.items() if known(*k.split(".", 1))},
-        sources=[t for t in options.sources if t.partition("=")[0] in system.components],
+        sources=[t for t in options.sources if t.partition("=")[0] in draft.components],
     ), strange  # fmt: skip
 
 

@@ -6,7 +6,7 @@ that is tuned or solved for is that of a run of the scenario on bare blocks.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -25,12 +25,12 @@ from desat.fmus.registry import block_class
 from ..engine.master import Master
 from ..engine.results import Recorder
 from ..files.scenario import Scenario
-from ..study.case import Options
-from ..system.check import check, steps_of
+from ..study.options import Options
+from ..system.check import check
 from ..system.errors import DesatError, nearest
 from ..system.model import Component
-from ..system.parameters import value_of
-from .origin import give, system_of
+from ..system.parameters import choice_of, expand, value_of
+from .origin import draft_of
 
 Array = NDArray[np.floating[Any]]
 MOMENTUM, DIPOLE = "spacecraft.h_copy_wheel", "torquers.m_mean_body"
@@ -67,9 +67,9 @@ class Plant:
     def __init__(
         self, scenario: Scenario, options: Options | None = None, designed: bool = False
     ) -> None:
-        self.system, problems = system_of(scenario, options or Options(), designed)
+        draft = draft_of(scenario, options or Options(), designed)
+        self.system, self._schedule = check(draft).or_raise()
         self.about = scenario.data.get("design", {})
-        self._schedule = check(self.system, problems).or_raise()
         spacecraft = self._bare("spacecraft")
         if not isinstance(spacecraft, SpacecraftFixedAttitude):
             raise DesatError(
@@ -77,7 +77,7 @@ class Plant:
                 "spacecraft_fixed_attitude; [design] of = NAME takes that of another scenario"
             )
         self.manager = self._component("manager")
-        self.horizon = steps_of(self.system) * (self.system.step or 0.0)
+        self.horizon = self.system.steps * self.system.step
         self._environment = self._bare("environment")
         self._at(0.0)
         r, v = self._environment.r_eci, self._environment.v_eci
@@ -98,7 +98,6 @@ class Plant:
     def _bare(self, name: str) -> Any:
         """The block of a component with its parameters, started."""
         component = self._component(name)
-        assert component.interface is not None
         block: Block = block_class(component.interface.model)()
         signals = component.interface.signals
         block.access([signals[n].reference for n in component.parameters]).write(
@@ -120,29 +119,27 @@ class Plant:
 
     def manager_value(self, name: str) -> Any:
         """A parameter of the manager; a choice by its name."""
-        assert self.manager.interface is not None
         signals = self.manager.interface.elements(name)
-        values = [value_of(self.manager, s.name) for s in signals]
         if signals[0].choices:
-            return signals[0].choices[int(values[0])]  # type: ignore[call-overload]
+            return choice_of(self.manager, signals[0].name)
+        values = [value_of(self.manager, s.name) for s in signals]
         return values if signals[0].name != name else values[0]
 
     def fly(self, **parameters: Any) -> Flight:
         """Run it with these parameters of its manager."""
-        kept = dict(self.manager.parameters)
+        values = dict(self.manager.parameters)
+        where = f"{self.system.name}: manager"
         for name, value in parameters.items():
-            give(self.system, "manager", name, value)
-        record = (MOMENTUM, DIPOLE, ENERGY)
-        try:
-            with Master(self.system, self._schedule, blocks=True) as master:
-                master.initialise()
-                recorder = Recorder(None, master, record)
-                for _ in range(steps_of(self.system)):
-                    master.advance(recorder.record)
-                with recorder.finish(master) as results:
-                    return Flight(
-                        results.values(MOMENTUM)[:, :3], results.values(DIPOLE),
-                        float(results.values(ENERGY)[-1]),
-                    )  # fmt: skip
-        finally:
-            self.manager.parameters = kept
+            values.update(expand(self.manager.interface, name, value, where))
+        manager = replace(self.manager, parameters=values)
+        system = replace(self.system, components={**self.system.components, "manager": manager})
+        with Master(system, self._schedule) as master:
+            master.initialise()
+            recorder = Recorder(None, master, (MOMENTUM, DIPOLE, ENERGY))
+            for _ in range(system.steps):
+                master.advance(recorder.record)
+            with recorder.finish(master) as results:
+                return Flight(
+                    results.values(MOMENTUM)[:, :3], results.values(DIPOLE),
+                    float(results.values(ENERGY)[-1]),
+                )  # fmt: skip

@@ -11,10 +11,10 @@ from scipy.optimize import brentq
 
 from desat.components.blocks.manager_magnetic import CAPACITY
 
-from ..engine.instances import UnitError
+from ..engine.instances import ComponentError
 from ..system.errors import DesatError
 from ..system.model import System
-from ..system.parameters import value_of
+from ..system.parameters import choice_of
 from . import Design, Key
 from .plant import Array, Flight, Plant
 
@@ -46,11 +46,9 @@ KEYS: dict[str, Key] = {
 def flies(system: System, model: str, law: str = "") -> bool:
     """True where the system's manager is this block with this `law`."""
     manager = system.components.get("manager")
-    if manager is None or manager.interface is None or manager.interface.model != model:
+    if manager is None or manager.interface.model != model:
         return False
-    signals = manager.interface.elements("law")
-    name = signals[0].choices[int(value_of(manager, "law"))] if signals else ""  # type: ignore[call-overload]
-    return bool(name == law)
+    return (choice_of(manager, "law") if "law" in manager.interface.signals else "") == law
 
 
 def of_flight(
@@ -92,7 +90,7 @@ def tuned(
         nonlocal best
         try:
             size = plant.fly(**parameters(float(10.0**log))).size
-        except UnitError:
+        except ComponentError:
             if best == inf:
                 raise
             return inf  # it has diverged

@@ -8,6 +8,9 @@ t_k = start + k step, from an integer k.
 - `jacobi`: all step with held inputs, then all outputs move, as in libcosim and Ecos; a row holds
   all outputs at its time.
 
+Under `conserving` a step may have inner steps, and components may be slower than the master
+(`system/rates.py`): `plan.py` prepares what happens in each part of a step.
+
 All outputs live in one array per type, `live`. A step of a component is: gather its inputs from
 there, push, step, pull. A component whose outputs are all of the interval class pulls straight
 into `live`; any other pulls into `fresh`, from where its interval outputs follow at once and its
@@ -16,44 +19,37 @@ state outputs when all have stepped.
 
 from __future__ import annotations
 
-import ctypes
 from collections import defaultdict
-from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Mapping
 from functools import partial
-from math import lcm
 from types import TracebackType
 from typing import Any, Literal, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..files import library
 from ..system.errors import DesatError
-from ..system.interface import KINDS, Interface, Kind, Signal
-from ..system.model import Connection, System
+from ..system.interface import KINDS, Kind, Signal
+from ..system.model import Component, Connection, System
+from ..system.parameters import value_of
+from ..system.rates import Rates, graded
 from ..system.schedule import Schedule
-from .instances import DTYPE, Unit, UnitError, unit_for
+from .block_instance import BlockInstance
+from .fmu_instance import FmuInstance
+from .instances import Array, ComponentError, Instance
+from .member import Member, Outputs, Slot
+from .plan import Plan, Row
 
 Algorithm = Literal["conserving", "jacobi"]
 ALGORITHMS: tuple[Algorithm, ...] = ("conserving", "jacobi")
-Array = NDArray[Any]
+Rows = Callable[[int, dict[Kind, Array]], None]
 
 
-@dataclass
-class Slot:
-    """An output that is read, and its place in the array of its type."""
-
-    component: str
-    signal: Signal
-    kind: Kind
-    interval: bool
-    index: int = -1
-
-
-_Copy = tuple[Array, Array]
-_Call = Callable[[], int]
-# unit, gathers, push, step, pull, copies
-_Move = tuple[Unit, list[Callable[[], Any]], _Call, _Call, _Call, list[_Copy]]
+def instance_for(component: Component) -> Instance:
+    """The instance of a component: its FMU, or its bare block."""
+    if component.fmu is None:
+        return BlockInstance(component)
+    return FmuInstance(component, library.load(component.fmu))
 
 
 class Master:
@@ -69,25 +65,30 @@ class Master:
         schedule: Schedule,
         *,
         algorithm: Algorithm = "conserving",
-        blocks: bool = False,
         watched: Callable[[str, Signal], bool] = lambda component, signal: True,
     ) -> None:
         if algorithm not in ALGORITHMS:
             raise DesatError(f"algorithm {algorithm}: there is {', '.join(ALGORITHMS)}")
-        assert system.step is not None
         self.system, self.schedule, self.algorithm = system, schedule, algorithm
+        self._conserving = algorithm == "conserving"
         self.start, self.step_size, self.k = system.start, system.step, 0
-        self.units: dict[str, Unit] = {}
-        self.slots: list[Slot] = []
-        self._clock = ctypes.c_double(self.start)
-        self._decimation = {c.name: c.decimation for c in system.components.values()}
+        self.members: dict[str, Member] = {}
+        self._rates = schedule.rates
+        if not self._conserving:
+            every = {name: c.decimation for name, c in system.components.items()}
+            self._rates = Rates(graded(1), every, frozenset())
         try:
             for name in schedule.order:
-                self.units[name] = unit_for(system.components[name], blocks)
-            self._wire(watched)
+                instance = instance_for(system.components[name])
+                self.members[name] = self._member(system.components[name], instance, watched)
+            self._outputs = Outputs(self.members.values())
+            self._plan = Plan(self.members, self._outputs, self._rates, self._conserving)
+            self._wire()
         except BaseException:
             self.close()
             raise
+        self.slots, self.live = self._outputs.slots, self._outputs.live
+        self._zeros = np.zeros(len(self.live["Real"]))
 
     def __enter__(self) -> Self:
         self._quiet = np.errstate(all="ignore")  # the check for NaN and infinity overflows
@@ -103,9 +104,9 @@ class Master:
 
     def close(self) -> None:
         """Free all components."""
-        for unit in self.units.values():
-            unit.close()
-        self.units.clear()
+        for member in self.members.values():
+            member.instance.close()
+        self.members.clear()
 
     @property
     def t(self) -> float:
@@ -114,219 +115,148 @@ class Master:
 
     # --- wiring -------------------------------------------------------------------------------
 
-    def _wire(self, watched: Callable[[str, Signal], bool]) -> None:
+    def _member(
+        self, component: Component, instance: Instance, watched: Callable[[str, Signal], bool]
+    ) -> Member:
+        """A component with the outputs that are read of it, not yet placed."""
+        name = component.name
+        read = {c.output for c in self.system.connections if c.source == name}
+        pairs = [(s.name, s.slope) for s in component.interface.of("output") if s.slope]
+        read |= {end for pair in pairs if read & set(pair) for end in pair}
+        slots: dict[Kind, list[Slot]] = {kind: [] for kind in KINDS}
+        for s in component.interface.of("output"):
+            if s.kind in KINDS and (s.name in read or watched(name, s)):
+                interval = self.schedule.classes[name, s.name] == "interval"
+                slots[s.kind].append(Slot(name, s, s.kind, interval))
+        for of_kind in slots.values():
+            of_kind.sort(key=lambda slot: not slot.interval)
+        every = self._rates.every[name]
+        direct = (
+            self._conserving
+            and every == 1
+            and all(slot.interval for of_kind in slots.values() for slot in of_kind)
+        )
+        return Member(component, instance, slots, every, name in self._rates.late, direct)
+
+    def _wire(self) -> None:
+        """Connect the inputs of all members, and prepare the calls of their instances."""
+        clocks = self._plan.clocks(self.start, self.step_size)
+        slots = {(s.component, s.signal.name): s for s in self._outputs.slots}
         incoming: dict[str, list[Connection]] = defaultdict(list)
-        used = set()
         for c in self.system.connections:
             incoming[c.target].append(c)
-            used.add((c.source, c.output))
-        outputs: dict[str, dict[Kind, list[Slot]]] = {}
-        for name in self.schedule.order:
-            read = [
-                s for s in self._signals(name, "output")
-                if s.kind in KINDS and ((name, s.name) in used or watched(name, s))
-            ]  # fmt: skip
-            outputs[name] = {
-                k: self._slots(name, k, [s for s in read if s.kind == k]) for k in KINDS
-            }
-        self._allocate(outputs)
-        position = {(s.component, s.signal.name): s for s in self.slots}
-        self._incoming: dict[str, dict[Kind, list[tuple[int, Connection]]]] = {}
-        for name, unit in self.units.items():
-            order = {s.name: i for i, s in enumerate(self._signals(name, "input"))}
-            by_kind: dict[Kind, list[Connection]] = {k: [] for k in KINDS}
+        for name, member in self.members.items():
+            signals = member.component.interface.signals
+            order = {signal: i for i, signal in enumerate(signals)}
             for c in sorted(incoming[name], key=lambda c: order[c.input]):
-                by_kind[position[c.source, c.output].kind].append(c)
-            signals = self._interface(name).signals
-            unit.wire(
-                {k: [signals[c.input] for c in by_kind[k]] for k in KINDS},
-                {k: [s.signal for s in outputs[name][k]] for k in KINDS},
-                {k: self._home(name, k)[self._segments[name, k]] for k in KINDS},
-                self._clock,
-                self._decimation[name] * self.step_size,
+                slot = slots[c.source, c.output]
+                member.incoming.setdefault(slot.kind, []).append((slot, c))
+        self._plan.windows()
+        for member in self.members.values():
+            signals = member.component.interface.signals
+            member.instance.wire(
+                {k: [signals[c.input] for _, c in member.incoming.get(k, ())] for k in KINDS},
+                {k: [slot.signal for slot in member.slots[k]] for k in KINDS},
+                {k: self._outputs.home(member, k) for k in KINDS},
+                clocks[member.every],
             )
-            self._incoming[name] = {
-                kind: [(position[c.source, c.output].index, c) for c in connections]
-                for kind, connections in by_kind.items() if connections
-            }  # fmt: skip
 
-    def _interface(self, name: str) -> Interface:
-        interface = self.system.components[name].interface
-        assert interface is not None, "check the system first"
-        return interface
-
-    def _signals(self, name: str, causality: str) -> list[Signal]:
-        return list(self._interface(name).of(causality))
-
-    def _slots(self, name: str, kind: Kind, signals: list[Signal]) -> list[Slot]:
-        """The outputs of one type of a component, interval class first, not yet placed."""
-        slots = [
-            Slot(name, s, kind, self.schedule.classes[name, s.name] == "interval")
-            for s in signals
-        ]  # fmt: skip
-        return sorted(slots, key=lambda s: not s.interval)
-
-    def _allocate(self, outputs: dict[str, dict[Kind, list[Slot]]]) -> None:
-        """Place all outputs: components that pull into `fresh` first, in one piece."""
-        self._segments: dict[tuple[str, Kind], slice] = {}
-        self._middle: dict[tuple[str, Kind], int] = {}
-        self._fresh_until: dict[Kind, int] = {}
-        self.live: dict[Kind, Array] = {}
-        self._fresh: dict[Kind, Array] = {}
-        self._direct = {
-            name for name, of_kind in outputs.items()
-            if self.algorithm == "conserving"
-            and self._decimation[name] == 1
-            and all(s.interval for slots in of_kind.values() for s in slots)
-        }  # fmt: skip
-        for kind in KINDS:
-            count = 0
-            self._fresh_until[kind] = 0
-            for name in sorted(outputs, key=lambda n: n in self._direct):
-                slots = outputs[name][kind]
-                first = count
-                for slot in slots:
-                    slot.index = count
-                    count += 1
-                self.slots += slots
-                self._segments[name, kind] = slice(first, count)
-                self._middle[name, kind] = first + sum(s.interval for s in slots)
-                if name not in self._direct:
-                    self._fresh_until[kind] = count
-            self.live[kind] = np.zeros(count, DTYPE[kind])
-            self._fresh[kind] = np.zeros(count, DTYPE[kind])
-        self._zeros = np.zeros(len(self.live["Real"]))
-
-    def _home(self, name: str, kind: Kind) -> Array:
-        """The array that a component pulls into."""
-        return self.live[kind] if name in self._direct else self._fresh[kind]
-
-    def _gathers(self, name: str, phase: int) -> list[Callable[[], Any]]:
-        """Functions that collect a unit's inputs, one a type, from the live outputs.
-
-        Under `jacobi` an output moves only when its source and its target are both due.
-        """
-        functions = []
-        for kind, incoming in self._incoming[name].items():
-            moving = [
-                (i, index, c) for i, (index, c) in enumerate(incoming)
-                if self.algorithm == "conserving" or phase % self._decimation[c.source] == 0
-            ]  # fmt: skip
-            if moving:
-                target = self.units[name].inputs[kind]
-                functions.append(_gather(self.live[kind], target, moving))
-        return functions
+    def _parameters(self, member: Member) -> Mapping[str, Any]:
+        """A component's parameters; a sample at every step is one at every whole step."""
+        given = member.component.parameters
+        inner = len(self._rates.parts) > 1 and member.every == 1
+        if not inner or "sample_time" not in member.component.interface.signals:
+            return given
+        return {**given, "sample_time": value_of(member.component, "sample_time") or self.step_size}
 
     # --- initialisation -----------------------------------------------------------------------
 
     def initialise(self) -> None:
         """Set parameters and exchange in initialisation mode until nothing changes.
 
-        Raises UnitError with a line for each component that cannot start.
+        Raises ComponentError with a line for each component that cannot start.
         """
-        _each(
-            partial(unit.enter, self.start, self.system.components[name].parameters)
-            for name, unit in self.units.items()
-        )
-        gathers = {name: self._gathers(name, 0) for name in self.units}
-        for name in self.units:
-            self._pull(name)
-        for _ in range(len(self.units) + 2):
+        members = self.members.values()
+        _each(partial(m.instance.enter, self.start, self._parameters(m)) for m in members)
+        for member in members:
+            self._pull(member)
+        self._settle()
+        _each(m.instance.exit for m in members)
+        for member in members:
+            self._pull(member)
+        self._check_finite()
+        self._cycle = self._plan.cycle()
+        inner = len(self._rates.parts) > 1
+        self._row = Row(self._outputs, members, self._rates) if inner else None
+
+    def _settle(self) -> None:
+        """Exchange until nothing changes. Raises DesatError where that does not end."""
+        gathers = {
+            name: member.gathers(self.live, lambda slot: True, started=False)
+            for name, member in self.members.items()
+        }
+        changed: list[Slot] = []
+        for _ in range(len(self.members) + 2):
             before = {kind: values.copy() for kind, values in self.live.items()}
-            for name, unit in self.units.items():
+            for name, member in self.members.items():
                 for gather in gathers[name]:
                     gather()
-                if gathers[name] and (status := unit.push()) > 1:
-                    raise unit.failed("setting its inputs", status)
-                self._pull(name)
+                if gathers[name] and (status := member.instance.push()) > 1:
+                    raise member.instance.failed("setting its inputs", status)
+                self._pull(member)
             changed = [
                 slot for slot in self.slots
                 if before[slot.kind][slot.index].tobytes()
                 != self.live[slot.kind][slot.index].tobytes()
             ]  # fmt: skip
             if not changed:
-                break
-        else:
-            names = ", ".join(dict.fromkeys(f"{s.component}.{s.signal.name}" for s in changed))
-            raise DesatError(
-                f"{self.system.where}: initialisation does not settle: {names} keep changing"
-            )
-        _each(unit.exit for unit in self.units.values())
-        for name in self.units:
-            self._pull(name)
-        self._check_finite()
-        self._plan()
+                return
+        names = ", ".join(dict.fromkeys(f"{s.component}.{s.signal.name}" for s in changed))
+        raise DesatError(
+            f"{self.system.where}: initialisation does not settle: {names} keep changing"
+        )
 
-    def _pull(self, name: str) -> None:
+    def _pull(self, member: Member) -> None:
         """Read a component's outputs and show them at once."""
-        unit = self.units[name]
-        if (status := unit.pull()) > 1:
-            raise unit.failed("reading its outputs", status)
-        for kind in KINDS:
-            segment = self._segments[name, kind]
-            self.live[kind][segment] = self._home(name, kind)[segment]
+        if (status := member.instance.pull()) > 1:
+            raise member.instance.failed("reading its outputs", status)
+        for live, fresh in self._outputs.fresh_of(member, "all"):
+            live[:] = fresh
 
     # --- stepping -----------------------------------------------------------------------------
 
-    def _plan(self) -> None:
-        """Prepare what each step of the cycle of decimations does, and in which order."""
-        self._cycle: list[tuple[list[_Move], list[_Copy]]] = []
-        for phase in range(lcm(*self._decimation.values())):
-            moves = [
-                self._move(name, phase) for name in self.units
-                if phase % self._decimation[name] == 0
-            ]  # fmt: skip
-            done = [n for n in self.units if (phase + 1) % self._decimation[n] == 0]
-            self._cycle.append((moves, self._ends(done)))
-
-    def _move(self, name: str, phase: int) -> _Move:
-        unit = self.units[name]
-        copies = []
-        if self.algorithm == "conserving" and name not in self._direct:
-            for kind in KINDS:
-                part = slice(self._segments[name, kind].start, self._middle[name, kind])
-                if part.stop > part.start:
-                    copies.append((self.live[kind][part], self._fresh[kind][part]))
-        gathers = self._gathers(name, phase)
-        push = unit.push if self._incoming[name] else _nothing
-        return unit, gathers, push, unit.step, unit.pull, copies
-
-    def _ends(self, done: list[str]) -> list[_Copy]:
-        """(live, fresh) pieces that become visible at the end of a step."""
-        if len(done) == len(self.units):
-            parts = [(kind, slice(0, self._fresh_until[kind])) for kind in KINDS]
-        else:
-            first = self._middle if self.algorithm == "conserving" else None
-            parts = [
-                (kind, slice(first[n, kind] if first else self._segments[n, kind].start,
-                             self._segments[n, kind].stop))
-                for n in done if n not in self._direct for kind in KINDS
-            ]  # fmt: skip
-        return [(self.live[k][p], self._fresh[k][p]) for k, p in parts if p.stop > p.start]
-
-    def advance(self, record: Callable[[int, dict[Kind, Array]], None] | None = None) -> None:
+    def advance(self, record: Rows | None = None) -> None:
         """One step. `record(k, outputs)` sees the row of this step: see the module's text."""
-        k = self.k
-        t = self.start + k * self.step_size
-        self._clock.value = t
-        moves, ends = self._cycle[k % len(self._cycle)]
-        for unit, gathers, push, step, pull, copies in moves:
-            for gather in gathers:
-                gather()
-            if (status := push()) > 1:
-                raise unit.failed(f"setting its inputs at t = {t:g} s", status)
-            if (status := step()) > 1:
-                raise unit.failed(f"the step from t = {t:g} s", status)
-            if (status := pull()) > 1:
-                raise unit.failed(f"reading its outputs after t = {t:g} s", status)
-            for live, fresh in copies:
+        k, row = self.k, self._row
+        if row is not None:
+            row.begin()
+        for i, phase in enumerate(self._cycle[k % len(self._cycle)]):
+            t = self.start + (k + phase.at) * self.step_size
+            for clock in phase.clocks:
+                clock.value = t
+            for length, value in phase.lengths:
+                length.value = value
+            for instance, gathers, push, step, pull, copies, joins in phase.moves:
+                for gather in gathers:
+                    gather()
+                if (status := push()) > 1:
+                    raise instance.failed(f"setting its inputs at t = {t:g} s", status)
+                if (status := step()) > 1:
+                    raise instance.failed(f"the step from t = {t:g} s", status)
+                if (status := pull()) > 1:
+                    raise instance.failed(f"reading its outputs after t = {t:g} s", status)
+                for live, fresh in copies:
+                    live[:] = fresh
+                for join in joins:
+                    join()
+            if row is not None:
+                row.add(i)
+            if record is not None and self._conserving and phase.last:
+                record(k, self.live if row is None else row.values)
+            for live, fresh in phase.ends:
                 live[:] = fresh
-        if record is not None and self.algorithm == "conserving":
-            record(k, self.live)
-        for live, fresh in ends:
-            live[:] = fresh
         self.k = k + 1
-        if record is not None and self.algorithm == "jacobi":
+        if record is not None and not self._conserving:
             record(k + 1, self.live)
         if self.live["Real"].dot(self._zeros) != 0.0:  # NaN or infinity times 0 is not 0
             self._check_finite()
@@ -335,49 +265,18 @@ class Master:
         for slot in self.slots:
             value = self.live[slot.kind][slot.index]
             if not np.isfinite(value):
-                raise UnitError(
+                raise ComponentError(
                     f"{slot.component}.{slot.signal.name} = {value} at t = {self.t:g} s"
                 )
 
 
 def _each(calls: Iterable[Callable[[], None]]) -> None:
-    """Make all calls. Raises UnitError with what all of those said that failed."""
+    """Make all calls. Raises ComponentError with what all of those said that failed."""
     failures = []
     for call in calls:
         try:
             call()
-        except UnitError as error:
+        except ComponentError as error:
             failures.append(str(error))
     if failures:
-        raise UnitError("\n".join(failures))
-
-
-def _nothing() -> int:
-    return 0
-
-
-def _gather(
-    live: Array, target: Array, moving: list[tuple[int, int, Connection]]
-) -> Callable[[], Any]:
-    """target[i] = factor * live[index] + offset for the connections (i, index, connection)."""
-    index = np.array([index for _, index, _ in moving], np.intp)
-    if len(moving) == len(target) and not any(_converts(c) for *_, c in moving):
-        return partial(live.take, index, None, target, "clip")
-    into = np.array([i for i, _, _ in moving], np.intp)
-    if not any(_converts(c) for *_, c in moving):
-
-        def gather() -> None:
-            target[into] = live[index]
-
-        return gather
-    factor = np.array([c.factor for *_, c in moving])
-    offset = np.array([c.offset for *_, c in moving])
-
-    def gather_converted() -> None:
-        target[into] = live[index] * factor + offset
-
-    return gather_converted
-
-
-def _converts(connection: Connection) -> bool:
-    return (connection.factor, connection.offset) != (1.0, 0.0)
+        raise ComponentError("\n".join(failures))

@@ -23,7 +23,8 @@ from numpy.typing import NDArray
 
 from ..system.errors import DesatError, nearest
 from ..system.interface import KINDS, Kind, Signal, base_name
-from .master import Master, Slot
+from .master import Master
+from .member import Slot
 
 ROWS = 1024
 FLUSH_SECONDS = 1.0

@@ -33,13 +33,14 @@ def is_ours(fmu: Path) -> bool:
     return bool(read_model_description(library.load(fmu).folder).generationTool == GENERATION_TOOL)
 
 
-def refusals(system: System, schedule: Schedule, blocks: bool) -> tuple[list[str], list[str]]:
+def refusals(system: System, schedule: Schedule) -> tuple[list[str], list[str]]:
     """What the components of a checked system refuse when they are initialised, a line each:
     problems, and warnings for those that were tried without the outputs of a foreign FMU that
     they need."""
-    if blocks:
-        return _initialised(system, schedule, True), []
-    ours = {n for n, c in system.components.items() if c.fmu is not None and is_ours(c.fmu)}
+    files = {n: c.fmu for n, c in system.components.items() if c.fmu is not None}
+    if not files:
+        return _initialised(system, schedule), []
+    ours = {n: library.load(file).folder for n, file in files.items() if is_ours(file)}
     if not ours:
         return [], []
     # what a foreign FMU shows at the start is not known here, nor what follows from it
@@ -49,7 +50,7 @@ def refusals(system: System, schedule: Schedule, blocks: bool) -> tuple[list[str
     }  # fmt: skip
     while more := {c.target for c in system.connections if c.source in blind} - blind:
         blind |= more
-    lines = _in_a_process(_part(system, ours), _part_of(schedule, ours))
+    lines = _in_a_process(_part(system, ours), _part_of(schedule, set(ours)))
     unsure = [line for line in lines if line.partition(":")[0] in blind]
     return (
         [line for line in lines if line not in unsure],
@@ -57,14 +58,10 @@ def refusals(system: System, schedule: Schedule, blocks: bool) -> tuple[list[str
     )
 
 
-def _part(system: System, names: set[str]) -> System:
-    """The components of these names, from their extracted folders, and what connects them."""
-    components = {}
-    for name in names:
-        c = system.components[name]
-        assert c.fmu is not None
-        components[name] = replace(c, fmu=library.load(c.fmu).folder)
-    connections = [c for c in system.connections if {c.source, c.target} <= names]
+def _part(system: System, folders: dict[str, Path]) -> System:
+    """The components that have these extracted folders, and what connects them."""
+    components = {n: replace(system.components[n], fmu=folder) for n, folder in folders.items()}
+    connections = tuple(c for c in system.connections if {c.source, c.target} <= set(folders))
     return replace(system, components=components, connections=connections, about={})
 
 
@@ -93,11 +90,11 @@ def _in_a_process(system: System, schedule: Schedule) -> list[str]:
         ]
 
 
-def _initialised(system: System, schedule: Schedule, blocks: bool) -> list[str]:
+def _initialised(system: System, schedule: Schedule) -> list[str]:
     from .master import Master
 
     try:
-        with Master(system, schedule, blocks=blocks, watched=lambda c, s: False) as master:
+        with Master(system, schedule, watched=lambda c, s: False) as master:
             master.initialise()
     except DesatError as error:
         return str(error).splitlines()
@@ -109,7 +106,7 @@ def main() -> None:
     result = os.dup(1)
     os.dup2(2, 1)  # what an FMU prints is no result
     system, schedule = pickle.load(sys.stdin.buffer)
-    os.write(result, json.dumps(_initialised(system, schedule, False)).encode())
+    os.write(result, json.dumps(_initialised(system, schedule)).encode())
     os._exit(0)  # the interpreters within have nothing to say any more
 
 

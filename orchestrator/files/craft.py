@@ -25,19 +25,19 @@ what it gives goes nowhere unless [wiring] says so. Paths of FMUs start at the c
 
 from __future__ import annotations
 
-import re
-import tomllib
 from pathlib import Path
 from typing import Any
 
 from desat.fmus import registry
 
+from ..system.draft import Draft, DraftComponent
 from ..system.errors import DesatError, nearest
-from ..system.interface import Interface, base_name, of_block
-from ..system.model import Component, Connection, Connector, System
+from ..system.interface import Interface, of_block
+from ..system.model import Connection, Connector
 from ..system.parameters import expand
 from ..system.wiring import elements, misfit, names, usual_sources
 from . import library, places
+from .toml import lines, parsed, text
 
 FILE = "craft.toml"
 ENDING = ".craft.toml"
@@ -51,7 +51,7 @@ def files(folder: Path) -> list[Path]:
     return sorted([*folder.glob(FILE), *folder.glob(f"*{ENDING}")])
 
 
-def read(path: Path) -> System:
+def read(path: Path) -> Draft:
     """The system that a craft file describes, with interfaces and without an SSD.
 
     Raises DesatError with everything that is wrong with the file, a line each.
@@ -72,32 +72,25 @@ class _Reader:
         self.folder = path.parent
         self.where = str(path.relative_to(ROOT) if path.is_relative_to(ROOT) else path)
         self.problems: list[str] = []
-        try:
-            source = path.read_text(encoding="utf-8")
-            self.data = tomllib.loads(source)
-        except OSError as error:
-            raise DesatError(f"{self.where}: {error.strerror}") from error
-        except UnicodeDecodeError as error:
-            raise DesatError(f"{self.where}: not UTF-8 ({error.reason})") from error
-        except tomllib.TOMLDecodeError as error:
-            raise DesatError(f"{self.where}: {error}") from error
-        self.lines = _lines(source)
+        source = text(path, self.where)
+        self.data = parsed(source, self.where)
+        self.lines = lines(source)
         name = path.resolve().parent.name if path.name == FILE else stem(path)
         if path.name.endswith(ENDING):
             name = f"{path.resolve().parent.name}_{name}"
-        self.result = System(name, self.where, {}, [])
+        self.result = Draft(name, self.where)
+        self.interfaces: dict[str, Interface] = {}
         self.roles: dict[str, str] = {}
 
-    def system(self) -> System:
+    def system(self) -> Draft:
         self.top()
         for name, source in self.table("components").items():
             self.component(name, source)
         self.stop_here()
         wiring = self.wiring()
-        for component in self.result.components.values():
-            assert component.interface is not None
-            for name in dict.fromkeys(base_name(s.name) for s in component.interface.of("input")):
-                self.feed(component, name, wiring)
+        for owner, interface in self.interfaces.items():
+            for name in names(interface, "input"):
+                self.feed(owner, name, wiring)
         for component in self.result.components.values():
             self.list_connectors(component)
         self.parameters()
@@ -155,8 +148,8 @@ class _Reader:
             self.problem(key, f" = {source}: {error}")
             return
         if role := self.role(name, source, interface):
-            self.roles[name] = role
-            self.result.components[name] = Component(
+            self.roles[name], self.interfaces[name] = role, interface
+            self.result.components[name] = DraftComponent(
                 name, source if is_file else f"resources/{source}.fmu", line=self.line(key),
                 fmu=fmu, interface=interface,
             )  # fmt: skip
@@ -210,7 +203,7 @@ class _Reader:
                 self.problem(key, f": no component {name}{nearest(name, components)}")
             elif not variable:
                 self.problem(key, ": the form is COMPONENT.INPUT")
-            elif variable not in (known := names(components[name], "input")):
+            elif variable not in (known := names(self.interfaces[name], "input")):
                 self.problem(key, f": {name} has no input {variable}{nearest(variable, known)}")
             elif value is False:
                 result[name, variable] = ""
@@ -220,89 +213,73 @@ class _Reader:
                 self.problem(key, f' = {value!r}: "component.output" or false is needed')
         return result
 
-    def feed(self, target: Component, name: str, wiring: dict[tuple[str, str], str]) -> None:
+    def feed(self, target: str, name: str, wiring: dict[tuple[str, str], str]) -> None:
         """Connect the elements of one input, as [wiring] or else the role says."""
-        key = f"wiring.{target.name}.{name}"
-        source = wiring.get((target.name, name))
+        key = f"wiring.{target}.{name}"
+        source = wiring.get((target, name))
         if source is None:
-            usual = usual_sources()[self.roles[target.name]].get(name, ())
-            there = (s for s in usual if s.partition(".")[0] in self.result.components)
-            source = next(there, "")
-            key = f"components.{target.name}"
+            usual = usual_sources()[self.roles[target]].get(name, ())
+            source = next((s for s in usual if s.partition(".")[0] in self.interfaces), "")
+            key = f"components.{target}"
         if not source:
             return
-        owner_name, _, output = source.partition(".")
-        owner = self.result.components.get(owner_name)
-        if owner is None:
-            known = self.result.components
-            self.problem(key, f" = {source}: no component {owner_name}{nearest(owner_name, known)}")
+        owner, _, output = source.partition(".")
+        if owner not in self.interfaces:
+            hint = nearest(owner, self.interfaces)
+            self.problem(key, f" = {source}: no component {owner}{hint}")
             return
-        outputs, inputs = elements(owner, output, "output"), elements(target, name, "input")
+        outputs = elements(self.interfaces[owner], output, "output")
+        inputs = elements(self.interfaces[target], name, "input")
         if not outputs:
-            hint = nearest(output, names(owner, "output"))
-            text = f"{owner_name} has no output {output}, which {target.name}.{name} would take"
-            self.problem(key, f": {text}{hint}")
+            hint = nearest(output, names(self.interfaces[owner], "output"))
+            lack = f"{owner} has no output {output}, which {target}.{name} would take"
+            self.problem(key, f": {lack}{hint}")
         elif reason := misfit(outputs, inputs):
-            self.problem(key, f": {source} does not fit {target.name}.{name}: {reason}")
+            self.problem(key, f": {source} does not fit {target}.{name}: {reason}")
         else:
             self.result.connections += [
-                Connection(
-                    owner_name, outputs[i].name, target.name, inputs[i].name, line=self.line(key)
-                )
+                Connection(owner, outputs[i].name, target, inputs[i].name, line=self.line(key))
                 for i in inputs
             ]
 
-    def list_connectors(self, component: Component) -> None:
+    def list_connectors(self, component: DraftComponent) -> None:
         """List what is wired of a component, as an SSD does."""
-        assert component.interface is not None
         wired = {c.input for c in self.result.connections if c.target == component.name}
         wired |= {c.output for c in self.result.connections if c.source == component.name}
         component.connectors = {
             s.name: Connector(s.name, s.causality, s.kind, line=component.line)
             for causality in ("input", "output")
-            for s in component.interface.of(causality)
+            for s in self.interfaces[component.name].of(causality)
             if s.name in wired
         }
 
     def parameters(self) -> None:
         """Give the components the values of [shared], then their own."""
-        components, own = self.result.components, self.table("parameters")
+        own = self.table("parameters")
         for name, value in self.table("shared").items():
-            owners = [n for n, c in components.items() if elements(c, name, "parameter")]
+            owners = [n for n, i in self.interfaces.items() if elements(i, name, "parameter")]
             if not owners:
-                known = {p for c in components.values() for p in names(c, "parameter")}
+                known = {p for i in self.interfaces.values() for p in names(i, "parameter")}
                 key = f"shared.{name}"
                 self.problem(key, f": no component has a parameter {name}{nearest(name, known)}")
             for owner in owners:
-                self.assign(components[owner], name, value, f"shared.{name}")
+                self.assign(owner, name, value, f"shared.{name}")
         for component, values in own.items():
             key = f"parameters.{component}"
-            if component not in components:
-                self.problem(key, f": no component {component}{nearest(component, components)}")
+            if component not in self.interfaces:
+                self.problem(
+                    key, f": no component {component}{nearest(component, self.interfaces)}"
+                )
             elif not isinstance(values, dict):
                 self.problem(key, f" = {values!r}: a table [{key}] is needed")
             else:
                 for name, value in values.items():
-                    self.assign(components[component], name, value, f"{key}.{name}")
+                    self.assign(component, name, value, f"{key}.{name}")
 
-    def assign(self, component: Component, name: str, value: Any, key: str) -> None:
-        assert component.interface is not None
+    def assign(self, owner: str, name: str, value: Any, key: str) -> None:
+        where = f"{self.at(key)}: {owner}"
         try:
-            where = f"{self.at(key)}: {component.name}"
-            component.parameters.update(expand(component.interface, name, value, where))
+            values = expand(self.interfaces[owner], name, value, where)
+            self.result.components[owner].parameters.update(values)
         except DesatError as error:
             self.problems.append(str(error))
-
-
-def _lines(source: str) -> dict[str, int]:
-    """The line of every `table.key` and `table` of a TOML file, for messages."""
-    lines: dict[str, int] = {}
-    table = ""
-    for number, line in enumerate(source.splitlines(), 1):
-        if header := re.match(r"\s*\[([^\[\]]+)\]", line):
-            table = re.sub(r"[\s\"']", "", header[1])
-            lines.setdefault(table, number)
-        elif key := re.match(r"\s*([\w.\"'-]+)\s*=", line):
-            name = re.sub(r"[\"']", "", key[1])
-            lines.setdefault(f"{table}.{name}" if table else name, number)
-    return lines

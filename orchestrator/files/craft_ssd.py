@@ -5,8 +5,27 @@ from __future__ import annotations
 from pathlib import Path
 from xml.sax.saxutils import quoteattr
 
+from desat.components.contract.roles import ECI
+
+from ..system.errors import DesatError, nearest
 from ..system.model import Component
+from ..system.resolve import resolve
 from . import craft, ssp
+from .scenario import ROOT, families
+
+
+def craft_files(names: list[str]) -> list[Path]:
+    """The craft files of some families, or of all, and those given by their path. Raises
+    DesatError for an unknown family."""
+    files: list[Path] = []
+    for name in names or families():
+        if name.endswith(".toml"):
+            files.append(Path(name))
+        elif name in families():
+            files += craft.files(ROOT / name)
+        else:
+            raise DesatError(f"no family {name}{nearest(name, families())}")
+    return files
 
 
 def target(path: Path) -> Path:
@@ -28,36 +47,36 @@ def text(path: Path) -> str:
 
     Raises DesatError with everything that is wrong with the file.
     """
-    system = craft.read(path)
-    name, title = quoteattr(system.name), system.about.get("title", "")
+    draft = craft.read(path)
+    name, title = quoteattr(draft.name), draft.about.get("title", "")
     about = f" description={quoteattr(title)}" if title else ""
     lines = [
         '<?xml version="1.0" encoding="UTF-8"?>',
         f"<!-- made by `desat craft` from {path.name.replace('--', '- -')}: change that -->",
+        f"<!-- {ECI} -->",
         f'<ssd:SystemStructureDescription xmlns:ssd="{ssp.SSD}" xmlns:ssc="{ssp.SSC}"'
         f' xmlns:ssv="{ssp.SSV}" name={name} version="1.0">',
         f"  <ssd:System name={name}{about}>",
         "    <ssd:Elements>",
     ]
-    for component in system.components.values():
+    for component in resolve(draft).components.values():
         lines += _component_lines(component)
     lines += ["    </ssd:Elements>", "    <ssd:Connections>"]
     lines += [
         f"      <ssd:Connection startElement={quoteattr(c.source)}"
         f" startConnector={quoteattr(c.output)} endElement={quoteattr(c.target)}"
         f" endConnector={quoteattr(c.input)}/>"
-        for c in system.connections
+        for c in draft.connections
     ]
     lines += ["    </ssd:Connections>", "  </ssd:System>"]
-    if system.stop is not None:
+    if draft.stop is not None:
         lines.append(
-            f'  <ssd:DefaultExperiment startTime="{system.start!r}" stopTime="{system.stop!r}"/>'
+            f'  <ssd:DefaultExperiment startTime="{draft.start!r}" stopTime="{draft.stop!r}"/>'
         )
     return "\n".join([*lines, "</ssd:SystemStructureDescription>"]) + "\n"
 
 
 def _component_lines(component: Component) -> list[str]:
-    assert component.interface is not None
     lines = [
         f"      <ssd:Component name={quoteattr(component.name)}"
         ' type="application/x-fmu-sharedlibrary" implementation="CoSimulation"'

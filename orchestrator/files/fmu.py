@@ -5,6 +5,7 @@ from __future__ import annotations
 import zipfile
 from functools import lru_cache
 from pathlib import Path
+from typing import Any
 
 from fmpy import read_model_description
 from lxml import etree
@@ -29,6 +30,31 @@ def of_fmu(path: Path) -> Interface:
 
 @lru_cache(maxsize=256)
 def _of_fmu(path: Path, _modified: int) -> Interface:
+    root, description = _read(path)
+    units = {
+        u.name: Unit(b.kg, b.m, b.s, b.A, b.K, b.rad, b.factor, b.offset)
+        for u in description.unitDefinitions if (b := u.baseUnit) is not None
+    }  # fmt: skip
+    classes = _output_classes(description)
+    notes = {
+        variable.get("name"): dict(note.attrib)
+        for variable in root.iterfind("ModelVariables/ScalarVariable")
+        for note in variable.iterfind(f"Annotations/Tool[@name='{TOOL}']/*")
+    }
+    block = root.find(f"VendorAnnotations/Tool[@name='{TOOL}']/Block")
+    return Interface(
+        description.modelName,
+        description.description or "",
+        {
+            v.name: _signal(v, units, classes, notes.get(v.name, {}))
+            for v in description.modelVariables
+        },
+        "" if block is None else block.get("role", ""),
+    )
+
+
+def _read(path: Path) -> tuple[Any, Any]:
+    """The XML of an FMU's model description, and what fmpy makes of it. Raises DesatError."""
     try:
         if path.is_dir():
             xml = (path / "modelDescription.xml").read_bytes()
@@ -42,7 +68,7 @@ def _of_fmu(path: Path, _modified: int) -> Interface:
                 f"{path.name}: FMI {version} {'' if version != '2.0' else 'without co-simulation'}"
                 "; FMI 2.0 co-simulation is needed"
             )
-        description = read_model_description(path)
+        return root, read_model_description(path)
     except (OSError, KeyError, zipfile.BadZipFile, etree.XMLSyntaxError) as error:
         raise DesatError(f"{path.name}: not a readable FMU ({error})") from error
     except DesatError:
@@ -50,7 +76,9 @@ def _of_fmu(path: Path, _modified: int) -> Interface:
     except Exception as error:  # fmpy raises plain Exception
         raise DesatError(f"{path.name}: {str(error).splitlines()[0]}") from error
 
-    units = {u.name: u.baseUnit for u in description.unitDefinitions}
+
+def _output_classes(description: Any) -> dict[str, OutputClass]:
+    """The class of each output: interval where it depends on an input."""
     inputs = {id(v) for v in description.modelVariables if v.causality == "input"}
     classes: dict[str, OutputClass] = {}
     for unknown in description.outputs:
@@ -60,45 +88,37 @@ def _of_fmu(path: Path, _modified: int) -> Interface:
             else "interval" if any(id(v) in inputs for v in depends)
             else "state"
         )  # fmt: skip
-    notes = {
-        variable.get("name"): dict(note.attrib)
-        for variable in root.iterfind("ModelVariables/ScalarVariable")
-        for note in variable.iterfind(f"Annotations/Tool[@name='{TOOL}']/*")
-    }
-    block = root.find(f"VendorAnnotations/Tool[@name='{TOOL}']/Block")
-    signals = {}
-    for v in description.modelVariables:
-        declared, note = v.declaredType, notes.get(v.name, {})
-        unit_name = v.unit or (declared.unit if declared else None) or ""
-        base = units.get(unit_name)
-        bound = [
-            x if x is not None else getattr(declared, key, None)
-            for key, x in (("min", v.min), ("max", v.max))
-        ]
-        unit = known_unit(unit_name) if unit_name else None
-        if base is not None:
-            unit = Unit(base.kg, base.m, base.s, base.A, base.K, base.rad, base.factor, base.offset)
-        signals[v.name] = Signal(
-            name=v.name,
-            causality=v.causality,
-            kind=v.type,
-            reference=v.valueReference,
-            unit_name=unit_name,
-            unit=unit,
-            start=_value(v.type, v.start),
-            minimum=None if bound[0] is None else float(bound[0]),
-            maximum=None if bound[1] is None else float(bound[1]),
-            description=v.description or "",
-            choices=tuple(note.get("choices", "").split()),
-            output_class=classes.get(v.name, "undeclared") if v.causality == "output" else "state",
-            shared=note.get("shared") == "true",
-            needed_by=tuple(note.get("neededBy", "").split()),
-        )
-    return Interface(
-        description.modelName,
-        description.description or "",
-        signals,
-        "" if block is None else block.get("role", ""),
+    return classes
+
+
+def _signal(
+    v: Any, units: dict[str, Unit], classes: dict[str, OutputClass], note: dict[str, str]
+) -> Signal:
+    """A scalar variable of fmpy's, with our annotation of it."""
+    declared = v.declaredType
+    unit_name = v.unit or (declared.unit if declared else None) or ""
+    least, largest = (
+        x if x is not None else getattr(declared, key, None)
+        for key, x in (("min", v.min), ("max", v.max))
+    )
+    return Signal(
+        name=v.name,
+        causality=v.causality,
+        kind=v.type,
+        reference=v.valueReference,
+        unit_name=unit_name,
+        unit=units.get(unit_name) or (known_unit(unit_name) if unit_name else None),
+        start=_value(v.type, v.start),
+        minimum=None if least is None else float(least),
+        maximum=None if largest is None else float(largest),
+        description=v.description or "",
+        choices=tuple(note.get("choices", "").split()),
+        output_class=classes.get(v.name, "undeclared") if v.causality == "output" else "state",
+        initial=note.get("initial") == "true",
+        mean=note.get("mean") == "true",
+        slope=note.get("slope", ""),
+        shared=note.get("shared") == "true",
+        needed_by=tuple(note.get("neededBy", "").split()),
     )
 
 

@@ -257,6 +257,9 @@ class Scenario(Table):
     ssd: Text = key("the wiring as an SSD kept by hand, in place of a craft file")
     start: FiniteFloat = key("start time", "s")
     step: FiniteFloat = key("the master's step", "s")
+    inner: Annotated[int, Field(ge=1, le=1000)] = key(
+        "inner steps, within each step, of what hands means over the step on (actuators and body)"
+    )
     stop: FiniteFloat = key("stop time", "s")
     stop_when: StopWhen = key("a condition that ends it before")
     epoch: Annotated[datetime, AfterValidator(utc)] = key("UTC of t = 0")

@@ -15,9 +15,9 @@ import fmpy
 
 from desat.fmus import registry
 
+from ..system.draft import Draft, DraftComponent
 from ..system.errors import DesatError, nearest
 from ..system.interface import Interface, of_block
-from ..system.model import Component, System
 from . import places
 from .fmu import of_fmu
 
@@ -115,28 +115,36 @@ def load(path: Path) -> Fmu:
     return Fmu(path, folder, sha256(path), of_fmu(folder))
 
 
-def load_interfaces(system: System, blocks: bool = False) -> list[str]:
+def load_interfaces(draft: Draft, blocks: bool = False) -> None:
     """Give every component its interface, from its FMU or (`blocks`) from the bare block of the
-    same name; return what is missing."""
-    found = (load_interface(system, c, blocks) for c in system.components.values())
-    return [problem for problem in found if problem]
+    same name; what is missing becomes problems."""
+    for component in draft.components.values():
+        load_interface(draft, component, blocks)
 
 
-def load_interface(system: System, c: Component, blocks: bool) -> str:
-    """Give a component its interface; return what is missing, or nothing."""
-    where = f"{system.where}:{c.line}: {c.name}"
-    name = c.source.rpartition("/")[2].removesuffix(".fmu")
+def load_interface(draft: Draft, c: DraftComponent, blocks: bool) -> bool:
+    """Give a component its interface, and say whether there is one; else there is a problem more.
+
+    A bare block has no file: `fmu` is None from then on.
+    """
+    c.interface = None
     try:
-        if blocks:
-            c.interface = of_block(name, registry.block_class(name))
-        elif c.fmu is None:
-            known = (p.name for p in places.fmus().glob("*.fmu"))
-            hint = nearest(f"{name}.fmu", known) or "; run `make fmus`"
-            return f"{where}: FMU {c.source} is missing{hint}"
-        else:
-            c.interface = load(c.fmu).interface
-    except KeyError:
-        return f"{where}: no block {name}{nearest(name, registry.names())}"
+        c.interface = _interface(c, blocks)
     except DesatError as error:
-        return f"{where}: {error}"
-    return ""
+        draft.problems.append(f"{draft.where}:{c.line}: {c.name}: {error}")
+    if blocks:
+        c.fmu = None
+    return c.interface is not None
+
+
+def _interface(c: DraftComponent, blocks: bool) -> Interface:
+    name = c.source.rpartition("/")[2].removesuffix(".fmu")
+    if blocks:
+        if name not in registry.names():
+            raise DesatError(f"no block {name}{nearest(name, registry.names())}")
+        return of_block(name, registry.block_class(name))
+    if c.fmu is None:
+        known = (p.name for p in places.fmus().glob("*.fmu"))
+        hint = nearest(f"{name}.fmu", known) or "; run `make fmus`"
+        raise DesatError(f"FMU {c.source} is missing{hint}")
+    return load(c.fmu).interface

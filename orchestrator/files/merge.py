@@ -1,13 +1,10 @@
-"""A scenario's file and its bases, merged; each value remembers where it was given."""
+"""Merging the data of scenario files; each value remembers where it was given."""
 
 from __future__ import annotations
 
-import tomllib
-from pathlib import Path
 from typing import Any
 
 from ..system.errors import DesatError, nearest
-from . import places
 
 Keys = tuple[str, ...]
 Origins = dict[Keys, tuple[str, str]]
@@ -23,72 +20,6 @@ def origin(origins: Origins, path: Keys) -> tuple[str, str]:
         if inside:
             return inside[-1]
     return "", ""
-
-
-def toml(file: Path) -> dict[str, Any]:
-    """The data of a TOML file. Raises DesatError where there is none or it cannot be read."""
-    where = places.shown(file)
-    try:
-        return tomllib.loads(file.read_bytes().decode("utf-8"))
-    except FileNotFoundError as error:
-        raise DesatError(f"{where}: no such file") from error
-    except UnicodeDecodeError as error:
-        raise DesatError(f"{where}: not UTF-8 (byte {error.start + 1})") from error
-    except (tomllib.TOMLDecodeError, RecursionError) as error:
-        raise DesatError(f"{where}: {error}") from error
-
-
-def load(file: Path, origins: Origins, seen: tuple[Path, ...] = ()) -> dict[str, Any]:
-    """The data of a file merged over that of its bases. Raises DesatError, a line a problem."""
-    from .refuse import problems  # pydantic, only where a scenario is read
-
-    where = places.shown(file)
-    data = toml(file)
-    if wrong := [f"{where}: {'.'.join(p)}: {text}" for p, text in problems(data, part=True)]:
-        raise DesatError("\n".join(wrong))
-    bases = data.pop("extends", [])
-    if file in seen:
-        chain = " -> ".join(f.stem for f in (*seen[seen.index(file) :], file))
-        raise DesatError(f"{where}: extends itself ({chain})")
-    merged: dict[str, Any] = {}
-    known = [f.stem for f in file.parent.glob("*.toml")]
-    for base in [bases] if isinstance(bases, str) else bases:
-        below: Origins = {}
-        if "/" in base and not file.is_relative_to(places.SCENARIOS):
-            table = _ours(base, where, below, (*seen, file))
-        elif base in known:
-            table = load(file.with_name(f"{base}.toml"), below, (*seen, file))
-        else:
-            raise DesatError(f"{where}: extends: no file {base}.toml{nearest(base, known)}")
-        merge(merged, table, origins, below)
-    merged.pop("abstract", None)
-    leave_out(merged, data, origins, where)
-    merge(merged, data, origins, (where, ""))
-    return merged
-
-
-def _ours(name: str, where: str, origins: Origins, seen: tuple[Path, ...]) -> dict[str, Any]:
-    """What a scenario file that is not one of ours extends as FAMILY/NAME: a scenario, or a file
-    of the family. Its `family` says which."""
-    from .scenario import families, find
-
-    family, _, stem = name.partition("/")
-    if family not in families():
-        raise DesatError(f"{where}: extends: no family {family}{nearest(family, families())}")
-    file = places.SCENARIOS / family / "scenarios" / f"{stem}.toml"
-    if file.is_file() and "axes" not in (data := load(file, origins, seen)):
-        pass
-    else:
-        try:
-            scenario = find(name)
-        except DesatError as error:
-            raise DesatError(f"{where}: extends: {error}") from error
-        data = copy(scenario.data)
-        data.pop("labels", None)
-        origins.update(scenario.origins)
-    if "design" in data:  # it stays that of the scenario that it was made for
-        data["design"].setdefault("of", stem)
-    return {**data, "family": family}
 
 
 def leave_out(merged: dict[str, Any], data: dict[str, Any], origins: Origins, where: str) -> None:

@@ -3,14 +3,15 @@
 In a checkout all is in its folders: ssp/, fmus/dist/, ssp/dist/, docs/papers/. An installation
 brings scenarios and draws below the package and keeps what it builds, FMUs and packed systems, in
 the user's cache, in a folder named after version and contents of what they are made of; nothing is
-written beside the package. `DESAT_CACHE` names another folder than the user's usual one.
+written beside the package. What `desat list` has found is in the user's cache, too, in `lists`.
+`DESAT_CACHE` names another folder than the user's usual one.
 """
 
 from __future__ import annotations
 
 import os
 from collections.abc import Iterable
-from functools import cache
+from functools import cache as memoised
 from pathlib import Path
 
 from ..system.errors import DesatError
@@ -47,19 +48,24 @@ def shown(path: Path) -> str:
     return path.relative_to(home).as_posix() if path.is_relative_to(home) else str(path)
 
 
-@cache
+def cache() -> Path:
+    """The folder of desat in the user's cache."""
+    from platformdirs import user_cache_path
+
+    root = Path(os.environ.get("DESAT_CACHE") or user_cache_path("desat", appauthor=False))
+    return root.absolute()
+
+
+@memoised
 def _cache() -> Path:
     """The folder of this version and these contents in the user's cache."""
     import hashlib
     from importlib.metadata import version
 
-    from platformdirs import user_cache_path
-
     digest = hashlib.sha256(version("pythonfmu").encode())
     for file in _sources():
         digest.update(f"\0{file.relative_to(PACKAGE)}\0".encode() + file.read_bytes())
-    root = Path(os.environ.get("DESAT_CACHE") or user_cache_path("desat", appauthor=False))
-    return root.absolute() / f"{version('desat')}-{digest.hexdigest()[:16]}"
+    return cache() / f"{version('desat')}-{digest.hexdigest()[:16]}"
 
 
 def _sources() -> Iterable[Path]:
@@ -71,7 +77,7 @@ def _sources() -> Iterable[Path]:
     )  # fmt: skip
 
 
-@cache
+@memoised
 def _built() -> Path:
     """The folder of the FMUs, which is there as a whole or not at all."""
     import shutil

@@ -10,7 +10,8 @@ from pydantic import ValidationError
 
 from ..system.errors import DesatError, nearest
 from . import language, places
-from .merge import Keys, toml
+from .merge import Keys
+from .toml import toml
 from .vocabulary import Table
 
 NEEDED = {

@@ -1,29 +1,13 @@
 """Scenarios: TOML files in ssp/FAMILY/scenarios/, each one scenario or, with axes, a table of them.
 
+`desat keys` prints the keys of such a file, `language.py` declares them. Besides:
+
     extends = "common"            # another file of the folder, or several, merged below this one
     without = ["parameters.manager"]  # what of those is left out
-    title = "…"                   # and story: two sentences for a reader
-    craft = "craft.toml"          # in ssp/FAMILY/: the spacecraft, see files/craft.py; or
-    ssd = "SystemStructure.ssd"   # its wiring kept by hand; without either, what is there
-    step, stop, start             # seconds
-    [stop_when]                   # a condition that ends it before: study/stopping.py
-    epoch = 2026-01-01T00:00:00Z  # UTC of t = 0, for every component with an epoch_j2000
-    [sources]                     # manager = "manager_other": another FMU for a component
-    [shared]                      # a parameter for every component that has it
-    [parameters.manager]          # parameters (or unconnected inputs) of one component
-    [design]                      # parameters below these that `desat design` computes: designs/
-    [output_classes]              # "component.output" = "state" | "interval"
-    [decimation]                  # manager = 10: steps once in 10 steps of the master
-    [dispersions]                 # "component.parameter" = how `desat draws` draws it
-    draws = 20                    # its numbers in the tables are medians of so many draws
-    twin = "NAME"                 # a scenario that the report shows beside this one
-    [numbers.NAME], [plots.NAME]  # what the report shows
-    [paper.NAME]                  # a paper's values for the numbers
     [axes.method.crcp]            # each axis' values are partial scenarios (`without` included);
     [axes.case.ilqr-1]            # the product of the axes gives scenarios FILE-crcp-ilqr-1
 
-`language.py` declares every key and `desat keys` prints them. `{method}` in a text stands for the
-axis' value of the cell, in title and story for its label.
+`{method}` in a text stands for the axis' value of the cell, in title and story for its label.
 """
 
 from __future__ import annotations
@@ -31,17 +15,17 @@ from __future__ import annotations
 import itertools
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
-from datetime import UTC, datetime
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..system.errors import DesatError, nearest
 from . import places
-from .merge import Origins, copy, fill, leave_out, load, merge, origin, toml
+from .merge import Origins, copy, fill, leave_out, merge, origin
+from .toml import toml
 
 if TYPE_CHECKING:  # what a list of scenarios does without, and loads slowly
-    from ..system.model import System
+    from ..system.draft import Draft
 
 ROOT = places.SCENARIOS
 
@@ -77,11 +61,6 @@ class Scenario:
         return f"{self.family}/{twin}" if twin and f"{self.family}/{twin}" != self.name else None
 
     @property
-    def packed(self) -> Path:
-        """Where `desat pack` puts its .ssp."""
-        return places.packed() / f"{self.name}.ssp"
-
-    @property
     def design(self) -> Path | None:
         """The file with its design, where it has a [design]; `of` names the scenario that has it
         made."""
@@ -103,109 +82,16 @@ class Scenario:
         merge(merged, self.data.get("parameters", {}), {}, ("", ""))
         return merged
 
-    def system(self, blocks: bool = False, designed: bool = True) -> tuple[System, list[str]]:
-        """The system that it describes and what is wrong with it so far (schema, missing FMUs,
-        parameters); `designed` False leaves its design out."""
-        from ..system.parameters import assign
-        from ..system.replace import drop_unwanted
-        from . import library
+    def draft(self, blocks: bool = False, designed: bool = True) -> Draft:
+        """The system that it describes, and what is wrong with it so far; `designed` False leaves
+        its design out."""
+        from . import assembly
 
-        folder = self.folder
-        where = places.shown(self.file)
-        system, problems = self._wired(folder, where)
-        system.name = self.name
-        for key in ("start", "stop", "step"):
-            if key in self.data:
-                setattr(system, key, float(self.data[key]))
-        system.output_classes.update(self.data.get("output_classes", {}))
-        system.about = self.about()
-        for name, source in self.data.get("sources", {}).items():
-            component = _component(system, name, f"{where}: sources")
-            ours = "/" not in source and not source.endswith(".fmu")
-            component.source = f"resources/{source}.fmu" if ours else source
-            component.fmu = library.find(component.source, folder)
-            if ours and component.fmu is None:
-                component.fmu = library.built(component.source)
-        for name, decimation in self.data.get("decimation", {}).items():
-            _component(system, name, f"{where}: decimation").decimation = int(decimation)
-        problems += library.load_interfaces(system, blocks)
-        for name in self.data.get("sources", {}):
-            drop_unwanted(system, system.components[name])
-        shared = dict(self.data.get("shared", {}))
-        if "epoch" in self.data:
-            shared["epoch_j2000"] = _epoch(self.data["epoch"], where)
-        problems += set_shared(system, shared, where)
-        for name, values in self.parameters(designed).items():
-            component = _component(system, name, f"{where}: parameters")
-            for parameter, value in values.items():
-                if component.interface is None:
-                    continue
-                try:
-                    assign(component, parameter, value, f"{where}: {name}")
-                except DesatError as error:
-                    problems.append(str(error))
-        return system, problems
-
-    def _wired(self, folder: Path, where: str) -> tuple[System, list[str]]:
-        """The system of its craft file or SSD, and the problems of that."""
-        from . import craft, ssp
-
-        file = folder / self.data.get("craft", craft.FILE)
-        if "ssd" in self.data:
-            if "craft" in self.data:
-                raise DesatError(f"{where}: craft and ssd: only one of them can say what is wired")
-            return ssp.read(folder / self.data["ssd"])
-        if "craft" in self.data or file.exists():
-            return craft.read(file), []
-        return ssp.read(folder / ssp.FILE)
-
-    def about(self) -> dict[str, Any]:
-        """What travels with a packed system: story, numbers, plots and the like."""
-        keys = ("title", "story", "source", "twin", "numbers", "plots", "output_classes",
-                "labels", "dispersions", "stop_when")  # fmt: skip
-        about = {k: self.data[k] for k in keys if k in self.data}
-        if "plots" in about:
-            about["plots"] = list(about["plots"].values())  # a list keeps its order in JSON
-        return {"name": self.name, **about, "cell": self.cell}
-
-
-def _epoch(value: Any, where: str) -> float:
-    """Seconds from 2000-01-01T12:00:00 UTC to a TOML date-time."""
-    if not isinstance(value, datetime) or value.tzinfo is None:
-        raise DesatError(f"{where}: epoch = {value}: a UTC time is needed, 2026-01-01T00:00:00Z")
-    return (value - datetime(2000, 1, 1, 12, tzinfo=UTC)).total_seconds()
-
-
-def _component(system: System, name: str, where: str) -> Any:
-    if name not in system.components:
-        raise DesatError(f"{where}: no component {name}{nearest(name, system.components)}")
-    return system.components[name]
-
-
-def set_shared(system: System, shared: dict[str, Any], where: str) -> list[str]:
-    """Give parameters to every component that has them; return what is wrong with that."""
-    from ..system.interface import base_name
-    from ..system.parameters import assign
-
-    problems = []
-    for name, value in shared.items():
-        owners = [
-            c for c in system.components.values() if c.interface and c.interface.elements(name)
-        ]
-        if not owners:
-            known = {
-                base_name(s.name)
-                for c in system.components.values() if c.interface
-                for s in c.interface.of("parameter")
-            }  # fmt: skip
-            hint = nearest(name, known)
-            problems.append(f"{where}: shared: no component has a parameter {name}{hint}")
-        for component in owners:
-            try:
-                assign(component, name, value, f"{where}: {component.name}")
-            except DesatError as error:
-                problems.append(str(error))
-    return problems
+        where, parameters = places.shown(self.file), self.parameters(designed)
+        draft = assembly.draft(self.data, parameters, self.folder, where, blocks)
+        draft.name = self.name
+        draft.about = {"name": self.name, **assembly.about(self.data), "cell": self.cell}
+        return draft
 
 
 # --- finding ----------------------------------------------------------------------------------
@@ -280,22 +166,6 @@ def scenarios(family: str | None = None) -> dict[str, Scenario]:
     return good
 
 
-def craft_files(names: list[str]) -> list[Path]:
-    """The craft files of some families, or of all, and those given by their path. Raises
-    DesatError for an unknown family."""
-    from . import craft
-
-    files: list[Path] = []
-    for name in names or families():
-        if name.endswith(".toml"):
-            files.append(Path(name))
-        elif name in families():
-            files += craft.files(ROOT / name)
-        else:
-            raise DesatError(f"no family {name}{nearest(name, families())}")
-    return files
-
-
 def find(name: str) -> Scenario:
     """The scenario of a name. Raises DesatError with the nearest name, or with what is wrong with
     its file."""
@@ -327,6 +197,60 @@ def own(file: Path) -> Scenario:
     own_craft = not wiring and (file.parent / "craft.toml").is_file()
     ours = "/" in scenario.name and not beside and not own_craft
     return scenario if ours else replace(scenario, folder=file.parent)
+
+
+# --- reading ----------------------------------------------------------------------------------
+
+
+def load(file: Path, origins: Origins, seen: tuple[Path, ...] = ()) -> dict[str, Any]:
+    """The data of a file merged over that of its bases. Raises DesatError, a line a problem."""
+    from .refuse import problems  # pydantic, only where a scenario is read
+
+    where = places.shown(file)
+    data = toml(file)
+    if wrong := [f"{where}: {'.'.join(p)}: {text}" for p, text in problems(data, part=True)]:
+        raise DesatError("\n".join(wrong))
+    bases = data.pop("extends", [])
+    if file in seen:
+        chain = " -> ".join(f.stem for f in (*seen[seen.index(file) :], file))
+        raise DesatError(f"{where}: extends itself ({chain})")
+    merged: dict[str, Any] = {}
+    known = [f.stem for f in file.parent.glob("*.toml")]
+    for base in [bases] if isinstance(bases, str) else bases:
+        below: Origins = {}
+        if "/" in base and not file.is_relative_to(places.SCENARIOS):
+            table = _ours(base, where, below, (*seen, file))
+        elif base in known:
+            table = load(file.with_name(f"{base}.toml"), below, (*seen, file))
+        else:
+            raise DesatError(f"{where}: extends: no file {base}.toml{nearest(base, known)}")
+        merge(merged, table, origins, below)
+    merged.pop("abstract", None)
+    leave_out(merged, data, origins, where)
+    merge(merged, data, origins, (where, ""))
+    return merged
+
+
+def _ours(name: str, where: str, origins: Origins, seen: tuple[Path, ...]) -> dict[str, Any]:
+    """What a scenario file that is not one of ours extends as FAMILY/NAME: a scenario, or a file
+    of the family. Its `family` says which."""
+    family, _, stem = name.partition("/")
+    if family not in families():
+        raise DesatError(f"{where}: extends: no family {family}{nearest(family, families())}")
+    file = places.SCENARIOS / family / "scenarios" / f"{stem}.toml"
+    if file.is_file() and "axes" not in (data := load(file, origins, seen)):
+        pass
+    else:
+        try:
+            scenario = find(name)
+        except DesatError as error:
+            raise DesatError(f"{where}: extends: {error}") from error
+        data = copy(scenario.data)
+        data.pop("labels", None)
+        origins.update(scenario.origins)
+    if "design" in data:  # it stays that of the scenario that it was made for
+        data["design"].setdefault("of", stem)
+    return {**data, "family": family}
 
 
 def _read(file: Path, family: str) -> list[Scenario]:
@@ -364,7 +288,7 @@ def _refuse(scenario: Scenario, axes: dict[str, Any]) -> None:
     """Raise DesatError with what is wrong with the merged data of a scenario."""
     from .refuse import paper_problems, problems
 
-    found = [*problems(scenario.data, part=False)]
-    found = found or [*paper_problems(scenario.data, scenario.cell, axes)]
-    if found:
-        raise DesatError("\n".join(f"{scenario.where(p)}: {text}" for p, text in found))
+    wrong = [*problems(scenario.data, part=False)]
+    wrong = wrong or [*paper_problems(scenario.data, scenario.cell, axes)]
+    if wrong:
+        raise DesatError("\n".join(f"{scenario.where(p)}: {text}" for p, text in wrong))

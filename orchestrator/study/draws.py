@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import statistics
 import zlib
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
 from dataclasses import replace
@@ -28,30 +28,25 @@ from rich.console import Console
 from rich.progress import track
 
 from ..analyses import analyses
-from ..files import library
+from ..system.draft import Draft
 from ..system.errors import DesatError, nearest
-from ..system.model import System
-from .case import Options, execute, load, prepare
+from ..system.interface import base_name
+from .case import Options, load, prepare, simulate
 
 KINDS = ("normal", "uniform", "direction", "attitude", "signs", "one_of", "seed")
 
 
-def dispersed(system: System) -> dict[str, dict[str, Any]]:
-    """`component.variable` -> how it is drawn, of a system with its interfaces loaded."""
-    found: dict[str, dict[str, Any]] = {}
+def dispersed(system: Draft) -> dict[str, dict[str, Any]]:
+    """`component.variable` -> how it is drawn."""
+    spread: dict[str, dict[str, Any]] = {}
     for key, spec in system.about.get("dispersions", {}).items():
         owner, _, variable = key.partition(".")
-        owners = [owner]
-        if owner == "*":
-            owners = [
-                c.name for c in system.components.values()
-                if c.interface and c.interface.elements(variable)
-            ]  # fmt: skip
-        found |= {f"{name}.{variable}": spec for name in owners}
-    return found
+        owners = [c.name for c in system.having(variable)] if owner == "*" else [owner]
+        spread |= {f"{name}.{variable}": spec for name in owners}
+    return spread
 
 
-def drawn(system: System, seed: int, draw: int) -> dict[str, Any]:
+def drawn(system: Draft, seed: int, draw: int) -> dict[str, Any]:
     """`component.variable` -> value for one draw of the system's dispersions."""
     values = {}
     for name, spec in dispersed(system).items():
@@ -61,19 +56,15 @@ def drawn(system: System, seed: int, draw: int) -> dict[str, Any]:
 
 
 def _value(
-    system: System, owner: str, variable: str, spec: dict[str, Any], seed: int, draw: int
+    system: Draft, owner: str, variable: str, spec: dict[str, Any], seed: int, draw: int
 ) -> Any:
-    component = system.components.get(owner)
-    if component is None:
-        raise DesatError(
-            f"{system.where}: dispersions: no component {owner}{nearest(owner, system.components)}"
-        )
-    assert component.interface is not None
-    size = len(component.interface.elements(variable))
+    component = system.component(owner, f"{system.where}: dispersions")
+    size = len(component.elements(variable))
     where = f"{system.where}: dispersions: {owner}.{variable}"
     if size == 0:
-        known = {s.name.partition("[")[0] for s in component.interface.of("parameter")}
-        raise DesatError(f"{where}: no such parameter{nearest(variable, known)}")
+        signals = component.interface.of("parameter") if component.interface else ()
+        raise DesatError(f"{where}: no such parameter"
+                         f"{nearest(variable, {base_name(s.name) for s in signals})}")  # fmt: skip
     if len(spec) != 1 or next(iter(spec)) not in KINDS:
         raise DesatError(f"{where}: one of {', '.join(KINDS)} is needed")
     stream = np.random.default_rng([seed, draw, zlib.crc32(f"{owner}.{variable}".encode())])
@@ -93,40 +84,40 @@ def _value(
     return [float(x) for x in (vector if kind == "attitude" else given * vector)]
 
 
-def system_of(target: str, options: Options) -> System:
-    """The system of a target with its interfaces loaded. Raises DesatError."""
-    system, problems = load(target, options.blocks)
-    if problems:
-        raise DesatError("\n".join(problems))
-    library.load_interfaces(system, options.blocks)
-    return system
-
-
 def one(target: str, options: Options, seed: int, draw: int | None) -> dict[str, Any]:
     """A run as a row: how it ended, its numbers, and the values drawn (`draw` None: nothing is)."""
-    system = system_of(target, options)
-    values = {} if draw is None else drawn(system, seed, draw)
-    needed = options.record
-    if needed == ("*",):
+    values = {} if draw is None else drawn(system_of(target, options), seed, draw)
+    case = prepare(target, replace(options, values={**options.values, **values}))
+    system, _ = case.or_raise()
+    if options.record == ("*",):
         needed = tuple(needed_signals(system.about))
         for analysis in analyses():
             parts = analysis.applies(system)
             needed += tuple(analysis.signals(parts)) if parts else ()
-    run = execute(target, replace(options, values={**options.values, **values}, record=needed))
+        case = replace(case, options=replace(case.options, record=needed))
+    run = simulate(case)
     row = {
         "draw": draw,
         "status": run.manifest["status"],
         "code": int(run.code),
         "message": run.manifest["message"],
-        "numbers": {name: n["value"] for name, n in run.manifest["numbers"].items()},
         "stopped_when": run.manifest["stopped_when"],
+        "numbers": {name: n["value"] for name, n in run.manifest["numbers"].items()},
         "values": values,
     }
     run.results.close()
     return row
 
 
-def needed_signals(about: dict[str, Any]) -> list[str]:
+def system_of(target: str, options: Options) -> Draft:
+    """The draft of a target. Raises DesatError where something is wrong with it."""
+    draft = load(target, options.blocks)
+    if draft.problems:
+        raise DesatError("\n".join(draft.problems))
+    return draft
+
+
+def needed_signals(about: Mapping[str, Any]) -> list[str]:
     """What a scenario's numbers are made of; the rest need not be recorded."""
     found: list[str] = []
     for number in about.get("numbers", {}).values():
@@ -168,7 +159,7 @@ def draws(
     if not system.about.get("dispersions"):
         raise DesatError(f"{target}: it has no [dispersions], so there is nothing to draw")
     first = replace(options, values={**options.values, **drawn(system, seed, 0)})
-    warnings = prepare(target, first)[1].warnings
+    warnings = prepare(target, first).checked.warnings
     given = {text.partition("=")[0] for text in options.sets} & dispersed(system).keys()
     warnings += [f"--set {name}: it is drawn, and so never has this value" for name in given]
     tasks = [(target, options, seed, draw) for draw in range(count)]
@@ -180,7 +171,7 @@ def draws(
     }  # fmt: skip
 
 
-def summary(rows: list[dict[str, Any]], about: dict[str, Any]) -> dict[str, dict[str, Any]]:
+def summary(rows: list[dict[str, Any]], about: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
     """Of each number of the draws that completed: unit, median, least, largest, and how many draws
     have reached it."""
     whole = [r for r in rows if r["status"] == "completed"]

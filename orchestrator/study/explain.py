@@ -10,18 +10,35 @@ from ..files import refuse, scenario
 from ..files.merge import origin
 from ..files.scenario import Scenario
 from ..system.errors import DesatError, nearest
+from ..system.resolve import resolve
 from . import meaning
 from .measures import MEASURES
 
 
-def readable(family: str | None) -> tuple[dict[str, Scenario], list[str]]:
-    """The scenarios that are right, and what is wrong with the others, one line each."""
+def readable(
+    family: str | None, of_systems: bool = True
+) -> tuple[dict[str, Scenario], list[str]]:  # fmt: skip
+    """The scenarios that are right, and what is wrong with the others, one line each; `of_systems`
+    False: as far as their files say without the system that they describe."""
     good, lines = scenario.readable(family)
     for name in list(good):
-        if wrong := meaning.words(good[name]) or _design(good[name]):
+        wrong = meaning.words(good[name]) or _design(good[name])
+        if wrong := wrong or (_of_system(good[name]) if of_systems else []):
             lines += wrong
             del good[name]
     return good, list(dict.fromkeys(lines))
+
+
+def _of_system(found: Scenario) -> list[str]:
+    """What is wrong with a scenario's system on bare blocks, and with what it names of it."""
+    try:
+        draft = found.draft(blocks=True)
+    except DesatError as error:
+        return str(error).splitlines()
+    if wrong := draft.problems or meaning.names(found, draft):
+        return wrong
+    system = resolve(draft).system
+    return [] if system is None else meaning.wants(found, system)
 
 
 def _design(found: Scenario) -> list[str]:

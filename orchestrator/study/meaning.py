@@ -4,11 +4,13 @@ describes, series, units, limits and dispersions. A line for each thing that is 
 from __future__ import annotations
 
 import inspect
+import re
 from collections.abc import Iterator
 from typing import Any
 
 from ..analyses import analyses
 from ..files.scenario import Scenario
+from ..system.draft import Draft
 from ..system.errors import DesatError, nearest
 from ..system.interface import Signal, base_name
 from ..system.model import System
@@ -147,18 +149,23 @@ def _unfit(option: str, annotation: str, value: Any) -> str:
     return "" if type(value) in (int, float, str) else "a number"
 
 
-def names(scenario: Scenario, system: System) -> list[str]:
+def names(scenario: Scenario, system: Draft) -> list[str]:
     """Series, units, limits and dispersions that do not fit the system, interfaces loaded."""
     found = [*_series(scenario.data, system), *_dispersions(scenario.data, system)]
-    found += _analysed(scenario, system)
-    if all(c.interface for c in system.components.values()):
-        for line in stopping.problems(system):
-            path, _, text = line.partition(": ")
-            found.append((tuple(path.split(".")), text))
     return [f"{scenario.where(path)}: {text}" for path, text in found]
 
 
-def _elements(system: System, name: str, causalities: tuple[str, ...]) -> list[Signal] | str:
+def wants(scenario: Scenario, system: System) -> list[str]:
+    """What a scenario wants of a resolved system that is not to be had: numbers of an analysis that
+    does not apply to it, and a condition that it cannot meet."""
+    found = list(_analysed(scenario, system))
+    for line in stopping.problems(system):
+        path, _, text = line.partition(": ")
+        found.append((tuple(path.split(".")), text))
+    return [f"{scenario.where(path)}: {text}" for path, text in found]
+
+
+def _elements(system: Draft, name: str, causalities: tuple[str, ...]) -> list[Signal] | str:
     """The elements of `component.variable`, or what is wrong with the name; none where the
     component's FMU is missing, which is said elsewhere."""
     owner, _, variable = name.partition(".")
@@ -185,7 +192,7 @@ def _unit(own: str, unit: str | None) -> str:
     return ""
 
 
-def _series(data: dict[str, Any], system: System) -> Iterator[tuple[Path, str]]:
+def _series(data: dict[str, Any], system: Draft) -> Iterator[tuple[Path, str]]:
     for table, key in (("numbers", "signal"), ("plots", "signals")):
         for name, entry in data.get(table, {}).items():
             signals = entry.get(key, [])
@@ -201,7 +208,7 @@ def _series(data: dict[str, Any], system: System) -> Iterator[tuple[Path, str]]:
     for name, plot in data.get("plots", {}).items():
         for limit in plot.get("limits", []):
             value = limit["value"] if isinstance(limit, dict) else limit
-            for factor in value.split("*") if isinstance(value, str) else ():
+            for factor in re.split(r"[*/]", value) if isinstance(value, str) else ():
                 if not _is_number(factor):
                     parameter = base_name(factor.strip())
                     problem = _elements(system, parameter, ("parameter", "input"))
@@ -233,7 +240,7 @@ def _is_number(text: str) -> bool:
     return True
 
 
-def _dispersions(data: dict[str, Any], system: System) -> Iterator[tuple[Path, str]]:
+def _dispersions(data: dict[str, Any], system: Draft) -> Iterator[tuple[Path, str]]:
     for key, spec in data.get("dispersions", {}).items():
         path = ("dispersions", key)
         owner, _, variable = key.partition(".")
@@ -252,7 +259,7 @@ def _dispersions(data: dict[str, Any], system: System) -> Iterator[tuple[Path, s
 
 
 def _misfit(
-    system: System, owner: str, variable: str, elements: list[Signal], spec: dict[str, Any]
+    system: Draft, owner: str, variable: str, elements: list[Signal], spec: dict[str, Any]
 ) -> str:
     ((kind, given),) = spec.items()
     wanted = {"signs": len(given) if kind == "signs" else 0, "attitude": 4, "seed": 1}

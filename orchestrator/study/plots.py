@@ -5,23 +5,44 @@ from __future__ import annotations
 import io
 import re
 import textwrap
+from collections.abc import Sequence
 from itertools import pairwise
-from typing import Any
+from typing import Any, NamedTuple
 
 import matplotlib as mpl
 import numpy as np
 from matplotlib.figure import Figure
 
 from ..engine.results import Results
+from ..system.errors import DesatError
+from ..system.expression import entry as value_of
 from ..system.expression import factor, product
 from . import derived
 from .numbers import scale
+from .strips import timeline
 
 COLOURS = ("#0b62a4", "#d1495b", "#2e8b57", "#8a5fbf", "#e08e0b", "#444444")
+LIMIT = "#b22222"
 POINTS = 3000
 """More points than a plot is wide are thinned, keeping each bin's least and largest."""
-LEGEND_WIDTH = 24
+LEGEND_WIDTH = 21
 """Characters that there is room for beside the axes."""
+LEFT, WIDTH, BOTTOM, TOP = 0.095, 0.655, 0.16, 0.92
+"""Of all axes in their figures, so that times align."""
+
+Run = tuple[str, Results, dict[str, Any]]
+"""label, series, parameters as a manifest has them"""
+
+
+class Line(NamedTuple):
+    """A line of a plot: times (s) and values in the plot's unit."""
+
+    name: str
+    times: Any
+    values: Any
+    stepped: bool = False
+    """True: each value holds until the next."""
+
 
 _FIRST: dict[str, Any] = {"linestyle": "-", "linewidth": 1.4}
 _OTHER: dict[str, Any] = {"linestyle": (0, (4, 2)), "linewidth": 1.0, "alpha": 0.75}
@@ -45,7 +66,7 @@ def time_axis(times: np.ndarray[Any, Any]) -> tuple[float, str]:
 def figure(width: float = 7.2, height: float = 2.9) -> tuple[Figure, Any]:
     """A figure in our style, and its axes."""
     fig = Figure(figsize=(width, height))
-    ax = fig.add_axes((0.095, 0.16, 0.655, 0.76))  # the same for all, so that times align
+    ax = fig.add_axes((LEFT, BOTTOM, WIDTH, TOP - BOTTOM))
     ax.grid(True, color="#dddddd", linewidth=0.6)
     ax.set_axisbelow(True)
     for side in ("top", "right"):
@@ -59,7 +80,7 @@ def legend(ax: Any) -> None:
     if labels:
         ax.legend(
             handles, [textwrap.fill(label, LEGEND_WIDTH) for label in labels], fontsize=8,
-            frameon=False, loc="center left", bbox_to_anchor=(1.0, 0.5),
+            frameon=False, loc="center left", bbox_to_anchor=(1.0, 0.5), handlelength=1.6,
         )  # fmt: skip
 
 
@@ -72,66 +93,69 @@ def svg(fig: Figure) -> str:
     return re.sub(r'width="[\d.]+pt" height="[\d.]+pt"', "", text[text.index("<svg") :], count=1)
 
 
-def series_plot(
-    plot: dict[str, Any], runs: list[tuple[str, Results, dict[str, Any]]]
-) -> str | None:
-    """The SVG of a scenario's `[[plots]]` entry over runs (label, results, parameters).
-
-    The first run is drawn in colours, the others dashed. None where a series is not recorded.
-    """
-    known = set(runs[0][1].names())
+def series_plot(plot: dict[str, Any], runs: Sequence[Run]) -> str | None:
+    """The SVG of a scenario's `[plots.NAME]` over runs. The first is drawn in colours, the others
+    dashed. None where a series is not recorded."""
+    _, results, parameters = runs[0]
+    known = set(results.names())
     signals = [s for s in plot["signals"] if s in known]
     if not signals or ("derive" in plot and len(signals) < len(plot["signals"])):
         return None
+    quantity = derived.of_entry(plot)
+    own = quantity[0].unit if quantity else ""
+    unit = plot.get("unit") or own or results.attribute(signals[0], "unit")
+    drawn = [lines_of(plot, r, unit) for _, r, _ in runs]
     fig, ax = figure()
-    seconds, time_unit = time_axis(runs[0][1].times())
-    found = derived.of_entry(plot)
-    own = found[0].unit if found else ""
-    unit = plot.get("unit") or own or runs[0][1].attribute(signals[0], "unit")
-    least = 0.0
-    for number, (label, results, _) in enumerate(runs):
-        if "derive" in plot:
-            lines = _derived(plot, results, unit)
-        else:
-            lines = [line for s in signals for line in _lines(plot, results, s, unit)]
-        for i, (name, times, values, stepped) in enumerate(lines):
-            named = name if number == 0 else None
-            if len(runs) > 1 and (len(lines) == 1 or (number and i == 0)):
-                named = label
-            x, y = _thinned(times, values, plot.get("points", POINTS))
-            least = min(least, float(np.nanmin(y, initial=0.0)))
-            ax.plot(
-                x / seconds,
-                y,
-                color=COLOURS[i % len(COLOURS)],
-                label=named,
-                drawstyle="steps-post" if stepped else "default",
-                **(_FIRST if number == 0 else _OTHER),
-            )
-    for name, value, filled in _limits(plot, runs[0][2], unit):
-        both = least < 0.0  # a size has no limit below zero
-        text = f"{'±' if both else ''}{value:.4g}  {name}"
-        if filled:
-            ax.axhspan(-value if both else 0.0, value, color="#b22222", alpha=0.08, label=text)
-            continue
-        for sign in (1.0, -1.0) if both else (1.0,):
-            ax.axhline(
-                sign * value,
-                color="#b22222",
-                linewidth=0.9,
-                linestyle=":",
-                label=text if sign > 0 else None,
-            )
+    seconds, time_unit = time_axis(results.times())
+    _draw(ax, drawn, [label for label, _, _ in runs], seconds, plot.get("points", POINTS))
+    # the limits of a size have no other side
+    signed = any(np.nanmin(x.values, initial=0.0) < 0.0 for lines in drawn for x in lines)
+    _draw_limits(ax, _limits(plot, parameters, unit), signed)
     if plot.get("log"):
         ax.set_yscale("log")
-    ax.set_xlabel(f"time [{time_unit}]")
     ax.set_ylabel(f"[{pretty_unit(unit)}]" if pretty_unit(unit) else "")
-    ax.margins(x=0.01)
+    timeline(ax, seconds, time_unit, results)
     legend(ax)
     return svg(fig)
 
 
-def _derived(plot: dict[str, Any], results: Results, unit: str) -> list[tuple[str, Any, Any, bool]]:
+def _draw(ax: Any, runs: list[list[Line]], labels: list[str], seconds: float, points: int) -> None:
+    """The lines of several runs. A line is named in the first run; where there are several runs,
+    the first line of each other one has the run's name, and a lone line always has."""
+    for number, lines in enumerate(runs):
+        for i, line in enumerate(lines):
+            name = line.name if number == 0 else None
+            if len(runs) > 1 and (len(lines) == 1 or (number and i == 0)):
+                name = labels[number]
+            x, y = _thinned(line.times, line.values, points)
+            ax.plot(
+                x / seconds, y, color=COLOURS[i % len(COLOURS)], label=name,
+                drawstyle="steps-post" if line.stepped else "default",
+                **(_FIRST if number == 0 else _OTHER),
+            )  # fmt: skip
+
+
+def _draw_limits(ax: Any, limits: list[tuple[str, float, bool]], signed: bool) -> None:
+    """Limit lines and bands (name, value, filled), on both sides of zero where `signed`."""
+    for name, value, filled in limits:
+        text = f"{'±' if signed else ''}{value:.4g}  {name}"
+        if filled:
+            ax.axhspan(-value if signed else 0.0, value, color=LIMIT, alpha=0.08, label=text)
+            continue
+        for sign, label in ((1.0, text), (-1.0, None)) if signed else ((1.0, text),):
+            ax.axhline(sign * value, color=LIMIT, linewidth=0.9, linestyle=":", label=label)
+
+
+def lines_of(plot: dict[str, Any], results: Results, unit: str) -> list[Line]:
+    """The lines of a scenario's plot in a run; none for a series that is not recorded."""
+    known = set(results.names())
+    if "derive" in plot:
+        return _derived(plot, results, unit) if known.issuperset(plot["signals"]) else []
+    shown = (s for s in plot["signals"] if s in known)
+    return [line for signal in shown for line in _lines(plot, results, signal, unit)]
+
+
+def _derived(plot: dict[str, Any], results: Results, unit: str) -> list[Line]:
     """The lines that a plot derives from its signals."""
     found = derived.of_entry(plot)
     assert found is not None
@@ -141,62 +165,52 @@ def _derived(plot: dict[str, Any], results: Results, unit: str) -> list[tuple[st
     values = values * scale(quantity.unit or results.attribute(plot["signals"][0], "unit"), unit)
     times = results.times()[: len(values)]
     names = plot.get("components", quantity.names)
-    return [(n, times, values[:, i], False) for i, n in enumerate(names)]
+    return [Line(n, times, values[:, i]) for i, n in enumerate(names)]
 
 
-def _lines(
-    plot: dict[str, Any], results: Results, signal: str, unit: str
-) -> list[tuple[str, Any, Any, bool]]:
-    """(name, times, values, stepped) of each line of a signal, in the plot's unit."""
-    if signal not in results.names():
-        return []
+def _lines(plot: dict[str, Any], results: Results, signal: str, unit: str) -> list[Line]:
+    """The lines of a signal: one an element, or its size."""
     values = results.values(signal).astype(float) * scale(results.attribute(signal, "unit"), unit)
     times = results.times(signal)
     stepped = results.attribute(signal, "class") == "interval"
     prefix = "" if len(plot["signals"]) == 1 else signal.partition(".")[2]
     if values.ndim == 1:
-        return [(prefix, times, values, stepped)]
+        return [Line(prefix, times, values, stepped)]
     if plot.get("norm"):
-        return [(prefix, times, np.linalg.norm(values, axis=1), stepped)]
+        return [Line(prefix, times, np.linalg.norm(values, axis=1), stepped)]
     # fewer names than elements: the rest is not shown (a wheel that is not there)
     names = plot.get("components") or [str(i + 1) for i in range(values.shape[1])]
     return [
-        (f"{prefix} {name}".strip(), times, values[:, i], stepped) for i, name in enumerate(names)
+        Line(f"{prefix} {name}".strip(), times, values[:, i], stepped)
+        for i, name in enumerate(names)
     ]
 
 
 def _limits(
     plot: dict[str, Any], parameters: dict[str, Any], unit: str
 ) -> list[tuple[str, float, bool]]:
-    """(name, value, filled) of the limit lines, or bands about zero: parameters, or numbers, that
-    hold in this run."""
-    found = []
-    for limit in plot.get("limits", []):
-        spec = {"value": limit} if not isinstance(limit, dict) else limit
-        if any(_parameter(parameters, k)[0] == v for k, v in spec.get("unless", {}).items()):
+    """(name, value, filled) of the limit lines, or bands about zero: products of parameters, or
+    numbers, that hold in this run."""
+    limits = []
+    for entry in plot.get("limits", []):
+        spec = entry if isinstance(entry, dict) else {"value": entry}
+        if any(_parameter(parameters, k) == v for k, v in spec.get("unless", {}).items()):
             continue
-        filled = bool(spec.get("fill"))
-        if isinstance(spec["value"], str):
-            value, own = product(spec["value"], parameters)
-            name = spec["value"].partition("[")[0]
-            scaled = value * factor(own, unit, f'of "{spec["value"]}"')
-            found.append((spec.get("name", name), scaled, filled))
-        else:
-            found.append((spec.get("name", "limit"), float(spec["value"]), filled))
-    return found
+        value, name = spec["value"], "limit"
+        if isinstance(value, str):
+            name = value.partition("[")[0]
+            value, own = product(value, parameters)
+            value *= factor(own, unit, f'of "{spec["value"]}"')
+        limits.append((spec.get("name", name), float(value), bool(spec.get("fill"))))
+    return limits
 
 
-def _parameter(parameters: dict[str, Any], name: str) -> tuple[Any, str]:
-    """(value, unit) of `component.parameter` or `component.parameter[i]`; (None, "") if unknown."""
-    component, _, rest = name.partition(".")
-    variable, _, index = rest.partition("[")
-    entry = parameters.get(component, {}).get(variable)
-    if entry is None:
-        return None, ""
-    value = entry["value"]
-    if index:
-        value = value[int(index.rstrip("]")) - 1]
-    return value, entry["unit"]
+def _parameter(parameters: dict[str, Any], name: str) -> Any:
+    """The value of `component.parameter` or `component.parameter[i]`; None if unknown."""
+    try:
+        return value_of(name, parameters)[0]
+    except DesatError:
+        return None
 
 
 def _thinned(x: Any, y: Any, points: int = POINTS) -> tuple[Any, Any]:

@@ -81,7 +81,7 @@ def _signal(system: System, name: str) -> Signal:
     """The first element of the signal."""
     owner, _, variable = name.partition(".")
     component = system.components.get(owner)
-    if component is None or component.interface is None:
+    if component is None:
         hint = nearest(owner, system.components)
         raise DesatError(f"stop_when.signal: no component {owner}{hint}")
     elements = component.interface.elements(variable)
@@ -115,7 +115,7 @@ def _limit(
     own, unit, value = signal.unit_name, given.get("unit", signal.unit_name), given[kind]
     try:
         if isinstance(value, str):
-            number, of = product(value, table(system))
+            number, of = product(value, table(system.components.values()))
             value = number * factor(of, unit, f'of "{value}"')
         scale = 1.0 if unit == own else factor(unit_of(unit), own, f"{unit} of the limit")
     except DesatError as error:

@@ -7,6 +7,7 @@ and, of every number, median, least and largest
 from __future__ import annotations
 
 import argparse
+import ast
 import hashlib
 import json
 import math
@@ -14,6 +15,7 @@ import os
 import platform
 from collections.abc import Iterable
 from datetime import UTC, datetime
+from functools import cache
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -24,8 +26,9 @@ from ..files import places
 from ..files.scenario import Scenario, families, scenarios
 from ..system.codes import Exit
 from ..system.errors import DesatError, RunError
-from .case import PACKAGES, Options, write_json
 from .draws import draws
+from .manifest import PACKAGES, write_json
+from .options import Options
 
 SEED = 1
 ROUNDING = 1e-12
@@ -52,9 +55,10 @@ def digest(scenario: Scenario) -> str:
 
 def code(scenario: Scenario) -> str:
     """A hash of the code that makes a scenario's draws: its blocks and all that they import, the
-    engine, the drawing and the measures; and of its kept design, where it has one."""
-    system, _ = scenario.system(blocks=True)
-    names = sorted({Path(c.source).stem for c in system.components.values()})
+    engine, the drawing and the measures; and of its kept design, where it has one. Comments and
+    docstrings do not count."""
+    draft = scenario.draft(blocks=True)
+    names = sorted({Path(c.source).stem for c in draft.components.values()})
     files = {p for name in names for p in sources(name)}
     here = Path(__file__).parent
     files |= {*(here.parent / "engine").glob("*.py")}
@@ -63,9 +67,35 @@ def code(scenario: Scenario) -> str:
         files.add(scenario.design)
     made = hashlib.sha256()
     for path in sorted(files):
-        data = path.read_bytes()
-        made.update(f"{path.name}\0{len(data)}\0".encode() + data)
+        text = path.read_text(encoding="utf-8")
+        made.update(f"{path.name}\0{meaning(text) if path.suffix == '.py' else text}\0".encode())
     return made.hexdigest()
+
+
+@cache
+def meaning(text: str) -> str:
+    """What a Python file says: its syntax tree without comments, docstrings and layout."""
+    return _dump(ast.parse(text))
+
+
+def _dump(node: Any) -> str:
+    """A syntax tree as a text that is the same for every version of Python: unlike `ast.dump`, it
+    leaves out every field that is empty."""
+    if isinstance(node, list):
+        return f"[{','.join(_dump(x) for x in node if not _is_text(x))}]"
+    if not isinstance(node, ast.AST):
+        return repr(node)
+    fields = ((k, v) for k, v in ast.iter_fields(node) if v is not None and v != [])
+    return f"{type(node).__name__}({','.join(f'{k}={_dump(v)}' for k, v in fields)})"
+
+
+def _is_text(node: Any) -> bool:
+    """True for a statement that is only a text: a docstring."""
+    return (
+        isinstance(node, ast.Expr)
+        and isinstance(node.value, ast.Constant)
+        and isinstance(node.value.value, str)
+    )
 
 
 def compute(

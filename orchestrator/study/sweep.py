@@ -78,7 +78,7 @@ def _warnings(target: str, axes: Mapping[str, Sequence[Any]], options: Options) 
     tried = [first, *({**first, name: v} for name, values in axes.items() for v in values[1:])]
     found: dict[str, None] = {}
     for point in tried:
-        _, checked = prepare(target, replace(options, values={**options.values, **point}))
-        checked.or_raise()
-        found |= dict.fromkeys(checked.warnings)
+        case = prepare(target, replace(options, values={**options.values, **point}))
+        case.or_raise()
+        found |= dict.fromkeys(case.checked.warnings)
     return list(found)

@@ -34,6 +34,12 @@ class Signal:
     description: str = ""
     choices: tuple[str, ...] = ()
     output_class: OutputClass = "state"
+    initial: bool = False
+    """An input that is read in initialisation mode only."""
+    mean: bool = False
+    """An interval output that is a mean over the step, whose integral is handed on at any rates."""
+    slope: str = ""
+    """The output with the slope of this mean; empty where there is none."""
     shared: bool = False
     """All components of a system that have a parameter of this name must agree on it."""
     needed_by: tuple[str, ...] = ()
@@ -85,6 +91,9 @@ def of_block(name: str, block: type[Block]) -> Interface:
                 description=describe(v),
                 choices=v.choices,
                 output_class="interval" if v.interval else "state",
+                initial=v.initial,
+                mean=v.mean,
+                slope=element.replace(v.name, v.slope, 1) if v.slope else "",
                 shared=v.shared,
                 needed_by=v.needed_by,
             )

@@ -1,18 +1,21 @@
-"""A system of components: what a master runs, whichever file it came from."""
+"""A system of components: what a master runs, whichever file it came from. Nothing of it changes.
+
+`draft.py` has what is read from files, `resolve.py` makes a `System` of it.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from desat.components.contract.block import Scalar
-from desat.components.contract.units import Unit
 
 from .interface import Interface, OutputClass
 
 
-@dataclass
+@dataclass(frozen=True)
 class Connector:
     """A connector that an SSD lists."""
 
@@ -23,28 +26,7 @@ class Connector:
     line: int = 0
 
 
-@dataclass
-class Component:
-    """An instance of an FMU (or of the bare block of the same name)."""
-
-    name: str
-    source: str
-    connectors: dict[str, Connector] = field(default_factory=dict)
-    parameters: dict[str, Scalar] = field(default_factory=dict)
-    """Scalar values by element name; inputs may be among them."""
-    references: dict[str, str] = field(default_factory=dict)
-    """Parameters that are given as other parameters: `gain_matrix = "shared.inertia"`."""
-    units: dict[str, Unit] = field(default_factory=dict)
-    """Units that values in `parameters` were given in, where they are not the component's own."""
-    line: int = 0
-    fmu: Path | None = None
-    """The file that `source` stands for; None where there is none."""
-    interface: Interface | None = None
-    decimation: int = 1
-    """The component steps once in so many steps of the master."""
-
-
-@dataclass
+@dataclass(frozen=True)
 class Connection:
     """From an output to an input: target = factor * source + offset."""
 
@@ -62,20 +44,44 @@ class Connection:
         return f"{self.source}.{self.output} -> {self.target}.{self.input}"
 
 
-@dataclass
+@dataclass(frozen=True)
+class Component:
+    """An instance of an FMU or of a bare block."""
+
+    name: str
+    source: str
+    interface: Interface
+    parameters: Mapping[str, Scalar] = field(default_factory=dict)
+    """Scalar values by element name, in the variable's own unit; inputs may be among them."""
+    fmu: Path | None = None
+    """The FMU's file; None: it is the bare block of the interface's name."""
+    decimation: int = 1
+    """The component steps once in so many steps of the master."""
+    connectors: Mapping[str, Connector] = field(default_factory=dict)
+    """What an SSD lists of it."""
+    line: int = 0
+
+
+@dataclass(frozen=True)
 class System:
     """Components, connections and the experiment. `where` is the SSD, for messages."""
 
     name: str
     where: str
-    components: dict[str, Component]
-    connections: list[Connection]
+    components: Mapping[str, Component]
+    connections: tuple[Connection, ...]
+    step: float
+    """s; `stop` is a whole number of them after `start`"""
+    stop: float
     start: float = 0.0
-    stop: float | None = None
-    step: float | None = None
-    output_classes: dict[str, OutputClass] = field(default_factory=dict)
+    inner: int = 1
+    """So many steps within a step, of those that hand means on to each other (`rates.py`)."""
+    output_classes: Mapping[str, OutputClass] = field(default_factory=dict)
     """Overrides: `component.variable` -> class."""
-    warnings: list[str] = field(default_factory=list)
-    """What was left out as the system was put together."""
-    about: dict[str, Any] = field(default_factory=dict)
+    about: Mapping[str, Any] = field(default_factory=dict)
     """The scenario as data (story, numbers, plots, paper); empty for a foreign system."""
+
+    @property
+    def steps(self) -> int:
+        """The number of steps from start to stop."""
+        return round((self.stop - self.start) / self.step)

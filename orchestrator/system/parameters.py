@@ -11,9 +11,8 @@ from desat.components.contract.block import Scalar
 from desat.components.contract.units import Unit, conversion
 
 from .errors import DesatError, nearest
-from .expression import Table, entry, is_name, product, unit_of
 from .interface import Interface, Signal, base_name
-from .model import Component, System
+from .model import Component
 
 
 def expand(interface: Interface, name: str, value: Any, where: str) -> dict[str, Scalar]:
@@ -75,91 +74,22 @@ def _within(signal: Signal, value: float, where: str) -> float:
     return value
 
 
-def assign(component: Component, name: str, value: Any, where: str) -> None:
-    """Give a parameter (or input) its value, or the text of one that follows from others.
-
-    A text for a Real is a product of parameters (`expression.py`), evaluated by `resolve`. Raises
-    DesatError as `expand` does.
-    """
-    assert component.interface is not None
-    signals = component.interface.elements(name)
-    if isinstance(value, str) and signals and signals[0].kind == "Real":
-        expand(component.interface, name, [s.start or 0.0 for s in signals], where)
-        component.references[name] = value
-        return
-    component.parameters.update(expand(component.interface, name, value, where))
-    component.references.pop(base_name(name), None)
-
-
-def resolve(system: System) -> list[str]:
-    """Evaluate what components have as `references`; what is wrong with them.
-
-    A name alone stands for the whole array. Units are converted; a parameter in "1" takes the
-    number in SI units whatever its unit (a gain matrix that is the inertia).
-    """
-    waiting = {
-        (c.name, name): text
-        for c in system.components.values() if c.interface is not None
-        for name, text in c.references.items()
-    }  # fmt: skip
-    problems: list[str] = []
-    while waiting:
-        ready = [key for key, text in waiting.items() if not _named(text) & _names(waiting)]
-        if not ready:
-            chain = ", ".join(f'{c}.{n} = "{text}"' for (c, n), text in waiting.items())
-            return [*problems, f"{system.where}: parameters name each other in a circle: {chain}"]
-        known = table(system)
-        for owner, name in ready:
-            text = waiting.pop((owner, name))
-            try:
-                _evaluate(system.components[owner], name, text, known)
-            except DesatError as error:
-                problems.append(f"{system.where}: {owner}.{name}: {error}")
-    return problems
-
-
-def _named(text: str) -> set[str]:
-    """The parameters that a product names, without their elements."""
-    return {base_name(word) for word in text.replace("*", " ").replace("/", " ").split()}
-
-
-def _names(waiting: Iterable[tuple[str, str]]) -> set[str]:
-    """What a text would call these parameters."""
-    return {f"{owner}.{name}" for c, name in waiting for owner in (c, "shared")}
-
-
-def _evaluate(component: Component, name: str, text: str, known: Table) -> None:
-    assert component.interface is not None
-    signals = component.interface.elements(name)
-    value: Any
-    if is_name(text):
-        value, unit = entry(text, known)[0], unit_of(entry(text, known)[1])
-    else:
-        value, unit = product(text, known)
-    if isinstance(value, (str, bool)):
-        raise DesatError(f'"{text}" = {value} is no number')
-    own, scale = signals[0].unit, unit.factor
-    if own is not None and own.dimension == unit.dimension:
-        scale = unit.factor / own.factor
-    elif own is not None and any(own.dimension):
-        raise DesatError(f'"{text}": its unit does not fit {signals[0].unit_name}')
-    values = value if isinstance(value, list) else [value] * len(signals)
-    scaled = [scale * x for x in values]
-    component.parameters.update(expand(component.interface, name, scaled, component.name))
-
-
 def value_of(component: Component, name: str) -> object:
     """The value of a parameter: the scenario's, or the start value of its declaration."""
-    assert component.interface is not None
-    signal = component.interface.signals[name]
-    return component.parameters.get(name, signal.start)
+    return component.parameters.get(name, component.interface.signals[name].start)
 
 
-def table(system: System) -> dict[str, dict[str, Any]]:
+def choice_of(component: Component, name: str) -> str:
+    """The choice that a parameter with choices has, by its name; its value as text without."""
+    choices, value = component.interface.signals[name].choices, value_of(component, name)
+    return choices[value] if choices and isinstance(value, int) else str(value)
+
+
+def table(components: Iterable[Component]) -> dict[str, dict[str, Any]]:
     """Every parameter of every component: value, unit, and whether the scenario gave it."""
     parameters: dict[str, dict[str, Any]] = {}
-    for c in system.components.values():
-        for s in c.interface.signals.values() if c.interface else ():
+    for c in components:
+        for s in c.interface.signals.values():
             if s.causality != "parameter" and s.name not in c.parameters:
                 continue
             value = value_of(c, s.name)

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from pathlib import PurePath
 
+from .draft import Draft, DraftComponent
 from .interface import base_name
-from .model import Component, System
 
 
-def drop_unwanted(system: System, component: Component) -> None:
+def drop_unwanted(draft: Draft, component: DraftComponent) -> None:
     """Take out what the SSD wires or lists for a replaced component and its FMU does not have:
     connections into inputs, with a warning that names them, and connectors that nobody reads.
 
@@ -18,16 +18,16 @@ def drop_unwanted(system: System, component: Component) -> None:
     if component.interface is None:
         return
     name, signals = component.name, component.interface.signals
-    unwanted = [c for c in system.connections if c.target == name and c.input not in signals]
+    unwanted = [c for c in draft.connections if c.target == name and c.input not in signals]
     if unwanted:
         whole = {base_name(c.input) for c in unwanted} - {base_name(s) for s in signals}
         names = (b if (b := base_name(c.input)) in whole else c.input for c in unwanted)
         inputs = ", ".join(sorted(set(names)))
-        system.warnings.append(
+        draft.warnings.append(
             f"{name}: {PurePath(component.source).name} has no input {inputs}: left unwired"
         )
-        system.connections = [c for c in system.connections if c not in unwanted]
-    read = {c.output for c in system.connections if c.source == name}
+        draft.connections = [c for c in draft.connections if c not in unwanted]
+    read = {c.output for c in draft.connections if c.source == name}
     component.connectors = {
         key: c for key, c in component.connectors.items() if key in signals or key in read
     }

@@ -6,22 +6,28 @@ an SSD does not matter.
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 from .errors import DesatError
 from .interface import OutputClass, Signal, base_name
 from .model import Connection, System
+from .rates import Link, Rates, rates
 
-AT, OVER, LATE = "at t_k", "over the step", "one step late"
+AT, OVER, LATE, START = "at t_k", "over the step", "one step late", "at the start"
 
 
 @dataclass(frozen=True)
 class Schedule:
-    """The stepping order, the class of every output, and the timing of every connection."""
+    """The stepping order, the class of every output, the rates of the components, and the timing of
+    every connection."""
 
     order: tuple[str, ...]
     classes: dict[tuple[str, str], OutputClass]
+    rates: Rates
     timing: tuple[tuple[Connection, str], ...]
+    warnings: tuple[str, ...] = ()
+    """What different rates cost."""
 
 
 def output_class(system: System, component: str, signal: Signal) -> OutputClass:
@@ -34,10 +40,9 @@ def output_class(system: System, component: str, signal: Signal) -> OutputClass:
 
 def schedule(system: System) -> Schedule:
     """Order the components. Raises DesatError, with the chain, where the interval connections go
-    in a circle."""
+    in a circle, and where means cannot be handed on between components of different rates."""
     classes: dict[tuple[str, str], OutputClass] = {}
     for name, component in system.components.items():
-        assert component.interface is not None
         for signal in component.interface.of("output"):
             classes[name, signal.name] = output_class(system, name, signal)
     before: dict[str, set[str]] = {name: set() for name in system.components}
@@ -52,9 +57,57 @@ def schedule(system: System) -> Schedule:
             raise DesatError(_circle(system, waiting, classes))
         order.append(ready)
         del waiting[ready]
-    names = {"interval": OVER, "state": AT, "undeclared": LATE}
-    timing = tuple((c, names[classes[c.source, c.output]]) for c in system.connections)
-    return Schedule(tuple(order), classes, timing)
+    means = [c for c in system.connections if _is_mean(system, c, classes[c.source, c.output])]
+    paces, problems = rates(system, [Link(c.source, c.target, str(c)) for c in means])
+    if problems:
+        raise DesatError("\n".join(f"{system.where}: {text}" for text in problems))
+    timing = tuple(
+        (c, START if system.components[c.target].interface.signals[c.input].initial
+            else _timing(c, classes[c.source, c.output], c in means, paces))
+        for c in system.connections
+    )  # fmt: skip
+    return Schedule(tuple(order), classes, paces, timing, tuple(_warnings(means, timing)))
+
+
+def _is_mean(system: System, c: Connection, output_class: OutputClass) -> bool:
+    """Whether a connection carries a mean over the step, or the slope of one."""
+    signals = system.components[c.source].interface.signals
+    return output_class == "interval" and (
+        signals[c.output].mean or any(s.slope == c.output for s in signals.values())
+    )
+
+
+def _timing(c: Connection, output_class: OutputClass, mean: bool, paces: Rates) -> str:
+    source, target = paces.every[c.source], paces.every[c.target]
+    if mean and source < target:
+        return f"mean of {target // source} {_steps(paces, target)}"
+    if mean and source > target:
+        return f"its part of {source // target} {_steps(paces, source)}"
+    if output_class == "interval" and source < target:
+        return f"one of {target // source} values"
+    if source > max(target, len(paces.parts)):
+        return f"held for {source // max(target, len(paces.parts))} steps"
+    if c.source in paces.late and output_class == "interval" and c.target not in paces.late:
+        return LATE
+    return {"interval": OVER, "state": AT, "undeclared": LATE}[output_class]
+
+
+def _steps(paces: Rates, window: int) -> str:
+    return "inner steps" if window <= len(paces.parts) else "steps"
+
+
+def _warnings(means: list[Connection], timing: Iterable[tuple[Connection, str]]) -> Iterator[str]:
+    """Values that are held, or of which some are left out, between components that exchange
+    means: what is exchanged is conserved all the same, but is less exact."""
+    exchanging = {c.source for c in means} | {c.target for c in means}
+    lines: dict[tuple[str, str, str], list[str]] = {}
+    for c, text in timing:
+        if text.startswith(("held", "one of")) and {c.source, c.target} <= exchanging:
+            outputs = lines.setdefault((c.source, c.target, text), [])
+            outputs.append(base_name(c.output))
+    for (source, target, text), outputs in lines.items():
+        listed = ", ".join(f"{source}.{name}" for name in dict.fromkeys(outputs))
+        yield f"{target} takes {listed}: {text}, which costs accuracy (decimation)"
 
 
 def _circle(

@@ -36,7 +36,6 @@ def unwired(system: System) -> dict[str, Unwired]:
     read = {(c.source, base_name(c.output)) for c in system.connections}
     result = {}
     for c in system.components.values():
-        assert c.interface is not None
         given = {base_name(name) for name in c.parameters}
         inputs = dict.fromkeys(base_name(s.name) for s in c.interface.of("input"))
         outputs = dict.fromkeys(base_name(s.name) for s in c.interface.of("output"))
@@ -51,7 +50,6 @@ def without_effect(system: System, open_ends: dict[str, Unwired]) -> Iterator[st
     """An error a parameter (or wired input) and each variable that it needs and that is open."""
     wired = {(c.target, base_name(c.input)) for c in system.connections}
     for c in system.components.values():
-        assert c.interface is not None
         mine = open_ends[c.name]
         needed_by = {base_name(s.name): s.needed_by for s in c.interface.signals.values()}
         for name in (*mine.inputs_at_default, *mine.outputs_unread):
@@ -76,7 +74,6 @@ def _values(c: Component, signals: list[Signal]) -> list[object]:
 
 def _value_text(c: Component, name: str) -> str:
     """` = value` of a scalar, a choice by its name; nothing for an array."""
-    assert c.interface is not None
     signal = c.interface.signals.get(name)
     if signal is None:
         return ""

@@ -8,8 +8,7 @@ from desat.components.contract import roles
 from desat.components.contract.block import Block
 from desat.components.contract.units import conversion
 
-from .interface import Signal, base_name
-from .model import Component
+from .interface import Interface, Signal, base_name
 
 
 @cache
@@ -22,18 +21,16 @@ def usual_sources() -> dict[str, dict[str, tuple[str, ...]]]:
     }
 
 
-def names(component: Component, causality: str) -> dict[str, None]:
+def names(interface: Interface, causality: str) -> dict[str, None]:
     """The variables of one causality, arrays by their names."""
-    assert component.interface is not None
-    return dict.fromkeys(base_name(s.name) for s in component.interface.of(causality))
+    return dict.fromkeys(base_name(s.name) for s in interface.of(causality))
 
 
-def elements(component: Component, name: str, causality: str) -> dict[str, Signal]:
+def elements(interface: Interface, name: str, causality: str) -> dict[str, Signal]:
     """The scalars of a variable by what follows its name: nothing, `[1]`, `[3,4]`."""
-    assert component.interface is not None
     return {
         s.name.removeprefix(name): s
-        for s in component.interface.elements(name)
+        for s in interface.elements(name)
         if s.causality == causality and base_name(s.name) == name
     }
 

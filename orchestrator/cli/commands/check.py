@@ -46,10 +46,10 @@ def check(
 
     options = options_of(sets, stop, step, Semantics.conserving, blocks, classes, sources,
                          design=design)  # fmt: skip
-    system, checked = prepare(target, options)
-    schedule = checked.schedule
-    if schedule is not None:
-        problems, warnings = refusals(system, schedule, blocks)
+    case = prepare(target, options)
+    checked, schedule = case.checked, case.checked.schedule
+    if checked.system is not None and schedule is not None:
+        problems, warnings = refusals(checked.system, schedule)
         checked.problems += problems
         checked.warnings += warnings
     timing: dict[str, str] = {}
@@ -82,5 +82,5 @@ def check(
             out.print(table)
     if checked.problems:
         if not as_json:
-            err.print(f"{len(checked.problems)} problem(s) in {system.where}", markup=False)
+            err.print(f"{len(checked.problems)} problem(s) in {case.where}", markup=False)
         raise typer.Exit(Exit.UNMET)

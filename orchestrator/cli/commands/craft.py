@@ -20,11 +20,10 @@ def craft(
 ) -> None:
     """Write the standard SSD of every craft file beside it."""
     from ...files import craft_ssd, places
-    from ...files.scenario import craft_files
 
     places.writable("`desat craft`")
     written = {}
-    for file in craft_files(families or []):
+    for file in craft_ssd.craft_files(families or []):
         path, changed = craft_ssd.write(file)
         written[os.path.relpath(path)] = changed
     if as_json:

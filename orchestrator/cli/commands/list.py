@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.table import Table
 
-from ...files.scenario import Scenario, readable, summary
 from ...system.errors import DesatError
 from ..common import Json, app, complete_family, out, print_json
+
+if TYPE_CHECKING:
+    from ...study.listing import Family
 
 
 @app.command("list")
@@ -21,36 +23,36 @@ def list_command(
     everything: Annotated[bool, typer.Option("--all", help="Every scenario by name.")] = False,
     as_json: Json = False,
 ) -> None:
-    """List the families of scenarios, or the scenarios of one."""
-    if family or everything or as_json:
-        from ...study.explain import readable as checked
+    """List the families of scenarios, or the scenarios of one, and what is wrong with a file."""
+    from ...study import listing
 
-        known, problems = checked(family)
+    found = [listing.family(name) for name in ([family] if family else listing.families())]
+    if as_json:
+        rows = [(n, title) for f in found for n, title in f.scenarios.items()]
+        print_json([{"name": name, "title": title} for name, title in rows])
+    elif family or everything:
+        _print_scenarios(found)
     else:
-        known, problems = readable(family)
-    _print_list(known, bool(family or everything), as_json)
-    if problems:
+        _print_families(found)
+    if problems := [line for f in found for line in f.problems]:
         raise DesatError("\n".join(problems))
 
 
-def _print_list(known: dict[str, Scenario], by_name: bool, as_json: bool) -> None:
-    if as_json:
-        print_json([{"name": n, "title": s.data.get("title", "")} for n, s in known.items()])
-        return
-    if by_name:
-        table = Table("scenario", "what it is", box=None, header_style="bold", pad_edge=False)
-        for name, scenario in known.items():
-            table.add_row(name, scenario.data.get("title", ""))
-        out.print(table)
-        return
-    families: dict[str, list[Scenario]] = {}
-    for scenario in known.values():
-        families.setdefault(scenario.family, []).append(scenario)
+def _print_scenarios(found: list[Family]) -> None:
+    table = Table("scenario", "what it is", box=None, header_style="bold", pad_edge=False)
+    for family in found:
+        for name, title in family.scenarios.items():
+            table.add_row(name, title)
+    out.print(table)
+
+
+def _print_families(found: list[Family]) -> None:
     table = Table("family", "scenarios", "what it is", "such as", box=None, header_style="bold",
                   pad_edge=False)  # fmt: skip
     table.columns[1].justify = "right"
-    for name, members in families.items():
-        table.add_row(name, str(len(members)), summary(name), members[0].name)
+    for family in found:
+        first = next(iter(family.scenarios), "")
+        table.add_row(family.name, str(len(family.scenarios)), family.title, first)
     out.print(table)
     out.print("`desat list FAMILY` has a family's scenarios, `desat list --all` all of them",
               highlight=False, markup=False)  # fmt: skip

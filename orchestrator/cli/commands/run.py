@@ -63,7 +63,7 @@ def run(
 ) -> None:
     """Run a scenario and write a run folder: series, manifest, report."""
     from ...study import report as report_module
-    from ...study.case import execute, prepare
+    from ...study.case import prepare, simulate
 
     options = options_of(
         sets, stop, step, algorithm, blocks, classes, sources, record=tuple(record or ("*",)),
@@ -71,11 +71,10 @@ def run(
         time_limit=time_limit,
     )  # fmt: skip
     target_folder = _run_folder(target, folder)
-    _, checked = prepare(target, options)
-    for warning in checked.warnings:
+    case = prepare(target, options)
+    for warning in case.checked.warnings:
         err.print(f"warning: {warning}", highlight=False, markup=False)
-    checked.or_raise()
-    finished = execute(target, options, target_folder, progress=not as_json)
+    finished = simulate(case, target_folder, progress=not as_json)
     other = _run_twin(finished, options, target_folder) if twin and finished.ok else None
     page = report_module.write_report(target_folder, finished, other)
     if csv:
@@ -102,7 +101,8 @@ def _run_twin(finished: Run, options: Options, folder: Path) -> Run | None:
     """Run the twin that the scenario names, into a folder beside, and compare."""
     from ...files.scenario import scenarios
     from ...study import report as report_module
-    from ...study.case import MANIFEST, execute, relate, write_json
+    from ...study.case import execute
+    from ...study.manifest import MANIFEST, relate, write_json
 
     about = finished.manifest["about"]
     name = about.get("name", "").partition("/")[0] + "/" + about.get("twin", "")

@@ -1,1 +1,0 @@
-"""The generator of the pages under docs/papers: `make papers`."""

@@ -1,0 +1,161 @@
+"""The standing monitor of a rigid body from outside: does its energy add up, and its impulse?
+
+The kinetic energy of the body without the wheels' axial part, E = 1/2 omega . J_r omega, changes by
+
+    dE/dt = omega . (tau_ext - A tau_wheel)
+
+(the wheels' own, h^2 / 2 J_s, changes by tau_wheel . h / J_s, which the momentum of each wheel
+fulfils by itself; the sum of both is tau_ext . omega + tau_wheel . Omega). Both integrals, of work
+and of impulse, are taken over each step from the rows (`within.py`), with the external torque as
+the body's neighbours recorded it (`outside.py`): exact but for terms of order 6 in nutation times
+step. Where that torque is not known, its mean by the body's own impulse serves for the work, which
+then errs by order 2 where the torque changes within a step.
+
+What stays of the energy is what the integrator or the exchange takes or makes; what stays of the
+impulse is a torque that the body has computed otherwise.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ..engine.results import Results
+from ..study.derived import rotate_back
+from ..study.plots import COLOURS, figure, svg, time_axis
+from ..system.model import System
+from . import outside, residual
+from .within import NODES, WEIGHTS, Array, Steps
+
+KEY = "energy"
+NUMBERS = ("energy_mismatch", "impulse_mismatch")
+_PAIR = ("tau_mean_wheel", "tau_slope_wheel")
+
+
+def applies(system: System) -> dict[str, Any] | None:
+    """As for the momentum residual, and where the wheels' torques come from; None where they do
+    not reach the body or are not stepped with it."""
+    parts = residual.applies(system)
+    if parts is None:
+        return None
+    body = parts["spacecraft"]
+    for name in _PAIR:
+        feeds = [c for c in system.connections if c.target == body and c.input == f"{name}[1]"]
+        if not feeds:
+            return None
+        feed = feeds[0]
+        if (
+            system.components[body].decimation != 1
+            or system.components[feed.source].decimation != 1
+        ):
+            return None
+        parts[name] = f"{feed.source}.{feed.output.partition('[')[0]}"
+    return {**parts, "feeds": outside.feeds(system, body)}
+
+
+def steps_of(manifest: dict[str, Any], results: Results) -> Steps | None:
+    """The steps of a run; None where not every row of what is needed is recorded, or a torque
+    reaches the body a step late."""
+    parts = manifest.get(KEY)
+    if parts is None or manifest["algorithm"] != "conserving":
+        return None
+    name = parts["spacecraft"]
+    states = [f"{name}.{n}" for n in ("q_bi", "omega_bi_body", "impulse_eci")] + [parts["wheels"]]
+    pair = [parts[n] for n in _PAIR]
+    if not {*states, *pair} <= set(results.names()):
+        return None
+    q, omega, impulse, h = (results.values(s) for s in states)
+    mean, slope = (results.values(s) for s in pair)
+    times = results.times(states[0])
+    n = min(len(mean), len(q) - 1)
+    if n < 1 or abs(times[1] - times[0] - manifest["step"]) > 1e-9 * manifest["step"]:
+        return None
+    carrier, axes = residual.carrier_of(manifest, name)
+    return Steps(
+        float(manifest["step"]), carrier, axes, q[: n + 1], omega[: n + 1], impulse[: n + 1],
+        h[: n + 1], mean[:n], slope[:n],
+        parts["feeds"] and outside.torque(manifest, results, name, parts["feeds"], n),
+    )  # fmt: skip
+
+
+@dataclass
+class Balance:
+    """At the rows of a run: times (s), the body's energy and what torques have done to it (J), the
+    impulse by its own account less that computed outside (N m s, eci; None: not known)."""
+
+    times: Array
+    energy: Array
+    work: Array
+    impulse: Array | None
+
+    @property
+    def mismatch(self) -> Array:
+        """Energy gained beyond the work (J)."""
+        return np.asarray(self.energy - self.energy[0] - self.work)
+
+
+def balance(manifest: dict[str, Any], results: Results) -> Balance | None:
+    """Of a run; None as for `steps_of`."""
+    steps = steps_of(manifest, results)
+    if steps is None:
+        return None
+    n, dt = len(steps.mean), steps.dt
+    work, impulse = np.zeros(n), np.zeros((n, 3))
+    for e, weight in zip(NODES.tolist(), WEIGHTS.tolist(), strict=True):
+        q = steps.attitude(e)
+        torque = steps.torque(e, q)
+        work += weight * dt * (steps.rate(e, q) * (torque - steps.motors(e))).sum(axis=1)
+        impulse += weight * dt * rotate_back(q, torque)
+    own = steps.impulse - steps.impulse[0]
+    return Balance(
+        times=manifest["start"] + dt * np.arange(n + 1),
+        energy=0.5 * np.einsum("ij,jk,ik->i", steps.omega, steps.carrier, steps.omega),
+        work=np.concatenate([[0.0], np.cumsum(work)]),
+        impulse=own - np.vstack([np.zeros(3), np.cumsum(impulse, axis=0)]) if steps.outer else None,
+    )
+
+
+def signals(parts: dict[str, str]) -> list[str]:
+    """None: the balance is made where its series are recorded anyhow."""
+    return []
+
+
+def numbers(manifest: dict[str, Any], results: Results) -> dict[str, dict[str, Any]]:
+    """The largest mismatch of energy, as a share of the largest energy that the body had or got,
+    and the largest one of impulse (N m s)."""
+    found = balance(manifest, results)
+    if found is None:
+        return {}
+    rows: dict[str, dict[str, Any]] = {}
+    scale = max(found.energy.max(), np.abs(found.work).max())
+    if scale > 0.0:
+        rows["energy_mismatch"] = {
+            "title": "Energy mismatch, largest",
+            "value": float(np.abs(found.mismatch).max() / scale),
+            "unit": "1",
+            "note": "of the body's largest energy or work",
+        }
+    if found.impulse is not None:
+        rows["impulse_mismatch"] = {
+            "title": "External impulse, the body's own less that computed outside, largest",
+            "value": float(np.linalg.norm(found.impulse, axis=1).max()),
+            "unit": "N.m.s",
+        }
+    return rows
+
+
+def figures(manifest: dict[str, Any], results: Results) -> list[tuple[str, str]]:
+    """The mismatch of energy over time."""
+    found = balance(manifest, results)
+    if found is None:
+        return []
+    fig, ax = figure()
+    seconds, unit = time_axis(found.times)
+    ax.plot(found.times / seconds, found.mismatch, color=COLOURS[0], linewidth=1.0)
+    ax.set_xlabel(f"time [{unit}]")
+    ax.set_ylabel("[J]")
+    ax.margins(x=0.01)
+    caption = "Energy mismatch: what the body has gained beyond the work of its torques"
+    return [(caption, svg(fig))]

@@ -1,0 +1,83 @@
+"""The system that a scenario describes: its craft or SSD, with other FMUs, values and times."""
+
+from __future__ import annotations
+
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+from ..system.draft import Draft
+from ..system.errors import DesatError
+from ..system.replace import drop_unwanted
+from . import craft, library, ssp
+
+
+def draft(
+    data: dict[str, Any], parameters: dict[str, Any], folder: Path, where: str, blocks: bool
+) -> Draft:
+    """The system of a scenario's data, with interfaces, and what is wrong with it (schema, missing
+    FMUs, parameters). `parameters`: a table a component; `folder`: where craft, SSD and FMUs are;
+    `where`: the scenario's file, for messages. Raises DesatError for a component that there is not.
+    """
+    made = _wired(data, folder, where)
+    for key in ("start", "stop", "step"):
+        if key in data:
+            setattr(made, key, float(data[key]))
+    made.inner = data.get("inner", 1)
+    made.output_classes.update(data.get("output_classes", {}))
+    _place(made, data.get("sources", {}), folder, where)
+    for name, decimation in data.get("decimation", {}).items():
+        made.component(name, f"{where}: decimation").decimation = int(decimation)
+    library.load_interfaces(made, blocks)
+    for name in data.get("sources", {}):
+        drop_unwanted(made, made.components[name])
+    for name, value in data.get("shared", {}).items():
+        made.share(name, value, where)
+    if "epoch" in data:
+        made.share("epoch_j2000", _epoch(data["epoch"], where), where)
+    for name, values in parameters.items():
+        component = made.component(name, f"{where}: parameters")
+        for parameter, value in values.items():
+            made.try_to_assign(component, parameter, value, where)
+    return made
+
+
+def about(data: dict[str, Any]) -> dict[str, Any]:
+    """What of a scenario's data travels with a packed system: story, numbers, plots and the
+    like."""
+    keys = ("title", "story", "source", "twin", "numbers", "plots", "output_classes", "labels",
+            "dispersions", "inner", "stop_when")  # fmt: skip
+    kept = {k: data[k] for k in keys if k in data}
+    if "plots" in kept:
+        kept["plots"] = list(kept["plots"].values())  # a list keeps its order in JSON
+    return kept
+
+
+def _wired(data: dict[str, Any], folder: Path, where: str) -> Draft:
+    """The system of a scenario's craft file or SSD."""
+    if "ssd" in data:
+        if "craft" in data:
+            raise DesatError(f"{where}: craft and ssd: only one of them can say what is wired")
+        return ssp.read(folder / data["ssd"])
+    file = folder / data.get("craft", craft.FILE)
+    if "craft" in data or file.exists():
+        return craft.read(file)
+    return ssp.read(folder / ssp.FILE)
+
+
+def _place(made: Draft, sources: dict[str, str], folder: Path, where: str) -> None:
+    """Put other FMUs in the places of components: files, or ours by their names."""
+    for name, source in sources.items():
+        component = made.component(name, f"{where}: sources")
+        ours = "/" not in source and not source.endswith(".fmu")
+        component.source = f"resources/{source}.fmu" if ours else source
+        component.fmu = library.find(component.source, folder)
+        if ours and component.fmu is None:
+            component.fmu = library.built(component.source)
+
+
+def _epoch(value: Any, where: str) -> float:
+    """Seconds from 2000-01-01T12:00:00 UTC to a TOML date-time."""
+    if not isinstance(value, datetime) or value.tzinfo is None:
+        raise DesatError(f"{where}: epoch = {value}: a UTC time is needed, 2026-01-01T00:00:00Z")
+    return (value - datetime(2000, 1, 1, 12, tzinfo=UTC)).total_seconds()

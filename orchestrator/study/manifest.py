@@ -1,0 +1,121 @@
+"""The manifest of a run: what was run, with which values, and the numbers that came out."""
+
+from __future__ import annotations
+
+import json
+import platform
+from collections.abc import Mapping
+from importlib.metadata import version
+from math import inf
+from pathlib import Path
+from typing import Any
+
+from ..analyses import analyses
+from ..engine.results import Results
+from ..files import library
+from ..system.errors import DesatError
+from ..system.expression import Table
+from ..system.model import System
+from ..system.parameters import table
+from .numbers import OPEN_END, evaluate, relative, signals_of
+from .options import Options
+
+MANIFEST = "manifest.json"
+PACKAGES = ("desat", "fmpy", "pythonfmu", "numpy", "scipy", "h5py")
+
+
+def describe(system: System, options: Options, target: str) -> dict[str, Any]:
+    """The manifest of a system before it runs."""
+    path = Path(target)
+    return {
+        "scenario": system.about.get("name", system.name),
+        "about": system.about,
+        "algorithm": options.algorithm,
+        "components_as": "bare blocks" if options.blocks else "FMUs",
+        "start": system.start,
+        "stop": system.stop,
+        "step": system.step,
+        "inner": system.inner,
+        "output_classes": system.output_classes,
+        "versions": {
+            **{name: version(name) for name in PACKAGES},
+            "python": platform.python_version(),
+        },
+        "platform": platform.platform(),
+        "ssp": {"file": path.name, "sha256": library.sha256(path)}
+        if path.suffix == ".ssp" else None,
+        "fmus": {
+            c.name: {"source": c.source, "sha256": library.load(c.fmu).sha256}
+            for c in system.components.values() if c.fmu is not None
+        },
+        **{a.KEY: a.applies(system) for a in analyses()},
+        "choices": {
+            f"{c.name}.{s.name}": list(s.choices)
+            for c in system.components.values()
+            for s in c.interface.of("output") if s.choices
+        },
+        "parameters": table(system.components.values()),
+    }  # fmt: skip
+
+
+def numbers(
+    about: Mapping[str, Any], results: Results, parameters: Table
+) -> dict[str, dict[str, Any]]:  # fmt: skip
+    """The scenario's numbers that need no other run, where their series are recorded.
+
+    `value` is None, and shown as "not reached", where the run does not reach a number's window;
+    `note` says how much of the window it has.
+    """
+    rows: dict[str, dict[str, Any]] = {}
+    known, end = set(results.names()), results.times()[-1:].tolist()
+    for name, number in about.get("numbers", {}).items():
+        if "reference" in number or not known.issuperset(signals_of(number)):
+            continue
+        rows[name] = {
+            "title": number.get("title", name),
+            "value": evaluate(number, results, parameters),
+            "unit": number.get("unit", ""),
+        }
+        until = number.get("window", (0.0, inf))[1]
+        if rows[name]["value"] is not None and until < OPEN_END and end[0] < until - 1e-6:
+            rows[name]["note"] = f"only to {end[0]:g} s of {until:g} s"
+    return rows
+
+
+def relate(manifest: dict[str, Any], others: dict[str, dict[str, Any]]) -> None:
+    """Add the numbers that compare a run with others (by scenario name, without the family)."""
+    for name, number in manifest["about"].get("numbers", {}).items():
+        other = others.get(number.get("reference", ""))
+        of = number.get("of", "")
+        if other is None or of not in manifest["numbers"] or of not in other["numbers"]:
+            continue
+        manifest["numbers"][name] = {
+            "title": number.get("title", name),
+            "value": relative(
+                number["form"],
+                manifest["numbers"][of]["value"],
+                other["numbers"][of]["value"],
+            ),
+            "unit": number.get("unit", ""),
+            "reference": number["reference"],
+        }
+
+
+def write_json(path: Path, data: Any) -> None:
+    """Write JSON under a temporary name, then rename."""
+    part = path.with_name(path.name + ".tmp")
+    path.parent.mkdir(parents=True, exist_ok=True)
+    part.write_text(json.dumps(data, indent=1), encoding="utf-8")
+    part.replace(path)
+
+
+def read_manifest(folder: Path) -> dict[str, Any]:
+    """The manifest of a run folder, also of a run that was killed. Raises DesatError."""
+    for name in (MANIFEST, f"{MANIFEST}.part"):
+        if (folder / name).exists():
+            try:
+                manifest: dict[str, Any] = json.loads((folder / name).read_text(encoding="utf-8"))
+                return manifest
+            except ValueError as error:
+                raise DesatError(f"{folder / name}: {error}") from error
+    raise DesatError(f"{folder}: no run folder (it has no {MANIFEST})")

@@ -1,0 +1,91 @@
+"""The options of a run applied to a draft: times, values, other FMUs in components' places."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+from ..files import library
+from ..system.draft import Draft, DraftComponent
+from ..system.errors import DesatError
+from ..system.interface import Interface, base_name
+from ..system.parameters import parse_assignment
+from ..system.replace import drop_unwanted
+from .options import Options
+
+
+def modify(
+    draft: Draft, options: Options, designed: Mapping[str, Mapping[str, Any]] | None = None
+) -> None:
+    """Apply options to a draft. `designed`: parameters, a table a component, below those of the
+    options. Raises DesatError for what is unknown or does not fit."""
+    if options.stop is not None:
+        draft.stop = options.stop
+    if options.step is not None:
+        draft.step = options.step
+    if options.inner is not None:
+        draft.inner = options.inner
+    draft.output_classes.update(options.output_classes)
+    for text in options.sources:
+        _replace(draft, text, options.blocks)
+    for where, name, variable, value in _assignments(options, designed or {}):
+        if name == "shared" and name not in draft.components:
+            draft.share(variable, value, where)
+        else:
+            draft.component(name, where).assign(variable, value, name)
+
+
+def _assignments(
+    options: Options, designed: Mapping[str, Mapping[str, Any]]
+) -> Iterator[tuple[str, str, str, Any]]:
+    """Who says it, component, variable and value of all that is to be assigned."""
+    for name, values in designed.items():
+        for variable, value in values.items():
+            yield f"--design: {name}.{variable}", name, variable, value
+    for text in options.sets:
+        yield f"--set {text}", *parse_assignment(text)
+    for key, value in options.values.items():
+        name, _, variable = key.partition(".")
+        yield key, name, variable, value
+
+
+def _replace(draft: Draft, text: str, blocks: bool) -> None:
+    """Put another FMU in a component's place, with those parameters of the old one that it
+    declares alike; what is left out is a warning."""
+    name, _, source = text.partition("=")
+    if not source:
+        raise DesatError(f"--source {text}: the form is COMPONENT=FMU")
+    component = draft.component(name, f"--source {text}")
+    file = Path(source)
+    component.source = source if file.suffix == ".fmu" else f"resources/{source}.fmu"
+    component.fmu = file if file.is_file() else library.built(component.source)
+    old = component.interface
+    if not library.load_interface(draft, component, blocks):
+        return
+    drop_unwanted(draft, component)
+    if lost := _keep_alike(component, old):
+        draft.warnings.append(
+            f"{name}: {source} does not take {', '.join(lost)} of the FMU that it replaces"
+        )
+
+
+def _keep_alike(component: DraftComponent, old: Interface | None) -> list[str]:
+    """Take the values away that a component's new interface does not declare as the old one did;
+    their names."""
+    before = old.signals if old else {}
+    now = component.interface.signals if component.interface else {}
+
+    def alike(key: str) -> bool:
+        return key in before and key in now and all(
+            getattr(before[key], what) == getattr(now[key], what)
+            for what in ("causality", "kind", "unit", "choices")
+        )  # fmt: skip
+
+    given = component.parameters
+    component.parameters = {key: value for key, value in given.items() if alike(key)}
+    component.references = {
+        name: text for name, text in component.references.items()
+        if old is not None and all(alike(s.name) for s in old.elements(name))
+    }  # fmt: skip
+    return list(dict.fromkeys(base_name(k) for k in given if k not in component.parameters))

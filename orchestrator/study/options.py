@@ -1,0 +1,32 @@
+"""What the command line, or a program, may change about a run."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+from ..engine.master import Algorithm
+
+
+@dataclass
+class Options:
+    """What the command line may change about a run."""
+
+    sets: list[str] = field(default_factory=list)
+    sources: list[str] = field(default_factory=list)
+    """`component=FMU`: a file, or one of ours by its name, in a component's place"""
+    stop: float | None = None
+    step: float | None = None
+    inner: int | None = None
+    """Inner steps within each step (`system/rates.py`)."""
+    algorithm: Algorithm = "conserving"
+    blocks: bool = False
+    record: tuple[str, ...] = ("*",)
+    every: int = 1
+    output_classes: dict[str, Any] = field(default_factory=dict)
+    values: dict[str, Any] = field(default_factory=dict)
+    """`component.variable` -> value, beside `sets`, for callers that are programs."""
+    design: str | None = None
+    """Of a scenario with a [design]: a file with another one, or `now`: made for these values."""
+    time_limit: float | None = None
+    """Wall time (s) that stepping may take; the run ends between two steps"""

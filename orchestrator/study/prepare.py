@@ -1,0 +1,118 @@
+"""Before a run: a target found, read, changed by the options, and checked."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from ..designs import making, origin
+from ..files import library, scenario, ssp
+from ..files.scenario import Scenario
+from ..system.check import Checked, check
+from ..system.draft import Draft
+from ..system.errors import DesatError
+from ..system.interface import base_name
+from ..system.model import System
+from ..system.parameters import table
+from ..system.schedule import Schedule
+from . import meaning, stopping
+from .modify import modify
+from .numbers import problems
+from .options import Options
+
+
+@dataclass(frozen=True)
+class Case:
+    """A target with options, checked: what a run needs, or what is wrong with it."""
+
+    target: str
+    options: Options
+    where: str
+    """The file that its system was read from, for messages."""
+    checked: Checked
+
+    def or_raise(self) -> tuple[System, Schedule]:
+        """The system and its schedule; raises DesatError with every problem, a line each."""
+        return self.checked.or_raise()
+
+
+def load(target: str, blocks: bool = False) -> Draft:
+    """The system of a scenario name, a scenario file, a .ssp, an .ssd or a folder, with its
+    problems so far. Raises DesatError where there is nothing to go on with."""
+    return _draft(target, _scenario_of(target), blocks)
+
+
+def prepare(target: str, options: Options) -> Case:
+    """Load a system, apply the options, and check it; warns of a design made for other values.
+
+    Raises DesatError where there is nothing to check, or an option is wrong.
+    """
+    described = _scenario_of(target)
+    if options.design is not None and described is None:
+        raise DesatError(f"--design {options.design}: {target} is no scenario with a [design]")
+    draft = _draft(target, described, options.blocks, designed=options.design is None)
+    if described is not None:
+        draft.problems += meaning.words(described) or meaning.names(described, draft)
+    if described is None or options.design is None:
+        modify(draft, options)
+        if source := described or _packed_from(draft):
+            draft.warnings += origin.warnings(source, options)
+    else:
+        modify(draft, options, _designed(described, options))
+    checked = check(draft)
+    if checked.system is not None and checked.schedule is not None:
+        if described is not None:
+            checked.problems += meaning.wants(described, checked.system)
+        else:
+            checked.problems += [f"{draft.where}: {t}" for t in stopping.problems(checked.system)]
+        lacking = _problems_of_numbers(checked.system)
+        # another FMU may lack what the scenario's numbers are made of: it runs without them
+        (checked.warnings if options.sources else checked.problems).extend(lacking)
+    return Case(target, options, draft.where, checked)
+
+
+def _scenario_of(target: str) -> Scenario | None:
+    """The scenario that a target names; None for an SSP file or a folder."""
+    path = Path(target)
+    if path.suffix in (".ssp", ".ssd") or path.is_dir():
+        return None
+    return scenario.own(path) if path.suffix == ".toml" else scenario.find(target)
+
+
+def _draft(
+    target: str, described: Scenario | None, blocks: bool, designed: bool = True
+) -> Draft:  # fmt: skip
+    if described is not None:
+        return described.draft(blocks, designed)
+    draft = ssp.read(Path(target))
+    library.load_interfaces(draft, blocks)
+    return draft
+
+
+def _packed_from(draft: Draft) -> Scenario | None:
+    """The scenario of ours that a packed system was packed from."""
+    name = draft.about.get("name", "")
+    family = name.partition("/")[0]
+    return scenario.scenarios(family).get(name) if family in scenario.families() else None
+
+
+def _designed(described: Scenario, options: Options) -> dict[str, dict[str, Any]]:
+    """The parameters of the design that the options ask for, but for those that the scenario
+    gives itself."""
+    own = described.parameters(designed=False)
+    return {
+        name: {k: v for k, v in values.items() if k not in own.get(name, {})}
+        for name, values in making.parameters_for(described, options).items()
+    }
+
+
+def _problems_of_numbers(system: System) -> list[str]:
+    """What is wrong with the numbers that a scenario wants of a checked system."""
+    units = {
+        f"{c.name}.{base_name(s.name)}": s.unit_name
+        for c in system.components.values() for s in c.interface.of("output")
+    }  # fmt: skip
+    name = system.about.get("name", system.name)
+    wrong = problems(dict(system.about), units, table(system.components.values()))
+    return [f"{name}: {text}" for text in wrong]

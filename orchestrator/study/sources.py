@@ -1,0 +1,99 @@
+"""What the pages of a family are made of: runs, draws, and the cells of the paper's tables."""
+
+from __future__ import annotations
+
+import math
+import re
+import sys
+from collections.abc import Sequence
+from functools import cached_property
+from typing import Any
+
+from ..analyses import analyses
+from ..files.scenario import find
+from ..system.errors import DesatError, nearest
+from . import stored, tables
+from .case import Options, Run, execute, prepare
+from .cells import Row
+from .draws import needed_signals
+
+Change = dict[str, Any]
+"""`component.parameter` -> another value."""
+
+
+class Sources:
+    """Of a family whose scenarios are named without it; everything is made once, when it is asked
+    for.
+
+    Runs are made by FMUs and kept in memory: of each what its numbers and plots are made of, and
+    every series that a template names as "component.output".
+    """
+
+    def __init__(
+        self, family: str, templates: Sequence[str], jobs: int, draft: float | None
+    ) -> None:
+        self.family, self.jobs, self.draft = family, jobs, draft
+        self._named = sorted({n for t in templates for n in re.findall(r'"(\w+\.\w+)"', t)})
+        self._runs: dict[str, Run] = {}
+
+    def name_of(self, scenario: str) -> str:
+        """The full name of a scenario."""
+        return scenario if "/" in scenario else f"{self.family}/{scenario}"
+
+    def end_of(self, scenario: str, stop: float | None) -> float | None:
+        """The stop time of a run; None: that of the scenario."""
+        if self.draft is None:
+            return stop
+        own = stop or find(self.name_of(scenario)).data.get("stop", math.inf)
+        return min(own, self.draft)
+
+    def run(
+        self, scenario: str, change: Change | None = None, step: float | None = None,
+        stop: float | None = None,
+    ) -> Run:  # fmt: skip
+        """A run, made once."""
+        key = repr((scenario, change, step, stop))
+        if key not in self._runs:
+            name = self.name_of(scenario)
+            options = Options(
+                values=change or {}, step=step, stop=self.end_of(scenario, stop),
+                record=tuple(self._needed(name)),
+            )  # fmt: skip
+            self._runs[key] = execute(name, options).or_raise(name)
+        return self._runs[key]
+
+    def _needed(self, name: str) -> list[str]:
+        """What must be recorded of a scenario."""
+        system, _ = prepare(name, Options()).or_raise()
+        needed = [*self._named, *needed_signals(system.about)]
+        needed += [signal for p in system.about.get("plots", []) for signal in p["signals"]]
+        for analysis in analyses():
+            if parts := analysis.applies(system):
+                needed += analysis.signals(parts)
+        return sorted(set(needed))
+
+    @cached_property
+    def draws(self) -> dict[str, Any]:
+        """The family's draws: those that are outdated are made now, but not for a draft."""
+        if self.draft is not None:
+            return stored.read(self.family)
+        made = stored.renew(self.family, self.jobs, progress=sys.stderr.isatty())
+        stored.write(made)
+        return made
+
+    def draws_of(self, scenario: str) -> dict[str, Any]:
+        """The draws of a scenario. Raises DesatError where it has none."""
+        kept: dict[str, Any] = self.draws["scenarios"]
+        if (name := self.name_of(scenario)) not in kept:
+            raise DesatError(f"{scenario} has no draws{nearest(name, kept)}")
+        draws: dict[str, Any] = kept[name]
+        return draws
+
+    @cached_property
+    def _table(self) -> list[Row]:
+        drawn = self.draws if stored.with_draws(self.family) else None
+        return tables.rows(self.family, Options(), self.jobs, drawn)
+
+    def cells(self, draws: bool) -> list[Row]:
+        """The cells of the paper's tables; `draws` False leaves out the medians of draws."""
+        return [row for row in self._table if draws or row.draws is None]

@@ -1,0 +1,239 @@
+"""The verbs of pages: what a template may call.
+
+A scenario is named without its family; `change` gives parameters other values, as
+`{"manager.gain": 2.0}`.
+"""
+
+from __future__ import annotations
+
+import importlib
+import json
+import math
+import statistics
+import tomllib
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from ..files import places
+from ..files.scenario import find
+from ..system.errors import DesatError, nearest
+from ..system.expression import factor, product
+from . import figures, stored, tables
+from .case import Options
+from .plots import lines_of, pretty_unit, series_plot
+from .series import Series
+from .sources import Change, Sources
+
+POINTS = 600
+"""Of a line in a figure of a page, so that files stay small."""
+
+
+class Verbs:
+    """Every public method is a verb; `figures` collects what they draw: file -> SVG."""
+
+    def __init__(self, sources: Sources) -> None:
+        self._of = sources
+        self._figures: dict[str, str] = {}
+
+    def known(self) -> dict[str, Callable[..., Any]]:
+        """The verbs by name."""
+        own = ("known", "figures")
+        names = (n for n in dir(type(self)) if not n.startswith("_") and n not in own)
+        return {name: getattr(self, name) for name in names}
+
+    @property
+    def figures(self) -> dict[str, str]:
+        """What was drawn: file name -> SVG."""
+        return self._figures
+
+    # --- values -------------------------------------------------------------------------------
+
+    def value(self, scenario: str, number: str, change: Change | None = None) -> float:
+        """A number of a run. Raises DesatError where the run has none or does not reach it."""
+        numbers = self._of.run(scenario, change).manifest["numbers"]
+        if number not in numbers:
+            raise DesatError(f"{scenario} has no number {number}{nearest(number, numbers)}")
+        value = numbers[number]["value"]
+        if value is None and self._of.draft is None:
+            raise DesatError(f"{scenario}: {number} is not reached")
+        return math.nan if value is None else float(value)
+
+    def about(self, scenario: str, number: str) -> dict[str, Any]:
+        """What a number is: its `title`, its `unit` as people write it."""
+        told = self._of.run(scenario).manifest["numbers"][number]
+        return {**told, "unit": pretty_unit(told["unit"])}
+
+    def parameter(self, scenario: str, text: str, unit: str = "") -> float:
+        """A parameter of a run, or a product of several, in a unit (default: its own)."""
+        value, own = product(text, self._of.run(scenario).manifest["parameters"])
+        return value * factor(own, unit, f'of "{text}"') if unit else value
+
+    def setting(self, scenario: str, key: str) -> Any:
+        """What a scenario's file says for a key at its top, such as stop."""
+        data = find(self._of.name_of(scenario)).data
+        if key not in data:
+            raise DesatError(f"{scenario} has no {key}{nearest(key, data)}")
+        return data[key]
+
+    def sweep(
+        self, scenario: str, parameter: str, values: Sequence[Any], *numbers: str
+    ) -> list[tuple[Any, ...]]:
+        """Of each value of a parameter: itself, and the numbers of its run."""
+        return [(v, *(self.value(scenario, n, {parameter: v}) for n in numbers)) for v in values]
+
+    # --- draws --------------------------------------------------------------------------------
+
+    def drawn(self, scenario: str, number: str) -> list[float]:
+        """A number of each draw, in their order."""
+        rows = self._of.draws_of(scenario)["draws"]
+        if number not in rows[0]["numbers"]:
+            hint = nearest(number, rows[0]["numbers"])
+            raise DesatError(f"{scenario}: draws have no number {number}{hint}")
+        return [row["numbers"][number] for row in rows]
+
+    def spread(self, scenario: str, number: str, digits: int = 1) -> str:
+        """A number over the draws as `median [least, most]`."""
+        values = self.drawn(scenario, number)
+        middle, low, high = statistics.median(values), min(values), max(values)
+        return f"{middle:.{digits}f} [{low:.{digits}f}, {high:.{digits}f}]"
+
+    def seed(self) -> int:
+        """The seed of the draws."""
+        return int(self._of.draws["seed"])
+
+    # --- the paper's tables -------------------------------------------------------------------
+
+    def paper(self, draws: bool = True) -> dict[str, list[dict[str, str]]]:
+        """The paper's cells beside ours as texts: heading -> rows; `draws` False leaves out the
+        medians of draws."""
+        return {
+            heading: [tables.shown(row) for row in group]
+            for heading, group in tables.grouped(self._of.cells(draws))
+        }
+
+    def paper_table(self, rows: list[dict[str, str]]) -> str:
+        """Rows of `paper` as a table, of the columns that have something to show."""
+        columns = tables.columns(rows)
+        head = [self.row(*columns.values()), "|" + "---|" * len(columns)]
+        return "\n".join([*head, *(self.row(*(row[c] for c in columns)) for row in rows)])
+
+    def within(self, draws: bool = True) -> str:
+        """How many of the cells that have a band are within it: `62 of 62`."""
+        banded = [row for row in self._of.cells(draws) if row.within is not None]
+        return f"{sum(bool(row.within) for row in banded)} of {len(banded)}"
+
+    def missed(self) -> list[dict[str, Any]]:
+        """The paper's cells that have no band and are not tuned, but a remark: nothing reproduces
+        them."""
+        return [
+            {**tables.shown(row), "table": row.table, "quantity": row.quantity.replace("_", " ")}
+            for row in self._of.cells(False)
+            if row.paper is not None and row.band is None and row.remark and not row.tuned
+        ]
+
+    def origin(self) -> str:
+        """Where the draws are from."""
+        return tables.origin(stored.provenance(self._of.draws, fresh=False))
+
+    # --- series and figures -------------------------------------------------------------------
+
+    def series(
+        self, scenario: str, signal: str, change: Change | None = None, *,
+        step: float | None = None, stop: float | None = None,
+    ) -> Series:  # fmt: skip
+        """A series of a run, in its unit; with another step or end (s) of the run."""
+        results = self._of.run(scenario, change, step, stop).results
+        return Series(results.times(signal), results.values(signal).astype(float))
+
+    def line(self, scenario: str, plot: str, change: Change | None = None) -> Series:
+        """The first line of a scenario's plot, such as one that it derives."""
+        spec, results = self._plot(scenario, plot), self._of.run(scenario, change).results
+        if not (lines := lines_of(spec, results, spec.get("unit", "1"))):
+            raise DesatError(f"{scenario}: plot {plot}: not recorded")
+        return Series(lines[0].times, lines[0].values)
+
+    def plot(self, file: str, scenario: str, plot: str, place: str = "") -> str:
+        """A plot of a scenario as a figure; `place` stands before its title."""
+        spec = {"points": POINTS, **self._plot(scenario, plot)}
+        run = self._of.run(scenario)
+        image = series_plot(spec, [("", run.results, run.manifest["parameters"])])
+        if image is None:
+            raise DesatError(f"{scenario}: plot {plot}: not recorded")
+        title = str(spec["title"])
+        return self._figure(file, f"{place}: {title[0].lower()}{title[1:]}" if place else title,
+                            image)  # fmt: skip
+
+    def compare(
+        self, file: str, caption: str, lines: Sequence[tuple[str, Series]], axis: str,
+        **options: Any,
+    ) -> str:  # fmt: skip
+        """Labelled series of several runs on one pair of axes; `options` of `figures.curves`."""
+        return self._figure(file, caption, figures.curves(lines, axis, **options))
+
+    def bars(
+        self,
+        file: str,
+        caption: str,
+        groups: dict[str, dict[str, float]],
+        axis: str,
+        **options: Any,
+    ) -> str:
+        """Bars: group -> label -> value."""
+        return self._figure(file, caption, figures.bars(groups, axis, **options))
+
+    def scatter(
+        self, file: str, caption: str, groups: dict[str, tuple[list[float], list[float]]],
+        x: str, y: str, **options: Any,
+    ) -> str:  # fmt: skip
+        """Points: label -> (x, y)."""
+        return self._figure(file, caption, figures.scatter(groups, x, y, **options))
+
+    def row(self, *cells: Any) -> str:
+        """A row of a table."""
+        return f"| {' | '.join(str(cell) for cell in cells)} |"
+
+    # --- from elsewhere -----------------------------------------------------------------------
+
+    def data(self, path: str) -> dict[str, Any]:
+        """A JSON or TOML file of the repository."""
+        text = (places.SCENARIOS.parent / path).read_text(encoding="utf-8")
+        found: dict[str, Any] = json.loads(text) if path.endswith(".json") else tomllib.loads(text)
+        return found
+
+    def law(self, module: str, function: str) -> Callable[..., Any]:
+        """A function of `components/laws/MODULE.py`."""
+        found: Callable[..., Any] = getattr(
+            importlib.import_module(f"desat.components.laws.{module}"), function
+        )
+        return found
+
+    def convergence(self, scenario: str) -> dict[str, Any]:
+        """A scenario at several steps against its monolithic reference: `rows`, `order`."""
+        from ..analyses import convergence
+
+        options = Options(stop=self._of.end_of(scenario, None))
+        return convergence.study(self._of.name_of(scenario), options, jobs=self._of.jobs)
+
+    def convergence_plot(
+        self, file: str, caption: str, study: dict[str, Any], key: str, unit: str
+    ) -> str:
+        """An error of such a study over the steps."""
+        from ..analyses import convergence
+
+        return self._figure(file, caption, convergence.plot(study, key, unit))
+
+    # --- how ----------------------------------------------------------------------------------
+
+    def _plot(self, scenario: str, plot: str) -> dict[str, Any]:
+        plots: dict[str, Any] = find(self._of.name_of(scenario)).data.get("plots", {})
+        if plot not in plots:
+            raise DesatError(f"{scenario} has no plot {plot}{nearest(plot, plots)}")
+        return dict(plots[plot])
+
+    def _figure(self, file: str, caption: str, svg: str) -> str:
+        """The Markdown of a figure, which is kept."""
+        name = f"{file}.svg"
+        if name in self._figures:
+            raise DesatError(f"figure {file}: it is there already")
+        self._figures[name] = svg
+        return f"\n![{caption}]({name})\n\n*{caption}*\n"

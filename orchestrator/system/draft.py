@@ -1,0 +1,116 @@
+"""A system as it is read, before it is resolved: interfaces, values and times may be missing.
+
+Files (`files/`) write it, options of a command change it (`study/modify.py`), and `resolve.py`
+makes a `System` of it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from desat.components.contract.block import Scalar
+from desat.components.contract.units import Unit
+
+from .errors import DesatError, nearest
+from .interface import Interface, OutputClass, base_name
+from .model import Connection, Connector
+from .parameters import expand
+
+
+@dataclass
+class DraftComponent:
+    """A component as it is read."""
+
+    name: str
+    source: str
+    connectors: dict[str, Connector] = field(default_factory=dict)
+    parameters: dict[str, Scalar] = field(default_factory=dict)
+    """Scalar values by element name; inputs may be among them."""
+    references: dict[str, str] = field(default_factory=dict)
+    """Parameters that are given as other parameters: `gain_matrix = "shared.inertia"`."""
+    units: dict[str, Unit] = field(default_factory=dict)
+    """Units that values in `parameters` were given in, where they are not the component's own."""
+    line: int = 0
+    fmu: Path | None = None
+    """The file that `source` stands for; None where there is none, and for a bare block."""
+    interface: Interface | None = None
+    decimation: int = 1
+
+    def elements(self, name: str) -> list[str]:
+        """The scalars of a variable by name; none where the interface is not known."""
+        return [s.name for s in self.interface.elements(name)] if self.interface else []
+
+    def assign(self, name: str, value: Any, where: str) -> None:
+        """Give a parameter (or input) its value, or the text of one that follows from others.
+
+        A text for a Real is a product of parameters (`expression.py`), evaluated by `resolve`.
+        Raises DesatError as `expand` does. Nothing is given where the interface is not known: that
+        it is missing is said elsewhere.
+        """
+        if self.interface is None:
+            return
+        signals = self.interface.elements(name)
+        if isinstance(value, str) and signals and signals[0].kind == "Real":
+            expand(self.interface, name, [s.start or 0.0 for s in signals], where)
+            self.references[name] = value
+            return
+        values = expand(self.interface, name, value, where)
+        self.parameters.update(values)
+        self.references.pop(base_name(name), None)
+        for element in (*values, name):
+            self.units.pop(element, None)
+
+
+@dataclass
+class Draft:
+    """Components, connections and the experiment as they are read. `where` is the file, for
+    messages."""
+
+    name: str
+    where: str
+    components: dict[str, DraftComponent] = field(default_factory=dict)
+    connections: list[Connection] = field(default_factory=list)
+    start: float = 0.0
+    stop: float | None = None
+    step: float | None = None
+    inner: int = 1
+    output_classes: dict[str, OutputClass] = field(default_factory=dict)
+    about: dict[str, Any] = field(default_factory=dict)
+    problems: list[str] = field(default_factory=list)
+    """What is wrong with it, a line each."""
+    warnings: list[str] = field(default_factory=list)
+    """What was left out as it was put together."""
+
+    def component(self, name: str, where: str) -> DraftComponent:
+        """A component by its name. Raises DesatError, which begins with `where`."""
+        if name not in self.components:
+            raise DesatError(f"{where}: no component {name}{nearest(name, self.components)}")
+        return self.components[name]
+
+    def having(self, name: str) -> list[DraftComponent]:
+        """The components that have a variable of this name."""
+        return [c for c in self.components.values() if c.elements(name)]
+
+    def interfaces(self) -> Iterable[Interface]:
+        """The interfaces that are known."""
+        return (c.interface for c in self.components.values() if c.interface is not None)
+
+    def share(self, name: str, value: Any, where: str) -> None:
+        """Give a parameter to every component that has it; what is wrong becomes problems."""
+        owners = self.having(name)
+        if not owners:
+            known = {base_name(s.name) for i in self.interfaces() for s in i.of("parameter")}
+            text = f"no component has a parameter {name}{nearest(name, known)}"
+            self.problems.append(f"{where}: shared: {text}")
+        for component in owners:
+            self.try_to_assign(component, name, value, where)
+
+    def try_to_assign(self, component: DraftComponent, name: str, value: Any, where: str) -> None:
+        """Give a component's parameter its value; what is wrong becomes a problem."""
+        try:
+            component.assign(name, value, f"{where}: {component.name}")
+        except DesatError as error:
+            self.problems.append(str(error))

@@ -1,0 +1,174 @@
+"""From a draft to a system: interfaces present, values expanded, units converted, times fit."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+from desat.components.contract.block import Scalar
+from desat.components.contract.units import conversion
+
+from .draft import Draft, DraftComponent
+from .errors import DesatError, nearest
+from .expression import known_unit
+from .interface import Interface, Signal
+from .model import Component, Connection, System
+from .parameters import expand, in_unit_of
+from .references import evaluate
+
+
+@dataclass(frozen=True)
+class Resolved:
+    """What a draft comes to; `system` where nothing is wrong with it."""
+
+    components: dict[str, Component]
+    """Those whose interface is known."""
+    problems: list[str]
+    system: System | None
+
+
+def resolve(draft: Draft) -> Resolved:
+    """Resolve a draft; every problem is collected."""
+    problems = list(draft.problems)
+    components: dict[str, Component] = {}
+    for c in draft.components.values():
+        if c.interface is None:
+            continue
+        problems += _connectors(draft, c, c.interface)
+        parameters = _parameters(draft, c, c.interface, problems)
+        components[c.name] = Component(
+            c.name, c.source, c.interface, parameters, c.fmu, c.decimation, dict(c.connectors),
+            c.line,
+        )  # fmt: skip
+    references = {
+        (name, parameter): text
+        for name in components for parameter, text in draft.components[name].references.items()
+    }  # fmt: skip
+    components, wrong = evaluate(components, references, draft.where)
+    problems += wrong
+    connections = _connections(draft, problems)
+    problems = list(dict.fromkeys(problems))
+    try:
+        step, stop = _times(draft)
+    except DesatError as error:
+        return Resolved(components, [*problems, str(error)], None)
+    if problems:
+        return Resolved(components, problems, None)
+    system = System(
+        draft.name, draft.where, components, connections, step, stop, draft.start,
+        draft.inner, dict(draft.output_classes), draft.about,
+    )  # fmt: skip
+    return Resolved(components, [], system)
+
+
+def _connectors(draft: Draft, c: DraftComponent, interface: Interface) -> Iterator[str]:
+    for connector in c.connectors.values():
+        where = f"{draft.where}:{connector.line}: {c.name}.{connector.name}"
+        signal = interface.signals.get(connector.name)
+        if signal is None:
+            hint = nearest(connector.name, interface.signals)
+            yield f"{where}: the FMU has no such variable{hint}"
+            continue
+        if connector.kind != signal.causality:
+            yield f"{where}: listed as {connector.kind}, but it is an {signal.causality}"
+        if connector.type and connector.type != signal.kind:
+            yield f"{where}: listed as {connector.type}, but it is {signal.kind}"
+        if connector.unit and connector.unit != signal.unit_name and signal.unit is not None:
+            listed = known_unit(connector.unit)
+            if listed is None or conversion(listed, signal.unit) != (1.0, 0.0):
+                yield f"{where}: listed in {connector.unit}, but it is in {signal.unit_name or 1}"
+
+
+def _parameters(
+    draft: Draft, c: DraftComponent, interface: Interface, problems: list[str]
+) -> dict[str, Scalar]:
+    """The values of a component by element, in the variables' own units."""
+    parameters: dict[str, Scalar] = {}
+    for name, value in c.parameters.items():
+        try:
+            signals = interface.elements(name)
+            if name in c.units and signals:
+                value = in_unit_of(signals[0], value, c.units[name])
+            parameters.update(expand(interface, name, value, f"{draft.where}: {c.name}"))
+        except DesatError as error:
+            problems.append(str(error))
+    return parameters
+
+
+def _connections(draft: Draft, problems: list[str]) -> tuple[Connection, ...]:
+    """The connections, those between different units with their conversion."""
+    result = []
+    driven: dict[tuple[str, str], Connection] = {}
+    for c in draft.connections:
+        where = f"{draft.where}:{c.line}: {c}"
+        source = _end(draft, c.source, c.output, "output", where, problems)
+        target = _end(draft, c.target, c.input, "input", where, problems)
+        if source is None or target is None:
+            continue
+        if source.kind != target.kind:
+            problems.append(f"{where}: type {source.kind} does not fit {target.kind}")
+        other = driven.setdefault((c.target, c.input), c)
+        if other is not c:
+            problems.append(f"{where}: {c.target}.{c.input} has two sources, also {other.source}."
+                            f"{other.output} (line {other.line})")  # fmt: skip
+        try:
+            result.append(_converted(c, source, target))
+        except DesatError as error:
+            problems.append(f"{where}: {error}")
+    return tuple(result)
+
+
+def _end(
+    draft: Draft, element: str, connector: str, causality: str, where: str, problems: list[str]
+) -> Signal | None:
+    """The variable at one end of a connection; None where there is none that fits."""
+    component = draft.components.get(element)
+    if component is None:
+        problems.append(f"{where}: no component {element}{nearest(element, draft.components)}")
+        return None
+    signals = component.interface.signals if component.interface else {}
+    known = component.connectors or signals
+    if connector not in known:
+        hint = nearest(connector, known)
+        problems.append(f"{where}: {element} has no connector {connector}{hint}")
+        return None
+    signal = signals.get(connector)
+    if signal is not None and signal.causality != causality:
+        end = "start" if causality == "output" else "end"
+        problems.append(f"{where}: wrong direction: the {end} {element}.{connector} is an "
+                        f"{signal.causality}, an {causality} is needed")  # fmt: skip
+        return None
+    return signal
+
+
+def _converted(c: Connection, source: Signal, target: Signal) -> Connection:
+    """The connection with the conversion of its units, where it has no other. Raises DesatError
+    where they do not fit."""
+    if source.unit is None or target.unit is None or not c.converts:
+        return c
+    converted = conversion(source.unit, target.unit)
+    if converted is None:
+        raise DesatError(f"unit {source.unit_name} does not fit {target.unit_name}")
+    if (c.factor, c.offset) != (1.0, 0.0):
+        return c
+    return replace(c, factor=converted[0], offset=converted[1])
+
+
+def _times(draft: Draft) -> tuple[float, float]:
+    """Step and stop time (s). Raises DesatError where the steps from start to stop are not
+    whole."""
+    if draft.step is None or draft.stop is None:
+        missing = "step" if draft.step is None else "stop time"
+        raise DesatError(f"{draft.where}: no {missing} is given; use --{missing.split()[0]}")
+    if not (math.isfinite(draft.step) and draft.step > 0.0):
+        raise DesatError(f"{draft.where}: step {draft.step} s; a positive number is needed")
+    span = (draft.stop - draft.start) / draft.step
+    if not 1.0 - 1e-9 <= span < 1e12:
+        raise DesatError(f"{draft.where}: no step from {draft.start} s to {draft.stop} s")
+    if abs(span - round(span)) > 1e-6:
+        raise DesatError(
+            f"{draft.where}: {draft.stop - draft.start:g} s is not a multiple of the step "
+            f"{draft.step:g} s"
+        )
+    return draft.step, draft.stop

@@ -1,0 +1,159 @@
+"""Pages from templates: verbs, errors with the template's line; strips of modes; series."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from desat.files.scenario import families, find
+from desat.study import page, strips
+from desat.study.case import Options, execute
+from desat.study.plots import series_plot
+from desat.study.series import Series
+from desat.system.errors import DesatError
+
+# --- strips -----------------------------------------------------------------------------------
+
+
+@given(st.lists(st.integers(0, 3), min_size=1, max_size=300))
+def test_bands_cover_the_run(values):
+    times = np.arange(len(values) + 1.0)
+    spans = strips.bands(times, np.array(values), columns=10**6)
+    held = {value: sum(end - begin for begin, end in found) for value, found in spans}
+    assert held == {v: pytest.approx(values.count(v)) for v in set(values)}
+    for value, found in spans:
+        assert all(values[int(begin)] == value for begin, _ in found)
+    assert [held[v] for v, _ in spans] == sorted(held.values(), reverse=True)
+
+
+def test_a_short_mode_is_seen_and_a_chatter_is_few_spans():
+    times = np.arange(100_001.0)
+    values = np.arange(100_000) % 2
+    values[50_000] = 4
+    spans = dict(strips.bands(times, values))
+    ((begin, end),) = spans[4]
+    assert begin == 50_000.0
+    assert end - begin == pytest.approx(100_000 / strips.COLUMNS)
+    assert all(len(found) <= strips.COLUMNS for found in spans.values())
+    assert list(spans)[-1] == 4  # on top of those that hold longer
+
+
+def test_a_plot_shows_the_modes_under_it():
+    run = execute("plant/reference", Options(blocks=True, stop=20.0))
+    plot = find("plant/reference").data["plots"]["rate"]
+    with_mode = series_plot(plot, [("", run.results, run.manifest["parameters"])])
+    assert "mode: idle" in with_mode
+    bare = execute("plant/reference", Options(blocks=True, stop=20.0, record=("spacecraft.*",)))
+    assert "mode" not in series_plot(plot, [("", bare.results, bare.manifest["parameters"])])
+
+
+# --- series -----------------------------------------------------------------------------------
+
+
+def test_series_compute():
+    a = Series(np.arange(5.0), np.array([[3.0, -4.0]] * 5))
+    assert a.norm().values.tolist() == [5.0] * 5
+    assert a.mean_size().values.tolist() == [3.5] * 5
+    assert (a.sum_of_sizes() * 2.0 / 7.0).values.tolist() == [2.0] * 5
+    assert a.element(2).largest() == 4.0
+    assert a.every(2).times.tolist() == [0.0, 2.0, 4.0]
+    assert a.until(2).times.tolist() == [0.0, 1.0, 2.0]
+    assert (a - Series(np.arange(4.0), np.ones((4, 2)))).values.tolist() == [[2.0, -5.0]] * 4
+    with pytest.raises(DesatError, match="different times"):
+        a - a.every(2)
+
+
+# --- templates --------------------------------------------------------------------------------
+
+
+def test_every_template_becomes_a_file_of_its_own():
+    assert page.families() == ("gyrostat", "integrated", "uosat12")
+    assert set(page.templates("uosat12")) == {"README.md", "flight.md"}
+    assert all(page.templates(f) == {} for f in set(families()) - set(page.families()))
+
+
+@pytest.fixture
+def written(monkeypatch, tmp_path):
+    """Write a template as the page of `plant`, in little time; gives the page's text."""
+
+    def write(text: str) -> str:
+        file = tmp_path / "page.md"
+        file.write_text(text, encoding="utf-8")
+        monkeypatch.setattr(page, "templates", lambda family: {"README.md": file})
+        (made,) = page.write("plant", tmp_path / "out", draft=20.0)
+        return made.read_text(encoding="utf-8")
+
+    return write
+
+
+def test_verbs(written, tmp_path):
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / "old.svg").write_text("<svg/>")
+    text = written(
+        """# Title
+A paragraph
+of two lines, {{ value("reference", "largest_speed")|fixed(3) }} rad/s.
+
+| a | b |
+|---|---|
+{% for x in [1, 2] %}
+{{ row(x, parameter("reference", "wheels.speed_limit * 2", "rad/s")) }}
+{% endfor %}
+After it {{ setting("reference", "step") }}.
+{{ plot("rate", "reference", "rate", "Figure 1") }}
+{% set h = series("reference", "wheels.h_wheel") %}
+{{ compare("h", "Momentum", [("wheels", h.norm())], "[N m s]", limits=[("start", 0.09)]) }}
+{% for bias, speed in sweep("reference", "wheels.torque_limit", [1e-2, 0.0], "largest_speed") %}
+- {{ bias }}: {{ speed|fixed(1) }}
+{% endfor %}
+"""
+    )
+    run = execute("plant/reference", Options(stop=20.0))
+    speed = run.manifest["numbers"]["largest_speed"]["value"]
+    assert f"# Title\n\nA paragraph of two lines, {speed:.3f} rad/s.\n\n| a | b |" in text
+    assert "|---|---|\n| 1 | 2000.0 |\n| 2 | 2000.0 |\n\nAfter it 1.0.\n\n![Figure 1: ang" in text
+    still = np.abs(
+        execute(
+            "plant/reference", Options(stop=20.0, values={"wheels.torque_limit": 0.0})
+        ).results.values("wheels.speed_wheel")
+    ).max()
+    assert f"- 0.01: {speed:.1f}\n- 0.0: {still:.1f}\n" in text
+    assert sorted(p.name for p in (tmp_path / "out").iterdir()) == ["README.md", "h.svg",
+                                                                    "rate.svg"]  # fmt: skip
+    assert "DRAFT: runs end after 20 s" in text
+
+
+@pytest.mark.parametrize(
+    ("line", "message"),
+    [
+        ('{{ value("reference", "largest_sped") }}', "did you mean largest_speed?"),
+        ('{{ value("refrence", "largest_speed") }}', "did you mean plant/reference?"),
+        ('{{ value("reference") }}', "missing 1 required positional argument"),
+        ('{{ valu("reference", "largest_speed") }}', "'valu' is undefined"),
+        ('{{ value("reference", "largest_speed")|fixd }}', "No filter named 'fixd'"),
+        ('{{ "a"|fixed(2) }}', "Unknown format code"),
+        ("{{ 1 / 0 }}", "division by zero"),
+        ("{% for x in [1] %}", "Unexpected end of template"),
+        ('{{ plot("a", "reference", "rat") }}', "did you mean rate?"),
+        ('{{ series("reference", "wheels.h_whel").norm() }}', "no series wheels.h_whel"),
+        ('{{ parameter("reference", "wheels.speed_limit", "kg") }}', "does not fit kg"),
+        ('{{ spread("reference", "largest_speed") }}', "no such file"),
+    ],
+)
+def test_what_is_wrong_names_the_line(written, line, message):
+    with pytest.raises(DesatError) as error:
+        written(f"# Title\n\n{line}\n")
+    assert "page.md:3: " in str(error.value)
+    assert message in str(error.value)
+    assert "\n" not in str(error.value)
+
+
+def test_a_draft_is_not_for_docs(desat):
+    done = desat("page", "plant")
+    assert done.returncode == 2
+    assert "no page plant; there is gyrostat" in done.stderr
+    done = desat("page", "gyrostat", "--draft", "5")
+    assert done.returncode == 2
+    assert "--into" in done.stderr

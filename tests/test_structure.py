@@ -1,0 +1,94 @@
+"""The tree of orchestrator/: no circle of imports, no file too long to read."""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from conftest import ROOT
+
+HOME = ROOT / "orchestrator"
+LONGEST = 300
+LONG = {"study/measures.py", "study/tables.py", "analyses/reference.py"}
+"""Files that are allowed to be longer, for now."""
+
+
+def modules(home: Path) -> dict[str, Path]:
+    """The files below a folder by the names of their modules; its own name is empty."""
+    return {
+        ".".join(p.relative_to(home).with_suffix("").parts).removesuffix("__init__").rstrip("."): p
+        for p in home.rglob("*.py")
+    }
+
+
+def imported(module: str, file: Path, known: dict[str, Path], name: str) -> Iterator[str]:
+    """The modules that a file imports, also within functions; what is for types alone does not
+    count, for it is never run."""
+    package = module if file.name == "__init__.py" else module.rpartition(".")[0]
+    tree = ast.parse(file.read_text(encoding="utf-8"))
+    typing = {
+        node for block in ast.walk(tree)
+        if isinstance(block, ast.If) and ast.unparse(block.test) == "TYPE_CHECKING"
+        for node in ast.walk(block)
+    }  # fmt: skip
+    for node in ast.walk(tree):
+        if node in typing:
+            continue
+        if isinstance(node, ast.Import):
+            targets = [(alias.name, "") for alias in node.names]
+        elif isinstance(node, ast.ImportFrom):
+            above = [name, *package.split(".")] if package else [name]
+            base = above[: len(above) - node.level + 1] if node.level else []
+            start = ".".join([*base, *(node.module or "").split(".")]).rstrip(".")
+            targets = [(start, alias.name) for alias in node.names]
+        else:
+            continue
+        for start, attribute in targets:
+            if start != name and not start.startswith(f"{name}."):
+                continue
+            path = start[len(name) + 1 :]
+            inner = f"{path}.{attribute}".lstrip(".")
+            yield inner if inner in known else path
+
+
+def circle(home: Path, name: str = "desat") -> list[str]:
+    """A circle of modules that import each other, or nothing."""
+    known = modules(home)
+    edges = {m: set(imported(m, file, known, name)) & known.keys() - {m}
+             for m, file in known.items()}  # fmt: skip
+    while leaves := [m for m, targets in edges.items() if not targets & edges.keys()]:
+        for leaf in leaves:
+            del edges[leaf]
+    path = [min(edges)] if edges else []
+    while path and path[-1] not in path[:-1]:
+        path.append(min(edges[path[-1]] & edges.keys()))
+    return path[path.index(path[-1]) :] if path else []
+
+
+def test_no_modules_import_each_other_in_a_circle():
+    assert len(modules(HOME)) > 60
+    assert " -> ".join(circle(HOME)) == ""
+
+
+@pytest.mark.parametrize(
+    "line", ["from .b import y", "from . import b", "from desat.b import y", "import desat.b",
+             "def f():\n    from .b import y"],
+)  # fmt: skip
+def test_a_circle_is_found(tmp_path, line):
+    (tmp_path / "__init__.py").write_text("")
+    (tmp_path / "a.py").write_text(line)
+    (tmp_path / "b.py").write_text("from .c import z")
+    (tmp_path / "c.py").write_text("")
+    assert circle(tmp_path) == []
+    (tmp_path / "c.py").write_text("from desat import a")
+    assert circle(tmp_path) == ["a", "b", "c", "a"]
+
+
+def test_no_file_is_too_long_to_read():
+    lengths = {
+        p.relative_to(HOME).as_posix(): len(p.read_text(encoding="utf-8").splitlines())
+        for p in HOME.rglob("*.py")
+    }
+    assert [f"{f}: {n} lines" for f, n in lengths.items() if n > LONGEST and f not in LONG] == []
