@@ -143,12 +143,12 @@ class Acquisition(Manager, WheelAxes):
     def sense(self, t: float) -> None:
         """What a block makes of the measurements at a sample, before the phase is looked at."""
 
-    def advance(self, t: float, dt: float) -> None:
+    def compute(self, t: float, dt: float) -> None:
         if not self.due(t):
             return
         self._take_field(t)
         self.sense(t)
-        self.command(ZERO, 0.0)
+        self.give(ZERO, 0.0)
         if not self.enable:
             self.mode = IDLE
             return
@@ -254,7 +254,7 @@ class Acquisition(Manager, WheelAxes):
         """The orbit normal in body, by the measured attitude."""
         return self.of_reference(PITCH_BIAS)
 
-    def command(self, m: Vec3, torque: float) -> None:
+    def give(self, m: Vec3, torque: float) -> None:
         """Command a dipole (A m2, body) and a torque of the wheel on the body about +y (N m),
         within their limits; no torque that drives the wheel further beyond `h_limit`."""
         self.m_cmd_body = clip(m, self.m_limit)

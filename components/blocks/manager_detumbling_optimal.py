@@ -173,7 +173,7 @@ class ManagerDetumblingOptimal(Acquisition):
                 k = laws.even_decay_gain(self._least, self.orbit_rate, self.field_inclination)
                 gain = k / size2 if size2 > 0.0 else 0.0
             m = laws.all_coils(omega, b, gain)
-        self.command(m, laws.wheel_rate(omega[1], self.gain_wheel))
+        self.give(m, laws.wheel_rate(omega[1], self.gain_wheel))
 
     def _start_up(self, omega: Vec3) -> None:
         normal, h = self.normal(), self.h()
@@ -186,4 +186,4 @@ class ManagerDetumblingOptimal(Acquisition):
             torque = laws.pitch_pd(angle, rate[1], self.kp, self.kd)
         else:
             torque = laws.wheel_rate(rate[1], self.gain_wheel)
-        self.command(laws.dipole_against(e, self.b_body, self.gain_start_up), torque)
+        self.give(laws.dipole_against(e, self.b_body, self.gain_start_up), torque)

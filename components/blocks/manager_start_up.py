@@ -117,7 +117,7 @@ class ManagerStartUp(Acquisition):
             torque = laws.wheel_constant(b, b_rate, self.wheel_torque)
         else:
             torque = laws.wheel_proportional(b, b_rate, self.gain_wheel_field)
-        self.command(self._pitch_coil(), torque)
+        self.give(self._pitch_coil(), torque)
         return START if self.valid_omega else NO_RATE
 
     def _spin(self) -> int:
@@ -129,11 +129,11 @@ class ManagerStartUp(Acquisition):
         m = laws.pitch_spin(self.b_body, rate, self.spin_target, self.gain_spin)
         if not self.spin_coil_alone:
             m = add(m, self._pitch_coil())
-        self.command(m, 0.0)
+        self.give(m, 0.0)
         return START
 
     def _ramp(self) -> int:
-        self.command(self._pitch_coil(), self.ramp_torque if self.valid_h else 0.0)
+        self.give(self._pitch_coil(), self.ramp_torque if self.valid_h else 0.0)
         if not self.valid_h:
             return NO_MOMENTUM
         return START if self.valid_b else NO_FIELD
@@ -143,7 +143,7 @@ class ManagerStartUp(Acquisition):
         if b_rate is None:
             return START if self.valid_b else NO_FIELD
         torque = laws.wheel_constant(b, b_rate, self.wheel_torque)
-        self.command(add(self._pitch_coil(), self._dump_dipole()), torque)
+        self.give(add(self._pitch_coil(), self._dump_dipole()), torque)
         if not self.valid_h:
             return NO_MOMENTUM
         return START if self.valid_omega else NO_RATE
@@ -157,7 +157,7 @@ class ManagerStartUp(Acquisition):
             m = ZERO if self._b_rate is None else laws.b_dot(self._b_rate, self.gain_pitch_coil)
         else:
             m = add(self._pitch_coil(), self._dump_dipole())
-        self.command(m, torque)
+        self.give(m, torque)
         if not self.valid_b:
             return NO_FIELD
         return START if self.valid_h else NO_MOMENTUM
@@ -171,7 +171,7 @@ class ManagerStartUp(Acquisition):
         return NO_ATTITUDE if self.valid_omega else NO_RATE
 
     def _b_dot(self, b_rate: Vec3, gain: float) -> None:
-        self.command(laws.b_dot(b_rate, gain), 0.0)
+        self.give(laws.b_dot(b_rate, gain), 0.0)
 
     def _pitch_coil(self) -> Vec3:
         if self._b_rate is None:
