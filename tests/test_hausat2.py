@@ -2,19 +2,23 @@
 
 from __future__ import annotations
 
+import importlib.util
 import json
 import math
 
 import numpy as np
 import pytest
+from conftest import python
 from hypothesis import given
 from hypothesis import strategies as st
 from test_blocks import begin, fresh
+from test_witness import ECOS, LIBCOSIM, real_outputs, rows_of
 
 from desat.components.contract.block import BlockError
 from desat.components.laws import acquisition as laws
 from desat.components.laws import field_rate, rate_observer
 from desat.components.maths.vector import cross, dot, norm, sub
+from desat.files.pack import pack_scenario
 from desat.files.scenario import find
 from desat.study import derived, measures, stored
 from desat.study.case import Options, execute
@@ -494,6 +498,35 @@ def test_another_manager_swaps_in_by_its_source():
     plain = run("detumbling-wheel", stop=30.0)
     last = [r.results.values("spacecraft.omega_bi_body")[-1] for r in (swapped, plain)]
     assert norm(tuple(last[0] - last[1])) > 1e-5
+
+
+def first_slow(omega):
+    """Minutes after which all rates are below 0.003 rad/s and stay there for 60 s; steps of 1 s."""
+    times = np.arange(1.0, len(omega) + 1.0)
+    return measures.first_below(times, omega, 3e-3, held=60.0, only_done=1) / 60.0
+
+
+def wanted_of(path):
+    variables = real_outputs(path)["spacecraft"]
+    return {n: r for n, r in variables.items() if n.startswith("omega_bi_body[")}
+
+
+@pytest.mark.skipif(not importlib.util.find_spec("libcosimpy"), reason="libcosimpy not installable")
+def test_it_detumbles_in_libcosim_too(ours):
+    path = pack_scenario(find("hausat2/detumbling-ours"))
+    wanted = [("spacecraft", list(wanted_of(path).values()))]
+    omega = rows_of(python(LIBCOSIM, str(path), json.dumps(wanted), "1080"))
+    mine = ours.manifest["numbers"]["detumbled"]["value"]
+    assert abs(first_slow(omega) - mine) <= 2.0  # each of its links costs a sample
+
+
+@pytest.mark.skipif(not importlib.util.find_spec("ecospy"), reason="ecospy not installable")
+def test_it_detumbles_in_ecos_too(ours):
+    path = pack_scenario(find("hausat2/detumbling-ours"))
+    wanted = [("spacecraft", name) for name in wanted_of(path)]
+    omega = rows_of(python(ECOS, str(path), json.dumps(wanted), "1080", "1.0"))
+    mine = ours.manifest["numbers"]["detumbled"]["value"]
+    assert abs(first_slow(omega) - mine) <= 2.0
 
 
 # --- stored draws -----------------------------------------------------------------------------
