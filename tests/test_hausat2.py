@@ -282,6 +282,12 @@ def test_the_conventional_procedure_spins_ramps_and_points():
     assert seen == [PITCH_SPIN, PITCH_SPIN, WHEEL_RAMP, WHEEL_RAMP, THREE_AXIS, DONE]
 
 
+def test_a_full_wheel_needs_no_spin():
+    block = manager(procedure=1, detumbling=0)
+    step(block, 0, **POINTING, omega_bi_body=SLOW, h_wheel=(0.09, 0.0, 0.0, 0.0))
+    assert (block.phase, block.reason) == (THREE_AXIS, CONDITION_MET)
+
+
 def test_a_time_limit_ends_a_phase_and_says_so():
     block = manager(time_limit=(3.0, 0.0, 0.0, 0.0, 0.0))
     for k in range(4):

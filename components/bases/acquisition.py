@@ -35,9 +35,10 @@ class Acquisition(Manager, WheelAxes):
     - three_axis: the pointing error is below `pointing_limit`, for `hold_time`;
 
     or after their `time_limit`. A rate above `rate_lost` (of roll and yaw only, while the craft
-    spins) leads back to the first phase. `reason` says why the phase changed last, or, while a
-    measurement that the phase needs is not valid, which: its law then does without, and no
-    condition is met by values that are not valid.
+    spins) leads back to the first phase, from which a wheel that is full already goes on without
+    spin and ramp. `reason` says why the phase changed last, or, while a measurement that the phase
+    needs is not valid, which: its law then does without, and no condition is met by values that
+    are not valid.
 
     **Field rate.** `difference`: eq. 2 of paper 003, from two valid samples one after the other,
     so that the first gives none; `filtered`: a first-order low-pass of it, of `cut_off`.
@@ -190,7 +191,9 @@ class Acquisition(Manager, WheelAxes):
                 self._enter(t, self._next(phase), TIME_LIMIT)
 
     def _next(self, phase: int) -> int:
-        return self._sequence[self._sequence.index(phase) + 1]
+        following = self._sequence[self._sequence.index(phase) + 1]
+        # after a loss the wheel may be full: it has no spin to take then
+        return THREE_AXIS if following == PITCH_SPIN and self._is_filled() else following
 
     def _enter(self, t: float, phase: int, why: int) -> None:
         self.phase, self._changed = phase, why
