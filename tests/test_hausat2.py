@@ -437,6 +437,7 @@ def test_measures_of_phases_and_drives():
         np.array([[0], [0], [1], [1], [2]]),
     )
     assert measures.largest_while(times, values, phase, 1) == 2.0
+    assert measures.largest_while(times, np.hstack([values, 9.0 * values]), phase, 1, 1) == 2.0
     assert math.isnan(measures.largest_while(times, values, phase, 7))
     assert measures.until_above(times, values, 0.4) == 2.0
     assert measures.until_above(times, values, 9.0) == 4.0

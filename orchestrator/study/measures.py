@@ -195,11 +195,14 @@ def until_above(times: Array, values: Array, limit: float) -> float:
 
 
 @measure
-def largest_while(times: Array, values: Array, driver: Array, value: int) -> float:
-    """The largest size of any element while a whole-number signal, such as a phase, has a value;
-    nan where it never has."""
+def largest_while(
+    times: Array, values: Array, driver: Array, value: int, element: int = 0
+) -> float:
+    """The largest size of any element, or of one counted from 1, while a whole-number signal, such
+    as a phase, has a value; nan where it never has."""
     there = (driver == value).all(axis=1)
-    return float(np.abs(values[there]).max()) if there.any() else float("nan")
+    counted = values[:, element - 1 : element] if element else values
+    return float(np.abs(counted[there]).max()) if there.any() else float("nan")
 
 
 @in_unit("J")
