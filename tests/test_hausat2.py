@@ -267,7 +267,7 @@ def test_the_proposed_procedure_goes_through_its_phases_and_says_why():
     assert seen[4:6] == [(MOMENTUM_DUMP, CONDITION_MET)] * 2  # slow from 2 on, held for 2 s
     assert seen[6] == (THREE_AXIS, CONDITION_MET)
     assert seen[-1] == (DONE, CONDITION_MET)
-    step(block, 12, omega_bi_body=(0.0, 0.0, 0.06))
+    step(block, 12, omega_bi_body=(0.0, 0.0, 0.16))
     assert (block.phase, block.reason) == (DETUMBLING, LOST)
 
 

@@ -70,7 +70,7 @@ class Acquisition(Manager, WheelAxes):
     pointing_limit: float = Parameter(
         "rad", "three_axis: pointing error below", start=0.17453292519943295, min=1e-6
     )
-    rate_lost: float = Parameter("rad/s", "lost: a rate above; 0: never", start=0.05, min=0.0)
+    rate_lost: float = Parameter("rad/s", "lost: a rate above; 0: never", start=0.15, min=0.0)
     time_limit: Table = Parameter("s", "of detumbling, pitch_spin, wheel_ramp, momentum_dump, "
                                   "three_axis; 0: none", shape=(5,), min=0.0)  # fmt: skip
     experiment: bool = Parameter("1", "true: a sample time at which the laws fail is accepted")
