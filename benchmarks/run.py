@@ -444,6 +444,22 @@ def integrated_day() -> dict[str, Any]:
     return result
 
 
+def start_up() -> dict[str, Any]:
+    """250 min of paper 003 at 1 s, all components as FMUs: a body that tumbles takes more inner
+    steps, so its first 20 min by themselves too; over the day's step of the same rounds."""
+    path, day = packed("hausat2/start-up-conventional"), packed("nadir_day/day-dipole")
+    parts = {"mission": (path, 15000), "tumbling": (path, 1200), "day": (day, 15000)}
+    rounds: dict[str, list[float]] = {name: [] for name in parts}
+    for _ in track(range(ROUNDS), "start-up", disable=not sys.stderr.isatty()):
+        for name, (file, steps) in parts.items():
+            rounds[name].append(_measure("day", file, steps)["us_per_step"])
+    result: dict[str, Any] = {n: round(statistics.median(r), 1) for n, r in rounds.items()}
+    for name in ("mission", "tumbling"):
+        pairs = [a / b for a, b in zip(rounds[name], rounds["day"], strict=True)]
+        result[f"{name}_over_day"] = round(statistics.median(pairs), 2)
+    return result | {"memory": _measure("memory", path, 15000)}
+
+
 def plant_trajectory() -> dict[str, Any]:
     """The plant's reference trajectory: ours and Basilisk's, at the largest step whose error is
     below the goal, and at 1 s."""
@@ -481,6 +497,7 @@ CASES: dict[str, Callable[[], dict[str, Any]]] = {
     "uosat12": uosat12,
     "day": nadir_day,
     "integrated": integrated_day,
+    "start_up": start_up,
     "plant": plant_trajectory,
     "laws": laws,
 }

@@ -120,6 +120,13 @@ def euler(q: Array, q_ref: Array, sequence: str = "321") -> Array:
     return np.asarray(turn.as_euler(axes, degrees=True))
 
 
+@quantity("", unit="deg")
+def angle_between(a: Array, b: Array) -> Array:
+    """The angle between the lines of two vectors (deg, 0 to 90), row by row."""
+    across = np.linalg.norm(np.cross(a, b), axis=1)
+    return np.asarray(np.degrees(np.arctan2(across, np.abs((a * b).sum(axis=1)))))
+
+
 @quantity("disturbances", "coils", "both", unit="")
 def momentum_budget(times: Array, impulse: Array, b_eci: Array, q: Array, dipole: Array) -> Array:
     """Sizes (rows, 3) of what disturbances, coils and both have given a craft since the start, as

@@ -171,9 +171,12 @@ def first_reached(times: Array, values: Array, limit: float, count: int = 1) -> 
 
 
 @in_unit("s")
-def first_below(times: Array, values: Array, limit: float, held: float = 0.0) -> float:
+def first_below(
+    times: Array, values: Array, limit: float, held: float = 0.0, only_done: int = 0
+) -> float:
     """When the sizes of all elements at once have first come below a limit and stayed there for
-    `held` seconds (s: the beginning of that time); the end of the run if never."""
+    `held` seconds (s: the beginning of that time); if never, the end of the run, or with
+    `only_done` 1 not reached."""
     good = (np.abs(values) < limit).all(axis=1)
     begins = np.flatnonzero(np.diff(good.astype(int), prepend=0) == 1)
     bad = np.flatnonzero(~good)
@@ -182,7 +185,32 @@ def first_below(times: Array, values: Array, limit: float, held: float = 0.0) ->
         end = later[0] if len(later) else len(times) - 1
         if times[end] - times[begin] >= held - 1e-9:
             return float(times[begin])
-    return float(times[-1])
+    return float("nan") if only_done else float(times[-1])
+
+
+@in_unit("s")
+def until_above(times: Array, values: Array, limit: float) -> float:
+    """When all values have come to a limit or above to stay (s); the end of the run if never."""
+    return _settled(times, np.asarray(values.min(axis=1) >= limit))
+
+
+@measure
+def largest_while(
+    times: Array, values: Array, driver: Array, value: int, element: int = 0
+) -> float:
+    """The largest size of any element, or of one counted from 1, while a whole-number signal, such
+    as a phase, has a value; nan where it never has."""
+    there = (driver == value).all(axis=1)
+    counted = values[:, element - 1 : element] if element else values
+    return float(np.abs(counted[there]).max()) if there.any() else float("nan")
+
+
+@in_unit("J")
+def drive_energy(times: Array, values: Array, power: float, nominal: float) -> float:
+    """The energy (J) of drives that take `power` (W) at `nominal` speed, and at another speed in
+    proportion to its size."""
+    speed = np.abs(values).sum(axis=1)
+    return float(power / nominal * np.trapezoid(speed, times))
 
 
 @in_unit("s")

@@ -1,0 +1,272 @@
+"""What managers that detumble a craft and start up its pitch-bias wheel have in common: the phases
+and why they change, the field's rate, what is not valid, the limits of the commands."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+
+from ..contract.block import Mat34, Output, Parameter, Table, Vec3
+from ..contract.roles import Manager, WheelAxes
+from ..laws import field_rate
+from ..laws.acquisition import PITCH_BIAS, within
+from ..laws.attitude_control import tracking_error
+from ..maths.attitude import error_angle, inverse, product, rotate
+from ..maths.vector import ZERO, clip
+
+IDLE, DUMPING = range(2)
+DETUMBLING, PITCH_SPIN, WHEEL_RAMP, MOMENTUM_DUMP, THREE_AXIS, DONE = range(6)
+START, CONDITION_MET, TIME_LIMIT, LOST, NO_FIELD, NO_RATE, NO_ATTITUDE, NO_MOMENTUM = range(8)
+DIFFERENCE, FILTERED = range(2)
+
+LONGEST_SAMPLE_TIME = 2.0
+"""Above it eq. 2 no longer follows a field that turns at 0.17 rad/s (s)."""
+
+
+class Acquisition(Manager, WheelAxes):
+    """Base of managers that go through phases: a block gives `sequence`, `act` and `rate`.
+
+    The wheel's axis is +y or -y of the body; its momentum h and `h_nominal` count along -y.
+
+    **Phases** (`phase`, of which a block uses some) end when
+
+    - detumbling: every rate is below `rate_limit`, for `hold_time`;
+    - pitch_spin: the pitch rate is within `spin_error` of its target;
+    - wheel_ramp, momentum_dump: h is at least `momentum_share` of h_nominal;
+    - three_axis: the pointing error is below `pointing_limit`, for `hold_time`;
+
+    or after their `time_limit`. A rate above `rate_lost` (of roll and yaw only, while the craft
+    spins) leads back to the first phase, from which a wheel that is full already goes on without
+    spin and ramp. `reason` says why the phase changed last, or, while a measurement that the phase
+    needs is not valid, which: its law then does without, and no condition is met by values that
+    are not valid.
+
+    **Field rate.** `difference`: eq. 2 of paper 003, from two valid samples one after the other,
+    so that the first gives none; `filtered`: a first-order low-pass of it, of `cut_off`.
+    """
+
+    sample_time: float = Parameter(
+        "s", "time between samples, a multiple of the step; at most 2 s", start=1.0, min=0.0
+    )
+    axes_wheel: Mat34 = Parameter(
+        "1", "columns: the wheels' axes, body; one along +y or -y, the others zero",
+        start=(0.0, 0.0, 0.0, 0.0, -1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0), shared=True,
+    )  # fmt: skip
+    m_limit: float = Parameter("A.m2", "largest dipole of each axis", start=2.0, min=0.0)
+    torque_limit: float = Parameter("N.m", "largest torque command to the wheel", start=5e-3,
+                                    min=0.0)  # fmt: skip
+    h_limit: float = Parameter("N.m.s", "momentum beyond which the wheel is not driven",
+                               start=0.18, min=1e-9)  # fmt: skip
+    h_nominal: float = Parameter("N.m.s", "wanted momentum of the wheel, along -y", start=0.09,
+                                 min=0.0)  # fmt: skip
+    field_rate: int = Parameter("1", "how the field's rate is formed",
+                                choices=("difference", "filtered"), start="difference")  # fmt: skip
+    cut_off: float = Parameter("rad/s", "filtered: of the low-pass", start=0.5, min=1e-6)
+    rate_limit: float = Parameter("rad/s", "detumbled: every rate below", start=3e-3, min=1e-9)
+    hold_time: float = Parameter("s", "so long, before detumbling or three_axis ends", min=0.0)
+    spin_target: float = Parameter("rad/s", "pitch rate of the spin", start=-0.31)
+    spin_error: float = Parameter("rad/s", "pitch spin: error of the rate", start=3e-3, min=1e-9)
+    momentum_share: float = Parameter("1", "of h_nominal, at which a wheel phase ends",
+                                      start=0.995, min=0.0)  # fmt: skip
+    pointing_limit: float = Parameter(
+        "rad", "three_axis: pointing error below", start=0.17453292519943295, min=1e-6
+    )
+    rate_lost: float = Parameter("rad/s", "lost: a rate above; 0: never", start=0.15, min=0.0)
+    time_limit: Table = Parameter("s", "of detumbling, pitch_spin, wheel_ramp, momentum_dump, "
+                                  "three_axis; 0: none", shape=(5,), min=0.0)  # fmt: skip
+    experiment: bool = Parameter("1", "true: a sample time at which the laws fail is accepted")
+    mode: int = Output("1", "what the manager does", interval=True, choices=("idle", "dumping"))
+    phase: int = Output(
+        "1", "phase of the acquisition", interval=True,
+        choices=("detumbling", "pitch_spin", "wheel_ramp", "momentum_dump", "three_axis", "done"),
+    )  # fmt: skip
+    reason: int = Output(
+        "1", "why the phase changed, or what its law does without", interval=True,
+        choices=("start", "condition_met", "time_limit", "lost", "no_field", "no_rate",
+                 "no_attitude", "no_momentum"),
+    )  # fmt: skip
+    coil_saturated: bool = Output("1", "true: a dipole command is at its limit", interval=True)
+
+    def start(self) -> None:
+        super().start()
+        self._check()
+        self._sequence = self.sequence()
+        self.phase, self.reason = self._sequence[0], START
+        self._changed = START
+        self._begun = self._held_since = -1.0
+        self._b: Vec3 | None = None
+        self._b_rate: Vec3 | None = None
+        self._b_time = 0.0
+        self.tau_cmd_wheel = (0.0, 0.0, 0.0, 0.0)
+        self.m_cmd_body = self.tau_cmd_thruster_body = ZERO
+        self.coil_saturated = False
+        self.mode = IDLE
+
+    def _check(self) -> None:
+        if not 0.0 < self.sample_time <= LONGEST_SAMPLE_TIME and not self.experiment:
+            self.fail(
+                f"sample_time = {self.sample_time} s is outside (0, {LONGEST_SAMPLE_TIME:g}]: at "
+                "5 s detumbling by the wheel takes three times as long, at 10 s it never "
+                "converges; experiment = true accepts it"
+            )
+        present = tuple(i for i in range(4) if any(self.axes_wheel[i::4]))
+        if len(present) != 1:
+            self.fail(f"axes_wheel has {len(present)} wheels; one along +y or -y is needed")
+        self._wheel = present[0]
+        axis = self.axes_wheel[self._wheel :: 4]
+        if axis not in ((0.0, 1.0, 0.0), (0.0, -1.0, 0.0)):
+            self.fail(f"axes_wheel: the wheel's axis {axis} is not along +y or -y")
+        self._along = -axis[1]  # +1: the wheel's momentum counts as h does
+        if self.h_nominal > self.h_limit:
+            self.fail(f"h_nominal = {self.h_nominal} N m s is beyond h_limit = {self.h_limit}")
+        if self.momentum_share * self.h_nominal > self.h_limit:
+            self.fail(f"momentum_share = {self.momentum_share} of h_nominal is beyond h_limit = "
+                      f"{self.h_limit} N m s: it is never reached")  # fmt: skip
+        if 0.0 < self.rate_lost <= self.rate_limit:
+            self.fail(f"rate_lost = {self.rate_lost} rad/s is not above rate_limit = "
+                      f"{self.rate_limit}: detumbling would never be over")  # fmt: skip
+        for phase in (DETUMBLING, THREE_AXIS):
+            if 0.0 < self.time_limit[phase] <= self.hold_time:
+                self.fail(f"hold_time = {self.hold_time} s is not below time_limit[{phase + 1}] = "
+                          f"{self.time_limit[phase]} s: it cannot be held so long")  # fmt: skip
+
+    @abstractmethod
+    def sequence(self) -> tuple[int, ...]:
+        """The phases that it goes through, DONE the last."""
+
+    @abstractmethod
+    def act(self, phase: int) -> int:
+        """Command the actuators by the law of a phase; what it does without (NO_...), or START."""
+
+    @abstractmethod
+    def rate(self) -> Vec3 | None:
+        """The body's rate (rad/s, body) that the conditions look at; None where it is not known."""
+
+    def sense(self, t: float) -> None:
+        """What a block makes of the measurements at a sample, before the phase is looked at."""
+
+    def compute(self, t: float, dt: float) -> None:
+        if not self.due(t):
+            return
+        self._take_field(t)
+        self.sense(t)
+        self.give(ZERO, 0.0)
+        if not self.enable:
+            self.mode = IDLE
+            return
+        self._follow(t)
+        phase = self.phase
+        missing = self.act(self._sequence[-2] if phase == DONE else phase)
+        self.reason = missing or self._changed
+        on = any(self.m_cmd_body) or any(self.tau_cmd_wheel)
+        self.mode = DUMPING if on else IDLE
+
+    def _take_field(self, t: float) -> None:
+        """The field and its rate at this sample; nothing is made from samples that are not valid,
+        nor across them."""
+        if not self.valid_b:
+            self._b = self._b_rate = None
+            return
+        b, before, last = self.b_body, self._b, self._b_rate
+        if before is not None:
+            elapsed = t - self._b_time
+            now = field_rate.difference(b, before, elapsed)
+            if self.field_rate == FILTERED and last is not None:
+                now = field_rate.filtered(last, now, self.cut_off, elapsed)
+            self._b_rate = now
+        self._b, self._b_time = b, t
+
+    # --- phases -------------------------------------------------------------------------------
+
+    def _follow(self, t: float) -> None:
+        """Change the phase where it is due."""
+        if self._begun < 0.0:
+            self._begun = t
+        phase = self.phase
+        if phase != self._sequence[0] and self._is_lost(phase):
+            self._enter(t, self._sequence[0], LOST)
+        elif phase != DONE:
+            if self._is_met(t, phase):
+                self._enter(t, self._next(phase), CONDITION_MET)
+            elif 0.0 < self.time_limit[phase] <= t - self._begun:
+                self._enter(t, self._next(phase), TIME_LIMIT)
+
+    def _next(self, phase: int) -> int:
+        following = self._sequence[self._sequence.index(phase) + 1]
+        # after a loss the wheel may be full: it has no spin to take then
+        return THREE_AXIS if following == PITCH_SPIN and self._is_filled() else following
+
+    def _enter(self, t: float, phase: int, why: int) -> None:
+        self.phase, self._changed = phase, why
+        self._begun, self._held_since = t, -1.0
+
+    def _is_lost(self, phase: int) -> bool:
+        omega = self.rate()
+        if omega is None or self.rate_lost == 0.0:
+            return False
+        spinning = phase in (PITCH_SPIN, WHEEL_RAMP)
+        largest = max(abs(omega[0]), abs(omega[2]), 0.0 if spinning else abs(omega[1]))
+        return largest > self.rate_lost
+
+    def _is_met(self, t: float, phase: int) -> bool:
+        """True when the condition of a phase is met, and has been for as long as it must."""
+        condition = (self._is_slow, self._is_spun, self._is_filled, self._is_filled,
+                     self._is_pointing)[phase]  # fmt: skip
+        if not condition():
+            self._held_since = -1.0
+            return False
+        if self._held_since < 0.0:
+            self._held_since = t
+        holds = phase in (DETUMBLING, THREE_AXIS)
+        return not holds or t - self._held_since >= self.hold_time - 1e-6
+
+    def _is_slow(self) -> bool:
+        omega = self.rate()
+        return omega is not None and max(map(abs, omega)) < self.rate_limit
+
+    def _is_spun(self) -> bool:
+        if not (self.valid_omega and self.valid_q):
+            return False
+        return abs(self.turning()[1] - self.spin_target) < self.spin_error
+
+    def _is_filled(self) -> bool:
+        return self.valid_h and self.h() >= self.momentum_share * self.h_nominal
+
+    def _is_pointing(self) -> bool:
+        return self.valid_q and error_angle(self.q_bi, self.q_ref_bi) < self.pointing_limit
+
+    # --- what laws take, and what they give ---------------------------------------------------
+
+    def h(self) -> float:
+        """The wheel's measured momentum along -y (N m s)."""
+        return self._along * self.h_wheel[self._wheel]
+
+    def turning(self) -> Vec3:
+        """The measured rate relative to the reference frame (rad/s, body)."""
+        return self.relative(self.omega_bi_body)
+
+    def relative(self, omega: Vec3) -> Vec3:
+        """A rate (rad/s, body) relative to the reference frame, by the measured attitude."""
+        _, rate = tracking_error(self.q_bi, omega, self.q_ref_bi, self.omega_ref_body)
+        return rate
+
+    def of_reference(self, v: Vec3) -> Vec3:
+        """A vector of the reference frame (lvlh), in body by the measured attitude."""
+        return rotate(product(self.q_bi, inverse(self.q_ref_bi)), v)
+
+    def normal(self) -> Vec3:
+        """The orbit normal in body, by the measured attitude."""
+        return self.of_reference(PITCH_BIAS)
+
+    def give(self, m: Vec3, torque: float) -> None:
+        """Command a dipole (A m2, body) and a torque of the wheel on the body about +y (N m),
+        within their limits; no torque that drives the wheel further beyond `h_limit`."""
+        self.m_cmd_body = clip(m, self.m_limit)
+        self.coil_saturated = any(abs(x) >= self.m_limit for x in m)
+        torque = within(torque, self.torque_limit)
+        if self.valid_h and abs(self.h()) >= self.h_limit and torque * self.h() > 0.0:
+            torque = 0.0
+        u = self._along * torque
+        w = self._wheel
+        self.tau_cmd_wheel = (
+            u if w == 0 else 0.0, u if w == 1 else 0.0, u if w == 2 else 0.0, u if w == 3 else 0.0,
+        )  # fmt: skip
