@@ -31,6 +31,7 @@ bench: ssp .venv-basilisk/.tried ## microseconds per step of ours and of others,
 	$(BIN)/python -m benchmarks.run
 
 papers: ssp ## the pages under docs/papers, from their templates and runs made now
+	$(BIN)/desat keys --markdown > docs/language.md
 	$(BIN)/desat page
 
 .venv-basilisk/.tried:

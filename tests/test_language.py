@@ -365,3 +365,8 @@ def test_commands(desat):
     shown = desat("show", "uosat12/table3-ocdc-ilqr-1", check=True).stdout
     assert "axes.method.ocdc" in shown
     assert "plot" in desat("keys", "plt").stderr
+
+
+def test_the_page_of_the_language_is_current():
+    """`desat keys --markdown > docs/language.md` makes it."""
+    assert (ROOT / "docs" / "language.md").read_text(encoding="utf-8") == explain.page()

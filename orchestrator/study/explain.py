@@ -91,6 +91,22 @@ def _type(annotation: Any) -> str:
     return " or ".join(dict.fromkeys(_type(x) for x in inner))
 
 
+def page() -> str:
+    """The language as a page: `keys` and `measures`, a table each, as Markdown."""
+    lines = ["# The scenario language", "", "Made by `desat keys --markdown`. How files are merged: "
+             'README, "Add a scenario".']  # fmt: skip
+    for name in _tables():
+        lines += ["", f"## {name}", "", "| key | type | unit | |", "|---|---|---|---|"]
+        lines += [_row(f"`{r['key']}`", r["type"], r["unit"], r["what"]) for r in keys(name)]
+    lines += ["", "## measures", "", "| measure | series | options | |", "|---|---|---|---|"]
+    lines += [_row(f"`{r['measure']}`", *list(r.values())[1:]) for r in measures()]
+    return "\n".join(lines) + "\n"
+
+
+def _row(*cells: str) -> str:
+    return "| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |"
+
+
 def schema() -> dict[str, Any]:
     """The language as a JSON schema, for editors."""
     made: dict[str, Any] = _tables()["scenario"].model_json_schema()

@@ -15,6 +15,9 @@ from ..common import Json, app, complete_name, out, print_json
 def keys(
     what: Annotated[str | None, typer.Argument(help="Only this table of the language.")] = None,
     schema: Annotated[bool, typer.Option("--schema", help="A JSON schema for editors.")] = False,
+    markdown: Annotated[
+        bool, typer.Option("--markdown", help="The whole language as a page.")
+    ] = False,
     as_json: Json = False,
 ) -> None:
     """Print the keys of a scenario's file: type, unit and what they say."""
@@ -22,6 +25,9 @@ def keys(
 
     if schema:
         print_json(explain.schema())
+        return
+    if markdown:
+        print(explain.page(), end="")
         return
     _print_rows(explain.keys(what), as_json)
 
