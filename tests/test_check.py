@@ -298,8 +298,6 @@ def unwired(name: str, *sets: str) -> list[str]:
          "wheels.unbalance = 0.001 needs tau_jitter_body, an output that reaches nobody"),
         ("gyrostat/full", "wheels.command_mode=speed",
          "wheels.command_mode = speed needs speed_cmd_wheel, which is neither wired nor given"),
-        ("gyrostat/full", "manager.gyroscopic=true",
-         "manager.gyroscopic = true needs omega_bi_body, which is neither wired nor given"),
     ],
 )  # fmt: skip
 def test_physics_that_is_not_wired_is_refused(name, setting, lack):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -122,7 +123,7 @@ def test_another_fmu_in_a_components_place(desat, tmp_path):
 def test_line_numbers_are_not_emoji(desat, tmp_path):
     result = desat("check", "ssp/uosat12", "--source", "manager=spacecraft_rigid")
     assert result.returncode == 1
-    assert "SystemStructure.ssd:100: manager" in result.stderr
+    assert re.search(r"SystemStructure\.ssd:\d+: manager", result.stderr)
 
 
 def test_usage_errors(desat):
@@ -277,14 +278,14 @@ def test_shared_parameter(desat, tmp_path):
     """Every component that has the parameter gets it; a wrong name is a line."""
     given = ("--stop", "2", "--json", "--no-twin", "--out", str(tmp_path / "a"))
     result = desat("run", "gyrostat/free", *given, "--set",
-                   "shared.inertia_wheel=2e-4,2e-4,3e-4,0", check=True)  # fmt: skip
+                   "shared.inertia_wheel=9e-3,9e-3,8e-3,0", check=True)  # fmt: skip
     owners = {
         name: table["inertia_wheel"]["value"]
         for name, table in json.loads(result.stdout)["parameters"].items()
         if "inertia_wheel" in table
     }
     assert set(owners) >= {"spacecraft", "wheels"}
-    assert all(value == [2e-4, 2e-4, 3e-4, 0.0] for value in owners.values())
+    assert all(value == [9e-3, 9e-3, 8e-3, 0.0] for value in owners.values())
     result = desat("run", "gyrostat/free", "--set", "shared.inertia_weel=2e-4")
     assert result.returncode == Exit.INPUT
     assert "--set shared.inertia_weel=2e-4: shared: no component has a parameter" in result.stderr

@@ -19,8 +19,9 @@ CRAFTS = [f for family in scenario.families() for f in craft.files(ROOT / "ssp" 
 
 BY_HAND = {
     # the connections of the SSDs that were kept by hand, how many and the digest of their names;
-    # since then `valid` of the sensors has come, and what a magnetometer sees of the coils
-    "gyrostat/craft.toml": (80, "ad86609a38a9c52b"),
+    # since then `valid` of the sensors has come, and what a magnetometer sees of the coils;
+    # the gyrostat's manager knows the body's rate, three more
+    "gyrostat/craft.toml": (83, "c03012a9e721818a"),
     "integrated/craft.toml": (112, "028d67e774c5b8dd"),
     "nadir_day/craft.toml": (112, "028d67e774c5b8dd"),
     "plant/craft.toml": (34, "2e8085f172da0b7f"),

@@ -100,10 +100,8 @@ def _samples(system: System) -> Iterator[str]:
     """A component samples once in a whole number of its steps."""
     for c in system.components.values():
         step = system.step * c.decimation
-        times = (s.name for s in c.interface.of("parameter")
-                 if s.name.endswith("sample_time") or s.name == "delay")  # fmt: skip
-        for name in times:
-            sample = value_of(c, name)
+        for name in ("sample_time", "wheel_sample_time", "delay"):
+            sample = value_of(c, name) if name in c.interface.signals else 0.0
             ratio = float(sample) / step if isinstance(sample, (int, float)) else 0.0
             if ratio and (ratio < 1.0 - 1e-9 or abs(ratio - round(ratio)) > 1e-6):
                 yield (f"{system.where}: {c.name}.{name} = {sample:g} s is not a multiple of "
