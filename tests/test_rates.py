@@ -189,3 +189,12 @@ def test_a_lost_momentum_ends_with_1(tmp_path):
     assert made.code == Exit.UNMET
     assert "momentum_residual" in made.manifest["unmet"][0]
     assert "residual_bound = 1e-18" in made.manifest["unmet"][0]
+
+
+def test_what_jacobi_leaves_out_is_said(tmp_path):
+    inner = prepare(scenario(tmp_path, inner=4), Options(algorithm="jacobi", blocks=True))
+    assert any("inner = 4 has no effect" in w for w in inner.checked.warnings)
+    target = scenario(tmp_path, step=0.1, decimation={"wheels": 10})
+    rates = prepare(target, Options(algorithm="jacobi", blocks=True))
+    assert any("momentum is not conserved" in w for w in rates.checked.warnings)
+    assert not prepare("gyrostat/full", Options(algorithm="jacobi")).checked.warnings

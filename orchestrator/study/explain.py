@@ -93,8 +93,12 @@ def _type(annotation: Any) -> str:
 
 def page() -> str:
     """The language as a page: `keys` and `measures`, a table each, as Markdown."""
-    lines = ["# The scenario language", "", "Made by `desat keys --markdown`. How files are merged: "
-             'README, "Add a scenario".']  # fmt: skip
+    lines = [
+        "# The scenario language",
+        "",
+        "Made by `desat keys --markdown`; how files are merged: ",
+    ]
+    lines[-1] += 'README, "Add a scenario".'
     for name in _tables():
         lines += ["", f"## {name}", "", "| key | type | unit | |", "|---|---|---|---|"]
         lines += [_row(f"`{r['key']}`", r["type"], r["unit"], r["what"]) for r in keys(name)]

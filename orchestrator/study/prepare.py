@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -71,7 +72,17 @@ def prepare(target: str, options: Options) -> Case:
         # another FMU may lack what the scenario's numbers are made of: it runs without them
         (checked.warnings if options.sources else checked.problems).extend(lacking)
         checked.warnings += warnings(checked.system)
+        if options.algorithm == "jacobi":
+            checked.warnings += _under_jacobi(checked.system, checked.schedule)
     return Case(target, options, draft.where, checked)
+
+
+def _under_jacobi(system: System, schedule: Schedule) -> Iterator[str]:
+    """What the other masters' semantics leaves out."""
+    if system.inner > 1:
+        yield f"jacobi takes no inner steps: inner = {system.inner} has no effect"
+    if any(text.startswith(("mean of", "its part of")) for _, text in schedule.timing):
+        yield "jacobi hands on one mean of several where rates differ: momentum is not conserved"
 
 
 def _scenario_of(target: str) -> Scenario | None:
