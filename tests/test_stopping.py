@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from desat.study import stopping
-from desat.study.case import Options, execute, load, prepare
+from desat.study.case import Options, execute, prepare
 from desat.study.draws import draws
 from desat.system.codes import Exit
 from desat.system.errors import DesatError
-from desat.system.model import System
 
 NAME = "integrated/mil-nadir"
 RATE = "spacecraft.omega_bi_body"
@@ -122,9 +122,10 @@ def test_what_is_wrong_is_one_line(scenario, text, message):
 
 
 def test_a_replaced_component_without_the_signal_is_refused(scenario):
-    system, _ = load(scenario("signal = 'manager.mode'\nreaches = 1"), True)
-    assert isinstance(system, System)
-    system.about["stop_when"]["signal"] = "manager.nothing"
+    target = scenario("signal = 'manager.mode'\nreaches = 1")
+    system, _ = prepare(target, Options(blocks=True)).or_raise()
+    about = {**system.about, "stop_when": {"signal": "manager.nothing", "reaches": 1}}
+    system = replace(system, about=about)
     assert "manager has no output nothing" in stopping.problems(system)[0]
 
 
