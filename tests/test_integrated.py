@@ -377,12 +377,15 @@ def test_the_manager_is_replaced_by_one_source_and_its_parameters():
 
 def test_the_numpy_loop_of_the_benchmark_is_the_same_model():
     result = python(
-        "import json; from benchmarks import monolith; print(json.dumps(monolith.compare(100.0)))"
+        "import json; from benchmarks import monolith as m;"
+        "print(json.dumps([m.compare(100.0), m.compare(100.0, nutation=0.02)]))"
     )
     assert result.returncode == 0, result.stderr
-    for found in json.loads(result.stdout).values():
-        assert found["attitude_rad"] < 1e-8
-        assert found["wheel_momentum"] < 1e-10
+    usual, fine = json.loads(result.stdout)
+    for ops in ("plain", "tuned"):
+        assert fine[ops]["attitude_rad"] < 5e-8
+        assert fine[ops]["wheel_momentum"] < 5e-10
+        assert usual[ops]["attitude_rad"] < 5e-7, "the truncation of its RK4"
 
 
 # --- the stored draws -------------------------------------------------------------------------
