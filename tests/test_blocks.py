@@ -9,7 +9,6 @@ import math
 import random
 
 import pytest
-from conftest import ROOT
 
 from desat.components.contract.block import (
     Block,
