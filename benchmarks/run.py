@@ -31,13 +31,12 @@ from desat.files.pack import pack_scenario
 from desat.files.scenario import find
 from desat.study.case import Options, prepare
 
+from . import plants
+
 HERE = Path(__file__).parent
 LATEST = HERE / "latest.json"
 ROUNDS = 5
-AUTHORITIES = HERE.parent / "tests" / "authorities"
 BASILISK = HERE.parent / ".venv-basilisk" / "bin" / "python"
-GOAL = 1e-7
-"""The attitude error (quaternion, largest over 6000 s) that the plant's bench asks for."""
 
 
 # --- one measurement, in its own process ------------------------------------------------------
@@ -162,36 +161,6 @@ def day(path: str, steps: int) -> dict[str, Any]:
     return {"wall_seconds": round(seconds, 3), "us_per_step": round(1e6 * seconds / steps, 2)}
 
 
-def plant(path: str, steps: int) -> dict[str, Any]:
-    """The plant's reference trajectory in so many steps: seconds of stepping, and the error."""
-    import numpy as np
-
-    truth = np.loadtxt(AUTHORITIES / "plant_reference_highprec.csv", delimiter=",", skiprows=1)
-    step, every = 6000.0 / steps, steps // 600
-    system, schedule = prepare(path, Options(step=step)).or_raise()
-    rows, seconds = [], 0.0
-
-    def attitude(component: str, signal: Any) -> bool:
-        return component == "spacecraft" and bool(signal.name.startswith("q_bi"))
-
-    with Master(system, schedule, watched=attitude) as master:
-        master.initialise()
-        index = sorted(
-            s.index for s in master.slots
-            if s.component == "spacecraft" and s.signal.name.startswith("q_bi")
-        )  # fmt: skip
-        rows.append(master.live["Real"][index].copy())
-        for _ in range(600):
-            began = time.perf_counter()
-            for _ in range(every):
-                master.advance()
-            seconds += time.perf_counter() - began
-            rows.append(master.live["Real"][index].copy())
-    found, wanted = np.array(rows), truth[:, [2, 3, 4, 1]]
-    sign = np.sign((found * wanted).sum(axis=1, keepdims=True))
-    return {"seconds": seconds, "attitude_error": float(np.abs(found - sign * wanted).max())}
-
-
 def shares(path: str, steps: int) -> dict[str, Any]:
     """Where our microseconds go: the calls of each component, and the master's own loop."""
     with _master(path, steps, blocks=False) as master:
@@ -311,7 +280,6 @@ MEASUREMENTS: dict[str, Callable[..., dict[str, Any]]] = {
         shares,
         memory,
         day,
-        plant,
         law,
         agreement,
         numpy_loop,
@@ -460,37 +428,44 @@ def start_up() -> dict[str, Any]:
     return result | {"memory": _measure("memory", path, 15000)}
 
 
-def plant_trajectory() -> dict[str, Any]:
-    """The plant's reference trajectory: ours and Basilisk's, at the largest step whose error is
-    below the goal, and at 1 s."""
-    path = packed("plant/reference")
-    tools: dict[str, tuple[tuple[float, ...], Callable[[float], dict[str, Any]]]] = {
-        "desat": ((10.0, 5.0, 2.0, 1.0), lambda s: _measure("plant", path, round(6000 / s))),
-        "basilisk": ((1.0, 0.5, 0.2, 0.1), _basilisk),
+def both_plants() -> dict[str, Any]:
+    """Error over CPU time of two plants: ours and Basilisk's, its RK4 and its RKF78, in turn; and
+    what each takes at the goal."""
+    result: dict[str, Any] = {"goal": plants.GOAL}
+    tools: dict[str, tuple[float, ...]] = {
+        "desat": (10.0, 5.0, 2.0, 1.0, 0.5),
+        "basilisk_rk4": (2.0, 1.0, 0.5, 0.2, 0.1, 0.05),
+        "basilisk_rkf78": (10.0, 5.0, 2.0, 1.0, 0.5, 0.2),
     }
-    result: dict[str, Any] = {"goal": GOAL}
-    for tool, (steps, run) in tools.items():
-        if tool == "basilisk" and not BASILISK.exists():
-            result[tool] = None  # not installable here
-            continue
-        rows = []
-        for step in steps:
-            runs = sorted((run(step) for _ in range(3)), key=lambda r: r["seconds"])
-            rows.append({"step": step, **runs[1]})
-        good = [r for r in rows if r["attitude_error"] < GOAL]
-        result[tool] = {
-            "at_the_goal": max(good, key=lambda r: r["step"]) if good else None,
-            "at_1_s": next(r for r in rows if r["step"] == 1.0),
-            "rows": rows,
-        }
+    for plant in plants.PLANTS:
+        rounds: dict[tuple[str, float], list[dict[str, Any]]] = {}
+        for _ in track(range(3), f"plant: {plant}", disable=not sys.stderr.isatty()):
+            for tool, steps in tools.items():
+                for step in steps:
+                    if tool == "desat":
+                        command = [sys.executable, "-m", "benchmarks.plants", plant, str(step)]
+                        measured = _result(command)
+                    elif BASILISK.exists():
+                        command = plants.basilisk(str(BASILISK), plant, step, tool.split("_")[1])
+                        measured = plants.judged(plant, _result(command))
+                    else:
+                        continue  # not installable here
+                    rounds.setdefault((tool, step), []).append(measured)
+        result[plant] = {tool: _at_the_goal(tool, rounds) for tool in tools}
     return result
 
 
-def _basilisk(step: float) -> dict[str, Any]:
-    return _result(
-        [str(BASILISK), str(HERE / "basilisk_plant.py"), str(AUTHORITIES / "parameters.json"),
-         str(AUTHORITIES / "plant_reference_highprec.csv"), str(step)]
-    )  # fmt: skip
+def _at_the_goal(tool: str, rounds: dict[tuple[str, float], list[dict[str, Any]]]) -> Any:
+    rows = [
+        {"step": step, **sorted(runs, key=lambda r: r["seconds"])[len(runs) // 2]}
+        for (name, step), runs in rounds.items()
+        if name == tool
+    ]
+    good = [r for r in rows if r["attitude_error"] < plants.GOAL]
+    return {
+        "rows": rows,
+        "at_the_goal": min(good, key=lambda r: r["seconds"]) if good else None,
+    } if rows else None  # fmt: skip
 
 
 CASES: dict[str, Callable[[], dict[str, Any]]] = {
@@ -498,7 +473,7 @@ CASES: dict[str, Callable[[], dict[str, Any]]] = {
     "day": nadir_day,
     "integrated": integrated_day,
     "start_up": start_up,
-    "plant": plant_trajectory,
+    "plants": both_plants,
     "laws": laws,
 }
 
