@@ -10,6 +10,7 @@ import pytest
 from hypothesis import settings
 
 from desat.files import places
+from desat.files.scenario import scenarios
 from desat.fmus import registry
 
 settings.register_profile("desat", deadline=None, max_examples=60, derandomize=True)
@@ -36,6 +37,15 @@ def desat():
         )  # fmt: skip
 
     return run
+
+
+def one_of_each_craft() -> list[str]:
+    """The first scenario of each craft and choice of FMUs."""
+    found: dict[str, str] = {}
+    for name, scenario in scenarios().items():
+        kind = [scenario.family, *(scenario.data.get(k) for k in ("craft", "ssd", "sources"))]
+        found.setdefault(repr(kind), name)
+    return list(found.values())
 
 
 def python(code: str, *arguments: str, timeout: float = 300) -> subprocess.CompletedProcess[str]:

@@ -113,13 +113,13 @@ def test_momentum_is_conserved_at_every_step(name, step):
 
 @pytest.fixture(scope="module")
 def study():
-    return convergence.study("gyrostat/full", Options())
+    return convergence.study("gyrostat/full", Options(stop=150.0), steps=(1.0, 0.5, 0.25))
 
 
 def test_observed_order(study):
     assert study["order"] >= 2.5
     rows = [r for r in study["rows"] if r["algorithm"] == "conserving"]
-    assert [r["step"] for r in rows] == [1.0, 0.5, 0.25, 0.125]
+    assert [r["step"] for r in rows] == [1.0, 0.5, 0.25]
     assert all(r["momentum_drift"] <= 1e-12 for r in rows)
     assert rows[0]["attitude_error"] < 2e-7
 
