@@ -433,8 +433,8 @@ def both_plants() -> dict[str, Any]:
     what each takes at the goal."""
     result: dict[str, Any] = {"goal": plants.GOAL}
     tools: dict[str, tuple[float, ...]] = {
-        "desat": (10.0, 5.0, 2.0, 1.0, 0.5),
-        "basilisk_rk4": (2.0, 1.0, 0.5, 0.2, 0.1, 0.05),
+        "desat": (10.0, 5.0, 2.0, 1.0),
+        "basilisk_rk4": (2.0, 1.0, 0.5, 0.2, 0.1),
         "basilisk_rkf78": (10.0, 5.0, 2.0, 1.0, 0.5, 0.2),
     }
     for plant in plants.PLANTS:
