@@ -16,6 +16,7 @@ import math
 import sys
 import time
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from Basilisk.architecture import messaging
@@ -51,7 +52,7 @@ def main() -> None:
     process = sim.CreateNewProcess("process")
     process.addTask(sim.CreateNewTask("task", macros.sec2nano(1.0)))
 
-    def add(module, priority):
+    def add(module: Any, priority: int) -> Any:
         module.ModelTag = type(module).__name__
         sim.AddModelToTask("task", module, priority)
         return module
