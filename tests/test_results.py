@@ -21,7 +21,7 @@ from desat.study.case import Options, execute
 from desat.study.manifest import read_manifest
 from desat.study.measures import MEASURES
 from desat.study.numbers import evaluate, relative, scale
-from desat.study.plots import _thinned
+from desat.study.plots import _thinned, pretty_unit
 from desat.system.errors import DesatError
 from desat.system.interface import of_block
 
@@ -216,3 +216,11 @@ def test_modes_have_names_of_their_block(tmp_path):
     assert read_manifest(tmp_path)["choices"] == {"manager.mode": list(own["manager_integrated"])}
     names = run.results.choices("manager.mode")
     assert {names[k] for k in run.results.values("manager.mode")} == {"velocity_dumping"}
+
+
+@pytest.mark.parametrize(
+    ("unit", "shown"),
+    [("A2.m4.s", "A² m⁴ s"), ("uN.m", "µN m"), ("rad/s2", "rad/s²"), ("um", "um"), ("1", "")],
+)
+def test_units_as_people_write_them(unit, shown):
+    assert pretty_unit(unit) == shown

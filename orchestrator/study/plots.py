@@ -46,13 +46,15 @@ class Line(NamedTuple):
 
 _FIRST: dict[str, Any] = {"linestyle": "-", "linewidth": 1.4}
 _OTHER: dict[str, Any] = {"linestyle": (0, (4, 2)), "linewidth": 1.0, "alpha": 0.75}
-_PRETTY = {"A.m2": "A m²", "N.m": "N m", "N.m.s": "N m s", "uN.m": "µN m", "mN.m": "mN m",
-           "mN.m.s": "mN m s", "uT": "µT", "A2.m4.s": "A² m⁴ s", "1": ""}  # fmt: skip
+_RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
 def pretty_unit(unit: str) -> str:
-    """A unit's name as people write it: `N.m.s` -> `N m s`."""
-    return _PRETTY.get(unit, unit)
+    """A unit's name as people write it: `uN.m.s2` -> `µN m s²`; nothing for `1`."""
+    if unit == "1":
+        return ""
+    micro = re.sub(r"\bu(?=[A-Z])", "µ", unit)
+    return re.sub(r"(?<=[A-Za-z])-?\d+", lambda m: m[0].translate(_RAISED), micro).replace(".", " ")
 
 
 def time_axis(times: np.ndarray[Any, Any]) -> tuple[float, str]:
