@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 
 from desat.components.contract.units import unit_of
 from desat.engine import master as master_module
-from desat.engine.instances import ComponentError
 from desat.engine.ending import Ending
+from desat.engine.instances import ComponentError
 from desat.engine.loop import run, stepping
 from desat.engine.master import Master
 from desat.engine.results import Recorder

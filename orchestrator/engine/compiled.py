@@ -1,7 +1,7 @@
 """The stepping loop in C (loop.c): built once into the user's cache, and run over a master's plan.
 
 It makes the same bits as `Master.advance`. It needs a C compiler and FMUs alone; where it cannot
-be had, `Unknown` says why, and the master's own loop steps.
+be had, `NotCompiledError` says why, and the master's own loop steps.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from ..system.interface import KINDS
 from .ending import Ending
 from .master import Master
 from .operations import Call
-from .program import Program, Unknown
+from .program import NotCompiledError, Program
 from .results import Recorder
 
 SOURCE = Path(__file__).with_name("loop.c")
@@ -57,7 +57,7 @@ class _Loop(ctypes.Structure):
 
 
 class CompiledSteps:
-    """Steps of an initialised master in C. Raises Unknown where they cannot be."""
+    """Steps of an initialised master in C. Raises NotCompiledError where they cannot be."""
 
     name = "compiled"
     why = ""
@@ -124,10 +124,10 @@ def compiler() -> list[str]:
 
 @cache
 def _library() -> Any:
-    """The built loop. Raises Unknown."""
+    """The built loop. Raises NotCompiledError."""
     command = compiler()
     if not command:
-        raise Unknown("there is no C compiler (cc, gcc, clang, or the package ziglang)")
+        raise NotCompiledError("there is no C compiler (cc, gcc, clang, or the package ziglang)")
     made = Path(command[0]).resolve()
     key = [*command, *FLAGS, str(made), made.stat().st_size, made.stat().st_mtime_ns]
     digest = hashlib.sha256(repr(key).encode() + SOURCE.read_bytes()).hexdigest()[:20]
@@ -137,7 +137,7 @@ def _library() -> Any:
             _build(command, library)
         return ctypes.CDLL(str(library))  # which lets other threads run meanwhile
     except OSError as error:
-        raise Unknown(f"{library}: {error}") from error
+        raise NotCompiledError(f"{library}: {error}") from error
 
 
 def _build(command: list[str], library: Path) -> None:
@@ -151,5 +151,5 @@ def _build(command: list[str], library: Path) -> None:
         )  # fmt: skip
         if done.returncode:
             said = (done.stderr.strip().splitlines() or [f"exit {done.returncode}"])[0]
-            raise Unknown(f"{shlex.join(command)} does not compile {SOURCE.name}: {said}")
+            raise NotCompiledError(f"{shlex.join(command)} does not compile {SOURCE.name}: {said}")
         part.replace(library)

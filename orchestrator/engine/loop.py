@@ -15,7 +15,7 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 from .compiled import CompiledSteps
 from .ending import NEVER, Ending
 from .master import Master
-from .program import Unknown
+from .program import NotCompiledError
 from .results import Recorder
 
 Loop = Literal["compiled", "python"]
@@ -58,7 +58,7 @@ def stepping(
         return PythonSteps(master, recorder, "it was asked for")
     try:
         return CompiledSteps(master, recorder, ending)
-    except Unknown as error:
+    except NotCompiledError as error:
         return PythonSteps(master, recorder, str(error))
 
 

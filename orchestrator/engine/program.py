@@ -16,7 +16,7 @@ _CODES = ("TICK", "LENGTH", "TAKE_8", "TAKE_4", "CONVERT", "TRANSFER", "STEP", "
 _CODE = {name: i for i, name in enumerate(_CODES)}
 
 
-class Unknown(Exception):
+class NotCompiledError(Exception):
     """An operation that the compiled loop does not have; the text names it."""
 
 
@@ -98,7 +98,7 @@ def _rows(operation: Operation) -> Iterator[_Row]:
             pointers = (part.live, source.means, source.slopes, target.means, target.slopes)
             yield "CUT", len(source.means), pointers, part.weights[i]
         case _:
-            raise Unknown(f"{type(operation).__name__} is not compiled")
+            raise NotCompiledError(f"{type(operation).__name__} is not compiled")
 
 
 def _gather(g: Gather) -> _Row:
@@ -107,14 +107,14 @@ def _gather(g: Gather) -> _Row:
     if g.factor is None:
         return "TAKE_8" if g.kind == "Real" else "TAKE_4", len(into), pointers, ()
     if g.kind != "Real":
-        raise Unknown(f"a connection converts values of type {g.kind}")
+        raise NotCompiledError(f"a connection converts values of type {g.kind}")
     return "CONVERT", len(into), (*pointers, g.factor, g.offset), ()
 
 
 def _calls(call: Call) -> Iterator[_Row]:
     instance = call.instance
     if not isinstance(instance, FmuInstance):
-        raise Unknown(f"{instance.name} is not run as an FMU")
+        raise NotCompiledError(f"{instance.name} is not run as an FMU")
     for prepared in instance.prepared[call.verb]:
         function = ctypes.cast(prepared.func, ctypes.c_void_p).value
         if call.verb == "step":
