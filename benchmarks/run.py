@@ -24,8 +24,9 @@ from typing import Any
 
 from rich.progress import track
 
+from desat.engine.loop import Loop, stepping
 from desat.engine.master import Master
-from desat.engine.plan import Move
+from desat.engine.operations import Call
 from desat.files import library
 from desat.files.pack import pack_scenario
 from desat.files.scenario import find

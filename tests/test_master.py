@@ -13,8 +13,9 @@ from hypothesis import strategies as st
 
 from desat.components.contract.units import unit_of
 from desat.engine import master as master_module
+from desat.engine.ending import Ending
 from desat.engine.instances import ComponentError
-from desat.engine.loop import loop
+from desat.engine.loop import run, stepping
 from desat.engine.master import Master
 from desat.engine.results import Recorder
 from desat.files.scenario import find, scenarios
@@ -259,9 +260,12 @@ def test_the_loop_ends_where_a_condition_says():
         def finished() -> str:
             return "three" if m.live[time.kind][time.index] >= 3.0 else ""
 
-        reason = loop(m, 10, recorder, lambda: 0, lambda k: None, finished)
+        ending = Ending(finished)
+        steps = stepping(m, recorder, ending)
+        assert (steps.name, steps.why) == ("python", "sensor is not run as an FMU")
+        reason = run(m, steps, 10, recorder, ending)
         assert (reason, m.k) == ("three", 3)
-        assert loop(m, 10, recorder, lambda: 0, lambda k: None) == ""
+        assert run(m, steps, 10, recorder) == ""
         assert m.k == 10
         with recorder.finish(m) as results:
             assert results.times().tolist() == [float(k) for k in range(11)]

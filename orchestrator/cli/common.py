@@ -42,6 +42,13 @@ class Semantics(StrEnum):
     jacobi = "jacobi"
 
 
+class Stepping(StrEnum):
+    """What makes the steps of a run."""
+
+    compiled = "compiled"
+    python = "python"
+
+
 def complete_name(incomplete: str) -> list[str]:
     """The scenarios that a shell offers for the beginning of a name."""
     from ..study import listing
@@ -90,6 +97,11 @@ Alg = Annotated[
     Semantics,
     typer.Option(help="conserving: no delay in the loop; jacobi: as libcosim and Ecos do."),
 ]
+LoopOption = Annotated[
+    Stepping,
+    typer.Option("--loop", help="compiled: in C, where a compiler is there and all components are "
+                 "FMUs, else python; the same bits."),
+]  # fmt: skip
 Blocks = Annotated[bool, typer.Option("--blocks", help="Bare blocks instead of FMUs.")]
 Json = Annotated[bool, typer.Option("--json", help="Print JSON for programs.")]
 Classes = Annotated[

@@ -22,6 +22,7 @@ from desat.components.maths.vector import norm, scale
 from desat.components.physics.orbit import lvlh_attitude
 from desat.fmus.registry import block_class
 
+from ..engine.loop import run, stepping
 from ..engine.master import Master
 from ..engine.results import Recorder
 from ..files.scenario import Scenario
@@ -136,8 +137,7 @@ class Plant:
         with Master(system, self._schedule) as master:
             master.initialise()
             recorder = Recorder(None, master, (MOMENTUM, DIPOLE, ENERGY))
-            for _ in range(system.steps):
-                master.advance(recorder.record)
+            run(master, stepping(master, recorder), system.steps, recorder)
             with recorder.finish(master) as results:
                 return Flight(
                     results.values(MOMENTUM)[:, :3], results.values(DIPOLE),

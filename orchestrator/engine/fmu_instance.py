@@ -134,18 +134,23 @@ class FmuInstance:
     ) -> None:  # fmt: skip
         self.inputs = {k: np.zeros(len(inputs[k]), DTYPE[k]) for k in KINDS if inputs[k]}
         self._keep: list[Any] = [self.inputs, into]  # the calls hold bare addresses
-        self.push = self._transfer("Set", inputs, self.inputs)
-        self.pull = self._transfer("Get", outputs, into)
-        self.step: Callable[[], int] = partial(
+        step = partial(
             self._library.calls["fmi2DoStep"],
             ctypes.c_void_p(self._c), clock.t, clock.dt, ctypes.c_int(1),
         )  # fmt: skip
+        self.prepared = {
+            "push": self._transfer("Set", inputs, self.inputs),
+            "step": [step],
+            "pull": self._transfer("Get", outputs, into),
+        }
+        """The calls of each verb, with their arguments."""
+        self.push, self.step, self.pull = map(_together, self.prepared.values())
 
     def _transfer(
         self, verb: str, signals: dict[Kind, list[Signal]], arrays: dict[Kind, Array]
-    ) -> Callable[[], int]:
+    ) -> list[partial[int]]:
         """One call per type that moves all values at once, its arguments prepared."""
-        calls: list[Callable[[], int]] = []
+        calls = []
         for kind in KINDS:
             if not (n := len(signals[kind])):
                 continue
@@ -156,7 +161,7 @@ class FmuInstance:
                 ctypes.c_size_t(n), ctypes.c_void_p(arrays[kind].ctypes.data),
             )  # fmt: skip
             calls.append(partial(self._library.calls[f"fmi2{verb}{kind}"], *arguments))
-        return calls[0] if len(calls) == 1 else lambda: max((call() for call in calls), default=0)
+        return calls
 
     def enter(self, start: float, parameters: Mapping[str, Scalar]) -> None:
         by_kind: dict[str, list[tuple[Signal, Scalar]]] = {}
@@ -194,3 +199,8 @@ class FmuInstance:
             self._library.instances -= 1
         self._c = None
         _listeners.pop(id(self), None)
+
+
+def _together(calls: list[partial[int]]) -> Callable[[], int]:
+    """All calls as one, with the worst of their statuses."""
+    return calls[0] if len(calls) == 1 else lambda: max((call() for call in calls), default=0)

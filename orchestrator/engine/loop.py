@@ -7,36 +7,74 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import Any
+from typing import Any, Literal, Protocol
 
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
+from .compiled import CompiledSteps
+from .ending import NEVER, Ending
 from .master import Master
+from .program import NotCompiledError
 from .results import Recorder
 
-
-def never() -> str:
-    """A run that nothing ends before its stop time."""
-    return ""
+Loop = Literal["compiled", "python"]
 
 
-def loop(
-    master: Master, steps: int, recorder: Recorder, interrupted: Callable[[], int],
-    report: Callable[[int], None], finished: Callable[[], str] = never,
+class Steps(Protocol):
+    """Steps of an initialised master, and why they are not compiled."""
+
+    @property
+    def name(self) -> Loop:
+        """Which loop it is."""
+
+    @property
+    def why(self) -> str:
+        """The reason, for people; empty for the compiled loop."""
+
+    def some(self, most: int) -> None:
+        """Make so many steps, or fewer, so that a run may end there."""
+
+
+class PythonSteps:
+    """Steps of an initialised master, one by one."""
+
+    name: Loop = "python"
+
+    def __init__(self, master: Master, recorder: Recorder | None, why: str) -> None:
+        self._advance, self.why = master.advance, why
+        self._record = recorder and recorder.record
+
+    def some(self, most: int) -> None:
+        """Make one."""
+        self._advance(self._record)
+
+
+def stepping(
+    master: Master, recorder: Recorder | None, ending: Ending = NEVER, loop: Loop = "compiled"
+) -> Steps:
+    """The steps of an initialised master by the loop that is wanted, where it can be had."""
+    if loop == "python":
+        return PythonSteps(master, recorder, "it was asked for")
+    try:
+        return CompiledSteps(master, recorder, ending)
+    except NotCompiledError as error:
+        return PythonSteps(master, recorder, str(error))
+
+
+def run(
+    master: Master, steps: Steps, until: int, recorder: Recorder, ending: Ending = NEVER,
+    interrupted: Callable[[], int] = lambda: 0, report: Callable[[int], None] = lambda k: None,
 ) -> str:  # fmt: skip
-    """Step to the end, to the first signal to stop, or until `finished`, asked after every step,
-    gives a reason, which is returned; look at the clock twenty times a second."""
-    advance, record = master.advance, recorder.record
+    """Step until step `until`, the first signal to stop, or an ending, whose reason is returned;
+    look at the clock twenty times a second."""
     chunk = 1
-    while master.k < steps and not interrupted():
-        began = time.perf_counter()
-        for _ in range(min(chunk, steps - master.k)):
-            advance(record)
-            if reason := finished():
+    while master.k < until and not interrupted():
+        began, edge = time.perf_counter(), min(master.k + chunk, until)
+        while master.k < edge and not interrupted():
+            steps.some(edge - master.k)
+            if reason := ending.reason():
                 return reason
-            if interrupted():
-                break
         seconds = time.perf_counter() - began
         chunk = max(1, min(2 * chunk, int(chunk * 0.05 / max(seconds, 1e-6))))
         recorder.tick()

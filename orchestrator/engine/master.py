@@ -38,7 +38,7 @@ from .block_instance import BlockInstance
 from .fmu_instance import FmuInstance
 from .instances import Array, ComponentError, Instance
 from .member import Member, Outputs, Slot
-from .plan import Plan, Row
+from .plan import Plan
 
 Algorithm = Literal["conserving", "jacobi"]
 ALGORITHMS: tuple[Algorithm, ...] = ("conserving", "jacobi")
@@ -71,6 +71,8 @@ class Master:
             raise DesatError(f"algorithm {algorithm}: there is {', '.join(ALGORITHMS)}")
         self.system, self.schedule, self.algorithm = system, schedule, algorithm
         self._conserving = algorithm == "conserving"
+        self.ahead = int(not self._conserving)
+        """Of the row of a step, before its number."""
         self.start, self.step_size, self.k = system.start, system.step, 0
         self.members: dict[str, Member] = {}
         self._rates = schedule.rates
@@ -184,10 +186,9 @@ class Master:
         _each(m.instance.exit for m in members)
         for member in members:
             self._pull(member)
-        self._check_finite()
-        self._cycle = self._plan.cycle()
-        inner = len(self._rates.parts) > 1
-        self._row = Row(self._outputs, members, self._rates) if inner else None
+        self.check_finite()
+        self.cycle = self._plan.cycle()
+        self.row = self._plan.row.values
 
     def _settle(self) -> None:
         """Exchange until nothing changes. Raises DesatError where that does not end."""
@@ -220,48 +221,26 @@ class Master:
         """Read a component's outputs and show them at once."""
         if (status := member.instance.pull()) > 1:
             raise member.instance.failed("reading its outputs", status)
-        for live, fresh in self._outputs.fresh_of(member, "all"):
-            live[:] = fresh
+        for show in self._outputs.fresh_of(member, "all"):
+            show()
 
     # --- stepping -----------------------------------------------------------------------------
 
     def advance(self, record: Rows | None = None) -> None:
         """One step. `record(k, outputs)` sees the row of this step: see the module's text."""
-        k, row = self.k, self._row
-        if row is not None:
-            row.begin()
-        for i, phase in enumerate(self._cycle[k % len(self._cycle)]):
-            t = self.start + (k + phase.at) * self.step_size
-            for clock in phase.clocks:
-                clock.value = t
-            for length, value in phase.lengths:
-                length.value = value
-            for instance, gathers, push, step, pull, copies, joins in phase.moves:
-                for gather in gathers:
-                    gather()
-                if (status := push()) > 1:
-                    raise instance.failed(f"setting its inputs at t = {t:g} s", status)
-                if (status := step()) > 1:
-                    raise instance.failed(f"the step from t = {t:g} s", status)
-                if (status := pull()) > 1:
-                    raise instance.failed(f"reading its outputs after t = {t:g} s", status)
-                for live, fresh in copies:
-                    live[:] = fresh
-                for join in joins:
-                    join()
-            if row is not None:
-                row.add(i)
-            if record is not None and self._conserving and phase.last:
-                record(k, self.live if row is None else row.values)
-            for live, fresh in phase.ends:
-                live[:] = fresh
+        k, step = self.k, self.cycle[self.k % len(self.cycle)]
+        for operation in step.before:
+            operation(k)
+        if record is not None:
+            record(k + self.ahead, self.row)
+        for operation in step.after:
+            operation(k)
         self.k = k + 1
-        if record is not None and not self._conserving:
-            record(k + 1, self.live)
         if self.live["Real"].dot(self._zeros) != 0.0:  # NaN or infinity times 0 is not 0
-            self._check_finite()
+            self.check_finite()
 
-    def _check_finite(self) -> None:
+    def check_finite(self) -> None:
+        """Raise ComponentError for an output that is NaN or infinite."""
         for slot in self.slots:
             value = self.live[slot.kind][slot.index]
             if not np.isfinite(value):

@@ -8,18 +8,15 @@ from __future__ import annotations
 
 from collections.abc import Callable, Container, Iterable
 from dataclasses import dataclass, field
-from functools import partial
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 
 from ..system.interface import KINDS, Kind, Signal
 from ..system.model import Component, Connection
 from .instances import DTYPE, Array, Instance
+from .operations import Gather, Show
 from .windows import Places
-
-Copy = tuple[Array, Array]
-"""live, fresh: pieces of the same outputs"""
 
 
 @dataclass
@@ -69,19 +66,19 @@ class Member:
 
     def gathers(
         self, live: dict[Kind, Array], moves: Callable[[Slot], bool], started: bool = True
-    ) -> list[Callable[[], Any]]:
-        """Functions that collect its inputs, one a type, from those outputs that move; once
+    ) -> list[Gather]:
+        """What collects its inputs, one a type, from those outputs that move; once
         `started`, means of another rate from where they are joined or cut."""
         elsewhere = {} if not started else {p: i for w in self.windows for p, i in w.moved()}
-        functions = []
+        gathers = []
         for kind, feeds in self.incoming.items():
             moving = [
                 (i, elsewhere.get(slot.index, slot.index) if kind == "Real" else slot.index, c)
                 for i, (slot, c) in enumerate(feeds) if moves(slot)
             ]  # fmt: skip
             if moving:
-                functions.append(_gather(live[kind], self.instance.inputs[kind], moving))
-        return functions
+                gathers.append(_gather(kind, live[kind], self.instance.inputs[kind], moving))
+        return gathers
 
 
 @dataclass
@@ -151,42 +148,31 @@ class Outputs:
         """The piece of an array that a member pulls its outputs of a type into."""
         return (self.live if member.direct else self.fresh)[kind][member.place(kind)]
 
-    def all_fresh(self) -> list[Copy]:
+    def all_fresh(self) -> list[Show]:
         """All that is pulled into `fresh`, a piece a type."""
         return self._copies((kind, slice(0, self._fresh_until[kind])) for kind in KINDS)
 
-    def fresh_of(self, member: Member, which: Literal["all", "interval", "state"]) -> list[Copy]:
+    def fresh_of(self, member: Member, which: Literal["all", "interval", "state"]) -> list[Show]:
         """What a member pulls into `fresh`: all, or its outputs of one class."""
         if member.direct:
             return []
         return self._copies((kind, member.place(kind, which)) for kind in KINDS)
 
-    def _copies(self, pieces: Iterable[tuple[Kind, slice]]) -> list[Copy]:
-        return [(self.live[k][p], self.fresh[k][p]) for k, p in pieces if p.stop > p.start]
+    def _copies(self, pieces: Iterable[tuple[Kind, slice]]) -> list[Show]:
+        return [Show(self.live[k][p], self.fresh[k][p]) for k, p in pieces if p.stop > p.start]
 
 
 def _gather(
-    live: Array, target: Array, moving: list[tuple[int, int, Connection]]
-) -> Callable[[], Any]:
+    kind: Kind, live: Array, target: Array, moving: list[tuple[int, int, Connection]]
+) -> Gather:
     """target[i] = factor * live[index] + offset for the connections (i, index, connection)."""
     index = np.array([index for _, index, _ in moving], np.intp)
-    if len(moving) == len(target) and not any(_converts(c) for *_, c in moving):
-        return partial(live.take, index, None, target, "clip")
+    converts = any((c.factor, c.offset) != (1.0, 0.0) for *_, c in moving)
+    if len(moving) == len(target) and not converts:
+        return Gather(kind, live, target, index)
     into = np.array([i for i, _, _ in moving], np.intp)
-    if not any(_converts(c) for *_, c in moving):
-
-        def gather() -> None:
-            target[into] = live[index]
-
-        return gather
+    if not converts:
+        return Gather(kind, live, target, index, into)
     factor = np.array([c.factor for *_, c in moving])
     offset = np.array([c.offset for *_, c in moving])
-
-    def gather_converted() -> None:
-        target[into] = live[index] * factor + offset
-
-    return gather_converted
-
-
-def _converts(connection: Connection) -> bool:
-    return (connection.factor, connection.offset) != (1.0, 0.0)
+    return Gather(kind, live, target, index, into, factor, offset)

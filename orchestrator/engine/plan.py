@@ -2,48 +2,20 @@
 
 from __future__ import annotations
 
-import ctypes
-from collections.abc import Callable, Iterable
-from dataclasses import dataclass
-from functools import partial
-from typing import Any, Literal, NamedTuple
+from collections.abc import Iterable
+from typing import Literal
+
+import numpy as np
 
 from ..system.rates import Rates
-from .instances import Array, Clock, Instance
-from .member import Copy, Member, Outputs, Slot, Window, means
+from .instances import Array, Clock
+from .member import Member, Outputs, Slot, Window, means
+from .operations import Call, Cut, Gather, Join, Length, Operation, Show, Step, Tick
 from .windows import Part, Whole
-
-_Call = Callable[[], int]
-
-
-class Move(NamedTuple):
-    """What a member does in a part: its calls in their order, then what it shows at once and what
-    it hands on to members of another rate."""
-
-    instance: Instance
-    gathers: list[Callable[[], Any]]
-    push: _Call
-    step: _Call
-    pull: _Call
-    copies: list[Copy]
-    joins: list[Callable[[], None]]
-
-
-@dataclass
-class Phase:
-    """A part of a step: its start as a share of it, whether it is the last, the clocks to set, the
-    lengths that change, the moves, and what is shown when all have moved."""
-
-    at: float
-    last: bool
-    clocks: list[ctypes.c_double]
-    lengths: list[tuple[ctypes.c_double, float]]
-    moves: list[Move]
-    ends: list[Copy]
 
 
 class Plan:
-    """Prepares the phases of a cycle.
+    """Prepares the steps of a cycle.
 
     Under `jacobi` (`conserving` false) nothing is joined or cut: an output moves only when its
     source and its target are both due.
@@ -57,6 +29,7 @@ class Plan:
 
     def clocks(self, start: float, step: float) -> dict[int, Clock]:
         """A clock for each rate."""
+        self._start, self._step = start, step
         inner = len(self._rates.parts)
         self._clocks = {
             m.every: Clock(start, step * self._rates.edge(m.every)) for m in self._members.values()
@@ -78,8 +51,8 @@ class Plan:
                     member.windows.append(Window(name, places))
         self._outputs.make_room(w for m in self._members.values() for w in m.windows)
 
-    def cycle(self) -> list[list[Phase]]:
-        """The phases of each step of a cycle."""
+    def cycle(self) -> list[Step]:
+        """What is done in each step of a cycle."""
         inner = len(self._rates.parts)
         self._whole = {
             (m.name, w.source): Whole(
@@ -89,35 +62,39 @@ class Plan:
             for m in self._members.values() for w in m.windows
             if self._members[w.source].every < m.every
         }  # fmt: skip
-        phases = [self._phase(part) for part in range(self._rates.cycle * inner)]
-        return [phases[i : i + inner] for i in range(0, len(phases), inner)]
+        self.row = Row(self._outputs, self._members.values(), self._rates)
+        return [self._one(step * inner, inner) for step in range(self._rates.cycle)]
 
     @property
     def _live(self) -> Array:
         return self._outputs.live["Real"]
 
-    def _phase(self, part: int) -> Phase:
-        members = list(self._members.values())
-        inner = part % len(self._rates.parts)
-        moves = [self._sample(m) for m in members if m.late and part % m.every == 0]
-        stepping = [m for m in members if m.steps_at(part)]
-        order = {m.name: i for i, m in enumerate(members)}
-        moves += [self._move(m, part) for m in stepping]
-        moves.sort(key=lambda move: order[move.instance.name])
-        fast = self._clocks.get(1)
-        return Phase(
-            self._rates.parts[inner][0],
-            inner == len(self._rates.parts) - 1,
-            [clock.t for every, clock in self._clocks.items() if part % every == 0],
-            [(fast.dt, self._lengths[inner])] if self._lengths and fast else [],
-            moves,
-            self._ends([m for m in members if (part + 1) % m.every == 0]),
-        )
+    def _one(self, first: int, inner: int) -> Step:
+        """The step that consists of so many parts, from this one on."""
+        before, after = [*self.row.begin()], []
+        for i in range(inner):
+            before += [*self._moves(first + i), *self.row.add(i)]
+            (after if i == inner - 1 and self._conserving else before).extend(self._ends(first + i))
+        return Step(before, after)
 
-    def _sample(self, member: Member) -> Move:
+    def _moves(self, part: int) -> list[Operation]:
+        """The clocks of a part, and what its members do in their order."""
+        inner, fast = part % len(self._rates.parts), self._clocks.get(1)
+        due = [clock.t for every, clock in self._clocks.items() if part % every == 0]
+        tick = Tick(self._start, self._step, self._rates.parts[inner][0], due)
+        moves: list[Operation] = [tick]
+        if self._lengths and fast:
+            moves.append(Length(fast.dt, self._lengths[inner]))
+        for member in self._members.values():
+            if member.late and part % member.every == 0:
+                moves += self._sample(member)
+            if member.steps_at(part):
+                moves += self._move(member, part, tick)
+        return moves
+
+    def _sample(self, member: Member) -> list[Gather]:
         """The start of a late member's window: it takes those inputs that belong there."""
-        gathers = member.gathers(self._outputs.live, lambda slot: not self._at_end(member, slot))
-        return Move(member.instance, gathers, _nothing, _nothing, _nothing, [], [])
+        return member.gathers(self._outputs.live, lambda slot: not self._at_end(member, slot))
 
     def _at_end(self, member: Member, slot: Slot) -> bool:
         """Whether a late member takes an input at the end of its window: what is over the window
@@ -128,8 +105,9 @@ class Plan:
             or (source.every == member.every)
         )
 
-    def _move(self, member: Member, part: int) -> Move:
-        """A member's step."""
+    def _move(self, member: Member, part: int, tick: Tick) -> list[Operation]:
+        """A member's step: its calls in their order, then what it shows at once and what it hands
+        on to members of another rate."""
         instance, live = member.instance, self._outputs.live
         if member.late:
             gathers = member.gathers(live, lambda slot: self._at_end(member, slot))
@@ -138,70 +116,70 @@ class Plan:
         else:
             due = lambda slot: part % self._members[slot.component].every == 0  # noqa: E731
             gathers = member.gathers(live, due)
-        return Move(
-            instance,
-            [*self._cuts(member, part), *gathers],
-            instance.push if member.incoming else _nothing,
-            instance.step,
-            instance.pull,
-            self._outputs.fresh_of(member, "interval") if self._conserving else [],
-            self._joins(member, part),
-        )
+        return [
+            *self._cuts(member, part), *gathers,
+            *([Call.of(instance, "push", tick)] if member.incoming else []),
+            Call.of(instance, "step", tick), Call.of(instance, "pull", tick),
+            *(self._outputs.fresh_of(member, "interval") if self._conserving else []),
+            *self._joins(member, part),
+        ]  # fmt: skip
 
-    def _cuts(self, member: Member, part: int) -> list[Callable[[], Any]]:
+    def _cuts(self, member: Member, part: int) -> list[Cut]:
         """Cutting what a member takes from slower ones, for the window that ends with this step."""
-        cuts: list[Callable[[], Any]] = []
+        cuts = []
         for window in member.windows:
             slow = self._members[window.source].every
             if slow > member.every:
                 parts = self._rates.window(member.every, slow)
                 cut = Part(self._live, window.places, window.target, parts)
-                cuts.append(partial(cut, part % slow // member.every))
+                cuts.append(Cut(cut, part % slow // member.every))
         return cuts
 
-    def _joins(self, member: Member, part: int) -> list[Callable[[], None]]:
+    def _joins(self, member: Member, part: int) -> list[Join]:
         """Joining what a member gives to slower ones."""
         return [
-            partial(whole, part % self._members[target].every // member.every)
+            Join(whole, part % self._members[target].every // member.every)
             for (target, source), whole in self._whole.items() if source == member.name
         ]  # fmt: skip
 
-    def _ends(self, done: list[Member]) -> list[Copy]:
-        """What is shown at the end of a part, where the members `done` have come to the end of
-        their windows."""
+    def _ends(self, part: int) -> list[Show]:
+        """What is shown at the end of a part, by the members that have come to the end of their
+        windows."""
+        done = [m for m in self._members.values() if (part + 1) % m.every == 0]
         if len(done) == len(self._members):
             return self._outputs.all_fresh()
         which: Literal["state", "all"] = "state" if self._conserving else "all"
-        return [copy for member in done for copy in self._outputs.fresh_of(member, which)]
+        return [show for member in done for show in self._outputs.fresh_of(member, which)]
 
 
 class Row:
-    """A row of results of a step with inner steps: states of t_k, means over the whole step, and of
-    another interval value the last."""
+    """A row of results. Of a step with inner steps: states of t_k, means over the whole step, and
+    of another interval value the last; otherwise the outputs as they are."""
 
     def __init__(self, outputs: Outputs, members: Iterable[Member], rates: Rates) -> None:
+        self.values = self._live = outputs.live
+        self._last = len(rates.parts) - 1
+        if not self._last:
+            return
         self.values = {kind: values.copy() for kind, values in outputs.live.items()}
-        self._live, self._last = outputs.live, len(rates.parts) - 1
-        self._intervals = [
-            (kind, [s.index for s in outputs.slots if s.kind == kind and s.interval])
-            for kind in outputs.live
-        ]
-        places = means(s for m in members if m.every == 1 for s in m.slots["Real"])
-        real = outputs.live["Real"], self.values["Real"]
-        self._whole = Whole(real[0], places, real[1], places, rates.parts)
+        self._intervals: list[Operation] = []
+        for kind in outputs.live:
+            places = [s.index for s in outputs.slots if s.kind == kind and s.interval]
+            index = np.array(places, np.intp)
+            gather = Gather(kind, self._live[kind], self.values[kind], index, index)
+            self._intervals += [gather] if places else []
+        joined = means(s for m in members if m.every == 1 for s in m.slots["Real"])
+        real = self._live["Real"], self.values["Real"]
+        self._whole = Whole(real[0], joined, real[1], joined, rates.parts)
 
-    def begin(self) -> None:
-        """Take the states of t_k."""
-        for kind, values in self._live.items():
-            self.values[kind][:] = values
+    def begin(self) -> list[Operation]:
+        """Takes the states of t_k."""
+        if not self._last:
+            return []
+        return [Show(self.values[kind], values) for kind, values in self._live.items()]
 
-    def add(self, i: int) -> None:
-        """Take part i, when all have moved; the last one completes the row."""
-        if i == self._last:
-            for kind, places in self._intervals:
-                self.values[kind][places] = self._live[kind][places]
-        self._whole(i)
-
-
-def _nothing() -> int:
-    return 0
+    def add(self, i: int) -> list[Operation]:
+        """Takes part i, when all have moved; the last one completes the row."""
+        if not self._last:
+            return []
+        return [*(self._intervals if i == self._last else []), Join(self._whole, i)]

@@ -92,10 +92,11 @@ class Recorder:
             if slots[0].signal.choices:
                 dataset.attrs["choices"] = " ".join(slots[0].signal.choices)
             self._sets.append((dataset, kind, slice(first, last), slots[0].interval))
-        self._buffer = {k: np.zeros((ROWS, len(master.live[k])), master.live[k].dtype)
-                        for k in KINDS if len(master.live[k])}  # fmt: skip
-        self._times = np.zeros(ROWS)
-        self._rows = 0
+        self.rows = {k: np.zeros((ROWS, len(master.live[k])), master.live[k].dtype)
+                     for k in KINDS if len(master.live[k])}  # fmt: skip
+        """Rows that are not written yet, by type, `taken` of them."""
+        self.times = np.zeros(ROWS)
+        self.taken = np.zeros(1, np.int64)
         self._conserving = master.algorithm == "conserving"
         self._flushed = time.monotonic()
         if self._part is not None:
@@ -109,14 +110,20 @@ class Recorder:
 
     def record(self, k: int, live: dict[Kind, Any]) -> None:
         """Take the row of step k."""
-        if k % self.every:
-            return
-        row = self._rows
-        self._times[row] = self._start + k * self._step
-        for kind, buffer in self._buffer.items():
-            buffer[row] = live[kind]
-        self._rows = row + 1
-        if self._rows == ROWS:
+        if k % self.every == 0:
+            self._take(k, live)
+            self.make_room()
+
+    def _take(self, k: int, live: dict[Kind, Any]) -> None:
+        row = int(self.taken[0])
+        self.times[row] = self._start + k * self._step
+        for kind, rows in self.rows.items():
+            rows[row] = live[kind]
+        self.taken[0] = row + 1
+
+    def make_room(self) -> None:
+        """Write when there is no room for another row."""
+        if self.taken[0] == ROWS:
             self.flush()
 
     def tick(self) -> None:
@@ -126,30 +133,23 @@ class Recorder:
 
     def flush(self, last: bool = False) -> None:
         """Write the rows taken so far; `last`: the final row has no interval values."""
-        n, self._rows = self._rows, 0
+        n = int(self.taken[0])
+        self.taken[0] = 0
         self._flushed = time.monotonic()
         if n:
-            _append(self._time, self._times[:n])
+            _append(self._time, self.times[:n])
             for dataset, kind, columns, interval in self._sets:
                 rows = n - 1 if last and interval else n
-                block = self._buffer[kind][:rows, columns]
+                block = self.rows[kind][:rows, columns]
                 _append(dataset, block[:, 0] if dataset.ndim == 1 else block)
         self._file.flush()
 
     def finish(self, master: Master) -> Results:
         """Take the last row, close the file under its final name, and open it for reading."""
-        if self._conserving:
-            if self._rows == ROWS:
-                self.flush()
-            k, every, self.every = master.k, self.every, 1
-            if k % every == 0:
-                self.record(k, master.live)
-                if self._rows:
-                    self.flush(last=True)
-            else:
-                self.flush()
-        else:
-            self.flush()
+        last = self._conserving and master.k % self.every == 0
+        if last:
+            self._take(master.k, master.live)
+        self.flush(last)
         if self._part is None or self.path is None:
             return Results(self._file)
         self._file.close()

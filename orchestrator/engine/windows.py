@@ -54,21 +54,22 @@ class Whole:
     def __init__(
         self, live: Floats, source: Places, into: Floats, target: Places, parts: Sequence[Share]
     ) -> None:
-        self._live, self._source, self._into, self._target = live, source, into, target
-        self._parts = parts
-        self._mean = np.zeros(len(source.means))
-        self._slope = np.zeros(len(source.means))
+        self.live, self.source, self.into, self.target = live, source, into, target
+        self.weights = [(w, 6.0 * w * (2.0 * a + w - 1.0), w * w) for a, w in parts]
+        """Of each part: of its mean in the mean and in the slope, and of its slope there."""
+        self.mean = np.zeros(len(source.means))
+        self.slope = np.zeros(len(source.means))
 
     def __call__(self, i: int) -> None:
         """Add part i, which was just computed; the last one completes the window."""
-        mean, slope = self._source.read(self._live)
-        a, w = self._parts[i]
+        mean, slope = self.source.read(self.live)
+        w, of_mean, of_slope = self.weights[i]
         if i == 0:
-            self._mean[:] = self._slope[:] = 0.0
-        self._mean += w * mean
-        self._slope += 6.0 * w * (2.0 * a + w - 1.0) * mean + w * w * slope
-        if i == len(self._parts) - 1:
-            self._target.write(self._into, self._mean, self._slope)
+            self.mean[:] = self.slope[:] = 0.0
+        self.mean += w * mean
+        self.slope += of_mean * mean + of_slope * slope
+        if i == len(self.weights) - 1:
+            self.target.write(self.into, self.mean, self.slope)
 
 
 class Part:
@@ -77,10 +78,12 @@ class Part:
     def __init__(
         self, live: Floats, source: Places, target: Places, parts: Sequence[Share]
     ) -> None:
-        self._live, self._source, self._target, self._parts = live, source, target, parts
+        self.live, self.source, self.target = live, source, target
+        self.weights = [(a + 0.5 * w - 0.5, w) for a, w in parts]
+        """Of each part: of the window's slope in its mean and in its slope."""
 
     def __call__(self, i: int) -> None:
         """Put part i where the receiver reads it."""
-        mean, slope = self._source.read(self._live)
-        a, w = self._parts[i]
-        self._target.write(self._live, mean + (a + 0.5 * w - 0.5) * slope, w * slope)
+        mean, slope = self.source.read(self.live)
+        in_mean, in_slope = self.weights[i]
+        self.target.write(self.live, mean + in_mean * slope, in_slope * slope)

@@ -11,7 +11,7 @@ from typing import Any
 
 from ..analyses import analyses
 from ..engine.instances import ComponentError
-from ..engine.loop import bar, interruptible, loop
+from ..engine.loop import bar, interruptible, run, stepping
 from ..engine.master import Master
 from ..engine.results import SERIES, Recorder, Results, selects
 from ..system.codes import Exit
@@ -42,8 +42,6 @@ class Run:
         """The exit code that says how it ended."""
         if self.ok:
             return Exit.UNMET if self.manifest.get("unmet") else Exit.COMPLETED
-        if self.manifest["status"] == stopping.LATE:
-            return Exit.TIMEOUT
         if self.manifest["status"] == stopping.LATE:
             return Exit.TIMEOUT
         if self.manifest["status"] == "interrupted":
@@ -92,11 +90,15 @@ def simulate(case: Case, folder: Path | None = None, progress: bool = False) -> 
             write_json(folder / f"{MANIFEST}.part", manifest)
         if options.algorithm == "jacobi":
             recorder.record(0, master.live)
-        status, message, stepping = "completed", "", time.perf_counter()
-        finished, stopped = stopping.watch(master, ends, options.time_limit), None
+        ending, stopped = stopping.watch(master, ends, options.time_limit), None
+        steps = stepping(master, recorder, ending, options.loop)
+        manifest["loop"] = {"name": steps.name, "why": steps.why}
+        status, message, stepped = "completed", "", time.perf_counter()
         try:
             with interruptible() as interrupted, bar(system.name, system.steps, progress) as report:
-                reason = loop(master, system.steps, recorder, interrupted, report, finished)
+                reason = run(
+                    master, steps, system.steps, recorder, ending, interrupted, report
+                )  # fmt: skip
             if number := interrupted():
                 status, message = "interrupted", f"stopped by the user at t = {master.t:g} s"
                 manifest["exit"] = int(Exit(128 + number))
@@ -107,7 +109,7 @@ def simulate(case: Case, folder: Path | None = None, progress: bool = False) -> 
                 stopped = {"condition": reason, "time": master.t}
         except ComponentError as error:
             status, message = "failed", str(error)
-        seconds = time.perf_counter() - stepping
+        seconds = time.perf_counter() - stepped
         done = master.k
         results = recorder.finish(master)
     manifest.update(

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any
 
+from ..engine.loop import Loop
 from ..engine.master import Algorithm
 
 
@@ -30,3 +31,5 @@ class Options:
     """Of a scenario with a [design]: a file with another one, or `now`: made for these values."""
     time_limit: float | None = None
     """Wall time (s) that stepping may take; the run ends between two steps"""
+    loop: Loop = "compiled"
+    """What steps; the compiled loop only where it can be had."""

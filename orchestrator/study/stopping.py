@@ -23,7 +23,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..engine.ending import Ending, How
 from ..engine.master import Master
+from ..engine.member import Slot
 from ..system.errors import DesatError, nearest
 from ..system.expression import factor, product, unit_of
 from ..system.interface import Signal, base_name
@@ -40,9 +42,17 @@ class Condition:
 
     component: str
     variable: str
-    met: Callable[[NDArray[Any]], bool]
+    how: How
+    limit: float
     held: float
     text: str
+
+    def met(self, values: NDArray[Any]) -> bool:
+        """Whether the values of all elements meet it."""
+        if self.how == "reaches":
+            return bool((values == self.limit).all())
+        largest = np.abs(values).max()
+        return bool(largest < self.limit if self.how == "below" else largest > self.limit)
 
     def reads(self, component: str, signal: Signal) -> bool:
         """True for an element of its signal."""
@@ -56,16 +66,16 @@ def condition(system: System) -> Condition | None:
     if given is None:
         return None
     signal = _signal(system, given["signal"])
-    ((kind, value),) = ((k, given[k]) for k in ("below", "above", "reaches") if k in given)
+    kinds: tuple[How, ...] = ("below", "above", "reaches")
+    ((kind, value),) = ((k, given[k]) for k in kinds if k in given)
     if kind == "reaches":
-        met, shown = _reaches(signal, value), str(value)
+        limit, shown = _reaches(signal, value), str(value)
     else:
         limit, shown = _limit(system, signal, given, kind)
-        met = _below(limit) if kind == "below" else _above(limit)
     held = float(given.get("held", 0.0))
     text = f"{given['signal']} {kind} {shown}" + (f" for {held:g} s" if held else "")
     owner, _, variable = given["signal"].partition(".")
-    return Condition(owner, variable, met, held, text)
+    return Condition(owner, variable, kind, limit, held, text)
 
 
 def problems(system: System) -> list[str]:
@@ -92,7 +102,8 @@ def _signal(system: System, name: str) -> Signal:
     return elements[0]
 
 
-def _reaches(signal: Signal, value: Any) -> Callable[[NDArray[Any]], bool]:
+def _reaches(signal: Signal, value: Any) -> int:
+    """The number that the signal is to have."""
     where = f"stop_when.reaches: got {value!r}; {base_name(signal.name)} is"
     if signal.kind == "Real":
         raise DesatError(f"{where} a Real, which has below and above")
@@ -102,8 +113,8 @@ def _reaches(signal: Signal, value: Any) -> Callable[[NDArray[Any]], bool]:
     if isinstance(value, str):
         if value not in signal.choices:
             raise DesatError(f"stop_when.reaches: no value {value}{nearest(value, signal.choices)}")
-        value = signal.choices.index(value)
-    return lambda values: bool((values == value).all())
+        return signal.choices.index(value)
+    return int(value)
 
 
 def _limit(
@@ -123,32 +134,25 @@ def _limit(
     return value * scale, f"{value:g} {'' if unit == '1' else unit}".rstrip()
 
 
-def _below(limit: float) -> Callable[[NDArray[Any]], bool]:
-    return lambda values: bool(np.abs(values).max() < limit)
-
-
-def _above(limit: float) -> Callable[[NDArray[Any]], bool]:
-    return lambda values: bool(np.abs(values).max() > limit)
-
-
-def watch(master: Master, wanted: Condition | None, seconds: float | None) -> Callable[[], str]:
-    """A function that is called after each step of an initialised master, once, and says why the
-    run ends there: the text of its condition, LATE when `seconds` of wall time are over since now,
-    or nothing."""
-    met = _held(master, wanted) if wanted else lambda: False
+def watch(master: Master, wanted: Condition | None, seconds: float | None) -> Ending:
+    """What ends the run of an initialised master, and why: the text of its condition, or LATE when
+    `seconds` of wall time are over since now."""
+    slots = [s for s in master.slots if wanted and wanted.reads(s.component, s.signal)]
+    met = _held(master, wanted, slots) if wanted else lambda: False
     text = wanted.text if wanted else ""
     end = None if seconds is None else time.monotonic() + seconds
 
-    def finished() -> str:
+    def reason() -> str:
         if met():
             return text
         return LATE if end is not None and time.monotonic() > end else ""
 
-    return finished
+    if wanted is None:
+        return Ending(reason, "never")
+    return Ending(reason, wanted.how, slots, wanted.limit)
 
 
-def _held(master: Master, wanted: Condition) -> Callable[[], bool]:
-    slots = [s for s in master.slots if wanted.reads(s.component, s.signal)]
+def _held(master: Master, wanted: Condition, slots: list[Slot]) -> Callable[[], bool]:
     live, index = master.live[slots[0].kind], np.array([s.index for s in slots], np.intp)
     # the row that an interval output belongs to has begun a step ago
     ago = int(slots[0].interval and master.algorithm == "conserving")

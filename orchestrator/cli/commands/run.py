@@ -17,10 +17,12 @@ from ..common import (
     DesignOption,
     Inner,
     Json,
+    LoopOption,
     Semantics,
     Sets,
     Sources,
     Step,
+    Stepping,
     Stop,
     Target,
     TimeLimit,
@@ -61,6 +63,7 @@ def run(
     ] = True,
     classes: Classes = None,
     time_limit: TimeLimit = None,
+    loop: LoopOption = Stepping.compiled,
     estimate: Annotated[
         bool,
         typer.Option(
@@ -77,7 +80,7 @@ def run(
     options = options_of(
         sets, stop, step, algorithm, blocks, classes, sources, record=tuple(record or ("*",)),
         every=every, design=design, inner=inner,
-        time_limit=time_limit,
+        time_limit=time_limit, loop=loop.value,
     )  # fmt: skip
     target_folder = _run_folder(target, folder)
     case = prepare(target, options)

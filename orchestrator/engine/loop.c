@@ -1,0 +1,217 @@
+/* The master's steps over FMI 2.0 function pointers.
+ *
+ * It does what operations.py does, in the same order and with the same roundings: program.py makes
+ * its operations from the same plan. Nothing here knows of schedules or rates.
+ * To be built without contraction (-ffp-contract=off), or products and sums would be rounded once.
+ */
+#include <float.h>
+#include <math.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <string.h>
+
+enum code { TICK, LENGTH, TAKE_8, TAKE_4, CONVERT, TRANSFER, STEP, COPY, CLEAR, JOIN, CUT };
+
+/* p and x by code:
+ *   TICK      *p0 = start + (k + x0) step
+ *   LENGTH    *p0 = x0
+ *   TAKE_8/4  p0[p1[i]] = p2[p3[i]], values of 8 or 4 bytes
+ *   CONVERT   p0[p1[i]] = p2[p3[i]] p4[i] + p5[i]
+ *   TRANSFER  function p0, component p1, value references p2, values p3
+ *   STEP      function p0, component p1, time p2, length p3
+ *   COPY      n bytes to p0 from p1
+ *   CLEAR     n values of p0 are zero
+ *   JOIN      of values p0 with means at p1 and slopes at p2: p3[i] += x0 mean,
+ *             p4[i] += x1 mean + x2 slope
+ *   CUT       the same places: p0[p3[i]] = mean + x0 slope, p0[p4[i]] = x1 slope
+ * A place below 0 is none: its value is 0, and nothing is put there. */
+struct operation {
+    int32_t code;
+    int32_t more; /* a further call of the same verb follows */
+    int64_t n;
+    void *p[6];
+    double x[3];
+};
+
+struct table {
+    const char *source;
+    char *rows;
+    int64_t bytes; /* of a row */
+};
+
+enum how { NEVER, BELOW, ABOVE, REACHES, ALWAYS };
+
+struct loop {
+    int64_t k;
+    double start, step;
+    int64_t steps; /* of a cycle */
+    const int64_t *edges; /* of step i: before its row from edges[2 i], after it from edges[2 i + 1] */
+    const struct operation *operations;
+    /* a failure */
+    int64_t failed;
+    int64_t status;
+    /* what must be finite */
+    const double *real;
+    int64_t reals;
+    /* rows */
+    int64_t ahead, every, capacity;
+    int64_t *taken;
+    double *times;
+    int64_t tables;
+    struct table table[3];
+    /* when to ask whether the run ends here: `asked` is whether the condition was met before */
+    int64_t how, watched, asked;
+    const int64_t *places;
+    const double *watched_reals;
+    const int32_t *watched_integers;
+    double limit;
+};
+
+enum result { LOOK, FAILED, NOT_FINITE };
+
+typedef int transfer(void *, const unsigned *, size_t, void *);
+typedef int do_step(void *, double, double, int);
+
+static double at(const double *values, int64_t place) { return place < 0 ? 0.0 : values[place]; }
+
+static int perform(struct loop *loop, const struct operation *o)
+{
+    double *target = o->p[0];
+    const int64_t *first = o->p[1], *second = o->p[2], *index = o->p[3];
+    int64_t i;
+    switch (o->code) {
+    case TICK:
+        *target = loop->start + ((double)loop->k + o->x[0]) * loop->step;
+        return 0;
+    case LENGTH:
+        *target = o->x[0];
+        return 0;
+    case TAKE_8:
+        for (i = 0; i < o->n; i++)
+            target[first[i]] = ((const double *)o->p[2])[index[i]];
+        return 0;
+    case TAKE_4:
+        for (i = 0; i < o->n; i++)
+            ((int32_t *)o->p[0])[first[i]] = ((const int32_t *)o->p[2])[index[i]];
+        return 0;
+    case CONVERT: {
+        const double *source = o->p[2], *factor = o->p[4], *offset = o->p[5];
+        for (i = 0; i < o->n; i++)
+            target[first[i]] = source[index[i]] * factor[i] + offset[i];
+        return 0;
+    }
+    case TRANSFER:
+        return ((transfer *)o->p[0])(o->p[1], o->p[2], (size_t)o->n, o->p[3]);
+    case STEP:
+        return ((do_step *)o->p[0])(o->p[1], *(double *)o->p[2], *(double *)o->p[3], 1);
+    case COPY:
+        memcpy(o->p[0], o->p[1], (size_t)o->n);
+        return 0;
+    case CLEAR:
+        for (i = 0; i < o->n; i++)
+            target[i] = 0.0;
+        return 0;
+    case JOIN: {
+        double *mean = o->p[3], *slope = o->p[4];
+        for (i = 0; i < o->n; i++) {
+            double m = at(target, first[i]), s = at(target, second[i]);
+            mean[i] += o->x[0] * m;
+            slope[i] += o->x[1] * m + o->x[2] * s;
+        }
+        return 0;
+    }
+    case CUT: {
+        const int64_t *slopes = o->p[4];
+        for (i = 0; i < o->n; i++) {
+            double m = at(target, first[i]), s = at(target, second[i]);
+            target[index[i]] = m + o->x[0] * s;
+            if (slopes[i] >= 0)
+                target[slopes[i]] = o->x[1] * s;
+        }
+        return 0;
+    }
+    }
+    return 4; /* program.py makes no other */
+}
+
+static int all_of(struct loop *loop, int64_t from, int64_t to)
+{
+    int worst = 0;
+    for (int64_t i = from; i < to; i++) {
+        const struct operation *o = loop->operations + i;
+        int status = perform(loop, o);
+        worst = status > worst ? status : worst;
+        if (!o->more) {
+            if (worst > 1) {
+                loop->failed = i;
+                loop->status = worst;
+                return 1;
+            }
+            worst = 0;
+        }
+    }
+    return 0;
+}
+
+static void take_row(struct loop *loop)
+{
+    int64_t k = loop->k + loop->ahead, row = *loop->taken;
+    if (k % loop->every)
+        return;
+    loop->times[row] = loop->start + (double)k * loop->step;
+    for (int64_t i = 0; i < loop->tables; i++) {
+        const struct table *t = loop->table + i;
+        memcpy(t->rows + row * t->bytes, t->source, (size_t)t->bytes);
+    }
+    *loop->taken = row + 1;
+}
+
+static int is_finite(const struct loop *loop)
+{
+    int bad = 0;
+    for (int64_t i = 0; i < loop->reals; i++)
+        bad |= !(fabs(loop->real[i]) <= DBL_MAX);
+    return !bad;
+}
+
+static int is_met(const struct loop *loop)
+{
+    double largest = 0.0;
+    if (loop->how == NEVER || loop->how == ALWAYS)
+        return loop->how == ALWAYS;
+    for (int64_t i = 0; i < loop->watched; i++) {
+        int64_t place = loop->places[i];
+        double value = loop->watched_reals ? loop->watched_reals[place]
+                                           : (double)loop->watched_integers[place];
+        if (loop->how == REACHES && value != loop->limit)
+            return 0;
+        largest = fmax(largest, fabs(value));
+    }
+    return loop->how == REACHES || (loop->how == BELOW ? largest < loop->limit
+                                                       : largest > loop->limit);
+}
+
+/* So many steps, or fewer where there is something to look at: rows to write, a condition that is
+ * met, or was one step ago. */
+int desat_loop(struct loop *loop, int64_t steps)
+{
+    for (int64_t until = loop->k + steps; loop->k < until;) {
+        const int64_t *edges = loop->edges + 2 * (loop->k % loop->steps);
+        if (all_of(loop, edges[0], edges[1]))
+            return FAILED;
+        if (loop->taken)
+            take_row(loop);
+        if (all_of(loop, edges[1], edges[2]))
+            return FAILED;
+        loop->k++;
+        if (!is_finite(loop)) {
+            loop->asked = 1;
+            return NOT_FINITE;
+        }
+        int64_t met = is_met(loop), ask = met || loop->asked;
+        loop->asked = met;
+        if (ask || (loop->taken && *loop->taken == loop->capacity))
+            return LOOK;
+    }
+    return LOOK;
+}

@@ -1,0 +1,149 @@
+"""What a master does in a step, operation by operation.
+
+An operation is called with the step's number k, by `master.py`; and it is plain data, which
+`program.py` hands to the compiled loop. There are no others.
+"""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Literal, NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..system.interface import Kind
+from .instances import Array, ComponentError, Instance
+from .windows import Part, Whole
+
+Verb = Literal["push", "step", "pull"]
+_DOING: dict[Verb, str] = {
+    "push": "setting its inputs at t = {:g} s",
+    "step": "the step from t = {:g} s",
+    "pull": "reading its outputs after t = {:g} s",
+}
+
+
+class Operation(Protocol):
+    """Something that is done in step k."""
+
+    def __call__(self, k: int, /) -> None:
+        """Do it. Raises ComponentError where a component fails."""
+
+
+@dataclass(frozen=True, slots=True)
+class Tick:
+    """The beginning of a part of a step: the clocks of those who step in it."""
+
+    start: float
+    step: float
+    at: float
+    """Share of the step."""
+    clocks: list[ctypes.c_double]
+
+    def t(self, k: int) -> float:
+        """Its time in step k (s)."""
+        return self.start + (k + self.at) * self.step
+
+    def __call__(self, k: int) -> None:
+        t = self.t(k)
+        for clock in self.clocks:
+            clock.value = t
+
+
+@dataclass(frozen=True, slots=True)
+class Length:
+    """The length of a part of a step (s)."""
+
+    of: ctypes.c_double
+    value: float
+
+    def __call__(self, k: int) -> None:
+        self.of.value = self.value
+
+
+@dataclass(frozen=True, slots=True)
+class Gather:
+    """target[into] = factor * source[index] + offset; without `factor` values as they are, without
+    `into` all of them."""
+
+    kind: Kind
+    source: Array
+    target: Array
+    index: NDArray[np.intp]
+    into: NDArray[np.intp] | None = None
+    factor: NDArray[np.float64] | None = None
+    offset: NDArray[np.float64] | None = None
+
+    def __call__(self, k: int = 0) -> None:
+        if self.into is None:
+            self.source.take(self.index, None, self.target, "clip")
+        elif self.factor is None:
+            self.target[self.into] = self.source[self.index]
+        else:
+            self.target[self.into] = self.source[self.index] * self.factor + self.offset
+
+
+@dataclass(slots=True)
+class Call:
+    """A component's inputs set, its step made, or its outputs read."""
+
+    instance: Instance
+    verb: Verb
+    tick: Tick
+    call: Callable[[], int]
+
+    @classmethod
+    def of(cls, instance: Instance, verb: Verb, tick: Tick) -> Call:
+        """The prepared call of a wired instance."""
+        return cls(instance, verb, tick, getattr(instance, verb))
+
+    def __call__(self, k: int) -> None:
+        if (status := self.call()) > 1:
+            raise self.failed(k, status)
+
+    def failed(self, k: int, status: int) -> ComponentError:
+        """The error for an FMI status in step k."""
+        return self.instance.failed(_DOING[self.verb].format(self.tick.t(k)), status)
+
+
+@dataclass(frozen=True, slots=True)
+class Show:
+    """Values that are seen from here on."""
+
+    live: Array
+    fresh: Array
+
+    def __call__(self, k: int = 0) -> None:
+        self.live[:] = self.fresh
+
+
+@dataclass(frozen=True, slots=True)
+class Join:
+    """Part i joined to the window that it belongs to."""
+
+    whole: Whole
+    i: int
+
+    def __call__(self, k: int) -> None:
+        self.whole(self.i)
+
+
+@dataclass(frozen=True, slots=True)
+class Cut:
+    """Part i cut from its window."""
+
+    part: Part
+    i: int
+
+    def __call__(self, k: int) -> None:
+        self.part(self.i)
+
+
+class Step(NamedTuple):
+    """A step of a cycle: what is done before its row is taken, and after."""
+
+    before: list[Operation]
+    after: list[Operation]

@@ -1,0 +1,340 @@
+"""The compiled loop: the same bits as the master's own, and the same ends."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+from dataclasses import replace
+from functools import cache
+from itertools import product
+from pathlib import Path
+
+import numpy as np
+import pytest
+from test_rates import scenario
+
+from desat.engine import compiled
+from desat.engine.ending import NEVER, Ending
+from desat.engine.instances import ComponentError
+from desat.engine.loop import PythonSteps, run, stepping
+from desat.engine.master import Master
+from desat.engine.results import ROWS, Recorder
+from desat.files import library
+from desat.study.case import Options, execute, prepare, simulate
+from desat.system.check import check
+from desat.system.draft import Draft, DraftComponent
+from desat.system.model import Connection
+
+pytestmark = pytest.mark.skipif(not compiled.compiler(), reason="needs a C compiler")
+BOTH = ("compiled", "python")
+
+
+def both(target: str, **options: object) -> list[dict]:
+    """The manifests of a run by each loop, after their series are found equal in every bit."""
+    case = prepare(target, Options(**options))
+    runs = [simulate(replace(case, options=Options(loop=loop, **options))) for loop in BOTH]
+    assert [r.manifest["loop"]["name"] for r in runs] == list(BOTH)
+    one, other = ({n: r.results.values(n) for n in r.results.names()} for r in runs)
+    assert one.keys() == other.keys()
+    assert [n for n in one if one[n].tobytes() != other[n].tobytes()] == []
+    assert np.array_equal(*(r.results.times() for r in runs))
+    for r in runs:
+        r.results.close()
+    return [r.manifest for r in runs]
+
+
+FAMILIES = {
+    "uosat12/table3-ocdc-ilqr-1": 600.0,
+    "integrated/mil-nadir": 10.0,
+    "hausat2/start-up-conventional": 20.0,
+    "gyrostat/full": 10.0,
+    "nadir_day/day-igrf": 20.0,
+}
+
+
+@pytest.mark.parametrize(("algorithm", "every"), [("conserving", 3), ("jacobi", 1)])
+@pytest.mark.parametrize("target", FAMILIES)
+def test_scenarios_of_every_family(target, algorithm, every):
+    both(target, algorithm=algorithm, every=every, stop=FAMILIES[target])
+
+
+RATES = [
+    {"inner": 3},
+    {"step": 0.1, "decimation": {"spacecraft": 10}},
+    {"step": 0.1, "decimation": {"wheels": 10}},
+    {"step": 0.1, "decimation": {"spacecraft": 10, "wheels": 2, "manager": 5}},
+    {"inner": 2, "step": 0.5, "decimation": {"manager": 2}},
+]
+
+
+@pytest.mark.parametrize("rates", RATES)
+def test_several_rates_and_inner_steps(tmp_path, rates):
+    """Means and slopes joined and cut, rows of whole steps."""
+    both(scenario(tmp_path, **rates), stop=4.0)
+
+
+def test_several_rates_under_jacobi(tmp_path):
+    target = scenario(tmp_path, step=0.1, decimation={"spacecraft": 5, "manager": 2})
+    both(target, stop=4.0, algorithm="jacobi", every=5)
+
+
+CONDITIONS = {
+    # met, no more, and met again: the time that it holds begins anew
+    "signal = 'wheels.h_wheel'\nabove = 0.00915\nheld = 4.0": {31},
+    "signal = 'spacecraft.omega_bi_body'\nbelow = 1.0\nunit = 'deg/s'\nheld = 2.0": {4},
+    "signal = 'manager.mode'\nreaches = 1\nheld = 7.0": {14, 15},
+}
+
+
+@pytest.mark.parametrize("condition", CONDITIONS)
+def test_conditions_end_at_the_same_step(tmp_path, condition):
+    file = tmp_path / "mine.toml"
+    file.write_text(
+        f'extends = "integrated/mil-nadir"\nstop = 18.0\ntitle = "T"\n[stop_when]\n{condition}\n'
+    )
+    one, other = both(str(file))
+    assert one["stopped_when"] == other["stopped_when"]
+    assert one["steps_done"] == other["steps_done"]
+    assert one["steps_done"] in CONDITIONS[condition]
+
+
+# --- an FMU in C that does what it is told -----------------------------------------------------
+
+PROBE = r"""
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+typedef void logger(void *, const char *, int, const char *, const char *, ...);
+typedef struct { logger *log; void *a, *b, *c, *environment; } callbacks;
+typedef struct { double r[5]; int i[4]; int b[1]; callbacks on; } probe;
+/* reals: u, x, y, fail_at, nan_at; integers: i, n, status, largest; boolean: late */
+void *fmi2Instantiate(const char *n, int t, const char *g, const char *l, const callbacks *on,
+                      int v, int d)
+{
+    probe *p = calloc(1, sizeof *p);
+    p->on = *on;
+    p->r[3] = p->r[4] = 1e300;
+    p->i[2] = 3;
+    return p;
+}
+void fmi2FreeInstance(probe *p) { free(p); }
+int fmi2SetupExperiment(probe *p, int a, double b, double c, int d, double e) { return 0; }
+int fmi2EnterInitializationMode(probe *p) { return 0; }
+int fmi2ExitInitializationMode(probe *p) { return 0; }
+int fmi2DoStep(probe *p, double t, double dt, int n)
+{
+    if (t >= p->r[3]) {
+        p->on.log(p->on.environment, "", p->i[2], "", "too late, it is");
+        return p->i[2];
+    }
+    p->r[1] += dt;
+    p->r[2] = t + dt >= p->r[4] ? NAN : 2.0 * p->r[0] + sin(t);
+    p->i[1] = p->i[0] + 1;
+    p->b[0] = t > 5.0;
+    return 0;
+}
+#define ACCESS(name, type, of) \
+    int fmi2Get##name(probe *p, const unsigned *r, size_t n, type *v) \
+    { for (size_t i = 0; i < n; i++) v[i] = p->of[r[i]]; return 0; } \
+    int fmi2Set##name(probe *p, const unsigned *r, size_t n, const type *v) \
+    { for (size_t i = 0; i < n; i++) p->of[r[i]] = v[i]; return 0; }
+ACCESS(Real, double, r)
+ACCESS(Integer, int, i)
+ACCESS(Boolean, int, b)
+"""
+OTHERS = ("GetTypesPlatform GetVersion SetDebugLogging Terminate Reset GetString SetString "
+          "GetFMUstate SetFMUstate FreeFMUstate SerializedFMUstateSize SerializeFMUstate "
+          "DeSerializeFMUstate GetDirectionalDerivative SetRealInputDerivatives "
+          "GetRealOutputDerivatives CancelStep GetStatus GetRealStatus GetIntegerStatus "
+          "GetBooleanStatus GetStringStatus")  # fmt: skip
+VARIABLES = [
+    ("u", "input", "Real", 0), ("x", "output", "Real", 1), ("y", "output", "Real", 2),
+    ("fail_at", "parameter", "Real", 3), ("nan_at", "parameter", "Real", 4),
+    ("i", "input", "Integer", 0), ("n", "output", "Integer", 1),
+    ("status", "parameter", "Integer", 2), ("late", "output", "Boolean", 0),
+]  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def probe(tmp_path_factory) -> Path:
+    """The folder of the FMU: x counts time, y = 2 u + sin(t) and n = i + 1 follow at once; it
+    fails, or gives NaN, when it is told to."""
+    folder = tmp_path_factory.mktemp("probe")
+    binary = folder / "binaries" / "linux64" / "probe.so"
+    binary.parent.mkdir(parents=True)
+    source = folder / "probe.c"
+    others = "".join(f"int fmi2{name}(void) {{ return 3; }}\n" for name in OTHERS.split())
+    source.write_text(PROBE + others)
+    command = [*compiled.compiler(), "-shared", "-fPIC", "-w", "-o", str(binary), str(source)]
+    subprocess.run([*command, "-lm"], check=True)
+    starts = {"input": ' start="0"', "parameter": ' start="3"', "output": ""}
+    variables = "".join(
+        f'<ScalarVariable name="{n}" valueReference="{r}" causality="{c}" variability='
+        f'"{"fixed" if c == "parameter" else "continuous" if k == "Real" else "discrete"}">'
+        f"<{k}{starts[c].replace('3', '1e300') if k == 'Real' else starts[c]}/></ScalarVariable>"
+        for n, c, k, r in VARIABLES
+    )
+    depends = {"x": "", "y": "1", "n": "6", "late": ""}
+    outputs = "".join(
+        f'<Unknown index="{i + 1}" dependencies="{depends[n]}"/>'
+        for i, (n, c, _, _) in enumerate(VARIABLES)
+        if c == "output"
+    )
+    (folder / "modelDescription.xml").write_text(
+        '<?xml version="1.0"?><fmiModelDescription fmiVersion="2.0" modelName="probe" guid="{1}">'
+        '<CoSimulation modelIdentifier="probe" canHandleVariableCommunicationStepSize="true"/>'
+        f"<ModelVariables>{variables}</ModelVariables><ModelStructure><Outputs>{outputs}</Outputs>"
+        "</ModelStructure></fmiModelDescription>"
+    )
+    return folder
+
+
+WIRES = [Connection("a", "x", "b", "u", factor=3.0, offset=-0.1), Connection("a", "n", "b", "i"),
+         Connection("b", "y", "c", "u"), Connection("c", "x", "a", "u")]  # fmt: skip
+
+
+@cache
+def _parts(folder: Path) -> object:
+    return library.load(folder).interface
+
+
+def system(folder: Path, wires=WIRES, stop: float = 1e6, **parameters: object):
+    """Three of them in a row, b with these parameters."""
+    given = {"b": parameters}
+    parts = {
+        n: DraftComponent(n, "probe.fmu", fmu=folder, interface=_parts(folder),
+                          parameters=given.get(n, {}), decimation=2 if n == "c" else 1)
+        for n in "abc"
+    }  # fmt: skip
+    return check(Draft("probes", "here", parts, list(wires), step=1.0, stop=stop)).or_raise()
+
+
+def test_a_failure_is_the_same(probe):
+    """Component, call, time, the FMU's own words, and the rows until then."""
+    told = []
+    for loop in BOTH:
+        with Master(*system(probe, fail_at=3000.0, status=2)) as m:
+            m.initialise()
+            recorder = Recorder(None, m)
+            steps = stepping(m, recorder, NEVER, loop)
+            assert steps.name == loop
+            with pytest.raises(ComponentError) as error:
+                run(m, steps, 5000, recorder)
+            assert m.k == 3000
+            with recorder.finish(m) as results:
+                rows = [results.values(n) for n in results.names()]
+                told.append((str(error.value), [r.tobytes() for r in rows], [len(r) for r in rows]))
+    assert told[0] == told[1]
+    assert told[0][0] == "b: the step from t = 3000 s returned discard: too late, it is"
+    assert set(told[0][2]) == {3000, 3001}
+
+
+def test_what_is_not_finite_is_found_in_its_step(probe):
+    told = []
+    for loop in BOTH:
+        with Master(*system(probe, nan_at=2000.0)) as m:
+            m.initialise()
+            with pytest.raises(ComponentError) as error:
+                run(m, stepping(m, None, NEVER, loop), 5000, Recorder(None, m))
+            told.append((str(error.value), m.k))
+    assert told[0] == told[1] == ("b.y = nan at t = 2000 s", 2000)
+
+
+def test_a_warning_goes_on(probe):
+    with Master(*system(probe, fail_at=5.0, status=1)) as m:
+        m.initialise()
+        run(m, stepping(m, None), 100, Recorder(None, m))
+        assert m.k == 100
+
+
+def test_what_it_does_not_know_is_said_and_done(probe):
+    wires = [*WIRES[:1], Connection("a", "n", "b", "i", factor=2.0), *WIRES[2:]]
+    with Master(*system(probe, wires)) as m:
+        m.initialise()
+        steps = stepping(m, None)
+        assert (steps.name, steps.why) == (
+            "python", "a connection converts values of type Integer",
+        )  # fmt: skip
+        run(m, steps, 3, Recorder(None, m))
+        assert m.k == 3
+
+
+def test_bare_blocks_keep_the_masters_loop():
+    made = execute("gyrostat/full", Options(stop=2.0, blocks=True))
+    assert made.manifest["loop"]["name"] == "python"
+    assert made.manifest["loop"]["why"].endswith("is not run as an FMU")
+
+
+def test_without_a_compiler(probe, monkeypatch):
+    """Also with one that cannot, and in a cache that cannot be written."""
+    monkeypatch.setattr(compiled, "_library", compiled._library.__wrapped__)
+    with Master(*system(probe)) as m:
+        m.initialise()
+        monkeypatch.setenv("DESAT_CACHE", "/proc/none")
+        assert "/proc/none" in stepping(m, None).why
+        monkeypatch.setenv("CC", shutil.which("false") or "false")
+        monkeypatch.setenv("DESAT_CACHE", str(probe / "cache"))
+        assert "false" in stepping(m, None).why
+        monkeypatch.setattr(compiled, "compiler", list)
+        assert stepping(m, None).why.startswith("there is no C compiler")
+        assert stepping(m, None).name == "python"
+
+
+@pytest.mark.parametrize("rows", [ROWS - 1, ROWS, ROWS + 1])
+@pytest.mark.parametrize("every", [1, 3])
+def test_rows_around_a_chunk(probe, rows, every):
+    """The last row has states alone, also where it fills what is kept."""
+    steps = (rows - 1) * every
+    for loop in BOTH:
+        with Master(*system(probe)) as m:
+            m.initialise()
+            recorder = Recorder(None, m, every=every)
+            run(m, stepping(m, recorder, NEVER, loop), steps, recorder)
+            with recorder.finish(m) as results:
+                assert results.values("a.x").tolist() == [float(every * i) for i in range(rows)]
+                assert len(results.values("b.y")) == rows - 1
+
+
+def test_the_ending_is_asked_where_its_condition_changes(probe):
+    """An ending that is asked after every step, and one that says when, see the same."""
+    ends = {}
+    for how, loop in product(("always", "above", "reaches"), BOTH):
+        with Master(*system(probe)) as m:
+            m.initialise()
+            name = ("a", "x") if how != "reaches" else ("b", "late")
+            (slot,) = [s for s in m.slots if (s.component, s.signal.name) == name]
+            live, limit = m.live[slot.kind], 41.5 if how != "reaches" else 1
+
+            def reason(live=live, slot=slot, limit=limit, how=how) -> str:
+                value = live[slot.index]
+                return "now" if (value == limit if how == "reaches" else value > limit) else ""
+
+            ending = Ending(reason, how, [slot], limit)
+            assert run(m, stepping(m, None, ending, loop), 9999, Recorder(None, m), ending) == "now"
+            ends[how, loop] = m.k
+    assert set(ends.values()) == {42, 7}
+    assert ends["reaches", "compiled"] == ends["reaches", "python"] == 7
+
+
+def test_signals_are_seen_between_chunks(probe):
+    with Master(*system(probe)) as m:
+        m.initialise()
+        seen: list[int] = []
+        run(m, stepping(m, None), 10**6, Recorder(None, m), NEVER,
+            lambda: int(len(seen) >= 3), seen.append)  # fmt: skip
+        assert 0 < m.k < 10**6
+        assert seen[-1] == m.k
+
+
+def test_loops_take_turns(probe):
+    """State lies in the plan, so one loop goes on where the other stopped."""
+    ends = []
+    for turns in (("compiled",), ("python",), ("python", "compiled", "python")):
+        with Master(*system(probe)) as m:
+            m.initialise()
+            for i, loop in enumerate(turns, 1):
+                steps = stepping(m, None, NEVER, loop)
+                assert isinstance(steps, PythonSteps) == (loop == "python")
+                run(m, steps, 301 * i // len(turns), Recorder(None, m))
+            ends.append({k: v.tobytes() for k, v in m.live.items()})
+    assert ends[0] == ends[1] == ends[2]
