@@ -1,19 +1,21 @@
-"""A day of nadir pointing in Basilisk, what `nadir_day/day-dipole` is with us; `benchmarks.run`
-runs it in its own environment.
+"""The same kind of day in Basilisk; `benchmarks.run` runs it in its own environment.
 
-    python basilisk_day.py DAY.json SECONDS OUT.npz
+    python basilisk_day.py dipole|IGRF.json STEPS [FILE.npz]
 
-Seventeen compiled modules at 1 s: craft with four wheels, coils, drag, gravity gradient, radiation
-(cannonball), eclipse, dipole field, exponential atmosphere, magnetometer, navigation with noise,
-wheels' speeds, hill pointing, attitude error, MRP feedback, wheel torques, magnetic
-momentum management. Prints RESULT with `us_per_step` (stepping alone), the pointing error (deg,
-rms) and the wheels' momentum at the end, which say that it does the same task. With OUT, series of
-attitude, rate, wheel speeds, dipoles and field are recorded at each step and written compressed.
+A craft of 80 kg points to nadir for STEPS s with four wheels and three coils: 16 modules of theirs,
+all at 1 s, each message that has a counterpart among our series recorded at every step. Prints
+RESULT {"seconds", "us_per_step", "modules", "pointing_deg", "momentum"}: wall seconds of stepping,
+set-up left out, and pointing error and the wheels' momentum (N m s) at the end, to see that it
+flies. With a FILE the recorded series are written there, as a user would keep them.
+
+The field is their dipole, or their spherical harmonics (WMM, degree 12) with the coefficients of
+our IGRF-14 table for 2025 to 2030.
 """
 
 import json
 import math
 import sys
+import tempfile
 import time
 from pathlib import Path
 from typing import Any
@@ -32,190 +34,217 @@ from Basilisk.simulation import (
     GravityGradientEffector,
     MtbEffector,
     dragDynamicEffector,
-    eclipse,
     exponentialAtmosphere,
     gravityEffector,
     magneticFieldCenteredDipole,
+    magneticFieldWMM,
     magnetometer,
-    radiationPressure,
     reactionWheelStateEffector,
     simpleNav,
     spacecraft,
 )
-from Basilisk.utilities import SimulationBaseClass, macros, simIncludeRW
+from Basilisk.utilities import (
+    SimulationBaseClass,
+    macros,
+    orbitalMotion,
+    simIncludeRW,
+    simSetPlanetEnvironment,
+)
+
+INERTIA = [10.5, 0.3, -0.2, 0.3, 9.0, 0.15, -0.2, 0.15, 6.5]
+SPIN = 6.37e-4
+H_START = (0.06, -0.04, 0.03, -0.02)
+AXES = np.array([(1, 1, 1), (-1, 1, 1), (-1, -1, 1), (1, -1, 1)]) / math.sqrt(3.0)
+
+
+def coefficients(igrf: Path, into: Path) -> None:
+    """Our table as the file that their module reads: g, h of 2025 and their change a year (nT)."""
+    table = json.loads(igrf.read_text(encoding="utf-8"))
+    key = next(k for k, v in table.items() if isinstance(v, list) and k != "years")
+    at = {(int(r[0]), int(r[1])): r[2:] for r in table[key]}
+    first, last = table["years"].index(2025), table["years"].index(2030)
+    lines = ["    2025.0            WMM-2025     11/13/2024"]
+    for n in range(1, 13):
+        for m in range(n + 1):
+            g = at[n, m]
+            h = at[n, -m] if m else [0.0] * len(g)
+            change = [(x[last] - x[first]) / 5.0 for x in (g, h)]
+            lines.append(f"{n:3d}{m:3d}{g[first]:11.1f}{h[first]:10.1f}"
+                         f"{change[0]:12.1f}{change[1]:10.1f}")  # fmt: skip
+    into.write_text("\n".join([*lines, "9" * 48, "9" * 48]) + "\n", encoding="utf-8")
 
 
 def main() -> None:
-    given = json.loads(Path(sys.argv[1]).read_text(encoding="utf-8"))
-    seconds, out = float(sys.argv[2]), sys.argv[3] if len(sys.argv) > 3 else ""
+    steps = int(sys.argv[2])
     sim = SimulationBaseClass.SimBaseClass()
-    process = sim.CreateNewProcess("process")
-    process.addTask(sim.CreateNewTask("task", macros.sec2nano(1.0)))
+    second = macros.sec2nano(1.0)
+    sim.CreateNewProcess("process").addTask(sim.CreateNewTask("task", second))
+    modules = 0
 
-    def add(module: Any, priority: int) -> Any:
-        module.ModelTag = type(module).__name__
+    def add(module: object, priority: int) -> None:
+        nonlocal modules
+        modules += 1
         sim.AddModelToTask("task", module, priority)
-        return module
 
     craft = spacecraft.Spacecraft()
     craft.hub.mHub = 80.0
     craft.hub.r_BcB_B = [[0.0], [0.0], [0.0]]
-    craft.hub.IHubPntBc_B = given["inertia"]
-    craft.hub.r_CN_NInit = [[x] for x in given["r0"]]
-    craft.hub.v_CN_NInit = [[x] for x in given["v0"]]
-    q = np.array(given["q0"])
-    craft.hub.sigma_BNInit = [[x] for x in q[:3] / (1.0 + q[3])]
-    craft.hub.omega_BN_BInit = [[x] for x in given["omega0"]]
-
+    craft.hub.IHubPntBc_B = np.array(INERTIA).reshape(3, 3).tolist()
     earth = gravityEffector.GravBodyData()
-    earth.planetName = "earth"
-    earth.mu, earth.radEquator = given["mu"], 6378137.0
+    earth.planetName = "earth_planet_data"
+    earth.mu = 3.986004418e14
     earth.isCentralBody = True
     craft.gravField.gravBodies = spacecraft.GravBodyVector([earth])
-    place = messaging.SpicePlanetStateMsgPayload()
-    place.PlanetName = "earth"
-    place.J20002Pfix = np.eye(3)
-    planet = messaging.SpicePlanetStateMsg().write(place)
-    star = messaging.SpicePlanetStateMsgPayload()
-    star.PlanetName = "sun"
-    star.PositionVector = (1.496e11 * np.array(given["sun"])).tolist()
-    sun = messaging.SpicePlanetStateMsg().write(star)
-
-    wheels = reactionWheelStateEffector.ReactionWheelStateEffector()
-    factory = simIncludeRW.rwFactory()
-    axes, spin = np.array(given["axes"]), given["inertia_wheel"]
-    for i in range(4):
-        factory.create(
-            "custom", axes[:, i].tolist(), Omega=given["speeds"][i] * 30 / math.pi, Js=spin[i],
-            Omega_max=6000.0, u_max=given["torque_limit"], useRWfriction=True,
-            cViscous=given["viscous"], fCoulomb=given["coulomb"], useMinTorque=False,
-            RWModel=messaging.BalancedWheels,
-        )  # fmt: skip
-    factory.addToSpacecraft("wheels", wheels, craft)
+    orbit = orbitalMotion.ClassicElements()
+    orbit.a, orbit.e, orbit.i = 6928137.0, 1e-6, 1.70332
+    orbit.Omega, orbit.omega, orbit.f = 3.3, 0.0, 0.0
+    r, v = orbitalMotion.elem2rv(earth.mu, orbit)
+    craft.hub.r_CN_NInit, craft.hub.v_CN_NInit = r, v
+    craft.hub.sigma_BNInit = [[0.1], [0.2], [-0.3]]
+    craft.hub.omega_BN_BInit = [[1e-3], [-1e-3], [5e-4]]
+    add(craft, 100)
 
     gradient = GravityGradientEffector.GravityGradientEffector()
     gradient.addPlanetName(earth.planetName)
-    coils = MtbEffector.MtbEffector()
-    drag = dragDynamicEffector.DragDynamicEffector()
-    drag.coreParams.projectedArea = 0.5
-    drag.coreParams.dragCoeff = 2.2
-    drag.coreParams.comOffset = [0.02, 0.01, 0.03]
-    light = radiationPressure.RadiationPressure()
-    light.setUseCannonballModel()
-    light.area, light.coefficientReflection = 0.75, 1.0
-    for effector in (gradient, coils, drag, light):
-        craft.addDynamicEffector(effector)
+    craft.addDynamicEffector(gradient)
+    add(gradient, 99)
 
-    field = magneticFieldCenteredDipole.MagneticFieldCenteredDipole()
-    field.g10, field.g11, field.h11 = (given["dipole"][i] / 6371200.0**3 for i in (2, 0, 1))
-    field.planetRadius = 6371200.0
+    if sys.argv[1] == "dipole":
+        field = magneticFieldCenteredDipole.MagneticFieldCenteredDipole()
+        simSetPlanetEnvironment.centeredDipoleMagField(field, "earth")
+    else:
+        file = Path(tempfile.mkdtemp()) / "WMM.COF"
+        coefficients(Path(sys.argv[1]), file)
+        field = magneticFieldWMM.MagneticFieldWMM()
+        field.configureWMMFile(str(file))
+        field.epochDateFractionalYear = 2026.0
+    field.addSpacecraftToModel(craft.scStateOutMsg)
+    add(field, 98)
+
     air = exponentialAtmosphere.ExponentialAtmosphere()
-    air.planetRadius, air.baseDensity, air.scaleHeight = 6378137.0, given["density"], 60e3
-    air.baseDensity *= math.exp(550.0 / 60.0)
-    shade = eclipse.Eclipse()
-    for model in (field, air):
-        model.addSpacecraftToModel(craft.scStateOutMsg)
-        model.planetPosInMsg.subscribeTo(planet)
-    shade.addSpacecraftToModel(craft.scStateOutMsg)
-    shade.addPlanetToModel(planet)
-    shade.sunInMsg.subscribeTo(sun)
+    simSetPlanetEnvironment.exponentialAtmosphere(air, "earth")
+    air.addSpacecraftToModel(craft.scStateOutMsg)
+    add(air, 97)
+    drag = dragDynamicEffector.DragDynamicEffector()
+    drag.coreParams.projectedArea, drag.coreParams.dragCoeff = 0.5, 2.2
+    drag.coreParams.comOffset = [0.02, 0.01, 0.03]
+    drag.atmoDensInMsg.subscribeTo(air.envOutMsgs[0])
+    craft.addDynamicEffector(drag)
+    add(drag, 96)
 
-    tam = magnetometer.Magnetometer()
-    tam.senNoiseStd = [5e-8] * 3
-    tam.stateInMsg.subscribeTo(craft.scStateOutMsg)
-    tam.magInMsg.subscribeTo(field.envOutMsgs[0])
-    nav = simpleNav.SimpleNav()
-    nav.scStateInMsg.subscribeTo(craft.scStateOutMsg)
-    nav.PMatrix = np.diag([0.0] * 6 + [5e-5] * 3 + [1e-5] * 3 + [0.0] * 6).tolist()
-    nav.walkBounds = [[1e6]] * 18
+    wheels = reactionWheelStateEffector.ReactionWheelStateEffector()
+    factory = simIncludeRW.rwFactory()
+    for axis, h in zip(AXES, H_START, strict=True):
+        factory.create(
+            "custom", axis.tolist(), Omega=h / SPIN * 30 / math.pi, Js=SPIN, Omega_max=600.0 * 30
+            / math.pi, u_max=5e-3, fCoulomb=2e-5, cViscous=1e-7, useRWfriction=True,
+            rWB_B=[0.0, 0.0, 0.0], RWModel=messaging.BalancedWheels,
+        )  # fmt: skip
+    factory.addToSpacecraft("wheels", wheels, craft)
+    add(wheels, 95)
+
+    coils = MtbEffector.MtbEffector()
+    craft.addDynamicEffector(coils)
+    add(coils, 94)
+
+    navigation = simpleNav.SimpleNav()
+    navigation.scStateInMsg.subscribeTo(craft.scStateOutMsg)
+    noise = np.diag([1.0] * 3 + [0.01] * 3 + [5e-5] * 3 + [1e-5] * 3 + [0.0] * 6)
+    navigation.PMatrix = noise.tolist()
+    navigation.walkBounds = [1e3] * 18
+    add(navigation, 93)
+    sensor = magnetometer.Magnetometer()
+    sensor.stateInMsg.subscribeTo(craft.scStateOutMsg)
+    sensor.magInMsg.subscribeTo(field.envOutMsgs[0])
+    sensor.senNoiseStd = [5e-8] * 3
+    add(sensor, 92)
+    link = tamComm.tamComm()
+    link.dcm_BS = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0]
+    link.tamInMsg.subscribeTo(sensor.tamDataOutMsg)
+    add(link, 91)
 
     hill = hillPoint.hillPoint()
-    hill.transNavInMsg.subscribeTo(nav.transOutMsg)
+    hill.transNavInMsg.subscribeTo(navigation.transOutMsg)
+    add(hill, 90)
     error = attTrackingError.attTrackingError()
-    # hill from lvlh: z to nadir, y against the orbit normal
-    error.sigma_R0R = [1.0 / 3.0, 1.0 / 3.0, -1.0 / 3.0]
-    error.attNavInMsg.subscribeTo(nav.attOutMsg)
     error.attRefInMsg.subscribeTo(hill.attRefOutMsg)
+    error.attNavInMsg.subscribeTo(navigation.attOutMsg)
+    add(error, 89)
 
-    vehicle = messaging.VehicleConfigMsgPayload()
-    vehicle.ISCPntB_B = np.ravel(given["inertia"]).tolist()
-    configuration = messaging.VehicleConfigMsg().write(vehicle)
-    rotors = factory.getConfigMessage()
-    law = mrpFeedback.mrpFeedback()
-    # our quaternion's vector is 2 sigma: 0.02 J e, 0.14 J domega
-    law.K, law.P, law.Ki, law.integralLimit = 0.4, 1.3, -1.0, 0.0
-    law.guidInMsg.subscribeTo(error.attGuidOutMsg)
-    law.vehConfigInMsg.subscribeTo(configuration)
-    law.rwParamsInMsg.subscribeTo(rotors)
-    law.rwSpeedsInMsg.subscribeTo(wheels.rwSpeedOutMsg)
-    motors = rwMotorTorque.rwMotorTorque()
-    motors.controlAxes_B = [1, 0, 0, 0, 1, 0, 0, 0, 1]
-    motors.vehControlInMsg.subscribeTo(law.cmdTorqueOutMsg)
-    motors.rwParamsInMsg.subscribeTo(rotors)
+    vehicle = messaging.VehicleConfigMsg().write(
+        messaging.VehicleConfigMsgPayload(ISCPntB_B=INERTIA)
+    )
+    layout = factory.getConfigMessage()
+    control = mrpFeedback.mrpFeedback()
+    control.K, control.P, control.Ki, control.integralLimit = 0.08, 1.4, -1.0, 1.0
+    control.guidInMsg.subscribeTo(error.attGuidOutMsg)
+    control.vehConfigInMsg.subscribeTo(vehicle)
+    control.rwParamsInMsg.subscribeTo(layout)
+    control.rwSpeedsInMsg.subscribeTo(wheels.rwSpeedOutMsg)
+    add(control, 88)
+    mapping = rwMotorTorque.rwMotorTorque()
+    mapping.controlAxes_B = [1, 0, 0, 0, 1, 0, 0, 0, 1]
+    mapping.vehControlInMsg.subscribeTo(control.cmdTorqueOutMsg)
+    mapping.rwParamsInMsg.subscribeTo(layout)
+    add(mapping, 87)
 
-    sensed = tamComm.tamComm()
-    sensed.dcm_BS = [1, 0, 0, 0, 1, 0, 0, 0, 1]
-    sensed.tamInMsg.subscribeTo(tam.tamDataOutMsg)
     bars = messaging.MTBArrayConfigMsgPayload()
     bars.numMTB = 3
-    bars.GtMatrix_B = [1, 0, 0, 0, 1, 0, 0, 0, 1]
+    bars.GtMatrix_B = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0]
     bars.maxMtbDipoles = [5.0] * 3
-    bar_message = messaging.MTBArrayConfigMsg().write(bars)
+    bars = messaging.MTBArrayConfigMsg().write(bars)
     manager = mtbMomentumManagement.mtbMomentumManagement()
     manager.wheelSpeedBiases = [0.0] * 4
-    manager.cGain = 0.001
-    manager.rwParamsInMsg.subscribeTo(rotors)
-    manager.mtbParamsInMsg.subscribeTo(bar_message)
-    manager.tamSensorBodyInMsg.subscribeTo(sensed.tamOutMsg)
+    manager.cGain = 1e-3
+    manager.rwParamsInMsg.subscribeTo(layout)
+    manager.mtbParamsInMsg.subscribeTo(bars)
+    manager.tamSensorBodyInMsg.subscribeTo(link.tamOutMsg)
     manager.rwSpeedsInMsg.subscribeTo(wheels.rwSpeedOutMsg)
-    manager.rwMotorTorqueInMsg.subscribeTo(motors.rwMotorTorqueOutMsg)
+    manager.rwMotorTorqueInMsg.subscribeTo(mapping.rwMotorTorqueOutMsg)
+    add(manager, 86)
     wheels.rwMotorCmdInMsg.subscribeTo(manager.rwMotorTorqueOutMsg)
     coils.mtbCmdInMsg.subscribeTo(manager.mtbCmdOutMsg)
-    coils.mtbParamsInMsg.subscribeTo(bar_message)
+    coils.mtbParamsInMsg.subscribeTo(bars)
     coils.magInMsg.subscribeTo(field.envOutMsgs[0])
-    drag.atmoDensInMsg.subscribeTo(air.envOutMsgs[0])
-    light.sunEphmInMsg.subscribeTo(sun)
-    light.sunEclipseInMsg.subscribeTo(shade.eclipseOutMsgs[0])
 
-    modules = [
-        craft, wheels, gradient, coils, drag, light, field, air, shade, tam, nav, hill, error, law,
-        motors, sensed, manager,
-    ]  # fmt: skip
-    for i, module in enumerate(modules):
-        add(module, 100 - i)
-    guidance = error.attGuidOutMsg.recorder(macros.sec2nano(1.0 if out else 60.0))
-    logs = {"guidance": guidance}
-    if out:
-        logs |= {
-            "state": craft.scStateOutMsg.recorder(),
-            "wheels": wheels.rwSpeedOutMsg.recorder(),
-            "dipole": manager.mtbCmdOutMsg.recorder(),
-            "field": sensed.tamOutMsg.recorder(),
-        }
+    recorded = {
+        "craft": craft.scStateOutMsg, "field": field.envOutMsgs[0], "air": air.envOutMsgs[0],
+        "navigation": navigation.attOutMsg, "orbit": navigation.transOutMsg,
+        "sensor": sensor.tamDataOutMsg, "reference": hill.attRefOutMsg,
+        "error": error.attGuidOutMsg, "control": control.cmdTorqueOutMsg,
+        "speeds": wheels.rwSpeedOutMsg, "torques": manager.rwMotorTorqueOutMsg,
+        "dipole": manager.mtbCmdOutMsg,
+    }  # fmt: skip
+    logs = {name: message.recorder(second) for name, message in recorded.items()}
     for log in logs.values():
-        sim.AddModelToTask("task", log, 1)
+        sim.AddModelToTask("task", log)
     sim.InitializeSimulation()
-    sim.ConfigureStopTime(macros.sec2nano(seconds))
+    sim.ConfigureStopTime(steps * second)
     began = time.perf_counter()
     sim.ExecuteSimulation()
-    spent = time.perf_counter() - began
+    seconds = time.perf_counter() - began
 
-    angle = 4.0 * np.degrees(np.arctan(np.linalg.norm(guidance.sigma_BR, axis=1)))
-    late = angle[len(angle) // 2 :]
-    speeds = np.array(wheels.rwSpeedOutMsg.read().wheelSpeeds[:4])
-    if out:
-        np.savez_compressed(
-            out, time=logs["state"].times(), sigma=logs["state"].sigma_BN,
-            omega=logs["state"].omega_BN_B, speeds=logs["wheels"].wheelSpeeds[:, :4],
-            dipole=logs["dipole"].mtbDipoleCmds[:, :3], field=logs["field"].tam_B,
-            error=guidance.sigma_BR,
-        )  # fmt: skip
+    if len(sys.argv) > 3:
+        fields = {"craft": ("r_BN_N", "v_BN_N", "sigma_BN", "omega_BN_B"),
+                  "field": ("magField_N",), "air": ("neutralDensity",),
+                  "navigation": ("sigma_BN", "omega_BN_B"), "orbit": ("r_BN_N", "v_BN_N"),
+                  "sensor": ("tam_S",), "reference": ("sigma_RN", "omega_RN_N"),
+                  "error": ("sigma_BR", "omega_BR_B"), "control": ("torqueRequestBody",),
+                  "speeds": ("wheelSpeeds",), "torques": ("motorTorque",),
+                  "dipole": ("mtbDipoleCmds",)}  # fmt: skip
+        kept: dict[str, Any] = {
+            f"{n}.{f}": np.asarray(getattr(logs[n], f))
+            for n, names in fields.items()
+            for f in names
+        }
+        np.savez(sys.argv[3], **kept)
+    sigma = float(np.linalg.norm(logs["error"].sigma_BR[-1]))
+    momentum = SPIN * np.asarray(logs["speeds"].wheelSpeeds[-1])[:4]
     result = {
-        "modules": len(modules),
-        "us_per_step": 1e6 * spent / seconds,
-        "pointing_rms_deg": float(np.sqrt((late**2).mean())),
-        "wheel_momentum_end": (np.array(spin) * speeds).tolist(),
-    }
+        "seconds": seconds, "us_per_step": 1e6 * seconds / steps, "modules": modules,
+        "pointing_deg": math.degrees(4.0 * math.atan(sigma)),
+        "momentum": float(np.linalg.norm(AXES.T @ momentum)),
+    }  # fmt: skip
     print("RESULT " + json.dumps(result))
 
 

@@ -15,19 +15,24 @@ import statistics
 import subprocess
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from datetime import UTC, datetime
 from functools import partial
 from importlib.metadata import version
+from itertools import chain
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
+from zipfile import ZIP_DEFLATED, ZipFile
 
 from rich.progress import track
 
-from desat.engine.loop import Loop, stepping
+from desat.engine.ending import NEVER, Loop
+from desat.engine.loop import run, stepping
 from desat.engine.master import Master
 from desat.engine.operations import Call
-from desat.files import library
+from desat.engine.results import SERIES, Recorder
+from desat.files import library, places
 from desat.files.pack import pack_scenario
 from desat.files.scenario import find
 from desat.study.case import Options, prepare
@@ -43,32 +48,33 @@ BASILISK = HERE.parent / ".venv-basilisk" / "bin" / "python"
 # --- one measurement, in its own process ------------------------------------------------------
 
 
-def _master(path: str, steps: int, blocks: bool) -> Master:
+def _master(path: str, blocks: bool, watched: bool = False) -> Master:
     system, schedule = prepare(path, Options(blocks=blocks)).or_raise()
-    master = Master(system, schedule, watched=lambda c, s: False)
+    master = Master(system, schedule, watched=lambda c, s: watched)
     master.initialise()
     return master
 
 
-def _timed(advance: Callable[[], Any], steps: int) -> float:
-    for _ in range(200):
-        advance()
-    began = time.perf_counter()
-    for _ in range(steps):
-        advance()
+def _timed(master: Master, steps: int, loop: Loop = "compiled") -> float:
+    """Microseconds a step, nothing recorded; the first 200 are left out."""
+    stepper = stepping(master, None, NEVER, loop)
+    for many in (200, steps):
+        until, began = master.k + many, time.perf_counter()
+        while master.k < until:
+            stepper.some(until - master.k)
     return 1e6 * (time.perf_counter() - began) / steps
 
 
 def desat(path: str, steps: int) -> dict[str, Any]:
     """Our master on the FMUs."""
-    with _master(path, steps, blocks=False) as master:
-        return {"us": _timed(master.advance, steps)}
+    with _master(path, blocks=False) as master:
+        return {"us": _timed(master, steps)}
 
 
 def blocks(path: str, steps: int) -> dict[str, Any]:
     """Our master on the bare blocks."""
-    with _master(path, steps, blocks=True) as master:
-        return {"us": _timed(master.advance, steps)}
+    with _master(path, blocks=True) as master:
+        return {"us": _timed(master, steps)}
 
 
 def libcosim(path: str, steps: int) -> dict[str, Any]:
@@ -146,7 +152,12 @@ def fmpy(path: str, steps: int) -> dict[str, Any]:
         read()
         k += 1
 
-    result = _timed(advance, steps)
+    for _ in range(200):
+        advance()
+    began = time.perf_counter()
+    for _ in range(steps):
+        advance()
+    result = 1e6 * (time.perf_counter() - began) / steps
     for fmu in fmus.values():
         fmu.dll.finalizePythonInterpreter()
     return {"us": result}
@@ -154,38 +165,63 @@ def fmpy(path: str, steps: int) -> dict[str, Any]:
 
 def day(path: str, steps: int) -> dict[str, Any]:
     """So many steps of a scenario from its start, nothing recorded."""
-    with _master(path, steps, blocks=False) as master:
-        began = time.perf_counter()
-        for _ in range(steps):
-            master.advance()
+    with _master(path, blocks=False) as master:
+        stepper, began = stepping(master, None), time.perf_counter()
+        while master.k < steps:
+            stepper.some(steps - master.k)
         seconds = time.perf_counter() - began
     return {"wall_seconds": round(seconds, 3), "us_per_step": round(1e6 * seconds / steps, 2)}
 
 
+def recorded(path: str, steps: int, loop: Loop = "compiled") -> dict[str, Any]:
+    """So many steps of a scenario from its start, all outputs recorded in a file."""
+    with _master(path, blocks=False, watched=True) as master, TemporaryDirectory() as folder:
+        stepper_of = partial(stepping, master, ending=NEVER, loop=loop)
+        began = time.perf_counter()
+        recorder = Recorder(Path(folder) / SERIES, master)
+        stepper = stepper_of(recorder)
+        assert stepper.name == loop, stepper.why
+        run(master, stepper, steps, recorder)
+        recorder.finish(master).close()
+        seconds = time.perf_counter() - began
+    return {"us": 1e6 * seconds / steps}
+
+
+def command(path: str, steps: int) -> dict[str, Any]:
+    """The whole of `desat run`, which a user types: wall and processor seconds."""
+    before = resource.getrusage(resource.RUSAGE_CHILDREN)
+    with TemporaryDirectory() as folder:
+        began = time.perf_counter()
+        subprocess.run(
+            [sys.executable, "-m", "desat.cli", "run", path, "--out", f"{folder}/run"],
+            check=True, capture_output=True,
+        )  # fmt: skip
+        seconds = time.perf_counter() - began
+    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    cpu = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+    return {"seconds": seconds, "cpu_seconds": cpu}
+
+
 def shares(path: str, steps: int) -> dict[str, Any]:
-    """Where our microseconds go: the calls of each component, and the master's own loop."""
-    with _master(path, steps, blocks=False) as master:
+    """Where our microseconds go, in the loop in Python: the calls of each component, and the loop
+    itself."""
+    with _master(path, blocks=False) as master:
         clock, spent = time.perf_counter, {name: [0.0, 0.0] for name in master.members}
 
-        def wrapped(call: Callable[..., Any], cell: list[float], which: int) -> Callable[..., Any]:
-            def timed(*arguments: Any) -> Any:
+        def wrapped(call: Callable[[], int], cell: list[float], which: int) -> Callable[[], int]:
+            def timed() -> int:
                 began = clock()
-                result = call(*arguments)
+                result = call()
                 cell[which] += clock() - began
                 return result
 
             return timed
 
-        def watched(move: Move) -> Move:
-            cell = spent[move.instance.name]
-            return move._replace(
-                push=wrapped(move.push, cell, 0), step=wrapped(move.step, cell, 1),
-                pull=wrapped(move.pull, cell, 0),
-            )  # fmt: skip
-
-        whole = _timed(master.advance, steps)
-        _replace_moves(master, watched)
-        _timed(master.advance, steps)
+        whole = _timed(master, steps, "python")
+        for call in _calls(master):
+            cell = spent[call.instance.name]
+            call.call = wrapped(call.call, cell, int(call.verb == "step"))
+        _timed(master, steps, "python")
         total = steps + 200
         parts = {n: round(1e6 * sum(cell) / total, 2) for n, cell in spent.items()}
         steps_alone = {n: round(1e6 * cell[1] / total, 2) for n, cell in spent.items()}
@@ -203,12 +239,13 @@ def memory(path: str, steps: int) -> dict[str, Any]:
     def resident() -> float:
         return int(Path("/proc/self/statm").read_text().split()[1]) * page / 2**20
 
-    with _master(path, steps, blocks=False) as master:
-        for _ in range(steps // 10):
-            master.advance()
+    with _master(path, blocks=False) as master:
+        stepper = stepping(master, None)
+        while master.k < steps // 10:
+            stepper.some(steps // 10 - master.k)
         early = resident()
-        for _ in range(steps - steps // 10):
-            master.advance()
+        while master.k < steps:
+            stepper.some(steps - master.k)
         return {"steps": steps, "mib_after_a_tenth": early, "mib_at_the_end": resident()}
 
 
@@ -221,7 +258,9 @@ def law(path: str, runs: int, *sets: str) -> dict[str, Any]:
         with Master(system, schedule, watched=lambda c, s: False) as master:
             master.initialise()
             took: list[float] = []
-            _replace_moves(master, partial(_watched, name="manager", took=took))
+            for call in _calls(master):
+                if (call.instance.name, call.verb) == ("manager", "step"):
+                    call.call = _watched(call.call, took)
             for _ in range(60):
                 master.advance()
         means.append(1e6 * statistics.mean(took))
@@ -229,24 +268,22 @@ def law(path: str, runs: int, *sets: str) -> dict[str, Any]:
     return {"us": statistics.median(means[1:]), "first_us": statistics.median(firsts[1:])}
 
 
-def _replace_moves(master: Master, changed: Callable[[Move], Move]) -> None:
-    for phases in master._cycle:
-        for phase in phases:
-            phase.moves = [changed(move) for move in phase.moves]
+def _calls(master: Master) -> Iterator[Call]:
+    """The calls of components in a cycle of an initialised master."""
+    for operations in chain.from_iterable(master.cycle):
+        yield from (o for o in operations if isinstance(o, Call))
 
 
-def _watched(move: Move, name: str, took: list[float]) -> Move:
-    """A move of the master; the step of the component `name` writes down how long it took (s)."""
-    if move.instance.name != name:
-        return move
+def _watched(call: Callable[[], int], took: list[float]) -> Callable[[], int]:
+    """A call that writes down how long it took (s)."""
 
-    def timed(*arguments: Any) -> Any:
+    def timed() -> int:
         began = time.perf_counter()
-        result = move.step(*arguments)
+        result = call()
         took.append(time.perf_counter() - began)
         return result
 
-    return move._replace(step=timed)
+    return timed
 
 
 def numpy_loop(path: str, steps: int, tuned: bool = False) -> dict[str, Any]:
@@ -281,6 +318,8 @@ MEASUREMENTS: dict[str, Callable[..., dict[str, Any]]] = {
         shares,
         memory,
         day,
+        recorded,
+        command,
         law,
         agreement,
         numpy_loop,
@@ -310,17 +349,30 @@ def packed(scenario: str) -> str:
     return str(pack_scenario(find(scenario)))
 
 
+def native(path: str) -> str:
+    """A packed system with native FMUs in the place of the others, where they are built."""
+    twins = places.fmus() / "native"
+    into = Path(path).with_suffix(".native.ssp")
+    with ZipFile(path) as old, ZipFile(into, "w", ZIP_DEFLATED) as new:
+        for name in old.namelist():
+            twin = twins / Path(name).name
+            new.writestr(name, twin.read_bytes() if twin.is_file() else old.read(name))
+    return str(into)
+
+
 def uosat12() -> dict[str, Any]:
-    """All tools in turn on one scenario of the paper's tables."""
+    """All tools in turn on one scenario of the paper's tables: ours on native FMUs where they are
+    built, the others on Python ones."""
     scenario, steps = "uosat12/table3-ocdc-ilqr-1", 20000
     path = packed(scenario)
     tools = ["desat", "blocks", "fmpy"]
     if importlib.util.find_spec("libcosimpy"):
         tools.insert(1, "libcosim")
+    files = dict.fromkeys(tools, path) | {"desat": native(path)}
     rounds: dict[str, list[float]] = {t: [] for t in tools}
     for _ in track(range(ROUNDS), scenario, disable=not sys.stderr.isatty()):
         for tool in tools:
-            rounds[tool].append(_measure(tool, path, steps)["us"])
+            rounds[tool].append(_measure(tool, files[tool], steps)["us"])
     result: dict[str, Any] = {
         f"{t}_us_per_step": round(statistics.median(rounds[t]), 2) if t in rounds else None
         for t in ("desat", "blocks", "libcosim", "fmpy")
@@ -328,8 +380,8 @@ def uosat12() -> dict[str, Any]:
     if "libcosim" in rounds:
         pairs = [a / b for a, b in zip(rounds["desat"], rounds["libcosim"], strict=True)]
         result["desat_over_libcosim"] = round(statistics.median(pairs), 3)
-    result.update(where_the_time_goes(path, steps))
-    result["memory"] = _measure("memory", path, 1_000_000)
+    result.update(where_the_time_goes(files["desat"], steps))
+    result["memory"] = _measure("memory", files["desat"], 1_000_000)
     return {"scenario": scenario, "steps": steps, "rounds": ROUNDS, **result}
 
 
@@ -377,14 +429,55 @@ def laws() -> dict[str, Any]:
 
 
 def nadir_day() -> dict[str, Any]:
-    """24 h of nadir pointing, four wheels, three coils, 1 s steps, all components as FMUs."""
+    """24 h of nadir pointing, four wheels, three coils, 1 s steps, all components as FMUs; and a
+    day of the same kind in Basilisk, which has 15 modules for it. Ours and Basilisk's record at
+    every step; libcosim, whose file of all variables would cost more than its steps, does not."""
     result: dict[str, Any] = {}
+    whole, igrf = 86400, HERE.parent / "components" / "physics" / "igrf14.json"
     for field in ("dipole", "igrf"):
-        path = packed(f"nadir_day/day-{field}")
-        runs = [_measure("day", path, 86400) for _ in range(3)]
-        runs.sort(key=lambda r: r["wall_seconds"])
-        result[field] = {**runs[1], **where_the_time_goes(path, 10000)}
+        python = packed(f"nadir_day/day-{field}")
+        fast = native(python)
+        theirs = field if field == "dipole" else str(igrf)
+        tools: dict[str, tuple[str, Callable[[], dict[str, Any]]]] = {
+            "python": ("us", partial(_measure, "recorded", python, 8000, "python")),
+            "native": ("us", partial(_measure, "recorded", fast, whole, "python")),
+            "loop": ("us", partial(_measure, "recorded", fast, whole)),
+            "libcosim_native": ("us", partial(_measure, "libcosim", fast, whole)),
+            "basilisk": ("us_per_step", partial(_basilisk_day, theirs, whole)),
+            "command": ("seconds", partial(_measure, "command", fast, whole)),
+            "basilisk_command": ("seconds", partial(_basilisk_command, theirs, whole)),
+        }
+        if not importlib.util.find_spec("libcosimpy"):
+            del tools["libcosim_native"]
+        if not BASILISK.exists():
+            del tools["basilisk"], tools["basilisk_command"]
+        rounds: dict[str, list[float]] = {t: [] for t in tools}
+        for _ in track(range(3), field, disable=not sys.stderr.isatty()):
+            for tool, (key, measured) in tools.items():
+                rounds[tool].append(measured()[key])
+        row: dict[str, Any] = {}
+        for tool, found in rounds.items():
+            key = f"{tool}_{'seconds' if tool.endswith('command') else 'us_per_step'}"
+            row[key] = round(statistics.median(found), 2)
+        if "basilisk" in rounds:
+            pairs = zip(rounds["loop"], rounds["basilisk"], strict=True)
+            row["loop_over_basilisk"] = round(statistics.median(a / b for a, b in pairs), 3)
+        result[field] = {**row, **where_the_time_goes(fast, 10000)}
     return result
+
+
+def _basilisk_day(field: str, steps: int, *file: str) -> dict[str, Any]:
+    return _result(
+        [str(BASILISK), str(HERE / "basilisk_day.py"), field, str(steps), *file]
+    )  # fmt: skip
+
+
+def _basilisk_command(field: str, steps: int) -> dict[str, Any]:
+    """Wall seconds of the whole of a day in Basilisk, its series kept."""
+    with TemporaryDirectory() as folder:
+        began = time.perf_counter()
+        _basilisk_day(field, steps, f"{folder}/series.npz")
+        return {"seconds": time.perf_counter() - began}
 
 
 def integrated_day() -> dict[str, Any]:

@@ -23,7 +23,7 @@ import numpy as np
 
 from ..files import places
 from ..system.interface import KINDS
-from .ending import Ending
+from .ending import Ending, Loop
 from .master import Master
 from .operations import Call
 from .program import NotCompiledError, Program
@@ -59,7 +59,7 @@ class _Loop(ctypes.Structure):
 class CompiledSteps:
     """Steps of an initialised master in C. Raises NotCompiledError where they cannot be."""
 
-    name = "compiled"
+    name: Loop = "compiled"
     why = ""
 
     def __init__(self, master: Master, recorder: Recorder | None, ending: Ending) -> None:

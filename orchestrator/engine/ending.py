@@ -1,4 +1,4 @@
-"""What may end a run before its stop time, as the stepping loops look at it."""
+"""What the stepping loops share: their names, and what may end a run before its stop time."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from typing import Literal
 
 from .member import Slot
 
+Loop = Literal["compiled", "python"]
 How = Literal["never", "below", "above", "reaches", "always"]
 
 

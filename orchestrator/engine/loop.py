@@ -7,18 +7,16 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import Any, Literal, Protocol
+from typing import Any, Protocol
 
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
 from .compiled import CompiledSteps
-from .ending import NEVER, Ending
+from .ending import NEVER, Ending, Loop
 from .master import Master
 from .program import NotCompiledError
 from .results import Recorder
-
-Loop = Literal["compiled", "python"]
 
 
 class Steps(Protocol):
@@ -43,7 +41,7 @@ class PythonSteps:
 
     def __init__(self, master: Master, recorder: Recorder | None, why: str) -> None:
         self._advance, self.why = master.advance, why
-        self._record = recorder and recorder.record
+        self._record = None if recorder is None else recorder.record
 
     def some(self, most: int) -> None:
         """Make one."""

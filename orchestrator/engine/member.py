@@ -175,4 +175,4 @@ def _gather(
         return Gather(kind, live, target, index, into)
     factor = np.array([c.factor for *_, c in moving])
     offset = np.array([c.offset for *_, c in moving])
-    return Gather(kind, live, target, index, into, factor, offset)
+    return Gather(kind, live, target, index, into, (factor, offset))

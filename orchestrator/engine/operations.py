@@ -66,24 +66,25 @@ class Length:
 
 @dataclass(frozen=True, slots=True)
 class Gather:
-    """target[into] = factor * source[index] + offset; without `factor` values as they are, without
-    `into` all of them."""
+    """target[into] = factor source[index] + offset; without `conversion` the values as they are,
+    without `into` all of them."""
 
     kind: Kind
     source: Array
     target: Array
     index: NDArray[np.intp]
     into: NDArray[np.intp] | None = None
-    factor: NDArray[np.float64] | None = None
-    offset: NDArray[np.float64] | None = None
+    conversion: tuple[NDArray[np.float64], NDArray[np.float64]] | None = None
+    """factor, offset"""
 
     def __call__(self, k: int = 0) -> None:
         if self.into is None:
             self.source.take(self.index, None, self.target, "clip")
-        elif self.factor is None:
+        elif self.conversion is None:
             self.target[self.into] = self.source[self.index]
         else:
-            self.target[self.into] = self.source[self.index] * self.factor + self.offset
+            factor, offset = self.conversion
+            self.target[self.into] = self.source[self.index] * factor + offset
 
 
 @dataclass(slots=True)

@@ -71,7 +71,7 @@ class Plan:
 
     def _one(self, first: int, inner: int) -> Step:
         """The step that consists of so many parts, from this one on."""
-        before, after = [*self.row.begin()], []
+        before, after = self.row.begin(), list[Operation]()
         for i in range(inner):
             before += [*self._moves(first + i), *self.row.add(i)]
             (after if i == inner - 1 and self._conserving else before).extend(self._ends(first + i))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import ctypes
 from collections.abc import Iterator, Sequence
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
@@ -84,10 +84,10 @@ def _rows(operation: Operation) -> Iterator[_Row]:
             yield "COPY", fresh.nbytes, (live, fresh), ()
         case Join(whole, i):
             if i == 0:
-                yield from (("CLEAR", len(sums), (sums,), ()) for sums in (whole.mean, whole.slope))
+                yield from (("CLEAR", len(x), (x,), ()) for x in (whole.mean, whole.slope))
             source, n = whole.source, len(whole.mean)
-            pointers = (whole.live, source.means, source.slopes, whole.mean, whole.slope)
-            yield "JOIN", n, pointers, whole.weights[i]
+            sums = (whole.mean, whole.slope)
+            yield "JOIN", n, (whole.live, source.means, source.slopes, *sums), whole.weights[i]
             if i == len(whole.weights) - 1:
                 kept = np.flatnonzero(whole.target.slopes >= 0)
                 every, slopes = np.arange(n), whole.target.slopes[kept]
@@ -95,8 +95,8 @@ def _rows(operation: Operation) -> Iterator[_Row]:
                 yield "TAKE_8", len(kept), (whole.into, slopes, whole.slope, kept), ()
         case Cut(part, i):
             source, target = part.source, part.target
-            pointers = (part.live, source.means, source.slopes, target.means, target.slopes)
-            yield "CUT", len(source.means), pointers, part.weights[i]
+            places = (source.means, source.slopes, target.means, target.slopes)
+            yield "CUT", len(source.means), (part.live, *places), part.weights[i]
         case _:
             raise NotCompiledError(f"{type(operation).__name__} is not compiled")
 
@@ -104,11 +104,11 @@ def _rows(operation: Operation) -> Iterator[_Row]:
 def _gather(g: Gather) -> _Row:
     into = np.arange(len(g.target)) if g.into is None else g.into
     pointers = (g.target, into, g.source, g.index)
-    if g.factor is None:
+    if g.conversion is None:
         return "TAKE_8" if g.kind == "Real" else "TAKE_4", len(into), pointers, ()
     if g.kind != "Real":
         raise NotCompiledError(f"a connection converts values of type {g.kind}")
-    return "CONVERT", len(into), (*pointers, g.factor, g.offset), ()
+    return "CONVERT", len(into), (*pointers, *g.conversion), ()
 
 
 def _calls(call: Call) -> Iterator[_Row]:
@@ -116,7 +116,7 @@ def _calls(call: Call) -> Iterator[_Row]:
     if not isinstance(instance, FmuInstance):
         raise NotCompiledError(f"{instance.name} is not run as an FMU")
     for prepared in instance.prepared[call.verb]:
-        function = ctypes.cast(prepared.func, ctypes.c_void_p).value
+        function = ctypes.cast(cast(Any, prepared.func), ctypes.c_void_p).value
         if call.verb == "step":
             component, t, dt, _ = prepared.args
             yield "STEP", 1, (function, component.value, t, dt), ()

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any
 
-from ..engine.loop import Loop
+from ..engine.ending import Loop
 from ..engine.master import Algorithm
 
 

@@ -66,6 +66,7 @@ def condition(system: System) -> Condition | None:
     if given is None:
         return None
     signal = _signal(system, given["signal"])
+    limit: float
     kinds: tuple[How, ...] = ("below", "above", "reaches")
     ((kind, value),) = ((k, given[k]) for k in kinds if k in given)
     if kind == "reaches":
