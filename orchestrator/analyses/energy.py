@@ -101,6 +101,10 @@ class Balance:
 
 def balance(manifest: dict[str, Any], results: Results) -> Balance | None:
     """Of a run; None as for `steps_of`."""
+    return results.once(KEY, lambda: _balance(manifest, results))
+
+
+def _balance(manifest: dict[str, Any], results: Results) -> Balance | None:
     steps = steps_of(manifest, results)
     if steps is None:
         return None
