@@ -59,14 +59,15 @@ def feeds(system: System, body: str) -> Feeds | None:
 
 
 def torque(
-    manifest: dict[str, Any], results: Results, body: str, fed: Feeds, n: int
+    manifest: dict[str, Any], results: Results, body: str, fed: Feeds, rows: slice
 ) -> Torque | None:
-    """The torque in the first n steps of a run; None where a series is not recorded."""
+    """The torque in these steps of a run; None where a series is not recorded."""
+    n = rows.stop - rows.start
     recorded = set(results.names())
     if not {x for x in fed.values() if isinstance(x, str)} <= recorded:
         return None
     x = {
-        name: np.reshape(results.values(f)[:n], (n, -1)) if isinstance(f, str)
+        name: np.reshape(results.values(f, rows), (n, -1)) if isinstance(f, str)
         else np.broadcast_to(np.array(f, dtype=float), (n, len(f)))
         for name, f in fed.items()
     }  # fmt: skip

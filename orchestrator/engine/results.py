@@ -220,9 +220,13 @@ class Results:
             raise DesatError(f"no series {name}{nearest(name, self.names())}")
         return self._file[component][variable]
 
-    def values(self, name: str) -> NDArray[Any]:
+    def values(self, name: str, rows: slice = slice(None)) -> NDArray[Any]:
         """The rows of `component.variable` as (rows, elements), or (rows,) for a scalar."""
-        return np.asarray(self._find(name)[:])
+        return np.asarray(self._find(name)[rows])
+
+    def count(self, name: str) -> int:
+        """The number of rows of a series."""
+        return int(self._find(name).shape[0])
 
     def times(self, name: str | None = None) -> NDArray[np.float64]:
         """The time (s) of each row of a series (default: of all recorded steps)."""
