@@ -351,12 +351,14 @@ def packed(scenario: str) -> str:
 
 def native(path: str) -> str:
     """A packed system with native FMUs in the place of the others, where they are built."""
-    twins = places.fmus() / "native"
+    system, _ = prepare(path, Options()).or_raise()
+    twins = {c.source: places.fmus() / "native" / f"{c.interface.model}.fmu"
+             for c in system.components.values()}  # fmt: skip
     into = Path(path).with_suffix(".native.ssp")
     with ZipFile(path) as old, ZipFile(into, "w", ZIP_DEFLATED) as new:
         for name in old.namelist():
-            twin = twins / Path(name).name
-            new.writestr(name, twin.read_bytes() if twin.is_file() else old.read(name))
+            twin = twins.get(name)
+            new.writestr(name, twin.read_bytes() if twin and twin.exists() else old.read(name))
     return str(into)
 
 

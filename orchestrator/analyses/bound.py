@@ -17,9 +17,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import CubicSpline
-
-from desat.components.laws.least_firing import least_firing
 
 from ..engine.results import Results
 from ..system.errors import DesatError
@@ -169,6 +166,9 @@ class _Truth:
         }
         q, h, b, tau, tau_slope, m, m_slope, _ = _series(manifest, results, signals(who))
         self.times = times = results.times()[: len(q)]
+        # scipy takes long to load, and every run loads this module
+        from scipy.interpolate import CubicSpline
+
         self.attitude = CubicSpline(times, _matrices(q))
         self._field = CubicSpline(times, b)
         axes = self._parameters["spacecraft"].get("axes_wheel")
@@ -201,6 +201,8 @@ class _Truth:
 
     def least(self, impulse: Array) -> tuple[float | None, list[float] | None]:
         """The least firing time (s) for an impulse (N m s, eci) and its price; None: none can."""
+        from desat.components.laws.least_firing import least_firing
+
         edges = np.append(np.arange(self.times[0], self.times[-1] - 1e-6, self.period),
                           self.times[-1])  # fmt: skip
         begin, end = edges[:-1], edges[1:]

@@ -17,6 +17,7 @@ impulse is a torque that the body has computed otherwise.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -34,6 +35,8 @@ BOUND = 1e-6
 """Of the impulse's mismatch, as a share of the largest momentum, where a scenario has no
 `impulse_bound`."""
 NUMBERS = ("energy_mismatch", "impulse_mismatch")
+BLOCK = 4096
+"""Steps that are computed at once: what comes between fits the processor's cache."""
 _PAIR = ("tau_mean_wheel", "tau_slope_wheel")
 
 
@@ -58,29 +61,32 @@ def applies(system: System) -> dict[str, Any] | None:
     return {**parts, "feeds": outside.feeds(system, body)}
 
 
-def steps_of(manifest: dict[str, Any], results: Results) -> Steps | None:
-    """The steps of a run; None where not every row of what is needed is recorded, where a torque
-    reaches the body a step late, and where a row has the mean of several inner steps."""
+def blocks_of(manifest: dict[str, Any], results: Results) -> Iterator[Steps]:
+    """The steps of a run, a block at a time; none where not every row of what is needed is
+    recorded, where a torque reaches the body a step late, and where a row has the mean of several
+    inner steps."""
     parts = manifest.get(KEY)
     if parts is None or manifest["algorithm"] != "conserving" or manifest["inner"] > 1:
-        return None
+        return
     name = parts["spacecraft"]
     states = [f"{name}.{n}" for n in ("q_bi", "omega_bi_body", "impulse_eci")] + [parts["wheels"]]
     pair = [parts[n] for n in _PAIR]
     if not {*states, *pair} <= set(results.names()):
-        return None
-    q, omega, impulse, h = (results.values(s) for s in states)
-    mean, slope = (results.values(s) for s in pair)
+        return
     times = results.times(states[0])
-    n = min(len(mean), len(q) - 1)
+    n = min(results.count(pair[0]), results.count(states[0]) - 1)
     if n < 1 or abs(times[1] - times[0] - manifest["step"]) > 1e-9 * manifest["step"]:
-        return None
+        return
     carrier, axes = residual.carrier_of(manifest, name)
-    return Steps(
-        float(manifest["step"]), carrier, axes, q[: n + 1], omega[: n + 1], impulse[: n + 1],
-        h[: n + 1], mean[:n], slope[:n],
-        parts["feeds"] and outside.torque(manifest, results, name, parts["feeds"], n),
-    )  # fmt: skip
+    for first in range(0, n, BLOCK):
+        rows = slice(first, min(first + BLOCK, n))
+        ends = slice(first, rows.stop + 1)
+        q, omega, impulse, h = (results.values(s, ends) for s in states)
+        mean, slope = (results.values(s, rows) for s in pair)
+        yield Steps(
+            float(manifest["step"]), carrier, axes, q, omega, impulse, h, mean, slope,
+            parts["feeds"] and outside.torque(manifest, results, name, parts["feeds"], rows),
+        )  # fmt: skip
 
 
 @dataclass
@@ -100,23 +106,34 @@ class Balance:
 
 
 def balance(manifest: dict[str, Any], results: Results) -> Balance | None:
-    """Of a run; None as for `steps_of`."""
-    steps = steps_of(manifest, results)
-    if steps is None:
+    """Of a run; None as for `blocks_of`."""
+    return results.once(KEY, lambda: _balance(manifest, results))
+
+
+def _balance(manifest: dict[str, Any], results: Results) -> Balance | None:
+    work, given, energy, own, outer = [], [], [], [], False
+    for steps in blocks_of(manifest, results):
+        done, turned = np.zeros(len(steps.mean)), np.zeros((len(steps.mean), 3))
+        for e, weight in zip(NODES.tolist(), WEIGHTS.tolist(), strict=True):
+            q = steps.attitude(e)
+            torque = steps.torque(e, q)
+            done += weight * steps.dt * (steps.rate(e, q) * (torque - steps.motors(e))).sum(axis=1)
+            turned += weight * steps.dt * rotate_back(q, torque)
+        work.append(done)
+        given.append(turned)
+        held = slice(1 if energy else 0, None)  # the first row is the last of the block before
+        energy.append(0.5 * np.einsum("ij,jk,ik->i", steps.omega, steps.carrier, steps.omega)[held])
+        own.append(steps.impulse[held])
+        outer = steps.outer is not None
+    if not work:
         return None
-    n, dt = len(steps.mean), steps.dt
-    work, impulse = np.zeros(n), np.zeros((n, 3))
-    for e, weight in zip(NODES.tolist(), WEIGHTS.tolist(), strict=True):
-        q = steps.attitude(e)
-        torque = steps.torque(e, q)
-        work += weight * dt * (steps.rate(e, q) * (torque - steps.motors(e))).sum(axis=1)
-        impulse += weight * dt * rotate_back(q, torque)
-    own = steps.impulse - steps.impulse[0]
+    gained = np.concatenate(own)
+    impulse = np.vstack([np.zeros(3), np.cumsum(np.concatenate(given), axis=0)])
     return Balance(
-        times=manifest["start"] + dt * np.arange(n + 1),
-        energy=0.5 * np.einsum("ij,jk,ik->i", steps.omega, steps.carrier, steps.omega),
-        work=np.concatenate([[0.0], np.cumsum(work)]),
-        impulse=own - np.vstack([np.zeros(3), np.cumsum(impulse, axis=0)]) if steps.outer else None,
+        times=manifest["start"] + manifest["step"] * np.arange(len(gained)),
+        energy=np.concatenate(energy),
+        work=np.concatenate([[0.0], np.cumsum(np.concatenate(work))]),
+        impulse=gained - gained[0] - impulse if outer else None,
     )
 
 

@@ -13,6 +13,7 @@ from desat.components.physics.orbit import EARTH_RATE, MU
 from desat.components.physics.torques import PLATE_COLUMNS, SOLAR_PRESSURE
 
 from ..engine.results import Results
+from ..study.derived import cross
 from ..system.interface import base_name
 from ..system.model import System
 from ..system.parameters import value_of
@@ -58,14 +59,15 @@ def feeds(system: System, body: str) -> Feeds | None:
 
 
 def torque(
-    manifest: dict[str, Any], results: Results, body: str, fed: Feeds, n: int
+    manifest: dict[str, Any], results: Results, body: str, fed: Feeds, rows: slice
 ) -> Torque | None:
-    """The torque in the first n steps of a run; None where a series is not recorded."""
+    """The torque in these steps of a run; None where a series is not recorded."""
+    n = rows.stop - rows.start
     recorded = set(results.names())
     if not {x for x in fed.values() if isinstance(x, str)} <= recorded:
         return None
     x = {
-        name: np.reshape(results.values(f)[:n], (n, -1)) if isinstance(f, str)
+        name: np.reshape(results.values(f, rows), (n, -1)) if isinstance(f, str)
         else np.broadcast_to(np.array(f, dtype=float), (n, len(f)))
         for name, f in fed.items()
     }  # fmt: skip
@@ -81,24 +83,24 @@ def torque(
         head = -0.5 * x["density"] * given["drag_coefficient"]
         if given["aerodynamics"] == "area":
             force = head * given["area_drag"] * np.linalg.norm(v, axis=1, keepdims=True) * v
-            return np.cross(given["centre_drag_body"], force)
+            return cross(given["centre_drag_body"], force)
         total = np.zeros_like(v)
         for p in plates:
             facing = np.maximum(v @ (p[:3] / np.linalg.norm(p[:3])), 0.0)[:, None]
-            total += np.cross(p[4:7], head * p[3] * facing * v)
+            total += cross(p[4:7], head * p[3] * facing * v)
         return total
 
     def light(s: Array) -> Array:
         """s: unit vector to the Sun, body."""
         pressure = SOLAR_PRESSURE * x["sunlight"]
         if given["radiation"] == "area":
-            return np.cross(given["centre_radiation_body"], -pressure * given["area_radiation"] * s)
+            return cross(given["centre_radiation_body"], -pressure * given["area_radiation"] * s)
         total = np.zeros_like(s)
         for p in plates:
             normal = p[:3] / np.linalg.norm(p[:3])
             cosine = np.maximum(s @ normal, 0.0)[:, None]
             along = (1.0 - p[7]) * s + 2.0 * (p[7] * cosine + p[8] / 3.0) * normal
-            total += np.cross(p[4:7], -pressure * p[3] * cosine * along)
+            total += cross(p[4:7], -pressure * p[3] * cosine * along)
         return total
 
     def at(e: float, q: Array) -> Array:
@@ -106,17 +108,15 @@ def torque(
         r = x["r_eci"] + t * x["v_eci"] + 0.5 * t * t * fall
         b = x["b_eci"] + t * x["b_rate_eci"] + 0.5 * t * t * x["b_accel_eci"]
         dipole = x["m_mean_body"] + lead * x["m_slope_body"] + given["residual_dipole_body"]
-        total = x["tau_ext_body"] + given["tau_disturbance_body"] + np.cross(dipole, rotate(q, b))
+        total = x["tau_ext_body"] + given["tau_disturbance_body"] + cross(dipole, rotate(q, b))
         total += x["tau_mean_thruster_body"] + lead * x["tau_slope_thruster_body"]
         if given["gravity_gradient"]:
             p = rotate(q, r)
             size = np.linalg.norm(p, axis=1, keepdims=True)
-            total += 3.0 * MU / size**5 * np.cross(p, p @ inertia.T)
+            total += 3.0 * MU / size**5 * cross(p, p @ inertia.T)
         if given["aerodynamics"] != "none":
             wind = (
-                x["v_eci"]
-                + t * fall
-                - np.cross([0.0, 0.0, EARTH_RATE], x["r_eci"] + t * x["v_eci"])
+                x["v_eci"] + t * fall - cross([0.0, 0.0, EARTH_RATE], x["r_eci"] + t * x["v_eci"])
             )
             total += drag(rotate(q, wind))
         if given["radiation"] != "none":

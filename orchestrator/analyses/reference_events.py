@@ -10,15 +10,17 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.integrate import DOP853, OdeSolution
-from scipy.optimize import brentq
 
 from desat.components.maths import attitude
 
 from ..system.errors import DesatError
 from .reference_plant import Array, H, Held, Late, Plant, Q, State, part
+
+if TYPE_CHECKING:  # they take long to load, and all analyses are found by loading their modules
+    from scipy.integrate import DOP853, OdeSolution
 
 RTOL, ATOL = 1e-13, 1e-15
 MOST_EVENTS = 1000
@@ -132,6 +134,8 @@ def _solve(
     dense: bool,
 ) -> tuple[float, State, int | None, OdeSolution | None]:  # fmt: skip
     """Integrate to t1 or to the first event: time, state, its number, and the solution if dense."""
+    from scipy.integrate import OdeSolution
+
     solver = _solver(slope, t0, t1, np.array(y))
     before, times, parts = events(t0, y), [t0], []
     while solver.status == "running":
@@ -165,6 +169,8 @@ def _solve(
 
 
 def _solver(slope: Callable[[float, State], State], t0: float, t1: float, y: Array) -> DOP853:
+    from scipy.integrate import DOP853
+
     return DOP853(
         lambda t, x: np.array(slope(t, x.tolist())), t0, y, t1, rtol=RTOL, atol=ATOL,
         max_step=t1 - t0,
@@ -192,6 +198,8 @@ def _root(
     value: Callable[[float], float], start: float, end: float, at_start: float, at_end: float
 ) -> float:  # fmt: skip
     """Where a value passes zero, its ends known: an interpolant's may round to the other side."""
+    from scipy.optimize import brentq
+
     ends = {start: at_start, end: at_end}
     return float(
         brentq(lambda t: ends[t] if t in ends else value(t), start, end,

@@ -49,6 +49,10 @@ class Momentum(NamedTuple):
 
 def momentum(manifest: dict[str, Any], results: Results) -> Momentum | None:
     """Of a run; None where there is no rigid body or its series are not recorded."""
+    return results.once(KEY, lambda: _momentum(manifest, results))
+
+
+def _momentum(manifest: dict[str, Any], results: Results) -> Momentum | None:
     body = manifest.get(KEY)
     if body is None:
         return None

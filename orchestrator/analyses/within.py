@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..study.derived import rotate_back
+from ..study.derived import cross, rotate_back
 
 Array = NDArray[np.float64]
 
@@ -35,7 +35,7 @@ def _turned(q: Array, omega: Array) -> Array:
     """1/2 Omega(omega) q, row by row."""
     vector, scalar = q[:, :3], q[:, 3:]
     return 0.5 * np.hstack(
-        [scalar * omega - np.cross(omega, vector), -(omega * vector).sum(axis=1, keepdims=True)]
+        [scalar * omega - cross(omega, vector), -(omega * vector).sum(axis=1, keepdims=True)]
     )
 
 
@@ -83,7 +83,7 @@ class Steps:
 
     def _edge(self, e: float, q: Array, omega: Array, spin: Array) -> tuple[Array, Array, Array]:
         """q and its first and second derivative by the share of the step."""
-        torque = self.torque(e, q) - self.motors(e) - np.cross(omega, spin)
+        torque = self.torque(e, q) - self.motors(e) - cross(omega, spin)
         first = _turned(q, omega)
         second = _turned(q, torque @ self.inverse.T) + _turned(first, omega)
         return q, self.dt * first, self.dt**2 * second

@@ -76,11 +76,20 @@ def of_entry(entry: dict[str, Any]) -> tuple[Quantity, dict[str, Any]] | None:
     return found, {"sequence": entry["sequence"]} if "sequence" in entry else {}
 
 
+def cross(a: Array, b: Array) -> Array:
+    """a x b, row by row, for (rows, 3) or one vector (3,) for all rows: the bits of numpy's, which
+    copies what it is given first."""
+    (ax, ay, az), (bx, by, bz) = np.asarray(a).T, np.asarray(b).T
+    return np.stack([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx], axis=-1)
+
+
 def rotate_back(q: Array, v: Array) -> Array:
-    """C(q)' v, row by row: from body to eci."""
-    vector, scalar = q[:, :3], q[:, 3:]
-    t = 2.0 * np.cross(vector, v)
-    return np.asarray(v + scalar * t + np.cross(vector, t))
+    """C(q)' v = v + w t + u x t with t = 2 u x v, row by row: from body to eci."""
+    (x, y, z, w), (a, b, c) = q.T, v.T
+    d, e, f = 2.0 * (y * c - z * b), 2.0 * (z * a - x * c), 2.0 * (x * b - y * a)
+    return np.stack([
+        a + w * d + (y * f - z * e), b + w * e + (z * d - x * f), c + w * f + (x * e - y * d),
+    ], axis=-1)  # fmt: skip
 
 
 @quantity("x", "y", "z", unit="deg")
@@ -123,7 +132,7 @@ def euler(q: Array, q_ref: Array, sequence: str = "321") -> Array:
 @quantity("", unit="deg")
 def angle_between(a: Array, b: Array) -> Array:
     """The angle between the lines of two vectors (deg, 0 to 90), row by row."""
-    across = np.linalg.norm(np.cross(a, b), axis=1)
+    across = np.linalg.norm(cross(a, b), axis=1)
     return np.asarray(np.degrees(np.arctan2(across, np.abs((a * b).sum(axis=1)))))
 
 
@@ -136,6 +145,6 @@ def momentum_budget(times: Array, impulse: Array, b_eci: Array, q: Array, dipole
     b, halfway = (b_eci[:n] + b_eci[1 : n + 1]) / 2.0, q[:n] + q[1 : n + 1]
     m_eci = rotate_back(halfway / np.linalg.norm(halfway, axis=1, keepdims=True), dipole[:n])
     steps = np.diff(times[: n + 1])[:, None]
-    coils = np.vstack([np.zeros(3), np.cumsum(np.cross(m_eci, b) * steps, axis=0)])
+    coils = np.vstack([np.zeros(3), np.cumsum(cross(m_eci, b) * steps, axis=0)])
     parts = impulse[: n + 1] - coils, coils, impulse[: n + 1]
     return np.array([np.linalg.norm(p, axis=1) for p in parts]).T
