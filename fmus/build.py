@@ -27,13 +27,12 @@ import pythonfmu
 from rich.progress import track
 
 from . import interfaces
-from .description import documentation, model_description
+from .description import DATE, documentation, model_description
 from .registry import block_class, names
 
 HERE = Path(__file__).parent
 DIST = HERE / "dist"
 COMPONENTS = HERE.parent / "components"
-DATE = "1980-01-01T00:00:00Z"
 
 ENTRY = '''"""Entry of the FMU {name}: the block behind the adapter, both from {package}."""
 
