@@ -9,7 +9,7 @@ from __future__ import annotations
 from math import inf
 
 from ..contract.block import Vec3
-from .vector import dot, inverse, mat_t_vec, mat_vec, scale, sub
+from .vector import ZERO, dot, inverse, mat_t_vec, mat_vec, scale, sub
 
 _ERRORS: tuple[Vec3, ...] = (
     (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0),
@@ -37,20 +37,22 @@ def least_cost(
     columns = columns + _ERRORS
     cost, most = cost + (error_cost,) * 6, most + (inf,) * 6
     basis = [n + k if goal[k] >= 0.0 else n + 3 + k for k in range(3)]
-    full: set[int] = set()
+    full = [False] * (n + 6)
+    values = ZERO
     for exchange in range(_MOST_EXCHANGES + 1):
-        p, q, r = (columns[j] for j in basis)
+        p, q, r = columns[basis[0]], columns[basis[1]], columns[basis[2]]
         to_basis = inverse((p[0], q[0], r[0], p[1], q[1], r[1], p[2], q[2], r[2]))
         rest = goal
-        for j in full:
-            rest = sub(rest, scale(most[j], columns[j]))
+        for j in range(n + 6):
+            if full[j]:
+                rest = sub(rest, scale(most[j], columns[j]))
         values = mat_vec(to_basis, rest)
         price = mat_t_vec(to_basis, (cost[basis[0]], cost[basis[1]], cost[basis[2]]))
-        entering = _entering(columns, cost, price, basis, full)
+        entering = _entering(columns, cost, price, tuple(basis), tuple(full))
         if entering < 0 or exchange == _MOST_EXCHANGES:
             break
         falls = mat_vec(to_basis, columns[entering])
-        if entering in full:
+        if full[entering]:
             falls = scale(-1.0, falls)
         room, leaving = most[entering], -1
         for i, fall in enumerate(falls):
@@ -59,15 +61,15 @@ def least_cost(
             reach = max((values[i] - (0.0 if fall > 0.0 else most[basis[i]])) / fall, 0.0)
             if reach < room or (reach == room and leaving >= 0 and basis[i] < basis[leaving]):
                 room, leaving = reach, i
-        if entering in full:
-            full.remove(entering)
+        if full[entering]:
+            full[entering] = False
         elif leaving < 0:
-            full.add(entering)
+            full[entering] = True
         if leaving >= 0:
             if falls[leaving] < 0.0:
-                full.add(basis[leaving])
+                full[basis[leaving]] = True
             basis[leaving] = entering
-    x = [most[j] if j in full else 0.0 for j in range(n)]
+    x = [most[j] if full[j] else 0.0 for j in range(n)]
     for j, value in zip(basis, values, strict=True):
         if j < n:
             x[j] = min(max(value, 0.0), most[j])
@@ -78,12 +80,12 @@ def _entering(
     columns: tuple[Vec3, ...],
     cost: tuple[float, ...],
     price: Vec3,
-    basis: list[int],
-    full: set[int],
+    basis: tuple[int, ...],
+    full: tuple[bool, ...],
 ) -> int:
     """The first column whose change pays, or -1: the first, not the best, cannot cycle (Bland)."""
     for j, column in enumerate(columns):
         gain = dot(price, column) - cost[j]
-        if (gain < -_TOLERANCE if j in full else gain > _TOLERANCE) and j not in basis:
+        if (gain < -_TOLERANCE if full[j] else gain > _TOLERANCE) and j not in basis:
             return j
     return -1

@@ -288,7 +288,9 @@ class Calls(Expressions):
             self.line(f"{code};")
             return constant(None)  # type: ignore[return-value]
         if spec.memo:
-            return Value(spec.result, f"(*{code})")
+            kept = self.fresh("kept")
+            self.line(f"const {self.program.names(spec.result)} *{kept} = {code};")
+            return Value(spec.result, f"(*{kept})", again=True)
         return Value(spec.result, code)
 
     effects: bool
@@ -661,9 +663,7 @@ class Calls(Expressions):
         n = len(x.parts) if x.parts is not None else most(x.type)
         if isinstance(x.type, List):
             return Iteration(constant(0), lambda k: x, source=x)  # type: ignore[arg-type]
-        unroll = not x.type.uniform or isinstance(x.type.items[0], Function) or (
-            x.type.items[0] == S
-        )  # fmt: skip
+        unroll = not x.type.uniform or _is_known(x.type.items[0])
         if x.parts is not None and not unroll and n > UNROLLED:
             x = Value(x.type, self.placed(x), again=True)
         return Iteration(constant(n), lambda k: self.indexed_by(x, k), unroll, source=x)  # type: ignore[arg-type]
@@ -1012,6 +1012,13 @@ class Calls(Expressions):
         else:
             self.out.insert(mark, "    " * level + f"{text} {name} = {{0}};")
         return Value(result, name, again=True)
+
+
+def _is_known(t: Type) -> bool:
+    """True for text and functions, which exist while translating."""
+    if isinstance(t, Tuple):
+        return any(map(_is_known, t.items))
+    return t == S or isinstance(t, Function)
 
 
 class Unrolled:

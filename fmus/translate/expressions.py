@@ -463,13 +463,12 @@ class Expressions:
         return replace(self.tuple_of(self.in_order(node.elts)), generator=False, const=UNKNOWN)
 
     def _unaryop(self, node: ast.UnaryOp) -> Value:
-        value = self.expression(node.operand)
         if isinstance(node.op, ast.Not):
-            value = self.truth(value, node)
+            value = self.condition(node.operand)
             if value.is_const:
                 return constant(not value.const)  # type: ignore[return-value]
             return Value(B, f"!{value.within(UNARY)}", UNARY)
-        value = self.some(value)
+        value = self.some(self.expression(node.operand))
         if value.is_const and isinstance(value.const, (int, float)):
             return constant(-value.const if isinstance(node.op, ast.USub) else value.const)  # type: ignore[return-value]
         if isinstance(node.op, ast.USub) and value.type in (F, I, B):
@@ -644,6 +643,12 @@ class Expressions:
         if op is ast.Mult and b.is_const and isinstance(b.const, int):
             x = self.temporary(a)
             n = len(x.parts) if x.parts is not None else most(a.type)
+            if n == 1 and b.const > 64 and x.parts is not None and is_scalar(x.parts[0].type):
+                t, name, k = Tuple((x.parts[0].type,) * b.const), self.fresh("all"), self.fresh("k")
+                self.line(f"{self.program.names(t)} {name};")
+                self.line(f"for (int64_t {k} = 0; {k} < {b.const}; {k}++) "
+                          f"{name}.e[{k}] = {x.parts[0].code};")  # fmt: skip
+                return Value(t, name, again=True)
             if isinstance(a.type, List) and x.parts is None:
                 raise self.refuse(node, "a tuple of unknown length, repeated", "write it out")
             return self.tuple_of(self.elements(x, n, node) * b.const)
@@ -1070,9 +1075,7 @@ class Expressions:
             difference = _sum(self.linear(s.upper), self.linear(s.lower), -1)
             if not {k for k, v in difference.items() if v} - {""}:
                 return self.window(x, lower, difference.get("", 0))  # type: ignore[arg-type]
-        if n is not None and n <= 64 or variable:
-            return self.run_time_slice(x, lower, upper)
-        raise self.refuse(node, "a slice whose length is not known", "[i : i + constant]")
+        return self.run_time_slice(x, lower, upper)
 
     def window(self, x: Value, lower: Value, count: int) -> Value:
         """`count` elements from `lower` on."""

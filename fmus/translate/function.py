@@ -10,6 +10,7 @@ from typing import Any
 
 from .calls import UNROLLED, Calls, Iteration, RangeOf
 from .expressions import Known, Later, safe_field
+from .source import of_annotation
 from .types import (
     NEVER,
     NONE,
@@ -85,6 +86,14 @@ class Translation(Calls):
                 at = ""
             self.bound[name] = Value(t, at, again=True)
 
+    def widened(self) -> None:
+        """A parameter that gets values of another type is copied to a variable of that type."""
+        for name, t in self.spec.arguments:
+            final = self.spec.variables.get(name, t)
+            if final != t and name not in self.bound:
+                self.line(f"{self.program.names(final)} {safe(name)} = "
+                          f"{self.convert(Value(t, f'{safe(name)}_given', again=True), final)};")  # fmt: skip
+
     def local(self, name: str) -> str:
         if name in self.spec.by_address:
             return f"(*{safe(name)})"
@@ -140,6 +149,9 @@ class Translation(Calls):
         self.most_wanted = size
         value = self.expression(node.value)
         self.most_wanted = None
+        item = optional(node.annotation, self.spec.globals)
+        if item is not None and value.type == NONE:
+            value = Value(Maybe(item), f"({self.program.names(Maybe(item))}){{0}}")
         self.assign(node.target, value)
 
     def do_assign(self, node: ast.Assign) -> None:
@@ -245,13 +257,17 @@ class Translation(Calls):
             if not (isinstance(value.type, Function) and self.spec.stores[name] > 1):
                 self.bound[name] = value
                 return
-        if value.type == S and value.is_const and self.spec.stores[name] == 1:
+        if value.is_const and self.spec.stores[name] == 1 and name not in self.types and (
+            value.type in (S, I) or isinstance(value.type, (Tuple, List))
+        ) and name not in self.spec.changed_in_place:  # fmt: skip
             self.bound[name] = value
             return
         old = self.types.get(name, NEVER)
         t = self.kept(old, value.type, self.wanted.get(name), target, name)
-        if t != old and name in self.spec.variables:
-            self.changed = True
+        given = dict(self.spec.arguments).get(name)
+        if given == I and t != I and t != F:
+            raise self.refuse(target, f"{name} is an integer and then a 64-bit mask",
+                              "another name")  # fmt: skip
         if t != self.spec.variables.get(name):
             self.changed = True
             self.spec.variables[name] = t
@@ -639,6 +655,18 @@ class Translation(Calls):
             self.bound[node.name] = Value(t, name, again=True)
         else:
             self.bound[node.name] = Value(t, "", again=True)
+
+
+def optional(annotation: ast.expr, scope: dict[str, Any]) -> Type | None:
+    """T of an annotation `T | None`; None where it is another one or does not say all."""
+    match annotation:
+        case ast.BinOp(left=left, op=ast.BitOr(), right=ast.Constant(value=None)):
+            try:
+                thing = eval(compile(ast.Expression(left), "annotation", "eval"), dict(scope))  # noqa: S307
+            except Exception:
+                return None
+            return of_annotation(thing)[0]
+    return None
 
 
 def _load(target: ast.expr) -> ast.expr:

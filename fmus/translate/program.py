@@ -152,6 +152,7 @@ class Program:
                 hoisted = set(spec.hoisted)
                 one = Translation(spec, self)
                 one.declared |= spec.hoisted
+                one.widened()
                 ended = one.block(spec.node.body)
                 spec.effects = spec.effects or one.effects or bool(
                     spec.changed_in_place & {n for n, _ in spec.arguments}
@@ -167,6 +168,9 @@ class Program:
         except Later as later:
             self.later = self.later or later
             raise
+        except Refused as reason:  # what is known later may show another way
+            self.later = self.later or Later(reason)
+            raise self.later from None
         finally:
             spec.busy = False
         if before != (spec.result, spec.effects):
@@ -266,7 +270,8 @@ class Program:
             star = "" if how == "value" else "*"
             if how == "value":
                 const = ""
-            arguments.append(f"{const}{text} {star}{safe(n)}")
+            given = "_given" if spec.variables.get(n, t) != t else ""
+            arguments.append(f"{const}{text} {star}{safe(n)}{given}")
         result = spec.result
         kind = "void" if result in (NONE, NEVER) else self.names(result)
         if spec.memo:
