@@ -30,6 +30,7 @@ FLAGS = (
     "-ffp-contract=off",  # no a * b + c in one rounding
     "-fno-builtin-pow",  # pow(x, 2.0) is not x * x to the last bit
     "-fwrapv",
+    "-Werror=incompatible-pointer-types", "-Werror=int-conversion",
 )  # fmt: skip
 """Those about arithmetic are what makes the bits equal; they stand in no optimiser's way."""
 LINK = ("-shared", "-s", "-Wl,--build-id=none", "-Wl,-z,defs")

@@ -264,7 +264,7 @@ class Calls(Expressions):
         if spec.takes_self:
             texts.append("self")
         if callee.captured:
-            texts.append(f"&{self.temporary(target).code}")
+            texts.append(address(self.temporary(target).code))
         for k, v in enumerate(given):
             if consts[k] is not None or (isinstance(v.type, Function) and not v.code):
                 if isinstance(v.type, Function):
@@ -303,12 +303,10 @@ class Calls(Expressions):
         if how == "change":
             if not v.again or v.parts is not None:
                 raise self.refuse(node, "a list that is changed by this call", "give it a name")
-            return f"&{v.code}" if not v.code.startswith("(*") else v.code[2:-1]
+            return address(v.code)
         text = self.convert(v, spec.types[k], node)
         if text == v.code and v.again and not (spec.effects and "self->" in text):
-            return text[2:-1] if text.startswith("(*") and text.endswith(")") else f"&{text}"
-        if text.startswith("(*") and text.endswith(")") and not spec.effects:
-            return text[2:-1]
+            return address(text)
         if text.startswith("(") and text.endswith("}"):
             return f"&{text}"
         name = self.fresh("argument")
@@ -1012,6 +1010,12 @@ class Calls(Expressions):
         else:
             self.out.insert(mark, "    " * level + f"{text} {name} = {{0}};")
         return Value(result, name, again=True)
+
+
+def address(code: str) -> str:
+    """The address of a variable, of which the code may be `(*name)`."""
+    inside = code[2:-1]
+    return inside if code.startswith("(*") and inside.isidentifier() else f"&{code}"
 
 
 def _is_known(t: Type) -> bool:

@@ -924,7 +924,7 @@ class Expressions:
         """A tuple in a variable, whose elements have one type, so that an index finds them."""
         if x.parts is not None and x.is_const:
             t = uniform_constant(x.const)
-            table = self.program.table(x.const, t) if t else None
+            table = self.program.table(x.const, t) if t and t.uniform else None
             if table:
                 return str(table)
         t = Tuple((element(x.type),) * most(x.type))

@@ -24,6 +24,7 @@ from .types import (
     Type,
     Unjoinable,
     element,
+    hidden,
     join,
     most,
     safe,
@@ -73,7 +74,7 @@ class Translation(Calls):
             if const is not None:
                 self.bound[name] = constant(const)  # type: ignore[assignment]
             elif isinstance(t, Function):
-                code = "" if len(t.callees) == 1 and not t.callees[0].captured else safe(name)
+                code = "" if hidden(t) else self.local(name)
                 self.bound[name] = Value(t, code, again=True)
             else:
                 self.types[name] = join(t, self.types.get(name, NEVER))
