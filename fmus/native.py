@@ -22,6 +22,7 @@ from pathlib import Path
 from .description import DATE, documentation, model_description
 from .registry import block_class
 from .translate.program import translate
+from .translate.types import Refused
 
 HERE = Path(__file__).parent
 WRAPPER = HERE / "c"
@@ -33,6 +34,14 @@ FLAGS = (
     "-Werror=incompatible-pointer-types", "-Werror=int-conversion",
 )  # fmt: skip
 """Those about arithmetic are what makes the bits equal; they stand in no optimiser's way."""
+PINNED = {
+    "environment_tle": "SGP4 is the package sgp4's",
+    "manager_receding_horizon": "its programme is solved by HiGHS (scipy)",
+    "manager_magnetic_ilqr": "eigenvectors by numpy",
+}
+"""Blocks that stay Python, and why: the one list of them. Any other is native, or `make check`
+fails."""
+
 LINK = ("-shared", "-s", "-Wl,--build-id=none", "-Wl,-z,defs")
 
 
@@ -138,6 +147,19 @@ def build(name: str, dist: Path, shared: Path) -> Path:
     }
     dist.mkdir(parents=True, exist_ok=True)
     return pack(members, dist / f"{name}.fmu")
+
+
+def tried(name: str, dist: Path, shared: Path) -> str:
+    """Build the native FMU of a block; why there is none, or nothing."""
+    if name in PINNED:
+        return PINNED[name]
+    try:
+        build(name, dist, shared)
+    except Refused as refused:
+        return str(refused)
+    except (ArithmeticError, AttributeError, LookupError, RuntimeError, TypeError, ValueError) as e:
+        return f"a bug of the translator: {type(e).__name__}: {e}"
+    return ""
 
 
 def pack(members: dict[str, bytes], target: Path) -> Path:

@@ -79,8 +79,10 @@ class Calls(Expressions):
     def _call(self, node: ast.Call) -> Value:
         func = node.func
         if isinstance(func, ast.Attribute):
-            if isinstance(func.value, ast.Call) and isinstance(func.value.func, ast.Name) and (
-                func.value.func.id == "super"
+            if (
+                isinstance(func.value, ast.Call)
+                and isinstance(func.value.func, ast.Name)
+                and (func.value.func.id == "super")
             ):
                 return self.super_call(node, func.attr)
             if func.attr in ("index", "count", "encode", "real", "imag") and not self.is_self(
@@ -379,8 +381,13 @@ class Calls(Expressions):
             raise self.refuse(node, f"an integer of {shown(value.type)}", "of a number")
         if value.is_const:
             try:
-                return constant(int({"floor": math.floor, "ceil": math.ceil, "rint": round,
-                                     "trunc": int}[name](value.const)))  # type: ignore[return-value]
+                return constant(
+                    int(
+                        {"floor": math.floor, "ceil": math.ceil, "rint": round, "trunc": int}[name](
+                            value.const
+                        )
+                    )
+                )  # type: ignore[return-value]
             except (ArithmeticError, ValueError):
                 pass
         return Value(I, f"py_{name}({value.code})", as_float=f"py_{name}_f({value.code})")
@@ -854,7 +861,9 @@ class Calls(Expressions):
                     self.line("}")
             return
         k = self.fresh(hint)
-        test = f"{stop} && {k} < {iteration.count.code}" if stop else f"{k} < {iteration.count.code}"
+        test = (
+            f"{stop} && {k} < {iteration.count.code}" if stop else f"{k} < {iteration.count.code}"
+        )
         self.line(f"for (int64_t {k} = 0; {test}; {k}++) {{")
         self.level += 1
         top = iteration.most
@@ -863,9 +872,7 @@ class Calls(Expressions):
         self.level -= 1
         self.line("}")
 
-    def comprehended(
-        self, node: Any, body: Callable[[Value], None], stop: str = ""
-    ) -> None:
+    def comprehended(self, node: Any, body: Callable[[Value], None], stop: str = "") -> None:
         """Write the loops of a comprehension around a body that gets its elements."""
 
         def inner(generators: Sequence[ast.comprehension]) -> None:

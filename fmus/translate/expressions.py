@@ -116,8 +116,10 @@ class Expressions:
             if len(self.out) > mark:
                 shift = 0
                 for k, earlier in enumerate(values):
-                    if earlier.is_const or isinstance(earlier.type, Known) or (
-                        earlier.again and self.is_fixed(earlier)
+                    if (
+                        earlier.is_const
+                        or isinstance(earlier.type, Known)
+                        or (earlier.again and self.is_fixed(earlier))
                     ):
                         continue
                     before = len(self.out)
@@ -420,9 +422,7 @@ class Expressions:
         parts = tuple(parts)
         if not parts:
             return constant(())  # type: ignore[return-value]
-        const = (
-            tuple(p.const for p in parts) if all(p.is_const for p in parts) else UNKNOWN
-        )
+        const = tuple(p.const for p in parts) if all(p.is_const for p in parts) else UNKNOWN
         return Value(Tuple(tuple(p.type for p in parts)), "", parts=parts, const=const,
                      again=all(p.again for p in parts))  # fmt: skip
 
@@ -708,9 +708,7 @@ class Expressions:
                 second = self.truth(right, node)
                 if second.is_const and bool(second.const) == is_and:
                     return first
-                return Value(
-                    B, f"{first.within(level)} {sign} {second.within(level + 1)}", level
-                )
+                return Value(B, f"{first.within(level)} {sign} {second.within(level + 1)}", level)
             name = self.fresh("both" if is_and else "either")
             self.line(f"bool {name} = {first.code};")
             self.line(f"if ({name if is_and else '!' + name}) {{")
@@ -995,8 +993,10 @@ class Expressions:
                 raise self.refuse(node, f"index {k} of a tuple of {n}", f"from {-n} to {n - 1}")
             return self.element_at(self.temporary(value), k % n)
         x = self.temporary(value)
-        if isinstance(x.type, (Tuple, Array)) and x.parts is not None or (
-            isinstance(x.type, Tuple) and not x.type.uniform
+        if (
+            isinstance(x.type, (Tuple, Array))
+            and x.parts is not None
+            or (isinstance(x.type, Tuple) and not x.type.uniform)
         ):
             try:
                 item = element(x.type)
@@ -1194,4 +1194,3 @@ def _sum(a: dict[str, int], b: dict[str, int], sign: int) -> dict[str, int]:
 
 def is_scalar(t: Type) -> bool:
     return isinstance(t, Scalar) and t not in (NONE, NEVER)
-

@@ -180,8 +180,10 @@ class Translation(Calls):
         if isinstance(node.target, ast.Name) and node.target.id in self.wanted:
             self.most_wanted = self.wanted[node.target.id]
         made = ast.copy_location(ast.BinOp(load, node.op, node.value), node)
-        if isinstance(node.target, ast.Name) and node.target.id in self.types and (
-            self.types[node.target.id] == S
+        if (
+            isinstance(node.target, ast.Name)
+            and node.target.id in self.types
+            and (self.types[node.target.id] == S)
         ):
             joined = ast.JoinedStr(
                 [ast.FormattedValue(load, -1, None), ast.FormattedValue(node.value, -1, None)]
@@ -303,8 +305,11 @@ class Translation(Calls):
         if limit is not None and isinstance(t, (List, Tuple)):
             item = NEVER if isinstance(t, List) and t.most == 0 else element(t)
             t = List(item, limit)
-        elif isinstance(t, List) and isinstance(old, List) and t.most > old.most > 0 and (
-            t.most > 4096
+        elif (
+            isinstance(t, List)
+            and isinstance(old, List)
+            and t.most > old.most > 0
+            and (t.most > 4096)
         ):
             raise self.refuse(node, f"{name} grows", "Annotated[tuple[...], MOST]")
         return t
@@ -476,8 +481,10 @@ class Translation(Calls):
             raise self.refuse(node, "else of a loop", "a variable")
         iteration = self.iteration(node.iter)
         self.forget(node)
-        if iteration.source is not None and not iteration.source.is_const and _changes(
-            node, iteration.source.code
+        if (
+            iteration.source is not None
+            and not iteration.source.is_const
+            and _changes(node, iteration.source.code)
         ):
             source = self.temporary(replace(iteration.source, again=False), hint="over")
             iteration = self.over_value(node.iter, source)
@@ -522,9 +529,7 @@ class Translation(Calls):
             self.line(f"for (int64_t {k} = 0; {k} < {end}; {k}++) {{")
         else:
             count = self.fresh("k")
-            self.line(
-                f"for (int64_t {count} = 0; {count} < {iteration.count.code}; {count}++) {{"
-            )
+            self.line(f"for (int64_t {count} = 0; {count} < {iteration.count.code}; {count}++) {{")
             self.level += 1
             item = iteration.item(Value(I, count, again=True, low=0, high=iteration.most))
             self.line(f"const int64_t {k} = {item.code};")
@@ -617,7 +622,9 @@ class Translation(Calls):
         """A function inside: a struct with what it captures, made where it is defined."""
         captured: list[tuple[str, Any]] = []
         own = {a.arg for a in node.args.args}
-        own |= {n.id for n in ast.walk(node) if isinstance(n, ast.Name) and isinstance(n.ctx, ast.Store)}
+        own |= {
+            n.id for n in ast.walk(node) if isinstance(n, ast.Name) and isinstance(n.ctx, ast.Store)
+        }
         names = list(dict.fromkeys(
             n.id for n in ast.walk(node) if isinstance(n, ast.Name) and n.id not in own
         ))  # fmt: skip
@@ -636,9 +643,12 @@ class Translation(Calls):
             if isinstance(value.type, Known) or value.type == S and value.is_const:
                 raise self.refuse(node, f"{node.name} uses {name}", "a number or a tuple")
             for other in ast.walk(self.spec.node):
-                if isinstance(other, ast.Name) and isinstance(other.ctx, ast.Store) and (
-                    other.id == name and other.lineno > node.lineno
-                    and not _inside(node, other)
+                if (
+                    isinstance(other, ast.Name)
+                    and isinstance(other.ctx, ast.Store)
+                    and (
+                        other.id == name and other.lineno > node.lineno and not _inside(node, other)
+                    )
                 ):
                     raise self.refuse(other, f"{name} changes after {node.name}, which uses it",
                                       "another name")  # fmt: skip
@@ -650,7 +660,8 @@ class Translation(Calls):
             name = f"{safe(node.name)}_of"
             text = ", ".join(
                 f".{'self' if x == 'self' else safe(n)} = {v}"
-                for v, (n, x) in zip(values, captured, strict=True) if v
+                for v, (n, x) in zip(values, captured, strict=True)
+                if v
             )
             self.line(f"const {self.program.names(t)} {name} = {{{text}}};")
             self.bound[node.name] = Value(t, name, again=True)

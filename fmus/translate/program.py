@@ -154,8 +154,10 @@ class Program:
                 one.declared |= spec.hoisted
                 one.widened()
                 ended = one.block(spec.node.body)
-                spec.effects = spec.effects or one.effects or bool(
-                    spec.changed_in_place & {n for n, _ in spec.arguments}
+                spec.effects = (
+                    spec.effects
+                    or one.effects
+                    or bool(spec.changed_in_place & {n for n, _ in spec.arguments})
                 )
                 if not ended:
                     spec.give(NONE, one, spec.node)
@@ -373,6 +375,8 @@ def _stands(name: str, lines: Iterable[str]) -> bool:
 
 
 def _is_nothing(t: Type) -> bool:
-    return t in (NONE, NEVER) or (isinstance(t, List) and t.item == NEVER) or (
-        isinstance(t, Maybe) and _is_nothing(t.item)
+    return (
+        t in (NONE, NEVER)
+        or (isinstance(t, List) and t.item == NEVER)
+        or (isinstance(t, Maybe) and _is_nothing(t.item))
     )

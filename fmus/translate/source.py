@@ -14,7 +14,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from .types import NEVER, B, Callee, F, Refused, Scalar, Tuple, Type, Unjoinable, join
+from .types import NEVER, B, Callee, F, Maybe, Refused, Scalar, Tuple, Type, Unjoinable, join
 
 _TOOLS = re.compile(r"#\s*(fmt:|type:|noqa|mypy:)")
 
@@ -139,7 +139,11 @@ def of_annotation(thing: Any) -> tuple[Type | None, bool]:
         items = []
         for x in typing.get_args(thing):
             t, optional = (None, False) if x is Ellipsis else of_annotation(x)
-            if t is None or optional:
+            if optional and t is None:
+                (x,) = (k for k in typing.get_args(x) if k is not type(None))
+                t, _ = of_annotation(x)
+                t = None if t is None else Maybe(t)
+            if t is None:
                 return None, False
             items.append(t)
         return (Tuple(tuple(items)) if items else None), False

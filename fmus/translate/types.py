@@ -199,7 +199,8 @@ class Names:
             (callee, *rest) = t.callees
             members = [
                 f"{self.member(x)} {'self' if x == 'self' else safe(n)};"
-                for n, x in callee.captured if x == "self" or not hidden(x)
+                for n, x in callee.captured
+                if x == "self" or not hidden(x)
             ]
             body = "int which;" if rest else " ".join(members) or "char nothing;"
         else:

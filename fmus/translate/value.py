@@ -109,7 +109,5 @@ def c_text(x: str) -> str:
     out = []
     for byte in x.encode():
         char = chr(byte)
-        out.append(
-            f"\\{char}" if char in '"\\' else char if 32 <= byte < 127 else f"\\{byte:03o}"
-        )
+        out.append(f"\\{char}" if char in '"\\' else char if 32 <= byte < 127 else f"\\{byte:03o}")
     return '"' + "".join(out).replace("??", "?\\?") + '"'
