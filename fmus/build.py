@@ -1,9 +1,12 @@
-"""`python -m fmus.build [NAME ...]`: build the FMUs of the blocks into fmus/dist/.
+"""`python -m desat.fmus.build [NAME ...]`: build the FMUs of the blocks into fmus/dist/.
 
-Built by pythonfmu, each in a process of its own, then packed anew: our model description and
-documentation, entries sorted, stored, dated 1980, so that the same sources give the same bytes.
-An FMU ships the block, what it imports and the adapter in a package whose name is a hash of its
-contents: FMUs share one interpreter, and equal names would share code.
+Two of each block. Of Python, in dist/NAME.fmu: built by pythonfmu, each in a process of its own,
+then packed anew: our model description and documentation, entries sorted, deflated, dated 1980, so
+that the same sources give the same bytes. Such an FMU ships the block, what it imports and the
+adapter in a package whose name is a hash of its contents: FMUs share one interpreter, and equal
+names would share code. Native, in dist/native/NAME.fmu, where the block is in the subset that
+translates to C (`native.py`). dist/index.json lists both; what is made of the same is not built
+again.
 """
 
 from __future__ import annotations
@@ -13,6 +16,7 @@ import ast
 import contextlib
 import hashlib
 import io
+import json
 import os
 import sys
 import tempfile
@@ -22,18 +26,19 @@ from concurrent.futures import ProcessPoolExecutor
 from importlib.metadata import version
 from multiprocessing import get_context
 from pathlib import Path
+from typing import Any
 
 import pythonfmu
 from rich.progress import track
 
-from . import interfaces
-from .description import documentation, model_description
+from . import interfaces, native
+from .description import DATE, documentation, model_description
 from .registry import block_class, names
 
 HERE = Path(__file__).parent
 DIST = HERE / "dist"
 COMPONENTS = HERE.parent / "components"
-DATE = "1980-01-01T00:00:00Z"
+INDEX = "index.json"
 
 ENTRY = '''"""Entry of the FMU {name}: the block behind the adapter, both from {package}."""
 
@@ -108,14 +113,7 @@ def build(name: str, dist: Path = DIST) -> Path:
     )
     members["documentation/index.html"] = documentation(block, name).encode()
     dist.mkdir(parents=True, exist_ok=True)
-    target, part = dist / f"{name}.fmu", dist / f"{name}.fmu.{os.getpid()}.part"
-    with zipfile.ZipFile(part, "w", zipfile.ZIP_STORED) as archive:
-        for member, data in sorted(members.items()):
-            info = zipfile.ZipInfo(member)
-            info.create_system, info.external_attr = 3, 0o644 << 16
-            archive.writestr(info, data)
-    part.replace(target)
-    return target
+    return native.pack(members, dist / f"{name}.fmu")
 
 
 def build_all(which: tuple[str, ...], dist: Path = DIST) -> list[Path]:
@@ -130,6 +128,104 @@ def build_all(which: tuple[str, ...], dist: Path = DIST) -> list[Path]:
         )  # fmt: skip
 
 
+def build_native(which: tuple[str, ...], dist: Path) -> dict[str, str]:
+    """Build the native FMUs of some blocks below `dist`; name -> why there is none, of the others.
+
+    Raises NoCompiler.
+    """
+    native.compiler()
+    with tempfile.TemporaryDirectory() as shared:
+        native.compile_wrapper(Path(shared))
+        with ProcessPoolExecutor(os.cpu_count(), mp_context=get_context("spawn")) as pool:
+            n = len(which)
+            results = pool.map(native.tried, which, [dist / "native"] * n, [Path(shared)] * n)
+            tracked = track(results, "native FMUs", total=n, transient=True,
+                            disable=not sys.stderr.isatty())  # fmt: skip
+            return {name: why for name, why in zip(which, tracked, strict=True) if why}
+
+
+def _digest(name: str) -> str:
+    """What both FMUs of a block are made of."""
+    digest = hashlib.sha256(f"{name} {pythonfmu.__version__} {version('desat')}".encode())
+    for path, data in contents(name).items():
+        digest.update(f"\0{path}\0{len(data)}\0".encode() + data)
+    for path in ("build.py", "description.py", "native.py", "registry.py"):
+        digest.update((HERE / path).read_bytes())
+    return digest.hexdigest()
+
+
+def _entry(kind: str, name: str, dist: Path, made_of: str, why: str) -> dict[str, Any]:
+    path = dist / ("native" if kind == "native" else "") / f"{name}.fmu"
+    data = path.read_bytes()
+    with zipfile.ZipFile(path) as archive:
+        platforms = sorted({n.split("/")[1] for n in archive.namelist() if n.startswith("binar")})
+    entry = {
+        "name": name, "kind": kind, "file": path.relative_to(dist).as_posix(),
+        "platforms": platforms, "bytes": len(data), "sha256": hashlib.sha256(data).hexdigest(),
+        "made_of": made_of,
+    }  # fmt: skip
+    return {**entry, "why": why} if why else entry
+
+
+def update(wanted: tuple[str, ...], dist: Path) -> list[dict[str, Any]]:
+    """Build what of some blocks' FMUs is not there yet; write and return the index."""
+    try:
+        compiled = native.made_of().hex()
+    except native.NoCompiler:
+        compiled = ""
+    try:
+        known = json.loads((dist / INDEX).read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        known = []
+    kept = {(e["kind"], e["name"]): e for e in known if e["name"] in names()}
+
+    def is_current(kind: str, name: str, made_of: str) -> bool:
+        e = kept.get((kind, name))
+        path = dist / e["file"] if e else dist
+        return bool(e and e["made_of"] == made_of and path.is_file()
+                    and hashlib.sha256(path.read_bytes()).hexdigest() == e["sha256"])  # fmt: skip
+
+    made = {name: _digest(name) for name in wanted}
+    both = {name: hashlib.sha256((made[name] + compiled).encode()).hexdigest() for name in wanted}
+    old = tuple(name for name in wanted if not is_current("python", name, made[name]))
+    if old:
+        build_all(old, dist)
+    why: dict[str, str] = {}
+    if not compiled:
+        why = dict.fromkeys(wanted, "no C compiler where it was built")
+    else:
+        python = {n: kept.get(("python", n), {}) for n in wanted}
+        refused = {n: e["why"] for n, e in python.items()
+                   if e.get("why") and e.get("with") == both[n]}  # fmt: skip
+        todo = tuple(n for n in wanted if n not in refused
+                     and not is_current("native", n, both[n]))  # fmt: skip
+        why = {**refused, **(build_native(todo, dist) if todo else {})}
+    for name in wanted:
+        kept["python", name] = {
+            **_entry("python", name, dist, made[name], why.get(name, "")), "with": both[name],
+        }  # fmt: skip
+        if name in why:
+            kept.pop(("native", name), None)
+            (dist / "native" / f"{name}.fmu").unlink(missing_ok=True)
+        else:
+            kept["native", name] = _entry("native", name, dist, both[name], "")
+    index = [kept[key] for key in sorted(kept, key=lambda k: (k[1], k[0] == "python"))]
+    (dist / INDEX).write_text(json.dumps(index, indent=1) + "\n", encoding="utf-8")
+    return index
+
+
+def _print_table(index: list[dict[str, Any]]) -> None:
+    """A line a block: sizes in kB of its native and its Python FMU, or why there is no native."""
+    by_name: dict[str, dict[str, dict[str, Any]]] = {}
+    for e in index:
+        by_name.setdefault(e["name"], {})[e["kind"]] = e
+    print(f"{'block':28} {'native':>7} {'Python':>7}  kB")
+    for name, kinds in by_name.items():
+        size = f"{kinds['native']['bytes'] / 1e3:.0f}" if "native" in kinds else "-"
+        why = kinds["python"].get("why", "")
+        print(f"{name:28} {size:>7} {kinds['python']['bytes'] / 1e3:>7.0f}  {why}".rstrip())
+
+
 def main() -> int:
     """Command line: build all blocks, or those named."""
     parser = argparse.ArgumentParser(description="Build the FMUs of the blocks into fmus/dist/.")
@@ -141,12 +237,22 @@ def main() -> int:
         print(f"error: no block {', '.join(unknown)}; blocks are {', '.join(names())}",
               file=sys.stderr)  # fmt: skip
         return 2
-    built = build_all(wanted, given.into or DIST)
+    dist = given.into or DIST
+    index = update(wanted, dist)
     if given.into is None and len(wanted) == len(names()):
-        for stale in set(DIST.glob("*.fmu")) - set(built):
+        for stale in {*dist.glob("*.fmu"), *dist.glob("native/*.fmu")} - {
+            dist / e["file"] for e in index
+        }:
             stale.unlink()
         interfaces.write()
-    print(f"{len(built)} FMUs in {os.path.relpath(given.into or DIST)}")
+    _print_table([e for e in index if e["name"] in wanted])
+    natives = sum(e["kind"] == "native" for e in index)
+    print(f"{len(index)} FMUs in {os.path.relpath(dist)}, {natives} of them native")
+    try:
+        native.compiler()
+    except native.NoCompiler as error:
+        print(f"warning: {error}. Only the FMUs of Python were built: they need a Python where "
+              "they run, and run slower.", file=sys.stderr)  # fmt: skip
     return 0
 
 

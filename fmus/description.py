@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import inspect
 import json
+from collections.abc import Sequence
 from typing import Any
 
 from jinja2 import Environment
@@ -18,8 +19,10 @@ TOOL = "desat"
 """Name of our annotations: a block's role, the names of a mode's values, shared parameters, which
 parameters (or inputs) have no effect without an input or output, which output is the mean over a
 step of a quantity whose integral counts, with its slope, and which input is read at the start."""
-GENERATION_TOOL = "desat with PythonFMU"
-"""What an FMU of ours says of who made it."""
+GENERATION_TOOL, NATIVE_TOOL = "desat with PythonFMU", "desat"
+"""What an FMU of ours says of who made it: of Python, or native."""
+DATE = "1980-01-01T00:00:00Z"
+"""Of all of them, so that equal contents are equal."""
 
 
 def title(block: type[Block]) -> str:
@@ -28,12 +31,14 @@ def title(block: type[Block]) -> str:
 
 
 def model_description(
-    block: type[Block], identifier: str, guid: str, date: str, version: str
-) -> bytes:
+    block: type[Block], identifier: str, guid: str, date: str, version: str,
+    sources: Sequence[str] = (),
+) -> bytes:  # fmt: skip
     """The FMI 2.0 model description of a block as UTF-8 XML.
 
     State outputs have no dependencies, interval outputs depend on all inputs; every output is an
-    initial unknown that depends on the parameters and on the inputs it starts from.
+    initial unknown that depends on the parameters and on the inputs it starts from. `sources`: the
+    C files of a native FMU; one without needs Python in its host.
     """
     root = etree.Element(
         "fmiModelDescription",
@@ -42,15 +47,15 @@ def model_description(
         guid=guid,
         description=title(block),
         version=version,
-        generationTool=GENERATION_TOOL,
+        generationTool=NATIVE_TOOL if sources else GENERATION_TOOL,
         generationDateAndTime=date,
         variableNamingConvention="structured",
     )
-    etree.SubElement(
+    simulation = etree.SubElement(
         root,
         "CoSimulation",
         modelIdentifier=identifier,
-        needsExecutionTool="true",
+        needsExecutionTool="false" if sources else "true",
         canHandleVariableCommunicationStepSize="true",
         canInterpolateInputs="false",
         canBeInstantiatedOnlyOncePerProcess="false",
@@ -58,6 +63,10 @@ def model_description(
         canGetAndSetFMUstate="true",
         canSerializeFMUstate="true",
     )
+    if sources:
+        files = etree.SubElement(simulation, "SourceFiles")
+        for name in sources:
+            etree.SubElement(files, "File", name=name)
     _unit_definitions(root, block)
     _log_categories(root)
     etree.SubElement(root, "DefaultExperiment", startTime="0", stepSize="1")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import inspect
 from abc import abstractmethod
 from math import floor
+from typing import Annotated
 
 from ..contract.block import Parameter, Vec3
 from ..contract.roles import Environment
@@ -132,7 +133,7 @@ class NearEarth(Environment, EarthField):
 
     def _piece_of(self, interval: int) -> _Piece:
         """What holds from one node to the next; of the nodes kept those that serve are reused."""
-        nodes: tuple[Vec3, ...] = ()
+        nodes: Annotated[tuple[Vec3, ...], NODES] = ()
         polynomials: tuple[_Vec6, ...] = ()
         if self.field != _NO_FIELD:
             if self._piece is not None and 0 < interval - self._piece[0] < NODES:

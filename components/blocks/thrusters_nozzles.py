@@ -96,7 +96,7 @@ class ThrustersNozzles(PulsedThrusters):
         return torque, force, thrust
 
     def fired(self, i: int, seconds: float) -> None:
-        self._open = (*self._open[:i], self._open[i] + seconds, *self._open[i + 1 :])
+        self._open = tuple(x + seconds if k == i else x for k, x in enumerate(self._open))
 
     def fired_as_scheduled(self, i: int, seconds: float) -> None:
         if seconds > 0.0:

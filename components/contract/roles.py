@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from math import floor
+from typing import Annotated
 
 from .block import Block, Flags4, Input, Mat34, Output, Parameter, Sampled, Vec3, Vec4
 
@@ -30,7 +31,8 @@ class Computer(Sampled):
     def start(self) -> None:
         super().start()
         self._decided: tuple[float, ...] = ()
-        self._waiting: tuple[tuple[float, ...], ...] = ()  # (when it leaves, *commands), in order
+        # (when it leaves, *commands), in order
+        self._waiting: Annotated[tuple[tuple[float, ...], ...], ON_THEIR_WAY] = ()
 
     @abstractmethod
     def compute(self, t: float, dt: float) -> None:

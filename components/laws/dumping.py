@@ -13,8 +13,11 @@ from __future__ import annotations
 
 from math import cos, sin, tanh
 
-from ..contract.block import Mat33, Vec3
+from ..contract.block import BlockError, Mat33, Vec3
 from ..maths.vector import add, cross, dot, inverse, mat_vec, norm, rotation_about, scale, sub
+
+MOST_SAMPLES = 4096
+"""Of a horizon."""
 
 
 def ilqr(h: Vec3, omega: Vec3, g_rate: float, n_con: Vec3) -> Vec3:
@@ -49,6 +52,7 @@ def lqr_offsets(
     """R^-1 g (N m) at each sample time (s) from 0 to the horizon (s), flat, three a sample.
 
     g' = -(W - S K)' g + K N_con backwards from g(t_f) = 0 (eq. 11), by RK4 with 0.5 s or less.
+    Raises BlockError beyond MOST_SAMPLES.
     """
     samples = int(horizon / sample_time + 0.5)
     substeps = max(1, int(2.0 * sample_time))
@@ -59,8 +63,12 @@ def lqr_offsets(
         # -(W - S K)' g = -[omega x] g + k g
         return add(sub(scale(k, g), cross(omega, g)), scale(k, n_con))
 
+    if samples > MOST_SAMPLES:
+        raise BlockError(
+            f"horizon = {horizon} s is more than {MOST_SAMPLES} times sample_time = {sample_time} s"
+        )
     g = (0.0, 0.0, 0.0)
-    table = [g]
+    table = [0.0] * (3 * (MOST_SAMPLES + 1))
     for n in range(samples * substeps):
         s = n * step  # time to go
         k1 = slope(g, s)
@@ -69,8 +77,9 @@ def lqr_offsets(
         k4 = slope(sub(g, scale(step, k3)), s + step)
         g = sub(g, scale(step / 6, add(add(k1, k4), scale(2.0, add(k2, k3)))))
         if (n + 1) % substeps == 0:
-            table.append(g)
-    return tuple(x for g in reversed(table) for x in g)
+            first = 3 * (samples - (n + 1) // substeps)
+            table[first], table[first + 1], table[first + 2] = g
+    return tuple(table[: 3 * (samples + 1)])
 
 
 def mec_costate(h: Vec3, omega: Vec3, n_con: Vec3, horizon: float) -> Vec3:

@@ -9,7 +9,7 @@ from __future__ import annotations
 from math import inf
 
 from ..contract.block import Vec3
-from .vector import dot, inverse, mat_t_vec, mat_vec, scale, sub
+from .vector import ZERO, dot, inverse, mat_t_vec, mat_vec, scale, sub
 
 _ERRORS: tuple[Vec3, ...] = (
     (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0),
@@ -34,40 +34,42 @@ def least_cost(
     what pays less than 1e-8 counts as nothing. The units are the caller's.
     """
     n = len(columns)
-    columns = columns + _ERRORS
-    cost, most = cost + (error_cost,) * 6, most + (inf,) * 6
+    with_errors, price_of = columns + _ERRORS, cost + (error_cost,) * 6
+    limit = most + (inf,) * 6
     basis = [n + k if goal[k] >= 0.0 else n + 3 + k for k in range(3)]
-    full: set[int] = set()
+    full = [False] * (n + 6)
+    values = ZERO
     for exchange in range(_MOST_EXCHANGES + 1):
-        p, q, r = (columns[j] for j in basis)
+        p, q, r = with_errors[basis[0]], with_errors[basis[1]], with_errors[basis[2]]
         to_basis = inverse((p[0], q[0], r[0], p[1], q[1], r[1], p[2], q[2], r[2]))
         rest = goal
-        for j in full:
-            rest = sub(rest, scale(most[j], columns[j]))
+        for j in range(n + 6):
+            if full[j]:
+                rest = sub(rest, scale(limit[j], with_errors[j]))
         values = mat_vec(to_basis, rest)
-        price = mat_t_vec(to_basis, (cost[basis[0]], cost[basis[1]], cost[basis[2]]))
-        entering = _entering(columns, cost, price, basis, full)
+        price = mat_t_vec(to_basis, (price_of[basis[0]], price_of[basis[1]], price_of[basis[2]]))
+        entering = _entering(with_errors, price_of, price, tuple(basis), tuple(full))
         if entering < 0 or exchange == _MOST_EXCHANGES:
             break
-        falls = mat_vec(to_basis, columns[entering])
-        if entering in full:
+        falls = mat_vec(to_basis, with_errors[entering])
+        if full[entering]:
             falls = scale(-1.0, falls)
-        room, leaving = most[entering], -1
+        room, leaving = limit[entering], -1
         for i, fall in enumerate(falls):
             if abs(fall) <= _TOLERANCE:
                 continue
-            reach = max((values[i] - (0.0 if fall > 0.0 else most[basis[i]])) / fall, 0.0)
+            reach = max((values[i] - (0.0 if fall > 0.0 else limit[basis[i]])) / fall, 0.0)
             if reach < room or (reach == room and leaving >= 0 and basis[i] < basis[leaving]):
                 room, leaving = reach, i
-        if entering in full:
-            full.remove(entering)
+        if full[entering]:
+            full[entering] = False
         elif leaving < 0:
-            full.add(entering)
+            full[entering] = True
         if leaving >= 0:
             if falls[leaving] < 0.0:
-                full.add(basis[leaving])
+                full[basis[leaving]] = True
             basis[leaving] = entering
-    x = [most[j] if j in full else 0.0 for j in range(n)]
+    x = [most[j] if full[j] else 0.0 for j in range(n)]
     for j, value in zip(basis, values, strict=True):
         if j < n:
             x[j] = min(max(value, 0.0), most[j])
@@ -78,12 +80,12 @@ def _entering(
     columns: tuple[Vec3, ...],
     cost: tuple[float, ...],
     price: Vec3,
-    basis: list[int],
-    full: set[int],
+    basis: tuple[int, ...],
+    full: tuple[bool, ...],
 ) -> int:
     """The first column whose change pays, or -1: the first, not the best, cannot cycle (Bland)."""
     for j, column in enumerate(columns):
         gain = dot(price, column) - cost[j]
-        if (gain < -_TOLERANCE if j in full else gain > _TOLERANCE) and j not in basis:
+        if (gain < -_TOLERANCE if full[j] else gain > _TOLERANCE) and j not in basis:
             return j
     return -1

@@ -33,8 +33,18 @@ def dipole(r: Vec3, moment: Vec3) -> Vec3:
     return (k * x - cube * mx, k * y - cube * my, k * z - cube * mz)
 
 
-def harmonics(coefficients: igrf14.Gauss) -> Harmonics:
-    """Gauss coefficients as the sum that `field` takes.
+_SCHMIDT = tuple(
+    tuple(
+        sqrt((2 if m else 1) * factorial(n - m) / factorial(n + m)) if m <= n else 0.0
+        for m in range(igrf14.DEGREE + 1)
+    )
+    for n in range(igrf14.DEGREE + 1)
+)
+"""From Schmidt's normalisation to none, of degree n and order m."""
+
+
+def harmonics(coefficients: igrf14.Gauss, degree: int) -> Harmonics:
+    """Gauss coefficients up to a degree as the sum that `field` takes.
 
     The potential R sum (R/r)^(n+1) (g cos m phi + h sin m phi) S_nm is a sum of solid harmonics
     Z_nm = (R/r)^(n+1) P_nm e^(i m phi), without normalisation. The Cartesian derivatives of one are
@@ -52,35 +62,40 @@ def harmonics(coefficients: igrf14.Gauss) -> Harmonics:
     A row is beta_n, then K_nm times the real and imaginary part of the factor of Z_nm in B_x, B_y
     and B_z; the imaginary part has its sign turned.
     """
-    top = max(n for n, _, _ in coefficients) + 1
-    factor = {(n, m): [0j, 0j, 0j] for n in range(top + 1) for m in range(n + 1)}
-    for n, m, value in coefficients:
-        order = abs(m)
-        schmidt = sqrt((2 if m else 1) * factorial(n - order) / factorial(n + order))
-        c = value * schmidt * (1 if m >= 0 else -1j)
-        factor[n + 1, order][2] += (n - order + 1) * c
-        up = factor[n + 1, order + 1]
-        up[0] += 0.5 * c if order else c
-        up[1] -= 0.5j * c if order else 1j * c
-        if order:
-            k = 0.5 * (n - order + 2) * (n - order + 1)
-            down = factor[n + 1, order - 1]
-            down[0] -= k * c
-            down[1] -= k * 1j * c
-    orders = []
-    for m in range(top + 1):
-        rows = []
-        scale = 1.0
-        for odd in range(1, 2 * m, 2):
-            scale *= odd
-        for n in range(m, top + 1):
-            if n > m:
-                scale *= (2 * n - 1) / (n - m)
-            beta = (n + m) * (n - m) / ((2 * n + 1) * (2 * n - 1))
-            x, y, z = (scale * f for f in factor[n, m])
-            rows.append((beta, x.real, -x.imag, y.real, -y.imag, z.real, -z.imag))
-        orders.append(tuple(rows))
-    return tuple(orders)
+    top = min(degree, igrf14.DEGREE) + 1
+    return tuple(
+        tuple(_row(coefficients, top - 1, n, m) for n in range(m, top + 1)) for m in range(top + 1)
+    )
+
+
+def _row(coefficients: igrf14.Gauss, degree: int, n: int, m: int) -> _Row:
+    """The row of Z_nm: from the coefficients of degree n - 1 and of the orders m - 1, m, m + 1."""
+    scale = 1.0
+    for odd in range(1, 2 * m, 2):
+        scale *= odd
+    for k in range(m + 1, n + 1):
+        scale *= (2 * k - 1) / (k - m)
+    g_below, h_below = _gauss(coefficients, degree, n - 1, m - 1)
+    g, h = _gauss(coefficients, degree, n - 1, m)
+    g_above, h_above = _gauss(coefficients, degree, n - 1, m + 1)
+    half = 0.5 if m > 1 else 1.0
+    k = 0.5 * (n - m) * (n - m - 1)
+    return (
+        (n + m) * (n - m) / ((2 * n + 1) * (2 * n - 1)),
+        scale * (half * g_below - k * g_above), scale * (half * h_below - k * h_above),
+        scale * (-half * h_below - k * h_above), scale * (half * g_below + k * g_above),
+        scale * ((n - m) * g), scale * ((n - m) * h),
+    )  # fmt: skip
+
+
+def _gauss(coefficients: igrf14.Gauss, degree: int, n: int, m: int) -> tuple[float, float]:
+    """g_nm and h_nm (T) without normalisation; 0 where there is none."""
+    if not (1 <= n <= degree and 0 <= m <= n):
+        return 0.0, 0.0
+    first, schmidt = n * n - 1, _SCHMIDT[n][m]
+    if m == 0:
+        return coefficients[first] * schmidt, 0.0
+    return coefficients[first + 2 * m - 1] * schmidt, coefficients[first + 2 * m] * schmidt
 
 
 @lru_cache(maxsize=16)
@@ -88,8 +103,11 @@ def _model(k: int, degree: int) -> tuple[Harmonics, Harmonics]:
     """Model number k of IGRF-14 and its change a year, for `field`; remembered, as a block asks for
     it again at each node. The change of today's ends at degree 8."""
     now, change = igrf14.model(k, degree)
-    last = max(n for n, _, value in change if value != 0.0)
-    return harmonics(now), harmonics(tuple(row for row in change if row[0] <= last))
+    last = 0
+    for n in range(1, degree + 1):
+        if any(change[j] != 0.0 for j in range(n * n - 1, n * (n + 2))):
+            last = n
+    return harmonics(now, degree), harmonics(change, last)
 
 
 def igrf(r: Vec3, year: float, degree: int = igrf14.DEGREE) -> Vec3:

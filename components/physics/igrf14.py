@@ -12,23 +12,30 @@ from pathlib import Path
 
 from ..contract.block import BlockError
 
-Gauss = tuple[tuple[int, int, float], ...]
-"""Gauss coefficients: (degree n, order m, T), m negative for h; Schmidt semi-normalised."""
+Gauss = tuple[float, ...]
+"""Gauss coefficients (T), Schmidt semi-normalised: of degree n = 1, 2, ... one after the other
+g_n0, g_n1, h_n1, g_n2, h_n2 to g_nn, h_nn."""
 
 DEGREE = 13
 """Of the field since 2000; before it is 10."""
 
 FIRST_YEAR, LAST_YEAR = 1900.0, 2030.0
 
+_COEFFICIENTS = DEGREE * (DEGREE + 2)
+
 _LEEWAY = 1e-5
 """Years beyond either end, five minutes: for the points around the first and the last step."""
 
 
 @cache
-def _table() -> tuple[tuple[float, ...], tuple[tuple[int, int, tuple[float, ...]], ...]]:
-    """The years, and (n, m, nT in each year)."""
+def _table() -> tuple[tuple[float, ...], tuple[tuple[float, ...], ...]]:
+    """The years, and of each coefficient, as `Gauss` orders them, nT in each year."""
     data = json.loads(Path(__file__).with_suffix(".json").read_text(encoding="utf-8"))
-    rows = tuple((n, m, tuple(map(float, values))) for n, m, *values in data["coefficients"])
+    by_name = {(n, m): tuple(map(float, values)) for n, m, *values in data["coefficients"]}
+    rows = tuple(
+        by_name[n, m] for n in range(1, DEGREE + 1) for order in range(n + 1)
+        for m in ((order, -order) if order else (0,))
+    )  # fmt: skip
     return tuple(map(float, data["years"])), rows
 
 
@@ -60,6 +67,7 @@ def model(k: int, degree: int = DEGREE) -> tuple[Gauss, Gauss]:
     """
     years, rows = _table()
     span = years[k + 1] - years[k]
-    return tuple((n, m, 1e-9 * values[k]) for n, m, values in rows if n <= degree), tuple(
-        (n, m, 1e-9 * (values[k + 1] - values[k]) / span) for n, m, values in rows if n <= degree
+    count = min(degree * (degree + 2), _COEFFICIENTS)
+    return tuple(1e-9 * rows[j][k] for j in range(count)), tuple(
+        1e-9 * (rows[j][k + 1] - rows[j][k]) / span for j in range(count)
     )

@@ -49,6 +49,13 @@ class Stepping(StrEnum):
     python = "python"
 
 
+class FmuKind(StrEnum):
+    """Which of our FMUs run."""
+
+    native = "native"
+    python = "python"
+
+
 def complete_name(incomplete: str) -> list[str]:
     """The scenarios that a shell offers for the beginning of a name."""
     from ..study import listing
@@ -103,6 +110,11 @@ LoopOption = Annotated[
                  "FMUs, else python; the same bits."),
 ]  # fmt: skip
 Blocks = Annotated[bool, typer.Option("--blocks", help="Bare blocks instead of FMUs.")]
+Fmus = Annotated[
+    FmuKind,
+    typer.Option("--fmus", help="Which of our FMUs: native ones where there are such, or those of "
+                 "Python; the same bits."),
+]  # fmt: skip
 Json = Annotated[bool, typer.Option("--json", help="Print JSON for programs.")]
 Classes = Annotated[
     list[str] | None,

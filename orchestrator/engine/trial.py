@@ -17,7 +17,7 @@ from pathlib import Path
 
 from fmpy import read_model_description
 
-from desat.fmus.description import GENERATION_TOOL
+from desat.fmus.description import GENERATION_TOOL, NATIVE_TOOL
 
 from ..files import library
 from ..system.errors import DesatError
@@ -30,7 +30,8 @@ TIMEOUT = 60.0
 
 def is_ours(fmu: Path) -> bool:
     """True for an FMU that our builder has made."""
-    return bool(read_model_description(library.load(fmu).folder).generationTool == GENERATION_TOOL)
+    tool = read_model_description(library.load(fmu).folder).generationTool
+    return tool in (GENERATION_TOOL, NATIVE_TOOL)
 
 
 def refusals(system: System, schedule: Schedule) -> tuple[list[str], list[str]]:

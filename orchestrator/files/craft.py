@@ -36,7 +36,7 @@ from ..system.interface import Interface, of_block
 from ..system.model import Connection, Connector
 from ..system.parameters import expand
 from ..system.wiring import elements, misfit, names, usual_sources
-from . import library, places
+from . import library
 from .toml import lines, parsed, text
 
 FILE = "craft.toml"
@@ -163,11 +163,9 @@ class _Reader:
     def from_block(self, source: str) -> tuple[Path | None, Interface]:
         if source not in registry.names():
             raise DesatError(f"no such block{nearest(source, registry.names())}")
-        built = places.fmus() / f"{source}.fmu"
         return (
-            built if built.exists() else None,
-            of_block(source, registry.block_class(source)),
-        )
+            library.built(f"{source}.fmu"), of_block(source, registry.block_class(source))
+        )  # fmt: skip
 
     def role(self, name: str, source: str, interface: Interface) -> str:
         """The role of a component; nothing, and a problem, where its name says another."""

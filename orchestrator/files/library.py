@@ -98,10 +98,19 @@ def find(source: str, folder: Path) -> Path | None:
     return built(source) if folder.resolve().is_relative_to(places.SCENARIOS) else None
 
 
-def built(source: str) -> Path | None:
-    """Our built FMU of a name (`resources/NAME.fmu`, `NAME.fmu`); None where there is none."""
-    path = places.fmus() / Path(source).name
-    return path if path.exists() else None
+def built(source: str, kind: str = "native") -> Path | None:
+    """Our built FMU of a name (`resources/NAME.fmu`, `NAME.fmu`): the native one, where there is
+    none, or for `kind` python, the one of Python; None where there is neither."""
+    name = Path(source).name
+    folders = [places.fmus() / "native"] if kind == "native" else []
+    found = (folder / name for folder in (*folders, places.fmus()))
+    return next((path for path in found if path.exists()), None)
+
+
+def of_kind(path: Path, kind: str) -> Path:
+    """One of our built FMUs as native or as Python one; any other as it is."""
+    ours = path.parent in (places.fmus(), places.fmus() / "native")
+    return (built(path.name, kind) or path) if ours else path
 
 
 def load(path: Path) -> Fmu:

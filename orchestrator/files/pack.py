@@ -19,12 +19,14 @@ from lxml import etree
 from ..system.check import check
 from ..system.errors import DesatError
 from ..system.model import Component, System
-from . import places
+from . import library, places
 from .scenario import ROOT, Scenario
 from .ssp import ABOUT, FILE, OMS, OSP, SSC, SSD, SSV
 
 
-def pack_scenario(scenario: Scenario, target: Path | None = None, force: bool = False) -> Path:
+def pack_scenario(
+    scenario: Scenario, target: Path | None = None, force: bool = False, fmus: str = "python"
+) -> Path:
     """Check a scenario, write its .ssp (default: among the packed ones) unless it is newer than
     all that it is made of, and return its path.
 
@@ -39,13 +41,15 @@ def pack_scenario(scenario: Scenario, target: Path | None = None, force: bool = 
     if not force and path.exists() and path.stat().st_mtime_ns > newest:
         return path
     system, _ = check(scenario.draft()).or_raise()
-    pack(system, path)
+    pack(system, path, fmus)
     return path
 
 
-def pack(system: System, target: Path) -> None:
+def pack(system: System, target: Path, fmus: str = "python") -> None:
     """Write a system as one self-contained .ssp in the universal profile.
 
+    Ours are packed as Python FMUs, which run on more platforms, or with `fmus` native as native
+    ones, where there are such.
     Components that step once in several steps get a step-size hint, which of the other tools only
     libcosim reads. Raises DesatError for what they would misread: a connection that converts units
     or values, a component without a file.
@@ -73,7 +77,7 @@ def pack(system: System, target: Path) -> None:
             raise DesatError(f"{system.where}: {component.name}: no FMU {component.source}")
         # the component's name: Ecos instantiates by the file, and noise is keyed by the instance
         source = f"resources/{component.name}.fmu"
-        members[source] = component.fmu.read_bytes()
+        members[source] = library.of_kind(component.fmu, fmus).read_bytes()
         element = _sub(
             elements, "Component", name=component.name, type="application/x-fmu-sharedlibrary",
             implementation="CoSimulation", source=source,

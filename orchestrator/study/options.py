@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Literal
 
 from ..engine.ending import Loop
 from ..engine.master import Algorithm
@@ -22,6 +22,8 @@ class Options:
     """Inner steps within each step (`system/rates.py`)."""
     algorithm: Algorithm = "conserving"
     blocks: bool = False
+    fmus: Literal["native", "python"] = "native"
+    """Which of our FMUs run; the same bits. Where there is no native one, the one of Python."""
     record: tuple[str, ...] = ("*",)
     every: int = 1
     output_classes: dict[str, Any] = field(default_factory=dict)

@@ -62,6 +62,10 @@ def prepare(target: str, options: Options) -> Case:
             draft.warnings += origin.warnings(source, options)
     else:
         modify(draft, options, _designed(described, options))
+    if options.fmus != "native":
+        for component in draft.components.values():
+            if component.fmu is not None:
+                component.fmu = library.of_kind(component.fmu, options.fmus)
     checked = check(draft)
     if checked.system is not None and checked.schedule is not None:
         if described is not None:

@@ -12,6 +12,8 @@ from ..common import (
     Alg,
     Blocks,
     DesignOption,
+    FmuKind,
+    Fmus,
     Jobs,
     Json,
     Semantics,
@@ -46,6 +48,7 @@ def draws(
     step: Step = None,
     algorithm: Alg = Semantics.conserving,
     blocks: Blocks = False,
+    fmus: Fmus = FmuKind.native,
     design: DesignOption = None,
     time_limit: TimeLimit = None,
     jobs: Jobs = CPUS,
@@ -55,7 +58,7 @@ def draws(
     from ...study import draws as study
 
     options = options_of(sets, stop, step, algorithm, blocks, design=design,
-                         time_limit=time_limit)  # fmt: skip
+                         time_limit=time_limit, fmus=fmus.value)  # fmt: skip
     if against is None:
         result = study.draws(target, count, seed, options, jobs, progress=not as_json)
         results = [result]

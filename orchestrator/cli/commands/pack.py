@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from ..common import Json, app, complete_name, out, print_json
+from ..common import FmuKind, Fmus, Json, app, complete_name, out, print_json
 
 
 @app.command()
@@ -18,6 +18,7 @@ def pack(
             metavar="[NAME]...", help="Scenarios (default: all).", autocompletion=complete_name
         ),
     ] = None,
+    fmus: Fmus = FmuKind.python,
     as_json: Json = False,
 ) -> None:
     """Pack scenarios as self-contained .ssp files into ssp/dist/."""
@@ -25,7 +26,7 @@ def pack(
     from ...files.scenario import find, scenarios
 
     wanted = [find(n) for n in names] if names else list(scenarios().values())
-    packed = [str(pack_module.pack_scenario(s, force=True)) for s in wanted]
+    packed = [str(pack_module.pack_scenario(s, force=True, fmus=fmus.value)) for s in wanted]
     if as_json:
         print_json(packed)
     else:

@@ -15,6 +15,8 @@ from ..common import (
     Blocks,
     Classes,
     DesignOption,
+    FmuKind,
+    Fmus,
     Inner,
     Json,
     LoopOption,
@@ -48,6 +50,7 @@ def run(
     inner: Inner = None,
     algorithm: Alg = Semantics.conserving,
     blocks: Blocks = False,
+    fmus: Fmus = FmuKind.native,
     design: DesignOption = None,
     folder: Annotated[
         Path | None, typer.Option("--out", help="Run folder (default: a new one under runs/).")
@@ -80,7 +83,7 @@ def run(
     options = options_of(
         sets, stop, step, algorithm, blocks, classes, sources, record=tuple(record or ("*",)),
         every=every, design=design, inner=inner,
-        time_limit=time_limit, loop=loop.value,
+        time_limit=time_limit, loop=loop.value, fmus=fmus.value,
     )  # fmt: skip
     target_folder = _run_folder(target, folder)
     case = prepare(target, options)

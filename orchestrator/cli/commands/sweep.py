@@ -11,6 +11,8 @@ from ..common import (
     CPUS,
     Alg,
     Blocks,
+    FmuKind,
+    Fmus,
     Jobs,
     Json,
     Semantics,
@@ -46,6 +48,7 @@ def sweep(
     step: Step = None,
     algorithm: Alg = Semantics.conserving,
     blocks: Blocks = False,
+    fmus: Fmus = FmuKind.native,
     time_limit: TimeLimit = None,
     jobs: Jobs = CPUS,
     as_json: Json = False,
@@ -53,7 +56,8 @@ def sweep(
     """Run a system at several values of parameters, and print its numbers by value."""
     from ...study import sweep as study
 
-    options = options_of(sets, stop, step, algorithm, blocks, time_limit=time_limit)
+    options = options_of(sets, stop, step, algorithm, blocks, time_limit=time_limit,
+                         fmus=fmus.value)  # fmt: skip
     result = study.sweep(target, study.axes_of(axes), options, jobs, not as_json, draws=draws,
                          seed=seed)  # fmt: skip
     warn(result["warnings"])

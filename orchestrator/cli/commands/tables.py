@@ -12,6 +12,8 @@ from ..common import (
     CPUS,
     Alg,
     Blocks,
+    FmuKind,
+    Fmus,
     Jobs,
     Json,
     Semantics,
@@ -31,6 +33,7 @@ def tables(
     ],
     algorithm: Alg = Semantics.conserving,
     blocks: Blocks = False,
+    fmus: Fmus = FmuKind.native,
     jobs: Jobs = CPUS,
     html: Annotated[
         Path | None, typer.Option(help="Where the page goes (default: runs/tables-FAMILY.html).")
@@ -49,7 +52,7 @@ def tables(
 
     from ...study import tables as tables_module
 
-    options = options_of(None, None, None, algorithm, blocks)
+    options = options_of(None, None, None, algorithm, blocks, fmus=fmus.value)
     drawn, origin = _drawn(family, jobs, fresh, progress=not as_json)
     rows = tables_module.rows(family, options, jobs, drawn)
     if as_json:

@@ -1,0 +1,528 @@
+/* FMI 2.0 for co-simulation, for every block. What it does is what fmus/slave.py does for the Python
+   FMUs: the outputs follow inputs and parameters in initialisation mode; what fails is logged, sets
+   the output `fault`, and lets no further step begin. */
+
+#include "block.h"
+
+#include <stdarg.h>
+#include <stdio.h>
+#include <stdlib.h>
+
+#if defined(_WIN32)
+#define EXPORT __declspec(dllexport)
+#else
+#define EXPORT __attribute__((visibility("default")))
+#endif
+
+/* --- what the standard declares (FMI 2.0.4, section 2.1) ------------------------------------------ */
+
+typedef double fmi2Real;
+typedef int fmi2Integer, fmi2Boolean;
+typedef char fmi2Char, fmi2Byte;
+typedef const fmi2Char *fmi2String;
+typedef unsigned int fmi2ValueReference;
+typedef void *fmi2Component, *fmi2ComponentEnvironment, *fmi2FMUstate;
+typedef enum { fmi2OK, fmi2Warning, fmi2Discard, fmi2Error, fmi2Fatal, fmi2Pending } fmi2Status;
+typedef enum { fmi2ModelExchange, fmi2CoSimulation } fmi2Type;
+typedef enum {
+    fmi2DoStepStatus, fmi2PendingStatus, fmi2LastSuccessfulTime, fmi2Terminated
+} fmi2StatusKind;
+typedef struct {
+    void (*logger)(fmi2ComponentEnvironment, fmi2String, fmi2Status, fmi2String, fmi2String, ...);
+    void *(*allocateMemory)(size_t, size_t);
+    void (*freeMemory)(void *);
+    void (*stepFinished)(fmi2ComponentEnvironment, fmi2Status);
+    fmi2ComponentEnvironment componentEnvironment;
+} fmi2CallbackFunctions;
+
+/* --- an instance ----------------------------------------------------------------------------------- */
+
+enum { INSTANTIATED, INITIALISING, STEPPING, TERMINATED };
+
+/* all that a saved state has, the block's bytes after it */
+typedef struct {
+    double time;
+    int32_t phase;
+    bool stale;     /* inputs or parameters changed since the last start */
+    bool unstarted; /* start has failed, and nothing else */
+} progress;
+
+typedef struct {
+    progress now;
+    void *self; /* the block */
+    char *name; /* as given */
+    char *key;  /* by which noise is keyed */
+    fmi2CallbackFunctions call;
+} instance;
+
+typedef struct {
+    uint32_t magic;
+    progress now;
+    char self[];
+} saved;
+
+enum { MAGIC = 0x64736174 };
+
+static const block_description *const the = &the_block;
+
+static bool *fault_of(instance *c) { return (bool *)((char *)c->self + the->fault); }
+
+static void say(const instance *c, fmi2Status status, const char *text)
+{
+    char safe[2048]; /* the logger takes a format */
+    size_t k = 0;
+    if (c->call.logger == NULL) return;
+    while (*text && k < sizeof safe - 2) {
+        if (*text == '%') safe[k++] = '%';
+        safe[k++] = *text++;
+    }
+    safe[k] = 0;
+    c->call.logger(c->call.componentEnvironment, c->name, status, "logStatusError", safe);
+}
+
+static fmi2Status fail(instance *c, const char *what, const char *error, const char *text)
+{
+    char message[1400];
+    *fault_of(c) = true;
+    snprintf(message, sizeof message, "%s: %s: %s%s%s", c->name, what, error, *error ? ": " : "",
+             text);
+    say(c, fmi2Error, message);
+    return fmi2Error;
+}
+
+/* raises BlockError where a parameter is outside its bounds or not finite */
+static void check(const instance *c)
+{
+    for (size_t k = 0; k < the->count; k++) {
+        const block_variable *v = &the->variables[k];
+        const char *at = (const char *)c->self + v->offset;
+        double x;
+        bool finite;
+        if (v->causality != 'p') continue;
+        x = v->kind == 'R' ? *(const double *)at
+          : v->kind == 'I' ? (double)*(const int64_t *)at : (double)*(const bool *)at;
+        finite = isfinite(x);
+        if (finite && !(x < v->low) && !(x > v->high)) continue;
+        py_text_begin();
+        py_text(v->name);
+        py_text(" = ");
+        if (v->kind == 'R') py_text_float(x);
+        else py_text_int((int64_t)x);
+        py_text(finite ? " is outside " : " is not a finite number");
+        if (finite) py_text(v->bounds);
+        py_raise(PY_BLOCK_ERROR, py_text_end());
+    }
+}
+
+/* initialisation mode: bring the outputs up to date with inputs and parameters */
+static void refresh(instance *c)
+{
+    py_frame frame;
+    if (!c->now.stale || c->now.phase != INITIALISING) return;
+    c->now.stale = false;
+    if (c->now.unstarted) *fault_of(c) = c->now.unstarted = false; /* inputs may have settled */
+    if (PY_TRY(frame)) {
+        check(c);
+        the->start(c->self);
+        the->output(c->self, c->now.time);
+        py_end_try();
+    } else {
+        c->now.unstarted = !*fault_of(c);
+        fail(c, "start", py_caught_name(), py_caught_text());
+    }
+}
+
+static void begin(instance *c)
+{
+    memset(c->self, 0, the->size);
+    memcpy(c->self, the->at_start, the->size);
+    *(const char **)c->self = c->key;
+    memset(&c->now, 0, sizeof c->now);
+    c->now.phase = INSTANTIATED;
+}
+
+/* the instance's name; of a path, as Ecos gives, the file's stem */
+static char *key_of(const char *name)
+{
+    size_t n = strlen(name);
+    const char *from = name;
+    char *key;
+    if (n >= 4 && strcmp(name + n - 4, ".fmu") == 0) {
+        n -= 4;
+        for (const char *p = name; p < name + n; p++)
+            if (*p == '/' || *p == '\\') from = p + 1;
+        n = (size_t)(name + n - from);
+    }
+    key = calloc(n + 1, 1);
+    if (key != NULL) memcpy(key, from, n);
+    return key;
+}
+
+/* --- life -------------------------------------------------------------------------------------------- */
+
+EXPORT const char *fmi2GetTypesPlatform(void) { return "default"; }
+EXPORT const char *fmi2GetVersion(void) { return "2.0"; }
+
+EXPORT fmi2Status fmi2SetDebugLogging(fmi2Component p, fmi2Boolean on, size_t n,
+                                      const fmi2String categories[])
+{
+    (void)on, (void)n, (void)categories;
+    return p == NULL ? fmi2Error : fmi2OK;
+}
+
+EXPORT void fmi2FreeInstance(fmi2Component p)
+{
+    instance *c = p;
+    if (c == NULL) return;
+    free(c->self);
+    free(c->name);
+    free(c->key);
+    free(c);
+}
+
+EXPORT fmi2Component fmi2Instantiate(fmi2String name, fmi2Type type, fmi2String guid,
+                                     fmi2String resources, const fmi2CallbackFunctions *call,
+                                     fmi2Boolean visible, fmi2Boolean logging)
+{
+    instance *c = calloc(1, sizeof *c);
+    (void)resources, (void)visible, (void)logging;
+    if (c == NULL) return NULL;
+    if (call != NULL) c->call = *call;
+    name = name != NULL ? name : "";
+    c->name = calloc(strlen(name) + 1, 1);
+    c->key = key_of(name);
+    c->self = malloc(the->size);
+    if (c->name == NULL || c->key == NULL || c->self == NULL) {
+        fmi2FreeInstance(c);
+        return NULL;
+    }
+    strcpy(c->name, name);
+    if (type != fmi2CoSimulation || guid == NULL || strcmp(guid, the->guid) != 0) {
+        say(c, fmi2Error, type != fmi2CoSimulation ? "it is for co-simulation only"
+                                                   : "the guid is that of another FMU");
+        fmi2FreeInstance(c);
+        return NULL;
+    }
+    begin(c);
+    return c;
+}
+
+EXPORT fmi2Status fmi2SetupExperiment(fmi2Component p, fmi2Boolean with_tolerance,
+                                      fmi2Real tolerance, fmi2Real start, fmi2Boolean with_stop,
+                                      fmi2Real stop)
+{
+    instance *c = p;
+    (void)with_tolerance, (void)tolerance, (void)with_stop, (void)stop;
+    if (c == NULL) return fmi2Error;
+    c->now.time = start;
+    return fmi2OK;
+}
+
+EXPORT fmi2Status fmi2EnterInitializationMode(fmi2Component p)
+{
+    instance *c = p;
+    if (c == NULL) return fmi2Error;
+    c->now.phase = INITIALISING;
+    c->now.stale = true;
+    return fmi2OK;
+}
+
+/* a warning where the block could not start: the log says why, and the output `fault` is true */
+EXPORT fmi2Status fmi2ExitInitializationMode(fmi2Component p)
+{
+    instance *c = p;
+    if (c == NULL) return fmi2Error;
+    refresh(c);
+    c->now.phase = STEPPING;
+    return *fault_of(c) ? fmi2Warning : fmi2OK;
+}
+
+EXPORT fmi2Status fmi2Terminate(fmi2Component p)
+{
+    instance *c = p;
+    if (c == NULL) return fmi2Error;
+    c->now.phase = TERMINATED;
+    return fmi2OK;
+}
+
+EXPORT fmi2Status fmi2Reset(fmi2Component p)
+{
+    instance *c = p;
+    if (c == NULL) return fmi2Error;
+    begin(c);
+    return fmi2OK;
+}
+
+EXPORT fmi2Status fmi2DoStep(fmi2Component p, fmi2Real t, fmi2Real dt, fmi2Boolean no_set_prior)
+{
+    instance *c = p;
+    py_frame frame;
+    char what[80];
+    (void)no_set_prior;
+    if (c == NULL) return fmi2Error;
+    if (*fault_of(c)) return fmi2Discard;
+    if (PY_TRY(frame)) {
+        if (c->now.phase != STEPPING) py_raise(PY_RUNTIME_ERROR, "a step outside step mode");
+        if (!(0.0 < dt && dt < INFINITY)) {
+            py_text_begin();
+            py_text("a step of ");
+            py_text_float(dt);
+            py_text(" s");
+            py_raise(PY_RUNTIME_ERROR, py_text_end());
+        }
+        if (!(fabs(t - c->now.time) <= 1e-6 * dt)) {
+            py_text_begin();
+            py_text("a step from t = ");
+            py_text_float(t);
+            py_text(" s, but it is ");
+            py_text_float(c->now.time);
+            py_text(" s");
+            py_raise(PY_RUNTIME_ERROR, py_text_end());
+        }
+        the->advance(c->self, t, dt);
+        c->now.time = t + dt;
+        the->output(c->self, c->now.time);
+        py_end_try();
+        return fmi2OK;
+    }
+    py_text_begin();
+    py_text("step from t = ");
+    py_text_float(t);
+    py_text(" s");
+    snprintf(what, sizeof what, "%s", py_text_end());
+    fail(c, what, py_caught_name(), py_caught_text());
+    return fmi2Discard;
+}
+
+EXPORT fmi2Status fmi2CancelStep(fmi2Component p)
+{
+    (void)p;
+    return fmi2Error;
+}
+
+/* --- values ------------------------------------------------------------------------------------------ */
+
+static const char *const KINDS[] = { ['R'] = "Real", ['I'] = "Integer", ['B'] = "Boolean" };
+
+static fmi2Status not_there(instance *c, const char *verb, char kind, fmi2ValueReference vr)
+{
+    char what[20], text[300];
+    snprintf(what, sizeof what, "%s %s", verb, KINDS[(int)kind]);
+    if (vr >= the->count) return fail(c, what, "IndexError", "list index out of range");
+    snprintf(text, sizeof text, "value reference %u (%.*s) is not %s", vr,
+             (int)strcspn(the->variables[vr].name, "["), the->variables[vr].name,
+             KINDS[(int)kind]);
+    return fail(c, what, "TypeError", text);
+}
+
+#define GET(FUNCTION, TYPE, KIND, MEMBER, FAILED)                                                    \
+    EXPORT fmi2Status FUNCTION(fmi2Component p, const fmi2ValueReference vr[], size_t n,             \
+                               TYPE value[])                                                         \
+    {                                                                                                \
+        instance *c = p;                                                                             \
+        if (c == NULL || (n > 0 && (vr == NULL || value == NULL))) return fmi2Error;                 \
+        if (c->now.stale) refresh(c);                                                                \
+        for (size_t k = 0; k < n; k++) {                                                             \
+            const block_variable *v = the->variables + (vr[k] < the->count ? vr[k] : 0);             \
+            if (vr[k] >= the->count || v->kind != KIND) {                                            \
+                for (k = n; k-- > 0;) value[k] = FAILED;                                             \
+                for (k = 0; vr[k] < the->count && the->variables[vr[k]].kind == KIND;) k++;          \
+                return not_there(c, "get", KIND, vr[k]);                                             \
+            }                                                                                        \
+            value[k] = (TYPE)*(const MEMBER *)((const char *)c->self + v->offset);                   \
+        }                                                                                            \
+        return fmi2OK;                                                                               \
+    }
+
+#define SET(FUNCTION, TYPE, KIND, MEMBER, GIVEN)                                                     \
+    EXPORT fmi2Status FUNCTION(fmi2Component p, const fmi2ValueReference vr[], size_t n,             \
+                               const TYPE value[])                                                   \
+    {                                                                                                \
+        instance *c = p;                                                                             \
+        if (c == NULL || (n > 0 && (vr == NULL || value == NULL))) return fmi2Error;                 \
+        for (size_t k = 0; k < n; k++)                                                               \
+            if (vr[k] >= the->count || the->variables[vr[k]].kind != KIND)                           \
+                return not_there(c, "set", KIND, vr[k]);                                             \
+        if (c->now.phase >= STEPPING)                                                                \
+            for (size_t k = 0; k < n; k++)                                                           \
+                if (the->variables[vr[k]].causality == 'p') return is_fixed(c, KIND, vr, n);         \
+        for (size_t k = 0; k < n; k++)                                                               \
+            *(MEMBER *)((char *)c->self + the->variables[vr[k]].offset) = GIVEN;                     \
+        c->now.stale = c->now.phase == INITIALISING;                                                 \
+        return fmi2OK;                                                                               \
+    }
+
+/* names as Python gives them: of an array once, without its index */
+static fmi2Status is_fixed(instance *c, char kind, const fmi2ValueReference vr[], size_t n)
+{
+    char what[20], text[900] = "", name[120], last[120] = "";
+    size_t used = 0;
+    for (size_t k = 0; k < n && used < 700; k++) {
+        snprintf(name, sizeof name, "%s", the->variables[vr[k]].name);
+        if (strchr(name, '[') != NULL) *strchr(name, '[') = 0;
+        if (strcmp(name, last) == 0) continue;
+        used += (size_t)snprintf(text + used, sizeof text - used, "%s%s", used ? ", " : "", name);
+        memcpy(last, name, sizeof last);
+    }
+    snprintf(text + used, sizeof text - used,
+             ": a parameter is fixed once the simulation runs");
+    snprintf(what, sizeof what, "set %s", KINDS[(int)kind]);
+    return fail(c, what, "RuntimeError", text);
+}
+
+GET(fmi2GetReal, fmi2Real, 'R', double, NAN)
+GET(fmi2GetInteger, fmi2Integer, 'I', int64_t, 0)
+GET(fmi2GetBoolean, fmi2Boolean, 'B', bool, 0)
+SET(fmi2SetReal, fmi2Real, 'R', double, value[k])
+SET(fmi2SetInteger, fmi2Integer, 'I', int64_t, value[k])
+SET(fmi2SetBoolean, fmi2Boolean, 'B', bool, value[k] != 0)
+
+EXPORT fmi2Status fmi2GetString(fmi2Component p, const fmi2ValueReference vr[], size_t n,
+                                fmi2String value[])
+{
+    (void)vr;
+    for (size_t k = 0; value != NULL && k < n; k++) value[k] = "";
+    return p == NULL ? fmi2Error : fail(p, "get String", "", "there are no strings here");
+}
+
+EXPORT fmi2Status fmi2SetString(fmi2Component p, const fmi2ValueReference vr[], size_t n,
+                                const fmi2String value[])
+{
+    (void)vr, (void)n, (void)value;
+    return p == NULL ? fmi2Error : fail(p, "set String", "", "there are no strings here");
+}
+
+/* --- state: bytes, of this FMU only, for its guid goes with them ------------------------------------- */
+
+EXPORT fmi2Status fmi2GetFMUstate(fmi2Component p, fmi2FMUstate *state)
+{
+    instance *c = p;
+    saved *s;
+    if (c == NULL || state == NULL) return fmi2Error;
+    s = *state != NULL ? *state : calloc(1, sizeof *s + the->size);
+    if (s == NULL) return fail(c, "get state", "", "no memory");
+    s->magic = MAGIC;
+    s->now = c->now;
+    memcpy(s->self, c->self, the->size);
+    memset(s->self, 0, sizeof c->key); /* the name is the instance's */
+    *state = s;
+    return fmi2OK;
+}
+
+EXPORT fmi2Status fmi2SetFMUstate(fmi2Component p, fmi2FMUstate state)
+{
+    instance *c = p;
+    const saved *s = state;
+    if (c == NULL) return fmi2Error;
+    if (s == NULL || s->magic != MAGIC) return fail(c, "set state", "", "this is no saved state");
+    c->now = s->now;
+    memcpy(c->self, s->self, the->size);
+    *(const char **)c->self = c->key;
+    return fmi2OK;
+}
+
+EXPORT fmi2Status fmi2FreeFMUstate(fmi2Component p, fmi2FMUstate *state)
+{
+    (void)p;
+    if (state == NULL) return fmi2Error;
+    free(*state);
+    *state = NULL;
+    return fmi2OK;
+}
+
+static size_t guid_size(void) { return strlen(the->guid); }
+
+EXPORT fmi2Status fmi2SerializedFMUstateSize(fmi2Component p, fmi2FMUstate state, size_t *size)
+{
+    if (p == NULL || state == NULL || size == NULL) return fmi2Error;
+    *size = guid_size() + sizeof(saved) + the->size;
+    return fmi2OK;
+}
+
+EXPORT fmi2Status fmi2SerializeFMUstate(fmi2Component p, fmi2FMUstate state, fmi2Byte bytes[],
+                                        size_t size)
+{
+    if (p == NULL || state == NULL || bytes == NULL) return fmi2Error;
+    if (size < guid_size() + sizeof(saved) + the->size)
+        return fail(p, "serialise state", "", "too few bytes");
+    memcpy(bytes, the->guid, guid_size());
+    memcpy(bytes + guid_size(), state, sizeof(saved) + the->size);
+    return fmi2OK;
+}
+
+EXPORT fmi2Status fmi2DeSerializeFMUstate(fmi2Component p, const fmi2Byte bytes[], size_t size,
+                                          fmi2FMUstate *state)
+{
+    saved *s;
+    if (p == NULL || state == NULL || bytes == NULL) return fmi2Error;
+    if (size != guid_size() + sizeof(saved) + the->size
+        || memcmp(bytes, the->guid, guid_size()) != 0)
+        return fail(p, "deserialise state", "", "these are not the bytes of a state of this FMU");
+    s = *state != NULL ? *state : calloc(1, sizeof *s + the->size);
+    if (s == NULL) return fail(p, "deserialise state", "", "no memory");
+    memcpy(s, bytes + guid_size(), sizeof(saved) + the->size);
+    *state = s;
+    return fmi2OK;
+}
+
+/* --- what there is not ------------------------------------------------------------------------------- */
+
+EXPORT fmi2Status fmi2GetDirectionalDerivative(fmi2Component p, const fmi2ValueReference unknown[],
+                                               size_t n, const fmi2ValueReference known[], size_t m,
+                                               const fmi2Real given[], fmi2Real found[])
+{
+    (void)p, (void)unknown, (void)n, (void)known, (void)m, (void)given, (void)found;
+    return fmi2Error;
+}
+
+EXPORT fmi2Status fmi2SetRealInputDerivatives(fmi2Component p, const fmi2ValueReference vr[],
+                                              size_t n, const fmi2Integer order[],
+                                              const fmi2Real value[])
+{
+    (void)p, (void)vr, (void)n, (void)order, (void)value;
+    return fmi2Error;
+}
+
+EXPORT fmi2Status fmi2GetRealOutputDerivatives(fmi2Component p, const fmi2ValueReference vr[],
+                                               size_t n, const fmi2Integer order[],
+                                               fmi2Real value[])
+{
+    (void)p, (void)vr, (void)n, (void)order, (void)value;
+    return fmi2Error;
+}
+
+EXPORT fmi2Status fmi2GetStatus(fmi2Component p, const fmi2StatusKind kind, fmi2Status *value)
+{
+    (void)p, (void)kind, (void)value;
+    return fmi2Discard;
+}
+
+EXPORT fmi2Status fmi2GetRealStatus(fmi2Component p, const fmi2StatusKind kind, fmi2Real *value)
+{
+    const instance *c = p;
+    if (c == NULL || value == NULL || kind != fmi2LastSuccessfulTime) return fmi2Discard;
+    *value = c->now.time;
+    return fmi2OK;
+}
+
+EXPORT fmi2Status fmi2GetIntegerStatus(fmi2Component p, const fmi2StatusKind kind,
+                                       fmi2Integer *value)
+{
+    (void)p, (void)kind, (void)value;
+    return fmi2Discard;
+}
+
+EXPORT fmi2Status fmi2GetBooleanStatus(fmi2Component p, const fmi2StatusKind kind,
+                                       fmi2Boolean *value)
+{
+    const instance *c = p;
+    if (c == NULL || value == NULL || kind != fmi2Terminated) return fmi2Discard;
+    *value = c->now.phase == TERMINATED;
+    return fmi2OK;
+}
+
+EXPORT fmi2Status fmi2GetStringStatus(fmi2Component p, const fmi2StatusKind kind, fmi2String *value)
+{
+    (void)p, (void)kind, (void)value;
+    return fmi2Discard;
+}

@@ -1,0 +1,175 @@
+"""Native FMUs: a block's C, made from its Python, compiled with the FMI wrapper and packed.
+
+They need no Python where they run, only libc and libm, and carry their sources. The same bits come
+out of them as of the Python FMUs on one machine; `translate` refuses what it cannot make so.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import importlib.util
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+import uuid
+import zipfile
+from functools import cache
+from importlib.metadata import version
+from pathlib import Path
+
+from .description import DATE, documentation, model_description
+from .registry import block_class
+from .translate.program import translate
+from .translate.types import Refused
+
+HERE = Path(__file__).parent
+WRAPPER = HERE / "c"
+FLAGS = (
+    "-std=c11", "-O2", "-fPIC", "-fvisibility=hidden",
+    "-ffp-contract=off",  # no a * b + c in one rounding
+    "-fno-builtin-pow",  # pow(x, 2.0) is not x * x to the last bit
+    "-fwrapv",
+    "-Werror=incompatible-pointer-types", "-Werror=int-conversion",
+)  # fmt: skip
+"""Those about arithmetic are what makes the bits equal; they stand in no optimiser's way."""
+PINNED = {
+    "environment_tle": "SGP4 is the package sgp4's",
+    "manager_receding_horizon": "its programme is solved by HiGHS (scipy)",
+    "manager_magnetic_ilqr": "eigenvectors by numpy",
+}
+"""Blocks that stay Python, and why: the one list of them. Any other is native, or `make check`
+fails."""
+
+LINK = ("-shared", "-s", "-Wl,--build-id=none", "-Wl,-z,defs")
+
+
+class NoCompiler(Exception):
+    """There is no C compiler on this machine."""
+
+
+@cache
+def compiler() -> tuple[str, ...]:
+    """The command of the C compiler: CC, gcc, cc, clang, or of the package ziglang.
+
+    Raises NoCompiler.
+    """
+    if given := os.environ.get("CC"):
+        return tuple(given.split())
+    for name in ("gcc", "cc", "clang"):
+        if found := shutil.which(name):
+            return (found,)
+    if importlib.util.find_spec("ziglang"):
+        return (sys.executable, "-m", "ziglang", "cc", "-fno-sanitize=undefined")
+    raise NoCompiler("no C compiler: install gcc or clang, or `pip install ziglang`")
+
+
+@cache
+def compiler_version() -> str:
+    """The first line that the compiler says of itself."""
+    done = subprocess.run([*compiler(), "--version"], capture_output=True, text=True, check=True)
+    return done.stdout.partition("\n")[0]
+
+
+def platform() -> str:
+    """FMI's name of this machine's platform."""
+    system = {"linux": "linux", "darwin": "darwin", "win32": "win"}[sys.platform]
+    return f"{system}{64 if sys.maxsize > 2**32 else 32}"
+
+
+def library_suffix() -> str:
+    """What a shared library's name ends in here."""
+    return {"linux": ".so", "darwin": ".dylib", "win32": ".dll"}[sys.platform]
+
+
+def made_of() -> bytes:
+    """A digest of all that native FMUs are made of beside their blocks; raises NoCompiler."""
+    digest = hashlib.sha256(" ".join((*FLAGS, *LINK, compiler_version())).encode())
+    for path in (*sorted(WRAPPER.iterdir()), *sorted((HERE / "translate").glob("*.py"))):
+        digest.update(path.read_bytes())
+    return digest.digest()
+
+
+def sources(name: str) -> tuple[dict[str, str], str]:
+    """The C files of a block by their name, and the guid that they give; raises Refused."""
+    files = {p.name: p.read_text(encoding="utf-8") for p in sorted(WRAPPER.iterdir())}
+    block = block_class(name)
+    files[f"{name}.c"] = translate(block, name, "@GUID@")
+    digest = hashlib.sha256(" ".join(FLAGS).encode())
+    digest.update(model_description(block, name, "", DATE, version("desat")))
+    for file, text in sorted(files.items()):
+        digest.update(f"\0{file}\0".encode() + text.encode())
+    guid = f"{{{uuid.UUID(bytes=digest.digest()[:16])}}}"
+    files[f"{name}.c"] = files[f"{name}.c"].replace("@GUID@", guid)
+    return files, guid
+
+
+def _run(command: list[str], folder: Path) -> None:
+    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
+    if done.returncode:
+        raise RuntimeError(f"{' '.join(command)}: {done.stderr.strip()[:2000]}")
+
+
+def compile_wrapper(folder: Path) -> None:
+    """Compile what all blocks share, into a folder."""
+    for path in WRAPPER.iterdir():
+        (folder / path.name).write_bytes(path.read_bytes())
+    for name in ("runtime", "fmi2"):
+        _run([*compiler(), *FLAGS, "-c", f"{name}.c", "-o", f"{name}.o"], folder)
+
+
+def build(name: str, dist: Path, shared: Path) -> Path:
+    """Build the native FMU of a block and return its path.
+
+    `shared`: a folder in which `compile_wrapper` has been. Raises Refused, NoCompiler.
+    """
+    files, guid = sources(name)
+    block = block_class(name)
+    with tempfile.TemporaryDirectory() as folder:
+        root = Path(folder)
+        for file in ("block.h", f"{name}.c"):
+            (root / file).write_text(files[file], encoding="utf-8")
+        for file in ("runtime.o", "fmi2.o"):
+            shutil.copy(shared / file, root / file)
+        library = f"{name}{library_suffix()}"
+        _run([*compiler(), *FLAGS, "-c", f"{name}.c", "-o", "block.o"], root)
+        _run([*compiler(), *LINK, "block.o", "runtime.o", "fmi2.o", "-lm", "-o", library], root)
+        binary = (root / library).read_bytes()
+    units = sorted(f for f in files if f.endswith(".c"))
+    members = {
+        "modelDescription.xml": model_description(
+            block, name, guid, DATE, version("desat"), sources=units
+        ),
+        "documentation/index.html": documentation(block, name).encode(),
+        f"binaries/{platform()}/{library}": binary,
+        **{f"sources/{file}": text.encode() for file, text in files.items()},
+    }
+    dist.mkdir(parents=True, exist_ok=True)
+    return pack(members, dist / f"{name}.fmu")
+
+
+def tried(name: str, dist: Path, shared: Path) -> str:
+    """Build the native FMU of a block; why there is none, or nothing."""
+    if name in PINNED:
+        return PINNED[name]
+    try:
+        build(name, dist, shared)
+    except Refused as refused:
+        return str(refused)
+    except (ArithmeticError, AttributeError, LookupError, RuntimeError, TypeError, ValueError) as e:
+        return f"a bug of the translator: {type(e).__name__}: {e}"
+    return ""
+
+
+def pack(members: dict[str, bytes], target: Path) -> Path:
+    """Write an archive: entries sorted, deflated, dated 1980, so that equal contents are equal."""
+    part = target.with_name(f"{target.name}.{os.getpid()}.part")
+    with zipfile.ZipFile(part, "w", zipfile.ZIP_DEFLATED, compresslevel=9) as archive:
+        for member, data in sorted(members.items()):
+            info = zipfile.ZipInfo(member)
+            info.create_system, info.external_attr = 3, 0o644 << 16
+            info.compress_type = zipfile.ZIP_DEFLATED
+            archive.writestr(info, data)
+    part.replace(target)
+    return target

@@ -1,0 +1,1055 @@
+"""Calls of the subset to C: our own functions, the library's mathematics, loops over tuples."""
+
+from __future__ import annotations
+
+import ast
+import bisect
+import builtins
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+from .expressions import Expressions, Known, Later, _sum
+from .types import (
+    NEVER,
+    NONE,
+    B,
+    Callee,
+    F,
+    Function,
+    I,
+    List,
+    Maybe,
+    S,
+    Tuple,
+    Type,
+    U,
+    Unjoinable,
+    element,
+    join,
+    most,
+    safe,
+    shown,
+)
+from .value import ATOM, COND, LESS, MUL, UNARY, Value, constant
+
+UNROLLED = 4
+"""Passes up to which a comprehension is written out."""
+
+FUNCTIONS = {
+    getattr(math, name): f"py_{name}"
+    for name in ("sqrt", "sin", "cos", "tan", "asin", "acos", "atan", "exp", "expm1", "log", "log10",
+                 "log1p", "sinh", "cosh", "tanh", "atan2", "remainder", "fmod", "pow", "log2")
+}  # fmt: skip
+PLAIN = {math.fabs: "fabs", math.copysign: "copysign"}
+ROUNDED = {math.floor: "floor", math.ceil: "ceil", math.trunc: "trunc", round: "rint", int: "trunc"}
+
+
+@dataclass
+class Iteration:
+    """What a loop runs over: how many passes, what each gets; `unroll`: each pass is of its own."""
+
+    count: Value
+    item: Callable[[Value], Value]
+    unroll: bool = False
+    start: Value | None = None
+    step: int = 1
+    source: Value | None = None
+
+    @property
+    def fixed(self) -> int | None:
+        return self.count.const if self.count.is_const else None
+
+    @property
+    def most(self) -> int | None:
+        return self.fixed if self.fixed is not None else self.count.high
+
+
+class RangeOf:
+    """A range that has been given a name."""
+
+    def __init__(self, iteration: Iteration) -> None:
+        self.iteration = iteration
+
+
+class Calls(Expressions):
+    """The part of a function's translation that makes C of its calls."""
+
+    def _call(self, node: ast.Call) -> Value:
+        func = node.func
+        if isinstance(func, ast.Attribute):
+            if (
+                isinstance(func.value, ast.Call)
+                and isinstance(func.value.func, ast.Name)
+                and (func.value.func.id == "super")
+            ):
+                return self.super_call(node, func.attr)
+            if func.attr in ("index", "count", "encode", "real", "imag") and not self.is_self(
+                func.value
+            ):
+                return self.tuple_method(node, func)
+            if self.is_self(func.value) and func.attr == "fail":
+                (text,) = node.args
+                value = self.expression(text)
+                self.line(f"py_raise(PY_BLOCK_ERROR, {value.code});")
+                self.ended = True
+                return constant(None)  # type: ignore[return-value]
+        if isinstance(func, ast.Name) and func.id == "getattr" and len(node.args) == 2:
+            name = self.expression(node.args[1])
+            if not (self.is_self(node.args[0]) and name.is_const):
+                raise self.refuse(node, "getattr of this", "of self, with a constant name")
+            made = ast.Attribute(node.args[0], name.const, ast.Load())
+            return self.field(ast.copy_location(made, node))
+        target = self.expression(func)
+        target = self.some(target) if isinstance(target.type, Maybe) else target
+        if isinstance(target.type, Function):
+            return self.call_function(node, target, node.args, node.keywords)
+        if not isinstance(target.type, Known):
+            raise self.refuse(node, f"a call of {shown(target.type)}", "call a function")
+        return self.call_known(node, target.type.thing)
+
+    ended: bool
+
+    def super_call(self, node: ast.Call, name: str) -> Value:
+        order = self.program.block.__mro__
+        after = order[order.index(self.spec.owner) + 1 :]
+        for cls in after:
+            if name in vars(cls):
+                callee = Callee(vars(cls)[name], bound=True)
+                return self.call_function(
+                    node, Value(Function((callee,)), "", again=True), node.args, node.keywords
+                )
+        raise self.refuse(node, f"super().{name}", "a method that a base has")
+
+    def tuple_method(self, node: ast.Call, func: ast.Attribute) -> Value:
+        base = self.expression(func.value)
+        if func.attr == "encode" and base.type == S:
+            return base
+        if isinstance(base.type, (Tuple, List)) and func.attr in ("index", "count"):
+            x, wanted = self.temporary(base), self.temporary(self.expression(node.args[0]))
+            if isinstance(x.type, Tuple) and x.parts is None and not x.type.uniform:
+                raise self.refuse(node, f".{func.attr} of a mixed tuple", "of one of one type")
+            n = self.length(x)
+            name, k = self.fresh(func.attr), self.fresh("k")
+            first = "0" if func.attr == "count" else "-1"
+            x = x if x.parts is None else Value(x.type, self.placed(x), again=True)
+            same = self.compared(node, ast.Eq(), self.at(x, k), wanted).code
+            self.line(f"int64_t {name} = {first};")
+            if func.attr == "count":
+                self.line(f"for (int64_t {k} = 0; {k} < {n.code}; {k}++) {name} += {same};")
+            else:
+                self.line(f"for (int64_t {k} = 0; {k} < {n.code} && {name} < 0; {k}++) "
+                          f"if ({same}) {name} = {k};")  # fmt: skip
+                self.line(f"py_found({name});")
+            return Value(I, name, again=True, low=0, high=n.high if n.high is not None else n.const)
+        raise self.refuse(node, f".{func.attr}()", "a function of the subset")
+
+    # --- our own functions ------------------------------------------------------------------------
+
+    def call_function(
+        self, node: ast.AST, target: Value, args: Sequence[Any], keywords: Sequence[ast.keyword]
+    ) -> Value:
+        """Call one of our functions; where it is one of several, by a switch."""
+        callees = target.type.callees
+        values, named = self.arguments(node, args, keywords)
+        if len(callees) == 1:
+            return self.call_one(node, target, callees[0], values, named)
+        x = self.temporary(target)
+        values = [self.temporary(v) for v in values]
+        named = {k: self.temporary(v) for k, v in named.items()}
+        result: Type = NEVER
+        cases = []
+        for callee in callees:
+            self.out, outer = [], self.out
+            self.level += 2
+            value = self.call_one(node, Value(Function((callee,)), ""), callee, values, named)
+            cases.append((value, self.out))
+            self.out = outer
+            self.level -= 2
+            result = join(result, value.type)
+        name = self.fresh("result")
+        if result not in (NONE, NEVER):
+            self.line(f"{self.program.names(result)} {name};")
+        self.line(f"switch ({x.code}.which) {{")
+        for k, (value, lines) in enumerate(cases):
+            self.line(f"{f'case {k}' if k < len(cases) - 1 else 'default'}: {{")
+            self.out += lines
+            self.level += 1
+            if result not in (NONE, NEVER):
+                self.line(f"{name} = {self.convert(value, result, node)};")
+            elif value.code:
+                self.line(f"{value.code};")
+            self.line("break;")
+            self.level -= 1
+            self.line("}")
+        self.line("}")
+        if result in (NONE, NEVER):
+            return constant(None)  # type: ignore[return-value]
+        return Value(result, name, again=True)
+
+    def arguments(
+        self, node: ast.AST, args: Sequence[Any], keywords: Sequence[ast.keyword]
+    ) -> tuple[list[Value], dict[str, Value]]:
+        makers: list[Any] = [a.value if isinstance(a, ast.Starred) else a for a in args]
+        if any(k.arg is None for k in keywords):
+            raise self.refuse(node, "** in a call", "name the arguments")
+        found = self.in_order([*makers, *(k.value for k in keywords)])
+        values: list[Value] = []
+        for a, v in zip(args, found, strict=False):
+            if isinstance(a, ast.Starred):
+                v = self.some(v)
+                if isinstance(v.type, List) and v.parts is None:
+                    raise self.refuse(node, "* of a tuple of unknown length", "write it out")
+                values += self.elements(v, len(v.parts) if v.parts is not None else most(v.type))
+            else:
+                values.append(v)
+        named = {k.arg: v for k, v in zip(keywords, found[len(makers) :], strict=True) if k.arg}
+        return values, named
+
+    def call_one(
+        self, node: ast.AST, target: Value, callee: Callee, values: list[Value],
+        named: dict[str, Value],
+    ) -> Value:  # fmt: skip
+        """Call a function that is known."""
+        program = self.program
+        info = program.info(callee)
+        memo = info.is_constant
+        if memo is not None:
+            return self.thing(memo, node)
+        given: list[Value] = list(values)
+        for name, default in info.parameters[len(values) :]:
+            if name in named:
+                given.append(named.pop(name))
+            elif default is not info.required:
+                given.append(self.thing(default, node))
+            else:
+                raise self.refuse(node, f"{info.name} without {name}", "give it")
+        if named or len(given) != len(info.parameters):
+            raise self.refuse(node, f"these arguments of {info.name}", "as it declares them")
+        types: list[Type] = []
+        consts: list[Any] = []
+        for k, v in enumerate(given):
+            wanted = info.annotated[k]
+            if isinstance(v.type, Maybe) and not info.optional[k]:
+                v = self.some(v)
+            if wanted is not None and v.type != wanted:
+                try:
+                    fits = join(v.type, wanted) == wanted
+                except Unjoinable:
+                    fits = False
+                if fits:
+                    low, high = v.low, v.high
+                    code = self.convert(v, wanted, node)
+                    v = Value(wanted, code, COND, again=False, low=low, high=high, const=v.const,
+                              parts=None if v.const is not None else None)  # fmt: skip
+                    if v.is_const and wanted == F:
+                        v = constant(float(v.const))  # type: ignore[assignment,arg-type]
+            t = v.type
+            if isinstance(t, Known):
+                if not isinstance(t.thing, RangeOf):
+                    raise self.refuse(node, "this as an argument", "a number, tuple or function")
+                raise self.refuse(node, "a range as an argument", "its ends")
+            if isinstance(t, Tuple) and v.parts is not None and not t.uniform:
+                try:  # one type for all, where they have one
+                    item = element(t)
+                    if item in (F,):
+                        t = Tuple((item,) * len(t.items))
+                        v = Value(t, self.built(t, v.parts))
+                except Unjoinable:
+                    pass
+            given[k] = v
+            types.append(t)
+            consts.append(v.const if v.is_const and info.wants_constant[k] else None)
+        spec = program.specialised(callee, tuple(types), tuple(consts), self)
+        texts = []
+        if spec.takes_self:
+            texts.append("self")
+        if callee.captured:
+            texts.append(address(self.temporary(target).code))
+        for k, v in enumerate(given):
+            if consts[k] is not None or (isinstance(v.type, Function) and not v.code):
+                if isinstance(v.type, Function):
+                    continue
+                continue
+            texts.append(self.argument(node, spec, k, v))
+        code = f"{spec.name}({', '.join(texts)})"
+        if spec.result == NEVER and not spec.done:
+            raise Later(self.refuse(node, f"the type of what {info.name} returns", "annotate it"))
+        if spec.never_returns:
+            self.line(f"{code};")
+            self.ended = True
+            return constant(None)  # type: ignore[return-value]
+        if spec.effects:
+            self.effects = True
+            if spec.result in (NONE, NEVER):
+                self.line(f"{code};")
+                return constant(None)  # type: ignore[return-value]
+            return self.temporary(Value(spec.result, code), hint="result")
+        if spec.result in (NONE, NEVER):
+            self.line(f"{code};")
+            return constant(None)  # type: ignore[return-value]
+        if spec.memo:
+            kept = self.fresh("kept")
+            self.line(f"const {self.program.names(spec.result)} *{kept} = {code};")
+            return Value(spec.result, f"(*{kept})", again=True)
+        return Value(spec.result, code)
+
+    effects: bool
+
+    def argument(self, node: ast.AST, spec: Any, k: int, v: Value) -> str:
+        """The C of argument k of a call."""
+        how = spec.passing(k)
+        if how == "value":
+            return self.convert(v, spec.types[k], node)
+        if how == "change":
+            if not v.again or v.parts is not None:
+                raise self.refuse(node, "a list that is changed by this call", "give it a name")
+            return address(v.code)
+        text = self.convert(v, spec.types[k], node)
+        if text == v.code and v.again and not (spec.effects and "self->" in text):
+            return address(text)
+        if text.startswith("(") and text.endswith("}"):
+            return f"&{text}"
+        name = self.fresh("argument")
+        self.line(f"const {self.program.names(spec.types[k])} {name} = {text};")
+        return f"&{name}"
+
+    # --- the library ------------------------------------------------------------------------------
+
+    def call_known(self, node: ast.Call, thing: Any) -> Value:
+        if isinstance(thing, type) and hasattr(thing, "_fields"):
+            values, named = self.arguments(node, node.args, node.keywords)
+            values += [named[n] for n in thing._fields[len(values) :]]
+            parts = tuple(Value(F, self.convert(v, F), COND, again=v.again, const=v.const)
+                          if v.type == I else v for v in values)  # fmt: skip
+            return Value(Tuple(tuple(p.type for p in parts), thing._fields), "", parts=parts)
+        if isinstance(thing, type) and issubclass(thing, BaseException):
+            raise self.refuse(node, f"{thing.__name__} as a value", "raise it")
+        if isinstance(thing, RangeOf):
+            raise self.refuse(node, "a call of a range", "a function")
+        name = getattr(thing, "__name__", str(thing))
+        method = getattr(self, f"call_{name}", None)
+        if thing in FUNCTIONS:
+            return self.mathematics(node, FUNCTIONS[thing], name)
+        if thing in PLAIN:
+            values = [self.convert(self.some(v), F) for v in self.in_order(node.args)]
+            return Value(F, f"{PLAIN[thing]}({', '.join(values)})")
+        if thing in ROUNDED:
+            return self.rounded(node, ROUNDED[thing])
+        if method and getattr(builtins, name, None) is thing:
+            result: Value = method(node)
+            return result
+        if thing in (bisect.bisect_right, bisect.bisect_left, bisect.bisect):
+            return self.bisected(node, "left" if thing is bisect.bisect_left else "right")
+        if thing in (math.radians, math.degrees):
+            (x,) = self.in_order(node.args)
+            factor = math.pi / 180.0 if thing is math.radians else 180.0 / math.pi
+            if x.is_const:
+                return constant(float(thing(x.const)))  # type: ignore[return-value]
+            x = Value(F, self.convert(self.some(x), F), x.binds)
+            return Value(F, f"{x.within(MUL)} * {factor!r}", MUL)
+        if thing in (math.isfinite, math.isnan, math.isinf):
+            (x,) = self.in_order(node.args)
+            return Value(B, f"{name}({self.convert(self.some(x), F)})")
+        if thing is math.hypot:
+            raise self.refuse(node, "hypot", "sqrt(x * x + y * y): CPython's is not libm's")
+        if thing is sum:
+            raise self.refuse(node, "sum", "write it out: Python 3.12 and later compensate")
+        raise self.refuse(node, f"{name}()", "what translates is listed in docs/hosts.md")
+
+    def mathematics(self, node: ast.Call, name: str, python: str) -> Value:
+        values = [self.some(v) for v in self.in_order(node.args)]
+        if any(not {v.type} <= {F, I, B} for v in values):
+            raise self.refuse(node, f"{python} of this", "of a number")
+        if python == "log" and len(values) == 2:
+            raise self.refuse(node, "log with a base", "log(x) / log(base)")
+        if all(v.is_const for v in values):
+            try:
+                return constant(float(getattr(math, python)(*(v.const for v in values))))  # type: ignore[return-value]
+            except (ArithmeticError, ValueError):
+                pass
+        return Value(F, f"{name}({', '.join(self.convert(v, F) for v in values)})")
+
+    def rounded(self, node: ast.Call, name: str) -> Value:
+        if len(node.args) != 1:
+            raise self.refuse(node, "rounding to digits", "round(x)")
+        value = self.some(self.expression(node.args[0]))
+        if value.type in (I, B):
+            return replace(value, type=I)
+        if value.type != F:
+            raise self.refuse(node, f"an integer of {shown(value.type)}", "of a number")
+        if value.is_const:
+            try:
+                return constant(
+                    int(
+                        {"floor": math.floor, "ceil": math.ceil, "rint": round, "trunc": int}[name](
+                            value.const
+                        )
+                    )
+                )  # type: ignore[return-value]
+            except (ArithmeticError, ValueError):
+                pass
+        return Value(I, f"py_{name}({value.code})", as_float=f"py_{name}_f({value.code})")
+
+    def bisected(self, node: ast.Call, side: str) -> Value:
+        table, x = self.in_order(node.args)
+        table = self.some(table)
+        if not isinstance(table.type, Tuple) or element(table.type) not in (F, I):
+            raise self.refuse(node, "bisect in this", "in a tuple of numbers")
+        n = len(table.type.items)
+        if element(table.type) == I:
+            if not table.is_const:
+                raise self.refuse(node, "bisect in integers", "in floats")
+            table = constant(tuple(map(float, table.const)))  # type: ignore[assignment]
+        place = self.placed(table) if table.parts is not None else self.temporary(table).code
+        code = f"py_bisect_{side}({place}.e, {n}, {self.convert(self.some(x), F)})"
+        return Value(I, code, low=0, high=n)
+
+    def call_abs(self, node: ast.Call) -> Value:
+        return self.absolute(node, self.some(self.expression(node.args[0])))
+
+    def absolute(self, node: ast.AST, value: Value) -> Value:
+        if value.is_const:
+            return constant(abs(value.const))  # type: ignore[return-value]
+        if value.type == F:
+            return Value(F, f"fabs({value.code})")
+        if value.type in (I, B):
+            return Value(I, f"py_abs_i({value.code})", low=0, high=None if value.low is None or
+                         value.high is None else max(-value.low, value.high))  # fmt: skip
+        raise self.refuse(node, f"abs of {shown(value.type)}", "of a number")
+
+    def call_float(self, node: ast.Call) -> Value:
+        value = self.some(self.expression(node.args[0]))
+        if value.is_const:
+            return constant(float(value.const))  # type: ignore[return-value]
+        return Value(F, self.convert(value, F), UNARY if value.type != F else value.binds)
+
+    def call_bool(self, node: ast.Call) -> Value:
+        return self.condition(node.args[0])
+
+    def call_len(self, node: ast.Call) -> Value:
+        value = self.some(self.expression(node.args[0]))
+        if not isinstance(value.type, (Tuple, List)):
+            raise self.refuse(node, f"len of {shown(value.type)}", "of a tuple")
+        return self.length(value)
+
+    def call_min(self, node: ast.Call) -> Value:
+        return self.extreme(node, "min", "<")
+
+    def call_max(self, node: ast.Call) -> Value:
+        return self.extreme(node, "max", ">")
+
+    def extreme(self, node: ast.Call, name: str, sign: str) -> Value:
+        """min or max: of equal ones the first, as Python's."""
+        keywords = {k.arg: k.value for k in node.keywords}
+        if len(node.args) > 1 and not keywords:
+            values = [self.some(v) for v in self.in_order(node.args)]
+            return self.largest(node, name, values)
+        if len(node.args) > 1:
+            key_value = self.tuple_of(self.in_order(node.args))
+            iteration = self.over_value(node, key_value)
+        else:
+            iteration = self.iteration(node.args[0])
+        key = keywords.get("key")
+        if iteration.fixed is not None and iteration.fixed <= 16 and key is None:
+            if iteration.fixed == 0:
+                return self.expression(keywords["default"])
+            items = [iteration.item(constant(k)) for k in range(iteration.fixed)]  # type: ignore[arg-type]
+            return self.largest(node, name, [self.some(v) for v in items])
+        return self.searched(node, name, sign, iteration, key, keywords.get("default"))
+
+    def largest(self, node: ast.AST, name: str, values: Sequence[Value]) -> Value:
+        result = values[0]
+        for v in values[1:]:
+            if result.is_const and v.is_const:
+                result = constant(getattr(builtins, name)(result.const, v.const))  # type: ignore[assignment]
+                continue
+            t = join(result.type, v.type)
+            if t not in (F, I):
+                raise self.refuse(node, f"{name} of {shown(t)}", "of numbers")
+            low = high = None
+            if t == I:
+                pick: Any = min if name == "min" else max
+                lows, highs = (result.low, v.low), (result.high, v.high)
+                known_low, known_high = ([x for x in xs if x is not None] for xs in (lows, highs))
+                if name == "min":
+                    low = pick(lows) if None not in lows else None
+                    high = min(known_high) if known_high else None
+                else:
+                    low = max(known_low) if known_low else None
+                    high = pick(highs) if None not in highs else None
+            kind = "_i" if t == I else ""
+            code = f"py_{name}{kind}({self.convert(result, t)}, {self.convert(v, t)})"
+            result = Value(t, code, low=low, high=high)
+        return result
+
+    def searched(
+        self, node: ast.AST, name: str, sign: str, iteration: Iteration, key: ast.expr | None,
+        default: ast.expr | None,
+    ) -> Value:  # fmt: skip
+        """The extreme element of a loop, by a key."""
+        best, value = self.fresh(name), self.fresh("value")
+        probe: list[Type] = []
+        mark = len(self.out)
+
+        def body(item: Value) -> None:
+            x = self.temporary(self.some(item))
+            k = self.temporary(self.keyed(node, key, x))
+            probe[:] = [x.type, k.type]
+            self.line(f"if (!{best}.some || {k.code} {sign} {value}) {{")
+            self.level += 1
+            self.line(f"{best}.some = true;")
+            self.line(f"{best}.v = {self.code(x)};")
+            self.line(f"{value} = {k.code};")
+            self.level -= 1
+            self.line("}")
+
+        self.run(iteration, body)
+        t = Maybe(probe[0])
+        self.out.insert(mark, "    " * self.level + f"{self.program.names(probe[1])} {value} = 0;")
+        self.out.insert(mark, "    " * self.level + f"{self.program.names(t)} {best} = {{0}};")
+        found = Value(probe[0], f"{best}.v", again=True)
+        if default is None:
+            self.line(f"py_not_empty({best}.some);")
+            if probe[0] == I and iteration.start is not None and iteration.most is not None:
+                start = iteration.start
+                if start.is_const:
+                    return found.bounded(start.const, start.const + iteration.most - 1)
+            return found
+        other = self.branch(default, set())
+        return self.choose(node, Value(B, f"{best}.some"), (found, []), other)
+
+    def keyed(self, node: ast.AST, key: ast.expr | None, x: Value) -> Value:
+        if key is None:
+            return x
+        if isinstance(key, ast.Lambda):
+            (name,) = (a.arg for a in key.args.args)
+            before = self.bound.get(name)
+            self.bound[name] = x
+            try:
+                return self.expression(key.body)
+            finally:
+                del self.bound[name]
+                if before is not None:
+                    self.bound[name] = before
+        if isinstance(key, ast.Attribute) and key.attr == "__getitem__":
+            return self.indexed(node, self.expression(key.value), x)
+        target = self.expression(key)
+        if isinstance(target.type, Known) and target.type.thing is abs:
+            return self.absolute(node, x)
+        if isinstance(target.type, Function):
+            return self.call_function(node, target, [lambda: x], [])
+        raise self.refuse(node, "this key", "abs, a lambda or a function")
+
+    def call_any(self, node: ast.Call) -> Value:
+        return self.every(node, False)
+
+    def call_all(self, node: ast.Call) -> Value:
+        return self.every(node, True)
+
+    def every(self, node: ast.Call, wanted: bool) -> Value:
+        """all or any: the first that decides ends it."""
+        argument = node.args[0]
+        sign, level = ("&&", 20) if wanted else ("||", 15)
+        if not isinstance(argument, ast.GeneratorExp):
+            iteration = self.iteration(argument)
+            if iteration.fixed is not None and iteration.fixed <= UNROLLED:
+                mark = len(self.out)
+                tests = [self.truth(iteration.item(constant(k)), node)  # type: ignore[arg-type]
+                         for k in range(iteration.fixed)]  # fmt: skip
+                if len(self.out) == mark and not any(t.is_const for t in tests):
+                    text = f" {sign} ".join(t.within(level + 1) for t in tests)
+                    return Value(B, text, level)
+        name = self.fresh("all" if wanted else "any")
+        self.line(f"bool {name} = {'true' if wanted else 'false'};")
+
+        def body(item: Value) -> None:
+            test = self.truth(item, node)
+            no = f"!{test.within(UNARY)}" if wanted else test.code
+            self.line(f"if ({no}) {name} = {'false' if wanted else 'true'};")
+
+        stop = name if wanted else f"!{name}"
+        if isinstance(argument, ast.GeneratorExp):
+            self.comprehended(argument, body, stop)
+        else:
+            self.run(iteration, body, stop)
+        return Value(B, name, again=True)
+
+    def call_next(self, node: ast.Call) -> Value:
+        (argument,) = node.args
+        if not isinstance(argument, ast.GeneratorExp):
+            raise self.refuse(node, "next of this", "of a generator expression")
+        found = self.fresh("first")
+        mark, types = len(self.out), []
+
+        def body(item: Value) -> None:
+            types.append(item.type)
+            self.line(f"{found}.some = true;")
+            self.line(f"{found}.v = {self.code(item)};")
+
+        self.comprehended(argument, body, f"!{found}.some")
+        t = Maybe(types[0])
+        self.out.insert(mark, "    " * self.level + f"{self.program.names(t)} {found} = {{0}};")
+        self.line(f"py_next({found}.some);")
+        return Value(types[0], f"{found}.v", again=True)
+
+    def call_tuple(self, node: ast.Call) -> Value:
+        if not node.args:
+            return constant(())  # type: ignore[return-value]
+        if isinstance(node.args[0], ast.GeneratorExp):
+            return self.comprehension(node.args[0])
+        value = self.collected(self.iteration(node.args[0]), node.args[0])
+        return value
+
+    def call_list(self, node: ast.Call) -> Value:
+        value = self.call_tuple(node)
+        if isinstance(value.type, List):
+            raise self.refuse(node, "a list of unknown length", "a tuple")
+        return value
+
+    def call_zip(self, node: ast.Call) -> Value:
+        return self.collected(self.iteration(node), node)
+
+    call_enumerate = call_map = call_reversed = call_zip
+
+    def call_range(self, node: ast.Call) -> Value:
+        return Value(Known(RangeOf(self.iteration(node))), "", again=True)
+
+    # --- loops ------------------------------------------------------------------------------------
+
+    def collected(self, iteration: Iteration, node: ast.AST) -> Value:
+        """All that a loop gets, as a tuple."""
+        source = iteration.source
+        if source is not None:
+            if source.parts is None and isinstance(source.type, Tuple):
+                return replace(source, type=Tuple(source.type.items))
+            return source
+        if iteration.fixed is not None:
+            return self.tuple_of(
+                [iteration.item(constant(k)) for k in range(iteration.fixed)]  # type: ignore[arg-type]
+            )
+        return self.gathered(node, lambda body: self.run(iteration, body), iteration.most)
+
+    def iteration(self, node: ast.expr) -> Iteration:
+        """What a loop over an expression runs over."""
+        if isinstance(node, ast.Call):
+            target = self.quiet_target(node.func)
+            kinds: dict[Any, Callable[[ast.Call], Iteration]] = {
+                range: self.over_range, enumerate: self.over_enumerate, zip: self.over_zip,
+                reversed: self.over_reversed, map: self.over_map,
+            }  # fmt: skip
+            if target in kinds:
+                return kinds[target](node)
+            if target in (tuple, list) and node.args:
+                return self.over_value(node, self.expression(node))
+        if isinstance(node, (ast.GeneratorExp, ast.ListComp)):
+            return self.over_value(node, self.comprehension(node))
+        return self.over_value(node, self.expression(node))
+
+    def quiet_target(self, node: ast.expr) -> Any:
+        if isinstance(node, ast.Name) and node.id not in self.types and node.id not in self.bound:
+            value = self.outside(node, node.id)
+            if isinstance(value.type, Known):
+                return value.type.thing
+        return None
+
+    def over_value(self, node: ast.AST, value: Value) -> Iteration:
+        value = self.some(value)
+        if isinstance(value.type, Known) and isinstance(value.type.thing, RangeOf):
+            return value.type.thing.iteration
+        if value.type == S:
+            return self.over_text(value)
+        if not isinstance(value.type, (Tuple, List)):
+            raise self.refuse(node, f"a loop over {shown(value.type)}", "over tuples and ranges")
+        x = self.temporary(value)
+        if isinstance(x.type, List) and x.parts is None:
+            return Iteration(self.length(x), lambda k: self.indexed_by(x, k), source=x)
+        n = len(x.parts) if x.parts is not None else most(x.type)
+        if isinstance(x.type, List):
+            return Iteration(constant(0), lambda k: x, source=x)  # type: ignore[arg-type]
+        unroll = not x.type.uniform or _is_known(x.type.items[0])
+        if x.parts is not None and not unroll and n > UNROLLED:
+            x = Value(x.type, self.placed(x), again=True)
+        return Iteration(constant(n), lambda k: self.indexed_by(x, k), unroll, source=x)  # type: ignore[arg-type]
+
+    def over_text(self, value: Value) -> Iteration:
+        x = self.temporary(value)
+        count = Value(I, f"(int64_t)strlen({x.code})", low=0, high=1 << 30)
+        return Iteration(
+            self.temporary(count),
+            lambda k: Value(I, f"(int64_t)(unsigned char){x.code}[{k.code}]", UNARY, low=0,
+                            high=255),
+        )  # fmt: skip
+
+    def indexed_by(self, x: Value, k: Value) -> Value:
+        if k.is_const:
+            return self.element_at(x, k.const)
+        return self.at(x, k.code)
+
+    def over_range(self, node: ast.Call) -> Iteration:
+        args = node.args
+        values = [self.some(v) for v in self.in_order(args)]
+        if any(v.type not in (I, B) for v in values):
+            raise self.refuse(node, "a range of this", "of integers")
+        values = [v if v.is_const else self.temporary(replace(v, as_float=None)) for v in values]
+        zero, one = constant(0), constant(1)
+        assert zero and one
+        start = values[0] if len(values) > 1 else zero
+        stop = values[1] if len(values) > 1 else values[0]
+        step = values[2] if len(values) > 2 else one
+        if not step.is_const or not step.const:
+            raise self.refuse(node, "a range with this step", "a constant step")
+        s = step.const
+        if start.is_const and stop.is_const:
+            count = constant(len(range(start.const, stop.const, s)))
+        else:
+            high = self.span(args, start, stop)
+            high = None if high is None else max(-(-high // s), 0)
+            if s == 1:
+                code = f"py_count({start.code}, {stop.code})"
+            else:
+                code = f"py_count_by({start.code}, {stop.code}, {s})"
+            count = self.temporary(Value(I, code, low=0, high=high))
+        assert count
+
+        def item(k: Value) -> Value:
+            low = high = None
+            if start.low is not None and start.high is not None and count.high is not None:
+                last = (count.high - 1) * s
+                low, high = start.low + min(0, last), start.high + max(0, last)
+            if stop.high is not None and s > 0 and start.low is not None:
+                low = start.low if low is None else low
+                high = stop.high - 1 if high is None else min(high, stop.high - 1)
+            if k.is_const and start.is_const:
+                return constant(start.const + s * k.const)  # type: ignore[return-value]
+            text = k.code if s == 1 else f"{s} * {k.code}"
+            if start.is_const and start.const == 0:
+                code, binds = text, (k.binds if s == 1 else MUL)
+            else:
+                code, binds = f"{start.code} + {text}", 70
+            return Value(I, code, binds, low=low, high=high, again=k.again and s == 1 and
+                         start.is_const and start.const == 0)  # fmt: skip
+
+        return Iteration(count, item, start=start, step=s)
+
+    def span(self, args: Sequence[ast.expr], start: Value, stop: Value) -> int | None:
+        """The most that the ends of a range are apart."""
+        if stop.high is not None and start.low is not None:
+            return stop.high - start.low
+        if len(args) < 2:
+            return None
+        total = 0
+        terms = _sum(self.linear(args[1]), self.linear(args[0]), -1)
+        found: dict[str, ast.expr] = {}
+        for a in args[:2]:
+            for e in ast.walk(a):
+                if isinstance(e, ast.expr):
+                    found[ast.dump(e)] = e
+        for text, factor in terms.items():
+            if not factor:
+                continue
+            if not text:
+                total += factor
+                continue
+            value = self.quiet(found[text])
+            edge = None if value is None else (value.high if factor > 0 else value.low)
+            if edge is None:
+                return None
+            total += factor * edge
+        return total
+
+    def over_enumerate(self, node: ast.Call) -> Iteration:
+        inner = self.iteration(node.args[0])
+        extra = node.args[1] if len(node.args) > 1 else next(
+            (k.value for k in node.keywords if k.arg == "start"), None
+        )  # fmt: skip
+        first = self.expression(extra) if extra is not None else constant(0)
+        assert first
+
+        def item(k: Value) -> Value:
+            index = self.binary(node, ast.Add, k, first) if not (
+                first.is_const and first.const == 0
+            ) else k  # fmt: skip
+            return self.tuple_of([index, inner.item(k)])
+
+        return Iteration(inner.count, item, inner.unroll)
+
+    def over_reversed(self, node: ast.Call) -> Iteration:
+        inner = self.iteration(node.args[0])
+
+        def item(k: Value) -> Value:
+            if k.is_const and inner.fixed is not None:
+                return inner.item(constant(inner.fixed - 1 - k.const))  # type: ignore[arg-type]
+            return inner.item(Value(I, f"{inner.count.code} - 1 - {k.code}", 70))
+
+        return Iteration(inner.count, item, inner.unroll)
+
+    def over_map(self, node: ast.Call) -> Iteration:
+        function, *rest = node.args
+        (argument,) = rest
+        inner = self.iteration(argument)
+        return Iteration(inner.count, lambda k: self.keyed(node, function, inner.item(k)),
+                         inner.unroll)  # fmt: skip
+
+    def over_zip(self, node: ast.Call) -> Iteration:
+        strict = any(
+            k.arg == "strict" and isinstance(k.value, ast.Constant) and k.value.value
+            for k in node.keywords
+        )
+        if len(node.args) == 1 and isinstance(node.args[0], ast.Starred):
+            return self.over_columns(node, node.args[0].value)
+        inner = [self.iteration(a) for a in node.args]
+        fixed = {i.fixed for i in inner}
+        count = inner[0].count
+        if len(fixed) > 1 or None in fixed:
+            if not strict:
+                raise self.refuse(node, "zip of tuples of unknown length", "zip(..., strict=True)")
+            if None not in fixed:
+                raise self.refuse(node, f"zip of {sorted(fixed)} elements", "of as many")  # type: ignore[type-var]
+            for other in inner[1:]:
+                self.line(f"py_same_length({count.code}, {other.count.code});")
+            known = [i.count for i in inner if i.fixed is not None]
+            count = known[0] if known else min(
+                (i.count for i in inner), key=lambda c: 1 << 60 if c.high is None else c.high
+            )  # fmt: skip
+        return Iteration(
+            count, lambda k: self.tuple_of([i.item(k) for i in inner]), any(i.unroll for i in inner)
+        )
+
+    def over_columns(self, node: ast.AST, argument: ast.expr) -> Iteration:
+        """zip(*rows): the columns."""
+        rows = self.temporary(self.collected(self.iteration(argument), argument))
+        if isinstance(rows.type, List) and rows.parts is None:
+            item = rows.type.item
+            if not isinstance(item, Tuple) or not item.uniform:
+                raise self.refuse(node, "columns of such rows", "of rows of one type")
+
+            def column(k: Value) -> Value:
+                t = List(element(item), rows.type.most)
+                name, r = self.fresh("column"), self.fresh("r")
+                self.line(f"{self.program.names(t)} {name} = {{.n = {rows.code}.n}};")
+                self.line(f"for (int64_t {r} = 0; {r} < {rows.code}.n; {r}++) "
+                          f"{name}.e[{r}] = {rows.code}.e[{r}].e[{k.code}];")  # fmt: skip
+                return Value(t, name, again=True)
+
+            return Iteration(constant(most(item)), column)  # type: ignore[arg-type]
+        n = len(rows.parts) if rows.parts is not None else most(rows.type)
+        parts = [self.element_at(rows, k) for k in range(n)]
+        sizes = {len(p.parts) if p.parts is not None else most(p.type) for p in parts}
+        if len(sizes) != 1:
+            raise self.refuse(node, "columns of rows of different lengths", "of equal ones")
+        parts = [self.temporary(p) for p in parts]
+        return Iteration(
+            constant(sizes.pop()),  # type: ignore[arg-type]
+            lambda k: self.tuple_of([self.indexed_by(p, k) for p in parts]),
+            unroll=True,
+        )
+
+    def run(
+        self, iteration: Iteration, body: Callable[[Value], None], stop: str = "", hint: str = "k",
+    ) -> None:  # fmt: skip
+        """Write a loop: the body once where it is one of C, else once for each pass."""
+        if iteration.unroll or (iteration.fixed is not None and iteration.fixed <= 1):
+            for k in range(iteration.fixed or 0):
+                if stop and k:
+                    self.line(f"if ({stop}) {{")
+                    self.level += 1
+                body(iteration.item(constant(k)))  # type: ignore[arg-type]
+                if stop and k:
+                    self.level -= 1
+                    self.line("}")
+            return
+        k = self.fresh(hint)
+        test = (
+            f"{stop} && {k} < {iteration.count.code}" if stop else f"{k} < {iteration.count.code}"
+        )
+        self.line(f"for (int64_t {k} = 0; {test}; {k}++) {{")
+        self.level += 1
+        top = iteration.most
+        index = Value(I, k, again=True, low=0, high=None if top is None else max(top - 1, 0))
+        body(iteration.item(index))
+        self.level -= 1
+        self.line("}")
+
+    def comprehended(self, node: Any, body: Callable[[Value], None], stop: str = "") -> None:
+        """Write the loops of a comprehension around a body that gets its elements."""
+
+        def inner(generators: Sequence[ast.comprehension]) -> None:
+            if not generators:
+                body(self.expression(node.elt))
+                return
+            (first, *rest) = generators
+            iteration = self.iteration(first.iter)
+
+            def one(item: Value) -> None:
+                saved = dict(self.bound)
+                self.bind(first.target, item, iteration.unroll)
+                tests = [self.condition(c) for c in first.ifs]
+                if tests:
+                    text = " && ".join(t.within(21) for t in tests)
+                    self.line(f"if ({text}) {{")
+                    self.level += 1
+                inner(rest)
+                if tests:
+                    self.level -= 1
+                    self.line("}")
+                self.bound = saved
+
+            self.run(iteration, one, stop)
+
+        inner(node.generators)
+
+    def bind(self, target: ast.expr, item: Value, unrolled: bool) -> None:
+        """Give the names of a comprehension's target their values."""
+        if isinstance(target, ast.Name):
+            if target.id == "_":
+                return
+            if not item.again:
+                item = self.temporary(item, hint=safe(target.id))
+            self.bound[target.id] = item
+            return
+        if isinstance(target, (ast.Tuple, ast.List)):
+            if any(isinstance(e, ast.Starred) for e in target.elts):
+                raise self.refuse(target, "* in a target", "a name for each")
+            parts = self.elements(item, len(target.elts), target)
+            for t, part in zip(target.elts, parts, strict=True):
+                self.bind(t, part, unrolled)
+            return
+        raise self.refuse(target, "this target", "names")
+
+    def comprehension(self, node: Any) -> Value:
+        """A comprehension as a tuple."""
+        size: int | None = 1
+        whole = True
+        if len(node.generators) == 1 or all(not g.ifs for g in node.generators):
+            counts = self.counted(node)
+            whole = counts is not None and not any(g.ifs for g in node.generators)
+            if whole and counts is not None and (counts[0] <= UNROLLED or counts[1]):
+                parts: list[Value] = []
+                unrolled = Unrolled(self)
+                unrolled.collect(node, parts)
+                return self.tuple_of(parts)
+            if counts is not None:
+                size = counts[0]
+        return self.gathered(
+            node, lambda body: self.comprehended(node, body), size if whole else None, whole
+        )
+
+    _generatorexp = _listcomp = comprehension
+
+    def counted(self, node: Any) -> tuple[int, bool] | None:
+        """How many elements a comprehension has without its conditions, and whether it must be
+        written out; None where that is not known."""
+        outer, saved, level = self.out, dict(self.bound), self.level
+        counts = dict(self.counts)
+        self.out = []
+        try:
+            total, unroll = 1, False
+            for g in node.generators:
+                iteration = self.iteration(g.iter)
+                if iteration.fixed is None:
+                    return None
+                total *= iteration.fixed
+                unroll = unroll or iteration.unroll
+                if iteration.fixed:
+                    self.bind(g.target, iteration.item(constant(0)), True)  # type: ignore[arg-type]
+            return total, unroll
+        finally:
+            self.out, self.bound, self.level, self.counts = outer, saved, level, counts
+
+    def gathered(
+        self, node: ast.AST, loops: Callable[[Callable[[Value], None]], None], size: int | None,
+        whole: bool = False,
+    ) -> Value:  # fmt: skip
+        """What loops give, in a tuple; `whole`: it has `size` elements."""
+        name = self.fresh("all")
+        mark, level = len(self.out), self.level
+        types: list[Type] = []
+        holes: list[int] = []
+        limits: list[int | None] = [1]
+
+        def body(item: Value) -> None:
+            item = replace(item, type=item.type)
+            t = item.type
+            if isinstance(t, Tuple) and item.parts is not None:
+                t = Tuple(t.items, t.names)
+            types.append(t)
+            self.line(f"@{name}@{self.code(item)}")
+            holes.append(len(self.out) - 1)
+
+        original = self.run
+
+        def run(iteration: Iteration, inner: Any, stop: str = "", hint: str = "k") -> None:
+            top = iteration.most
+            limits[0] = None if top is None or limits[0] is None else limits[0] * top
+            original(iteration, inner, stop, hint)
+
+        self.run = run  # type: ignore[method-assign]
+        try:
+            loops(body)
+        finally:
+            self.run = original  # type: ignore[method-assign]
+        found: Type = NEVER
+        for t in types:
+            found = join(found, t)
+        limit = size if whole else limits[0]
+        if self.most_wanted is not None:
+            limit = self.most_wanted if limit is None else min(limit, self.most_wanted)
+        if limit is None or found == NEVER:
+            raise self.refuse(node, "a tuple that may get any length",
+                              "Annotated[tuple[...], MOST], or a range with an end")  # fmt: skip
+        result: Type = Tuple((found,) * limit) if whole and size else List(found, limit)
+        text = self.program.names(result)
+        one = any(t != found for t in types)
+        for hole in holes:
+            line = self.out[hole]
+            indent, _, code = line.partition(f"@{name}@")
+            if one:
+                raise self.refuse(node, "elements of different types", "keep to one type")
+            if isinstance(result, Tuple):
+                self.out[hole] = f"{indent}{name}.e[{name}_n++] = {code};"
+            else:
+                self.out[hole] = f"{indent}{name}.e[py_room({name}.n++, {limit})] = {code};"
+        if isinstance(result, Tuple):
+            self.out.insert(mark, "    " * level + f"int64_t {name}_n = 0;")
+            self.out.insert(mark, "    " * level + f"{text} {name};")
+        else:
+            self.out.insert(mark, "    " * level + f"{text} {name} = {{0}};")
+        return Value(result, name, again=True)
+
+
+def address(code: str) -> str:
+    """The address of a variable, of which the code may be `(*name)`."""
+    inside = code[2:-1]
+    return inside if code.startswith("(*") and inside.isidentifier() else f"&{code}"
+
+
+def _is_known(t: Type) -> bool:
+    """True for text and functions, which exist while translating."""
+    if isinstance(t, Tuple):
+        return any(map(_is_known, t.items))
+    return t == S or isinstance(t, Function)
+
+
+class Unrolled:
+    """A comprehension written out, element by element."""
+
+    def __init__(self, calls: Calls) -> None:
+        self.calls = calls
+
+    def collect(self, node: Any, parts: list[Value], depth: int = 0) -> None:
+        calls = self.calls
+        if depth == len(node.generators):
+            parts.append(calls.expression(node.elt))
+            return
+        g = node.generators[depth]
+        iteration = calls.iteration(g.iter)
+        for k in range(iteration.fixed or 0):
+            saved = dict(calls.bound)
+            calls.bind(g.target, iteration.item(constant(k)), True)  # type: ignore[arg-type]
+            self.collect(node, parts, depth + 1)
+            calls.bound = saved
+
+
+_ = (ATOM, LESS, U, NONE, Later)

@@ -1,0 +1,742 @@
+"""One function of the subset, for given types of its arguments, to one function of C."""
+
+from __future__ import annotations
+
+import ast
+import re
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+from .calls import UNROLLED, Calls, Iteration, RangeOf
+from .expressions import Known, Later, safe_field
+from .source import of_annotation
+from .types import (
+    NEVER,
+    NONE,
+    Callee,
+    Function,
+    I,
+    List,
+    Maybe,
+    S,
+    Tuple,
+    Type,
+    Unjoinable,
+    element,
+    hidden,
+    join,
+    most,
+    safe,
+    shown,
+)
+from .value import Value, constant
+
+RAISES = {
+    "BlockError": "PY_BLOCK_ERROR", "ValueError": "PY_VALUE_ERROR", "TypeError": "PY_TYPE_ERROR",
+    "ZeroDivisionError": "PY_ZERO_DIVISION", "OverflowError": "PY_OVERFLOW",
+    "IndexError": "PY_INDEX_ERROR", "RuntimeError": "PY_RUNTIME_ERROR",
+    "ArithmeticError": "PY_ZERO_DIVISION, PY_OVERFLOW",
+}  # fmt: skip
+CAUGHT = {
+    "BlockError": "1 << PY_BLOCK_ERROR",
+    "ValueError": "1 << PY_BLOCK_ERROR | 1 << PY_VALUE_ERROR",
+    "ZeroDivisionError": "1 << PY_ZERO_DIVISION",
+    "OverflowError": "1 << PY_OVERFLOW",
+    "ArithmeticError": "1 << PY_ZERO_DIVISION | 1 << PY_OVERFLOW",
+    "IndexError": "1 << PY_INDEX_ERROR",
+}
+BY_ADDRESS = 64
+"""Arguments larger than that (bytes) are handed over by their address."""
+
+
+class Translation(Calls):
+    """One pass over the body of a function."""
+
+    def __init__(self, spec: Any, program: Any) -> None:
+        self.spec, self.program = spec, program
+        self.out, self.level = [], 1
+        self.counts = {}
+        self.types = dict(spec.variables)
+        self.bound = {}
+        self.bounds = {}
+        self.sure = set()
+        self.conditions = set()
+        self.ended = False
+        self.effects = False
+        self.changed = False
+        self.declared: set[str] = set()
+        self.tries = 0
+        self.wanted: dict[str, int] = {}
+        self.loops: list[bool] = []
+        self.said = spec.node.lineno
+        for (name, t), const in zip(spec.arguments, spec.consts, strict=True):
+            if const is not None:
+                self.bound[name] = constant(const)  # type: ignore[assignment]
+            elif isinstance(t, Function):
+                code = "" if hidden(t) else self.local(name)
+                self.bound[name] = Value(t, code, again=True)
+            else:
+                self.types[name] = join(t, self.types.get(name, NEVER))
+                self.declared.add(name)
+        for name, t in spec.callee.captured:
+            if name == "self":
+                continue
+            at = f"all->{safe(name)}"
+            if isinstance(t, Function) and len(t.callees) == 1 and not t.callees[0].captured:
+                at = ""
+            self.bound[name] = Value(t, at, again=True)
+
+    def widened(self) -> None:
+        """A parameter that gets values of another type is copied to a variable of that type."""
+        for name, t in self.spec.arguments:
+            final = self.spec.variables.get(name, t)
+            if final != t and name not in self.bound:
+                self.line(f"{self.program.names(final)} {safe(name)} = "
+                          f"{self.convert(Value(t, f'{safe(name)}_given', again=True), final)};")  # fmt: skip
+
+    def local(self, name: str) -> str:
+        if name in self.spec.by_address:
+            return f"(*{safe(name)})"
+        return safe(name)
+
+    # --- statements -------------------------------------------------------------------------------
+
+    def block(self, body: Sequence[ast.stmt]) -> bool:
+        """Write statements; True when the end cannot be reached."""
+        for statement in body:
+            if self.ended:
+                self.ended = False
+                return True
+            self.comments(statement)
+            self.statement(statement)
+        ended, self.ended = self.ended, False
+        return ended
+
+    def comments(self, node: ast.stmt) -> None:
+        last = node.end_lineno or node.lineno
+        if isinstance(node, (ast.If, ast.For, ast.While, ast.Try, ast.FunctionDef)):
+            last = node.body[0].lineno - 1
+        for text in self.spec.source.comments(self.said + 1, last):
+            self.line(f"/* {text} */")
+        self.said = max(self.said, last)
+
+    def statement(self, node: ast.stmt) -> None:
+        method = getattr(self, f"do_{type(node).__name__.lower()}", None)
+        if method is None:
+            raise self.refuse(node, f"a {type(node).__name__.lower()} statement",
+                              "plain assignments, if, for, while, return, raise")  # fmt: skip
+        method(node)
+
+    def do_pass(self, node: ast.Pass) -> None:
+        pass
+
+    def do_expr(self, node: ast.Expr) -> None:
+        if isinstance(node.value, ast.Constant):
+            return
+        value = self.expression(node.value)
+        if value.code and not value.again and value.type not in (NONE, NEVER):
+            self.line(f"(void)({value.code});")
+
+    def do_annassign(self, node: ast.AnnAssign) -> None:
+        size = self.program.most_of(node.annotation, self.spec.globals)
+        if size is not None:
+            if isinstance(node.target, ast.Name):
+                self.wanted[node.target.id] = size
+            elif isinstance(node.target, ast.Attribute):
+                self.program.wanted[node.target.attr] = size
+        if node.value is None:
+            return
+        self.most_wanted = size
+        value = self.expression(node.value)
+        self.most_wanted = None
+        item = optional(node.annotation, self.spec.globals)
+        if item is not None and value.type == NONE:
+            value = Value(Maybe(item), f"({self.program.names(Maybe(item))}){{0}}")
+        self.assign(node.target, value)
+
+    def do_assign(self, node: ast.Assign) -> None:
+        (first, *_) = node.targets
+        if isinstance(first, ast.Name) and first.id in self.wanted:
+            self.most_wanted = self.wanted[first.id]
+        if isinstance(first, ast.Attribute) and first.attr in self.program.wanted:
+            self.most_wanted = self.program.wanted[first.attr]
+        value = self.expression(node.value)
+        self.most_wanted = None
+        if isinstance(node.value, ast.Name) and isinstance(first, ast.Name) and isinstance(
+            value.type, Tuple
+        ):  # fmt: skip
+            for name in (node.value.id, first.id):
+                if name in self.spec.changed_in_place:
+                    raise self.refuse(node, f"a second name for the list {name}",
+                                      "list(...) copies it")  # fmt: skip
+        if len(node.targets) > 1:
+            value = self.temporary(value)
+        for target in reversed(node.targets) if len(node.targets) > 1 else node.targets:
+            self.assign(target, value)
+
+    def do_augassign(self, node: ast.AugAssign) -> None:
+        load = ast.copy_location(_load(node.target), node)
+        if isinstance(node.target, ast.Name) and node.target.id in self.wanted:
+            self.most_wanted = self.wanted[node.target.id]
+        made = ast.copy_location(ast.BinOp(load, node.op, node.value), node)
+        if (
+            isinstance(node.target, ast.Name)
+            and node.target.id in self.types
+            and (self.types[node.target.id] == S)
+        ):
+            joined = ast.JoinedStr(
+                [ast.FormattedValue(load, -1, None), ast.FormattedValue(node.value, -1, None)]
+            )
+            value = self.expression(ast.copy_location(joined, node))
+        else:
+            value = self.expression(made)
+        self.most_wanted = None
+        self.assign(node.target, value)
+
+    def assign(self, target: ast.expr, value: Value) -> None:
+        """Assign a value to a name, a field, an element, or one after the other to several."""
+        if isinstance(target, ast.Name):
+            self.store(target, value)
+        elif isinstance(target, ast.Attribute):
+            if not self.is_self(target.value):
+                raise self.refuse(target, "an assignment to a field of this", "fields of self")
+            self.store_field(target, value)
+        elif isinstance(target, ast.Subscript):
+            self.store_element(target, value)
+        elif isinstance(target, (ast.Tuple, ast.List)):
+            if any(isinstance(e, ast.Starred) for e in target.elts):
+                raise self.refuse(target, "* in a target", "a name for each")
+            n = len(target.elts)
+            parts = self.elements(value, n, target)
+            names = [self.target_code(e) for e in target.elts]
+            for k, part in enumerate(parts):
+                if any(c and _mentions(self.text_of(part), c) for c in names[:k]):
+                    parts = [self.pin(p) for p in parts]
+                    break
+            for e, part in zip(target.elts, parts, strict=True):
+                self.assign(e, part)
+        else:
+            raise self.refuse(target, "this target", "names and fields of self")
+
+    def pin(self, value: Value) -> Value:
+        if value.is_const or value.type in (NONE, NEVER) or isinstance(value.type, Known):
+            return value
+        if value.parts is not None:
+            return replace(value, parts=tuple(self.pin(p) for p in value.parts))
+        if self.is_fixed(value):
+            return value
+        return self.temporary(replace(value, again=False))
+
+    def text_of(self, value: Value) -> str:
+        if value.parts is not None:
+            return " ".join(self.text_of(p) for p in value.parts)
+        return value.code
+
+    def target_code(self, target: ast.expr) -> str:
+        if isinstance(target, ast.Name):
+            return self.local(target.id)
+        if isinstance(target, ast.Attribute):
+            return f"self->{safe_field(target.attr)}"
+        if isinstance(target, ast.Subscript):
+            return self.target_code(target.value)
+        return ""
+
+    def store(self, target: ast.Name, value: Value) -> None:
+        name = target.id
+        if name == "_":
+            return
+        self.sure.discard(name)
+        if name in self.bound:
+            if name in dict(self.spec.callee.captured):
+                raise self.refuse(target, f"{name} belongs to the function around",
+                                  "a name of its own")  # fmt: skip
+            del self.bound[name]
+        if isinstance(value.type, Known) or (
+            isinstance(value.type, Function) and len(value.type.callees) == 1
+        ):
+            if name in self.types:
+                raise self.refuse(target, f"{name} was a number before", "another name")
+            if not (isinstance(value.type, Function) and self.spec.stores[name] > 1):
+                self.bound[name] = value
+                return
+        if value.is_const and self.spec.stores[name] == 1 and name not in self.types and (
+            value.type in (S, I) or isinstance(value.type, (Tuple, List))
+        ) and name not in self.spec.changed_in_place:  # fmt: skip
+            self.bound[name] = value
+            return
+        old = self.types.get(name, NEVER)
+        t = self.kept(old, value.type, self.wanted.get(name), target, name)
+        given = dict(self.spec.arguments).get(name)
+        if given == I and t != I and t != F:
+            raise self.refuse(target, f"{name} is an integer and then a 64-bit mask",
+                              "another name")  # fmt: skip
+        if t != self.spec.variables.get(name):
+            self.changed = True
+            self.spec.variables[name] = t
+        self.types[name] = t
+        if t == NONE or t == NEVER:
+            return
+        final = self.spec.variables[name]
+        if isinstance(final, List) and final.item == NEVER:
+            return
+        text = self.convert(value, final, target)
+        self.bounds[name] = (None, None)
+        if value.type == I and name not in self.spec.in_loops and self.spec.stores[name] == 1:
+            self.bounds[name] = (value.low, value.high)
+        if name not in self.declared:
+            if self.level == 1 + self.tries or name in self.spec.inline.get(id(target), ()):
+                self.declared.add(name)
+                const = "const " if self.spec.stores[name] == 1 else ""
+                const = "" if name in self.spec.changed_in_place else const
+                names = self.program.names(final)
+                const = "" if names.startswith("const") else const
+                self.line(f"{const}{names} {safe(name)} = {text};")
+                return
+            self.spec.hoisted.add(name)
+        self.line(f"{self.local(name)} = {text};")
+
+    def kept(self, old: Type, new: Type, limit: int | None, node: ast.AST, name: str) -> Type:
+        """The type of a variable that gets another value."""
+        try:
+            t = join(old, new)
+        except Unjoinable as error:
+            raise self.refuse(node, f"{name} is {error}", "keep to one type") from None
+        if limit is not None and isinstance(t, (List, Tuple)):
+            item = NEVER if isinstance(t, List) and t.most == 0 else element(t)
+            t = List(item, limit)
+        elif (
+            isinstance(t, List)
+            and isinstance(old, List)
+            and t.most > old.most > 0
+            and (t.most > 4096)
+        ):
+            raise self.refuse(node, f"{name} grows", "Annotated[tuple[...], MOST]")
+        return t
+
+    def store_field(self, target: ast.Attribute, value: Value) -> None:
+        name = target.attr
+        program = self.program
+        self.effects = True
+        self.sure.discard(f"self.{name}")
+        if isinstance(value.type, (Known, Function)) or _has_function(value.type):
+            raise self.refuse(target, f"self.{name} keeps a function", "numbers and tuples")
+        declared = program.declared.get(name)
+        old = program.fields.get(name, NEVER)
+        if declared is None:
+            t = self.kept(old, value.type, program.wanted.get(name), target, f"self.{name}")
+            if t != old:
+                program.fields[name] = t
+                program.changed = True
+                program.unsettled = f"self.{name}"
+            if isinstance(t, List) and t.item == NEVER or t in (NONE, NEVER):
+                return
+        else:
+            t = declared
+        self.line(f"self->{safe_field(name)} = {self.convert(value, t, target)};")
+
+    def store_element(self, target: ast.Subscript, value: Value) -> None:
+        if not isinstance(target.value, ast.Name):
+            raise self.refuse(target, "an element of this", "of a list with a name")
+        name = target.value.id
+        value = self.temporary(value) if not value.again else value
+        x = self.expression(target.value)
+        if x.code != self.local(name) or not isinstance(x.type, (Tuple,)):
+            raise self.refuse(target, f"an element of {name} is changed", "of a list made here")
+        index = self.expression(target.slice)
+        n = most(x.type)
+        item = element(x.type)
+        wider = join(item, value.type)
+        if wider != item:
+            self.spec.variables[name] = Tuple((wider,) * n)
+            self.types[name] = self.spec.variables[name]
+            self.changed = True
+        if not x.type.uniform:
+            self.changed = True
+            return
+        if index.is_const:
+            if not -n <= index.const < n:
+                raise self.refuse(target, f"index {index.const} of {n}", "one that is there")
+            k = str(index.const % n)
+        else:
+            k = self.checked(index, constant(n))  # type: ignore[arg-type]
+        self.line(f"{x.code}.e[{k}] = {self.convert(value, wider, target)};")
+
+    def do_return(self, node: ast.Return) -> None:
+        value = constant(None) if node.value is None else self.expression(node.value)
+        assert value is not None
+        if node.value is not None and self.ended:
+            return
+        t = value.type
+        if isinstance(t, Known):
+            if not isinstance(t.thing, RangeOf):
+                raise self.refuse(node, "this is returned", "numbers and tuples")
+            raise self.refuse(node, "a range is returned", "a tuple")
+        self.spec.give(t, self, node)
+        self.ended = True
+        if self.spec.result in (NONE, NEVER):
+            if value.code and t not in (NONE, NEVER):
+                self.line(f"{value.code};")
+            for _ in range(self.tries):
+                self.line("py_end_try();")
+            self.line("return;")
+            return
+        text = self.convert(value, self.spec.result, node)
+        if self.spec.memo:
+            self.line(f"memo.value = {text};")
+            self.line("memo.known = true;")
+            self.line("return &memo.value;")
+            return
+        if self.tries:
+            self.line(f"const {self.program.names(self.spec.result)} given = {text};")
+            text = "given"
+        for _ in range(self.tries):
+            self.line("py_end_try();")
+        self.line(f"return {text};")
+
+    def do_raise(self, node: ast.Raise) -> None:
+        match node.exc:
+            case ast.Call(func=ast.Name(id=name), args=[text]) if name in RAISES:
+                value = self.expression(text)
+                self.line(f"py_raise({RAISES[name]}, {value.code});")
+                self.ended = True
+                return
+        raise self.refuse(node, "raise of this", "raise BlockError(text), or self.fail(text)")
+
+    def do_if(self, node: ast.If) -> None:
+        test = self.condition(node.test)
+        yes, no = self.certain(node.test)
+        if test.is_const:
+            self.ended = self.block(node.body if test.const else node.orelse)
+            return
+        before = set(self.sure)
+        known = set(self.declared)
+        bounds = dict(self.bounds)
+        self.line(f"if ({test.code}) {{")
+        self.sure = before | yes
+        self.level += 1
+        first = self.block(node.body)
+        self.level -= 1
+        after_yes = set(self.sure)
+        self.declared = known | (self.declared & self.spec.top)
+        self.sure = before | no
+        if node.orelse:
+            self.line("} else {")
+            self.level += 1
+            second = self.block(node.orelse)
+            self.level -= 1
+            self.declared = known | (self.declared & self.spec.top)
+        else:
+            second = False
+        self.line("}")
+        after_no = set(self.sure)
+        self.bounds = {k: v for k, v in self.bounds.items() if bounds.get(k) == v or
+                       self.spec.stores[k] == 1}  # fmt: skip
+        self.sure = after_no if first else after_yes if second else after_yes & after_no
+        self.ended = first and second
+
+    def do_while(self, node: ast.While) -> None:
+        if node.orelse:
+            raise self.refuse(node, "else of a loop", "a variable")
+        self.forget(node)
+        mark = len(self.out)
+        self.level += 1
+        test = self.condition(node.test)
+        pre = self.out[mark:]
+        del self.out[mark:]
+        self.level -= 1
+        endless = test.is_const and bool(test.const)
+        if endless:
+            self.line("for (;;) {")
+        elif pre:
+            self.line("for (;;) {")
+            self.out += pre
+            self.line(f"    if (!({test.code})) break;")
+        else:
+            self.line(f"while ({test.code}) {{")
+        self.level += 1
+        before = set(self.sure)
+        self.sure |= self.certain(node.test)[0]
+        self.loops.append(True)
+        known = set(self.declared)
+        self.block(node.body)
+        self.declared = known | (self.declared & self.spec.top)
+        self.loops.pop()
+        self.sure = before & self.sure
+        self.level -= 1
+        self.line("}")
+        self.ended = endless and not any(isinstance(n, ast.Break) for n in _own(node.body))
+
+    def forget(self, node: ast.stmt) -> None:
+        """Within a loop nothing is sure of what the loop assigns."""
+        for n in ast.walk(node):
+            if isinstance(n, ast.Name) and isinstance(n.ctx, ast.Store):
+                self.sure.discard(n.id)
+                self.bounds.pop(n.id, None)
+            if isinstance(n, ast.Attribute) and isinstance(n.ctx, ast.Store):
+                self.sure.discard(f"self.{n.attr}")
+
+    def do_for(self, node: ast.For) -> None:
+        if node.orelse:
+            raise self.refuse(node, "else of a loop", "a variable")
+        iteration = self.iteration(node.iter)
+        self.forget(node)
+        if (
+            iteration.source is not None
+            and not iteration.source.is_const
+            and _changes(node, iteration.source.code)
+        ):
+            source = self.temporary(replace(iteration.source, again=False), hint="over")
+            iteration = self.over_value(node.iter, source)
+        names = [n.id for n in ast.walk(node.target) if isinstance(n, ast.Name) and n.id != "_"]
+        stored = {n.id for s in node.body for n in ast.walk(s)
+                  if isinstance(n, ast.Name) and isinstance(n.ctx, ast.Store)}  # fmt: skip
+        free = not any(n in stored or self.spec.used_after(node, n) or n in self.types
+                       or self.spec.outside_of(node, n) for n in names)  # fmt: skip
+        breaks = any(isinstance(n, (ast.Break, ast.Continue)) for n in _own(node.body))
+        if iteration.unroll and breaks:
+            raise self.refuse(node, "break or continue over a mixed tuple", "over equal elements")
+        if iteration.unroll or (iteration.fixed is not None and iteration.fixed <= 1
+                                and not breaks and free):  # fmt: skip
+            for k in range(iteration.fixed or 0):
+                self.one_pass(node, iteration, constant(k), True)  # type: ignore[arg-type]
+                if self.ended:
+                    break
+            self.ended = False
+            return
+        simple = isinstance(node.target, ast.Name) and free and iteration.start is not None
+        if simple and node.target.id != "_":  # type: ignore[attr-defined]
+            self.counting(node, iteration)
+            return
+        k = self.fresh("k")
+        self.line(f"for (int64_t {k} = 0; {k} < {iteration.count.code}; {k}++) {{")
+        self.level += 1
+        top = iteration.most
+        index = Value(I, k, again=True, low=0, high=None if top is None else max(top - 1, 0))
+        self.one_pass(node, iteration, index, free)
+        self.ended = False
+        self.level -= 1
+        self.line("}")
+
+    def counting(self, node: ast.For, iteration: Iteration) -> None:
+        """for i in range(...): a loop of C over the same name."""
+        assert isinstance(node.target, ast.Name) and iteration.start is not None
+        name, step, start = node.target.id, iteration.step, iteration.start
+        k = safe(name)
+        zero = start.is_const and start.const == 0 and step == 1
+        if zero:
+            end = iteration.count.code
+            self.line(f"for (int64_t {k} = 0; {k} < {end}; {k}++) {{")
+        else:
+            count = self.fresh("k")
+            self.line(f"for (int64_t {count} = 0; {count} < {iteration.count.code}; {count}++) {{")
+            self.level += 1
+            item = iteration.item(Value(I, count, again=True, low=0, high=iteration.most))
+            self.line(f"const int64_t {k} = {item.code};")
+            self.level -= 1
+        top = iteration.most
+        first = Value(I, k, again=True, low=0, high=None if top is None else max(top - 1, 0))
+        bounds = iteration.item(first)
+        self.bound[name] = Value(I, k, again=True, low=bounds.low, high=bounds.high)
+        self.level += 1
+        before = set(self.sure)
+        self.loops.append(True)
+        known = set(self.declared)
+        self.block(node.body)
+        self.declared = known | (self.declared & self.spec.top)
+        self.ended = False
+        self.loops.pop()
+        self.sure &= before
+        self.level -= 1
+        self.bound.pop(name, None)
+        self.line("}")
+
+    def one_pass(self, node: ast.For, iteration: Iteration, k: Value, free: bool) -> None:
+        """The body of a loop, with what the target gets at pass k."""
+        saved, sure = dict(self.bound), set(self.sure)
+        known = set(self.declared)
+        item = iteration.item(k)
+        if free:
+            self.bind(node.target, item, True)
+        else:
+            self.assign(node.target, item)
+        self.loops.append(True)
+        self.ended = self.block(node.body)
+        self.loops.pop()
+        self.declared = known | (self.declared & self.spec.top)
+        names = {n.id for n in ast.walk(node.target) if isinstance(n, ast.Name)}
+        self.bound = {n: v for n, v in self.bound.items() if n in saved or n not in names}
+        self.bound.update({n: v for n, v in saved.items() if n in names})
+        self.sure &= sure
+
+    def do_break(self, node: ast.Break) -> None:
+        self.line("break;")
+        self.ended = True
+
+    def do_continue(self, node: ast.Continue) -> None:
+        self.line("continue;")
+        self.ended = True
+
+    def do_try(self, node: ast.Try) -> None:
+        if node.finalbody or node.orelse or len(node.handlers) != 1:
+            raise self.refuse(node, "this try", "one except, no else, no finally")
+        (handler,) = node.handlers
+        kinds = handler.type.elts if isinstance(handler.type, ast.Tuple) else [handler.type]
+        masks = []
+        for kind in kinds:
+            if not isinstance(kind, ast.Name) or kind.id not in CAUGHT:
+                raise self.refuse(handler, "except of this", f"of {', '.join(CAUGHT)}")
+            masks.append(CAUGHT[kind.id])
+        frame = self.fresh("frame")
+        self.line(f"py_frame {frame};")
+        self.line(f"if (PY_TRY({frame})) {{")
+        self.level += 1
+        self.tries += 1
+        sure = set(self.sure)
+        known = set(self.declared)
+        ended = self.block(node.body)
+        self.declared = known | (self.declared & self.spec.top)
+        self.tries -= 1
+        if not ended:
+            self.line("py_end_try();")
+        self.level -= 1
+        self.line(f"}} else if (py_caught({' | '.join(masks)})) {{")
+        self.level += 1
+        self.sure = set(sure)
+        if handler.name:
+            self.line("const char *error = py_caught_text();")
+            self.bound[handler.name] = Value(S, "error", again=True)
+        over = self.block(handler.body)
+        if not over:
+            raise self.refuse(handler, "an except that goes on", "one that raises or fails")
+        if handler.name:
+            del self.bound[handler.name]
+        self.level -= 1
+        self.line("} else {")
+        self.line("    py_raise_again();")
+        self.line("}")
+        self.sure &= sure
+        self.ended = ended
+
+    def do_functiondef(self, node: ast.FunctionDef) -> None:
+        """A function inside: a struct with what it captures, made where it is defined."""
+        captured: list[tuple[str, Any]] = []
+        own = {a.arg for a in node.args.args}
+        own |= {
+            n.id for n in ast.walk(node) if isinstance(n, ast.Name) and isinstance(n.ctx, ast.Store)
+        }
+        names = list(dict.fromkeys(
+            n.id for n in ast.walk(node) if isinstance(n, ast.Name) and n.id not in own
+        ))  # fmt: skip
+        values = []
+        for name in names:
+            if name == "self":
+                captured.append(("self", "self"))
+                values.append("self")
+                continue
+            if name not in self.types and name not in self.bound:
+                if name in self.spec.locals_names and name not in self.spec.globals:
+                    raise self.refuse(node, f"{node.name} uses {name}, which comes later",
+                                      "assign it before")  # fmt: skip
+                continue
+            value = self._name(ast.copy_location(ast.Name(name, ast.Load()), node))
+            if isinstance(value.type, Known) or value.type == S and value.is_const:
+                raise self.refuse(node, f"{node.name} uses {name}", "a number or a tuple")
+            for other in ast.walk(self.spec.node):
+                if (
+                    isinstance(other, ast.Name)
+                    and isinstance(other.ctx, ast.Store)
+                    and (
+                        other.id == name and other.lineno > node.lineno and not _inside(node, other)
+                    )
+                ):
+                    raise self.refuse(other, f"{name} changes after {node.name}, which uses it",
+                                      "another name")  # fmt: skip
+            captured.append((name, value.type))
+            values.append(self.code(value))
+        callee = Callee(self.program.nested(node, self.spec), captured=tuple(captured))
+        t = Function((callee,))
+        if captured:
+            name = f"{safe(node.name)}_of"
+            text = ", ".join(
+                f".{'self' if x == 'self' else safe(n)} = {v}"
+                for v, (n, x) in zip(values, captured, strict=True)
+                if v
+            )
+            self.line(f"const {self.program.names(t)} {name} = {{{text}}};")
+            self.bound[node.name] = Value(t, name, again=True)
+        else:
+            self.bound[node.name] = Value(t, "", again=True)
+
+
+def optional(annotation: ast.expr, scope: dict[str, Any]) -> Type | None:
+    """T of an annotation `T | None`; None where it is another one or does not say all."""
+    match annotation:
+        case ast.BinOp(left=left, op=ast.BitOr(), right=ast.Constant(value=None)):
+            try:
+                thing = eval(compile(ast.Expression(left), "annotation", "eval"), dict(scope))  # noqa: S307
+            except Exception:
+                return None
+            return of_annotation(thing)[0]
+    return None
+
+
+def _load(target: ast.expr) -> ast.expr:
+    text = ast.unparse(target)
+    made = ast.parse(text, mode="eval").body
+    for n in ast.walk(made):
+        if hasattr(n, "lineno"):
+            n.lineno = target.lineno
+    return made
+
+
+def _own(body: Sequence[ast.stmt]) -> list[ast.AST]:
+    """What stands in a loop's body, without what stands in loops within."""
+    found: list[ast.AST] = []
+    todo: list[ast.AST] = list(body)
+    while todo:
+        node = todo.pop()
+        found.append(node)
+        if not isinstance(node, (ast.For, ast.While, ast.FunctionDef)):
+            todo += ast.iter_child_nodes(node)
+    return found
+
+
+def _mentions(text: str, code: str) -> bool:
+    return re.search(rf"(?<![\w>.]){re.escape(code)}(?!\w)", text) is not None
+
+
+def _changes(node: ast.For, code: str) -> bool:
+    """True where a loop's body may change what it runs over."""
+    if not code:
+        return False
+    stored = {n.id for s in node.body for n in ast.walk(s)
+              if isinstance(n, ast.Name) and isinstance(n.ctx, ast.Store)}  # fmt: skip
+    if re.match(r"\(?\*?self->", code):
+        fields = {n.attr for s in node.body for n in ast.walk(s)
+                  if isinstance(n, ast.Attribute) and isinstance(n.ctx, ast.Store)}  # fmt: skip
+        calls = any(
+            isinstance(n, ast.Call) and isinstance(n.func, ast.Attribute)
+            and isinstance(n.func.value, ast.Name) and n.func.value.id == "self"
+            for s in node.body for n in ast.walk(s)
+        )  # fmt: skip
+        return calls or any(f"self->{f}" in code for f in fields)
+    root = re.match(r"\(?\*?(\w+)", code)
+    return root is not None and root[1] in stored
+
+
+def _has_function(t: Type) -> bool:
+    if isinstance(t, Function):
+        return True
+    if isinstance(t, Tuple):
+        return any(_has_function(x) for x in t.items)
+    if isinstance(t, (List, Maybe)):
+        return _has_function(t.item)
+    return False
+
+
+def _inside(node: ast.AST, other: ast.AST) -> bool:
+    return any(n is other for n in ast.walk(node))
+
+
+_ = (UNROLLED, Later, shown)

@@ -1,0 +1,382 @@
+"""A whole block to C99: its functions for the types that they are called with, its fields, its
+tables, and what the FMI wrapper needs to know of its variables."""
+
+from __future__ import annotations
+
+import ast
+import inspect
+import re
+import typing
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+from desat.components.contract.block import Block
+
+from .expressions import Later
+from .function import Translation
+from .source import Info, Nested, Spec
+from .types import (
+    NEVER,
+    NONE,
+    B,
+    Callee,
+    F,
+    Function,
+    I,
+    List,
+    Maybe,
+    Names,
+    Refused,
+    Scalar,
+    Tuple,
+    Type,
+    safe,
+)
+from .value import c_text, constant, number, uniform_constant
+
+ROOT = Path(__file__).resolve().parents[2]
+PASSES = 24
+ENTRIES = {"start": (), "output": (F,), "advance": (F, F)}
+KINDS = {"Real": F, "Integer": I, "Boolean": B}
+
+
+def translate(block: type[Block], name: str, guid: str) -> str:
+    """The C source of a block; raises Refused where it leaves the subset."""
+    return Program(block).text(name, guid)
+
+
+class Program:
+    """The translation of a block: passes over all that it calls, until no type changes."""
+
+    def __init__(self, block: type[Block]) -> None:
+        self.block = block
+        self.declared: dict[str, Type] = {}
+        self.field_bounds: dict[str, tuple[int | None, int | None]] = {}
+        for v in block.variables:
+            t: Type = KINDS[v.type]
+            if v.type == "Integer":
+                within = v.causality == "parameter" and v.minimum is not None
+                self.field_bounds[v.name] = (
+                    int(v.minimum) if within and v.minimum is not None else -(2**31),
+                    int(v.maximum) if within and v.maximum is not None else 2**31 - 1,
+                )
+                if v.causality == "output":
+                    del self.field_bounds[v.name]
+            self.declared[v.name] = Tuple((t,) * v.size) if v.shape else t
+        self.fields: dict[str, Type] = dict(self.declared)
+        self.wanted: dict[str, int] = {}
+        self.memory: dict[Any, Spec] = {}
+        self.infos: dict[Any, Info] = {}
+        self._nested: dict[Any, Nested] = {}
+        self.tables: dict[int, tuple[Any, str, str]] = {}
+        self.table_names: dict[int, str] = {}
+        self._translate()
+
+    # --- passes -----------------------------------------------------------------------------------
+
+    unsettled = ""
+
+    def _translate(self) -> None:
+        for _ in range(PASSES):
+            self.changed = False
+            self.names = Names()
+            self.order: list[Spec] = []
+            self.c_names: dict[str, int] = {}
+            self.tables = {}
+            self.later: Later | None = None
+            for spec in self.memory.values():
+                spec.done = spec.busy = False
+            before = dict(self.fields)
+            self.entries = [self._entry(name, types) for name, types in ENTRIES.items()]
+            if self.later is not None and not self.changed and before == self.fields:
+                raise self.later.reason
+            if not self.changed and self.later is None:
+                return
+        raise Refused(f"{self.block.__name__}: the types of its variables do not settle: "
+                      f"{self.unsettled}")  # fmt: skip
+
+    def _entry(self, name: str, types: tuple[Type, ...]) -> Spec:
+        callee = Callee(getattr(self.block, name), bound=True)
+        try:
+            return self.specialised(callee, types, (None,) * len(types), None)
+        except Later:
+            return self.memory[callee, types, ("None",) * len(types)]
+
+    def info(self, callee: Callee) -> Info:
+        """What a function declares."""
+        key = (callee.function, callee.bound)
+        if key not in self.infos:
+            function = getattr(callee.function, "__wrapped__", callee.function)
+            shown = ""
+            if not isinstance(function, Nested):
+                shown = function.__code__.co_filename
+                path = Path(shown)
+                if not path.is_relative_to(ROOT / "components"):
+                    raise Refused(f"{self.block.__name__}: {function.__name__} of {path.name}: "
+                                  "functions of components/")  # fmt: skip
+                shown = path.relative_to(ROOT).as_posix()
+            self.infos[key] = Info(callee, shown)
+        return self.infos[key]
+
+    def nested(self, node: ast.FunctionDef, spec: Spec) -> Nested:
+        """A function within another one, the same in every pass."""
+        return self._nested.setdefault((id(node), spec.key), Nested(node, spec))
+
+    def specialised(
+        self, callee: Callee, types: tuple[Type, ...], consts: tuple[Any, ...], caller: Any
+    ) -> Spec:
+        """A function for these arguments; translated now where that is not done in this pass."""
+        info = self.info(callee)
+        key = (callee, types, tuple(map(repr, consts)))
+        if key not in self.memory:
+            owner = None
+            if callee.bound:
+                owner = next(c for c in self.block.__mro__ if callee.function in vars(c).values())
+            self.memory[key] = Spec(key, info, callee, types, consts, owner, "")
+        spec = self.memory[key]
+        if spec.busy:
+            spec.recursive = True
+            spec.effects = spec.effects or callee.bound
+            return spec
+        if not spec.done:
+            self._pass(spec)
+        return spec
+
+    def _pass(self, spec: Spec) -> None:
+        spec.busy = True
+        spec.name = self._name(spec)
+        before = (spec.result, spec.effects)
+        try:
+            for _ in range(PASSES):
+                hoisted = set(spec.hoisted)
+                one = Translation(spec, self)
+                one.declared |= spec.hoisted
+                one.widened()
+                ended = one.block(spec.node.body)
+                spec.effects = (
+                    spec.effects
+                    or one.effects
+                    or bool(spec.changed_in_place & {n for n, _ in spec.arguments})
+                )
+                if not ended:
+                    spec.give(NONE, one, spec.node)
+                if not one.changed and hoisted == spec.hoisted:
+                    break
+            spec.done = True
+            spec.lines = one.out
+            spec.end_reached = not ended
+            self.order.append(spec)
+        except Later as later:
+            self.later = self.later or later
+            raise
+        except Refused as reason:  # what is known later may show another way
+            self.later = self.later or Later(reason)
+            raise self.later from None
+        finally:
+            spec.busy = False
+        if before != (spec.result, spec.effects):
+            self.unsettled = f"what {spec.info.name} returns"
+            self.changed = True
+
+    def _name(self, spec: Spec) -> str:
+        stem = Path(spec.where).stem
+        name = spec.info.name.strip("_")
+        if isinstance(spec.callee.function, Nested):
+            stem = spec.callee.function.spec.name
+        base = safe(f"{stem}_{name}")
+        self.c_names[base] = self.c_names.get(base, 0) + 1
+        n = self.c_names[base]
+        return base if n == 1 else f"{base}_{n}"
+
+    def most_of(self, annotation: ast.expr, scope: dict[str, Any]) -> int | None:
+        """MOST of Annotated[tuple[...], MOST]."""
+        if "Annotated" not in ast.unparse(annotation):
+            return None
+        thing = eval(compile(ast.Expression(annotation), "annotation", "eval"), dict(scope))  # noqa: S307
+        for x in (thing, *typing.get_args(thing)):
+            if typing.get_origin(x) is typing.Annotated:
+                found = [m for m in x.__metadata__ if isinstance(m, int)]
+                if found:
+                    return found[0]
+        return None
+
+    # --- tables -----------------------------------------------------------------------------------
+
+    def table(self, const: Any, t: Type) -> str | None:
+        """The name of a constant table; None where its rows are not alike."""
+        if uniform_constant(const) != t or not isinstance(t, Tuple):
+            return None
+        key = id(const)
+        if key not in self.tables:
+            name = safe(self.table_names.get(key, "table"))
+            taken = {n for _, n, _ in self.tables.values()}
+            k = 1
+            unique = name if name != "table" else "table_of_1"
+            while unique in taken:
+                k += 1
+                unique = f"{name}_of_{k}"
+            text = f"static const {self.names(t)} {unique} = {initial(const, t)};"
+            self.tables[key] = (const, unique, text)
+        return self.tables[key][1]
+
+    # --- text -------------------------------------------------------------------------------------
+
+    def text(self, name: str, guid: str) -> str:
+        """The C source."""
+        lines = [
+            f"/* {name}: {(inspect.getdoc(self.block) or name).splitlines()[0]}",
+            "",
+            f"   Translated from components/blocks/{name}.py; change that, not this.",
+            "*/",
+            '#include "block.h"',
+            "",
+            "typedef struct block block;",
+        ]
+        state = [
+            (n, t) for n, t in self.fields.items()
+            if n not in self.declared and not _is_nothing(t)
+        ]  # fmt: skip
+        for _, t in (*self.declared.items(), *state):
+            self.names(t)
+        functions: list[str] = []
+        for spec in self.order:
+            functions += ["", *self.function(spec)]
+        lines += [*self.names.definitions, ""]
+        lines += ["struct block {", "    const char *instance;"]
+        for v in self.block.variables:
+            comment = f"{v.unit}: {v.description}".replace("*/", "* /")
+            lines.append(f"    {self.names(self.declared[v.name])} {safe(v.name)}; /* {comment} */")
+        lines += [f"    {self.names(t)} {safe(n)};" for n, t in state]
+        lines += ["};", ""]
+        lines += [text for _, _, text in self.tables.values()]
+        lines += [f"{self.head(s)};" for s in self.order if s.recursive]
+        lines += functions
+        lines += ["", *self.description(name, guid)]
+        return "\n".join(lines) + "\n"
+
+    def head(self, spec: Spec) -> str:
+        arguments = []
+        if spec.takes_self:
+            arguments.append("block *self")
+        if spec.callee.captured:
+            arguments.append(f"const {self.names(Function((spec.callee,)))} *all")
+        for k, (n, t) in enumerate(spec.arguments):
+            if spec.consts[k] is not None:
+                continue
+            if isinstance(t, Function) and len(t.callees) == 1 and not t.callees[0].captured:
+                continue
+            how = spec.passing(k)
+            text = self.names(t)
+            const = "" if how == "change" or text.startswith("const") else "const "
+            star = "" if how == "value" else "*"
+            if how == "value":
+                const = ""
+            given = "_given" if spec.variables.get(n, t) != t else ""
+            arguments.append(f"{const}{text} {star}{safe(n)}{given}")
+        result = spec.result
+        kind = "void" if result in (NONE, NEVER) else self.names(result)
+        if spec.memo:
+            kind = f"const {kind} *"
+        return f"static {kind} {spec.name}({', '.join(arguments) or 'void'})"
+
+    def function(self, spec: Spec) -> Iterable[str]:
+        doc = ast.get_docstring(spec.node)
+        place = f"{spec.where}:{spec.node.lineno}"
+        if doc:
+            text = doc.replace("*/", "* /").splitlines()
+            yield f"/* {place}"
+            yield from (f"   {line}".rstrip() for line in text)
+            yield "*/"
+        else:
+            yield f"/* {place} */"
+        yield self.head(spec)
+        yield "{"
+        if spec.self_captured:
+            yield "    block *self = all->self;"
+        if spec.memo:
+            members = " ".join(f"{self.names(t)} {safe(n)};" for n, t in spec.arguments)
+            kind = self.names(spec.result)
+            yield f"    static _Thread_local struct {{ bool known; {members} {kind} value; }} memo;"
+            same = " && ".join(f"memo.{safe(n)} == {safe(n)}" for n, _ in spec.arguments)
+            yield f"    if (memo.known && {same})"
+            yield "        return &memo.value;"
+            yield "    memo.known = false;"
+            for n, _ in spec.arguments:
+                yield f"    memo.{safe(n)} = {safe(n)};"
+        for n in sorted(spec.hoisted):
+            t = spec.variables[n]
+            if not _is_nothing(t):
+                zero = "0" if isinstance(t, Scalar) else "{0}"
+                yield f"    {self.names(t)} {safe(n)} = {zero};"
+        for n in ("self",) if spec.takes_self else ():
+            if not _stands(n, spec.lines):
+                yield f"    (void){n};"
+        for k, (n, _) in enumerate(spec.arguments):
+            if spec.consts[k] is None and not _stands(safe(n), spec.lines):
+                t = spec.types[k]
+                if not (isinstance(t, Function) and not t.callees[0].captured):
+                    yield f"    (void){safe(n)};"
+        yield from spec.lines
+        if spec.end_reached and spec.result not in (NONE, NEVER):
+            yield f"    return ({self.names(spec.result)}){{0}};"
+        yield "}"
+
+    def description(self, name: str, guid: str) -> Iterable[str]:
+        """The start values, the table of the variables, and the entries."""
+        yield "static const block at_start = {"
+        for v in self.block.variables:
+            yield f"    .{safe(v.name)} = {initial(v.start, self.declared[v.name])},"
+        yield "};"
+        yield ""
+        yield "static const block_variable variables[] = {"
+        for v in self.block.variables:
+            kind, cause = v.type[0], v.causality[0]
+            low, high = (("NAN", "None") if x is None else (number(float(x)), repr(x))
+                         for x in (v.minimum, v.maximum))  # fmt: skip
+            for k, element in enumerate(v.elements()):
+                at = f"offsetof(block, {safe(v.name)})"
+                at += f" + {k} * sizeof({self.names(KINDS[v.type])})" if k else ""
+                yield (f"    {{{c_text(element)}, {at}, '{kind}', '{cause}', {low[0]}, {high[0]}, "
+                       f"{c_text(f'[{low[1]}, {high[1]}]')}}},")  # fmt: skip
+        yield "};"
+        yield ""
+        for spec, (entry, types) in zip(self.entries, ENTRIES.items(), strict=True):
+            declared = "".join(f", double {n}" for n in ("t", "dt")[: len(types)])
+            given = "".join(f", {n}" for n in ("t", "dt")[: len(types)])
+            yield f"static void do_{entry}(void *self{declared})"
+            yield "{"
+            yield f"    {spec.name}(self{given});"
+            yield "}"
+            yield ""
+        yield "const block_description the_block = {"
+        yield f"    .name = {c_text(name)}, .guid = {c_text(guid)},"
+        yield "    .size = sizeof(block), .at_start = &at_start,"
+        yield "    .variables = variables, .count = sizeof variables / sizeof *variables,"
+        yield "    .fault = offsetof(block, fault),"
+        yield "    .start = do_start, .output = do_output, .advance = do_advance,"
+        yield "};"
+
+
+def initial(x: Any, t: Type) -> str:
+    """A constant as an initialiser of C."""
+    if isinstance(t, Tuple):
+        inside = ", ".join(initial(e, k) for e, k in zip(x, t.items, strict=True))
+        return f"{{{{{inside}}}}}" if t.uniform else f"{{{inside}}}"
+    if t == F:
+        return number(float(x))
+    value = constant(x)
+    assert value is not None
+    return value.code
+
+
+def _stands(name: str, lines: Iterable[str]) -> bool:
+    return any(re.search(rf"\b{name}\b", line) for line in lines)
+
+
+def _is_nothing(t: Type) -> bool:
+    return (
+        t in (NONE, NEVER)
+        or (isinstance(t, List) and t.item == NEVER)
+        or (isinstance(t, Maybe) and _is_nothing(t.item))
+    )

@@ -1,0 +1,329 @@
+"""Python files as the translator reads them: trees, comments, and what a function declares."""
+
+from __future__ import annotations
+
+import ast
+import inspect
+import io
+import re
+import tokenize
+import types as python_types
+import typing
+from collections import Counter
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from .types import NEVER, B, Callee, F, Maybe, Refused, Scalar, Tuple, Type, Unjoinable, join
+
+_TOOLS = re.compile(r"#\s*(fmt:|type:|noqa|mypy:)")
+
+
+class Source:
+    """A file: its tree, its functions by their first line, its comments by line."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        text = path.read_text(encoding="utf-8")
+        self.tree = ast.parse(text)
+        self.functions: dict[int, ast.FunctionDef] = {}
+        for node in ast.walk(self.tree):
+            if isinstance(node, ast.FunctionDef):
+                first = min([node.lineno, *(d.lineno for d in node.decorator_list)])
+                self.functions[first] = node
+        self._comments: dict[int, str] = {}
+        for token in tokenize.generate_tokens(io.StringIO(text).readline):
+            if token.type == tokenize.COMMENT and not _TOOLS.match(token.string):
+                said = re.split(r"\s*#\s*(?:fmt:|type:|noqa)", token.string)[0]
+                self._comments[token.start[0]] = said.lstrip("# ").rstrip().replace("*/", "* /")
+
+    def comments(self, first: int, last: int) -> list[str]:
+        """The comments from one line to another."""
+        return [self._comments[k] for k in range(first, last + 1) if self._comments.get(k)]
+
+
+@cache
+def source(path: str) -> Source:
+    """The file at a path, read once."""
+    return Source(Path(path))
+
+
+class Nested:
+    """A function defined within another, for given types of that one."""
+
+    def __init__(self, node: ast.FunctionDef, spec: Any) -> None:
+        self.node, self.spec = node, spec
+        self.__name__ = node.name
+
+
+class Info:
+    """What a function declares: parameters, defaults, types, what is remembered."""
+
+    required = object()
+
+    def __init__(self, callee: Callee, shown: str) -> None:
+        function = callee.function
+        self.cached = hasattr(function, "__wrapped__")
+        function = getattr(function, "__wrapped__", function)
+        if isinstance(function, Nested):
+            self.node, self.globals = function.node, function.spec.globals
+            self.source = function.spec.source
+            self.where = function.spec.where
+            defaults: tuple[Any, ...] = ()
+            named: dict[str, Any] = {}
+            if self.node.args.defaults or self.node.args.kw_defaults:
+                raise Refused(f"{self.where}:{self.node.lineno}: defaults of a function within "
+                              "another: give the arguments")  # fmt: skip
+        else:
+            code = function.__code__
+            self.source = source(code.co_filename)
+            self.where = shown
+            if code.co_firstlineno not in self.source.functions:
+                raise Refused(f"{shown}:{code.co_firstlineno}: a lambda with a name: def")
+            self.node = self.source.functions[code.co_firstlineno]
+            self.globals = function.__globals__
+            defaults, named = function.__defaults__ or (), function.__kwdefaults__ or {}
+        self.name = self.node.name
+        arguments = self.node.args
+        if arguments.vararg or arguments.kwarg:
+            raise Refused(f"{self.where}:{self.node.lineno}: * in {self.name}'s parameters: name "
+                          "them")  # fmt: skip
+        names = [a for a in [*arguments.posonlyargs, *arguments.args]]
+        values = [self.required] * (len(names) - len(defaults)) + list(defaults)
+        names += arguments.kwonlyargs
+        values += [named.get(a.arg, self.required) for a in arguments.kwonlyargs]
+        pairs = list(zip(names, values, strict=True))
+        if callee.bound:
+            pairs = pairs[1:]
+        self.parameters = [(a.arg, v) for a, v in pairs]
+        self.annotated: list[Type | None] = []
+        self.optional: list[bool] = []
+        for a, _ in pairs:
+            t, optional = self._annotation(a.annotation)
+            self.annotated.append(t)
+            self.optional.append(optional)
+        in_slices = {
+            n.id for s in ast.walk(self.node) if isinstance(s, ast.Slice)
+            for n in ast.walk(s) if isinstance(n, ast.Name)
+        }  # fmt: skip
+        self.wants_constant = [a in in_slices for a, _ in self.parameters]
+        self.is_constant: Any = None
+        if self.cached and not self.parameters:
+            self.is_constant = callee.function()
+
+    def _annotation(self, node: ast.expr | None) -> tuple[Type | None, bool]:
+        if node is None:
+            return None, True
+        try:
+            thing = eval(compile(ast.Expression(node), "annotation", "eval"), dict(self.globals))  # noqa: S307
+        except Exception:
+            return None, "None" in ast.unparse(node)
+        return of_annotation(thing)
+
+
+def of_annotation(thing: Any) -> tuple[Type | None, bool]:
+    """The type that an annotation says, None where it does not say all, and whether it may be
+    None."""
+    if thing is float:
+        return F, False
+    if thing is bool:
+        return B, False
+    if isinstance(thing, python_types.UnionType) or typing.get_origin(thing) is typing.Union:
+        return None, type(None) in typing.get_args(thing)
+    if isinstance(thing, type) and hasattr(thing, "_fields"):
+        kinds = typing.get_type_hints(thing)
+        if all(k is float for k in kinds.values()):
+            return Tuple((F,) * len(kinds), tuple(kinds)), False
+        return None, False
+    if typing.get_origin(thing) is tuple:
+        items = []
+        for x in typing.get_args(thing):
+            t, optional = (None, False) if x is Ellipsis else of_annotation(x)
+            if optional and t is None:
+                (x,) = (k for k in typing.get_args(x) if k is not type(None))
+                t, _ = of_annotation(x)
+                t = None if t is None else Maybe(t)
+            if t is None:
+                return None, False
+            items.append(t)
+        return (Tuple(tuple(items)) if items else None), False
+    return None, thing is typing.Any
+
+
+class Spec:
+    """A function with the types of its arguments: what is found out about it, pass by pass."""
+
+    def __init__(self, key: Any, info: Info, callee: Callee, types: tuple[Type, ...],
+                 consts: tuple[Any, ...], owner: Any, name: str) -> None:  # fmt: skip
+        self.key, self.info, self.callee = key, info, callee
+        self.types, self.consts, self.owner, self.name = types, consts, owner, name
+        self.node, self.globals, self.source = info.node, info.globals, info.source
+        self.where = info.where
+        self.arguments = [(n, t) for (n, _), t in zip(info.parameters, types, strict=True)]
+        nested = isinstance(callee.function, Nested)
+        self.takes_self = callee.bound
+        self.self_captured = nested and any(n == "self" for n, _ in callee.captured)
+        self.has_self = callee.bound or self.self_captured
+        self.variables: dict[str, Type] = {}
+        self.hoisted: set[str] = set()
+        self.result: Type = NEVER
+        self.done = False
+        self.effects = False
+        self.lines: list[str] = []
+        self.recursive = False
+        self.end_reached = False
+        self.busy = False
+        self._places()
+
+    @property
+    def top(self) -> set[str]:
+        return self.hoisted
+
+    def _places(self) -> None:
+        """Where each local name stands: how often it is assigned, in which block of statements."""
+        self.stores: Counter[str] = Counter()
+        self.changed_in_place: set[str] = set()
+        self.in_loops: set[str] = set()
+        self.inline: dict[int, set[str]] = {}
+        paths: dict[str, list[tuple[int, ...]]] = {}
+        firsts: dict[str, tuple[tuple[int, ...], int]] = {}
+        self._lines: dict[str, list[int]] = {}
+
+        def names(node: ast.AST, path: tuple[int, ...], loop: bool, own: frozenset[str]) -> None:
+            if isinstance(node, (ast.GeneratorExp, ast.ListComp, ast.Lambda)):
+                inner = {n.id for g in getattr(node, "generators", []) for n in ast.walk(g.target)
+                         if isinstance(n, ast.Name)}  # fmt: skip
+                if isinstance(node, ast.Lambda):
+                    inner = {a.arg for a in node.args.args}
+                own = own | inner
+            if isinstance(node, ast.Name) and node.id not in own:
+                if isinstance(node.ctx, ast.Store):
+                    self.stores[node.id] += 1
+                    if loop:
+                        self.in_loops.add(node.id)
+                    firsts.setdefault(node.id, (path, id(node)))
+                paths.setdefault(node.id, []).append(path)
+                self._lines.setdefault(node.id, []).append(node.lineno)
+            if isinstance(node, ast.Subscript) and isinstance(node.ctx, ast.Store) and isinstance(
+                node.value, ast.Name
+            ):  # fmt: skip
+                self.changed_in_place.add(node.value.id)
+            for child in ast.iter_child_nodes(node):
+                names(child, path, loop, own)
+
+        def block(body: list[ast.stmt], path: tuple[int, ...], loop: bool) -> None:
+            here = (*path, id(body))
+            for s in body:
+                if isinstance(s, ast.FunctionDef):
+                    names(s, here, loop, frozenset(a.arg for a in s.args.args))
+                    continue
+                lists = [getattr(s, f) for f in ("body", "orelse") if isinstance(s, (
+                    ast.If, ast.For, ast.While, ast.Try)) and getattr(s, f, None)]  # fmt: skip
+                if isinstance(s, ast.Try):
+                    lists += [h.body for h in s.handlers]
+                inside = {id(x) for b in lists for x in b}
+                for child in ast.iter_child_nodes(s):
+                    if id(child) not in inside and not isinstance(child, ast.ExceptHandler):
+                        names(child, here, loop, frozenset())
+                if isinstance(s, ast.AugAssign) and isinstance(s.target, ast.Name):
+                    self.stores[s.target.id] += 1
+                for b in lists:
+                    block(b, here, loop or isinstance(s, (ast.For, ast.While)))
+
+        block(self.node.body, (), False)
+        for name, (path, node) in firsts.items():
+            common = paths[name][0]
+            for other in paths[name]:
+                k = 0
+                while k < min(len(common), len(other)) and common[k] == other[k]:
+                    k += 1
+                common = common[:k]
+            if common == path and paths[name][0] == path:
+                self.inline.setdefault(node, set()).add(name)
+        own_names = {a for a, _ in self.arguments}
+        for s in ast.walk(self.node):  # a list that another function changes is changed here
+            if isinstance(s, ast.Call):
+                self._passed(s, own_names)
+        self.locals_names = {*self.stores, *own_names}
+        self.by_address = {
+            n for (n, t) in self.arguments
+            if n in self.changed_in_place
+            or (self.stores[n] == 0 and (size(t) > 64 or _captures(t)))
+        }  # fmt: skip
+
+    def _passed(self, call: ast.Call, own: set[str]) -> None:
+        if not isinstance(call.func, ast.Name):
+            return
+        target = self.globals.get(call.func.id)
+        if not isinstance(target, python_types.FunctionType) or "desat" not in (
+            target.__module__ or ""
+        ):
+            return
+        if not inspect.getsourcefile(target):
+            return
+        node = source(target.__code__.co_filename).functions.get(target.__code__.co_firstlineno)
+        if node is None:
+            return
+        changed = {
+            n.value.id for n in ast.walk(node)
+            if isinstance(n, ast.Subscript) and isinstance(n.ctx, ast.Store)
+            and isinstance(n.value, ast.Name)
+        }  # fmt: skip
+        for argument, parameter in zip(call.args, node.args.args, strict=False):
+            if parameter.arg in changed and isinstance(argument, ast.Name):
+                self.changed_in_place.add(argument.id)
+
+    def passing(self, k: int) -> str:
+        """How argument k is handed over: by value, by address, or to be changed."""
+        name, _ = self.arguments[k]
+        if name in self.changed_in_place:
+            return "change"
+        return "address" if name in self.by_address else "value"
+
+    def give(self, t: Type, one: Any, node: ast.AST) -> None:
+        """It returns a value of this type, too."""
+        try:
+            wider = join(self.result, t)
+        except Unjoinable as error:
+            raise one.refuse(
+                node, f"{self.info.name} returns {error}", "keep to one type"
+            ) from None
+        if wider != self.result:
+            self.result = wider
+            one.changed = True
+
+    def used_after(self, loop: ast.For, name: str) -> bool:
+        return any(line > (loop.end_lineno or 0) for line in self._lines.get(name, ()))
+
+    def outside_of(self, loop: ast.For, name: str) -> bool:
+        """True where a name stands before a loop over it."""
+        return any(line < loop.lineno for line in self._lines.get(name, ()))
+
+    @property
+    def memo(self) -> bool:
+        """True where the last result is kept: what Python remembers, and is not small."""
+        return self.info.cached and size(self.result) > 1024
+
+    @property
+    def never_returns(self) -> bool:
+        return self.done and self.result == NEVER
+
+
+def _captures(t: Type) -> bool:
+    return type(t).__name__ == "Function" and any(c.captured for c in t.callees)
+
+
+def size(t: Type) -> int:
+    """About how many bytes a value of a type has."""
+    if isinstance(t, Scalar):
+        return 8
+    if isinstance(t, Tuple):
+        return sum(size(x) for x in t.items)
+    name = type(t).__name__
+    if name == "List":
+        return 8 + int(t.most) * size(t.item)
+    if name == "Maybe":
+        return 8 + size(t.item)
+    if name == "Function":
+        return sum(8 if x == "self" else size(x) for c in t.callees for _, x in c.captured)
+    return 8

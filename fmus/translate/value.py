@@ -1,0 +1,113 @@
+"""What an expression is while it is translated: its type, its C, and what else is known of it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import Any
+
+from .types import NEVER, NONE, B, F, I, List, S, Scalar, Tuple, Type, U, Unjoinable, join
+
+UNKNOWN: Any = object()
+"""The constant of what is not one."""
+
+ATOM, UNARY, MUL, ADD, SHIFT, LESS, EQUAL, AND_BITS, XOR, OR_BITS, AND, OR, COND = (
+    100, 90, 80, 70, 60, 50, 45, 40, 35, 30, 20, 15, 10,
+)  # fmt: skip
+"""How tightly C binds."""
+
+
+@dataclass(frozen=True)
+class Value:
+    """An expression: C `code` that binds by `binds`; a constant; the parts of a tuple that is
+    written out; bounds of an integer; `again`: the code may stand several times."""
+
+    type: Type
+    code: str
+    binds: int = ATOM
+    const: Any = UNKNOWN
+    parts: tuple[Value, ...] | None = None
+    low: int | None = None
+    high: int | None = None
+    again: bool = False
+    as_float: str | None = None
+    """Of an integer made of a float: the same number as a double, without a limit."""
+    generator: bool = False
+
+    @property
+    def is_const(self) -> bool:
+        return self.const is not UNKNOWN
+
+    def within(self, level: int) -> str:
+        """The code where C binds by `level`."""
+        return self.code if self.binds >= level else f"({self.code})"
+
+    def bounded(self, low: int | None, high: int | None) -> Value:
+        return replace(self, low=low, high=high)
+
+
+def number(x: float) -> str:
+    """A float as C writes it."""
+    if math.isinf(x):
+        return "INFINITY" if x > 0 else "-INFINITY"
+    if math.isnan(x):
+        return "NAN"
+    return repr(x)
+
+
+def constant(x: Any) -> Value | None:
+    """The value of a Python constant, None where it is of no type of ours."""
+    if x is None:
+        return Value(NONE, "", const=None, again=True)
+    if isinstance(x, bool):
+        return Value(B, "true" if x else "false", const=x, again=True)
+    if isinstance(x, int):
+        if x > 2**63 - 1:
+            return Value(U, f"UINT64_C(0x{x:X})", const=x, again=True)
+        code = str(x) if abs(x) < 2**31 else f"INT64_C({x})"
+        return Value(I, code, ATOM if x >= 0 else UNARY, const=x, low=x, high=x, again=True)
+    if isinstance(x, float):
+        code = number(x)
+        return Value(F, code, UNARY if code.startswith("-") else ATOM, const=x, again=True)
+    if isinstance(x, str):
+        return Value(S, c_text(x), const=x, again=True)
+    if isinstance(x, tuple):
+        parts = [constant(e) for e in x]
+        if any(p is None for p in parts):
+            return None
+        if not parts:
+            return Value(List(NEVER, 0), "", const=(), parts=(), again=True)
+        names = tuple(getattr(type(x), "_fields", ()))
+        return Value(
+            Tuple(tuple(p.type for p in parts if p), names), "", const=x,
+            parts=tuple(p for p in parts if p), again=True,
+        )  # fmt: skip
+    return None
+
+
+def uniform_constant(x: Any) -> Type | None:
+    """The type of a constant table, in which all rows are made alike; None where that fails."""
+    if isinstance(x, tuple):
+        items = [uniform_constant(e) for e in x]
+        if not items or any(t is None for t in items):
+            return None
+        try:
+            found: Type = NEVER
+            for t in items:
+                found = join(found, t)
+        except Unjoinable:
+            return Tuple(tuple(items))
+        if isinstance(found, List):
+            return Tuple(tuple(items))
+        return Tuple((found,) * len(items))
+    value = constant(x)
+    return value.type if value and isinstance(value.type, Scalar) else None
+
+
+def c_text(x: str) -> str:
+    """A string as C writes it, ASCII."""
+    out = []
+    for byte in x.encode():
+        char = chr(byte)
+        out.append(f"\\{char}" if char in '"\\' else char if 32 <= byte < 127 else f"\\{byte:03o}")
+    return '"' + "".join(out).replace("??", "?\\?") + '"'
