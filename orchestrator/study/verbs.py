@@ -19,7 +19,7 @@ from ..files import places
 from ..files.scenario import find
 from ..system.errors import DesatError, nearest
 from ..system.expression import factor, product
-from . import figures, stored, tables
+from . import cells, figures, stored, tables
 from .case import Options, prepare
 from .plots import lines_of, pretty_unit, series_plot
 from .series import Series
@@ -120,8 +120,23 @@ class Verbs:
 
     def within(self, draws: bool = True) -> str:
         """How many of the cells that have a band are within it: `62 of 62`."""
-        banded = [row for row in self._of.cells(draws) if row.within is not None]
-        return f"{sum(bool(row.within) for row in banded)} of {len(banded)}"
+        found = self.counted(draws)
+        return f"{found['within']} of {found['banded']}"
+
+    def counted(self, draws: bool = True) -> dict[str, int]:
+        """How many cells there are of each kind (`cells.counted`)."""
+        return cells.counted(self._of.cells(draws))
+
+    def summed_up(self, draws: bool = True) -> str:
+        """How many cells are within their bands, and what that counts for."""
+        return tables.summed_up(self._of.cells(draws))
+
+    def share(self, scenario: str, number: str, **limits: float) -> str:
+        """The share of draws whose number is within limits (`least`, `most`), with its interval:
+        `7 of 20 (of all 15 to 59 %)`."""
+        found = cells.share_of(self._of.draws_of(scenario)["draws"], number, **limits)
+        low, high = found["interval"]
+        return f"{found['count']} of {found['n']} (of all {low:.0f} to {high:.0f} %)"
 
     def missed(self) -> list[dict[str, Any]]:
         """The paper's cells that have no band and are not tuned, but a remark: nothing reproduces
