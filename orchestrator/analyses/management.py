@@ -132,7 +132,7 @@ def _of_wheels(
                                     margin, "%")  # fmt: skip
     saturated, speed = (results.values(f"{wheels}.{n}") for n in _OF_WHEELS)
     steps = np.diff(results.times(), append=results.times()[-1])
-    at_limit = saturated.reshape(len(saturated), -1)[:, : len(there)].astype(bool).any(axis=1)
+    at_limit = np.asarray(saturated.reshape(len(saturated), -1).any(axis=1))
     crossings = (np.diff(np.signbit(speed[:, there]), axis=0)).sum()
     found["limit_time"] = ("Time that some wheel is at its limit",
                            float(steps[: len(at_limit)] @ at_limit), "s")  # fmt: skip

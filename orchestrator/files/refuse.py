@@ -95,7 +95,7 @@ def table_of(path: Keys, part: bool = True) -> type[Table]:
         "share": language_paper.ShareOfDraws,
     }  # fmt: skip
     outer: dict[str, type[Table]] = {
-        "numbers": language.Number, "plots": language.Plot, "paper": language.PaperRow,
+        "numbers": language.Number, "plots": language.Plot, "paper": language_paper.PaperRow,
         "dispersions": language.Dispersion, "design": language.Design,
         "stop_when": language.StopWhen,
     }  # fmt: skip

@@ -117,12 +117,13 @@ def rows_of(
     found = []
     for row, name in numbers_of_rows(scenario.data, scenario.cell).items():
         entry = Entry(scenario.data["paper"][row], method, case)
+        told: dict[str, Any] | None
         if "share" in entry.data:
             if drawn is None:
                 where = scenario.where(("paper", row))
                 raise DesatError(f"{where}: a share of draws, and {scenario.name} has none")
-            told = share_of(drawn["draws"], name, **entry.data["share"])
-            ours = 100.0 * told["count"] / told["n"]
+            counts = told = share_of(drawn["draws"], name, **entry.data["share"])
+            ours = 100.0 * counts["count"] / counts["n"]
         else:
             ours = _value(scenario, row, name, values, everything)
             told = _spread(entry, drawn["summary"].get(name) if drawn else None)
