@@ -171,13 +171,6 @@ def first_reached(times: Array, values: Array, limit: float, count: int = 1) -> 
 
 
 @in_unit("s")
-def time_reached(times: Array, values: Array, limit: float) -> float:
-    """How long some element is at a limit or beyond (s)."""
-    reached = (np.abs(values) >= limit).any(axis=1)
-    return float(np.diff(times, append=times[-1]) @ reached)
-
-
-@in_unit("s")
 def first_below(
     times: Array, values: Array, limit: float, held: float = 0.0, only_done: int = 0
 ) -> float:
