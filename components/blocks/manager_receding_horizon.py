@@ -32,6 +32,12 @@ class ManagerRecedingHorizon(ThrusterDumping, EarthField):
     - `orbit_dipole`: (b_x cos u, b_y, b_z sin u) in lvlh, u the argument of latitude (eq. 30);
     - `dipole`: centred, Earth-fixed; `igrf`: IGRF-14 up to `igrf_degree`, as the environments do.
 
+    With `field_spread` above 0 the model is corrected by what the magnetometer has measured since the
+    start: B = b + A b + c |b| at every sample ahead, b being the model's field and A and c the
+    likeliest where each element is 0 with this deviation beforehand and a measurement differs from
+    the fit by `field_noise`. A misaligned attitude, a wrong scale and a wrong constant part are of
+    this form; a plan that trusts a wrong model counts on torques that the coils then cannot give.
+
     On-times are rounded to whole `least_pulse`; the next plan knows what that did. After the last
     sample there is none, so there the dipole makes up for the rounding as far as it can. What can
     fire early or late fires late, when more is known. The `reserve` is for what was not foreseen:
@@ -82,7 +88,10 @@ class ManagerRecedingHorizon(ThrusterDumping, EarthField):
         start=0.1, min=0.0,
     )  # fmt: skip
     field_noise: float = Parameter(
-        "T", "how much a measurement may differ from the best fit of the model", start=2e-7, min=1e-10
+        "T",
+        "how much a measurement may differ from the best fit of the model",
+        start=1e-6,
+        min=1e-10,
     )
     mode: int = Output(
         "1", "what the manager does", interval=True,
