@@ -78,11 +78,16 @@ class Plot(Table):
     title: Text = key("the caption")
     signals: Annotated[list[Text], Field(min_length=1)] = key("`component.output`, one or several")
     components: list[Text] = key("names of the elements; fewer names show fewer elements")
+    axis: Text = key("the quantity on the axis; default: the title")
     unit: Unit = key("the unit of the axis; default: the first signal's")
     norm: bool = key("true: the size of vectors, one line each")
     log: bool = key("true: a logarithmic axis")
     derive: Text = key("what is computed from the signals first, such as pointing or euler")
     sequence: _Sequence = key("for derive = euler: the axes turned about; default: 321")
+    steady: Annotated[FiniteFloat, Field(gt=0.0)] = key(
+        "a second panel shows the time from here on at its own scale", "s"
+    )
+    envelope: bool = key("true: where a line is faster than the plot is wide, what it lies between")
     points: Annotated[int, Field(ge=10)] = key("so many points a line; default: 3000")
     limits: list[either(table=LimitLine, text=Text, number=FiniteFloat)] = key(  # type: ignore[valid-type]
         "limit lines: numbers, parameters, or tables"

@@ -87,6 +87,7 @@ class PaperRow(Table):
     definition: Text = key("what is measured, in a sentence; default: the number's own")
     share: ShareOfDraws = key("the share of draws (%) whose number is within this, with interval")
     remark: either(text=str, list=list[str], table=dict[str, Remarks]) = key("for a reader")  # type: ignore[valid-type]
+    flag: bool = key("true: 0 and 1 are shown as no and yes")
     only: list[Text] = key("only for these methods")
     label: Text = key("stands in the method's place")
 

@@ -36,6 +36,8 @@ class Row:
     repeats no other cell."""
     definition: str
     """What is measured, in a sentence."""
+    flag: bool
+    """True: 0 means no and 1 means yes."""
     remark: str
     scenario: str
     draws: dict[str, Any] | None = None
@@ -183,6 +185,7 @@ def _row(
         tuned=tuned,
         out_of_sample=paper is not None and not tuned and not seen,
         definition=entry.data.get("definition") or defined(scenario.data["numbers"].get(name)),
+        flag=bool(entry.data.get("flag")),
         remark=entry.remark,
         scenario=scenario.name,
         draws=draws,

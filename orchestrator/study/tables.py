@@ -96,11 +96,11 @@ def shown(row: Row) -> dict[str, str]:
     return {
         "method": row.method,
         "case": row.case,
-        "paper": "" if row.paper is None else f"{row.paper:.2f}",
-        "ours": number(row.ours) if large else f"{row.ours:.{digits}f}",
-        "difference": difference,
-        "band": "" if row.band is None else f"{row.band[0]:.{digits}f} to {row.band[1]:.{digits}f}",
-        "draws": "" if row.draws is None else _of_draws(row.draws, digits),
+        "paper": "" if row.paper is None else _value(row.paper, 2, row.flag),
+        "ours": number(row.ours) if large else _value(row.ours, digits, row.flag),
+        "difference": "" if row.flag else difference,
+        "band": "" if row.band is None else _band(row, digits),
+        "draws": "" if row.draws is None else _of_draws(row.draws, digits, row.flag),
         "verdict": verdict,
         "mark": mark,
         "sample": kind if row.paper is not None else "",
@@ -120,10 +120,24 @@ def columns(lines: list[dict[str, str]]) -> dict[str, str]:
     return {c: "" if c == "verdict" else c for c in found}
 
 
-def _of_draws(draws: dict[str, Any], digits: int) -> str:
+def _value(value: float, digits: int, flag: bool = False) -> str:
+    if flag and value in (0.0, 1.0):
+        return "yes" if value else "no"
+    return f"{value:.{digits}f}"
+
+
+def _band(row: Row, digits: int) -> str:
+    assert row.band is not None
+    low, high = (_value(x, digits, row.flag) for x in row.band)
+    return low if low == high else f"{low} to {high}"
+
+
+def _of_draws(draws: dict[str, Any], digits: int, flag: bool = False) -> str:
     if "count" in draws:
         low, high = draws["interval"]
         return f"{draws['count']} of {draws['n']}; of all {low:.0f} to {high:.0f} % (95 %)"
+    if flag and draws["min"] == draws["max"]:
+        return f"{_value(draws['min'], 0, flag)} in all {draws['n']}"
     text = f"{draws['min']:.{digits}f} to {draws['max']:.{digits}f} of {draws['n']}"
     if draws["band"]:
         text += f" (each: {draws['band'][0]:g} to {draws['band'][1]:g})"

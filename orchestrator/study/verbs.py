@@ -19,7 +19,7 @@ from ..files import places
 from ..files.scenario import find
 from ..system.errors import DesatError, nearest
 from ..system.expression import factor, product
-from . import cells, figures, stored, tables
+from . import cells, draws, figures, stored, tables
 from .case import Options, prepare
 from .plots import lines_of, pretty_unit, series_plot
 from .series import Series
@@ -98,6 +98,16 @@ class Verbs:
         middle, low, high = statistics.median(values), min(values), max(values)
         return f"{middle:.{digits}f} [{low:.{digits}f}, {high:.{digits}f}]"
 
+    def middle_draw(self, scenario: str, number: str) -> int:
+        """The draw whose number is the (lower) median of all: a typical one."""
+        values = self.drawn(scenario, number)
+        return sorted(range(len(values)), key=lambda i: values[i])[(len(values) - 1) // 2]
+
+    def of_draw(self, scenario: str, draw: int) -> Change:
+        """What a draw of a scenario changes, for `value`, `series` and `plot`."""
+        system = draws.system_of(self._of.name_of(scenario), Options(blocks=True))
+        return draws.drawn(system, self.seed(), draw)
+
     def seed(self) -> int:
         """The seed of the draws."""
         return int(self._of.draws["seed"])
@@ -168,10 +178,12 @@ class Verbs:
             raise DesatError(f"{scenario}: plot {plot}: not recorded")
         return Series(lines[0].times, lines[0].values)
 
-    def plot(self, file: str, scenario: str, plot: str, place: str = "") -> str:
+    def plot(
+        self, file: str, scenario: str, plot: str, place: str = "", change: Change | None = None
+    ) -> str:
         """A plot of a scenario as a figure; `place` stands before its title."""
         spec = {"points": POINTS, **self._plot(scenario, plot)}
-        run = self._of.run(scenario)
+        run = self._of.run(scenario, change)
         image = series_plot(spec, [("", run.results, run.manifest["parameters"])])
         if image is None:
             raise DesatError(f"{scenario}: plot {plot}: not recorded")
