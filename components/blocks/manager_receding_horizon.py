@@ -32,6 +32,12 @@ class ManagerRecedingHorizon(ThrusterDumping, EarthField):
     - `orbit_dipole`: (b_x cos u, b_y, b_z sin u) in lvlh, u the argument of latitude (eq. 30);
     - `dipole`: centred, Earth-fixed; `igrf`: IGRF-14 up to `igrf_degree`, as the environments do.
 
+    With `field_spread` above 0 the model is corrected by what the magnetometer has measured since the
+    start: B = b + A b + c |b| at every sample ahead, b being the model's field and A and c the
+    likeliest where each element is 0 with this deviation beforehand and a measurement differs from
+    the fit by `field_noise`. A misaligned attitude, a wrong scale and a wrong constant part are of
+    this form; a plan that trusts a wrong model counts on torques that the coils then cannot give.
+
     On-times are rounded to whole `least_pulse`; the next plan knows what that did. After the last
     sample there is none, so there the dipole makes up for the rounding as far as it can. What can
     fire early or late fires late, when more is known. The `reserve` is for what was not foreseen:
@@ -77,6 +83,16 @@ class ManagerRecedingHorizon(ThrusterDumping, EarthField):
     b_x: float = Parameter("T", "orbit_dipole: amplitude along the velocity", start=23e-6)
     b_y: float = Parameter("T", "orbit_dipole: constant part, minus orbit normal", start=2.4e-6)
     b_z: float = Parameter("T", "orbit_dipole: amplitude to nadir", start=46e-6)
+    field_spread: float = Parameter(
+        "1", "how wrong the model may be, as a share of the field; 0: it is taken as it is",
+        start=0.1, min=0.0,
+    )  # fmt: skip
+    field_noise: float = Parameter(
+        "T",
+        "how much a measurement may differ from the best fit of the model",
+        start=1e-6,
+        min=1e-10,
+    )
     mode: int = Output(
         "1", "what the manager does", interval=True,
         choices=("idle", "-", "receding_horizon", "fallback"),
@@ -87,6 +103,7 @@ class ManagerRecedingHorizon(ThrusterDumping, EarthField):
         if self.sample_time <= 0.0:
             self.fail("sample_time = 0 s: a plan is made of samples")
         self._q_bo = normalised(self.q_bo)
+        self._fit = receding_horizon.NO_FIT
         self.start_field(igrf=self.field_model == IGRF)
 
     def dump(self, t: float, elapsed: float, h: Vec3) -> tuple[Vec3, blending.Split]:
@@ -171,4 +188,9 @@ class ManagerRecedingHorizon(ThrusterDumping, EarthField):
                 for s, q, (r, _) in zip(ahead[:-1], q_bi, states, strict=False)
             ]
         fields = [scale(self.field_scale, b) for b in fields]
+        if self.field_spread > 0.0:
+            self._fit = receding_horizon.learnt(self._fit, fields[0], self.b_body)
+            fields = receding_horizon.corrected(
+                self._fit, fields, self.field_spread, self.field_noise
+            )
         return q_bi, [add(self.b_body, sub(fields[1], fields[0])), *fields[2:]]

@@ -18,7 +18,7 @@ import numpy as np
 
 from ..contract.block import Vec3, Vec4
 from ..maths.attitude import matrix
-from ..maths.vector import dot, norm
+from ..maths.vector import dot, norm, sub
 from ..physics.orbit import (
     elements_from_state,
     ellipse_state,
@@ -62,6 +62,35 @@ def orbit_dipole(r_eci: Vec3, v_eci: Vec3, amplitudes: Vec3) -> Callable[[Vec3],
         return (bx * dot(r, node) / size, by, bz * dot(r, ahead) / size)
 
     return field
+
+
+Fit = tuple[float, ...]
+"""Sums of a fit of the field: X X' (4 x 4) and X D' (4 x 3), row by row, without the prior."""
+NO_FIT: Fit = (0.0,) * 28
+
+
+def learnt(fit: Fit, model: Vec3, measured: Vec3) -> Fit:
+    """A fit with one more measurement: D = measured - model (T, body) at X = (model, size), where
+    size is that of the model's field."""
+    x = np.array([*model, norm(model)])
+    added = np.concatenate([np.outer(x, x).ravel(), np.outer(x, sub(measured, model)).ravel()])
+    return tuple((np.array(fit) + added).tolist())
+
+
+def corrected(fit: Fit, fields: Sequence[Vec3], spread: float, noise: float) -> list[Vec3]:
+    """The field where a model has `fields` (T, body), as measurements so far make it likely.
+
+    B = b + A b + c |b|: a misaligned attitude, a wrong scale and a wrong constant part are of this
+    form. The elements of A and c are the likeliest where each is 0 with a deviation of `spread`
+    before anything is measured, and each measurement errs by `noise` (T). What one measurement says
+    is shared out between them as the prior has it; as the field turns, they come apart.
+    """
+    sums = np.array(fit)
+    normal = sums[:16].reshape(4, 4) + np.eye(4) * (noise / spread) ** 2
+    theta = np.linalg.solve(normal, sums[16:].reshape(4, 3))
+    b = np.array(fields)
+    x = np.column_stack([b, np.linalg.norm(b, axis=1)])
+    return [(p, q, r) for p, q, r in (b + x @ theta).tolist()]
 
 
 def first_step(

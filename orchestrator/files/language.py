@@ -9,8 +9,9 @@ from __future__ import annotations
 from datetime import datetime
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import AfterValidator, Discriminator, Field, FiniteFloat, Tag, model_validator
+from pydantic import AfterValidator, Field, FiniteFloat, model_validator
 
+from .language_paper import PaperRow
 from .vocabulary import (
     NumberOrText,
     Range,
@@ -20,13 +21,11 @@ from .vocabulary import (
     Three,
     Unit,
     Value,
-    by_kind,
     either,
     incomplete,
     key,
     ordered,
     utc,
-    width,
 )
 
 _Sequence = Annotated[str, Field(pattern="^[123]{3}$")]
@@ -79,94 +78,20 @@ class Plot(Table):
     title: Text = key("the caption")
     signals: Annotated[list[Text], Field(min_length=1)] = key("`component.output`, one or several")
     components: list[Text] = key("names of the elements; fewer names show fewer elements")
+    axis: Text = key("the quantity on the axis; default: the title")
     unit: Unit = key("the unit of the axis; default: the first signal's")
     norm: bool = key("true: the size of vectors, one line each")
     log: bool = key("true: a logarithmic axis")
     derive: Text = key("what is computed from the signals first, such as pointing or euler")
     sequence: _Sequence = key("for derive = euler: the axes turned about; default: 321")
+    steady: Annotated[FiniteFloat, Field(gt=0.0)] = key(
+        "a second panel shows the time from here on at its own scale", "s"
+    )
+    envelope: bool = key("true: where a line is faster than the plot is wide, what it lies between")
     points: Annotated[int, Field(ge=10)] = key("so many points a line; default: 3000")
     limits: list[either(table=LimitLine, text=Text, number=FiniteFloat)] = key(  # type: ignore[valid-type]
         "limit lines: numbers, parameters, or tables"
     )
-
-
-class OfNumber(Table):
-    """A band by another number of the run."""
-
-    NEEDED = ("of", "from_", "to")
-    of: Text = key("the other number")
-    from_: FiniteFloat = Field(0.0, alias="from", description="least, as a multiple of it")
-    to: FiniteFloat = key("most, as a multiple of it")
-
-
-class Tuning(Table):
-    """What was tuned, and for which cases."""
-
-    NEEDED = ("what", "cases")
-    what: Text = key("what was tuned to the paper")
-    cases: list[Text] = key("beginnings of the cases' names that this holds for")
-
-
-Width = Annotated[str, AfterValidator(width)]
-_Cell = either(text=Width, table=OfNumber, list=Range)
-
-
-def _tolerance(value: Any) -> str:
-    if isinstance(value, list) and value and all(type(x) in (int, float) for x in value):
-        return "<band>"
-    return by_kind(value)
-
-
-Tolerances = Annotated[
-    Annotated[Width, Tag("<text>")]
-    | Annotated[Range, Tag("<band>")]
-    | Annotated[OfNumber, Tag("<table>")]
-    | Annotated[list[_Cell], Tag("<list>")],  # type: ignore[valid-type]
-    Discriminator(_tolerance),
-]
-Values = either(number=FiniteFloat, list=list[FiniteFloat])
-Remarks = either(text=str, list=list[str])
-
-
-class PaperRow(Table):
-    """[paper.NAME]: a row of a paper's table beside ours. `values`, `tolerance` and `remark` hold
-    for all, or are tables by method, of one for each of `columns`."""
-
-    NEEDED = ("table", "quantity", "unit")
-    table: Text = key("the paper's table, such as 2, or a heading")
-    quantity: Text = key("what the row gives, and the number of that name, where `number` is not")
-    number: Text = key("which number of the run it is held against; default: quantity")
-    unit: Unit = key("its unit")
-    columns: list[Text] = key("the cases that lists give values for, in this order")
-    values: either(number=FiniteFloat, list=list[FiniteFloat], table=dict[str, Values]) = key(  # type: ignore[valid-type]
-        "the paper's values, in `unit`; left out: it gives none"
-    )
-    tolerance: Annotated[
-        Annotated[Tolerances, Tag("<any>")] | Annotated[dict[str, Tolerances], Tag("<methods>")],
-        Discriminator(lambda v: "<methods>" if isinstance(v, dict) else "<any>"),
-    ] = key('what counts as within: "3 %", "0.02", [low, high], { of, from, to }')
-    each: Range = key("[low, high] that every draw keeps to")
-    tuned: either(text=Text, table=dict[str, either(text=Text, table=Tuning)]) = key(  # type: ignore[valid-type]
-        "what was tuned to this row"
-    )
-    remark: either(text=str, list=list[str], table=dict[str, Remarks]) = key("for a reader")  # type: ignore[valid-type]
-    only: list[Text] = key("only for these methods")
-    label: Text = key("stands in the method's place")
-
-    @model_validator(mode="after")
-    def _columns(self) -> Self:
-        for name in ("values", "tolerance", "remark"):
-            given = getattr(self, name)
-            for row in given.values() if isinstance(given, dict) else [given]:
-                if not isinstance(row, list) or (
-                    name == "tolerance" and _tolerance(row) == "<band>"
-                ):
-                    continue
-                if self.columns is None:
-                    raise incomplete(f"{name} is a list, and there are no columns")
-                if len(row) != len(self.columns):
-                    raise incomplete(f"{name}: {len(row)} for {len(self.columns)} columns")
-        return self
 
 
 class Dispersion(Table):

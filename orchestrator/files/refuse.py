@@ -9,7 +9,7 @@ from typing import Any
 from pydantic import ValidationError
 
 from ..system.errors import DesatError, nearest
-from . import language, places
+from . import language, language_paper, places
 from .merge import Keys
 from .toml import toml
 from .vocabulary import Table
@@ -90,10 +90,12 @@ def table_of(path: Keys, part: bool = True) -> type[Table]:
     if not path:
         return language.ScenarioFile if part else language.Scenario
     inner: dict[str, type[Table]] = {
-        "limits": language.LimitLine, "tolerance": language.OfNumber, "tuned": language.Tuning,
+        "limits": language.LimitLine, "tolerance": language_paper.OfNumber,
+        "tuned": language_paper.Tuning, "in_sample": language_paper.Tuning,
+        "share": language_paper.ShareOfDraws,
     }  # fmt: skip
     outer: dict[str, type[Table]] = {
-        "numbers": language.Number, "plots": language.Plot, "paper": language.PaperRow,
+        "numbers": language.Number, "plots": language.Plot, "paper": language_paper.PaperRow,
         "dispersions": language.Dispersion, "design": language.Design,
         "stop_when": language.StopWhen,
     }  # fmt: skip
@@ -106,7 +108,7 @@ def paper_problems(
     """What rows of a paper's tables say of methods and cases that there are not."""
     methods = axes.get("method", {})
     for name, row in data.get("paper", {}).items():
-        for key in ("values", "tolerance", "tuned", "remark", "only"):
+        for key in ("values", "tolerance", "tuned", "in_sample", "remark", "only"):
             given = row.get(key)
             if not isinstance(given, dict if key != "only" else list):
                 continue

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Any
 
 from ..files.scenario import Scenario
 from ..system.errors import DesatError
 from .meaning import numbers_of_rows
-from .numbers import relative
+from .numbers import defined, relative
 
 Numbers = dict[str, Any]
 """A run's numbers by name; None: not reached."""
@@ -27,11 +28,21 @@ class Row:
     ours: float
     band: tuple[float, float] | None
     within: bool | None
+    paper_within: bool | None
+    """Whether the paper's own value is within the band; None where there is none of them."""
     tuned: bool
+    out_of_sample: bool
+    """True: the paper gives a value, nothing was tuned to it, it had no part in a choice, and it
+    repeats no other cell."""
+    definition: str
+    """What is measured, in a sentence."""
+    flag: bool
+    """True: 0 means no and 1 means yes."""
     remark: str
     scenario: str
     draws: dict[str, Any] | None = None
-    """Where `ours` is a median: number of draws, `min`, `max`, and the `band` of each draw."""
+    """Where `ours` is of draws: how many `n`, and of a median `min`, `max` and the `band` of each
+    draw, of a share the `count` and its `interval` (%, Clopper-Pearson, 95 %)."""
 
 
 @dataclass(frozen=True)
@@ -76,52 +87,88 @@ class Entry:
             width = float(tolerance)
         return paper - width, paper + width
 
-    @property
-    def tuning(self) -> str:
-        """What was tuned to this cell; empty where nothing was."""
-        tuned = self.data.get("tuned")
-        if isinstance(tuned, dict):
-            tuned = tuned.get(self.method)
-        if isinstance(tuned, dict):
-            hit = any(self.case.startswith(c) for c in tuned["cases"])
-            return str(tuned["what"]) if hit else ""
-        return str(tuned or "")
+    def why(self, key: str) -> str:
+        """What `tuned` or `in_sample` says of this cell; empty where it says nothing."""
+        told = self.data.get(key)
+        if isinstance(told, dict):
+            told = told.get(self.method)
+        if isinstance(told, dict):
+            hit = any(self.case.startswith(c) for c in told["cases"])
+            return str(told["what"]) if hit else ""
+        return str(told or "")
 
     @property
     def remark(self) -> str:
         """What a reader should know of the cell."""
-        tuned = f"tuned: {self.tuning}" if self.tuning else ""
-        return "; ".join(text for text in (tuned, self.cell("remark")) if text)
+        tuned, seen = self.why("tuned"), self.why("in_sample")
+        texts = (tuned and f"tuned: {tuned}", seen and f"in sample: {seen}", self.cell("remark"))
+        return "; ".join(text for text in texts if text)
 
 
 def rows_of(
     scenario: Scenario, values: Numbers, everything: dict[str, Numbers],
-    summary: dict[str, dict[str, Any]],
+    drawn: dict[str, Any] | None,
 ) -> list[Row]:  # fmt: skip
     """The rows that a scenario gives. `values`: its numbers, `everything`: those of all scenarios;
-    `summary`: of its draws, where it has some, by number.
+    `drawn`: its draws, where it has some: their `summary` and the `draws` themselves.
 
-    Raises DesatError where a number is not reached or is of a run that was not made.
+    Raises DesatError where a number is not reached or is of a run that was not made, and for a
+    share of draws where there are none.
     """
     method, case = (scenario.cell.get(axis, "") for axis in ("method", "case"))
-    return [
-        _row(scenario, Entry(scenario.data["paper"][row], method, case),
-             _value(scenario, row, name, values, everything), values, summary.get(name))
-        for row, name in numbers_of_rows(scenario.data, scenario.cell).items()
-    ]  # fmt: skip
+    found = []
+    for row, name in numbers_of_rows(scenario.data, scenario.cell).items():
+        entry = Entry(scenario.data["paper"][row], method, case)
+        told: dict[str, Any] | None
+        if "share" in entry.data:
+            if drawn is None:
+                where = scenario.where(("paper", row))
+                raise DesatError(f"{where}: a share of draws, and {scenario.name} has none")
+            counts = told = share_of(drawn["draws"], name, **entry.data["share"])
+            ours = 100.0 * counts["count"] / counts["n"]
+        else:
+            ours = _value(scenario, row, name, values, everything)
+            told = _spread(entry, drawn["summary"].get(name) if drawn else None)
+        found.append(_row(scenario, entry, name, ours, values, told))
+    return found
+
+
+def _spread(entry: Entry, summary: dict[str, Any] | None) -> dict[str, Any] | None:
+    if summary is None:
+        return None
+    return {**{k: summary[k] for k in ("n", "min", "max")}, "band": entry.data.get("each")}
+
+
+def share_of(
+    draws: list[dict[str, Any]], name: str, least: float = -math.inf, most: float = math.inf
+) -> dict[str, Any]:
+    """Of `n` draws the `count` of those whose number is within [least, most], and the `interval`
+    (%) in which the share of all possible draws lies with 95 %. A number that is not reached is not
+    within."""
+    values = [d["numbers"].get(name) for d in draws]
+    count = sum(x is not None and least <= x <= most for x in values)
+    return {"n": len(values), "count": count, "interval": clopper_pearson(count, len(values))}
+
+
+def clopper_pearson(count: int, n: int, level: float = 0.95) -> list[float]:
+    """The exact interval (%) of a binomial share: Clopper & Pearson, Biometrika 26 (1934) 404."""
+    from scipy.stats import beta
+
+    tail = (1.0 - level) / 2.0
+    low = beta.ppf(tail, count, n - count + 1) if count else 0.0
+    high = beta.ppf(1.0 - tail, count + 1, n - count) if count < n else 1.0
+    return [100.0 * float(low), 100.0 * float(high)]
 
 
 def _row(
-    scenario: Scenario, entry: Entry, ours: float, values: Numbers, draws: dict[str, Any] | None
+    scenario: Scenario, entry: Entry, name: str, ours: float, values: Numbers,
+    draws: dict[str, Any] | None,
 ) -> Row:  # fmt: skip
-    band = entry.band(values)
+    band, paper = entry.band(values), entry.cell("values")
     within = None if band is None else band[0] <= ours <= band[1]
-    drawn = None
-    if draws is not None:
-        each = entry.data.get("each")
-        drawn = {"n": draws["n"], "min": draws["min"], "max": draws["max"], "band": each}
-        if each is not None:
-            within = within is not False and each[0] <= draws["min"] and draws["max"] <= each[1]
+    if draws is not None and (each := draws.get("band")) is not None:
+        within = within is not False and each[0] <= draws["min"] and draws["max"] <= each[1]
+    tuned, seen = bool(entry.why("tuned")), bool(entry.why("in_sample"))
     labels = scenario.data["labels"]
     in_columns = entry.method or entry.case
     return Row(
@@ -130,15 +177,37 @@ def _row(
         case=labels.get("case", "") if in_columns else scenario.name.partition("/")[2],
         quantity=entry.data["quantity"],
         unit=entry.data["unit"],
-        paper=entry.cell("values"),
+        paper=paper,
         ours=ours,
         band=band,
         within=within,
-        tuned=bool(entry.tuning),
+        paper_within=None if band is None or paper is None else band[0] <= paper <= band[1],
+        tuned=tuned,
+        out_of_sample=paper is not None and not tuned and not seen,
+        definition=entry.data.get("definition") or defined(scenario.data["numbers"].get(name)),
+        flag=bool(entry.data.get("flag")),
         remark=entry.remark,
         scenario=scenario.name,
-        draws=drawn,
+        draws=draws,
     )
+
+
+def counted(table: list[Row]) -> dict[str, int]:
+    """How many rows there are of each kind. Of those with a band: how many are within it, tuned,
+    without a value of the paper, in sample otherwise, out of sample, and of the latter within."""
+    banded = [r for r in table if r.within is not None]
+    out = [r for r in banded if r.out_of_sample]
+    return {
+        "rows": len(table),
+        "banded": len(banded),
+        "within": sum(r.within is True for r in banded),
+        "tuned": sum(r.tuned for r in banded),
+        "without_paper": sum(r.paper is None and not r.tuned for r in banded),
+        "in_sample": sum(r.paper is not None and not (r.tuned or r.out_of_sample) for r in banded),
+        "out_of_sample": len(out),
+        "out_of_sample_within": sum(r.within is True for r in out),
+        "paper_outside": sum(r.paper_within is False for r in banded),
+    }
 
 
 def _value(

@@ -53,9 +53,10 @@ def _design(found: Scenario) -> list[str]:
 
 def _tables() -> dict[str, Any]:
     from ..files import language as l
+    from ..files.language_paper import PaperRow
 
     return {"scenario": l.ScenarioFile, "number": l.Number, "plot": l.Plot, "limit": l.LimitLine,
-            "paper": l.PaperRow, "dispersion": l.Dispersion, "axis": l.Cell,
+            "paper": PaperRow, "dispersion": l.Dispersion, "axis": l.Cell,
             "design": l.Design, "stop_when": l.StopWhen}  # fmt: skip
 
 

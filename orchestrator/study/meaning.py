@@ -41,8 +41,9 @@ def _words(data: dict[str, Any]) -> Iterator[tuple[Path, str]]:
     for name, number in numbers.items():
         path = ("numbers", name)
         if "of" in number:
-            if number["of"] not in numbers:
-                yield (*path, "of"), f"no number {number['of']}{nearest(number['of'], numbers)}"
+            known = {*numbers, *(n for a in analyses() for n in a.NUMBERS)}
+            if number["of"] not in known:
+                yield (*path, "of"), f"no number {number['of']}{nearest(number['of'], known)}"
             continue
         measure = number.get("measure", "last")
         if measure not in MEASURES:

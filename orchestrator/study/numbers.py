@@ -144,6 +144,29 @@ def _options(number: dict[str, Any], units: list[Unit], parameters: Table) -> di
     return options
 
 
+def defined(number: dict[str, Any] | None) -> str:
+    """A number of a scenario in a sentence: its title, and how it is measured. Empty for None."""
+    if number is None:
+        return ""
+    title = str(number["title"])
+    if "reference" in number:
+        how = f"{number['form']} of {number['of']} to that of {number['reference']}"
+        return f"{title} ({how})"
+    what = inspect.getdoc(MEASURES[_measure(number)]) or ""
+    sentence = " ".join(what.split()).removesuffix(".")
+    of = " and ".join(signals_of(number))
+    if "derive" in number:
+        of = f"{number['derive'].replace('_', ' ')} of {of}"
+    parts = [f"{sentence[0].lower()}{sentence[1:]}; of {of}"]
+    parts += [f"{k} = {v}" for k, v in number.get("options", {}).items()]
+    if "window" in number:
+        begin, end = number["window"]
+        parts.append(f"from {begin:g} s to " + ("the end" if end >= OPEN_END else f"{end:g} s"))
+    if "percent_of" in number:
+        parts.append(f"in % of {number['percent_of']}")
+    return f"{title} ({'; '.join(parts)})"
+
+
 def problems(about: dict[str, Any], units: dict[str, str], parameters: Table) -> list[str]:
     """What is wrong with a system's numbers before it runs; `units`: of every series there is."""
     wrong = []

@@ -22,12 +22,18 @@ from .strips import timeline
 
 COLOURS = ("#0b62a4", "#d1495b", "#2e8b57", "#8a5fbf", "#e08e0b", "#444444")
 LIMIT = "#b22222"
+BANDS = ("#b22222", "#e0a100", "#5b7f95")
+"""Of filled limits, in their order."""
 POINTS = 3000
 """More points than a plot is wide are thinned, keeping each bin's least and largest."""
+ENVELOPE = 240
+"""Parts of a line whose least and most are an envelope."""
 LEGEND_WIDTH = 21
 """Characters that there is room for beside the axes."""
 LEFT, WIDTH, BOTTOM, TOP = 0.095, 0.655, 0.16, 0.92
 """Of all axes in their figures, so that times align."""
+HEIGHT, PANELS = 2.9, 4.9
+"""in, of a figure with one pair of axes and with two."""
 
 Run = tuple[str, Results, dict[str, Any]]
 """label, series, parameters as a manifest has them"""
@@ -64,15 +70,25 @@ def time_axis(times: np.ndarray[Any, Any]) -> tuple[float, str]:
     return (60.0, "min") if span > 1200 else (1.0, "s")
 
 
-def figure(width: float = 7.2, height: float = 2.9) -> tuple[Figure, Any]:
+def figure(width: float = 7.2, height: float = HEIGHT) -> tuple[Figure, Any]:
     """A figure in our style, and its axes."""
     fig = Figure(figsize=(width, height))
-    ax = fig.add_axes((LEFT, BOTTOM, WIDTH, TOP - BOTTOM))
+    return fig, _axes(fig, BOTTOM, TOP)
+
+
+def _axes(fig: Figure, bottom: float, top: float) -> Any:
+    ax = fig.add_axes((LEFT, bottom, WIDTH, top - bottom))
     ax.grid(True, color="#dddddd", linewidth=0.6)
     ax.set_axisbelow(True)
     for side in ("top", "right"):
         ax.spines[side].set_visible(False)
-    return fig, ax
+    return ax
+
+
+def axis_label(what: str, unit: str, height: float) -> str:
+    """`quantity [unit]` for an axis so many inches high, in lines that fit it."""
+    bracket = f"[{pretty_unit(unit)}]" if pretty_unit(unit) else ""
+    return textwrap.fill(f"{what} {bracket}".strip(), max(14, int(height * 12.5)))
 
 
 def legend(ax: Any) -> None:
@@ -106,42 +122,86 @@ def series_plot(plot: dict[str, Any], runs: Sequence[Run]) -> str | None:
     own = quantity[0].unit if quantity else ""
     unit = plot.get("unit") or own or results.attribute(signals[0], "unit")
     drawn = [lines_of(plot, r, unit) for _, r, _ in runs]
-    fig, ax = figure()
+    what, steady = plot.get("axis", plot["title"]), plot.get("steady")
     seconds, time_unit = time_axis(results.times())
-    _draw(ax, drawn, [label for label, _, _ in runs], seconds, plot.get("points", POINTS))
+    if steady is None or results.times()[-1] <= steady:
+        fig, ax = figure()
+        panels = [(ax, drawn)]
+    else:
+        fig = Figure(figsize=(7.2, PANELS))
+        later = [[_since(line, steady) for line in lines] for lines in drawn]
+        panels = [(_axes(fig, 0.60, 0.96), drawn), (_axes(fig, 0.10, 0.46), later)]
+        panels[1][0].set_title(f"from {steady / seconds:g} {time_unit} on", fontsize=9, loc="left")
     # the limits of a size have no other side
     signed = any(np.nanmin(x.values, initial=0.0) < 0.0 for lines in drawn for x in lines)
-    _draw_limits(ax, _limits(plot, parameters, unit), signed)
-    if plot.get("log"):
-        ax.set_yscale("log")
-    ax.set_ylabel(f"[{pretty_unit(unit)}]" if pretty_unit(unit) else "")
-    timeline(ax, seconds, time_unit, results)
-    legend(ax)
+    for ax, lines in panels:
+        _draw(ax, lines, [label for label, _, _ in runs], seconds, plot)
+        whole = ax is panels[0][0]
+        _draw_limits(ax, _limits(plot, parameters, unit), signed, whole)
+        if plot.get("log") and whole:
+            ax.set_yscale("log")
+        height = ax.get_position().height * fig.get_figheight()
+        ax.set_ylabel(axis_label(what, unit, height))
+        timeline(ax, seconds, time_unit, results if ax is panels[-1][0] else None)
+    legend(panels[0][0])
+    if len(panels) > 1:
+        _strips_only(panels[1][0])
     return svg(fig)
 
 
-def _draw(ax: Any, runs: list[list[Line]], labels: list[str], seconds: float, points: int) -> None:
+def _since(line: Line, begin: float) -> Line:
+    kept = line.times >= begin
+    return line._replace(times=line.times[kept], values=line.values[kept])
+
+
+def _strips_only(ax: Any) -> None:
+    """The legend of a second pair of axes: what the first one's does not name."""
+    for line in ax.get_lines():
+        line.set_label(None)
+    legend(ax)
+
+
+def _draw(
+    ax: Any, runs: list[list[Line]], labels: list[str], seconds: float, plot: dict[str, Any]
+) -> None:
     """The lines of several runs. A line is named in the first run; where there are several runs,
-    the first line of each other one has the run's name, and a lone line always has."""
+    the first line of each other one has the run's name, and a lone line always has. An `envelope`
+    fills what a line that is faster than the plot is wide lies between."""
+    points = plot.get("points", POINTS)
     for number, lines in enumerate(runs):
         for i, line in enumerate(lines):
             name = line.name if number == 0 else None
             if len(runs) > 1 and (len(lines) == 1 or (number and i == 0)):
                 name = labels[number]
+            colour = COLOURS[i % len(COLOURS)]
+            if plot.get("envelope") and len(line.times) > ENVELOPE:
+                x, low, high = _envelope(line.times, line.values)
+                ax.fill_between(x / seconds, low, high, color=colour, alpha=0.45, linewidth=0.3,
+                                label=name and f"{name}: least to most")  # fmt: skip
+                continue
             x, y = _thinned(line.times, line.values, points)
             ax.plot(
-                x / seconds, y, color=COLOURS[i % len(COLOURS)], label=name,
+                x / seconds, y, color=colour, label=name,
                 drawstyle="steps-post" if line.stepped else "default",
                 **(_FIRST if number == 0 else _OTHER),
             )  # fmt: skip
 
 
-def _draw_limits(ax: Any, limits: list[tuple[str, float, bool]], signed: bool) -> None:
-    """Limit lines and bands (name, value, filled), on both sides of zero where `signed`."""
+def _draw_limits(
+    ax: Any, limits: list[tuple[str, float, bool]], signed: bool, always: bool = True
+) -> None:
+    """Limit lines and bands (name, value, filled), on both sides of zero where `signed`; those that
+    are beyond what is drawn only where `always`."""
+    low, high = ax.get_ylim()
+    bands = iter(BANDS * len(limits))
     for name, value, filled in limits:
+        colour = next(bands) if filled else LIMIT
+        if not always and value > max(-low, high):
+            continue
         text = f"{'±' if signed else ''}{value:.4g}  {name}"
         if filled:
-            ax.axhspan(-value if signed else 0.0, value, color=LIMIT, alpha=0.08, label=text)
+            ax.axhspan(-value if signed else 0.0, value, color=colour, alpha=0.16, label=text,
+                       linewidth=0)  # fmt: skip
             continue
         for sign, label in ((1.0, text), (-1.0, None)) if signed else ((1.0, text),):
             ax.axhline(sign * value, color=LIMIT, linewidth=0.9, linestyle=":", label=label)
@@ -212,6 +272,14 @@ def _parameter(parameters: dict[str, Any], name: str) -> Any:
         return value_of(name, parameters)[0]
     except DesatError:
         return None
+
+
+def _envelope(x: Any, y: Any) -> tuple[Any, Any, Any]:
+    """Times, least and most of each of ENVELOPE parts of a line."""
+    edges = np.linspace(0, len(x), ENVELOPE + 1).astype(int)
+    parts = [(x[a], y[a:b].min(), y[a:b].max()) for a, b in pairwise(edges)]
+    times, low, high = np.array(parts).T
+    return times, low, high
 
 
 def _thinned(x: Any, y: Any, points: int = POINTS) -> tuple[Any, Any]:

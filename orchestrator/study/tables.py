@@ -15,7 +15,7 @@ from ..files.pack import pack_scenario
 from ..files.scenario import Scenario, scenarios
 from ..system.errors import DesatError
 from .case import Options, execute
-from .cells import Numbers, Row, rows_of
+from .cells import Numbers, Row, counted, rows_of
 from .draws import pool_of
 from .manifest import PACKAGES
 from .meaning import words
@@ -42,10 +42,11 @@ def rows(
         raise DesatError("\n".join(dict.fromkeys(wrong)))
     if not given:
         raise DesatError(f"{family}: no scenario has paper values")
-    summaries = {n: d["summary"] for n, d in (drawn or {}).get("scenarios", {}).items()}
-    if missing := [n for n, s in given.items() if s.data.get("draws") and n not in summaries]:
+    kept = (drawn or {}).get("scenarios", {})
+    kept = {n: kept[n] for n, s in given.items() if s.data.get("draws") and n in kept}
+    if missing := [n for n, s in given.items() if s.data.get("draws") and n not in kept]:
         raise DesatError(f"{missing[0]}: no draws; `desat tables {family} --fresh` makes them")
-    values = {n: {k: d["median"] for k, d in summaries[n].items()} for n in given if n in summaries}
+    values = {n: {k: d["median"] for k, d in kept[n]["summary"].items()} for n in kept}
     values |= _single([s for n, s in given.items() if n not in values], options, jobs)
     # first what the paper has values for, then what is ours alone
     ranked = sorted(
@@ -53,7 +54,7 @@ def rows(
     )
     made = [
         row for s in ranked
-        for row in rows_of(s, values[s.name], values, summaries.get(s.name, {}))
+        for row in rows_of(s, values[s.name], values, kept.get(s.name))
     ]  # fmt: skip
     entries = (e for s in ranked for e in s.data["paper"].values())
     quantities = list(dict.fromkeys((e["table"], e["quantity"]) for e in entries))
@@ -73,7 +74,7 @@ def _single(given: list[Scenario], options: Options, jobs: int) -> dict[str, Num
 
 def as_json(family: str, table: list[Row], drawn: dict[str, Any] | None = None) -> dict[str, Any]:
     """What `--json` prints; `drawn`: which run the draws are from (`stored.provenance`)."""
-    data = {"family": family, "rows": [asdict(row) for row in table]}
+    data = {"family": family, "count": counted(table), "rows": [asdict(row) for row in table]}
     return data if drawn is None else {**data, "run": drawn}
 
 
@@ -88,21 +89,28 @@ def shown(row: Row) -> dict[str, str]:
             difference += f" ({_signed(100 * delta / row.paper, 1)} %)"
     large = abs(row.ours) >= 1e5
     verdict = {True: "within", False: "OUTSIDE", None: ""}[row.within]
+    mark = {"within": "ok", "OUTSIDE": "bad", "": ""}[verdict]
+    if row.paper_within is False:
+        verdict += "; paper outside"
+    kind = "tuned" if row.tuned else "out of sample" if row.out_of_sample else "in sample"
     return {
         "method": row.method,
         "case": row.case,
-        "paper": "" if row.paper is None else f"{row.paper:.2f}",
-        "ours": number(row.ours) if large else f"{row.ours:.{digits}f}",
-        "difference": difference,
-        "band": "" if row.band is None else f"{row.band[0]:.{digits}f} to {row.band[1]:.{digits}f}",
-        "draws": "" if row.draws is None else _of_draws(row.draws, digits),
+        "paper": "" if row.paper is None else _value(row.paper, 2, row.flag),
+        "ours": number(row.ours) if large else _value(row.ours, digits, row.flag),
+        "difference": "" if row.flag else difference,
+        "band": "" if row.band is None else _band(row, digits),
+        "draws": "" if row.draws is None else _of_draws(row.draws, digits, row.flag),
         "verdict": verdict,
-        "mark": {"within": "ok", "OUTSIDE": "bad", "": ""}[verdict],
+        "mark": mark,
+        "sample": kind if row.paper is not None else "",
+        "definition": row.definition,
         "remark": row.remark,
     }
 
 
-COLUMNS = ("method", "case", "paper", "ours", "difference", "draws", "band", "verdict", "remark")
+COLUMNS = ("method", "case", "paper", "ours", "difference", "draws", "band", "verdict", "sample",
+           "remark")  # fmt: skip
 NUMBERS = ("paper", "ours", "difference")
 
 
@@ -112,7 +120,24 @@ def columns(lines: list[dict[str, str]]) -> dict[str, str]:
     return {c: "" if c == "verdict" else c for c in found}
 
 
-def _of_draws(draws: dict[str, Any], digits: int) -> str:
+def _value(value: float, digits: int, flag: bool = False) -> str:
+    if flag and value in (0.0, 1.0):
+        return "yes" if value else "no"
+    return f"{value:.{digits}f}"
+
+
+def _band(row: Row, digits: int) -> str:
+    assert row.band is not None
+    low, high = (_value(x, digits, row.flag) for x in row.band)
+    return low if low == high else f"{low} to {high}"
+
+
+def _of_draws(draws: dict[str, Any], digits: int, flag: bool = False) -> str:
+    if "count" in draws:
+        low, high = draws["interval"]
+        return f"{draws['count']} of {draws['n']}; of all {low:.0f} to {high:.0f} % (95 %)"
+    if flag and draws["min"] == draws["max"]:
+        return f"{_value(draws['min'], 0, flag)} in all {draws['n']}"
     text = f"{draws['min']:.{digits}f} to {draws['max']:.{digits}f} of {draws['n']}"
     if draws["band"]:
         text += f" (each: {draws['band'][0]:g} to {draws['band'][1]:g})"
@@ -134,6 +159,24 @@ def grouped(table: list[Row]) -> list[tuple[str, list[Row]]]:
     return list(groups.items())
 
 
+def definitions(group: list[Row]) -> list[str]:
+    """What the rows of a heading measure, each sentence once."""
+    return list(dict.fromkeys(row.definition for row in group if row.definition))
+
+
+def summed_up(table: list[Row]) -> str:
+    """How many cells are within their bands, and what that counts for."""
+    n = counted(table)
+    return (
+        f"{n['within']} of {n['banded']} cells with a band are within it. Of these {n['banded']}, "
+        f"{n['tuned']} are tuned, {n['without_paper']} have no value of the paper, "
+        f"{n['in_sample']} had a part in a choice of ours or repeat another cell, and "
+        f"{n['out_of_sample']} are out of sample; of the latter "
+        f"{n['out_of_sample_within']} are within. "
+        f"In {n['paper_outside']} the paper's own value is outside the band."
+    )
+
+
 def origin(drawn: dict[str, Any]) -> str:
     """Where the numbers of draws are from, for people."""
     how = "just now" if drawn["file"] == "computed now" else f"on {drawn['date']} ({drawn['file']})"
@@ -149,15 +192,13 @@ def write_html(
     pages = []
     for heading, group in grouped(table):
         lines = [shown(row) for row in group]
-        pages.append((heading, lines, columns(lines)))
-    banded = [r for r in table if r.within is not None]
-    inside = sum(1 for r in banded if r.within)
+        pages.append((heading, definitions(group), lines, columns(lines)))
     text = render(
         "tables.html",
         title=f"{family}: the paper's tables beside ours",
         lead=(
-            f"{inside} of {len(banded)} cells with a band are within it. Every number of ours was "
-            "computed by a run of the packed scenario when this page was written"
+            f"{summed_up(table)} Every number of ours was computed by a run of the packed "
+            "scenario when this page was written"
             + (f", medians of draws {origin(drawn)}." if drawn else ".")
         ),
         tables=pages,

@@ -19,7 +19,7 @@ from ..files import places
 from ..files.scenario import find
 from ..system.errors import DesatError, nearest
 from ..system.expression import factor, product
-from . import figures, stored, tables
+from . import cells, draws, figures, stored, tables
 from .case import Options, prepare
 from .plots import lines_of, pretty_unit, series_plot
 from .series import Series
@@ -98,6 +98,16 @@ class Verbs:
         middle, low, high = statistics.median(values), min(values), max(values)
         return f"{middle:.{digits}f} [{low:.{digits}f}, {high:.{digits}f}]"
 
+    def middle_draw(self, scenario: str, number: str) -> int:
+        """The draw whose number is the (lower) median of all: a typical one."""
+        values = self.drawn(scenario, number)
+        return sorted(range(len(values)), key=lambda i: values[i])[(len(values) - 1) // 2]
+
+    def of_draw(self, scenario: str, draw: int) -> Change:
+        """What a draw of a scenario changes, for `value`, `series` and `plot`."""
+        system = draws.system_of(self._of.name_of(scenario), Options(blocks=True))
+        return draws.drawn(system, self.seed(), draw)
+
     def seed(self) -> int:
         """The seed of the draws."""
         return int(self._of.draws["seed"])
@@ -120,8 +130,23 @@ class Verbs:
 
     def within(self, draws: bool = True) -> str:
         """How many of the cells that have a band are within it: `62 of 62`."""
-        banded = [row for row in self._of.cells(draws) if row.within is not None]
-        return f"{sum(bool(row.within) for row in banded)} of {len(banded)}"
+        found = self.counted(draws)
+        return f"{found['within']} of {found['banded']}"
+
+    def counted(self, draws: bool = True) -> dict[str, int]:
+        """How many cells there are of each kind (`cells.counted`)."""
+        return cells.counted(self._of.cells(draws))
+
+    def summed_up(self, draws: bool = True) -> str:
+        """How many cells are within their bands, and what that counts for."""
+        return tables.summed_up(self._of.cells(draws))
+
+    def share(self, scenario: str, number: str, **limits: float) -> str:
+        """The share of draws whose number is within limits (`least`, `most`), with its interval:
+        `7 of 20 (of all 15 to 59 %)`."""
+        found = cells.share_of(self._of.draws_of(scenario)["draws"], number, **limits)
+        low, high = found["interval"]
+        return f"{found['count']} of {found['n']} (of all {low:.0f} to {high:.0f} %)"
 
     def missed(self) -> list[dict[str, Any]]:
         """The paper's cells that have no band and are not tuned, but a remark: nothing reproduces
@@ -153,10 +178,12 @@ class Verbs:
             raise DesatError(f"{scenario}: plot {plot}: not recorded")
         return Series(lines[0].times, lines[0].values)
 
-    def plot(self, file: str, scenario: str, plot: str, place: str = "") -> str:
+    def plot(
+        self, file: str, scenario: str, plot: str, place: str = "", change: Change | None = None
+    ) -> str:
         """A plot of a scenario as a figure; `place` stands before its title."""
         spec = {"points": POINTS, **self._plot(scenario, plot)}
-        run = self._of.run(scenario)
+        run = self._of.run(scenario, change)
         image = series_plot(spec, [("", run.results, run.manifest["parameters"])])
         if image is None:
             raise DesatError(f"{scenario}: plot {plot}: not recorded")

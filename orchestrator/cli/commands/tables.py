@@ -68,8 +68,11 @@ def tables(
         for line in lines:
             style = {"ok": "green", "bad": "red", "": ""}[line["mark"]]
             table.add_row(*(Text(line[c], style if c == "verdict" else "") for c in shown))
+        for text in tables_module.definitions(group):
+            out.print(text, style="dim", highlight=False, markup=False)
         out.print(table)
         out.print()
+    out.print(tables_module.summed_up(rows), highlight=False, markup=False)
     if origin:
         out.print(f"draws: {tables_module.origin(origin)}", highlight=False, markup=False)
     page = tables_module.write_html(

@@ -1,0 +1,140 @@
+"""The standard numbers of a managed run: what the wheels hold, and what the coils do about it.
+
+Of wheels with axes A (columns) and momenta h the coils can act on the sum A h alone. What is left,
+h - A^+ A h, adds up to nothing: no torque on the body changes it. A mean over wheels cannot tell
+the two apart, so each has its number; the others say how near wheels and coils are to their limits.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from ..engine.results import Results
+from ..system.model import System
+
+KEY = "management"
+NUMBERS = (
+    "sum_rms", "sum_largest", "null_rms", "coil_duty", "coil_limit_share", "momentum_margin",
+    "limit_time", "crossings",
+)  # fmt: skip
+AT_LIMIT = 0.999
+"""Share of its limit from which on a coil counts as at it: one with a lag never is quite."""
+_OF_WHEELS = ("saturated_wheel", "speed_wheel")
+
+
+def applies(system: System) -> dict[str, str] | None:
+    """Which component is what, by the connections; None where no manager commands coils of a craft
+    with wheels. `wheels` is left out where they are ideal ones within the craft."""
+
+    def target(source: str, connector: str) -> str | None:
+        found = (c.target for c in system.connections
+                 if c.source == source and c.input == connector)  # fmt: skip
+        return next(found, None)
+
+    for c in system.connections:
+        if c.input != "m_cmd_body[1]":
+            continue
+        manager, torquers = c.source, c.target
+        body = target(torquers, "m_mean_body[1]")
+        if body is None or not system.components[body].interface.elements("h_copy_wheel"):
+            continue
+        parts = {"spacecraft": body, "torquers": torquers}
+        wheels = target(manager, "tau_cmd_wheel[1]")
+        if wheels and all(system.components[wheels].interface.elements(n) for n in _OF_WHEELS):
+            parts["wheels"] = wheels
+        return parts
+    return None
+
+
+def signals(parts: dict[str, str]) -> list[str]:
+    """The series that the numbers are made of."""
+    names = [f"{parts['spacecraft']}.h_copy_wheel", f"{parts['torquers']}.m_mean_body"]
+    return names + [f"{parts['wheels']}.{n}" for n in _OF_WHEELS if "wheels" in parts]
+
+
+def numbers(manifest: dict[str, Any], results: Results) -> dict[str, dict[str, Any]]:
+    """The standard numbers of a completed run, as a manifest has them; none where too little was
+    recorded, and only those for which the parameters are known."""
+    parts = manifest[KEY]
+    if manifest["status"] != "completed" or not set(signals(parts)) <= set(results.names()):
+        return {}
+    given = {
+        role: {k: p["value"] for k, p in manifest["parameters"].get(name, {}).items()}
+        for role, name in parts.items()
+    }
+    h = results.values(f"{parts['spacecraft']}.h_copy_wheel")
+    axes = np.reshape(given["spacecraft"].get("axes_wheel", np.eye(3, 4)), (3, 4))
+    there = np.linalg.norm(axes, axis=0) > 0.0
+    h, axes = h[:, there], axes[:, there]
+    stored = h @ axes.T
+    size = np.linalg.norm(stored, axis=1)
+    idle = h - stored @ np.linalg.pinv(axes).T
+    found = {
+        "sum_rms": ("Momentum that coils can act on, sum g h: rms", _rms(size), "N.m.s"),
+        "sum_largest": ("The same: largest", float(size.max()), "N.m.s"),
+        "null_rms": ("Null-space part of a wheel's momentum: rms of the largest wheel",
+                     _rms(np.abs(idle).max(axis=1)), "N.m.s"),
+    }  # fmt: skip
+    m = results.values(f"{parts['torquers']}.m_mean_body")
+    found |= _of_coils(m, given["torquers"], float(manifest["step"]))
+    if "wheels" in parts:
+        found |= _of_wheels(parts["wheels"], given["wheels"], results, np.abs(h), there)
+    return {k: {"title": t, "value": v, "unit": u} for k, (t, v, u) in found.items()}
+
+
+def unmet(manifest: dict[str, Any], results: Results) -> list[str]:
+    """None: a wheel may saturate, and a coil may be at its limit."""
+    return []
+
+
+def figures(manifest: dict[str, Any], results: Results) -> list[tuple[str, str]]:
+    """None."""
+    return []
+
+
+def _rms(values: Any) -> float:
+    return float(np.sqrt((values**2).mean()))
+
+
+def _of_coils(m: Any, given: dict[str, Any], step: float) -> dict[str, tuple[str, float, str]]:
+    """Duty of the coils, as a share of what they can do: in the mean of a step, or of a period
+    where they are pulsed."""
+    most = given.get("m_limit", 0.0)
+    if given.get("drive") == "ideal" or not most or "axes_coil" not in given:
+        return {}
+    axes = np.reshape(given["axes_coil"], (3, -1))
+    coils = np.abs(m @ np.linalg.pinv(axes[:, np.linalg.norm(axes, axis=0) > 0.0]).T)
+    if given.get("drive") == "pulsed":
+        most *= given["duty_max"]
+        count = max(1, round(given["sample_time"] / step))
+        coils = coils[: len(coils) // count * count].reshape(-1, count, coils.shape[1]).mean(axis=1)
+    if not len(coils):
+        return {}
+    return {
+        "coil_duty": ("Coil duty: mean dipole of a coil, share of the most that it can do",
+                      100.0 * float(coils.mean()) / most, "%"),
+        "coil_limit_share": ("Time that some coil is at its limit",
+                             100.0 * float((coils >= AT_LIMIT * most).any(axis=1).mean()), "%"),
+    }  # fmt: skip
+
+
+def _of_wheels(
+    wheels: str, given: dict[str, Any], results: Results, h: Any, there: Any
+) -> dict[str, tuple[str, float, str]]:  # fmt: skip
+    """How near the wheels come to their limits, and how often they pass zero speed."""
+    found = {}
+    if "inertia_wheel" in given and "speed_limit" in given:
+        capacity = (np.array(given["inertia_wheel"]) * given["speed_limit"])[there]
+        margin = 100.0 * (1.0 - float((h / capacity).max()))
+        found["momentum_margin"] = ("Momentum margin: what the fullest wheel has left, least",
+                                    margin, "%")  # fmt: skip
+    saturated, speed = (results.values(f"{wheels}.{n}") for n in _OF_WHEELS)
+    steps = np.diff(results.times(), append=results.times()[-1])
+    at_limit = np.asarray(saturated.reshape(len(saturated), -1).any(axis=1))
+    crossings = (np.diff(np.signbit(speed[:, there]), axis=0)).sum()
+    found["limit_time"] = ("Time that some wheel is at its limit",
+                           float(steps[: len(at_limit)] @ at_limit), "s")  # fmt: skip
+    found["crossings"] = ("Zero crossings of the wheels", float(crossings), "1")
+    return found
