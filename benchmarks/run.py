@@ -37,6 +37,8 @@ from desat.files.pack import pack_scenario
 from desat.files.scenario import find
 from desat.study.case import Options, prepare
 
+from . import scaling
+
 HERE = Path(__file__).parent
 LATEST = HERE / "latest.json"
 ROUNDS = 5
@@ -597,6 +599,7 @@ CASES: dict[str, Callable[[], dict[str, Any]]] = {
     "start_up": start_up,
     "plant": plant_trajectory,
     "laws": laws,
+    "scaling": scaling.measure,
 }
 
 

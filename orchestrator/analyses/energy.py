@@ -25,7 +25,7 @@ import numpy as np
 
 from ..engine.results import Results
 from ..study.derived import rotate_back
-from ..study.plots import COLOURS, figure, svg, time_axis
+from ..study.plots import COLOURS, envelope, figure, svg, time_axis
 from ..system.model import System
 from . import outside, residual
 from .within import NODES, WEIGHTS, Array, Steps
@@ -183,7 +183,8 @@ def figures(manifest: dict[str, Any], results: Results) -> list[tuple[str, str]]
         return []
     fig, ax = figure()
     seconds, unit = time_axis(found.times)
-    ax.plot(found.times / seconds, found.mismatch, color=COLOURS[0], linewidth=1.0)
+    times, mismatch = envelope(found.times, found.mismatch)
+    ax.plot(times / seconds, mismatch, color=COLOURS[0], linewidth=1.0)
     ax.set_xlabel(f"time [{unit}]")
     ax.set_ylabel("[J]")
     ax.margins(x=0.01)

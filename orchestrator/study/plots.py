@@ -23,7 +23,7 @@ from .strips import timeline
 COLOURS = ("#0b62a4", "#d1495b", "#2e8b57", "#8a5fbf", "#e08e0b", "#444444")
 LIMIT = "#b22222"
 POINTS = 3000
-"""More points than a plot is wide are thinned, keeping each bin's least and largest."""
+"""Of a line: more than a plot is wide are drawn as their envelope."""
 LEGEND_WIDTH = 21
 """Characters that there is room for beside the axes."""
 LEFT, WIDTH, BOTTOM, TOP = 0.095, 0.655, 0.16, 0.92
@@ -126,7 +126,7 @@ def _draw(ax: Any, runs: list[list[Line]], labels: list[str], seconds: float, po
             name = line.name if number == 0 else None
             if len(runs) > 1 and (len(lines) == 1 or (number and i == 0)):
                 name = labels[number]
-            x, y = _thinned(line.times, line.values, points)
+            x, y = envelope(line.times, line.values, points)
             ax.plot(
                 x / seconds, y, color=COLOURS[i % len(COLOURS)], label=name,
                 drawstyle="steps-post" if line.stepped else "default",
@@ -212,8 +212,9 @@ def _parameter(parameters: dict[str, Any], name: str) -> Any:
         return None
 
 
-def _thinned(x: Any, y: Any, points: int = POINTS) -> tuple[Any, Any]:
-    """The envelope: of each bin its least and its largest point, and the ends; all of few rows."""
+def envelope(x: Any, y: Any, points: int = POINTS) -> tuple[Any, Any]:
+    """What a line of many points looks like: of each bin its least and its largest point, and the
+    ends, some `points` in all."""
     if len(x) <= points:
         return x, y
     size = -(-2 * len(x) // points)  # rows of a bin
