@@ -31,9 +31,9 @@ CHAIN = 32
 """Components, where their number is not what is varied."""
 
 
-def _master(components: int, wired: int | None = None, recorded: int = 0) -> Master:
+def _master(components: int, wired: int | None = None) -> Master:
     """A chain: the field that a magnetometer measures is the field of the next one, for so many of
-    them (default: all); of the first so many components the outputs are kept."""
+    them (default: all)."""
     native = places.fmus() / "native" / "magnetometer.fmu"
     file = native if native.exists() else places.fmus() / "magnetometer.fmu"
     interface = library.load(file).interface
@@ -42,17 +42,18 @@ def _master(components: int, wired: int | None = None, recorded: int = 0) -> Mas
     wires = [Connection(a, f"b_body[{i}]", b, f"b_eci[{i}]")
              for a, b in list(pairwise(names))[:wired] for i in (1, 2, 3)]  # fmt: skip
     draft = Draft("chain", "benchmarks/scaling.py", parts, wires, step=1.0, stop=1e7)
-    kept = frozenset(names[:recorded])
-    master = Master(*check(draft).or_raise(),
-                    watched=lambda c, s: c in kept and s.name.startswith("b_body"))  # fmt: skip
+    master = Master(*check(draft).or_raise(), watched=lambda c, s: False)
     master.initialise()
     return master
 
 
-def _seconds(master: Master, steps: int, keep: bool = False) -> float:
-    """Processor seconds of so many further steps."""
+def _seconds(master: Master, steps: int, kept: int | None = None) -> float:
+    """Processor seconds of so many further steps; recorded in a file with the outputs of so many
+    components."""
     with TemporaryDirectory() as folder:
-        recorder = Recorder(Path(folder) / SERIES, master) if keep else None
+        patterns = [f"m{i:04}.*" for i in range(kept or 0)]
+        file = Path(folder) / SERIES
+        recorder = None if kept is None else Recorder(file, master, patterns)
         stepper, until = stepping(master, recorder), master.k + steps
         began = time.process_time()
         if recorder is None:
@@ -67,11 +68,11 @@ def _seconds(master: Master, steps: int, keep: bool = False) -> float:
 
 
 def _varied(values: list[int], make: Callable[[int], Master], keep: bool = False) -> list[Any]:
-    """[value, us a step] for each value."""
+    """[value, us a step] for each value, which with `keep` is the number of components recorded."""
     rows = []
     for value in values:
         with make(value) as master:
-            least = min(_seconds(master, STEPS, keep) for _ in range(ROUNDS))
+            least = min(_seconds(master, STEPS, value if keep else None) for _ in range(ROUNDS))
         rows.append([value, round(1e6 * least / STEPS, 3)])
     return rows
 
@@ -109,8 +110,8 @@ def measure() -> dict[str, Any]:
             [[3 * n, us] for n, us in _varied([0, 8, 16, 24, 31], lambda n: _master(CHAIN, n))]
         ),
         "recorded": _line(
-            [[3 * n, us] for n, us in
-             _varied([0, 8, 16, 24, 32], lambda n: _master(CHAIN, recorded=n), keep=True)]
+            [[3 * n, us]
+             for n, us in _varied([0, 8, 16, 24, 31], lambda n: _master(CHAIN), keep=True)]
         ),
     }  # fmt: skip
     _draw(found)
