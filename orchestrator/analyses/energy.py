@@ -35,7 +35,7 @@ BOUND = 1e-6
 """Of the impulse's mismatch, as a share of the largest momentum, where a scenario has no
 `impulse_bound`."""
 NUMBERS = ("energy_mismatch", "impulse_mismatch")
-BLOCK = 4096
+BLOCK = 8192
 """Steps that are computed at once: what comes between fits the processor's cache."""
 _PAIR = ("tau_mean_wheel", "tau_slope_wheel")
 
