@@ -151,7 +151,7 @@ def main() -> None:
     navigation.scStateInMsg.subscribeTo(craft.scStateOutMsg)
     noise = np.diag([1.0] * 3 + [0.01] * 3 + [5e-5] * 3 + [1e-5] * 3 + [0.0] * 6)
     navigation.PMatrix = noise.tolist()
-    navigation.walkBounds = [1e3] * 18
+    navigation.walkBounds = [100.0] * 3 + [0.1] * 3 + [2e-4] * 3 + [5e-5] * 3 + [0.0] * 6
     add(navigation, 93)
     sensor = magnetometer.Magnetometer()
     sensor.stateInMsg.subscribeTo(craft.scStateOutMsg)

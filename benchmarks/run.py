@@ -37,7 +37,7 @@ from desat.files.pack import pack_scenario
 from desat.files.scenario import find
 from desat.study.case import Options, prepare
 
-from . import plants
+from . import plants, scaling
 
 HERE = Path(__file__).parent
 LATEST = HERE / "latest.json"
@@ -571,6 +571,7 @@ CASES: dict[str, Callable[[], dict[str, Any]]] = {
     "start_up": start_up,
     "plants": both_plants,
     "laws": laws,
+    "scaling": scaling.measure,
 }
 
 

@@ -25,7 +25,7 @@ import numpy as np
 
 from ..engine.results import Results
 from ..study.derived import rotate_back
-from ..study.plots import COLOURS, figure, svg, time_axis
+from ..study.plots import COLOURS, envelope, figure, svg, time_axis
 from ..system.model import System
 from . import outside, residual
 from .within import NODES, WEIGHTS, Array, Steps
@@ -35,7 +35,7 @@ BOUND = 1e-6
 """Of the impulse's mismatch, as a share of the largest momentum, where a scenario has no
 `impulse_bound`."""
 NUMBERS = ("energy_mismatch", "impulse_mismatch")
-BLOCK = 4096
+BLOCK = 8192
 """Steps that are computed at once: what comes between fits the processor's cache."""
 _PAIR = ("tau_mean_wheel", "tau_slope_wheel")
 
@@ -183,7 +183,8 @@ def figures(manifest: dict[str, Any], results: Results) -> list[tuple[str, str]]
         return []
     fig, ax = figure()
     seconds, unit = time_axis(found.times)
-    ax.plot(found.times / seconds, found.mismatch, color=COLOURS[0], linewidth=1.0)
+    times, mismatch = envelope(found.times, found.mismatch)
+    ax.plot(times / seconds, mismatch, color=COLOURS[0], linewidth=1.0)
     ax.set_xlabel(f"time [{unit}]")
     ax.set_ylabel("[J]")
     ax.margins(x=0.01)

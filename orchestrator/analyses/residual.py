@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from ..engine.results import Results
 from ..study.derived import rotate_back
-from ..study.plots import COLOURS, figure, legend, svg, time_axis
+from ..study.plots import COLOURS, envelope, figure, legend, svg, time_axis
 from ..study.strips import timeline
 from ..system.model import System
 
@@ -135,7 +135,8 @@ def plot(times: Array, residual: Array, results: Results) -> str:
     fig, ax = figure()
     seconds, unit = time_axis(times)
     for i, axis in enumerate("xyz"):
-        ax.plot(times / seconds, residual[:, i], color=COLOURS[i], linewidth=1.0, label=axis)
+        t, lost = envelope(times, residual[:, i])
+        ax.plot(t / seconds, lost, color=COLOURS[i], linewidth=1.0, label=axis)
     timeline(ax, seconds, unit, results)
     ax.set_ylabel("[N m s], eci")
     legend(ax)

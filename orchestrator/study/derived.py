@@ -80,16 +80,24 @@ def cross(a: Array, b: Array) -> Array:
     """a x b, row by row, for (rows, 3) or one vector (3,) for all rows: the bits of numpy's, which
     copies what it is given first."""
     (ax, ay, az), (bx, by, bz) = np.asarray(a).T, np.asarray(b).T
-    return np.stack([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx], axis=-1)
+    return _rows(ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx)
 
 
 def rotate_back(q: Array, v: Array) -> Array:
     """C(q)' v = v + w t + u x t with t = 2 u x v, row by row: from body to eci."""
     (x, y, z, w), (a, b, c) = q.T, v.T
     d, e, f = 2.0 * (y * c - z * b), 2.0 * (z * a - x * c), 2.0 * (x * b - y * a)
-    return np.stack([
-        a + w * d + (y * f - z * e), b + w * e + (z * d - x * f), c + w * f + (x * e - y * d),
-    ], axis=-1)  # fmt: skip
+    return _rows(
+        a + w * d + (y * f - z * e), b + w * e + (z * d - x * f), c + w * f + (x * e - y * d)
+    )
+
+
+def _rows(*columns: Array) -> Array:
+    """Columns (rows,) as (rows, columns)."""
+    made = np.empty((*columns[0].shape, len(columns)))
+    for i, column in enumerate(columns):
+        made[..., i] = column
+    return made
 
 
 @quantity("x", "y", "z", unit="deg")

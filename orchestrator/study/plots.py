@@ -26,9 +26,9 @@ LIMIT = "#b22222"
 BANDS = ("#b22222", "#e0a100", "#5b7f95")
 """Of filled limits, in their order."""
 POINTS = 3000
-"""More points than a plot is wide are thinned, keeping each bin's least and largest."""
-ENVELOPE = 240
-"""Parts of a line whose least and most are an envelope."""
+"""Of a line: more than a plot is wide are thinned to its envelope."""
+BINS = 240
+"""Parts of a line whose least and most are drawn as an area."""
 LEGEND_WIDTH = 21
 """Characters that there is room for beside the axes."""
 LEFT, WIDTH, BOTTOM, TOP = 0.095, 0.655, 0.16, 0.92
@@ -175,12 +175,12 @@ def _draw(
             if len(runs) > 1 and (len(lines) == 1 or (number and i == 0)):
                 name = labels[number]
             colour = COLOURS[i % len(COLOURS)]
-            if plot.get("envelope") and len(line.times) > ENVELOPE:
-                x, low, high = _envelope(line.times, line.values)
+            if plot.get("envelope") and len(line.times) > BINS:
+                x, low, high = _between(line.times, line.values)
                 ax.fill_between(x / seconds, low, high, color=colour, alpha=0.45, linewidth=0.3,
                                 label=name and f"{name}: least to most")  # fmt: skip
                 continue
-            x, y = _thinned(line.times, line.values, points)
+            x, y = envelope(line.times, line.values, points)
             ax.plot(
                 x / seconds, y, color=colour, label=name,
                 drawstyle="steps-post" if line.stepped else "default",
@@ -275,16 +275,17 @@ def _parameter(parameters: dict[str, Any], name: str) -> Any:
         return None
 
 
-def _envelope(x: Any, y: Any) -> tuple[Any, Any, Any]:
-    """Times, least and most of each of ENVELOPE parts of a line."""
-    edges = np.linspace(0, len(x), ENVELOPE + 1).astype(int)
+def _between(x: Any, y: Any) -> tuple[Any, Any, Any]:
+    """Times, least and most of each of BINS parts of a line."""
+    edges = np.linspace(0, len(x), BINS + 1).astype(int)
     parts = [(x[a], y[a:b].min(), y[a:b].max()) for a, b in pairwise(edges)]
     times, low, high = np.array(parts).T
     return times, low, high
 
 
-def _thinned(x: Any, y: Any, points: int = POINTS) -> tuple[Any, Any]:
-    """The envelope: of each bin its least and its largest point, and the ends; all of few rows."""
+def envelope(x: Any, y: Any, points: int = POINTS) -> tuple[Any, Any]:
+    """What a line of many points looks like: of each bin its least and its largest point, and the
+    ends, some `points` in all."""
     if len(x) <= points:
         return x, y
     size = -(-2 * len(x) // points)  # rows of a bin

@@ -1,0 +1,135 @@
+"""What a step costs as systems grow: magnetometers in a chain, native FMUs where they are built.
+
+Each point is the least of some rounds of processor time, with the compiled loop where there is one.
+"""
+
+from __future__ import annotations
+
+import resource
+import time
+from collections.abc import Callable
+from itertools import pairwise
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import numpy as np
+
+from desat.engine.loop import run, stepping
+from desat.engine.master import Master
+from desat.engine.results import SERIES, Recorder
+from desat.files import library, places
+from desat.study.plots import COLOURS, figure, svg
+from desat.system.check import check
+from desat.system.draft import Draft, DraftComponent
+from desat.system.model import Connection
+
+PLOT = Path(__file__).with_name("scaling.svg")
+ROUNDS = 5
+STEPS = 20000
+CHAIN = 32
+"""Components, where their number is not what is varied."""
+
+
+def _master(components: int, wired: int | None = None) -> Master:
+    """A chain: the field that a magnetometer measures is the field of the next one, for so many of
+    them (default: all)."""
+    native = places.fmus() / "native" / "magnetometer.fmu"
+    file = native if native.exists() else places.fmus() / "magnetometer.fmu"
+    interface = library.load(file).interface
+    names = [f"m{i:04}" for i in range(components)]
+    parts = {n: DraftComponent(n, file.name, fmu=file, interface=interface) for n in names}
+    wires = [Connection(a, f"b_body[{i}]", b, f"b_eci[{i}]")
+             for a, b in list(pairwise(names))[:wired] for i in (1, 2, 3)]  # fmt: skip
+    draft = Draft("chain", "benchmarks/scaling.py", parts, wires, step=1.0, stop=1e7)
+    master = Master(*check(draft).or_raise(), watched=lambda c, s: False)
+    master.initialise()
+    return master
+
+
+def _seconds(master: Master, steps: int, kept: int | None = None) -> float:
+    """Processor seconds of so many further steps; recorded in a file with the outputs of so many
+    components."""
+    with TemporaryDirectory() as folder:
+        patterns = [f"m{i:04}.*" for i in range(kept or 0)]
+        file = Path(folder) / SERIES
+        recorder = None if kept is None else Recorder(file, master, patterns)
+        stepper, until = stepping(master, recorder), master.k + steps
+        began = time.process_time()
+        if recorder is None:
+            while master.k < until:
+                stepper.some(until - master.k)
+        else:
+            run(master, stepper, until, recorder)
+        seconds = time.process_time() - began
+        if recorder is not None:
+            recorder.finish(master).close()
+    return seconds
+
+
+def _varied(values: list[int], make: Callable[[int], Master], keep: bool = False) -> list[Any]:
+    """[value, us a step] for each value, which with `keep` is the number of components recorded."""
+    rows = []
+    for value in values:
+        with make(value) as master:
+            least = min(_seconds(master, STEPS, value if keep else None) for _ in range(ROUNDS))
+        rows.append([value, round(1e6 * least / STEPS, 3)])
+    return rows
+
+
+def _line(rows: list[Any]) -> dict[str, Any]:
+    """The rows, and the straight line through them: cost of one more, and the largest distance
+    from it as a share of the largest cost."""
+    x, y = np.array(rows, dtype=float).T
+    slope, start = np.polyfit(x, y, 1)
+    return {
+        "rows": rows, "of_one_more": round(float(slope), 8),
+        "off_the_line": round(float(np.abs(y - start - slope * x).max() / y.max()), 3),
+    }  # fmt: skip
+
+
+def _steps(counts: list[int]) -> tuple[list[Any], dict[str, float]]:
+    """[steps, seconds] of one system; and the memory (MiB) after the first and the last of them."""
+    page = resource.getpagesize()
+    rows, resident = [], []
+    with _master(3) as master:
+        for count in counts:
+            rows.append([count, round(_seconds(master, count), 4)])
+            held = int(Path("/proc/self/statm").read_text().split()[1])
+            resident.append(round(held * page / 2**20, 2))
+    return rows, {"mib_at_first": resident[0], "mib_at_the_end": resident[-1]}
+
+
+def measure() -> dict[str, Any]:
+    """All rows, and their plot beside this file."""
+    counts, memory = _steps([10**4, 10**6, 2 * 10**6, 4 * 10**6, 10**7])
+    found = {
+        "steps": _line(counts),
+        "components": _line(_varied([1, 8, 16, 32, 64, 128], lambda n: _master(n))),
+        "connections": _line(
+            [[3 * n, us] for n, us in _varied([0, 8, 16, 24, 31], lambda n: _master(CHAIN, n))]
+        ),
+        "recorded": _line(
+            [[3 * n, us]
+             for n, us in _varied([0, 8, 16, 24, 31], lambda n: _master(CHAIN), keep=True)]
+        ),
+    }  # fmt: skip
+    _draw(found)
+    return {**found, "memory": memory}
+
+
+def _draw(found: dict[str, Any]) -> None:
+    fig, first = figure(9.0, 2.6)
+    first.remove()
+    labels = {"steps": "s", "components": "us a step", "connections": "us a step",
+              "recorded": "us a step"}  # fmt: skip
+    for i, (name, unit) in enumerate(labels.items()):
+        ax = fig.add_axes((0.06 + 0.245 * i, 0.2, 0.185, 0.7))
+        x, y = np.array(found[name]["rows"], dtype=float).T
+        ax.plot(x, y, "o-", color=COLOURS[i], markersize=3)
+        ax.set_xlabel({"recorded": "recorded signals"}.get(name, name), fontsize=8)
+        ax.set_ylabel(f"[{unit}]", fontsize=8)
+        ax.set_ylim(bottom=0.0)
+        ax.tick_params(labelsize=7)
+        ax.grid(True, color="#dddddd", linewidth=0.6)
+    PLOT.write_text(svg(fig), encoding="utf-8")
