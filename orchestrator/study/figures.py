@@ -64,7 +64,9 @@ def scatter(
     for none."""
     fig, ax = figure()
     for i, (label, (x, y)) in enumerate(groups.items()):
-        ax.plot(x, y, "o-" if join else "o", color=COLOURS[i % len(COLOURS)], label=label, markersize=5)
+        ax.plot(
+            x, y, "o-" if join else "o", color=COLOURS[i % len(COLOURS)], label=label, markersize=5
+        )
     if diagonal:
         top = max(max(*x, *y) for x, y in groups.values())
         ax.plot([0, top], [0, top], color="#888888", linewidth=0.9, linestyle=":", label=diagonal)
