@@ -50,12 +50,45 @@ PROTOTYPE = {
 
 def test_every_banded_cell_is_within(rows):
     banded = [r for r in rows if r["band"]]
-    # Tables 2 and 3, then what is beyond: three methods and the bound
-    assert len([r for r in banded if r["quantity"] == "firing_time"]) == 24 - 1 + 12 + 3 * 4
+    # Tables 2 and 3, then what is beyond: three methods, two of them with MEC, and the bound
+    assert len([r for r in banded if r["quantity"] == "firing_time"]) == 24 - 1 + 12 + 3 * 4 + 6
     assert len([r for r in banded if r["quantity"] == "dipole_energy"]) == 12 - 3
-    outside = [r for r in banded if not (r["band"][0] <= r["ours"] <= r["band"][1])]
-    assert outside == []
-    assert all(r["within"] for r in banded)
+    for r in banded:
+        # a row of draws is outside also where one draw is
+        assert r["within"] <= (r["band"][0] <= r["ours"] <= r["band"][1])
+    outside = {(r["quantity"], r["method"], r["case"]) for r in banded if not r["within"]}
+    assert {x for x in outside if x[0] != "above_bound"} == {
+        # what the paper claims of CRCP, and does not hold here
+        ("firing_time_over_ocdc", "CRCP", "ILQR 3"), ("firing_time_over_ocdc", "CRCP", "MEC 3"),
+    }  # fmt: skip
+    assert {x[1] for x in outside if x[0] == "above_bound"} <= {"RECEDING HORIZON"}
+
+
+def test_the_receding_horizon_is_never_worse_than_ocdc(rows):
+    compared = [r for r in rows if r["quantity"] == "above_bound_over_ocdc"]
+    assert len(compared) == 15 + 4
+    assert all(r["within"] for r in compared)
+    off = [r for r in rows if r["quantity"] == "above_bound" and r["method"] == "RECEDING HORIZON"
+           and "5 deg off" in r["case"]]  # fmt: skip
+    assert len(off) == 3
+    assert all(r["within"] and r["draws"]["max"] <= 5.0 for r in off)
+
+
+def test_what_is_out_of_sample_is_little_and_said(rows):
+    out = {(r["table"], r["quantity"], r["method"], r["case"]) for r in rows
+           if r["out_of_sample"] and r["band"]}  # fmt: skip
+    mec, every = CASES[3:], CASES
+    assert out == {
+        *(("2", "firing_time", "DCT", c) for c in mec),
+        *(("3", "firing_time", "OCDC", c) for c in every),
+    }
+    for r in rows:
+        assert r["definition"], (r["table"], r["quantity"])
+        assert not (r["tuned"] and r["out_of_sample"])
+        assert r["out_of_sample"] <= (r["paper"] is not None)
+    assert cell(rows, "2", "DCT", "MEC 1")["within"] is True
+    assert cell(rows, "2", "DCT", "MEC 1")["paper_within"] is False
+    assert "B_y" in cell(rows, "2", "CRCP", "ILQR 1")["remark"]
 
 
 def test_bands_are_the_notes(rows):
@@ -83,8 +116,8 @@ def test_savings_and_momentum(rows):
     assert row["ours"] == pytest.approx(100 * (1 - cell(rows, "3", "OCDC", "ILQR 2")["ours"] / dct))
     assert row["unit"] == "%"
     assert row["paper"] == 21.88
-    momenta = [r for r in rows if r["quantity"] == "final_momentum"]
-    assert len(momenta) == 36 + 9 + 5
+    momenta = [r for r in rows if r["quantity"] == "final_momentum" and "assumed" not in r["table"]]
+    assert len(momenta) == 36 + 9 + 6 + 5
     assert all(0 < r["ours"] < 0.06 and r["paper"] is None for r in momenta)
 
 
@@ -126,7 +159,7 @@ def test_least_seconds_of_the_linear_programme(rows):
 
 def test_random_starts_are_stored_draws(rows):
     drawn = {(r["method"], r["quantity"]): r for r in rows if r["table"] == "Random starts"}
-    assert all(r["draws"]["n"] == 20 and r["paper"] is None for r in drawn.values())
+    assert all(r["draws"]["n"] >= 20 and r["paper"] is None for r in drawn.values())
     bound = drawn["BOUND", "firing_time"]
     for method in ("DCT", "OCDC", "BOUNDED QUADRATIC", "BOUNDED 1-NORM", "RECEDING HORIZON"):
         assert drawn[method, "firing_time"]["ours"] > bound["ours"]

@@ -88,7 +88,7 @@ def _axes(fig: Figure, bottom: float, top: float) -> Any:
 
 def axis_label(what: str, unit: str, height: float) -> str:
     """`quantity [unit]` for an axis so many inches high, in lines that fit it."""
-    bracket = f"[{pretty_unit(unit)}]" if pretty_unit(unit) else ""
+    bracket = f"[{pretty_unit(unit)}]".replace(" ", "\u00a0") if pretty_unit(unit) else ""
     return textwrap.fill(f"{what} {bracket}".strip(), max(14, int(height * 12.5)))
 
 

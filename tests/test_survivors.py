@@ -1,0 +1,213 @@
+"""What a mutation once survived: each test here kills one that nothing else did.
+
+How the sample was drawn and what is left: docs/mutations.md.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from test_blocks import begin, fresh
+
+from desat.components.laws import receding_horizon
+from desat.components.maths import moments
+from desat.study import plots
+from desat.study.case import Options, execute, load
+from desat.system.check import check
+from desat.system.errors import DesatError
+
+UPRIGHT = (0.0, 0.0, 0.0, 1.0)
+COILS, LEVEL, PERIOD = (36.0, 36.0, 36.0), (0.04, 0.04, 0.04), 10.0
+
+
+# --- the receding horizon ---------------------------------------------------------------------
+
+
+def test_a_plan_fires_against_a_known_torque():
+    """One sample, no field: the on-time is what takes back h + N_con T, axis by axis."""
+    h, n_con = (0.05, 0.0, -0.02), (0.01, -0.004, 0.0)
+    step = receding_horizon.first_step(
+        h, (0.0, 0.0, 0.0), [UPRIGHT] * 3, [(0.0, 0.0, 0.0)], n_con, COILS, LEVEL,
+        (PERIOD, PERIOD), PERIOD,
+    )  # fmt: skip
+    assert step is not None
+    wanted = [-(a + PERIOD * n) / 0.04 for a, n in zip(h, n_con, strict=True)]
+    assert step[1] == pytest.approx(wanted, abs=1e-6)
+
+
+def test_a_plan_that_knows_the_torque_stands_on_the_bound():
+    torque = [4e-4, 0.0, -4e-4]
+    run = execute("uosat12/starts-receding_horizon", Options(blocks=True, values={
+        "spacecraft.tau_disturbance_body": torque, "manager.n_con_body": torque}))  # fmt: skip
+    numbers = {k: n["value"] for k, n in run.manifest["numbers"].items()}
+    assert numbers["above_bound"] <= 1.0
+    assert numbers["final_momentum"] <= 0.002
+
+
+def last_sample(h):
+    """What the manager gives the wheels to absorb in its last sample, and the field."""
+    block = fresh("manager_receding_horizon")
+    block.horizon, block.field_spread = PERIOD, 0.0
+    begin(block)
+    # so far out that the body does not turn meanwhile
+    block.r_eci, block.v_eci, block.b_body = (4e8, 0.0, 0.0), (0.0, 998.0, 0.0), (2e-5, 2e-6, 0.0)
+    torque, _ = block.dump(0.0, 0.0, h)
+    return np.array(torque), np.array(block.b_body)
+
+
+@pytest.mark.parametrize("odd", [0.024, -0.013, 0.035])  # rounded up: coils take it back
+def test_in_the_last_sample_coils_repair_what_rounding_took(odd):
+    """The on-time is a whole number of pulses, here more than was planned, and the dipole, which was
+    at its limit, gives less."""
+    h = (0.0, 0.0, 0.04 * (1.0 + odd))  # across the field
+    torque, b = last_sample(h)
+    left = np.array(h) + PERIOD * torque
+    across = left - (left @ b) / (b @ b) * b
+    assert np.linalg.norm(across) < 0.02 * 0.04 * 0.05  # of a pulse
+
+
+def test_the_fit_finds_attitude_scale_and_offset():
+    """After half a turn of the field what is ahead is known, though not what each cause was."""
+    angle = math.radians(5.0)
+    turn = np.array([[1, 0, 0], [0, math.cos(angle), math.sin(angle)],
+                     [0, -math.sin(angle), math.cos(angle)]])  # fmt: skip
+    course = np.linspace(0.0, 2.0, 60)
+    model = np.array([23e-6 * np.cos(course), 0 * course + 2.4e-6, 46e-6 * np.sin(course)]).T
+    truth = 1.1 * model @ turn.T + np.array([1e-6, 3e-6, -2e-6])
+    fit, errors = receding_horizon.NO_FIT, []
+    for b, measured in zip(model[:50], truth[:50], strict=True):
+        fit = receding_horizon.learnt(fit, tuple(b), tuple(measured))
+        ahead = receding_horizon.corrected(fit, [tuple(x) for x in model[50:]], 0.1, 1e-6)
+        errors.append(np.abs(np.array(ahead) - truth[50:]).max())
+    assert np.abs(model[50:] - truth[50:]).max() > 5e-6
+    assert errors[0] < np.abs(model[50:] - truth[50:]).max(), "one measurement helps already"
+    assert errors[-1] < 1e-6
+
+
+def test_no_measurement_leaves_the_model_as_it_is():
+    b = [(1e-5, 2e-5, -3e-5), (0.0, 1e-5, 0.0)]
+    assert receding_horizon.corrected(receding_horizon.NO_FIT, b, 0.1, 1e-6) == b
+
+
+CLIFF = [("robust-model", "b_y_3", 10), ("robust", "yaw", 19)]
+
+
+@pytest.mark.parametrize(("file", "case", "draw"), CLIFF)
+def test_a_wrong_model_costs_little_once_it_is_learnt(file, case, draw):
+    """The draws that cost 23 and 30 % more while the plan trusted its model."""
+    from desat.study.draws import drawn, system_of
+
+    name = f"uosat12/{file}-receding_horizon-{case}"
+    start = drawn(system_of(name, Options(blocks=True)), 1, draw)
+
+    def above(spread):
+        run = execute(name, Options(blocks=True, values={**start, "manager.field_spread": spread}))
+        return run.manifest["numbers"]["above_bound"]["value"]
+
+    assert above(0.1) <= 5.0
+    assert above(0.0) >= 10.0
+
+
+# --- actuators and maths ----------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("ratio", [1e-9, 1e-6, 1e-3, 0.1, 0.999999, 1.0, 1.5, 4.0])
+def test_moments_of_a_lag_keep_all_digits(ratio):
+    """Each against its series in exact fractions: a closed form too far down cancels."""
+    from fractions import Fraction
+
+    x = Fraction(ratio)
+    terms = [Fraction(1)]
+    for n in range(1, 60):
+        terms.append(terms[-1] * -x / n)
+    mean = sum(t / (n + 1) for n, t in enumerate(terms))
+    slope = 12 * sum(
+        t * (Fraction(1, n + 2) - Fraction(1, 2 * (n + 1))) for n, t in enumerate(terms)
+    )
+    found = moments.lag(ratio)
+    assert found[0] == pytest.approx(float(mean), rel=2e-15)
+    assert found[1] == pytest.approx(float(slope), rel=5e-14)
+    assert found[2] == pytest.approx(math.exp(-ratio), rel=1e-15)
+
+
+def test_each_rotor_begins_its_jitter_at_an_angle_of_its_own():
+    s = 1.0 / math.sqrt(3.0)
+    wheels = fresh("wheels")
+    wheels.axes_wheel = (s, -s, -s, s, s, s, -s, -s, s, s, s, s)
+    wheels.inertia_wheel = (3.2e-5,) * 4
+    begin(wheels)
+    assert len({round(a, 6) for a in wheels._turned}) == 4
+
+
+@pytest.mark.parametrize("drive", [0, 1, 2])
+def test_a_coil_without_a_command_counts_no_time(drive):
+    coils = fresh("torquers")
+    coils.drive, coils.sample_time, coils.m_limit = drive, 10.0, 40.0
+    begin(coils)
+    coils.m_cmd_body = (36.0, 0.0, 0.0)
+    for k in range(10):
+        coils.advance(float(k), 1.0)
+    coils.output(10.0)
+    assert coils.on_time == pytest.approx(9.0 if drive == 2 else 10.0)
+
+
+def craft(**values):
+    body = fresh("spacecraft_rigid")
+    for key, value in values.items():
+        assert hasattr(body, key)
+        setattr(body, key, value)
+    begin(body)
+    return body
+
+
+def test_the_field_bends_within_a_step():
+    """A residual dipole in a field that accelerates from zero: the impulse is m x b'' T^3 / 6."""
+    body = craft(
+        inertia=(1e6, 0.0, 0.0, 0.0, 1e6, 0.0, 0.0, 0.0, 1e6), gravity_gradient=False,
+        residual_dipole_body=(0.0, 0.0, 2.0), b_accel_eci=(3e-8, 0.0, 0.0),
+    )  # fmt: skip
+    body.advance(0.0, 10.0)
+    body.output(10.0)
+    assert body.impulse_eci == pytest.approx((0.0, 2.0 * 3e-8 * 1000.0 / 6.0, 0.0), rel=1e-9)
+
+
+def test_the_place_falls_within_a_step():
+    """Gravity gradient over a step of 100 s on a circle, against the same in steps of 1 s."""
+    mu, r = 3.986004418e14, 7e6
+    n = math.sqrt(mu / r**3)
+    inertia = (9e5, 0.0, 0.0, 0.0, 6e5, 0.0, 0.0, 0.0, 4e5)
+
+    def impulse(dt):
+        body = craft(inertia=inertia, q_start_bi=(0.1, 0.2, 0.3, 0.9))
+        for k in range(round(100.0 / dt)):
+            a = n * k * dt
+            body.r_eci = (r * math.cos(a), r * math.sin(a), 0.0)
+            body.v_eci = (-r * n * math.sin(a), r * n * math.cos(a), 0.0)
+            body.advance(k * dt, dt)
+        body.output(100.0)
+        return np.array(body.impulse_eci)
+
+    fine = impulse(1.0)
+    straight = np.linalg.norm(fine) * 0.5 * (n * 100.0) ** 2 / 3.0  # of the order of a missing fall
+    assert np.linalg.norm(impulse(100.0) - fine) < 0.1 * straight
+
+
+# --- the system and its plots -----------------------------------------------------------------
+
+
+def test_a_shared_parameter_must_be_equal_everywhere():
+    draft = load("integrated/mil-nadir", blocks=True)
+    draft.components["manager"].parameters["axes_wheel[1,2]"] = 0.5
+    with pytest.raises(DesatError, match=r"axes_wheel\[1,2\] = .*the two must be equal"):
+        check(draft).or_raise()
+
+
+def test_a_limit_is_left_out_where_its_unless_holds():
+    parameters = {"torquers": {"drive": {"value": "ideal", "unit": ""},
+                               "m_limit": {"value": 40.0, "unit": "A.m2"}}}  # fmt: skip
+    plot = {"limits": [{"value": "torquers.m_limit", "unless": {"torquers.drive": "ideal"}}]}
+    assert plots._limits(plot, parameters, "A.m2") == []
+    parameters["torquers"]["drive"]["value"] = "pulsed"
+    assert [x[1] for x in plots._limits(plot, parameters, "A.m2")] == [40.0]
