@@ -37,7 +37,6 @@ FLAGS = (
 PINNED = {
     "environment_tle": "SGP4 is the package sgp4's",
     "manager_receding_horizon": "its programme is solved by HiGHS (scipy)",
-    "manager_magnetic_ilqr": "eigenvectors by numpy",
 }
 """Blocks that stay Python, and why: the one list of them. Any other is native, or `make check`
 fails."""

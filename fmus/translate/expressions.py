@@ -701,7 +701,7 @@ class Expressions:
             if right.is_const:
                 if bool(right.const) == is_and:
                     return left
-            return Value(B, f"{left.within(level)} {sign} {right.within(level + 1)}", level)
+            return _joined(left, right, sign, level)
         if id(node) in self.conditions:
             first = self.truth(left, node)
             if not inner:
@@ -947,6 +947,7 @@ class Expressions:
                 self.compared(node, ast.Eq(), x, y).within(OR + 1)
                 for y in self.elements(self.temporary(b), n, node)
             ]
+            texts = [f"({text})" if " && " in text and len(texts) > 1 else text for text in texts]
             result = Value(B, " || ".join(texts) or "false", OR if len(texts) > 1 else EQUAL)
         if isinstance(op, ast.NotIn):
             return Value(B, f"!{result.within(UNARY)}", UNARY)
@@ -994,8 +995,8 @@ class Expressions:
             return self.element_at(self.temporary(value), k % n)
         x = self.temporary(value)
         if (
-            isinstance(x.type, (Tuple, Array))
-            and x.parts is not None
+            (isinstance(x.type, (Tuple, Array))
+            and x.parts is not None)
             or (isinstance(x.type, Tuple) and not x.type.uniform)
         ):
             try:
@@ -1014,7 +1015,7 @@ class Expressions:
     def checked(self, index: Value, n: Value) -> str:
         """The C of an index that is within a tuple; as in Python it may count from the end."""
         if n.is_const and index.low is not None and index.high is not None and (
-            0 <= index.low and index.high < n.const
+            index.low >= 0 and index.high < n.const
         ):  # fmt: skip
             return index.code
         return f"py_index({index.code}, {n.code})"
@@ -1083,7 +1084,7 @@ class Expressions:
             lower = self.temporary(replace(lower, as_float=None))
         n = self.length(x)
         sure = n.is_const and lower.low is not None and lower.high is not None and (
-            0 <= lower.low and lower.high + count <= n.const
+            lower.low >= 0 and lower.high + count <= n.const
         )  # fmt: skip
         if not sure:
             self.line(f"py_window({lower.code}, {count}, {n.code});")
@@ -1179,6 +1180,14 @@ class Later(Exception):
     def __init__(self, reason: Refused) -> None:
         super().__init__(str(reason))
         self.reason = reason
+
+
+def _joined(a: Value, b: Value, sign: str, level: int) -> Value:
+    """a && b or a || b; of both kinds with parentheses, which compilers ask for."""
+    lowest = EQUAL if sign == "||" else level
+    left = a.code if a.binds == level or a.binds >= lowest else f"({a.code})"
+    right = b.code if b.binds >= max(lowest, level + 1) else f"({b.code})"
+    return Value(B, f"{left} {sign} {right}", level)
 
 
 def safe_field(name: str) -> str:

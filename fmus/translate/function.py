@@ -329,7 +329,7 @@ class Translation(Calls):
                 program.fields[name] = t
                 program.changed = True
                 program.unsettled = f"self.{name}"
-            if isinstance(t, List) and t.item == NEVER or t in (NONE, NEVER):
+            if (isinstance(t, List) and t.item == NEVER) or t in (NONE, NEVER):
                 return
         else:
             t = declared
@@ -640,7 +640,7 @@ class Translation(Calls):
                                       "assign it before")  # fmt: skip
                 continue
             value = self._name(ast.copy_location(ast.Name(name, ast.Load()), node))
-            if isinstance(value.type, Known) or value.type == S and value.is_const:
+            if isinstance(value.type, Known) or (value.type == S and value.is_const):
                 raise self.refuse(node, f"{node.name} uses {name}", "a number or a tuple")
             for other in ast.walk(self.spec.node):
                 if (
@@ -674,7 +674,7 @@ def optional(annotation: ast.expr, scope: dict[str, Any]) -> Type | None:
     match annotation:
         case ast.BinOp(left=left, op=ast.BitOr(), right=ast.Constant(value=None)):
             try:
-                thing = eval(compile(ast.Expression(left), "annotation", "eval"), dict(scope))  # noqa: S307
+                thing = eval(compile(ast.Expression(left), "annotation", "eval"), dict(scope))
             except Exception:
                 return None
             return of_annotation(thing)[0]

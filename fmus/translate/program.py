@@ -193,7 +193,7 @@ class Program:
         """MOST of Annotated[tuple[...], MOST]."""
         if "Annotated" not in ast.unparse(annotation):
             return None
-        thing = eval(compile(ast.Expression(annotation), "annotation", "eval"), dict(scope))  # noqa: S307
+        thing = eval(compile(ast.Expression(annotation), "annotation", "eval"), dict(scope))
         for x in (thing, *typing.get_args(thing)):
             if typing.get_origin(x) is typing.Annotated:
                 found = [m for m in x.__metadata__ if isinstance(m, int)]
@@ -371,7 +371,7 @@ def initial(x: Any, t: Type) -> str:
 
 
 def _stands(name: str, lines: Iterable[str]) -> bool:
-    return any(re.search(rf"\b{name}\b", line) for line in lines)
+    return any(re.search(rf"(?<![.>])\b{name}\b", line) for line in lines)
 
 
 def _is_nothing(t: Type) -> bool:

@@ -115,7 +115,7 @@ class Info:
         if node is None:
             return None, True
         try:
-            thing = eval(compile(ast.Expression(node), "annotation", "eval"), dict(self.globals))  # noqa: S307
+            thing = eval(compile(ast.Expression(node), "annotation", "eval"), dict(self.globals))
         except Exception:
             return None, "None" in ast.unparse(node)
         return of_annotation(thing)

@@ -230,10 +230,7 @@ def member_names(t: Tuple) -> list[str]:
 
 
 _RESERVED = frozenset(
-    "auto break case char const continue default do double else enum extern float for goto if "
-    "inline int long register restrict return short signed sizeof static struct switch typedef "
-    "union unsigned void volatile while bool true false self block main signal NULL INFINITY NAN "
-    "abs div errno fabs sqrt exp log sin cos tan floor ceil pow remainder free_ malloc".split()
+    ["auto", "break", "case", "char", "const", "continue", "default", "do", "double", "else", "enum", "extern", "float", "for", "goto", "if", "inline", "int", "long", "register", "restrict", "return", "short", "signed", "sizeof", "static", "struct", "switch", "typedef", "union", "unsigned", "void", "volatile", "while", "bool", "true", "false", "self", "block", "main", "signal", "NULL", "INFINITY", "NAN", "abs", "div", "errno", "fabs", "sqrt", "exp", "log", "sin", "cos", "tan", "floor", "ceil", "pow", "remainder", "free_", "malloc"]
 )
 
 
