@@ -11,7 +11,7 @@ import sys
 from .native import PINNED
 from .registry import block_class, names
 from .translate.program import translate
-from .translate.types import Refused
+from .translate.types import SubsetError
 
 
 def problems() -> list[str]:
@@ -21,7 +21,7 @@ def problems() -> list[str]:
     for name in names():
         try:
             translate(block_class(name), name, "")
-        except Refused as refused:
+        except SubsetError as refused:
             if name not in PINNED:
                 lines.append(f"{refused} ({name} is to be native; else fmus/native.py, PINNED)")
         else:
