@@ -131,7 +131,7 @@ def build_all(which: tuple[str, ...], dist: Path = DIST) -> list[Path]:
 def build_native(which: tuple[str, ...], dist: Path) -> dict[str, str]:
     """Build the native FMUs of some blocks below `dist`; name -> why there is none, of the others.
 
-    Raises NoCompiler.
+    Raises NoCompilerError.
     """
     native.compiler()
     with tempfile.TemporaryDirectory() as shared:
@@ -171,7 +171,7 @@ def update(wanted: tuple[str, ...], dist: Path) -> list[dict[str, Any]]:
     """Build what of some blocks' FMUs is not there yet; write and return the index."""
     try:
         compiled = native.made_of().hex()
-    except native.NoCompiler:
+    except native.NoCompilerError:
         compiled = ""
     try:
         known = json.loads((dist / INDEX).read_text(encoding="utf-8"))
@@ -250,7 +250,7 @@ def main() -> int:
     print(f"{len(index)} FMUs in {os.path.relpath(dist)}, {natives} of them native")
     try:
         native.compiler()
-    except native.NoCompiler as error:
+    except native.NoCompilerError as error:
         print(f"warning: {error}. Only the FMUs of Python were built: they need a Python where "
               "they run, and run slower.", file=sys.stderr)  # fmt: skip
     return 0

@@ -22,7 +22,7 @@ from pathlib import Path
 from .description import DATE, documentation, model_description
 from .registry import block_class
 from .translate.program import translate
-from .translate.types import Refused
+from .translate.types import SubsetError
 
 HERE = Path(__file__).parent
 WRAPPER = HERE / "c"
@@ -37,7 +37,6 @@ FLAGS = (
 PINNED = {
     "environment_tle": "SGP4 is the package sgp4's",
     "manager_receding_horizon": "its programme is solved by HiGHS (scipy)",
-    "manager_magnetic_ilqr": "eigenvectors by numpy",
 }
 """Blocks that stay Python, and why: the one list of them. Any other is native, or `make check`
 fails."""
@@ -45,7 +44,7 @@ fails."""
 LINK = ("-shared", "-s", "-Wl,--build-id=none", "-Wl,-z,defs")
 
 
-class NoCompiler(Exception):
+class NoCompilerError(Exception):
     """There is no C compiler on this machine."""
 
 
@@ -53,7 +52,7 @@ class NoCompiler(Exception):
 def compiler() -> tuple[str, ...]:
     """The command of the C compiler: CC, gcc, cc, clang, or of the package ziglang.
 
-    Raises NoCompiler.
+    Raises NoCompilerError.
     """
     if given := os.environ.get("CC"):
         return tuple(given.split())
@@ -62,7 +61,7 @@ def compiler() -> tuple[str, ...]:
             return (found,)
     if importlib.util.find_spec("ziglang"):
         return (sys.executable, "-m", "ziglang", "cc", "-fno-sanitize=undefined")
-    raise NoCompiler("no C compiler: install gcc or clang, or `pip install ziglang`")
+    raise NoCompilerError("no C compiler: install gcc or clang, or `pip install ziglang`")
 
 
 @cache
@@ -84,7 +83,7 @@ def library_suffix() -> str:
 
 
 def made_of() -> bytes:
-    """A digest of all that native FMUs are made of beside their blocks; raises NoCompiler."""
+    """A digest of all that native FMUs are made of beside their blocks; raises NoCompilerError."""
     digest = hashlib.sha256(" ".join((*FLAGS, *LINK, compiler_version())).encode())
     for path in (*sorted(WRAPPER.iterdir()), *sorted((HERE / "translate").glob("*.py"))):
         digest.update(path.read_bytes())
@@ -92,7 +91,7 @@ def made_of() -> bytes:
 
 
 def sources(name: str) -> tuple[dict[str, str], str]:
-    """The C files of a block by their name, and the guid that they give; raises Refused."""
+    """The C files of a block by their name, and the guid that they give; raises SubsetError."""
     files = {p.name: p.read_text(encoding="utf-8") for p in sorted(WRAPPER.iterdir())}
     block = block_class(name)
     files[f"{name}.c"] = translate(block, name, "@GUID@")
@@ -119,30 +118,36 @@ def compile_wrapper(folder: Path) -> None:
         _run([*compiler(), *FLAGS, "-c", f"{name}.c", "-o", f"{name}.o"], folder)
 
 
+def compile_block(files: dict[str, str], name: str, folder: Path, shared: Path) -> Path:
+    """Compile the C of a block and link it with what `compile_wrapper` has put into `shared`; the
+    library, in `folder`."""
+    for file in ("block.h", f"{name}.c"):
+        (folder / file).write_text(files[file], encoding="utf-8")
+    for file in ("runtime.o", "fmi2.o"):
+        shutil.copy(shared / file, folder / file)
+    library = f"{name}{library_suffix()}"
+    _run([*compiler(), *FLAGS, "-c", f"{name}.c", "-o", "block.o"], folder)
+    _run([*compiler(), *LINK, "block.o", "runtime.o", "fmi2.o", "-lm", "-o", library], folder)
+    return folder / library
+
+
 def build(name: str, dist: Path, shared: Path) -> Path:
     """Build the native FMU of a block and return its path.
 
-    `shared`: a folder in which `compile_wrapper` has been. Raises Refused, NoCompiler.
+    `shared`: a folder in which `compile_wrapper` has been. Raises SubsetError, NoCompilerError.
     """
     files, guid = sources(name)
     block = block_class(name)
     with tempfile.TemporaryDirectory() as folder:
-        root = Path(folder)
-        for file in ("block.h", f"{name}.c"):
-            (root / file).write_text(files[file], encoding="utf-8")
-        for file in ("runtime.o", "fmi2.o"):
-            shutil.copy(shared / file, root / file)
-        library = f"{name}{library_suffix()}"
-        _run([*compiler(), *FLAGS, "-c", f"{name}.c", "-o", "block.o"], root)
-        _run([*compiler(), *LINK, "block.o", "runtime.o", "fmi2.o", "-lm", "-o", library], root)
-        binary = (root / library).read_bytes()
+        library = compile_block(files, name, Path(folder), shared)
+        binary = library.read_bytes()
     units = sorted(f for f in files if f.endswith(".c"))
     members = {
         "modelDescription.xml": model_description(
             block, name, guid, DATE, version("desat"), sources=units
         ),
         "documentation/index.html": documentation(block, name).encode(),
-        f"binaries/{platform()}/{library}": binary,
+        f"binaries/{platform()}/{library.name}": binary,
         **{f"sources/{file}": text.encode() for file, text in files.items()},
     }
     dist.mkdir(parents=True, exist_ok=True)
@@ -155,7 +160,7 @@ def tried(name: str, dist: Path, shared: Path) -> str:
         return PINNED[name]
     try:
         build(name, dist, shared)
-    except Refused as refused:
+    except SubsetError as refused:
         return str(refused)
     except (ArithmeticError, AttributeError, LookupError, RuntimeError, TypeError, ValueError) as e:
         return f"a bug of the translator: {type(e).__name__}: {e}"

@@ -1,10 +1,10 @@
 from __future__ import annotations
 
-import numpy as np
-
 from ..bases.dumping import TorquerDumping
 from ..contract.block import Parameter, Vec3
 from ..laws import magnetic, riccati
+from ..maths.matrix import multiply, transposed
+from ..maths.vector import mat_vec, sub
 
 
 class ManagerMagneticIlqr(TorquerDumping):
@@ -16,10 +16,10 @@ class ManagerMagneticIlqr(TorquerDumping):
         M = -R^-1 Q' (K h - g),        Q = -[B x], W = -[omega x], S = Q R^-1 Q'        (eq. 11)
         W'K + K W - K S K + F = 0,     g = (W - S K)^-T K N_con
 
-    with F = diag(momentum_weight), R = diag(dipole_weight) and K from the stable eigenvectors of
-    the Hamiltonian matrix. No tables, no knowledge of the orbit. There is no such K, and so no
+    with F = diag(momentum_weight), R = diag(dipole_weight) and K by doubling
+    (`laws/riccati.py`). No tables, no knowledge of the orbit. There is no such K, and so no
     dipole at that sample, where B is zero or along omega, or where B, h or omega is not valid.
-    Limit and wheels as in `manager_cross_product`. This block needs numpy in its host.
+    Limit and wheels as in `manager_cross_product`.
 
     Source: Chen & Steyn (paper 000), eqs. 10-11 and section III.A.
     """
@@ -34,14 +34,16 @@ class ManagerMagneticIlqr(TorquerDumping):
             return None
         bx, by, bz = self.b_body
         x, y, z = self.omega_bi_body
-        w = np.array([[0.0, z, -y], [-z, 0.0, x], [y, -x, 0.0]])
-        q = np.array([[0.0, bz, -by], [-bz, 0.0, bx], [by, -bx, 0.0]])
-        s = (q / self.dipole_weight) @ q.T
-        k = riccati.infinite_gain(w, s, np.diag(self.momentum_weight))
+        rx, ry, rz = self.dipole_weight
+        fx, fy, fz = self.momentum_weight
+        w = (0.0, z, -y, -z, 0.0, x, y, -x, 0.0)
+        q = (0.0, bz, -by, -bz, 0.0, bx, by, -bx, 0.0)
+        weighted = (0.0, bz / ry, -by / rz, -bz / rx, 0.0, bx / rz, by / rx, -bx / ry, 0.0)
+        s = multiply(weighted, transposed(q))
+        k = riccati.infinite_gain(w, s, (fx, 0.0, 0.0, 0.0, fy, 0.0, 0.0, 0.0, fz))
         if k is None:
             return None
-        p = k @ h
+        p = mat_vec(k, h)
         if any(self.n_con_body):
-            p -= riccati.infinite_offset(k, w, s, np.array(self.n_con_body))
-        px, py, pz = p.tolist()
-        return magnetic.dipole((px, py, pz), self.b_body, self.dipole_weight)
+            p = sub(p, riccati.infinite_offset(k, w, s, self.n_con_body))
+        return magnetic.dipole(p, self.b_body, self.dipole_weight)

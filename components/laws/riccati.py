@@ -1,46 +1,78 @@
-"""The infinite-horizon gain of a small linear system, from its Hamiltonian matrix. Needs numpy.
+"""The infinite-horizon gain of a linear system of three states.
 
 For x' = W x + N_con + B u with the cost 1/2 int x'F x + u'R u dt, S = B R^-1 B', the best u is
--R^-1 B' (K x - g). Units are those of the caller; s and f scale the problem inside.
+-R^-1 B' (K x - g). Units are those of the caller; S and F scale the problem inside.
 """
 
 from __future__ import annotations
 
 from math import sqrt
-from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
-Array = NDArray[np.floating[Any]]
+from ..contract.block import Mat33, Vec3
+from ..maths.matrix import add, multiply, scale, subtract, transposed
+from ..maths.vector import IDENTITY, inverse, mat_vec
 
 LEAST_DECAY = 1e-6
 """Of the slowest closed-loop mode, as a share of sqrt(|S| |F|): below it the system counts as one
 that cannot be stabilised."""
+_SHIFT = 0.5
+_DOUBLINGS = 30  # as many as LEAST_DECAY needs; eight are usual
 
 
-def infinite_gain(w: Array, s: Array, f: Array) -> Array | None:
+def infinite_gain(w: Mat33, s: Mat33, f: Mat33) -> Mat33 | None:
     """K of W'K + K W - K S K + F = 0 for which W - S K is stable; None where there is none.
 
-    w, s, f: (n, n), s and f symmetric without negative eigenvalues. The columns of [X; Y] are the
-    stable eigenvectors of the Hamiltonian [[W, -S], [-F, -W']] and K = Y X^-1 (paper 000, section
-    III.A). It is scaled so that S and F are of size 1.
+    S and F symmetric without negative eigenvalues. By the doubling algorithm, scaled so that S and
+    F are of size 1: after k doublings the Cayley transform of the closed loop is at the power 2^k.
+
+    Source: Chu, Fan, Lin, A structure-preserving doubling algorithm for continuous-time algebraic
+    Riccati equations, Linear Algebra and its Applications 396 (2005) 55; paper 000, section III.A.
     """
-    largest_s, largest_f = np.linalg.norm(s, 2), np.linalg.norm(f, 2)
+    largest_s, largest_f = _size(s), _size(f)
     rate = sqrt(largest_s * largest_f)
     if rate == 0.0:
         return None
-    n = len(w)
-    a = w / rate
-    values, vectors = np.linalg.eig(np.block([[a, -s / largest_s], [-f / largest_f, -a.T]]))
-    stable = np.argsort(values.real)[:n]
-    if values.real[stable[-1]] > -LEAST_DECAY:
+    a, g, h = scale(1.0 / rate, w), scale(1.0 / largest_s, s), scale(1.0 / largest_f, f)
+    shifted = inverse(subtract(a, scale(_SHIFT, IDENTITY)))
+    shifted_g = multiply(shifted, g)
+    left = inverse(add(transposed(inverse(shifted)), multiply(h, shifted_g)))
+    power = add(IDENTITY, scale(2.0 * _SHIFT, transposed(left)))
+    reach = scale(2.0 * _SHIFT, multiply(shifted_g, left))
+    gain = scale(2.0 * _SHIFT, multiply(left, multiply(h, shifted)))
+    converged = False
+    for _ in range(_DOUBLINGS):
+        middle = inverse(add(IDENTITY, multiply(reach, gain)))
+        ahead = multiply(power, middle)
+        more = multiply(multiply(transposed(power), gain), multiply(middle, power))
+        reach = add(reach, multiply(multiply(ahead, reach), transposed(power)))
+        gain = add(gain, more)
+        power = multiply(ahead, power)
+        if _size(more) <= 1e-17 * _size(gain):
+            converged = True
+            break
+    gain = scale(0.5, add(gain, transposed(gain)))
+    if not converged or not _decays(subtract(a, multiply(g, gain)), LEAST_DECAY):
         return None
-    x, y = vectors[:n, stable], vectors[n:, stable]
-    k = np.linalg.solve(x.T, y.T).real
-    return np.asarray(0.5 * sqrt(largest_f / largest_s) * (k + k.T))
+    return scale(sqrt(largest_f / largest_s), gain)
 
 
-def infinite_offset(k: Array, w: Array, s: Array, n_con: Array) -> Array:
-    """g = (W - S K)^-T K N_con (n,): eq. 11 of paper 000 at rest, for a constant N_con (n,)."""
-    return np.linalg.solve((w - s @ k).T, k @ n_con)
+def infinite_offset(k: Mat33, w: Mat33, s: Mat33, n_con: Vec3) -> Vec3:
+    """g = (W - S K)^-T K N_con: eq. 11 of paper 000 at rest, for a constant N_con."""
+    closed = subtract(w, multiply(s, k))
+    return mat_vec(inverse(transposed(closed)), mat_vec(k, n_con))
+
+
+def _size(m: Mat33) -> float:
+    """|m| (Frobenius)."""
+    a, b, c, d, e, f, g, h, i = m
+    return sqrt(a * a + b * b + c * c + d * d + e * e + f * f + g * g + h * h + i * i)
+
+
+def _decays(m: Mat33, least: float) -> bool:
+    """True where all eigenvalues of m have real parts below -least: Routh's criterion for those of
+    m + least."""
+    a, b, c, d, e, f, g, h, i = add(m, scale(least, IDENTITY))
+    second = -(a + e + i)
+    first = (a * e - b * d) + (a * i - c * g) + (e * i - f * h)
+    last = -(a * (e * i - f * h) - b * (d * i - f * g) + c * (d * h - e * g))
+    return second > 0.0 and last > 0.0 and second * first > last

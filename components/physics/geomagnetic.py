@@ -73,8 +73,8 @@ def _row(coefficients: igrf14.Gauss, degree: int, n: int, m: int) -> _Row:
     scale = 1.0
     for odd in range(1, 2 * m, 2):
         scale *= odd
-    for k in range(m + 1, n + 1):
-        scale *= (2 * k - 1) / (k - m)
+    for degree_now in range(m + 1, n + 1):
+        scale *= (2 * degree_now - 1) / (degree_now - m)
     g_below, h_below = _gauss(coefficients, degree, n - 1, m - 1)
     g, h = _gauss(coefficients, degree, n - 1, m)
     g_above, h_above = _gauss(coefficients, degree, n - 1, m + 1)

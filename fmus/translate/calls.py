@@ -10,7 +10,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-from .expressions import Expressions, Known, Later, _sum
+from .expressions import Expressions, Known, UnknownYetError, _sum
 from .types import (
     NEVER,
     NONE,
@@ -19,13 +19,13 @@ from .types import (
     F,
     Function,
     I,
+    JoinError,
     List,
     Maybe,
     S,
     Tuple,
     Type,
     U,
-    Unjoinable,
     element,
     join,
     most,
@@ -39,8 +39,10 @@ UNROLLED = 4
 
 FUNCTIONS = {
     getattr(math, name): f"py_{name}"
-    for name in ("sqrt", "sin", "cos", "tan", "asin", "acos", "atan", "exp", "expm1", "log", "log10",
-                 "log1p", "sinh", "cosh", "tanh", "atan2", "remainder", "fmod", "pow", "log2")
+    for name in (
+        "sqrt", "sin", "cos", "tan", "asin", "acos", "atan", "atan2", "sinh", "cosh", "tanh",
+        "exp", "expm1", "log", "log10", "log1p", "log2", "pow", "remainder", "fmod",
+    )
 }  # fmt: skip
 PLAIN = {math.fabs: "fabs", math.copysign: "copysign"}
 ROUNDED = {math.floor: "floor", math.ceil: "ceil", math.trunc: "trunc", round: "rint", int: "trunc"}
@@ -236,15 +238,15 @@ class Calls(Expressions):
             if wanted is not None and v.type != wanted:
                 try:
                     fits = join(v.type, wanted) == wanted
-                except Unjoinable:
+                except JoinError:
                     fits = False
                 if fits:
                     low, high = v.low, v.high
                     code = self.convert(v, wanted, node)
-                    v = Value(wanted, code, COND, again=False, low=low, high=high, const=v.const,
-                              parts=None if v.const is not None else None)  # fmt: skip
+                    v = Value(wanted, code, COND, again=False, low=low, high=high,
+                              const=v.const)  # fmt: skip
                     if v.is_const and wanted == F:
-                        v = constant(float(v.const))  # type: ignore[assignment,arg-type]
+                        v = constant(float(v.const))  # type: ignore[assignment]
             t = v.type
             if isinstance(t, Known):
                 if not isinstance(t.thing, RangeOf):
@@ -256,7 +258,7 @@ class Calls(Expressions):
                     if item in (F,):
                         t = Tuple((item,) * len(t.items))
                         v = Value(t, self.built(t, v.parts))
-                except Unjoinable:
+                except JoinError:
                     pass
             given[k] = v
             types.append(t)
@@ -275,7 +277,9 @@ class Calls(Expressions):
             texts.append(self.argument(node, spec, k, v))
         code = f"{spec.name}({', '.join(texts)})"
         if spec.result == NEVER and not spec.done:
-            raise Later(self.refuse(node, f"the type of what {info.name} returns", "annotate it"))
+            raise UnknownYetError(
+                self.refuse(node, f"the type of what {info.name} returns", "annotate it")
+            )
         if spec.never_returns:
             self.line(f"{code};")
             self.ended = True
@@ -333,8 +337,8 @@ class Calls(Expressions):
         if thing in FUNCTIONS:
             return self.mathematics(node, FUNCTIONS[thing], name)
         if thing in PLAIN:
-            values = [self.convert(self.some(v), F) for v in self.in_order(node.args)]
-            return Value(F, f"{PLAIN[thing]}({', '.join(values)})")
+            texts = [self.convert(self.some(v), F) for v in self.in_order(node.args)]
+            return Value(F, f"{PLAIN[thing]}({', '.join(texts)})")
         if thing in ROUNDED:
             return self.rounded(node, ROUNDED[thing])
         if method and getattr(builtins, name, None) is thing:
@@ -381,13 +385,8 @@ class Calls(Expressions):
             raise self.refuse(node, f"an integer of {shown(value.type)}", "of a number")
         if value.is_const:
             try:
-                return constant(
-                    int(
-                        {"floor": math.floor, "ceil": math.ceil, "rint": round, "trunc": int}[name](
-                            value.const
-                        )
-                    )
-                )  # type: ignore[return-value]
+                exact: Any = {"floor": math.floor, "ceil": math.ceil, "rint": round, "trunc": int}
+                return constant(int(exact[name](value.const)))  # type: ignore[return-value]
             except (ArithmeticError, ValueError):
                 pass
         return Value(I, f"py_{name}({value.code})", as_float=f"py_{name}_f({value.code})")
@@ -694,7 +693,8 @@ class Calls(Expressions):
             raise self.refuse(node, "a range of this", "of integers")
         values = [v if v.is_const else self.temporary(replace(v, as_float=None)) for v in values]
         zero, one = constant(0), constant(1)
-        assert zero and one
+        assert zero is not None
+        assert one is not None
         start = values[0] if len(values) > 1 else zero
         stop = values[1] if len(values) > 1 else values[0]
         step = values[2] if len(values) > 2 else one
@@ -851,12 +851,12 @@ class Calls(Expressions):
     ) -> None:  # fmt: skip
         """Write a loop: the body once where it is one of C, else once for each pass."""
         if iteration.unroll or (iteration.fixed is not None and iteration.fixed <= 1):
-            for k in range(iteration.fixed or 0):
-                if stop and k:
+            for one in range(iteration.fixed or 0):
+                if stop and one:
                     self.line(f"if ({stop}) {{")
                     self.level += 1
-                body(iteration.item(constant(k)))  # type: ignore[arg-type]
-                if stop and k:
+                body(iteration.item(constant(one)))  # type: ignore[arg-type]
+                if stop and one:
                     self.level -= 1
                     self.line("}")
             return
@@ -985,7 +985,7 @@ class Calls(Expressions):
             limits[0] = None if top is None or limits[0] is None else limits[0] * top
             original(iteration, inner, stop, hint)
 
-        self.run = run  # type: ignore[method-assign]
+        self.run = run  # type: ignore[method-assign,assignment]
         try:
             loops(body)
         finally:
@@ -1052,4 +1052,4 @@ class Unrolled:
             calls.bound = saved
 
 
-_ = (ATOM, LESS, U, NONE, Later)
+_ = (ATOM, LESS, U, NONE, UnknownYetError)

@@ -18,15 +18,15 @@ from .types import (
     F,
     Function,
     I,
+    JoinError,
     List,
     Maybe,
-    Refused,
     S,
     Scalar,
+    SubsetError,
     Tuple,
     Type,
     U,
-    Unjoinable,
     element,
     join,
     most,
@@ -77,9 +77,9 @@ class Expressions:
 
     # --- places -----------------------------------------------------------------------------------
 
-    def refuse(self, node: ast.AST, what: str, instead: str) -> Refused:
+    def refuse(self, node: ast.AST, what: str, instead: str) -> SubsetError:
         line = getattr(node, "lineno", 0)
-        return Refused(f"{self.spec.where}:{line}: {what}: {instead}")
+        return SubsetError(f"{self.spec.where}:{line}: {what}: {instead}")
 
     def line(self, text: str) -> None:
         self.out.append("    " * self.level + text)
@@ -158,7 +158,7 @@ class Expressions:
         """The C of a value of any type."""
         if value.parts is not None and not value.code:
             if value.is_const and len(value.parts) > 4:
-                table = self.program.table(value.const, value.type)
+                table: str | None = self.program.table(value.const, value.type)
                 if table:
                     return table
             return self.built(value.type, value.parts)
@@ -391,7 +391,9 @@ class Expressions:
         method = getattr(program.block, name, None)
         if isinstance(method, FunctionType):
             return Value(Function((Callee(method, bound=True),)), "", again=True)
-        raise Later(self.refuse(node, f"self.{name} is never assigned", "assign it in start"))
+        raise UnknownYetError(
+            self.refuse(node, f"self.{name} is never assigned", "assign it in start")
+        )
 
     def _tuple(self, node: ast.Tuple) -> Value:
         makers: list[Any] = []
@@ -433,7 +435,7 @@ class Expressions:
         for v, many in pieces:
             try:
                 item = join(item, element(v.type) if many else v.type)
-            except Unjoinable as error:
+            except JoinError as error:
                 raise self.refuse(node, f"a tuple of {error}", "keep to one type") from None
             size += most(v.type) if many else 1
         t = List(item, min(size, self.most_wanted or size))
@@ -516,7 +518,7 @@ class Expressions:
         code, binds = text(node)
         return Value(U, code, binds)
 
-    def binary(self, node: ast.AST, op: type, a: Value, b: Value) -> Value:
+    def binary(self, node: ast.AST, op: type[ast.operator], a: Value, b: Value) -> Value:
         """a op b"""
         if a.is_const and b.is_const and (folded := self.fold(op, a.const, b.const)) is not None:
             return folded
@@ -547,7 +549,7 @@ class Expressions:
             return Value(F, f"{left.within(level)} {sign} {text}", level)
         return self.of_integers(op, a, b)
 
-    def fold(self, op: type, a: Any, b: Any) -> Value | None:
+    def fold(self, op: type[ast.operator], a: Any, b: Any) -> Value | None:
         if isinstance(a, (str, tuple)) or isinstance(b, (str, tuple)):
             if op is ast.Add and type(a) is type(b):
                 return constant(a + b)
@@ -568,7 +570,7 @@ class Expressions:
         except ArithmeticError:
             return None
 
-    def of_integers(self, op: type, a: Value, b: Value) -> Value:
+    def of_integers(self, op: type[ast.operator], a: Value, b: Value) -> Value:
         sign, level = ARITHMETIC[op]
         low = high = None
         bounds = [a.low, a.high, b.low, b.high]
@@ -595,7 +597,7 @@ class Expressions:
         name = {"+": "add", "-": "sub", "*": "mul"}[sign]
         return Value(I, f"py_{name}_i({a.code}, {b.code})", low=low, high=high)
 
-    def of_masks(self, node: ast.AST, op: type, a: Value, b: Value) -> Value:
+    def of_masks(self, node: ast.AST, op: type[ast.operator], a: Value, b: Value) -> Value:
         if F in (a.type, b.type):
             x = a if a.type == F else Value(F, f"(double){a.within(UNARY)}", UNARY)
             y = b if b.type == F else Value(F, f"(double){b.within(UNARY)}", UNARY)
@@ -626,7 +628,7 @@ class Expressions:
         kind = "" if F in (a.type, b.type) else "_int"
         return Value(F, f"py_div{kind}({left.code}, {right.code})")
 
-    def modulo(self, op: type, a: Value, b: Value) -> Value:
+    def modulo(self, op: type[ast.operator], a: Value, b: Value) -> Value:
         name = "mod" if op is ast.Mod else "floordiv"
         if a.type in (I, B) and b.type in (I, B):
             low = high = None
@@ -638,7 +640,7 @@ class Expressions:
             return Value(I, f"py_{name}_i({a.code}, {b.code})", low=low, high=high)
         return Value(F, f"py_{name}({self.convert(a, F)}, {self.convert(b, F)})")
 
-    def of_tuples(self, node: ast.AST, op: type, a: Value, b: Value) -> Value:
+    def of_tuples(self, node: ast.AST, op: type[ast.operator], a: Value, b: Value) -> Value:
         """Concatenation and repetition."""
         if op is ast.Mult and b.is_const and isinstance(b.const, int):
             x = self.temporary(a)
@@ -698,10 +700,9 @@ class Expressions:
             pass
         sign, level = ("&&", AND) if is_and else ("||", OR)
         if left.type == B and right.type == B and not inner:
-            if right.is_const:
-                if bool(right.const) == is_and:
-                    return left
-            return Value(B, f"{left.within(level)} {sign} {right.within(level + 1)}", level)
+            if right.is_const and bool(right.const) == is_and:
+                return left
+            return _joined(left, right, sign, level)
         if id(node) in self.conditions:
             first = self.truth(left, node)
             if not inner:
@@ -740,7 +741,7 @@ class Expressions:
         (a, before_a), (b, before_b) = yes, no
         try:
             t = join(a.type, b.type)
-        except Unjoinable as error:
+        except JoinError as error:
             raise self.refuse(node, f"either {error}", "keep to one type") from None
         if t == NEVER:
             t = NONE
@@ -947,6 +948,7 @@ class Expressions:
                 self.compared(node, ast.Eq(), x, y).within(OR + 1)
                 for y in self.elements(self.temporary(b), n, node)
             ]
+            texts = [f"({text})" if " && " in text and len(texts) > 1 else text for text in texts]
             result = Value(B, " || ".join(texts) or "false", OR if len(texts) > 1 else EQUAL)
         if isinstance(op, ast.NotIn):
             return Value(B, f"!{result.within(UNARY)}", UNARY)
@@ -993,14 +995,12 @@ class Expressions:
                 raise self.refuse(node, f"index {k} of a tuple of {n}", f"from {-n} to {n - 1}")
             return self.element_at(self.temporary(value), k % n)
         x = self.temporary(value)
-        if (
-            isinstance(x.type, (Tuple, Array))
-            and x.parts is not None
-            or (isinstance(x.type, Tuple) and not x.type.uniform)
+        if (isinstance(x.type, (Tuple, Array)) and x.parts is not None) or (
+            isinstance(x.type, Tuple) and not x.type.uniform
         ):
             try:
                 item = element(x.type)
-            except Unjoinable as error:
+            except JoinError as error:
                 raise self.refuse(node, f"an index into a tuple of {error}",
                                   "if and elif") from None  # fmt: skip
             code = self.placed(x)
@@ -1014,7 +1014,7 @@ class Expressions:
     def checked(self, index: Value, n: Value) -> str:
         """The C of an index that is within a tuple; as in Python it may count from the end."""
         if n.is_const and index.low is not None and index.high is not None and (
-            0 <= index.low and index.high < n.const
+            index.low >= 0 and index.high < n.const
         ):  # fmt: skip
             return index.code
         return f"py_index({index.code}, {n.code})"
@@ -1083,7 +1083,7 @@ class Expressions:
             lower = self.temporary(replace(lower, as_float=None))
         n = self.length(x)
         sure = n.is_const and lower.low is not None and lower.high is not None and (
-            0 <= lower.low and lower.high + count <= n.const
+            lower.low >= 0 and lower.high + count <= n.const
         )  # fmt: skip
         if not sure:
             self.line(f"py_window({lower.code}, {count}, {n.code});")
@@ -1173,12 +1173,20 @@ class Expressions:
             raise self.refuse(node, f"the text of {shown(t)}", "of numbers and tuples of them")
 
 
-class Later(Exception):
+class UnknownYetError(Exception):
     """Something is not known in this pass, perhaps in the next; else it is refused by `reason`."""
 
-    def __init__(self, reason: Refused) -> None:
+    def __init__(self, reason: SubsetError) -> None:
         super().__init__(str(reason))
         self.reason = reason
+
+
+def _joined(a: Value, b: Value, sign: str, level: int) -> Value:
+    """a && b or a || b; of both kinds with parentheses, which compilers ask for."""
+    lowest = EQUAL if sign == "||" else level
+    left = a.code if a.binds == level or a.binds >= lowest else f"({a.code})"
+    right = b.code if b.binds >= max(lowest, level + 1) else f"({b.code})"
+    return Value(B, f"{left} {sign} {right}", level)
 
 
 def safe_field(name: str) -> str:

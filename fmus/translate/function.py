@@ -9,20 +9,21 @@ from dataclasses import replace
 from typing import Any
 
 from .calls import UNROLLED, Calls, Iteration, RangeOf
-from .expressions import Known, Later, safe_field
+from .expressions import Known, UnknownYetError, safe_field
 from .source import of_annotation
 from .types import (
     NEVER,
     NONE,
     Callee,
+    F,
     Function,
     I,
+    JoinError,
     List,
     Maybe,
     S,
     Tuple,
     Type,
-    Unjoinable,
     element,
     hidden,
     join,
@@ -92,8 +93,9 @@ class Translation(Calls):
         for name, t in self.spec.arguments:
             final = self.spec.variables.get(name, t)
             if final != t and name not in self.bound:
-                self.line(f"{self.program.names(final)} {safe(name)} = "
-                          f"{self.convert(Value(t, f'{safe(name)}_given', again=True), final)};")  # fmt: skip
+                given = Value(t, f"{safe(name)}_given", again=True)
+                text = self.convert(given, final)
+                self.line(f"{self.program.names(final)} {safe(name)} = {text};")
 
     def local(self, name: str) -> str:
         if name in self.spec.by_address:
@@ -275,7 +277,7 @@ class Translation(Calls):
             self.changed = True
             self.spec.variables[name] = t
         self.types[name] = t
-        if t == NONE or t == NEVER:
+        if t in (NONE, NEVER):
             return
         final = self.spec.variables[name]
         if isinstance(final, List) and final.item == NEVER:
@@ -300,7 +302,7 @@ class Translation(Calls):
         """The type of a variable that gets another value."""
         try:
             t = join(old, new)
-        except Unjoinable as error:
+        except JoinError as error:
             raise self.refuse(node, f"{name} is {error}", "keep to one type") from None
         if limit is not None and isinstance(t, (List, Tuple)):
             item = NEVER if isinstance(t, List) and t.most == 0 else element(t)
@@ -329,7 +331,7 @@ class Translation(Calls):
                 program.fields[name] = t
                 program.changed = True
                 program.unsettled = f"self.{name}"
-            if isinstance(t, List) and t.item == NEVER or t in (NONE, NEVER):
+            if (isinstance(t, List) and t.item == NEVER) or t in (NONE, NEVER):
                 return
         else:
             t = declared
@@ -498,8 +500,8 @@ class Translation(Calls):
             raise self.refuse(node, "break or continue over a mixed tuple", "over equal elements")
         if iteration.unroll or (iteration.fixed is not None and iteration.fixed <= 1
                                 and not breaks and free):  # fmt: skip
-            for k in range(iteration.fixed or 0):
-                self.one_pass(node, iteration, constant(k), True)  # type: ignore[arg-type]
+            for one in range(iteration.fixed or 0):
+                self.one_pass(node, iteration, constant(one), True)  # type: ignore[arg-type]
                 if self.ended:
                     break
             self.ended = False
@@ -520,7 +522,8 @@ class Translation(Calls):
 
     def counting(self, node: ast.For, iteration: Iteration) -> None:
         """for i in range(...): a loop of C over the same name."""
-        assert isinstance(node.target, ast.Name) and iteration.start is not None
+        assert isinstance(node.target, ast.Name)
+        assert iteration.start is not None
         name, step, start = node.target.id, iteration.step, iteration.start
         k = safe(name)
         zero = start.is_const and start.const == 0 and step == 1
@@ -640,7 +643,7 @@ class Translation(Calls):
                                       "assign it before")  # fmt: skip
                 continue
             value = self._name(ast.copy_location(ast.Name(name, ast.Load()), node))
-            if isinstance(value.type, Known) or value.type == S and value.is_const:
+            if isinstance(value.type, Known) or (value.type == S and value.is_const):
                 raise self.refuse(node, f"{node.name} uses {name}", "a number or a tuple")
             for other in ast.walk(self.spec.node):
                 if (
@@ -674,7 +677,7 @@ def optional(annotation: ast.expr, scope: dict[str, Any]) -> Type | None:
     match annotation:
         case ast.BinOp(left=left, op=ast.BitOr(), right=ast.Constant(value=None)):
             try:
-                thing = eval(compile(ast.Expression(left), "annotation", "eval"), dict(scope))  # noqa: S307
+                thing = eval(compile(ast.Expression(left), "annotation", "eval"), dict(scope))
             except Exception:
                 return None
             return of_annotation(thing)[0]
@@ -739,4 +742,4 @@ def _inside(node: ast.AST, other: ast.AST) -> bool:
     return any(n is other for n in ast.walk(node))
 
 
-_ = (UNROLLED, Later, shown)
+_ = (UNROLLED, UnknownYetError, shown)

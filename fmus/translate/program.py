@@ -13,7 +13,7 @@ from typing import Any
 
 from desat.components.contract.block import Block
 
-from .expressions import Later
+from .expressions import UnknownYetError
 from .function import Translation
 from .source import Info, Nested, Spec
 from .types import (
@@ -27,8 +27,8 @@ from .types import (
     List,
     Maybe,
     Names,
-    Refused,
     Scalar,
+    SubsetError,
     Tuple,
     Type,
     safe,
@@ -42,7 +42,7 @@ KINDS = {"Real": F, "Integer": I, "Boolean": B}
 
 
 def translate(block: type[Block], name: str, guid: str) -> str:
-    """The C source of a block; raises Refused where it leaves the subset."""
+    """The C source of a block; raises SubsetError where it leaves the subset."""
     return Program(block).text(name, guid)
 
 
@@ -84,7 +84,7 @@ class Program:
             self.order: list[Spec] = []
             self.c_names: dict[str, int] = {}
             self.tables = {}
-            self.later: Later | None = None
+            self.later: UnknownYetError | None = None
             for spec in self.memory.values():
                 spec.done = spec.busy = False
             before = dict(self.fields)
@@ -93,14 +93,14 @@ class Program:
                 raise self.later.reason
             if not self.changed and self.later is None:
                 return
-        raise Refused(f"{self.block.__name__}: the types of its variables do not settle: "
+        raise SubsetError(f"{self.block.__name__}: the types of its variables do not settle: "
                       f"{self.unsettled}")  # fmt: skip
 
     def _entry(self, name: str, types: tuple[Type, ...]) -> Spec:
         callee = Callee(getattr(self.block, name), bound=True)
         try:
             return self.specialised(callee, types, (None,) * len(types), None)
-        except Later:
+        except UnknownYetError:
             return self.memory[callee, types, ("None",) * len(types)]
 
     def info(self, callee: Callee) -> Info:
@@ -113,7 +113,7 @@ class Program:
                 shown = function.__code__.co_filename
                 path = Path(shown)
                 if not path.is_relative_to(ROOT / "components"):
-                    raise Refused(f"{self.block.__name__}: {function.__name__} of {path.name}: "
+                    raise SubsetError(f"{self.block.__name__}: {function.__name__} of {path.name}: "
                                   "functions of components/")  # fmt: skip
                 shown = path.relative_to(ROOT).as_posix()
             self.infos[key] = Info(callee, shown)
@@ -167,11 +167,11 @@ class Program:
             spec.lines = one.out
             spec.end_reached = not ended
             self.order.append(spec)
-        except Later as later:
+        except UnknownYetError as later:
             self.later = self.later or later
             raise
-        except Refused as reason:  # what is known later may show another way
-            self.later = self.later or Later(reason)
+        except SubsetError as reason:  # what is known later may show another way
+            self.later = self.later or UnknownYetError(reason)
             raise self.later from None
         finally:
             spec.busy = False
@@ -193,7 +193,7 @@ class Program:
         """MOST of Annotated[tuple[...], MOST]."""
         if "Annotated" not in ast.unparse(annotation):
             return None
-        thing = eval(compile(ast.Expression(annotation), "annotation", "eval"), dict(scope))  # noqa: S307
+        thing = eval(compile(ast.Expression(annotation), "annotation", "eval"), dict(scope))
         for x in (thing, *typing.get_args(thing)):
             if typing.get_origin(x) is typing.Annotated:
                 found = [m for m in x.__metadata__ if isinstance(m, int)]
@@ -371,7 +371,7 @@ def initial(x: Any, t: Type) -> str:
 
 
 def _stands(name: str, lines: Iterable[str]) -> bool:
-    return any(re.search(rf"\b{name}\b", line) for line in lines)
+    return any(re.search(rf"(?<![.>])\b{name}\b", line) for line in lines)
 
 
 def _is_nothing(t: Type) -> bool:

@@ -14,7 +14,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from .types import NEVER, B, Callee, F, Maybe, Refused, Scalar, Tuple, Type, Unjoinable, join
+from .types import NEVER, B, Callee, F, JoinError, Maybe, Scalar, SubsetError, Tuple, Type, join
 
 _TOOLS = re.compile(r"#\s*(fmt:|type:|noqa|mypy:)")
 
@@ -72,23 +72,24 @@ class Info:
             defaults: tuple[Any, ...] = ()
             named: dict[str, Any] = {}
             if self.node.args.defaults or self.node.args.kw_defaults:
-                raise Refused(f"{self.where}:{self.node.lineno}: defaults of a function within "
+                raise SubsetError(f"{self.where}:{self.node.lineno}: defaults of a function within "
                               "another: give the arguments")  # fmt: skip
         else:
             code = function.__code__
             self.source = source(code.co_filename)
             self.where = shown
             if code.co_firstlineno not in self.source.functions:
-                raise Refused(f"{shown}:{code.co_firstlineno}: a lambda with a name: def")
+                raise SubsetError(f"{shown}:{code.co_firstlineno}: a lambda with a name: def")
             self.node = self.source.functions[code.co_firstlineno]
             self.globals = function.__globals__
             defaults, named = function.__defaults__ or (), function.__kwdefaults__ or {}
         self.name = self.node.name
         arguments = self.node.args
         if arguments.vararg or arguments.kwarg:
-            raise Refused(f"{self.where}:{self.node.lineno}: * in {self.name}'s parameters: name "
-                          "them")  # fmt: skip
-        names = [a for a in [*arguments.posonlyargs, *arguments.args]]
+            raise SubsetError(
+                f"{self.where}:{self.node.lineno}: * in {self.name}'s parameters: name them"
+            )
+        names = [*arguments.posonlyargs, *arguments.args]
         values = [self.required] * (len(names) - len(defaults)) + list(defaults)
         names += arguments.kwonlyargs
         values += [named.get(a.arg, self.required) for a in arguments.kwonlyargs]
@@ -115,7 +116,7 @@ class Info:
         if node is None:
             return None, True
         try:
-            thing = eval(compile(ast.Expression(node), "annotation", "eval"), dict(self.globals))  # noqa: S307
+            thing = eval(compile(ast.Expression(node), "annotation", "eval"), dict(self.globals))
         except Exception:
             return None, "None" in ast.unparse(node)
         return of_annotation(thing)
@@ -284,7 +285,7 @@ class Spec:
         """It returns a value of this type, too."""
         try:
             wider = join(self.result, t)
-        except Unjoinable as error:
+        except JoinError as error:
             raise one.refuse(
                 node, f"{self.info.name} returns {error}", "keep to one type"
             ) from None

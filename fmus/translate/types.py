@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 
-class Refused(Exception):
+class SubsetError(Exception):
     """A construct outside of the subset; the text says where, what, and what to write instead."""
 
 
@@ -80,12 +80,12 @@ Type = Any
 """One of the classes above."""
 
 
-class Unjoinable(Exception):
+class JoinError(Exception):
     """Two types that no variable can have."""
 
 
 def join(a: Type, b: Type) -> Type:
-    """The type of what may be of type a or b. Raises Unjoinable."""
+    """The type of what may be of type a or b. Raises JoinError."""
     if a == b or b == NEVER:
         return a
     if a == NEVER:
@@ -105,7 +105,7 @@ def join(a: Type, b: Type) -> Type:
             return I
         if pair == {I, U}:
             return U
-        raise Unjoinable(f"{a} and {b}")
+        raise JoinError(f"{a} and {b}")
     if isinstance(a, Tuple) and isinstance(b, Tuple) and len(a.items) == len(b.items):
         return Tuple(
             tuple(join(x, y) for x, y in zip(a.items, b.items, strict=True)),
@@ -118,13 +118,13 @@ def join(a: Type, b: Type) -> Type:
         return Array(join(a.item, b.item), a.size)
     if isinstance(a, Function) and isinstance(b, Function):
         if any(c.captured for c in (*a.callees, *b.callees)):
-            raise Unjoinable("two functions that capture variables")
+            raise JoinError("two functions that capture variables")
         return Function(tuple(dict.fromkeys((*a.callees, *b.callees))))
-    raise Unjoinable(f"{shown(a)} and {shown(b)}")
+    raise JoinError(f"{shown(a)} and {shown(b)}")
 
 
 def element(t: Type) -> Type:
-    """The type that all elements of a tuple have. Raises Unjoinable."""
+    """The type that all elements of a tuple have. Raises JoinError."""
     if isinstance(t, (List, Array)):
         return t.item
     found: Type = NEVER
@@ -229,12 +229,11 @@ def member_names(t: Tuple) -> list[str]:
     return [f"x{i}" for i in range(len(t.items))]
 
 
-_RESERVED = frozenset(
-    "auto break case char const continue default do double else enum extern float for goto if "
-    "inline int long register restrict return short signed sizeof static struct switch typedef "
-    "union unsigned void volatile while bool true false self block main signal NULL INFINITY NAN "
-    "abs div errno fabs sqrt exp log sin cos tan floor ceil pow remainder free_ malloc".split()
-)
+_WORDS = """auto break case char const continue default do double else enum extern float for goto if
+inline int long register restrict return short signed sizeof static struct switch typedef union
+unsigned void volatile while bool true false self block main signal NULL INFINITY NAN abs div errno
+fabs sqrt exp log sin cos tan floor ceil pow remainder malloc memo"""
+_RESERVED = frozenset(_WORDS.split())
 
 
 def safe(name: str) -> str:

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass, replace
 from typing import Any
 
-from .types import NEVER, NONE, B, F, I, List, S, Scalar, Tuple, Type, U, Unjoinable, join
+from .types import NEVER, NONE, B, F, I, JoinError, List, S, Scalar, Tuple, Type, U, join
 
 UNKNOWN: Any = object()
 """The constant of what is not one."""
@@ -95,7 +95,7 @@ def uniform_constant(x: Any) -> Type | None:
             found: Type = NEVER
             for t in items:
                 found = join(found, t)
-        except Unjoinable:
+        except JoinError:
             return Tuple(tuple(items))
         if isinstance(found, List):
             return Tuple(tuple(items))

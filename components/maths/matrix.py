@@ -1,0 +1,44 @@
+"""Products and sums of matrices of nine floats, as flat tuples (row-major). No units, no frames."""
+
+from __future__ import annotations
+
+from ..contract.block import Mat33
+
+
+def multiply(p: Mat33, q: Mat33) -> Mat33:
+    """p q"""
+    a, b, c, d, e, f, g, h, i = p
+    j, k, m, n, r, s, t, u, v = q
+    return (
+        a * j + b * n + c * t, a * k + b * r + c * u, a * m + b * s + c * v,
+        d * j + e * n + f * t, d * k + e * r + f * u, d * m + e * s + f * v,
+        g * j + h * n + i * t, g * k + h * r + i * u, g * m + h * s + i * v,
+    )  # fmt: skip
+
+
+def transposed(m: Mat33) -> Mat33:
+    """m'"""
+    return (m[0], m[3], m[6], m[1], m[4], m[7], m[2], m[5], m[8])
+
+
+def add(p: Mat33, q: Mat33) -> Mat33:
+    """p + q"""
+    return (
+        p[0] + q[0], p[1] + q[1], p[2] + q[2], p[3] + q[3], p[4] + q[4], p[5] + q[5],
+        p[6] + q[6], p[7] + q[7], p[8] + q[8],
+    )  # fmt: skip
+
+
+def subtract(p: Mat33, q: Mat33) -> Mat33:
+    """p - q"""
+    return (
+        p[0] - q[0], p[1] - q[1], p[2] - q[2], p[3] - q[3], p[4] - q[4], p[5] - q[5],
+        p[6] - q[6], p[7] - q[7], p[8] - q[8],
+    )  # fmt: skip
+
+
+def scale(s: float, m: Mat33) -> Mat33:
+    """s m"""
+    return (
+        s * m[0], s * m[1], s * m[2], s * m[3], s * m[4], s * m[5], s * m[6], s * m[7], s * m[8],
+    )  # fmt: skip
