@@ -19,6 +19,7 @@ from .cells import Numbers, Row, rows_of
 from .draws import pool_of
 from .manifest import PACKAGES
 from .meaning import words
+from .paired import differences
 from .plots import pretty_unit
 from .report import number, render, write_page
 
@@ -42,7 +43,8 @@ def rows(
         raise DesatError("\n".join(dict.fromkeys(wrong)))
     if not given:
         raise DesatError(f"{family}: no scenario has paper values")
-    summaries = {n: d["summary"] for n, d in (drawn or {}).get("scenarios", {}).items()}
+    kept = (drawn or {}).get("scenarios", {})
+    summaries = {n: d["summary"] | _paired(given[n], kept) for n, d in kept.items() if n in given}
     if missing := [n for n, s in given.items() if s.data.get("draws") and n not in summaries]:
         raise DesatError(f"{missing[0]}: no draws; `desat tables {family} --fresh` makes them")
     values = {n: {k: d["median"] for k, d in summaries[n].items()} for n in given if n in summaries}
@@ -61,6 +63,16 @@ def rows(
     return sorted(
         made, key=lambda r: (quantities.index((r.table, r.quantity)), methods.index(r.method))
     )
+
+
+def _paired(scenario: Scenario, drawn: dict[str, Any]) -> dict[str, dict[str, Any]]:
+    """Of each number of form `difference`: the summary of the differences draw by draw."""
+    found = {}
+    for name, entry in scenario.data["numbers"].items():
+        theirs = drawn.get(f"{scenario.family}/{entry.get('reference', '')}")
+        if theirs is not None and entry["form"] == "difference":
+            found[name] = differences(drawn[scenario.name], theirs)[entry["of"]]
+    return found
 
 
 def _single(given: list[Scenario], options: Options, jobs: int) -> dict[str, Numbers]:
