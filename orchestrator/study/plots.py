@@ -27,7 +27,7 @@ POINTS = 3000
 """More points than a plot is wide are thinned, keeping each bin's least and largest."""
 LEGEND_WIDTH = 21
 """Characters that there is room for beside the axes."""
-LEFT, WIDTH, BOTTOM, TOP = 0.095, 0.655, 0.16, 0.92
+LEFT, WIDTH, BOTTOM, TOP = 0.11, 0.64, 0.16, 0.92
 """Of all axes in their figures, so that times align."""
 
 Run = tuple[str, Results, dict[str, Any]]

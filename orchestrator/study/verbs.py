@@ -153,10 +153,13 @@ class Verbs:
             raise DesatError(f"{scenario}: plot {plot}: not recorded")
         return Series(lines[0].times, lines[0].values)
 
-    def plot(self, file: str, scenario: str, plot: str, place: str = "") -> str:
-        """A plot of a scenario as a figure; `place` stands before its title."""
+    def plot(
+        self, file: str, scenario: str, plot: str, place: str = "", stop: float | None = None
+    ) -> str:
+        """A plot of a scenario as a figure; `place` stands before its title; with another end (s)
+        of the run."""
         spec = {"points": POINTS, **self._plot(scenario, plot)}
-        run = self._of.run(scenario)
+        run = self._of.run(scenario, stop=stop)
         image = series_plot(spec, [("", run.results, run.manifest["parameters"])])
         if image is None:
             raise DesatError(f"{scenario}: plot {plot}: not recorded")
