@@ -22,6 +22,7 @@ from desat.study.manifest import read_manifest
 from desat.study.measures import MEASURES
 from desat.study.numbers import evaluate, relative, scale
 from desat.study.plots import envelope, pretty_unit
+from desat.study.relation import related
 from desat.system.errors import DesatError
 from desat.system.interface import of_block
 
@@ -182,6 +183,8 @@ def test_measures():
                      "rms": pytest.approx(np.sqrt(130 / 5))}  # fmt: skip
     assert relative("saving", 30, 40) == 25
     assert relative("ratio", 30, 40) == 0.75
+    assert [related(f, 30, 40) for f in ("saving", "ratio", "difference")] == [25, 0.75, -10]
+    assert related("difference", None, 40) is None
     with pytest.raises(DesatError, match="did you mean norm_last"):
         evaluate({"measure": "norm_lst", "signal": "x.y"}, None, {})
 

@@ -18,12 +18,13 @@ from ..contract.block import Mat33, Output, Parameter, Vec3, Vec4
 from ..laws import acquisition as laws
 from ..laws import rate_observer
 from ..laws.field_rate import rate_across
-from ..maths.vector import ZERO, dot, mat_vec, scale
+from ..maths.attitude import rotate
+from ..maths.vector import ZERO, dot, mat_vec, scale, unit
 from ..physics.gyrostat import carrier_inertia, inverse_inertia
 
 ALONE, START_UP = range(2)
 GYRO, FIELD, OBSERVER = range(3)
-SATURATED, EVEN_DECAY = range(2)
+SATURATED, EVEN_DECAY, LOOK_AHEAD = range(3)
 
 
 class ManagerDetumblingOptimal(Acquisition):
@@ -56,8 +57,11 @@ class ManagerDetumblingOptimal(Acquisition):
     is not valid `field` takes its place, and no condition is met; without a valid field there is no
     dipole, and the observer begins anew; without a valid attitude or momentum it detumbles.
 
-    `law` even_decay takes M = 2 n (1 + sin xi) J_min (omega x B) / |B|^2 instead (Avanzini &
-    Giulietti 2012).
+    Two laws of others, for comparison, as `law` of detumbling's dipole: `even_decay`,
+    M = 2 n (1 + sin xi) J_min (omega x B) / |B|^2 (Avanzini & Giulietti 2012), and `look_ahead`,
+    which also weighs what will be left where the field will be after `horizon`, by `alpha` (Willis
+    et al. 2024). The latter needs attitude, position and velocity; while the attitude is not valid
+    ours takes its place.
 
     The wheel is commanded here, as by `manager_start_up`, and not through `tau_ctrl_body`.
 
@@ -66,7 +70,8 @@ class ManagerDetumblingOptimal(Acquisition):
 
     task: int = Parameter("1", "detumbling alone, or start-up",
                           choices=("detumbling", "start_up"))  # fmt: skip
-    law: int = Parameter("1", "law of detumbling's dipole", choices=("saturated", "even_decay"))
+    law: int = Parameter("1", "law of detumbling's dipole",
+                         choices=("saturated", "even_decay", "look_ahead"))  # fmt: skip
     rate_from: int = Parameter("1", "where the rate is from",
                                choices=("gyro", "field", "observer"))  # fmt: skip
     inertia: Mat33 = Parameter(
@@ -84,6 +89,9 @@ class ManagerDetumblingOptimal(Acquisition):
     field_inclination: float = Parameter(
         "rad", "even_decay: xi, of the orbit to the geomagnetic equator", start=1.4, min=0.0
     )
+    gain_ahead: float = Parameter("1/(T.s)", "look_ahead: of the dipole", start=1e4, min=0.0)
+    horizon: float = Parameter("s", "look_ahead: how far", start=600.0, min=0.0)
+    alpha: float = Parameter("1", "look_ahead: weight of what will be left", start=10.0, min=0.0)
     gain_start_up: float = Parameter("1/s", "of start-up", start=0.01, min=0.0)
     beta: float = Parameter("1", "of start-up: weight of the rate relative to lvlh", start=1.0,
                             min=0.0)  # fmt: skip
@@ -172,7 +180,12 @@ class ManagerDetumblingOptimal(Acquisition):
                 size2 = dot(b, b)
                 k = laws.even_decay_gain(self._least, self.orbit_rate, self.field_inclination)
                 gain = k / size2 if size2 > 0.0 else 0.0
-            m = laws.all_coils(omega, b, gain)
+            if self.law == LOOK_AHEAD and self.valid_q and any(b):
+                later = rotate(self.q_bi, laws.field_ahead(self.r_eci, self.v_eci, self.horizon))
+                h = mat_vec(self.inertia, omega)
+                m = scale(self.gain_ahead, laws.look_ahead(h, unit(b), later, self.alpha))
+            else:
+                m = laws.all_coils(omega, b, gain)
         self.give(m, laws.wheel_rate(omega[1], self.gain_wheel))
 
     def _start_up(self, omega: Vec3) -> None:

@@ -46,7 +46,8 @@ class ManagerStartUp(Acquisition):
     alone never reaches the target (`spin_coil_alone`: as printed), and eq. 1 on all three axes
     pumps the wheel when it holds the pitch angle (`b_dot_last`: as printed, with gain_pitch_coil);
     eq. 11 goes on in three_axis, for else nothing holds h. In momentum_dump, for which the paper
-    gives the wheel no law, it keeps the pitch rate by eq. 7.
+    gives the wheel no law, it keeps the pitch rate by eq. 6: the constant torque of eq. 7 is less
+    than the coils' 1e-4 N m of pitch torque, and so the body would spin up.
 
     The wheel is commanded here and `tau_ctrl_body` is not used: eq. 10 is one of several laws of
     one wheel, of which the phase chooses, and a controller apart would have to know the phase.
@@ -142,7 +143,7 @@ class ManagerStartUp(Acquisition):
         b, b_rate = self.b_body, self._b_rate
         if b_rate is None:
             return START if self.valid_b else NO_FIELD
-        torque = laws.wheel_constant(b, b_rate, self.wheel_torque)
+        torque = laws.wheel_proportional(b, b_rate, self.gain_wheel_field)
         self.give(add(self._pitch_coil(), self._dump_dipole()), torque)
         if not self.valid_h:
             return NO_MOMENTUM

@@ -8,10 +8,11 @@ torque of the wheel (N m) is that on the body about +y.
 
 from __future__ import annotations
 
-from math import atan2, sin
+from math import atan2, cos, sin
 
 from ..contract.block import Mat33, Vec3
-from ..maths.vector import ZERO, add, cross, dot, mat_vec, scale, sub
+from ..maths.vector import ZERO, add, cross, dot, mat_vec, norm, scale, sub, unit
+from ..physics.geomagnetic import dipole
 
 PITCH_BIAS: Vec3 = (0.0, -1.0, 0.0)
 """The direction along which the wheel's momentum counts, body; of the orbit normal, lvlh."""
@@ -114,6 +115,40 @@ def even_decay_gain(inertia: float, orbit_rate: float, inclination: float) -> fl
     inclination xi (rad): of the orbit to the geomagnetic equator.
     """
     return 2.0 * orbit_rate * (1.0 + sin(inclination)) * inertia
+
+
+def look_ahead(momentum: Vec3, b: Vec3, later: Vec3, alpha: float) -> Vec3:
+    """The first u (N m s) of two torques u x b, then v x b_later, with b and b_later unit vectors:
+
+        least |h + u x b|^2 + alpha |h + u x b + v x b_later|^2 + |u|^2 + |v|^2
+
+    h (N m s): the momentum to be taken; alpha: what is left after the second counts so much more.
+    What is along b now is left for later where the field will have turned, and no step leads to h
+    along b_later, from where the coils could not take it. v is eliminated, u across b follows from
+    two lines (Sherman and Morrison).
+
+    After Willis, Fisch, Seletskiy & Manchester, Building a better B-dot: fast detumbling with
+    non-monotonic Lyapunov functions, IEEE Aerospace Conference (2024), with regulariser 1.
+    """
+    rest = alpha / (1.0 + alpha)
+    more = alpha - rest
+    across = sub(momentum, scale(dot(b, momentum), b))
+    p = sub(later, scale(dot(b, later), b))
+    g = add(scale(1.0 + rest, across), scale(more * dot(later, momentum), p))
+    weight = 2.0 + rest
+    torque = sub(g, scale(more * dot(p, g) / (weight + more * dot(p, p)), p))
+    return cross(torque, scale(1.0 / weight, b))
+
+
+def field_ahead(r: Vec3, v: Vec3, horizon: float) -> Vec3:
+    """The direction of the field after `horizon` (s) on a circular orbit, of a dipole along the
+    Earth's axis; r (m), v (m/s) and it in eci; zero where r or v is."""
+    size, speed = norm(r), norm(v)
+    if size == 0.0 or speed == 0.0:
+        return ZERO
+    angle = horizon * speed / size
+    ahead = add(scale(cos(angle) / size, r), scale(sin(angle) / speed, v))
+    return unit(dipole(ahead, (0.0, 0.0, -1.0)))
 
 
 def start_up_error(

@@ -48,7 +48,9 @@ class Number(Table):
     unit: Unit = key("the unit it is given in, converted from the signal's")
     of: Text = key("with `reference`: the number that is compared")
     reference: Text = key("the scenario of this family whose number it is compared with")
-    form: Literal["saving", "ratio"] = key("how: saving (per cent less) or ratio")
+    form: Literal["saving", "ratio", "difference"] = key(
+        "how: saving (per cent less), ratio, or difference: of draws, draw by draw"
+    )
 
     @model_validator(mode="after")
     def _whole(self) -> Self:

@@ -9,7 +9,8 @@ from typing import Any
 from ..files.scenario import Scenario
 from ..system.errors import DesatError
 from .meaning import numbers_of_rows
-from .numbers import defined, relative
+from .numbers import defined
+from .relation import related
 
 Numbers = dict[str, Any]
 """A run's numbers by name; None: not reached."""
@@ -215,13 +216,13 @@ def _value(
 ) -> float:  # fmt: skip
     """Our number of a row, from this run or in relation to another."""
     definition = scenario.data["numbers"].get(name, {})
-    if "reference" in definition:
+    if "reference" in definition and name not in values:
         other = everything.get(f"{scenario.family}/{definition['reference']}")
         if other is None:
             text = f"{scenario.name}: {name} refers to {definition['reference']}: not run"
             raise DesatError(text)
         of = definition["of"]
-        value = relative(definition["form"], values[of], other[of])
+        value = related(definition["form"], values[of], other[of])
     elif name not in values:
         raise DesatError(f"{scenario.where(('numbers', name))}: no run gives it")
     else:

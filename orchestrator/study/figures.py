@@ -58,16 +58,17 @@ def bars(groups: dict[str, dict[str, float]], ylabel: str, *, log: bool = False)
 
 def scatter(
     groups: Mapping[str, tuple[Sequence[float], Sequence[float]]], xlabel: str, ylabel: str, *,
-    diagonal: str = "", join: bool = False, log: bool = False,
+    diagonal: str = "", joined: bool = False, log: str = "",
 ) -> str:  # fmt: skip
-    """Points: {label: (x, y)}, joined by lines where `join`; `diagonal` names the line y = x, empty
-    for none; `log` both axes."""
+    """Points: {label: (x, y)}; `diagonal` names the line y = x, empty for none; `joined`: a line
+    from each to the next; `log`: the axes that are logarithmic, of "x", "y", "xy"."""
     fig, ax = figure()
     for i, (label, (x, y)) in enumerate(groups.items()):
-        ax.plot(x, y, "o-" if join else "o", color=COLOURS[i % len(COLOURS)], label=label,
+        ax.plot(x, y, "o-" if joined else "o", color=COLOURS[i % len(COLOURS)], label=label,
                 markersize=5, linewidth=1.0)  # fmt: skip
-    if log:
+    if "x" in log:
         ax.set_xscale("log")
+    if "y" in log:
         ax.set_yscale("log")
     if diagonal:
         top = max(max(*x, *y) for x, y in groups.values())

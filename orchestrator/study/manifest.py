@@ -17,8 +17,9 @@ from ..system.errors import DesatError
 from ..system.expression import Table
 from ..system.model import System
 from ..system.parameters import table
-from .numbers import OPEN_END, evaluate, relative, signals_of
+from .numbers import OPEN_END, evaluate, signals_of
 from .options import Options
+from .relation import related
 
 MANIFEST = "manifest.json"
 PACKAGES = ("desat", "fmpy", "pythonfmu", "numpy", "scipy", "h5py")
@@ -92,7 +93,7 @@ def relate(manifest: dict[str, Any], others: dict[str, dict[str, Any]]) -> None:
             continue
         manifest["numbers"][name] = {
             "title": number.get("title", name),
-            "value": relative(
+            "value": related(
                 number["form"],
                 manifest["numbers"][of]["value"],
                 other["numbers"][of]["value"],

@@ -31,7 +31,7 @@ BINS = 240
 """Parts of a line whose least and most are drawn as an area."""
 LEGEND_WIDTH = 21
 """Characters that there is room for beside the axes."""
-LEFT, WIDTH, BOTTOM, TOP = 0.095, 0.655, 0.16, 0.92
+LEFT, WIDTH, BOTTOM, TOP = 0.11, 0.64, 0.16, 0.92
 """Of all axes in their figures, so that times align."""
 HEIGHT, PANELS = 2.9, 4.9
 """in, of a figure with one pair of axes and with two."""

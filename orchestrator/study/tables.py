@@ -19,6 +19,7 @@ from .cells import Numbers, Row, counted, rows_of
 from .draws import pool_of
 from .manifest import PACKAGES
 from .meaning import words
+from .paired import differences
 from .plots import pretty_unit
 from .report import number, render, write_page
 
@@ -43,7 +44,10 @@ def rows(
     if not given:
         raise DesatError(f"{family}: no scenario has paper values")
     kept = (drawn or {}).get("scenarios", {})
-    kept = {n: kept[n] for n, s in given.items() if s.data.get("draws") and n in kept}
+    kept = {
+        n: {**kept[n], "summary": kept[n]["summary"] | _paired(s, kept)}
+        for n, s in given.items() if s.data.get("draws") and n in kept
+    }  # fmt: skip
     if missing := [n for n, s in given.items() if s.data.get("draws") and n not in kept]:
         raise DesatError(f"{missing[0]}: no draws; `desat tables {family} --fresh` makes them")
     values = {n: {k: d["median"] for k, d in kept[n]["summary"].items()} for n in kept}
@@ -62,6 +66,16 @@ def rows(
     return sorted(
         made, key=lambda r: (quantities.index((r.table, r.quantity)), methods.index(r.method))
     )
+
+
+def _paired(scenario: Scenario, drawn: dict[str, Any]) -> dict[str, dict[str, Any]]:
+    """Of each number of form `difference`: the summary of the differences draw by draw."""
+    found = {}
+    for name, entry in scenario.data["numbers"].items():
+        theirs = drawn.get(f"{scenario.family}/{entry.get('reference', '')}")
+        if theirs is not None and entry["form"] == "difference":
+            found[name] = differences(drawn[scenario.name], theirs)[entry["of"]]
+    return found
 
 
 def _single(given: list[Scenario], options: Options, jobs: int) -> dict[str, Numbers]:

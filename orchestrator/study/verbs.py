@@ -179,11 +179,13 @@ class Verbs:
         return Series(lines[0].times, lines[0].values)
 
     def plot(
-        self, file: str, scenario: str, plot: str, place: str = "", change: Change | None = None
-    ) -> str:
-        """A plot of a scenario as a figure; `place` stands before its title."""
+        self, file: str, scenario: str, plot: str, place: str = "",
+        change: Change | None = None, stop: float | None = None,
+    ) -> str:  # fmt: skip
+        """A plot of a scenario as a figure; `place` stands before its title; with another end (s)
+        of the run."""
         spec = {"points": POINTS, **self._plot(scenario, plot)}
-        run = self._of.run(scenario, change)
+        run = self._of.run(scenario, change, stop=stop)
         image = series_plot(spec, [("", run.results, run.manifest["parameters"])])
         if image is None:
             raise DesatError(f"{scenario}: plot {plot}: not recorded")
