@@ -1,10 +1,12 @@
-"""What a craft knows of a firing beforehand, and learns from it. Ours.
+"""What a craft knows of a firing beforehand, what it learns from it, and how it stands against it.
 
-Body frame; torques in N m, momenta in N m s, inertia J in kg m2. The total momentum is J omega + h
-with h that of the wheels.
+Ours. Body frame; torques in N m, impulses and momenta in N m s, inertia J in kg m2, rates in rad/s.
+The total momentum is J omega + h with h that of the wheels.
 """
 
 from __future__ import annotations
+
+from math import copysign
 
 from ..contract.block import Mat33, Vec3
 from ..maths.vector import add, mat_vec, rotation_about, scale, sub
@@ -19,15 +21,26 @@ def predicted_rate(
     omega: Vec3, h_before: Vec3, h: Vec3, impulse: Vec3, inertia: Mat33, inverse: Mat33,
     elapsed: float,
 ) -> Vec3:  # fmt: skip
-    """The rate (rad/s) after `elapsed` seconds: J omega + h turns against the body, which turns at
-    omega, and gains the external impulse (N m s); h is what the wheels were measured to have."""
-    total = add(mat_vec(inertia, omega), add(h_before, scale(0.5, impulse)))
-    turned = mat_vec(rotation_about(omega, -elapsed), total)
-    return mat_vec(inverse, sub(add(turned, scale(0.5, impulse)), h))
+    """The rate after `elapsed` (s) of a body that had omega and wheels with h_before, gained an
+    external impulse, and has wheels with h.
+
+    J omega + h keeps its direction, so in the body it turns at -omega; half of the impulse turns
+    with it.
+    """
+    half = scale(0.5, impulse)
+    before = add(add(mat_vec(inertia, omega), h_before), half)
+    after = add(mat_vec(rotation_about(omega, -elapsed), before), half)
+    return mat_vec(inverse, sub(after, h))
 
 
-def gain(variance: float, noise: float) -> float:
-    """Of a scalar Kalman filter: the part of what was measured, with this deviation, that is taken
-    over by an estimate of this variance."""
-    measured = noise * noise
-    return variance / (variance + measured) if variance > 0.0 else 0.0
+def kalman_gain(variance: float, noise: float) -> float:
+    """The share of a measurement of this deviation that an estimate of this variance takes over."""
+    return variance / (variance + noise * noise)
+
+
+def pulsed(m: float, limit: float, pulse: float, period: float, duty: float) -> float:
+    """The mean dipole (A m2) over a period (s) that a coil of +-limit makes of the command m, by
+    pulses (s) whose number is rounded to the nearest, at most the share `duty` of the period."""
+    most = int(duty * period / pulse + 1e-9)
+    count = min(int(abs(m) / limit * period / pulse + 0.5), most)
+    return copysign(count * pulse / period * limit, m)

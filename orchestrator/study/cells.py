@@ -123,11 +123,11 @@ def _row(
         if each is not None:
             within = within is not False and each[0] <= draws["min"] and draws["max"] <= each[1]
     labels = scenario.data["labels"]
-    in_columns = entry.method or entry.case
+    name = labels.get("case", "") if entry.method or entry.case else scenario.name.partition("/")[2]
     return Row(
         table=entry.data["table"],
         method=entry.data.get("label", labels.get("method", "")),
-        case=labels.get("case", "") if in_columns else scenario.name.partition("/")[2],
+        case=entry.data.get("case", name),
         quantity=entry.data["quantity"],
         unit=entry.data["unit"],
         paper=entry.cell("values"),
