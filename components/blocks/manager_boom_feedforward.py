@@ -6,7 +6,7 @@ from ..laws import firing
 from ..laws import gravity_gradient as laws
 from ..maths.attitude import IDENTITY_Q, inverse, matrix, product, propagated, rotate
 from ..maths.vector import ZERO, add, clip, cross, mat_vec, norm, scale, sub
-from ..physics.gyrostat import inverse_inertia
+from ..physics.gyrostat import check_inertia, inverse_inertia
 from ..physics.wheel_array import body_momentum
 
 WHEELS_Z, WHEELS_YZ, WHEELS_XYZ = range(3)
@@ -33,7 +33,7 @@ class ManagerBoomFeedforward(Boom):
                            e_i = gain_tilt tilt_i + gain_rate omega_oi of one without
 
     none while |e| is at most `deadband`; M is what pulses of the coils make of it. Gravity dumps,
-    too: the craft leans by lean = gain_lean h, within +-lean_limit, about roll and pitch where these
+    too: the craft leans by lean = gain_lean h, within +-lean_limit, about roll and pitch where they
     have wheels, so that the gravity-gradient torque is against h.
 
     **Firings** are known as a schedule, one at a time, each from a sample on. `schedule_start`,
@@ -56,6 +56,9 @@ class ManagerBoomFeedforward(Boom):
     Source: ours; eq. 16 of paper 002.
     """
 
+    sample_time: float = Parameter(
+        "s", "time between samples, a multiple of the step", start=10.0, min=1e-3
+    )
     wheels: int = Parameter("1", "about which body axes wheels give a torque",
                             choices=("z", "y_z", "x_y_z"), start="x_y_z",
                             needs=("q_ref_bi", "omega_ref_body"))  # fmt: skip
@@ -111,15 +114,14 @@ class ManagerBoomFeedforward(Boom):
         choices=("nothing", "no_field", "no_attitude", "no_rate", "no_momentum", "torque_limit"),
     )  # fmt: skip
     tau_firing_body: Vec3 = Output(
-        "N.m", "torque of the firing that goes on, or went on last, as far as it is known now, body",
+        "N.m", "torque of the firing that goes on or was the last, as far as it is known now, body",
         interval=True,
     )  # fmt: skip
     omega_est_body: Vec3 = Output("rad/s", "the rate that the law takes, body", interval=True)
 
     def start(self) -> None:
         super().start()
-        if self.sample_time <= 0.0:
-            self.fail("sample_time must be above 0 s")
+        check_inertia(self.inertia)
         self._inverse = inverse_inertia(self.inertia)
         self._moments: Vec3 = (self.inertia[0], self.inertia[4], self.inertia[8])
         roll, pitch = self.wheels == WHEELS_XYZ, self.wheels != WHEELS_Z
@@ -243,7 +245,10 @@ class ManagerBoomFeedforward(Boom):
     ) -> tuple[float, float]:
         """Of axis i: the correction of its rate (rad/s), and the variance after it; unknown: what
         the firing may have given beyond what was known (N m s)."""
-        steady, fired = self.torque_noise[i] * elapsed / self._moments[i], unknown / self._moments[i]
+        steady, fired = (
+            self.torque_noise[i] * elapsed / self._moments[i],
+            unknown / self._moments[i],
+        )
         variance = self._variance[i] + steady * steady + fired * fired
         gain = firing.kalman_gain(variance, self.gyro_noise)
         return gain * innovation, (1.0 - gain) * variance

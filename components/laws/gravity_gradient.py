@@ -63,9 +63,7 @@ def gravity_vector_torque(u: Vec3, inertia: Mat33, rate: float) -> Vec3:
     return scale(3.0 * rate * rate, cross(u, ju))
 
 
-def aerodynamic_torque(
-    density: float, speed: float, area: float, centre: Vec3, flow: Vec3
-) -> Vec3:
+def aerodynamic_torque(density: float, speed: float, area: float, centre: Vec3, flow: Vec3) -> Vec3:
     """rho V^2 A_p (c_p x V) (N m), eq. 10: density kg/m3, speed m/s, projected area m2, centre of
     pressure m from the centre of mass, unit velocity. The force is along -V: as printed, the torque
     has the opposite sign of the one that the air gives."""
