@@ -56,7 +56,9 @@ class ManagerBoom(Boom):
     )
     recovery_torque: float = Parameter("N.m", "largest torque of it", start=5e-3, min=1e-9)
     deadband: float = Parameter("A.m2", "no dipole up to this size of e", min=0.0)
-    mode: int = Output("1", "what the manager does", interval=True, choices=("idle", "controlling", "recovering"))
+    mode: int = Output(
+        "1", "what the manager does", interval=True, choices=("idle", "controlling", "recovering")
+    )
 
     def start(self) -> None:
         super().start()

@@ -177,14 +177,13 @@ class ManagerBoomFeedforward(Boom):
             )
             if on > 0.0:
                 if i != self._firing:
-                    self._learn(t)
                     self._firing, self._found = i, ZERO
                     self.tau_firing_body = self._known(i)
                 return on
         return 0.0
 
     def _learn(self, t: float) -> None:
-        """Take what the last firing taught for those to come."""
+        """Take what the last firing taught for those to come, once, when all of it has shown."""
         i = self._firing
         if not self.learning or i == NONE or i == self._taught:
             return
@@ -232,6 +231,7 @@ class ManagerBoomFeedforward(Boom):
             self._variance = (a[1], b[1], c[1])
             correction = (a[0], b[0], c[0])
             self._found = add(self._found, mat_vec(self.inertia, correction))
+            self._learn(t)
             estimate = add(predicted, correction)
             q = propagated(self._q, scale(0.5, add(omega, predicted)), elapsed)
             error = laws.rotation_vector(product(self.q_bi, inverse(q)))
@@ -279,6 +279,7 @@ class ManagerBoomFeedforward(Boom):
 
     def hold(self, t: float) -> Vec3:
         self._omega = None
+        self._taught = self._firing  # what it gave is not known whole
         on = self._begin(t)
         expected = self._expected(t, on)
         self.mode = FIRING if on > 0.0 else IDLE

@@ -24,13 +24,16 @@ def predicted_rate(
     """The rate after `elapsed` (s) of a body that had omega and wheels with h_before, gained an
     external impulse, and has wheels with h.
 
-    J omega + h keeps its direction, so in the body it turns at -omega; half of the impulse turns
-    with it.
+    J omega + h keeps its direction, so in the body it turns against the mean of the rates before
+    and after, found in three rounds; half of the impulse turns with it.
     """
     half = scale(0.5, impulse)
     before = add(add(mat_vec(inertia, omega), h_before), half)
-    after = add(mat_vec(rotation_about(omega, -elapsed), before), half)
-    return mat_vec(inverse, sub(after, h))
+    after = omega
+    for _ in range(3):
+        turned = mat_vec(rotation_about(scale(0.5, add(omega, after)), -elapsed), before)
+        after = mat_vec(inverse, sub(add(turned, half), h))
+    return after
 
 
 def kalman_gain(variance: float, noise: float) -> float:
