@@ -200,9 +200,9 @@ class ManagerBoomFeedforward(Boom):
             return ZERO
         i = self._firing
         past = t - self.schedule_start[i]
-        self.tau_firing_body = self._known(i)
-        if past > 0.0:
-            self.tau_firing_body = add(self.tau_firing_body, scale(1.0 / past, self._found))
+        beyond = scale(1.0 / past, self._found) if past > 0.0 else ZERO
+        self.tau_firing_body = add(self._known(i), beyond)
+        self._found = add(self._found, scale(on, beyond))  # expected, so not to be found again
         return scale(on, self.tau_firing_body)
 
     def _estimate(self, t: float) -> Vec3:
