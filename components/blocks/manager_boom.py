@@ -24,11 +24,11 @@ class ManagerBoom(Boom):
     so that the torque of the coils is -|B| e across B. Yaw and pitch are angles of the 2-1-3
     sequence (eq. 6). No dipole while |e| is at most `deadband`.
 
-    **Recovery** (an option, of a wheel along y; ours). A craft that stands upside down is stable. Each
-    time that nadir goes through the boom's line, u_1 = 0, the wheel is sent to h_2 = -A sign(omega_2)
-    with A = `recovery_momentum`, and so gives its 2 A to the body in the sense in which it swings,
-    until it goes over; then, upright, to +A sign(omega_2), until it swings slower than
-    `recovery_rate` there. Meanwhile the coils do not dump h_2, and only damp what is upside down.
+    **Recovery** (an option, of a wheel along y; ours). A craft that stands upside down is stable.
+    Each time that nadir goes through the boom's line, u_1 = 0, the wheel is sent to h_2 = -A
+    sign(omega_2) with A = `recovery_momentum`, and so gives its 2 A to the body in the sense in
+    which it swings, until it goes over; then, upright, to +A sign(omega_2), until it swings slower
+    than `recovery_rate` there. Meanwhile the coils do not dump h_2, and damp roll alone.
 
     Without a valid field, attitude or rate: see `reason`; coils off, the wheel holds the rate
     (-kd omega). Without a valid h there is no dumping.
