@@ -69,7 +69,7 @@ def test_series_compute():
 
 
 def test_every_template_becomes_a_file_of_its_own():
-    assert page.families() == ("gyrostat", "hausat2", "integrated", "uosat12")
+    assert page.families() == ("alsat1", "gyrostat", "hausat2", "integrated", "uosat12")
     assert set(page.templates("uosat12")) == {"README.md", "flight.md"}
     assert all(page.templates(f) == {} for f in set(families()) - set(page.families()))
 
@@ -153,7 +153,7 @@ def test_what_is_wrong_names_the_line(written, line, message):
 def test_a_draft_is_not_for_docs(desat):
     done = desat("page", "plant")
     assert done.returncode == 2
-    assert "no page plant; there is gyrostat, hausat2" in done.stderr
+    assert "no page plant; there is alsat1, gyrostat, hausat2" in done.stderr
     done = desat("page", "gyrostat", "--draft", "5")
     assert done.returncode == 2
     assert "--into" in done.stderr

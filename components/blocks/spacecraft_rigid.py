@@ -8,7 +8,14 @@ from ..maths.attitude import normalised, product, rotate, rotate_back
 from ..maths.runge_kutta import step4, step6, step8
 from ..maths.vector import ZERO, add, cross, dot, mat_vec, norm, scale, sub
 from ..physics import torques
-from ..physics.gyrostat import carrier_inertia, inverse_inertia, nutation, over_determinant, rate
+from ..physics.gyrostat import (
+    carrier_inertia,
+    check_inertia,
+    inverse_inertia,
+    nutation,
+    over_determinant,
+    rate,
+)
 from ..physics.orbit import EARTH_RATE, MU, lvlh_attitude
 from ..physics.rigid_body import (
     STILL,
@@ -108,6 +115,7 @@ class SpacecraftRigid(Spacecraft, WheelInertias):
     )  # fmt: skip
 
     def start(self) -> None:
+        check_inertia(self.inertia)
         carrier = carrier_inertia(self.inertia, self.axes_wheel, self.inertia_wheel)
         self._inverse = inverse_inertia(carrier)
         self._half_inverse: Mat33 = tuple(0.5 * x for x in self._inverse)  # type: ignore[assignment]

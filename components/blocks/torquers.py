@@ -99,7 +99,11 @@ class Torquers(Role):
             if period == 0.0 or self.m_limit == 0.0:
                 self.fail("pulsed drive needs a sample_time and an m_limit above 0")
             if self.quiet_time + self.pulse_delay + self.duty_max * period > period * (1.0 + 1e-12):
-                self.fail("quiet_time + pulse_delay + duty_max * sample_time exceeds sample_time")
+                self.fail(
+                    "quiet_time + pulse_delay + duty_max * sample_time = "
+                    f"{self.quiet_time} + {self.pulse_delay} + {self.duty_max} * {period} s "
+                    "exceeds sample_time"
+                )
         elif self.quiet_time > 0.0 and self.quiet_time >= period:
             self.fail(f"quiet_time = {self.quiet_time} s must be shorter than sample_time")
 

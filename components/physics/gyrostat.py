@@ -24,6 +24,40 @@ def carrier_inertia(inertia: Mat33, axes: Mat34, inertia_wheel: Vec4) -> Mat33:
     return tuple(reduced)  # type: ignore[return-value]
 
 
+def check_inertia(inertia: Mat33) -> None:
+    """Raise BlockError for an inertia (kg m2) that no body can have: one that is not symmetric, or
+    whose principal moments are not positive or break the triangle rule.
+
+    With d V = rho dx dy dz, J = tr(S) 1 - S where S = int x x' dV has no negative eigenvalue, and
+    S = tr(J) / 2 1 - J.
+    """
+    a, b, c, d, e, f, g, h, i = inertia
+    small = 1e-9 * max(abs(a), abs(e), abs(i))
+    for row, column, x, y in ((1, 2, b, d), (1, 3, c, g), (2, 3, f, h)):
+        if abs(x - y) > small:
+            raise BlockError(
+                f"inertia[{row},{column}] = {x:g} and inertia[{column},{row}] = {y:g} kg m2: they "
+                "must be equal; both are the negative product of inertia"
+            )
+    if not (a > 0.0 and a * e - b * d > 0.0 and _determinant(inertia) > 0.0):
+        raise BlockError(f"inertia = {inertia} kg m2: its principal moments must be above 0")
+    half = 0.5 * (a + e + i)
+    p, q, r = half - a + small, half - e + small, half - i + small
+    spread: Mat33 = (p, -b, -c, -d, q, -f, -g, -h, r)
+    minors = (p * q - b * d, p * r - c * g, q * r - f * h)
+    tiny = 1e-9 * half * half
+    if min(p, q, r) < 0.0 or min(minors) < -tiny or _determinant(spread) < -tiny * half:
+        raise BlockError(
+            f"inertia = {inertia} kg m2: no body has it; a principal moment is larger than the sum "
+            "of the other two"
+        )
+
+
+def _determinant(m: Mat33) -> float:
+    a, b, c, d, e, f, g, h, i = m
+    return a * (e * i - f * h) - b * (d * i - f * g) + c * (d * h - e * g)
+
+
 def inverse_inertia(inertia: Mat33) -> Mat33:
     """The inverse; raises BlockError when the matrix is not symmetric and positive."""
     a, b, c, d, e, f, g, h, i = inertia

@@ -39,7 +39,7 @@ class Number(Table):
     measure: Text = key("how the series becomes a number (`desat measures`); default: last")
     options: dict[str, Value] = key("the measure's own options")
     derive: Text = key("what is computed of the signals and then measured, such as euler")
-    sequence: _Sequence = key("for derive = euler: the axes turned about; default: 321")
+    sequence: _Sequence = key("of euler and euler_lvlh: the axes turned about; default: 321")
     element: Annotated[int, Field(ge=1)] = key("only this element of what is measured, from 1 on")
     window: Annotated[list[float], Field(min_length=2, max_length=2), AfterValidator(ordered)] = (
         key("only rows of this time, ends included; default: all", "s")
@@ -85,7 +85,7 @@ class Plot(Table):
     norm: bool = key("true: the size of vectors, one line each")
     log: bool = key("true: a logarithmic axis")
     derive: Text = key("what is computed from the signals first, such as pointing or euler")
-    sequence: _Sequence = key("for derive = euler: the axes turned about; default: 321")
+    sequence: _Sequence = key("of euler and euler_lvlh: the axes turned about; default: 321")
     steady: Annotated[FiniteFloat, Field(gt=0.0)] = key(
         "a second panel shows the time from here on at its own scale", "s"
     )

@@ -90,6 +90,7 @@ class PaperRow(Table):
     flag: bool = key("true: 0 and 1 are shown as no and yes")
     only: list[Text] = key("only for these methods")
     label: Text = key("stands in the method's place")
+    case: Text = key("stands in the case's place")
 
     @model_validator(mode="after")
     def _columns(self) -> Self:

@@ -172,10 +172,11 @@ def _row(
     tuned, seen = bool(entry.why("tuned")), bool(entry.why("in_sample"))
     labels = scenario.data["labels"]
     in_columns = entry.method or entry.case
+    case = labels.get("case", "") if in_columns else scenario.name.partition("/")[2]
     return Row(
         table=entry.data["table"],
         method=entry.data.get("label", labels.get("method", "")),
-        case=labels.get("case", "") if in_columns else scenario.name.partition("/")[2],
+        case=entry.data.get("case", case),
         quantity=entry.data["quantity"],
         unit=entry.data["unit"],
         paper=paper,

@@ -137,6 +137,27 @@ def euler(q: Array, q_ref: Array, sequence: str = "321") -> Array:
     return np.asarray(turn.as_euler(axes, degrees=True))
 
 
+@quantity("first", "second", "third", unit="deg")
+def euler_lvlh(q: Array, r: Array, v: Array, sequence: str = "321") -> Array:
+    """Euler angles (rows, 3; deg) from lvlh, by position and velocity in eci, to an attitude: as
+    `euler`, with a reference that no guidance samples."""
+    z = -r / np.linalg.norm(r, axis=1, keepdims=True)
+    y = -np.cross(r, v)
+    y /= np.linalg.norm(y, axis=1, keepdims=True)
+    from scipy.spatial.transform import Rotation
+
+    lvlh = Rotation.from_matrix(np.stack([np.cross(y, z), y, z], axis=2)).as_quat()
+    return euler(q, lvlh, sequence)
+
+
+@quantity("x", "y", "z", unit="1")
+def nadir_body(q: Array, r: Array) -> Array:
+    """The unit vector to nadir in body (rows, 3), by the position in eci; its z is the cosine of the
+    tilt of the body's z axis."""
+    conjugate = q * np.array([-1.0, -1.0, -1.0, 1.0])
+    return rotate_back(conjugate, -r / np.linalg.norm(r, axis=1, keepdims=True))
+
+
 @quantity("", unit="deg")
 def angle_between(a: Array, b: Array) -> Array:
     """The angle between the lines of two vectors (deg, 0 to 90), row by row."""

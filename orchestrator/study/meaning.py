@@ -126,8 +126,8 @@ def _derived(entry: dict[str, Any]) -> Iterator[tuple[str, str]]:
     except DesatError as error:
         yield "derive", str(error)
         return
-    if "sequence" in entry and entry.get("derive") != "euler":
-        yield "sequence", 'only with derive = "euler"'
+    if "sequence" in entry and entry.get("derive") not in ("euler", "euler_lvlh"):
+        yield "sequence", 'only with derive = "euler" or "euler_lvlh"'
     if found is None:
         return
     count = len(found[0].names)

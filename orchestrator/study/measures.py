@@ -142,6 +142,18 @@ def load_until_below(times: Array, values: Array, stored: Array, limit: float) -
     return largest_mean(times, values[: max(1, int(np.searchsorted(times, end)))])
 
 
+@in_unit("1")
+def settled_within(
+    times: Array, values: Array, limits: list[float], since: float, period: float
+) -> float:
+    """After how many periods from `since` (s) on every element is within its limit to stay; 0: it
+    never was outside. The periods to the end where it does not settle."""
+    bad = np.flatnonzero((np.abs(values) > np.array(limits)).any(axis=1))
+    if not len(bad):
+        return 0.0
+    return float((times[min(bad[-1] + 1, len(times) - 1)] - since) / period)
+
+
 @measure
 def along(times: Array, values: Array, direction: list[float]) -> float:
     """The size of the last value's part along a direction, divided by the direction's length as
@@ -238,6 +250,12 @@ def decay_rate(times: Array, values: Array) -> float:
     """How fast the size of a vector falls, from first to last row (unit per s)."""
     size = np.linalg.norm(values[[0, -1]], axis=1)
     return float((size[0] - size[1]) / (times[-1] - times[0]))
+
+
+@in_unit(per_second)
+def mean_rate(times: Array, values: Array) -> float:
+    """How fast a scalar grows, from first to last row (unit per s)."""
+    return float((values[-1, 0] - values[0, 0]) / (times[-1] - times[0]))
 
 
 @in_unit("deg")

@@ -1,0 +1,94 @@
+"""What managers of a boom-stabilised craft have in common: where it is, and what is lost."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+
+from ..contract.block import Mat33, Output, Vec3
+from ..contract.roles import Manager, WheelAxes
+from ..maths.attitude import inverse, matrix, product, rotate
+from ..maths.vector import ZERO, sub
+from ..physics.wheel_array import body_momentum, pseudo_inverse, to_wheels
+
+NOTHING, NO_FIELD, NO_ATTITUDE, NO_RATE, NO_MOMENTUM = range(5)
+X_AXIS: Vec3 = (1.0, 0.0, 0.0)
+Y_AXIS: Vec3 = (0.0, 1.0, 0.0)
+Z_AXIS: Vec3 = (0.0, 0.0, 1.0)
+
+
+class Boom(Manager, WheelAxes):
+    """Base of managers of a craft with a boom: a block adds `act` and `hold`.
+
+    A measurement that is not valid is not used. Without a valid field, attitude or rate the coils
+    are off and the wheels only hold the rate: relative to the reference as if the craft stood in
+    it where the attitude is what is missing; without a valid rate they keep their momentum.
+    """
+
+    reason: int = Output(
+        "1", "what is lost at this sample", interval=True,
+        choices=("nothing", "no_field", "no_attitude", "no_rate", "no_momentum"),
+    )  # fmt: skip
+
+    _a: Mat33
+    _rate: Vec3
+
+    def start(self) -> None:
+        super().start()
+        self._to_wheels = pseudo_inverse(self.axes_wheel)
+        self._a, self._rate = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0), ZERO
+        self.tau_cmd_wheel = (0.0, 0.0, 0.0, 0.0)
+        self.m_cmd_body = self.tau_cmd_thruster_body = ZERO
+        self.reason = NOTHING
+
+    @abstractmethod
+    def act(self, t: float) -> None:
+        """Command wheels and coils (`give`) at a sample whose field, attitude and rate are valid:
+        `_a` takes vectors from the reference to body, `_rate` (rad/s, body) is relative to it."""
+
+    @abstractmethod
+    def hold(self, t: float) -> Vec3:
+        """The wheels' torque on the body (N m, body) against `_rate` alone."""
+
+    def compute(self, t: float, dt: float) -> None:
+        if not self.due(t):
+            return
+        self.reason = NOTHING if self.valid_h else NO_MOMENTUM
+        if not (self.valid_b and self.valid_q and self.valid_omega):
+            self._without(t)
+            return
+        q = product(self.q_bi, inverse(self.q_ref_bi))
+        self._a = matrix(q)
+        self._rate = sub(self.omega_bi_body, rotate(q, self.omega_ref_body))
+        self.act(t)
+
+    def _without(self, t: float) -> None:
+        if not self.valid_omega:
+            self.reason = NO_RATE
+            self.give(ZERO, ZERO)
+            return
+        reference = self.omega_ref_body
+        self.reason = NO_ATTITUDE
+        if self.valid_q:
+            self.reason = NO_FIELD
+            reference = rotate(product(self.q_bi, inverse(self.q_ref_bi)), reference)
+        self._rate = sub(self.omega_bi_body, reference)
+        self.give(ZERO, self.hold(t))
+
+    def give(self, m: Vec3, torque: Vec3) -> None:
+        """The dipole (A m2, body), and the wheels' torque on the body (N m, body)."""
+        self.m_cmd_body = m
+        x, y, z = torque
+        self.tau_cmd_wheel = to_wheels(self._to_wheels, (-x, -y, -z))
+
+    def momentum(self) -> Vec3:
+        """The wheels' momentum (N m s, body) less its target; zero while it is not valid."""
+        if not self.valid_h:
+            return ZERO
+        return sub(body_momentum(self.axes_wheel, self.h_wheel), self.h_target_body)
+
+    def need_wheel(self, axis: Vec3, wanted: str) -> None:
+        """Refuse to go on where no wheels give a torque along a body axis."""
+        given = body_momentum(self.axes_wheel, to_wheels(self._to_wheels, axis))
+        missing = sub(given, axis)
+        if max(abs(missing[0]), abs(missing[1]), abs(missing[2])) > 1e-6:
+            self.fail(f"{wanted}: axes_wheel has no wheel along body {axis}")
