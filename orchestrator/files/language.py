@@ -203,6 +203,10 @@ class Design(Table):
     )  # fmt: skip
     nodes: Annotated[int, Field(ge=2)] = key("nodes of the gain table")
     end_of: Text = key("ends where the design of this scenario ends")
+    peak_weight: Annotated[FiniteFloat, Field(ge=0.0)] = key("weight of large wheels", "A2.m4")
+    peak_momentum: Annotated[FiniteFloat, Field(gt=0.0)] = key("when a wheel is large", "N.m.s")
+    hold_weight: Annotated[FiniteFloat, Field(gt=0.0)] = key("how stiffly held", "1/(T2.s2)")
+    each_draw: bool = key("true: made anew for each draw")
     assume: dict[str, dict[str, Value]] = key("parameters that the design assumes instead")
 
 

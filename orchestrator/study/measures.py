@@ -82,6 +82,30 @@ def rms(times: Array, values: Array) -> float:
     return float(np.sqrt((values**2).sum(axis=1).mean()))
 
 
+@measure
+def rms_each(times: Array, values: Array) -> float:
+    """The root of the mean square of the elements, over time and elements."""
+    return float(np.sqrt((values**2).mean()))
+
+
+@measure
+def growth_in(times: Array, values: Array, time: float, multiple: float = 1.0) -> float:
+    """How much a scalar grows in so many seconds of `time`, on average from first to last row,
+    times `multiple`."""
+    slope = (values[-1, 0] - values[0, 0]) / (times[-1] - times[0])
+    return float(multiple * time * slope)
+
+
+@in_unit("%")
+def share_along(times: Array, values: Array, direction: Array) -> float:
+    """The root mean square of a vector's part along the direction of another, of that of its size
+    (%); nan where the vector is zero throughout."""
+    size = np.linalg.norm(direction, axis=1, keepdims=True)
+    part = (values * direction).sum(axis=1) / np.where(size > 0.0, size, 1.0)[:, 0]
+    whole = (values**2).sum()
+    return float(100.0 * np.sqrt((part**2).sum() / whole)) if whole > 0.0 else float("nan")
+
+
 @in_unit("deg")
 def pointing_last(times: Array, q: Array, q_ref: Array) -> float:
     """The angle between two attitudes at the end (deg)."""

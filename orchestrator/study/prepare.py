@@ -9,6 +9,7 @@ from typing import Any
 
 from ..analyses import warnings
 from ..designs import making, origin
+from ..designs import problems as design_problems
 from ..files import library, scenario, ssp
 from ..files.scenario import Scenario
 from ..system.check import Checked, check
@@ -42,7 +43,7 @@ class Case:
 def load(target: str, blocks: bool = False) -> Draft:
     """The system of a scenario name, a scenario file, a .ssp, an .ssd or a folder, with its
     problems so far. Raises DesatError where there is nothing to go on with."""
-    return _draft(target, _scenario_of(target), blocks)
+    return _draft(target, scenario_of(target), blocks)
 
 
 def prepare(target: str, options: Options) -> Case:
@@ -50,7 +51,7 @@ def prepare(target: str, options: Options) -> Case:
 
     Raises DesatError where there is nothing to check, or an option is wrong.
     """
-    described = _scenario_of(target)
+    described = scenario_of(target)
     if options.design is not None and described is None:
         raise DesatError(f"--design {options.design}: {target} is no scenario with a [design]")
     draft = _draft(target, described, options.blocks, designed=options.design is None)
@@ -68,6 +69,7 @@ def prepare(target: str, options: Options) -> Case:
             checked.problems += meaning.wants(described, checked.system)
         else:
             checked.problems += [f"{draft.where}: {t}" for t in stopping.problems(checked.system)]
+        checked.problems += design_problems(checked.system)
         lacking = _problems_of_numbers(checked.system)
         # another FMU may lack what the scenario's numbers are made of: it runs without them
         (checked.warnings if options.sources else checked.problems).extend(lacking)
@@ -85,7 +87,7 @@ def _under_jacobi(system: System, schedule: Schedule) -> Iterator[str]:
         yield "jacobi hands on one mean of several where rates differ: momentum is not conserved"
 
 
-def _scenario_of(target: str) -> Scenario | None:
+def scenario_of(target: str) -> Scenario | None:
     """The scenario that a target names; None for an SSP file or a folder."""
     path = Path(target)
     if path.suffix in (".ssp", ".ssd") or path.is_dir():

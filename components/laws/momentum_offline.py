@@ -1,0 +1,186 @@
+"""What the ground computes for momentum management: H_NOM of paper 001, and the preview's tables.
+
+A course is what is predicted in the middles of N samples of dt (s), in axes that do not turn: B (T),
+T_GG (N m) and S (1), the weighting; H (N m s) is the total momentum and m (A m2) the dipole, held
+over a sample: H_k+1 = H_k + dt (T_GG + m x B). Needs numpy and scipy; no block imports it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
+
+Array = NDArray[np.float64]
+EXPONENT = 8
+"""Of the wheels' momenta in `cheapest`: high, so that the largest count."""
+
+
+@dataclass(frozen=True)
+class Course:
+    """A predicted course: dt (s), field (N, 3), gravity (N, 3), weighting (N, 3, 3)."""
+
+    dt: float
+    field: Array
+    gravity: Array
+    weighting: Array
+
+    @property
+    def effect(self) -> Array:
+        """What a dipole does over each sample (N, 3, 3; T s): H_k+1 = ... + effect m."""
+        return -self.dt * _skew(self.field)
+
+
+@dataclass(frozen=True)
+class Optimum:
+    """A course of the momentum (N + 1, 3), its dipoles (N, 3) and costates (N, 3; A m2/T), with
+    m = S (B x P)."""
+
+    momentum: Array
+    dipole: Array
+    costate: Array
+
+
+def periodic_ends(course: Course, rate: float, period: int) -> Array:
+    """Where the profile is to be at the ends of its periods (N m s; a row an end, the start first):
+    on the motion of twice the orbital rate (rad/s) that gravity gradient alone leads to, which has
+    mean zero; its secular part is left out."""
+    t = course.dt * np.arange(len(course.gravity) + 1)
+    built = np.vstack([np.zeros(3), np.cumsum(course.gravity * course.dt, axis=0)])
+    wave = np.stack([np.cos(2.0 * rate * t), np.sin(2.0 * rate * t)], axis=1)
+    form = np.hstack([np.ones((len(t), 1)), t[:, None], wave])
+    part = np.linalg.lstsq(form, built, rcond=None)[0][2:]
+    ends = np.append(np.arange(0, len(t) - 1, period), len(t) - 1)
+    return np.asarray(wave[ends] @ part)
+
+
+def profile(course: Course, ends: Array, period: int, start: Array) -> tuple[Array, Array]:
+    """H_NOM at the samples' ends (N + 1, 3) by consecutive open-loop solutions of `period` samples
+    (paper 001, eqs. 2, 3 and Table 1) from `start` to `ends`, and each period's condition."""
+    skew = _skew(course.field)
+    product = skew.transpose(0, 2, 1) @ course.weighting @ skew
+    rows, conditions = [np.asarray(start, float)], []
+    for k, first in enumerate(range(0, len(product), period)):
+        part = slice(first, first + period)
+        whole = product[part].sum(axis=0) * course.dt
+        wanted = ends[k + 1] - rows[-1] - course.gravity[part].sum(axis=0) * course.dt
+        torque = product[part] @ np.linalg.solve(whole, wanted) + course.gravity[part]
+        rows += list(rows[-1] + np.cumsum(torque * course.dt, axis=0))
+        conditions.append(np.linalg.cond(whole))
+    return np.array(rows), np.array(conditions)
+
+
+def cheapest(
+    course: Course, momentum_weight: Array, peak_weight: float, peak: float, to_wheels: Array,
+    start: Array,
+) -> Optimum:  # fmt: skip
+    """The course that makes least, of all that begin at `start` (N m s),
+
+        sum dt (m' S^-1 m + H' diag(momentum_weight) H + peak_weight sum_i (h_i / peak)^EXPONENT)
+
+    with m' S^-1 m the squared dipoles of the coils, h = to_wheels H (wheels, 3; N m s each) the
+    wheels' momenta; weights in 1/(T2 s2) and A2 m4, peak in N m s. By Newton's method: each step is
+    a linear-quadratic problem. Raises RuntimeError where it does not converge.
+    """
+    q = np.diag(np.asarray(momentum_weight, float))
+    none = np.zeros((len(course.field), 3))
+    flat = np.broadcast_to(q, (len(none), 3, 3))
+    now = _linear_quadratic(course, flat, none, start)
+    if peak_weight == 0.0:
+        return now
+    inverse = np.linalg.inv(course.weighting)
+    p = EXPONENT
+
+    def cost(x: Optimum) -> float:
+        h = x.momentum[1:]
+        coils = np.einsum("ki,kij,kj->", x.dipole, inverse, x.dipole)
+        return float(coils + (h @ q * h).sum() + peak_weight * ((h @ to_wheels.T / peak) ** p).sum())
+
+    value = cost(now)
+    for _ in range(60):
+        h = now.momentum[1:] @ to_wheels.T
+        slope = peak_weight * p / peak * (h / peak) ** (p - 1)
+        bend = peak_weight * p * (p - 1) / peak**2 * (h / peak) ** (p - 2)
+        weights = q + 0.5 * np.einsum("ia,ki,ib->kab", to_wheels, bend, to_wheels)
+        step = _linear_quadratic(course, weights, 0.5 * (slope - bend * h) @ to_wheels, start)
+        share, better = 1.0, step
+        while cost(better) > value and share > 1e-4:
+            share *= 0.5
+            better = Optimum(*(
+                a + share * (b - a) for a, b in (
+                    (now.momentum, step.momentum), (now.dipole, step.dipole),
+                    (now.costate, step.costate),
+                )
+            ))  # fmt: skip
+        gained, now = value - cost(better), better
+        value -= gained
+        if gained <= 1e-7 * value:
+            return now
+    raise RuntimeError("the cheapest course: Newton's method did not converge")
+
+
+def feedback(course: Course, momentum_weight: Array) -> Array:
+    """K (N, 3, 3; 1/(T2 s)) that holds a course: the cost of H' diag(momentum_weight) H and of the
+    coils' squared dipoles from each sample on is H'K H where nothing disturbs."""
+    weights = np.broadcast_to(np.diag(np.asarray(momentum_weight, float)), (len(course.field), 3, 3))
+    return _riccati(course, weights, np.zeros((len(course.field), 3)))[0]
+
+
+def at_rows(values: Array, dt: float, times: Array, period: int = 0) -> Array:
+    """Values at k dt (rows, ...) at other times (s), by cubic splines that end every `period`
+    values; 0: one spline."""
+    grid = dt * np.arange(len(values))
+    if period == 0:
+        return np.asarray(CubicSpline(grid, values)(times))
+    made = np.empty((len(times), *values.shape[1:]))
+    for first in range(0, len(values) - 1, period):
+        part = slice(first, min(first + period, len(values) - 1) + 1)
+        inside = (times >= grid[part][0] - 1e-9) & (times <= grid[part][-1] + 1e-9)
+        made[inside] = CubicSpline(grid[part], values[part])(times[inside])
+    return made
+
+
+def _linear_quadratic(course: Course, weights: Array, linear: Array, start: Array) -> Optimum:
+    """Least sum dt (m' S^-1 m + H_k+1' weights H_k+1 + 2 linear . H_k+1)."""
+    _, gains, offsets = _riccati(course, weights, linear)
+    effect, push = course.effect, course.dt * course.gravity
+    h = np.asarray(start, float)
+    rows, dipoles = [h], []
+    for k in range(len(push)):
+        m = -(gains[k] @ h + offsets[k])
+        h = h + push[k] + effect[k] @ m
+        rows.append(h)
+        dipoles.append(m)
+    momentum, dipole = np.array(rows), np.array(dipoles)
+    pull = course.dt * (np.einsum("kab,kb->ka", weights, momentum[1:]) + linear)
+    # the costate of Table 1: m = S (B x P)
+    return Optimum(momentum, dipole, -np.cumsum(pull[::-1], axis=0)[::-1])
+
+
+def _riccati(course: Course, weights: Array, linear: Array) -> tuple[Array, Array, Array]:
+    """The cost to go H'K H + ... at the samples' begins (K), and m = -(gain H + offset)."""
+    count, effect, push = len(course.field), course.effect, course.dt * course.gravity
+    effort = course.dt * np.linalg.inv(course.weighting)
+    weights, linear = course.dt * weights, course.dt * linear
+    k_next, g_next = np.zeros((3, 3)), np.zeros(3)
+    kept, gains, offsets = np.empty((count, 3, 3)), np.empty((count, 3, 3)), np.empty((count, 3))
+    for k in range(count - 1, -1, -1):
+        whole, e = k_next + weights[k], effect[k]
+        pull = whole @ push[k] + g_next + linear[k]
+        through = e.T @ whole
+        solved = np.linalg.solve(effort[k] + through @ e, np.column_stack([through, e.T @ pull]))
+        gains[k], offsets[k] = solved[:, :3], solved[:, 3]
+        closed = np.eye(3) - e @ gains[k]
+        k_next = whole @ closed
+        k_next = kept[k] = 0.5 * (k_next + k_next.T)
+        g_next = closed.T @ pull
+    return kept, gains, offsets
+
+
+def _skew(b: Array) -> Array:
+    """[B] of rows B: [B] v = B x v."""
+    x, y, z = b.T
+    o = np.zeros_like(x)
+    return np.array([[o, -z, y], [z, o, -x], [-y, x, o]]).transpose(2, 0, 1)
