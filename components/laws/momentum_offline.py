@@ -1,7 +1,7 @@
 """What the ground computes for momentum management: H_NOM of paper 001, and the preview's tables.
 
-A course is what is predicted in the middles of N samples of dt (s), in axes that do not turn: B (T),
-T_GG (N m) and S (1), the weighting; H (N m s) is the total momentum and m (A m2) the dipole, held
+A course is what is predicted for N samples of dt (s), in axes that do not turn: the means of B (T)
+and T_GG (N m), and S (1), the weighting; H (N m s) is the total momentum and m (A m2) the dipole, held
 over a sample: H_k+1 = H_k + dt (T_GG + m x B). Needs numpy and scipy; no block imports it.
 """
 
@@ -20,12 +20,14 @@ EXPONENT = 8
 
 @dataclass(frozen=True)
 class Course:
-    """A predicted course: dt (s), field (N, 3), gravity (N, 3), weighting (N, 3, 3)."""
+    """A predicted course: dt (s), field (N, 3), gravity (N, 3), weighting (N, 3, 3), and what makes
+    wheel momenta of H at the samples' ends (N, wheels, 3)."""
 
     dt: float
     field: Array
     gravity: Array
     weighting: Array
+    to_wheels: Array
 
     @property
     def effect(self) -> Array:
@@ -73,15 +75,13 @@ def profile(course: Course, ends: Array, period: int, start: Array) -> tuple[Arr
 
 
 def cheapest(
-    course: Course, momentum_weight: Array, peak_weight: float, peak: float, to_wheels: Array,
-    start: Array,
+    course: Course, momentum_weight: Array, peak_weight: float, peak: float, start: Array
 ) -> Optimum:  # fmt: skip
     """The course that makes least, of all that begin at `start` (N m s),
 
         sum dt (m' S^-1 m + H' diag(momentum_weight) H + peak_weight sum_i (h_i / peak)^EXPONENT)
 
-    with m' S^-1 m the squared dipoles of the coils, h = to_wheels H (wheels, 3; N m s each) the
-    wheels' momenta; weights in 1/(T2 s2) and A2 m4, peak in N m s. By Newton's method: each step is
+    with m' S^-1 m the squared dipoles of the coils and h (N m s) the wheels' momenta; weights in 1/(T2 s2) and A2 m4, peak in N m s. By Newton's method: each step is
     a linear-quadratic problem. Raises RuntimeError where it does not converge.
     """
     q = np.diag(np.asarray(momentum_weight, float))
@@ -93,18 +93,23 @@ def cheapest(
     inverse = np.linalg.inv(course.weighting)
     p = EXPONENT
 
+    def wheels(x: Optimum) -> Array:
+        return np.asarray(np.einsum("kwi,ki->kw", course.to_wheels, x.momentum[1:]))
+
     def cost(x: Optimum) -> float:
         h = x.momentum[1:]
         coils = np.einsum("ki,kij,kj->", x.dipole, inverse, x.dipole)
-        return float(coils + (h @ q * h).sum() + peak_weight * ((h @ to_wheels.T / peak) ** p).sum())
+        return float(coils + (h @ q * h).sum() + peak_weight * ((wheels(x) / peak) ** p).sum())
 
     value = cost(now)
     for _ in range(60):
-        h = now.momentum[1:] @ to_wheels.T
+        h = wheels(now)
         slope = peak_weight * p / peak * (h / peak) ** (p - 1)
         bend = peak_weight * p * (p - 1) / peak**2 * (h / peak) ** (p - 2)
-        weights = q + 0.5 * np.einsum("ia,ki,ib->kab", to_wheels, bend, to_wheels)
-        step = _linear_quadratic(course, weights, 0.5 * (slope - bend * h) @ to_wheels, start)
+        to = course.to_wheels
+        weights = q + 0.5 * np.einsum("kwa,kw,kwb->kab", to, bend, to)
+        linear = 0.5 * np.einsum("kw,kwa->ka", slope - bend * h, to)
+        step = _linear_quadratic(course, weights, linear, start)
         share, better = 1.0, step
         while cost(better) > value and share > 1e-4:
             share *= 0.5

@@ -101,7 +101,7 @@ def make(scenario: Scenario, options: Options) -> Design:
         "made_for": made_for(system),
     }
     if preview:
-        tables, reached = _preview(about, manager, course, times)
+        tables, reached = _preview(about, course, times)
     else:
         tables, reached = _profile(manager, course, times, rate, period)
     return Design("manager", {**common, **tables}, reached)
@@ -132,14 +132,13 @@ def _profile(
 
 
 def _preview(
-    about: dict[str, Any], manager: Component, course: offline.Course, times: Any
+    about: dict[str, Any], course: offline.Course, times: Any
 ) -> tuple[dict[str, Any], dict[str, tuple[Any, str]]]:
     """K and g as tables: the cheapest course, held."""
-    axes = np.reshape(_value(manager, "axes_wheel"), (3, 4))
     weight = np.array(about.get("momentum_weight", (1000.0,) * 3), float)
     best = offline.cheapest(
         course, weight, about.get("peak_weight", 0.0), about.get("peak_momentum", 20.0),
-        np.linalg.pinv(axes), np.zeros(3),
+        np.zeros(3),
     )  # fmt: skip
     hold = about.get("hold_weight", float(weight.max()))
     gain = offline.feedback(course, np.full(3, hold))
@@ -147,6 +146,7 @@ def _preview(
     rows = offline.at_rows(gain, course.dt, times)
     coils = np.einsum("ki,kij,kj->k", best.dipole, np.linalg.inv(course.weighting), best.dipole)
     flown = round(times[-1] / course.dt)
+    wheels = np.einsum("kwi,ki->kw", course.to_wheels, best.momentum[1:])
     return (
         {
             "feedback_table": _kept(rows[:, *np.triu_indices(3)]),
@@ -155,14 +155,14 @@ def _preview(
         {
             "predicted_energy": (float(coils[:flown].sum() * course.dt), "A2.m4.s"),
             "predicted_wheel": (
-                float(np.abs(best.momentum[:flown] @ np.linalg.pinv(axes).T).max()), "N.m.s",
+                float(np.abs(wheels[:flown]).max()), "N.m.s",
             ),
         },
     )  # fmt: skip
 
 
 def _course(system: System, dt: float, count: int) -> tuple[offline.Course, float]:
-    """What is predicted in the middles of so many samples, in eci, and the orbital rate (rad/s)."""
+    """What is predicted for so many samples, in eci, and the orbital rate (rad/s)."""
     manager = system.components["manager"]
     environment, guidance = (_bare(system.components[n]) for n in ("environment", "guidance"))
     scaled = _value(manager, "inertia_scale") * np.array(_value(manager, "inertia"))
@@ -173,21 +173,29 @@ def _course(system: System, dt: float, count: int) -> tuple[offline.Course, floa
     kind = choice_of(manager, "weighting")
     axes = _value(manager, "axes_wheel") if kind == "wheels" else live
     s = np.eye(3) if kind == "identity" else np.reshape(laws.weighting(axes), (3, 3))
-    field, gravity, weighting = np.empty((count, 3)), np.empty((count, 3)), np.empty((count, 3, 3))
+    size, wheels = 2 * count + 1, np.linalg.pinv(np.reshape(_value(manager, "axes_wheel"), (3, 4)))
+    field, gravity, weighting = np.empty((size, 3)), np.empty((size, 3)), np.empty((size, 3, 3))
+    to_wheels = np.empty((size, 4, 3))
     rate = 0.0
-    for k in range(count):
-        t = system.start + (k + 0.5) * dt
+    for k in range(size):  # begin, middle and end of each sample
+        t = system.start + 0.5 * k * dt
         environment.output(t)
         r, v = environment.r_eci, environment.v_eci
         guidance.r_eci, guidance.v_eci = r, v
-        guidance.advance(t, dt)
+        guidance.advance(t, 0.5 * dt)
         c = np.reshape(matrix(normalised(guidance.q_ref_bi)), (3, 3))
         x, y, z = (float(p) for p in c @ r)
         field[k] = environment.b_eci
         gravity[k] = c.T @ gravity_gradient((x, y, z), inertia)
-        weighting[k] = c.T @ s @ c
+        weighting[k], to_wheels[k] = c.T @ s @ c, wheels @ c
         rate = rate or mean_motion(elements_from_state(r, v)[0])
-    return offline.Course(dt, field, gravity, weighting), rate
+    return offline.Course(dt, _mean(field), _mean(gravity), weighting[1::2], to_wheels[2::2]), rate
+
+
+def _mean(x: Any) -> Any:
+    """Means over the samples, by Simpson's rule: those of their middles err by 5e-4, and along the
+    field that adds up."""
+    return (x[:-1:2] + 4.0 * x[1::2] + x[2::2]) / 6.0
 
 
 def _bare(component: Component) -> Any:
