@@ -1,4 +1,4 @@
-"""What the laws of paper 001 have in common: coils by number, a weighting, tables from the ground."""
+"""What the laws of paper 001 have in common: single coils, a weighting, tables from the ground."""
 
 from __future__ import annotations
 
@@ -66,8 +66,8 @@ class MomentumManagement(MomentumDumping):
         "1", "what counts as momentum", choices=("wheels", "total"), start="wheels"
     )
     middle: bool = Parameter(
-        "1", "true: field and gravity gradient are those of the time that the dipole is held", start=True,
-        needs=("v_eci",),
+        "1", "true: field and gravity gradient are those of the time that the dipole is held",
+        start=True, needs=("v_eci",),
     )  # fmt: skip
     tau_desired_body: Vec3 = Output(
         "N.m", "T_D, body; of an open-loop law T_M: for the report", interval=True
@@ -83,9 +83,9 @@ class MomentumManagement(MomentumDumping):
         of_coils, of_wheels = laws.weighting(live), laws.weighting(self.axes_wheel)
         for name, s in (("axes_coil", of_coils), ("axes_wheel", of_wheels)):
             if laws.condition(s) > 1.0 / ROOM:
-                without = " without the dead one" if name == "axes_coil" and self.dead_coil else ""
-                self.fail(f"{name}: the axes{without} do not span space: condition "
-                          f"{laws.condition(s):.3g} of A A', at most {1.0 / ROOM:g} is allowed")  # fmt: skip
+                live = " that are left" if name == "axes_coil" and self.dead_coil else ""
+                self.fail(f"{name}: the axes{live} do not span space: A A' has the condition "
+                          f"{laws.condition(s):.3g}, at most {1.0 / ROOM:g} may be")  # fmt: skip
         if self.sample_time <= 0.0:
             self.fail(f"sample_time = {self.sample_time} s: a time above 0 is needed")
         self._to_coils = pseudo_inverse(live)
@@ -97,7 +97,8 @@ class MomentumManagement(MomentumDumping):
     @abstractmethod
     def law(self, t: float, h: Vec3) -> Vec3 | None:
         """mu_M (A m2, body) at the sample at t (s), None where the law has none; sets
-        `tau_desired_body`, and `mode` where it falls back on a dipole. h (N m s, body): the momentum less its target."""
+        `tau_desired_body`, and `mode` where it falls back on a dipole. h (N m s, body): the
+        momentum less its target."""
 
     def dump(self, t: float, elapsed: float, h: Vec3) -> tuple[Vec3, Split]:
         if not (self.valid_b and self.valid_q):
@@ -156,9 +157,7 @@ class NominalProfile(GroundTables):
         "1", "rows of a desaturation period: the profile's slope jumps there", start=19, min=3,
         max=CAPACITY,
     )  # fmt: skip
-    profile_table: Table = Parameter(
-        "N.m.s", "a row a node: H_NOM, eci", shape=(CAPACITY, 3)
-    )
+    profile_table: Table = Parameter("N.m.s", "a row a node: H_NOM, eci", shape=(CAPACITY, 3))
 
     def nominal(self, t: float) -> Vec3 | None:
         """H_NOM (N m s, eci) at t (s); None outside the table."""

@@ -37,8 +37,8 @@ class ManagerOpenLoop(MomentumManagement, NominalProfile, EarthField):
         P = [integral of [B]'S[B] dt]^-1 H_D,      S = A A'                (Table 1)
 
     and at each sample until the next update mu_M = S (B x P), so that T_M takes the momentum to
-    H_NOM(t_f) exactly where the prediction is right (eq. 3). All integrals are sums over the middles
-    of samples, on two-body motion from r_eci and v_eci. The field is the manager's own, dipole or
+    H_NOM(t_f) exactly where the prediction is right (eq. 3). Integrals are sums over the middles of
+    samples, on two-body motion from r_eci and v_eci. The field is the manager's own, dipole or
     IGRF, `field_scale` times (1: right), and with `field_tilt` false a dipole along the Earth's
     axis; `command_field` measured takes the magnetometer's in mu_M. With `wheels` as weighting the
     coils' energy is weighed otherwise; the wheels' speed is not made least by it.

@@ -17,9 +17,9 @@ class ManagerPreview(MomentumManagement, GroundTables):
     a costate that depends on the momentum: neither field model nor integral nor singular period
     onboard. K and g are tables that the ground computes (`desat design`) for one orbit, attitude
     and span, in eci, linear between rows: those of the cheapest course over the predicted field and
-    gravity gradient, in coil energy, momentum and, with a weight on it, the largest wheel speed; and
-    of the stiffness with which it is held. Beyond the tables there is no dipole, and `mode` says
-    fallback.
+    gravity gradient, in coil energy, momentum and, with a weight on it, the largest wheel speed,
+    and of the stiffness with which it is held. Beyond the tables there is no dipole, and `mode`
+    says fallback.
 
     Not in paper 001. Its kin: Psiaki, J. Guidance 24 (2001) 386; Lovera & Varga, IEEE CDC (2005),
     periodic linear-quadratic laws of magnetic attitude control; Chen & Steyn (paper 000), eq. 13,

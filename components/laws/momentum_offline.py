@@ -1,7 +1,7 @@
 """What the ground computes for momentum management: H_NOM of paper 001, and the preview's tables.
 
 A course is what is predicted for N samples of dt (s), in axes that do not turn: the means of B (T)
-and T_GG (N m), and S (1), the weighting; H (N m s) is the total momentum and m (A m2) the dipole, held
+and T_GG (N m), and S (1), the weighting; H (N m s) is the total momentum, m (A m2) the dipole, held
 over a sample: H_k+1 = H_k + dt (T_GG + m x B). Needs numpy and scipy; no block imports it.
 """
 
@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
+from scipy.linalg import solveh_banded
 
 Array = NDArray[np.float64]
 EXPONENT = 8
@@ -79,10 +80,11 @@ def cheapest(
 ) -> Optimum:  # fmt: skip
     """The course that makes least, of all that begin at `start` (N m s),
 
-        sum dt (m' S^-1 m + H' diag(momentum_weight) H + peak_weight sum_i (h_i / peak)^EXPONENT)
+        sum m' S^-1 m + H' diag(momentum_weight) H + peak_weight sum_i (h_i / peak)^EXPONENT
 
-    with m' S^-1 m the squared dipoles of the coils and h (N m s) the wheels' momenta; weights in 1/(T2 s2) and A2 m4, peak in N m s. By Newton's method: each step is
-    a linear-quadratic problem. Raises RuntimeError where it does not converge.
+    over the samples, with m' S^-1 m the squared dipoles of the coils and h (N m s) the wheels'
+    momenta; weights in 1/(T2 s2) and A2 m4, peak in N m s. By Newton's method: each step is a
+    linear-quadratic problem. Raises RuntimeError where it does not converge.
     """
     q = np.diag(np.asarray(momentum_weight, float))
     none = np.zeros((len(course.field), 3))
@@ -129,8 +131,9 @@ def cheapest(
 def feedback(course: Course, momentum_weight: Array) -> Array:
     """K (N, 3, 3; 1/(T2 s)) that holds a course: the cost of H' diag(momentum_weight) H and of the
     coils' squared dipoles from each sample on is H'K H where nothing disturbs."""
-    weights = np.broadcast_to(np.diag(np.asarray(momentum_weight, float)), (len(course.field), 3, 3))
-    return _riccati(course, weights, np.zeros((len(course.field), 3)))[0]
+    count = len(course.field)
+    weights = np.broadcast_to(np.diag(np.asarray(momentum_weight, float)), (count, 3, 3))
+    return _riccati(course, weights)
 
 
 def at_rows(values: Array, dt: float, times: Array, period: int = 0) -> Array:
@@ -148,40 +151,45 @@ def at_rows(values: Array, dt: float, times: Array, period: int = 0) -> Array:
 
 
 def _linear_quadratic(course: Course, weights: Array, linear: Array, start: Array) -> Optimum:
-    """Least sum dt (m' S^-1 m + H_k+1' weights H_k+1 + 2 linear . H_k+1)."""
-    _, gains, offsets = _riccati(course, weights, linear)
-    effect, push = course.effect, course.dt * course.gravity
-    h = np.asarray(start, float)
-    rows, dipoles = [h], []
-    for k in range(len(push)):
-        m = -(gains[k] @ h + offsets[k])
-        h = h + push[k] + effect[k] @ m
-        rows.append(h)
-        dipoles.append(m)
-    momentum, dipole = np.array(rows), np.array(dipoles)
-    pull = course.dt * (np.einsum("kab,kb->ka", weights, momentum[1:]) + linear)
-    # the costate of Table 1: m = S (B x P)
-    return Optimum(momentum, dipole, -np.cumsum(pull[::-1], axis=0)[::-1])
+    """Least sum m' S^-1 m + H_k+1' weights H_k+1 + 2 linear . H_k+1.
+
+    With P the multipliers of H_k+1 = H_k + push + effect m, m = S (B x P) and
+    dt (weights H_k+1 + linear) = P_k+1 - P_k; so P obeys a block tridiagonal system without
+    negative eigenvalues.
+    """
+    count, dt, effect = len(course.field), course.dt, course.effect
+    inverse = np.linalg.inv(weights)
+    v, c = inverse / dt, np.einsum("kab,kb->ka", inverse, linear)
+    diagonal = v + effect @ course.weighting @ effect.transpose(0, 2, 1) / dt
+    diagonal[1:] += v[:-1]
+    right = -dt * course.gravity - c
+    right[0] -= start
+    right[1:] += c[:-1]
+    bands = np.zeros((6, 3 * count))  # upper: bands[5 + i - j, j] = matrix[i, j]
+    for i in range(3):
+        for j in range(3):
+            if i <= j:
+                bands[5 + i - j, j::3] = diagonal[:, i, j]
+            bands[2 + i - j, 3 + j :: 3] = -v[:-1, i, j]
+    costate = solveh_banded(bands, right.ravel()).reshape(count, 3)
+    dipole = np.einsum("kab,kb->ka", course.weighting, np.cross(course.field, costate))
+    moves = dt * course.gravity + np.einsum("kab,kb->ka", effect, dipole)
+    momentum = np.vstack([start, start + np.cumsum(moves, axis=0)])
+    return Optimum(momentum, dipole, costate)
 
 
-def _riccati(course: Course, weights: Array, linear: Array) -> tuple[Array, Array, Array]:
-    """The cost to go H'K H + ... at the samples' begins (K), and m = -(gain H + offset)."""
-    count, effect, push = len(course.field), course.effect, course.dt * course.gravity
+def _riccati(course: Course, weights: Array) -> Array:
+    """K of the cost to go H'K H at the samples' begins."""
+    count, effect = len(course.field), course.effect
     effort = course.dt * np.linalg.inv(course.weighting)
-    weights, linear = course.dt * weights, course.dt * linear
-    k_next, g_next = np.zeros((3, 3)), np.zeros(3)
-    kept, gains, offsets = np.empty((count, 3, 3)), np.empty((count, 3, 3)), np.empty((count, 3))
+    weights = course.dt * weights
+    kept, k_next = np.empty((count, 3, 3)), np.zeros((3, 3))
     for k in range(count - 1, -1, -1):
         whole, e = k_next + weights[k], effect[k]
-        pull = whole @ push[k] + g_next + linear[k]
         through = e.T @ whole
-        solved = np.linalg.solve(effort[k] + through @ e, np.column_stack([through, e.T @ pull]))
-        gains[k], offsets[k] = solved[:, :3], solved[:, 3]
-        closed = np.eye(3) - e @ gains[k]
-        k_next = whole @ closed
+        k_next = whole @ (np.eye(3) - e @ np.linalg.solve(effort[k] + through @ e, through))
         k_next = kept[k] = 0.5 * (k_next + k_next.T)
-        g_next = closed.T @ pull
-    return kept, gains, offsets
+    return kept
 
 
 def _skew(b: Array) -> Array:

@@ -61,8 +61,8 @@ KEYS = {
     "peak_momentum": ("a number above 0", _number(1e-9)),
     "hold_weight": ("a number above 0", _number(1e-9)),
     "momentum_weight": (
-        "three numbers, none below 0",
-        lambda x: isinstance(x, list) and len(x) == 3 and all(map(_number(0.0), x)),
+        "three numbers above 0",
+        lambda x: isinstance(x, list) and len(x) == 3 and all(map(_number(1e-9), x)),
     ),
 }
 
@@ -167,9 +167,7 @@ def _course(system: System, dt: float, count: int) -> tuple[offline.Course, floa
     environment, guidance = (_bare(system.components[n]) for n in ("environment", "guidance"))
     scaled = _value(manager, "inertia_scale") * np.array(_value(manager, "inertia"))
     inertia: Any = tuple(float(x) for x in scaled)
-    live = laws.without(
-        _value(manager, "axes_coil"), ("none", "1", "2", "3", "4").index(choice_of(manager, "dead_coil"))
-    )
+    live = laws.without(_value(manager, "axes_coil"), int(_value(manager, "dead_coil")))
     kind = choice_of(manager, "weighting")
     axes = _value(manager, "axes_wheel") if kind == "wheels" else live
     s = np.eye(3) if kind == "identity" else np.reshape(laws.weighting(axes), (3, 3))
@@ -255,8 +253,8 @@ def problems(system: System) -> Iterator[str]:
         if made == 0.0:
             yield f"{where} = 0: its tables are missing; `desat design` makes them"
         elif made != made_for(system):
-            yield (f"{where} = {made:.0f}: its tables are of another orbit, epoch or attitude; "
-                   f"of these it would be {made_for(system):.0f}; --design now makes them")  # fmt: skip
+            yield (f"{where} = {made:.0f}: its tables are of another orbit, epoch or attitude, "
+                   f"which would be {made_for(system):.0f}; --design now makes them")  # fmt: skip
         end = (_value(c, "table_nodes") - 1) * _value(c, "table_spacing")
         if made != 0.0 and end < system.stop * (1.0 - 1e-12):
             yield (f"{system.where}: {c.name}.table_nodes = {_value(c, 'table_nodes')}: its tables "

@@ -178,9 +178,7 @@ class Dispersion(Table):
     uniform: Range = key("each element: [low, high]")
     direction: FiniteFloat = key("a vector of random direction and this size")
     attitude: Literal["random"] = key("a quaternion, uniform over all attitudes")
-    signs: Annotated[list[FiniteFloat], Field(min_length=1)] = key(
-        "each element: plus or minus this"
-    )
+    signs: Annotated[list[FiniteFloat], Field(min_length=1)] = key("each: plus or minus this")
     one_of: Annotated[list[Value], Field(min_length=1)] = key("one of these values")
     seed: Literal[True] = key("a seed of its own for each draw")
 

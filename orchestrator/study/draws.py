@@ -31,9 +31,7 @@ from ..analyses import analyses
 from ..system.draft import Draft
 from ..system.errors import DesatError, nearest
 from ..system.interface import base_name
-from ..designs.making import NOW
 from .case import Options, load, prepare, simulate
-from .prepare import scenario_of
 
 KINDS = ("normal", "uniform", "direction", "attitude", "signs", "one_of", "seed")
 
@@ -89,7 +87,6 @@ def _value(
 def one(target: str, options: Options, seed: int, draw: int | None) -> dict[str, Any]:
     """A run as a row: how it ended, its numbers, and the values drawn (`draw` None: nothing is)."""
     values = {} if draw is None else drawn(system_of(target, options), seed, draw)
-    options = with_design(target, options) if values else options
     case = prepare(target, replace(options, values={**options.values, **values}))
     system, _ = case.or_raise()
     if options.record == ("*",):
@@ -111,13 +108,6 @@ def one(target: str, options: Options, seed: int, draw: int | None) -> dict[str,
     }
     run.results.close()
     return row
-
-
-def with_design(target: str, options: Options) -> Options:
-    """The options of a draw: with a design of its own where the scenario says `each_draw`."""
-    scenario = scenario_of(target)
-    each = scenario is not None and scenario.data.get("design", {}).get("each_draw", False)
-    return replace(options, design=NOW) if each and options.design is None else options
 
 
 def system_of(target: str, options: Options) -> Draft:
@@ -169,8 +159,7 @@ def draws(
     system = system_of(target, options)
     if not system.about.get("dispersions"):
         raise DesatError(f"{target}: it has no [dispersions], so there is nothing to draw")
-    first = with_design(target, options)
-    first = replace(first, values={**options.values, **drawn(system, seed, 0)})
+    first = replace(options, values={**options.values, **drawn(system, seed, 0)})
     warnings = prepare(target, first).checked.warnings
     given = {text.partition("=")[0] for text in options.sets} & dispersed(system).keys()
     warnings += [f"--set {name}: it is drawn, and so never has this value" for name in given]

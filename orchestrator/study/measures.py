@@ -77,23 +77,15 @@ def norm_largest(times: Array, values: Array) -> float:
 
 
 @measure
-def rms(times: Array, values: Array) -> float:
-    """The root of the mean square size."""
-    return float(np.sqrt((values**2).sum(axis=1).mean()))
-
-
-@measure
-def rms_each(times: Array, values: Array) -> float:
-    """The root of the mean square of the elements, over time and elements."""
-    return float(np.sqrt((values**2).mean()))
+def rms(times: Array, values: Array, each: int = 0) -> float:
+    """The root of the mean square size; with `each` 1 of the mean square element."""
+    return float(np.sqrt((values**2).mean() if each else (values**2).sum(axis=1).mean()))
 
 
 @measure
 def growth_in(times: Array, values: Array, time: float, multiple: float = 1.0) -> float:
-    """How much a scalar grows in so many seconds of `time`, on average from first to last row,
-    times `multiple`."""
-    slope = (values[-1, 0] - values[0, 0]) / (times[-1] - times[0])
-    return float(multiple * time * slope)
+    """How much a scalar grows in `time` seconds, from first to last row, times `multiple`."""
+    return float(multiple * time * (values[-1, 0] - values[0, 0]) / (times[-1] - times[0]))
 
 
 @in_unit("%")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -43,7 +43,7 @@ class Case:
 def load(target: str, blocks: bool = False) -> Draft:
     """The system of a scenario name, a scenario file, a .ssp, an .ssd or a folder, with its
     problems so far. Raises DesatError where there is nothing to go on with."""
-    return _draft(target, scenario_of(target), blocks)
+    return _draft(target, _scenario_of(target), blocks)
 
 
 def prepare(target: str, options: Options) -> Case:
@@ -51,7 +51,9 @@ def prepare(target: str, options: Options) -> Case:
 
     Raises DesatError where there is nothing to check, or an option is wrong.
     """
-    described = scenario_of(target)
+    described = _scenario_of(target)
+    if options.design is None and options.values and _each_draw(described):
+        options = replace(options, design=making.NOW)
     if options.design is not None and described is None:
         raise DesatError(f"--design {options.design}: {target} is no scenario with a [design]")
     draft = _draft(target, described, options.blocks, designed=options.design is None)
@@ -87,7 +89,7 @@ def _under_jacobi(system: System, schedule: Schedule) -> Iterator[str]:
         yield "jacobi hands on one mean of several where rates differ: momentum is not conserved"
 
 
-def scenario_of(target: str) -> Scenario | None:
+def _scenario_of(target: str) -> Scenario | None:
     """The scenario that a target names; None for an SSP file or a folder."""
     path = Path(target)
     if path.suffix in (".ssp", ".ssd") or path.is_dir():
@@ -103,6 +105,11 @@ def _draft(
     draft = ssp.read(Path(target))
     library.load_interfaces(draft, blocks)
     return draft
+
+
+def _each_draw(described: Scenario | None) -> bool:
+    """True for a scenario whose design is made anew for the values of each draw."""
+    return described is not None and bool(described.data.get("design", {}).get("each_draw"))
 
 
 def _packed_from(draft: Draft) -> Scenario | None:

@@ -64,7 +64,8 @@ def code(scenario: Scenario) -> str:
     files |= {*(here.parent / "engine").glob("*.py")}
     files |= {here / f"{n}.py" for n in ("draws", "numbers", "measures", "derived")}
     if scenario.data.get("design", {}).get("each_draw", False):
-        files |= {*(here.parent / "designs").glob("*.py"), *(COMPONENTS / "laws").glob("*_offline.py")}
+        files |= {*(here.parent / "designs").glob("*.py")}
+        files |= {*(COMPONENTS / "laws").glob("*_offline.py")}
     elif scenario.design is not None:
         files.add(scenario.design)
     made = hashlib.sha256()
