@@ -8,7 +8,7 @@ from ..contract.block import Block, Mat33, Mat34, Output, Parameter, Table, Vec3
 from ..laws import momentum_management as laws
 from ..laws.blending import Split
 from ..maths.attitude import rotate, rotate_back
-from ..maths.vector import IDENTITY, ZERO, add, cross, mat_vec, norm, scale
+from ..maths.vector import IDENTITY, ZERO, add, cross, dot, mat_vec, norm, scale
 from ..physics.orbit import MU
 from ..physics.torques import gravity_gradient
 from ..physics.wheel_array import pseudo_inverse, to_wheels
@@ -34,9 +34,9 @@ class MomentumManagement(MomentumDumping):
     inertia times rate is added (the wheels' rotors count twice there, some 1e-5 of it).
 
     The paper takes field and gravity gradient at the sample; the dipole is then held for
-    `sample_time`. With `middle` they are of that time: the field's mean over it from the last three
-    samples, in eci (Adams and Bashforth's weights), the position in its middle from r and v. What
-    lags by half a sample of 50 s leaves T_D an error that adds up along the field.
+    `sample_time`. With `mean` they are means over that time: of the field from its last four
+    samples, in eci (Adams and Bashforth's weights), of T_GG by Simpson's rule from r and v. What is
+    of the sample alone leaves T_D an error that adds up along the field.
 
     Without a valid field or attitude there is no dipole.
     """
@@ -65,8 +65,8 @@ class MomentumManagement(MomentumDumping):
     momentum: int = Parameter(
         "1", "what counts as momentum", choices=("wheels", "total"), start="wheels"
     )
-    middle: bool = Parameter(
-        "1", "true: field and gravity gradient are those of the time that the dipole is held",
+    mean: bool = Parameter(
+        "1", "true: field and gravity gradient are means over the time that a dipole is held",
         start=True, needs=("v_eci",),
     )  # fmt: skip
     tau_desired_body: Vec3 = Output(
@@ -92,7 +92,7 @@ class MomentumManagement(MomentumDumping):
         self._s = (IDENTITY, of_coils, of_wheels)[self.weighting]
         self._inertia: Mat33 = tuple(self.inertia_scale * x for x in self.inertia)  # type: ignore[assignment]
         self.tau_desired_body = self._b = ZERO
-        self._b_before = self._b_older = ZERO
+        self._forget()
 
     @abstractmethod
     def law(self, t: float, h: Vec3) -> Vec3 | None:
@@ -103,12 +103,12 @@ class MomentumManagement(MomentumDumping):
     def dump(self, t: float, elapsed: float, h: Vec3) -> tuple[Vec3, Split]:
         if not (self.valid_b and self.valid_q):
             self.mode, self.tau_desired_body = IDLE, ZERO
-            self._b_before = self._b_older = ZERO
+            self._forget()
             return ZERO, (ZERO, ZERO)
         b_eci = rotate_back(self.q_bi, self.b_body)
-        mean = laws.held_field(b_eci, self._b_before, self._b_older) if self.middle else b_eci
+        mean = laws.held_field(b_eci, self._b_1, self._b_2, self._b_3) if self.mean else b_eci
         self._b = rotate(self.q_bi, mean)
-        self._b_older, self._b_before = self._b_before, b_eci
+        self._b_1, self._b_2, self._b_3 = b_eci, self._b_1, self._b_2
         if self.momentum == TOTAL:
             h = add(h, mat_vec(self._inertia, self.rate()))
         self.mode = DUMPING
@@ -125,11 +125,25 @@ class MomentumManagement(MomentumDumping):
 
     def gravity(self) -> Vec3:
         """T_GG (N m, body) of the sample, as the manager knows it."""
-        r, ahead = self.r_eci, 0.5 * self.sample_time if self.middle else 0.0
+        now = gravity_gradient(rotate(self.q_bi, self.r_eci), self._inertia)
+        if not self.mean:
+            return now
+        middle, end = self._gravity_in(0.5 * self.sample_time), self._gravity_in(self.sample_time)
+        return scale(1.0 / 6.0, add(add(now, scale(4.0, middle)), end))
+
+    def _gravity_in(self, ahead: float) -> Vec3:
+        """T_GG (N m, body) `ahead` (s) of now, on a free fall of third order."""
+        r, v = self.r_eci, self.v_eci
         size = norm(r)
-        fall = 1.0 - 0.5 * MU * ahead * ahead / (size * size * size)
-        r = add(scale(fall, r), scale(ahead, self.v_eci))
+        pull = MU * ahead * ahead / (size * size * size)
+        climb = dot(r, v) / (size * size) * ahead
+        along = ahead * (1.0 - pull / 6.0)
+        r = add(scale(1.0 - 0.5 * pull + 0.5 * pull * climb, r), scale(along, v))
         return gravity_gradient(rotate(self.q_bi, r), self._inertia)
+
+    def _forget(self) -> None:
+        """No field of earlier samples is known."""
+        self._b_1 = self._b_2 = self._b_3 = ZERO
 
 
 class GroundTables(Block):

@@ -99,14 +99,18 @@ def condition(m: Mat33) -> float:
     return inf if least <= 1e-15 * most else most / least
 
 
-def held_field(b: Vec3, before: Vec3, older: Vec3) -> Vec3:
-    """The mean of the field (T) over the time until the next sample, from this and the last two,
-    in axes that do not turn; zero stands for one that there is not."""
+def held_field(b: Vec3, before: Vec3, second: Vec3, third: Vec3) -> Vec3:
+    """The mean of the field (T) over the time until the next sample, from this and the last three,
+    in axes that do not turn; zero stands for one that there is not. Adams and Bashforth's weights:
+    for a field that turns by a per sample it errs by 0.35 a^4."""
     if before == ZERO:
         return b
-    if older == ZERO:
+    if second == ZERO:
         return sub(scale(1.5, b), scale(0.5, before))
-    return add(sub(scale(23.0 / 12.0, b), scale(16.0 / 12.0, before)), scale(5.0 / 12.0, older))
+    if third == ZERO:
+        return add(sub(scale(23.0 / 12.0, b), scale(4.0 / 3.0, before)), scale(5.0 / 12.0, second))
+    newer = sub(scale(55.0 / 24.0, b), scale(59.0 / 24.0, before))
+    return add(newer, sub(scale(37.0 / 24.0, second), scale(9.0 / 24.0, third)))
 
 
 def reduced(m: Vec3, coils: Vec4, limit: float) -> Vec3:

@@ -174,16 +174,15 @@ def _course(system: System, dt: float, count: int) -> tuple[offline.Course, floa
     size, wheels = 2 * count + 1, np.linalg.pinv(np.reshape(_value(manager, "axes_wheel"), (3, 4)))
     field, gravity, weighting = np.empty((size, 3)), np.empty((size, 3)), np.empty((size, 3, 3))
     to_wheels = np.empty((size, 4, 3))
-    rate = 0.0
+    rate, igrf = 0.0, choice_of(system.components["environment"], "field") == "igrf"
     for k in range(size):  # begin, middle and end of each sample
         t = system.start + 0.5 * k * dt
-        environment.output(t)
-        r, v = environment.r_eci, environment.v_eci
+        r, v = (environment.to_eci(x) for x in environment.motion(t))
         guidance.r_eci, guidance.v_eci = r, v
         guidance.advance(t, 0.5 * dt)
         c = np.reshape(matrix(normalised(guidance.q_ref_bi)), (3, 3))
         x, y, z = (float(p) for p in c @ r)
-        field[k] = environment.b_eci
+        field[k] = environment.field_eci(r, t, igrf)
         gravity[k] = c.T @ gravity_gradient((x, y, z), inertia)
         weighting[k], to_wheels[k] = c.T @ s @ c, wheels @ c
         rate = rate or mean_motion(elements_from_state(r, v)[0])
