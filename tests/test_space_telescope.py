@@ -1,4 +1,4 @@
-"""Paper 001: laws against their definitions, what the ground computes, what is refused, short runs."""
+"""Paper 001: laws against their definitions, the ground's tables, what is refused, short runs."""
 
 from __future__ import annotations
 
