@@ -250,6 +250,8 @@ def at_work(name: str) -> Block:
     block = fresh(name)
     if hasattr(block, "gain_table"):
         block.gain_table = (9e5, 0.0, 0.0, 9e5, 0.0, 9e5) * 64
+    if hasattr(block, "feedback_table"):
+        block.feedback_table = (9e5, 0.0, 0.0, 9e5, 0.0, 9e5) * (len(block.feedback_table) // 6)
     for input, value in (
         ("b_body", (2e-5, -3e-5, 1e-5)),
         ("h_wheel", (0.1, -0.08, 0.05, 0.0)),
@@ -352,6 +354,8 @@ def computed(name: str, rng: random.Random, steps: int, **values) -> list:
     block = fresh(name)
     if hasattr(block, "gain_table"):
         block.gain_table = (9e5, 0.0, 0.0, 9e5, 0.0, 9e5) * 64
+    if hasattr(block, "feedback_table"):
+        block.feedback_table = (9e5, 0.0, 0.0, 9e5, 0.0, 9e5) * (len(block.feedback_table) // 6)
     if name == "manager_test_signal":
         block.amplitude, block.period = (1e-3,) * 4, (7.0,) * 4
     for key, value in values.items():

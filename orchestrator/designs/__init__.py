@@ -2,6 +2,7 @@
 
     [design]
     of = "NAME"                       # no design of its own: that of another scenario
+    each_draw = true                  # made anew for the values of each draw
     [design.assume.spacecraft]        # what the design takes to be so, against the scenario
     inertia = [1, 0, 0, 0, 1, 0, 0, 0, 1]
 
@@ -10,6 +11,7 @@ and what the kind takes. A module of this folder that has `applies` is a kind of
     KEYS                              # what [design] may hold for it: name -> (text, test)
     def applies(system) -> bool       # whether it is the one for this system
     def make(scenario, options) -> Design
+    def problems(system) -> texts     # if it has this: what of a system does not fit its design
 
 What is computed becomes parameters of one component, in ssp/FAMILY/design/NAME.toml, which the
 scenario loader merges below the scenario's own (`origin.py`: what a file was made from).
@@ -39,6 +41,11 @@ class Design:
     tuned: dict[str, tuple[float, str]] = field(default_factory=dict)
     """name -> value and unit"""
     notes: tuple[str, ...] = ()
+
+
+def problems(system: Any) -> list[str]:
+    """What is wrong with the designed parameters of a checked system, a line each."""
+    return [text for k in kinds() if hasattr(k, "problems") for text in k.problems(system)]
 
 
 @cache

@@ -20,7 +20,7 @@ from . import Design, kinds
 from .origin import TABLE, computed, draft_of, made_of, owner
 
 PACKAGES = ("desat", "numpy", "scipy")
-COMMON = ("of", "assume")
+COMMON = ("of", "assume", "each_draw")
 ROUNDING = 1e-12
 """Of what a kept design reached: the last bits of linear algebra are the machine's."""
 NOW = "now"

@@ -105,9 +105,7 @@ class Dispersion(Table):
     uniform: Range = key("each element: [low, high]")
     direction: FiniteFloat = key("a vector of random direction and this size")
     attitude: Literal["random"] = key("a quaternion, uniform over all attitudes")
-    signs: Annotated[list[FiniteFloat], Field(min_length=1)] = key(
-        "each element: plus or minus this"
-    )
+    signs: Annotated[list[FiniteFloat], Field(min_length=1)] = key("each: plus or minus this")
     one_of: Annotated[list[Value], Field(min_length=1)] = key("one of these values")
     seed: Literal[True] = key("a seed of its own for each draw")
 
@@ -130,6 +128,10 @@ class Design(Table):
     )  # fmt: skip
     nodes: Annotated[int, Field(ge=2)] = key("nodes of the gain table")
     end_of: Text = key("ends where the design of this scenario ends")
+    peak_weight: Annotated[FiniteFloat, Field(ge=0.0)] = key("weight of large wheels", "A2.m4")
+    peak_momentum: Annotated[FiniteFloat, Field(gt=0.0)] = key("when a wheel is large", "N.m.s")
+    hold_weight: Annotated[FiniteFloat, Field(gt=0.0)] = key("how stiffly held", "1/(T2.s2)")
+    each_draw: bool = key("true: made anew for each draw")
     assume: dict[str, dict[str, Value]] = key("parameters that the design assumes instead")
 
 

@@ -77,9 +77,25 @@ def norm_largest(times: Array, values: Array) -> float:
 
 
 @measure
-def rms(times: Array, values: Array) -> float:
-    """The root of the mean square size."""
-    return float(np.sqrt((values**2).sum(axis=1).mean()))
+def rms(times: Array, values: Array, each: int = 0) -> float:
+    """The root of the mean square size; with `each` 1 of the mean square element."""
+    return float(np.sqrt((values**2).mean() if each else (values**2).sum(axis=1).mean()))
+
+
+@measure
+def growth_in(times: Array, values: Array, time: float, multiple: float = 1.0) -> float:
+    """How much a scalar grows in `time` seconds, from first to last row, times `multiple`."""
+    return float(multiple * time * (values[-1, 0] - values[0, 0]) / (times[-1] - times[0]))
+
+
+@in_unit("%")
+def share_along(times: Array, values: Array, direction: Array) -> float:
+    """The root mean square of a vector's part along the direction of another, of that of its size
+    (%); nan where the vector is zero throughout."""
+    size = np.linalg.norm(direction, axis=1, keepdims=True)
+    part = (values * direction).sum(axis=1) / np.where(size > 0.0, size, 1.0)[:, 0]
+    whole = (values**2).sum()
+    return float(100.0 * np.sqrt((part**2).sum() / whole)) if whole > 0.0 else float("nan")
 
 
 @in_unit("deg")

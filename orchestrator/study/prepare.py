@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from ..analyses import warnings
 from ..designs import making, origin
+from ..designs import problems as design_problems
 from ..files import library, scenario, ssp
 from ..files.scenario import Scenario
 from ..system.check import Checked, check
@@ -51,6 +52,8 @@ def prepare(target: str, options: Options) -> Case:
     Raises DesatError where there is nothing to check, or an option is wrong.
     """
     described = _scenario_of(target)
+    if options.design is None and options.values and _each_draw(described):
+        options = replace(options, design=making.NOW)
     if options.design is not None and described is None:
         raise DesatError(f"--design {options.design}: {target} is no scenario with a [design]")
     draft = _draft(target, described, options.blocks, designed=options.design is None)
@@ -72,6 +75,7 @@ def prepare(target: str, options: Options) -> Case:
             checked.problems += meaning.wants(described, checked.system)
         else:
             checked.problems += [f"{draft.where}: {t}" for t in stopping.problems(checked.system)]
+        checked.problems += design_problems(checked.system)
         lacking = _problems_of_numbers(checked.system)
         # another FMU may lack what the scenario's numbers are made of: it runs without them
         (checked.warnings if options.sources else checked.problems).extend(lacking)
@@ -105,6 +109,11 @@ def _draft(
     draft = ssp.read(Path(target))
     library.load_interfaces(draft, blocks)
     return draft
+
+
+def _each_draw(described: Scenario | None) -> bool:
+    """True for a scenario whose design is made anew for the values of each draw."""
+    return described is not None and bool(described.data.get("design", {}).get("each_draw"))
 
 
 def _packed_from(draft: Draft) -> Scenario | None:

@@ -20,7 +20,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from desat.fmus.build import sources
+from desat.fmus.build import COMPONENTS, sources
 
 from ..files import places
 from ..files.scenario import Scenario, families, scenarios
@@ -63,7 +63,10 @@ def code(scenario: Scenario) -> str:
     here = Path(__file__).parent
     files |= {*(here.parent / "engine").glob("*.py")}
     files |= {here / f"{n}.py" for n in ("draws", "numbers", "measures", "derived")}
-    if scenario.design is not None:
+    if scenario.data.get("design", {}).get("each_draw", False):
+        files |= {*(here.parent / "designs").glob("*.py")}
+        files |= {*(COMPONENTS / "laws").glob("*_offline.py")}
+    elif scenario.design is not None:
         files.add(scenario.design)
     made = hashlib.sha256()
     for path in sorted(files):

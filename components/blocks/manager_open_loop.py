@@ -1,0 +1,192 @@
+from __future__ import annotations
+
+from math import floor
+
+from ..bases.earth_field import EarthField
+from ..bases.momentum_management import FALLBACK, MomentumManagement, NominalProfile
+from ..contract.block import Mat33, Output, Parameter, Vec3, Vec4
+from ..contract.roles import UPRIGHT
+from ..laws import momentum_management as laws
+from ..laws.attitude_control import eigenaxis, rest_to_rest
+from ..maths.attitude import matrix, normalised, propagated, rotate, rotate_back
+from ..maths.vector import ZERO, add, cross, mat_vec, norm, scale, sub
+from ..physics.geomagnetic import dipole
+from ..physics.orbit import (
+    Elements,
+    elements_from_state,
+    ellipse_state,
+    mean_motion,
+    perifocal_axes,
+)
+from ..physics.torques import gravity_gradient
+
+HOLD, _ = range(2)
+PREDICTED, _ = range(2)
+_, IGRF = range(2)
+NOTHING: Mat33 = (0.0,) * 9  # type: ignore[assignment]
+LARGEST = 1e30
+"""What `condition` says of a singular costate."""
+
+
+class ManagerOpenLoop(MomentumManagement, NominalProfile, EarthField):
+    """Open-loop momentum management
+
+    Every `update_period` from t_i on, over the samples until t_f = t_i + `desaturation_period`,
+
+        H_D = H_NOM(t_f) - H(t_i) - integral of T_GG                       (eqs. 2 and 7)
+        P = [integral of [B]'S[B] dt]^-1 H_D,      S = A A'                (Table 1)
+
+    and at each sample until the next update mu_M = S (B x P), so that T_M takes the momentum to
+    H_NOM(t_f) exactly where the prediction is right (eq. 3). Integrals are sums over the middles of
+    samples, on two-body motion from r_eci and v_eci. The field is the manager's own, dipole or
+    IGRF, `field_scale` times (1: right), and with `field_tilt` false a dipole along the Earth's
+    axis; `command_field` measured takes the magnetometer's in mu_M. With `wheels` as weighting the
+    coils' energy is weighed otherwise; the wheels' speed is not made least by it.
+
+    H_NOM is a table from the ground (`desat design`), in eci. The current minimum energy (ME) law:
+    600 s, updated every 200 s. The matrix of a short period is nearly singular: where `condition`,
+    its largest over its least eigenvalue, exceeds `condition_limit`, there is no new costate;
+    `mode` says fallback and the last command is held, or with `on_singular` none there is none.
+
+    With `manoeuvre` the slew of `guidance_slew` with the same q_begin_bi, q_end_bi, t_begin and
+    t_end is known: then a single desaturation period goes from `lead_time` before it to `lag_time`
+    after it, along the planned attitude. As the craft is at rest at both ends, the wheels' momentum
+    serves there (eq. 7).
+
+    Coils, limits and measurements that are not valid: `bases/momentum_management.py`.
+
+    Source: Chen, Davenport & Sturch (paper 001), eqs. 1-3, 7 and 8, Table 1.
+    """
+
+    desaturation_period: float = Parameter("s", "t_f - t_i", start=600.0, min=1.0)
+    update_period: float = Parameter(
+        "s", "between updates, no more than desaturation_period", start=200.0, min=1.0
+    )
+    condition_limit: float = Parameter(
+        "1", "largest condition of the costate's matrix", start=1e4, min=1.0
+    )
+    on_singular: int = Parameter(
+        "1", "without a costate: hold the last command, or none", choices=("hold", "none"),
+        start="hold",
+    )  # fmt: skip
+    command_field: int = Parameter(
+        "1", "the field that makes the dipole of the costate", choices=("predicted", "measured"),
+        start="predicted",
+    )  # fmt: skip
+    field_model: int = Parameter(
+        "1", "the manager's own field", choices=("dipole", "igrf"), start="dipole",
+        needs=("r_eci", "v_eci"),
+    )  # fmt: skip
+    field_scale: float = Parameter("1", "it is multiplied by this; 1: right", start=1.0, min=0.0)
+    field_tilt: bool = Parameter("1", "false: its dipole lies along the Earth's axis", start=True)
+    manoeuvre: bool = Parameter("1", "true: the slew below is planned for")
+    q_begin_bi: Vec4 = Parameter("1", "attitude before the slew", start=UPRIGHT)
+    q_end_bi: Vec4 = Parameter("1", "attitude after the slew", start=UPRIGHT)
+    t_begin: float = Parameter("s", "when the slew begins")
+    t_end: float = Parameter("s", "when it ends", start=5400.0)
+    lead_time: float = Parameter("s", "from the period's begin to the slew's", start=600.0, min=0.0)
+    lag_time: float = Parameter("s", "from the slew's end to the period's", start=600.0, min=0.0)
+    condition: float = Output("1", "of the last costate's matrix; 1e30: singular", interval=True)
+    miss_predicted: float = Output(
+        "N.m.s", "what the prediction itself misses H_NOM(t_f) by", interval=True
+    )
+
+    def start(self) -> None:
+        super().start()
+        if self.update_period > self.desaturation_period * (1.0 + 1e-9):
+            self.fail(f"update_period = {self.update_period} s is longer than desaturation_period "
+                      f"= {self.desaturation_period} s")  # fmt: skip
+        for name, period in (("desaturation_period", self.desaturation_period),
+                             ("update_period", self.update_period)):  # fmt: skip
+            count = period / self.sample_time
+            if abs(count - floor(count + 0.5)) > 1e-6 or count < 0.5:
+                self.fail(f"{name} = {period} s is no multiple of sample_time = "
+                          f"{self.sample_time} s")  # fmt: skip
+        if self.manoeuvre and self.t_end <= self.t_begin:
+            self.fail(f"t_end = {self.t_end} s must be after t_begin = {self.t_begin} s")
+        self.start_field(igrf=self.field_model == IGRF)
+        self._q_begin = normalised(self.q_begin_bi)
+        axis, angle = eigenaxis(self._q_begin, normalised(self.q_end_bi))
+        self._rotation = scale(angle, axis)
+        self._costate = self._last = ZERO
+        self._solved = False
+        self._next = -1.0
+        self.condition = self.miss_predicted = 0.0
+
+    def law(self, t: float, h: Vec3) -> Vec3 | None:
+        orbit = elements_from_state(self.r_eci, self.v_eci)
+        if t >= self._next - 1e-6 * self.sample_time:
+            end = self._end(t)
+            self._solve(orbit, t, end, rotate_back(self.q_bi, h))
+            single = end > t + self.desaturation_period * (1.0 + 1e-9)
+            self._next = end if single else t + self.update_period
+        if not self._solved:
+            self.mode = FALLBACK
+            if self.on_singular != HOLD:
+                return None
+            self.tau_desired_body = cross(self._last, self.field())
+            return self._last
+        q, _, b_eci = self._ahead(orbit, t, 0.5 * self.sample_time)
+        b = rotate(q, b_eci) if self.command_field == PREDICTED else self.field()
+        self._last = laws.open_loop_dipole(rotate(q, self._costate), b, self._s)
+        self.tau_desired_body = cross(self._last, b)
+        return self._last
+
+    def _end(self, t: float) -> float:
+        """t_f (s) of a period that begins at t (s): a multiple of samples later."""
+        lead, lag = self.t_begin - self.lead_time, self.t_end + self.lag_time
+        if self.manoeuvre and lead <= t + 1e-6 and t < lag:
+            return t + floor((lag - t) / self.sample_time + 1.0 - 1e-6) * self.sample_time
+        return t + self.desaturation_period
+
+    def _solve(self, orbit: Elements, t: float, end: float, h_eci: Vec3) -> None:
+        """The costate (A m2/T, eci) of the period from t to `end` (s), with H (N m s, eci) now."""
+        nominal = self.nominal(end)
+        self._solved = False
+        if nominal is None:
+            return
+        dt = self.sample_time
+        impulse, product = ZERO, NOTHING
+        for k in range(floor((end - t) / dt + 0.5)):
+            q, r, b = self._ahead(orbit, t, (k + 0.5) * dt)
+            gravity = rotate_back(q, gravity_gradient(rotate(q, r), self._inertia))
+            impulse = add(impulse, scale(dt, gravity))
+            product = _plus(product, dt, laws.field_product(b, _turned(self._s, q)))
+        wanted = sub(sub(nominal, h_eci), impulse)
+        self.condition = min(laws.condition(product), LARGEST)
+        if self.condition > self.condition_limit:
+            return
+        self._solved = True
+        self._costate = laws.open_loop_costate(product, wanted)
+        self.miss_predicted = norm(sub(mat_vec(product, self._costate), wanted))
+
+    def _ahead(self, orbit: Elements, t: float, ahead: float) -> tuple[Vec4, Vec3, Vec3]:
+        """The planned attitude, and predicted position (m) and field (T) in eci, `ahead` (s) of now
+        (t, s)."""
+        a, e, inclination, raan, perigee, anomaly = orbit
+        n = mean_motion(a)
+        x, y = perifocal_axes(inclination, raan, perigee)
+        r, _ = ellipse_state(a, e, anomaly + n * ahead, n, x, y)
+        if self.field_tilt:
+            b = self.field_eci(r, t + ahead, self.field_model == IGRF)
+        else:
+            b = self.to_eci(dipole(self.to_date(r), (0.0, 0.0, -norm(self.dipole_earth))))
+        q = self.q_bi
+        if self.manoeuvre:
+            s, _ = rest_to_rest((t + ahead - self.t_begin) / (self.t_end - self.t_begin))
+            q = propagated(self._q_begin, self._rotation, s)
+        return q, r, scale(self.field_scale, b)
+
+
+def _turned(s: Mat33, q: Vec4) -> Mat33:
+    """C(q)' S C(q): the weighting in eci."""
+    c = matrix(q)
+    x = rotate_back(q, mat_vec(s, (c[0], c[3], c[6])))
+    y = rotate_back(q, mat_vec(s, (c[1], c[4], c[7])))
+    z = rotate_back(q, mat_vec(s, (c[2], c[5], c[8])))
+    return (x[0], y[0], z[0], x[1], y[1], z[1], x[2], y[2], z[2])
+
+
+def _plus(a: Mat33, share: float, b: Mat33) -> Mat33:
+    """a + share b"""
+    return tuple(x + share * y for x, y in zip(a, b, strict=True))  # type: ignore[return-value]

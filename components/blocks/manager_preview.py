@@ -1,0 +1,47 @@
+from __future__ import annotations
+
+from ..bases.momentum_management import CAPACITY, GroundTables, MomentumManagement
+from ..contract.block import Parameter, Table, Vec3
+from ..laws import momentum_management as laws
+from ..maths.attitude import rotate, rotate_back
+from ..maths.vector import cross
+
+
+class ManagerPreview(MomentumManagement, GroundTables):
+    """Momentum management by state feedback that knows what comes
+
+    At each sample, with B the measured field and S = A A' the `weighting`,
+
+        mu_M = S (B x P),      P = -(K(t) H + g(t))                (Table 1, open loop)
+
+    a costate that depends on the momentum: neither field model nor integral nor singular period
+    onboard. K and g are tables that the ground computes (`desat design`) for one orbit, attitude
+    and span, in eci, linear between rows: those of the cheapest course over the predicted field and
+    gravity gradient, in coil energy, momentum and, with a weight on it, the largest wheel speed,
+    and of the stiffness with which it is held. Beyond the tables there is no dipole, and `mode`
+    says fallback.
+
+    Not in paper 001. Its kin: Psiaki, J. Guidance 24 (2001) 386; Lovera & Varga, IEEE CDC (2005),
+    periodic linear-quadratic laws of magnetic attitude control; Chen & Steyn (paper 000), eq. 13,
+    over one dumping.
+
+    Coils, limits and measurements that are not valid: `bases/momentum_management.py`.
+    """
+
+    feedback_table: Table = Parameter(
+        "1/(T2.s)", "a row a node: K, eci, its upper triangle xx, xy, xz, yy, yz, zz",
+        shape=(CAPACITY, laws.GAIN), needs=("h_wheel",),
+    )  # fmt: skip
+    costate_table: Table = Parameter("A.m2/T", "a row a node: g, eci", shape=(CAPACITY, 3))
+
+    def law(self, t: float, h: Vec3) -> Vec3 | None:
+        where = self.place(t)
+        if where is None:
+            return None
+        i, share = where
+        gain = laws.between6(self.feedback_table, i, share)
+        offset = laws.between3(self.costate_table, i, share)
+        p = rotate(self.q_bi, laws.preview_costate(gain, offset, rotate_back(self.q_bi, h)))
+        m = laws.open_loop_dipole(p, self.field(), self._s)
+        self.tau_desired_body = cross(m, self.field())
+        return m

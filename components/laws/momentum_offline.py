@@ -1,0 +1,199 @@
+"""What the ground computes for momentum management: H_NOM of paper 001, and the preview's tables.
+
+A course is what is predicted for N samples of dt (s), in axes that do not turn: the means of B (T)
+and T_GG (N m), and S (1), the weighting; H (N m s) is the total momentum, m (A m2) the dipole, held
+over a sample: H_k+1 = H_k + dt (T_GG + m x B). Needs numpy and scipy; no block imports it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
+from scipy.linalg import solveh_banded
+
+Array = NDArray[np.float64]
+EXPONENT = 8
+"""Of the wheels' momenta in `cheapest`: high, so that the largest count."""
+
+
+@dataclass(frozen=True)
+class Course:
+    """A predicted course: dt (s), field (N, 3), gravity (N, 3), weighting (N, 3, 3), and what makes
+    wheel momenta of H at the samples' ends (N, wheels, 3)."""
+
+    dt: float
+    field: Array
+    gravity: Array
+    weighting: Array
+    to_wheels: Array
+
+    @property
+    def effect(self) -> Array:
+        """What a dipole does over each sample (N, 3, 3; T s): H_k+1 = ... + effect m."""
+        return -self.dt * _skew(self.field)
+
+
+@dataclass(frozen=True)
+class Optimum:
+    """A course of the momentum (N + 1, 3), its dipoles (N, 3) and costates (N, 3; A m2/T), with
+    m = S (B x P)."""
+
+    momentum: Array
+    dipole: Array
+    costate: Array
+
+
+def periodic_ends(course: Course, rate: float, period: int) -> Array:
+    """Where the profile is to be at the ends of its periods (N m s; a row an end, the start first):
+    on the motion of twice the orbital rate (rad/s) that gravity gradient alone leads to, which has
+    mean zero; its secular part is left out."""
+    t = course.dt * np.arange(len(course.gravity) + 1)
+    built = np.vstack([np.zeros(3), np.cumsum(course.gravity * course.dt, axis=0)])
+    wave = np.stack([np.cos(2.0 * rate * t), np.sin(2.0 * rate * t)], axis=1)
+    form = np.hstack([np.ones((len(t), 1)), t[:, None], wave])
+    part = np.linalg.lstsq(form, built, rcond=None)[0][2:]
+    ends = np.append(np.arange(0, len(t) - 1, period), len(t) - 1)
+    return np.asarray(wave[ends] @ part)
+
+
+def profile(course: Course, ends: Array, period: int, start: Array) -> tuple[Array, Array]:
+    """H_NOM at the samples' ends (N + 1, 3) by consecutive open-loop solutions of `period` samples
+    (paper 001, eqs. 2, 3 and Table 1) from `start` to `ends`, and each period's condition."""
+    skew = _skew(course.field)
+    product = skew.transpose(0, 2, 1) @ course.weighting @ skew
+    rows, conditions = [np.asarray(start, float)], []
+    for k, first in enumerate(range(0, len(product), period)):
+        part = slice(first, first + period)
+        whole = product[part].sum(axis=0) * course.dt
+        wanted = ends[k + 1] - rows[-1] - course.gravity[part].sum(axis=0) * course.dt
+        torque = product[part] @ np.linalg.solve(whole, wanted) + course.gravity[part]
+        rows += list(rows[-1] + np.cumsum(torque * course.dt, axis=0))
+        conditions.append(np.linalg.cond(whole))
+    return np.array(rows), np.array(conditions)
+
+
+def cheapest(
+    course: Course, momentum_weight: Array, peak_weight: float, peak: float, start: Array
+) -> Optimum:  # fmt: skip
+    """The course that makes least, of all that begin at `start` (N m s),
+
+        sum m' S^-1 m + H' diag(momentum_weight) H + peak_weight sum_i (h_i / peak)^EXPONENT
+
+    over the samples, with m' S^-1 m the squared dipoles of the coils and h (N m s) the wheels'
+    momenta; weights in 1/(T2 s2) and A2 m4, peak in N m s. By Newton's method: each step is a
+    linear-quadratic problem. Raises RuntimeError where it does not converge.
+    """
+    q = np.diag(np.asarray(momentum_weight, float))
+    none = np.zeros((len(course.field), 3))
+    flat = np.broadcast_to(q, (len(none), 3, 3))
+    now = _linear_quadratic(course, flat, none, start)
+    if peak_weight == 0.0:
+        return now
+    inverse = np.linalg.inv(course.weighting)
+    p = EXPONENT
+
+    def wheels(x: Optimum) -> Array:
+        return np.asarray(np.einsum("kwi,ki->kw", course.to_wheels, x.momentum[1:]))
+
+    def cost(x: Optimum) -> float:
+        h = x.momentum[1:]
+        coils = np.einsum("ki,kij,kj->", x.dipole, inverse, x.dipole)
+        return float(coils + (h @ q * h).sum() + peak_weight * ((wheels(x) / peak) ** p).sum())
+
+    value = cost(now)
+    for _ in range(60):
+        h = wheels(now)
+        slope = peak_weight * p / peak * (h / peak) ** (p - 1)
+        bend = peak_weight * p * (p - 1) / peak**2 * (h / peak) ** (p - 2)
+        to = course.to_wheels
+        weights = q + 0.5 * np.einsum("kwa,kw,kwb->kab", to, bend, to)
+        linear = 0.5 * np.einsum("kw,kwa->ka", slope - bend * h, to)
+        step = _linear_quadratic(course, weights, linear, start)
+        share, better = 1.0, step
+        while cost(better) > value and share > 1e-4:
+            share *= 0.5
+            better = Optimum(*(
+                a + share * (b - a) for a, b in (
+                    (now.momentum, step.momentum), (now.dipole, step.dipole),
+                    (now.costate, step.costate),
+                )
+            ))  # fmt: skip
+        gained, now = value - cost(better), better
+        value -= gained
+        if gained <= 1e-7 * value:
+            return now
+    raise RuntimeError("the cheapest course: Newton's method did not converge")
+
+
+def feedback(course: Course, momentum_weight: Array) -> Array:
+    """K (N, 3, 3; 1/(T2 s)) that holds a course: the cost of H' diag(momentum_weight) H and of the
+    coils' squared dipoles from each sample on is H'K H where nothing disturbs."""
+    count = len(course.field)
+    weights = np.broadcast_to(np.diag(np.asarray(momentum_weight, float)), (count, 3, 3))
+    return _riccati(course, weights)
+
+
+def at_rows(values: Array, dt: float, times: Array, period: int = 0) -> Array:
+    """Values at k dt (rows, ...) at other times (s), by cubic splines that end every `period`
+    values; 0: one spline."""
+    grid = dt * np.arange(len(values))
+    if period == 0:
+        return np.asarray(CubicSpline(grid, values)(times))
+    made = np.empty((len(times), *values.shape[1:]))
+    for first in range(0, len(values) - 1, period):
+        part = slice(first, min(first + period, len(values) - 1) + 1)
+        inside = (times >= grid[part][0] - 1e-9) & (times <= grid[part][-1] + 1e-9)
+        made[inside] = CubicSpline(grid[part], values[part])(times[inside])
+    return made
+
+
+def _linear_quadratic(course: Course, weights: Array, linear: Array, start: Array) -> Optimum:
+    """Least sum m' S^-1 m + H_k+1' weights H_k+1 + 2 linear . H_k+1.
+
+    With P the multipliers of H_k+1 = H_k + push + effect m, m = S (B x P) and
+    dt (weights H_k+1 + linear) = P_k+1 - P_k; so P obeys a block tridiagonal system without
+    negative eigenvalues.
+    """
+    count, dt, effect = len(course.field), course.dt, course.effect
+    inverse = np.linalg.inv(weights)
+    v, c = inverse / dt, np.einsum("kab,kb->ka", inverse, linear)
+    diagonal = v + effect @ course.weighting @ effect.transpose(0, 2, 1) / dt
+    diagonal[1:] += v[:-1]
+    right = -dt * course.gravity - c
+    right[0] -= start
+    right[1:] += c[:-1]
+    bands = np.zeros((6, 3 * count))  # upper: bands[5 + i - j, j] = matrix[i, j]
+    for i in range(3):
+        for j in range(3):
+            if i <= j:
+                bands[5 + i - j, j::3] = diagonal[:, i, j]
+            bands[2 + i - j, 3 + j :: 3] = -v[:-1, i, j]
+    costate = solveh_banded(bands, right.ravel()).reshape(count, 3)
+    dipole = np.einsum("kab,kb->ka", course.weighting, np.cross(course.field, costate))
+    moves = dt * course.gravity + np.einsum("kab,kb->ka", effect, dipole)
+    momentum = np.vstack([start, start + np.cumsum(moves, axis=0)])
+    return Optimum(momentum, dipole, costate)
+
+
+def _riccati(course: Course, weights: Array) -> Array:
+    """K of the cost to go H'K H at the samples' begins."""
+    count, effect = len(course.field), course.effect
+    effort = course.dt * np.linalg.inv(course.weighting)
+    weights = course.dt * weights
+    kept, k_next = np.empty((count, 3, 3)), np.zeros((3, 3))
+    for k in range(count - 1, -1, -1):
+        whole, e = k_next + weights[k], effect[k]
+        through = e.T @ whole
+        k_next = whole @ (np.eye(3) - e @ np.linalg.solve(effort[k] + through @ e, through))
+        k_next = kept[k] = 0.5 * (k_next + k_next.T)
+    return kept
+
+
+def _skew(b: Array) -> Array:
+    """[B] of rows B: [B] v = B x v."""
+    x, y, z = b.T
+    o = np.zeros_like(x)
+    return np.array([[o, -z, y], [z, o, -x], [-y, x, o]]).transpose(2, 0, 1)
