@@ -8,6 +8,10 @@ from collections.abc import Iterable
 from .codes import Exit
 
 
+MANY, LONG = 2000, 200
+"""Beyond so many names, or characters of one, no nearest is looked for: it would take minutes."""
+
+
 class DesatError(Exception):
     """Something the user can mend; the text names file, component and variable, what was got and
     what is allowed. `code` is how the command ends."""
@@ -29,6 +33,8 @@ class RunError(DesatError):
 def nearest(name: str, known: Iterable[str]) -> str:
     """`; did you mean X?` for the closest known name, or a list of the known names."""
     known = sorted(known)
+    if len(known) > MANY or len(name) > LONG:
+        return ""
     close = difflib.get_close_matches(name, known, n=1, cutoff=0.6)
     if close:
         return f"; did you mean {close[0]}?"

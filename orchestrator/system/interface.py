@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Literal
 
 from desat.components.contract.block import Block, Scalar
@@ -64,7 +65,19 @@ class Interface:
         """The scalar `name`, or the elements `name[...]` of an array; empty when unknown."""
         if name in self.signals:
             return [self.signals[name]]
-        return [s for s in self.signals.values() if base_name(s.name) == name]
+        return list(self._arrays.get(name, ()))
+
+    @cached_property
+    def _arrays(self) -> dict[str, list[Signal]]:
+        arrays: dict[str, list[Signal]] = {}
+        for signal in self.signals.values():
+            arrays.setdefault(base_name(signal.name), []).append(signal)
+        return arrays
+
+    @cached_property
+    def slopes(self) -> frozenset[str]:
+        """The outputs that are the slope of a mean."""
+        return frozenset(s.slope for s in self.signals.values() if s.slope)
 
 
 def base_name(name: str) -> str:

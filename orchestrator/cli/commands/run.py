@@ -24,6 +24,7 @@ from ..common import (
     Stop,
     Target,
     TimeLimit,
+    Trust,
     app,
     err,
     name_of,
@@ -61,6 +62,7 @@ def run(
     ] = True,
     classes: Classes = None,
     time_limit: TimeLimit = None,
+    trust: Trust = None,
     estimate: Annotated[
         bool,
         typer.Option(
@@ -77,7 +79,7 @@ def run(
     options = options_of(
         sets, stop, step, algorithm, blocks, classes, sources, record=tuple(record or ("*",)),
         every=every, design=design, inner=inner,
-        time_limit=time_limit,
+        time_limit=time_limit, trust=trust,
     )  # fmt: skip
     target_folder = _run_folder(target, folder)
     case = prepare(target, options)
