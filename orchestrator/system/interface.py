@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Literal
+from typing import Any, Literal
 
 from desat.components.contract.block import Block, Scalar
 from desat.components.contract.units import Unit, unit_of
@@ -46,6 +46,11 @@ class Signal:
     needed_by: tuple[str, ...] = ()
     """The component's parameters and inputs that have no effect where this input is neither wired
     nor given, or where this output reaches nobody."""
+
+    def named(self, value: Any) -> Any:
+        """The name of a value, where it is a choice; else the value."""
+        is_choice = isinstance(value, int) and 0 <= value < len(self.choices)
+        return self.choices[value] if is_choice else value
 
 
 @dataclass(frozen=True)
