@@ -19,6 +19,7 @@ class BlockInstance:
 
     def __init__(self, component: Component) -> None:
         self.name = component.name
+        self.messages: list[str] = []
         self._interface = component.interface
         self._block = block_class(self._interface.model)()
         self._block.instance = self.name

@@ -39,6 +39,8 @@ class Instance(Protocol):
     """One component in a running system. Functions that return an int return an FMI status."""
 
     name: str
+    messages: list[str]
+    """What the component has logged: warnings, errors."""
     inputs: dict[Kind, Array]
 
     @property

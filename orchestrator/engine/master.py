@@ -37,6 +37,7 @@ from ..system.schedule import Schedule
 from .block_instance import BlockInstance
 from .fmu_instance import FmuInstance
 from .instances import Array, ComponentError, Instance
+from .last_call import ENTER, EXIT, FREE, INSTANTIATE, PULL, PUSH, time, word
 from .member import Member, Outputs, Slot
 from .plan import Plan, Row
 
@@ -78,7 +79,9 @@ class Master:
             every = {name: c.decimation for name, c in system.components.items()}
             self._rates = Rates(graded(1), every, frozenset())
         try:
+            self._places = {name: 8 * i for i, name in enumerate(schedule.order)}
             for name in schedule.order:
+                word[0] = self._places[name] + INSTANTIATE
                 instance = instance_for(system.components[name])
                 self.members[name] = self._member(system.components[name], instance, watched)
             self._outputs = Outputs(self.members.values())
@@ -104,8 +107,10 @@ class Master:
 
     def close(self) -> None:
         """Free all components."""
-        for member in self.members.values():
+        for name, member in self.members.items():
+            word[0] = self._places[name] + FREE
             member.instance.close()
+        word[0] = 0
         self.members.clear()
 
     @property
@@ -177,17 +182,27 @@ class Master:
         Raises ComponentError with a line for each component that cannot start.
         """
         members = self.members.values()
-        _each(partial(m.instance.enter, self.start, self._parameters(m)) for m in members)
+        time[0] = self.start
+        _each(
+            self._within(m, ENTER, partial(m.instance.enter, self.start, self._parameters(m)))
+            for m in members
+        )
         for member in members:
             self._pull(member)
         self._settle()
-        _each(m.instance.exit for m in members)
+        _each(self._within(m, EXIT, m.instance.exit) for m in members)
         for member in members:
             self._pull(member)
         self._check_finite()
+        word[0] = 0
         self._cycle = self._plan.cycle()
         inner = len(self._rates.parts) > 1
         self._row = Row(self._outputs, members, self._rates) if inner else None
+
+    def _within(self, member: Member, verb: int, call: Callable[[], None]) -> Callable[[], None]:
+        """A call of a component that is about to be made."""
+        word[0] = self._places[member.name] + verb
+        return call
 
     def _settle(self) -> None:
         """Exchange until nothing changes. Raises DesatError where that does not end."""
@@ -201,6 +216,7 @@ class Master:
             for name, member in self.members.items():
                 for gather in gathers[name]:
                     gather()
+                word[0] = self._places[name] + PUSH
                 if gathers[name] and (status := member.instance.push()) > 1:
                     raise member.instance.failed("setting its inputs", status)
                 self._pull(member)
@@ -218,6 +234,7 @@ class Master:
 
     def _pull(self, member: Member) -> None:
         """Read a component's outputs and show them at once."""
+        word[0] = self._places[member.name] + PULL
         if (status := member.instance.pull()) > 1:
             raise member.instance.failed("reading its outputs", status)
         for live, fresh in self._outputs.fresh_of(member, "all"):
@@ -231,7 +248,7 @@ class Master:
         if row is not None:
             row.begin()
         for i, phase in enumerate(self._cycle[k % len(self._cycle)]):
-            t = self.start + (k + phase.at) * self.step_size
+            t = time[0] = self.start + (k + phase.at) * self.step_size
             for clock in phase.clocks:
                 clock.value = t
             for length, value in phase.lengths:
@@ -239,10 +256,13 @@ class Master:
             for instance, gathers, push, step, pull, copies, joins in phase.moves:
                 for gather in gathers:
                     gather()
+                word[0] = place = self._places[instance.name] + PUSH
                 if (status := push()) > 1:
                     raise instance.failed(f"setting its inputs at t = {t:g} s", status)
+                word[0] = place + 1
                 if (status := step()) > 1:
                     raise instance.failed(f"the step from t = {t:g} s", status)
+                word[0] = place + 2
                 if (status := pull()) > 1:
                     raise instance.failed(f"reading its outputs after t = {t:g} s", status)
                 for live, fresh in copies:
@@ -255,6 +275,7 @@ class Master:
                 record(k, self.live if row is None else row.values)
             for live, fresh in phase.ends:
                 live[:] = fresh
+        word[0] = 0
         self.k = k + 1
         if record is not None and not self._conserving:
             record(k + 1, self.live)

@@ -25,6 +25,7 @@ from ..system.errors import DesatError, nearest
 from ..system.interface import KINDS, Kind, Signal, base_name
 from .master import Master
 from .member import Slot
+from .unwritten import Layout, Unwritten
 
 ROWS = 1024
 FLUSH_SECONDS = 1.0
@@ -55,8 +56,9 @@ class Recorder:
     """
 
     def __init__(
-        self, path: Path | None, master: Master, patterns: Iterable[str] = ("*",), every: int = 1
-    ) -> None:
+        self, path: Path | None, master: Master, patterns: Iterable[str] = ("*",), every: int = 1,
+        unwritten: Unwritten | None = None,
+    ) -> None:  # fmt: skip
         self.path, self.every = path, every
         self._part = None if path is None else path.with_name(path.name + ".part")
         if self._part is None:
@@ -92,10 +94,16 @@ class Recorder:
             if slots[0].signal.choices:
                 dataset.attrs["choices"] = " ".join(slots[0].signal.choices)
             self._sets.append((dataset, kind, slice(first, last), slots[0].interval))
-        self._buffer = {k: np.zeros((ROWS, len(master.live[k])), master.live[k].dtype)
-                        for k in KINDS if len(master.live[k])}  # fmt: skip
-        self._times = np.zeros(ROWS)
-        self._rows = 0
+        live = {k: master.live[k] for k in KINDS if len(master.live[k])}
+        self.layout = Layout(
+            ROWS, {k: (len(a), a.dtype.str) for k, a in live.items()},
+            tuple((d.name, k, p.start, p.stop, i) for d, k, p, i in self._sets),
+        )  # fmt: skip
+        self.unwritten = unwritten or Unwritten()
+        self.unwritten.lay_out(self.layout)
+        self.rows, self.times = self.unwritten.rows, self.unwritten.times
+        self.taken = self.unwritten.taken
+        """Rows that are not written yet, by type, `taken` of them."""
         self._conserving = master.algorithm == "conserving"
         self._flushed = time.monotonic()
         if self._part is not None:
@@ -109,14 +117,20 @@ class Recorder:
 
     def record(self, k: int, live: dict[Kind, Any]) -> None:
         """Take the row of step k."""
-        if k % self.every:
-            return
-        row = self._rows
-        self._times[row] = self._start + k * self._step
-        for kind, buffer in self._buffer.items():
-            buffer[row] = live[kind]
-        self._rows = row + 1
-        if self._rows == ROWS:
+        if k % self.every == 0:
+            self._take(k, live)
+            self.make_room()
+
+    def _take(self, k: int, live: dict[Kind, Any]) -> None:
+        row = int(self.taken[0])
+        self.times[row] = self._start + k * self._step
+        for kind, rows in self.rows.items():
+            rows[row] = live[kind]
+        self.taken[0] = row + 1
+
+    def make_room(self) -> None:
+        """Write when there is no room for another row."""
+        if self.taken[0] == ROWS:
             self.flush()
 
     def tick(self) -> None:
@@ -126,30 +140,23 @@ class Recorder:
 
     def flush(self, last: bool = False) -> None:
         """Write the rows taken so far; `last`: the final row has no interval values."""
-        n, self._rows = self._rows, 0
+        n = int(self.taken[0])
         self._flushed = time.monotonic()
         if n:
-            _append(self._time, self._times[:n])
+            _append(self._time, self.times[:n])
             for dataset, kind, columns, interval in self._sets:
                 rows = n - 1 if last and interval else n
-                block = self._buffer[kind][:rows, columns]
+                block = self.rows[kind][:rows, columns]
                 _append(dataset, block[:, 0] if dataset.ndim == 1 else block)
         self._file.flush()
+        self.unwritten.wrote(n)
 
     def finish(self, master: Master) -> Results:
         """Take the last row, close the file under its final name, and open it for reading."""
-        if self._conserving:
-            if self._rows == ROWS:
-                self.flush()
-            k, every, self.every = master.k, self.every, 1
-            if k % every == 0:
-                self.record(k, master.live)
-                if self._rows:
-                    self.flush(last=True)
-            else:
-                self.flush()
-        else:
-            self.flush()
+        last = self._conserving and master.k % self.every == 0
+        if last:
+            self._take(master.k, master.live)
+        self.flush(last)
         if self._part is None or self.path is None:
             return Results(self._file)
         self._file.close()
@@ -164,15 +171,26 @@ def _append(dataset: Any, rows: NDArray[Any]) -> None:
         dataset[n:] = rows
 
 
+def _grown(file: Any) -> int:
+    """The rows of a file that was not closed which all its series have, as long as time grows."""
+    times = np.asarray(file["time"][:])
+    least = min((d.shape[0] for c in file if c != "time" for d in file[c].values()), default=0)
+    stops = np.flatnonzero(np.diff(times) <= 0.0)
+    return min(len(times), least + 1, *(stops[:1] + 1).tolist())
+
+
 class Results:
     """The series of a run."""
 
-    def __init__(self, file: Any) -> None:
+    def __init__(self, file: Any, rows: int | None = None) -> None:
         self._file = file
+        self._rows = rows
+        """So many rows hold values; None: all."""
 
     @classmethod
-    def open(cls, path: Path) -> Results:
-        """The series of a run folder or of an HDF5 file, also of a run that was killed.
+    def open(cls, path: Path, rows: int | None = None) -> Results:
+        """The series of a run folder or of an HDF5 file, also of a run that was killed; of those
+        `rows` rows, where so many are known to hold values.
 
         Raises DesatError where there is none.
         """
@@ -180,7 +198,11 @@ class Results:
         if not file.exists():
             file = file.with_name(file.name + ".part")
         try:
-            return cls(h5py.File(file, "r", swmr=file.suffix == ".part"))
+            opened = h5py.File(file, "r", swmr=file.suffix == ".part")
+            if file.suffix == ".part":
+                grown = _grown(opened)
+                rows = grown if rows is None else min(grown, rows)
+            return cls(opened, rows)
         except OSError as error:
             raise DesatError(f"{path}: no readable series ({error})") from error
 
@@ -209,11 +231,11 @@ class Results:
 
     def values(self, name: str) -> NDArray[Any]:
         """The rows of `component.variable` as (rows, elements), or (rows,) for a scalar."""
-        return np.asarray(self._find(name)[:])
+        return np.asarray(self._find(name)[: self._rows])
 
     def times(self, name: str | None = None) -> NDArray[np.float64]:
         """The time (s) of each row of a series (default: of all recorded steps)."""
-        everything = np.asarray(self._file["time"][:])
+        everything = np.asarray(self._file["time"][: self._rows])
         return everything if name is None else everything[: self._find(name).shape[0]]
 
     def attribute(self, name: str, key: str) -> str:

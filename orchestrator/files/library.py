@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import atexit
 import hashlib
+import os
 import shutil
 import tempfile
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
+
+from filelock import FileLock, Timeout
 
 from desat.fmus import registry
 
@@ -18,6 +21,9 @@ from ..system.interface import Interface, of_block
 from . import archive, places
 from .contents import contents, regular
 from .fmu import of_fmu
+
+
+_PREFIX, _LOCK = "desat-", ".lock"
 
 
 @dataclass(frozen=True)
@@ -32,14 +38,41 @@ class Fmu:
 
 @cache
 def _root() -> Path:
-    folder = Path(tempfile.mkdtemp(prefix="desat-"))
-    atexit.register(shutil.rmtree, folder, ignore_errors=True)
+    """The temporary folder of this process; those of dead ones are removed."""
+    folder = Path(tempfile.mkdtemp(prefix=_PREFIX))
+    lock = FileLock(folder / _LOCK)
+    lock.acquire()
+    atexit.register(_remove, folder, lock, os.getpid())
+    for other in folder.parent.glob(f"{_PREFIX}*/{_LOCK}"):
+        _sweep(other)
     if "%" in folder.as_uri().replace("%20", ""):
         raise DesatError(
             f"{folder}: FMUs cannot be extracted to a path with such characters; set TMPDIR to "
             "another folder"
         )
     return folder
+
+
+def _remove(folder: Path, lock: FileLock, process: int) -> None:
+    if os.getpid() == process:  # not one that was forked from it
+        lock.release()
+        shutil.rmtree(folder, ignore_errors=True)
+
+
+def _sweep(lock: Path) -> None:
+    """Remove a temporary folder that no process holds any more."""
+    if not os.access(lock, os.W_OK):
+        return  # of another user
+    try:
+        with FileLock(lock, timeout=0):
+            shutil.rmtree(lock.parent, ignore_errors=True)
+    except (Timeout, OSError):
+        pass
+
+
+def scratch(name: str) -> Path:
+    """A new folder that lasts as long as this process."""
+    return Path(tempfile.mkdtemp(prefix=f"{name}-", dir=_root()))
 
 
 _by_contents: dict[str, Path] = {}

@@ -32,3 +32,7 @@ class Options:
     """The sha256 of the FMUs that may run besides ours; None: all may."""
     time_limit: float | None = None
     """Wall time (s) that stepping may take; the run ends between two steps"""
+    supervised: bool = False
+    """It runs in a process of its own, where there are such (POSIX)."""
+    call_limit: float = 300.0
+    """Wall time (s) that one call of a component may take, where it is supervised."""

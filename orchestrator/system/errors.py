@@ -30,6 +30,11 @@ class RunError(DesatError):
         return str(self.args[0])
 
 
+def plain(text: str) -> str:
+    """A text of somebody's as one printable line: no control characters reach a terminal."""
+    return "".join(x if x.isprintable() else " " if x.isspace() else "\ufffd" for x in text)
+
+
 def nearest(name: str, known: Iterable[str]) -> str:
     """`; did you mean X?` for the closest known name, or a list of the known names."""
     known = sorted(known)
