@@ -16,7 +16,7 @@ from conftest import ROOT
 
 from desat.designs import making, origin
 from desat.engine import trial
-from desat.files import places
+from desat.files import places, trust
 from desat.files.scenario import find, scenarios
 from desat.files.toml import toml
 from desat.fmus import registry
@@ -161,7 +161,7 @@ def test_of_a_foreign_fmu_only_the_description_is_read(tmp_path):
             theirs.writestr(name, b"no library" if name.startswith("binaries/") else data)
     options = Options(sources=[f"magnetometer={fmu}"], sets=["torquers.quiet_time=9"])
     problems, warnings = trial.refusals(*prepare(COMBINED, options).or_raise())
-    assert not trial.is_ours(fmu)
+    assert not trust.is_ours(fmu)
     assert [p.partition(":")[0] for p in problems + warnings] == ["torquers"]
     assert "quiet_time" in (problems + warnings)[0]
 

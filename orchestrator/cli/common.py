@@ -6,6 +6,7 @@ import json
 import os
 import sys
 from enum import StrEnum
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -133,6 +134,12 @@ TimeLimit = Annotated[
                  help="Wall time that a run may take to step; what it has by then is kept, and the "
                  "command ends with 5."),
 ]  # fmt: skip
+Trust = Annotated[
+    Path | None,
+    typer.Option("--trust", metavar="FILE",
+                 help="A list of sha256 hashes (as of sha256sum): an FMU that is neither ours nor "
+                 "of it is refused."),
+]  # fmt: skip
 Jobs = Annotated[int, typer.Option(help="Processes.", min=1)]
 CPUS = os.cpu_count() or 1
 
@@ -148,6 +155,10 @@ def options_of(
     for text in classes or []:
         key, _, value = text.partition("=")
         overrides[key] = value
+    if (trust := more.pop("trust", None)) is not None:
+        from ..files.trust import hashes
+
+        more["trusted"] = hashes(trust)
     name: Algorithm = "jacobi" if algorithm is Semantics.jacobi else "conserving"
     return Options(
         sets=list(sets or []), sources=list(sources or []), stop=stop, step=step, algorithm=name,
@@ -168,6 +179,4 @@ def print_json(data: Any) -> None:
 
 def name_of(target: str) -> str:
     """The name under runs/ of what is made of a target."""
-    from pathlib import Path
-
     return Path(target).resolve().stem if Path(target).exists() else target.replace("/", "-")

@@ -18,7 +18,8 @@ class BlockInstance:
     """A bare block, without FMI: for debugging, and to hold the FMUs against."""
 
     def __init__(self, component: Component) -> None:
-        self.name = component.name
+        self.name, self.place = component.name, 0
+        self.messages: list[str] = []
         self._interface = component.interface
         self._block = block_class(self._interface.model)()
         self._block.instance = self.name

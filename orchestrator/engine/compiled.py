@@ -23,6 +23,7 @@ import numpy as np
 
 from ..files import places
 from ..system.interface import KINDS
+from . import last_call
 from .ending import Ending, Loop
 from .master import Master
 from .operations import Call
@@ -43,7 +44,8 @@ class _Table(ctypes.Structure):
 
 class _Loop(ctypes.Structure):
     _fields_ = (
-        ("k", ctypes.c_int64), ("start", ctypes.c_double), ("step", ctypes.c_double),
+        ("k", ctypes.c_int64), ("word", ctypes.c_void_p), ("time", ctypes.c_void_p),
+        ("start", ctypes.c_double), ("step", ctypes.c_double),
         ("steps", ctypes.c_int64), ("edges", ctypes.c_void_p), ("operations", ctypes.c_void_p),
         ("failed", ctypes.c_int64), ("status", ctypes.c_int64),
         ("real", ctypes.c_void_p), ("reals", ctypes.c_int64),
@@ -67,6 +69,7 @@ class CompiledSteps:
         self._program = Program(master.cycle)
         real = master.live["Real"]
         self._loop = _Loop(
+            word=last_call.address(last_call.word), time=last_call.address(last_call.time),
             start=master.start, step=master.step_size, steps=len(master.cycle),
             edges=self._program.edges.ctypes.data,
             operations=ctypes.addressof(self._program.operations),

@@ -23,7 +23,7 @@ from fmpy.logging import addLoggerProxy
 from desat.components.contract.block import Scalar
 
 from ..files.library import Fmu
-from ..system.errors import DesatError
+from ..system.errors import DesatError, plain
 from ..system.interface import KINDS, Kind, Signal
 from ..system.model import Component
 from .instances import DTYPE, Array, Clock, ComponentError
@@ -77,7 +77,7 @@ def _log(
 ) -> None:
     heard = _listeners.get(environment or 0)
     if heard is not None and status > 0 and len(heard) < 20:
-        heard.append((message or b"").decode(errors="replace").strip())
+        heard.append(plain((message or b"").decode(errors="replace").strip()))
 
 
 @cache
@@ -95,16 +95,17 @@ class FmuInstance:
     """An FMI 2.0 co-simulation FMU."""
 
     def __init__(self, component: Component, fmu: Fmu) -> None:
-        self.name = component.name
+        self.name, self.place = component.name, 0
         self._interface = fmu.interface
-        self._messages: list[str] = []
+        self.messages: list[str] = []
+        """What it has logged beside what is in order."""
         self._library = _library(fmu.folder, bool(fmu.interface.role))
         if self._library.once and self._library.instances:
             raise DesatError(f"{self.name}: {fmu.path.name} allows one instance per process")
         self._callbacks = fmi2CallbackFunctions()
         ctypes.pointer(self._callbacks)[0] = _callbacks()
         self._callbacks.componentEnvironment = id(self)
-        _listeners[id(self)] = self._messages
+        _listeners[id(self)] = self.messages
         self._c = self._library.fmu.fmi2Instantiate(
             self.name.encode(), 1, self._library.fmu.guid.encode(),
             (fmu.folder / "resources").as_uri().encode(), ctypes.byref(self._callbacks), 0, 1,
@@ -114,7 +115,7 @@ class FmuInstance:
         self._library.instances += 1
 
     def _said(self) -> str:
-        said = self._messages[-1] if self._messages else ""
+        said = self.messages[-1] if self.messages else ""
         prefix = f"{self.name}: "  # our adapter begins with the instance name
         return f": {said.removeprefix(prefix)}" if said else ""
 

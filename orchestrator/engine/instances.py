@@ -39,6 +39,10 @@ class Instance(Protocol):
     """One component in a running system. Functions that return an int return an FMI status."""
 
     name: str
+    place: int
+    """8 times its place in the order of the schedule: what `last_call` has of it."""
+    messages: list[str]
+    """What the component has logged: warnings, errors."""
     inputs: dict[Kind, Array]
 
     @property

@@ -29,6 +29,7 @@ struct operation {
     int32_t code;
     int32_t more; /* a further call of the same verb follows */
     int64_t n;
+    int64_t word; /* of a call: what last_call.py has of it */
     void *p[6];
     double x[3];
 };
@@ -43,6 +44,8 @@ enum how { NEVER, BELOW, ABOVE, REACHES, ALWAYS };
 
 struct loop {
     int64_t k;
+    int64_t *word; /* of last_call.py: the call that the process is in, and its time */
+    double *time;
     double start, step;
     int64_t steps; /* of a cycle */
     const int64_t *edges; /* of step i: before its row from edges[2 i], after it from edges[2 i + 1] */
@@ -81,7 +84,7 @@ static int perform(struct loop *loop, const struct operation *o)
     int64_t i;
     switch (o->code) {
     case TICK:
-        *target = loop->start + ((double)loop->k + o->x[0]) * loop->step;
+        *loop->time = *target = loop->start + ((double)loop->k + o->x[0]) * loop->step;
         return 0;
     case LENGTH:
         *target = o->x[0];
@@ -101,8 +104,10 @@ static int perform(struct loop *loop, const struct operation *o)
         return 0;
     }
     case TRANSFER:
+        *loop->word = o->word;
         return ((transfer *)o->p[0])(o->p[1], o->p[2], (size_t)o->n, o->p[3]);
     case STEP:
+        *loop->word = o->word;
         return ((do_step *)o->p[0])(o->p[1], *(double *)o->p[2], *(double *)o->p[3], 1);
     case COPY:
         memcpy(o->p[0], o->p[1], (size_t)o->n);
@@ -203,6 +208,7 @@ int desat_loop(struct loop *loop, int64_t steps)
             take_row(loop);
         if (all_of(loop, edges[1], edges[2]))
             return FAILED;
+        *loop->word = 0;
         loop->k++;
         if (!is_finite(loop)) {
             loop->asked = 1;

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import signal
 import sys
 import time
@@ -17,6 +18,9 @@ from .ending import NEVER, Ending, Loop
 from .master import Master
 from .program import NotCompiledError
 from .results import Recorder
+
+AGAIN = 0.3
+"""A signal so soon after the first (s) is the same one: a terminal and a parent both send it."""
 
 
 class Steps(Protocol):
@@ -82,15 +86,22 @@ def run(
 
 @contextmanager
 def interruptible() -> Iterator[Callable[[], int]]:
-    """Within: Ctrl-C and SIGTERM only leave their number, for an exception inside an FMU would
-    crash the process."""
-    got = [0]
+    """Within: a signal to stop only leaves its number, for an exception inside an FMU would crash
+    the process; a second one, later than AGAIN, ends it."""
+    got, first = [0], [0.0]
 
     def handler(number: int, frame: Any) -> None:
-        got[0] = number
+        if got[0] and time.monotonic() - first[0] > AGAIN:
+            os._exit(128 + number)
+        if not got[0]:
+            got[0], first[0] = number, time.monotonic()
 
+    names = ("SIGINT", "SIGTERM", "SIGHUP")  # Windows has no SIGHUP
     try:
-        previous = {n: signal.signal(n, handler) for n in (signal.SIGINT, signal.SIGTERM)}
+        previous = {
+            n: signal.signal(n, handler)
+            for n in (getattr(signal, x) for x in names if hasattr(signal, x))
+        }
     except ValueError:  # not the main thread: nobody can interrupt us
         yield lambda: 0
         return

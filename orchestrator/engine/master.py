@@ -37,6 +37,7 @@ from ..system.schedule import Schedule
 from .block_instance import BlockInstance
 from .fmu_instance import FmuInstance
 from .instances import Array, ComponentError, Instance
+from .last_call import ENTER, EXIT, FREE, INSTANTIATE, PULL, PUSH, time, word
 from .member import Member, Outputs, Slot
 from .plan import Plan
 
@@ -80,8 +81,10 @@ class Master:
             every = {name: c.decimation for name, c in system.components.items()}
             self._rates = Rates(graded(1), every, frozenset())
         try:
-            for name in schedule.order:
+            for i, name in enumerate(schedule.order):
+                word[0] = 8 * i + INSTANTIATE
                 instance = instance_for(system.components[name])
+                instance.place = 8 * i
                 self.members[name] = self._member(system.components[name], instance, watched)
             self._outputs = Outputs(self.members.values())
             self._plan = Plan(self.members, self._outputs, self._rates, self._conserving)
@@ -107,7 +110,9 @@ class Master:
     def close(self) -> None:
         """Free all components."""
         for member in self.members.values():
+            word[0] = member.instance.place + FREE
             member.instance.close()
+        word[0] = 0
         self.members.clear()
 
     @property
@@ -179,16 +184,26 @@ class Master:
         Raises ComponentError with a line for each component that cannot start.
         """
         members = self.members.values()
-        _each(partial(m.instance.enter, self.start, self._parameters(m)) for m in members)
+        time[0] = self.start
+        _each(
+            self._within(m, ENTER, partial(m.instance.enter, self.start, self._parameters(m)))
+            for m in members
+        )
         for member in members:
             self._pull(member)
         self._settle()
-        _each(m.instance.exit for m in members)
+        _each(self._within(m, EXIT, m.instance.exit) for m in members)
         for member in members:
             self._pull(member)
         self.check_finite()
+        word[0] = 0
         self.cycle = self._plan.cycle()
         self.row = self._plan.row.values
+
+    def _within(self, member: Member, verb: int, call: Callable[[], None]) -> Callable[[], None]:
+        """A call of a component that is about to be made."""
+        word[0] = member.instance.place + verb
+        return call
 
     def _settle(self) -> None:
         """Exchange until nothing changes. Raises DesatError where that does not end."""
@@ -202,6 +217,7 @@ class Master:
             for name, member in self.members.items():
                 for gather in gathers[name]:
                     gather()
+                word[0] = member.instance.place + PUSH
                 if gathers[name] and (status := member.instance.push()) > 1:
                     raise member.instance.failed("setting its inputs", status)
                 self._pull(member)
@@ -219,6 +235,7 @@ class Master:
 
     def _pull(self, member: Member) -> None:
         """Read a component's outputs and show them at once."""
+        word[0] = member.instance.place + PULL
         if (status := member.instance.pull()) > 1:
             raise member.instance.failed("reading its outputs", status)
         for show in self._outputs.fresh_of(member, "all"):
@@ -235,6 +252,7 @@ class Master:
             record(k + self.ahead, self.row)
         for operation in step.after:
             operation(k)
+        word[0] = 0
         self.k = k + 1
         if self.live["Real"].dot(self._zeros) != 0.0:  # NaN or infinity times 0 is not 0
             self.check_finite()

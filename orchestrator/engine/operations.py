@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from ..system.interface import Kind
 from .instances import Array, ComponentError, Instance
+from .last_call import PULL, PUSH, STEP, time, word
 from .windows import Part, Whole
 
 Verb = Literal["push", "step", "pull"]
@@ -48,7 +49,7 @@ class Tick:
         return self.start + (k + self.at) * self.step
 
     def __call__(self, k: int) -> None:
-        t = self.t(k)
+        t = time[0] = self.t(k)
         for clock in self.clocks:
             clock.value = t
 
@@ -95,13 +96,17 @@ class Call:
     verb: Verb
     tick: Tick
     call: Callable[[], int]
+    word: int
+    """What `last_call` has of it."""
 
     @classmethod
     def of(cls, instance: Instance, verb: Verb, tick: Tick) -> Call:
         """The prepared call of a wired instance."""
-        return cls(instance, verb, tick, getattr(instance, verb))
+        word = instance.place + {"push": PUSH, "step": STEP, "pull": PULL}[verb]
+        return cls(instance, verb, tick, getattr(instance, verb), word)
 
     def __call__(self, k: int) -> None:
+        word[0] = self.word
         if (status := self.call()) > 1:
             raise self.failed(k, status)
 

@@ -23,6 +23,7 @@ class NotCompiledError(Exception):
 class _Operation(ctypes.Structure):
     _fields_ = (
         ("code", ctypes.c_int32), ("more", ctypes.c_int32), ("n", ctypes.c_int64),
+        ("word", ctypes.c_int64),
         ("p", ctypes.c_void_p * 6), ("x", ctypes.c_double * 3),
     )  # fmt: skip
 
@@ -49,8 +50,10 @@ class Program:
                 edges.append(len(rows))
         self.edges = np.array(edges, np.int64)
         self.operations = (_Operation * len(rows))()
-        for place, ((code, n, pointers, numbers), more) in zip(self.operations, rows, strict=True):
+        for i, ((code, n, pointers, numbers), more) in enumerate(rows):
+            place = self.operations[i]
             place.code, place.n, place.more = _CODE[code], n, more and code in ("TRANSFER", "STEP")
+            place.word = getattr(self._sources[i], "word", 0)
             place.p[: len(pointers)] = [self._address(p) for p in pointers]
             place.x[: len(numbers)] = numbers
 

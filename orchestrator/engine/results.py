@@ -25,6 +25,7 @@ from ..system.errors import DesatError, nearest
 from ..system.interface import KINDS, Kind, Signal, base_name
 from .master import Master
 from .member import Slot
+from .unwritten import Layout, Unwritten
 
 T = TypeVar("T")
 ROWS = 8192
@@ -57,8 +58,9 @@ class Recorder:
     """
 
     def __init__(
-        self, path: Path | None, master: Master, patterns: Iterable[str] = ("*",), every: int = 1
-    ) -> None:
+        self, path: Path | None, master: Master, patterns: Iterable[str] = ("*",), every: int = 1,
+        unwritten: Unwritten | None = None,
+    ) -> None:  # fmt: skip
         self.path, self.every = path, every
         self._part = None if path is None else path.with_name(path.name + ".part")
         if self._part is None:
@@ -95,11 +97,16 @@ class Recorder:
             if slots[0].signal.choices:
                 dataset.attrs["choices"] = " ".join(slots[0].signal.choices)
             self._sets.append((dataset, kind, slice(first, last), slots[0].interval))
-        self.rows = {k: np.zeros((self._chunk, len(master.live[k])), master.live[k].dtype)
-                     for k in KINDS if len(master.live[k])}  # fmt: skip
+        live = {k: master.live[k] for k in KINDS if len(master.live[k])}
+        self.layout = Layout(
+            self._chunk, {k: (len(a), a.dtype.str) for k, a in live.items()},
+            tuple((d.name, k, p.start, p.stop, i) for d, k, p, i in self._sets),
+        )  # fmt: skip
+        self.unwritten = unwritten or Unwritten()
+        self.unwritten.lay_out(self.layout)
+        self.rows, self.times = self.unwritten.rows, self.unwritten.times
+        self.taken = self.unwritten.taken
         """Rows that are not written yet, by type, `taken` of them."""
-        self.times = np.zeros(self._chunk)
-        self.taken = np.zeros(1, np.int64)
         self._conserving = master.algorithm == "conserving"
         self._flushed = time.monotonic()
         if self._part is not None:
@@ -139,7 +146,6 @@ class Recorder:
     def flush(self, last: bool = False) -> None:
         """Write the rows taken so far; `last`: the final row has no interval values."""
         n = int(self.taken[0])
-        self.taken[0] = 0
         self._flushed = time.monotonic()
         if n:
             _append(self._time, self.times[:n])
@@ -148,6 +154,7 @@ class Recorder:
                 block = self.rows[kind][:rows, columns]
                 _append(dataset, block[:, 0] if dataset.ndim == 1 else block)
         self._file.flush()
+        self.unwritten.wrote(n)
 
     def finish(self, master: Master) -> Results:
         """Take the last row, close the file under its final name, and open it for reading."""
@@ -169,12 +176,22 @@ def _append(dataset: Any, rows: NDArray[Any]) -> None:
         dataset[n:] = rows
 
 
+def _grown(file: Any) -> int:
+    """The rows of a file that was not closed which all its series have, as long as time grows."""
+    times = np.asarray(file["time"][:])
+    least = min((d.shape[0] for c in file if c != "time" for d in file[c].values()), default=0)
+    stops = np.flatnonzero(np.diff(times) <= 0.0)
+    return int(min(len(times), least + 1, *(stops[:1] + 1).tolist()))
+
+
 class Results:
     """The series of a run."""
 
-    def __init__(self, file: Any) -> None:
+    def __init__(self, file: Any, rows: int | None = None) -> None:
         self._file = file
         self._made: dict[str, Any] = {}
+        self._rows = rows
+        """So many rows hold values; None: all."""
 
     def once(self, key: str, make: Callable[[], T]) -> T:
         """What `make` makes of these series, made when it is first asked for."""
@@ -184,8 +201,9 @@ class Results:
         return made
 
     @classmethod
-    def open(cls, path: Path) -> Results:
-        """The series of a run folder or of an HDF5 file, also of a run that was killed.
+    def open(cls, path: Path, rows: int | None = None) -> Results:
+        """The series of a run folder or of an HDF5 file, also of a run that was killed; of those
+        `rows` rows, where so many are known to hold values.
 
         Raises DesatError where there is none.
         """
@@ -193,7 +211,11 @@ class Results:
         if not file.exists():
             file = file.with_name(file.name + ".part")
         try:
-            return cls(h5py.File(file, "r", swmr=file.suffix == ".part"))
+            opened = h5py.File(file, "r", swmr=file.suffix == ".part")
+            if file.suffix == ".part":
+                grown = _grown(opened)
+                rows = grown if rows is None else min(grown, rows)
+            return cls(opened, rows)
         except OSError as error:
             raise DesatError(f"{path}: no readable series ({error})") from error
 
@@ -222,15 +244,17 @@ class Results:
 
     def values(self, name: str, rows: slice = slice(None)) -> NDArray[Any]:
         """The rows of `component.variable` as (rows, elements), or (rows,) for a scalar."""
-        return np.asarray(self._find(name)[rows])
+        last = rows.stop if self._rows is None else min(self._rows, rows.stop or self._rows)
+        return np.asarray(self._find(name)[rows.start : last])
 
     def count(self, name: str) -> int:
         """The number of rows of a series."""
-        return int(self._find(name).shape[0])
+        n = int(self._find(name).shape[0])
+        return n if self._rows is None else min(n, self._rows)
 
     def times(self, name: str | None = None) -> NDArray[np.float64]:
         """The time (s) of each row of a series (default: of all recorded steps)."""
-        everything = np.asarray(self._file["time"][:])
+        everything = np.asarray(self._file["time"][: self._rows])
         return everything if name is None else everything[: self._find(name).shape[0]]
 
     def attribute(self, name: str, key: str) -> str:

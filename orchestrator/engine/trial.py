@@ -1,8 +1,8 @@
 """A trial of the initialisation, for `desat check`: what our own FMUs refuse.
 
 Rules that need all of a component's parameters live in its start, so only initialising tells. Our
-FMUs are initialised together, in a process of their own; of foreign ones only the description is
-read, and nothing of theirs is loaded.
+FMUs, told by their hash, and those of a list of trusted ones are initialised together, in a process
+of their own; of others only the description is read, and nothing of theirs is loaded.
 """
 
 from __future__ import annotations
@@ -15,11 +15,7 @@ import sys
 from dataclasses import replace
 from pathlib import Path
 
-from fmpy import read_model_description
-
-from desat.fmus.description import GENERATION_TOOL, NATIVE_TOOL
-
-from ..files import library
+from ..files import library, trust
 from ..system.errors import DesatError
 from ..system.model import System
 from ..system.schedule import Schedule
@@ -28,20 +24,16 @@ TIMEOUT = 60.0
 """Of the process that initialises (s)."""
 
 
-def is_ours(fmu: Path) -> bool:
-    """True for an FMU that our builder has made."""
-    tool = read_model_description(library.load(fmu).folder).generationTool
-    return tool in (GENERATION_TOOL, NATIVE_TOOL)
-
-
-def refusals(system: System, schedule: Schedule) -> tuple[list[str], list[str]]:
+def refusals(
+    system: System, schedule: Schedule, trusted: frozenset[str] | None = None
+) -> tuple[list[str], list[str]]:
     """What the components of a checked system refuse when they are initialised, a line each:
     problems, and warnings for those that were tried without the outputs of a foreign FMU that
-    they need."""
+    they need. `trusted`: the sha256 of FMUs that may run besides ours."""
     files = {n: c.fmu for n, c in system.components.items() if c.fmu is not None}
     if not files:
         return _initialised(system, schedule), []
-    ours = {n: library.load(file).folder for n, file in files.items() if is_ours(file)}
+    ours = {n: library.load(file).folder for n, file in files.items() if trust.runs(file, trusted)}
     if not ours:
         return [], []
     # what a foreign FMU shows at the start is not known here, nor what follows from it

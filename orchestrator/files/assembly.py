@@ -42,18 +42,6 @@ def draft(
     return made
 
 
-def about(data: dict[str, Any]) -> dict[str, Any]:
-    """What of a scenario's data travels with a packed system: story, numbers, plots and the
-    like."""
-    keys = ("title", "story", "source", "twin", "numbers", "plots", "output_classes", "labels",
-            "dispersions", "inner", "stop_when",
-            "residual_bound", "impulse_bound")  # fmt: skip
-    kept = {k: data[k] for k in keys if k in data}
-    if "plots" in kept:
-        kept["plots"] = list(kept["plots"].values())  # a list keeps its order in JSON
-    return kept
-
-
 def _wired(data: dict[str, Any], folder: Path, where: str) -> Draft:
     """The system of a scenario's craft file or SSD."""
     if "ssd" in data:

@@ -17,7 +17,11 @@ from desat.fmus.description import TOOL
 from ..system.errors import DesatError
 from ..system.expression import known_unit
 from ..system.interface import Interface, OutputClass, Signal
+from .contents import contents
 from .xml import parse_bytes
+
+LONGEST_NAME = 200
+"""Of a library (characters)."""
 
 
 def of_fmu(path: Path) -> Interface:
@@ -57,7 +61,7 @@ def _read(path: Path) -> tuple[Any, Any]:
     """The XML of an FMU's model description, and what fmpy makes of it. Raises DesatError."""
     try:
         if path.is_dir():
-            xml = (path / "modelDescription.xml").read_bytes()
+            xml = contents(path / "modelDescription.xml", f"{path.name}/modelDescription.xml")
         else:
             with zipfile.ZipFile(path) as archive:
                 xml = archive.read("modelDescription.xml")
@@ -68,13 +72,23 @@ def _read(path: Path) -> tuple[Any, Any]:
                 f"{path.name}: FMI {version} {'' if version != '2.0' else 'without co-simulation'}"
                 "; FMI 2.0 co-simulation is needed"
             )
+        _identifier(path, root)
         return root, read_model_description(path)
     except (OSError, KeyError, zipfile.BadZipFile, etree.XMLSyntaxError) as error:
         raise DesatError(f"{path.name}: not a readable FMU ({error})") from error
     except DesatError:
         raise
     except Exception as error:  # fmpy raises plain Exception
-        raise DesatError(f"{path.name}: {str(error).splitlines()[0]}") from error
+        said = str(error).splitlines() or [type(error).__name__]
+        raise DesatError(f"{path.name}: {said[0]}") from error
+
+
+def _identifier(path: Path, root: Any) -> None:
+    """Raise DesatError unless the name of an FMU's library is one of C, no path to another file."""
+    for kind in root.iterfind("CoSimulation"):
+        name = kind.get("modelIdentifier", "")
+        if not (name.isascii() and name.isidentifier() and len(name) <= LONGEST_NAME):
+            raise DesatError(f"{path.name}: modelIdentifier {name[:80]!r} is no C name")
 
 
 def _output_classes(description: Any) -> dict[str, OutputClass]:

@@ -4,25 +4,25 @@ from __future__ import annotations
 
 import atexit
 import hashlib
+import os
 import shutil
 import tempfile
-import zipfile
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
-import fmpy
+from filelock import FileLock, Timeout
 
 from desat.fmus import registry
 
 from ..system.draft import Draft, DraftComponent
 from ..system.errors import DesatError, nearest
 from ..system.interface import Interface, of_block
-from . import places
+from . import archive, places
+from .contents import contents, regular
 from .fmu import of_fmu
 
-LARGEST = 1 << 30
-"""The largest archive that is extracted (bytes, extracted)."""
+_PREFIX, _LOCK = "desat-", ".lock"
 
 
 @dataclass(frozen=True)
@@ -37,8 +37,13 @@ class Fmu:
 
 @cache
 def _root() -> Path:
-    folder = Path(tempfile.mkdtemp(prefix="desat-"))
-    atexit.register(shutil.rmtree, folder, ignore_errors=True)
+    """The temporary folder of this process; those of dead ones are removed."""
+    folder = Path(tempfile.mkdtemp(prefix=_PREFIX))
+    lock = FileLock(folder / _LOCK)
+    lock.acquire()
+    atexit.register(_remove, folder, lock, os.getpid())
+    for other in folder.parent.glob(f"{_PREFIX}*/{_LOCK}"):
+        _sweep(other)
     if "%" in folder.as_uri().replace("%20", ""):
         raise DesatError(
             f"{folder}: FMUs cannot be extracted to a path with such characters; set TMPDIR to "
@@ -47,46 +52,54 @@ def _root() -> Path:
     return folder
 
 
+def _remove(folder: Path, lock: FileLock, process: int) -> None:
+    if os.getpid() == process:  # not one that was forked from it
+        lock.release()
+        shutil.rmtree(folder, ignore_errors=True)
+
+
+def _sweep(lock: Path) -> None:
+    """Remove a temporary folder that no process holds any more."""
+    if not os.access(lock, os.W_OK):
+        return  # of another user
+    try:
+        with FileLock(lock, timeout=0):
+            shutil.rmtree(lock.parent, ignore_errors=True)
+    except (Timeout, OSError):
+        pass
+
+
+def scratch(name: str) -> Path:
+    """A new folder that lasts as long as this process."""
+    return Path(tempfile.mkdtemp(prefix=f"{name}-", dir=_root()))
+
+
 _by_contents: dict[str, Path] = {}
 _by_stat: dict[tuple[str, int, int], str] = {}
 
 
 def sha256(path: Path) -> str:
-    """The hash of a file's contents, remembered while size and time of the file stay."""
+    """The hash of a regular file's contents, remembered while size and time of the file stay."""
+    regular(path, path.name)
     stat = path.stat()
     key = (str(path), stat.st_mtime_ns, stat.st_size)
     if key not in _by_stat:
-        _by_stat[key] = hashlib.sha256(path.read_bytes()).hexdigest()
+        with path.open("rb") as file:
+            _by_stat[key] = hashlib.file_digest(file, "sha256").hexdigest()
     return _by_stat[key]
 
 
 def extract(path: Path) -> Path:
-    """The folder with the contents of a zip archive.
-
-    Raises DesatError for a file that is no archive, is too large, has an entry twice or an entry
-    that would leave the folder.
-    """
-    digest = sha256(path)
-    if digest in _by_contents:
-        return _by_contents[digest]
+    """The folder with the contents of a zip archive. Raises DesatError as `archive.extract`."""
     try:
-        with zipfile.ZipFile(path) as archive:
-            names = [i.filename for i in archive.infolist()]
-            size = sum(i.file_size for i in archive.infolist())
-        if twice := sorted({n for n in names if names.count(n) > 1}):
-            raise DesatError(f"{path.name}: holds {twice[0]} twice")
-        if size > LARGEST:
-            raise DesatError(f"{path.name}: {size >> 20} MiB extracted, {LARGEST >> 20} allowed")
-        if outside := [n for n in names if ".." in Path(n).parts or Path(n).is_absolute()]:
-            raise DesatError(f"{path.name}: entry {outside[0]} would leave the folder")
+        digest = sha256(path)
+    except OSError as error:
+        raise DesatError(f"{path.name}: {error.strerror}") from error
+    if digest not in _by_contents:
         folder = _root() / digest[:20]
-        fmpy.extract(path, folder)
-    except DesatError:
-        raise
-    except Exception as error:  # fmpy raises plain Exception
-        raise DesatError(f"{path.name}: not a readable archive ({error})") from error
-    _by_contents[digest] = folder
-    return folder
+        archive.extract(path, folder)
+        _by_contents[digest] = folder
+    return _by_contents[digest]
 
 
 def find(source: str, folder: Path) -> Path | None:
@@ -117,8 +130,10 @@ def load(path: Path) -> Fmu:
     """An FMU from its file, or from a folder with its contents."""
     if path.is_dir():
         digest = hashlib.sha256()
-        for file in sorted(p for p in path.rglob("*") if p.is_file()):
-            digest.update(file.relative_to(path).as_posix().encode() + file.read_bytes())
+        for file in sorted(p for p in path.rglob("*") if not p.is_dir()):
+            name = file.relative_to(path).as_posix()
+            data = contents(file, f"{path.name}/{name}", archive.LARGEST)
+            digest.update(name.encode() + data)
         return Fmu(path, path, digest.hexdigest(), of_fmu(path))
     folder = extract(path)
     return Fmu(path, folder, sha256(path), of_fmu(folder))

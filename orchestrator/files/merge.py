@@ -49,8 +49,9 @@ def merge(
         if isinstance(value, dict) and isinstance(into.get(key), dict):
             merge(into[key], value, origins, given, here)
             continue
+        if key in into:
+            _forget(origins, here)
         into[key] = copy(value)
-        _forget(origins, here)
         for leaf in _leaves(value, here):
             origins[leaf] = given if isinstance(given, tuple) else origin(given, leaf)
 

@@ -85,12 +85,12 @@ class Scenario:
     def draft(self, blocks: bool = False, designed: bool = True) -> Draft:
         """The system that it describes, and what is wrong with it so far; `designed` False leaves
         its design out."""
-        from . import assembly
+        from . import about, assembly
 
         where, parameters = places.shown(self.file), self.parameters(designed)
         draft = assembly.draft(self.data, parameters, self.folder, where, blocks)
         draft.name = self.name
-        draft.about = {"name": self.name, **assembly.about(self.data), "cell": self.cell}
+        draft.about = {"name": self.name, **about.of(self.data), "cell": self.cell}
         return draft
 
 

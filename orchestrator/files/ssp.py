@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import replace
+from math import isfinite
 from pathlib import Path
 from typing import Any
 from urllib.parse import unquote
@@ -17,7 +17,8 @@ from ..system.draft import Draft, DraftComponent
 from ..system.errors import DesatError
 from ..system.expression import unit_of
 from ..system.model import Connection, Connector
-from . import library
+from . import about, library
+from .contents import contents, inside, regular
 from .xml import parse_bytes, validate
 
 SSD = "http://ssp-standard.org/SSP1/SystemStructureDescription"
@@ -35,18 +36,20 @@ def read(path: Path) -> Draft:
     loaded. Raises DesatError where there is nothing to go on with."""
     if not path.exists():
         raise DesatError(f"{path}: no such file or folder")
+    if not path.is_dir():
+        regular(path, str(path))
     if path.is_file() and path.suffix != ".ssd":
         folder, where = library.extract(path), f"{path.name}/"
     else:
         folder, where = (path if path.is_dir() else path.parent), ""
-    file = path if path.suffix == ".ssd" else folder / FILE
+    file = path if path.suffix == ".ssd" else inside(folder, FILE)
     if not file.exists():
         raise DesatError(f"{path}: holds no {FILE}")
     reader = _Reader(folder, file, where + file.name if where else str(file), where)
     draft = reader.system()
-    about = folder / ABOUT
-    if about.exists():
-        draft.about = json.loads(about.read_text(encoding="utf-8"))
+    file = inside(folder, ABOUT)
+    if file.exists():
+        draft.about = about.read(file, f"{where}{ABOUT}")
         draft.output_classes.update(draft.about.get("output_classes", {}))
         draft.inner = draft.about.get("inner", 1)
     draft.problems = reader.problems
@@ -62,7 +65,7 @@ class _Reader:
         return f"{self.where}:{element.sourceline}"
 
     def system(self) -> Draft:
-        root = parse_bytes(self.file.read_bytes(), self.where)
+        root = parse_bytes(contents(self.file, self.where), self.where)
         if root.tag != f"{{{SSD}}}SystemStructureDescription":
             raise DesatError(f"{self.where}: not an SSP 1.0 SystemStructureDescription")
         self.problems += validate(root, "SystemStructureDescription.xsd", self.where)
@@ -100,18 +103,16 @@ class _Reader:
         for child in element.iterfind(f"{{{SSD}}}Elements/{{{SSD}}}Component"):
             hint = child.find(f".//{{{OSP}}}StepSizeHint")
             if hint is not None and draft.step:
-                decimation = max(1, round(float(hint.get("value", "0")) / draft.step))
+                decimation = max(1, round(self.number(hint, "value", "0") / draft.step))
                 draft.components[child.get("name")].decimation = decimation
         return draft
 
     def component(self, element: Any) -> DraftComponent:
         source = unquote(element.get("source", ""))
         component = DraftComponent(
-            element.get("name", ""),
-            source,
-            line=element.sourceline,
-            fmu=library.find(source, self.folder),
-        )
+            element.get("name", ""), source, line=element.sourceline,
+            fmu=library.find(source, self.folder) if self.inside(element, source) else None,
+        )  # fmt: skip
         for child in element.iterfind(f"{{{SSD}}}Connectors/{{{SSD}}}Connector"):
             kind = next((c for c in child if etree.QName(c).namespace == SSC), None)
             connector = Connector(
@@ -132,20 +133,41 @@ class _Reader:
                 component.units[name] = unit
         return component
 
+    def inside(self, element: Any, source: str) -> Path | None:
+        """The path of a file that the system names; None, and a problem, for one outside."""
+        try:
+            return inside(self.folder, source)
+        except DesatError as error:
+            self.problems.append(f"{self.at(element)}: source {error}")
+            return None
+
+    def number(self, element: Any, key: str, default: str = "") -> float:
+        """A finite number. Raises DesatError."""
+        text = element.get(key, default)
+        try:
+            if isfinite(number := float(text)):
+                return number
+        except ValueError:
+            pass
+        raise DesatError(f"{self.at(element)}: {key} = {text[:40]!r}: a finite number is needed")
+
     def connection(self, element: Any) -> Connection:
         source, target = element.get("startElement"), element.get("endElement")
+        output, input_ = element.get("startConnector"), element.get("endConnector")
+        if output is None or input_ is None:
+            raise DesatError(f"{self.at(element)}: a connection names two connectors")
         if source is None or target is None:
             raise DesatError(
                 f"{self.at(element)}: a connector of the system itself is not supported"
             )
         connection = Connection(
-            source, element.get("startConnector"), target, element.get("endConnector"),
-            line=element.sourceline,
+            source, output, target, input_, line=element.sourceline,
             converts=element.get("suppressUnitConversion", "false") not in ("true", "1"),
         )  # fmt: skip
         for child in element:
             if child.tag == f"{{{SSC}}}LinearTransformation":
-                factor, offset = float(child.get("factor", "1")), float(child.get("offset", "0"))
+                factor = self.number(child, "factor", "1")
+                offset = self.number(child, "offset", "0")
                 connection = replace(connection, factor=factor, offset=offset)
             elif etree.QName(child).namespace == SSC:
                 raise DesatError(
@@ -158,6 +180,7 @@ class _Reader:
         """(binding, prefixed name, value, its unit where one is given) of the parameter sets bound
         to a component or system."""
         values: list[tuple[Any, str, Scalar, Unit | None]] = []
+        given: dict[str, str] = {}
         for binding in element.iterfind(f"{{{SSD}}}ParameterBindings/{{{SSD}}}ParameterBinding"):
             if binding.find(f"{{{SSD}}}ParameterMapping") is not None:
                 raise DesatError(f"{self.at(binding)}: a ParameterMapping is not supported")
@@ -167,12 +190,14 @@ class _Reader:
                 root = binding.find(f"{{{SSD}}}ParameterValues/{{{SSV}}}ParameterSet")
                 where = self.where
             else:
-                file = self.folder / unquote(source)
+                file = self.inside(binding, unquote(source))
                 where = f"{self.prefix}{source}"
+                if file is None:
+                    continue
                 if not file.exists():
                     self.problems.append(f"{self.at(binding)}: {source} is missing")
                     continue
-                root = parse_bytes(file.read_bytes(), where)
+                root = parse_bytes(contents(file, where), where)
                 self.problems += validate(root, "SystemStructureParameterValues.xsd", where)
             if root is None:
                 continue
@@ -180,6 +205,9 @@ class _Reader:
                 value = next(iter(parameter), None)
                 if value is not None:
                     name, at = prefix + parameter.get("name", ""), f"{where}:{value.sourceline}"
+                    if name in given:
+                        self.problems.append(f"{at} and {given[name]}: {name} is given twice")
+                    given[name] = at
                     unit = self.unit(value.get("unit"), root, f"{at}: {name}")
                     values.append((binding, name, self.value(value, where), unit))
         return values
@@ -191,8 +219,11 @@ class _Reader:
         for unit in root.iterfind(f"{{{SSV}}}Units/{{{SSC}}}Unit"):
             base = unit.find(f"{{{SSC}}}BaseUnit")
             if unit.get("name") == name and base is not None:
-                exponents = {k: int(base.get(k, "0")) for k in ("kg", "m", "s", "A", "K", "rad")}
-                factor, offset = float(base.get("factor", "1")), float(base.get("offset", "0"))
+                try:
+                    exponents = {k: int(base.get(k, "0")) for k in Unit._fields[:6]}
+                except ValueError as error:
+                    raise DesatError(f"{where}: unit {name}: {error}") from error
+                factor, offset = self.number(base, "factor", "1"), self.number(base, "offset", "0")
                 if base.get("mol", "0") == base.get("cd", "0") == "0":
                     return Unit(**exponents, factor=factor, offset=offset)
         try:
@@ -218,11 +249,11 @@ class _Reader:
         experiment = root.find(f"{{{SSD}}}DefaultExperiment")
         if experiment is None:
             return
-        draft.start = float(experiment.get("startTime", "0"))
+        draft.start = self.number(experiment, "startTime", "0")
         if experiment.get("stopTime") is not None:
-            draft.stop = float(experiment.get("stopTime"))
+            draft.stop = self.number(experiment, "stopTime")
         for element in experiment.iter():
-            if etree.QName(element).localname == "FixedStepAlgorithm" and (
-                step := element.get("baseStepSize")
+            if etree.QName(element).localname == "FixedStepAlgorithm" and element.get(
+                "baseStepSize"
             ):
-                draft.step = float(step)
+                draft.step = self.number(element, "baseStepSize")

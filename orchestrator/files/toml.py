@@ -9,6 +9,10 @@ from typing import Any
 
 from ..system.errors import DesatError
 from . import places
+from .contents import contents
+
+LARGEST = 2 << 20
+"""The largest TOML file that is read (bytes)."""
 
 
 def toml(file: Path) -> dict[str, Any]:
@@ -20,20 +24,16 @@ def toml(file: Path) -> dict[str, Any]:
 def text(file: Path, where: str) -> str:
     """The text of a file, which messages call `where`. Raises DesatError."""
     try:
-        return file.read_bytes().decode("utf-8")
+        return contents(file, where, LARGEST).decode("utf-8")
     except UnicodeDecodeError as error:
         raise DesatError(f"{where}: not UTF-8 (byte {error.start + 1})") from error
-    except FileNotFoundError as error:
-        raise DesatError(f"{where}: no such file") from error
-    except OSError as error:
-        raise DesatError(f"{where}: {error.strerror}") from error
 
 
 def parsed(source: str, where: str) -> dict[str, Any]:
     """The data of a text in TOML. Raises DesatError, which begins with `where`."""
     try:
         return tomllib.loads(source)
-    except (tomllib.TOMLDecodeError, RecursionError) as error:
+    except (ValueError, RecursionError) as error:  # ValueError also of a date that there is not
         raise DesatError(f"{where}: {error}") from error
 
 

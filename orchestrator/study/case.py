@@ -2,21 +2,27 @@
 
 from __future__ import annotations
 
+import math
 import time
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from pathlib import Path
 from types import ModuleType
 from typing import Any
 
 from ..analyses import analyses
+from ..engine.host import brief, kept, no_space, said
 from ..engine.instances import ComponentError
 from ..engine.loop import bar, interruptible, run, stepping
 from ..engine.master import Master
 from ..engine.results import SERIES, Recorder, Results, selects
+from ..engine.unwritten import Layout, Unwritten, recover
+from ..files import library
 from ..system.codes import Exit
 from ..system.errors import DesatError, RunError
-from . import stopping
+from ..system.model import System
+from . import stopping, supervise
 from .manifest import MANIFEST, describe, numbers, read_manifest, write_json
 from .options import Options
 from .prepare import Case, load, prepare
@@ -42,10 +48,10 @@ class Run:
         """The exit code that says how it ended."""
         if self.ok:
             return Exit.UNMET if self.manifest.get("unmet") else Exit.COMPLETED
+        if "exit" in self.manifest:
+            return Exit(self.manifest["exit"])
         if self.manifest["status"] == stopping.LATE:
             return Exit.TIMEOUT
-        if self.manifest["status"] == "interrupted":
-            return Exit(self.manifest.get("exit", Exit.INTERRUPTED))
         return Exit.COMPONENT
 
     def or_raise(self, target: str) -> Run:
@@ -66,71 +72,192 @@ def execute(
 def simulate(case: Case, folder: Path | None = None, progress: bool = False) -> Run:
     """Run a prepared case; `folder` None keeps the series in memory.
 
-    A component that fails, Ctrl-C, SIGTERM and the time limit end the run early: what was recorded
-    is kept, and the manifest's status says which. A run that its scenario's `stop_when` ends is
-    completed, and the manifest's `stopped_when` says when.
-    Raises DesatError where the run cannot begin.
+    A component that fails, a signal to stop and the time limits end the run early: what was
+    recorded is kept, and the manifest's status says which. A run that its scenario's `stop_when`
+    ends is completed, and the manifest's `stopped_when` says when. With `options.supervised` it
+    runs in a process of its own, which a component may end (`supervise.py`).
+    Raises DesatError where the run cannot begin, and RunError where there is no room for it.
     """
-    system, schedule = case.or_raise()
-    options = case.options
-    began, clock = datetime.now(UTC), time.perf_counter()
+    system, _ = case.or_raise()
+    options, clock = case.options, time.perf_counter()
+    began = datetime.now(UTC)
     manifest = describe(system, options, case.target)
     manifest.update(started=began.isoformat(timespec="seconds"), steps=system.steps,
                     status="running", warnings=case.checked.warnings)  # fmt: skip
+    if folder is not None:
+        folder = folder.absolute()  # a component may change the working directory
+    if options.supervised and supervise.CAN:
+        outcome, results = _supervised(case, folder, manifest, progress)
+    else:
+        outcome, results = _stepped(case, folder, manifest, progress)
+    manifest["warnings"] = [*manifest["warnings"], *outcome.warnings]
+    manifest.update(
+        status=outcome.status,
+        message=outcome.message,
+        steps_done=outcome.steps,
+        end_time=system.start + outcome.steps * system.step,
+        stopped_when=outcome.stopped,
+        loop=outcome.loop,
+        wall_seconds=round(time.perf_counter() - clock, 6),
+        us_per_step=round(1e6 * outcome.seconds / max(outcome.steps, 1), 3),
+        numbers={},
+        unmet=[],
+    )
+    if outcome.code:
+        manifest["exit"] = int(outcome.code)
+    try:
+        _measure(manifest, system, results)
+    finally:  # whatever fails in there, what the run was is kept
+        if folder is not None:
+            write_json(folder / MANIFEST, manifest)
+            (folder / f"{MANIFEST}.part").unlink(missing_ok=True)
+    return Run(manifest, results)
+
+
+def _measure(manifest: dict[str, Any], system: System, results: Results) -> None:
+    """Add the numbers of a run, and what is unmet, to its manifest."""
+    if not len(results.times()):
+        return
+    manifest["numbers"] = numbers(system.about, results, manifest["parameters"])
+    for analysis in analyses():
+        if manifest[analysis.KEY] is not None:
+            manifest["numbers"].update(analysis.numbers(manifest, results))
+            manifest["unmet"] += analysis.unmet(manifest, results)
+
+
+@dataclass
+class Outcome:
+    """How stepping ended."""
+
+    status: str
+    message: str = ""
+    code: int = 0
+    """The exit code, where the status does not say it."""
+    steps: int = 0
+    seconds: float = 0.0
+    loop: dict[str, str] | None = None
+    """Which loop stepped, and why not the compiled one."""
+    stopped: dict[str, Any] | None = None
+    """The condition that ended the run, and when."""
+    warnings: list[str] = field(default_factory=list)
+
+
+def _stepped(
+    case: Case, folder: Path | None, manifest: dict[str, Any], progress: bool,
+    unwritten: Unwritten | None = None, tell: Callable[[str, Any], None] = lambda name, what: None,
+) -> tuple[Outcome, Results]:  # fmt: skip
+    """Initialise, step and record. `tell` gets the layout of rows, and the outcome before the
+    components are freed."""
+    system, schedule = case.or_raise()
+    options, outcome = case.options, Outcome("completed")
 
     def watched(component: str, signal: Any) -> bool:
         ends_it = ends is not None and ends.reads(component, signal)
         return ends_it or selects(options.record, component, signal)
 
     ends = stopping.condition(system)
-    with Master(system, schedule, algorithm=options.algorithm, watched=watched) as master:
+    with (
+        kept() as changes,
+        Master(system, schedule, algorithm=options.algorithm, watched=watched) as master,
+    ):
         master.initialise()
-        recorder = Recorder(folder and folder / SERIES, master, options.record, options.every)
+        outcome.warnings += changes("when it was initialised")
+        recorder = Recorder(
+            folder and folder / SERIES, master, options.record, options.every, unwritten
+        )
+        tell("layout", recorder.layout)
         if folder is not None:
             write_json(folder / f"{MANIFEST}.part", manifest)
         if options.algorithm == "jacobi":
             recorder.record(0, master.live)
-        ending, stopped = stopping.watch(master, ends, options.time_limit), None
+        ending, began = stopping.watch(master, ends, options.time_limit), time.perf_counter()
         steps = stepping(master, recorder, ending, options.loop)
-        manifest["loop"] = {"name": steps.name, "why": steps.why}
-        status, message, stepped = "completed", "", time.perf_counter()
+        outcome.loop = {"name": steps.name, "why": steps.why}
         try:
             with interruptible() as interrupted, bar(system.name, system.steps, progress) as report:
                 reason = run(
                     master, steps, system.steps, recorder, ending, interrupted, report
                 )  # fmt: skip
             if number := interrupted():
-                status, message = "interrupted", f"stopped by the user at t = {master.t:g} s"
-                manifest["exit"] = int(Exit(128 + number))
+                outcome.status = "interrupted"
+                outcome.message = f"stopped by the user at t = {master.t:g} s"
+                outcome.code = int(Exit(128 + number))
             elif reason == stopping.LATE:
-                status = reason
-                message = f"{options.time_limit:g} s of wall time over at t = {master.t:g} s"
+                outcome.status = reason
+                outcome.message = (
+                    f"{options.time_limit:g} s of wall time over at t = {master.t:g} s"
+                )
             elif reason:
-                stopped = {"condition": reason, "time": master.t}
+                outcome.stopped = {"condition": reason, "time": master.t}
         except ComponentError as error:
-            status, message = "failed", str(error)
-        seconds = time.perf_counter() - stepped
-        done = master.k
+            outcome.status, outcome.message = "failed", str(error)
+        outcome.seconds, outcome.steps = time.perf_counter() - began, master.k
+        outcome.warnings += [*changes("while it ran"), *said(master)]
         results = recorder.finish(master)
-    manifest.update(
-        status=status,
-        message=message,
-        steps_done=done,
-        end_time=master.t,
-        stopped_when=stopped,
-        wall_seconds=round(time.perf_counter() - clock, 6),
-        us_per_step=round(1e6 * seconds / max(done, 1), 3),
-        numbers=numbers(system.about, results, manifest["parameters"]),
-        unmet=[],
-    )
-    for analysis in analyses():
-        if manifest[analysis.KEY] is not None:
-            manifest["numbers"].update(analysis.numbers(manifest, results))
-            manifest["unmet"] += analysis.unmet(manifest, results)
-    if folder is not None:
-        write_json(folder / MANIFEST, manifest)
-        (folder / f"{MANIFEST}.part").unlink(missing_ok=True)
-    return Run(manifest, results)
+        tell("outcome", outcome)
+    return outcome, results
+
+
+def _supervised(
+    case: Case, folder: Path | None, manifest: dict[str, Any], progress: bool
+) -> tuple[Outcome, Results]:
+    """The same in a process of its own: how it ended, or was ended, and the rows until then."""
+    system, schedule = case.or_raise()
+    options, unwritten = case.options, Unwritten.shared()
+    place = folder or library.scratch("run")
+
+    def work(tell: Callable[[str, Any], None], unwritten: Unwritten) -> None:
+        _stepped(case, place, manifest, progress, unwritten, tell)
+
+    limit = min(options.call_limit, options.time_limit or math.inf)
+    try:
+        ended = supervise.watch(work, schedule.order, unwritten, limit)
+        if "error" in ended.said:
+            kind, arguments = ended.said["error"]
+            raise kind(*arguments)
+        outcome = ended.said.get("outcome")
+        full = no_space(ended.said.get("bug", ""))
+        if "bug" in ended.said and not full and outcome is None:
+            raise RuntimeError(ended.said["bug"])
+        if outcome is not None:
+            if ended.how:  # all is recorded; it ended when a component was freed
+                outcome.status, outcome.message = "failed", f"{ended.text()}, after the run"
+            return outcome, Results.open(place)
+        layout = supervise.layout_of(ended)
+        if layout is None and full:
+            raise RunError(f"{place}: {full}", Exit.SPACE)
+        if layout is None:
+            raise RunError(ended.text(), Exit.TIMEOUT if ended.hung else Exit.COMPONENT)
+        return _cut_short(system, options, place, ended, layout, unwritten, full)
+    finally:
+        unwritten.close()
+
+
+def _cut_short(
+    system: System, options: Options, place: Path, ended: supervise.Ended, layout: Layout,
+    unwritten: Unwritten, full: str,
+) -> tuple[Outcome, Results]:  # fmt: skip
+    """How a run ended that could not say so itself, and its rows."""
+    outcome = Outcome("failed", ended.text(), Exit.COMPONENT)
+    if full:
+        outcome = Outcome("no space", f"{place / SERIES}: {full}", Exit.SPACE)
+    elif ended.signal:
+        outcome = Outcome("interrupted", "stopped by the user", 128 + ended.signal)
+    elif ended.hung:
+        outcome = Outcome(stopping.LATE, ended.text(), Exit.TIMEOUT)
+    part, path = place / f"{SERIES}.part", place / SERIES
+    unwritten.lay_out(layout)
+    try:
+        rows = recover(part, path, layout, unwritten)
+        results = Results.open(path)
+    except (OSError, RuntimeError) as error:  # no room for a copy: what is there is read as it is
+        rows = unwritten.written
+        results = Results.open(part, rows)
+        outcome.warnings.append(f"{part}: only {rows} rows of it hold values ({brief(error)})")
+    times = results.times()
+    outcome.steps = round((times[-1] - system.start) / system.step) if len(times) else 0
+    outcome.message += f"; {rows} rows are kept"
+    return outcome, results
 
 
 def load_run(folder: Path) -> Run:

@@ -31,7 +31,13 @@ class Options:
     """`component.variable` -> value, beside `sets`, for callers that are programs."""
     design: str | None = None
     """Of a scenario with a [design]: a file with another one, or `now`: made for these values."""
+    trusted: frozenset[str] | None = None
+    """The sha256 of the FMUs that may run besides ours; None: all may."""
     time_limit: float | None = None
     """Wall time (s) that stepping may take; the run ends between two steps"""
     loop: Loop = "compiled"
     """What steps; the compiled loop only where it can be had."""
+    supervised: bool = False
+    """It runs in a process of its own, where there are such (POSIX)."""
+    call_limit: float = 300.0
+    """Wall time (s) that one call of a component may take, where it is supervised."""

@@ -10,7 +10,7 @@ from typing import Any
 from ..analyses import warnings
 from ..designs import making, origin
 from ..designs import problems as design_problems
-from ..files import library, scenario, ssp
+from ..files import about, library, scenario, ssp, trust
 from ..files.scenario import Scenario
 from ..system.check import Checked, check
 from ..system.draft import Draft
@@ -19,7 +19,7 @@ from ..system.interface import base_name
 from ..system.model import System
 from ..system.parameters import table
 from ..system.schedule import Schedule
-from . import meaning, stopping
+from . import meaning, recorded, stopping
 from .modify import modify
 from .numbers import problems
 from .options import Options
@@ -57,8 +57,8 @@ def prepare(target: str, options: Options) -> Case:
     if options.design is not None and described is None:
         raise DesatError(f"--design {options.design}: {target} is no scenario with a [design]")
     draft = _draft(target, described, options.blocks, designed=options.design is None)
-    if described is not None:
-        draft.problems += meaning.words(described) or meaning.names(described, draft)
+    if told := described or _told(draft):
+        draft.problems += meaning.words(told) or meaning.names(told, draft)
     if described is None or options.design is None:
         modify(draft, options)
         if source := described or _packed_from(draft):
@@ -70,6 +70,10 @@ def prepare(target: str, options: Options) -> Case:
             if component.fmu is not None:
                 component.fmu = library.of_kind(component.fmu, options.fmus)
     checked = check(draft)
+    if checked.system is not None:
+        components = checked.system.components.values()
+        checked.problems += trust.problems(components, options.trusted)
+        checked.problems += recorded.problems(checked.system, options)
     if checked.system is not None and checked.schedule is not None:
         if described is not None:
             checked.problems += meaning.wants(described, checked.system)
@@ -114,6 +118,15 @@ def _draft(
 def _each_draw(described: Scenario | None) -> bool:
     """True for a scenario whose design is made anew for the values of each draw."""
     return described is not None and bool(described.data.get("design", {}).get("each_draw"))
+
+
+def _told(draft: Draft) -> Scenario | None:
+    """What a packed system says of itself, as a scenario; None where it says nothing."""
+    if not draft.about:
+        return None
+    file = Path(draft.where).parent / ssp.ABOUT
+    name, cell = draft.about.get("name", draft.name), draft.about.get("cell", {})
+    return Scenario(name, file, about.data_of(draft.about), cell, file.parent)
 
 
 def _packed_from(draft: Draft) -> Scenario | None:

@@ -23,5 +23,6 @@ class Exit(IntEnum):
     COMPONENT = 4, "a component failed while it ran"
     TIMEOUT = 5, "timed out"
     SPACE = 6, "no space left on the disk"
+    HUNG_UP = 129, "stopped as its terminal was closed (SIGHUP)"
     INTERRUPTED = 130, "stopped by Ctrl-C (SIGINT)"
     TERMINATED = 143, "stopped by SIGTERM"

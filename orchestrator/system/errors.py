@@ -7,6 +7,9 @@ from collections.abc import Iterable
 
 from .codes import Exit
 
+MANY, LONG = 2000, 200
+"""Beyond so many names, or characters of one, no nearest is looked for: it would take minutes."""
+
 
 class DesatError(Exception):
     """Something the user can mend; the text names file, component and variable, what was got and
@@ -26,9 +29,16 @@ class RunError(DesatError):
         return str(self.args[0])
 
 
+def plain(text: str) -> str:
+    """A text of somebody's as one printable line: no control characters reach a terminal."""
+    return "".join(x if x.isprintable() else " " if x.isspace() else "\ufffd" for x in text)
+
+
 def nearest(name: str, known: Iterable[str]) -> str:
     """`; did you mean X?` for the closest known name, or a list of the known names."""
     known = sorted(known)
+    if len(known) > MANY or len(name) > LONG:
+        return ""
     close = difflib.get_close_matches(name, known, n=1, cutoff=0.6)
     if close:
         return f"; did you mean {close[0]}?"

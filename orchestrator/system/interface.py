@@ -7,7 +7,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Literal
+from functools import cached_property
+from typing import Any, Literal
 
 from desat.components.contract.block import Block, Scalar
 from desat.components.contract.units import Unit, unit_of
@@ -46,6 +47,11 @@ class Signal:
     """The component's parameters and inputs that have no effect where this input is neither wired
     nor given, or where this output reaches nobody."""
 
+    def named(self, value: Any) -> Any:
+        """The name of a value, where it is a choice; else the value."""
+        is_choice = isinstance(value, int) and 0 <= value < len(self.choices)
+        return self.choices[value] if is_choice else value
+
 
 @dataclass(frozen=True)
 class Interface:
@@ -64,7 +70,19 @@ class Interface:
         """The scalar `name`, or the elements `name[...]` of an array; empty when unknown."""
         if name in self.signals:
             return [self.signals[name]]
-        return [s for s in self.signals.values() if base_name(s.name) == name]
+        return list(self._arrays.get(name, ()))
+
+    @cached_property
+    def _arrays(self) -> dict[str, list[Signal]]:
+        arrays: dict[str, list[Signal]] = {}
+        for signal in self.signals.values():
+            arrays.setdefault(base_name(signal.name), []).append(signal)
+        return arrays
+
+    @cached_property
+    def slopes(self) -> frozenset[str]:
+        """The outputs that are the slope of a mean."""
+        return frozenset(s.slope for s in self.signals.values() if s.slope)
 
 
 def base_name(name: str) -> str:

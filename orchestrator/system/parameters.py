@@ -97,7 +97,7 @@ def table(components: Iterable[Component]) -> dict[str, dict[str, Any]]:
                 base_name(s.name),
                 {"value": [], "unit": s.unit_name, "given": False, "text": s.description},
             )
-            named = s.choices[value] if s.choices and isinstance(value, int) else value
+            named = s.named(value)
             row["value"] = named if s.name == base_name(s.name) else [*row["value"], named]
             row["given"] = row["given"] or s.name in c.parameters
     return parameters

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from itertools import islice
 
 from desat.components.contract.block import Scalar
 from desat.components.contract.units import conversion
@@ -16,6 +17,11 @@ from .interface import Interface, Signal
 from .model import Component, Connection, System
 from .parameters import expand, in_unit_of
 from .references import evaluate
+
+RESERVED = ("time", "shared")
+"""What no component is called: the series of times, and parameters of all."""
+MOST = 100
+"""Lines about one kind of problem; more help nobody."""
 
 
 @dataclass(frozen=True)
@@ -30,12 +36,12 @@ class Resolved:
 
 def resolve(draft: Draft) -> Resolved:
     """Resolve a draft; every problem is collected."""
-    problems = list(draft.problems)
+    problems = [*draft.problems, *_names(draft)]
     components: dict[str, Component] = {}
     for c in draft.components.values():
         if c.interface is None:
             continue
-        problems += _connectors(draft, c, c.interface)
+        problems += islice(_connectors(draft, c, c.interface), MOST)
         parameters = _parameters(draft, c, c.interface, problems)
         components[c.name] = Component(
             c.name, c.source, c.interface, parameters, c.fmu, c.decimation, dict(c.connectors),
@@ -60,6 +66,15 @@ def resolve(draft: Draft) -> Resolved:
         draft.inner, dict(draft.output_classes), draft.about,
     )  # fmt: skip
     return Resolved(components, [], system)
+
+
+def _names(draft: Draft) -> Iterator[str]:
+    """Names of components that those of their variables, and of their series, cannot begin with."""
+    for c in draft.components.values():
+        bad = set("./[]*?=") & set(c.name) or not c.name.strip() or not c.name.isprintable()
+        if bad or c.name in RESERVED:
+            yield (f"{draft.where}:{c.line}: component {c.name!r}: a name is needed without . / [ "
+                   f"] * ? = and other than {', '.join(RESERVED)}")  # fmt: skip
 
 
 def _connectors(draft: Draft, c: DraftComponent, interface: Interface) -> Iterator[str]:
@@ -100,7 +115,10 @@ def _connections(draft: Draft, problems: list[str]) -> tuple[Connection, ...]:
     """The connections, those between different units with their conversion."""
     result = []
     driven: dict[tuple[str, str], Connection] = {}
+    before = len(problems)
     for c in draft.connections:
+        if len(problems) > before + MOST:
+            break
         where = f"{draft.where}:{c.line}: {c}"
         source = _end(draft, c.source, c.output, "output", where, problems)
         target = _end(draft, c.target, c.input, "input", where, problems)
@@ -166,6 +184,9 @@ def _times(draft: Draft) -> tuple[float, float]:
     span = (draft.stop - draft.start) / draft.step
     if not 1.0 - 1e-9 <= span < 1e12:
         raise DesatError(f"{draft.where}: no step from {draft.start} s to {draft.stop} s")
+    if draft.start + draft.step == draft.start or draft.stop - draft.step == draft.stop:
+        raise DesatError(f"{draft.where}: from {draft.start:g} s to {draft.stop:g} s, time does not "
+                         f"grow by a step of {draft.step:g} s")  # fmt: skip
     if abs(span - round(span)) > 1e-6:
         raise DesatError(
             f"{draft.where}: {draft.stop - draft.start:g} s is not a multiple of the step "

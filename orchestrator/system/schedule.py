@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from heapq import heapify, heappop, heappush
 
 from .errors import DesatError
 from .interface import OutputClass, Signal, base_name
@@ -49,15 +50,13 @@ def schedule(system: System) -> Schedule:
     for c in system.connections:
         if classes[c.source, c.output] == "interval":
             before[c.target].add(c.source)
-    order: list[str] = []
-    waiting = dict(before)
-    while waiting:
-        ready = min((n for n, needs in waiting.items() if needs <= set(order)), default=None)
-        if ready is None:
-            raise DesatError(_circle(system, waiting, classes))
-        order.append(ready)
-        del waiting[ready]
-    means = [c for c in system.connections if _is_mean(system, c, classes[c.source, c.output])]
+    order = _order(before)
+    if len(order) < len(before):
+        waiting = {name: needs for name, needs in before.items() if name not in set(order)}
+        raise DesatError(_circle(system, waiting, classes))
+    means = {
+        c: None for c in system.connections if _is_mean(system, c, classes[c.source, c.output])
+    }
     paces, problems = rates(system, [Link(c.source, c.target, str(c)) for c in means])
     if problems:
         raise DesatError("\n".join(f"{system.where}: {text}" for text in problems))
@@ -69,11 +68,29 @@ def schedule(system: System) -> Schedule:
     return Schedule(tuple(order), classes, paces, timing, tuple(_warnings(means, timing)))
 
 
+def _order(before: dict[str, set[str]]) -> list[str]:
+    """The names, each after those before it, else by the alphabet; without those in a circle."""
+    after: dict[str, list[str]] = {name: [] for name in before}
+    open_ends = {name: len(needs) for name, needs in before.items()}
+    for name, needs in before.items():
+        for need in needs:
+            after[need].append(name)
+    ready, order = [name for name, count in open_ends.items() if not count], []
+    heapify(ready)
+    while ready:
+        order.append(heappop(ready))
+        for name in after[order[-1]]:
+            open_ends[name] -= 1
+            if not open_ends[name]:
+                heappush(ready, name)
+    return order
+
+
 def _is_mean(system: System, c: Connection, output_class: OutputClass) -> bool:
     """Whether a connection carries a mean over the step, or the slope of one."""
-    signals = system.components[c.source].interface.signals
+    interface = system.components[c.source].interface
     return output_class == "interval" and (
-        signals[c.output].mean or any(s.slope == c.output for s in signals.values())
+        interface.signals[c.output].mean or c.output in interface.slopes
     )
 
 
@@ -96,7 +113,9 @@ def _steps(paces: Rates, window: int) -> str:
     return "inner steps" if window <= len(paces.parts) else "steps"
 
 
-def _warnings(means: list[Connection], timing: Iterable[tuple[Connection, str]]) -> Iterator[str]:
+def _warnings(
+    means: Iterable[Connection], timing: Iterable[tuple[Connection, str]]
+) -> Iterator[str]:
     """Values that are held, or of which some are left out, between components that exchange
     means: what is exchanged is conserved all the same, but is less exact."""
     exchanging = {c.source for c in means} | {c.target for c in means}

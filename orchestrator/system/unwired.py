@@ -78,6 +78,6 @@ def _value_text(c: Component, name: str) -> str:
     if signal is None:
         return ""
     value = _values(c, [signal])[0]
-    if signal.choices and isinstance(value, int):
-        return f" = {signal.choices[value]}"
-    return f" = {str(value).lower() if isinstance(value, bool) else value}"
+    if not signal.choices and isinstance(value, bool):
+        return f" = {str(value).lower()}"
+    return f" = {signal.named(value)}"

@@ -20,6 +20,7 @@ from ..common import (
     Step,
     Stop,
     Target,
+    Trust,
     app,
     err,
     options_of,
@@ -39,21 +40,24 @@ def check(
     blocks: Blocks = False,
     design: DesignOption = None,
     classes: Classes = None,
+    trust: Trust = None,
     as_json: Json = False,
 ) -> None:
     """Find what is wrong with a system before it runs, and print its schedule."""
     from ...engine.trial import refusals
+    from ...files.trust import notes
     from ...study.case import prepare
     from ...system.interface import base_name
 
     options = options_of(sets, stop, step, Semantics.conserving, blocks, classes, sources,
-                         inner=inner, design=design)  # fmt: skip
+                         inner=inner, design=design, trust=trust)  # fmt: skip
     case = prepare(target, options)
     checked, schedule = case.checked, case.checked.schedule
     if checked.system is not None and schedule is not None:
-        problems, warnings = refusals(checked.system, schedule)
+        problems, warnings = refusals(checked.system, schedule, options.trusted)
         checked.problems += problems
         checked.warnings += warnings
+        checked.notes += notes(checked.system.components.values())
     timing: dict[str, str] = {}
     for connection, when in schedule.timing if schedule else ():
         key = (f"{connection.source}.{base_name(connection.output)} -> "

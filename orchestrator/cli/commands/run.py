@@ -28,12 +28,14 @@ from ..common import (
     Stop,
     Target,
     TimeLimit,
+    Trust,
     app,
     err,
     name_of,
     options_of,
     out,
     print_json,
+    warn,
 )
 
 if TYPE_CHECKING:
@@ -67,6 +69,15 @@ def run(
     classes: Classes = None,
     time_limit: TimeLimit = None,
     loop: LoopOption = Stepping.compiled,
+    call_limit: Annotated[
+        float,
+        typer.Option(
+            metavar="SECONDS",
+            min=0.1,
+            help="Wall time that one call of a component may take; the command then ends with 5.",
+        ),
+    ] = 300.0,
+    trust: Trust = None,
     estimate: Annotated[
         bool,
         typer.Option(
@@ -79,17 +90,21 @@ def run(
     """Run a scenario and write a run folder: series, manifest, report."""
     from ...study import report as report_module
     from ...study.case import prepare, simulate
+    from ...study.recorded import room
 
     options = options_of(
         sets, stop, step, algorithm, blocks, classes, sources, record=tuple(record or ("*",)),
         every=every, design=design, inner=inner,
-        time_limit=time_limit, loop=loop.value, fmus=fmus.value,
+        time_limit=time_limit, loop=loop.value, fmus=fmus.value, trust=trust, supervised=True,
+        call_limit=call_limit,
     )  # fmt: skip
     target_folder = _run_folder(target, folder)
     case = prepare(target, options)
-    for warning in case.checked.warnings:
-        err.print(f"warning: {warning}", highlight=False, markup=False)
+    if short := room(case.or_raise()[0], options, target_folder.absolute()):
+        case.checked.warnings.append(short)
+    warn(case.checked.warnings)
     finished = simulate(case, target_folder, progress=not as_json)
+    warn(finished.manifest["warnings"][len(case.checked.warnings) :])
     if estimate and finished.ok:
         from ...analyses import estimate as estimate_module
         from ...study.manifest import MANIFEST, write_json

@@ -1,0 +1,127 @@
+"""What components may do to the process that they run in, noticed and undone; what they said."""
+
+from __future__ import annotations
+
+import ctypes
+import errno
+import locale
+import os
+import signal
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any
+
+from .master import Master
+
+_HANDLER = 512
+"""More bytes than any `struct sigaction` has."""
+_SIGNALS = ("SIGINT", "SIGTERM", "SIGHUP", "SIGPIPE", "SIGFPE", "SIGSEGV", "SIGCHLD")
+_FULL = {
+    errno.ENOSPC: "no space left on the disk",
+    errno.EDQUOT: "the disk quota is used up",
+    errno.EFBIG: "the file is larger than is allowed (ulimit -f)",
+}
+
+
+@contextmanager
+def kept() -> Iterator[Callable[[str], list[str]]]:
+    """Within: a function that puts the process back as it was at the beginning, and gives a line
+    for each thing that was changed."""
+    before = {name: get() for name, (get, _) in _STATE.items()}
+
+    def changes(when: str) -> list[str]:
+        lines = []
+        for name, (get, put) in _STATE.items():
+            if get() != before[name]:
+                put(before[name])
+                lines.append(f"a component changed the {name} of the process {when}; put back")
+        return lines
+
+    try:
+        yield changes
+    finally:
+        changes("")
+
+
+class _Handler(bytes):
+    """A `struct sigaction`, which begins with the handler; the rest does not count."""
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _Handler) and self[:8] == other[:8]
+
+    __hash__ = None  # type: ignore[assignment]
+
+
+def _handlers() -> list[_Handler]:
+    found = []
+    for name in _SIGNALS:
+        if hasattr(signal, name) and sys.platform == "linux":
+            state = ctypes.create_string_buffer(_HANDLER)
+            _C.sigaction(int(getattr(signal, name)), None, state)
+            found.append(_Handler(state.raw))
+    return found
+
+
+def _put_handlers(states: list[_Handler]) -> None:
+    names = [n for n in _SIGNALS if hasattr(signal, n)]
+    for name, state in zip(names, states, strict=False):
+        _C.sigaction(int(getattr(signal, name)), bytes(state), None)
+
+
+def _rounding() -> int:
+    return int(_M.fegetround()) if _M is not None else 0
+
+
+def _put_rounding(mode: int) -> None:
+    if _M is not None:
+        _M.fesetround(mode)
+
+
+def _folder() -> str:
+    try:
+        return os.getcwd()
+    except OSError:  # it was removed
+        return ""
+
+
+def _put_folder(path: str) -> None:
+    if path:
+        os.chdir(path)
+
+
+_C: Any = ctypes.CDLL(None) if os.name == "posix" else None
+_M: Any = _C if hasattr(_C, "fegetround") else None
+if _M is None and sys.platform == "linux":
+    _M = ctypes.CDLL("libm.so.6")
+_STATE: dict[str, tuple[Callable[[], Any], Callable[[Any], Any]]] = {
+    "rounding mode": (_rounding, _put_rounding),
+    "locale": (
+        lambda: locale.setlocale(locale.LC_ALL),
+        lambda x: locale.setlocale(locale.LC_ALL, x),
+    ),
+    "working directory": (_folder, _put_folder),
+    "signal handlers": (_handlers, _put_handlers),
+}
+
+
+def said(master: Master) -> list[str]:
+    """A line for each message that the components of a run have logged."""
+    lines = [
+        f"{name}: {text}"
+        for name, member in master.members.items() for text in member.instance.messages
+    ]  # fmt: skip
+    return list(dict.fromkeys(lines))
+
+
+def no_space(text: str) -> str:
+    """Why there is no room, of the text of an error of HDF5 or of the system; else nothing."""
+    for number, meaning in _FULL.items():
+        if f"errno = {number}," in text or f"[Errno {number}]" in text:
+            return meaning
+    return ""
+
+
+def brief(error: BaseException) -> str:
+    """The reason of an error, in a line."""
+    return no_space(str(error)) or (str(error).splitlines() or [type(error).__name__])[0]

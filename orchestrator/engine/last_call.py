@@ -1,0 +1,42 @@
+"""The call of a component that a process is in, kept in memory that it shares with its parent.
+
+When a component ends the process, or never returns, the parent reads here which one it was. A word
+and a time are written, without a call: `loop` writes them before each call that it makes.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import mmap
+from collections.abc import Sequence
+
+VERBS = ("", "instantiating it", "entering initialisation", "leaving initialisation",
+         "setting its inputs", "the step", "reading its outputs", "freeing it")  # fmt: skip
+INSTANTIATE, ENTER, EXIT, PUSH, STEP, PULL, FREE = range(1, 8)
+
+_page = mmap.mmap(-1, mmap.PAGESIZE)  # anonymous and shared: a forked child writes to the same
+word = memoryview(_page)[:8].cast("q")
+"""word[0]: 8 times the component's place in the order of the schedule, and the verb; 0: no call."""
+time = memoryview(_page)[8:16].cast("d")
+"""time[0]: the time of the call (s)."""
+
+
+def address(of: memoryview[int] | memoryview[float]) -> int:
+    """Where the word or the time lies, for the compiled loop."""
+    return ctypes.addressof(ctypes.c_char.from_buffer(of))
+
+
+def now() -> tuple[int, float]:
+    """Word and time: what has changed when something went on."""
+    return word[0], time[0]
+
+
+def named(order: Sequence[str]) -> tuple[str, str]:
+    """The component and the call that the process is, or was last, in; empty for none."""
+    place, verb = divmod(word[0], 8)
+    if not verb:
+        return "", ""
+    text = VERBS[verb]
+    if verb in (PUSH, STEP, PULL):
+        text += f"{' from' if verb == STEP else ' at'} t = {time[0]:g} s"
+    return order[place], text

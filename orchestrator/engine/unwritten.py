@@ -1,0 +1,121 @@
+"""Rows of a run that are not on the disk yet, in memory that outlives the process that runs it.
+
+A recorder of a process that is watched keeps its rows here; where that process ends by a crash,
+its parent puts them after those that are written.
+"""
+
+from __future__ import annotations
+
+import mmap
+import os
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+from numpy.typing import NDArray
+
+from ..system.interface import Kind
+
+_HEAD = 64
+_TAKEN, _WRITTEN, _NEXT = range(3)
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Where the rows of each data set lie: (path, type, first and last column, interval)."""
+
+    capacity: int
+    widths: dict[Kind, tuple[int, str]]
+    """Columns and dtype of each type's table."""
+    sets: tuple[tuple[str, Kind, int, int, bool], ...]
+
+
+class Unwritten:
+    """Counts, times and tables of rows. `taken` are in the tables, `written` on the disk."""
+
+    def __init__(self, file: int | None = None) -> None:
+        self._file = file
+
+    @classmethod
+    def shared(cls) -> Unwritten:
+        """Memory that a forked process fills, and its parent reads."""
+        if hasattr(os, "memfd_create"):
+            return cls(os.memfd_create("desat-rows"))
+        with tempfile.TemporaryFile() as file:
+            return cls(os.dup(file.fileno()))
+
+    def lay_out(self, layout: Layout) -> None:
+        """Make counts and tables; what is there already stays."""
+        parts = [layout.capacity * n * np.dtype(d).itemsize for n, d in layout.widths.values()]
+        size = _HEAD + 8 * layout.capacity + sum(parts)
+        if self._file is None:
+            memory: Any = bytearray(size)
+        else:
+            os.ftruncate(self._file, size)
+            memory = mmap.mmap(self._file, size)
+        self._counts = np.frombuffer(memory, np.int64, 3)
+        self.taken = self._counts[:1]
+        self.times = np.frombuffer(memory, np.float64, layout.capacity, _HEAD)
+        self.rows: dict[Kind, NDArray[Any]] = {}
+        at = _HEAD + 8 * layout.capacity
+        for (kind, (columns, dtype)), part in zip(layout.widths.items(), parts, strict=True):
+            flat = np.frombuffer(memory, dtype, layout.capacity * columns, at)
+            self.rows[kind] = flat.reshape(layout.capacity, columns)
+            at += part
+
+    @property
+    def written(self) -> int:
+        """The rows on the disk."""
+        return int(max(self._counts[_WRITTEN], self._counts[_NEXT]))
+
+    @property
+    def left(self) -> int:
+        """The rows that only the tables have."""
+        was_written = self._counts[_NEXT] > self._counts[_WRITTEN]
+        return 0 if was_written else int(self._counts[_TAKEN])
+
+    def wrote(self, rows: int) -> None:
+        """Count rows that are on the disk now, so that none is counted twice if we die here."""
+        self._counts[_NEXT] = self._counts[_WRITTEN] + rows
+        self._counts[_TAKEN] = 0
+        self._counts[_WRITTEN] = self._counts[_NEXT]
+
+    def close(self) -> None:
+        """Give the memory back."""
+        if self._file is not None:
+            os.close(self._file)
+            self._file = None
+
+
+def recover(part: Path, path: Path, layout: Layout, unwritten: Unwritten) -> int:
+    """Make the series of a process that died whole: the rows that are surely on the disk, in
+    `part`, and those in memory. The number of rows. Raises OSError where there is no room."""
+    unwritten.lay_out(layout)
+    written, left = unwritten.written, unwritten.left
+    new = path.with_name(path.name + ".recovered")
+    try:
+        with h5py.File(part, "r", swmr=True) as old, h5py.File(new, "w", libver="latest") as file:
+            _copy(old["time"], file, written, unwritten.times[:left])
+            for name, kind, first, last, _ in layout.sets:
+                tail = unwritten.rows[kind][:left, first:last]
+                _copy(old[name], file, written, tail[:, 0] if old[name].ndim == 1 else tail)
+    except BaseException:
+        new.unlink(missing_ok=True)
+        raise
+    new.replace(path)
+    part.unlink()
+    return written + left
+
+
+def _copy(old: Any, file: Any, written: int, tail: NDArray[Any]) -> None:
+    shape = (written + len(tail), *old.shape[1:])
+    new = file.create_dataset(
+        old.name, shape, old.dtype, maxshape=(None, *old.shape[1:]), chunks=old.chunks
+    )
+    new.attrs.update(old.attrs)
+    for at in range(0, written, 1 << 16):
+        new[at : min(written, at + (1 << 16))] = old[at : min(written, at + (1 << 16))]
+    new[written:] = tail

@@ -1,0 +1,64 @@
+"""What of a scenario travels with a packed system: story, numbers, plots and the like, as JSON."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+from ..system.errors import DesatError, nearest
+from .contents import contents
+
+KEYS = ("title", "story", "source", "twin", "numbers", "plots", "output_classes", "labels",
+        "dispersions", "inner", "stop_when", "residual_bound", "impulse_bound")  # fmt: skip
+_OWN = ("name", "cell", "labels")
+"""Keys beside those of the language."""
+
+
+def of(data: dict[str, Any]) -> dict[str, Any]:
+    """What travels of a scenario's data."""
+    kept = {k: data[k] for k in KEYS if k in data}
+    if "plots" in kept:
+        kept["plots"] = list(kept["plots"].values())  # a list keeps its order in JSON
+    return kept
+
+
+def data_of(about: dict[str, Any]) -> dict[str, Any]:
+    """What travelled, as data of a scenario: its plots with names again."""
+    data = {k: v for k, v in about.items() if k not in _OWN}
+    if isinstance(plots := data.get("plots"), list):
+        data["plots"] = {str(i + 1): plot for i, plot in enumerate(plots)}
+    return data
+
+
+def read(path: Path, where: str) -> dict[str, Any]:
+    """What travelled in a file, which messages call `where`.
+
+    Raises DesatError, a line a problem, for what is no JSON or not in the scenario language.
+    """
+    try:
+        found = json.loads(contents(path, where).decode("utf-8"))
+    except (ValueError, RecursionError) as error:
+        raise DesatError(f"{where}: not JSON in UTF-8 ({error})") from error
+    if wrong := list(_problems(found)):
+        raise DesatError("\n".join(f"{where}: {text}" for text in wrong))
+    about: dict[str, Any] = found
+    return about
+
+
+def _problems(found: Any) -> list[str]:
+    from .refuse import problems  # pydantic, only where there is something to check
+
+    if not isinstance(found, dict):
+        return ["a table is needed"]
+    known = (*_OWN, *KEYS)
+    wrong = [f"{k}: unknown key{nearest(k, known)}" for k in found if k not in known]
+    if not isinstance(found.get("name", ""), str):
+        wrong.append(f"name: got {found['name']!r}; a text is needed")
+    for key in ("cell", "labels"):
+        table = found.get(key, {})
+        if not isinstance(table, dict) or not all(isinstance(v, str) for v in table.values()):
+            wrong.append(f"{key}: a table of texts is needed")
+    if not isinstance(found.get("plots", []), list):
+        wrong.append("plots: a list is needed")
+    return wrong or [f"{'.'.join(p)}: {t}" for p, t in problems(data_of(found), part=False)]

@@ -1,0 +1,53 @@
+"""What a run would record, before it begins: is there anything, and is there room for it."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Iterator
+from pathlib import Path
+
+from ..engine.results import selects
+from ..system.errors import nearest
+from ..system.interface import KINDS, base_name
+from ..system.model import System
+from .options import Options
+
+_BYTES = {"Real": 8, "Integer": 4, "Boolean": 4}
+
+
+def problems(system: System, options: Options) -> Iterator[str]:
+    """A line for each pattern that no output fits, and for rows too rare to be any."""
+    outputs = [(c.name, s) for c in system.components.values() for s in c.interface.of("output")]
+    for pattern in options.record:
+        if pattern != "*" and not any(selects([pattern], name, signal) for name, signal in outputs):
+            known = {f"{name}.{base_name(s.name)}" for name, s in outputs}
+            yield f"--record {pattern}: no output fits{nearest(pattern, known)}"
+    for name, signal in outputs:
+        text = base_name(signal.name)
+        if not (text.isprintable() and text.strip(". ") and "/" not in text) and any(
+            selects([pattern], name, signal) for pattern in options.record
+        ):
+            yield f"{system.where}: {name}: the output {text!r} has no name that can be recorded"
+    if options.every > system.steps:
+        yield f"--every {options.every}: the run has {system.steps} steps"
+
+
+def size(system: System, options: Options) -> int:
+    """What the series of a run to its stop time take (bytes)."""
+    row = 8 + sum(
+        _BYTES[s.kind]
+        for c in system.components.values() for s in c.interface.of("output")
+        if s.kind in KINDS and selects(options.record, c.name, s)
+    )  # fmt: skip
+    return row * (system.steps // options.every + 1)
+
+
+def room(system: System, options: Options, folder: Path) -> str:
+    """What to say where the series may not fit on the disk of a folder; else nothing."""
+    while not folder.exists():
+        folder = folder.parent
+    needed, free = size(system, options), shutil.disk_usage(folder).free
+    if needed < free:
+        return ""
+    return (f"the series may take {needed / 1e9:.3g} GB, {free / 1e9:.3g} GB are free in {folder}: "
+            "record less (--record, --every)")  # fmt: skip

@@ -1,0 +1,167 @@
+"""A run in a process of its own, which a component may end, or never come back from.
+
+The parent waits, hands signals on, and reports: what the run says of itself when it ends, or else
+component and call, and the signal or exit code that ended it. Nothing is added to a step but what
+`engine/last_call.py` says.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import signal
+import sys
+import time
+import traceback
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from multiprocessing.connection import Connection, Pipe
+from typing import Any, NoReturn
+
+from ..engine import last_call
+from ..engine.unwritten import Layout, Unwritten
+from ..system.errors import DesatError
+
+SIGNALS = tuple(
+    getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)
+)
+CAN = hasattr(os, "fork")
+_LOOK = 0.2
+"""The parent looks at its child so often (s)."""
+
+
+@dataclass
+class Ended:
+    """How a watched process ended. `said`: what it told, by name (`layout`, `outcome`, `error`)."""
+
+    said: dict[str, Any] = field(default_factory=dict)
+    component: str = ""
+    call: str = ""
+    how: str = ""
+    """`SIGSEGV`, `exit(3)`; empty for one that ended as it should."""
+    hung: float = 0.0
+    """The time (s) that it was left in one call, until it was ended."""
+    signal: int = 0
+    """The signal that the parent got, and handed on."""
+
+    def text(self) -> str:
+        """The line about one that did not end as it should."""
+        if not self.call:
+            return f"the process of the run ended by {self.how}, outside a call of a component"
+        if self.hung:
+            return f"{self.component}: {self.call} did not return within {self.hung:g} s"
+        return f"{self.component}: {self.call} ended the process: {self.how}"
+
+
+def watch(
+    work: Callable[[Callable[[str, Any], None], Unwritten], None], order: Sequence[str],
+    unwritten: Unwritten, limit: float,
+) -> Ended:  # fmt: skip
+    """Do `work(tell, unwritten)` in a forked process, and say how that ended; after `limit` s in
+    one call of a component of `order`, or a second signal to stop, it is killed."""
+    ours, theirs = Pipe(duplex=False)
+    sys.stdout.flush()
+    sys.stderr.flush()
+    parent, ended = os.getpid(), Ended()
+    child = os.fork()
+    if child == 0:
+        _work(work, theirs, unwritten, parent)
+    theirs.close()
+    with _handed_on(child, ended):
+        status = _wait(child, ours, ended, limit)
+    ours.close()
+    if os.WIFSIGNALED(status):
+        ended.how = signal.Signals(os.WTERMSIG(status)).name
+    elif os.WEXITSTATUS(status) or "done" not in ended.said:
+        ended.how = f"exit({os.WEXITSTATUS(status)})"
+    if ended.how:
+        ended.component, ended.call = last_call.named(order)
+    last_call.word[0] = 0
+    return ended
+
+
+def layout_of(ended: Ended) -> Layout | None:
+    """Where the rows in memory lie; None where the run had none yet."""
+    layout: Layout | None = ended.said.get("layout")
+    return layout
+
+
+def _work(
+    work: Callable[[Callable[[str, Any], None], Unwritten], None], pipe: Connection,
+    unwritten: Unwritten, parent: int,
+) -> NoReturn:  # fmt: skip
+    """The child: what it does, and then nothing more, not even what the interpreter would."""
+
+    def tell(name: str, what: Any) -> None:
+        pipe.send((name, what))
+
+    try:
+        _die_with(parent)
+        os.dup2(2, 1)  # what an FMU prints is no result
+        try:
+            work(tell, unwritten)
+            tell("done", True)
+        except DesatError as error:
+            tell("error", (type(error), error.args))
+            tell("done", True)
+        except BaseException as error:
+            if os.environ.get("DESAT_TRACEBACK"):
+                traceback.print_exc()
+            tell("bug", f"{type(error).__name__}: {error}")
+            tell("done", True)
+    finally:
+        os._exit(0)
+
+
+def _die_with(parent: int) -> None:
+    """Get SIGTERM when the parent dies (Linux)."""
+    if sys.platform == "linux":
+        ctypes.CDLL(None).prctl(1, signal.SIGTERM)
+        if os.getppid() != parent:
+            os.kill(os.getpid(), signal.SIGTERM)
+
+
+def _wait(child: int, pipe: Connection, ended: Ended, limit: float) -> int:
+    """Listen until the child has ended; its status."""
+    listening, seen, since = True, last_call.now(), time.monotonic()
+    while True:
+        if listening and pipe.poll(_LOOK):
+            try:
+                name, what = pipe.recv()
+                ended.said[name] = what
+            except (EOFError, OSError):
+                listening = False
+            continue
+        pid, status = os.waitpid(child, os.WNOHANG)
+        if pid:
+            return status
+        if not listening:
+            time.sleep(0.01)
+        if (now := last_call.now()) != seen or not now[0]:
+            seen, since = now, time.monotonic()
+        elif time.monotonic() - since > limit:
+            ended.hung = limit
+            os.kill(child, signal.SIGKILL)
+
+
+@contextmanager
+def _handed_on(child: int, ended: Ended) -> Iterator[None]:
+    """Within: the first signal to stop is handed on to the child, the second kills it."""
+    first = [0.0]
+
+    def handler(number: int, frame: Any) -> None:
+        again = ended.signal and time.monotonic() - first[0] > 0.3  # a terminal tells us twice
+        if not ended.signal:
+            ended.signal, first[0] = number, time.monotonic()
+        try:
+            os.kill(child, signal.SIGKILL if again else number)
+        except ProcessLookupError:
+            pass
+
+    previous = {n: signal.signal(n, handler) for n in SIGNALS}
+    try:
+        yield
+    finally:
+        for number, before in previous.items():
+            signal.signal(number, before)

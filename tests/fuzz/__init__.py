@@ -1,0 +1,131 @@
+"""Fuzzing of all readers: mutated files never give a traceback, and never take long.
+
+A mutator of our own, for what is read is five formats within each other (an archive of XML, JSON
+and archives of XML; TOML) and CI gives it seconds: each input is one seed file with one to four
+mutations, of its bytes, its quoted values, its lines, its JSON or its archive. The same seed gives
+the same inputs. What fails is kept in `corpus/`, and tried first from then on.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import random
+import sys
+import time
+import zipfile
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from fuzz.mutations import mutated
+from fuzz.seeds import FILES, TARGETS, seeds
+
+from desat.files import archive, library
+from desat.study.options import Options
+from desat.study.prepare import prepare
+from desat.system.errors import DesatError
+
+LONGEST = 5.0
+"""CPU time (s) that an input may take."""
+CORPUS = Path(__file__).parent / "corpus"
+READERS = Path(sys.modules["desat.files.library"].__file__).parent
+
+
+@dataclass
+class Outcome:
+    """What came of so many inputs."""
+
+    count: int = 0
+    refused: int = 0
+    failures: list[str] = field(default_factory=list)
+    lines: set[tuple[str, int]] = field(default_factory=set)
+    """Lines of the readers that were run, of those inputs that were traced."""
+
+    def __str__(self) -> str:
+        return (f"{self.count} inputs, {self.refused} refused, {len(self.failures)} failed; "
+                f"{len(self.lines)} lines of the readers reached")  # fmt: skip
+
+
+def inputs(seed: int, count: int) -> Iterator[tuple[str, bytes]]:
+    """Kind and bytes of inputs: first those kept, then `count` mutated ones."""
+    for path in sorted(CORPUS.glob("*.*")):
+        yield path.suffix[1:], path.read_bytes()
+    rng, known = random.Random(seed), seeds()
+    for _ in range(count):
+        kind = rng.choice(list(known))
+        yield kind, mutated(kind, known[kind], rng)
+
+
+def run(folder: Path, seed: int, count: int, traced: int = 40) -> Outcome:
+    """Try inputs in a folder; every `traced`-th is traced for the lines it reaches."""
+    outcome = Outcome()
+    for file, data in FILES.items():
+        (folder / file).parent.mkdir(parents=True, exist_ok=True)
+        (folder / file).write_bytes(data())
+    (folder / "outside.ssv").write_bytes(b"<x/>")
+    for kind, (target, file) in TARGETS.items():  # unchanged, all are right; and nothing is cold
+        (folder / file).write_bytes(_wrapped(kind, seeds()[kind]))
+        prepare(str(folder / target), _options(kind)).or_raise()
+    before = {p for p in folder.parent.iterdir()}
+    for number, (kind, data) in enumerate(inputs(seed, count)):
+        said = _one(folder, kind, data, outcome if number % traced == 0 else None)
+        outcome.count += 1
+        outcome.refused += said == "refused"
+        if said not in ("", "refused"):
+            name = f"{kind}-{hashlib.sha256(data).hexdigest()[:12]}.{kind}"
+            outcome.failures.append(f"{name}: {said}")
+            CORPUS.mkdir(exist_ok=True)
+            (CORPUS / name).write_bytes(data)
+    outside = {p for p in folder.parent.iterdir()} - before
+    outcome.failures += [f"a file outside: {p}" for p in outside]
+    return outcome
+
+
+def _one(folder: Path, kind: str, data: bytes, traced: Outcome | None) -> str:
+    """Read one input: `refused`, what is wrong, or nothing."""
+    target, file = TARGETS[kind]
+    (folder / file).write_bytes(_wrapped(kind, data))
+    archive._extracted = 0  # the budget is a process's, and this is one for each
+    began = time.process_time()
+    if traced is not None:
+        sys.settrace(_tracer(traced.lines))
+    try:
+        said = "refused" if prepare(str(folder / target), _options(kind)).checked.problems else ""
+    except DesatError as error:
+        said = "refused" if str(error) else "no message"
+    except Exception as error:  # what the fuzzer is for
+        said = f"{type(error).__name__}: {error}"
+    finally:
+        sys.settrace(None)
+        library._by_contents.clear()
+        (folder / file).write_bytes(FILES[file]() if file in FILES else b"")
+    took = time.process_time() - began
+    return said if took < LONGEST else f"took {took:.1f} s of CPU"
+
+
+def _options(kind: str) -> Options:
+    return Options(step=1.0, stop=2.0, blocks=kind not in ("fmu", "xml", "ssp"))
+
+
+def _wrapped(kind: str, data: bytes) -> bytes:
+    """The file with an input: a model description is within an archive."""
+    if kind != "xml":
+        return data
+    buffer = io.BytesIO()
+    with zipfile.ZipFile(buffer, "w") as made:
+        made.writestr("modelDescription.xml", data)
+        made.writestr("binaries/linux64/theirs.so", b"")
+    return buffer.getvalue()
+
+
+def _tracer(lines: set[tuple[str, int]]):
+    def of_line(frame, event, argument):
+        if event == "line":
+            lines.add((frame.f_code.co_filename, frame.f_lineno))
+        return of_line
+
+    def of_call(frame, event, argument):
+        return of_line if frame.f_code.co_filename.startswith(str(READERS)) else None
+
+    return of_call

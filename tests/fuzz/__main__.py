@@ -1,0 +1,36 @@
+"""`python tests/fuzz [--seed N] [--count N] [--hours H]`: fuzz all readers; 1 where one failed."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+
+import fuzz  # noqa: E402
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--count", type=int, default=5000, help="inputs a round")
+    parser.add_argument("--hours", type=float, default=0.0, help="rounds, each with the next seed")
+    given = parser.parse_args()
+    end, seed, failed = time.monotonic() + 3600.0 * given.hours, given.seed, 0
+    while True:
+        with tempfile.TemporaryDirectory() as folder:
+            outcome = fuzz.run(Path(folder) / "in", seed, given.count)
+        print(f"seed {seed}: {outcome}", flush=True)
+        for line in outcome.failures:
+            print(f"  {line}")
+        failed += len(outcome.failures)
+        seed += 1
+        if time.monotonic() >= end:
+            return int(failed > 0)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,50 @@
+"""Readers under mutated files: refused in lines, never a traceback, never long."""
+
+from __future__ import annotations
+
+import fuzz
+import pytest
+from fuzz.seeds import ABOUT, FILES, SSD, SSV, TARGETS, TOML
+
+from desat.study.prepare import prepare
+from desat.system.errors import DesatError
+
+SEED, COUNT = 1, 2000
+
+
+def test_mutated_files_are_refused_in_lines(tmp_path):
+    outcome = fuzz.run(tmp_path / "in", SEED, COUNT)
+    print(f"seed {SEED}: {outcome}")
+    assert outcome.failures == []
+    assert outcome.count >= COUNT
+    assert 0 < outcome.refused < outcome.count
+    assert len(outcome.lines) > 600
+
+
+SOURCE = b'startConnector="tau_cmd_wheel[1]" '
+CAUSES = {
+    "a connection without a connector": ("ssd", SSD, SOURCE, b""),
+    "scenario.json that is not JSON": ("json", ABOUT, b'{"name"', b'{name"'),
+    "scenario.json that is not UTF-8": ("json", ABOUT, b"Small", b"Sm\xffll"),
+    "TOML that is not UTF-8": ("toml", TOML, b"Own", b"O\xffn"),
+    "axes of a wrong type": ("toml", TOML, b"[axes.method.x]", b"[axes]\nmethod = 3\n[axes.m.x]"),
+    "dispersions of a wrong type": ("json", ABOUT, b'"uniform": [-1.0, 1.0]', b'"uniform": 1'),
+    "a number that is none": ("ssd", SSD, b'factor="2.0"', b'factor="two"'),
+    "a time that is none": ("ssd", SSD, b'stopTime="10"', b'stopTime="soon"'),
+    "an exponent that is none": ("ssv", SSV, b'rad="1"', b'rad="one"'),
+}
+
+
+@pytest.mark.parametrize("cause", CAUSES)
+def test_what_once_was_internal_is_a_line(tmp_path, cause):
+    kind, seed, old, new = CAUSES[cause]
+    for file, data in FILES.items():
+        (tmp_path / file).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / file).write_bytes(data())
+    target, file = TARGETS[kind]
+    data = FILES[file]()
+    assert old in data
+    (tmp_path / file).write_bytes(data.replace(old, new, 1))
+    with pytest.raises(DesatError) as refused:
+        prepare(str(tmp_path / target), fuzz._options(kind)).or_raise()
+    assert file.rpartition("/")[2] in str(refused.value)
