@@ -149,7 +149,7 @@ def _digest(name: str) -> str:
     digest = hashlib.sha256(f"{name} {pythonfmu.__version__} {version('desat')}".encode())
     for path, data in contents(name).items():
         digest.update(f"\0{path}\0{len(data)}\0".encode() + data)
-    for path in ("build.py", "description.py", "native.py", "registry.py"):
+    for path in ("build.py", "description.py", "registry.py"):
         digest.update((HERE / path).read_bytes())
     return digest.hexdigest()
 

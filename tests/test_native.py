@@ -22,6 +22,7 @@ from fmpy.fmi2 import FMU2Slave, fmi2CallbackFunctions, fmi2CallbackLoggerTYPE
 from fmpy.validation import validate_fmu
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from lxml import etree
 from test_blocks import randomise_inputs
 
 from desat.components.contract.block import Block
@@ -61,7 +62,7 @@ class Beside:
         callbacks.logger = fmi2CallbackLoggerTYPE(
             lambda *given: self.said.append(given[-1].decode())
         )
-        self.fmu.instantiate(callbacks=callbacks)
+        self.fmu.instantiate(callbacks=callbacks, loggingOn=True)
 
     def give(self, *causalities: str) -> None:
         for v in self.block.variables:
@@ -130,7 +131,7 @@ def _error(call: Any) -> str:
 
 
 @pytest.mark.parametrize("name", NATIVE)
-@settings(max_examples=4)
+@settings(max_examples=3)
 @given(seed=st.integers(0, 2**32))
 def test_block_and_both_fmus_are_bitwise_alike(name, seed):
     """Parameters, inputs and steps anyhow: outputs, failures and their texts."""
@@ -232,22 +233,24 @@ def test_it_validates_and_is_described_as_the_python_one(name):
     texts = []
     for kind in ("native", "python"):
         with zipfile.ZipFile(path(name, kind)) as archive:
-            names = archive.namelist()
-            text = archive.read("modelDescription.xml").decode()
-        for key in ("guid", "generationTool", "needsExecutionTool"):
-            assert f'{key}="' in text
-            before, _, rest = text.partition(f'{key}="')
-            text = before + rest.partition('"')[2]
-        head, start, rest = text.partition("<SourceFiles>")
+            files = set(archive.namelist())
+            root = etree.fromstring(
+                archive.read("modelDescription.xml"), etree.XMLParser(remove_blank_text=True)
+            )
+        simulation = root.find("CoSimulation")
         if kind == "native":
-            listed, _, rest = rest.partition("</SourceFiles>")
-            assert [n for n in names if n.startswith("sources/") and n.endswith(".c")] == [
-                f"sources/{n}" for n in ("fmi2.c", "runtime.c", f"{name}.c")
-            ] or set(names) >= {f"sources/{name}.c", "sources/fmi2.c", "sources/block.h"}
-            assert all(f'name="{n}"' in listed for n in ("fmi2.c", "runtime.c", f"{name}.c"))
-        texts.append("".join((head, start and "", rest)).split())
-    plain = [" ".join(t).replace("/>", ">").replace("</CoSimulation>", "") for t in texts]
-    assert plain[0].replace(" >", ">") == plain[1].replace(" >", ">")
+            listed = simulation.find("SourceFiles")
+            sources = [f.get("name") for f in listed]
+            assert sources == sorted(("fmi2.c", "runtime.c", f"{name}.c"))
+            assert {f"sources/{f}" for f in (*sources, "block.h")} <= files
+            simulation.remove(listed)
+            assert simulation.get("needsExecutionTool") == "false"
+        for element, key in (
+            (root, "guid"), (root, "generationTool"), (simulation, "needsExecutionTool")
+        ):  # fmt: skip
+            del element.attrib[key]
+        texts.append(etree.tostring(root))
+    assert texts[0] == texts[1]
 
 
 def test_the_same_sources_give_the_same_bytes(tmp_path):
@@ -490,19 +493,19 @@ def test_arithmetic_and_texts_are_pythons(made, tmp_path, shared):
             i.give("input")
             i.step(0.0, 1.0)
             said = _error(lambda: block.advance(0.0, 1.0))
-            if any(isinstance(v, complex) for v in block.a):
+            if n == 0 and -math.inf < x < 0.0 and abs(y) < 1e15 and y != math.floor(y):
+                # Python goes on with a complex number
                 said = "ValueError: a negative number to a fractional power"
-            if not said and i.failed():  # beyond 64 bits it is refused, never wrong
-                assert i.said[-1].endswith("OverflowError: an integer beyond 64 bits"), (x, y, n)
+            if i.failed() and i.said[-1].endswith("OverflowError: an integer beyond 64 bits"):
+                assert not -(2**62) < x < 2**62  # refused, never wrong
                 refused += 1
                 continue
             assert i.failed() == bool(said), (x, y, n, said, i.said)
             if said:
-                got = i.said[-1].replace("%%", "%")
-                assert got.endswith(said) or ("index out of range" in said and said[:10] in got)
+                assert i.said[-1].endswith(said), (x, y, n)
             else:
                 assert i.outputs() == outputs(block), (x, y, n)
-    assert refused < len(cases)
+    assert 0 < refused < len(cases)
     i.free()
 
 
@@ -518,8 +521,8 @@ def test_the_blocks_are_within_and_a_new_one_is_told(monkeypatch):
 
 @pytest.mark.skipif(sys.platform != "linux", reason="the sanitizers of gcc or clang")
 def test_no_sanitizer_complains(tmp_path):
-    """The C of two blocks under AddressSanitizer and UBSan, in the host of the other test."""
-    for name in ("magnetometer", "thrusters"):
+    """The C of a block under AddressSanitizer and UBSan, in the host of the other test."""
+    for name in ("thrusters",):
         folder = tmp_path / name
         folder.mkdir()
         files, guid = native.sources(name)
