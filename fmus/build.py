@@ -15,6 +15,7 @@ import argparse
 import ast
 import contextlib
 import hashlib
+import inspect
 import io
 import json
 import os
@@ -149,8 +150,9 @@ def _digest(name: str) -> str:
     digest = hashlib.sha256(f"{name} {pythonfmu.__version__} {version('desat')}".encode())
     for path, data in contents(name).items():
         digest.update(f"\0{path}\0{len(data)}\0".encode() + data)
-    for path in ("build.py", "description.py", "native.py", "registry.py"):
-        digest.update((HERE / path).read_bytes())
+    for what in (inspect.getsource(build), ENTRY, inspect.getsource(native.pack)):
+        digest.update(what.encode())
+    digest.update((HERE / "description.py").read_bytes())
     return digest.hexdigest()
 
 
@@ -190,6 +192,9 @@ def update(wanted: tuple[str, ...], dist: Path) -> list[dict[str, Any]]:
     old = tuple(name for name in wanted if not is_current("python", name, made[name]))
     if old:
         build_all(old, dist)
+        for name in old:
+            kept["python", name] = _entry("python", name, dist, made[name], "")
+        _write(kept, dist)  # compiling may be broken off
     why: dict[str, str] = {}
     if not compiled:
         why = dict.fromkeys(wanted, "no C compiler where it was built")
@@ -209,6 +214,11 @@ def update(wanted: tuple[str, ...], dist: Path) -> list[dict[str, Any]]:
             (dist / "native" / f"{name}.fmu").unlink(missing_ok=True)
         else:
             kept["native", name] = _entry("native", name, dist, both[name], "")
+    return _write(kept, dist)
+
+
+def _write(kept: dict[tuple[str, str], dict[str, Any]], dist: Path) -> list[dict[str, Any]]:
+    """The index, native before Python, written."""
     index = [kept[key] for key in sorted(kept, key=lambda k: (k[1], k[0] == "python"))]
     (dist / INDEX).write_text(json.dumps(index, indent=1) + "\n", encoding="utf-8")
     return index

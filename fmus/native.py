@@ -85,7 +85,8 @@ def library_suffix() -> str:
 def made_of() -> bytes:
     """A digest of all that native FMUs are made of beside their blocks; raises NoCompilerError."""
     digest = hashlib.sha256(" ".join((*FLAGS, *LINK, compiler_version())).encode())
-    for path in (*sorted(WRAPPER.iterdir()), *sorted((HERE / "translate").glob("*.py"))):
+    translator = sorted((HERE / "translate").glob("*.py"))
+    for path in (*sorted(WRAPPER.iterdir()), *translator, HERE / "native.py"):
         digest.update(path.read_bytes())
     return digest.digest()
 

@@ -151,10 +151,11 @@ static inline int64_t py_integer(double x)
     return (int64_t)x;
 }
 
-static inline double py_floor_f(double x) { return floor(py_finite(x)); }
-static inline double py_ceil_f(double x) { return ceil(py_finite(x)); }
-static inline double py_trunc_f(double x) { return trunc(py_finite(x)); }
-static inline double py_rint_f(double x) { return nearbyint(py_finite(x)); }
+/* an integer as a float, without a limit; + 0.0 as there is no integer -0 */
+static inline double py_floor_f(double x) { return floor(py_finite(x)) + 0.0; }
+static inline double py_ceil_f(double x) { return ceil(py_finite(x)) + 0.0; }
+static inline double py_trunc_f(double x) { return trunc(py_finite(x)) + 0.0; }
+static inline double py_rint_f(double x) { return nearbyint(py_finite(x)) + 0.0; }
 static inline int64_t py_floor(double x) { return py_integer(floor(x)); }
 static inline int64_t py_ceil(double x) { return py_integer(ceil(x)); }
 static inline int64_t py_trunc(double x) { return py_integer(x); }

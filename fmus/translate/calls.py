@@ -37,6 +37,9 @@ from .value import ATOM, COND, LESS, MUL, UNARY, Value, constant
 UNROLLED = 4
 """Passes up to which a comprehension is written out."""
 
+LONGEST = 1 << 16
+"""Elements of a tuple whose length is known at run time."""
+
 FUNCTIONS = {
     getattr(math, name): f"py_{name}"
     for name in (
@@ -996,7 +999,7 @@ class Calls(Expressions):
         limit = size if whole else limits[0]
         if self.most_wanted is not None:
             limit = self.most_wanted if limit is None else min(limit, self.most_wanted)
-        if limit is None or found == NEVER:
+        if limit is None or limit > LONGEST or found == NEVER:
             raise self.refuse(node, "a tuple that may get any length",
                               "Annotated[tuple[...], MOST], or a range with an end")  # fmt: skip
         result: Type = Tuple((found,) * limit) if whole and size else List(found, limit)

@@ -478,7 +478,7 @@ class Expressions:
             high = None if value.low is None else -value.low
             inside = value.within(UNARY)
             text = f"-({inside})" if inside.startswith("-") else f"-{inside}"
-            floats = None if value.as_float is None else f"-{value.as_float}"
+            floats = None if value.as_float is None else f"(0.0 - {value.as_float})"
             if value.type == I and value.low is None:
                 text = f"py_sub_i(0, {value.code})"
             return Value(F if value.type == F else I, text, UNARY, low=low, high=high,

@@ -35,7 +35,8 @@ from .types import (
 )
 from .value import c_text, constant, number, uniform_constant
 
-ROOT = Path(__file__).resolve().parents[2]
+FOLDERS = (Path(__file__).resolve().parents[2] / "components",)
+"""Where what translates is."""
 PASSES = 24
 ENTRIES = {"start": (), "output": (F,), "advance": (F, F)}
 KINDS = {"Real": F, "Integer": I, "Boolean": B}
@@ -112,10 +113,11 @@ class Program:
             if not isinstance(function, Nested):
                 shown = function.__code__.co_filename
                 path = Path(shown)
-                if not path.is_relative_to(ROOT / "components"):
-                    raise SubsetError(f"{self.block.__name__}: {function.__name__} of {path.name}: "
-                                  "functions of components/")  # fmt: skip
-                shown = path.relative_to(ROOT).as_posix()
+                folder = next((f for f in FOLDERS if path.is_relative_to(f)), None)
+                if folder is None:
+                    raise SubsetError(f"{self.block.__name__}: {function.__name__} of "
+                                      f"{path.name}: functions of components/")  # fmt: skip
+                shown = path.relative_to(folder.parent).as_posix()
             self.infos[key] = Info(callee, shown)
         return self.infos[key]
 

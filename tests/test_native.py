@@ -1,0 +1,545 @@
+"""Native FMUs: made of the same Python, the same bits as blocks and Python FMUs, in any host."""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import importlib.util
+import json
+import math
+import random
+import shutil
+import struct
+import subprocess
+import sys
+import zipfile
+from pathlib import Path
+from typing import Any
+
+import fmpy
+import pytest
+from fmpy.fmi2 import FMU2Slave, fmi2CallbackFunctions, fmi2CallbackLoggerTYPE
+from fmpy.validation import validate_fmu
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from lxml import etree
+from test_blocks import randomise_inputs
+
+from desat.components.contract.block import Block
+from desat.files import library, places
+from desat.fmus import build, native, registry, subset
+from desat.fmus.translate import program
+from desat.fmus.translate.types import SubsetError
+from desat.study.case import Options, execute
+
+NATIVE = tuple(n for n in registry.names() if n not in native.PINNED)
+HERE = Path(__file__).parent
+
+
+def path(name: str, kind: str = "native") -> Path:
+    found = library.built(f"{name}.fmu", kind)
+    assert found is not None
+    return found
+
+
+# --- an FMU beside its block --------------------------------------------------------------------
+
+
+class Beside:
+    """An FMU through fmpy, beside the block that it is made of."""
+
+    def __init__(self, fmu: Path, block: Block, folder: Path | None = None) -> None:
+        self.block, self.said = block, []
+        description = fmpy.read_model_description(fmu)
+        self.references: dict[str, list[int]] = {}
+        for v in description.modelVariables:
+            self.references.setdefault(v.name.partition("[")[0], []).append(v.valueReference)
+        self.fmu = FMU2Slave(
+            guid=description.guid, unzipDirectory=str(folder or library.extract(fmu)),
+            modelIdentifier=description.modelName, instanceName=block.instance,
+        )  # fmt: skip
+        callbacks = fmi2CallbackFunctions()
+        callbacks.logger = fmi2CallbackLoggerTYPE(
+            lambda *given: self.said.append(given[-1].decode())
+        )
+        self.fmu.instantiate(callbacks=callbacks, loggingOn=True)
+
+    def give(self, *causalities: str) -> None:
+        for v in self.block.variables:
+            if v.causality in causalities:
+                value = getattr(self.block, v.name)
+                set_them = getattr(self.fmu, f"set{v.type}")
+                set_them(self.references[v.name], list(value) if v.shape else [value])
+
+    def outputs(self) -> dict[str, list[Any]]:
+        return {
+            v.name: [_bits(x) for x in getattr(self.fmu, f"get{v.type}")(self.references[v.name])]
+            for v in self.block.variables if v.causality == "output" and v.name != "fault"
+        }  # fmt: skip
+
+    def failed(self) -> bool:
+        return bool(self.fmu.getBoolean(self.references["fault"])[0])
+
+    def step(self, t: float, dt: float) -> None:
+        with contextlib.suppress(fmpy.fmi1.FMICallException):
+            self.fmu.doStep(t, dt)
+
+    def free(self) -> None:
+        self.fmu.fmi2FreeInstance(self.fmu.component)
+
+
+def _bits(x: Any) -> Any:
+    if isinstance(x, float):
+        return struct.pack("<d", math.nan if math.isnan(x) else x)
+    return int(x)
+
+
+def outputs(block: Block) -> dict[str, list[Any]]:
+    found = {v: getattr(block, v.name) for v in block.variables if v.causality == "output"}
+    return {
+        v.name: [_bits(x) for x in (value if v.shape else (value,))]
+        for v, value in found.items() if v.name != "fault"
+    }  # fmt: skip
+
+
+def randomise_parameters(block: Block, rng: random.Random) -> None:
+    """Some parameters near their start value, some choices and switches anyhow."""
+    for v in block.variables:
+        if v.causality != "parameter" or rng.random() < 0.6:
+            continue
+        new: list[Any] = []
+        for x in v.flat_start():
+            low = -math.inf if v.minimum is None else v.minimum
+            high = math.inf if v.maximum is None else v.maximum
+            if v.type == "Boolean":
+                new.append(rng.random() < 0.5)
+            elif v.type == "Integer":
+                new.append(rng.randint(int(max(low, -5)), int(min(high, 50))))
+            else:
+                y = x * math.exp(rng.gauss(0, 0.3)) if x else rng.choice([0.0, rng.gauss(0, 1e-3)])
+                new.append(min(max(y, low), high))
+        setattr(block, v.name, tuple(new) if v.shape else new[0])
+
+
+def _error(call: Any) -> str:
+    """What a block says as it fails; nothing where it does not."""
+    try:
+        call()
+    except Exception as error:
+        return f"{type(error).__name__}: {error}"
+    return ""
+
+
+@pytest.mark.parametrize("name", NATIVE)
+@settings(max_examples=3)
+@given(seed=st.integers(0, 2**32))
+def test_block_and_both_fmus_are_bitwise_alike(name, seed):
+    """Parameters, inputs and steps anyhow: outputs, failures and their texts."""
+    rng = random.Random(seed)
+    block = registry.block_class(name)()
+    block.instance = rng.choice(["a", "wheels", "Käfer.1"])
+    if rng.random() < 0.7:
+        randomise_parameters(block, rng)
+    randomise_inputs(block, rng)
+    both = [Beside(path(name, kind), block) for kind in ("native", "python")]
+    try:
+        for i in both:
+            i.fmu.setupExperiment(startTime=0.0)
+            i.fmu.enterInitializationMode()
+            i.give("parameter", "input")
+            i.fmu.exitInitializationMode()
+        said = _error(lambda: (block.check(), block.start(), block.output(0.0)))
+        t, dt = 0.0, rng.choice([1.0, 0.5, 0.1, 5.0])
+        for _ in range(15):
+            for i in both:
+                assert i.failed() == bool(said), said
+                if said:
+                    assert i.said[-1].rpartition(f": {said}")[1], (i.said, said)
+                else:
+                    assert i.outputs() == outputs(block)
+            if said:
+                return
+            if rng.random() < 0.7:
+                randomise_inputs(block, rng)
+            for v in block.variables:
+                if v.causality == "input" and v.type == "Boolean" and rng.random() < 0.1:
+                    setattr(block, v.name, rng.random() < 0.7)
+            for i in both:
+                i.give("input")
+                i.step(t, dt)
+            now = t
+            said = _error(lambda: (block.advance(now, dt), block.output(now + dt)))  # noqa: B023
+            t += dt
+    finally:
+        for i in both:
+            i.free()
+
+
+@pytest.mark.parametrize("name", NATIVE)
+def test_a_saved_state_goes_on_in_another_library(name, tmp_path):
+    """Saved, serialised and loaded in a second copy of the library: the same bits."""
+    block = registry.block_class(name)()
+    with zipfile.ZipFile(path(name)) as archive:
+        archive.extractall(tmp_path)
+    a, b = Beside(path(name), block), Beside(path(name), block, tmp_path)
+    rng = random.Random(5)
+    try:
+        for i in (a, b):
+            i.fmu.setupExperiment(startTime=0.0)
+            i.fmu.enterInitializationMode()
+            i.fmu.exitInitializationMode()
+        for k in range(4):
+            a.step(float(k), 1.0)
+        state = a.fmu.getFMUstate()
+        saved = a.fmu.serializeFMUstate(state)
+        b.fmu.setFMUstate(b.fmu.deSerializeFMUstate(saved))
+        for k in range(4, 10):
+            randomise_inputs(block, rng)
+            for i in (a, b):
+                i.give("input")
+                i.step(float(k), 1.0)
+            assert a.outputs() == b.outputs()
+            assert not a.failed()
+        with pytest.raises(fmpy.fmi1.FMICallException):
+            b.fmu.deSerializeFMUstate(b"x" + saved[1:])
+        a.fmu.freeFMUstate(state)
+    finally:
+        a.free()
+        b.free()
+
+
+# --- what is built --------------------------------------------------------------------------------
+
+
+def test_every_block_is_native_but_the_pinned_ones():
+    index = json.loads((places.fmus() / build.INDEX).read_text(encoding="utf-8"))
+    made = {(e["kind"], e["name"]): e for e in index}
+    assert {n for kind, n in made if kind == "python"} == set(registry.names())
+    assert {n for kind, n in made if kind == "native"} == set(NATIVE), [
+        e["why"] for e in index if "why" in e
+    ]
+    for (kind, name), e in made.items():
+        data = (places.fmus() / e["file"]).read_bytes()
+        assert e["bytes"] == len(data)
+        assert e["sha256"] == hashlib.sha256(data).hexdigest()
+        assert native.platform() in e["platforms"]
+        assert ("why" in e) == (kind == "python" and name in native.PINNED)
+    assert len(native.PINNED) <= 4
+
+
+@pytest.mark.parametrize("name", NATIVE)
+def test_it_validates_and_is_described_as_the_python_one(name):
+    assert validate_fmu(str(path(name))) == []
+    texts = []
+    for kind in ("native", "python"):
+        with zipfile.ZipFile(path(name, kind)) as archive:
+            files = set(archive.namelist())
+            root = etree.fromstring(
+                archive.read("modelDescription.xml"), etree.XMLParser(remove_blank_text=True)
+            )
+        simulation = root.find("CoSimulation")
+        if kind == "native":
+            listed = simulation.find("SourceFiles")
+            sources = [f.get("name") for f in listed]
+            assert sources == sorted(("fmi2.c", "runtime.c", f"{name}.c"))
+            assert {f"sources/{f}" for f in (*sources, "block.h")} <= files
+            simulation.remove(listed)
+            assert simulation.get("needsExecutionTool") == "false"
+        for element, key in (
+            (root, "guid"), (root, "generationTool"), (simulation, "needsExecutionTool")
+        ):  # fmt: skip
+            del element.attrib[key]
+        texts.append(etree.tostring(root))
+    assert texts[0] == texts[1]
+
+
+def test_the_same_sources_give_the_same_bytes(tmp_path):
+    assert build.build_native(("tachometers",), tmp_path) == {}
+    again = (tmp_path / "native" / "tachometers.fmu").read_bytes()
+    assert again == path("tachometers").read_bytes()
+
+
+def test_without_a_compiler_it_says_so(tmp_path, monkeypatch):
+    def none() -> tuple[str, ...]:
+        raise native.NoCompilerError("no C compiler")
+
+    monkeypatch.setattr(native, "compiler", none)
+    monkeypatch.setattr(native, "made_of", none)
+    index = build.update(("tachometers",), tmp_path)
+    assert [(e["kind"], e["why"]) for e in index] == [
+        ("python", "no C compiler where it was built")
+    ]
+    assert not (tmp_path / "native").exists()
+
+
+def test_what_is_there_is_not_built_again(tmp_path, monkeypatch):
+    first = build.update(("tachometers",), tmp_path)
+    monkeypatch.setattr(build, "build_all", None)
+    monkeypatch.setattr(build, "build_native", None)
+    assert build.update(("tachometers",), tmp_path) == first
+
+
+# --- hosts ----------------------------------------------------------------------------------------
+
+
+def test_a_plain_c_host_runs_all_of_them_in_an_empty_environment(tmp_path):
+    host = tmp_path / "host"
+    subprocess.run(
+        [*native.compiler(), "-std=gnu11", "-w", str(HERE / "host.c"), "-ldl", "-o", str(host)],
+        check=True,
+    )
+    given = []
+    for name in NATIVE:
+        folder = library.extract(path(name))
+        given.append(str(folder / "binaries" / native.platform() / f"{name}.so"))
+        given.append(fmpy.read_model_description(folder).guid)
+    done = subprocess.run(
+        ["/usr/bin/env", "-i", str(host), *given], capture_output=True, text=True, check=False,
+        timeout=60, cwd=tmp_path,
+    )  # fmt: skip
+    assert done.stdout.splitlines()[-1:] == [f"{len(NATIVE)} FMUs"], done.stdout + done.stderr
+    needed = subprocess.run(
+        ["ldd", given[0]], capture_output=True, text=True, check=False
+    ).stdout  # fmt: skip
+    if needed:
+        assert "python" not in needed
+
+
+def test_wrong_calls_are_answered():
+    block = registry.block_class("torquers")()
+    i = Beside(path("torquers"), block)
+    try:
+        with pytest.raises(fmpy.fmi1.FMICallException):
+            i.fmu.doStep(0.0, 1.0)  # before initialisation
+        assert "a step outside step mode" in i.said[-1]
+        for call in (
+            lambda: i.fmu.getReal([9999]), lambda: i.fmu.setReal([9999], [1.0]),
+            lambda: i.fmu.getInteger([1]), lambda: i.fmu.setString([0], ["x"]),
+        ):  # fmt: skip
+            with pytest.raises(fmpy.fmi1.FMICallException):
+                call()
+        i.fmu.reset()
+        assert not i.failed()
+    finally:
+        i.free()
+    description = fmpy.read_model_description(path("torquers"))
+    other = FMU2Slave(guid="{another}", unzipDirectory=str(library.extract(path("torquers"))),
+                      modelIdentifier="torquers", instanceName="x")  # fmt: skip
+    with pytest.raises(Exception, match="instantiate"):
+        other.instantiate()
+    assert description.coSimulation.canSerializeFMUstate
+
+
+def test_a_scenario_runs_alike_with_both_kinds():
+    runs = [execute("integrated/mil-nadir", Options(stop=60.0, fmus=kind))
+            for kind in ("native", "python")]  # fmt: skip
+    a, b = (run.results for run in runs)
+    assert len(a.names()) > 30
+    assert a.names() == b.names()
+    for name in a.names():
+        assert a.values(name).tobytes() == b.values(name).tobytes(), name
+
+
+# --- arithmetic and refusals, on blocks of their own ----------------------------------------------
+
+
+HEAD = """from __future__ import annotations
+
+import math
+from bisect import bisect_right
+
+from desat.components.contract.block import Block, Input, Output, Parameter, Vec3
+
+TABLE = (-2.0, -0.5, 0.0, 0.5, 3.0)
+
+
+class Tried(Block):
+    \"\"\"A block for tests\"\"\"
+
+    role = "tried"
+    x: float = Input("1", "a number")
+    y: float = Input("1", "another")
+    n: int = Input("1", "an integer")
+    a: Vec3 = Output("1", "what comes out", interval=True)
+
+    def start(self) -> None:
+        self._k = 0
+
+"""
+
+
+@pytest.fixture
+def made(tmp_path, monkeypatch):
+    """A block of source text, below a folder that stands for components/."""
+    monkeypatch.setattr(program, "FOLDERS", (*program.FOLDERS, tmp_path / "components"))
+    (tmp_path / "components").mkdir()
+    count = 0
+
+    def make(body: str) -> type[Block]:
+        nonlocal count
+        count += 1
+        file = tmp_path / "components" / f"tried{count}.py"
+        text = HEAD + "    def advance(self, t: float, dt: float) -> None:\n"
+        file.write_text(text + "".join(f"        {line}\n" for line in body.splitlines()))
+        spec = importlib.util.spec_from_file_location(f"desat_tried{count}", file)
+        assert spec is not None
+        assert spec.loader is not None
+        module = importlib.util.module_from_spec(spec)
+        monkeypatch.setitem(sys.modules, spec.name, module)
+        spec.loader.exec_module(module)
+        return module.Tried  # type: ignore[no-any-return]
+
+    return make
+
+
+@pytest.mark.parametrize(
+    ("body", "what"),
+    [
+        ("rows = {1: self.x}", "Dict"),
+        ("rows = {self.x}", "Set"),
+        ("rows = [self.x]\nrows.append(1.0)", ".append"),
+        ("self.a = (math.hypot(self.x, self.y), 0.0, 0.0)", "hypot"),
+        ("self.a = (sum(v for v in TABLE), 0.0, 0.0)", "sum"),
+        ("import numpy", "a import statement"),
+        ("self.a = tuple(self.x for k in range(self.n))", "any length"),
+        ("self._k = TABLE[: self.n]\nself._k = 1", "self._k is"),
+        ("self.a = (self._never, 0.0, 0.0)", "self._never is never assigned"),
+        ("with open('x'):\n    pass", "a with statement"),
+        ("self.a = (self.x, 0.0)", "for"),
+        ("self.a = ('text', 0.0, 0.0)", "str where float is needed"),
+        ("x = 1.0\nx = (1.0, 2.0)", "x is"),
+        ("self.a = (TABLE[7], 0.0, 0.0)", "index 7 of a tuple of 5"),
+        ("print(self.x)", "print()"),
+        ("yield self.x", "Yield"),
+        ("def f(u: float) -> float:\n    return u * k\nk = 2.0\nself.a = (f(1.0), 0.0, 0.0)", "k"),
+    ],
+)
+def test_what_leaves_the_subset_is_refused_with_its_place(made, body, what):
+    with pytest.raises(SubsetError) as caught:
+        program.translate(made(body), "tried", "")
+    text = str(caught.value)
+    assert text.startswith("components/tried1.py:"), text
+    assert what in text
+    assert text.count(": ") >= 2, "the place, what, and what to write instead"
+
+
+@pytest.fixture(scope="session")
+def shared(tmp_path_factory) -> Path:
+    folder = tmp_path_factory.mktemp("wrapper")
+    native.compile_wrapper(folder)
+    return folder
+
+
+def compiled(block: type[Block], folder: Path, shared: Path) -> Path:
+    """A block of a test as an unpacked FMU."""
+    files = {"block.h": (native.WRAPPER / "block.h").read_text(),
+             "tried.c": program.translate(block, "tried", "{x}")}  # fmt: skip
+    root = folder / "fmu"
+    binaries = root / "binaries" / native.platform()
+    binaries.mkdir(parents=True)
+    work = folder / "work"
+    work.mkdir()
+    shutil.copy(native.compile_block(files, "tried", work, shared), binaries)
+    (root / "modelDescription.xml").write_bytes(
+        native.model_description(block, "tried", "{x}", native.DATE, "0", sources=["tried.c"])
+    )
+    return root
+
+
+ARITHMETIC = """if self.n == 0:
+    self.a = (self.x % self.y, self.x // self.y, self.x**self.y)
+elif self.n == 1:
+    self.a = (self.x * round(self.y), math.remainder(self.x, self.y), float(math.floor(self.x)))
+elif self.n == 2:
+    k = math.floor(self.x)
+    self.a = (float(k % 7), float(k // -3), TABLE[bisect_right(TABLE, self.y) - 1])
+elif self.n == 3:
+    self.a = (math.exp(self.x), math.log(self.y), self.x / self.y)
+elif self.n == 4:
+    self.a = (max(self.x, self.y), min(self.x, self.y), max(TABLE, key=lambda v: -v * v))
+elif self.n == 5:
+    self.a = (math.sqrt(self.x), math.asin(self.y), self.x**2)
+elif self.n == 6:
+    self.a = (TABLE[math.floor(self.x)], math.sin(self.y), math.atan2(self.x, self.y))
+else:
+    self.fail(f"{self.x} {self.y:g} {self.y:.3g} {self.x:.2f} {(self.x, 1.0)} {self.n}")
+"""
+
+NUMBERS = (
+    0.0, -0.0, 1.0, -1.0, 0.5, -0.5, 1.5, 2.5, 7.0, 1e16, 1e-5, 123456789.0, 5e-324, 1e308, -1e300,
+    0.1, 1e22, 2.0**53, math.pi, -math.pi, math.inf, -math.inf, math.nan,
+)  # fmt: skip
+
+
+def test_arithmetic_and_texts_are_pythons(made, tmp_path, shared):
+    """Powers, remainders, roundings, roots, indices, formats: values, failures and their texts."""
+    block_class = made(ARITHMETIC)
+    folder = compiled(block_class, tmp_path, shared)
+    rng = random.Random(11)
+    cases = [(x, y) for x in NUMBERS for y in NUMBERS]
+    cases += [(rng.gauss(0, 1) * 10.0 ** rng.randint(-8, 20), rng.gauss(0, 3)) for _ in range(400)]
+    block = block_class()
+    i = Beside(folder, block, folder)
+    i.fmu.setupExperiment(startTime=0.0)
+    i.fmu.enterInitializationMode()
+    i.fmu.exitInitializationMode()
+    state = i.fmu.getFMUstate()
+    refused = 0
+    for x, y in cases:
+        for n in range(8):
+            block.x, block.y, block.n = x, y, n
+            i.fmu.setFMUstate(state)
+            i.said.clear()
+            i.give("input")
+            i.step(0.0, 1.0)
+            said = _error(lambda: block.advance(0.0, 1.0))
+            if n == 0 and -math.inf < x < 0.0 and abs(y) < 1e15 and y != math.floor(y):
+                # Python goes on with a complex number
+                said = "ValueError: a negative number to a fractional power"
+            if i.failed() and i.said[-1].endswith("OverflowError: an integer beyond 64 bits"):
+                assert not -(2**62) < x < 2**62  # refused, never wrong
+                refused += 1
+                continue
+            assert i.failed() == bool(said), (x, y, n, said, i.said)
+            if said:
+                assert i.said[-1].endswith(said), (x, y, n)
+            else:
+                assert i.outputs() == outputs(block), (x, y, n)
+    assert 0 < refused < len(cases)
+    i.free()
+
+
+def test_the_blocks_are_within_and_a_new_one_is_told(monkeypatch):
+    monkeypatch.setattr(subset, "names", lambda: ("environment_tle", "tachometers"))
+    monkeypatch.setattr(subset, "PINNED", {"tachometers": "", "gone": ""})
+    gone, out, needless = subset.problems()
+    assert gone == "fmus/native.py: PINNED has gone, which is no block"
+    assert out.startswith("components/physics/tle.py:")
+    assert needless == "fmus/native.py: tachometers translates and need not be in PINNED"
+    assert subset.main() == 1
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="the sanitizers of gcc or clang")
+def test_no_sanitizer_complains(tmp_path):
+    """The C of a block under AddressSanitizer and UBSan, in the host of the other test."""
+    for name in ("thrusters",):
+        folder = tmp_path / name
+        folder.mkdir()
+        files, guid = native.sources(name)
+        for file, text in files.items():
+            (folder / file).write_text(text, encoding="utf-8")
+        flags = [f for f in native.FLAGS if f != "-O2" and f != "-fvisibility=hidden"]
+        main = (
+            (HERE / "host.c").read_text().replace("dlopen(path, RTLD_NOW)", "dlopen(0, RTLD_NOW)")
+        )
+        (folder / "host.c").write_text("#define _GNU_SOURCE\n" + main)
+        done = subprocess.run(
+            [*native.compiler(), *flags, "-g", "-w", "-std=gnu11", "-fsanitize=address,undefined",
+             "-fno-sanitize-recover=all", "-rdynamic", "host.c", *sorted(f for f in files
+             if f.endswith(".c")), "-lm", "-ldl", "-o", "host"],
+            cwd=folder, capture_output=True, text=True, check=False,
+        )  # fmt: skip
+        assert done.returncode == 0, done.stderr
+        ran = subprocess.run([str(folder / "host"), "itself", guid], capture_output=True, text=True,
+                             check=False)  # fmt: skip
+        assert ran.stdout.splitlines()[-1:] == ["1 FMUs"], ran.stdout + ran.stderr
