@@ -441,8 +441,8 @@ def nadir_day() -> dict[str, Any]:
         fast = native(python)
         theirs = field if field == "dipole" else str(igrf)
         tools: dict[str, tuple[str, Callable[[], dict[str, Any]]]] = {
-            "python": ("us", partial(_measure, "recorded", python, 8000, "python")),
-            "native": ("us", partial(_measure, "recorded", fast, whole, "python")),
+            "python": ("us", partial(_measure, "recorded", python, 4000, "python")),
+            "native": ("us", partial(_measure, "recorded", fast, 20000, "python")),
             "loop": ("us", partial(_measure, "recorded", fast, whole)),
             "libcosim_native": ("us", partial(_measure, "libcosim", fast, whole)),
             "basilisk": ("us_per_step", partial(_basilisk_day, theirs, whole)),

@@ -126,8 +126,9 @@ def _draw(found: dict[str, Any]) -> None:
     for i, (name, unit) in enumerate(labels.items()):
         ax = fig.add_axes((0.06 + 0.245 * i, 0.2, 0.185, 0.7))
         x, y = np.array(found[name]["rows"], dtype=float).T
-        ax.plot(x, y, "o-", color=COLOURS[i], markersize=3)
-        ax.set_xlabel({"recorded": "recorded signals"}.get(name, name), fontsize=8)
+        ax.plot(x / 1e6 if name == "steps" else x, y, "o-", color=COLOURS[i], markersize=3)
+        shown = {"recorded": "recorded signals", "steps": "steps, millions"}.get(name, name)
+        ax.set_xlabel(shown, fontsize=8)
         ax.set_ylabel(f"[{unit}]", fontsize=8)
         ax.set_ylim(bottom=0.0)
         ax.tick_params(labelsize=7)

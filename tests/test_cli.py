@@ -241,6 +241,19 @@ print("heavy:", sorted(heavy & set(sys.modules)), file=sys.stderr)
         assert result.stderr == "heavy: []\n"
 
 
+def test_a_run_loads_no_scipy():
+    """It takes as long to load as all else that a short run needs; only some analyses need it."""
+    code = """
+import sys
+from desat.study import report
+from desat.study.case import Options, execute
+assert execute("integrated/mil-nadir", Options(stop=5.0, blocks=True)).ok
+assert "scipy" not in sys.modules
+"""
+    result = python(code)
+    assert result.returncode == 0, result.stderr
+
+
 def test_list_by_family(desat):
     lines = desat("list", check=True).stdout.splitlines()
     for family in families():

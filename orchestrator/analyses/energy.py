@@ -111,7 +111,11 @@ def balance(manifest: dict[str, Any], results: Results) -> Balance | None:
 
 
 def _balance(manifest: dict[str, Any], results: Results) -> Balance | None:
-    work, given, energy, own, outer = [], [], [], [], False
+    work: list[Array] = []
+    given: list[Array] = []
+    energy: list[Array] = []
+    own: list[Array] = []
+    outer = False
     for steps in blocks_of(manifest, results):
         done, turned = np.zeros(len(steps.mean)), np.zeros((len(steps.mean), 3))
         for e, weight in zip(NODES.tolist(), WEIGHTS.tolist(), strict=True):

@@ -9,6 +9,7 @@ from __future__ import annotations
 import ctypes
 import hashlib
 import os
+import platform
 import shlex
 import shutil
 import subprocess
@@ -132,7 +133,8 @@ def _library() -> Any:
     if not command:
         raise NotCompiledError("there is no C compiler (cc, gcc, clang, or the package ziglang)")
     made = Path(command[0]).resolve()
-    key = [*command, *FLAGS, str(made), made.stat().st_size, made.stat().st_mtime_ns]
+    state = made.stat()
+    key = [*command, *FLAGS, platform.machine(), str(made), state.st_size, state.st_mtime_ns]
     digest = hashlib.sha256(repr(key).encode() + SOURCE.read_bytes()).hexdigest()[:20]
     library = places.cache() / "loop" / f"{digest}.so"
     try:

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from ..system.errors import DesatError, nearest
 
@@ -76,7 +76,7 @@ def of_entry(entry: dict[str, Any]) -> tuple[Quantity, dict[str, Any]] | None:
     return found, {"sequence": entry["sequence"]} if "sequence" in entry else {}
 
 
-def cross(a: Array, b: Array) -> Array:
+def cross(a: ArrayLike, b: ArrayLike) -> Array:
     """a x b, row by row, for (rows, 3) or one vector (3,) for all rows: the bits of numpy's, which
     copies what it is given first."""
     (ax, ay, az), (bx, by, bz) = np.asarray(a).T, np.asarray(b).T
