@@ -142,7 +142,7 @@ def series_plot(plot: dict[str, Any], runs: Sequence[Run]) -> str | None:
             ax.set_yscale("log")
         height = ax.get_position().height * fig.get_figheight()
         ax.set_ylabel(axis_label(what, unit, height), fontsize=9)
-        timeline(ax, seconds, time_unit, results if ax is panels[-1][0] else None)
+        timeline(ax, seconds, time_unit, results if whole else None)
         if steady is not None and not whole:
             ax.set_xlim(steady / seconds, results.times()[-1] / seconds)
         legend(ax)
