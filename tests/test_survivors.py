@@ -132,6 +132,26 @@ def test_moments_of_a_lag_keep_all_digits(ratio):
     assert found[2] == pytest.approx(math.exp(-ratio), rel=1e-15)
 
 
+@pytest.mark.parametrize("ratio", [0.3, 2.5])
+def test_a_first_order_lag_by_its_integrals(ratio):
+    s = (np.arange(20000) + 0.5) / 20000
+    x = -1.5 + (2.0 + 1.5) * np.exp(-ratio * s)
+    mean, slope, end, square = moments.first_order(2.0, -1.5, ratio)
+    assert mean == pytest.approx(x.mean(), rel=1e-6)
+    assert slope == pytest.approx(12.0 * (x * (s - 0.5)).mean(), rel=1e-6)
+    assert end == pytest.approx(-1.5 + 3.5 * math.exp(-ratio))
+    assert square == pytest.approx((x * x).mean(), rel=1e-6)
+
+
+def test_a_part_of_a_step_by_its_integrals():
+    s = (np.arange(20000) + 0.5) / 20000
+    inside = (s > 0.2) & (s < 0.7)
+    x = np.where(inside, 3.0 + 0.8 * ((s - 0.2) / 0.5 - 0.5), 0.0)
+    mean, slope = moments.part(0.2, 0.7, 3.0, 0.8)
+    assert mean == pytest.approx(x.mean(), rel=1e-4)
+    assert slope == pytest.approx(12.0 * (x * (s - 0.5)).mean(), rel=1e-3)
+
+
 def test_each_rotor_begins_its_jitter_at_an_angle_of_its_own():
     s = 1.0 / math.sqrt(3.0)
     wheels = fresh("wheels")

@@ -33,7 +33,7 @@ def curves(
     if log:
         ax.set_yscale("log")
     timeline(ax, seconds, unit)
-    ax.set_ylabel(ylabel)
+    ax.set_ylabel(ylabel, fontsize=9)
     legend(ax)
     return svg(fig)
 
@@ -51,7 +51,7 @@ def bars(groups: dict[str, dict[str, float]], ylabel: str, *, log: bool = False)
     ax.grid(False, axis="x")
     if log:
         ax.set_yscale("log")
-    ax.set_ylabel(ylabel)
+    ax.set_ylabel(ylabel, fontsize=9)
     legend(ax)
     return svg(fig)
 
@@ -74,6 +74,6 @@ def scatter(
         top = max(max(*x, *y) for x, y in groups.values())
         ax.plot([0, top], [0, top], color="#888888", linewidth=0.9, linestyle=":", label=diagonal)
     ax.set_xlabel(xlabel)
-    ax.set_ylabel(ylabel)
+    ax.set_ylabel(ylabel, fontsize=9)
     legend(ax)
     return svg(fig)

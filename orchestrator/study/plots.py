@@ -21,7 +21,8 @@ from . import derived
 from .numbers import scale
 from .strips import timeline
 
-COLOURS = ("#0b62a4", "#d1495b", "#2e8b57", "#8a5fbf", "#e08e0b", "#444444")
+COLOURS = ("#0b62a4", "#d1495b", "#2e8b57", "#8a5fbf", "#e08e0b", "#444444", "#1aa6b7", "#8b5a2b",
+           "#a3b72c")  # fmt: skip
 LIMIT = "#b22222"
 BANDS = ("#b22222", "#e0a100", "#5b7f95")
 """Of filled limits, in their order."""
@@ -31,7 +32,7 @@ BINS = 240
 """Parts of a line whose least and most are drawn as an area."""
 LEGEND_WIDTH = 21
 """Characters that there is room for beside the axes."""
-LEFT, WIDTH, BOTTOM, TOP = 0.11, 0.64, 0.16, 0.92
+LEFT, WIDTH, BOTTOM, TOP = 0.115, 0.635, 0.16, 0.92
 """Of all axes in their figures, so that times align."""
 HEIGHT, PANELS = 2.9, 4.9
 """in, of a figure with one pair of axes and with two."""
@@ -89,7 +90,7 @@ def _axes(fig: Figure, bottom: float, top: float) -> Any:
 def axis_label(what: str, unit: str, height: float) -> str:
     """`quantity [unit]` for an axis so many inches high, in lines that fit it."""
     bracket = f"[{pretty_unit(unit)}]".replace(" ", "\u00a0") if pretty_unit(unit) else ""
-    return textwrap.fill(f"{what} {bracket}".strip(), max(14, int(height * 12.5)))
+    return textwrap.fill(f"{what} {bracket}".strip(), max(14, int(height * 14)))
 
 
 def legend(ax: Any) -> None:
@@ -136,17 +137,18 @@ def series_plot(plot: dict[str, Any], runs: Sequence[Run]) -> str | None:
     # the limits of a size have no other side
     signed = any(np.nanmin(x.values, initial=0.0) < 0.0 for lines in drawn for x in lines)
     for ax, lines in panels:
-        _draw(ax, lines, [label for label, _, _ in runs], seconds, plot)
         whole = ax is panels[0][0]
+        names = [label for label, _, _ in runs] if whole else None
+        _draw(ax, lines, names, seconds, plot)
         _draw_limits(ax, _limits(plot, parameters, unit), signed, whole)
         if plot.get("log") and whole:
             ax.set_yscale("log")
         height = ax.get_position().height * fig.get_figheight()
-        ax.set_ylabel(axis_label(what, unit, height))
-        timeline(ax, seconds, time_unit, results if ax is panels[-1][0] else None)
-    legend(panels[0][0])
-    if len(panels) > 1:
-        _strips_only(panels[1][0])
+        ax.set_ylabel(axis_label(what, unit, height), fontsize=9)
+        timeline(ax, seconds, time_unit, results if whole else None)
+        if steady is not None and not whole:
+            ax.set_xlim(steady / seconds, results.times()[-1] / seconds)
+        legend(ax)
     return svg(fig)
 
 
@@ -155,25 +157,21 @@ def _since(line: Line, begin: float) -> Line:
     return line._replace(times=line.times[kept], values=line.values[kept])
 
 
-def _strips_only(ax: Any) -> None:
-    """The legend of a second pair of axes: what the first one's does not name."""
-    for line in ax.get_lines():
-        line.set_label(None)
-    legend(ax)
-
-
 def _draw(
-    ax: Any, runs: list[list[Line]], labels: list[str], seconds: float, plot: dict[str, Any]
-) -> None:
+    ax: Any, runs: list[list[Line]], labels: list[str] | None, seconds: float,
+    plot: dict[str, Any],
+) -> None:  # fmt: skip
     """The lines of several runs. A line is named in the first run; where there are several runs,
-    the first line of each other one has the run's name, and a lone line always has. An `envelope`
-    fills what a line that is faster than the plot is wide lies between."""
+    the first line of each other one has the run's name, and a lone line always has; without
+    `labels` none has. An `envelope` fills what a line that is faster than the plot is wide lies
+    between."""
     points = plot.get("points", POINTS)
     for number, lines in enumerate(runs):
         for i, line in enumerate(lines):
             name = line.name if number == 0 else None
-            if len(runs) > 1 and (len(lines) == 1 or (number and i == 0)):
+            if labels and len(runs) > 1 and (len(lines) == 1 or (number and i == 0)):
                 name = labels[number]
+            name = name if labels else None
             colour = COLOURS[i % len(COLOURS)]
             if plot.get("envelope") and len(line.times) > BINS:
                 x, low, high = _between(line.times, line.values)
@@ -199,7 +197,7 @@ def _draw_limits(
         colour = next(bands) if filled else LIMIT
         if not always and value > max(-low, high):
             continue
-        text = f"{'±' if signed else ''}{value:.4g}  {name}"
+        text = f"{'±' if signed else ''}{value:.4g}  {name}" if always else None
         if filled:
             ax.axhspan(-value if signed else 0.0, value, color=colour, alpha=0.16, label=text,
                        linewidth=0)  # fmt: skip
