@@ -529,7 +529,9 @@ def test_the_impulse_of_the_coils_is_the_change_of_momentum():
     assert 0.1 * torque.sum(axis=0) == pytest.approx(impulse[n], abs=1e-5 * np.abs(impulse).max())
 
 
-@pytest.mark.parametrize("name", ["detumbling-ours-observer", "start-up-conventional", "ours-look-ahead"])
+@pytest.mark.parametrize(
+    "name", ["detumbling-ours-observer", "start-up-conventional", "ours-look-ahead"]
+)
 def test_fmus_give_the_bits_of_the_blocks(name):
     options = {"stop": 60.0, "record": ("manager.*", "spacecraft.omega_bi_body")}
     one, other = run(name, **options), run(name, blocks=False, **options)
