@@ -598,6 +598,16 @@ def test_schedules_that_differ_are_refused():
     assert "thrusters" in str(error.value)
 
 
+def test_a_firing_that_lasts_beyond_the_run_is_said():
+    for stop, said in ((110.0, 1), (130.0, 0), (100.0, 0)):
+        case = prepare("alsat1/firing-z-wheel", Options(blocks=True, stop=stop, sets=list(NEAR)))
+        lines = [x for x in case.checked.warnings if "beyond the run's end" in x]
+        assert len(lines) == said
+    text = r"thrusters.schedule_duration[1] = 30 s from 100 s on: it lasts beyond the run's end at"
+    case = prepare("alsat1/firing-z-wheel", Options(blocks=True, stop=110.0, sets=list(NEAR)))
+    assert any(text in x for x in case.checked.warnings)
+
+
 # --- stored draws -------------------------------------------------------------------------------
 
 

@@ -152,8 +152,8 @@ def euler_lvlh(q: Array, r: Array, v: Array, sequence: str = "321") -> Array:
 
 @quantity("x", "y", "z", unit="1")
 def nadir_body(q: Array, r: Array) -> Array:
-    """The unit vector to nadir in body (rows, 3), by the position in eci; its z is the cosine of the
-    tilt of the body's z axis."""
+    """The unit vector to nadir in body (rows, 3), by the position in eci; its z is the cosine of
+    the tilt of the body's z axis."""
     conjugate = q * np.array([-1.0, -1.0, -1.0, 1.0])
     return rotate_back(conjugate, -r / np.linalg.norm(r, axis=1, keepdims=True))
 
