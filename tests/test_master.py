@@ -302,8 +302,13 @@ def bits(run) -> dict[str, bytes]:
     return {name: run.results.values(name).tobytes() for name in run.results.names()}
 
 
+# of the telescope's laws one case each: the others differ in parameters alone
+BITWISE = [n for n in scenarios() if not n.startswith("space_telescope/")]
+BITWISE += [f"space_telescope/{n}-nominal" for n in ("closed-cp", "me", "mixed-me", "ours")]
+
+
 @pytest.mark.real_units
-@pytest.mark.parametrize("name", scenarios())
+@pytest.mark.parametrize("name", BITWISE)
 @pytest.mark.parametrize("algorithm", ["conserving", "jacobi"])
 def test_fmus_equal_bare_blocks_bitwise(name, algorithm):
     data = scenarios()[name].data
