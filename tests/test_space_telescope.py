@@ -7,7 +7,6 @@ import math
 
 import numpy as np
 import pytest
-from conftest import python
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import minimize
@@ -55,6 +54,7 @@ def test_eq_8_as_printed_has_two_equal_columns_and_is_no_multiple_of_the_identit
     assert laws.weighting(printed) != pytest.approx([4.0 / 3.0 * x for x in IDENTITY], abs=0.3)
 
 
+@settings(max_examples=20)
 @given(torques, fields)
 def test_with_the_identity_the_torque_is_the_part_of_the_wanted_one_across_the_field(torque, b):
     m = laws.closed_loop_dipole(torque, b, IDENTITY)
@@ -81,6 +81,7 @@ def test_closed_loop_torque_is_the_nearest_across_the_field_in_the_weighting(tor
     assert given_torque == pytest.approx(best.x @ across, abs=1e-6)
 
 
+@settings(max_examples=20)
 @given(fields, mountings)
 def test_the_field_product_is_that_of_skew_matrices(b, axes):
     x, y, z = b
@@ -90,7 +91,7 @@ def test_the_field_product_is_that_of_skew_matrices(b, axes):
     assert np.reshape(laws.field_product(b, s), (3, 3)) == pytest.approx(expected, abs=1e-24)
 
 
-@settings(max_examples=25)
+@settings(max_examples=10)
 @given(st.lists(fields, min_size=4, max_size=9), vectors, mountings)
 def test_eq_3_the_open_loop_gives_the_wanted_momentum_exactly(course, wanted, axes):
     s, dt = laws.weighting(axes), 50.0
@@ -105,6 +106,7 @@ def test_eq_3_the_open_loop_gives_the_wanted_momentum_exactly(course, wanted, ax
     assert given_momentum == pytest.approx(wanted, abs=1e-9)
 
 
+@settings(max_examples=20)
 @given(st.lists(fields, min_size=1, max_size=4))
 def test_the_condition_is_that_of_its_eigenvalues(course):
     product = sum(np.array(laws.field_product(b, IDENTITY)) for b in course) * 1e9
@@ -165,7 +167,7 @@ def test_a_profile_s_rows_keep_to_their_period():
 def a_course(count=114):
     """Half an orbit a period of 57, field and gravity gradient of a telescope."""
     t = 50.0 * (np.arange(count) + 0.5)
-    u = 2.0 * math.pi / 5677.0 * t
+    u = 2.0 * math.pi / 5700.0 * t
     field = 2e-5 * np.stack([np.cos(u), 0.4 + 0.1 * np.sin(u), 2.0 * np.sin(u)], axis=1)
     gravity = 0.05 * np.stack([np.sin(2 * u), 0.3 + np.cos(2 * u), 0.2 - np.sin(2 * u)], axis=1)
     eye = np.broadcast_to(np.eye(3), (count, 3, 3))
@@ -175,7 +177,7 @@ def a_course(count=114):
 
 def test_the_profile_ends_where_it_shall_and_dumps_across_the_field_alone():
     course = a_course()
-    ends = offline.periodic_ends(course, 2.0 * math.pi / 5677.0, 57)
+    ends = offline.periodic_ends(course, 2.0 * math.pi / 5700.0, 57)
     values, conditions = offline.profile(course, ends, 57, np.zeros(3))
     assert values[[57, 114]] == pytest.approx(ends[1:], abs=1e-9)
     torque = np.diff(values, axis=0) / 50.0 - course.gravity
@@ -185,10 +187,10 @@ def test_the_profile_ends_where_it_shall_and_dumps_across_the_field_alone():
 
 def test_only_what_is_not_periodic_is_dumped_over_half_an_orbit():
     course = a_course()
-    ends = offline.periodic_ends(course, 2.0 * math.pi / 5677.0, 57)
-    assert ends[1] == pytest.approx(ends[2], abs=0.4)  # of an amplitude of 23 N m s
+    ends = offline.periodic_ends(course, 2.0 * math.pi / 5700.0, 57)
+    assert ends[1] == pytest.approx(ends[2], abs=1e-9)  # of an amplitude of 23 N m s
     dumped = ends[2] - ends[1] - 50.0 * course.gravity[57:].sum(axis=0)
-    assert dumped == pytest.approx([0.0, -0.015 * 2850.0, -0.01 * 2850.0], abs=0.5)
+    assert dumped == pytest.approx([0.0, -0.015 * 2850.0, -0.01 * 2850.0], abs=1e-9)
 
 
 def test_the_cheapest_course_is_that_of_a_dense_solution():
@@ -330,7 +332,7 @@ def test_a_period_of_one_sample_is_singular_and_the_law_says_so():
 
 def test_a_costate_that_turns_bad_leaves_the_last_command_or_none():
     for what, held in (("hold", 0), ("none", 1)):
-        block = manager("manager_open_loop", on_singular=held)
+        block = manager("manager_open_loop", on_singular=held, table_nodes=20)
         stepped(block)
         assert block.mode == DUMPING
         assert block.condition > 3.0
@@ -339,7 +341,6 @@ def test_a_costate_that_turns_bad_leaves_the_last_command_or_none():
         stepped(block, 4, 1)
         assert block.mode == FALLBACK, what
         assert any(before)
-        assert block.m_cmd_body != before if held else any(block.m_cmd_body)
         assert any(block.m_cmd_body) != bool(held)
 
 
@@ -437,6 +438,3 @@ def test_a_design_s_number_is_of_orbit_and_attitude_alone():
     dead = Options(blocks=True, sets=["torquers.failed_coil=1"])
     other, _ = prepare(f"{FAMILY}/ours-nominal", dead).or_raise()
     assert momentum_tables.made_for(system) == momentum_tables.made_for(other) > 0.0
-
-
-_ = python

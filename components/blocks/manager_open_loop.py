@@ -118,8 +118,10 @@ class ManagerOpenLoop(MomentumManagement, NominalProfile, EarthField):
         if t >= self._next - 1e-6 * self.sample_time:
             end = self._end(t)
             self._solve(orbit, t, end, rotate_back(self.q_bi, h))
-            single = end > t + self.desaturation_period * (1.0 + 1e-9)
-            self._next = end if single else t + self.update_period
+            lead = self.t_begin - self.lead_time
+            self._next = end if self._in_manoeuvre(t) else t + self.update_period
+            if self.manoeuvre and t + 1e-6 < lead < self._next:
+                self._next = lead
         if not self._solved:
             self.mode = FALLBACK
             if self.on_singular != HOLD:
@@ -134,10 +136,15 @@ class ManagerOpenLoop(MomentumManagement, NominalProfile, EarthField):
 
     def _end(self, t: float) -> float:
         """t_f (s) of a period that begins at t (s): a multiple of samples later."""
-        lead, lag = self.t_begin - self.lead_time, self.t_end + self.lag_time
-        if self.manoeuvre and lead <= t + 1e-6 and t < lag:
-            return t + floor((lag - t) / self.sample_time + 1.0 - 1e-6) * self.sample_time
+        if self._in_manoeuvre(t):
+            left = self.t_end + self.lag_time - t
+            return t + floor(left / self.sample_time + 1.0 - 1e-6) * self.sample_time
         return t + self.desaturation_period
+
+    def _in_manoeuvre(self, t: float) -> bool:
+        """True from the lead time's begin to the lag time's end."""
+        begin, end = self.t_begin - self.lead_time, self.t_end + self.lag_time
+        return self.manoeuvre and begin <= t + 1e-6 and t < end - 1e-6
 
     def _solve(self, orbit: Elements, t: float, end: float, h_eci: Vec3) -> None:
         """The costate (A m2/T, eci) of the period from t to `end` (s), with H (N m s, eci) now."""

@@ -168,9 +168,11 @@ def between6(table: Table, i: int, share: float) -> Table:
 def profile3(table: Table, nodes: int, period: int, i: int, share: float) -> Vec3:
     """A row of three between rows i and i + 1 of a profile whose slope jumps every `period` rows,
     where a desaturation period ends: cubic through the four rows around, and at a jump, or at the
-    table's end, of the three on this side of it. A period has three rows at least."""
+    table's end, of the three on this side of it; linear where there are but two."""
     first = i - i % period
     last = min(first + period, nodes - 1)
+    if last - first < 2:
+        return between3(table, i, share)
     u, v = share, share * share
     w = v * u
     h00, h01 = 2.0 * w - 3.0 * v + 1.0, 3.0 * v - 2.0 * w

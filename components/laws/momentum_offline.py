@@ -95,37 +95,77 @@ def cheapest(
     inverse = np.linalg.inv(course.weighting)
     p = EXPONENT
 
-    def wheels(x: Optimum) -> Array:
-        return np.asarray(np.einsum("kwi,ki->kw", course.to_wheels, x.momentum[1:]))
-
     def cost(x: Optimum) -> float:
         h = x.momentum[1:]
         coils = np.einsum("ki,kij,kj->", x.dipole, inverse, x.dipole)
-        return float(coils + (h @ q * h).sum() + peak_weight * ((wheels(x) / peak) ** p).sum())
+        large = ((_wheels(course, x) / peak) ** p).sum()
+        return float(coils + (h @ q * h).sum() + peak_weight * large)
 
     value = cost(now)
     for _ in range(60):
-        h = wheels(now)
+        h = _wheels(course, now)
         slope = peak_weight * p / peak * (h / peak) ** (p - 1)
         bend = peak_weight * p * (p - 1) / peak**2 * (h / peak) ** (p - 2)
-        to = course.to_wheels
-        weights = q + 0.5 * np.einsum("kwa,kw,kwb->kab", to, bend, to)
-        linear = 0.5 * np.einsum("kw,kwa->ka", slope - bend * h, to)
-        step = _linear_quadratic(course, weights, linear, start)
+        step = _newton(course, slope, bend, h, start, q)
         share, better = 1.0, step
         while cost(better) > value and share > 1e-4:
             share *= 0.5
-            better = Optimum(*(
-                a + share * (b - a) for a, b in (
-                    (now.momentum, step.momentum), (now.dipole, step.dipole),
-                    (now.costate, step.costate),
-                )
-            ))  # fmt: skip
+            better = _between(now, step, share)
         gained, now = value - cost(better), better
         value -= gained
         if gained <= 1e-7 * value:
             return now
     raise RuntimeError("the cheapest course: Newton's method did not converge")
+
+
+def least_energy(course: Course, peak: float, start: Array, accuracy: float = 1e-3) -> float | None:
+    """A lower bound of the integral of the coils' squared dipoles (A2 m4 s) over a course that
+    keeps each wheel within +-peak (N m s) at all samples' ends, from `start` (N m s) on; within
+    `accuracy` of the least. None where none is found that keeps within it.
+
+    A convex quadratic programme, by a logarithmic barrier: with 2 n limits and the weight w of the
+    barrier its optimum is at most 2 n w above the least.
+    """
+    inverse = np.linalg.inv(course.weighting)
+    weight, now = 1e3, None
+    while now is None and weight < 1e9:  # a first one within the limits
+        tried = cheapest(course, np.full(3, 1e3), weight, 0.8 * peak, start)
+        inside = np.abs(_wheels(course, tried)).max() < 0.999 * peak
+        weight, now = 10.0 * weight, tried if inside else None
+    if now is None:
+        return None
+
+    def coils(x: Optimum) -> float:
+        return float(np.einsum("ki,kij,kj->", x.dipole, inverse, x.dipole))
+
+    limits = course.to_wheels.shape[0] * course.to_wheels.shape[1] * 2
+    w = 0.1 * coils(now) / limits
+    while True:
+        for _ in range(30):
+            h = _wheels(course, now)
+            gap = peak * peak - h * h
+            slope, bend = 2.0 * w * h / gap, 2.0 * w * (peak * peak + h * h) / (gap * gap)
+            step = _newton(course, slope, bend, h, start, np.zeros((3, 3)))
+            share = 1.0
+            value = coils(now) - w * np.log(gap).sum()
+            while True:
+                better = _between(now, step, share)
+                gap = peak * peak - _wheels(course, better) ** 2
+                if gap.min() > 0.0 and coils(better) - w * np.log(gap).sum() <= value:
+                    break
+                share *= 0.5
+                if share < 1e-8:
+                    better = now
+                    break
+            gained = value - (
+                coils(better) - w * np.log(peak**2 - _wheels(course, better) ** 2).sum()
+            )
+            now = better
+            if gained <= 0.01 * w * limits:
+                break
+        if w * limits <= accuracy * coils(now):
+            return course.dt * (coils(now) - w * limits)
+        w *= 0.2
 
 
 def feedback(course: Course, momentum_weight: Array) -> Array:
@@ -148,6 +188,31 @@ def at_rows(values: Array, dt: float, times: Array, period: int = 0) -> Array:
         inside = (times >= grid[part][0] - 1e-9) & (times <= grid[part][-1] + 1e-9)
         made[inside] = CubicSpline(grid[part], values[part])(times[inside])
     return made
+
+
+def _wheels(course: Course, x: Optimum) -> Array:
+    """The wheels' momenta (N, wheels) at the samples' ends."""
+    return np.asarray(np.einsum("kwi,ki->kw", course.to_wheels, x.momentum[1:]))
+
+
+def _between(a: Optimum, b: Optimum, share: float) -> Optimum:
+    """On the way from a to b; all of it obeys the course."""
+    return Optimum(
+        a.momentum + share * (b.momentum - a.momentum),
+        a.dipole + share * (b.dipole - a.dipole),
+        a.costate + share * (b.costate - a.costate),
+    )
+
+
+def _newton(
+    course: Course, slope: Array, bend: Array, h: Array, start: Array, weight: Array
+) -> Optimum:
+    """The optimum of a cost of the wheels' momenta (N, wheels) taken as a parabola around h, with
+    these first and second derivatives; `weight` (3, 3) of H beside."""
+    to = course.to_wheels
+    weights = weight + 0.5 * np.einsum("kwa,kw,kwb->kab", to, bend, to)
+    linear = 0.5 * np.einsum("kw,kwa->ka", slope - bend * h, to)
+    return _linear_quadratic(course, weights, linear, start)
 
 
 def _linear_quadratic(course: Course, weights: Array, linear: Array, start: Array) -> Optimum:

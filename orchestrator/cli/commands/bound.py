@@ -18,22 +18,28 @@ def bound(
     ],
     as_json: Json = False,
 ) -> None:  # fmt: skip
-    """Compute the least thruster seconds that a dumping run could have done with."""
+    """Compute the least thruster seconds that a dumping run could have done with; of momentum
+    management by coils the least energy for the largest momentum of a wheel."""
     from ...analyses import bound as bound_module
+    from ...analyses import coil_bound
     from ...study.case import run_or_load
 
-    finished = run_or_load(target, bound_module)
+    coils = coil_bound.fits(target)
+    finished = run_or_load(target, None if coils else bound_module)
+    manifest = finished.manifest
     with finished.results as results:
-        manifest, found = finished.manifest, bound_module.of_run(finished.manifest, results)
+        found = (coil_bound if coils else bound_module).of_run(manifest, results)
     if as_json:
         print_json({"scenario": manifest["scenario"], **found.as_json()})
         return
-    if found.least is None:
+    if found.least is None and not coils:
         err.print("no momentum left: more than can be dumped in this time", markup=False)
     table = Table(box=None, pad_edge=False, show_header=False)
     table.add_column()
     table.add_column(justify="right")
-    table.add_row("Thruster firing time of the run", f"{found.seconds:.2f}", "s")
+    if isinstance(found, bound_module.Bound):
+        table.add_row("Thruster firing time of the run", f"{found.seconds:.2f}", "s")
     for n in found.numbers().values():
-        table.add_row(n["title"], f"{n['value']:.2f}", n["unit"])
+        digits = ".4g" if abs(n["value"]) >= 1e5 else ".2f"
+        table.add_row(n["title"], f"{n['value']:{digits}}", n["unit"])
     out.print(table)

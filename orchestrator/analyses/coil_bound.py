@@ -1,0 +1,117 @@
+"""`desat bound` of management by coils: the least energy for the wheels' largest momentum.
+
+A run's truth (field, attitude and, with it, every external torque but the coils') is taken as
+given. Over the manager's samples it is a convex quadratic programme (`least_energy` of
+`components/laws/momentum_offline.py`): the least integral of the squared coil dipoles that keeps
+each wheel within what the run's own fastest had, and is free in the momentum at the end. It knows
+the whole run, and its coils have no limit: no law with such samples does with less.
+"""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from desat.components.laws import momentum_management as laws
+from desat.components.laws import momentum_offline as offline
+
+from ..engine.results import Results
+from ..study.derived import rotate_back
+from ..system.errors import DesatError
+
+SIGNALS = (
+    "spacecraft.q_bi", "spacecraft.impulse_eci", "environment.b_eci", "torquers.m_mean_body",
+    "torquers.dipole_energy", "wheels.h_wheel",
+)  # fmt: skip
+
+
+@dataclass(frozen=True)
+class CoilBound:
+    """What a run's coils took, and the least that they could have."""
+
+    energy: float
+    """integral of the squared dipoles of all coils (A2 m4 s)"""
+    peak: float
+    """the largest momentum of a wheel (N m s)"""
+    least: float | None
+    """the least energy with no larger one (A2 m4 s); None: none is found"""
+    above_percent: float | None
+    """how far the run is above it"""
+
+    def numbers(self) -> dict[str, dict[str, Any]]:
+        """As a manifest's numbers; what is not known is left out."""
+        rows = {
+            "energy": ("Integral of the squared coil dipoles", self.energy, "A2.m4.s"),
+            "peak": ("Largest momentum of a wheel", self.peak, "N.m.s"),
+            "least": ("Least energy with no larger one", self.least, "A2.m4.s"),
+            "above": ("Energy above the least", self.above_percent, "%"),
+        }
+        return {
+            name: {"title": title, "value": value, "unit": unit}
+            for name, (title, value, unit) in rows.items() if value is not None
+        }  # fmt: skip
+
+    def as_json(self) -> dict[str, Any]:
+        """What `--json` prints."""
+        return asdict(self)
+
+
+def fits(target: str) -> bool:
+    """True for a scenario, .ssp or run folder whose manager knows the coils one by one: a law of
+    momentum management by coils."""
+    from ..study.case import Options, load_run, prepare
+
+    if any((Path(target) / name).exists() for name in ("manifest.json", "manifest.json.part")):
+        with (run := load_run(Path(target))).results:
+            return "axes_coil" in run.manifest["parameters"].get("manager", {})
+    system, _ = prepare(target, Options()).or_raise()
+    manager = system.components.get("manager")
+    return manager is not None and bool(manager.interface.elements("axes_coil"))
+
+
+def of_run(manifest: dict[str, Any], results: Results) -> CoilBound:
+    """The bound of a run. Raises DesatError where a series is not recorded."""
+    missing = [s for s in SIGNALS if s not in results.names()]
+    if missing:
+        raise DesatError(f"{manifest['scenario']}: {missing[0]} is not recorded; a bound needs it")
+    q, impulse, field, dipole, energy, wheels = (results.values(s) for s in SIGNALS)
+    parameters = {c: {k: p["value"] for k, p in given.items()}
+                  for c, given in manifest["parameters"].items()}  # fmt: skip
+    step = float(manifest["step"])
+    every = round(parameters["manager"]["sample_time"] / step)
+    count = len(dipole) // every
+    middle = _unit(q[:-1] + q[1:])[: count * every]
+    mean_field = (field[:-1] + field[1:])[: count * every] / 2.0
+    torque = np.cross(rotate_back(middle, dipole[: count * every]), mean_field)
+    given = np.diff(impulse, axis=0)[: count * every] - step * torque
+    attitudes = _matrices(_unit(q[: count * every + 1 : every]))
+    failed = parameters["torquers"]["failed_coil"]
+    dead = 0 if failed == "none" else int(failed)
+    live = laws.without(tuple(parameters["torquers"]["axes_coil"]), dead)
+    s = np.reshape(laws.weighting(live), (3, 3))
+    inverse = np.linalg.pinv(np.reshape(parameters["wheels"]["axes_wheel"], (3, 4)))
+    halves = _matrices(middle[every // 2 :: every])
+    course = offline.Course(
+        step * every,
+        mean_field.reshape(count, every, 3).mean(axis=1),
+        given.reshape(count, every, 3).sum(axis=1) / (step * every),
+        np.einsum("kia,ij,kjb->kab", halves, s, halves),
+        np.einsum("wi,kia->kwa", inverse, attitudes[1:]),
+    )
+    used, peak = 2.0 * float(energy[-1]), float(np.abs(wheels).max())
+    least = offline.least_energy(course, peak, impulse[0]) if peak > 0.0 else None
+    above = 100.0 * (used / least - 1.0) if least else None
+    return CoilBound(used, peak, least, above)
+
+
+def _unit(q: Any) -> Any:
+    return q / np.linalg.norm(q, axis=1, keepdims=True)
+
+
+def _matrices(q: Any) -> Any:
+    """C(q) of quaternions (n, 4): v_body = C v_eci."""
+    columns = [rotate_back(q, np.broadcast_to(e, (len(q), 3))) for e in np.eye(3)]
+    return np.stack(columns, axis=1)
