@@ -8,6 +8,7 @@ component and call, and the signal or exit code that ended it. Nothing is added 
 from __future__ import annotations
 
 import ctypes
+import faulthandler
 import os
 import signal
 import sys
@@ -97,6 +98,7 @@ def _work(
         pipe.send((name, what))
 
     try:
+        faulthandler.disable()
         _die_with(parent)
         os.dup2(2, 1)  # what an FMU prints is no result
         try:
