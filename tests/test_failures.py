@@ -260,8 +260,8 @@ def test_a_file_size_limit(system, tmp_path):
 def test_room_is_estimated(system):
     from desat.study import recorded
 
-    case = prepare(str(system), Options(step=1e-9, stop=999.0))
-    assert recorded.size(case.checked.system, case.options) == 16 * (999 * 10**9 + 1)
+    case = prepare(str(system), Options(step=2.0**-29, stop=999.0))
+    assert recorded.size(case.checked.system, case.options) == 16 * (999 * 2**29 + 1)
     assert "GB are free" in recorded.room(case.checked.system, case.options, system / "not there")
 
 
