@@ -16,7 +16,7 @@ from ..engine.instances import ComponentError
 from ..engine.loop import bar, interruptible, loop
 from ..engine.master import Master
 from ..engine.results import SERIES, Recorder, Results, selects
-from ..engine.host import brief, kept, no_space, said
+from ..engine.host import kept, no_space, said
 from ..engine.unwritten import Layout, Unwritten, recover
 from ..files import library
 from ..system.codes import Exit
@@ -102,6 +102,8 @@ def simulate(case: Case, folder: Path | None = None, progress: bool = False) -> 
         numbers={},
         unmet=[],
     )
+    if outcome.rows is not None:
+        manifest["rows"] = outcome.rows
     if outcome.code:
         manifest["exit"] = int(outcome.code)
     try:
@@ -137,6 +139,8 @@ class Outcome:
     stopped: dict[str, Any] | None = None
     """The condition that ended the run, and when."""
     warnings: list[str] = field(default_factory=list)
+    rows: int | None = None
+    """The rows that hold values, where the file has others too."""
 
 
 def _stepped(
@@ -238,14 +242,13 @@ def _cut_short(
         outcome = Outcome(stopping.LATE, ended.text(), Exit.TIMEOUT)
     part, path = place / f"{SERIES}.part", place / SERIES
     unwritten.lay_out(layout)
-    try:
-        rows = recover(part, path, layout, unwritten)
+    if full:  # nor for a copy: what is there is read as it is
+        outcome.rows = unwritten.written
+        results = Results.open(part, outcome.rows)
+    else:
+        recover(part, path, layout, unwritten)
         results = Results.open(path)
-    except (OSError, RuntimeError) as error:  # no room for a copy: what is there is read as it is
-        rows = unwritten.written
-        results = Results.open(part, rows)
-        outcome.warnings.append(f"{part}: only {rows} rows of it hold values ({brief(error)})")
-    times = results.times()
+    times, rows = results.times(), len(results.times())
     outcome.steps = round((times[-1] - system.start) / system.step) if len(times) else 0
     outcome.message += f"; {rows} rows are kept"
     return outcome, results

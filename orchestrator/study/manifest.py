@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from ..analyses import analyses
-from ..engine.results import Results
+from ..engine.results import MANIFEST, Results
 from ..files import library
 from ..system.errors import DesatError
 from ..system.expression import Table
@@ -20,7 +20,6 @@ from ..system.parameters import table
 from .numbers import OPEN_END, evaluate, relative, signals_of
 from .options import Options
 
-MANIFEST = "manifest.json"
 PACKAGES = ("desat", "fmpy", "pythonfmu", "numpy", "scipy", "h5py")
 
 

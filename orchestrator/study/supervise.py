@@ -112,6 +112,7 @@ def _work(
                 traceback.print_exc()
             tell("bug", f"{type(error).__name__}: {error}")
             tell("done", True)
+            os._exit(0)  # while `error` holds all: files that are full cannot be closed
     finally:
         os._exit(0)
 
