@@ -1,5 +1,4 @@
-"""What ends a run, or would: a row of docs/failures.md each. The FMU that fails is tests/failing.c.
-"""
+"""What ends a run, or would: a row of docs/failures.md each. The FMU that fails is tests/failing.c."""
 
 from __future__ import annotations
 
@@ -170,7 +169,9 @@ def test_supervised_runs_have_the_same_bits(tmp_path):
 def test_a_call_that_does_not_return(system, tmp_path):
     run = simulate(prepare(str(system), options("HANG", call_limit=0.5)), tmp_path / "out")
     assert run.code == Exit.TIMEOUT
-    assert run.manifest["message"].startswith("bad: the step from t = 3 s did not return within 0.5")
+    assert run.manifest["message"].startswith(
+        "bad: the step from t = 3 s did not return within 0.5"
+    )
     assert run.results.times().tolist() == [0.0, 1.0, 2.0]
 
 
@@ -372,7 +373,8 @@ def test_budgets_of_archives(tmp_path, monkeypatch):
 def test_check_is_linear(tmp_path):
     """Twenty thousand connectors, none of which there is."""
     connectors = "".join(
-        f'<ssd:Connector name="x{i}" kind="output"><ssc:Real/></ssd:Connector>' for i in range(20000)
+        f'<ssd:Connector name="x{i}" kind="output"><ssc:Real/></ssd:Connector>'
+        for i in range(20000)
     )
     fmu(tmp_path / "resources/failing.fmu", b"")
     inside = f"<ssd:Connectors>{connectors}</ssd:Connectors>"
@@ -456,7 +458,9 @@ def test_a_parameter_given_twice(system):
 
 def test_a_closed_standard_output(system):
     line = f"exec {sys.executable} -m desat.cli list >&-"
-    result = subprocess.run(["sh", "-c", line], capture_output=True, text=True, cwd=ROOT, check=False)
+    result = subprocess.run(
+        ["sh", "-c", line], capture_output=True, text=True, cwd=ROOT, check=False
+    )
     assert result.returncode == 0
     assert result.stderr == ""
 
@@ -468,8 +472,8 @@ def test_control_characters_do_not_reach_the_terminal(capsys):
 
 
 def test_a_report_that_fails_leaves_the_manifest(system, tmp_path, monkeypatch, capsys):
-    from desat.study import report
     from desat import cli
+    from desat.study import report
 
     monkeypatch.setattr(report, "write_report", lambda *a: 1 / 0)
     monkeypatch.setattr(

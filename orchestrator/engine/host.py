@@ -91,7 +91,10 @@ if _M is None and sys.platform == "linux":
     _M = ctypes.CDLL("libm.so.6")
 _STATE: dict[str, tuple[Callable[[], Any], Callable[[Any], Any]]] = {
     "rounding mode": (_rounding, _put_rounding),
-    "locale": (lambda: locale.setlocale(locale.LC_ALL), lambda x: locale.setlocale(locale.LC_ALL, x)),
+    "locale": (
+        lambda: locale.setlocale(locale.LC_ALL),
+        lambda x: locale.setlocale(locale.LC_ALL, x),
+    ),
     "working directory": (_folder, lambda path: path and os.chdir(path)),
     "signal handlers": (_handlers, _put_handlers),
 }

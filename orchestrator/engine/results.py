@@ -176,7 +176,9 @@ def _append(dataset: Any, rows: NDArray[Any]) -> None:
 def _grown(file: Any) -> int:
     """The rows of a file that was not closed which all its series have, as long as time grows."""
     times = np.asarray(file["time"][:])
-    least = min((d.shape[0] for c in file if c != "time" for d in file[c].values()), default=len(times))
+    least = min(
+        (d.shape[0] for c in file if c != "time" for d in file[c].values()), default=len(times)
+    )
     stops = np.flatnonzero(np.diff(times) <= 0.0)
     return min(len(times), least, *(stops[:1] + 1).tolist())
 

@@ -22,7 +22,6 @@ from . import archive, places
 from .contents import contents, regular
 from .fmu import of_fmu
 
-
 _PREFIX, _LOCK = "desat-", ".lock"
 
 

@@ -85,4 +85,3 @@ def platforms(folder: Path) -> list[str]:
     """The platforms that an extracted FMU has a library for, as FMI 2.0 names them."""
     found = (p for p in (folder / "binaries").glob("*") if p.is_dir())
     return sorted(p.name for p in found if any(q.is_file() for q in p.iterdir()))
-

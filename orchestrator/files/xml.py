@@ -17,7 +17,10 @@ _SCHEMAS = Path(fmpy.__file__).parent / "ssp" / "schema"
 def parse_bytes(data: bytes, where: str) -> Any:
     """The root element; raises DesatError (file:line) for bad XML or a DOCTYPE."""
     parser = etree.XMLParser(
-        resolve_entities=False, no_network=True, load_dtd=False, remove_comments=True,
+        resolve_entities=False,
+        no_network=True,
+        load_dtd=False,
+        remove_comments=True,
         remove_pis=True,
     )
     try:

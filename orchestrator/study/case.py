@@ -12,11 +12,11 @@ from types import ModuleType
 from typing import Any
 
 from ..analyses import analyses
+from ..engine.host import kept, no_space, said
 from ..engine.instances import ComponentError
 from ..engine.loop import bar, interruptible, loop
 from ..engine.master import Master
 from ..engine.results import SERIES, Recorder, Results, selects
-from ..engine.host import kept, no_space, said
 from ..engine.unwritten import Layout, Unwritten, recover
 from ..files import library
 from ..system.codes import Exit
@@ -181,7 +181,9 @@ def _stepped(
                 outcome.code = int(Exit(128 + number))
             elif reason == stopping.LATE:
                 outcome.status = reason
-                outcome.message = f"{options.time_limit:g} s of wall time over at t = {master.t:g} s"
+                outcome.message = (
+                    f"{options.time_limit:g} s of wall time over at t = {master.t:g} s"
+                )
             elif reason:
                 outcome.stopped = {"condition": reason, "time": master.t}
         except ComponentError as error:

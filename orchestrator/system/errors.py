@@ -7,7 +7,6 @@ from collections.abc import Iterable
 
 from .codes import Exit
 
-
 MANY, LONG = 2000, 200
 """Beyond so many names, or characters of one, no nearest is looked for: it would take minutes."""
 

@@ -18,7 +18,6 @@ from .model import Component, Connection, System
 from .parameters import expand, in_unit_of
 from .references import evaluate
 
-
 RESERVED = ("time", "shared")
 """What no component is called: the series of times, and parameters of all."""
 MOST = 100

@@ -113,7 +113,9 @@ def _steps(paces: Rates, window: int) -> str:
     return "inner steps" if window <= len(paces.parts) else "steps"
 
 
-def _warnings(means: Iterable[Connection], timing: Iterable[tuple[Connection, str]]) -> Iterator[str]:
+def _warnings(
+    means: Iterable[Connection], timing: Iterable[tuple[Connection, str]]
+) -> Iterator[str]:
     """Values that are held, or of which some are left out, between components that exchange
     means: what is exchanged is conserved all the same, but is less exact."""
     exchanging = {c.source for c in means} | {c.target for c in means}

@@ -18,13 +18,12 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from fuzz.mutations import mutated
-from fuzz.seeds import FILES, TARGETS, seeds
-
 from desat.files import archive, library
 from desat.study.options import Options
 from desat.study.prepare import prepare
 from desat.system.errors import DesatError
+from fuzz.mutations import mutated
+from fuzz.seeds import FILES, TARGETS, seeds
 
 LONGEST = 5.0
 """CPU time (s) that an input may take."""

@@ -65,9 +65,11 @@ def run(
     time_limit: TimeLimit = None,
     call_limit: Annotated[
         float,
-        typer.Option(metavar="SECONDS", min=0.1,
-                     help="Wall time that one call of a component may take; the command then ends "
-                     "with 5."),
+        typer.Option(
+            metavar="SECONDS",
+            min=0.1,
+            help="Wall time that one call of a component may take; the command then ends with 5.",
+        ),
     ] = 300.0,
     trust: Trust = None,
     estimate: Annotated[
