@@ -1,4 +1,4 @@
-"""What ends a run, or would: a row of docs/failures.md each. The FMU that fails is tests/failing.c."""
+"""What ends a run, or would: a row of docs/failures.md each. failing.c is the FMU that fails."""
 
 from __future__ import annotations
 
@@ -228,8 +228,8 @@ def test_folders_of_dead_processes_are_swept(system, tmp_path):
     (stale,) = tmp_path.glob("desat-*")
     code = "from desat.files import library; print(library._root())"
     for _ in range(100):  # its child ends by itself
-        made = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True,
-                              env={**os.environ, "TMPDIR": str(tmp_path)}, cwd=ROOT)  # fmt: skip
+        made = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True,
+                              check=True, env={**os.environ, "TMPDIR": str(tmp_path)}, cwd=ROOT)  # fmt: skip
         if not stale.exists():
             break
     assert not stale.exists()

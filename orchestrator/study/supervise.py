@@ -15,7 +15,7 @@ import sys
 import time
 import traceback
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from multiprocessing.connection import Connection, Pipe
 from typing import Any, NoReturn
@@ -157,10 +157,8 @@ def _handed_on(child: int, ended: Ended) -> Iterator[None]:
         again = ended.signal and time.monotonic() - first[0] > 0.3  # a terminal tells us twice
         if not ended.signal:
             ended.signal, first[0] = number, time.monotonic()
-        try:
+        with suppress(ProcessLookupError):
             os.kill(child, signal.SIGKILL if again else number)
-        except ProcessLookupError:
-            pass
 
     previous = {n: signal.signal(n, handler) for n in SIGNALS}
     try:

@@ -66,7 +66,7 @@ def run(folder: Path, seed: int, count: int, traced: int = 40) -> Outcome:
     for kind, (target, file) in TARGETS.items():  # unchanged, all are right; and nothing is cold
         (folder / file).write_bytes(_wrapped(kind, seeds()[kind]))
         prepare(str(folder / target), _options(kind)).or_raise()
-    before = {p for p in folder.parent.iterdir()}
+    before = set(folder.parent.iterdir())
     for number, (kind, data) in enumerate(inputs(seed, count)):
         said = _one(folder, kind, data, outcome if number % traced == 0 else None)
         outcome.count += 1
@@ -76,7 +76,7 @@ def run(folder: Path, seed: int, count: int, traced: int = 40) -> Outcome:
             outcome.failures.append(f"{name}: {said}")
             CORPUS.mkdir(exist_ok=True)
             (CORPUS / name).write_bytes(data)
-    outside = {p for p in folder.parent.iterdir()} - before
+    outside = set(folder.parent.iterdir()) - before
     outcome.failures += [f"a file outside: {p}" for p in outside]
     return outcome
 
