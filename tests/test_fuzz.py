@@ -37,7 +37,7 @@ CAUSES = {
 
 @pytest.mark.parametrize("cause", CAUSES)
 def test_what_once_was_internal_is_a_line(tmp_path, cause):
-    kind, seed, old, new = CAUSES[cause]
+    kind, _, old, new = CAUSES[cause]
     for file, data in FILES.items():
         (tmp_path / file).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / file).write_bytes(data())

@@ -11,12 +11,20 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from rich.console import Console
+from rich.text import Text
 
 from ..system.codes import Exit
+from ..system.errors import plain
 
 if TYPE_CHECKING:
     from ..engine.master import Algorithm
     from ..study.case import Options
+
+# a stream that is closed would be given to the next file that is opened, and written into
+for _number, _name in ((1, "stdout"), (2, "stderr")):
+    if getattr(sys, _name) is None:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), _number)
+        setattr(sys, _name, open(_number, "w", encoding="utf-8", closefd=False))  # noqa: SIM115
 
 EPILOG = "Exit codes: " + "; ".join(f"{e.value} {e.meaning}" for e in Exit) + "."
 
@@ -30,10 +38,24 @@ app = typer.Typer(
     "`desat run NAME`; every command explains itself with --help.",
     epilog=EPILOG,
 )
+
+
+class _Plain(Console):
+    """A console that prints no control characters of names and messages that others gave."""
+
+    def render_str(self, text: str, **options: Any) -> Text:
+        return super().render_str("\n".join(plain(x) for x in text.split("\n")), **options)
+
+
+def plain_console(**options: Any) -> Console:
+    """A console for texts of anybody."""
+    return _Plain(emoji=False, **options)
+
+
 # piped output is for other programs: not folded to a terminal's width
 # no emoji: `file.ssd:100: …` is a line number
-out = Console(emoji=False, **({"soft_wrap": True} if sys.stdout.isatty() else {"width": 200}))
-err = Console(stderr=True, soft_wrap=True, emoji=False)
+out = plain_console(**({"soft_wrap": True} if sys.stdout.isatty() else {"width": 200}))
+err = plain_console(stderr=True, soft_wrap=True)
 
 
 class Semantics(StrEnum):

@@ -120,8 +120,3 @@ def no_space(text: str) -> str:
         if f"errno = {number}," in text or f"[Errno {number}]" in text:
             return meaning
     return ""
-
-
-def brief(error: BaseException) -> str:
-    """The reason of an error, in a line."""
-    return no_space(str(error)) or (str(error).splitlines() or [type(error).__name__])[0]

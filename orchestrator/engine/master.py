@@ -55,7 +55,6 @@ def instance_for(component: Component) -> Instance:
 
 class Master:
     """A running system. Use it as a context manager: leaving it frees the components.
-
     `watched` chooses the outputs that are read although nothing is connected to them:
     a function of component name and signal; default all.
     """
@@ -184,11 +183,9 @@ class Master:
         Raises ComponentError with a line for each component that cannot start.
         """
         members = self.members.values()
-        time[0] = self.start
-        _each(
-            self._within(m, ENTER, partial(m.instance.enter, self.start, self._parameters(m)))
-            for m in members
-        )
+        time[0], start = self.start, self.start
+        _each(self._within(m, ENTER, partial(m.instance.enter, start, self._parameters(m)))
+              for m in members)  # fmt: skip
         for member in members:
             self._pull(member)
         self._settle()

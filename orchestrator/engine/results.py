@@ -9,6 +9,8 @@ these have no last row.
 from __future__ import annotations
 
 import itertools
+import json
+import sys
 import time
 from collections import defaultdict
 from collections.abc import Callable, Iterable
@@ -32,7 +34,7 @@ ROWS = 8192
 """As many are kept before they are written, and as many make a chunk of the file."""
 FLUSH_SECONDS = 1.0
 _memory = itertools.count()
-SERIES = "series.h5"
+SERIES, MANIFEST = "series.h5", "manifest.json"
 _FRAMES = {"eci": "eci", "body": "body", "lvlh": "lvlh", "wheel": "wheel axes",
            "bi": "body from eci", "coil": "coil axes"}  # fmt: skip
 
@@ -179,9 +181,19 @@ def _append(dataset: Any, rows: NDArray[Any]) -> None:
 def _grown(file: Any) -> int:
     """The rows of a file that was not closed which all its series have, as long as time grows."""
     times = np.asarray(file["time"][:])
-    least = min((d.shape[0] for c in file if c != "time" for d in file[c].values()), default=0)
+    least = min(
+        (d.shape[0] for c in file if c != "time" for d in file[c].values()), default=len(times)
+    )
     stops = np.flatnonzero(np.diff(times) <= 0.0)
-    return int(min(len(times), least + 1, *(stops[:1] + 1).tolist()))
+    return int(min(len(times), least, *(stops[:1] + 1).tolist()))
+
+
+def _told(manifest: Path) -> int:
+    """The rows that hold values, where a manifest says so: a disk that is full has others too."""
+    try:
+        return int(json.loads(manifest.read_text(encoding="utf-8"))["rows"])
+    except (OSError, ValueError, KeyError, TypeError):
+        return sys.maxsize
 
 
 class Results:
@@ -213,7 +225,7 @@ class Results:
         try:
             opened = h5py.File(file, "r", swmr=file.suffix == ".part")
             if file.suffix == ".part":
-                grown = _grown(opened)
+                grown = min(_grown(opened), _told(file.with_name(MANIFEST)))
                 rows = grown if rows is None else min(grown, rows)
             return cls(opened, rows)
         except OSError as error:

@@ -104,7 +104,7 @@ class _Reader:
             hint = child.find(f".//{{{OSP}}}StepSizeHint")
             if hint is not None and draft.step:
                 decimation = max(1, round(self.number(hint, "value", "0") / draft.step))
-                draft.components[child.get("name")].decimation = decimation
+                draft.components[child.get("name", "")].decimation = decimation
         return draft
 
     def component(self, element: Any) -> DraftComponent:

@@ -77,8 +77,9 @@ def notes(components: Iterable[Component]) -> Iterator[str]:
     for c in components:
         if c.fmu is not None and not is_ours(c.fmu):
             fmu = library.load(c.fmu)
-            yield (f"{c.name}: {fmu.path.name} is foreign native code, for "
-                   f"{', '.join(platforms(fmu.folder)) or 'no platform'}; sha256 {fmu.sha256}")  # fmt: skip
+            known = ", ".join(platforms(fmu.folder)) or "no platform"
+            what = f"is foreign native code, for {known}; sha256 {fmu.sha256}"
+            yield f"{c.name}: {fmu.path.name} {what}"
 
 
 def platforms(folder: Path) -> list[str]:

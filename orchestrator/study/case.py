@@ -12,7 +12,7 @@ from types import ModuleType
 from typing import Any
 
 from ..analyses import analyses
-from ..engine.host import brief, kept, no_space, said
+from ..engine.host import kept, no_space, said
 from ..engine.instances import ComponentError
 from ..engine.loop import bar, interruptible, run, stepping
 from ..engine.master import Master
@@ -103,6 +103,8 @@ def simulate(case: Case, folder: Path | None = None, progress: bool = False) -> 
         numbers={},
         unmet=[],
     )
+    if outcome.rows is not None:
+        manifest["rows"] = outcome.rows
     if outcome.code:
         manifest["exit"] = int(outcome.code)
     try:
@@ -140,6 +142,8 @@ class Outcome:
     stopped: dict[str, Any] | None = None
     """The condition that ended the run, and when."""
     warnings: list[str] = field(default_factory=list)
+    rows: int | None = None
+    """The rows that hold values, where the file has others too."""
 
 
 def _stepped(
@@ -247,14 +251,13 @@ def _cut_short(
         outcome = Outcome(stopping.LATE, ended.text(), Exit.TIMEOUT)
     part, path = place / f"{SERIES}.part", place / SERIES
     unwritten.lay_out(layout)
-    try:
-        rows = recover(part, path, layout, unwritten)
+    if full:  # nor for a copy: what is there is read as it is
+        outcome.rows = unwritten.written
+        results = Results.open(part, outcome.rows)
+    else:
+        recover(part, path, layout, unwritten)
         results = Results.open(path)
-    except (OSError, RuntimeError) as error:  # no room for a copy: what is there is read as it is
-        rows = unwritten.written
-        results = Results.open(part, rows)
-        outcome.warnings.append(f"{part}: only {rows} rows of it hold values ({brief(error)})")
-    times = results.times()
+    times, rows = results.times(), len(results.times())
     outcome.steps = round((times[-1] - system.start) / system.step) if len(times) else 0
     outcome.message += f"; {rows} rows are kept"
     return outcome, results

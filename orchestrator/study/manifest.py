@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from ..analyses import analyses
-from ..engine.results import Results
+from ..engine.results import MANIFEST, Results
 from ..files import library
 from ..system.errors import DesatError
 from ..system.expression import Table
@@ -21,7 +21,6 @@ from .numbers import OPEN_END, evaluate, signals_of
 from .options import Options
 from .relation import related
 
-MANIFEST = "manifest.json"
 PACKAGES = ("desat", "fmpy", "pythonfmu", "numpy", "scipy", "h5py")
 
 

@@ -43,8 +43,13 @@ def _assignments(
     for name, values in designed.items():
         for variable, value in values.items():
             yield f"--design: {name}.{variable}", name, variable, value
+    given = set()
     for text in options.sets:
-        yield f"--set {text}", *parse_assignment(text)
+        name, variable, value = parse_assignment(text)
+        if (name, variable) in given:
+            raise DesatError(f"--set {text}: {name}.{variable} is given twice")
+        given.add((name, variable))
+        yield f"--set {text}", name, variable, value
     for key, value in options.values.items():
         name, _, variable = key.partition(".")
         yield key, name, variable, value

@@ -8,13 +8,14 @@ component and call, and the signal or exit code that ended it. Nothing is added 
 from __future__ import annotations
 
 import ctypes
+import faulthandler
 import os
 import signal
 import sys
 import time
 import traceback
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from multiprocessing.connection import Connection, Pipe
 from typing import Any, NoReturn
@@ -97,6 +98,7 @@ def _work(
         pipe.send((name, what))
 
     try:
+        faulthandler.disable()
         _die_with(parent)
         os.dup2(2, 1)  # what an FMU prints is no result
         try:
@@ -110,6 +112,7 @@ def _work(
                 traceback.print_exc()
             tell("bug", f"{type(error).__name__}: {error}")
             tell("done", True)
+            os._exit(0)  # while `error` holds all: files that are full cannot be closed
     finally:
         os._exit(0)
 
@@ -154,10 +157,8 @@ def _handed_on(child: int, ended: Ended) -> Iterator[None]:
         again = ended.signal and time.monotonic() - first[0] > 0.3  # a terminal tells us twice
         if not ended.signal:
             ended.signal, first[0] = number, time.monotonic()
-        try:
+        with suppress(ProcessLookupError):
             os.kill(child, signal.SIGKILL if again else number)
-        except ProcessLookupError:
-            pass
 
     previous = {n: signal.signal(n, handler) for n in SIGNALS}
     try:

@@ -185,8 +185,8 @@ def _times(draft: Draft) -> tuple[float, float]:
     if not 1.0 - 1e-9 <= span < 1e12:
         raise DesatError(f"{draft.where}: no step from {draft.start} s to {draft.stop} s")
     if draft.start + draft.step == draft.start or draft.stop - draft.step == draft.stop:
-        raise DesatError(f"{draft.where}: from {draft.start:g} s to {draft.stop:g} s, time does not "
-                         f"grow by a step of {draft.step:g} s")  # fmt: skip
+        raise DesatError(f"{draft.where}: from {draft.start:g} s to {draft.stop:g} s, time does "
+                         f"not grow by a step of {draft.step:g} s")  # fmt: skip
     if abs(span - round(span)) > 1e-6:
         raise DesatError(
             f"{draft.where}: {draft.stop - draft.start:g} s is not a multiple of the step "

@@ -18,13 +18,12 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from fuzz.mutations import mutated
-from fuzz.seeds import FILES, TARGETS, seeds
-
 from desat.files import archive, library
 from desat.study.options import Options
 from desat.study.prepare import prepare
 from desat.system.errors import DesatError
+from fuzz.mutations import mutated
+from fuzz.seeds import FILES, TARGETS, seeds
 
 LONGEST = 5.0
 """CPU time (s) that an input may take."""
@@ -67,7 +66,7 @@ def run(folder: Path, seed: int, count: int, traced: int = 40) -> Outcome:
     for kind, (target, file) in TARGETS.items():  # unchanged, all are right; and nothing is cold
         (folder / file).write_bytes(_wrapped(kind, seeds()[kind]))
         prepare(str(folder / target), _options(kind)).or_raise()
-    before = {p for p in folder.parent.iterdir()}
+    before = set(folder.parent.iterdir())
     for number, (kind, data) in enumerate(inputs(seed, count)):
         said = _one(folder, kind, data, outcome if number % traced == 0 else None)
         outcome.count += 1
@@ -77,7 +76,7 @@ def run(folder: Path, seed: int, count: int, traced: int = 40) -> Outcome:
             outcome.failures.append(f"{name}: {said}")
             CORPUS.mkdir(exist_ok=True)
             (CORPUS / name).write_bytes(data)
-    outside = {p for p in folder.parent.iterdir()} - before
+    outside = set(folder.parent.iterdir()) - before
     outcome.failures += [f"a file outside: {p}" for p in outside]
     return outcome
 

@@ -10,7 +10,7 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-import fuzz  # noqa: E402
+import fuzz
 
 
 def main() -> int:

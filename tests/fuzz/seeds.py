@@ -27,7 +27,8 @@ SSD = b"""<?xml version="1.0" encoding="UTF-8"?>
     <ssd:Annotations><ssc:Annotation type="com.opensimulationplatform">
      <osp:StepSizeHint value="1.0"/></ssc:Annotation></ssd:Annotations>
    </ssd:Component>
-   <ssd:Component name="wheels" type="application/x-fmu-sharedlibrary" source="resources/SECOND.fmu">
+   <ssd:Component name="wheels" type="application/x-fmu-sharedlibrary"
+    source="resources/SECOND.fmu">
     <ssd:ParameterBindings><ssd:ParameterBinding source="p.ssv"/></ssd:ParameterBindings>
    </ssd:Component>
   </ssd:Elements>
@@ -53,7 +54,8 @@ SSV = b"""<?xml version="1.0" encoding="UTF-8"?>
   <ssv:Parameter name="h_start_wheel[1]"><ssv:Real value="0.5"/></ssv:Parameter>
   <ssv:Parameter name="seed"><ssv:Integer value="3"/></ssv:Parameter>
  </ssv:Parameters>
- <ssv:Units><ssc:Unit name="turn"><ssc:BaseUnit rad="1" s="-1" factor="6.28"/></ssc:Unit></ssv:Units>
+ <ssv:Units><ssc:Unit name="turn"><ssc:BaseUnit rad="1" s="-1" factor="6.28"/></ssc:Unit>
+ </ssv:Units>
 </ssv:ParameterSet>
 """
 ABOUT = json.dumps({

@@ -1,0 +1,89 @@
+/* An FMU that does what its parameter `how` says, when its time comes. */
+#define _GNU_SOURCE
+#include <fenv.h>
+#include <locale.h>
+#include <signal.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+typedef void *component;
+typedef void logger(void *, const char *, int, const char *, const char *, ...);
+struct callbacks { logger *log; void *allocate, *release, *finished, *environment; };
+static struct { int how; double t, y; struct callbacks callbacks; char name[64]; } me;
+
+enum { NOTHING, SEGFAULT, ABORT, KILL, EXIT_0, EXIT_3, HANG, OVERFLOW, IN_FREE, IN_START, IN_EXIT,
+       CHDIR, ROUNDING, LOCALE, HANDLER, PRINT, LOG, STEP_ERROR, SLOW };
+
+static int recurse(int n) { volatile char big[65536]; big[n & 65535] = 1; return recurse(n + 1) + big[0]; }
+
+static void ruin(int how)
+{
+    switch (how) {
+    case SEGFAULT: *(volatile int *)8 = 1; break;
+    case ABORT: abort();
+    case KILL: kill(getpid(), SIGKILL); break;
+    case EXIT_0: exit(0);
+    case EXIT_3: exit(3);
+    case HANG: for (;;) pause();
+    case OVERFLOW: recurse(0); break;
+    }
+}
+
+const char *fmi2GetTypesPlatform(void) { return "default"; }
+const char *fmi2GetVersion(void) { return "2.0"; }
+component fmi2Instantiate(const char *name, int kind, const char *guid, const char *where,
+                          const struct callbacks *callbacks, int visible, int logging)
+{
+    (void)kind, (void)guid, (void)where, (void)visible, (void)logging;
+    me.callbacks = *callbacks;
+    strncpy(me.name, name, sizeof me.name - 1);
+    return &me;
+}
+void fmi2FreeInstance(component c) { (void)c; if (me.how == IN_FREE) ruin(SEGFAULT); }
+int fmi2SetupExperiment(component c, int a, double b, double t, int d, double e)
+{
+    (void)c, (void)a, (void)b, (void)d, (void)e;
+    me.t = t;
+    return 0;
+}
+int fmi2EnterInitializationMode(component c) { (void)c; if (me.how == IN_START) ruin(SEGFAULT); return 0; }
+int fmi2ExitInitializationMode(component c) { (void)c; if (me.how == IN_EXIT) ruin(EXIT_0); return 0; }
+int fmi2SetInteger(component c, const unsigned *r, size_t n, const int *v)
+{
+    (void)c, (void)r;
+    if (n) me.how = v[0];
+    return 0;
+}
+int fmi2GetReal(component c, const unsigned *r, size_t n, double *v)
+{
+    (void)c, (void)r;
+    for (size_t i = 0; i < n; i++) v[i] = me.y;
+    return 0;
+}
+int fmi2DoStep(component c, double t, double dt, int no)
+{
+    (void)c, (void)no;
+    me.t = t + dt;
+    me.y = me.t;
+    if (me.how == SLOW) usleep(20000);
+    if (me.how == PRINT) printf("{not json}\n"), fflush(stdout);
+    if (t < 2.5) return 0;
+    ruin(me.how);
+    if (me.how == CHDIR && chdir("/")) return 3;
+    if (me.how == ROUNDING) fesetround(FE_UPWARD);
+    if (me.how == LOCALE) setlocale(LC_ALL, strcmp(setlocale(LC_ALL, 0), "C") ? "C" : "C.UTF-8");
+    if (me.how == HANDLER) signal(SIGPIPE, SIG_DFL), signal(SIGFPE, SIG_IGN);
+    if (me.how == LOG && t < 3.5)
+        me.callbacks.log(me.callbacks.environment, me.name, 1, "w", "low \033[31mpressure at %g", t);
+    return me.how == STEP_ERROR ? 3 : 0;
+}
+#define NONE(name) int name() { return 0; }
+NONE(fmi2SetDebugLogging) NONE(fmi2Terminate) NONE(fmi2Reset) NONE(fmi2GetInteger)
+NONE(fmi2GetBoolean) NONE(fmi2GetString) NONE(fmi2SetReal) NONE(fmi2SetBoolean) NONE(fmi2SetString)
+NONE(fmi2GetFMUstate) NONE(fmi2SetFMUstate) NONE(fmi2FreeFMUstate) NONE(fmi2SerializedFMUstateSize)
+NONE(fmi2SerializeFMUstate) NONE(fmi2DeSerializeFMUstate) NONE(fmi2GetDirectionalDerivative)
+NONE(fmi2SetRealInputDerivatives) NONE(fmi2GetRealOutputDerivatives) NONE(fmi2CancelStep)
+NONE(fmi2GetStatus) NONE(fmi2GetRealStatus) NONE(fmi2GetIntegerStatus) NONE(fmi2GetBooleanStatus)
+NONE(fmi2GetStringStatus)

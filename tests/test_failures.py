@@ -1,0 +1,494 @@
+"""What ends a run, or would: a row of docs/failures.md each. failing.c is the FMU that fails."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import resource
+import shutil
+import signal
+import stat
+import subprocess
+import sys
+import time
+import zipfile
+from pathlib import Path
+
+import pytest
+from conftest import ROOT
+
+from desat.cli.common import plain_console
+from desat.engine.results import Results
+from desat.files import archive, library, trust
+from desat.study.case import Options, prepare, simulate
+from desat.system.codes import Exit
+from desat.system.errors import DesatError
+
+SOURCE = Path(__file__).with_name("failing.c")
+HOW = re.search(r"enum \{(.*?)\}", SOURCE.read_text(), re.S)[1].replace("\n", " ").split(",")
+HOW = [name.strip() for name in HOW]
+
+DESCRIPTION = """<?xml version="1.0" encoding="UTF-8"?>
+<fmiModelDescription fmiVersion="2.0" modelName="failing" guid="{{1}}">
+<CoSimulation modelIdentifier="{identifier}"/>
+<ModelVariables>
+<ScalarVariable name="how" valueReference="0" causality="parameter" variability="fixed">
+<Integer start="0"/></ScalarVariable>
+<ScalarVariable name="y" valueReference="1" causality="output"><Real/></ScalarVariable>
+</ModelVariables>
+<ModelStructure><Outputs><Unknown index="2" dependencies=""/></Outputs></ModelStructure>
+</fmiModelDescription>"""
+SSD = """<?xml version="1.0" encoding="UTF-8"?>
+<ssd:SystemStructureDescription xmlns:ssd="http://ssp-standard.org/SSP1/SystemStructureDescription"
+ xmlns:ssc="http://ssp-standard.org/SSP1/SystemStructureCommon"
+ xmlns:ssv="http://ssp-standard.org/SSP1/SystemStructureParameterValues"
+ name="s" version="1.0"><ssd:System name="s"><ssd:Elements>
+<ssd:Component name="{name}" type="application/x-fmu-sharedlibrary" source="{source}">
+{inside}</ssd:Component></ssd:Elements></ssd:System>
+<ssd:DefaultExperiment startTime="{start}" stopTime="{stop}"/></ssd:SystemStructureDescription>"""
+
+
+def ssd(source: str = "resources/failing.fmu", name: str = "bad", inside: str = "",
+        start: str = "0", stop: str = "10") -> str:  # fmt: skip
+    return SSD.format(source=source, name=name, inside=inside, start=start, stop=stop)
+
+
+def fmu(path: Path, binary: bytes, identifier: str = "failing", folder: str = "linux64") -> Path:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with zipfile.ZipFile(path, "w") as made:
+        made.writestr("modelDescription.xml", DESCRIPTION.format(identifier=identifier))
+        made.writestr(f"binaries/{folder}/failing.so", binary)
+    return path
+
+
+@pytest.fixture(scope="session")
+def binary(tmp_path_factory) -> bytes:
+    compiler = shutil.which("gcc") or shutil.which("cc")
+    if compiler is None or sys.platform != "linux":
+        pytest.skip("needs Linux and a C compiler")
+    made = tmp_path_factory.mktemp("failing") / "failing.so"
+    subprocess.run([compiler, "-shared", "-fPIC", "-O1", "-w", "-o", made, SOURCE, "-lm"],
+                   check=True)  # fmt: skip
+    return made.read_bytes()
+
+
+@pytest.fixture
+def system(tmp_path, binary) -> Path:
+    """A folder with one component, `bad`, which fails as its parameter says."""
+    fmu(tmp_path / "s" / "resources" / "failing.fmu", binary)
+    (tmp_path / "s" / "SystemStructure.ssd").write_text(ssd())
+    return tmp_path / "s"
+
+
+def options(how: str, **more: object) -> Options:
+    return Options(sets=[f"bad.how={HOW.index(how)}"], step=1.0, supervised=True, **more)
+
+
+# --- a component that ends the process ----------------------------------------------------------
+
+CALL = "bad: the step from t = 3 s ended the process: "
+
+
+@pytest.mark.parametrize(
+    ("how", "text"),
+    [
+        ("SEGFAULT", CALL + "SIGSEGV"), ("ABORT", CALL + "SIGABRT"), ("KILL", CALL + "SIGKILL"),
+        ("EXIT_0", CALL + "exit(0)"), ("EXIT_3", CALL + "exit(3)"), ("OVERFLOW", CALL + "SIGSEGV"),
+    ],
+)  # fmt: skip
+def test_a_component_that_ends_the_process(system, tmp_path, how, text):
+    """4, and the rows up to the step before, none twice."""
+    run = simulate(prepare(str(system), options(how)), tmp_path / "out")
+    assert run.code == Exit.COMPONENT
+    assert run.manifest["message"].startswith(text)
+    assert run.results.times().tolist() == [0.0, 1.0, 2.0]
+    assert run.results.values("bad.y").tolist() == [0.0, 1.0, 2.0]
+    assert {p.name for p in (tmp_path / "out").iterdir()} == {"manifest.json", "series.h5"}
+    assert json.loads((tmp_path / "out/manifest.json").read_text())["status"] == "failed"
+
+
+def test_the_command_reports_a_crash(desat, system, tmp_path):
+    result = desat("run", str(system), "--step", "1", "--set", f"bad.how={HOW.index('EXIT_0')}",
+                   "--out", str(tmp_path / "out"))  # fmt: skip
+    assert result.returncode == Exit.COMPONENT
+    (line,) = [x for x in result.stderr.splitlines() if "exit(0)" in x]
+    assert line == f"failed: {CALL}exit(0); 3 rows are kept"
+    assert (tmp_path / "out" / "report.html").exists()
+
+
+def test_many_rows_survive_a_crash(system, tmp_path, monkeypatch):
+    """Those that were flushed, and those that were not, once each."""
+    (system / "SystemStructure.ssd").write_text(ssd(start="-1097", stop="10"))
+    run = simulate(prepare(str(system), options("SEGFAULT")), tmp_path / "out")
+    assert run.results.times().tolist() == [float(t) for t in range(-1097, 3)]
+    assert run.results.values("bad.y").tolist()[1:] == run.results.times().tolist()[1:]
+
+
+@pytest.mark.parametrize(
+    ("how", "text", "code"),
+    [
+        ("IN_START", "bad: entering initialisation ended the process: SIGSEGV", Exit.COMPONENT),
+        ("IN_EXIT", "bad: leaving initialisation ended the process: exit(0)", Exit.COMPONENT),
+    ],
+)
+def test_a_component_that_ends_the_process_before_the_first_step(system, tmp_path, how, text, code):
+    with pytest.raises(DesatError) as error:
+        simulate(prepare(str(system), options(how)), tmp_path / "out")
+    assert str(error.value) == text
+    assert error.value.code == code
+
+
+def test_a_component_that_crashes_when_it_is_freed(system, tmp_path):
+    run = simulate(prepare(str(system), options("IN_FREE")), tmp_path / "out")
+    assert run.code == Exit.COMPONENT
+    assert run.manifest["message"] == "bad: freeing it ended the process: SIGSEGV, after the run"
+    assert run.results.times()[-1] == 10.0
+
+
+def test_a_component_that_fails_politely(system, tmp_path):
+    run = simulate(prepare(str(system), options("STEP_ERROR")), tmp_path / "out")
+    assert run.code == Exit.COMPONENT
+    assert "bad: the step from t = 3 s returned error" in run.manifest["message"]
+    assert run.results.times()[-1] == 3.0
+
+
+def test_supervised_runs_have_the_same_bits(tmp_path):
+    found = []
+    for supervised in (False, True):
+        case = prepare("gyrostat/free", Options(stop=20.0, supervised=supervised))
+        results = simulate(case, tmp_path / str(supervised)).results
+        found.append({n: results.values(n).tobytes() for n in results.names()})
+    assert found[0] == found[1]
+    assert len(found[0]) > 10
+
+
+# --- one that never comes back; signals ---------------------------------------------------------
+
+
+def test_a_call_that_does_not_return(system, tmp_path):
+    run = simulate(prepare(str(system), options("HANG", call_limit=0.5)), tmp_path / "out")
+    assert run.code == Exit.TIMEOUT
+    assert run.manifest["message"].startswith(
+        "bad: the step from t = 3 s did not return within 0.5"
+    )
+    assert run.results.times().tolist() == [0.0, 1.0, 2.0]
+
+
+def started(system: Path, tmp_path: Path, how: str, until: str = "out/manifest.json.part"):
+    """The command, running."""
+    process = subprocess.Popen(
+        [sys.executable, "-m", "desat.cli", "run", str(system), "--step", "1", "--stop", "100000",
+         "--set", f"bad.how={HOW.index(how)}", "--out", str(tmp_path / "out")],
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=ROOT,
+        env={**os.environ, "TMPDIR": str(tmp_path)},
+    )  # fmt: skip
+    deadline = time.monotonic() + 60
+    while not (tmp_path / until).exists():
+        assert process.poll() is None, process.communicate()
+        assert time.monotonic() < deadline
+        time.sleep(0.05)
+    time.sleep(0.2)
+    return process
+
+
+@pytest.mark.parametrize(
+    ("number", "code"),
+    [(signal.SIGINT, Exit.INTERRUPTED), (signal.SIGTERM, Exit.TERMINATED),
+     (signal.SIGHUP, Exit.HUNG_UP)],
+)  # fmt: skip
+def test_signals_end_alike(system, tmp_path, number, code):
+    process = started(system, tmp_path, "SLOW")
+    process.send_signal(number)
+    out, err = process.communicate(timeout=60)
+    assert process.returncode == code, err
+    assert "Traceback" not in out + err
+    assert json.loads((tmp_path / "out/manifest.json").read_text())["status"] == "interrupted"
+    assert (tmp_path / "out/report.html").exists()
+    assert not list(tmp_path.glob("desat-*"))
+
+
+def test_a_second_ctrl_c_always_ends(system, tmp_path):
+    process = started(system, tmp_path, "HANG")
+    process.send_signal(signal.SIGINT)
+    time.sleep(0.6)
+    assert process.poll() is None
+    process.send_signal(signal.SIGINT)
+    process.communicate(timeout=60)
+    assert process.returncode == Exit.INTERRUPTED
+    assert json.loads((tmp_path / "out/manifest.json").read_text())["status"] == "interrupted"
+    with Results.open(tmp_path / "out") as results:
+        assert results.times().tolist() == [0.0, 1.0, 2.0]
+
+
+def test_folders_of_dead_processes_are_swept(system, tmp_path):
+    process = started(system, tmp_path, "SLOW")
+    process.kill()
+    process.communicate()
+    (stale,) = tmp_path.glob("desat-*")
+    code = "from desat.files import library; print(library._root())"
+    for _ in range(100):  # its child ends by itself
+        made = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True,
+                              check=True, env={**os.environ, "TMPDIR": str(tmp_path)}, cwd=ROOT)  # fmt: skip
+        if not stale.exists():
+            break
+    assert not stale.exists()
+    assert not Path(made.stdout.strip()).exists()
+
+
+# --- no room ------------------------------------------------------------------------------------
+
+
+def test_a_file_size_limit(system, tmp_path):
+    """6, a line, and the series has the rows that were really written."""
+    result = subprocess.run(
+        [sys.executable, "-m", "desat.cli", "run", str(system), "--step", "1", "--stop", "200000",
+         "--out", str(tmp_path / "out")],
+        capture_output=True, text=True, cwd=ROOT, check=False,
+        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (400_000, 400_000)),
+    )  # fmt: skip
+    assert result.returncode == Exit.SPACE, result.stderr
+    assert "Traceback" not in result.stderr
+    (line,) = [x for x in result.stderr.splitlines() if x.startswith("no space:")]
+    assert "series.h5: the file is larger than is allowed" in line
+    with Results.open(tmp_path / "out") as results:
+        times, y = results.times(), results.values("bad.y")
+    assert len(times) > 1000
+    assert times.tolist() == [float(k) for k in range(len(times))]
+    assert y[1:].tolist() == times[1:].tolist()
+
+
+def test_room_is_estimated(system):
+    from desat.study import recorded
+
+    case = prepare(str(system), Options(step=2.0**-29, stop=999.0))
+    assert recorded.size(case.checked.system, case.options) == 16 * (999 * 2**29 + 1)
+    assert "GB are free" in recorded.room(case.checked.system, case.options, system / "not there")
+
+
+# --- what components do to the process ----------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("how", "what"),
+    [("CHDIR", "working directory"), ("ROUNDING", "rounding mode"), ("LOCALE", "locale"),
+     ("HANDLER", "signal handlers")],
+)  # fmt: skip
+def test_what_a_component_changes_is_put_back_and_said(system, tmp_path, how, what):
+    run = simulate(prepare(str(system), options(how)), tmp_path / "out")
+    assert run.ok
+    assert [w for w in run.manifest["warnings"] if what in w]
+    here = os.getcwd()
+    simulate(prepare(str(system), Options(sets=options(how).sets, step=1.0)))
+    assert os.getcwd() == here
+    assert 1.0 + 1e-17 == 1.0
+
+
+def test_a_relative_out_where_a_component_goes_elsewhere(desat, system, tmp_path):
+    desat("run", str(system), "--step", "1", "--set", f"bad.how={HOW.index('CHDIR')}", "--out", "o",
+          cwd=tmp_path, check=True)  # fmt: skip
+    assert (tmp_path / "o" / "report.html").exists()
+
+
+def test_what_a_component_prints_is_no_json_and_what_it_logs_is_a_warning(desat, system, tmp_path):
+    for how in ("PRINT", "LOG"):
+        result = desat("run", str(system), "--step", "1", "--set", f"bad.how={HOW.index(how)}",
+                       "--json", "--out", str(tmp_path / how), check=True)  # fmt: skip
+        manifest = json.loads(result.stdout)
+        assert manifest["status"] == "completed"
+    assert "warning: bad: low \ufffd[31mpressure at 3\n" in result.stderr
+    assert "\033" not in result.stderr
+    assert "bad: low \ufffd[31mpressure at 3" in manifest["warnings"]
+
+
+# --- archives -----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "source", ["../failing.fmu", "/etc/passwd", "%2e%2e/failing.fmu", "a/../../x", "..\\x", "C:/x"]
+)
+def test_a_source_outside_is_refused(system, tmp_path, source):
+    shutil.copy(system / "resources/failing.fmu", tmp_path / "failing.fmu")
+    (system / "SystemStructure.ssd").write_text(ssd(source))
+    problems = prepare(str(system), Options(step=1.0)).checked.problems
+    assert any("is outside the folder of the system" in p for p in problems)
+
+
+def test_a_parameter_file_outside_is_refused(system):
+    binding = '<ssd:ParameterBindings><ssd:ParameterBinding source="{}"/></ssd:ParameterBindings>'
+    for source in ("/etc/passwd", "../p.ssv"):
+        (system / "SystemStructure.ssd").write_text(ssd(inside=binding.format(source)))
+        (problem,) = prepare(str(system), Options(step=1.0)).checked.problems
+        assert f"{source!r} is outside the folder of the system" in problem
+
+
+@pytest.mark.parametrize("identifier", ["../../failing", "a/b", "", "a b", "é", "x" * 300])
+def test_a_library_has_a_c_name(tmp_path, identifier):
+    with pytest.raises(DesatError, match="is no C name"):
+        library.load(fmu(tmp_path / "x.fmu", b"", identifier))
+
+
+def test_devices_and_pipes_are_not_read(system, tmp_path):
+    os.mkfifo(tmp_path / "pipe.fmu")
+    os.mkfifo(tmp_path / "pipe.toml")
+    (tmp_path / "zero.ssd").symlink_to("/dev/zero")
+    (tmp_path / "zero.ssp").symlink_to("/dev/zero")
+    for name in ("zero.ssd", "zero.ssp", "pipe.toml"):
+        with pytest.raises(DesatError, match="not a regular file"):
+            prepare(str(tmp_path / name), Options())
+    (system / "resources/failing.fmu").unlink()
+    (system / "resources/failing.fmu").symlink_to(tmp_path / "pipe.fmu")
+    (problem,) = prepare(str(system), Options(step=1.0)).checked.problems
+    assert "not a regular file" in problem
+
+
+def zipped(path: Path, entries: dict[str, bytes]) -> Path:
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as made:
+        for name, data in entries.items():
+            made.writestr(name, data)
+    return path
+
+
+def test_budgets_of_archives(tmp_path, monkeypatch):
+    bomb = zipped(tmp_path / "bomb.ssp", {"a": bytes(40 << 20)})
+    with pytest.raises(DesatError, match=r"39 KiB would become 40 MiB; 200 times its size"):
+        library.extract(bomb)
+    many = zipped(tmp_path / "many.ssp", {str(i): b"" for i in range(archive.ENTRIES + 1)})
+    with pytest.raises(DesatError, match="20001 entries; 20000 allowed"):
+        library.extract(many)
+    deep = zipped(tmp_path / "deep.ssp", {"a/" * 40 + "b": b""})
+    with pytest.raises(DesatError, match="41 folders; 32 allowed"):
+        library.extract(deep)
+    monkeypatch.setattr(archive, "IN_ALL", archive._extracted + 10)
+    with pytest.raises(DesatError, match="with the archives before it more than"):
+        library.extract(zipped(tmp_path / "all.ssp", {"a": bytes(11)}))
+    link = zipfile.ZipInfo("link")
+    link.external_attr = (stat.S_IFLNK | 0o777) << 16
+    with zipfile.ZipFile(tmp_path / "link.ssp", "w") as made:
+        made.writestr(link, "/etc/passwd")
+    with pytest.raises(DesatError, match="entry 'link' is no regular file"):
+        library.extract(tmp_path / "link.ssp")
+
+
+def test_check_is_linear(tmp_path):
+    """Twenty thousand connectors, none of which there is."""
+    connectors = "".join(
+        f'<ssd:Connector name="x{i}" kind="output"><ssc:Real/></ssd:Connector>'
+        for i in range(20000)
+    )
+    fmu(tmp_path / "resources/failing.fmu", b"")
+    inside = f"<ssd:Connectors>{connectors}</ssd:Connectors>"
+    (tmp_path / "SystemStructure.ssd").write_text(ssd(inside=inside))
+    began = time.process_time()
+    problems = prepare(str(tmp_path), Options(step=1.0)).checked.problems
+    assert len(problems) == 100
+    assert time.process_time() - began < 5.0
+
+
+# --- whose code it is ---------------------------------------------------------------------------
+
+
+def test_check_runs_no_foreign_code_unless_trusted(desat, system, tmp_path):
+    given = ("check", str(system), "--step", "1", "--set", f"bad.how={HOW.index('IN_START')}")
+    result = desat(*given)
+    assert result.returncode == 0, result.stderr
+    digest = library.sha256(system / "resources/failing.fmu")
+    assert f"failing.fmu is foreign native code, for linux64; sha256 {digest}" in result.stderr
+    listed = tmp_path / "trusted"
+    listed.write_text(f"# mine\n{digest}  failing.fmu\n")
+    result = desat(*given, "--trust", str(listed))
+    assert result.returncode == Exit.UNMET
+    assert "crashed (signal 11)" in result.stderr
+    listed.write_text("0" * 64)
+    result = desat("run", *given[1:], "--trust", str(listed), "--out", str(tmp_path / "out"))
+    assert result.returncode == Exit.INPUT
+    assert "bad: failing.fmu is not of the list of --trust" in result.stderr
+    listed.write_text("so what")
+    with pytest.raises(DesatError, match="trusted:1: 'so what': a sha256 of 64 digits is needed"):
+        trust.hashes(listed)
+
+
+def test_a_binary_for_elsewhere_is_said(tmp_path):
+    fmu(tmp_path / "resources/failing.fmu", b"", folder="win64")
+    (tmp_path / "SystemStructure.ssd").write_text(ssd())
+    (problem,) = prepare(str(tmp_path), Options(step=1.0)).checked.problems
+    assert problem == "bad: failing.fmu has no binary for linux64; there is win64"
+
+
+# --- inputs -------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", ["a.b", "a/b", "time", "a[1]", "", "a\tb", "=1"])
+def test_names_that_no_series_can_have(system, name):
+    (system / "SystemStructure.ssd").write_text(ssd(name=name))
+    problems = prepare(str(system), Options(step=1.0)).checked.problems
+    assert any("a name is needed without" in p for p in problems)
+
+
+@pytest.mark.parametrize(
+    ("more", "message"),
+    [
+        ({"record": ("bad.z",)}, "--record bad.z: no output fits; did you mean bad.y?"),
+        ({"every": 10**9}, "--every 1000000000: the run has 10 steps"),
+        ({"sets": ["bad.how=1", "bad.how=2"]}, "--set bad.how=2: bad.how is given twice"),
+    ],
+)
+def test_options_without_effect_are_refused(system, more, message):
+    with pytest.raises(DesatError) as error:
+        prepare(str(system), Options(step=1.0, **more)).or_raise()
+    assert str(error.value) == message
+
+
+def test_a_start_at_which_time_does_not_grow(system):
+    (system / "SystemStructure.ssd").write_text(ssd(start="1e17", stop="1.0000000000001e17"))
+    with pytest.raises(DesatError, match="time does not grow by a step of 1 s"):
+        prepare(str(system), Options(step=1.0)).or_raise()
+
+
+def test_a_parameter_given_twice(system):
+    one = '<ssv:Parameter name="how"><ssv:Integer value="{}"/></ssv:Parameter>'
+    (system / "SystemStructure.ssd").write_text(ssd(inside=(
+        '<ssd:ParameterBindings><ssd:ParameterBinding><ssd:ParameterValues><ssv:ParameterSet '
+        f'name="p" version="1.0"><ssv:Parameters>{one.format(1)}{one.format(2)}</ssv:Parameters>'
+        "</ssv:ParameterSet></ssd:ParameterValues></ssd:ParameterBinding></ssd:ParameterBindings>"
+    )))  # fmt: skip
+    problems = prepare(str(system), Options(step=1.0)).checked.problems
+    assert any("how is given twice" in p for p in problems)
+
+
+def test_a_closed_standard_output(system):
+    line = f"exec {sys.executable} -m desat.cli list >&-"
+    result = subprocess.run(
+        ["sh", "-c", line], capture_output=True, text=True, cwd=ROOT, check=False
+    )
+    assert result.returncode == 0
+    assert result.stderr == ""
+
+
+def test_control_characters_do_not_reach_the_terminal(capsys):
+    console = plain_console()
+    console.print("a\033[31mb\x07", markup=False)
+    assert capsys.readouterr().out == "a\ufffd[31mb\ufffd\n"
+
+
+def test_a_report_that_fails_leaves_the_manifest(system, tmp_path, monkeypatch, capsys):
+    from desat import cli
+    from desat.study import report
+
+    monkeypatch.setattr(report, "write_report", lambda *a: 1 / 0)
+    monkeypatch.setattr(
+        sys, "argv", ["desat", "run", str(system), "--step", "1", "--out", str(tmp_path / "out")]
+    )
+    assert cli._code() == Exit.BUG
+    manifest = json.loads((tmp_path / "out/manifest.json").read_text())
+    assert manifest["status"] == "completed"
+    assert "internal: ZeroDivisionError" in capsys.readouterr().err
+
+
+def test_every_failure_of_the_table_has_its_test():
+    rows = (ROOT / "docs" / "failures.md").read_text(encoding="utf-8")
+    named = set(re.findall(r"`(test_\w+)`", rows))
+    own = {f"def {name}(" for name in named}
+    texts = "".join(p.read_text(encoding="utf-8") for p in Path(__file__).parent.glob("test_*.py"))
+    assert len(named) > 25
+    assert [x for x in own if x not in texts] == []
