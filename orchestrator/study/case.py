@@ -16,14 +16,14 @@ from ..engine.host import kept, no_space, said
 from ..engine.instances import ComponentError
 from ..engine.loop import bar, interruptible, run, stepping
 from ..engine.master import Master
-from ..engine.results import SERIES, Recorder, Results, selects
+from ..engine.results import MANIFEST, SERIES, Recorder, Results, selects
 from ..engine.unwritten import Layout, Unwritten, recover
 from ..files import library
 from ..system.codes import Exit
 from ..system.errors import DesatError, RunError
 from ..system.model import System
 from . import stopping, supervise
-from .manifest import MANIFEST, describe, numbers, read_manifest, write_json
+from .manifest import describe, numbers, read_manifest, write_json
 from .options import Options
 from .prepare import Case, load, prepare
 
