@@ -299,7 +299,7 @@ class Program:
         if spec.memo:
             members = " ".join(f"{self.names(t)} {safe(n)};" for n, t in spec.arguments)
             kind = self.names(spec.result)
-            yield f"    static _Thread_local struct {{ bool known; {members} {kind} value; }} memo;"
+            yield f"    static PY_THREAD struct {{ bool known; {members} {kind} value; }} memo;"
             same = " && ".join(f"memo.{safe(n)} == {safe(n)}" for n, _ in spec.arguments)
             yield f"    if (memo.known && {same})"
             yield "        return &memo.value;"
