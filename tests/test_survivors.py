@@ -59,8 +59,8 @@ def last_sample(h):
 
 @pytest.mark.parametrize("odd", [0.024, -0.013, 0.035])  # rounded up: coils take it back
 def test_in_the_last_sample_coils_repair_what_rounding_took(odd):
-    """The on-time is a whole number of pulses, here more than was planned, and the dipole, which was
-    at its limit, gives less."""
+    """The on-time is a whole number of pulses, here more than was planned, and the dipole, which
+    was at its limit, gives less."""
     h = (0.0, 0.0, 0.04 * (1.0 + odd))  # across the field
     torque, b = last_sample(h)
     left = np.array(h) + PERIOD * torque

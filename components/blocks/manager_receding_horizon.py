@@ -32,8 +32,8 @@ class ManagerRecedingHorizon(ThrusterDumping, EarthField):
     - `orbit_dipole`: (b_x cos u, b_y, b_z sin u) in lvlh, u the argument of latitude (eq. 30);
     - `dipole`: centred, Earth-fixed; `igrf`: IGRF-14 up to `igrf_degree`, as the environments do.
 
-    With `field_spread` above 0 the model is corrected by what the magnetometer has measured since the
-    start: B = b + A b + c |b| at every sample ahead, b being the model's field and A and c the
+    With `field_spread` above 0 the model is corrected by what the magnetometer has measured since
+    the start: B = b + A b + c |b| at every sample ahead, b being the model's field and A and c the
     likeliest where each element is 0 with this deviation beforehand and a measurement differs from
     the fit by `field_noise`. A misaligned attitude, a wrong scale and a wrong constant part are of
     this form; a plan that trusts a wrong model counts on torques that the coils then cannot give.
