@@ -85,6 +85,11 @@ def _folder() -> str:
         return ""
 
 
+def _put_folder(path: str) -> None:
+    if path:
+        os.chdir(path)
+
+
 _C: Any = ctypes.CDLL(None) if os.name == "posix" else None
 _M: Any = _C if hasattr(_C, "fegetround") else None
 if _M is None and sys.platform == "linux":
@@ -95,7 +100,7 @@ _STATE: dict[str, tuple[Callable[[], Any], Callable[[Any], Any]]] = {
         lambda: locale.setlocale(locale.LC_ALL),
         lambda x: locale.setlocale(locale.LC_ALL, x),
     ),
-    "working directory": (_folder, lambda path: path and os.chdir(path)),
+    "working directory": (_folder, _put_folder),
     "signal handlers": (_handlers, _put_handlers),
 }
 

@@ -180,7 +180,7 @@ def _grown(file: Any) -> int:
         (d.shape[0] for c in file if c != "time" for d in file[c].values()), default=len(times)
     )
     stops = np.flatnonzero(np.diff(times) <= 0.0)
-    return min(len(times), least, *(stops[:1] + 1).tolist())
+    return int(min(len(times), least, *(stops[:1] + 1).tolist()))
 
 
 def _told(manifest: Path) -> int:

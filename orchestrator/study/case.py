@@ -16,14 +16,14 @@ from ..engine.host import kept, no_space, said
 from ..engine.instances import ComponentError
 from ..engine.loop import bar, interruptible, loop
 from ..engine.master import Master
-from ..engine.results import SERIES, Recorder, Results, selects
+from ..engine.results import MANIFEST, SERIES, Recorder, Results, selects
 from ..engine.unwritten import Layout, Unwritten, recover
 from ..files import library
 from ..system.codes import Exit
 from ..system.errors import DesatError, RunError
 from ..system.model import System
 from . import stopping, supervise
-from .manifest import MANIFEST, describe, numbers, read_manifest, write_json
+from .manifest import describe, numbers, read_manifest, write_json
 from .options import Options
 from .prepare import Case, load, prepare
 
@@ -210,8 +210,8 @@ def _supervised(
     try:
         ended = supervise.watch(work, schedule.order, unwritten, limit)
         if "error" in ended.said:
-            kind, arguments, code = ended.said["error"]
-            raise RunError(*arguments, code) if kind is RunError else kind(*arguments)
+            kind, arguments = ended.said["error"]
+            raise kind(*arguments)
         outcome = ended.said.get("outcome")
         full = no_space(ended.said.get("bug", ""))
         if "bug" in ended.said and not full and outcome is None:

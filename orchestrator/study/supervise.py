@@ -105,7 +105,7 @@ def _work(
             work(tell, unwritten)
             tell("done", True)
         except DesatError as error:
-            tell("error", (type(error), error.args, error.code))
+            tell("error", (type(error), error.args))
             tell("done", True)
         except BaseException as error:
             if os.environ.get("DESAT_TRACEBACK"):

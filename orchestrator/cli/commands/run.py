@@ -100,7 +100,8 @@ def run(
     warn(finished.manifest["warnings"][len(case.checked.warnings) :])
     if estimate and finished.ok:
         from ...analyses import estimate as estimate_module
-        from ...study.manifest import MANIFEST, write_json
+        from ...engine.results import MANIFEST
+        from ...study.manifest import write_json
 
         estimate_module.add(finished, target, options)
         write_json(target_folder / MANIFEST, finished.manifest)
@@ -128,10 +129,11 @@ def _run_folder(target: str, folder: Path | None) -> Path:
 
 def _run_twin(finished: Run, options: Options, folder: Path) -> Run | None:
     """Run the twin that the scenario names, into a folder beside, and compare."""
+    from ...engine.results import MANIFEST
     from ...files.scenario import scenarios
     from ...study import report as report_module
     from ...study.case import execute
-    from ...study.manifest import MANIFEST, relate, write_json
+    from ...study.manifest import relate, write_json
 
     about = finished.manifest["about"]
     name = about.get("name", "").partition("/")[0] + "/" + about.get("twin", "")
