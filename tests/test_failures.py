@@ -229,7 +229,8 @@ def test_folders_of_dead_processes_are_swept(system, tmp_path):
     code = "from desat.files import library; print(library._root())"
     for _ in range(100):  # its child ends by itself
         made = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True,
-                              check=True, env={**os.environ, "TMPDIR": str(tmp_path)}, cwd=ROOT)  # fmt: skip
+                              env={**os.environ, "TMPDIR": str(tmp_path)}, cwd=ROOT,
+                              check=True)  # fmt: skip
         if not stale.exists():
             break
     assert not stale.exists()

@@ -221,6 +221,8 @@ def _supervised(
             raise kind(*arguments)
         outcome = ended.said.get("outcome")
         full = no_space(ended.said.get("bug", ""))
+        if "system" in ended.said and not full and outcome is None:
+            raise OSError(*ended.said["system"])
         if "bug" in ended.said and not full and outcome is None:
             raise RuntimeError(ended.said["bug"])
         if outcome is not None:

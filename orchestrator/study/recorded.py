@@ -46,8 +46,8 @@ def room(system: System, options: Options, folder: Path) -> str:
     """What to say where the series may not fit on the disk of a folder; else nothing."""
     while not folder.exists():
         folder = folder.parent
-    needed, free = size(system, options), shutil.disk_usage(folder).free
-    if needed < free:
+    needed, disk = size(system, options), shutil.disk_usage(folder)
+    if needed < (free := disk.free) or not disk.total:  # no size: no disk
         return ""
     return (f"the series may take {needed / 1e9:.3g} GB, {free / 1e9:.3g} GB are free in {folder}: "
             "record less (--record, --every)")  # fmt: skip

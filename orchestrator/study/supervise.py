@@ -110,6 +110,8 @@ def _work(
         except BaseException as error:
             if os.environ.get("DESAT_TRACEBACK"):
                 traceback.print_exc()
+            if isinstance(error, OSError):
+                tell("system", (error.errno, error.strerror, error.filename))
             tell("bug", f"{type(error).__name__}: {error}")
             tell("done", True)
             os._exit(0)  # while `error` holds all: files that are full cannot be closed
