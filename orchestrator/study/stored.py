@@ -61,7 +61,7 @@ def code(scenario: Scenario) -> str:
     names = sorted({Path(c.source).stem for c in draft.components.values()})
     files = {p for name in names for p in sources(name)}
     here = Path(__file__).parent
-    files |= {*(here.parent / "engine").glob("*.py")}
+    files |= {p for p in (here.parent / "engine").iterdir() if p.suffix in (".py", ".c")}
     files |= {here / f"{n}.py" for n in ("draws", "numbers", "measures", "derived")}
     if scenario.data.get("design", {}).get("each_draw", False):
         files |= {*(here.parent / "designs").glob("*.py")}
@@ -108,8 +108,8 @@ def compute(
     known: dict[str, Any] | None = None,
     names: Iterable[str] | None = None,
 ) -> dict[str, Any]:
-    """Run the draws of a family (or of the scenarios named) on bare blocks, which give the same
-    bits as the FMUs. Raises DesatError where a draw fails.
+    """Run the draws of a family (or of the scenarios named) by its FMUs. Raises DesatError where
+    a draw fails.
 
     What `known` (an older result) has for the other scenarios is kept.
     """
@@ -120,7 +120,7 @@ def compute(
             if name in kept:
                 found[name] = kept[name]
             continue
-        result = draws(name, scenario.data["draws"], SEED, Options(blocks=True), jobs, progress)
+        result = draws(name, scenario.data["draws"], SEED, Options(), jobs, progress)
         if failed := [r for r in result["draws"] if r["status"] != "completed"]:
             worst = failed[0]
             text = f"{name}: draw {worst['draw']}: {worst['message']}"
@@ -136,7 +136,7 @@ def compute(
         "family": family,
         "date": f"{datetime.now(UTC):%Y-%m-%d}",
         "seed": SEED,
-        "components_as": "bare blocks",
+        "components_as": "FMUs",
         "versions": {**{p: version(p) for p in PACKAGES}, "python": platform.python_version()},
         "scenarios": found,
     }
@@ -190,7 +190,7 @@ def stamp(family: str, count: int, jobs: int) -> list[str]:
     for name in outdated(known):
         scenario, kept = with_draws(family)[name], known["scenarios"].get(name)
         if kept is not None:
-            again = draws(name, count, known["seed"], Options(blocks=True), jobs)["draws"]
+            again = draws(name, count, known["seed"], Options(), jobs)["draws"]
             numbers = [r["numbers"] for r in again]
             if _alike(numbers, [r["numbers"] for r in kept["draws"][:count]]):
                 kept["sha256"], kept["code_sha256"] = digest(scenario), code(scenario)
