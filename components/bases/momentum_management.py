@@ -143,7 +143,9 @@ class MomentumManagement(MomentumDumping):
 
     def _forget(self) -> None:
         """No field of earlier samples is known."""
-        self._b_1 = self._b_2 = self._b_3 = ZERO
+        self._b_1: Vec3 = ZERO
+        self._b_2: Vec3 = ZERO
+        self._b_3: Vec3 = ZERO
 
 
 class GroundTables(Block):

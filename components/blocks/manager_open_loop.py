@@ -2,8 +2,9 @@ from __future__ import annotations
 
 from math import floor
 
+from ..bases.dumping import FALLBACK
 from ..bases.earth_field import EarthField
-from ..bases.momentum_management import FALLBACK, MomentumManagement, NominalProfile
+from ..bases.momentum_management import MomentumManagement, NominalProfile
 from ..contract.block import Mat33, Output, Parameter, Vec3, Vec4
 from ..contract.roles import UPRIGHT
 from ..laws import momentum_management as laws
@@ -23,7 +24,7 @@ from ..physics.torques import gravity_gradient
 HOLD, _ = range(2)
 PREDICTED, _ = range(2)
 _, IGRF = range(2)
-NOTHING: Mat33 = (0.0,) * 9  # type: ignore[assignment]
+NOTHING: Mat33 = (0.0,) * 9
 LARGEST = 1e30
 """What `condition` says of a singular costate."""
 
