@@ -83,8 +83,8 @@ class MomentumManagement(MomentumDumping):
         of_coils, of_wheels = laws.weighting(live), laws.weighting(self.axes_wheel)
         for name, s in (("axes_coil", of_coils), ("axes_wheel", of_wheels)):
             if laws.condition(s) > 1.0 / ROOM:
-                live = " that are left" if name == "axes_coil" and self.dead_coil else ""
-                self.fail(f"{name}: the axes{live} do not span space: A A' has the condition "
+                left = " that are left" if name == "axes_coil" and self.dead_coil else ""
+                self.fail(f"{name}: the axes{left} do not span space: A A' has the condition "
                           f"{laws.condition(s):.3g}, at most {1.0 / ROOM:g} may be")  # fmt: skip
         if self.sample_time <= 0.0:
             self.fail(f"sample_time = {self.sample_time} s: a time above 0 is needed")
@@ -92,7 +92,9 @@ class MomentumManagement(MomentumDumping):
         self._s = (IDENTITY, of_coils, of_wheels)[self.weighting]
         self._inertia: Mat33 = tuple(self.inertia_scale * x for x in self.inertia)  # type: ignore[assignment]
         self.tau_desired_body = self._b = ZERO
-        self._forget()
+        self._b_1: Vec3 = ZERO
+        self._b_2: Vec3 = ZERO
+        self._b_3: Vec3 = ZERO
 
     @abstractmethod
     def law(self, t: float, h: Vec3) -> Vec3 | None:
@@ -143,9 +145,7 @@ class MomentumManagement(MomentumDumping):
 
     def _forget(self) -> None:
         """No field of earlier samples is known."""
-        self._b_1: Vec3 = ZERO
-        self._b_2: Vec3 = ZERO
-        self._b_3: Vec3 = ZERO
+        self._b_1 = self._b_2 = self._b_3 = ZERO
 
 
 class GroundTables(Block):

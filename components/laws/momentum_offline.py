@@ -164,7 +164,7 @@ def least_energy(course: Course, peak: float, start: Array, accuracy: float = 1e
             if gained <= 0.01 * w * limits:
                 break
         if w * limits <= accuracy * coils(now):
-            return course.dt * (coils(now) - w * limits)
+            return float(course.dt * (coils(now) - w * limits))
         w *= 0.2
 
 
