@@ -189,7 +189,7 @@ def stamp(family: str, count: int, jobs: int) -> list[str]:
     known, failed = read(family), []
     for name in outdated(known):
         scenario, kept = with_draws(family)[name], known["scenarios"].get(name)
-        if kept is not None:
+        if kept is not None and len(kept["draws"]) == scenario.data["draws"]:
             again = draws(name, count, known["seed"], Options(), jobs)["draws"]
             numbers = [r["numbers"] for r in again]
             if _alike(numbers, [r["numbers"] for r in kept["draws"][:count]]):
