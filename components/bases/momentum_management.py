@@ -59,6 +59,9 @@ class MomentumManagement(MomentumDumping):
         "kg.m2", "inertia of the whole craft, wheels locked, body",
         start=(40.45, 0.0, 0.0, 0.0, 42.09, 0.0, 0.0, 0.0, 40.36), shared=True,
     )  # fmt: skip
+    sample_time: float = Parameter(
+        "s", "time between samples, a multiple of the step", start=10.0, min=0.0
+    )
     inertia_scale: float = Parameter(
         "1", "the law's own inertia is the inertia times this; 1: right", start=1.0, min=0.0
     )

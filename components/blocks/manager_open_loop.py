@@ -97,12 +97,8 @@ class ManagerOpenLoop(MomentumManagement, NominalProfile, EarthField):
         if self.update_period > self.desaturation_period * (1.0 + 1e-9):
             self.fail(f"update_period = {self.update_period} s is longer than desaturation_period "
                       f"= {self.desaturation_period} s")  # fmt: skip
-        for name, period in (("desaturation_period", self.desaturation_period),
-                             ("update_period", self.update_period)):  # fmt: skip
-            count = period / self.sample_time
-            if abs(count - floor(count + 0.5)) > 1e-6 or count < 0.5:
-                self.fail(f"{name} = {period} s is no multiple of sample_time = "
-                          f"{self.sample_time} s")  # fmt: skip
+        self._in_samples("desaturation_period", self.desaturation_period)
+        self._in_samples("update_period", self.update_period)
         if self.manoeuvre and self.t_end <= self.t_begin:
             self.fail(f"t_end = {self.t_end} s must be after t_begin = {self.t_begin} s")
         self.start_field(igrf=self.field_model == IGRF)
@@ -113,6 +109,17 @@ class ManagerOpenLoop(MomentumManagement, NominalProfile, EarthField):
         self._solved = False
         self._next = -1.0
         self.condition = self.miss_predicted = 0.0
+
+    def _forget(self) -> None:
+        """A measurement is lost: what was planned is not what happens, so plan anew after it."""
+        super()._forget()
+        self._next = -1.0
+
+    def _in_samples(self, name: str, period: float) -> None:
+        """Refuse a period (s) that is no multiple of the sample time."""
+        count = period / self.sample_time
+        if abs(count - floor(count + 0.5)) > 1e-6 or count < 0.5:
+            self.fail(f"{name} = {period} s is no multiple of sample_time = {self.sample_time} s")
 
     def law(self, t: float, h: Vec3) -> Vec3 | None:
         orbit = elements_from_state(self.r_eci, self.v_eci)

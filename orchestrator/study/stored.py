@@ -207,12 +207,19 @@ def provenance(stored: dict[str, Any], fresh: bool) -> dict[str, Any]:
     return {"file": file or "computed now", **{k: stored[k] for k in keys}}
 
 
-def _alike(now: list[dict[str, float]], kept: list[dict[str, float]]) -> bool:
+def _alike(now: list[dict[str, float | None]], kept: list[dict[str, float | None]]) -> bool:
     """True where all that is kept comes out again. A number that runs have since is not in the kept
     draws, and whatever asks for it says so."""
     return len(now) == len(kept) and all(
-        a.keys() >= b.keys() and all(math.isclose(a[k], b[k], rel_tol=ROUNDING) for k in b)
+        a.keys() >= b.keys() and all(_equal(a[k], b[k]) for k in b)
         for a, b in zip(now, kept, strict=True)
+    )
+
+
+def _equal(a: float | None, b: float | None) -> bool:
+    """Equal to ROUNDING, or neither reached."""
+    return a is b is None or (
+        a is not None and b is not None and math.isclose(a, b, rel_tol=ROUNDING)
     )
 
 
