@@ -400,10 +400,8 @@ def drawn():
 
 @pytest.fixture
 def current(drawn):
-    """The stored draws, where they are of this code; `desat tables` says of others that they are
-    not."""
-    if old := stored.outdated(drawn):
-        pytest.skip(f"draws of earlier code, `make papers` renews them: {', '.join(old)}")
+    """The stored draws, which are of this code."""
+    assert stored.outdated(drawn) == []
     return drawn
 
 
