@@ -24,6 +24,7 @@ import tempfile
 import uuid
 import zipfile
 from concurrent.futures import ProcessPoolExecutor
+from functools import cache
 from importlib.metadata import version
 from multiprocessing import get_context
 from pathlib import Path
@@ -65,14 +66,21 @@ def sources(name: str) -> list[Path]:
         found.append(path)
         if (initial := path.parent / "__init__.py").exists():
             todo.append(initial)
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-            if isinstance(node, ast.ImportFrom) and node.level:
-                base = path.parents[node.level - 1].joinpath(*(node.module or "").split("."))
-                for candidate in (base, *(base / alias.name for alias in node.names)):
-                    if candidate.with_suffix(".py").is_file():
-                        todo.append(candidate.with_suffix(".py"))
+        todo += _imported(path, path.read_text(encoding="utf-8"))
     data = [p.with_suffix(".json") for p in found if p.with_suffix(".json").is_file()]
     return found + data
+
+
+@cache
+def _imported(path: Path, text: str) -> list[Path]:
+    """The files that a file with this text imports of its own package."""
+    found = []
+    for node in ast.walk(ast.parse(text)):
+        if isinstance(node, ast.ImportFrom) and node.level:
+            base = path.parents[node.level - 1].joinpath(*(node.module or "").split("."))
+            candidates = (base, *(base / alias.name for alias in node.names))
+            found += [c.with_suffix(".py") for c in candidates if c.with_suffix(".py").is_file()]
+    return found
 
 
 def contents(name: str) -> dict[str, bytes]:

@@ -401,7 +401,7 @@ def test_the_field_ahead_is_the_environments(model):
     environment.output(0.0)
     manager = begun(
         "manager_receding_horizon", field_model=choices.index(model), igrf_degree=6,
-        epoch_j2000=8.2e8,
+        epoch_j2000=8.2e8, field_spread=0.0,
     )  # fmt: skip
     manager.r_eci, manager.v_eci = environment.r_eci, environment.v_eci
     n = 60

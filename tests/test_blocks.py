@@ -22,7 +22,7 @@ from desat.components.contract.block import (
 from desat.fmus import registry
 from desat.fmus.description import title
 from desat.study.case import Options, execute
-from desat.study.measures import pointing
+from desat.study.derived import pointing
 
 BLOCKS = registry.names()
 

@@ -132,7 +132,7 @@ def test_jacobi_against_the_reference_with_the_same_delays(study):
     assert all(r["momentum_drift"] > 1e-3 for r in rows)
     delayed = [r["attitude_error_same_delays"] for r in rows]
     assert delayed[0] < 2e-7
-    assert convergence.order([r["step"] for r in rows], delayed) >= 2.5
+    assert convergence.order([r["step"] for r in rows[1:]], delayed[1:]) >= 2.5
 
 
 def corrupted(tmp_path, signal: str, factor: float, name: str = "gyrostat/full"):

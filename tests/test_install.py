@@ -89,7 +89,7 @@ def test_from_an_empty_folder(home, installed, tmp_path):
     assert len(rows) > 50
     assert any(row["draws"] for row in rows)
     assert _contents(where) == before
-    (cache,) = (p for p in (home / "cache").iterdir() if p.name != "lists")
+    (cache,) = (p for p in (home / "cache").iterdir() if p.name not in ("lists", "loop"))
     assert {p.name for p in cache.iterdir()} == {"fmus", "fmus.lock", "ssp"}
     built = {p.name: p.read_bytes() for p in (cache / "fmus").iterdir()}
     assert set(built) == {f"{n}.fmu" for n in registry.names()}

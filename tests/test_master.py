@@ -307,11 +307,16 @@ def bits(run) -> dict[str, bytes]:
     return {name: run.results.values(name).tobytes() for name in run.results.names()}
 
 
+# of the telescope's laws one case each: the others differ in parameters alone, and make a design
+BITWISE = [n for n in scenarios() if not n.startswith("space_telescope/")]
+BITWISE += [f"space_telescope/{n}-nominal" for n in ("closed-cp", "me", "mixed-me", "ours")]
+
+
 # what jacobi changes is the way of the values alone
 @pytest.mark.real_units
 @pytest.mark.parametrize(
     ("name", "algorithm"),
-    [(n, "conserving") for n in scenarios()] + [(n, "jacobi") for n in one_of_each_craft()],
+    [(n, "conserving") for n in BITWISE] + [(n, "jacobi") for n in one_of_each_craft()],
 )
 def test_fmus_equal_bare_blocks_bitwise(name, algorithm):
     data = scenarios()[name].data

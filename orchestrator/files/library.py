@@ -97,7 +97,14 @@ def extract(path: Path) -> Path:
         raise DesatError(f"{path.name}: {error.strerror}") from error
     if digest not in _by_contents:
         folder = _root() / digest[:20]
-        archive.extract(path, folder)
+        if not folder.is_dir():  # a process that was forked from this one may have been here
+            with tempfile.TemporaryDirectory(dir=_root()) as new:
+                archive.extract(path, Path(new) / folder.name)
+                try:
+                    (Path(new) / folder.name).rename(folder)
+                except OSError:
+                    if not folder.is_dir():
+                        raise
         _by_contents[digest] = folder
     return _by_contents[digest]
 

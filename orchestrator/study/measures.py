@@ -9,17 +9,11 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
-from desat.components.contract.units import Unit, times, unit_of
+from . import measures_pointing  # noqa: F401  which makes its own known
+from .measuring import MEASURES, OWN_UNIT, Array, Measure, in_unit, measure, per_second, settled
 
-from .derived import error_vector, pointing
-
-Array = NDArray[np.float64]
-Measure = Callable[..., float]
-MEASURES: dict[str, Measure] = {}
-OWN_UNIT: dict[str, Callable[[Unit], Unit]] = {}
-"""Measures that give another unit than that of their values: which, from the values' unit."""
+__all__ = ["MEASURES", "OWN_UNIT", "Measure"]
 
 
 SIZES: dict[str, Callable[[Array], Array]] = {
@@ -28,28 +22,6 @@ SIZES: dict[str, Callable[[Array], Array]] = {
     "norm": lambda v: np.asarray(np.linalg.norm(v, axis=1)),
 }
 """Kinds of size of a row, for `until_below`."""
-
-
-def measure(function: Measure) -> Measure:
-    """Make a function known by its name."""
-    MEASURES[function.__name__] = function
-    return function
-
-
-def in_unit(unit: str | Callable[[Unit], Unit]) -> Callable[[Measure], Measure]:
-    """The same, of a function that gives a unit of its own, or one made from that of its values."""
-
-    def known(function: Measure) -> Measure:
-        own = unit_of(unit) if isinstance(unit, str) else None
-        OWN_UNIT[function.__name__] = (lambda _: own) if own is not None else unit  # type: ignore[assignment]
-        return measure(function)
-
-    return known
-
-
-def per_second(unit: Unit) -> Unit:
-    """The unit of a rate of change."""
-    return times(unit, unit_of("s"), -1)
 
 
 @measure
@@ -96,24 +68,6 @@ def share_along(times: Array, values: Array, direction: Array) -> float:
     part = (values * direction).sum(axis=1) / np.where(size > 0.0, size, 1.0)[:, 0]
     whole = (values**2).sum()
     return float(100.0 * np.sqrt((part**2).sum() / whole)) if whole > 0.0 else float("nan")
-
-
-@in_unit("deg")
-def pointing_last(times: Array, q: Array, q_ref: Array) -> float:
-    """The angle between two attitudes at the end (deg)."""
-    return float(pointing(q, q_ref)[-1])
-
-
-@in_unit("deg")
-def pointing_largest(times: Array, q: Array, q_ref: Array) -> float:
-    """The largest angle between two attitudes (deg)."""
-    return float(pointing(q, q_ref).max())
-
-
-@in_unit("deg")
-def pointing_rms(times: Array, q: Array, q_ref: Array) -> float:
-    """The root mean square angle between two attitudes (deg)."""
-    return float(np.sqrt((pointing(q, q_ref) ** 2).mean()))
 
 
 @measure
@@ -188,7 +142,7 @@ def above(times: Array, values: Array, direction: list[float], floor: float) -> 
 def until_below(times: Array, values: Array, limit: float, kind: str = "mean") -> float:
     """When the values have come below a limit to stay (s): the mean size of the elements, the
     largest, or the vector's (`norm`). The end of the run where they do not."""
-    return _settled(times, SIZES[kind](values) < limit)
+    return settled(times, SIZES[kind](values) < limit)
 
 
 @in_unit("s")
@@ -219,7 +173,7 @@ def first_below(
 @in_unit("s")
 def until_above(times: Array, values: Array, limit: float) -> float:
     """When all values have come to a limit or above to stay (s); the end of the run if never."""
-    return _settled(times, np.asarray(values.min(axis=1) >= limit))
+    return settled(times, np.asarray(values.min(axis=1) >= limit))
 
 
 @measure
@@ -272,45 +226,3 @@ def decay_rate(times: Array, values: Array) -> float:
 def mean_rate(times: Array, values: Array) -> float:
     """How fast a scalar grows, from first to last row (unit per s)."""
     return float((values[-1, 0] - values[0, 0]) / (times[-1] - times[0]))
-
-
-@in_unit("deg")
-def pointing_mean(times: Array, q: Array, q_ref: Array) -> float:
-    """The mean angle between two attitudes (deg)."""
-    return float(pointing(q, q_ref).mean())
-
-
-@in_unit("s")
-def pointing_until_below(times: Array, q: Array, q_ref: Array, limit: float) -> float:
-    """When the angle has come below a limit (deg) to stay (s); the end of the run if never."""
-    return _settled(times, pointing(q, q_ref) < limit)
-
-
-@in_unit("deg")
-def pointing_level(times: Array, q: Array, q_ref: Array, level: float = 95.0) -> float:
-    """The angle that `level` per cent of the time stay below: absolute performance error (APE) at
-    this level (deg); ECSS-E-ST-60-10C."""
-    return float(np.percentile(pointing(q, q_ref), level))
-
-
-@in_unit("deg")
-def pointing_relative(
-    times: Array, q: Array, q_ref: Array, interval: float, level: float | None = None
-) -> float:
-    """The relative performance error (RPE) over intervals of so many seconds (deg): the distance
-    of the error vector from its mean over its interval. Its mean, or the value that `level` per
-    cent of the time stay below; ECSS-E-ST-60-10C."""
-    error = error_vector(q, q_ref)
-    count = max(1, round(interval / (times[1] - times[0])))
-    whole = error[: len(error) // count * count].reshape(-1, count, 3)
-    if not len(whole):
-        return float("nan")
-    size = np.linalg.norm(whole - whole.mean(axis=1, keepdims=True), axis=2)
-    return float(size.mean() if level is None else np.percentile(size, level))
-
-
-def _settled(times: Array, good: NDArray[np.bool_]) -> float:
-    bad = np.flatnonzero(~good)
-    if not len(bad):
-        return float(times[0])
-    return float(times[min(bad[-1] + 1, len(times) - 1)])

@@ -12,6 +12,7 @@ from typing import Any
 from ..analyses import analyses
 from ..files.scenario import find
 from ..system.errors import DesatError, nearest
+from ..system.interface import base_name
 from . import stored, tables
 from .case import Options, Run, execute, prepare
 from .cells import Row
@@ -65,7 +66,11 @@ class Sources:
     def _needed(self, name: str) -> list[str]:
         """What must be recorded of a scenario."""
         system, _ = prepare(name, Options()).or_raise()
-        needed = [*self._named, *needed_signals(system.about)]
+        outputs = {
+            f"{c.name}.{base_name(s.name)}"
+            for c in system.components.values() for s in c.interface.of("output")
+        }  # fmt: skip
+        needed = [n for n in self._named if n in outputs] + needed_signals(system.about)
         needed += [signal for p in system.about.get("plots", []) for signal in p["signals"]]
         for analysis in analyses():
             if parts := analysis.applies(system):

@@ -62,7 +62,7 @@ def code(scenario: Scenario) -> str:
     files = {p for name in names for p in sources(name)}
     here = Path(__file__).parent
     files |= {p for p in (here.parent / "engine").iterdir() if p.suffix in (".py", ".c")}
-    files |= {here / f"{n}.py" for n in ("draws", "numbers", "measures", "derived")}
+    files |= {here / f"{n}.py" for n in ("draws", "numbers", "derived")} | {*here.glob("meas*.py")}
     if scenario.data.get("design", {}).get("each_draw", False):
         files |= {*(here.parent / "designs").glob("*.py")}
         files |= {*(COMPONENTS / "laws").glob("*_offline.py")}
