@@ -566,7 +566,7 @@ def test_a_second_panel_shows_the_steady_state_and_an_envelope_the_extremes():
     assert "FillBetween" in plots.series_plot({**plot, "envelope": True}, runs)
     x = np.arange(2400.0)
     times, low, high = plots._between(x, np.sin(x))
-    assert len(times) == plots.ENVELOPE
+    assert len(times) == plots.BINS
     assert (low < -0.5).all()
     assert (high > 0.5).all()
 

@@ -112,7 +112,7 @@ class Program:
             shown = ""
             if not isinstance(function, Nested):
                 shown = function.__code__.co_filename
-                path = Path(shown)
+                path = Path(shown).resolve()
                 folder = next((f for f in FOLDERS if path.is_relative_to(f)), None)
                 if folder is None:
                     raise SubsetError(f"{self.block.__name__}: {function.__name__} of "
