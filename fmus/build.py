@@ -23,6 +23,7 @@ import sys
 import tempfile
 import uuid
 import zipfile
+from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor
 from functools import cache
 from importlib.metadata import version
@@ -125,11 +126,26 @@ def build(name: str, dist: Path = DIST) -> Path:
     return native.pack(members, dist / f"{name}.fmu")
 
 
+@contextlib.contextmanager
+def without_fmus_on_the_path() -> Iterator[None]:
+    """Within: no folder of an FMU that this process has loaded, whose own pythonfmu has no binaries
+    to put into an FMU, is where a process that it starts looks for modules."""
+    before = list(sys.path)
+    sys.path[:] = [p for p in before if not (Path(p) / "slavemodule.txt").is_file()]
+    try:
+        yield
+    finally:
+        sys.path[:] = before
+
+
 def build_all(which: tuple[str, ...], dist: Path = DIST) -> list[Path]:
     """Build the FMUs of some blocks, each in a process of its own."""
-    with ProcessPoolExecutor(
-        os.cpu_count(), mp_context=get_context("spawn"), max_tasks_per_child=1
-    ) as pool:
+    with (
+        without_fmus_on_the_path(),
+        ProcessPoolExecutor(
+            os.cpu_count(), mp_context=get_context("spawn"), max_tasks_per_child=1
+        ) as pool,
+    ):
         results = pool.map(build, which, [dist] * len(which))
         return list(
             track(results, "FMUs", total=len(which), transient=True,

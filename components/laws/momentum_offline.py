@@ -11,8 +11,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import CubicSpline
-from scipy.linalg import solveh_banded
 
 Array = NDArray[np.float64]
 EXPONENT = 8
@@ -179,6 +177,8 @@ def feedback(course: Course, momentum_weight: Array) -> Array:
 def at_rows(values: Array, dt: float, times: Array, period: int = 0) -> Array:
     """Values at k dt (rows, ...) at other times (s), by cubic splines that end every `period`
     values; 0: one spline."""
+    from scipy.interpolate import CubicSpline  # takes a while to load
+
     grid = dt * np.arange(len(values))
     if period == 0:
         return np.asarray(CubicSpline(grid, values)(times))
@@ -222,6 +222,8 @@ def _linear_quadratic(course: Course, weights: Array, linear: Array, start: Arra
     dt (weights H_k+1 + linear) = P_k+1 - P_k; so P obeys a block tridiagonal system without
     negative eigenvalues.
     """
+    from scipy.linalg import solveh_banded  # takes a while to load
+
     count, dt, effect = len(course.field), course.dt, course.effect
     inverse = np.linalg.inv(weights)
     v, c = inverse / dt, np.einsum("kab,kb->ka", inverse, linear)
