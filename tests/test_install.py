@@ -91,7 +91,8 @@ def test_from_an_empty_folder(home, installed, tmp_path):
     assert _contents(where) == before
     (cache,) = (p for p in (home / "cache").iterdir() if p.name not in ("lists", "loop"))
     assert {p.name for p in cache.iterdir()} == {"fmus", "fmus.lock", "ssp"}
-    built = {p.name: p.read_bytes() for p in (cache / "fmus").iterdir()}
+    built = {p.name: p.read_bytes() for p in (cache / "fmus").glob("*.fmu")}
+    assert (cache / "fmus" / "index.json").is_file()
     assert set(built) == {f"{n}.fmu" for n in registry.names()}
     assert built == {n: (places.fmus() / n).read_bytes() for n in built}  # the checkout's bytes
 

@@ -36,7 +36,8 @@ def rows(
 ) -> list[Row]:
     """Pack and run every scenario of a family that a paper's table has a cell for.
 
-    `drawn`: the draws of the scenarios that have some (`stored.read` or `stored.compute`).
+    `drawn`: the draws of the scenarios that have some (`stored.read` or `stored.compute`); rows of
+    those that are not among them are left out, and `stored.outdated` names them.
     """
     given = {n: s for n, s in scenarios(family).items() if s.data.get("paper")}
     if wrong := [line for s in given.values() for line in words(s)]:
@@ -48,8 +49,9 @@ def rows(
         n: {**kept[n], "summary": kept[n]["summary"] | _paired(s, kept)}
         for n, s in given.items() if s.data.get("draws") and n in kept
     }  # fmt: skip
-    if missing := [n for n, s in given.items() if s.data.get("draws") and n not in kept]:
-        raise DesatError(f"{missing[0]}: no draws; `desat tables {family} --fresh` makes them")
+    given = {n: s for n, s in given.items() if not s.data.get("draws") or n in kept}
+    if not given:
+        raise DesatError(f"{family}: no draws; `desat tables {family} --fresh` makes them")
     values = {n: {k: d["median"] for k, d in kept[n]["summary"].items()} for n in kept}
     values |= _single([s for n, s in given.items() if n not in values], options, jobs)
     # first what the paper has values for, then what is ours alone

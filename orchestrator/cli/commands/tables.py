@@ -94,6 +94,11 @@ def _drawn(
         return made, stored_module.provenance(made, fresh=True)
     kept = stored_module.read(family)
     if old := stored_module.outdated(kept):
-        err.print(f"warning: the stored draws of {', '.join(old)} are not of this version; "
-                  f"--fresh makes new ones", highlight=False, markup=False)  # fmt: skip
+        left_out = [name for name in old if name not in kept["scenarios"]]
+        stale = [name for name in old if name in kept["scenarios"]]
+        for names, what in ((stale, "are not of this version"),
+                            (left_out, "are not there: their rows are left out")):  # fmt: skip
+            if names:
+                err.print(f"warning: the stored draws of {', '.join(names)} {what}; --fresh makes "
+                          f"them", highlight=False, markup=False)  # fmt: skip
     return kept, stored_module.provenance(kept, fresh=False)
