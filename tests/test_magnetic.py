@@ -428,7 +428,7 @@ def test_lqr_costs_less_than_ilqr_and_than_itself_without_g():
 
 
 @pytest.mark.real_units
-@pytest.mark.parametrize("start", STARTS)
+@pytest.mark.parametrize("start", STARTS[:1])
 def test_in_flight_feedback_keeps_what_open_loop_loses(start):
     final = {}
     for law in LAWS:
