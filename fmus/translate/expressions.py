@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import re
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from types import BuiltinFunctionType, FunctionType, ModuleType
@@ -67,7 +68,7 @@ class Known:
         self.thing = thing
 
 
-class Expressions:
+class Expressions(ABC):
     """The part of a function's translation that makes C of its expressions."""
 
     program: Any
@@ -331,8 +332,9 @@ class Expressions:
     bounds: dict[str, tuple[int | None, int | None]]
     sure: set[str]
 
+    @abstractmethod
     def local(self, name: str) -> str:
-        raise NotImplementedError
+        """The C of a local variable's name."""
 
     def outside(self, node: ast.AST, name: str) -> Value:
         """A name of the module, or of Python itself."""
@@ -959,8 +961,9 @@ class Expressions:
         self.assign(node.target, value)
         return self._name(ast.copy_location(ast.Name(node.target.id, ast.Load()), node))
 
+    @abstractmethod
     def assign(self, target: ast.expr, value: Value) -> None:
-        raise NotImplementedError
+        """Write what puts a value into a name, a field or the names of a tuple."""
 
     # --- indices ----------------------------------------------------------------------------------
 
