@@ -35,6 +35,7 @@ import pythonfmu
 from rich.progress import track
 
 from . import interfaces, native
+from .compiler import NoCompilerError, compiler
 from .description import DATE, documentation, model_description
 from .registry import block_class, names
 
@@ -158,7 +159,7 @@ def build_native(which: tuple[str, ...], dist: Path) -> dict[str, str]:
 
     Raises NoCompilerError.
     """
-    native.compiler()
+    compiler()
     with tempfile.TemporaryDirectory() as shared:
         native.compile_wrapper(Path(shared))
         with ProcessPoolExecutor(os.cpu_count(), mp_context=get_context("spawn")) as pool:
@@ -197,7 +198,7 @@ def update(wanted: tuple[str, ...], dist: Path) -> list[dict[str, Any]]:
     """Build what of some blocks' FMUs is not there yet; write and return the index."""
     try:
         compiled = native.made_of().hex()
-    except native.NoCompilerError:
+    except NoCompilerError:
         compiled = ""
     try:
         known = json.loads((dist / INDEX).read_text(encoding="utf-8"))
@@ -283,8 +284,8 @@ def main() -> int:
     natives = sum(e["kind"] == "native" for e in index)
     print(f"{len(index)} FMUs in {os.path.relpath(dist)}, {natives} of them native")
     try:
-        native.compiler()
-    except native.NoCompilerError as error:
+        compiler()
+    except NoCompilerError as error:
         print(f"warning: {error}. Only the FMUs of Python were built: they need a Python where "
               "they run, and run slower.", file=sys.stderr)  # fmt: skip
     return 0

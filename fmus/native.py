@@ -7,7 +7,6 @@ out of them as of the Python FMUs on one machine; `translate` refuses what it ca
 from __future__ import annotations
 
 import hashlib
-import importlib.util
 import os
 import shutil
 import subprocess
@@ -19,6 +18,7 @@ from functools import cache
 from importlib.metadata import version
 from pathlib import Path
 
+from .compiler import compiler
 from .description import DATE, documentation, model_description
 from .registry import block_class
 from .translate.program import translate
@@ -42,26 +42,6 @@ PINNED = {
 fails."""
 
 LINK = ("-shared", "-s", "-Wl,--build-id=none", "-Wl,-z,defs")
-
-
-class NoCompilerError(Exception):
-    """There is no C compiler on this machine."""
-
-
-@cache
-def compiler() -> tuple[str, ...]:
-    """The command of the C compiler: CC, gcc, cc, clang, or of the package ziglang.
-
-    Raises NoCompilerError.
-    """
-    if given := os.environ.get("CC"):
-        return tuple(given.split())
-    for name in ("gcc", "cc", "clang"):
-        if found := shutil.which(name):
-            return (found,)
-    if importlib.util.find_spec("ziglang"):
-        return (sys.executable, "-m", "ziglang", "cc", "-fno-sanitize=undefined")
-    raise NoCompilerError("no C compiler: install gcc or clang, or `pip install ziglang`")
 
 
 @cache

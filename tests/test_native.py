@@ -28,6 +28,7 @@ from test_blocks import randomise_inputs
 from desat.components.contract.block import Block
 from desat.files import library, places
 from desat.fmus import build, native, registry, subset
+from desat.fmus.compiler import NoCompilerError, compiler
 from desat.fmus.translate import program
 from desat.fmus.translate.types import SubsetError
 from desat.study.case import Options, execute
@@ -262,7 +263,7 @@ def test_the_same_sources_give_the_same_bytes(tmp_path):
 
 def test_without_a_compiler_it_says_so(tmp_path, monkeypatch):
     def none() -> tuple[str, ...]:
-        raise native.NoCompilerError("no C compiler")
+        raise NoCompilerError("no C compiler")
 
     monkeypatch.setattr(native, "compiler", none)
     monkeypatch.setattr(native, "made_of", none)
@@ -286,7 +287,7 @@ def test_what_is_there_is_not_built_again(tmp_path, monkeypatch):
 def test_a_plain_c_host_runs_all_of_them_in_an_empty_environment(tmp_path):
     host = tmp_path / "host"
     subprocess.run(
-        [*native.compiler(), "-std=gnu11", "-w", str(HERE / "host.c"), "-ldl", "-o", str(host)],
+        [*compiler(), "-std=gnu11", "-w", str(HERE / "host.c"), "-ldl", "-o", str(host)],
         check=True,
     )
     given = []
@@ -535,7 +536,7 @@ def test_no_sanitizer_complains(tmp_path):
         )
         (folder / "host.c").write_text("#define _GNU_SOURCE\n" + main)
         done = subprocess.run(
-            [*native.compiler(), *flags, "-g", "-w", "-std=gnu11", "-fsanitize=address,undefined",
+            [*compiler(), *flags, "-g", "-w", "-std=gnu11", "-fsanitize=address,undefined",
              "-fno-sanitize-recover=all", "-rdynamic", "host.c", *sorted(f for f in files
              if f.endswith(".c")), "-lm", "-ldl", "-o", "host"],
             cwd=folder, capture_output=True, text=True, check=False,

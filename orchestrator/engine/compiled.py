@@ -8,19 +8,17 @@ from __future__ import annotations
 
 import ctypes
 import hashlib
-import os
 import platform
 import shlex
-import shutil
 import subprocess
-import sys
 import tempfile
 from functools import cache
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+
+from desat.fmus.compiler import NoCompilerError, compiler
 
 from ..files import places
 from ..system.interface import KINDS
@@ -117,21 +115,13 @@ class CompiledSteps:
             self._master.check_finite()
 
 
-def compiler() -> list[str]:
-    """The command of a C compiler; empty where there is none."""
-    named = shlex.split(os.environ.get("CC", ""))
-    for command in (named, ["cc"], ["gcc"], ["clang"]):
-        if command and (path := shutil.which(command[0])):
-            return [path, *command[1:]]
-    return [sys.executable, "-m", "ziglang", "cc"] if find_spec("ziglang") else []
-
-
 @cache
 def _library() -> Any:
     """The built loop. Raises NotCompiledError."""
-    command = compiler()
-    if not command:
-        raise NotCompiledError("there is no C compiler (cc, gcc, clang, or the package ziglang)")
+    try:
+        command = compiler()
+    except NoCompilerError as error:
+        raise NotCompiledError(str(error)) from error
     made = Path(command[0]).resolve()
     state = made.stat()
     key = [*command, *FLAGS, platform.machine(), str(made), state.st_size, state.st_mtime_ns]
@@ -145,7 +135,7 @@ def _library() -> Any:
         raise NotCompiledError(f"{library}: {error}") from error
 
 
-def _build(command: list[str], library: Path) -> None:
+def _build(command: tuple[str, ...], library: Path) -> None:
     """Compile, under a temporary name first: several processes may."""
     library.parent.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(dir=library.parent) as folder:

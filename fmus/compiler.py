@@ -1,0 +1,28 @@
+"""The C compiler of this machine: what native FMUs and the compiled loop are built with."""
+
+from __future__ import annotations
+
+import os
+import shlex
+import shutil
+import sys
+from functools import cache
+from importlib.util import find_spec
+
+
+class NoCompilerError(Exception):
+    """There is no C compiler on this machine."""
+
+
+@cache
+def compiler() -> tuple[str, ...]:
+    """The command of the C compiler: CC, gcc, cc, clang, or of the package ziglang.
+
+    Raises NoCompilerError.
+    """
+    for command in (shlex.split(os.environ.get("CC", "")), ["gcc"], ["cc"], ["clang"]):
+        if command and (found := shutil.which(command[0])):
+            return (found, *command[1:])
+    if find_spec("ziglang"):
+        return (sys.executable, "-m", "ziglang", "cc", "-fno-sanitize=undefined")
+    raise NoCompilerError("no C compiler: install gcc or clang, or `pip install ziglang`")
