@@ -574,7 +574,7 @@ def test_a_second_panel_shows_the_steady_state_and_an_envelope_the_extremes():
 def test_a_stored_draw_comes_out_again(current):
     """The first draw of the shortest scenario, bit for bit."""
     from desat.study.case import load
-    from desat.study.draws import drawn as values_of
+    from desat.study.sampling import drawn as values_of
 
     name = "integrated/velocity-dumping"
     values = values_of(load(name, blocks=True), current["seed"], 0)

@@ -18,9 +18,9 @@ from desat.files.scenario import load
 from desat.study import explain, listing, meaning
 from desat.study.case import Options, execute
 from desat.study.derived import euler
-from desat.study.draws import drawn
 from desat.study.measures import first_below, time_of
 from desat.study.numbers import evaluate
+from desat.study.sampling import drawn
 from desat.system.codes import Exit
 from desat.system.errors import DesatError
 

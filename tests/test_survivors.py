@@ -97,7 +97,8 @@ CLIFF = [("robust-model", "b_y_3", 10), ("robust", "yaw", 19)]
 @pytest.mark.parametrize(("file", "case", "draw"), CLIFF)
 def test_a_wrong_model_costs_little_once_it_is_learnt(file, case, draw):
     """The draws that cost 23 and 30 % more while the plan trusted its model."""
-    from desat.study.draws import drawn, system_of
+    from desat.study.draws import system_of
+    from desat.study.sampling import drawn
 
     name = f"uosat12/{file}-receding_horizon-{case}"
     start = drawn(system_of(name, Options(blocks=True)), 1, draw)

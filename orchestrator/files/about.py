@@ -10,7 +10,8 @@ from ..system.errors import DesatError, nearest
 from .contents import contents
 
 KEYS = ("title", "story", "source", "twin", "numbers", "plots", "output_classes", "labels",
-        "dispersions", "inner", "stop_when", "residual_bound", "impulse_bound")  # fmt: skip
+        "dispersions", "requirements", "inner", "stop_when", "residual_bound",
+        "impulse_bound")  # fmt: skip
 _OWN = ("name", "cell", "labels")
 """Keys beside those of the language."""
 
@@ -19,7 +20,8 @@ def of(data: dict[str, Any]) -> dict[str, Any]:
     """What travels of a scenario's data."""
     kept = {k: data[k] for k in KEYS if k in data}
     if "plots" in kept:
-        kept["plots"] = list(kept["plots"].values())  # a list keeps its order in JSON
+        # a list keeps its order in JSON
+        kept["plots"] = [{"name": name, **plot} for name, plot in kept["plots"].items()]
     return kept
 
 
@@ -27,7 +29,12 @@ def data_of(about: dict[str, Any]) -> dict[str, Any]:
     """What travelled, as data of a scenario: its plots with names again."""
     data = {k: v for k, v in about.items() if k not in _OWN}
     if isinstance(plots := data.get("plots"), list):
-        data["plots"] = {str(i + 1): plot for i, plot in enumerate(plots)}
+        data["plots"] = {}
+        for i, plot in enumerate(plots, 1):
+            named = isinstance(plot, dict) and isinstance(plot.get("name"), str)
+            name = plot["name"] if named else str(i)
+            own = {k: v for k, v in plot.items() if k != "name"} if named else plot
+            data["plots"][f"{name} ({i})" if name in data["plots"] else name] = own
     return data
 
 

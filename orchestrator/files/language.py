@@ -116,6 +116,27 @@ class Dispersion(Table):
         return self
 
 
+class Requirement(Table):
+    """[requirements.NAME]: what a number must be in so large a share of a campaign's cases."""
+
+    NEEDED = ("number",)
+    number: Text = key("the number, of [numbers] or of an analysis")
+    max: FiniteFloat = key("a case is within where the number is at most this, in its unit")
+    min: FiniteFloat = key("or where it is at least this; both may be given")
+    probability: Annotated[float, Field(gt=0.0, lt=1.0)] = key(
+        "the share of all cases that must be within; default: 0.95"
+    )
+    confidence: Annotated[float, Field(gt=0.0, lt=1.0)] = key(
+        "met where it is so with this confidence (Clopper-Pearson); default: 0.95"
+    )
+
+    @model_validator(mode="after")
+    def _bounded(self) -> Self:
+        if not self.model_fields_set & {"max", "min"}:
+            raise incomplete("max or min is needed")
+        return self
+
+
 class Design(Table):
     """[design]: what `desat design` computes for this scenario."""
 
@@ -208,6 +229,7 @@ class Scenario(Table):
     draws: Annotated[int, Field(ge=0)] = key("its numbers in tables are medians of so many draws")
     twin: Text = key("a scenario of this family that the report shows beside this one")
     numbers: dict[str, Number] = key("the numbers of a run")
+    requirements: dict[str, Requirement] = key("what `desat campaign` holds its cases against")
     plots: dict[str, Plot] = key("the figures of the report, in this order")
     paper: dict[str, PaperRow] = key("a paper's values beside the numbers")
 

@@ -97,7 +97,7 @@ def table_of(path: Keys, part: bool = True) -> type[Table]:
     outer: dict[str, type[Table]] = {
         "numbers": language.Number, "plots": language.Plot, "paper": language_paper.PaperRow,
         "dispersions": language.Dispersion, "design": language.Design,
-        "stop_when": language.StopWhen,
+        "stop_when": language.StopWhen, "requirements": language.Requirement,
     }  # fmt: skip
     return inner.get(path[2], outer[path[0]]) if len(path) > 2 else outer[path[0]]
 

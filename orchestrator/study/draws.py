@@ -1,103 +1,47 @@
-"""`desat draws`: seeded draws of a scenario's dispersions, over processes, one row a draw.
-
-    [dispersions]
-    "spacecraft.h_start_body" = { normal = [0.0, 1.3] }      # each element: mean, deviation
-    "environment.phase" = { uniform = [0.0, 6.283] }         # each element: low, high
-    "spacecraft.omega_start_body" = { direction = 0.17 }     # random direction, this size
-    "spacecraft.q_start_bi" = { attitude = "random" }        # uniform over all attitudes
-    "spacecraft.h_start_body" = { signs = [0.1, 0.1, 0.1] }  # each element: plus or minus this
-    "environment.phase" = { one_of = [0.0, 1.5, 3.0] }       # one of these, as likely as each other
-    "*.seed" = { seed = true }                               # every component that has a seed
-
-What is drawn depends on seed, draw and name alone, not on the order of the lines.
-"""
+"""`desat draws`: seeded draws of a scenario's dispersions (`sampling.py`), over processes, one row
+a draw."""
 
 from __future__ import annotations
 
 import statistics
-import zlib
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from multiprocessing import get_context
 from typing import Any
 
-import numpy as np
 from rich.console import Console
 from rich.progress import track
 
 from ..analyses import analyses
+from ..system.codes import Exit
 from ..system.draft import Draft
-from ..system.errors import DesatError, nearest
-from ..system.interface import base_name
-from .case import Options, load, prepare, simulate
-
-KINDS = ("normal", "uniform", "direction", "attitude", "signs", "one_of", "seed")
-
-
-def dispersed(system: Draft) -> dict[str, dict[str, Any]]:
-    """`component.variable` -> how it is drawn."""
-    spread: dict[str, dict[str, Any]] = {}
-    for key, spec in system.about.get("dispersions", {}).items():
-        owner, _, variable = key.partition(".")
-        owners = [c.name for c in system.having(variable)] if owner == "*" else [owner]
-        spread |= {f"{name}.{variable}": spec for name in owners}
-    return spread
-
-
-def drawn(system: Draft, seed: int, draw: int) -> dict[str, Any]:
-    """`component.variable` -> value for one draw of the system's dispersions."""
-    values = {}
-    for name, spec in dispersed(system).items():
-        owner, _, variable = name.partition(".")
-        values[name] = _value(system, owner, variable, spec, seed, draw)
-    return values
-
-
-def _value(
-    system: Draft, owner: str, variable: str, spec: dict[str, Any], seed: int, draw: int
-) -> Any:
-    component = system.component(owner, f"{system.where}: dispersions")
-    size = len(component.elements(variable))
-    where = f"{system.where}: dispersions: {owner}.{variable}"
-    if size == 0:
-        signals = component.interface.of("parameter") if component.interface else ()
-        raise DesatError(f"{where}: no such parameter"
-                         f"{nearest(variable, {base_name(s.name) for s in signals})}")  # fmt: skip
-    if len(spec) != 1 or next(iter(spec)) not in KINDS:
-        raise DesatError(f"{where}: one of {', '.join(KINDS)} is needed")
-    stream = np.random.default_rng([seed, draw, zlib.crc32(f"{owner}.{variable}".encode())])
-    ((kind, given),) = spec.items()
-    if kind == "normal":
-        return [float(x) for x in stream.normal(given[0], given[1], size)]
-    if kind == "uniform":
-        return [float(x) for x in stream.uniform(given[0], given[1], size)]
-    if kind == "signs":
-        return [float(x) for x in stream.choice([-1.0, 1.0], len(given)) * np.array(given)]
-    if kind == "one_of":
-        return given[int(stream.integers(len(given)))]
-    if kind == "seed":
-        return int(stream.integers(1, 2**31 - 1))
-    vector = stream.normal(size=size)
-    vector /= np.linalg.norm(vector)
-    return [float(x) for x in (vector if kind == "attitude" else given * vector)]
+from ..system.errors import DesatError
+from .case import Options, Run, load, prepare, simulate
+from .sampling import dispersed, drawn
+from .workers import Here, Local, Lost, Workers, results
 
 
 def one(target: str, options: Options, seed: int, draw: int | None) -> dict[str, Any]:
     """A run as a row: how it ended, its numbers, and the values drawn (`draw` None: nothing is)."""
     values = {} if draw is None else drawn(system_of(target, options), seed, draw)
+    return {"draw": draw, **ran(target, options, values)}
+
+
+def ran(
+    target: str, options: Options, values: dict[str, Any], also: Sequence[str] = (),
+    more: Callable[[Run], dict[str, Any]] = lambda run: {},
+) -> dict[str, Any]:  # fmt: skip
+    """A run with some values: how it ended, its numbers, the values, and what `more` makes of it;
+    recorded is what the numbers are made of, and `also`."""
     case = prepare(target, replace(options, values={**options.values, **values}))
     system, _ = case.or_raise()
     if options.record == ("*",):
-        needed = tuple(needed_signals(system.about))
+        needed = (*needed_signals(system.about), *also)
         for analysis in analyses():
             parts = analysis.applies(system)
             needed += tuple(analysis.signals(parts)) if parts else ()
         case = replace(case, options=replace(case.options, record=needed))
     run = simulate(case)
     row = {
-        "draw": draw,
         "status": run.manifest["status"],
         "code": int(run.code),
         "message": run.manifest["message"],
@@ -105,9 +49,17 @@ def one(target: str, options: Options, seed: int, draw: int | None) -> dict[str,
         "stopped_when": run.manifest["stopped_when"],
         "numbers": {name: n["value"] for name, n in run.manifest["numbers"].items()},
         "values": values,
+        **more(run),
     }
     run.results.close()
     return row
+
+
+def lost(reason: Lost) -> dict[str, Any]:
+    """The row of a run that never came back."""
+    code = Exit.TIMEOUT if reason.timeout else Exit.COMPONENT
+    return {"status": "failed", "code": int(code), "message": reason.why, "unmet": [],
+            "stopped_when": None, "numbers": {}, "values": {}}  # fmt: skip
 
 
 def system_of(target: str, options: Options) -> Draft:
@@ -127,26 +79,33 @@ def needed_signals(about: Mapping[str, Any]) -> list[str]:
     return sorted(set(found))
 
 
-@contextmanager
-def pool_of(jobs: int) -> Iterator[Callable[..., Iterable[Any]]]:
-    """A `map` over so many processes; with one it is this process."""
-    if jobs == 1:
-        yield map
-        return
-    with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool:
-        yield pool.map
-
-
 def rows_of(
     tasks: Sequence[tuple[str, Options, int, int | None]], jobs: int, title: str, progress: bool
 ) -> list[dict[str, Any]]:  # fmt: skip
-    """The row (`one`) of each task, over so many processes."""
-    with pool_of(min(jobs, len(tasks))) as map_:
-        console = Console(stderr=True)
-        return list(
-            track(map_(one, *zip(*tasks, strict=True)), title, total=len(tasks), console=console,
-                  transient=True, disable=not (progress and console.is_terminal))
-        )  # fmt: skip
+    """The row (`one`) of each task, over so many processes.
+
+    A run whose process dies is made again in a process of its own, which can say why.
+    """
+    jobs, tried = min(jobs, len(tasks)), set()
+
+    def again(key: Any, reason: Lost) -> tuple[Any, ...] | None:
+        if key in tried:
+            return None
+        tried.add(key)
+        target, options, *rest = tasks[key]
+        return (target, replace(options, supervised=True), *rest)
+
+    rows: dict[Any, dict[str, Any]] = {}
+    console = Console(stderr=True)
+    workers: Workers = Here(one) if jobs == 1 else Local(one, jobs)
+    with workers:
+        for key, result in track(
+            results(workers, iter(enumerate(tasks)), again), title, total=len(tasks),
+            console=console, transient=True, disable=not (progress and console.is_terminal),
+        ):  # fmt: skip
+            is_lost = isinstance(result, Lost)
+            rows[key] = {"draw": tasks[key][3], **lost(result)} if is_lost else result
+    return [rows[key] for key in range(len(tasks))]
 
 
 def draws(

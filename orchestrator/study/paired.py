@@ -13,7 +13,8 @@ from typing import Any
 
 from ..system.errors import DesatError
 from .case import Options
-from .draws import dispersed, drawn, draws, system_of
+from .draws import draws, system_of
+from .sampling import dispersed, drawn
 
 EQUAL = 1e-12
 """Relative difference up to which two numbers are equal."""

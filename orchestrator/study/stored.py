@@ -33,7 +33,7 @@ from .options import Options
 SEED = 1
 ROUNDING = 1e-12
 """The last bit of a solved programme (a bound) is the processor's."""
-_TEXTS = ("title", "story", "source", "twin", "plots", "paper", "labels")
+_TEXTS = ("title", "story", "source", "twin", "plots", "paper", "labels", "requirements")
 """What of a scenario changes no number."""
 
 
@@ -62,7 +62,8 @@ def code(scenario: Scenario) -> str:
     files = {p for name in names for p in sources(name)}
     here = Path(__file__).parent
     files |= {p for p in (here.parent / "engine").iterdir() if p.suffix in (".py", ".c")}
-    files |= {here / f"{n}.py" for n in ("draws", "numbers", "derived")} | {*here.glob("meas*.py")}
+    files |= {here / f"{n}.py" for n in ("draws", "sampling", "numbers", "derived")}
+    files |= {*here.glob("meas*.py")}
     if scenario.data.get("design", {}).get("each_draw", False):
         files |= {*(here.parent / "designs").glob("*.py")}
         files |= {*(COMPONENTS / "laws").glob("*_offline.py")}

@@ -10,7 +10,8 @@ from typing import Any
 from ..system.errors import DesatError
 from ..system.parameters import parse_assignment
 from .case import Options, prepare
-from .draws import dispersed, rows_of, summary, system_of
+from .draws import rows_of, summary, system_of
+from .sampling import dispersed
 
 
 def axes_of(texts: Sequence[str]) -> dict[str, list[Any]]:

@@ -6,22 +6,23 @@ A scenario with `draws` gives the median of so many draws instead; these are rea
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import asdict
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
 from ..files.pack import pack_scenario
-from ..files.scenario import Scenario, scenarios
+from ..files.scenario import Scenario, find, scenarios
 from ..system.errors import DesatError
 from .case import Options, execute
 from .cells import Numbers, Row, counted, rows_of
-from .draws import pool_of
 from .manifest import PACKAGES
 from .meaning import words
 from .paired import differences
 from .plots import pretty_unit
 from .report import number, render, write_page
+from .workers import mapped
 
 
 def _numbers(path: str, options: Options) -> Numbers:
@@ -53,7 +54,8 @@ def rows(
     if not given:
         raise DesatError(f"{family}: no draws; `desat tables {family} --fresh` makes them")
     values = {n: {k: d["median"] for k, d in kept[n]["summary"].items()} for n in kept}
-    values |= _single([s for n, s in given.items() if n not in values], options, jobs)
+    alone = {**given, **_references(given.values())}
+    values |= _single([s for n, s in alone.items() if n not in values], options, jobs)
     # first what the paper has values for, then what is ours alone
     ranked = sorted(
         given.values(), key=lambda s: not any("values" in e for e in s.data["paper"].values())
@@ -70,6 +72,16 @@ def rows(
     )
 
 
+def _references(given: Iterable[Scenario]) -> dict[str, Scenario]:
+    """The scenarios without draws that numbers of these are compared with."""
+    names = {
+        f"{s.family}/{number['reference']}"
+        for s in given for number in s.data.get("numbers", {}).values() if "reference" in number
+    }  # fmt: skip
+    found = {name: find(name) for name in sorted(names)}
+    return {n: s for n, s in found.items() if not s.data.get("draws")}
+
+
 def _paired(scenario: Scenario, drawn: dict[str, Any]) -> dict[str, dict[str, Any]]:
     """Of each number of form `difference`: the summary of the differences draw by draw."""
     found = {}
@@ -83,9 +95,8 @@ def _paired(scenario: Scenario, drawn: dict[str, Any]) -> dict[str, dict[str, An
 def _single(given: list[Scenario], options: Options, jobs: int) -> dict[str, Numbers]:
     """The numbers of a run of each scenario, packed."""
     paths = [str(pack_scenario(s)) for s in given]
-    with pool_of(jobs if paths else 1) as map_:
-        results = map_(_numbers, paths, [options] * len(paths))
-        return {s.name: numbers for s, numbers in zip(given, results, strict=True)}
+    results = mapped(_numbers, [(path, options) for path in paths], jobs)
+    return {s.name: numbers for s, numbers in zip(given, results, strict=True)}
 
 
 def as_json(family: str, table: list[Row], drawn: dict[str, Any] | None = None) -> dict[str, Any]:

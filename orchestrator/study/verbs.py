@@ -19,7 +19,7 @@ from ..files import places
 from ..files.scenario import find
 from ..system.errors import DesatError, nearest
 from ..system.expression import factor, product
-from . import cells, draws, figures, stored, tables
+from . import cells, draws, figures, sampling, stored, tables
 from .case import Options, prepare
 from .plots import lines_of, pretty_unit, series_plot
 from .series import Series
@@ -106,7 +106,7 @@ class Verbs:
     def of_draw(self, scenario: str, draw: int) -> Change:
         """What a draw of a scenario changes, for `value`, `series` and `plot`."""
         system = draws.system_of(self._of.name_of(scenario), Options(blocks=True))
-        return draws.drawn(system, self.seed(), draw)
+        return sampling.drawn(system, self.seed(), draw)
 
     def seed(self) -> int:
         """The seed of the draws."""

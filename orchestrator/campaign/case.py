@@ -1,0 +1,95 @@
+"""One case of a campaign: a function of plan and number alone, wherever it runs."""
+
+from __future__ import annotations
+
+import os
+import platform
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..study.case import Run, execute
+from ..study.draws import ran
+from ..study.plots import lines_of
+from ..study.report import write_report
+from ..system.codes import Exit
+from ..system.errors import DesatError
+from .plan import Plan, system
+
+POINTS = 200
+"""Parts of a run that an envelope has a value for."""
+
+
+def row(plan: Plan, number: int, supervised: bool = False) -> dict[str, Any]:
+    """A case as a row: its inputs, its numbers, how it ended. A case that cannot begin is a row
+    that says so. `supervised`: in a process of its own, which can say what ended it."""
+    clock = time.perf_counter()
+    try:
+        values = plan.values(number)
+        made = _ran(plan, values, supervised)
+    except DesatError as error:
+        made = {"status": "failed", "code": int(getattr(error, "code", Exit.INPUT)),
+                "message": str(error), "unmet": [], "stopped_when": None, "numbers": {},
+                "values": {}}  # fmt: skip
+    return {"case": number, **made, "seconds": round(time.perf_counter() - clock, 6),
+            "worker": f"{platform.node()}:{os.getpid()}"}  # fmt: skip
+
+
+def _ran(plan: Plan, values: dict[str, Any], supervised: bool) -> dict[str, Any]:
+    options = plan.run_options()
+    if supervised:
+        options = replace(options, supervised=True, call_limit=plan.limit)
+    if not plan.curves:
+        return ran(plan.target, options, values)
+    signals: list[str] = []
+
+    def curves(run: Run) -> dict[str, Any]:
+        return {"curves": _curves(plan.curves, run)}
+
+    plots = plots_of(system(plan.target, options.blocks).about)
+    for name in plan.curves:
+        signals += plots[name]["signals"]
+    return ran(plan.target, options, values, signals, curves)
+
+
+def plots_of(about: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
+    """The plots of a scenario by name."""
+    return {str(plot["name"]): plot for plot in about.get("plots", ())}
+
+
+def _curves(names: Sequence[str], run: Run) -> dict[str, list[float]]:
+    """Of each plot: the largest size of any of its lines in each part of the run; nan where the
+    run was over."""
+    plots = plots_of(run.manifest["about"])
+    start, stop = run.manifest["start"], run.manifest["stop"]
+    found = {}
+    for name in names:
+        plot = plots[name]
+        unit = plot.get("unit") or run.results.attribute(plot["signals"][0], "unit")
+        lines = lines_of(plot, run.results, unit)
+        found[name] = _envelope([(x.times, x.values) for x in lines], start, stop)
+    return found
+
+
+def _envelope(
+    lines: Sequence[tuple[NDArray[Any], NDArray[Any]]], start: float, stop: float
+) -> list[float]:
+    top = np.full(POINTS, -np.inf)
+    for times, values in lines:
+        part = ((times - start) / (stop - start) * POINTS).astype(int).clip(0, POINTS - 1)
+        np.maximum.at(top, part, np.abs(values))
+    return [float(x) if np.isfinite(x) else float("nan") for x in top]
+
+
+def kept(plan: Plan, number: int, into: Path) -> Run:
+    """Run a case again and keep its series and report in a folder."""
+    options = replace(plan.run_options(), supervised=True, call_limit=plan.limit)
+    options = replace(options, values={**options.values, **plan.values(number)})
+    run = execute(plan.target, options, into)
+    write_report(into, run)
+    return run

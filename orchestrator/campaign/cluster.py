@@ -1,0 +1,185 @@
+"""Cases on a Dask cluster: the same function as on this machine, and the system once per worker."""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import os
+import platform
+import queue
+import threading
+import zipfile
+from collections.abc import Hashable
+from dataclasses import replace
+from pathlib import Path
+from tempfile import mkdtemp
+from types import TracebackType
+from typing import Any, Self
+
+from ..study.workers import Lost
+from ..system.codes import Exit
+from ..system.errors import DesatError, RunError
+from .case import row
+from .plan import Plan, digest_of, versions
+
+WAIT = "15s"
+"""How long a cluster has to answer."""
+_PARTS = (".toml", ".ssd", ".fmu", ".ssv")
+_LATE = 75
+"""The exit code of a worker that ends itself as a case takes too long."""
+
+_shipped: dict[str, str] = {}
+"""On a worker: sha256 of what was shipped -> the file that is run."""
+
+
+_compared: dict[tuple[str, str], str] = {}
+"""On a worker: what `_compare` has said of a system."""
+
+
+def shipped(target: str) -> bytes | None:
+    """What a target is made of, where it is a file: the archive, or all files of the language and
+    FMUs in the folder of a scenario file and below, zipped. None for a scenario of ours."""
+    path = Path(target)
+    if not path.exists():
+        return None
+    buffer = io.BytesIO()
+    whole = path.suffix == ".toml"
+    files = sorted(p for p in path.parent.rglob("*") if p.suffix in _PARTS) if whole else [path]
+    with zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED) as archive:
+        for file in files:
+            archive.writestr(zipfile.ZipInfo(str(file.relative_to(path.parent))), file.read_bytes())
+    return buffer.getvalue()
+
+
+def _here(data: bytes, name: str) -> str:
+    """On a worker: the file that is run, of what was shipped."""
+    digest = hashlib.sha256(data).hexdigest()
+    if digest not in _shipped:
+        folder = Path(mkdtemp(prefix="desat-campaign-"))
+        with zipfile.ZipFile(io.BytesIO(data)) as archive:
+            archive.extractall(folder)
+        _shipped[digest] = str(folder / name)
+    return _shipped[digest]
+
+
+def _differs(plan: Plan) -> str:
+    """On a worker: how its system differs from the head's; empty where it does not."""
+    key = (plan.digest, plan.target)
+    if key not in _compared:
+        _compared[key] = _compare(plan)
+    return _compared[key]
+
+
+def _compare(plan: Plan) -> str:
+    try:
+        there = digest_of(plan.target, plan.run_options())
+    except DesatError as error:
+        return str(error)
+    return "" if there == plan.digest else (
+        f"{plan.target} is another one there: scenario, parameters or builds of FMUs differ"
+    )  # fmt: skip
+
+
+def on_worker(plan: Plan, data: bytes | None, number: int, supervised: bool) -> dict[str, Any]:
+    """On a worker: a case as a row. A case that takes too long ends its worker, which its nanny
+    replaces. Raises DesatError where the worker has another system."""
+    if data is not None:
+        plan = replace(plan, target=_here(data, Path(plan.target).name))
+    if differs := _differs(plan):
+        raise DesatError(f"worker {platform.node()}: {differs}")
+    timer = threading.Timer(plan.limit, os._exit, (_LATE,))
+    timer.daemon = True
+    if not supervised:
+        timer.start()
+    try:
+        return row(plan, number, supervised)
+    finally:
+        timer.cancel()
+
+
+class Cluster:
+    """The workers of a Dask cluster: an address, a scheduler file, or `local:N` processes here."""
+
+    def __init__(self, address: str, plan: Plan) -> None:
+        try:
+            import distributed
+        except ImportError as error:
+            raise DesatError("--cluster needs Dask: pip install 'desat[cluster]'") from error
+        import dask
+
+        self._plan, self._local = plan, None
+        dask.config.set({"distributed.comm.timeouts.connect": WAIT,
+                         "distributed.scheduler.allowed-failures": 0,
+                         "distributed.worker.daemon": False})  # fmt: skip
+        try:
+            if address.startswith("local:"):
+                self._local = distributed.LocalCluster(
+                    n_workers=_whole(address), threads_per_worker=1, dashboard_address=None,
+                    silence_logs=50,
+                )  # fmt: skip
+                self._client = distributed.Client(self._local)
+            elif Path(address).is_file():
+                self._client = distributed.Client(scheduler_file=address, timeout=WAIT)
+            else:
+                self._client = distributed.Client(address, timeout=WAIT)
+        except (OSError, TimeoutError, ValueError) as error:
+            raise RunError(f"--cluster {address}: no scheduler answers ({error})",
+                           Exit.INPUT) from error  # fmt: skip
+        told = self._client.run(versions)
+        self.size = max(1, sum(self._client.nthreads().values()))
+        if not told:
+            self._close()
+            raise DesatError(f"--cluster {address}: it has no workers")
+        for worker, own in sorted(told.items()):
+            for name, here in versions().items():
+                if own.get(name) != here:
+                    self._close()
+                    raise DesatError(
+                        f"--cluster {address}: worker {worker} has {name} {own.get(name)}, "
+                        f"here it is {here}; the same is needed"
+                    )
+        data = shipped(plan.target)
+        self._data = data if data is None else self._client.scatter(data, broadcast=True)
+        self._done: queue.SimpleQueue[tuple[Hashable, Any]] = queue.SimpleQueue()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, value: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:  # fmt: skip
+        self._close()
+
+    def _close(self) -> None:
+        self._client.close()
+        if self._local is not None:
+            self._local.close()
+
+    def submit(self, key: Hashable, *arguments: Any) -> None:
+        """Have a case made: its number, and whether it is supervised."""
+        number, supervised = arguments
+        future = self._client.submit(
+            on_worker, self._plan, self._data, number, supervised, pure=False
+        )
+        future.add_done_callback(lambda ended: self._done.put((key, ended)))
+
+    def ended(self) -> tuple[Hashable, Any]:
+        """The next case that has ended."""
+        from distributed import KilledWorker
+
+        key, future = self._done.get()
+        try:
+            return key, future.result()
+        except KilledWorker:
+            return key, Lost("its worker died, or ended itself as it was not over within "
+                             f"{self._plan.limit:g} s")  # fmt: skip
+        except DesatError as error:
+            return key, Lost(str(error))
+
+
+def _whole(address: str) -> int:
+    text = address.partition(":")[2]
+    if not text.isdecimal() or int(text) < 1:
+        raise DesatError(f"--cluster {address}: local:N is needed, N a whole number from 1 on")
+    return int(text)

@@ -1,0 +1,88 @@
+"""Two campaigns over the same cases, in pairs."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy.stats import binom
+
+from ..study.cells import clopper_pearson
+from ..study.paired import EQUAL
+from ..system.errors import DesatError
+from . import store
+from .figures import flat
+from .plan import read
+
+
+def compare(first: Path, second: Path, level: float = 0.95) -> dict[str, Any]:
+    """Of each number that both have: the first's less the second's, case by case: median with its
+    interval (order statistics), and the share of cases in which the first's is lower.
+
+    Raises DesatError where they are not of the same draws.
+    """
+    one, other = read(first), read(second)
+    for key in ("seed", "sampling"):
+        if getattr(one, key) != getattr(other, key):
+            raise DesatError(f"{first} and {second}: {key} is {getattr(one, key)} and "
+                             f"{getattr(other, key)}; pairs need the same")  # fmt: skip
+    tables = [store.read(first), store.read(second)]
+    rows = [{c: i for i, (c, s) in enumerate(zip(t["case"].to_pylist(), t["status"].to_pylist(),
+                                                 strict=True)) if s == "completed"}
+            for t in tables]  # fmt: skip
+    cases = sorted(rows[0].keys() & rows[1].keys())
+    if not cases:
+        raise DesatError(f"{first} and {second}: no case is completed in both")
+    _same_inputs(first, second, tables, rows, cases)
+    names = [
+        n for n in tables[0].column_names if n.startswith("out.") and n in tables[1].column_names
+    ]
+    return {
+        "first": str(first), "second": str(second), "pairs": len(cases),
+        "numbers": {n[4:]: _differences(tables, rows, cases, n, level) for n in names},
+    }  # fmt: skip
+
+
+def _same_inputs(
+    first: Path, second: Path, tables: list[Any], rows: list[dict[int, int]], cases: list[int]
+) -> None:  # fmt: skip
+    """Raises DesatError where the two drew other values under one name, or nothing alike."""
+    columns = [{n for n in t.column_names if n.startswith("in.")} for t in tables]
+    shared = sorted(columns[0] & columns[1])
+    if not shared:
+        raise DesatError(f"{first} and {second}: there is nothing that both draw")
+    for name in shared:
+        a, b = (t[name].to_pylist() for t in tables)
+        for case in cases:
+            if a[rows[0][case]] != b[rows[1][case]]:
+                raise DesatError(
+                    f"{first} and {second}: {name[3:]} of case {case} is {a[rows[0][case]]} "
+                    f"and {b[rows[1][case]]}; pairs need the same draws"
+                )
+
+
+def _differences(
+    tables: list[Any], rows: list[dict[int, int]], cases: list[int], name: str, level: float
+) -> dict[str, Any]:  # fmt: skip
+    a, b = (
+        flat(t[name].to_pylist())[[r[c] for c in cases]] for t, r in zip(tables, rows, strict=True)
+    )
+    there = np.isfinite(a) & np.isfinite(b)
+    a, b = a[there], b[there]
+    each = np.where(np.isclose(a, b, rtol=EQUAL, atol=0.0), 0.0, a - b)
+    n = len(each)
+    if not n:
+        return {"n": 0}
+    ordered = np.sort(each)
+    # the k-th least and the k-th largest hold the median with at least this confidence
+    k = int(binom.ppf((1.0 - level) / 2.0, n, 0.5))
+    lower, higher = int((each < 0.0).sum()), int((each > 0.0).sum())
+    return {
+        "n": n, "median": float(np.median(each)),
+        "interval": [float(ordered[max(k - 1, 0)]), float(ordered[min(n - k, n - 1)])],
+        "interval_holds": bool(k > 0),
+        "min": float(ordered[0]), "max": float(ordered[-1]),
+        "lower": lower, "higher": higher, "equal": n - lower - higher,
+        "share_lower": 100.0 * lower / n, "share_lower_interval": clopper_pearson(lower, n, level),
+    }  # fmt: skip

@@ -1,0 +1,311 @@
+"""The head of a campaign: hands out cases, keeps their rows, and goes on where it was stopped."""
+
+from __future__ import annotations
+
+import json
+import os
+import platform
+import sys
+import time
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, fields, replace
+from pathlib import Path
+from typing import Any
+
+from filelock import FileLock, Timeout
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+from ..study.case import prepare
+from ..study.draws import lost, system_of
+from ..study.manifest import write_json
+from ..study.options import Options
+from ..study.sampling import Sampling, allowed, dispersed, drawn
+from ..study.workers import Local, Lost, Workers, results
+from ..system.errors import DesatError, nearest
+from . import store
+from .case import kept, plots_of, row
+from .plan import PLAN, Plan, digest_of, joined, read, versions
+
+STATUS = "status.json"
+_EACH = 2.0
+"""Seconds from one status to the next."""
+_LINE = 60.0
+"""Seconds from one line to the next where no terminal looks on."""
+
+
+def planned(
+    target: str, count: int, *, seed: int = 1, sampling: Sampling = "random",
+    options: Options | None = None, curves: Sequence[str] | None = None, keep: Sequence[str] = (),
+    limit: float = 600.0,
+) -> tuple[Plan, list[str]]:  # fmt: skip
+    """The plan of a campaign, checked, and warnings. `curves` None: the first plot, if any.
+
+    Raises DesatError for what is wrong with the system, its dispersions, a requirement, the
+    sampling or what is kept.
+    """
+    options = options or Options()
+    if Path(target).exists():
+        target = str(Path(target).resolve())
+    system = system_of(target, options)
+    if not system.about.get("dispersions"):
+        raise DesatError(f"{target}: it has no [dispersions], so there is nothing to draw")
+    allowed(sampling, count, system)
+    for text in options.sets:
+        if (name := text.partition("=")[0]) in dispersed(system):
+            raise DesatError(f"--set {name}: it is drawn, and so never has this value")
+    first = {**options.values, **drawn(system, seed, 0, sampling, count)}
+    case = prepare(target, replace(options, values=first))
+    case.or_raise()
+    plots = plots_of(system.about)
+    if curves is None:
+        curves = list(plots)[:1]
+    if unknown := [c for c in curves if c not in plots]:
+        raise DesatError(f"--curve {unknown[0]}: no plot of that name"
+                         f"{nearest(unknown[0], plots)}; there are {', '.join(plots)}")  # fmt: skip
+    known = {f.name: getattr(Options(), f.name) for f in fields(Options)}
+    changed = {k: getattr(options, k) for k in known if getattr(options, k) != known[k]}
+    plan = Plan(target, digest_of(target, options), count, seed, sampling, changed, tuple(curves),
+                tuple(keep), limit)  # fmt: skip
+    numbers = {n for n, e in system.about.get("numbers", {}).items() if "of" not in e}
+    for text in keep:
+        _kept_of(text, numbers)
+    return plan, case.checked.warnings
+
+
+@dataclass
+class Progressed:
+    """How far a campaign is."""
+
+    count: int
+    done: int
+    failed: int
+    began: float = field(default_factory=time.monotonic)
+    first: int = 0
+
+    @property
+    def rate(self) -> float:
+        """Cases a second since this head began."""
+        return (self.done - self.first) / max(time.monotonic() - self.began, 1e-9)
+
+    def as_json(self, state: str) -> dict[str, Any]:
+        """What `status.json` says."""
+        left = (self.count - self.done) / self.rate if self.rate else None
+        return {"state": state, "count": self.count, "done": self.done, "failed": self.failed,
+                "cases_per_second": round(self.rate, 3),
+                "seconds_left": None if left is None else round(left),
+                "head": f"{platform.node()}:{os.getpid()}", "written": time.time()}  # fmt: skip
+
+    def line(self) -> str:
+        """The same for people."""
+        left = (self.count - self.done) / self.rate if self.rate else float("nan")
+        return (
+            f"{self.done} of {self.count} done, {self.failed} failed, "
+            f"{self.rate:.1f} a second, {left:.0f} s left"
+        )
+
+
+def run(
+    plan: Plan, folder: Path, jobs: int = 1, cluster: str | None = None, progress: bool = True
+) -> None:
+    """Make the cases of a campaign that are not there yet, and keep the series of those that are
+    to be kept. What is done when it is stopped, however, is there when it goes on.
+
+    Raises DesatError where the folder has another campaign, or another head is at work in it.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    try:
+        with FileLock(folder / ".lock", timeout=0):
+            _run(plan, folder, jobs, cluster, progress)
+    except Timeout as error:
+        raise DesatError(f"{folder}: another head is at work on this campaign") from error
+
+
+def _run(plan: Plan, folder: Path, jobs: int, cluster: str | None, progress: bool) -> None:
+    if (folder / PLAN).exists():
+        joined(read(folder), plan, folder)
+    elif any(p.name != ".lock" for p in folder.iterdir()):
+        raise DesatError(f"{folder}: it has other files, and no campaign; take another --out")
+    plan.write(folder)
+    rows = store.Store(folder, plan.count, versions())
+    at = Progressed(plan.count, rows.done(), rows.failed())
+    at.first = at.done
+    state = "stopped"
+    try:
+        if at.done < plan.count:
+            with _workers(plan, jobs, cluster) as workers:
+                _make(plan, workers, rows, at, folder, progress)
+        _keep(plan, folder, jobs)
+        state = "done"
+    finally:
+        rows.close()
+        write_json(folder / STATUS, at.as_json(state))
+
+
+def _workers(plan: Plan, jobs: int, cluster: str | None) -> Workers:
+    if cluster is None:
+        return Local(row, jobs, 1.25 * plan.limit)  # a supervised case ends itself before
+    from .cluster import Cluster
+
+    return Cluster(cluster, plan)
+
+
+def _make(
+    plan: Plan, workers: Workers, rows: store.Store, at: Progressed, folder: Path, progress: bool
+) -> None:  # fmt: skip
+    attempts: dict[int, int] = {}
+    local = isinstance(workers, Local)
+
+    def arguments(number: int, supervised: bool) -> tuple[Any, ...]:
+        return (plan, number, supervised) if local else (number, supervised)
+
+    def again(number: int, reason: Lost) -> tuple[Any, ...] | None:
+        attempts[number] = attempts.get(number, 1) + 1
+        if attempts[number] > _TRIES:
+            attempts[number] = _TRIES
+            return None
+        return arguments(number, attempts[number] > 1)
+
+    tasks = ((n, arguments(n, False)) for n in rows.missing())
+    written = time.monotonic()
+    with _shown(at, progress) as show:
+        for number, result in results(workers, tasks, again):
+            made = {"case": number, **lost(result), "seconds": None, "worker": ""} if isinstance(
+                result, Lost) else result  # fmt: skip
+            rows.add({**made, "attempts": attempts.pop(number, 1)})
+            at.done += 1
+            at.failed += made["status"] != "completed"
+            show()
+            if time.monotonic() - written > _EACH:
+                written = time.monotonic()
+                write_json(folder / STATUS, at.as_json("running"))
+
+
+_TRIES = 3
+"""A case whose process dies is made again, supervised, which names the cause; one that is lost so
+often has no row of its own."""
+
+
+class _shown:  # noqa: N801
+    """Progress: a bar where a person looks, a line a minute elsewhere."""
+
+    def __init__(self, at: Progressed, wanted: bool) -> None:
+        self._at, self._wanted, self._last = at, wanted, time.monotonic()
+        console = Console(stderr=True)
+        self._bar = Progress(
+            TextColumn("cases"), BarColumn(), MofNCompleteColumn(),
+            TextColumn("{task.fields[told]}"), TimeRemainingColumn(), console=console,
+            transient=True,
+        ) if wanted and console.is_terminal else None  # fmt: skip
+
+    def __enter__(self) -> Any:
+        if self._bar is not None:
+            self._bar.start()
+            self._task = self._bar.add_task(
+                "", total=self._at.count, completed=self._at.done, told=""
+            )
+        return self._show
+
+    def _show(self) -> None:
+        if self._bar is not None:
+            told = f"{self._at.failed} failed, {self._at.rate:.1f} a second"
+            self._bar.update(self._task, completed=self._at.done, told=told)
+        elif self._wanted and time.monotonic() - self._last > _LINE:
+            self._last = time.monotonic()
+            print(self._at.line(), file=sys.stderr, flush=True)
+
+    def __exit__(self, *_: object) -> None:
+        if self._bar is not None:
+            self._bar.stop()
+
+
+def _kept_of(text: str, numbers: set[str]) -> tuple[str, int, str]:
+    """`worst:N:NUMBER` or `every:N` in parts. Raises DesatError for another form."""
+    kind, _, rest = text.partition(":")
+    count, _, number = rest.partition(":")
+    if kind not in ("worst", "every") or not count.isdecimal() or int(count) < 1:
+        raise DesatError(f"--keep {text}: worst:N:NUMBER or every:N is needed")
+    if kind == "worst" and number not in numbers:
+        raise DesatError(f"--keep {text}: no number {number}{nearest(number, numbers)}; "
+                         "worst:N:NUMBER, or --by NUMBER, is needed")  # fmt: skip
+    return kind, int(count), number
+
+
+def chosen(plan: Plan, folder: Path) -> list[int]:
+    """The cases that are to be kept: the worst are those with the largest number, or with the least
+    where a requirement on it has only a `min`; those without it first."""
+    from .plan import system
+
+    about = system(plan.target, plan.run_options().blocks).about
+    least = {
+        r["number"] for r in about.get("requirements", {}).values() if "max" not in r
+    }  # fmt: skip
+    found: set[int] = set()
+    for text in plan.keep:
+        kind, _, rest = text.partition(":")
+        count, _, number = rest.partition(":")
+        if kind == "every":
+            found |= set(range(0, plan.count, int(count)))
+            continue
+        found |= set(worst(folder, number, int(count), number in least))
+    return sorted(found)
+
+
+def worst(folder: Path, number: str, count: int, least: bool = False) -> list[int]:
+    """The completed cases with the largest (or least) values of a number, worst first."""
+    table = store.read(folder, columns=["case", "status", f"out.{number}"])
+    if f"out.{number}" not in table.column_names:
+        return []
+    rows = [
+        (value, case)
+        for case, status, value in zip(table["case"].to_pylist(), table["status"].to_pylist(),
+                                       table[f"out.{number}"].to_pylist(), strict=True)
+        if status == "completed" and value is not None
+    ]  # fmt: skip
+    rows.sort(key=lambda r: (r[0] if least else -r[0], r[1]))
+    return [case for _, case in rows[:count]]
+
+
+def _keep(plan: Plan, folder: Path, jobs: int) -> None:
+    """Make the series of the cases that are to be kept: the same bits again."""
+    todo = [n for n in chosen(plan, folder) if not (kept_in(folder, n) / "manifest.json").exists()]
+    if not todo:
+        return
+    tasks: Iterator[tuple[Any, tuple[Any, ...]]] = (
+        (n, (plan, n, kept_in(folder, n))) for n in todo
+    )  # fmt: skip
+    with Local(_kept, min(jobs, len(todo)), 1.25 * plan.limit) as workers:
+        for _ in results(workers, tasks, lambda key, why: None):
+            pass
+
+
+def _kept(plan: Plan, number: int, into: Path) -> None:
+    kept(plan, number, into).results.close()
+
+
+def kept_in(folder: Path, number: int) -> Path:
+    """The run folder of a case that is kept."""
+    return folder / "kept" / f"{number:06}"
+
+
+def status(folder: Path) -> dict[str, Any]:
+    """How far a campaign is, as its head wrote last. Raises DesatError where there is none."""
+    plan = read(folder)
+    try:
+        told: dict[str, Any] = json.loads((folder / STATUS).read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        told = {"state": "running", "count": plan.count, "done": 0, "failed": 0}
+    head, _, pid = told.get("head", "").rpartition(":")
+    if told["state"] == "running" and head == platform.node() and not _lives(int(pid)):
+        told["state"] = "killed"
+    return told
+
+
+def _lives(pid: int) -> bool:
+    try:
+        os.kill(pid, 0)
+    except ProcessLookupError:
+        return False
+    except PermissionError:
+        pass
+    return True

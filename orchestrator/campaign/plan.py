@@ -1,0 +1,121 @@
+"""What a campaign is: the system, how it is changed, what is drawn, and how often."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import platform
+from dataclasses import asdict, dataclass, field, fields
+from functools import lru_cache
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+from ..files import library
+from ..study.draws import system_of
+from ..study.manifest import PACKAGES, write_json
+from ..study.modify import modify
+from ..study.options import Options
+from ..study.prepare import load
+from ..study.sampling import FIXED, Sampling, drawn
+from ..system.draft import Draft
+from ..system.errors import DesatError
+
+PLAN = "campaign.json"
+GROWS = ("count", "keep", "limit")
+"""What of a plan may be other when a campaign goes on; `count` only upward, and not with a sampling
+whose points depend on it."""
+
+
+@dataclass(frozen=True)
+class Plan:
+    """A campaign. Two with the same plan have the same rows."""
+
+    target: str
+    """A scenario's name, or a file."""
+    digest: str
+    """sha256 of the system as it is before anything is drawn (`digest_of`)."""
+    count: int
+    seed: int = 1
+    sampling: Sampling = "random"
+    options: dict[str, Any] = field(default_factory=dict)
+    """Those fields of `Options` that are not as by default."""
+    curves: tuple[str, ...] = ()
+    """Plots of the scenario of which each case keeps an envelope."""
+    keep: tuple[str, ...] = ()
+    """Which cases keep their series: `worst:N:NUMBER`, `every:N`."""
+    limit: float = 600.0
+    """Wall time (s) that a case may take."""
+
+    def run_options(self) -> Options:
+        """What its runs are made with."""
+        given: dict[str, Any] = self.options
+        return Options(**given)
+
+    def values(self, number: int) -> dict[str, Any]:
+        """`component.parameter` -> value of a case."""
+        drafted = system(self.target, self.run_options().blocks)
+        return drawn(drafted, self.seed, number, self.sampling, self.count)
+
+    def write(self, folder: Path) -> None:
+        """Keep it in its folder."""
+        write_json(folder / PLAN, {**asdict(self), "versions": versions()})
+
+
+def read(folder: Path) -> Plan:
+    """The plan of a campaign's folder. Raises DesatError where it has none."""
+    try:
+        data = json.loads((folder / PLAN).read_text(encoding="utf-8"))
+        known = {f.name for f in fields(Plan)}
+        given: dict[str, Any] = {k: v for k, v in data.items() if k in known}
+        given |= {k: tuple(given.get(k, ())) for k in ("curves", "keep")}
+        return Plan(**given)
+    except FileNotFoundError as error:
+        raise DesatError(f"{folder}: no campaign (it has no {PLAN})") from error
+    except (ValueError, TypeError) as error:
+        raise DesatError(f"{folder / PLAN}: {error}") from error
+
+
+def joined(old: Plan, new: Plan, folder: Path) -> None:
+    """Raises DesatError where a folder's campaign is not the one that is to go on in it."""
+    for key, before in asdict(old).items():
+        now = getattr(new, key)
+        grows = key == "count" and now >= before and old.sampling not in FIXED
+        if before == now or grows or key in GROWS[1:]:
+            continue
+        raise DesatError(f"{folder}: another campaign: {key} is {_short(before)} there, "
+                         f"{_short(now)} here; take another --out")  # fmt: skip
+
+
+def _short(value: Any) -> str:
+    text = json.dumps(value)
+    return text if len(text) < 80 else f"{text[:77]}..."
+
+
+@lru_cache(maxsize=2)
+def system(target: str, blocks: bool) -> Draft:
+    """A system to draw for, and its plots."""
+    return system_of(target, Options(blocks=blocks))
+
+
+def versions() -> dict[str, str]:
+    """What a row depends on beside its plan."""
+    return {**{p: version(p) for p in PACKAGES}, "python": platform.python_version()}
+
+
+def digest_of(target: str, options: Options) -> str:
+    """sha256 of a system: scenario, parameters, FMUs, times. Raises DesatError where it cannot be
+    had."""
+    drafted = load(target, options.blocks)
+    modify(drafted, options)
+    described = {
+        "about": drafted.about, "start": drafted.start, "stop": drafted.stop,
+        "step": drafted.step, "inner": drafted.inner,
+        "components": {
+            c.name: [c.parameters, c.references, c.decimation,
+                     library.load(c.fmu).sha256 if c.fmu else c.source]
+            for c in drafted.components.values()
+        },
+    }  # fmt: skip
+    text = json.dumps(described, sort_keys=True, default=str)
+    return hashlib.sha256(text.encode()).hexdigest()

@@ -1,0 +1,259 @@
+"""What a campaign says: percentiles, requirements with their confidence, what drives what."""
+
+from __future__ import annotations
+
+import math
+import shlex
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from markupsafe import Markup
+from scipy.stats import spearmanr
+
+from ..study.cells import clopper_pearson
+from ..study.manifest import write_json
+from ..study.plots import pretty_unit
+from ..study.report import number as shown
+from ..study.report import render, write_page
+from ..study.sampling import sensitivity, unit_cube
+from . import figures, store
+from .case import POINTS
+from .head import kept_in, worst
+from .plan import Plan, read, system
+
+STRONG = 0.2
+"""Rank correlations from this size on are shown."""
+_WORST = 3
+
+
+def summary(folder: Path) -> dict[str, Any]:
+    """Everything that the report says, for programs. Raises DesatError where there is no case."""
+    plan = read(folder)
+    about = system(plan.target, plan.run_options().blocks).about
+    table = store.read(folder)
+    status = table["status"].to_pylist()
+    completed = np.array([s == "completed" for s in status])
+    cases = np.array(table["case"].to_pylist())
+    out = {
+        n[4:]: figures.flat(table[n].to_pylist())
+        for n in table.column_names
+        if n.startswith("out.")
+    }
+    inputs = {
+        n[3:]: figures.flat(table[n].to_pylist()) for n in table.column_names
+        if n.startswith("in.") and not n.endswith(".seed") and _is_number(table[n])
+    }  # fmt: skip
+    numbers = {
+        name: _number(name, about, values[completed], cases[completed])
+        for name, values in out.items()
+    }
+    failed = [
+        {"case": int(c), "message": m, "command": rerun(folder, int(c))}
+        for c, s, m in zip(cases, status, table["message"].to_pylist(), strict=True)
+        if s != "completed"
+    ]  # fmt: skip
+    return {
+        "target": plan.target, "seed": plan.seed, "sampling": plan.sampling, "count": plan.count,
+        "done": len(cases), "completed": int(completed.sum()), "failed": failed,
+        "seconds": float(np.nansum(figures.flat(table["seconds"].to_pylist()))),
+        "digest": store.digest(folder),
+        "numbers": numbers,
+        "requirements": {
+            name: _requirement(entry, out, completed, cases, folder)
+            for name, entry in about.get("requirements", {}).items()
+        },
+        "drivers": _drivers({n: v[completed] for n, v in inputs.items()},
+                            {n: v[completed] for n, v in out.items()}),
+        "sobol": _sobol(plan, cases, completed, out),
+    }  # fmt: skip
+
+
+def _is_number(column: Any) -> bool:
+    return all(isinstance(v, (int, float)) or v is None for v in column.slice(0, 50).to_pylist())
+
+
+def _number(name: str, about: Mapping[str, Any], values: Any, cases: Any) -> dict[str, Any]:
+    """A number over all completed cases that have it."""
+    entry = about.get("numbers", {}).get(name, {})
+    there = np.isfinite(values)
+    found: dict[str, Any] = {"title": entry.get("title", name), "unit": entry.get("unit", ""),
+                             "n": int(there.sum()), "not_reached": int((~there).sum())}  # fmt: skip
+    if there.any():
+        levels = np.percentile(values[there], (5.0, 50.0, 95.0, 99.0))
+        found |= dict(zip(("p5", "median", "p95", "p99"), map(float, levels), strict=True))
+        for key, pick in (("min", np.argmin), ("max", np.argmax)):
+            i = int(pick(values[there]))
+            found |= {key: float(values[there][i]), f"{key}_case": int(cases[there][i])}
+    return found
+
+
+def _requirement(
+    entry: Mapping[str, Any], out: Mapping[str, Any], completed: Any, cases: Any, folder: Path
+) -> dict[str, Any]:  # fmt: skip
+    """How many cases are within a requirement, and whether that shows that it is met. A case that
+    failed, or has not the number, is outside."""
+    probability, confidence = entry.get("probability", 0.95), entry.get("confidence", 0.95)
+    values = out.get(entry["number"], np.full(len(cases), np.nan))
+    within = (
+        completed & (values <= entry.get("max", math.inf)) & (values >= entry.get("min", -math.inf))
+    )
+    n, inside = len(cases), int(within.sum())
+    # one-sided at the confidence: a two-sided interval with twice the tail
+    low = (
+        clopper_pearson(inside, n, 2.0 * confidence - 1.0)[0] / 100.0
+        if confidence > 0.5
+        else inside / n
+    )
+    outside = [int(c) for c in cases[~within][:10]]
+    return {
+        **dict(entry), "probability": probability, "confidence": confidence, "n": n,
+        "within": inside, "outside": n - inside,
+        "share_outside": 100.0 * (n - inside) / n,
+        "interval_outside": clopper_pearson(n - inside, n, confidence),
+        "shown_within": 100.0 * low, "met": low >= probability,
+        "cases_outside": outside,
+        "commands": [rerun(folder, c) for c in outside[:3]],
+        "more_cases": _more(n, inside, probability, confidence),
+        "for_half_the_width": 3 * n,
+    }  # fmt: skip
+
+
+def _more(n: int, inside: int, probability: float, confidence: float) -> int | None:
+    """How many more cases would show the requirement met if the share stayed as it is; 0 where it
+    is, None where more cannot show it."""
+    share = inside / n
+    total = n
+    while total <= 10_000_000:
+        count = round(share * total)
+        if clopper_pearson(count, total, 2.0 * confidence - 1.0)[0] >= 100.0 * probability:
+            return total - n
+        if share <= probability:
+            return None
+        total = math.ceil(total * 1.1)
+    return None
+
+
+def _drivers(inputs: Mapping[str, Any], out: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """Rank correlations (Spearman) between inputs and numbers, the strong ones, strongest first."""
+    found = []
+    for number, y in out.items():
+        for name, x in inputs.items():
+            there = np.isfinite(x) & np.isfinite(y)
+            if there.sum() < 10 or np.ptp(x[there]) == 0.0 or np.ptp(y[there]) == 0.0:
+                continue
+            result = spearmanr(x[there], y[there])
+            if abs(result.statistic) >= STRONG and result.pvalue < 0.01:
+                found.append({
+                    "input": name, "number": number, "n": int(there.sum()),
+                    "correlation": float(result.statistic),
+                })  # fmt: skip
+    return sorted(found, key=lambda d: (-abs(d["correlation"]), d["input"], d["number"]))
+
+
+def _sobol(plan: Plan, cases: Any, completed: Any, out: Mapping[str, Any]) -> dict[str, Any] | None:
+    """Sobol indices of first and total order, where the cases were sampled for them and all are
+    there."""
+    if plan.sampling != "saltelli":
+        return None
+    if len(cases) != plan.count or not completed.all():
+        return {"missing": "they need every case completed"}
+    from ..study.sampling import axes
+
+    names, sizes = axes(system(plan.target, plan.run_options().blocks))
+    elements = [n if k == 1 else f"{n}[{i}]" for n, k in zip(names, sizes, strict=True)
+                for i in range(1, k + 1)]  # fmt: skip
+    analyze = sensitivity("analyze")
+    found: dict[str, Any] = {}
+    for number, y in out.items():
+        if np.isfinite(y).all() and np.ptp(y) > 0.0:
+            made = analyze(unit_cube(len(elements)), y, calc_second_order=False, seed=plan.seed)
+            found[number] = {
+                name: {"first": float(made["S1"][i]), "first_conf": float(made["S1_conf"][i]),
+                       "total": float(made["ST"][i]), "total_conf": float(made["ST_conf"][i])}
+                for i, name in enumerate(elements)
+            }  # fmt: skip
+    return found
+
+
+def rerun(folder: Path, case: int) -> str:
+    """The command that makes a case again."""
+    return f"desat campaign case {shlex.quote(str(folder))} {case}"
+
+
+def write(folder: Path) -> tuple[Path, dict[str, Any]]:
+    """Write report.html and report.json of a campaign; their path and what they say."""
+    plan, told = read(folder), summary(folder)
+    write_json(folder / "report.json", told)
+    text = render(
+        "campaign.html", told=told, plan=plan, title=f"Campaign of {told['target']}",
+        figures=[(c, Markup(s)) for c, s in _figures(folder, plan, told)],
+        number=shown, unit=pretty_unit, kept=sorted(p.name for p in (folder / "kept").glob("*")),
+    )  # fmt: skip
+    return write_page(folder / "report.html", text), told
+
+
+def _figures(folder: Path, plan: Plan, told: Mapping[str, Any]) -> list[tuple[str, str]]:
+    made = [*_curves(folder, plan)]
+    limits: dict[str, list[tuple[str, float]]] = {}
+    for name, entry in told["requirements"].items():
+        limits.setdefault(entry["number"], []).extend(
+            (f"{name}, {key}", entry[key]) for key in ("max", "min") if key in entry
+        )
+    table = store.read(folder)
+    good = np.array([s == "completed" for s in table["status"].to_pylist()])
+    for name, entry in told["numbers"].items():
+        values = figures.flat(table[f"out.{name}"].to_pylist())[good]
+        values = values[np.isfinite(values)]
+        if len(values) and np.ptp(values) > 0.0:
+            caption = entry["title"]
+            made.append(
+                (caption, figures.distribution(name, entry["unit"], values, limits.get(name, [])))
+            )
+    for driver in told["drivers"][:4]:
+        x = figures.flat(table[f"in.{driver['input']}"].to_pylist())[good]
+        y = figures.flat(table[f"out.{driver['number']}"].to_pylist())[good]
+        entry = told["numbers"][driver["number"]]
+        caption = (
+            f"{entry['title']} over {driver['input']}, rank correlation {driver['correlation']:.2f}"
+        )
+        made.append(
+            (caption, figures.scatter(driver["input"], driver["number"], entry["unit"], x, y))
+        )
+    return made
+
+
+def _curves(folder: Path, plan: Plan) -> list[tuple[str, str]]:
+    drafted = system(plan.target, plan.run_options().blocks)
+    plots = {p["name"]: p for p in drafted.about.get("plots", ())}
+    table = store.read(folder, store.CURVES)
+    made = []
+    options = plan.run_options()
+    start = drafted.start or 0.0
+    stop = options.stop if options.stop is not None else drafted.stop or 0.0
+    times = start + (np.arange(POINTS) + 0.5) / POINTS * (stop - start)
+    for name in plan.curves:
+        if name not in table.column_names:
+            continue
+        rows = [
+            (c, r)
+            for c, r in zip(table["case"].to_pylist(), table[name].to_pylist(), strict=True)
+            if r
+        ]
+        curves = np.array([r for _, r in rows], dtype=float)
+        largest = np.nanmax(np.where(np.isfinite(curves), curves, -np.inf), axis=1)
+        order = sorted(range(len(rows)), key=lambda i: (-largest[i], rows[i][0]))[:_WORST]
+        plot = plots[name]
+        unit = plot.get("unit", "")
+        title = f"{plot.get('axis', plot['title'])}, largest size"
+        caption = (
+            f"{plot['title']}: largest size of any line in each of {POINTS} parts of the run, "
+            f"percentiles over {len(rows)} cases"
+        )
+        worst_lines = [(rows[i][0], curves[i]) for i in order]
+        made.append((caption, figures.percentiles(title, unit, times, curves, worst_lines)))
+    return made
+
+
+__all__ = ["kept_in", "rerun", "summary", "worst", "write"]

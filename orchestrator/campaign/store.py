@@ -1,0 +1,251 @@
+"""A campaign's folder: rows as they come in a journal, whole blocks of cases as Parquet files.
+
+    campaign.json            the plan (plan.py), versions
+    system.ssp               the system, where it travels
+    cases/part-00012.parquet  cases 12 BLOCK to 13 BLOCK - 1, a row each, in their order
+    curves/part-00012.parquet their envelopes
+    journal.jsonl            rows of blocks that are not whole yet
+    status.json              how far it is
+    kept/000123/             a run folder of a case that is kept
+
+Rows depend on plan and number alone, but for OWN: so do the files, whatever ran where, and how
+often it was stopped.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+import os
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from ..system.errors import DesatError
+
+BLOCK = 256
+"""Cases of a file."""
+CASES, CURVES, JOURNAL = "cases", "curves", "journal.jsonl"
+OWN = ("seconds", "worker", "attempts", "versions")
+"""Columns that may be other when a case is made again."""
+
+
+class Store:
+    """The rows of a campaign that are there, and where further ones go."""
+
+    def __init__(self, folder: Path, count: int, versions: dict[str, str]) -> None:
+        self.folder, self._count = folder, count
+        self._versions = json.dumps(versions, sort_keys=True)
+        self._open: dict[int, dict[int, dict[str, Any]]] = {}
+        for kind in (CASES, CURVES):
+            (folder / kind).mkdir(parents=True, exist_ok=True)
+        self._whole = _parts(folder)
+        for row in _journal(folder):
+            if row["case"] // BLOCK not in self._whole and row["case"] < count:
+                self._open.setdefault(row["case"] // BLOCK, {})[row["case"]] = row
+        self._reopen(count)
+        self._file = (folder / JOURNAL).open("a", encoding="utf-8")
+
+    def close(self) -> None:
+        """Leave the journal as it is."""
+        self._file.close()
+
+    def _reopen(self, count: int) -> None:
+        """A last block that was whole with fewer cases is not any more."""
+        for block in sorted(self._whole):
+            rows = _of_block(self.folder, block)
+            if len(rows) < self._size(block):
+                self._open[block] = {row["case"]: row for row in rows}
+                self._whole.discard(block)
+        self._rewrite()
+
+    def _size(self, block: int) -> int:
+        return min(self._count - block * BLOCK, BLOCK)
+
+    def done(self) -> int:
+        """How many cases are there."""
+        return sum(map(self._size, self._whole)) + sum(map(len, self._open.values()))
+
+    def missing(self) -> Iterator[int]:
+        """The cases that are not there, in their order."""
+        for block in range(math.ceil(self._count / BLOCK)):
+            if block not in self._whole:
+                there = set(self._open.get(block, ()))
+                first = block * BLOCK
+                yield from (n for n in range(first, first + self._size(block)) if n not in there)
+
+    def failed(self) -> int:
+        """How many of the cases that are there failed."""
+        waiting: int = sum(
+            r["status"] != "completed" for rows in self._open.values() for r in rows.values()
+        )
+        parts = (
+            pq.read_table(_part(self.folder, CASES, b), columns=["status"]) for b in self._whole
+        )
+        return waiting + sum(int(s != "completed") for t in parts for s in t["status"].to_pylist())
+
+    def add(self, row: dict[str, Any]) -> None:
+        """Keep a row: in the journal at once, in its file when the block is whole."""
+        row = {**row, "versions": self._versions}
+        block = row["case"] // BLOCK
+        rows = self._open.setdefault(block, {})
+        rows[row["case"]] = row
+        self._file.write(json.dumps(row) + "\n")
+        self._file.flush()
+        if len(rows) == self._size(block):
+            _write(self.folder, block, [rows[n] for n in sorted(rows)])
+            del self._open[block]
+            self._whole.add(block)
+            self._rewrite()
+
+    def _rewrite(self) -> None:
+        """A journal of nothing but the blocks that are open."""
+        path = self.folder / JOURNAL
+        part = path.with_suffix(".tmp")
+        with part.open("w", encoding="utf-8") as file:
+            for rows in self._open.values():
+                file.writelines(json.dumps(row) + "\n" for row in rows.values())
+            file.flush()
+            os.fsync(file.fileno())
+        if reopen := hasattr(self, "_file"):
+            self._file.close()
+        part.replace(path)
+        if reopen:
+            self._file = path.open("a", encoding="utf-8")
+
+
+def _part(folder: Path, kind: str, block: int) -> Path:
+    return folder / kind / f"part-{block:05}.parquet"
+
+
+def _parts(folder: Path) -> set[int]:
+    return {int(p.stem.partition("-")[2]) for p in (folder / CASES).glob("part-*.parquet")}
+
+
+def _journal(folder: Path) -> Iterator[dict[str, Any]]:
+    """The rows of the journal; the last line may be half a line, of a head that was killed."""
+    path = folder / JOURNAL
+    if not path.exists():
+        return
+    with path.open(encoding="utf-8") as file:
+        for line in file:
+            try:
+                yield json.loads(line)
+            except ValueError:
+                return
+
+
+def _write(folder: Path, block: int, rows: Sequence[dict[str, Any]]) -> None:
+    """Write the files of a block, each under another name first; that of the cases last."""
+    curves = [r.get("curves") or {} for r in rows]
+    names = sorted({n for c in curves for n in c})
+    columns: dict[str, Any] = {"case": pa.array([r["case"] for r in rows], pa.int64())}
+    columns |= {n: pa.array([c.get(n) for c in curves], pa.list_(pa.float64())) for n in names}
+    if names:
+        _save(pa.table(columns), _part(folder, CURVES, block))
+    _save(_table(rows), _part(folder, CASES, block))
+
+
+def _save(table: pa.Table, path: Path) -> None:
+    part = path.with_suffix(".tmp")
+    pq.write_table(table, part, compression="zstd")
+    with part.open("rb") as file:
+        os.fsync(file.fileno())
+    part.replace(path)
+
+
+def _table(rows: Sequence[dict[str, Any]]) -> pa.Table:
+    """Rows as columns: how each ended, `in.` what was drawn, `out.` its numbers."""
+    texts = {"status": "status", "message": "message", "worker": "worker", "versions": "versions"}
+    columns: dict[str, Any] = {
+        "case": pa.array([r["case"] for r in rows], pa.int64()),
+        "code": pa.array([r["code"] for r in rows], pa.int32()),
+        "attempts": pa.array([r["attempts"] for r in rows], pa.int32()),
+        "seconds": pa.array([r["seconds"] for r in rows], pa.float64()),
+        "unmet": pa.array([list(r["unmet"]) for r in rows], pa.list_(pa.string())),
+        "stopped_when": pa.array(
+            [(r["stopped_when"] or {}).get("time") for r in rows], pa.float64()
+        ),
+        **{name: pa.array([r[key] for r in rows], pa.string()) for name, key in texts.items()},
+    }
+    drawn = [dict(_flat(r["values"])) for r in rows]
+    for name in sorted({n for d in drawn for n in d}):
+        columns[f"in.{name}"] = pa.array([d.get(name) for d in drawn])
+    for name in sorted({n for r in rows for n in r["numbers"]}):
+        columns[f"out.{name}"] = pa.array([r["numbers"].get(name) for r in rows], pa.float64())
+    return pa.table(dict(sorted(columns.items(), key=lambda c: (c[0] != "case", c[0]))))
+
+
+def _flat(values: dict[str, Any]) -> Iterator[tuple[str, Any]]:
+    """Drawn values, an element each: `component.variable[i]`, from 1 on."""
+    for name, value in values.items():
+        if not isinstance(value, list):
+            yield name, value
+        elif len(value) == 1:
+            yield name, value[0]
+        else:
+            yield from ((f"{name}[{i}]", x) for i, x in enumerate(value, 1))
+
+
+def _of_block(folder: Path, block: int) -> list[dict[str, Any]]:
+    """The rows of a file as they were added."""
+    made = []
+    table = pq.read_table(_part(folder, CASES, block)).to_pylist()
+    path = _part(folder, CURVES, block)
+    curves = {r.pop("case"): r for r in pq.read_table(path).to_pylist()} if path.exists() else {}
+    for entry in table:
+        values = {k[3:]: v for k, v in entry.items() if k.startswith("in.") and v is not None}
+        stopped = entry["stopped_when"]
+        made.append({
+            **{k: v for k, v in entry.items() if not k.startswith(("in.", "out."))},
+            "values": values,
+            "numbers": {k[4:]: v for k, v in entry.items() if k.startswith("out.")},
+            "stopped_when": None if stopped is None else {"time": stopped},
+            **({"curves": curves[entry["case"]]} if entry["case"] in curves else {}),
+        })  # fmt: skip
+    return made
+
+
+def read(folder: Path, kind: str = CASES, columns: Sequence[str] | None = None) -> pa.Table:
+    """All rows of a campaign, in the order of the cases, also of one that is not over; of columns
+    those named. Raises DesatError where there is none."""
+    blocks = sorted(_parts(folder))
+    tables = []
+    for block in blocks:
+        path = _part(folder, kind, block)
+        if path.exists():
+            schema = pq.read_schema(path)
+            wanted = None if columns is None else [c for c in columns if c in schema.names]
+            tables.append(pq.read_table(path, columns=wanted))
+    rows = sorted((r for r in _journal(folder) if r["case"] // BLOCK not in blocks),
+                  key=lambda r: r["case"])  # fmt: skip
+    if rows and kind == CASES:
+        last = _table(rows)
+        names = last.column_names
+        tables.append(last if columns is None else last.select([c for c in columns if c in names]))
+    elif rows and any("curves" in r for r in rows):
+        names = sorted({n for r in rows for n in r.get("curves", {})})
+        columns_ = {n: [r.get("curves", {}).get(n) for r in rows] for n in names}
+        tables.append(pa.table({"case": [r["case"] for r in rows], **columns_}))
+    if not tables:
+        if kind == CURVES:
+            return pa.table({"case": pa.array([], pa.int64())})
+        raise DesatError(f"{folder}: no case is there yet")
+    return pa.concat_tables(tables, promote_options="permissive")
+
+
+def digest(folder: Path) -> str:
+    """sha256 of all that is there of cases and curves, but for OWN: equal for equal campaigns."""
+    made = hashlib.sha256()
+    for kind in (CASES, CURVES):
+        table = read(folder, kind)
+        names = [n for n in table.column_names if n not in OWN]
+        for name in sorted(names):
+            made.update(f"{name}\0{table[name].type}\0".encode())
+            for value in table[name].to_pylist():
+                made.update(f"{value!r}\0".encode())
+    return made.hexdigest()

@@ -1,0 +1,215 @@
+"""`desat campaign SYSTEM`, and what is done with its folder."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from typer.core import TyperGroup
+
+from ...system.codes import Exit
+from ..common import (
+    CPUS,
+    Alg,
+    Blocks,
+    FmuKind,
+    Fmus,
+    Jobs,
+    Json,
+    Semantics,
+    Sets,
+    Sources,
+    Step,
+    Stop,
+    Target,
+    app,
+    name_of,
+    options_of,
+    out,
+    print_json,
+    warn,
+)
+
+
+class _WithDefault(TyperGroup):
+    """A group whose first argument may be a system: then it is `run`."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        if args and args[0] not in self.commands and args[0] not in ("--help", "-h"):
+            args = ["run", *args]
+        return super().parse_args(ctx, args)
+
+
+campaigns = typer.Typer(
+    cls=_WithDefault, no_args_is_help=True, rich_markup_mode=None,
+    help="Thousands of cases of a system's dispersions: `desat campaign NAME -n 10000`; the same "
+    "command goes on where it was stopped.",
+)  # fmt: skip
+app.add_typer(campaigns, name="campaign")
+
+Folder = Annotated[Path, typer.Argument(metavar="FOLDER", help="A campaign's folder.")]
+
+
+@campaigns.command()
+def run(
+    target: Target,
+    count: Annotated[int, typer.Option("-n", "--count", help="Cases.", min=1)] = 1000,
+    sampling: Annotated[
+        str,
+        typer.Option(help="random, latin-hypercube, sobol, or saltelli (for Sobol indices)."),
+    ] = "random",
+    seed: Annotated[int, typer.Option(help="Seed of all that is drawn.", min=0)] = 1,
+    folder: Annotated[
+        Path | None,
+        typer.Option("--out", help="Its folder (default: runs/campaign-NAME).", show_default=False),
+    ] = None,
+    sets: Sets = None,
+    sources: Sources = None,
+    stop: Stop = None,
+    step: Step = None,
+    algorithm: Alg = Semantics.conserving,
+    blocks: Blocks = False,
+    fmus: Fmus = FmuKind.native,
+    keep: Annotated[
+        list[str] | None,
+        typer.Option(help="Cases whose series and report are kept: worst:N (with --by), "
+                     "worst:N:NUMBER, every:N. May be repeated."),
+    ] = None,
+    by: Annotated[str | None, typer.Option(help="The number that worst:N goes by.")] = None,
+    curve: Annotated[
+        list[str] | None,
+        typer.Option(help="A plot of the scenario of which every case keeps an envelope, for "
+                     "percentile curves (default: the first). May be repeated."),
+    ] = None,
+    limit: Annotated[
+        float, typer.Option("--case-limit", metavar="SECONDS", min=0.1, help="Wall time of a case.")
+    ] = 600.0,
+    jobs: Jobs = CPUS,
+    cluster: Annotated[
+        str | None,
+        typer.Option(metavar="ADDRESS|FILE|local:N",
+                     help="A Dask scheduler's address or file, or N Dask workers here."),
+    ] = None,
+    as_json: Json = False,
+) -> None:  # fmt: skip
+    """Make the cases of a campaign, or those of it that are missing, and its report."""
+    from ...campaign import head
+    from ...study.sampling import SAMPLINGS
+    from ...system.errors import DesatError, nearest
+
+    if sampling not in SAMPLINGS:
+        raise DesatError(f"--sampling {sampling}: there are {', '.join(SAMPLINGS)}"
+                         f"{nearest(sampling, SAMPLINGS)}")  # fmt: skip
+    kept = [f"{k}:{by}" if k.startswith("worst") and k.count(":") == 1 and by else k
+            for k in keep or []]  # fmt: skip
+    plan, warnings = head.planned(
+        target, count, seed=seed, sampling=sampling,  # type: ignore[arg-type]
+        options=options_of(sets, stop, step, algorithm, blocks, sources=sources, fmus=fmus.value),
+        curves=curve, keep=kept, limit=limit,
+    )  # fmt: skip
+    warn(warnings)
+    where = folder or Path("runs") / f"campaign-{name_of(target)}"
+    head.run(plan, where, jobs, cluster, progress=not as_json)
+    _report(where, as_json)
+
+
+@campaigns.command()
+def status(folder: Folder, as_json: Json = False) -> None:
+    """How far a campaign is, also from elsewhere."""
+    from ...campaign import head
+
+    told = head.status(folder)
+    if as_json:
+        print_json(told)
+        return
+    left = told.get("seconds_left")
+    rest = f", {left} s left" if told["state"] == "running" and left is not None else ""
+    text = f"{told['state']}: {told['done']} of {told['count']} done, {told['failed']} failed{rest}"
+    out.print(text, highlight=False, markup=False)
+
+
+@campaigns.command()
+def report(folder: Folder, as_json: Json = False) -> None:
+    """Write report.html and report.json of what is there; ends with 1 where a requirement is not
+    shown to be met."""
+    _report(folder, as_json)
+
+
+@campaigns.command()
+def case(
+    folder: Folder,
+    number: Annotated[int, typer.Argument(help="The case.", min=0)],
+    into: Annotated[
+        Path | None,
+        typer.Option("--out", help="Its run folder (default: FOLDER/kept/NUMBER).",
+                     show_default=False),
+    ] = None,
+) -> None:  # fmt: skip
+    """Make a case again, with its series and report: the same bits."""
+    from ...campaign import head
+    from ...campaign.case import kept
+    from ...campaign.plan import read
+    from ...system.errors import DesatError
+
+    plan = read(folder)
+    if number >= plan.count:
+        raise DesatError(f"{folder}: case {number}: there are 0 to {plan.count - 1}")
+    where = into or head.kept_in(folder, number)
+    made = kept(plan, number, where)
+    out.print(f"{where / 'report.html'}", highlight=False, markup=False)
+    if not made.ok:
+        raise DesatError(f"case {number}: {made.manifest['message']}", made.code)
+
+
+@campaigns.command()
+def compare(
+    first: Folder,
+    second: Annotated[Path, typer.Argument(metavar="OTHER", help="Another's folder.")],
+    as_json: Json = False,
+) -> None:
+    """Two campaigns over the same cases, in pairs: the first's numbers less the second's."""
+    from rich.table import Table
+
+    from ...campaign.compare import compare as of
+    from ...study.report import number
+
+    told = of(first, second)
+    if as_json:
+        print_json(told)
+        return
+    table = Table("number", box=None, header_style="bold", pad_edge=False)
+    for column in ("median", "from", "to", "lower %", "from", "to", "pairs"):
+        table.add_column(column, justify="right")
+    for name, entry in told["numbers"].items():
+        if entry["n"]:
+            cells = (entry["median"], *entry["interval"], entry["share_lower"],
+                     *entry["share_lower_interval"])  # fmt: skip
+            table.add_row(name, *map(number, cells), str(entry["n"]))
+    out.print(f"{told['first']} less {told['second']}, {told['pairs']} pairs; intervals of 95 %:",
+              highlight=False, markup=False)  # fmt: skip
+    out.print(table)
+
+
+def _report(folder: Path, as_json: bool) -> None:
+    from ...campaign import report as of
+    from ...study.report import number
+
+    path, told = of.write(folder)
+    if as_json:
+        print_json(told)
+    else:
+        out.print(f"{told['completed']} of {told['count']} completed, {len(told['failed'])} failed",
+                  highlight=False)  # fmt: skip
+        for name, r in told["requirements"].items():
+            verdict = "met" if r["met"] else "NOT SHOWN"
+            low, high = map(number, r["interval_outside"])
+            out.print(f"{name}: {r['outside']} of {r['n']} outside ({low} to {high} %): {verdict}",
+                      highlight=False, markup=False)  # fmt: skip
+        out.print(str(path), highlight=False, markup=False)
+    codes: list[Any] = (
+        [Exit.UNMET] if any(not r["met"] for r in told["requirements"].values()) else []
+    )
+    codes += [Exit.COMPONENT] if told["failed"] else []
+    if codes:
+        raise typer.Exit(max(codes))
