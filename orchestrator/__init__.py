@@ -11,6 +11,8 @@ from os import PathLike
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from xarray import Dataset
+
     from .study.case import Run
     from .study.cells import Row
 
@@ -47,13 +49,23 @@ def run(
     return execute(str(target), given, None if folder is None else Path(folder))
 
 
-def load(folder: str | PathLike[str]) -> Run:
-    """A run from its folder, also of a run that was killed. Raises DesatError where it is none."""
+def load(folder: str | PathLike[str]) -> Dataset:
+    """The results in a run's or a campaign's folder, also of one that was killed, as an xarray
+    Dataset that is read where it is looked at.
+
+    Of a run: `ds["wheels.h_wheel"]` over `time` (states, at t_k) or `interval` (over [t_k, t_k+1)),
+    with units, frame, description and choices as attributes; `ds.attrs` has scenario, epoch,
+    versions, numbers and the manifest, as JSON. Of a campaign: `in.*` and `out.*` over `case`, and
+    `curve.*` over `case` and `part`.
+
+    Raises DesatError where it is neither.
+    """
     from pathlib import Path
 
-    from .study.case import load_run
+    from .study import dataset
 
-    return load_run(Path(folder))
+    where = Path(folder)
+    return (dataset.of_campaign if (where / "campaign.json").exists() else dataset.of_run)(where)
 
 
 def draws(

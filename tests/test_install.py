@@ -100,13 +100,14 @@ def test_from_an_empty_folder(home, installed, tmp_path):
 def test_from_python(installed):
     """`import desat` imports nothing heavy and offers run, load, draws and tables."""
     code = """
+import json
 import sys
 import desat
 assert "numpy" not in sys.modules
 name, sets = "uosat12/table3-ocdc-ilqr-1", {"manager.split": "crcp"}
 run = desat.run(name, sets, stop=100.0, folder="a")
 assert run.manifest["parameters"]["manager"]["split"]["value"] == "crcp"
-assert desat.load("a").manifest == run.manifest
+assert json.loads(desat.load("a").attrs["manifest"]) == run.manifest
 print(run.results.values("spacecraft.h_copy_wheel").shape)
 drawn = desat.draws(name, 2, stop=100.0)
 print(len(drawn["draws"]))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import json
 import os
 import signal
@@ -13,11 +14,15 @@ import h5py
 import numpy as np
 import pytest
 from conftest import ROOT
+from pyarrow import parquet
+from scipy.io import loadmat
 
+import desat as desat_package
 from desat.engine.results import Results
 from desat.files import library, places
 from desat.fmus import registry
 from desat.study.case import Options, execute
+from desat.study.export import export
 from desat.study.manifest import read_manifest
 from desat.study.measures import MEASURES
 from desat.study.numbers import evaluate, relative, scale
@@ -97,15 +102,57 @@ def test_long_runs_are_written_in_pieces(tmp_path):
 
 
 def test_csv(folder, tmp_path):
+    """A row has all: a state at the end, which no interval follows, is named instead."""
+    (path,), note = export(folder, "csv", tmp_path)
+    with path.open(newline="") as file:
+        head, *rows = csv.reader(file)
+    assert head[0] == "time [s]"
+    assert "spacecraft.h_copy_wheel[1] [N.m.s]" in head
+    assert note == "states at t = 600 s have no interval after them, and no row"
+    assert len(rows) == 60
+    assert not any(cell in ("", "nan") for row in rows for cell in row)
     with Results.open(folder) as results:
-        results.to_csv(tmp_path / "series.csv")
-    lines = (tmp_path / "series.csv").read_text().splitlines()
-    assert lines[0].startswith("time [s],")
-    assert "spacecraft.h_copy_wheel[1] [N.m.s]" in lines[0]
-    assert len(lines) == 62
-    cells = dict(zip(lines[0].split(","), lines[-1].split(","), strict=True))
-    assert cells["time [s]"] == "600.0"
-    assert cells["torquers.m_mean_body[1] [A.m2]"] == ""
+        column = head.index("torquers.m_mean_body[2] [A.m2]")
+        written = [float(row[column]) for row in rows]
+        assert written == results.values("torquers.m_mean_body")[:, 1].tolist()
+
+
+def test_exports_hold_the_same_numbers(folder, tmp_path):
+    (path,), _ = export(folder, "parquet", tmp_path)
+    table = parquet.read_table(path)
+    (mat,), _ = export(folder, "mat", tmp_path)
+    structs = loadmat(mat, simplify_cells=True)
+    with Results.open(folder) as results:
+        for name in results.names():
+            component, _, variable = name.partition(".")
+            whole = np.asarray(results.values(name))
+            assert np.array_equal(structs[component][variable], whole)
+            assert structs[component]["units"][variable] == (results.attribute(name, "unit") or "1")
+            first = next(c for c in table.column_names if c.partition("[")[0].strip() == name)
+            column = whole if whole.ndim == 1 else whole[:, 0]
+            assert np.array_equal(table[first].to_numpy(), column[:60])
+    pictures, _ = export(folder, "png", tmp_path)
+    assert all(p.read_bytes()[1:4] == b"PNG" for p in pictures)
+    with pytest.raises(DesatError, match="--format xls: there are csv"):
+        export(folder, "xls", tmp_path)
+
+
+def test_a_run_is_a_data_set(folder):
+    ds = desat_package.load(folder)
+    h = ds["spacecraft.h_copy_wheel"]
+    assert h.dims[0] == "time"
+    assert h.attrs["units"] == "N.m.s"
+    assert ds["torquers.m_mean_body"].dims[0] == "interval"
+    assert float(ds.time[-1]) == 600.0
+    assert float(ds.interval[-1]) == 590.0
+    with Results.open(folder) as results:
+        whole = results.values("spacecraft.h_copy_wheel")
+    assert np.array_equal(h.values, whole)
+    assert np.array_equal(h[5:50:7, 1].values, whole[5:50:7, 1])
+    assert h[-1, 0].item() == whole[-1, 0]
+    assert np.array_equal(h.sel(time=100.0).values, whole[10])
+    assert ds.attrs["scenario"] == NAME
+    assert json.loads(ds.attrs["numbers"])["firing_time"]["unit"] == "s"
 
 
 def test_a_failing_component_keeps_what_was_recorded(tmp_path):

@@ -44,17 +44,17 @@ def _ran(plan: Plan, values: dict[str, Any], supervised: bool) -> dict[str, Any]
     options = plan.run_options()
     if supervised:
         options = replace(options, supervised=True, call_limit=plan.limit)
-    if not plan.curves:
-        return ran(plan.target, options, values)
     signals: list[str] = []
 
-    def curves(run: Run) -> dict[str, Any]:
-        return {"curves": _curves(plan.curves, run)}
+    def more(run: Run) -> dict[str, Any]:
+        numbers = run.manifest["numbers"].items()
+        described = {k: {"title": n["title"], "unit": n["unit"]} for k, n in numbers}
+        return {"described": described, "curves": _curves(plan.curves, run)}
 
     plots = plots_of(system(plan.target, options.blocks).about)
     for name in plan.curves:
         signals += plots[name]["signals"]
-    return ran(plan.target, options, values, signals, curves)
+    return ran(plan.target, options, values, signals, more)
 
 
 def plots_of(about: Mapping[str, Any]) -> dict[str, dict[str, Any]]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Sequence
 from typing import Any
 
@@ -64,8 +65,9 @@ def distribution(title: str, unit: str, values: Array, limits: Sequence[tuple[st
         )
     handles = [*ax.get_legend_handles_labels()[0], *share.get_legend_handles_labels()[0]]
     labels = [*ax.get_legend_handles_labels()[1], *share.get_legend_handles_labels()[1]]
+    labels = [textwrap.fill(label, 14) for label in labels]
     ax.legend(handles, labels, fontsize=8, frameon=False, loc="center left",
-              bbox_to_anchor=(1.1, 0.5), handlelength=1.6)  # fmt: skip
+              bbox_to_anchor=(1.13, 0.5), handlelength=1.6)  # fmt: skip
     return svg(fig)
 
 

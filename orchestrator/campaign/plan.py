@@ -7,13 +7,13 @@ import json
 import platform
 from dataclasses import asdict, dataclass, field, fields
 from functools import lru_cache
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
 from ..files import library
+from ..study import manifest
 from ..study.draws import system_of
-from ..study.manifest import PACKAGES, write_json
+from ..study.manifest import write_json
 from ..study.modify import modify
 from ..study.options import Options
 from ..study.prepare import load
@@ -100,7 +100,7 @@ def system(target: str, blocks: bool) -> Draft:
 
 def versions() -> dict[str, str]:
     """What a row depends on beside its plan."""
-    return {**{p: version(p) for p in PACKAGES}, "python": platform.python_version()}
+    return {**manifest.versions(), "python": platform.python_version()}
 
 
 def digest_of(target: str, options: Options) -> str:

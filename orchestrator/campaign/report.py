@@ -32,7 +32,7 @@ def summary(folder: Path) -> dict[str, Any]:
     """Everything that the report says, for programs. Raises DesatError where there is no case."""
     plan = read(folder)
     about = system(plan.target, plan.run_options().blocks).about
-    table = store.read(folder)
+    table, told = store.read(folder), store.described(folder)
     status = table["status"].to_pylist()
     completed = np.array([s == "completed" for s in status])
     cases = np.array(table["case"].to_pylist())
@@ -46,7 +46,7 @@ def summary(folder: Path) -> dict[str, Any]:
         if n.startswith("in.") and not n.endswith(".seed") and _is_number(table[n])
     }  # fmt: skip
     numbers = {
-        name: _number(name, about, values[completed], cases[completed])
+        name: _number(name, told.get(name, {}), values[completed], cases[completed])
         for name, values in out.items()
     }
     failed = [
@@ -74,9 +74,8 @@ def _is_number(column: Any) -> bool:
     return all(isinstance(v, (int, float)) or v is None for v in column.slice(0, 50).to_pylist())
 
 
-def _number(name: str, about: Mapping[str, Any], values: Any, cases: Any) -> dict[str, Any]:
+def _number(name: str, entry: Mapping[str, str], values: Any, cases: Any) -> dict[str, Any]:
     """A number over all completed cases that have it."""
-    entry = about.get("numbers", {}).get(name, {})
     there = np.isfinite(values)
     found: dict[str, Any] = {"title": entry.get("title", name), "unit": entry.get("unit", ""),
                              "n": int(there.sum()), "not_reached": int((~there).sum())}  # fmt: skip

@@ -1,9 +1,9 @@
 """A campaign's folder: rows as they come in a journal, whole blocks of cases as Parquet files.
 
     campaign.json            the plan (plan.py), versions
-    system.ssp               the system, where it travels
     cases/part-00012.parquet  cases 12 BLOCK to 13 BLOCK - 1, a row each, in their order
     curves/part-00012.parquet their envelopes
+    numbers.json             title and unit of each number
     journal.jsonl            rows of blocks that are not whole yet
     status.json              how far it is
     kept/000123/             a run folder of a case that is kept
@@ -25,11 +25,12 @@ from typing import Any
 import pyarrow as pa
 import pyarrow.parquet as pq
 
+from ..study.manifest import write_json
 from ..system.errors import DesatError
 
 BLOCK = 256
 """Cases of a file."""
-CASES, CURVES, JOURNAL = "cases", "curves", "journal.jsonl"
+CASES, CURVES, JOURNAL, NUMBERS = "cases", "curves", "journal.jsonl", "numbers.json"
 OWN = ("seconds", "worker", "attempts", "versions")
 """Columns that may be other when a case is made again."""
 
@@ -40,6 +41,7 @@ class Store:
     def __init__(self, folder: Path, count: int, versions: dict[str, str]) -> None:
         self.folder, self._count = folder, count
         self._versions = json.dumps(versions, sort_keys=True)
+        self._described = described(folder)
         self._open: dict[int, dict[int, dict[str, Any]]] = {}
         for kind in (CASES, CURVES):
             (folder / kind).mkdir(parents=True, exist_ok=True)
@@ -91,6 +93,10 @@ class Store:
     def add(self, row: dict[str, Any]) -> None:
         """Keep a row: in the journal at once, in its file when the block is whole."""
         row = {**row, "versions": self._versions}
+        described = row.pop("described", {})
+        if not described.keys() <= self._described.keys():
+            self._described |= described
+            write_json(self.folder / NUMBERS, dict(sorted(self._described.items())))
         block = row["case"] // BLOCK
         rows = self._open.setdefault(block, {})
         rows[row["case"]] = row
@@ -236,6 +242,13 @@ def read(folder: Path, kind: str = CASES, columns: Sequence[str] | None = None) 
             return pa.table({"case": pa.array([], pa.int64())})
         raise DesatError(f"{folder}: no case is there yet")
     return pa.concat_tables(tables, promote_options="permissive")
+
+
+def described(folder: Path) -> dict[str, dict[str, str]]:
+    """Title and unit of each number."""
+    path = folder / NUMBERS
+    found: dict[str, dict[str, str]] = json.loads(path.read_text()) if path.exists() else {}
+    return found
 
 
 def digest(folder: Path) -> str:

@@ -276,23 +276,3 @@ class Results:
     def choices(self, name: str) -> tuple[str, ...]:
         """The names of an Integer's values, `-` for one that it never has; empty without names."""
         return tuple(str(self._find(name).attrs.get("choices", "")).split())
-
-    def to_csv(self, path: Path) -> None:
-        """All series in one CSV file: a column per element, empty where a row has no value."""
-        columns, table = ["time [s]"], [self.times()]
-        for name in self.names():
-            values, unit = self.values(name), self.attribute(name, "unit")
-            suffix = f" [{unit}]" if unit not in ("", "1") else ""
-            matrix = values[:, None] if values.ndim == 1 else values
-            for i in range(matrix.shape[1]):
-                element = f"[{i + 1}]" if values.ndim > 1 else ""
-                columns.append(f"{name}{element}{suffix}")
-                column = np.full(len(table[0]), np.nan)
-                column[: len(matrix)] = matrix[:, i]
-                table.append(column)
-        part = path.with_name(path.name + ".part")
-        with part.open("w", encoding="utf-8") as file:
-            file.write(",".join(columns) + "\n")
-            for row in zip(*table, strict=True):
-                file.write(",".join("" if np.isnan(x) else repr(float(x)) for x in row) + "\n")
-        part.replace(path)

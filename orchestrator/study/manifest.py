@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import platform
 from collections.abc import Mapping
+from functools import cache
 from importlib.metadata import version
 from math import inf
 from pathlib import Path
@@ -24,6 +25,12 @@ from .relation import related
 PACKAGES = ("desat", "fmpy", "pythonfmu", "numpy", "scipy", "h5py")
 
 
+@cache
+def versions() -> dict[str, str]:
+    """The packages that a run depends on."""
+    return {name: version(name) for name in PACKAGES}
+
+
 def describe(system: System, options: Options, target: str) -> dict[str, Any]:
     """The manifest of a system before it runs."""
     path = Path(target)
@@ -38,10 +45,7 @@ def describe(system: System, options: Options, target: str) -> dict[str, Any]:
         "inner": system.inner,
         "decimation": {c.name: c.decimation for c in system.components.values()},
         "output_classes": system.output_classes,
-        "versions": {
-            **{name: version(name) for name in PACKAGES},
-            "python": platform.python_version(),
-        },
+        "versions": {**versions(), "python": platform.python_version()},
         "platform": platform.platform(),
         "ssp": {"file": path.name, "sha256": library.sha256(path)}
         if path.suffix == ".ssp" else None,

@@ -113,8 +113,14 @@ def svg(fig: Figure) -> str:
 
 
 def series_plot(plot: dict[str, Any], runs: Sequence[Run]) -> str | None:
-    """The SVG of a scenario's `[plots.NAME]` over runs. The first is drawn in colours, the others
-    dashed. None where a series is not recorded."""
+    """The SVG of `series_figure`."""
+    drawn = series_figure(plot, runs)
+    return None if drawn is None else svg(drawn)
+
+
+def series_figure(plot: dict[str, Any], runs: Sequence[Run]) -> Figure | None:
+    """The figure of a scenario's `[plots.NAME]` over runs. The first is drawn in colours, the
+    others dashed. None where a series is not recorded."""
     _, results, parameters = runs[0]
     known = set(results.names())
     signals = [s for s in plot["signals"] if s in known]
@@ -149,7 +155,7 @@ def series_plot(plot: dict[str, Any], runs: Sequence[Run]) -> str | None:
         if steady is not None and not whole:
             ax.set_xlim(steady / seconds, results.times()[-1] / seconds)
         legend(ax)
-    return svg(fig)
+    return fig
 
 
 def _since(line: Line, begin: float) -> Line:

@@ -161,7 +161,9 @@ def _points(
 
         def point(draw: int) -> NDArray[np.float64]:
             engine.reset()
-            return _open(engine.fast_forward(draw).random(1)[0][:width])
+            if draw:
+                engine.fast_forward(draw)
+            return _open(engine.random(1)[0][:width])
 
     else:
         table = saltelli(seed, count, width)

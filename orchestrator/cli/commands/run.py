@@ -115,7 +115,11 @@ def run(
     other = _run_twin(finished, options, target_folder) if twin and finished.ok else None
     page = report_module.write_report(target_folder, finished, other)
     if csv:
-        finished.results.to_csv(target_folder / "series.csv")
+        from ...study.export import export
+
+        _, note = export(target_folder, "csv")
+        if note:
+            err.print(f"note: series.csv: {note}", highlight=False, markup=False)
     _report_run(finished, other, target_folder, page, as_json)
     if code := finished.code or (other.code if other else 0):
         raise typer.Exit(code)

@@ -1,0 +1,169 @@
+"""Results as xarray data sets, read when they are looked at.
+
+Of a run: a variable `component.variable` each, over `time` (states, at t_k) or `interval` (outputs
+that hold over [t_k, t_k+1), which have no last row), and over its elements. Units, frames,
+descriptions and choices are its attributes; scenario, epoch, versions those of the set.
+
+Of a campaign: `in.*` what was drawn and `out.*` the numbers over `case`, and the envelopes.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from xarray.backends import BackendArray
+from xarray.core import indexing
+
+from ..engine.results import Results
+from .case import load_run
+
+
+class _Lazy(BackendArray):
+    """An array that is read where it is indexed."""
+
+    def __init__(self, shape: tuple[int, ...], dtype: Any, read: Callable[[Any], Any]) -> None:
+        self.shape, self.dtype, self._read = shape, np.dtype(dtype), read
+
+    def __getitem__(self, key: Any) -> Any:
+        return indexing.explicit_indexing_adapter(
+            key, self.shape, indexing.IndexingSupport.BASIC, self._read
+        )
+
+    def variable(self, dims: tuple[str, ...], attributes: dict[str, Any]) -> xr.Variable:
+        """It as a variable of a data set."""
+        return xr.Variable(dims, indexing.LazilyIndexedArray(self), attributes)
+
+
+def of_run(folder: Path) -> xr.Dataset:
+    """A run's series. Raises DesatError where the folder has none."""
+    run = load_run(folder)
+    results, manifest = run.results, run.manifest
+    times = results.times()
+    found: dict[str, xr.Variable] = {}
+    lengths = {"time": len(times)}
+    for name in results.names():
+        lazy, dims = _series(results, name)
+        lengths[dims[0]] = min(lazy.shape[0], lengths.get(dims[0], lazy.shape[0]))
+        found[name] = lazy.variable(dims, _attributes(results, name))
+    about = manifest["about"]
+    attributes = {
+        "scenario": manifest["scenario"], "title": about.get("title", ""),
+        "epoch": _epoch(manifest), "status": manifest["status"],
+        "versions": json.dumps(manifest["versions"]), "numbers": json.dumps(manifest["numbers"]),
+        "manifest": json.dumps(manifest),
+    }  # fmt: skip
+    coordinates = {
+        "time": ("time", times, {"units": "s", "long_name": "time t_k of states"}),
+        **({"interval": ("interval", times[: lengths["interval"]],
+                         {"units": "s", "long_name": "begin t_k of the interval"})}
+           if "interval" in lengths else {}),
+    }  # fmt: skip
+    return xr.Dataset(found, coordinates, attributes)
+
+
+def _series(results: Results, name: str) -> tuple[_Lazy, tuple[str, ...]]:
+    first = results.values(name, slice(0, 1))
+    rows = results.count(name)
+    along = "interval" if results.attribute(name, "class") == "interval" else "time"
+    dims = (along,) if first.ndim == 1 else (along, f"{name}.element")
+    shape = (rows, *first.shape[1:])
+
+    def read(key: tuple[Any, ...]) -> Any:
+        rows_, *rest = key
+        if isinstance(rows_, slice):
+            begin, end, step = rows_.indices(rows)
+            if step > 0:
+                values = results.values(name, slice(begin, end))[::step]
+            else:
+                values = results.values(name)[rows_]
+        else:
+            at = int(rows_)
+            values = results.values(name, slice(at, at + 1))[0]
+            return values[tuple(rest)] if rest else values
+        return values[(slice(None), *rest)]
+
+    return _Lazy(shape, first.dtype, read), dims
+
+
+def _attributes(results: Results, name: str) -> dict[str, Any]:
+    choices = results.choices(name)
+    found = {
+        "units": results.attribute(name, "unit"), "frame": results.attribute(name, "frame"),
+        "long_name": results.attribute(name, "description"),
+        "class": results.attribute(name, "class"),
+    }  # fmt: skip
+    return found | ({"choices": list(choices)} if choices else {})
+
+
+def _epoch(manifest: dict[str, Any]) -> str:
+    """UTC of t = 0, where a component has it as a parameter."""
+    for name, value in manifest["parameters"].items():
+        if name.rpartition(".")[2] == "epoch":
+            return str(value)
+    return ""
+
+
+def of_campaign(folder: Path) -> xr.Dataset:
+    """The cases of a campaign, a column each, and of each curve the envelopes (case, part). Raises
+    DesatError where no case is there yet."""
+    from ..campaign import store
+    from ..campaign.case import POINTS
+    from ..campaign.plan import read
+
+    plan = read(folder)
+    cases = store.read(folder, columns=["case"])["case"].to_numpy()
+    schema = store.read(folder).schema
+    described = store.described(folder)
+    found: dict[str, xr.Variable] = {}
+    for field in schema:
+        if field.name == "case":
+            continue
+        sample = store.read(folder, columns=[field.name])[field.name].slice(0, 1).to_pandas()
+        lazy = _Lazy((len(cases),), _dtype(field.type, sample), _column(folder, field.name))
+        told = described.get(field.name.removeprefix("out."), {})
+        found[field.name] = lazy.variable(
+            ("case",), {"long_name": told.get("title", ""), "units": told.get("unit", "")}
+        )
+    for name in plan.curves:
+        lazy = _Lazy((len(cases), POINTS), float, _envelopes(folder, name))
+        found[f"curve.{name}"] = lazy.variable(("case", "part"), {"long_name": f"largest {name}"})
+    attributes = {"target": plan.target, "seed": plan.seed, "sampling": plan.sampling,
+                  "count": plan.count}  # fmt: skip
+    return xr.Dataset(found, {"case": cases}, attributes)
+
+
+def _dtype(kind: Any, sample: Any) -> Any:
+    return sample.dtype if str(kind) in ("int64", "int32") else (
+        np.dtype(float) if str(kind) == "double" else np.dtype(object)
+    )  # fmt: skip
+
+
+def _column(folder: Path, name: str) -> Callable[[Any], Any]:
+    def read(key: tuple[Any, ...]) -> Any:
+        from ..campaign import store
+
+        column = store.read(folder, columns=["case", name])
+        if name not in column.column_names:
+            return np.full(column.num_rows, np.nan)[key]
+        return column[name].to_pandas().to_numpy()[key]
+
+    return read
+
+
+def _envelopes(folder: Path, name: str) -> Callable[[Any], Any]:
+    def read(key: tuple[Any, ...]) -> Any:
+        from ..campaign import store
+        from ..campaign.case import POINTS
+
+        table = store.read(folder, store.CURVES)
+        rows = dict(zip(table["case"].to_pylist(), table[name].to_pylist(), strict=True))
+        cases = store.read(folder, columns=["case"])["case"].to_pylist()
+        blank = [np.nan] * POINTS
+        return np.array([rows.get(c) or blank for c in cases], dtype=float)[key]
+
+    return read

@@ -1,0 +1,106 @@
+"""`desat export`: a run's series for other programs, with quantity and unit in every name.
+
+csv, parquet  a column an element, `component.variable[i] [unit]`, and `time [s]`
+mat           a struct a component, with `time`, `interval` and `units` (MATLAB, Octave, scipy)
+png, pdf      the scenario's plots, a file each
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+
+from ..system.errors import DesatError
+from .case import Run, load_run
+
+FORMATS = ("csv", "parquet", "mat", "png", "pdf")
+
+
+def export(folder: Path, form: str, into: Path | None = None) -> tuple[list[Path], str]:
+    """Write a run folder's series (or plots) in a format; the files, and what is to be said.
+
+    Raises DesatError for an unknown format, and where the folder has no series.
+    """
+    if form not in FORMATS:
+        raise DesatError(f"--format {form}: there are {', '.join(FORMATS)}")
+    run = load_run(folder)
+    into = into or folder
+    into.mkdir(parents=True, exist_ok=True)
+    if form in ("png", "pdf"):
+        return _plots(run, form, into), ""
+    path = into / f"series.{form}"
+    part = path.with_name(f"{path.name}.part")
+    note = ""
+    if form == "mat":
+        from scipy.io import savemat
+
+        savemat(part, _structs(run), appendmat=False, do_compression=True, long_field_names=True)
+    else:
+        table, note = _table(run)
+        if form == "csv":
+            from pyarrow import csv
+
+            csv.write_csv(table, part)
+        else:
+            from pyarrow import parquet
+
+            parquet.write_table(table, part, compression="zstd")
+    part.replace(path)
+    return [path], note
+
+
+def _table(run: Run) -> tuple[pa.Table, str]:
+    """All series side by side. Where there are outputs of intervals, whose last row is that before
+    the last state, the last state has no place: what is said of it."""
+    results = run.results
+    rows = min((results.count(n) for n in results.names()), default=0)
+    times = results.times()
+    columns: dict[str, Any] = {"time [s]": times[:rows]}
+    for name in results.names():
+        unit = results.attribute(name, "unit")
+        suffix = f" [{unit}]" if unit not in ("", "1") else ""
+        values = results.values(name, slice(0, rows))
+        if values.ndim == 1:
+            columns[f"{name}{suffix}"] = values
+        else:
+            columns |= {f"{name}[{i + 1}]{suffix}": values[:, i] for i in range(values.shape[1])}
+    left = len(times) - rows
+    note = f"states at t = {times[-1]:g} s have no interval after them, and no row" if left else ""
+    return pa.table(columns), note
+
+
+def _structs(run: Run) -> dict[str, Any]:
+    """A struct a component: an array a variable, `units`; times beside them."""
+    results = run.results
+    times = results.times()
+    rows = min((results.count(n) for n in results.names()), default=0)
+    found: dict[str, Any] = {"time": times, "interval": times[:rows]}
+    for name in results.names():
+        component, _, variable = name.partition(".")
+        struct = found.setdefault(component, {"units": {}})
+        struct[variable] = np.asarray(results.values(name))
+        struct["units"][variable] = results.attribute(name, "unit") or "1"
+    return found
+
+
+def _plots(run: Run, form: str, into: Path) -> list[Path]:
+    from .plots import series_figure
+    from .report import label_of
+
+    made = []
+    runs = [(label_of(run.manifest), run.results, run.manifest["parameters"])]
+    for i, plot in enumerate(run.manifest["about"].get("plots", ()), 1):
+        figure = series_figure(plot, runs)
+        if figure is None:
+            continue
+        path = into / f"{plot.get('name', i)}.{form}"
+        part = path.with_name(f".{path.name}.part")
+        figure.savefig(part, format=form, dpi=150)
+        part.replace(path)
+        made.append(path)
+    if not made:
+        raise DesatError(f"{into}: the scenario has no plots of recorded series")
+    return made

@@ -1,0 +1,349 @@
+"""Campaigns: the same rows whatever ran where and however often it was stopped; what fails is kept
+with its reason; what comes out says how sure it is."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+from conftest import ROOT
+from test_failures import HOW, binary, fmu, ssd  # noqa: F401
+
+from desat.campaign import head, report, store
+from desat.campaign.compare import compare
+from desat.study.draws import system_of
+from desat.study.options import Options
+from desat.study.sampling import axes, drawn
+from desat.system.codes import Exit
+from desat.system.errors import DesatError
+
+COUNT = 200
+OWN = """
+extends = "integrated/mil-nadir"
+stop = 20.0
+[numbers.rate]
+title = "Rate at the end"
+signal = "spacecraft.omega_bi_body"
+measure = "norm_last"
+unit = "deg/s"
+[requirements.load]
+number = "coil_load"
+max = 1000.0
+[requirements.rate]
+number = "rate"
+min = 1.0
+max = 2.0
+"""
+
+
+@pytest.fixture(scope="module")
+def own(tmp_path_factory) -> Path:
+    """A scenario file of a user's own."""
+    path = tmp_path_factory.mktemp("own") / "mine.toml"
+    path.write_text(OWN)
+    return path
+
+
+@pytest.fixture(scope="module")
+def whole(own, tmp_path_factory) -> Path:
+    """The folder of a campaign in one go, over two processes."""
+    folder = tmp_path_factory.mktemp("whole") / "campaign"
+    plan, _ = head.planned(str(own), COUNT, keep=["worst:1:coil_load", "every:150"])
+    head.run(plan, folder, 2, progress=False)
+    return folder
+
+
+# --- sampling -------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def system():
+    return system_of("integrated/mil-nadir", Options())
+
+
+@pytest.mark.parametrize("sampling", ["latin-hypercube", "sobol", "saltelli"])
+def test_samplings_fill_the_space_evenly(system, sampling):
+    """Each element's first half holds half of the cases, where random ones scatter by 3 %."""
+    width = sum(axes(system)[1]) + 2
+    count = 16 * width if sampling == "saltelli" else 256
+    cases = [drawn(system, 3, i, sampling, count) for i in range(count)]
+    assert cases[5] == drawn(system, 3, 5, sampling, count)
+    assert cases[5] != drawn(system, 4, 5, sampling, count)
+    momenta = np.array([c["wheels.h_start_wheel"] for c in cases])
+    middle = np.median(momenta, axis=0)
+    spread = np.array([[drawn(system, 3, i)["wheels.h_start_wheel"] for i in range(100)]]).std()
+    assert np.all(abs(middle) < 0.12 * spread)
+    attitudes = np.array([c["spacecraft.q_start_bi"] for c in cases])
+    np.testing.assert_allclose(np.linalg.norm(attitudes, axis=1), 1.0, rtol=1e-12)
+    assert len({c["determination.seed"] for c in cases}) == count
+
+
+def test_latin_hypercube_has_one_case_in_each_stratum(system):
+    from scipy.special import ndtr
+
+    cases = [drawn(system, 1, i, "latin-hypercube", 50)["wheels.h_start_wheel"] for i in range(50)]
+    spec = system.about["dispersions"]["wheels.h_start_wheel"]
+    mean, deviation = spec["normal"]
+    for element in np.array(cases).T:
+        strata = np.floor(50 * ndtr((element - mean) / deviation)).astype(int)
+        assert sorted(strata) == list(range(50))
+
+
+def test_saltelli_has_its_own_counts():
+    with pytest.raises(DesatError, match=r"saltelli: -n 100: with .* a power of two times"):
+        head.planned("integrated/mil-nadir", 100, sampling="saltelli")
+
+
+# --- rows -----------------------------------------------------------------------------------------
+
+
+def test_a_campaign_of_two_hundred(whole):
+    table = store.read(whole)
+    assert table["case"].to_pylist() == list(range(COUNT))
+    assert len(set(table["worker"].to_pylist())) == 2
+    system = system_of(str(json.loads((whole / "campaign.json").read_text())["target"]), Options())
+    row = table.slice(77, 1).to_pylist()[0]
+    assert row["in.wheels.h_start_wheel[3]"] == drawn(system, 1, 77)["wheels.h_start_wheel"][2]
+    curves = store.read(whole, store.CURVES)
+    assert curves.num_rows == COUNT
+    assert head.status(whole)["state"] == "done"
+
+
+def test_a_case_is_the_draw_of_the_same_number(whole, own):
+    from desat.study.draws import one
+
+    again = one(str(own), Options(), 1, 123)
+    row = store.read(whole).slice(123, 1).to_pylist()[0]
+    assert {k[4:]: v for k, v in row.items() if k.startswith("out.")} == again["numbers"]
+
+
+def test_kept_cases_have_their_series(whole):
+    wanted = {0, 150, *head.worst(whole, "coil_load", 1)}
+    assert {int(p.name) for p in (whole / "kept").iterdir()} == wanted
+    folder = head.kept_in(whole, 150)
+    assert (folder / "report.html").exists()
+    kept = json.loads((folder / "manifest.json").read_text())["numbers"]["coil_load"]["value"]
+    assert kept == store.read(whole)["out.coil_load"][150].as_py()
+
+
+def test_killed_head_and_killed_worker_lose_nothing(whole, own, tmp_path):
+    """SIGKILL of a worker, then of the head, then once more to the end: the same data."""
+    folder = tmp_path / "campaign"
+    command = [sys.executable, "-m", "desat.cli", "campaign", str(own), "-n", "80", "--jobs", "2",
+               "--out", str(folder)]  # fmt: skip
+    with subprocess.Popen(command, stderr=subprocess.PIPE, stdout=subprocess.PIPE) as process:
+        _until(lambda: _rows(folder) > 10)
+        workers = _children(process.pid)
+        os.kill(workers[-1], signal.SIGKILL)
+        before = _rows(folder)
+        _until(lambda: _rows(folder) > before + 10)
+        process.kill()
+        process.communicate()
+    _until(lambda: not any(map(_there, workers)))
+    assert head.status(folder)["state"] == "killed"
+    assert before < _rows(folder) < 80
+    result = subprocess.run(command, capture_output=True, text=True, timeout=300)
+    assert result.returncode in (Exit.UNMET, Exit.COMPONENT), result.stderr
+    _first_alike(folder, whole, 80)
+
+
+def _rows(folder: Path) -> int:
+    path = folder / store.JOURNAL
+    return path.read_text().count("\n") if path.exists() else 0
+
+
+def _until(condition) -> None:
+    end = time.monotonic() + 120
+    while not condition():
+        assert time.monotonic() < end
+        time.sleep(0.1)
+
+
+def _children(pid: int) -> list[int]:
+    text = Path(f"/proc/{pid}/task/{pid}/children")
+    found = [int(p) for t in text.parent.parent.iterdir()
+             for p in (t / "children").read_text().split()]  # fmt: skip
+    return [p for p in found if b"spawn_main" in Path(f"/proc/{p}/cmdline").read_bytes()]
+
+
+def _there(pid: int) -> bool:
+    try:
+        return "Z" not in Path(f"/proc/{pid}/stat").read_text().split()[2]
+    except FileNotFoundError:
+        return False
+
+
+def test_a_dask_cluster_gives_the_same(whole, own, tmp_path):
+    pytest.importorskip("distributed", reason="Dask is not installed")
+    folder = tmp_path / "campaign"
+    script = (f"from desat.campaign import head\nfrom pathlib import Path\n"
+              f"if __name__ == '__main__':\n"
+              f"    plan, _ = head.planned({str(own)!r}, 40)\n"
+              f"    where = Path({str(folder)!r})\n"
+              f"    head.run(plan, where, cluster='local:2', progress=False)\n")  # fmt: skip
+    path = tmp_path / "run.py"
+    path.write_text(script)
+    subprocess.run([sys.executable, path], check=True, timeout=300, capture_output=True)
+    _first_alike(folder, whole, 40)
+
+
+def _first_alike(folder: Path, whole: Path, count: int) -> None:
+    """The first cases of a campaign are all of the other, bit for bit, rows and curves."""
+    for kind in (store.CASES, store.CURVES):
+        mine, theirs = store.read(folder, kind), store.read(whole, kind).slice(0, count)
+        assert mine.num_rows == count
+        names = [n for n in theirs.column_names if n not in store.OWN]
+        assert mine.select(names).to_pydict() == theirs.select(names).to_pydict()
+
+
+def test_crashes_and_hangs_leave_a_complete_dataset(tmp_path, binary):  # noqa: F811
+    fmu(tmp_path / "s" / "resources" / "failing.fmu", binary)
+    (tmp_path / "s" / "SystemStructure.ssd").write_text(ssd())
+    ways = ["NOTHING"] * 7 + ["SEGFAULT", "EXIT_0", "HANG", "STEP_ERROR"]
+    drawn_ = {"bad.how": {"one_of": [HOW.index(w) for w in ways]}}
+    about = {"name": "failing", "dispersions": drawn_,
+             "numbers": {"y": {"title": "y", "signal": "bad.y"}}}  # fmt: skip
+    (tmp_path / "s" / "extra" / "desat").mkdir(parents=True)
+    (tmp_path / "s" / "extra" / "desat" / "scenario.json").write_text(json.dumps(about))
+    plan, _ = head.planned(str(tmp_path / "s"), 30, options=Options(step=1.0), limit=1.5)
+    folder = tmp_path / "campaign"
+    head.run(plan, folder, 2, progress=False)
+    rows = store.read(folder).to_pylist()
+    assert [r["case"] for r in rows] == list(range(30))
+    by = {HOW[r["in.bad.how"]]: r for r in rows}
+    assert set(by) == set(ways)
+    text = "bad: the step from t = 3 s"
+    assert by["NOTHING"]["status"] == "completed"
+    assert by["NOTHING"]["out.y"] == 10.0
+    assert by["SEGFAULT"]["message"].startswith(f"{text} ended the process: SIGSEGV")
+    assert by["EXIT_0"]["message"].startswith(f"{text} ended the process: exit(0)")
+    assert "did not return within 1.5 s" in by["HANG"]["message"]
+    assert by["HANG"]["attempts"] == 2
+    told = report.summary(folder)
+    assert told["completed"] + len(told["failed"]) == 30
+    assert (
+        told["failed"][0]["command"] == f"desat campaign case {folder} {told['failed'][0]['case']}"
+    )
+
+
+# --- what comes out -------------------------------------------------------------------------------
+
+
+def test_requirements_are_judged_with_their_confidence(whole):
+    path, told = report.write(whole)
+    load, rate = told["requirements"]["load"], told["requirements"]["rate"]
+    completed = told["completed"]
+    assert load["within"] == completed
+    assert load["met"] == (completed >= 195)  # 196 of 200 show 95 % within with 95 % confidence
+    assert not rate["met"]
+    values = [v for v in store.read(whole)["out.rate"].to_pylist() if v is not None]
+    assert rate["within"] == sum(1.0 <= v <= 2.0 for v in values)
+    assert rate["cases_outside"]
+    low, high = rate["interval_outside"]
+    assert low < rate["share_outside"] < high or rate["share_outside"] in (0.0, 100.0)
+    text = path.read_text()
+    assert "NOT SHOWN" in text
+    assert text.count("<svg") >= len(told["numbers"]) / 2
+    assert told["numbers"]["rate"]["unit"] == "deg/s"
+    assert json.loads((whole / "report.json").read_text())["digest"] == store.digest(whole)
+
+
+def test_what_drives_a_number_is_named(whole):
+    """The momentum that is put into the wheels is what they start with."""
+    drivers = {
+        (d["input"], d["number"]): d["correlation"] for d in report.summary(whole)["drivers"]
+    }
+    assert all(abs(c) <= 1.0 for c in drivers.values())
+    assert drivers
+
+
+def test_campaigns_are_compared_case_by_case(whole, own, tmp_path):
+    other = own.with_name("other.toml")
+    other.write_text(f'extends = "{own.stem}"\nparameters.manager.torque_limit = 2e-5\n')
+    folder = tmp_path / "campaign"
+    plan, _ = head.planned(str(other), 30)
+    head.run(plan, folder, 2, progress=False)
+    told = compare(whole, folder)
+    entry = told["numbers"]["coil_load"]
+    assert told["pairs"] == entry["n"] <= 30
+    assert entry["lower"] + entry["higher"] + entry["equal"] == entry["n"]
+    assert entry["interval"][0] <= entry["median"] <= entry["interval"][1]
+    a, b = (store.read(f)["out.coil_load"].to_pylist()[:30] for f in (whole, folder))
+    differences = [x - y for x, y in zip(a, b, strict=True) if x is not None and y is not None]
+    assert entry["median"] == pytest.approx(float(np.median(differences)), rel=1e-9)
+    plan, _ = head.planned(str(other), 3, seed=2)
+    head.run(plan, tmp_path / "seed", 1, progress=False)
+    with pytest.raises(DesatError, match="seed is 1 and 2; pairs need the same"):
+        compare(whole, tmp_path / "seed")
+
+
+# --- wrong input ----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("more", "text"),
+    [
+        ('[requirements.a]\nnumber = "nothing"\nmax = 1.0', "a.number: no number nothing"),
+        ('[requirements.a]\nnumber = "coil_load"', "requirements.a: max or min is needed"),
+        ('[requirements.a]\nnumber = "coil_load"\nmax = 1.0\nmin = 2.0', "it is above max"),
+        ('[requirements.a]\nnumber = "coil_load"\nmaximum = 1.0', "requirements.a.maximum"),
+    ],
+)  # fmt: skip
+def test_requirements_that_nothing_can_meet(tmp_path, desat, more, text):
+    path = tmp_path / "mine.toml"
+    path.write_text(f'extends = "integrated/mil-nadir"\n{more}\n')
+    with pytest.raises(DesatError) as error:
+        head.planned(str(path), 5)
+    assert text in str(error.value)
+    assert str(error.value).startswith(str(path))
+
+
+def test_a_folder_has_one_campaign(whole, own, tmp_path):
+    plan, _ = head.planned(str(own), COUNT, seed=7)
+    with pytest.raises(DesatError, match="another campaign: seed is 1 there, 7 here"):
+        head.run(plan, whole, 1, progress=False)
+    (tmp_path / "letter.txt").write_text("x")
+    with pytest.raises(DesatError, match="it has other files, and no campaign"):
+        head.run(plan, tmp_path, 1, progress=False)
+    assert head.status(whole)["done"] == COUNT
+
+
+@pytest.mark.parametrize(
+    ("arguments", "text"),
+    [
+        (("integrated/mil-nadir", "--keep", "worst:3"), "--keep worst:3: no number"),
+        (("integrated/mil-nadir", "--curve", "momentun"), "did you mean momentum?"),
+        (("integrated/mil-nadir", "--sampling", "sobl"), "did you mean sobol?"),
+        (("plant/light",), "no [dispersions]"),
+        (("integrated/mil-nadir", "--cluster", "local:x"), "local:N is needed"),
+    ],
+)
+def test_wrong_words_are_one_line(desat, tmp_path, arguments, text):
+    result = desat("campaign", *arguments, "-n", "4", "--out", str(tmp_path / "c"))
+    assert result.returncode == Exit.INPUT
+    assert text in result.stderr
+    assert result.stderr.count("\n") == 1, result.stderr
+    assert ROOT.exists()
+
+
+def test_a_campaign_is_a_data_set(whole):
+    import desat
+
+    ds = desat.load(whole)
+    table = store.read(whole)
+    assert ds.sizes["case"] == COUNT
+    expected = [np.nan if v is None else v for v in table["out.rate"].to_pylist()]
+    np.testing.assert_array_equal(ds["out.rate"].values, expected)
+    assert ds["out.rate"].attrs["units"] == "deg/s"
+    assert ds["status"][3].item() == table["status"][3].as_py()
+    assert ds["curve.momentum"].shape == (COUNT, 200)
+    assert ds["in.wheels.h_start_wheel[1]"].sel(case=9).item() == (
+        table["in.wheels.h_start_wheel[1]"][9].as_py()
+    )
