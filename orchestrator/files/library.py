@@ -168,12 +168,18 @@ def load_interface(draft: Draft, c: DraftComponent, blocks: bool) -> bool:
     return c.interface is not None
 
 
+@cache
+def interface_of_block(name: str) -> Interface:
+    """The interface of one of our blocks, by its name."""
+    return of_block(name, registry.block_class(name))
+
+
 def _interface(c: DraftComponent, blocks: bool) -> Interface:
     name = c.source.rpartition("/")[2].removesuffix(".fmu")
     if blocks:
         if name not in registry.names():
             raise DesatError(f"no block {name}{nearest(name, registry.names())}")
-        return of_block(name, registry.block_class(name))
+        return interface_of_block(name)
     if c.fmu is None:
         known = (p.name for p in places.fmus().glob("*.fmu"))
         hint = nearest(f"{name}.fmu", known) or "; run `make fmus`"

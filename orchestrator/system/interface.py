@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import cache, cached_property
+from functools import cached_property
 from typing import Any, Literal
 
 from desat.components.contract.block import Block, Scalar
@@ -90,7 +90,6 @@ def base_name(name: str) -> str:
     return name.partition("[")[0]
 
 
-@cache
 def of_block(name: str, block: type[Block]) -> Interface:
     """The interface of a bare block."""
     signals: dict[str, Signal] = {}
