@@ -123,8 +123,8 @@ def built(source: str, kind: str = "native") -> Path | None:
     none, or for `kind` python, the one of Python; None where there is neither."""
     name = Path(source).name
     folders = [places.fmus() / "native"] if kind == "native" else []
-    found = (folder / name for folder in (*folders, places.fmus()))
-    return next((path for path in found if path.exists()), None)
+    candidates = (folder / name for folder in (*folders, places.fmus()))
+    return next((path for path in candidates if path.exists()), None)
 
 
 def of_kind(path: Path, kind: str) -> Path:

@@ -47,13 +47,13 @@ def family(name: str) -> Family:
             return Family(**known)
     if sys.stderr.isatty():
         print(f"reading the scenarios of {name}, for they or desat have changed", file=sys.stderr)
-    found = _read(name)
+    made = _read(name)
     with suppress(OSError):  # no cache is no harm
         kept.parent.mkdir(parents=True, exist_ok=True)
         part = kept.with_name(f"{kept.name}.{os.getpid()}.part")
-        part.write_text(json.dumps({"digest": digest, **asdict(found)}), encoding="utf-8")
+        part.write_text(json.dumps({"digest": digest, **asdict(made)}), encoding="utf-8")
         part.replace(kept)
-    return found
+    return made
 
 
 def _read(name: str) -> Family:

@@ -226,9 +226,9 @@ def lines_of(plot: dict[str, Any], results: Results, unit: str) -> list[Line]:
 
 def _derived(plot: dict[str, Any], results: Results, unit: str) -> list[Line]:
     """The lines that a plot derives from its signals."""
-    found = derived.of_entry(plot)
-    assert found is not None
-    quantity, options = found
+    entry = derived.of_entry(plot)
+    assert entry is not None
+    quantity, options = entry
     series = [results.values(s) for s in plot["signals"]]
     values = quantity.rows(results.times(), series, options)
     values = values * scale(quantity.unit or results.attribute(plot["signals"][0], "unit"), unit)
