@@ -33,8 +33,8 @@ Command = Callable[..., subprocess.CompletedProcess[str]]
 
 
 @pytest.fixture
-def desat_process() -> Command:
-    """Run the command `desat` in a process of its own, in the repository's folder."""
+def apart() -> Command:
+    """Run the command `desat` in a process apart, in the repository's folder."""
 
     def run(*arguments: str, check: bool = False, **options: object):
         return subprocess.run(

@@ -282,9 +282,9 @@ def test_completion_can_be_installed(tmp_path):
     assert "_DESAT_COMPLETE" in (tmp_path / ".bash_completions/desat.sh").read_text()
 
 
-def test_completion_offers_names(desat_process):
+def test_completion_offers_names(apart):
     words = {"COMP_WORDS": "desat run integrated/mil-n", "COMP_CWORD": "2"}
-    result = desat_process(env={**os.environ, **words, "_DESAT_COMPLETE": "complete_bash"})
+    result = apart(env={**os.environ, **words, "_DESAT_COMPLETE": "complete_bash"})
     assert "integrated/mil-nadir" in result.stdout.split()
     assert not any(n.startswith("uosat12") for n in result.stdout.split())
 
