@@ -15,6 +15,7 @@ fmus: .venv/.installed ## build the FMUs of all blocks into fmus/dist/
 ssp: fmus ## write the SSD of every craft, pack every scenario into ssp/dist/
 	$(BIN)/desat craft
 	$(BIN)/desat pack
+	@$(BIN)/desat list > .venv/list  # reads all scenarios once, and keeps what it finds
 
 test: check fmus ## all tests
 	$(BIN)/python -m pytest -n 2

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import contextlib
+import io
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 from hypothesis import settings
 
+from desat import cli
 from desat.files import places
 from desat.files.scenario import scenarios
 from desat.fmus import registry
@@ -25,9 +29,12 @@ def _fmus_are_built() -> None:
     assert not missing, f"run `make fmus` first: {missing}"
 
 
+Command = Callable[..., subprocess.CompletedProcess[str]]
+
+
 @pytest.fixture
-def desat():
-    """Run the command `desat` in a process of its own, in the repository's folder."""
+def apart() -> Command:
+    """Run the command `desat` in a process apart, in the repository's folder."""
 
     def run(*arguments: str, check: bool = False, **options: object):
         return subprocess.run(
@@ -35,6 +42,26 @@ def desat():
             capture_output=True, text=True, cwd=options.pop("cwd", ROOT), check=check, timeout=300,
             **options,
         )  # fmt: skip
+
+    return run
+
+
+@pytest.fixture
+def desat(monkeypatch) -> Command:
+    """The same in this process: to start another takes longer than most commands."""
+
+    def run(*arguments: str, check: bool = False, cwd: Path = ROOT):
+        out, err = io.StringIO(), io.StringIO()
+        with (
+            monkeypatch.context() as patch, contextlib.chdir(cwd),
+            contextlib.redirect_stdout(out), contextlib.redirect_stderr(err),
+        ):  # fmt: skip
+            patch.setattr(sys, "argv", ["desat", *arguments])
+            code = int(cli._code())
+        done = subprocess.CompletedProcess(arguments, code, out.getvalue(), err.getvalue())
+        if check:
+            done.check_returncode()
+        return done
 
     return run
 

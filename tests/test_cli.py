@@ -138,14 +138,14 @@ def test_draws_do_not_depend_on_count_or_processes(desat):
         return json.loads(desat("draws", NAME, "--json", *arguments, check=True).stdout)
 
     three = rows("-n", "3", "--seed", "5", "--jobs", "1")
-    five = rows("-n", "5", "--seed", "5", "--jobs", "2")
-    assert three["draws"] == five["draws"][:3]
-    assert rows("-n", "3", "--seed", "6")["draws"] != three["draws"]
+    four = rows("-n", "4", "--seed", "5", "--jobs", "2")
+    assert three["draws"] == four["draws"][:3]
+    assert rows("-n", "1", "--seed", "6")["draws"][0]["numbers"] != three["draws"][0]["numbers"]
     times = sorted(d["numbers"]["firing_time"] for d in three["draws"])
     assert three["summary"]["firing_time"] == {
         "unit": "s", "median": times[1], "min": times[0], "max": times[2], "n": 3,
     }  # fmt: skip
-    assert len({d["values"]["magnetometer.seed"] for d in five["draws"]}) == 5
+    assert len({d["values"]["magnetometer.seed"] for d in four["draws"]}) == 4
 
 
 LEAN_MANAGER = '''
@@ -225,7 +225,8 @@ try:
     main()
 except SystemExit as end:
     assert end.code == 0, end.code
-heavy = {"numpy", "scipy", "matplotlib", "fmpy", "h5py", "lxml", "jinja2", "sgp4", "pythonfmu"}
+heavy = {"numpy", "scipy", "matplotlib", "fmpy", "h5py", "lxml", "jinja2", "sgp4", "pythonfmu",
+         "pydantic"}
 print("heavy:", sorted(heavy & set(sys.modules)), file=sys.stderr)
 """
     for arguments in (
@@ -242,13 +243,14 @@ print("heavy:", sorted(heavy & set(sys.modules)), file=sys.stderr)
 
 
 def test_a_run_loads_no_scipy():
-    """It takes as long to load as all else that a short run needs; only some analyses need it."""
+    """It takes as long to load as all else that a short run needs, and so does what draws; only
+    some analyses, and reports, need them."""
     code = """
 import sys
 from desat.study import report
 from desat.study.case import Options, execute
 assert execute("integrated/mil-nadir", Options(stop=5.0, blocks=True)).ok
-assert "scipy" not in sys.modules
+assert not {"scipy", "matplotlib"} & set(sys.modules)
 """
     result = python(code)
     assert result.returncode == 0, result.stderr
@@ -280,9 +282,9 @@ def test_completion_can_be_installed(tmp_path):
     assert "_DESAT_COMPLETE" in (tmp_path / ".bash_completions/desat.sh").read_text()
 
 
-def test_completion_offers_names(desat):
+def test_completion_offers_names(apart):
     words = {"COMP_WORDS": "desat run integrated/mil-n", "COMP_CWORD": "2"}
-    result = desat(env={**os.environ, **words, "_DESAT_COMPLETE": "complete_bash"})
+    result = apart(env={**os.environ, **words, "_DESAT_COMPLETE": "complete_bash"})
     assert "integrated/mil-nadir" in result.stdout.split()
     assert not any(n.startswith("uosat12") for n in result.stdout.split())
 
@@ -320,6 +322,7 @@ FAILING = {
 }
 
 
+@pytest.mark.filterwarnings("ignore:overflow")
 def test_a_component_that_fails_is_4(desat, tmp_path):
     """More pulses than there are numbers overflow in the thrusters' step."""
     given = [f"--set={k}={v}" for k, v in FAILING.items()]
@@ -364,13 +367,9 @@ def test_a_scenario_file_of_ones_own(desat, tmp_path):
     """From any folder, on a scenario of ours by its name or a file beside; messages name it."""
     (tmp_path / "mine.toml").write_text('extends = "integrated/mil-nadir"\nstop = 20.0\n')
     (tmp_path / "next.toml").write_text('extends = "mine"\nstop = 10.0\n')
-    ends = []
-    for name in ("mine", "next"):
-        result = desat("run", f"{name}.toml", "--no-twin", "--json", cwd=tmp_path, check=True)
-        manifest = json.loads(result.stdout)
-        assert manifest["scenario"] == f"integrated/{name}"
-        ends.append(manifest["end_time"])
-    assert ends == [20.0, 10.0]
+    result = desat("run", "next.toml", "--no-twin", "--json", cwd=tmp_path, check=True)
+    manifest = json.loads(result.stdout)
+    assert (manifest["scenario"], manifest["end_time"]) == ("integrated/next", 10.0)
     for text, message in (
         ('extends = "integrated/mil-nadr"', "extends: no scenario integrated/mil-nadr; did you"),
         ('extends = "mil-nadir"', "extends: no file mil-nadir.toml"),

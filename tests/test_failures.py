@@ -108,8 +108,8 @@ def test_a_component_that_ends_the_process(system, tmp_path, how, text):
     assert json.loads((tmp_path / "out/manifest.json").read_text())["status"] == "failed"
 
 
-def test_the_command_reports_a_crash(desat, system, tmp_path):
-    result = desat("run", str(system), "--step", "1", "--set", f"bad.how={HOW.index('EXIT_0')}",
+def test_the_command_reports_a_crash(apart, system, tmp_path):
+    result = apart("run", str(system), "--step", "1", "--set", f"bad.how={HOW.index('EXIT_0')}",
                    "--out", str(tmp_path / "out"))  # fmt: skip
     assert result.returncode == Exit.COMPONENT
     (line,) = [x for x in result.stderr.splitlines() if "exit(0)" in x]
@@ -285,15 +285,15 @@ def test_what_a_component_changes_is_put_back_and_said(system, tmp_path, how, wh
     assert 1.0 + 1e-17 == 1.0
 
 
-def test_a_relative_out_where_a_component_goes_elsewhere(desat, system, tmp_path):
-    desat("run", str(system), "--step", "1", "--set", f"bad.how={HOW.index('CHDIR')}", "--out", "o",
+def test_a_relative_out_where_a_component_goes_elsewhere(apart, system, tmp_path):
+    apart("run", str(system), "--step", "1", "--set", f"bad.how={HOW.index('CHDIR')}", "--out", "o",
           cwd=tmp_path, check=True)  # fmt: skip
     assert (tmp_path / "o" / "report.html").exists()
 
 
-def test_what_a_component_prints_is_no_json_and_what_it_logs_is_a_warning(desat, system, tmp_path):
+def test_what_a_component_prints_is_no_json_and_what_it_logs_is_a_warning(apart, system, tmp_path):
     for how in ("PRINT", "LOG"):
-        result = desat("run", str(system), "--step", "1", "--set", f"bad.how={HOW.index(how)}",
+        result = apart("run", str(system), "--step", "1", "--set", f"bad.how={HOW.index(how)}",
                        "--json", "--out", str(tmp_path / how), check=True)  # fmt: skip
         manifest = json.loads(result.stdout)
         assert manifest["status"] == "completed"
@@ -389,19 +389,19 @@ def test_check_is_linear(tmp_path):
 # --- whose code it is ---------------------------------------------------------------------------
 
 
-def test_check_runs_no_foreign_code_unless_trusted(desat, system, tmp_path):
+def test_check_runs_no_foreign_code_unless_trusted(apart, system, tmp_path):
     given = ("check", str(system), "--step", "1", "--set", f"bad.how={HOW.index('IN_START')}")
-    result = desat(*given)
+    result = apart(*given)
     assert result.returncode == 0, result.stderr
     digest = library.sha256(system / "resources/failing.fmu")
     assert f"failing.fmu is foreign native code, for linux64; sha256 {digest}" in result.stderr
     listed = tmp_path / "trusted"
     listed.write_text(f"# mine\n{digest}  failing.fmu\n")
-    result = desat(*given, "--trust", str(listed))
+    result = apart(*given, "--trust", str(listed))
     assert result.returncode == Exit.UNMET
     assert "crashed (signal 11)" in result.stderr
     listed.write_text("0" * 64)
-    result = desat("run", *given[1:], "--trust", str(listed), "--out", str(tmp_path / "out"))
+    result = apart("run", *given[1:], "--trust", str(listed), "--out", str(tmp_path / "out"))
     assert result.returncode == Exit.INPUT
     assert "bad: failing.fmu is not of the list of --trust" in result.stderr
     listed.write_text("so what")

@@ -149,22 +149,22 @@ def signals(parts: dict[str, str]) -> list[str]:
 def numbers(manifest: dict[str, Any], results: Results) -> dict[str, dict[str, Any]]:
     """The largest mismatch of energy, as a share of the largest energy that the body had or got,
     and the largest one of impulse (N m s)."""
-    found = balance(manifest, results)
-    if found is None:
+    balanced = balance(manifest, results)
+    if balanced is None:
         return {}
     rows: dict[str, dict[str, Any]] = {}
-    scale = max(found.energy.max(), np.abs(found.work).max())
+    scale = max(balanced.energy.max(), np.abs(balanced.work).max())
     if scale > 0.0:
         rows["energy_mismatch"] = {
             "title": "Energy mismatch, largest",
-            "value": float(np.abs(found.mismatch).max() / scale),
+            "value": float(np.abs(balanced.mismatch).max() / scale),
             "unit": "1",
             "note": "of the body's largest energy or work",
         }
-    if found.impulse is not None:
+    if balanced.impulse is not None:
         rows["impulse_mismatch"] = {
             "title": "External impulse, the body's own less that computed outside, largest",
-            "value": float(np.linalg.norm(found.impulse, axis=1).max()),
+            "value": float(np.linalg.norm(balanced.impulse, axis=1).max()),
             "unit": "N.m.s",
         }
     return rows
@@ -182,12 +182,12 @@ def unmet(manifest: dict[str, Any], results: Results) -> list[str]:
 
 def figures(manifest: dict[str, Any], results: Results) -> list[tuple[str, str]]:
     """The mismatch of energy over time."""
-    found = balance(manifest, results)
-    if found is None:
+    balanced = balance(manifest, results)
+    if balanced is None:
         return []
     fig, ax = figure()
-    seconds, unit = time_axis(found.times)
-    times, mismatch = envelope(found.times, found.mismatch)
+    seconds, unit = time_axis(balanced.times)
+    times, mismatch = envelope(balanced.times, balanced.mismatch)
     ax.plot(times / seconds, mismatch, color=COLOURS[0], linewidth=1.0)
     ax.set_xlabel(f"time [{unit}]")
     ax.set_ylabel("[J]")

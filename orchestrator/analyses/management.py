@@ -29,9 +29,9 @@ def applies(system: System) -> dict[str, str] | None:
     with wheels. `wheels` is left out where they are ideal ones within the craft."""
 
     def target(source: str, connector: str) -> str | None:
-        found = (c.target for c in system.connections
+        targets = (c.target for c in system.connections
                  if c.source == source and c.input == connector)  # fmt: skip
-        return next(found, None)
+        return next(targets, None)
 
     for c in system.connections:
         if c.input != "m_cmd_body[1]":
@@ -71,17 +71,17 @@ def numbers(manifest: dict[str, Any], results: Results) -> dict[str, dict[str, A
     stored = h @ axes.T
     size = np.linalg.norm(stored, axis=1)
     idle = h - stored @ np.linalg.pinv(axes).T
-    found = {
+    rows = {
         "sum_rms": ("Momentum that coils can act on, sum g h: rms", _rms(size), "N.m.s"),
         "sum_largest": ("The same: largest", float(size.max()), "N.m.s"),
         "null_rms": ("Null-space part of a wheel's momentum: rms of the largest wheel",
                      _rms(np.abs(idle).max(axis=1)), "N.m.s"),
     }  # fmt: skip
     m = results.values(f"{parts['torquers']}.m_mean_body")
-    found |= _of_coils(m, given["torquers"], float(manifest["step"]))
+    rows |= _of_coils(m, given["torquers"], float(manifest["step"]))
     if "wheels" in parts:
-        found |= _of_wheels(parts["wheels"], given["wheels"], results, np.abs(h), there)
-    return {k: {"title": t, "value": v, "unit": u} for k, (t, v, u) in found.items()}
+        rows |= _of_wheels(parts["wheels"], given["wheels"], results, np.abs(h), there)
+    return {k: {"title": t, "value": v, "unit": u} for k, (t, v, u) in rows.items()}
 
 
 def unmet(manifest: dict[str, Any], results: Results) -> list[str]:
@@ -124,17 +124,17 @@ def _of_wheels(
     wheels: str, given: dict[str, Any], results: Results, h: Any, there: Any
 ) -> dict[str, tuple[str, float, str]]:  # fmt: skip
     """How near the wheels come to their limits, and how often they pass zero speed."""
-    found = {}
+    rows = {}
     if "inertia_wheel" in given and "speed_limit" in given:
         capacity = (np.array(given["inertia_wheel"]) * given["speed_limit"])[there]
         margin = 100.0 * (1.0 - float((h / capacity).max()))
-        found["momentum_margin"] = ("Momentum margin: what the fullest wheel has left, least",
+        rows["momentum_margin"] = ("Momentum margin: what the fullest wheel has left, least",
                                     margin, "%")  # fmt: skip
     saturated, speed = (results.values(f"{wheels}.{n}") for n in _OF_WHEELS)
     steps = np.diff(results.times(), append=results.times()[-1])
     at_limit = np.asarray(saturated.reshape(len(saturated), -1).any(axis=1))
     crossings = (np.diff(np.signbit(speed[:, there]), axis=0)).sum()
-    found["limit_time"] = ("Time that some wheel is at its limit",
+    rows["limit_time"] = ("Time that some wheel is at its limit",
                            float(steps[: len(at_limit)] @ at_limit), "s")  # fmt: skip
-    found["crossings"] = ("Zero crossings of the wheels", float(crossings), "1")
-    return found
+    rows["crossings"] = ("Zero crossings of the wheels", float(crossings), "1")
+    return rows

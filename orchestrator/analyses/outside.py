@@ -37,12 +37,12 @@ def feeds(system: System, body: str) -> Feeds | None:
     interface = component.interface
     if interface is None or interface.model != BLOCK:
         return None
-    found: Feeds = {}
+    fed: Feeds = {}
     for name in INPUTS:
         signals = interface.elements(name)
         wires = [c for c in system.connections if c.target == body and base_name(c.input) == name]
         if not wires:
-            found[name] = [value_of(component, s.name) for s in signals]
+            fed[name] = [value_of(component, s.name) for s in signals]
             continue
         wire = wires[0]
         source = system.components[wire.source]
@@ -54,8 +54,8 @@ def feeds(system: System, body: str) -> Feeds | None:
             and source.decimation == 1 and known.unit_name == signals[0].unit_name
         ):  # fmt: skip
             return None
-        found[name] = series.pop()
-    return found
+        fed[name] = series.pop()
+    return fed
 
 
 def torque(

@@ -12,11 +12,13 @@ import traceback
 from typing import Annotated, Any, NoReturn
 
 import typer
+from typer.main import get_command
 
 from ..system.codes import Exit
 from ..system.errors import DesatError
 from . import commands
 from .common import app, err, out
+from .spare import spare
 
 for _module in sorted(m.name for m in pkgutil.iter_modules(commands.__path__)):
     importlib.import_module(f"{commands.__name__}.{_module}")
@@ -56,7 +58,10 @@ def main() -> None:
 def _code() -> int:
     """Do what the command line says; how it ended."""
     try:
-        code = app(prog_name="desat", standalone_mode=False)  # typer.Exit comes back as a number
+        command = get_command(app)
+        spare(command)
+        # typer.Exit comes back as a number
+        code = command(prog_name="desat", standalone_mode=False)
         sys.stdout.flush()
         return code if isinstance(code, int) else Exit.COMPLETED
     except DesatError as error:

@@ -44,28 +44,27 @@ def read(path: Path, where: str) -> dict[str, Any]:
     Raises DesatError, a line a problem, for what is no JSON or not in the scenario language.
     """
     try:
-        found = json.loads(contents(path, where).decode("utf-8"))
+        about: dict[str, Any] = json.loads(contents(path, where).decode("utf-8"))
     except (ValueError, RecursionError) as error:
         raise DesatError(f"{where}: not JSON in UTF-8 ({error})") from error
-    if wrong := list(_problems(found)):
+    if wrong := list(_problems(about)):
         raise DesatError("\n".join(f"{where}: {text}" for text in wrong))
-    about: dict[str, Any] = found
     return about
 
 
-def _problems(found: Any) -> list[str]:
+def _problems(about: Any) -> list[str]:
     from .refuse import problems  # pydantic, only where there is something to check
 
-    if not isinstance(found, dict):
+    if not isinstance(about, dict):
         return ["a table is needed"]
     known = (*_OWN, *KEYS)
-    wrong = [f"{k}: unknown key{nearest(k, known)}" for k in found if k not in known]
-    if not isinstance(found.get("name", ""), str):
-        wrong.append(f"name: got {found['name']!r}; a text is needed")
+    wrong = [f"{k}: unknown key{nearest(k, known)}" for k in about if k not in known]
+    if not isinstance(about.get("name", ""), str):
+        wrong.append(f"name: got {about['name']!r}; a text is needed")
     for key in ("cell", "labels"):
-        table = found.get(key, {})
+        table = about.get(key, {})
         if not isinstance(table, dict) or not all(isinstance(v, str) for v in table.values()):
             wrong.append(f"{key}: a table of texts is needed")
-    if not isinstance(found.get("plots", []), list):
+    if not isinstance(about.get("plots", []), list):
         wrong.append("plots: a list is needed")
-    return wrong or [f"{'.'.join(p)}: {t}" for p, t in problems(data_of(found), part=False)]
+    return wrong or [f"{'.'.join(p)}: {t}" for p, t in problems(data_of(about), part=False)]

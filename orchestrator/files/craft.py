@@ -32,7 +32,7 @@ from desat.fmus import registry
 
 from ..system.draft import Draft, DraftComponent
 from ..system.errors import DesatError, nearest
-from ..system.interface import Interface, of_block
+from ..system.interface import Interface
 from ..system.model import Connection, Connector
 from ..system.parameters import expand
 from ..system.wiring import elements, misfit, names, usual_sources
@@ -163,9 +163,7 @@ class _Reader:
     def from_block(self, source: str) -> tuple[Path | None, Interface]:
         if source not in registry.names():
             raise DesatError(f"no such block{nearest(source, registry.names())}")
-        return (
-            library.built(f"{source}.fmu"), of_block(source, registry.block_class(source))
-        )  # fmt: skip
+        return library.built(f"{source}.fmu"), library.interface_of_block(source)
 
     def role(self, name: str, source: str, interface: Interface) -> str:
         """The role of a component; nothing, and a problem, where its name says another."""

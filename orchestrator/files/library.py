@@ -123,8 +123,8 @@ def built(source: str, kind: str = "native") -> Path | None:
     none, or for `kind` python, the one of Python; None where there is neither."""
     name = Path(source).name
     folders = [places.fmus() / "native"] if kind == "native" else []
-    found = (folder / name for folder in (*folders, places.fmus()))
-    return next((path for path in found if path.exists()), None)
+    candidates = (folder / name for folder in (*folders, places.fmus()))
+    return next((path for path in candidates if path.exists()), None)
 
 
 def of_kind(path: Path, kind: str) -> Path:
@@ -168,12 +168,18 @@ def load_interface(draft: Draft, c: DraftComponent, blocks: bool) -> bool:
     return c.interface is not None
 
 
+@cache
+def interface_of_block(name: str) -> Interface:
+    """The interface of one of our blocks, by its name."""
+    return of_block(name, registry.block_class(name))
+
+
 def _interface(c: DraftComponent, blocks: bool) -> Interface:
     name = c.source.rpartition("/")[2].removesuffix(".fmu")
     if blocks:
         if name not in registry.names():
             raise DesatError(f"no block {name}{nearest(name, registry.names())}")
-        return of_block(name, registry.block_class(name))
+        return interface_of_block(name)
     if c.fmu is None:
         known = (p.name for p in places.fmus().glob("*.fmu"))
         hint = nearest(f"{name}.fmu", known) or "; run `make fmus`"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +12,7 @@ from pydantic import ValidationError
 from ..system.errors import DesatError, nearest
 from . import language, language_paper, places
 from .merge import Keys
-from .toml import toml
+from .toml import parsed, text
 from .vocabulary import Table
 
 NEEDED = {
@@ -35,13 +36,20 @@ def problems(data: dict[str, Any], part: bool) -> Iterator[tuple[Keys, str]]:
 
 
 def design(file: Path) -> dict[str, Any]:
-    """The data of a design's file. Raises DesatError, a line a problem."""
-    data, lines = toml(file), []
+    """The data of a design's file, not to be changed. Raises DesatError, a line a problem."""
+    where = places.shown(file)
+    return _design(text(file, where), where)
+
+
+@lru_cache(maxsize=32)
+def _design(source: str, where: str) -> dict[str, Any]:
+    """The data of a design's text: long tables, which many cells of a scenario share."""
+    data, lines = parsed(source, where), []
     for path, error in _errors(language.DesignFile, data):
-        text = _text(error)
+        said = _text(error)
         if error["type"] == "extra_forbidden":
-            text = f"unknown key{nearest(path[-1], keys(language.DesignFile))}"
-        lines.append(": ".join([places.shown(file), *([".".join(path)] if path else []), text]))
+            said = f"unknown key{nearest(path[-1], keys(language.DesignFile))}"
+        lines.append(": ".join([where, *([".".join(path)] if path else []), said]))
     if lines:
         raise DesatError("\n".join(lines))
     return data

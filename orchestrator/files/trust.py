@@ -24,14 +24,14 @@ _LINE = re.compile(r"([0-9a-fA-F]{64})(\s+\*?.*)?")
 def hashes(path: Path) -> frozenset[str]:
     """The sha256 of a list, as sha256sum writes it: a hash a line, and what it is of. Raises
     DesatError with the line that is no such."""
-    found = set()
+    known = set()
     for number, line in enumerate(text(path, str(path)).splitlines(), 1):
         line = line.partition("#")[0].strip()
         if line and not (match := _LINE.fullmatch(line)):
             raise DesatError(f"{path}:{number}: {line[:40]!r}: a sha256 of 64 digits is needed")
         if line and match:
-            found.add(match[1].lower())
-    return frozenset(found)
+            known.add(match[1].lower())
+    return frozenset(known)
 
 
 def is_ours(fmu: Path) -> bool:
@@ -84,5 +84,5 @@ def notes(components: Iterable[Component]) -> Iterator[str]:
 
 def platforms(folder: Path) -> list[str]:
     """The platforms that an extracted FMU has a library for, as FMI 2.0 names them."""
-    found = (p for p in (folder / "binaries").glob("*") if p.is_dir())
-    return sorted(p.name for p in found if any(q.is_file() for q in p.iterdir()))
+    folders = (p for p in (folder / "binaries").glob("*") if p.is_dir())
+    return sorted(p.name for p in folders if any(q.is_file() for q in p.iterdir()))

@@ -117,7 +117,7 @@ def rows_of(
     share of draws where there are none.
     """
     method, case = (scenario.cell.get(axis, "") for axis in ("method", "case"))
-    found = []
+    rows = []
     for row, name in numbers_of_rows(scenario.data, scenario.cell).items():
         entry = Entry(scenario.data["paper"][row], method, case)
         told: dict[str, Any] | None
@@ -130,8 +130,8 @@ def rows_of(
         else:
             ours = _value(scenario, row, name, values, everything)
             told = _spread(entry, drawn["summary"].get(name) if drawn else None)
-        found.append(_row(scenario, entry, name, ours, values, told))
-    return found
+        rows.append(_row(scenario, entry, name, ours, values, told))
+    return rows
 
 
 def _spread(entry: Entry, summary: dict[str, Any] | None) -> dict[str, Any] | None:

@@ -29,23 +29,23 @@ def readable(
     return good, list(dict.fromkeys(lines))
 
 
-def _of_system(found: Scenario) -> list[str]:
+def _of_system(given: Scenario) -> list[str]:
     """What is wrong with a scenario's system on bare blocks, and with what it names of it."""
     try:
-        draft = found.draft(blocks=True)
+        draft = given.draft(blocks=True)
     except DesatError as error:
         return str(error).splitlines()
-    if wrong := draft.problems or meaning.names(found, draft):
+    if wrong := draft.problems or meaning.names(given, draft):
         return wrong
     system = resolve(draft).system
-    return [] if system is None else meaning.wants(found, system)
+    return [] if system is None else meaning.wants(given, system)
 
 
-def _design(found: Scenario) -> list[str]:
+def _design(given: Scenario) -> list[str]:
     """What is wrong with the file of a scenario's design."""
     try:
-        if found.design is not None and found.design.exists():
-            refuse.design(found.design)
+        if given.design is not None and given.design.exists():
+            refuse.design(given.design)
     except DesatError as error:
         return str(error).splitlines()
     return []
@@ -132,18 +132,18 @@ def measures() -> list[dict[str, str]]:
 
 def show(name: str) -> list[dict[str, Any]]:
     """Every value of a scenario as merged, and the file, axis cell or design it comes from."""
-    found = scenario.find(name)
+    whole = scenario.find(name)
     rows = [
-        {"key": ".".join(path), "value": value, "from": found.where(path).partition(": ")[0],
-         "cell": origin(found.origins, path)[1].rstrip(".")}
-        for path, value in _leaves(found.data) if path[0] != "labels"
+        {"key": ".".join(path), "value": value, "from": whole.where(path).partition(": ")[0],
+         "cell": origin(whole.origins, path)[1].rstrip(".")}
+        for path, value in _leaves(whole.data) if path[0] != "labels"
     ]  # fmt: skip
-    if found.design is not None and found.design.exists():
+    if whole.design is not None and whole.design.exists():
         own = {row["key"] for row in rows}
-        file = found.design.relative_to(scenario.ROOT.parent).as_posix()
+        file = whole.design.relative_to(scenario.ROOT.parent).as_posix()
         rows += [
             {"key": key, "value": value, "from": file, "cell": "design"}
-            for path, value in _leaves(found.parameters(), ("parameters",))
+            for path, value in _leaves(whole.parameters(), ("parameters",))
             if (key := ".".join(path)) not in own
         ]
     return [{**row, "value": _plain(row["value"])} for row in rows]

@@ -11,9 +11,9 @@ import hashlib
 import json
 import os
 import sys
-from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import asdict, dataclass
+from functools import cache
 from pathlib import Path
 
 from ..files import places
@@ -47,13 +47,13 @@ def family(name: str) -> Family:
             return Family(**known)
     if sys.stderr.isatty():
         print(f"reading the scenarios of {name}, for they or desat have changed", file=sys.stderr)
-    found = _read(name)
+    made = _read(name)
     with suppress(OSError):  # no cache is no harm
         kept.parent.mkdir(parents=True, exist_ok=True)
         part = kept.with_name(f"{kept.name}.{os.getpid()}.part")
-        part.write_text(json.dumps({"digest": digest, **asdict(found)}), encoding="utf-8")
+        part.write_text(json.dumps({"digest": digest, **asdict(made)}), encoding="utf-8")
         part.replace(kept)
-    return found
+    return made
 
 
 def _read(name: str) -> Family:
@@ -78,13 +78,14 @@ def _digest(name: str) -> str:
     folder = places.SCENARIOS / name
     for path in sorted(p for p in folder.rglob("*") if p.suffix in (".toml", ".ssd", ".fmu")):
         made.update(f"\0{path.relative_to(folder)}\0".encode() + path.read_bytes())
-    for code in _code():
-        made.update(f"\0{code}".encode())
+    made.update(_code())
     return made.hexdigest()
 
 
-def _code() -> Iterator[str]:
-    """Path, size and time of change of each file of our code."""
+@cache
+def _code() -> bytes:
+    """Of path, size and time of change of each file of our code."""
+    made = hashlib.sha256()
     # what a checkout maps below the package lies beside it
     beside = [places.PACKAGE.parent / "components", places.PACKAGE.parent / "fmus"]
     for root in (places.PACKAGE, *(() if places.INSTALLED else beside)):
@@ -93,4 +94,5 @@ def _code() -> Iterator[str]:
             for file in sorted(f for f in files if f.endswith(".py")):
                 path = os.path.join(folder, file)
                 stat = os.stat(path)
-                yield f"{path} {stat.st_size} {stat.st_mtime_ns}"
+                made.update(f"\0{path} {stat.st_size} {stat.st_mtime_ns}".encode())
+    return made.digest()

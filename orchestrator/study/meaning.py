@@ -32,9 +32,9 @@ def options_of(measure: str) -> tuple[list[str], dict[str, Any]]:
 
 def words(scenario: Scenario) -> list[str]:
     """Measures, options and derived quantities that there are not; no system is needed."""
-    found = [*_words(scenario.data), *_requirements(scenario.data)]
-    found += _rows(scenario.data, scenario.cell)
-    return [f"{scenario.where(path)}: {text}" for path, text in found]
+    problems = [*_words(scenario.data), *_requirements(scenario.data)]
+    problems += _rows(scenario.data, scenario.cell)
+    return [f"{scenario.where(path)}: {text}" for path, text in problems]
 
 
 def _words(data: dict[str, Any]) -> Iterator[tuple[Path, str]]:
@@ -115,14 +115,14 @@ def numbers_of_rows(data: dict[str, Any], cell: dict[str, str]) -> dict[str, str
     """Row -> number, of the rows of a paper's tables that have a value, or none at all, for the
     method of a cell."""
     method = cell.get("method", "")
-    found = {}
+    numbers = {}
     for row, entry in data.get("paper", {}).items():
         values = entry.get("values")
         if method in entry.get("only", [method]) and (
             not isinstance(values, dict) or method in values
         ):
-            found[row] = entry.get("number", entry["quantity"])
-    return found
+            numbers[row] = entry.get("number", entry["quantity"])
+    return numbers
 
 
 def _analysed(scenario: Scenario, system: System) -> Iterator[tuple[Path, str]]:
@@ -136,15 +136,15 @@ def _analysed(scenario: Scenario, system: System) -> Iterator[tuple[Path, str]]:
 def _derived(entry: dict[str, Any]) -> Iterator[tuple[str, str]]:
     """What is wrong with what a number or plot derives: key and text."""
     try:
-        found = derived.of_entry(entry)
+        quantity = derived.of_entry(entry)
     except DesatError as error:
         yield "derive", str(error)
         return
     if "sequence" in entry and entry.get("derive") not in ("euler", "euler_lvlh"):
         yield "sequence", 'only with derive = "euler" or "euler_lvlh"'
-    if found is None:
+    if quantity is None:
         return
-    count = len(found[0].names)
+    count = len(quantity[0].names)
     if len(entry.get("components", ())) > count:
         yield "components", f"{len(entry['components'])} names for {count} elements"
     if entry.get("element", 0) > count:
@@ -166,18 +166,18 @@ def _unfit(option: str, annotation: str, value: Any) -> str:
 
 def names(scenario: Scenario, system: Draft) -> list[str]:
     """Series, units, limits and dispersions that do not fit the system, interfaces loaded."""
-    found = [*_series(scenario.data, system), *_dispersions(scenario.data, system)]
-    return [f"{scenario.where(path)}: {text}" for path, text in found]
+    problems = [*_series(scenario.data, system), *_dispersions(scenario.data, system)]
+    return [f"{scenario.where(path)}: {text}" for path, text in problems]
 
 
 def wants(scenario: Scenario, system: System) -> list[str]:
     """What a scenario wants of a resolved system that is not to be had: numbers of an analysis that
     does not apply to it, and a condition that it cannot meet."""
-    found = list(_analysed(scenario, system))
+    problems = list(_analysed(scenario, system))
     for line in stopping.problems(system):
         path, _, text = line.partition(": ")
-        found.append((tuple(path.split(".")), text))
-    return [f"{scenario.where(path)}: {text}" for path, text in found]
+        problems.append((tuple(path.split(".")), text))
+    return [f"{scenario.where(path)}: {text}" for path, text in problems]
 
 
 def _elements(system: Draft, name: str, causalities: tuple[str, ...]) -> list[Signal] | str:
@@ -212,11 +212,11 @@ def _series(data: dict[str, Any], system: Draft) -> Iterator[tuple[Path, str]]:
         for name, entry in data.get(table, {}).items():
             signals = entry.get(key, [])
             signals = [signals] if isinstance(signals, str) else signals
-            found = [_elements(system, signal, ("output",)) for signal in signals]
-            for problem in found:
+            ends = [_elements(system, signal, ("output",)) for signal in signals]
+            for problem in ends:
                 if isinstance(problem, str):
                     yield (table, name, key), problem
-            known = [e for e in found if isinstance(e, list) and e]
+            known = [e for e in ends if isinstance(e, list) and e]
             first = table == "numbers" or "derive" in entry
             for what, text in _entry(entry, known[:1] if first else known):
                 yield (table, name, what), text

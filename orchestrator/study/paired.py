@@ -70,7 +70,7 @@ def differences(ours: dict[str, Any], theirs: dict[str, Any]) -> dict[str, dict[
     `n` is how many there are of the others.
     """
     other = {row["draw"]: row["numbers"] for row in theirs["draws"]}
-    found = {}
+    compared = {}
     for name, entry in ours["summary"].items():
         if theirs["summary"].get(name, {}).get("unit") != entry["unit"]:
             continue
@@ -83,7 +83,7 @@ def differences(ours: dict[str, Any], theirs: dict[str, Any]) -> dict[str, dict[
             for draw, (a, b) in pairs.items() if a is not None and b is not None
         }  # fmt: skip
         values = list(each.values())
-        found[name] = {
+        compared[name] = {
             "unit": entry["unit"],
             "median": statistics.median(values) if values else None,
             "min": min(values, default=None),
@@ -94,4 +94,4 @@ def differences(ours: dict[str, Any], theirs: dict[str, Any]) -> dict[str, dict[
             "equal": sum(x == 0.0 for x in values),
             "each": [{"draw": draw, "difference": x} for draw, x in each.items()],
         }
-    return found
+    return compared

@@ -7,11 +7,9 @@ import re
 import textwrap
 from collections.abc import Sequence
 from itertools import pairwise
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
-import matplotlib as mpl
 import numpy as np
-from matplotlib.figure import Figure
 
 from ..engine.results import Results
 from ..system.errors import DesatError
@@ -20,6 +18,9 @@ from ..system.expression import factor, product
 from . import derived
 from .numbers import scale
 from .strips import timeline
+
+if TYPE_CHECKING:  # half a second, which only what draws needs
+    from matplotlib.figure import Figure
 
 COLOURS = ("#0b62a4", "#d1495b", "#2e8b57", "#8a5fbf", "#e08e0b", "#444444", "#1aa6b7", "#8b5a2b",
            "#a3b72c")  # fmt: skip
@@ -74,8 +75,14 @@ def time_axis(times: np.ndarray[Any, Any]) -> tuple[float, str]:
 
 def figure(width: float = 7.2, height: float = HEIGHT) -> tuple[Figure, Any]:
     """A figure in our style, and its axes."""
-    fig = Figure(figsize=(width, height))
+    fig = _empty(width, height)
     return fig, _axes(fig, BOTTOM, TOP)
+
+
+def _empty(width: float, height: float) -> Figure:
+    from matplotlib.figure import Figure
+
+    return Figure(figsize=(width, height))
 
 
 def _axes(fig: Figure, bottom: float, top: float) -> Any:
@@ -105,6 +112,8 @@ def legend(ax: Any) -> None:
 
 def svg(fig: Figure) -> str:
     """The figure as an <svg> element, the same for the same data."""
+    import matplotlib as mpl
+
     buffer = io.StringIO()
     with mpl.rc_context({"svg.hashsalt": "desat", "svg.fonttype": "path"}):
         fig.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None})
@@ -136,7 +145,7 @@ def series_figure(plot: dict[str, Any], runs: Sequence[Run]) -> Figure | None:
         fig, ax = figure()
         panels = [(ax, drawn)]
     else:
-        fig = Figure(figsize=(7.2, PANELS))
+        fig = _empty(7.2, PANELS)
         later = [[_since(line, steady) for line in lines] for lines in drawn]
         panels = [(_axes(fig, 0.60, 0.96), drawn), (_axes(fig, 0.10, 0.46), later)]
         panels[1][0].set_title(f"from {steady / seconds:g} {time_unit} on", fontsize=9, loc="left")
@@ -223,9 +232,9 @@ def lines_of(plot: dict[str, Any], results: Results, unit: str) -> list[Line]:
 
 def _derived(plot: dict[str, Any], results: Results, unit: str) -> list[Line]:
     """The lines that a plot derives from its signals."""
-    found = derived.of_entry(plot)
-    assert found is not None
-    quantity, options = found
+    entry = derived.of_entry(plot)
+    assert entry is not None
+    quantity, options = entry
     series = [results.values(s) for s in plot["signals"]]
     values = quantity.rows(results.times(), series, options)
     values = values * scale(quantity.unit or results.attribute(plot["signals"][0], "unit"), unit)

@@ -115,18 +115,18 @@ def compute(
     What `known` (an older result) has for the other scenarios is kept.
     """
     kept = dict((known or {}).get("scenarios", {}))
-    found = {}
+    made = {}
     for name, scenario in with_draws(family).items():
         if names is not None and name not in names:
             if name in kept:
-                found[name] = kept[name]
+                made[name] = kept[name]
             continue
         result = draws(name, scenario.data["draws"], SEED, Options(), jobs, progress)
         if failed := [r for r in result["draws"] if r["status"] != "completed"]:
             worst = failed[0]
             text = f"{name}: draw {worst['draw']}: {worst['message']}"
             raise RunError(text, Exit(worst["code"]))
-        found[name] = {
+        made[name] = {
             "sha256": digest(scenario),
             "code_sha256": code(scenario),
             "date": f"{datetime.now(UTC):%Y-%m-%d}",
@@ -139,7 +139,7 @@ def compute(
         "seed": SEED,
         "components_as": "FMUs",
         "versions": {**{p: version(p) for p in PACKAGES}, "python": platform.python_version()},
-        "scenarios": found,
+        "scenarios": made,
     }
 
 

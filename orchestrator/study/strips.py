@@ -64,7 +64,7 @@ def bands(
     starts = times[: len(values)]
     shortest = (ends[-1] - starts[0]) / columns
     values_, counts = np.unique(values, return_counts=True)
-    found = []
+    strips = []
     for value in values_[np.argsort(-counts, kind="stable")]:
         spans: list[tuple[float, float]] = []
         held = np.flatnonzero(values == value)
@@ -76,5 +76,5 @@ def bands(
             if spans and begin - spans[-1][1] < shortest:
                 begin = spans.pop()[0]  # no gap that nobody could see
             spans.append((begin, end))
-        found.append((int(value), spans))
-    return found
+        strips.append((int(value), spans))
+    return strips

@@ -77,9 +77,9 @@ def _warnings(target: str, axes: Mapping[str, Sequence[Any]], options: Options) 
     """The warnings of each value beside the others' first. Raises DesatError for what is wrong."""
     first = {name: values[0] for name, values in axes.items()}
     tried = [first, *({**first, name: v} for name, values in axes.items() for v in values[1:])]
-    found: dict[str, None] = {}
+    lines: dict[str, None] = {}
     for point in tried:
         case = prepare(target, replace(options, values={**options.values, **point}))
         case.or_raise()
-        found |= dict.fromkeys(case.checked.warnings)
-    return list(found)
+        lines |= dict.fromkeys(case.checked.warnings)
+    return list(lines)

@@ -84,12 +84,12 @@ def _references(given: Iterable[Scenario]) -> dict[str, Scenario]:
 
 def _paired(scenario: Scenario, drawn: dict[str, Any]) -> dict[str, dict[str, Any]]:
     """Of each number of form `difference`: the summary of the differences draw by draw."""
-    found = {}
+    medians = {}
     for name, entry in scenario.data["numbers"].items():
         theirs = drawn.get(f"{scenario.family}/{entry.get('reference', '')}")
         if theirs is not None and entry["form"] == "difference":
-            found[name] = differences(drawn[scenario.name], theirs)[entry["of"]]
-    return found
+            medians[name] = differences(drawn[scenario.name], theirs)[entry["of"]]
+    return medians
 
 
 def _single(given: list[Scenario], options: Options, jobs: int) -> dict[str, Numbers]:
@@ -143,8 +143,8 @@ NUMBERS = ("paper", "ours", "difference")
 
 def columns(lines: list[dict[str, str]]) -> dict[str, str]:
     """The columns that have something to show in these rows, and their headings."""
-    found = (c for c in COLUMNS if any(line[c] for line in lines))
-    return {c: "" if c == "verdict" else c for c in found}
+    filled = (c for c in COLUMNS if any(line[c] for line in lines))
+    return {c: "" if c == "verdict" else c for c in filled}
 
 
 def _value(value: float, digits: int, flag: bool = False) -> str:

@@ -130,8 +130,8 @@ class Verbs:
 
     def within(self, draws: bool = True) -> str:
         """How many of the cells that have a band are within it: `62 of 62`."""
-        found = self.counted(draws)
-        return f"{found['within']} of {found['banded']}"
+        count = self.counted(draws)
+        return f"{count['within']} of {count['banded']}"
 
     def counted(self, draws: bool = True) -> dict[str, int]:
         """How many cells there are of each kind (`cells.counted`)."""
@@ -144,9 +144,9 @@ class Verbs:
     def share(self, scenario: str, number: str, **limits: float) -> str:
         """The share of draws whose number is within limits (`least`, `most`), with its interval:
         `7 of 20 (of all 15 to 59 %)`."""
-        found = cells.share_of(self._of.draws_of(scenario)["draws"], number, **limits)
-        low, high = found["interval"]
-        return f"{found['count']} of {found['n']} (of all {low:.0f} to {high:.0f} %)"
+        share = cells.share_of(self._of.draws_of(scenario)["draws"], number, **limits)
+        low, high = share["interval"]
+        return f"{share['count']} of {share['n']} (of all {low:.0f} to {high:.0f} %)"
 
     def missed(self) -> list[dict[str, Any]]:
         """The paper's cells that have no band and are not tuned, but a remark: nothing reproduces
@@ -227,15 +227,15 @@ class Verbs:
     def data(self, path: str) -> dict[str, Any]:
         """A JSON or TOML file of the repository."""
         text = (places.SCENARIOS.parent / path).read_text(encoding="utf-8")
-        found: dict[str, Any] = json.loads(text) if path.endswith(".json") else tomllib.loads(text)
-        return found
+        data: dict[str, Any] = json.loads(text) if path.endswith(".json") else tomllib.loads(text)
+        return data
 
     def law(self, module: str, function: str) -> Callable[..., Any]:
         """A function of `components/laws/MODULE.py`."""
-        found: Callable[..., Any] = getattr(
+        verb: Callable[..., Any] = getattr(
             importlib.import_module(f"desat.components.laws.{module}"), function
         )
-        return found
+        return verb
 
     def convergence(self, scenario: str) -> dict[str, Any]:
         """A scenario at several steps against its monolithic reference: `rows`, `order`."""

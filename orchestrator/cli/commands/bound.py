@@ -28,18 +28,18 @@ def bound(
     finished = run_or_load(target, None if coils else bound_module)
     manifest = finished.manifest
     with finished.results as results:
-        found = (coil_bound if coils else bound_module).of_run(manifest, results)
+        least = (coil_bound if coils else bound_module).of_run(manifest, results)
     if as_json:
-        print_json({"scenario": manifest["scenario"], **found.as_json()})
+        print_json({"scenario": manifest["scenario"], **least.as_json()})
         return
-    if found.least is None and not coils:
+    if least.least is None and not coils:
         err.print("no momentum left: more than can be dumped in this time", markup=False)
     table = Table(box=None, pad_edge=False, show_header=False)
     table.add_column()
     table.add_column(justify="right")
-    if isinstance(found, bound_module.Bound):
-        table.add_row("Thruster firing time of the run", f"{found.seconds:.2f}", "s")
-    for n in found.numbers().values():
+    if isinstance(least, bound_module.Bound):
+        table.add_row("Thruster firing time of the run", f"{least.seconds:.2f}", "s")
+    for n in least.numbers().values():
         digits = ".4g" if abs(n["value"]) >= 1e5 else ".2f"
         table.add_row(n["title"], f"{n['value']:{digits}}", n["unit"])
     out.print(table)

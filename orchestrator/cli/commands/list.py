@@ -26,31 +26,31 @@ def list_command(
     """List the families of scenarios, or the scenarios of one, and what is wrong with a file."""
     from ...study import listing
 
-    found = [listing.family(name) for name in ([family] if family else listing.families())]
+    families = [listing.family(name) for name in ([family] if family else listing.families())]
     if as_json:
-        rows = [(n, title) for f in found for n, title in f.scenarios.items()]
+        rows = [(n, title) for f in families for n, title in f.scenarios.items()]
         print_json([{"name": name, "title": title} for name, title in rows])
     elif family or everything:
-        _print_scenarios(found)
+        _print_scenarios(families)
     else:
-        _print_families(found)
-    if problems := [line for f in found for line in f.problems]:
+        _print_families(families)
+    if problems := [line for f in families for line in f.problems]:
         raise DesatError("\n".join(problems))
 
 
-def _print_scenarios(found: list[Family]) -> None:
+def _print_scenarios(families: list[Family]) -> None:
     table = Table("scenario", "what it is", box=None, header_style="bold", pad_edge=False)
-    for family in found:
+    for family in families:
         for name, title in family.scenarios.items():
             table.add_row(name, title)
     out.print(table)
 
 
-def _print_families(found: list[Family]) -> None:
+def _print_families(families: list[Family]) -> None:
     table = Table("family", "scenarios", "what it is", "such as", box=None, header_style="bold",
                   pad_edge=False)  # fmt: skip
     table.columns[1].justify = "right"
-    for family in found:
+    for family in families:
         first = next(iter(family.scenarios), "")
         table.add_row(family.name, str(len(family.scenarios)), family.title, first)
     out.print(table)
