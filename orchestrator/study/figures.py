@@ -38,8 +38,12 @@ def curves(
     return svg(fig)
 
 
-def bars(groups: dict[str, dict[str, float]], ylabel: str, *, log: bool = False) -> str:
-    """Bars: {group: {label: value}}, one colour a label."""
+def bars(
+    groups: dict[str, dict[str, float]], ylabel: str, *, log: bool = False,
+    printed: dict[str, dict[str, float]] | None = None,
+) -> str:  # fmt: skip
+    """Bars: {group: {label: value}}, one colour a label; `printed`: the paper's values of some, as
+    marks on theirs."""
     fig, ax = figure()
     labels = list(dict.fromkeys(label for values in groups.values() for label in values))
     width = 0.8 / len(labels)
@@ -47,6 +51,9 @@ def bars(groups: dict[str, dict[str, float]], ylabel: str, *, log: bool = False)
         x = np.arange(len(groups)) + (i - (len(labels) - 1) / 2) * width
         ax.bar(x, [v.get(label, np.nan) for v in groups.values()], width * 0.92,
                color=COLOURS[i % len(COLOURS)], label=label)  # fmt: skip
+        marks = [(printed or {}).get(group, {}).get(label, np.nan) for group in groups]
+        first = "paper" if printed and i == 0 else None
+        ax.plot(x, marks, "D", color="black", markersize=4, markerfacecolor="white", label=first)
     ax.set_xticks(range(len(groups)), list(groups))
     ax.grid(False, axis="x")
     if log:
