@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import io
 import os
 import platform
@@ -24,12 +23,14 @@ from .plan import Plan, digest_of, versions
 
 WAIT = "15s"
 """How long a cluster has to answer."""
+LARGEST = 256_000_000
+"""Bytes of a system that are sent to a worker."""
 _PARTS = (".toml", ".ssd", ".fmu", ".ssv")
 _LATE = 75
 """The exit code of a worker that ends itself as a case takes too long."""
 
 _shipped: dict[str, str] = {}
-"""On a worker: sha256 of what was shipped -> the file that is run."""
+"""On a worker: digest of a system that is a file -> the file here."""
 
 
 _compared: dict[tuple[str, str], str] = {}
@@ -37,29 +38,44 @@ _compared: dict[tuple[str, str], str] = {}
 
 
 def shipped(target: str) -> bytes | None:
-    """What a target is made of, where it is a file: the archive, or all files of the language and
-    FMUs in the folder of a scenario file and below, zipped. None for a scenario of ours."""
+    """What a target is made of, where it is a file: the archive, or a scenario file with the other
+    scenario files and FMUs of its folder, zipped. None for a scenario of ours. Raises DesatError
+    for more than LARGEST bytes."""
     path = Path(target)
     if not path.exists():
         return None
     buffer = io.BytesIO()
     whole = path.suffix == ".toml"
-    files = sorted(p for p in path.parent.rglob("*") if p.suffix in _PARTS) if whole else [path]
+    files = sorted(p for p in path.parent.iterdir() if p.suffix in _PARTS) if whole else [path]
+    if (size := sum(p.stat().st_size for p in files)) > LARGEST:
+        raise DesatError(f"{path.parent}: {size / 1e6:.0f} MB of scenario files and FMUs would be "
+                         f"sent to each worker; at most {LARGEST / 1e6:.0f} are")  # fmt: skip
     with zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED) as archive:
         for file in files:
-            archive.writestr(zipfile.ZipInfo(str(file.relative_to(path.parent))), file.read_bytes())
+            archive.writestr(zipfile.ZipInfo(file.name), file.read_bytes())
     return buffer.getvalue()
 
 
-def _here(data: bytes, name: str) -> str:
-    """On a worker: the file that is run, of what was shipped."""
-    digest = hashlib.sha256(data).hexdigest()
-    if digest not in _shipped:
+def keep(plan: Plan, data: bytes) -> None:
+    """On a worker: keep a system that is a file for the cases to come."""
+    if plan.digest not in _shipped:
         folder = Path(mkdtemp(prefix="desat-campaign-"))
         with zipfile.ZipFile(io.BytesIO(data)) as archive:
             archive.extractall(folder)
-        _shipped[digest] = str(folder / name)
-    return _shipped[digest]
+        _shipped[plan.digest] = str(folder / Path(plan.target).name)
+
+
+def _plugin(plan: Plan, data: bytes) -> Any:
+    """What every worker gets once, also one that comes later."""
+    from distributed import WorkerPlugin
+
+    class System(WorkerPlugin):  # type: ignore[misc]
+        name = f"desat-{plan.digest}"
+
+        def setup(self, worker: Any) -> None:
+            keep(plan, data)
+
+    return System()
 
 
 def _differs(plan: Plan) -> str:
@@ -80,11 +96,13 @@ def _compare(plan: Plan) -> str:
     )  # fmt: skip
 
 
-def on_worker(plan: Plan, data: bytes | None, number: int, supervised: bool) -> dict[str, Any]:
+def on_worker(plan: Plan, shipped_: bool, number: int, supervised: bool) -> dict[str, Any]:
     """On a worker: a case as a row. A case that takes too long ends its worker, which its nanny
     replaces. Raises DesatError where the worker has another system."""
-    if data is not None:
-        plan = replace(plan, target=_here(data, Path(plan.target).name))
+    if shipped_:
+        if plan.digest not in _shipped:
+            raise DesatError(f"worker {platform.node()}: the system has not arrived")
+        plan = replace(plan, target=_shipped[plan.digest])
     if differs := _differs(plan):
         raise DesatError(f"worker {platform.node()}: {differs}")
     timer = threading.Timer(plan.limit, os._exit, (_LATE,))
@@ -125,7 +143,7 @@ class Cluster:
         except (OSError, TimeoutError, ValueError) as error:
             raise RunError(f"--cluster {address}: no scheduler answers ({error})",
                            Exit.INPUT) from error  # fmt: skip
-        told = self._client.run(versions)
+        told = self._client.run(versions, on_error="ignore")  # of a worker that dies just now
         self.size = max(1, sum(self._client.nthreads().values()))
         if not told:
             self._close()
@@ -139,7 +157,9 @@ class Cluster:
                         f"here it is {here}; the same is needed"
                     )
         data = shipped(plan.target)
-        self._data = data if data is None else self._client.scatter(data, broadcast=True)
+        if data is not None:
+            self._client.register_plugin(_plugin(plan, data))
+        self._shipped = data is not None
         self._done: queue.SimpleQueue[tuple[Hashable, Any]] = queue.SimpleQueue()
 
     def __enter__(self) -> Self:
@@ -160,7 +180,7 @@ class Cluster:
         """Have a case made: its number, and whether it is supervised."""
         number, supervised = arguments
         future = self._client.submit(
-            on_worker, self._plan, self._data, number, supervised, pure=False
+            on_worker, self._plan, self._shipped, number, supervised, pure=False
         )
         future.add_done_callback(lambda ended: self._done.put((key, ended)))
 
