@@ -74,8 +74,9 @@ def coefficients(igrf: Path, into: Path) -> None:
     into.write_text("\n".join([*lines, "9" * 48, "9" * 48]) + "\n", encoding="utf-8")
 
 
-def main() -> None:
-    steps = int(sys.argv[2])
+def built(environment: str) -> tuple[Any, dict[str, Any], int]:
+    """The simulation, its recorders by name, and how many modules it has. `environment`: dipole, or
+    our table of IGRF."""
     sim = SimulationBaseClass.SimBaseClass()
     second = macros.sec2nano(1.0)
     sim.CreateNewProcess("process").addTask(sim.CreateNewTask("task", second))
@@ -109,12 +110,12 @@ def main() -> None:
     craft.addDynamicEffector(gradient)
     add(gradient, 99)
 
-    if sys.argv[1] == "dipole":
+    if environment == "dipole":
         field = magneticFieldCenteredDipole.MagneticFieldCenteredDipole()
         simSetPlanetEnvironment.centeredDipoleMagField(field, "earth")
     else:
         file = Path(tempfile.mkdtemp()) / "WMM.COF"
-        coefficients(Path(sys.argv[1]), file)
+        coefficients(Path(environment), file)
         field = magneticFieldWMM.MagneticFieldWMM()
         field.configureWMMFile(str(file))
         field.epochDateFractionalYear = 2026.0
@@ -218,8 +219,36 @@ def main() -> None:
     logs = {name: message.recorder(second) for name, message in recorded.items()}
     for log in logs.values():
         sim.AddModelToTask("task", log)
+    sim.kept = [
+        craft,
+        earth,
+        gradient,
+        field,
+        air,
+        drag,
+        wheels,
+        factory,
+        coils,
+        navigation,
+        sensor,
+        link,
+        hill,
+        error,
+        vehicle,
+        layout,
+        control,
+        mapping,
+        bars,
+        manager,
+    ]
+    return sim, logs, modules
+
+
+def main() -> None:
+    steps = int(sys.argv[2])
+    sim, logs, modules = built(sys.argv[1])
     sim.InitializeSimulation()
-    sim.ConfigureStopTime(steps * second)
+    sim.ConfigureStopTime(steps * macros.sec2nano(1.0))
     began = time.perf_counter()
     sim.ExecuteSimulation()
     seconds = time.perf_counter() - began
@@ -248,4 +277,5 @@ def main() -> None:
     print("RESULT " + json.dumps(result))
 
 
-main()
+if __name__ == "__main__":
+    main()

@@ -37,7 +37,7 @@ from desat.files.pack import pack_scenario
 from desat.files.scenario import find
 from desat.study.case import Options, prepare
 
-from . import plants, scaling
+from . import campaign, plants, scaling
 
 HERE = Path(__file__).parent
 LATEST = HERE / "latest.json"
@@ -572,6 +572,7 @@ CASES: dict[str, Callable[[], dict[str, Any]]] = {
     "plants": both_plants,
     "laws": laws,
     "scaling": scaling.measure,
+    "campaign": campaign.measure,
 }
 
 

@@ -1,0 +1,100 @@
+"""Cases a second of a campaign: through the pool and through Dask, on one and two cores; what of
+that is no case; memory and bytes; and Basilisk's own Monte Carlo on the same kind of day.
+
+    python -m benchmarks.campaign FOLDER CASES pool:N|local:N     # one campaign, in its own process
+"""
+
+from __future__ import annotations
+
+import json
+import resource
+import statistics
+import subprocess
+import sys
+import time
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+NAME, ORBIT = "nadir_day/day-dipole", 5740.0
+"""An orbit of the day that `basilisk_day.py` flies too, at 1 s."""
+CASES = 100
+ROUNDS = 3
+BASILISK = Path(__file__).parent.parent / ".venv-basilisk" / "bin" / "python"
+
+
+def one(folder: str, cases: str, how: str) -> dict[str, Any]:
+    """A campaign: wall seconds, those within cases, the head's own, and peaks of memory (MB)."""
+    from desat.campaign import head, store
+    from desat.study.options import Options
+
+    where, kind, size = Path(folder), *how.split(":")
+    plan, _ = head.planned(NAME, int(cases), options=Options(stop=ORBIT), curves=())
+    began, cpu = time.perf_counter(), time.process_time()
+    cluster = how if kind == "local" else None
+    head.run(plan, where, int(size), cluster, progress=False)
+    seconds, cpu = time.perf_counter() - began, time.process_time() - cpu
+    rows = store.read(where)
+    own = [s for s in rows["seconds"].to_pylist() if s is not None]
+    files = [p for p in where.rglob("*") if p.is_file()]
+    who = {"head": resource.RUSAGE_SELF, "worker": resource.RUSAGE_CHILDREN}
+    peak = {name: resource.getrusage(what).ru_maxrss / 1024.0 for name, what in who.items()}
+    return {
+        "seconds": seconds, "in_cases": sum(own), "least": min(own), "completed": len(own),
+        "head_ms_per_case": 1e3 * cpu / int(cases),
+        "head_mb": peak["head"], "worker_mb": peak["worker"],
+        "bytes_per_case": sum(p.stat().st_size for p in files) / int(cases),
+        "digest": store.digest(where),
+    }  # fmt: skip
+
+
+def measure() -> dict[str, Any]:
+    """In turn, medians over ROUNDS; start-up is in all of them."""
+    hows = ["pool:1", "pool:2", "local:1", "local:2"]
+    found: dict[str, list[dict[str, Any]]] = {how: [] for how in hows}
+    basilisk: dict[int, list[float]] = {1: [], 2: []}
+    with TemporaryDirectory() as folder:
+        for i in range(ROUNDS):
+            for how in hows:
+                found[how].append(_run(folder, f"{i}-{how}", CASES, how))
+            for processes in basilisk if BASILISK.exists() else ():
+                script = Path(__file__).with_name("basilisk_campaign.py")
+                command = [str(BASILISK), str(script), str(CASES), str(processes), f"{ORBIT:.0f}"]
+                basilisk[processes].append(_result(command)["seconds"])
+        many = _run(folder, "many", 10 * CASES, "pool:2")
+    digests = {r["digest"] for rows in found.values() for r in rows}
+    few = {how: _median(rows) for how, rows in found.items()}
+    for how, entry in few.items():
+        size = int(how.partition(":")[2])
+        entry["cases_per_second"] = CASES / entry["seconds"]
+        entry["ms_per_case_beside_it"] = 1e3 * (size * entry["seconds"] - entry["in_cases"]) / CASES
+    return {
+        "system": f"{NAME}, {ORBIT:g} s at 1 s", "cases": CASES, "same_bits": len(digests) == 1,
+        **few,
+        "many": {"cases": 10 * CASES, **many, "cases_per_second": 10 * CASES / many["seconds"]},
+        "basilisk": {
+            f"processes:{n}": {"cases_per_second": CASES / statistics.median(seconds)}
+            for n, seconds in basilisk.items() if seconds
+        },
+    }  # fmt: skip
+
+
+def _median(rows: list[dict[str, Any]]) -> dict[str, Any]:
+    keys = [k for k, v in rows[0].items() if isinstance(v, (int, float))]
+    return {k: statistics.median(r[k] for r in rows) for k in keys}
+
+
+def _run(folder: str, name: str, cases: int, how: str) -> dict[str, Any]:
+    where = str(Path(folder) / name.replace(":", "-"))
+    return _result([sys.executable, "-m", "benchmarks.campaign", where, str(cases), how])
+
+
+def _result(command: list[str]) -> dict[str, Any]:
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    (line,) = [x for x in done.stdout.splitlines() if x.startswith("RESULT ")]
+    result: dict[str, Any] = json.loads(line.removeprefix("RESULT "))
+    return result
+
+
+if __name__ == "__main__":
+    print("RESULT " + json.dumps(one(*sys.argv[1:])), flush=True)
