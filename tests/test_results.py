@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -273,3 +274,21 @@ def test_modes_have_names_of_their_block(tmp_path):
 )
 def test_units_as_people_write_them(unit, shown):
     assert pretty_unit(unit) == shown
+
+
+def test_the_page_of_results_works_as_it_says(tmp_path, monkeypatch, capsys):
+    """docs/results.md, its lines for Python and pandas."""
+    out = tmp_path / "runs" / "NAME"
+    run = execute("nadir_day/day-dipole", Options(stop=60.0), out)
+    largest = np.abs(run.results.values("wheels.h_wheel"))
+    run.results.close()
+    export(out, "parquet")
+    page = (ROOT / "docs" / "results.md").read_text()
+    snippets = re.findall(r"```python\n(.*?)```", page, re.S)
+    assert len(snippets) == 2
+    monkeypatch.chdir(tmp_path)
+    for snippet in snippets:
+        exec(snippet, {})
+    first, second = capsys.readouterr().out.splitlines()
+    assert first.split()[0] == "N.m.s"
+    assert float(second) == largest[:60, 0].max()
