@@ -20,6 +20,7 @@ from desat.components.physics.wheel_array import body_momentum, pseudo_inverse, 
 from desat.files.scenario import find
 from desat.study import cells, derived, measures, measures_pointing, plots, stored, tables
 from desat.study.case import Options, execute
+from desat.study.drawing import BINS, axis_label, between
 from desat.study.meaning import numbers_of_rows
 from desat.study.tables import rows
 from desat.system.errors import DesatError
@@ -549,10 +550,10 @@ def test_pulsed_coils_are_counted_by_the_period():
 
 
 def test_axes_name_the_quantity_and_its_unit():
-    assert plots.axis_label("pointing error", "deg", 2.2) == "pointing error [deg]"
-    assert plots.axis_label("momentum of each wheel", "mN.m.s", 2.2).endswith("[mN\u00a0m\u00a0s]")
-    assert plots.axis_label("share", "1", 2.2) == "share"
-    long = plots.axis_label("a quantity of which much is to be said before its unit", "deg", 1.6)
+    assert axis_label("pointing error", "deg", 2.2) == "pointing error [deg]"
+    assert axis_label("momentum of each wheel", "mN.m.s", 2.2).endswith("[mN\u00a0m\u00a0s]")
+    assert axis_label("share", "1", 2.2) == "share"
+    long = axis_label("a quantity of which much is to be said before its unit", "deg", 1.6)
     assert max(map(len, long.splitlines())) <= 22
 
 
@@ -565,8 +566,8 @@ def test_a_second_panel_shows_the_steady_state_and_an_envelope_the_extremes():
     assert plots.series_plot({**plot, "steady": 300.0}, runs).count('id="axes_') == 1
     assert "FillBetween" in plots.series_plot({**plot, "envelope": True}, runs)
     x = np.arange(2400.0)
-    times, low, high = plots._between(x, np.sin(x))
-    assert len(times) == plots.BINS
+    times, low, high = between(x, np.sin(x))
+    assert len(times) == BINS
     assert (low < -0.5).all()
     assert (high > 0.5).all()
 

@@ -16,11 +16,11 @@ from ..files.scenario import Scenario, scenarios
 from ..system.errors import DesatError
 from .case import Options, execute
 from .cells import Numbers, Row, counted, rows_of
+from .drawing import pretty_unit
 from .draws import pool_of
 from .manifest import PACKAGES
 from .meaning import words
 from .paired import differences
-from .plots import pretty_unit
 from .report import number, render, write_page
 
 
