@@ -287,13 +287,13 @@ def test_settling_is_for_good():
 
 
 def test_momentum_budget_adds_up():
-    run = execute("integrated/mil-nadir", Options(stop=900.0, blocks=True))
+    run = execute("integrated/mil-nadir", Options(stop=900.0))
     names = ("spacecraft.impulse_eci", "environment.b_eci", "spacecraft.q_bi",
              "torquers.m_mean_body")  # fmt: skip
     series = [run.results.values(n) for n in names]
     budget = derived.momentum_budget(run.results.times(), *series)
     off = execute("integrated/mil-nadir",
-                  Options(stop=900.0, blocks=True, sets=["manager.enable=false"]))  # fmt: skip
+                  Options(stop=900.0, sets=["manager.enable=false"]))  # fmt: skip
     alone = np.linalg.norm(off.results.values("spacecraft.impulse_eci"), axis=1)
     # the disturbances found are those of the craft without coils, which turns a little otherwise
     assert budget[-1, 0] == pytest.approx(alone[len(budget) - 1], rel=0.2)
@@ -304,14 +304,14 @@ def test_momentum_budget_adds_up():
 
 
 def short(name, **options):
-    run = execute(f"integrated/{name}", Options(blocks=True, **options))
+    run = execute(f"integrated/{name}", Options(**options))
     assert run.ok
     return run.results
 
 
 def test_what_leaves_the_wheels_is_linear_in_k():
     def rate(name):
-        run = execute(f"integrated/{name}", Options(blocks=True))
+        run = execute(f"integrated/{name}", Options())
         return run.manifest["numbers"]["net_torque"]["value"]
 
     unit = rate("share-0-1") / 0.1
@@ -350,7 +350,7 @@ def test_the_paper_s_law_keeps_null_space_momentum_and_the_option_drains_it():
 
 
 def test_velocity_dumping_hands_over_to_pointing():
-    run = execute("integrated/velocity-to-pointing", Options(stop=900.0, blocks=True))
+    run = execute("integrated/velocity-to-pointing", Options(stop=900.0))
     mode = run.results.values("manager.mode")
     dumping = np.flatnonzero(mode == 5)
     over = dumping[-1] + 1
@@ -368,7 +368,7 @@ def test_the_manager_is_replaced_by_one_source_and_its_parameters():
         k for k in swapped["parameters"] if swapped["parameters"][k] != usual["parameters"][k]
     }
     assert changed == {"manager"}
-    options = Options(stop=3000.0, blocks=True)
+    options = Options(stop=3000.0)
     run = execute("integrated/mil-cross-product", options)
     assert run.ok
     numbers = run.manifest["numbers"]
@@ -579,7 +579,7 @@ def test_a_stored_draw_comes_out_again(current):
 
     name = "integrated/velocity-dumping"
     values = values_of(load(name, blocks=True), current["seed"], 0)
-    again = execute(name, Options(blocks=True, values=values)).manifest["numbers"]
+    again = execute(name, Options(values=values)).manifest["numbers"]
     kept = current["scenarios"][name]["draws"][0]["numbers"]
     assert {k: again[k]["value"] for k in kept} == pytest.approx(kept, rel=1e-6)
 
