@@ -35,7 +35,7 @@ def pack_scenario(
     path = target or places.packed() / f"{scenario.name}.ssp"
     inputs = [
         *(ROOT / scenario.family).rglob("*.toml"), *(ROOT / scenario.family).rglob("*.ssd"),
-        *places.fmus().glob("*.fmu"), *Path(__file__).parent.glob("*.py"),
+        *places.fmus().rglob("*.fmu"), *Path(__file__).parent.glob("*.py"),
     ]  # fmt: skip
     newest = max(p.stat().st_mtime_ns for p in inputs)
     if not force and path.exists() and path.stat().st_mtime_ns > newest:
