@@ -23,7 +23,6 @@ from itertools import chain
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
-from zipfile import ZIP_DEFLATED, ZipFile
 
 from rich.progress import track
 
@@ -344,22 +343,10 @@ def _result(command: list[str]) -> dict[str, Any]:
     return measured
 
 
-def packed(scenario: str) -> str:
-    """The path of a scenario's .ssp, packed now if needed."""
-    return str(pack_scenario(find(scenario)))
-
-
-def native(path: str) -> str:
-    """A packed system with native FMUs in the place of the others, where they are built."""
-    system, _ = prepare(path, Options()).or_raise()
-    twins = {c.source: places.fmus() / "native" / f"{c.interface.model}.fmu"
-             for c in system.components.values()}  # fmt: skip
-    into = Path(path).with_suffix(".native.ssp")
-    with ZipFile(path) as old, ZipFile(into, "w", ZIP_DEFLATED) as new:
-        for name in old.namelist():
-            twin = twins.get(name)
-            new.writestr(name, twin.read_bytes() if twin and twin.exists() else old.read(name))
-    return str(into)
+def packed(scenario: str, fmus: str = "python") -> str:
+    """The path of a scenario's .ssp, packed now if needed; of native FMUs beside that of others."""
+    target = places.packed() / f"{scenario}.native.ssp" if fmus == "native" else None
+    return str(pack_scenario(find(scenario), target, fmus=fmus))
 
 
 def uosat12() -> dict[str, Any]:
@@ -370,7 +357,7 @@ def uosat12() -> dict[str, Any]:
     tools = ["desat", "blocks", "fmpy"]
     if importlib.util.find_spec("libcosimpy"):
         tools.insert(1, "libcosim")
-    files = dict.fromkeys(tools, path) | {"desat": native(path)}
+    files = dict.fromkeys(tools, path) | {"desat": packed(scenario, "native")}
     rounds: dict[str, list[float]] = {t: [] for t in tools}
     for _ in track(range(ROUNDS), scenario, disable=not sys.stderr.isatty()):
         for tool in tools:
@@ -437,8 +424,7 @@ def nadir_day() -> dict[str, Any]:
     result: dict[str, Any] = {}
     whole, igrf = 86400, HERE.parent / "components" / "physics" / "igrf14.json"
     for field in ("dipole", "igrf"):
-        python = packed(f"nadir_day/day-{field}")
-        fast = native(python)
+        python, fast = (packed(f"nadir_day/day-{field}", kind) for kind in ("python", "native"))
         theirs = field if field == "dipole" else str(igrf)
         tools: dict[str, tuple[str, Callable[[], dict[str, Any]]]] = {
             "python": ("us", partial(_measure, "recorded", python, 4000, "python")),

@@ -19,7 +19,7 @@ from desat.engine.loop import run, stepping
 from desat.engine.master import Master
 from desat.engine.results import SERIES, Recorder
 from desat.files import library, places
-from desat.study.plots import COLOURS, figure, svg
+from desat.study.drawing import COLOURS, figure, svg
 from desat.system.check import check
 from desat.system.draft import Draft, DraftComponent
 from desat.system.model import Connection

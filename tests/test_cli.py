@@ -14,7 +14,9 @@ from pathlib import Path
 
 import pytest
 from conftest import ROOT, python
+from typer.main import get_command
 
+from desat import cli
 from desat.engine.results import Results
 from desat.files import places
 from desat.files.scenario import families, scenarios, summary
@@ -307,8 +309,12 @@ def test_shared_parameter(desat, tmp_path):
     assert "did you mean inertia_wheel?" in result.stderr
 
 
-def test_exit_codes_are_told(desat):
+def test_exit_codes_and_commands_are_told(desat):
     readme = (ROOT / "README.md").read_text(encoding="utf-8")
+    _, _, table = readme.partition("## Commands")
+    first = [line.split("|")[1] for line in table.splitlines() if line.startswith("| `")]
+    listed = [name for cell in first for name in re.findall(r"`(\w+)`", cell)]
+    assert sorted(listed) == sorted(get_command(cli.app).commands)
     told = " ".join(desat("--help", check=True).stdout.split())
     for code in Exit:
         assert f"| {int(code)} | {code.meaning} |" in readme

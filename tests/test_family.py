@@ -154,8 +154,7 @@ def test_a_family_touches_no_existing_file(repository):
                 for p in files}  # fmt: skip
 
     def do(*command: str) -> str:
-        environment = {**os.environ, "PYTHONPATH": str(repository.parent / "names"),
-                       "PYTHONPYCACHEPREFIX": str(repository.parent / "pyc")}  # fmt: skip
+        environment = {**os.environ, "PYTHONPATH": str(repository.parent / "names")}
         done = subprocess.run(
             [sys.executable, "-m", *command], cwd=repository.parent, env=environment,
             capture_output=True, text=True, check=False, timeout=100,

@@ -20,6 +20,7 @@ from desat.components.physics.wheel_array import body_momentum, pseudo_inverse, 
 from desat.files.scenario import find
 from desat.study import cells, derived, measures, measures_pointing, plots, stored, tables
 from desat.study.case import Options, execute
+from desat.study.drawing import BINS, axis_label, between
 from desat.study.meaning import numbers_of_rows
 from desat.study.tables import rows
 from desat.system.errors import DesatError
@@ -286,13 +287,13 @@ def test_settling_is_for_good():
 
 
 def test_momentum_budget_adds_up():
-    run = execute("integrated/mil-nadir", Options(stop=900.0, blocks=True))
+    run = execute("integrated/mil-nadir", Options(stop=900.0))
     names = ("spacecraft.impulse_eci", "environment.b_eci", "spacecraft.q_bi",
              "torquers.m_mean_body")  # fmt: skip
     series = [run.results.values(n) for n in names]
     budget = derived.momentum_budget(run.results.times(), *series)
     off = execute("integrated/mil-nadir",
-                  Options(stop=900.0, blocks=True, sets=["manager.enable=false"]))  # fmt: skip
+                  Options(stop=900.0, sets=["manager.enable=false"]))  # fmt: skip
     alone = np.linalg.norm(off.results.values("spacecraft.impulse_eci"), axis=1)
     # the disturbances found are those of the craft without coils, which turns a little otherwise
     assert budget[-1, 0] == pytest.approx(alone[len(budget) - 1], rel=0.2)
@@ -303,14 +304,14 @@ def test_momentum_budget_adds_up():
 
 
 def short(name, **options):
-    run = execute(f"integrated/{name}", Options(blocks=True, **options))
+    run = execute(f"integrated/{name}", Options(**options))
     assert run.ok
     return run.results
 
 
 def test_what_leaves_the_wheels_is_linear_in_k():
     def rate(name):
-        run = execute(f"integrated/{name}", Options(blocks=True))
+        run = execute(f"integrated/{name}", Options())
         return run.manifest["numbers"]["net_torque"]["value"]
 
     unit = rate("share-0-1") / 0.1
@@ -349,7 +350,7 @@ def test_the_paper_s_law_keeps_null_space_momentum_and_the_option_drains_it():
 
 
 def test_velocity_dumping_hands_over_to_pointing():
-    run = execute("integrated/velocity-to-pointing", Options(stop=900.0, blocks=True))
+    run = execute("integrated/velocity-to-pointing", Options(stop=900.0))
     mode = run.results.values("manager.mode")
     dumping = np.flatnonzero(mode == 5)
     over = dumping[-1] + 1
@@ -367,7 +368,7 @@ def test_the_manager_is_replaced_by_one_source_and_its_parameters():
         k for k in swapped["parameters"] if swapped["parameters"][k] != usual["parameters"][k]
     }
     assert changed == {"manager"}
-    options = Options(stop=3000.0, blocks=True)
+    options = Options(stop=3000.0)
     run = execute("integrated/mil-cross-product", options)
     assert run.ok
     numbers = run.manifest["numbers"]
@@ -549,10 +550,10 @@ def test_pulsed_coils_are_counted_by_the_period():
 
 
 def test_axes_name_the_quantity_and_its_unit():
-    assert plots.axis_label("pointing error", "deg", 2.2) == "pointing error [deg]"
-    assert plots.axis_label("momentum of each wheel", "mN.m.s", 2.2).endswith("[mN\u00a0m\u00a0s]")
-    assert plots.axis_label("share", "1", 2.2) == "share"
-    long = plots.axis_label("a quantity of which much is to be said before its unit", "deg", 1.6)
+    assert axis_label("pointing error", "deg", 2.2) == "pointing error [deg]"
+    assert axis_label("momentum of each wheel", "mN.m.s", 2.2).endswith("[mN\u00a0m\u00a0s]")
+    assert axis_label("share", "1", 2.2) == "share"
+    long = axis_label("a quantity of which much is to be said before its unit", "deg", 1.6)
     assert max(map(len, long.splitlines())) <= 22
 
 
@@ -565,8 +566,8 @@ def test_a_second_panel_shows_the_steady_state_and_an_envelope_the_extremes():
     assert plots.series_plot({**plot, "steady": 300.0}, runs).count('id="axes_') == 1
     assert "FillBetween" in plots.series_plot({**plot, "envelope": True}, runs)
     x = np.arange(2400.0)
-    times, low, high = plots._between(x, np.sin(x))
-    assert len(times) == plots.BINS
+    times, low, high = between(x, np.sin(x))
+    assert len(times) == BINS
     assert (low < -0.5).all()
     assert (high > 0.5).all()
 
@@ -578,7 +579,7 @@ def test_a_stored_draw_comes_out_again(current):
 
     name = "integrated/velocity-dumping"
     values = values_of(load(name, blocks=True), current["seed"], 0)
-    again = execute(name, Options(blocks=True, values=values)).manifest["numbers"]
+    again = execute(name, Options(values=values)).manifest["numbers"]
     kept = current["scenarios"][name]["draws"][0]["numbers"]
     assert {k: again[k]["value"] for k in kept} == pytest.approx(kept, rel=1e-6)
 

@@ -23,11 +23,11 @@ from desat.engine.results import Results
 from desat.files import library, places
 from desat.fmus import registry
 from desat.study.case import Options, execute
+from desat.study.drawing import envelope, pretty_unit
 from desat.study.export import export
 from desat.study.manifest import read_manifest
 from desat.study.measures import MEASURES
 from desat.study.numbers import evaluate, relative, scale
-from desat.study.plots import envelope, pretty_unit
 from desat.study.relation import related
 from desat.system.errors import DesatError
 from desat.system.interface import of_block

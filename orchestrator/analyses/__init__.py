@@ -17,8 +17,10 @@ from __future__ import annotations
 
 import importlib
 import pkgutil
+from collections.abc import Mapping
 from functools import cache
 from types import ModuleType
+from typing import Any
 
 from ..system.model import System
 
@@ -33,6 +35,14 @@ def _modules() -> tuple[ModuleType, ...]:
 def analyses() -> tuple[ModuleType, ...]:
     """The analyses that there are, by the names of their files."""
     return tuple(m for m in _modules() if hasattr(m, "applies"))
+
+
+def titled(rows: Mapping[str, tuple[str, float | None, str]]) -> dict[str, dict[str, Any]]:
+    """Title, value and unit by name, as a manifest has numbers; what is not known is left out."""
+    return {
+        name: {"title": title, "value": value, "unit": unit}
+        for name, (title, value, unit) in rows.items() if value is not None
+    }  # fmt: skip
 
 
 def warnings(system: System) -> list[str]:

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from ..engine.results import Results
 from ..system.errors import DesatError
 from ..system.model import System
+from . import titled
 
 Array = NDArray[np.float64]
 
@@ -57,17 +58,14 @@ class Bound:
         """As a manifest's numbers; what is not known is left out, and all where none fired."""
         if self.seconds == 0.0:
             return {}
-        rows = {
+        rows: dict[str, tuple[str, float | None, str]] = {
             "bound": ("Least firing time possible, no momentum left", self.least, "s"),
             "bound_same_end": ("Least firing time possible, same momentum left",
                                self.least_same_end, "s"),
             "above_bound": ("Firing time above the least for the same momentum left",
                             self.above_percent, "%"),
         }  # fmt: skip
-        return {
-            name: {"title": title, "value": value, "unit": unit}
-            for name, (title, value, unit) in rows.items() if value is not None
-        }  # fmt: skip
+        return titled(rows)
 
     def as_json(self) -> dict[str, Any]:
         """What `--json` prints."""

@@ -21,6 +21,7 @@ from desat.components.laws import momentum_offline as offline
 from ..engine.results import Results
 from ..study.derived import rotate_back
 from ..system.errors import DesatError
+from . import titled
 
 SIGNALS = (
     "spacecraft.q_bi", "spacecraft.impulse_eci", "environment.b_eci", "torquers.m_mean_body",
@@ -43,16 +44,13 @@ class CoilBound:
 
     def numbers(self) -> dict[str, dict[str, Any]]:
         """As a manifest's numbers; what is not known is left out."""
-        rows = {
+        rows: dict[str, tuple[str, float | None, str]] = {
             "energy": ("Integral of the squared coil dipoles", self.energy, "A2.m4.s"),
             "peak": ("Largest momentum of a wheel", self.peak, "N.m.s"),
             "least": ("Least energy with no larger one", self.least, "A2.m4.s"),
             "above": ("Energy above the least", self.above_percent, "%"),
         }
-        return {
-            name: {"title": title, "value": value, "unit": unit}
-            for name, (title, value, unit) in rows.items() if value is not None
-        }  # fmt: skip
+        return titled(rows)
 
     def as_json(self) -> dict[str, Any]:
         """What `--json` prints."""

@@ -15,7 +15,7 @@ from rich.progress import track
 
 from ..engine.master import ALGORITHMS, Algorithm
 from ..study.case import Options, prepare, simulate
-from ..study.plots import COLOURS, figure, legend, svg
+from ..study.drawing import COLOURS, figure, legend, svg
 from ..study.report import render, write_page
 from ..system.errors import DesatError
 from .estimate import companion, difference, estimate

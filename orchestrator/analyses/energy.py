@@ -25,7 +25,7 @@ import numpy as np
 
 from ..engine.results import Results
 from ..study.derived import rotate_back
-from ..study.plots import COLOURS, envelope, figure, svg, time_axis
+from ..study.drawing import COLOURS, envelope, figure, svg, time_axis
 from ..system.model import System
 from . import outside, residual
 from .within import NODES, WEIGHTS, Array, Steps

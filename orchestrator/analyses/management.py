@@ -13,6 +13,7 @@ import numpy as np
 
 from ..engine.results import Results
 from ..system.model import System
+from . import titled
 
 KEY = "management"
 NUMBERS = (
@@ -71,7 +72,7 @@ def numbers(manifest: dict[str, Any], results: Results) -> dict[str, dict[str, A
     stored = h @ axes.T
     size = np.linalg.norm(stored, axis=1)
     idle = h - stored @ np.linalg.pinv(axes).T
-    rows = {
+    rows: dict[str, tuple[str, float | None, str]] = {
         "sum_rms": ("Momentum that coils can act on, sum g h: rms", _rms(size), "N.m.s"),
         "sum_largest": ("The same: largest", float(size.max()), "N.m.s"),
         "null_rms": ("Null-space part of a wheel's momentum: rms of the largest wheel",
@@ -81,7 +82,7 @@ def numbers(manifest: dict[str, Any], results: Results) -> dict[str, dict[str, A
     rows |= _of_coils(m, given["torquers"], float(manifest["step"]))
     if "wheels" in parts:
         rows |= _of_wheels(parts["wheels"], given["wheels"], results, np.abs(h), there)
-    return {k: {"title": t, "value": v, "unit": u} for k, (t, v, u) in rows.items()}
+    return titled(rows)
 
 
 def unmet(manifest: dict[str, Any], results: Results) -> list[str]:

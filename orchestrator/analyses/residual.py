@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from ..engine.results import Results
 from ..study.derived import rotate_back
-from ..study.plots import COLOURS, envelope, figure, legend, svg, time_axis
+from ..study.drawing import COLOURS, envelope, figure, legend, svg, time_axis
 from ..study.strips import timeline
 from ..system.model import System
 

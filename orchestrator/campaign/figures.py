@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..study.plots import COLOURS, LIMIT, axis_label, figure, legend, svg, time_axis
+from ..study.drawing import COLOURS, LIMIT, axis_label, figure, legend, svg, time_axis
 
 Array = NDArray[np.float64]
 LEVELS = (5.0, 50.0, 95.0, 99.0)

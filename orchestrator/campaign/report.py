@@ -13,8 +13,8 @@ from markupsafe import Markup
 from scipy.stats import spearmanr
 
 from ..study.cells import clopper_pearson
+from ..study.drawing import pretty_unit
 from ..study.manifest import write_json
-from ..study.plots import pretty_unit
 from ..study.report import number as shown
 from ..study.report import render, write_page
 from ..study.sampling import sensitivity, unit_cube

@@ -1,8 +1,8 @@
-"""Packing: a system as one .ssp that every tool can load, and those of the scenarios.
+"""Packing: a system as one .ssp that other tools can load, and those of the scenarios.
 
-What is written is the universal profile: what libcosim, Ecos, OMSimulator and fmpy load alike (one
-flat system, listed connectors wired, one parameter set per component, the step size in
-annotations).
+What is written is the part of SSP that tools take alike (libcosim and Ecos run it in our tests):
+one flat system, listed connectors wired, one parameter set per component, the step size in
+annotations.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ def pack_scenario(
     path = target or places.packed() / f"{scenario.name}.ssp"
     inputs = [
         *(ROOT / scenario.family).rglob("*.toml"), *(ROOT / scenario.family).rglob("*.ssd"),
-        *places.fmus().glob("*.fmu"), *Path(__file__).parent.glob("*.py"),
+        *places.fmus().rglob("*.fmu"), *Path(__file__).parent.glob("*.py"),
     ]  # fmt: skip
     newest = max(p.stat().st_mtime_ns for p in inputs)
     if not force and path.exists() and path.stat().st_mtime_ns > newest:

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from .plots import COLOURS, LIMIT, figure, legend, svg, time_axis
+from .drawing import COLOURS, LIMIT, figure, legend, svg, time_axis
 from .series import Series
 from .strips import timeline
 

@@ -1,13 +1,9 @@
-"""Plots for people, as SVG text: units, legends, limit lines."""
+"""Plots of scenarios: the series of runs over time, with limit lines and modes."""
 
 from __future__ import annotations
 
-import io
-import re
-import textwrap
 from collections.abc import Sequence
-from itertools import pairwise
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -16,27 +12,25 @@ from ..system.errors import DesatError
 from ..system.expression import entry as value_of
 from ..system.expression import factor, product
 from . import derived
+from .drawing import (
+    BANDS,
+    BINS,
+    COLOURS,
+    LIMIT,
+    PANELS,
+    POINTS,
+    axes,
+    axis_label,
+    between,
+    blank,
+    envelope,
+    figure,
+    legend,
+    svg,
+    time_axis,
+)  # fmt: skip
 from .numbers import scale
 from .strips import timeline
-
-if TYPE_CHECKING:  # half a second, which only what draws needs
-    from matplotlib.figure import Figure
-
-COLOURS = ("#0b62a4", "#d1495b", "#2e8b57", "#8a5fbf", "#e08e0b", "#444444", "#1aa6b7", "#8b5a2b",
-           "#a3b72c")  # fmt: skip
-LIMIT = "#b22222"
-BANDS = ("#b22222", "#e0a100", "#5b7f95")
-"""Of filled limits, in their order."""
-POINTS = 3000
-"""Of a line: more than a plot is wide are thinned to its envelope."""
-BINS = 240
-"""Parts of a line whose least and most are drawn as an area."""
-LEGEND_WIDTH = 21
-"""Characters that there is room for beside the axes."""
-LEFT, WIDTH, BOTTOM, TOP = 0.115, 0.635, 0.16, 0.92
-"""Of all axes in their figures, so that times align."""
-HEIGHT, PANELS = 2.9, 4.9
-"""in, of a figure with one pair of axes and with two."""
 
 Run = tuple[str, Results, dict[str, Any]]
 """label, series, parameters as a manifest has them"""
@@ -54,71 +48,6 @@ class Line(NamedTuple):
 
 _FIRST: dict[str, Any] = {"linestyle": "-", "linewidth": 1.4}
 _OTHER: dict[str, Any] = {"linestyle": (0, (4, 2)), "linewidth": 1.0, "alpha": 0.75}
-_RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
-
-
-def pretty_unit(unit: str) -> str:
-    """A unit's name as people write it: `uN.m.s2` -> `µN m s²`; nothing for `1`."""
-    if unit == "1":
-        return ""
-    micro = re.sub(r"\bu(?=[A-Z])", "µ", unit)
-    return re.sub(r"(?<=[A-Za-z])-?\d+", lambda m: m[0].translate(_RAISED), micro).replace(".", " ")
-
-
-def time_axis(times: np.ndarray[Any, Any]) -> tuple[float, str]:
-    """(seconds in the unit, unit) that suit a time span."""
-    span = float(times[-1] - times[0]) if len(times) else 0.0
-    if span > 3 * 3600:
-        return 3600.0, "h"
-    return (60.0, "min") if span > 1200 else (1.0, "s")
-
-
-def figure(width: float = 7.2, height: float = HEIGHT) -> tuple[Figure, Any]:
-    """A figure in our style, and its axes."""
-    fig = _empty(width, height)
-    return fig, _axes(fig, BOTTOM, TOP)
-
-
-def _empty(width: float, height: float) -> Figure:
-    from matplotlib.figure import Figure
-
-    return Figure(figsize=(width, height))
-
-
-def _axes(fig: Figure, bottom: float, top: float) -> Any:
-    ax = fig.add_axes((LEFT, bottom, WIDTH, top - bottom))
-    ax.grid(True, color="#dddddd", linewidth=0.6)
-    ax.set_axisbelow(True)
-    for side in ("top", "right"):
-        ax.spines[side].set_visible(False)
-    return ax
-
-
-def axis_label(what: str, unit: str, height: float) -> str:
-    """`quantity [unit]` for an axis so many inches high, in lines that fit it."""
-    bracket = f"[{pretty_unit(unit)}]".replace(" ", "\u00a0") if pretty_unit(unit) else ""
-    return textwrap.fill(f"{what} {bracket}".strip(), max(14, int(height * 14)))
-
-
-def legend(ax: Any) -> None:
-    """The legend beside the axes, where there is something to name; long labels are wrapped."""
-    handles, labels = ax.get_legend_handles_labels()
-    if labels:
-        ax.legend(
-            handles, [textwrap.fill(label, LEGEND_WIDTH) for label in labels], fontsize=8,
-            frameon=False, loc="center left", bbox_to_anchor=(1.0, 0.5), handlelength=1.6,
-        )  # fmt: skip
-
-
-def svg(fig: Figure) -> str:
-    """The figure as an <svg> element, the same for the same data."""
-    import matplotlib as mpl
-
-    buffer = io.StringIO()
-    with mpl.rc_context({"svg.hashsalt": "desat", "svg.fonttype": "path"}):
-        fig.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None})
-    text = buffer.getvalue()
-    return re.sub(r'width="[\d.]+pt" height="[\d.]+pt"', "", text[text.index("<svg") :], count=1)
 
 
 def series_plot(plot: dict[str, Any], runs: Sequence[Run]) -> str | None:
@@ -127,44 +56,55 @@ def series_plot(plot: dict[str, Any], runs: Sequence[Run]) -> str | None:
     return None if drawn is None else svg(drawn)
 
 
-def series_figure(plot: dict[str, Any], runs: Sequence[Run]) -> Figure | None:
+def series_figure(plot: dict[str, Any], runs: Sequence[Run]) -> Any | None:
     """The figure of a scenario's `[plots.NAME]` over runs. The first is drawn in colours, the
     others dashed. None where a series is not recorded."""
     _, results, parameters = runs[0]
+    if (unit := _unit(plot, results)) is None:
+        return None
+    drawn = [lines_of(plot, r, unit) for _, r, _ in runs]
+    limits = _limits(plot, parameters, unit)
+    # the limits of a size have no other side
+    signed = any(np.nanmin(x.values, initial=0.0) < 0.0 for lines in drawn for x in lines)
+    seconds, time_unit = time_axis(results.times())
+    fig, panels = _panels(plot, results)
+    for ax, begin in panels:
+        whole = begin is None
+        lines = drawn if begin is None else [[_since(x, begin) for x in run] for run in drawn]
+        _draw(ax, lines, [label for label, _, _ in runs] if whole else None, seconds, plot)
+        _draw_limits(ax, limits, signed, whole)
+        if plot.get("log") and whole:
+            ax.set_yscale("log")
+        height = ax.get_position().height * fig.get_figheight()
+        ax.set_ylabel(axis_label(plot.get("axis", plot["title"]), unit, height), fontsize=9)
+        timeline(ax, seconds, time_unit, results if whole else None)
+        if begin is not None:
+            ax.set_title(f"from {begin / seconds:g} {time_unit} on", fontsize=9, loc="left")
+            ax.set_xlim(begin / seconds, results.times()[-1] / seconds)
+        legend(ax)
+    return fig
+
+
+def _unit(plot: dict[str, Any], results: Results) -> str | None:
+    """The unit of a plot's axis; None where what it shows is not recorded."""
     known = set(results.names())
     signals = [s for s in plot["signals"] if s in known]
     if not signals or ("derive" in plot and len(signals) < len(plot["signals"])):
         return None
     quantity = derived.of_entry(plot)
     own = quantity[0].unit if quantity else ""
-    unit = plot.get("unit") or own or results.attribute(signals[0], "unit")
-    drawn = [lines_of(plot, r, unit) for _, r, _ in runs]
-    what, steady = plot.get("axis", plot["title"]), plot.get("steady")
-    seconds, time_unit = time_axis(results.times())
+    return str(plot.get("unit") or own or results.attribute(signals[0], "unit"))
+
+
+def _panels(plot: dict[str, Any], results: Results) -> tuple[Any, list[tuple[Any, float | None]]]:
+    """A figure, and its pairs of axes: the whole run and, where the plot wants it, what follows its
+    `steady` (s)."""
+    steady = plot.get("steady")
     if steady is None or results.times()[-1] <= steady:
         fig, ax = figure()
-        panels = [(ax, drawn)]
-    else:
-        fig = _empty(7.2, PANELS)
-        later = [[_since(line, steady) for line in lines] for lines in drawn]
-        panels = [(_axes(fig, 0.60, 0.96), drawn), (_axes(fig, 0.10, 0.46), later)]
-        panels[1][0].set_title(f"from {steady / seconds:g} {time_unit} on", fontsize=9, loc="left")
-    # the limits of a size have no other side
-    signed = any(np.nanmin(x.values, initial=0.0) < 0.0 for lines in drawn for x in lines)
-    for ax, lines in panels:
-        whole = ax is panels[0][0]
-        names = [label for label, _, _ in runs] if whole else None
-        _draw(ax, lines, names, seconds, plot)
-        _draw_limits(ax, _limits(plot, parameters, unit), signed, whole)
-        if plot.get("log") and whole:
-            ax.set_yscale("log")
-        height = ax.get_position().height * fig.get_figheight()
-        ax.set_ylabel(axis_label(what, unit, height), fontsize=9)
-        timeline(ax, seconds, time_unit, results if whole else None)
-        if steady is not None and not whole:
-            ax.set_xlim(steady / seconds, results.times()[-1] / seconds)
-        legend(ax)
-    return fig
+        return fig, [(ax, None)]
+    fig = blank(7.2, PANELS)
+    return fig, [(axes(fig, 0.60, 0.96), None), (axes(fig, 0.10, 0.46), steady)]
 
 
 def _since(line: Line, begin: float) -> Line:
@@ -189,7 +129,7 @@ def _draw(
             name = name if labels else None
             colour = COLOURS[i % len(COLOURS)]
             if plot.get("envelope") and len(line.times) > BINS:
-                x, low, high = _between(line.times, line.values)
+                x, low, high = between(line.times, line.values)
                 ax.fill_between(x / seconds, low, high, color=colour, alpha=0.45, linewidth=0.3,
                                 label=name and f"{name}: least to most")  # fmt: skip
                 continue
@@ -286,26 +226,3 @@ def _parameter(parameters: dict[str, Any], name: str) -> Any:
         return value_of(name, parameters)[0]
     except DesatError:
         return None
-
-
-def _between(x: Any, y: Any) -> tuple[Any, Any, Any]:
-    """Times, least and most of each of BINS parts of a line."""
-    edges = np.linspace(0, len(x), BINS + 1).astype(int)
-    parts = [(x[a], y[a:b].min(), y[a:b].max()) for a, b in pairwise(edges)]
-    times, low, high = np.array(parts).T
-    return times, low, high
-
-
-def envelope(x: Any, y: Any, points: int = POINTS) -> tuple[Any, Any]:
-    """What a line of many points looks like: of each bin its least and its largest point, and the
-    ends, some `points` in all."""
-    if len(x) <= points:
-        return x, y
-    size = -(-2 * len(x) // points)  # rows of a bin
-    bins = len(x) // size
-    whole, first = np.asarray(y[: bins * size]).reshape(bins, size), np.arange(bins) * size
-    index = [first + whole.argmin(axis=1), first + whole.argmax(axis=1), [0, len(x) - 1]]
-    if len(rest := y[bins * size :]):
-        index.append([bins * size + rest.argmin(), bins * size + rest.argmax()])
-    kept = np.unique(np.concatenate(index))
-    return x[kept], y[kept]

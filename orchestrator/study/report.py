@@ -11,7 +11,8 @@ from markupsafe import Markup
 from ..analyses import analyses
 from ..engine.results import Results
 from .case import Run
-from .plots import pretty_unit, series_plot
+from .drawing import pretty_unit
+from .plots import series_plot
 
 REPORT = "report.html"
 

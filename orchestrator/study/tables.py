@@ -17,10 +17,10 @@ from ..files.scenario import Scenario, find, scenarios
 from ..system.errors import DesatError
 from .case import Options, execute
 from .cells import Numbers, Row, counted, rows_of
+from .drawing import pretty_unit
 from .manifest import PACKAGES
 from .meaning import words
 from .paired import differences
-from .plots import pretty_unit
 from .report import number, render, write_page
 from .workers import mapped
 

@@ -21,7 +21,8 @@ from ..system.errors import DesatError, nearest
 from ..system.expression import factor, product
 from . import cells, draws, figures, sampling, stored, tables
 from .case import Options, prepare
-from .plots import lines_of, pretty_unit, series_plot
+from .drawing import pretty_unit
+from .plots import lines_of, series_plot
 from .series import Series
 from .sources import Change, Sources
 

@@ -34,7 +34,7 @@ def design(
 
     from ...designs import making as design_module
     from ...files import places
-    from ...study.plots import pretty_unit
+    from ...study.drawing import pretty_unit
 
     if file is None:
         places.writable("`desat design`")

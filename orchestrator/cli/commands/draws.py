@@ -86,7 +86,7 @@ def draws(
 
 
 def _print_draws(result: dict[str, Any]) -> None:
-    from ...study.plots import pretty_unit
+    from ...study.drawing import pretty_unit
     from ...study.report import number
 
     names = list(result["summary"])
@@ -105,7 +105,7 @@ def _print_draws(result: dict[str, Any]) -> None:
 
 
 def _print_differences(result: dict[str, Any]) -> None:
-    from ...study.plots import pretty_unit
+    from ...study.drawing import pretty_unit
     from ...study.report import number
 
     table = Table("number", box=None, header_style="bold", pad_edge=False)

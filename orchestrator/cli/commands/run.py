@@ -160,7 +160,7 @@ def _run_twin(finished: Run, options: Options, folder: Path) -> Run | None:
 
 def _report_run(finished: Run, other: Run | None, folder: Path, page: Path, as_json: bool) -> None:
     from ...engine.results import SERIES
-    from ...study.plots import pretty_unit
+    from ...study.drawing import pretty_unit
     from ...study.report import number, title_of
 
     manifest = finished.manifest

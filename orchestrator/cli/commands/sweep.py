@@ -74,7 +74,7 @@ def sweep(
 
 
 def _print(result: dict[str, Any]) -> None:
-    from ...study.plots import pretty_unit
+    from ...study.drawing import pretty_unit
     from ...study.report import number
 
     points, units = result["points"], result["units"]
