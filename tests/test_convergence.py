@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 from desat.analyses import convergence, coverage, estimate
 from desat.analyses.reference import Gyrostat
 from desat.analyses.reference_events import advance
-from desat.analyses.reference_plant import H, Held, L, Q
+from desat.analyses.reference_plant import STANDING, H, Held, L, Q
 from desat.components.maths import attitude
 from desat.components.physics.rotor import friction
 from desat.study.case import Options, prepare
@@ -137,6 +137,27 @@ def test_coulomb_friction_through_zero(command, h0, eps):
     assert eps / K * (time(0.0) - time(u0)) == pytest.approx(pieces[1].begin, rel=1e-10)
 
 
+def test_a_standing_wheel_breaks_loose():
+    """At rest, when c (1 - exp(-t / lag)) is the stiction; from then on it has what its motor gives
+    less Coulomb friction. Back at rest it stands."""
+    plant = gyrostat(**QUIET | PRINCIPAL | {
+        "wheels.stiction": 8e-3, "wheels.coulomb": 5e-3, "wheels.h_start_wheel": [0.0] * 4,
+    }).plant  # fmt: skip
+    y = plant.start_state()
+    held = replace(plant.start_held(), command=(0.01, 0.0, 0.0, 0.0))
+    y, held, (still, _) = advance(plant, 0.0, 4.0, y, held)
+    loose = -0.3 * math.log(1.0 - 0.8)
+    assert still.end == pytest.approx(loose, abs=1e-12)
+    h = motor(0.01, 4.0) - motor(0.01, loose) - 5e-3 * (4.0 - loose)
+    assert y[H] == pytest.approx([h, 0.0, 0.0, 0.0], abs=1e-14)
+    y, held, (moving, there) = advance(plant, 4.0, 14.0, y, replace(held, command=(0.0,) * 4))
+    # the motor's torque dies out against friction
+    torque, t = 0.01 * -math.expm1(-4.0 / 0.3), moving.end - 4.0
+    assert h - 0.3 * torque * math.expm1(-t / 0.3) == pytest.approx(5e-3 * t, abs=1e-13)
+    assert there.held.pinned == (STANDING,) * 3 + (0,)
+    assert not any(y[H])
+
+
 def test_a_pulse_train_gives_its_momentum():
     """About one principal axis, from rest; firings overlap and one lasts beyond the end."""
     begin, long = [1.37, 4.0, 4.25, 9.81], [0.11, 0.5, 1.77, 1.0]
@@ -183,7 +204,7 @@ def test_a_loop_learns_the_friction():
                                  "wheels.torque_limit": 2e-3}).plant  # fmt: skip
     y, _, pieces = advance(strong, 0.0, 5.0, strong.start_state(), Held())
     omega, h = strong.motion(5.0, y, Held())
-    assert strong.rotor(0, y, omega, h)[0] == pytest.approx(
+    assert strong.rotor(0, y, omega, h, Held())[0] == pytest.approx(
         2e-3 - friction(strong.speed(0, omega, h), 0.0, 5e-3, 2.0), abs=1e-15
     )
     assert len(pieces) > 1, "cut where the motor comes to its limit"
@@ -204,10 +225,15 @@ def test_a_loop_learns_the_friction():
                   "spacecraft.residual_dipole_body": [0.1, 0.2, -0.1],
                   "spacecraft.tau_disturbance_body": [1e-5, 0, -2e-5],
                   "controller.anti_windup": True, "environment.eccentricity": 0.01}, 2.5),
+        ("full", {"controller.delay": 1.0, "manager.delay": 2.0, "torquers.drive": "pulsed",
+                  "torquers.sample_time": 4.0, "torquers.pulse_delay": 0.13}, 2.5),
+        ("full", {"wheels.stiction": 6e-3, "wheels.coulomb": 3e-3, "manager.enable": False,
+                  "wheels.h_start_wheel": [0.05, -0.04, 0.0, 0.0]}, 1.5),
     ],
 )  # fmt: skip
 def test_the_blocks_converge_to_it(name, values, least_order):
-    """With compensation more slowly: its loop takes friction as linear over a step."""
+    """With compensation more slowly: its loop takes friction as linear over a step. With stiction
+    one wheel stands from 0.004 to 0.107 s, and two stop at once on their way through zero."""
     name, options = f"gyrostat/{name}", Options(blocks=True, stop=40.0, values=values)
     ideal = gyrostat(name, stop=40.0, **values).ideal()
     errors = []
@@ -323,7 +349,10 @@ def test_a_run_beyond_the_cases_warns():
     [
         ({"environment.field": "igrf"}, "needs environment.field = none or dipole"),
         ({"controller.sample_time": 0.0}, "needs controller.sample_time above 0 s"),
-        ({"wheels.stiction": 1e-3}, "needs wheels.stiction = 0.0, it is 0.001"),
+        (
+            {"magnetometer.coil_coupling": [[1e-9, 0, 0], [0] * 3, [0] * 3]},
+            r"needs magnetometer.coil_coupling\[1,1\] = 0.0, it is 1e-09",
+        ),
         ({"magnetometer.resolution": 1e-9}, "needs magnetometer.resolution = 0.0, it is 1e-09"),
         ({"torquers.failed_coil": "1"}, "needs torquers.failed_coil = 0, it is 1"),
         ({"controller.enable": False}, "needs controller.enable = True, it is False"),
@@ -332,6 +361,14 @@ def test_a_run_beyond_the_cases_warns():
 def test_it_refuses_what_it_does_not_know(values, text):
     with pytest.raises(DesatError, match=text):
         gyrostat("gyrostat/full", **values)
+
+
+def test_the_reference_of_another_master_refuses_what_it_does_not_know():
+    late = gyrostat("gyrostat/full", **{"wheels.stiction": 1e-3, "controller.delay": 2.0,
+                                        "torquers.drive": "pulsed",
+                                        "torquers.sample_time": 4.0})  # fmt: skip
+    with pytest.raises(DesatError, match=r"not know wheels.stiction, torquers.drive = pulsed, con"):
+        late.delayed(1.0)
 
 
 def test_it_refuses_other_wires():

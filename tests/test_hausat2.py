@@ -540,6 +540,16 @@ def test_fmus_give_the_bits_of_the_blocks(name):
         assert np.array_equal(one.results.values(series), other.results.values(series)), series
 
 
+def test_every_exchange_a_sample_late_is_what_jacobi_does():
+    """So the stored draws of `ours-jacobi` are those under `--algorithm jacobi`."""
+    record = ("spacecraft.*", "wheels.h_wheel", "manager.m_cmd_body", "gyro.*")
+    options = {"stop": 40.0, "record": record}
+    late = run("ours-jacobi", **options).results
+    jacobi = run("detumbling-ours", algorithm="jacobi", **options).results
+    for series in late.names():
+        assert np.array_equal(late.values(series), jacobi.values(series)), series
+
+
 def test_another_manager_swaps_in_by_its_source():
     swapped = run("detumbling-wheel", stop=30.0,
                   sources=["manager=manager_detumbling_optimal"])  # fmt: skip

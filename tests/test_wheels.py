@@ -236,6 +236,15 @@ def test_stopping_standing_and_breaking_loose_do_not_depend_on_the_step(dt, comp
     assert rows[1, 1] < -0.01, "2e-3 N m break it loose"
 
 
+@pytest.mark.parametrize("dt", [0.25, 1.0, 10.0])
+def test_a_rotor_that_turns_back_within_a_step_has_stood(dt):
+    """Friction stops it at once, its motor breaks it loose the same way it was going."""
+    given = {"coulomb": 3e-3, "stiction": 6e-3, "motor_lag": 0.3,
+             "h_start_wheel": (-1.5e-3 * J, 0.0, 0.0, 0.0)}  # fmt: skip
+    ((first,), (last,)) = (momenta(x, [(-0.02, 0.0, 0.0, 0.0)], **given) for x in (dt, 0.01))
+    assert first == pytest.approx(last, abs=1e-12)
+
+
 def test_a_standing_rotor_is_broken_loose_by_the_bodys_motion():
     """J (g.omega)' = 0.008 * 0.1 = 8e-4 N m, more than the stiction."""
     for stiction, speed in ((1e-3, 0.0), (6e-4, -0.1 - 3 * 0.05)):

@@ -38,6 +38,8 @@ CHANGES = 16
 """Most changes between moving, standing and the limit in a step; the rest of it then moves on."""
 HALVINGS = 48
 """Of a step, to find when a state ends."""
+TURNS = 1e-9
+"""A time so short, relative to the step, has passed."""
 AT_LIMIT = 1e-9
 """A speed so near the limit, relative to it, is at the limit."""
 
@@ -193,6 +195,13 @@ def _moving(
 ) -> tuple[Rotor, float, float]:
     """The state when moving ends or after dt (s), how long that was (s), and the integral of h."""
     rate, change = axial
+    if motor[6] > 0.0:
+        # where the torque turns, so does the speed: it may not pass zero in a part and come back
+        h, torque, learnt, way = rotor
+        balance = _drag(motor, h / motor[0] - rate, way) - learnt + motor[0] * change
+        turns = _reaches(motor, torque, command, balance)
+        if TURNS * dt < turns < dt:
+            dt = turns
     n = _parts(motor, rotor, command, axial, dt, fastest)
     part, total = dt / n, 0.0
     for i in range(n):

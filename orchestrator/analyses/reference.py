@@ -24,12 +24,13 @@ from desat.components.maths import vector
 
 from ..system.errors import DesatError
 from ..system.model import System
-from .reference_computers import Computers
+from .reference_computers import PULSED, Computers
 from .reference_events import Piece, advance
 from .reference_plant import (
     LEARNT,
     MOTOR,
     NO_WHEEL,
+    SAME_TIME,
     Array,
     H,
     Held,
@@ -41,9 +42,6 @@ from .reference_plant import (
     part,
 )  # fmt: skip
 from .reference_scope import Values
-
-SAME_TIME = 1e-9
-"""Times nearer than this (s) are one."""
 
 
 @dataclass(frozen=True)
@@ -65,6 +63,10 @@ class Gyrostat:
         self.start, self.stop = system.start, system.stop
         self.sample = values.one("controller", "sample_time")
         self._values, self.plant = values, Plant(values)
+        late = values.one("manager", "delay")
+        self._delays = {
+            "controller": values.one("controller", "delay"), "manager": late, "wheels": late
+        }  # fmt: skip
         self._failed = int(values.one("wheels", "failed")) - 1
         self._failed_from = values.one("wheels", "failed_from")
         self._firings: list[tuple[float, float, Vec3]] = []
@@ -111,12 +113,14 @@ class Gyrostat:
             y[M] = coils
         return replace(held, command=command, coils=coils)
 
-    def _times(self, *grids: float) -> list[float]:
-        """All multiples of the grids (s) and the edges from start to stop, each once."""
+    def _times(self, *grids: tuple[float, float]) -> list[float]:
+        """The edges from start to stop, and of each grid (s) all multiples and the times so much
+        (s) after them; each once."""
         times = [*self._edges(), self.start, self.stop]
-        for step in grids:
+        for step, late in grids:
             first, last = (floor(x / step + 1e-6) for x in (self.start, self.stop))
-            times += [k * step for k in range(first, last + 1)]
+            samples = [k * step for k in range(first, last + 1)]
+            times += [*samples, *(t + late for t in samples if late > 0.0)]
         return _once(times, self.start, self.stop)
 
     # --- its solution ---------------------------------------------------------------------------
@@ -124,27 +128,32 @@ class Gyrostat:
     def ideal(self) -> Trajectory:
         """Without any delay: commands act from the sample they are computed from."""
         plant, computers = self.plant, Computers(self._values, self.plant)
-        y, held = plant.start_state(), Held()
-        grids = [c.sample_time for c in computers.clocks.values() if c.sample_time > 0.0]
+        y, held, coils = plant.start_state(), plant.start_held(), computers.coils
+        grids = [
+            (clock.sample_time, self._delays.get(role, 0.0))
+            for role, clock in computers.clocks.items() if clock.sample_time > 0.0
+        ]  # fmt: skip
         rows = _Rows(plant, self.start, self.sample)
         rows.add(self.start, y, held)
-        b = wanted = coils = vector.ZERO
-        command = held.command
+        b = vector.ZERO
         for t, end in pairwise(self._times(*grids)):
             held = replace(self._failure(t, y, held), thrust=self._thrust(t))
             omega, h = plant.motion(t, y, held)
             if computers.due("magnetometer", t):
                 b = computers.measure(t, y)
             if computers.due("controller", t):
-                computers.control(y, omega)
+                computers.torque.decide(t, computers.control(y, omega))
             if computers.due("manager", t):
-                wanted = computers.dump(h, b)
+                computers.dipole.decide(t, computers.dump(h, b))
             if computers.due("wheels", t):
-                command = computers.wheels(omega, h, computers.tau)
+                tau = computers.torque.at(t)
+                computers.command.decide(t, computers.wheels(omega, h, tau))
             if computers.due("torquers", t):
-                coils = computers.coils(wanted)
-            held = self._commanded(y, held, command, coils)
-            y, held, _ = advance(plant, t, end, y, held)
+                coils.take(t, computers.dipole.at(t))
+            command = computers.command.at(t)
+            for first, last in pairwise(_once([t, *coils.edges(), end], t, end)):
+                held = self._commanded(y, held, command, coils.at(first))
+                y, held, _ = advance(plant, first, last, y, held)
             rows.add(end, y, held)
         return rows.trajectory()
 
@@ -154,10 +163,21 @@ class Gyrostat:
         The controller's torque reaches the manager one step later, the manager's commands wheels
         and torquers one later again, the magnetometer's field the manager one later; what wheels,
         torquers and thrusters do reaches the body one step later. Raises DesatError where a wheel
-        comes to its limit or components are decimated.
+        comes to its limit, for stiction, pulsed coils, computers with a delay of their own, and
+        where components are decimated.
         """
         if self._decimated:
             raise DesatError(f"delays of decimated components: {', '.join(self._decimated)}")
+        one = self._values.one
+        unknown = {
+            "wheels.stiction": one("wheels", "stiction") > 0.0,
+            "torquers.drive = pulsed": one("torquers", "drive") == PULSED,
+            **{f"{role}.delay": late > 0.0 for role, late in self._delays.items()},
+        }
+        if names := [name for name, there in unknown.items() if there]:
+            raise DesatError(
+                f"the reference with the delays of another master does not know {', '.join(names)}"
+            )
         plant, computers = self.plant, Computers(self._values, self.plant)
         y, held = plant.start_state(), Held()
         rows = _Rows(plant, self.start, self.sample)
@@ -174,7 +194,8 @@ class Gyrostat:
             omega, h = plant.motion(t, y, held, late.at(t))
             tau, m = seen_tau, wanted
             if computers.due("torquers", t):
-                coils = computers.coils(wanted)
+                computers.coils.take(t, wanted)
+                coils = computers.coils.at(t)
             if computers.due("manager", t):
                 m = computers.dump(h, b)
             next_command = command

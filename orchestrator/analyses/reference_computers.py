@@ -3,7 +3,8 @@ and when these are."""
 
 from __future__ import annotations
 
-from math import floor
+from math import copysign, floor, inf
+from typing import Any
 
 import numpy as np
 
@@ -12,8 +13,11 @@ from desat.components.laws import attitude_control, cross_product
 from desat.components.maths import attitude, vector
 from desat.components.physics import wheel_array
 
-from .reference_plant import Plant, Q, State, part
+from .reference_plant import SAME_TIME, Plant, Q, State, part
 from .reference_scope import Values
+
+LIMITED, PULSED = 1, 2
+"""Drives of the torquers, beside the ideal one."""
 
 
 class Clock:
@@ -30,6 +34,63 @@ class Clock:
         sample = floor(t / self.sample_time + 1e-6)
         due, self._last = sample > self._last, sample
         return due
+
+
+class Outbox:
+    """Commands (in SI units) that leave a computer `delay` (s) after they are decided."""
+
+    def __init__(self, delay: float, first: tuple[float, ...]) -> None:
+        self.delay = delay
+        self._waiting = [(-inf, first)]
+
+    def decide(self, t: float, command: tuple[float, ...]) -> None:
+        """What is decided at t (s)."""
+        self._waiting.append((t + self.delay, command))
+
+    def at(self, t: float) -> Any:
+        """What has left last at t (s)."""
+        while len(self._waiting) > 1 and self._waiting[1][0] <= t + SAME_TIME:
+            del self._waiting[0]
+        return self._waiting[0][1]
+
+
+class Coils:
+    """The torquers' samples: what each coil is driven to, from when to when."""
+
+    def __init__(self, values: Values) -> None:
+        one = values.one
+        self.drive, self.limit = int(one("torquers", "drive")), one("torquers", "m_limit")
+        self._period, self._pulse = one("torquers", "sample_time"), one("torquers", "least_pulse")
+        self._most = floor(one("torquers", "duty_max") * self._period / self._pulse + 1e-9)
+        self._late = one("torquers", "pulse_delay")
+        self._pulses: tuple[tuple[float, float, float], ...] = ((-inf, inf, 0.0),) * 3
+        """Of each coil: from when to when (s), and its dipole (A m2)."""
+
+    def take(self, t: float, wanted: Vec3) -> None:
+        """A sample at t (s) of a dipole command (A m2)."""
+        if self.drive == PULSED:
+            begin = t + self._late
+            self._pulses = tuple(
+                (begin, begin + self._width(m), copysign(self.limit, m)) for m in wanted
+            )
+        else:
+            most = self.limit if self.drive == LIMITED else inf
+            self._pulses = tuple((t, inf, m) for m in vector.clip(wanted, most))
+
+    def _width(self, m: float) -> float:
+        share = abs(m) / self.limit * self._period
+        return min(floor(share / self._pulse + 0.5), self._most) * self._pulse
+
+    def edges(self) -> list[float]:
+        """When a coil is switched (s)."""
+        return [t for begin, end, _ in self._pulses for t in (begin, end) if abs(t) < inf]
+
+    def at(self, t: float) -> Vec3:
+        """The dipole (A m2) that the coils are driven to from t (s) on."""
+        x, y, z = (
+            m if begin <= t + SAME_TIME < end else 0.0 for begin, end, m in self._pulses
+        )  # fmt: skip
+        return (x, y, z)
 
 
 class Computers:
@@ -58,7 +119,10 @@ class Computers:
         self.dipole_limit = one("manager", "m_limit") if one("manager", "saturation") else np.inf
         self.feedforward = bool(one("manager", "feedforward"))
         self.gyroscopic = bool(one("manager", "gyroscopic"))
-        self.coil_limit = one("torquers", "m_limit")
+        self.coils = Coils(values)
+        late = one("manager", "delay")
+        self.torque = Outbox(one("controller", "delay"), vector.ZERO)
+        self.dipole, self.command = Outbox(late, vector.ZERO), Outbox(late, (0.0,) * 4)
         self.xi = self.tau = self.absorbed = self.m = vector.ZERO
 
     def due(self, role: str, t: float) -> bool:
@@ -102,7 +166,3 @@ class Computers:
         limit = self.plant.torque_limit
         a, b, c, d = (min(max(x, -limit), limit) for x in command)
         return (a, b, c, d)
-
-    def coils(self, m: Vec3) -> Vec3:
-        """A dipole command within what the coils can do (A m2)."""
-        return vector.clip(m, self.coil_limit)

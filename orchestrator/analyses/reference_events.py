@@ -1,9 +1,9 @@
 """The monolithic reference between two known times: DOP853, cut where a wheel does something.
 
 A step that passes an event is made again up to it, so that no step of the integrator goes across a
-bend: a wheel comes to its limit, leaves it, turns through zero speed, or its motor comes to its
-limit with what it has learnt. Times known beforehand (samples, edges of pulses, failures) are the
-caller's.
+bend: a wheel comes to its limit, leaves it, turns through zero speed, stands there by stiction or
+breaks loose, or its motor comes to its limit with what it has learnt. Times known beforehand
+(samples, edges of pulses, failures) are the caller's.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ import numpy as np
 from desat.components.maths import attitude
 
 from ..system.errors import DesatError
-from .reference_plant import Array, H, Held, Late, Plant, Q, State, part
+from .reference_plant import LEARNT, STANDING, Array, H, Held, Late, Plant, Q, State, part
 
 if TYPE_CHECKING:  # they take long to load, and all analyses are found by loading their modules
     from scipy.integrate import DOP853, OdeSolution
@@ -63,7 +63,8 @@ def advance(
         pieces.append(Piece(t0, end, solution, held))
         if event is None:
             return y, held, pieces
-        t0, held = end, watch.happened(event, held, y)
+        t0, held = end, _loose(plant, end, y, watch.happened(event, end, y, held))
+        watch.turn(held)
         if late is not None and any(held.pinned):
             raise DesatError(
                 f"a wheel is at its limit at t = {t0:g} s: the reference with the delays of "
@@ -75,8 +76,23 @@ def advance(
 def _settled(plant: Plant, t: float, y: State, held: Held) -> Held:
     """After new commands: a wheel at its limit stays there only if it is pushed beyond."""
     for i in plant.present:
-        if held.pinned[i] and plant.push(i, t, y, held) <= 0.0:
+        if abs(held.pinned[i]) == 1 and plant.push(i, t, y, held) <= 0.0:
             held = replace(held, pinned=_with(held.pinned, i, 0))
+    return _loose(plant, t, y, held)
+
+
+def _loose(plant: Plant, t: float, y: State, held: Held) -> Held:
+    """With stiction a wheel that moves neither way stands, unless it is pulled loose."""
+    if plant.stiction == 0.0:
+        return held
+    for i in plant.present:
+        if held.way[i]:
+            continue
+        held = replace(held, pinned=_with(held.pinned, i, STANDING))
+        pull = plant.pull(i, t, y, held)
+        if abs(pull) > plant.stiction:
+            way = _with(held.way, i, 1 if pull > 0.0 else -1)
+            held = replace(held, pinned=_with(held.pinned, i, 0), way=way)
     return held
 
 
@@ -94,35 +110,53 @@ class _Watch:
             1.0 if i in plant.present and plant.speed(i, omega, h) >= 0.0 else -1.0
             for i in range(4)
         ]  # fmt: skip
+        self.turn(held)
         self.within = [1.0 if self._spare(i, y) >= 0.0 else -1.0 for i in range(4)]
+
+    def turn(self, held: Held) -> None:
+        """Dry friction knows which way a wheel moves also where its speed is zero."""
+        if self.plant.stiction > 0.0:
+            self.turning = [float(x) for x in held.way]
 
     def _spare(self, i: int, y: State) -> float:
         """Torque (N m) that the motor has left."""
         return self.plant.torque_limit - abs(y[11 + i] + y[15 + i])
 
     def values(self, t: float, y: State, held: Held, late: Late | None) -> list[float]:
-        """Of each wheel: the room to its limit, or where it is there the push beyond it; its speed
-        with the sign it had; what its motor has left. Below zero each is an event."""
+        """Of each wheel: the room to its limit, or where it is there the push beyond it, or where
+        it stands what stiction has left; its speed with the sign it had; what its motor has left.
+        Below zero each is an event."""
         plant = self.plant
         omega, h = plant.motion(t, y, held, late)
         values = []
         for i in plant.present:
-            at_limit = plant.push(i, t, y, held) if held.pinned[i] else plant.room(i, omega, h)
-            bends = plant.friction[1] > 0.0 and not held.pinned[i]
+            if held.pinned[i] == STANDING:
+                room = plant.stiction - abs(plant.pull(i, t, y, held))
+            else:
+                room = plant.push(i, t, y, held) if held.pinned[i] else plant.room(i, omega, h)
+            bends = (plant.friction[1] > 0.0 or plant.stiction > 0.0) and not held.pinned[i]
             values += [
-                at_limit,
+                room,
                 self.turning[i] * plant.speed(i, omega, h) if bends else 1.0,
                 self.within[i] * self._spare(i, y) if plant.compensation > 0.0 else 1.0,
             ]
         return values
 
-    def happened(self, event: int, held: Held, y: State) -> Held:
+    def happened(self, event: int, t: float, y: State, held: Held) -> Held:
         """What holds after an event."""
         i, what = self.plant.present[event // 3], event % 3
+        if what == 1 and self.plant.stiction > 0.0:
+            y[LEARNT.start + i] = 0.0
+            return replace(held, way=_with(held.way, i, 0))
         if what == 1:
             self.turning[i] = -self.turning[i]
         elif what == 2:
             self.within[i] = -self.within[i]
+        elif held.pinned[i] == STANDING:
+            way = 1 if self.plant.pull(i, t, y, held) > 0.0 else -1
+            return replace(
+                held, pinned=_with(held.pinned, i, 0), way=_with(held.way, i, way)
+            )  # fmt: skip
         else:
             side = 0 if held.pinned[i] else (1 if y[7 + i] > 0.0 else -1)
             return replace(held, pinned=_with(held.pinned, i, side))

@@ -10,6 +10,8 @@ of the wheels the momenta h (N m s), motor torques T (N m) and learnt friction (
     learnt' = compensation (friction - learnt),     Omega = h / J_s - g.omega
 
 A wheel at its limit is pinned: Omega = +-speed_limit, as long as its torque would go beyond it.
+With stiction friction is dry, c_v Omega +- c_c, and a wheel that it has stopped is pinned at
+Omega = 0 as long as |T - J_s (g.omega)'| <= stiction.
 """
 
 from __future__ import annotations
@@ -37,7 +39,10 @@ State = list[float]
 Q, L, H, MOTOR, LEARNT, M = (
     slice(0, 4), slice(4, 7), slice(7, 11), slice(11, 15), slice(15, 19), slice(19, 22)
 )  # fmt: skip
+SAME_TIME = 1e-9
+"""Times nearer than this (s) are one."""
 NO_WHEEL = -1
+STANDING = 2
 WHEELS = range(4)
 
 
@@ -59,7 +64,9 @@ class Held:
     dead: int = NO_WHEEL
     """The wheel that has failed."""
     pinned: tuple[int, ...] = (0, 0, 0, 0)
-    """Of each wheel: +1 or -1 at its limit, 0 free."""
+    """Of each wheel: +1 or -1 at its limit, STANDING by stiction, 0 free."""
+    way: tuple[int, ...] = (0, 0, 0, 0)
+    """Of each wheel: which way dry friction takes it to move, +1 or -1; 0: it stands."""
 
 
 @dataclass(frozen=True)
@@ -87,6 +94,7 @@ class Plant:
             one("wheels", "viscous"), one("wheels", "coulomb"), one("wheels", "friction_speed")
         )  # fmt: skip
         self.compensation = one("wheels", "compensation")
+        self.stiction = one("wheels", "stiction")
         self.torque_limit = one("wheels", "torque_limit")
         self.motor_lag, self.coil_lag = one("wheels", "motor_lag"), one("torquers", "lag")
         self.gravity_gradient = bool(one("spacecraft", "gravity_gradient"))
@@ -129,6 +137,13 @@ class Plant:
         momentum = vector.add(spin, wheel_array.body_momentum(self.axes, self._h))
         return [*self._q, *momentum, *self._h, *[0.0] * 11]
 
+    def start_held(self) -> Held:
+        """What holds at the start."""
+        y = self.start_state()
+        omega, h = self.motion(0.0, y, Held())
+        speeds = [self.speed(i, omega, h) if i in self.present else 0.0 for i in WHEELS]
+        return Held(way=tuple((x > 0.0) - (x < 0.0) for x in speeds))
+
     def inverse(self, pinned: tuple[int, ...]) -> Any:
         """The inverse of the inertia that turns with the body, pinned wheels included."""
         if pinned not in self._inverse:
@@ -144,8 +159,7 @@ class Plant:
             omega = vector.sub(part(y, L), wheel_array.body_momentum(self.axes, late.h(t)))
             return vector.mat_vec(self.inverse((0, 0, 0, 0)), omega), h
         if any(pinned):
-            limit = self.h_limit
-            h = tuple(pinned[i] * limit[i] if pinned[i] else h[i] for i in WHEELS)
+            h = tuple(self._pinned(i, pinned[i]) if pinned[i] else h[i] for i in WHEELS)
         left = vector.sub(part(y, L), wheel_array.body_momentum(self.axes, h))
         omega = vector.mat_vec(self.inverse(pinned), left)
         if any(pinned):
@@ -155,14 +169,25 @@ class Plant:
             )
         return omega, h
 
+    def _pinned(self, i: int, how: int) -> float:
+        """The momentum (N m s) of a pinned wheel relative to the body."""
+        limit: float = self.h_limit[i]
+        return 0.0 if how == STANDING else how * limit
+
     def speed(self, i: int, omega: Vec3, h: Vec4) -> float:
         """The speed (rad/s) of wheel i relative to the body."""
         speed: float = h[i] / self.spin[i] - vector.dot(self.columns[i], omega)
         return speed
 
-    def rotor(self, i: int, y: State, omega: Vec3, h: Vec4) -> tuple[float, float]:
+    def rotor(
+        self, i: int, y: State, omega: Vec3, h: Vec4, held: Held
+    ) -> tuple[float, float]:  # fmt: skip
         """The torque (N m) on a free rotor, and the slope of what its loop has learnt (N m/s)."""
-        drag = friction(self.speed(i, omega, h), *self.friction)
+        speed, (viscous, coulomb, _) = self.speed(i, omega, h), self.friction
+        drag = (
+            viscous * speed + coulomb * held.way[i] if self.stiction > 0.0
+            else friction(speed, *self.friction)
+        )  # fmt: skip
         torque, learnt = y[11 + i], y[15 + i]
         drive = torque
         if self.compensation > 0.0:
@@ -190,7 +215,7 @@ class Plant:
                 torque = vector.add(torque, vector.cross(dipole, b))
         dh, d_learnt, d_motor = [0.0] * 4, [0.0] * 4, [0.0] * 4
         for i in self.present:
-            dh[i], d_learnt[i] = self.rotor(i, y, omega, h)
+            dh[i], d_learnt[i] = self.rotor(i, y, omega, h, held)
             if self.motor_lag > 0.0:
                 d_motor[i] = (held.command[i] - y[11 + i]) / self.motor_lag
             if held.dead == i or held.pinned[i]:
@@ -214,12 +239,20 @@ class Plant:
     def push(self, i: int, t: float, y: State, held: Held) -> float:
         """The torque (N m) with which a wheel at its limit would go beyond it."""
         omega, h = self.motion(t, y, held)
+        torque = self.rotor(i, y, omega, h, held)[0] - self._turning(i, t, y, held)
+        return float(held.pinned[i] * torque)
+
+    def pull(self, i: int, t: float, y: State, held: Held) -> float:
+        """The torque (N m) that stiction resists in a standing wheel."""
+        return y[11 + i] - self._turning(i, t, y, held)
+
+    def _turning(self, i: int, t: float, y: State, held: Held) -> float:
+        """The torque (N m) that turns rotor i with the body, J_s (g.omega)'."""
         rates = self.derivative(t, y, held)
         left = vector.sub(part(rates, L), wheel_array.body_momentum(self.axes, part(rates, H)))
         turning = vector.mat_vec(self.inverse(held.pinned), left)
-        torque = self.rotor(i, y, omega, h)[0]
-        torque -= self.spin[i] * vector.dot(self.columns[i], turning)
-        return float(held.pinned[i] * torque)
+        torque: float = self.spin[i] * vector.dot(self.columns[i], turning)
+        return torque
 
     def room(self, i: int, omega: Vec3, h: Vec4) -> float:
         """The momentum (N m s) that wheel i may still take before it is at its limit."""

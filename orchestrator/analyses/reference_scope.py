@@ -49,15 +49,15 @@ KNOWN = {
     "wheels": Known(
         "wheels",
         "axes_wheel inertia_wheel h_start_wheel torque_limit speed_limit motor_lag viscous coulomb "
-        "friction_speed compensation failed failed_from",
-        {"command_mode": 0, "stiction": 0.0, "unbalance": 0.0},
+        "friction_speed compensation stiction failed failed_from",
+        {"command_mode": 0, "unbalance": 0.0},
         "speed_gain seed idle_power motor_constant",
         "manager.tau_cmd_wheel spacecraft.omega_bi_body",
     ),
     "guidance": Known("guidance_inertial", "q_target_bi", {}, "sample_time"),
     "controller": Known(
         "controller_pid",
-        "sample_time kp kd ki gain_matrix integral_limit torque_limit anti_windup",
+        "sample_time delay kp kd ki gain_matrix integral_limit torque_limit anti_windup",
         {},
         "",
         "spacecraft.q_bi spacecraft.omega_bi_body guidance.q_ref_bi guidance.omega_ref_body",
@@ -71,17 +71,17 @@ KNOWN = {
     ),
     "manager": Known(
         "manager_cross_product",
-        "sample_time wheel_sample_time axes_wheel feedforward gyroscopic saturation m_limit law "
-        "gain h_deadband enable h_target_body",
+        "sample_time wheel_sample_time delay axes_wheel feedforward gyroscopic saturation m_limit "
+        "law gain h_deadband enable h_target_body",
         {},
         "",
         "magnetometer.b_body wheels.h_wheel controller.tau_ctrl_body",
     ),
     "torquers": Known(
         "torquers",
-        "sample_time m_limit lag",
-        {"drive": 1},
-        "least_pulse duty_max pulse_delay resistance area_turns failed_from failure_known",
+        "sample_time drive m_limit lag least_pulse duty_max pulse_delay",
+        {},
+        "resistance area_turns failed_from failure_known",
         "manager.m_cmd_body",
     ),
 }

@@ -94,10 +94,15 @@ class Verbs:
         return [row["numbers"][number] for row in rows]
 
     def spread(self, scenario: str, number: str, digits: int = 1) -> str:
-        """A number over the draws as `median [least, most]`."""
-        values = self.drawn(scenario, number)
+        """A number over the draws as `median [least, most]`; of those that have it, and how many
+        these are, where some have not."""
+        drawn = self.drawn(scenario, number)
+        values = [x for x in drawn if x is not None]
+        if not values:
+            return f"none of {len(drawn)}"
         middle, low, high = statistics.median(values), min(values), max(values)
-        return f"{middle:.{digits}f} [{low:.{digits}f}, {high:.{digits}f}]"
+        of = f", {len(values)} of {len(drawn)}" if len(values) < len(drawn) else ""
+        return f"{middle:.{digits}f} [{low:.{digits}f}, {high:.{digits}f}]{of}"
 
     def middle_draw(self, scenario: str, number: str) -> int:
         """The draw whose number is the (lower) median of all: a typical one."""
