@@ -125,7 +125,8 @@ def series_plot(plot: dict[str, Any], runs: Sequence[Run]) -> str | None:
     unit = plot.get("unit") or own or results.attribute(signals[0], "unit")
     drawn = [lines_of(plot, r, unit) for _, r, _ in runs]
     what, steady = plot.get("axis", plot["title"]), plot.get("steady")
-    seconds, time_unit = time_axis(results.times())
+    orbit = plot.get("orbit")
+    seconds, time_unit = (orbit, "orbits") if orbit else time_axis(results.times())
     if steady is None or results.times()[-1] <= steady:
         fig, ax = figure()
         panels = [(ax, drawn)]
@@ -225,7 +226,7 @@ def _derived(plot: dict[str, Any], results: Results, unit: str) -> list[Line]:
     values = values * scale(quantity.unit or results.attribute(plot["signals"][0], "unit"), unit)
     times = results.times()[: len(values)]
     names = plot.get("components", quantity.names)
-    return [Line(n, times, values[:, i]) for i, n in enumerate(names)]
+    return [Line(n, times, values[:, i]) for i, n in enumerate(names) if n]
 
 
 def _lines(plot: dict[str, Any], results: Results, signal: str, unit: str) -> list[Line]:
@@ -238,11 +239,12 @@ def _lines(plot: dict[str, Any], results: Results, signal: str, unit: str) -> li
         return [Line(prefix, times, values, stepped)]
     if plot.get("norm"):
         return [Line(prefix, times, np.linalg.norm(values, axis=1), stepped)]
-    # fewer names than elements: the rest is not shown (a wheel that is not there)
+    # an element without a name is not shown (a wheel that is not there)
     names = plot.get("components") or [str(i + 1) for i in range(values.shape[1])]
     return [
         Line(f"{prefix} {name}".strip(), times, values[:, i], stepped)
         for i, name in enumerate(names)
+        if name
     ]
 
 
