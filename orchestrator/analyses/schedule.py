@@ -33,12 +33,12 @@ def warnings(system: System) -> list[str]:
 
 def _too_strong(component: Component) -> list[str]:
     most, durations = _values(component, LIMIT)[0], _values(component, DURATION)
+    names = [s.name for s in component.interface.elements(TORQUE)]
     lines = []
-    for k, signal in enumerate(component.interface.elements(TORQUE)):
-        torque = value_of(component, signal.name)
+    for k, torque in enumerate(_values(component, TORQUE)):
         if durations[k // 3] > 0.0 and abs(torque) > most:
             lines.append(
-                f"{component.name}.{signal.name} = {torque:g} N m: more than {LIMIT} = {most:g} "
+                f"{component.name}.{names[k]} = {torque:g} N m: more than {LIMIT} = {most:g} "
                 "N m; flown saturated where there is a wheel"
             )
     return lines
