@@ -510,6 +510,27 @@ def start_up() -> dict[str, Any]:
     return result | {"memory": _measure("memory", path, 15000)}
 
 
+def boom() -> dict[str, Any]:
+    """20 orbits of paper 002 at 1 s, control every 10 s, by the published law and by ours, all
+    components as native FMUs, and 4,000 steps as Python FMUs; over the day's step of the same
+    rounds."""
+    names = {"z_wheel": "alsat1/firing-z-wheel", "ours": "alsat1/firing-ours",
+             "day": "nadir_day/day-dipole"}  # fmt: skip
+    python = {n: packed(s) for n, s in names.items()}
+    parts = {n: (native(p), 122570 if n != "day" else 86400) for n, p in python.items()}
+    parts |= {f"{n}_python": (p, 4000) for n, p in python.items()}
+    rounds: dict[str, list[float]] = {name: [] for name in parts}
+    for _ in track(range(ROUNDS), "alsat1", disable=not sys.stderr.isatty()):
+        for name, (file, steps) in parts.items():
+            rounds[name].append(_measure("day", file, steps)["us_per_step"])
+    result: dict[str, Any] = {n: round(statistics.median(r), 1) for n, r in rounds.items()}
+    for kind in ("", "_python"):
+        for name in ("z_wheel", "ours"):
+            pairs = zip(rounds[name + kind], rounds[f"day{kind}"], strict=True)
+            result[f"{name}{kind}_over_day"] = round(statistics.median(a / b for a, b in pairs), 2)
+    return result | {"memory": _measure("memory", parts["ours"][0], 122570)}
+
+
 def both_plants() -> dict[str, Any]:
     """Error over CPU time of two plants: ours and Basilisk's, its RK4 and its RKF78, in turn; and
     what each takes at the goal."""
@@ -555,6 +576,7 @@ CASES: dict[str, Callable[[], dict[str, Any]]] = {
     "day": nadir_day,
     "integrated": integrated_day,
     "start_up": start_up,
+    "alsat1": boom,
     "plants": both_plants,
     "laws": laws,
     "scaling": scaling.measure,

@@ -24,6 +24,7 @@ from desat.files.pack import pack_scenario
 from desat.files.scenario import find
 from desat.study import derived, measures, stored
 from desat.study.case import Options, execute, prepare
+from desat.study.plots import lines_of
 
 N = 0.0010252474302388003
 MOMENTS, PRODUCTS = (153.0, 153.0, 5.0), (-0.25, 0.0005, 0.1)
@@ -282,6 +283,7 @@ def test_an_inverted_craft_is_turned_by_a_wheel_that_pumps():
     assert block.mode == 2
     # the wheel goes down by as much as the body is to gain in the sense in which it swings
     assert block.tau_cmd_wheel[0] < 0.0
+    assert dot(cross(block.m_cmd_body, B), (0.0, 1.0, 0.0)) < 0.0  # the coils damp the swing
     step(block, 1, h_wheel=(-0.1, 0.0, 0.0, 0.0))
     assert block.tau_cmd_wheel[0] == pytest.approx(0.0, abs=1e-15)
     up = propagated((0.0, 0.0, 0.0, 1.0), (0.0, 0.05, 0.0), 1.0)
@@ -561,6 +563,20 @@ def test_momentum_adds_up_and_the_impulse_of_a_firing_is_exact():
     assert numbers["momentum_residual"] <= 1e-12 * 0.06
     assert found.results.values("thrusters.schedule_on_time")[-1] == pytest.approx(30.0, 1e-12)
     assert not numbers["wheel_saturated"]
+    inside = ("shared.schedule_start=100.3,0,0,0,0,0,0,0",
+              "shared.schedule_duration=29.45,0,0,0,0,0,0,0")  # fmt: skip
+    found = run("firing-z-wheel", stop=140.0, sets=inside)
+    given = found.results.values("thrusters.tau_mean_thruster_body").sum(axis=0)
+    assert given == pytest.approx([29.45 * x for x in (5e-6, 1.5e-3, 1.5e-3)], rel=1e-12)
+    assert found.manifest["numbers"]["momentum_residual"]["value"] <= 1e-12 * 0.16
+
+
+def test_elements_without_a_name_are_not_drawn():
+    plots = find("alsat1/firing-ours").data["plots"]
+    results = run("firing-ours", stop=200.0, sets=tuple(NEAR)).results
+    names = {k: [x.name for x in lines_of(plots[k], results, plots[k]["unit"])]
+             for k in ("yaw", "tilt", "momentum")}  # fmt: skip
+    assert names == {"yaw": ["yaw"], "tilt": ["pitch", "roll"], "momentum": ["x", "y", "z"]}
 
 
 def test_three_wheels_keep_the_craft_where_the_z_wheel_does_not():
@@ -606,6 +622,15 @@ def test_a_firing_that_lasts_beyond_the_run_is_said():
     text = r"thrusters.schedule_duration[1] = 30 s from 100 s on: it lasts beyond the run's end at"
     case = prepare("alsat1/firing-z-wheel", Options(blocks=True, stop=110.0, sets=list(NEAR)))
     assert any(text in x for x in case.checked.warnings)
+
+
+def test_a_torque_that_the_wheels_cannot_take_is_said():
+    tau = ",".join(["0", "0", "9e-3", *["0"] * 21])
+    case = prepare("alsat1/firing-ours", Options(
+        blocks=True, sets=[f"shared.schedule_tau_body={tau}"]
+    ))  # fmt: skip
+    text = "manager.schedule_tau_body[1,3] = 0.009 N m: more than torque_limit = 0.005 N m"
+    assert [x for x in case.checked.warnings if text in x]
 
 
 # --- stored draws -------------------------------------------------------------------------------

@@ -28,7 +28,9 @@ class ManagerBoom(Boom):
     Each time that nadir goes through the boom's line, u_1 = 0, the wheel is sent to h_2 = -A
     sign(omega_2) with A = `recovery_momentum`, and so gives its 2 A to the body in the sense in
     which it swings, until it goes over; then, upright, to +A sign(omega_2), until it swings slower
-    than `recovery_rate` there. Meanwhile the coils do not dump h_2, and damp roll alone.
+    than `recovery_rate` there; below A / J_2 the wheel need never get it. Meanwhile the coils do
+    not dump h_2 but damp omega_2: a craft that goes over and over gets from the wheel on one side
+    what that takes on the other.
 
     Without a valid field, attitude or rate: see `reason`; coils off, the wheel holds the rate
     (-kd omega). Without a valid h there is no dumping.
@@ -84,7 +86,7 @@ class ManagerBoom(Boom):
             torque = scale(laws.pd(pitch, y, self.kp, self.kd), Y_AXIS)
             if self.recovery and self.valid_h and self._turn((a[2], a[5], a[8]), y):
                 most = self.recovery_torque
-                e_x, e_y = self.gain_rate * x, 0.0
+                e_x, e_y = self.gain_rate * x, self.gain_rate * y
                 torque = scale(min(max(0.05 * (h[1] - self._goal), -most), most), Y_AXIS)
         elif self.wheel == WHEEL_Z:
             e_z = self.gain_dump * h[2]

@@ -140,7 +140,9 @@ def numbers(manifest: dict[str, Any], results: Results) -> dict[str, dict[str, A
     if manifest["status"] != "completed":
         return {}
     with suppress(DesatError):
-        return of_run(manifest, results).numbers()
+        (on_time,) = _series(manifest, results, [f"{manifest[KEY]['thrusters']}.on_time"])
+        if on_time[-1] > 0.0:  # else the programme, which takes long, has nothing to tell
+            return of_run(manifest, results).numbers()
     return {}
 
 

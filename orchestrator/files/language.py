@@ -79,7 +79,7 @@ class Plot(Table):
     NEEDED = ("title", "signals")
     title: Text = key("the caption")
     signals: Annotated[list[Text], Field(min_length=1)] = key("`component.output`, one or several")
-    components: list[Text] = key("names of the elements; fewer names show fewer elements")
+    components: list[str] = key("names of the elements; those without a name are not shown")
     axis: Text = key("the quantity on the axis; default: the title")
     unit: Unit = key("the unit of the axis; default: the first signal's")
     norm: bool = key("true: the size of vectors, one line each")
@@ -89,6 +89,7 @@ class Plot(Table):
     steady: Annotated[FiniteFloat, Field(gt=0.0)] = key(
         "a second panel shows the time from here on at its own scale", "s"
     )
+    orbit: Annotated[FiniteFloat, Field(gt=0.0)] = key("the axis of times counts these", "s")
     envelope: bool = key("true: where a line is faster than the plot is wide, what it lies between")
     points: Annotated[int, Field(ge=10)] = key("so many points a line; default: 3000")
     limits: list[either(table=LimitLine, text=Text, number=FiniteFloat)] = key(  # type: ignore[valid-type]

@@ -66,7 +66,8 @@ def series_figure(plot: dict[str, Any], runs: Sequence[Run]) -> Any | None:
     limits = _limits(plot, parameters, unit)
     # the limits of a size have no other side
     signed = any(np.nanmin(x.values, initial=0.0) < 0.0 for lines in drawn for x in lines)
-    seconds, time_unit = time_axis(results.times())
+    orbit = plot.get("orbit")
+    seconds, time_unit = (orbit, "orbits") if orbit else time_axis(results.times())
     fig, panels = _panels(plot, results)
     for ax, begin in panels:
         whole = begin is None
@@ -180,7 +181,7 @@ def _derived(plot: dict[str, Any], results: Results, unit: str) -> list[Line]:
     values = values * scale(quantity.unit or results.attribute(plot["signals"][0], "unit"), unit)
     times = results.times()[: len(values)]
     names = plot.get("components", quantity.names)
-    return [Line(n, times, values[:, i]) for i, n in enumerate(names)]
+    return [Line(n, times, values[:, i]) for i, n in enumerate(names) if n]
 
 
 def _lines(plot: dict[str, Any], results: Results, signal: str, unit: str) -> list[Line]:
@@ -193,11 +194,12 @@ def _lines(plot: dict[str, Any], results: Results, signal: str, unit: str) -> li
         return [Line(prefix, times, values, stepped)]
     if plot.get("norm"):
         return [Line(prefix, times, np.linalg.norm(values, axis=1), stepped)]
-    # fewer names than elements: the rest is not shown (a wheel that is not there)
+    # an element without a name is not shown (a wheel that is not there)
     names = plot.get("components") or [str(i + 1) for i in range(values.shape[1])]
     return [
         Line(f"{prefix} {name}".strip(), times, values[:, i], stepped)
         for i, name in enumerate(names)
+        if name
     ]
 
 
