@@ -19,7 +19,7 @@ from .cells import Numbers, Row, counted, rows_of
 from .draws import pool_of
 from .manifest import PACKAGES
 from .meaning import words
-from .paired import differences
+from .paired import differences, ratios
 from .plots import pretty_unit
 from .report import number, render, write_page
 
@@ -71,12 +71,15 @@ def rows(
 
 
 def _paired(scenario: Scenario, drawn: dict[str, Any]) -> dict[str, dict[str, Any]]:
-    """Of each number of form `difference`: the summary of the differences draw by draw."""
+    """Of each number of form `difference` or `paired_ratio`: the summary of what they are draw by
+    draw."""
     found = {}
     for name, entry in scenario.data["numbers"].items():
         theirs = drawn.get(f"{scenario.family}/{entry.get('reference', '')}")
         if theirs is not None and entry["form"] == "difference":
             found[name] = differences(drawn[scenario.name], theirs)[entry["of"]]
+        elif theirs is not None and entry["form"] == "paired_ratio":
+            found[name] = ratios(drawn[scenario.name], theirs, entry["of"])
     return found
 
 
