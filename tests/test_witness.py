@@ -95,6 +95,7 @@ CASES = [
     "uosat12/fig2-lqr-1",  # gain tables
     "uosat12/beyond-receding_horizon-ilqr-1",  # numpy and scipy in the FMU
     "integrated/mil-nadir",
+    "space_telescope/mixed-me-nominal",
 ]
 
 

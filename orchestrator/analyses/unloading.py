@@ -24,7 +24,7 @@ RPM = 30.0 / np.pi
 NUMBERS = (
     *(f"time_above_{s}" for s in SPEEDS), "moved_by_coils", "moved_by_gravity",
     "mean_momentum", "mean_change", "amplitude_kept", "dipole_correlation", "off_profile",
-    "field_models",
+    "field_models", "end_miss",
 )  # fmt: skip
 SIGNALS = (
     "spacecraft.q_bi", "spacecraft.impulse_eci", "environment.b_eci", "torquers.m_mean_body",
@@ -84,7 +84,7 @@ def numbers(manifest: dict[str, Any], results: Results) -> dict[str, dict[str, A
     means = [impulse[k : k + whole].mean(axis=0) for k in range(first, rows - whole + 1, whole)]
     found["mean_change"] = (
         "Change of the orbit's mean momentum from one to the next, mean size",
-        float(np.linalg.norm(np.diff(means, axis=0), axis=1).mean()) if len(means) > 1 else np.nan,
+        float(np.linalg.norm(np.diff(means, axis=0), axis=1).mean()) if means[1:] else np.nan,
         "N.m.s",
     )
     found["mean_momentum"] = ("Size of the mean momentum",
@@ -118,7 +118,13 @@ def numbers(manifest: dict[str, Any], results: Results) -> dict[str, dict[str, A
         found["off_profile"] = ("Momentum off H_NOM at its rows, rms of its size",
                                 _off_profile(law, impulse[: rows + 1], step, first),
                                 "N.m.s")  # fmt: skip
-    return {k: {"title": t, "value": v, "unit": u} for k, (t, v, u) in found.items()}
+    if "update_period" in law and law["update_period"] == law["desaturation_period"]:
+        found["end_miss"] = ("What the ends of desaturation periods miss H_NOM by, rms, of H_D's",
+                             _end_miss(law, impulse, wanted, q, step), "%")  # fmt: skip
+    return {
+        k: {"title": t, "value": v, "unit": u}
+        for k, (t, v, u) in found.items() if np.isfinite(v)
+    }  # fmt: skip
 
 
 def unmet(manifest: dict[str, Any], results: Results) -> list[str]:
@@ -150,6 +156,21 @@ def _off_profile(given: dict[str, Any], impulse: Any, step: float, first: int) -
     rows = np.round(given["table_spacing"] * np.arange(nodes) / step).astype(int)
     kept = (rows >= first) & (rows < len(impulse))
     return float(np.sqrt(((impulse[rows[kept]] - table[kept]) ** 2).sum(axis=1).mean()))
+
+
+def _end_miss(law: dict[str, Any], impulse: Any, wanted: Any, q: Any, step: float) -> float:
+    """Where a desaturation period ends: rms of |H - H_NOM| over that of |H_D|, in %; H_D is the
+    integral of the torque that is meant (eq. 3)."""
+    period = law["update_period"]
+    rows, nodes = round(period / step), round(period / law["table_spacing"])
+    if abs(nodes * law["table_spacing"] - period) > 1e-6:
+        return float("nan")
+    meant = rotate_back(q[: len(wanted)], wanted) * step
+    table = np.reshape(law["profile_table"], (-1, 3))
+    ends = range(rows, len(wanted) + 1, rows)
+    missed = [impulse[k] - table[k // rows * nodes] for k in ends]
+    dumped = [meant[k - rows : k].sum(axis=0) for k in ends]
+    return 100.0 * float(np.linalg.norm(missed) / np.linalg.norm(dumped))
 
 
 def _unit(q: Any) -> Any:
