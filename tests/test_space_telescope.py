@@ -442,8 +442,8 @@ def test_an_orbit_conserves_momentum_and_holds_the_attitude(name):
 
 @pytest.fixture(scope="module")
 def half_orbits():
-    """Two orbits of the open loop, bare."""
-    options = Options(blocks=True, stop=11400.0, record=("*",), values={"wheels.seed": 1})
+    """Two orbits of the open loop and a half, bare."""
+    options = Options(blocks=True, stop=14250.0, record=("*",), values={"wheels.seed": 1})
     run = execute(f"{FAMILY}/open-me-nominal", options).or_raise("open-me")
     yield run
     run.results.close()
@@ -477,7 +477,7 @@ def test_the_least_energy_is_below_the_run_and_grows_as_the_peak_shrinks(half_or
 
 def test_short_periods_are_ill_conditioned_and_may_turn_against_the_momentum(half_orbits):
     manifest, results = half_orbits.manifest, half_orbits.results
-    rows = desaturation.study(manifest, results, (50.0, 200.0, 600.0, 2850.0, 11400.0))
+    rows = desaturation.study(manifest, results, (50.0, 200.0, 600.0, 2850.0, 14250.0))
     assert rows[0]["condition"] == math.inf
     assert rows[1]["condition"] > 4.0 * rows[2]["condition"] > 16.0 * rows[3]["condition"]
     assert rows[1]["angle"] > 150.0 > 130.0 > rows[3]["angle"]
