@@ -516,13 +516,13 @@ def boom() -> dict[str, Any]:
     rounds."""
     names = {"z_wheel": "alsat1/firing-z-wheel", "ours": "alsat1/firing-ours",
              "day": "nadir_day/day-dipole"}  # fmt: skip
-    python = {n: packed(s) for n, s in names.items()}
-    parts = {n: (native(p), 122570 if n != "day" else 86400) for n, p in python.items()}
-    parts |= {f"{n}_python": (p, 4000) for n, p in python.items()}
+    steps = {"day": 86400}
+    parts = {n: (packed(s, "native"), steps.get(n, 122570)) for n, s in names.items()}
+    parts |= {f"{n}_python": (packed(s), 4000) for n, s in names.items()}
     rounds: dict[str, list[float]] = {name: [] for name in parts}
     for _ in track(range(ROUNDS), "alsat1", disable=not sys.stderr.isatty()):
-        for name, (file, steps) in parts.items():
-            rounds[name].append(_measure("day", file, steps)["us_per_step"])
+        for name, (file, count) in parts.items():
+            rounds[name].append(_measure("day", file, count)["us_per_step"])
     result: dict[str, Any] = {n: round(statistics.median(r), 1) for n, r in rounds.items()}
     for kind in ("", "_python"):
         for name in ("z_wheel", "ours"):

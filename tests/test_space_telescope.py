@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from scipy.optimize import minimize
 from test_blocks import begin, fresh
 
+from desat.analyses import coil_bound, desaturation, onboard
 from desat.components.contract.block import BlockError
 from desat.components.laws import momentum_management as laws
 from desat.components.laws import momentum_offline as offline
@@ -19,7 +20,7 @@ from desat.components.maths.vector import IDENTITY, cross, dot, norm
 from desat.components.physics.wheel_array import pseudo_inverse, to_wheels
 from desat.designs import making, momentum_tables
 from desat.files.scenario import find, scenarios
-from desat.study import measures
+from desat.study import measures, stored, tables
 from desat.study.case import Options, execute, prepare
 
 S, C = math.sin(math.radians(35.264389682754654)), math.cos(math.radians(35.264389682754654))
@@ -258,10 +259,12 @@ ZEROS = (0.0,) * 4
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_without_an_attitude_there_is_no_dipole(name):
-    block = stepped(manager(name, valid_q=False, q_bi=(math.nan,) * 4))
-    assert block.m_cmd_body == (0.0, 0.0, 0.0)
-    assert block.mode == IDLE
+def test_without_an_attitude_or_a_field_there_is_no_dipole(name):
+    for missing in ({"valid_q": False, "q_bi": (math.nan,) * 4},
+                    {"valid_b": False, "b_body": (math.nan,) * 3}):  # fmt: skip
+        block = stepped(manager(name, **missing))
+        assert block.m_cmd_body == (0.0, 0.0, 0.0)
+        assert block.mode == IDLE
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -408,6 +411,19 @@ def test_the_rows_of_the_profile_lose_less_than_half_a_newton_metre_second():
         assert 0.0 < error < 0.5
 
 
+def test_a_period_of_one_sample_falls_back_in_flight_and_one_source_replaces_the_manager():
+    singular = {"manager.desaturation_period": 50.0, "manager.update_period": 50.0}
+    options = Options(blocks=True, stop=600.0, values=singular, record=("*",), design=None)
+    run = execute(f"{FAMILY}/open-me-nominal", options).or_raise("singular")
+    assert (run.results.values("manager.mode") == FALLBACK).all()
+    assert not run.results.values("torquers.m_coil").any()
+    run.results.close()
+    other = Options(stop=600.0, sources=["manager=manager_closed_loop"], record=("*",))
+    run = execute(f"{FAMILY}/mixed-me-nominal", other).or_raise("replaced")
+    assert (run.results.values("manager.mode") == DUMPING).all()
+    run.results.close()
+
+
 @pytest.mark.parametrize("name", ["closed-cp", "mixed-me", "me", "ours"])
 def test_an_orbit_conserves_momentum_and_holds_the_attitude(name):
     options = Options(blocks=True, stop=2850.0, record=("*",))
@@ -422,6 +438,72 @@ def test_an_orbit_conserves_momentum_and_holds_the_attitude(name):
     if name == "mixed-me":  # it meets the profile where a period ends: at momentum of mean zero
         assert largest > 5.0
     run.results.close()
+
+
+@pytest.fixture(scope="module")
+def half_orbits():
+    """Two orbits of the open loop and a half, bare."""
+    options = Options(blocks=True, stop=14250.0, record=("*",), values={"wheels.seed": 1})
+    run = execute(f"{FAMILY}/open-me-nominal", options).or_raise("open-me")
+    yield run
+    run.results.close()
+
+
+def test_the_open_loop_meets_its_momentum_at_the_end_of_the_period(half_orbits):
+    numbers = {k: n["value"] for k, n in half_orbits.manifest["numbers"].items()}
+    assert half_orbits.results.values("manager.miss_predicted").max() < 1e-9
+    assert 0.0 < numbers["end_miss"] < 0.5
+    assert 0.0 < numbers["off_profile"] < 0.05
+    # a value a sample and 57 a half orbit
+    assert numbers["field_models"] == pytest.approx(3600.0 * (1.0 / 50.0 + 57.0 / 2850.0))
+
+
+def test_the_periodic_momentum_is_kept_and_the_coils_move_less_than_gravity(half_orbits):
+    numbers = {k: n["value"] for k, n in half_orbits.manifest["numbers"].items()}
+    assert 80.0 < numbers["amplitude_kept"] < 100.0
+    assert 0.0 < numbers["moved_by_coils"] < 0.5 * numbers["moved_by_gravity"]
+    assert numbers["time_above_100"] > numbers["time_above_200"] >= numbers["time_above_300"]
+
+
+def test_the_least_energy_is_below_the_run_and_grows_as_the_peak_shrinks(half_orbits):
+    found = coil_bound.of_run(half_orbits.manifest, half_orbits.results)
+    assert 0.0 < found.above_percent < 50.0
+    curve = coil_bound.curve(half_orbits.manifest, half_orbits.results,
+                             [0.8 * found.peak, found.peak, 1.5 * found.peak])  # fmt: skip
+    energies = [energy for _, energy in curve]
+    assert energies[1] == pytest.approx(found.least)
+    assert energies[0] > energies[1] > energies[2]
+
+
+def test_short_periods_are_ill_conditioned_and_may_turn_against_the_momentum(half_orbits):
+    manifest, results = half_orbits.manifest, half_orbits.results
+    rows = desaturation.study(manifest, results, (50.0, 200.0, 600.0, 2850.0, 14250.0))
+    assert rows[0]["condition"] == math.inf
+    assert rows[1]["condition"] > 4.0 * rows[2]["condition"] > 16.0 * rows[3]["condition"]
+    assert rows[1]["angle"] > 150.0 > 130.0 > rows[3]["angle"]
+    assert rows[1]["torque"] > 2.0 * rows[2]["torque"] > 4.0 * rows[3]["torque"]
+    # one period alone spans the run: that of the law itself on the measured field
+    field = results.values("environment.b_eci")[5::10]
+    product = np.sum([laws.field_product(tuple(b), IDENTITY) for b in field.tolist()], axis=0)
+    assert rows[4]["condition"] == pytest.approx(laws.condition(tuple(product)), rel=1e-2)
+
+
+def test_the_mixed_law_multiplies_less_than_the_open_loop():
+    work = {}
+    for name in ("mixed-mw", "me"):
+        system, _ = prepare(f"{FAMILY}/{name}-nominal", Options(blocks=True)).or_raise()
+        work[name] = onboard.work(system)
+    assert 1.0 < work["mixed-mw"] < 0.5 * work["me"]
+
+
+def test_claims_that_hold_are_within_their_bands(monkeypatch):
+    monkeypatch.setattr(tables, "scenarios", stored.with_draws)
+    drawn = stored.read(FAMILY)
+    rows = [r for r in tables.rows(FAMILY, Options(), drawn=drawn) if r.table == "claims"]
+    assert len(rows) >= 15
+    for row in rows:
+        if row.remark.startswith("holds") and row.band:
+            assert row.within, row
 
 
 def test_the_share_of_a_vector_along_another():

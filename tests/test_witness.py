@@ -96,6 +96,7 @@ CASES = [
     "uosat12/beyond-receding_horizon-ilqr-1",  # numpy and scipy in the FMU
     "integrated/mil-nadir",
     "alsat1/firing-ours",
+    "space_telescope/mixed-me-nominal",
 ]
 
 

@@ -86,7 +86,7 @@ def cheapest(
     """
     q = np.diag(np.asarray(momentum_weight, float))
     none = np.zeros((len(course.field), 3))
-    flat = np.broadcast_to(q, (len(none), 3, 3))
+    flat = np.broadcast_to(np.linalg.inv(q), (len(none), 3, 3))
     now = _linear_quadratic(course, flat, none, start)
     if peak_weight == 0.0:
         return now
@@ -143,7 +143,7 @@ def least_energy(course: Course, peak: float, start: Array, accuracy: float = 1e
             h = _wheels(course, now)
             gap = peak * peak - h * h
             slope, bend = 2.0 * w * h / gap, 2.0 * w * (peak * peak + h * h) / (gap * gap)
-            step = _newton(course, slope, bend, h, start, np.zeros((3, 3)))
+            step = _newton(course, slope, bend, h, start, None)
             share = 1.0
             value = coils(now) - w * np.log(gap).sum()
             while True:
@@ -205,18 +205,25 @@ def _between(a: Optimum, b: Optimum, share: float) -> Optimum:
 
 
 def _newton(
-    course: Course, slope: Array, bend: Array, h: Array, start: Array, weight: Array
+    course: Course, slope: Array, bend: Array, h: Array, start: Array, weight: Array | None
 ) -> Optimum:
     """The optimum of a cost of the wheels' momenta (N, wheels) taken as a parabola around h, with
     these first and second derivatives; `weight` (3, 3) of H beside."""
     to = course.to_wheels
-    weights = weight + 0.5 * np.einsum("kwa,kw,kwb->kab", to, bend, to)
+    if weight is None:
+        # a wheel at its limit counts 1e11 times as much as one that is not: by singular values the
+        # inverse has no negative eigenvalue of rounding
+        _, values, axes = np.linalg.svd(np.sqrt(0.5 * bend)[:, :, None] * to, full_matrices=False)
+        inverse = np.einsum("kia,ki,kib->kab", axes, values**-2.0, axes)
+    else:
+        inverse = np.linalg.inv(weight + 0.5 * np.einsum("kwa,kw,kwb->kab", to, bend, to))
     linear = 0.5 * np.einsum("kw,kwa->ka", slope - bend * h, to)
-    return _linear_quadratic(course, weights, linear, start)
+    return _linear_quadratic(course, inverse, linear, start)
 
 
-def _linear_quadratic(course: Course, weights: Array, linear: Array, start: Array) -> Optimum:
-    """Least sum m' S^-1 m + H_k+1' weights H_k+1 + 2 linear . H_k+1.
+def _linear_quadratic(course: Course, inverse: Array, linear: Array, start: Array) -> Optimum:
+    """Least sum m' S^-1 m + H_k+1' weights H_k+1 + 2 linear . H_k+1, of weights whose `inverse`
+    (N, 3, 3) is given.
 
     With P the multipliers of H_k+1 = H_k + push + effect m, m = S (B x P) and
     dt (weights H_k+1 + linear) = P_k+1 - P_k; so P obeys a block tridiagonal system without
@@ -225,7 +232,6 @@ def _linear_quadratic(course: Course, weights: Array, linear: Array, start: Arra
     from scipy.linalg import solveh_banded  # takes a while to load
 
     count, dt, effect = len(course.field), course.dt, course.effect
-    inverse = np.linalg.inv(weights)
     v, c = inverse / dt, np.einsum("kab,kb->ka", inverse, linear)
     diagonal = v + effect @ course.weighting @ effect.transpose(0, 2, 1) / dt
     diagonal[1:] += v[:-1]

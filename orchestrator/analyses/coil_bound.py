@@ -9,6 +9,7 @@ the whole run, and its coils have no limit: no law with such samples does with l
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -72,10 +73,30 @@ def fits(target: str) -> bool:
 
 def of_run(manifest: dict[str, Any], results: Results) -> CoilBound:
     """The bound of a run. Raises DesatError where a series is not recorded."""
+    course, start = course_of(manifest, results)
+    energy, wheels = (results.values(s) for s in SIGNALS[-2:])
+    used, peak = 2.0 * float(energy[-1]), float(np.abs(wheels).max())
+    least = offline.least_energy(course, peak, start) if peak > 0.0 else None
+    above = 100.0 * (used / least - 1.0) if least else None
+    return CoilBound(used, peak, least, above)
+
+
+def curve(
+    manifest: dict[str, Any], results: Results, peaks: Sequence[float]
+) -> list[tuple[float, float]]:  # fmt: skip
+    """The least energy (A2 m4 s) of each largest wheel momentum (N m s), where there is one."""
+    course, start = course_of(manifest, results)
+    found = ((p, offline.least_energy(course, p, start)) for p in peaks)
+    return [(p, least) for p, least in found if least is not None]
+
+
+def course_of(manifest: dict[str, Any], results: Results) -> tuple[offline.Course, Any]:
+    """What acted on a run over the manager's samples, in eci, with the coils that work; and the
+    momentum that it began with (3; N m s). Raises DesatError where a series is not recorded."""
     missing = [s for s in SIGNALS if s not in results.names()]
     if missing:
         raise DesatError(f"{manifest['scenario']}: {missing[0]} is not recorded; a bound needs it")
-    q, impulse, field, dipole, energy, wheels = (results.values(s) for s in SIGNALS)
+    q, impulse, field, dipole = (results.values(s) for s in SIGNALS[:4])
     parameters = {c: {k: p["value"] for k, p in given.items()}
                   for c, given in manifest["parameters"].items()}  # fmt: skip
     step = float(manifest["step"])
@@ -99,10 +120,7 @@ def of_run(manifest: dict[str, Any], results: Results) -> CoilBound:
         np.einsum("kia,ij,kjb->kab", halves, s, halves),
         np.einsum("wi,kia->kwa", inverse, attitudes[1:]),
     )
-    used, peak = 2.0 * float(energy[-1]), float(np.abs(wheels).max())
-    least = offline.least_energy(course, peak, impulse[0]) if peak > 0.0 else None
-    above = 100.0 * (used / least - 1.0) if least else None
-    return CoilBound(used, peak, least, above)
+    return course, impulse[0]
 
 
 def _unit(q: Any) -> Any:

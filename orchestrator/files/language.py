@@ -48,8 +48,9 @@ class Number(Table):
     unit: Unit = key("the unit it is given in, converted from the signal's")
     of: Text = key("with `reference`: the number that is compared")
     reference: Text = key("the scenario of this family whose number it is compared with")
-    form: Literal["saving", "ratio", "difference"] = key(
-        "how: saving (per cent less), ratio, or difference: of draws, draw by draw"
+    form: Literal["saving", "ratio", "difference", "paired_ratio"] = key(
+        "how: saving (per cent less) or ratio, of draws that of their medians; difference or "
+        "paired_ratio, of draws draw by draw"
     )
 
     @model_validator(mode="after")

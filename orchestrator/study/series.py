@@ -26,6 +26,10 @@ class Series:
         """The mean size of the elements."""
         return Series(self.times, np.abs(self.values).mean(axis=1))
 
+    def largest_size(self) -> Series:
+        """The largest size of the elements."""
+        return Series(self.times, np.abs(self.values).max(axis=1))
+
     def sum_of_sizes(self) -> Series:
         """The sum of the elements' sizes."""
         return Series(self.times, np.abs(self.values).sum(axis=1))

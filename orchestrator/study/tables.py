@@ -20,7 +20,7 @@ from .cells import Numbers, Row, counted, rows_of
 from .drawing import pretty_unit
 from .manifest import PACKAGES
 from .meaning import words
-from .paired import differences
+from .paired import differences, ratios
 from .report import number, render, write_page
 from .workers import mapped
 
@@ -83,12 +83,15 @@ def _references(given: Iterable[Scenario]) -> dict[str, Scenario]:
 
 
 def _paired(scenario: Scenario, drawn: dict[str, Any]) -> dict[str, dict[str, Any]]:
-    """Of each number of form `difference`: the summary of the differences draw by draw."""
+    """Of each number of form `difference` or `paired_ratio`: the summary of what they are draw by
+    draw."""
     medians = {}
     for name, entry in scenario.data["numbers"].items():
         theirs = drawn.get(f"{scenario.family}/{entry.get('reference', '')}")
         if theirs is not None and entry["form"] == "difference":
             medians[name] = differences(drawn[scenario.name], theirs)[entry["of"]]
+        elif theirs is not None and entry["form"] == "paired_ratio":
+            medians[name] = ratios(drawn[scenario.name], theirs, entry["of"])
     return medians
 
 
