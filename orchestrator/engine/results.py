@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import itertools
 import json
+import os
 import sys
 import time
 from collections import defaultdict
@@ -33,6 +34,8 @@ T = TypeVar("T")
 ROWS = 8192
 """As many are kept before they are written, and as many make a chunk of the file."""
 FLUSH_SECONDS = 1.0
+_BLOCK = 1 << 16
+"""Rows that are copied at once."""
 _memory = itertools.count()
 SERIES, MANIFEST = "series.h5", "manifest.json"
 _FRAMES = {"eci": "eci", "body": "body", "lvlh": "lvlh", "wheel": "wheel axes",
@@ -56,12 +59,13 @@ def selects(patterns: Iterable[str], component: str, signal: Signal) -> bool:
 class Recorder:
     """Writes the outputs of a master that fit `patterns`, every `every`-th step.
 
-    `path` None keeps them in memory. On disk the file is `NAME.part` until `finish`.
+    `path` None keeps them in memory. On disk the file is `NAME.part` until `finish`. With `go_on`
+    the first so many rows are those of the file that is there: of a run that was ended.
     """
 
     def __init__(
         self, path: Path | None, master: Master, patterns: Iterable[str] = ("*",), every: int = 1,
-        unwritten: Unwritten | None = None,
+        unwritten: Unwritten | None = None, go_on: int | None = None,
     ) -> None:  # fmt: skip
         self.path, self.every = path, every
         self._part = None if path is None else path.with_name(path.name + ".part")
@@ -71,7 +75,8 @@ class Recorder:
             )
         else:
             self._part.parent.mkdir(parents=True, exist_ok=True)
-            self._file = h5py.File(self._part, "w", libver="latest")
+            new = self._part if go_on is None else self._part.with_name(self._part.name + ".new")
+            self._file = h5py.File(new, "w", libver="latest")
         self._start, self._step = master.start, master.step_size
         self._chunk = min(ROWS, master.system.steps // every + 1)
         groups: dict[tuple[str, str], list[Slot]] = defaultdict(list)
@@ -111,8 +116,38 @@ class Recorder:
         """Rows that are not written yet, by type, `taken` of them."""
         self._conserving = master.algorithm == "conserving"
         self._flushed = time.monotonic()
+        if path is not None and go_on is not None:
+            self._take_over(path, go_on)
         if self._part is not None:
             self._file.swmr_mode = True  # what is flushed stays readable if we are killed
+        if path is not None and self._part is not None and go_on is not None:
+            self._synchronise()
+            new.replace(self._part)
+            path.unlink(missing_ok=True)
+
+    def _take_over(self, path: Path, rows: int) -> None:
+        """Copy the first rows of the series that are there."""
+        with Results.open(path) as old:
+            if (found := len(old.times())) < rows:
+                raise DesatError(f"{path.parent}: the series have {found} rows of {rows}")
+            for dataset in (self._time, *(d for d, *_ in self._sets)):
+                dataset.resize(rows, axis=0)
+                for at in range(0, rows, _BLOCK):
+                    block = slice(at, min(rows, at + _BLOCK))
+                    dataset[block] = old.raw(dataset.name, block)
+        self.unwritten.go_on(rows)
+
+    def on_disk(self) -> int:
+        """Write all rows taken so far, so that they survive a failure of power; how many there
+        are of the run."""
+        self.flush()
+        self._synchronise()
+        return self.unwritten.written
+
+    def _synchronise(self) -> None:
+        if self._part is not None:
+            self._file.flush()
+            os.fsync(self._file.id.get_vfd_handle())
 
     def _dataset(self, name: str, columns: int, dtype: Any) -> Any:
         tail = (columns,) if columns else ()
@@ -253,6 +288,10 @@ class Results:
         if component not in self._file or variable not in self._file[component]:
             raise DesatError(f"no series {name}{nearest(name, self.names())}")
         return self._file[component][variable]
+
+    def raw(self, path: str, rows: slice) -> NDArray[Any]:
+        """Rows of a data set of the file."""
+        return np.asarray(self._file[path][rows])
 
     def values(self, name: str, rows: slice = slice(None)) -> NDArray[Any]:
         """The rows of `component.variable` as (rows, elements), or (rows,) for a scalar."""

@@ -83,6 +83,10 @@ class Unwritten:
         self._counts[_TAKEN] = 0
         self._counts[_WRITTEN] = self._counts[_NEXT]
 
+    def go_on(self, rows: int) -> None:
+        """Count rows that an earlier process has put on the disk."""
+        self._counts[:] = 0, rows, rows
+
     def close(self) -> None:
         """Give the memory back."""
         if self._file is not None:
