@@ -98,9 +98,7 @@ class Checkpoints:
         path = self._folder / f"{master.k:012}.npz"
         part = path.with_suffix(".part")
         with part.open("wb") as file:
-            np.savez(
-                file, *memory.values(), **{f"_{i}": _bytes(b) for i, b in enumerate(blobs)}
-            )  # type: ignore[arg-type]
+            np.savez(file, *memory.values(), **{f"_{i}": _bytes(b) for i, b in enumerate(blobs)})  # type: ignore[arg-type]
             file.flush()
             os.fsync(file.fileno())
         part.replace(path)

@@ -209,7 +209,8 @@ class FmuInstance:
     def restore(self, state: bytes) -> None:
         made = ctypes.c_void_p()
         given = ctypes.create_string_buffer(state, len(state))
-        self._call("fmi2DeSerializeFMUstate", given, ctypes.c_size_t(len(state)), ctypes.byref(made))
+        size = ctypes.c_size_t(len(state))
+        self._call("fmi2DeSerializeFMUstate", given, size, ctypes.byref(made))
         try:
             self._call("fmi2SetFMUstate", made)
         finally:

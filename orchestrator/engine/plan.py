@@ -69,8 +69,8 @@ class Plan:
         """What outlives a step in it, by name: clocks, and windows that are not complete."""
         kept: dict[str, Array] = {}
         for every, clock in self._clocks.items():
-            kept[f"clock {every} t"] = np.frombuffer(clock.t, np.float64)
-            kept[f"clock {every} dt"] = np.frombuffer(clock.dt, np.float64)
+            kept[f"clock {every} t"] = np.frombuffer(memoryview(clock.t), np.float64)
+            kept[f"clock {every} dt"] = np.frombuffer(memoryview(clock.dt), np.float64)
         for (target, source), whole in self._whole.items():
             kept[f"mean {source} for {target}"] = whole.mean
             kept[f"slope {source} for {target}"] = whole.slope

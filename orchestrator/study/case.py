@@ -12,7 +12,7 @@ from types import ModuleType
 from typing import Any
 
 from ..analyses import analyses
-from ..engine.checkpoint import Checkpoint, Checkpoints, remove
+from ..engine.checkpoint import Checkpoint, Checkpoints
 from ..engine.host import kept, no_space, said
 from ..engine.instances import ComponentError
 from ..engine.loop import bar, interruptible, run, stepping
@@ -122,8 +122,6 @@ def simulate(
         if folder is not None:
             write_json(folder / MANIFEST, manifest)
             (folder / f"{MANIFEST}.part").unlink(missing_ok=True)
-    if folder is not None and options.checkpoint is not None and outcome.status == "completed":
-        remove(folder)
     return Run(manifest, results)
 
 
@@ -186,8 +184,12 @@ def _stepped(
             outcome.warnings[:] = checkpoint.told["warnings"]
             before = checkpoint.told["seconds"]
         recorder = Recorder(
-            folder and folder / SERIES, master, options.record, options.every, unwritten,
-            checkpoint and checkpoint.rows,
+            folder and folder / SERIES,
+            master,
+            options.record,
+            options.every,
+            unwritten,
+            None if checkpoint is None else checkpoint.rows,
         )
         tell("layout", recorder.layout)
         if folder is not None:
@@ -201,9 +203,9 @@ def _stepped(
         def told() -> dict[str, Any]:
             """What a checkpoint has of all this; what components have changed is put back, as it
             will be where the run goes on."""
-            _add(outcome.warnings, changes("while it ran"))
-            seconds = before + time.perf_counter() - began
-            return {"warnings": outcome.warnings, "seconds": seconds, "manifest": manifest, **wanted}
+            _add(outcome.warnings, changes("while it ran", handlers=False))
+            state = {"warnings": outcome.warnings, "manifest": manifest}
+            return {**state, "seconds": before + time.perf_counter() - began, **wanted}
 
         checkpoints = None
         try:

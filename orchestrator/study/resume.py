@@ -8,7 +8,7 @@ from __future__ import annotations
 from contextlib import chdir
 from pathlib import Path
 
-from ..engine.checkpoint import FOLDER, newest
+from ..engine.checkpoint import FOLDER, Checkpoint, newest
 from ..engine.results import MANIFEST
 from ..system.errors import DesatError
 from .case import Run, load_run, prepare, simulate
@@ -20,31 +20,32 @@ def has_checkpoints(folder: Path) -> bool:
     return (folder / FOLDER).is_dir()
 
 
-def options_of(folder: Path) -> tuple[str, Options]:
-    """The target and the options of a run with checkpoints. Raises DesatError where there is
-    none."""
+def options_of(folder: Path) -> Options:
+    """The options of a run with checkpoints. Raises DesatError where there is none."""
+    return as_asked(_newest(folder).told)
+
+
+def _newest(folder: Path) -> Checkpoint:
     if (checkpoint := newest(folder)) is None:
         raise DesatError(f"{folder}: it has no checkpoint; `desat run --checkpoint` writes them")
-    return checkpoint.told["target"], as_asked(checkpoint.told)
+    return checkpoint
 
 
 def resume(folder: Path, progress: bool = False) -> Run:
-    """Go on with a run; one that has completed is loaded. Raises DesatError where there is no
-    checkpoint, or where what it was made of has changed."""
-    folder = folder.absolute()
-    if not has_checkpoints(folder) and (folder / MANIFEST).exists():
+    """Go on with a run in its folder, an absolute path; one that has completed is loaded.
+
+    Raises DesatError where there is no checkpoint, or where what it was made of has changed.
+    """
+    if (folder / MANIFEST).exists():
         run = load_run(folder)
         if run.ok:
             return run
         run.results.close()
-    target, options = options_of(folder)
-    checkpoint = newest(folder)
-    assert checkpoint is not None
+    checkpoint = _newest(folder)
+    target, options = checkpoint.told["target"], as_asked(checkpoint.told)
     try:
         with chdir(checkpoint.told["from"]):
-            case = prepare(target, options)
-            case.or_raise()
-            return simulate(case, folder, progress, checkpoint)
+            return simulate(prepare(target, options), folder, progress, checkpoint)
     except OSError as error:
         if error.filename == checkpoint.told["from"]:
             raise DesatError(f"{error.filename}: {error.strerror}: the run began there") from error
