@@ -128,7 +128,7 @@ def _written(folder: Path) -> list[Path]:
 
 
 def _read(path: Path) -> Checkpoint:
-    with np.load(path, allow_pickle=False) as file:
+    with path.open("rb") as opened, np.load(opened, allow_pickle=False) as file:
         head = json.loads(file["_0"].tobytes())
         arrays = {name: file[f"arr_{i}"] for i, name in enumerate(head["arrays"])}
         states = {name: file[f"_{i + 1}"].tobytes() for i, name in enumerate(head["states"])}

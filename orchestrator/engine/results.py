@@ -118,6 +118,7 @@ class Recorder:
         self._flushed = time.monotonic()
         if path is not None and go_on is not None:
             self._take_over(path, go_on)
+            self._file.flush()
         if self._part is not None:
             self._file.swmr_mode = True  # what is flushed stays readable if we are killed
         if path is not None and self._part is not None and go_on is not None:
@@ -146,7 +147,6 @@ class Recorder:
 
     def _synchronise(self) -> None:
         if self._part is not None:
-            self._file.flush()
             os.fsync(self._file.id.get_vfd_handle())
 
     def _dataset(self, name: str, columns: int, dtype: Any) -> Any:

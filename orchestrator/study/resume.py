@@ -12,6 +12,7 @@ from ..engine.checkpoint import FOLDER, Checkpoint, newest
 from ..engine.results import MANIFEST
 from ..system.errors import DesatError
 from .case import Run, load_run, prepare, simulate
+from .manifest import read_manifest
 from .options import Options, as_asked
 
 
@@ -27,6 +28,8 @@ def options_of(folder: Path) -> Options:
 
 def _newest(folder: Path) -> Checkpoint:
     if (checkpoint := newest(folder)) is None:
+        if (folder / MANIFEST).exists() and read_manifest(folder)["status"] == "completed":
+            raise DesatError(f"{folder}: it has completed")
         raise DesatError(f"{folder}: it has no checkpoint; `desat run --checkpoint` writes them")
     return checkpoint
 
