@@ -19,14 +19,13 @@ from dataclasses import replace
 from pathlib import Path
 
 import h5py
-import numpy as np
 import pytest
-from test_failures import HOW, binary, options, ssd, system
+from test_failures import binary, system
 from test_rates import scenario
 
 from desat.engine import checkpoint
 from desat.files.claim import claimed
-from desat.study.case import Options, Run, prepare, simulate
+from desat.study.case import Options, prepare, simulate
 from desat.study.resume import resume
 from desat.system.codes import Exit
 from desat.system.errors import DesatError
