@@ -22,8 +22,10 @@ from desat.cli.common import plain_console
 from desat.engine.results import Results
 from desat.files import archive, library, trust
 from desat.study.case import Options, prepare, simulate
+from desat.study.sources import Sources
+from desat.study.sweep import sweep
 from desat.system.codes import Exit
-from desat.system.errors import DesatError
+from desat.system.errors import DesatError, RunError
 
 SOURCE = Path(__file__).with_name("failing.c")
 HOW = re.search(r"enum \{(.*?)\}", SOURCE.read_text(), re.S)[1].replace("\n", " ").split(",")
@@ -161,6 +163,41 @@ def test_supervised_runs_have_the_same_bits(tmp_path):
         found.append({n: results.values(n).tobytes() for n in results.names()})
     assert found[0] == found[1]
     assert len(found[0]) > 10
+
+
+def test_a_crash_among_draws_is_named(desat, system):
+    """4, a line with draw and component, and the others are run."""
+    about = system / "extra/desat/scenario.json"
+    about.parent.mkdir(parents=True)
+    hows = [HOW.index(how) for how in ("SEGFAULT", "EXIT_0")]
+    about.write_text(json.dumps({"dispersions": {"bad.how": {"one_of": hows}}}))
+    result = desat("draws", str(system), "-n", "3", "--step", "1", "--jobs", "2")
+    assert result.returncode == Exit.COMPONENT, result.stderr
+    assert "Traceback" not in result.stderr
+    for draw in range(3):
+        assert f"draw {draw}: failed: {CALL}" in result.stderr
+
+
+def test_a_crash_in_a_sweep_is_named(system):
+    axes = {"bad.how": [HOW.index(how) for how in ("NOTHING", "SEGFAULT")]}
+    well, badly = sweep(str(system), axes, Options(step=1.0), 1)["points"]
+    assert well["status"] == "completed"
+    assert badly["code"] == Exit.COMPONENT
+    assert badly["message"] == f"{CALL}SIGSEGV; 3 rows are kept"
+    with pytest.raises(RunError) as error:
+        sweep(str(system), {"bad.how": [HOW.index("IN_START")]}, Options(step=1.0), 1)
+    text = f"{system}: bad: entering initialisation ended the process: SIGSEGV"
+    assert (str(error.value), error.value.code) == (text, Exit.COMPONENT)
+
+
+def test_a_page_names_the_component_that_crashed(system, monkeypatch):
+    """What pages are made of is watched, too."""
+    sources = Sources("uosat12", [], 1, None)
+    monkeypatch.setattr(Sources, "_needed", lambda self, name: ["bad.*"])
+    change = {"bad.how": HOW.index("SEGFAULT")}
+    with pytest.raises(RunError, match=r"failed: bad: the step from t = 3 s .*SIGSEGV") as error:
+        sources.run(f"{system}/", change, step=1.0)
+    assert error.value.code == Exit.COMPONENT
 
 
 # --- one that never comes back; signals ---------------------------------------------------------

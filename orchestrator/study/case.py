@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import shutil
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -282,6 +283,8 @@ def _supervised(
         return _cut_short(system, options, place, ended, layout, unwritten, full)
     finally:
         unwritten.close()
+        if folder is None:  # the series stay until they are closed
+            shutil.rmtree(place, ignore_errors=True)
 
 
 def _cut_short(

@@ -18,6 +18,7 @@ import statistics
 import zlib
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from dataclasses import replace
 from multiprocessing import get_context
@@ -29,10 +30,12 @@ from rich.progress import track
 
 from ..analyses import analyses
 from ..system.draft import Draft
-from ..system.errors import DesatError, nearest
+from ..system.errors import DesatError, RunError, nearest
 from ..system.interface import base_name
 from .case import Options, load, prepare, simulate
 
+STOPPED = 128
+"""Exit codes above are those of somebody who stopped the run."""
 KINDS = ("normal", "uniform", "direction", "attitude", "signs", "one_of", "seed")
 
 
@@ -85,7 +88,11 @@ def _value(
 
 
 def one(target: str, options: Options, seed: int, draw: int | None) -> dict[str, Any]:
-    """A run as a row: how it ended, its numbers, and the values drawn (`draw` None: nothing is)."""
+    """A run as a row: how it ended, its numbers, and the values drawn (`draw` None: nothing is).
+
+    It is made in a process of its own, which a component may end. Raises DesatError, which names
+    target and draw, for one that could not begin or was stopped.
+    """
     values = {} if draw is None else drawn(system_of(target, options), seed, draw)
     case = prepare(target, replace(options, values={**options.values, **values}))
     system, _ = case.or_raise()
@@ -95,7 +102,15 @@ def one(target: str, options: Options, seed: int, draw: int | None) -> dict[str,
             parts = analysis.applies(system)
             needed += tuple(analysis.signals(parts)) if parts else ()
         case = replace(case, options=replace(case.options, record=needed))
-    run = simulate(case)
+    where = target if draw is None else f"{target}: draw {draw}"
+    try:
+        run = simulate(replace(case, options=replace(case.options, supervised=True)))
+    except DesatError as error:
+        raise RunError(
+            "\n".join(f"{where}: {x}" for x in str(error).splitlines()), error.code
+        ) from error
+    if run.code > STOPPED:
+        run.or_raise(where)
     row = {
         "draw": draw,
         "status": run.manifest["status"],
@@ -133,8 +148,13 @@ def pool_of(jobs: int) -> Iterator[Callable[..., Iterable[Any]]]:
     if jobs == 1:
         yield map
         return
-    with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool:
-        yield pool.map
+    try:
+        with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool:
+            yield pool.map
+    except BrokenProcessPool as error:  # runs themselves are made in processes of their own
+        raise RunError(
+            "a process that made runs was killed from outside; is there memory enough?"
+        ) from error
 
 
 def rows_of(
