@@ -8,13 +8,16 @@ import signal
 import subprocess
 import sys
 import time
+from pathlib import Path
 
 import h5py
 import numpy as np
 import pytest
 from conftest import ROOT
 
-from desat.engine.results import Results
+from desat.engine import results as results_module
+from desat.engine import wide
+from desat.engine.results import Recorder, Results
 from desat.files import library, places
 from desat.fmus import registry
 from desat.study.case import Options, execute
@@ -96,6 +99,40 @@ def test_long_runs_are_written_in_pieces(tmp_path):
     assert np.allclose(np.linalg.norm(run.results.values("spacecraft.q_bi"), axis=1), 1)
 
 
+@pytest.mark.skipif(sys.platform != "linux", reason="needs /proc")
+def test_memory_does_not_grow_with_the_steps(tmp_path, monkeypatch):
+    """HDF5 would keep what it has written: 40 MB here."""
+    used, tick = {}, Recorder.tick
+
+    def tell(self: Recorder) -> None:
+        tick(self)
+        status = Path("/proc/self/status").read_text()
+        used[self.unwritten.written] = int(status.split("RssAnon:")[1].split()[0])
+
+    monkeypatch.setattr(Recorder, "tick", tell)
+    monkeypatch.setattr(results_module, "FLUSH_SECONDS", 0.0)
+    execute("nadir_day/day-dipole", Options(stop=50000.0), tmp_path / "a").results.close()
+    early = min(kB for rows, kB in used.items() if rows > 20000)
+    assert used[max(used)] - early < 5000
+
+
+def test_many_variables_share_tables(tmp_path, monkeypatch):
+    """The same names, values and attributes as with a data set each."""
+    found = []
+    for many in (wide.MANY, 3):
+        monkeypatch.setattr(wide, "MANY", many)
+        with execute("integrated/mil-nadir", Options(stop=20.0), tmp_path / str(many)).results as r:
+            found.append([
+                (n, r.values(n).tobytes(), r.values(n).shape, r.count(n), r.times(n).tolist(),
+                 r.choices(n), *(r.attribute(n, a) for a in ("unit", "frame", "class")))
+                for n in r.names()
+            ])  # fmt: skip
+        with h5py.File(tmp_path / str(many) / "series.h5") as file:
+            assert (wide.INDEX in file) == (many == 3)
+    assert len(found[0]) > 20
+    assert found[0] == found[1]
+
+
 def test_csv(folder, tmp_path):
     with Results.open(folder) as results:
         results.to_csv(tmp_path / "series.csv")
@@ -106,6 +143,12 @@ def test_csv(folder, tmp_path):
     cells = dict(zip(lines[0].split(","), lines[-1].split(","), strict=True))
     assert cells["time [s]"] == "600.0"
     assert cells["torquers.m_mean_body[1] [A.m2]"] == ""
+    assert [results_module._cell(x) for x in ("=1", "-a", "a,b", 'a"')] == [
+        "'=1",
+        "'-a",
+        '"a,b"',
+        '"a"""',
+    ]
 
 
 def test_a_failing_component_keeps_what_was_recorded(tmp_path):

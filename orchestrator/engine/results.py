@@ -36,6 +36,8 @@ T = TypeVar("T")
 ROWS = 8192
 """As many are kept before they are written, and as many make a chunk of the file."""
 FLUSH_SECONDS = 1.0
+_CACHE = 1 << 18
+"""Of chunks that are written already HDF5 would keep 8 MiB a data set (bytes)."""
 _ROOM = 64 << 20
 """Rows that are not written yet take no more (bytes)."""
 _memory = itertools.count()
@@ -78,7 +80,7 @@ class Recorder:
         else:
             self._part.parent.mkdir(parents=True, exist_ok=True)
             new = self._part if go_on is None else self._part.with_name(self._part.name + ".new")
-            self._file = h5py.File(new, "w", libver="latest")
+            self._file = h5py.File(new, "w", libver="latest", rdcc_nbytes=_CACHE)
         self._start, self._step = master.start, master.step_size
         live = {k: master.live[k] for k in KINDS if len(master.live[k])}
         fit = _ROOM // (8 + sum(a.nbytes for a in live.values()))
@@ -234,6 +236,13 @@ def _series(component: str, variable: str, slots: list[Slot]) -> wide.Series:
                        signal.name == variable, attributes)  # fmt: skip
 
 
+def _cell(text: str) -> str:
+    """A text of somebody's as a cell of a CSV file, which no spreadsheet takes for a formula."""
+    text = f"'{text}" if text.startswith(("=", "+", "-", "@")) else text
+    quoted = text.replace('"', '""')
+    return f'"{quoted}"' if set(text) & set(',"\n\r') else text
+
+
 def _append(dataset: Any, rows: NDArray[Any]) -> None:
     if len(rows):
         n = dataset.shape[0]
@@ -362,7 +371,7 @@ class Results:
                 table.append(column)
         part = path.with_name(path.name + ".part")
         with part.open("w", encoding="utf-8") as file:
-            file.write(",".join(columns) + "\n")
+            file.write(",".join(map(_cell, columns)) + "\n")
             for row in zip(*table, strict=True):
                 file.write(",".join("" if np.isnan(x) else repr(float(x)) for x in row) + "\n")
         part.replace(path)

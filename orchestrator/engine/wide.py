@@ -52,7 +52,7 @@ def tables(series: Sequence[Series]) -> tuple[dict[tuple[Kind, bool], NDArray[np
     """Of each type and class (interval or not) the columns that its table takes; and the index."""
     columns: dict[tuple[Kind, bool], list[int]] = {}
     entries = {}
-    for s in series:
+    for s in sorted(series, key=lambda s: (s.component, s.variable)):
         taken = columns.setdefault((s.kind, s.interval), [])
         first = len(taken)
         taken += range(s.columns.start, s.columns.stop)
