@@ -18,12 +18,16 @@ from pathlib import Path
 import pytest
 from conftest import ROOT
 
+from benchmarks import soak
 from desat.cli.common import plain_console
 from desat.engine.results import Results
 from desat.files import archive, library, trust
 from desat.study.case import Options, prepare, simulate
+from desat.study.report import write_report
+from desat.study.sources import Sources
+from desat.study.sweep import sweep
 from desat.system.codes import Exit
-from desat.system.errors import DesatError
+from desat.system.errors import DesatError, RunError
 
 SOURCE = Path(__file__).with_name("failing.c")
 HOW = re.search(r"enum \{(.*?)\}", SOURCE.read_text(), re.S)[1].replace("\n", " ").split(",")
@@ -54,10 +58,12 @@ def ssd(source: str = "resources/failing.fmu", name: str = "bad", inside: str = 
     return SSD.format(source=source, name=name, inside=inside, start=start, stop=stop)
 
 
-def fmu(path: Path, binary: bytes, identifier: str = "failing", folder: str = "linux64") -> Path:
+def fmu(path: Path, binary: bytes, identifier: str = "failing", folder: str = "linux64",
+        description: str = "") -> Path:  # fmt: skip
     path.parent.mkdir(parents=True, exist_ok=True)
     with zipfile.ZipFile(path, "w") as made:
-        made.writestr("modelDescription.xml", DESCRIPTION.format(identifier=identifier))
+        text = description or DESCRIPTION.format(identifier=identifier)
+        made.writestr("modelDescription.xml", text)
         made.writestr(f"binaries/{folder}/failing.so", binary)
     return path
 
@@ -163,6 +169,41 @@ def test_supervised_runs_have_the_same_bits(tmp_path):
     assert len(found[0]) > 10
 
 
+def test_a_crash_among_draws_is_named(desat, system):
+    """4, a line with draw and component, and the others are run."""
+    about = system / "extra/desat/scenario.json"
+    about.parent.mkdir(parents=True)
+    hows = [HOW.index(how) for how in ("SEGFAULT", "EXIT_0")]
+    about.write_text(json.dumps({"dispersions": {"bad.how": {"one_of": hows}}}))
+    result = desat("draws", str(system), "-n", "3", "--step", "1", "--jobs", "2")
+    assert result.returncode == Exit.COMPONENT, result.stderr
+    assert "Traceback" not in result.stderr
+    for draw in range(3):
+        assert f"draw {draw}: failed: {CALL}" in result.stderr
+
+
+def test_a_crash_in_a_sweep_is_named(system):
+    axes = {"bad.how": [HOW.index(how) for how in ("NOTHING", "SEGFAULT")]}
+    well, badly = sweep(str(system), axes, Options(step=1.0), 1)["points"]
+    assert well["status"] == "completed"
+    assert badly["code"] == Exit.COMPONENT
+    assert badly["message"] == f"{CALL}SIGSEGV; 3 rows are kept"
+    with pytest.raises(RunError) as error:
+        sweep(str(system), {"bad.how": [HOW.index("IN_START")]}, Options(step=1.0), 1)
+    text = f"{system}: bad: entering initialisation ended the process: SIGSEGV"
+    assert (str(error.value), error.value.code) == (text, Exit.COMPONENT)
+
+
+def test_a_page_names_the_component_that_crashed(system, monkeypatch):
+    """What pages are made of is watched, too."""
+    sources = Sources("uosat12", [], 1, None)
+    monkeypatch.setattr(Sources, "_needed", lambda self, name: ["bad.*"])
+    change = {"bad.how": HOW.index("SEGFAULT")}
+    with pytest.raises(RunError, match=r"failed: bad: the step from t = 3 s .*SIGSEGV") as error:
+        sources.run(f"{system}/", change, step=1.0)
+    assert error.value.code == Exit.COMPONENT
+
+
 # --- one that never comes back; signals ---------------------------------------------------------
 
 
@@ -237,6 +278,45 @@ def test_folders_of_dead_processes_are_swept(system, tmp_path):
     assert not Path(made.stdout.strip()).exists()
 
 
+@pytest.mark.skipif(sys.platform != "linux", reason="needs /proc")
+def test_many_runs_in_one_process_leave_nothing():
+    """`python -m benchmarks.soak` makes a thousand."""
+    samples = list(soak.runs(30, python=False))
+    early, late = samples[2], samples[-1]
+    assert late["handles"] == early["handles"]
+    assert late["temporary"] == early["temporary"]
+    assert late["memory_kB"] - early["memory_kB"] < 4000
+
+
+@pytest.mark.parametrize(
+    ("environment", "folder"),
+    [({"LC_ALL": "C", "PYTHONUTF8": "0"}, "plain"), ({"LC_ALL": "C.UTF-8"}, "Größe und Maß"),
+     ({"HOME": None, "USER": None}, "a b c")],
+    ids=str,
+)  # fmt: skip
+def test_two_at_once_wherever_they_run(tmp_path, environment, folder):
+    """Any locale, no home directory, paths with spaces and umlauts; a folder each."""
+    place, temporary = tmp_path / folder, tmp_path / "tmp"
+    for new in (place, temporary):
+        new.mkdir()
+    given = {**os.environ, "TMPDIR": str(temporary), **environment}
+    given = {k: v for k, v in given.items() if v is not None}
+    command = [sys.executable, "-m", "desat.cli", "run", "nadir_day/day-dipole", "--stop", "20"]
+    both = [
+        subprocess.Popen(command, cwd=place, env=given, text=True, stdout=subprocess.PIPE,
+                         stderr=subprocess.PIPE)
+        for _ in range(2)
+    ]  # fmt: skip
+    for process in both:
+        _, error = process.communicate(timeout=120)
+        assert (process.returncode, error) == (0, "")
+    made = sorted(place.glob("runs/*/report.html"))
+    assert [p.parent.name for p in made] == ["nadir_day-day-dipole", "nadir_day-day-dipole-2"]
+    series = [Results.open(p.parent) for p in made]
+    assert len({r.values("wheels.h_wheel").tobytes() for r in series}) == 1
+    assert list(temporary.iterdir()) == []
+
+
 # --- no room ------------------------------------------------------------------------------------
 
 
@@ -265,6 +345,27 @@ def test_room_is_estimated(system):
     case = prepare(str(system), Options(step=2.0**-29, stop=999.0))
     assert recorded.size(case.checked.system, case.options) == 16 * (999 * 2**29 + 1)
     assert "GB are free" in recorded.room(case.checked.system, case.options, system / "not there")
+
+
+def test_ten_thousand_outputs(tmp_path, binary):
+    """They are recorded, all rows of them, also of a run that crashes, and reported."""
+    numbers = range(1, 10_001)
+    described = DESCRIPTION.format(identifier="failing")
+    variables = "".join(
+        f'<ScalarVariable name="y{i}" valueReference="{i}" causality="output"><Real/>'
+        "</ScalarVariable>" for i in numbers
+    )  # fmt: skip
+    outputs = "".join(f'<Unknown index="{i + 1}" dependencies=""/>' for i in numbers)
+    described = re.sub('<ScalarVariable name="y".*?</ScalarVariable>', variables, described)
+    described = re.sub("<Outputs>.*</Outputs>", f"<Outputs>{outputs}</Outputs>", described)
+    made = fmu(tmp_path / "s/resources/failing.fmu", binary, description=described)
+    (made.parents[1] / "SystemStructure.ssd").write_text(ssd(start="-1097"))
+    run = simulate(prepare(str(made.parents[1]), options("SEGFAULT")), tmp_path / "out")
+    assert len(run.results.names()) == len(numbers)
+    assert run.results.times().tolist() == [float(t) for t in range(-1097, 3)]
+    for name in ("bad.y1", "bad.y10000"):
+        assert run.results.values(name).tolist()[1:] == run.results.times().tolist()[1:]
+    assert write_report(tmp_path / "out", run).stat().st_size < 1_000_000
 
 
 # --- what components do to the process ----------------------------------------------------------

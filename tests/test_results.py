@@ -10,6 +10,7 @@ import signal
 import subprocess
 import sys
 import time
+from pathlib import Path
 
 import h5py
 import numpy as np
@@ -19,12 +20,14 @@ from pyarrow import parquet
 from scipy.io import loadmat
 
 import desat as desat_package
-from desat.engine.results import Results
+from desat.engine import results as results_module
+from desat.engine import wide
+from desat.engine.results import Recorder, Results
 from desat.files import library, places
 from desat.fmus import registry
 from desat.study.case import Options, execute
 from desat.study.drawing import envelope, pretty_unit
-from desat.study.export import export
+from desat.study.export import export, no_formula
 from desat.study.manifest import read_manifest
 from desat.study.measures import MEASURES
 from desat.study.numbers import evaluate, relative, scale
@@ -102,6 +105,40 @@ def test_long_runs_are_written_in_pieces(tmp_path):
     assert np.allclose(np.linalg.norm(run.results.values("spacecraft.q_bi"), axis=1), 1)
 
 
+@pytest.mark.skipif(sys.platform != "linux", reason="needs /proc")
+def test_memory_does_not_grow_with_the_steps(tmp_path, monkeypatch):
+    """HDF5 would keep what it has written: 40 MB here."""
+    used, tick = {}, Recorder.tick
+
+    def tell(self: Recorder) -> None:
+        tick(self)
+        status = Path("/proc/self/status").read_text()
+        used[self.unwritten.written] = int(status.split("RssAnon:")[1].split()[0])
+
+    monkeypatch.setattr(Recorder, "tick", tell)
+    monkeypatch.setattr(results_module, "FLUSH_SECONDS", 0.0)
+    execute("nadir_day/day-dipole", Options(stop=50000.0), tmp_path / "a").results.close()
+    early = min(kB for rows, kB in used.items() if rows > 20000)
+    assert used[max(used)] - early < 5000
+
+
+def test_many_variables_share_tables(tmp_path, monkeypatch):
+    """The same names, values and attributes as with a data set each."""
+    found = []
+    for many in (wide.MANY, 3):
+        monkeypatch.setattr(wide, "MANY", many)
+        with execute("integrated/mil-nadir", Options(stop=20.0), tmp_path / str(many)).results as r:
+            found.append([
+                (n, r.values(n).tobytes(), r.values(n).shape, r.count(n), r.times(n).tolist(),
+                 r.choices(n), *(r.attribute(n, a) for a in ("unit", "frame", "class")))
+                for n in r.names()
+            ])  # fmt: skip
+        with h5py.File(tmp_path / str(many) / "series.h5") as file:
+            assert (wide.INDEX in file) == (many == 3)
+    assert len(found[0]) > 20
+    assert found[0] == found[1]
+
+
 def test_csv(folder, tmp_path):
     """A row has all: a state at the end, which no interval follows, is named instead."""
     (path,), note = export(folder, "csv", tmp_path)
@@ -116,6 +153,8 @@ def test_csv(folder, tmp_path):
         column = head.index("torquers.m_mean_body[2] [A.m2]")
         written = [float(row[column]) for row in rows]
         assert written == results.values("torquers.m_mean_body")[:, 1].tolist()
+    names = {"=1": "'=1", "-a": "'-a", "+a": "'+a", "@a": "'@a", "a.b": "a.b"}
+    assert {x: no_formula(x) for x in names} == names
 
 
 def test_exports_hold_the_same_numbers(folder, tmp_path):

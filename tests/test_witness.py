@@ -100,10 +100,21 @@ CASES = [
 ]
 
 
+NATIVE = ["integrated/mil-nadir", "gyrostat/full"]
+"""Those that are tried with native FMUs, too; the last one in Ecos as well."""
+BOTH = [*((name, "python") for name in CASES), *((name, "native") for name in NATIVE)]
+
+
+def packed(name, kind, folder):
+    if kind == "python":
+        return pack_scenario(find(name))
+    return pack_scenario(find(name), folder / "native.ssp", fmus=kind)
+
+
 @pytest.mark.skipif(not importlib.util.find_spec("libcosimpy"), reason="libcosimpy not installable")
-@pytest.mark.parametrize("name", CASES)
-def test_libcosim_agrees(name):
-    path = pack_scenario(find(name))
+@pytest.mark.parametrize(("name", "kind"), BOTH)
+def test_libcosim_agrees(name, kind, tmp_path):
+    path = packed(name, kind, tmp_path)
     outputs = real_outputs(path)
     wanted = [(c, list(v.values())) for c, v in outputs.items()]
     theirs = rows_of(python(LIBCOSIM, str(path), json.dumps(wanted), str(STEPS)))
@@ -114,9 +125,11 @@ def test_libcosim_agrees(name):
 
 
 @pytest.mark.skipif(not importlib.util.find_spec("ecospy"), reason="ecospy not installable")
-@pytest.mark.parametrize("name", CASES[1:4])
-def test_ecos_agrees(name):
-    path = pack_scenario(find(name))
+@pytest.mark.parametrize(
+    ("name", "kind"), [*((name, "python") for name in CASES[1:4]), (NATIVE[-1], "native")]
+)
+def test_ecos_agrees(name, kind, tmp_path):
+    path = packed(name, kind, tmp_path)
     outputs = real_outputs(path)
     wanted = [(c, v) for c, variables in outputs.items() for v in variables]
     run = execute(name, SHORT)

@@ -60,7 +60,7 @@ class Flown:
 
 def fly(target: str, options: Options) -> Flown:
     """Run a system once."""
-    case = prepare(target, replace(options, record=SERIES))
+    case = prepare(target, replace(options, record=SERIES, supervised=True))
     system, _ = case.or_raise()
     gyrostat = Gyrostat(system)
     run = simulate(case).or_raise(target)

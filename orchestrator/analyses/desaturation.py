@@ -24,8 +24,8 @@ def study(
 ) -> list[dict[str, float]]:  # fmt: skip
     """Of each period (s) `condition` of Q (1, median over begins, inf where singular),
     `condition_most`, `torque` (1, largest |T_M| times period over |H_D|, in the direction where
-    that is most, median over begins) and `angle` (deg, largest of T_M to H_D over period and directions,
-    median over begins)."""
+    that is most, median over begins) and `angle` (deg, largest of T_M to H_D over period and
+    directions, median over begins)."""
     course, _ = course_of(manifest, results)
     b = course.field
     skew = np.zeros((len(b), 3, 3))  # [B] v = B x v

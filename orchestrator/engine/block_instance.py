@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 
@@ -87,5 +89,18 @@ class BlockInstance:
     def failed(self, what: str, status: int) -> ComponentError:
         return ComponentError(f"{self.name}: {what} failed")
 
+    def save(self) -> bytes:
+        return json.dumps(vars(self._block)).encode()
+
+    def restore(self, state: bytes) -> None:
+        values = vars(self._block)
+        values.clear()
+        values.update({name: _frozen(x) for name, x in json.loads(state).items()})
+
     def close(self) -> None:
         pass
+
+
+def _frozen(value: Any) -> Any:
+    """JSON has lists where a block has tuples."""
+    return tuple(_frozen(x) for x in value) if isinstance(value, list) else value

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from typing import Literal
+from dataclasses import dataclass, field
+from typing import Any, Literal
 
 from .member import Slot
 
@@ -26,6 +26,8 @@ class Ending:
     how: How = "always"
     watched: Sequence[Slot] = ()
     limit: float = 0.0
+    memory: dict[str, Any] = field(default_factory=dict)
+    """What `reason` remembers from step to step, as JSON has it: a checkpoint keeps it."""
 
 
 NEVER = Ending(lambda: "", "never")

@@ -194,6 +194,28 @@ class FmuInstance:
             if value.value:
                 raise ComponentError(f"{self.name}{self._said()}")
 
+    def save(self) -> bytes:
+        state = ctypes.c_void_p()
+        self._call("fmi2GetFMUstate", ctypes.byref(state))
+        try:
+            size = ctypes.c_size_t()
+            self._call("fmi2SerializedFMUstateSize", state, ctypes.byref(size))
+            made = ctypes.create_string_buffer(size.value)
+            self._call("fmi2SerializeFMUstate", state, made, size)
+        finally:
+            self._call("fmi2FreeFMUstate", ctypes.byref(state))
+        return made.raw
+
+    def restore(self, state: bytes) -> None:
+        made = ctypes.c_void_p()
+        given = ctypes.create_string_buffer(state, len(state))
+        size = ctypes.c_size_t(len(state))
+        self._call("fmi2DeSerializeFMUstate", given, size, ctypes.byref(made))
+        try:
+            self._call("fmi2SetFMUstate", made)
+        finally:
+            self._call("fmi2FreeFMUstate", ctypes.byref(made))
+
     def close(self) -> None:
         if self._c:
             self._library.fmu.fmi2FreeInstance(self._c)

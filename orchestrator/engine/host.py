@@ -14,6 +14,7 @@ from typing import Any
 
 from .master import Master
 
+_HANDLERS = "signal handlers"
 _HANDLER = 512
 """More bytes than any `struct sigaction` has."""
 _SIGNALS = ("SIGINT", "SIGTERM", "SIGHUP", "SIGPIPE", "SIGFPE", "SIGSEGV", "SIGCHLD")
@@ -25,15 +26,16 @@ _FULL = {
 
 
 @contextmanager
-def kept() -> Iterator[Callable[[str], list[str]]]:
+def kept() -> Iterator[Callable[..., list[str]]]:
     """Within: a function that puts the process back as it was at the beginning, and gives a line
-    for each thing that was changed."""
+    for each thing that was changed; without `handlers`, where signals have handlers of ours, all
+    but those."""
     before = {name: get() for name, (get, _) in _STATE.items()}
 
-    def changes(when: str) -> list[str]:
+    def changes(when: str, handlers: bool = True) -> list[str]:
         lines = []
         for name, (get, put) in _STATE.items():
-            if get() != before[name]:
+            if (handlers or name != _HANDLERS) and get() != before[name]:
                 put(before[name])
                 lines.append(f"a component changed the {name} of the process {when}; put back")
         return lines
@@ -101,7 +103,7 @@ _STATE: dict[str, tuple[Callable[[], Any], Callable[[Any], Any]]] = {
         lambda x: locale.setlocale(locale.LC_ALL, x),
     ),
     "working directory": (_folder, _put_folder),
-    "signal handlers": (_handlers, _put_handlers),
+    _HANDLERS: (_handlers, _put_handlers),
 }
 
 

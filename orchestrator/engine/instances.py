@@ -40,7 +40,7 @@ class Instance(Protocol):
 
     name: str
     place: int
-    """8 times its place in the order of the schedule: what `last_call` has of it."""
+    """PLACE times its place in the order of the schedule: what `last_call` has of it."""
     messages: list[str]
     """What the component has logged: warnings, errors."""
     inputs: dict[Kind, Array]
@@ -72,6 +72,13 @@ class Instance(Protocol):
 
     def failed(self, what: str, status: int) -> ComponentError:
         """The error for a status, with what the component has said."""
+
+    def save(self) -> bytes:
+        """Its state between two steps. Raises ComponentError where it cannot be had."""
+
+    def restore(self, state: bytes) -> None:
+        """Go on from a state that `save` gave, in a process like that one. Raises ComponentError
+        for one that is not of this component."""
 
     def close(self) -> None:
         """Free the component. May be called at any time, also twice."""

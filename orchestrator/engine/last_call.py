@@ -11,12 +11,16 @@ import mmap
 from collections.abc import Sequence
 
 VERBS = ("", "instantiating it", "entering initialisation", "leaving initialisation",
-         "setting its inputs", "the step", "reading its outputs", "freeing it")  # fmt: skip
-INSTANTIATE, ENTER, EXIT, PUSH, STEP, PULL, FREE = range(1, 8)
+         "setting its inputs", "the step", "reading its outputs", "freeing it",
+         "saving its state", "restoring its state")  # fmt: skip
+INSTANTIATE, ENTER, EXIT, PUSH, STEP, PULL, FREE, SAVE, RESTORE = range(1, 10)
+PLACE = 16
+"""A word is so many times a component's place, and the verb."""
 
 _page = mmap.mmap(-1, mmap.PAGESIZE)  # anonymous and shared: a forked child writes to the same
 word = memoryview(_page)[:8].cast("q")
-"""word[0]: 8 times the component's place in the order of the schedule, and the verb; 0: no call."""
+"""word[0]: PLACE times the component's place in the order of the schedule, and the verb; 0: no
+call."""
 time = memoryview(_page)[8:16].cast("d")
 """time[0]: the time of the call (s)."""
 
@@ -33,10 +37,10 @@ def now() -> tuple[int, float]:
 
 def named(order: Sequence[str]) -> tuple[str, str]:
     """The component and the call that the process is, or was last, in; empty for none."""
-    place, verb = divmod(word[0], 8)
+    place, verb = divmod(word[0], PLACE)
     if not verb:
         return "", ""
     text = VERBS[verb]
-    if verb in (PUSH, STEP, PULL):
+    if verb in (PUSH, STEP, PULL, SAVE):
         text += f"{' from' if verb == STEP else ' at'} t = {time[0]:g} s"
     return order[place], text

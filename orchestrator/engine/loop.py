@@ -13,6 +13,7 @@ from typing import Any, Protocol
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
+from .checkpoint import Checkpoints
 from .compiled import CompiledSteps
 from .ending import NEVER, Ending, Loop
 from .master import Master
@@ -67,12 +68,15 @@ def stepping(
 def run(
     master: Master, steps: Steps, until: int, recorder: Recorder, ending: Ending = NEVER,
     interrupted: Callable[[], int] = lambda: 0, report: Callable[[int], None] = lambda k: None,
+    checkpoints: Checkpoints | None = None,
 ) -> str:  # fmt: skip
     """Step until step `until`, the first signal to stop, or an ending, whose reason is returned;
     look at the clock twenty times a second."""
     chunk = 1
     while master.k < until and not interrupted():
         began, edge = time.perf_counter(), min(master.k + chunk, until)
+        if checkpoints is not None:
+            edge = min(edge, checkpoints.next(master.k))
         while master.k < edge and not interrupted():
             steps.some(edge - master.k)
             if reason := ending.reason():
@@ -81,6 +85,8 @@ def run(
         chunk = max(1, min(2 * chunk, int(chunk * 0.05 / max(seconds, 1e-6))))
         recorder.tick()
         report(master.k)
+        if checkpoints is not None and checkpoints.due():
+            checkpoints.save()
     return ""
 
 

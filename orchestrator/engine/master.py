@@ -37,7 +37,19 @@ from ..system.schedule import Schedule
 from .block_instance import BlockInstance
 from .fmu_instance import FmuInstance
 from .instances import Array, ComponentError, Instance
-from .last_call import ENTER, EXIT, FREE, INSTANTIATE, PULL, PUSH, time, word
+from .last_call import (
+    ENTER,
+    EXIT,
+    FREE,
+    INSTANTIATE,
+    PLACE,
+    PULL,
+    PUSH,
+    RESTORE,
+    SAVE,
+    time,
+    word,
+)
 from .member import Member, Outputs, Slot
 from .plan import Plan
 
@@ -81,9 +93,9 @@ class Master:
             self._rates = Rates(graded(1), every, frozenset())
         try:
             for i, name in enumerate(schedule.order):
-                word[0] = 8 * i + INSTANTIATE
+                word[0] = PLACE * i + INSTANTIATE
                 instance = instance_for(system.components[name])
-                instance.place = 8 * i
+                instance.place = PLACE * i
                 self.members[name] = self._member(system.components[name], instance, watched)
             self._outputs = Outputs(self.members.values())
             self._plan = Plan(self.members, self._outputs, self._rates, self._conserving)
@@ -253,6 +265,39 @@ class Master:
         self.k = k + 1
         if self.live["Real"].dot(self._zeros) != 0.0:  # NaN or infinity times 0 is not 0
             self.check_finite()
+
+    # --- checkpoints --------------------------------------------------------------------------
+
+    def memory(self) -> dict[str, Array]:
+        """All arrays that the next step of an initialised master depends on, by name: what is in
+        them may be saved, and put back. The states of the components come beside."""
+        kept = self._plan.memory()
+        for kind in KINDS:
+            kept[f"live {kind}"] = self.live[kind]
+            kept[f"fresh {kind}"] = self._outputs.fresh[kind]
+        for name, member in self.members.items():
+            for kind, values in member.instance.inputs.items():
+                kept[f"inputs {kind} of {name}"] = values
+        return kept
+
+    def states(self) -> dict[str, bytes]:
+        """The state of each component. Raises ComponentError where it cannot be had."""
+        time[0], saved = self.t, {}
+        for name, member in self.members.items():
+            word[0] = member.instance.place + SAVE
+            saved[name] = member.instance.save()
+        word[0] = 0
+        return saved
+
+    def restore(self, k: int, states: Mapping[str, bytes]) -> None:
+        """Go on from step k with states of the components, once `memory` is put back."""
+        self.k = k
+        for name, member in self.members.items():
+            word[0] = member.instance.place + RESTORE
+            member.instance.restore(states[name])
+        word[0] = 0
+
+    # --- what comes out -----------------------------------------------------------------------
 
     def check_finite(self) -> None:
         """Raise ComponentError for an output that is NaN or infinite."""

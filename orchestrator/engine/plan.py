@@ -65,6 +65,17 @@ class Plan:
         self.row = Row(self._outputs, self._members.values(), self._rates)
         return [self._one(step * inner, inner) for step in range(self._rates.cycle)]
 
+    def memory(self) -> dict[str, Array]:
+        """What outlives a step in it, by name: clocks, and windows that are not complete."""
+        kept: dict[str, Array] = {}
+        for every, clock in self._clocks.items():
+            kept[f"clock {every} t"] = np.frombuffer(memoryview(clock.t), np.float64)
+            kept[f"clock {every} dt"] = np.frombuffer(memoryview(clock.dt), np.float64)
+        for (target, source), whole in self._whole.items():
+            kept[f"mean {source} for {target}"] = whole.mean
+            kept[f"slope {source} for {target}"] = whole.slope
+        return kept
+
     @property
     def _live(self) -> Array:
         return self._outputs.live["Real"]

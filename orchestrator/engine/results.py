@@ -3,13 +3,14 @@
 `/time` and one data set per variable, `/component/variable`, a row per recorded step and a column
 per element, with unit, frame, description, output class and the names of its values as attributes.
 A row of a state output belongs to its time t_k, a row of an interval output to [t_k, t_k+1), so
-these have no last row.
+these have no last row. Thousands of variables share data sets (`wide.py`).
 """
 
 from __future__ import annotations
 
 import itertools
 import json
+import os
 import sys
 import time
 from collections import defaultdict
@@ -25,14 +26,20 @@ from numpy.typing import NDArray
 
 from ..system.errors import DesatError, nearest
 from ..system.interface import KINDS, Kind, Signal, base_name
+from . import wide
+from .instances import DTYPE
 from .master import Master
 from .member import Slot
-from .unwritten import Layout, Unwritten
+from .unwritten import Layout, Places, Unwritten
 
 T = TypeVar("T")
 ROWS = 8192
 """As many are kept before they are written, and as many make a chunk of the file."""
 FLUSH_SECONDS = 1.0
+_CACHE = 1 << 18
+"""Of chunks that are written already HDF5 would keep 8 MiB a data set (bytes)."""
+_ROOM = 64 << 20
+"""Rows that are not written yet take no more (bytes)."""
 _memory = itertools.count()
 SERIES, MANIFEST = "series.h5", "manifest.json"
 _FRAMES = {"eci": "eci", "body": "body", "lvlh": "lvlh", "wheel": "wheel axes",
@@ -56,12 +63,13 @@ def selects(patterns: Iterable[str], component: str, signal: Signal) -> bool:
 class Recorder:
     """Writes the outputs of a master that fit `patterns`, every `every`-th step.
 
-    `path` None keeps them in memory. On disk the file is `NAME.part` until `finish`.
+    `path` None keeps them in memory. On disk the file is `NAME.part` until `finish`. With `go_on`
+    the first so many rows are those of the file that is there: of a run that was ended.
     """
 
     def __init__(
         self, path: Path | None, master: Master, patterns: Iterable[str] = ("*",), every: int = 1,
-        unwritten: Unwritten | None = None,
+        unwritten: Unwritten | None = None, go_on: int | None = None,
     ) -> None:  # fmt: skip
         self.path, self.every = path, every
         self._part = None if path is None else path.with_name(path.name + ".part")
@@ -71,38 +79,25 @@ class Recorder:
             )
         else:
             self._part.parent.mkdir(parents=True, exist_ok=True)
-            self._file = h5py.File(self._part, "w", libver="latest")
+            new = self._part if go_on is None else self._part.with_name(self._part.name + ".new")
+            self._file = h5py.File(new, "w", libver="latest", rdcc_nbytes=_CACHE)
         self._start, self._step = master.start, master.step_size
-        self._chunk = min(ROWS, master.system.steps // every + 1)
+        live = {k: master.live[k] for k in KINDS if len(master.live[k])}
+        fit = _ROOM // (8 + sum(a.nbytes for a in live.values()))
+        self._chunk = max(1, min(ROWS, fit, master.system.steps // every + 1))
         groups: dict[tuple[str, str], list[Slot]] = defaultdict(list)
         for slot in master.slots:
             if selects(patterns, slot.component, slot.signal):
                 groups[slot.component, base_name(slot.signal.name)].append(slot)
         self._time = self._dataset("time", 0, np.float64)
         self._time.attrs.update({"unit": "s", "description": "communication points t_k"})
-        self._sets: list[tuple[Any, Kind, slice, bool]] = []
-        for (component, variable), slots in groups.items():
-            slots.sort(key=lambda s: s.index)
-            first, last = slots[0].index, slots[-1].index + 1
-            kind = slots[0].kind
-            dtype = np.float64 if kind == "Real" else np.int32
-            columns = 0 if slots[0].signal.name == variable else len(slots)
-            dataset = self._dataset(f"{component}/{variable}", columns, dtype)
-            dataset.attrs.update(
-                {
-                    "unit": slots[0].signal.unit_name,
-                    "frame": frame_of(variable),
-                    "description": slots[0].signal.description,
-                    "class": "interval" if slots[0].interval else "state",
-                }
-            )
-            if slots[0].signal.choices:
-                dataset.attrs["choices"] = " ".join(slots[0].signal.choices)
-            self._sets.append((dataset, kind, slice(first, last), slots[0].interval))
-        live = {k: master.live[k] for k in KINDS if len(master.live[k])}
+        series = [_series(*name, slots) for name, slots in groups.items()]
+        self._sets: list[tuple[Any, Kind, Places, bool]] = (
+            self._tables(series) if len(series) > wide.MANY else [self._own(s) for s in series]
+        )
         self.layout = Layout(
             self._chunk, {k: (len(a), a.dtype.str) for k, a in live.items()},
-            tuple((d.name, k, p.start, p.stop, i) for d, k, p, i in self._sets),
+            tuple((d.name, *rest) for d, *rest in self._sets),
         )  # fmt: skip
         self.unwritten = unwritten or Unwritten()
         self.unwritten.lay_out(self.layout)
@@ -111,8 +106,61 @@ class Recorder:
         """Rows that are not written yet, by type, `taken` of them."""
         self._conserving = master.algorithm == "conserving"
         self._flushed = time.monotonic()
+        if path is not None and go_on is not None:
+            self._take_over(path, go_on)
+            self._file.flush()
         if self._part is not None:
             self._file.swmr_mode = True  # what is flushed stays readable if we are killed
+        if path is not None and self._part is not None and go_on is not None:
+            self._synchronise()
+            new.replace(self._part)
+            path.unlink(missing_ok=True)
+
+    def _take_over(self, path: Path, rows: int) -> None:
+        """Copy the first rows of the series that are there."""
+        with Results.open(path) as old:
+            if (found := len(old.times())) < rows:
+                raise DesatError(f"{path.parent}: the series have {found} rows of {rows}")
+            for dataset in (self._time, *(d for d, *_ in self._sets)):
+                dataset.resize(rows, axis=0)
+                for at in range(0, rows, self._chunk):
+                    block = slice(at, min(rows, at + self._chunk))
+                    dataset[block] = old.raw(dataset.name, block)
+        self.unwritten.go_on(rows)
+
+    def on_disk(self) -> int:
+        """Write all rows taken so far, so that they survive a failure of power; how many there
+        are of the run."""
+        self.flush()
+        self._synchronise()
+        return self.unwritten.written
+
+    def _synchronise(self) -> None:
+        if self._part is not None:
+            os.fsync(self._file.id.get_vfd_handle())
+
+    def _own(self, s: wide.Series) -> tuple[Any, Kind, Places, bool]:
+        """A data set of its own."""
+        columns = 0 if s.scalar else s.columns.stop - s.columns.start
+        dataset = self._dataset(f"{s.component}/{s.variable}", columns, DTYPE[s.kind])
+        dataset.attrs.update(s.attributes)
+        return dataset, s.kind, s.columns, s.interval
+
+    def _tables(self, series: list[wide.Series]) -> list[tuple[Any, Kind, Places, bool]]:
+        """Data sets that many share."""
+        tables, index = wide.tables(series)
+        self._file.create_dataset(wide.INDEX, data=index)
+        return [
+            (self._table(wide.name_of(kind, interval), len(columns), DTYPE[kind]), kind, columns,
+             interval)
+            for (kind, interval), columns in tables.items()
+        ]  # fmt: skip
+
+    def _table(self, name: str, columns: int, dtype: Any) -> Any:
+        chunk = wide.chunk(self._chunk, columns)
+        return self._file.create_dataset(
+            name, (0, columns), dtype, maxshape=(None, columns), chunks=chunk
+        )
 
     def _dataset(self, name: str, columns: int, dtype: Any) -> Any:
         tail = (columns,) if columns else ()
@@ -171,6 +219,23 @@ class Recorder:
         return Results.open(self.path)
 
 
+def _series(component: str, variable: str, slots: list[Slot]) -> wide.Series:
+    """A variable with what is known of it, from the slots of its elements."""
+    slots.sort(key=lambda s: s.index)
+    signal = slots[0].signal
+    attributes = {
+        "unit": signal.unit_name,
+        "frame": frame_of(variable),
+        "description": signal.description,
+        "class": "interval" if slots[0].interval else "state",
+    }
+    if signal.choices:
+        attributes["choices"] = " ".join(signal.choices)
+    columns = slice(slots[0].index, slots[-1].index + 1)
+    return wide.Series(component, variable, slots[0].kind, columns, slots[0].interval,
+                       signal.name == variable, attributes)  # fmt: skip
+
+
 def _append(dataset: Any, rows: NDArray[Any]) -> None:
     if len(rows):
         n = dataset.shape[0]
@@ -181,9 +246,7 @@ def _append(dataset: Any, rows: NDArray[Any]) -> None:
 def _grown(file: Any) -> int:
     """The rows of a file that was not closed which all its series have, as long as time grows."""
     times = np.asarray(file["time"][:])
-    least = min(
-        (d.shape[0] for c in file if c != "time" for d in file[c].values()), default=len(times)
-    )
+    least = min((d.shape[0] for d in wide.data_sets(file)), default=len(times))
     stops = np.flatnonzero(np.diff(times) <= 0.0)
     return int(min(len(times), least, *(stops[:1] + 1).tolist()))
 
@@ -202,6 +265,7 @@ class Results:
     def __init__(self, file: Any, rows: int | None = None) -> None:
         self._file = file
         self._made: dict[str, Any] = {}
+        self._index = wide.index(file)
         self._rows = rows
         """So many rows hold values; None: all."""
 
@@ -246,13 +310,21 @@ class Results:
 
     def names(self) -> list[str]:
         """`component.variable` of every series."""
+        if self._index:
+            return list(self._index)
         return [f"{c}.{v}" for c in self._file if c != "time" for v in self._file[c]]
 
     def _find(self, name: str) -> Any:
+        if name in self._index:
+            return self._index[name]
         component, _, variable = name.partition(".")
         if component not in self._file or variable not in self._file[component]:
             raise DesatError(f"no series {name}{nearest(name, self.names())}")
         return self._file[component][variable]
+
+    def raw(self, path: str, rows: slice) -> NDArray[Any]:
+        """Rows of a data set of the file."""
+        return np.asarray(self._file[path][rows])
 
     def values(self, name: str, rows: slice = slice(None)) -> NDArray[Any]:
         """The rows of `component.variable` as (rows, elements), or (rows,) for a scalar."""

@@ -18,19 +18,24 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..system.interface import Kind
+from . import wide
 
+Places = slice | NDArray[np.intp]
+"""Columns of a data set among those of its type."""
+_AT_ONCE = 16 << 20
+"""Bytes that are copied at once."""
 _HEAD = 64
 _TAKEN, _WRITTEN, _NEXT = range(3)
 
 
 @dataclass(frozen=True)
 class Layout:
-    """Where the rows of each data set lie: (path, type, first and last column, interval)."""
+    """Where the rows of each data set lie: (path, type, columns, interval)."""
 
     capacity: int
     widths: dict[Kind, tuple[int, str]]
     """Columns and dtype of each type's table."""
-    sets: tuple[tuple[str, Kind, int, int, bool], ...]
+    sets: tuple[tuple[str, Kind, Places, bool], ...]
 
 
 class Unwritten:
@@ -83,6 +88,10 @@ class Unwritten:
         self._counts[_TAKEN] = 0
         self._counts[_WRITTEN] = self._counts[_NEXT]
 
+    def go_on(self, rows: int) -> None:
+        """Count rows that an earlier process has put on the disk."""
+        self._counts[:] = 0, rows, rows
+
     def close(self) -> None:
         """Give the memory back."""
         if self._file is not None:
@@ -99,8 +108,10 @@ def recover(part: Path, path: Path, layout: Layout, unwritten: Unwritten) -> int
     try:
         with h5py.File(part, "r", swmr=True) as old, h5py.File(new, "w", libver="latest") as file:
             _copy(old["time"], file, written, unwritten.times[:left])
-            for name, kind, first, last, _ in layout.sets:
-                tail = unwritten.rows[kind][:left, first:last]
+            if wide.INDEX in old:
+                file.create_dataset(wide.INDEX, data=old[wide.INDEX][()])
+            for name, kind, columns, _ in layout.sets:
+                tail = unwritten.rows[kind][:left, columns]
                 _copy(old[name], file, written, tail[:, 0] if old[name].ndim == 1 else tail)
     except BaseException:
         new.unlink(missing_ok=True)
@@ -116,6 +127,7 @@ def _copy(old: Any, file: Any, written: int, tail: NDArray[Any]) -> None:
         old.name, shape, old.dtype, maxshape=(None, *old.shape[1:]), chunks=old.chunks
     )
     new.attrs.update(old.attrs)
-    for at in range(0, written, 1 << 16):
-        new[at : min(written, at + (1 << 16))] = old[at : min(written, at + (1 << 16))]
+    rows = max(1, _AT_ONCE // (8 * max(1, int(np.prod(old.shape[1:])))))
+    for at in range(0, written, rows):
+        new[at : min(written, at + rows)] = old[at : min(written, at + rows)]
     new[written:] = tail

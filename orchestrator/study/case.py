@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import shutil
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -12,6 +13,7 @@ from types import ModuleType
 from typing import Any
 
 from ..analyses import analyses
+from ..engine.checkpoint import Checkpoint, Checkpoints
 from ..engine.host import kept, no_space, said
 from ..engine.instances import ComponentError
 from ..engine.loop import bar, interruptible, run, stepping
@@ -23,8 +25,8 @@ from ..system.codes import Exit
 from ..system.errors import DesatError, RunError
 from ..system.model import System
 from . import stopping, supervise
-from .manifest import describe, numbers, read_manifest, write_json
-from .options import Options
+from .manifest import describe, gone_on, numbers, read_manifest, write_json
+from .options import Options, asked
 from .prepare import Case, load, prepare
 
 __all__ = ["Case", "Options", "Run", "execute", "load", "load_run", "prepare", "run_or_load",
@@ -69,8 +71,12 @@ def execute(
     return simulate(prepare(target, options), folder, progress)
 
 
-def simulate(case: Case, folder: Path | None = None, progress: bool = False) -> Run:
-    """Run a prepared case; `folder` None keeps the series in memory.
+def simulate(
+    case: Case, folder: Path | None = None, progress: bool = False,
+    checkpoint: Checkpoint | None = None,
+) -> Run:  # fmt: skip
+    """Run a prepared case; `folder` None keeps the series in memory. With `checkpoint` it goes on
+    from there, in the folder of the run that was ended (`resume.py`).
 
     A component that fails, a signal to stop and the time limits end the run early: what was
     recorded is kept, and the manifest's status says which. A run that its scenario's `stop_when`
@@ -84,12 +90,16 @@ def simulate(case: Case, folder: Path | None = None, progress: bool = False) -> 
     manifest = describe(system, options, case.target)
     manifest.update(started=began.isoformat(timespec="seconds"), steps=system.steps,
                     status="running", warnings=case.checked.warnings)  # fmt: skip
+    if checkpoint is not None:
+        manifest = gone_on(manifest, checkpoint.told["manifest"], str(folder))
     if folder is not None:
         folder = folder.absolute()  # a component may change the working directory
+    elif options.checkpoint is not None:
+        raise DesatError("checkpoints need a run folder")
     if options.supervised and supervise.CAN:
-        outcome, results = _supervised(case, folder, manifest, progress)
+        outcome, results = _supervised(case, folder, manifest, progress, checkpoint)
     else:
-        outcome, results = _stepped(case, folder, manifest, progress)
+        outcome, results = _stepped(case, folder, manifest, progress, checkpoint)
     manifest["warnings"] = [*manifest["warnings"], *outcome.warnings]
     manifest.update(
         status=outcome.status,
@@ -148,12 +158,14 @@ class Outcome:
 
 def _stepped(
     case: Case, folder: Path | None, manifest: dict[str, Any], progress: bool,
-    unwritten: Unwritten | None = None, tell: Callable[[str, Any], None] = lambda name, what: None,
+    checkpoint: Checkpoint | None = None, unwritten: Unwritten | None = None,
+    tell: Callable[[str, Any], None] = lambda name, what: None,
 ) -> tuple[Outcome, Results]:  # fmt: skip
     """Initialise, step and record. `tell` gets the layout of rows, and the outcome before the
     components are freed."""
     system, schedule = case.or_raise()
     options, outcome = case.options, Outcome("completed")
+    wanted = asked(case.target, options)
 
     def watched(component: str, signal: Any) -> bool:
         ends_it = ends is not None and ends.reads(component, signal)
@@ -166,22 +178,47 @@ def _stepped(
     ):
         master.initialise()
         outcome.warnings += changes("when it was initialised")
+        ending, began = stopping.watch(master, ends, options.time_limit), time.perf_counter()
+        before = 0.0
+        if checkpoint is not None:
+            checkpoint.restore(master, ending)
+            outcome.warnings[:] = checkpoint.told["warnings"]
+            before = checkpoint.told["seconds"]
         recorder = Recorder(
-            folder and folder / SERIES, master, options.record, options.every, unwritten
+            folder and folder / SERIES,
+            master,
+            options.record,
+            options.every,
+            unwritten,
+            None if checkpoint is None else checkpoint.rows,
         )
         tell("layout", recorder.layout)
         if folder is not None:
             write_json(folder / f"{MANIFEST}.part", manifest)
-        if options.algorithm == "jacobi":
+            (folder / MANIFEST).unlink(missing_ok=True)  # of a run that was ended
+        if options.algorithm == "jacobi" and checkpoint is None:
             recorder.record(0, master.live)
-        ending, began = stopping.watch(master, ends, options.time_limit), time.perf_counter()
         steps = stepping(master, recorder, ending, options.loop)
         outcome.loop = {"name": steps.name, "why": steps.why}
+
+        def told() -> dict[str, Any]:
+            """What a checkpoint has of all this; what components have changed is put back, as it
+            will be where the run goes on."""
+            _add(outcome.warnings, changes("while it ran", handlers=False))
+            state = {"warnings": outcome.warnings, "manifest": manifest}
+            return {**state, "seconds": before + time.perf_counter() - began, **wanted}
+
+        checkpoints = None
         try:
+            if folder is not None and options.checkpoint is not None:
+                every = max(1, round(options.checkpoint / system.step))
+                checkpoints = Checkpoints(folder, every, master, recorder, ending, told)
+                if checkpoint is None:
+                    checkpoints.save()
             with interruptible() as interrupted, bar(system.name, system.steps, progress) as report:
                 reason = run(
-                    master, steps, system.steps, recorder, ending, interrupted, report
-                )  # fmt: skip
+                    master, steps, system.steps, recorder, ending, interrupted, report, checkpoints
+                )
             if number := interrupted():
                 outcome.status = "interrupted"
                 outcome.message = f"stopped by the user at t = {master.t:g} s"
@@ -193,25 +230,34 @@ def _stepped(
                 )
             elif reason:
                 outcome.stopped = {"condition": reason, "time": master.t}
+            if checkpoints is not None and outcome.status != "completed":
+                checkpoints.save()
         except ComponentError as error:
             outcome.status, outcome.message = "failed", str(error)
-        outcome.seconds, outcome.steps = time.perf_counter() - began, master.k
-        outcome.warnings += [*changes("while it ran"), *said(master)]
+        outcome.seconds = before + time.perf_counter() - began
+        outcome.steps = master.k
+        _add(outcome.warnings, [*changes("while it ran"), *said(master)])
         results = recorder.finish(master)
         tell("outcome", outcome)
     return outcome, results
 
 
+def _add(lines: list[str], more: list[str]) -> None:
+    """Add those lines that are not there."""
+    lines += [line for line in more if line not in lines]
+
+
 def _supervised(
-    case: Case, folder: Path | None, manifest: dict[str, Any], progress: bool
-) -> tuple[Outcome, Results]:
+    case: Case, folder: Path | None, manifest: dict[str, Any], progress: bool,
+    checkpoint: Checkpoint | None = None,
+) -> tuple[Outcome, Results]:  # fmt: skip
     """The same in a process of its own: how it ended, or was ended, and the rows until then."""
     system, schedule = case.or_raise()
     options, unwritten = case.options, Unwritten.shared()
     place = folder or library.scratch("run")
 
     def work(tell: Callable[[str, Any], None], unwritten: Unwritten) -> None:
-        _stepped(case, place, manifest, progress, unwritten, tell)
+        _stepped(case, place, manifest, progress, checkpoint, unwritten, tell)
 
     limit = min(options.call_limit, options.time_limit or math.inf)
     try:
@@ -237,6 +283,8 @@ def _supervised(
         return _cut_short(system, options, place, ended, layout, unwritten, full)
     finally:
         unwritten.close()
+        if folder is None:  # the series stay until they are closed
+            shutil.rmtree(place, ignore_errors=True)
 
 
 def _cut_short(

@@ -14,16 +14,27 @@ from rich.progress import track
 from ..analyses import analyses
 from ..system.codes import Exit
 from ..system.draft import Draft
-from ..system.errors import DesatError
+from ..system.errors import DesatError, RunError
 from .case import Options, Run, load, prepare, simulate
 from .sampling import dispersed, drawn
 from .workers import Here, Local, Lost, Workers, results
 
+STOPPED = 128
+"""Exit codes above are those of somebody who stopped the run."""
+
 
 def one(target: str, options: Options, seed: int, draw: int | None) -> dict[str, Any]:
-    """A run as a row: how it ended, its numbers, and the values drawn (`draw` None: nothing is)."""
+    """A run as a row: how it ended, its numbers, and the values drawn (`draw` None: nothing is).
+
+    Raises DesatError, which names target and draw, for one that could not begin or was stopped.
+    """
     values = {} if draw is None else drawn(system_of(target, options), seed, draw)
-    return {"draw": draw, **ran(target, options, values)}
+    try:
+        return {"draw": draw, **ran(target, options, values)}
+    except DesatError as error:
+        where = target if draw is None else f"{target}: draw {draw}"
+        lines = "\n".join(f"{where}: {x}" for x in str(error).splitlines())
+        raise RunError(lines, error.code) from error
 
 
 def ran(
@@ -41,6 +52,8 @@ def ran(
             needed += tuple(analysis.signals(parts)) if parts else ()
         case = replace(case, options=replace(case.options, record=needed))
     run = simulate(case)
+    if run.code > STOPPED:
+        run.or_raise(target)
     row = {
         "status": run.manifest["status"],
         "code": int(run.code),
@@ -84,7 +97,8 @@ def rows_of(
 ) -> list[dict[str, Any]]:  # fmt: skip
     """The row (`one`) of each task, over so many processes.
 
-    A run whose process dies is made again in a process of its own, which can say why.
+    A run whose process dies is made again in a process of its own, which can say why; with one
+    process, which is this one, each is.
     """
     jobs, tried = min(jobs, len(tasks)), set()
 
@@ -95,6 +109,8 @@ def rows_of(
         target, options, *rest = tasks[key]
         return (target, replace(options, supervised=True), *rest)
 
+    if jobs == 1:
+        tasks = [(t, replace(o, supervised=True), seed, draw) for t, o, seed, draw in tasks]
     rows: dict[Any, dict[str, Any]] = {}
     console = Console(stderr=True)
     workers: Workers = Here(one) if jobs == 1 else Local(one, jobs)

@@ -43,13 +43,18 @@ def export(folder: Path, form: str, into: Path | None = None) -> tuple[list[Path
         if form == "csv":
             from pyarrow import csv
 
-            csv.write_csv(table, part)
+            csv.write_csv(table.rename_columns(map(no_formula, table.column_names)), part)
         else:
             from pyarrow import parquet
 
             parquet.write_table(table, part, compression="zstd")
     part.replace(path)
     return [path], note
+
+
+def no_formula(text: str) -> str:
+    """A name of somebody's as a cell that no spreadsheet takes for a formula."""
+    return f"'{text}" if text.startswith(("=", "+", "-", "@")) else text
 
 
 def _table(run: Run) -> tuple[pa.Table, str]:

@@ -63,6 +63,21 @@ def describe(system: System, options: Options, target: str) -> dict[str, Any]:
     }  # fmt: skip
 
 
+def gone_on(now: dict[str, Any], before: dict[str, Any], folder: str) -> dict[str, Any]:
+    """The manifest of a run that goes on, which is the one that it had. Raises DesatError where
+    the target, an FMU, a package or this machine is not what it was."""
+    for key in now.keys() - {"started", "warnings"}:
+        is_now, was = (json.loads(json.dumps(x.get(key))) for x in (now, before))
+        if is_now != was:
+            if isinstance(was, dict) and isinstance(is_now, dict):
+                names = sorted(was.keys() | is_now.keys())
+                name = next(n for n in names if was.get(n) != is_now.get(n))
+                key, was, is_now = f"{key}.{name}", was.get(name), is_now.get(name)
+            raise DesatError(f"{folder}: it cannot go on with the same bits: {key} was {was}, and "
+                             f"is {is_now}")  # fmt: skip
+    return dict(before)
+
+
 def numbers(
     about: Mapping[str, Any], results: Results, parameters: Table
 ) -> dict[str, dict[str, Any]]:  # fmt: skip

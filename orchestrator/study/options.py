@@ -2,11 +2,27 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
 from typing import Any, Literal
 
 from ..engine.ending import Loop
 from ..engine.master import Algorithm
+
+
+def asked(target: str, options: Options) -> dict[str, Any]:
+    """Target and options as JSON, with the folder that relative paths in them start from."""
+    given = {**asdict(options), "trusted": options.trusted and sorted(options.trusted)}
+    return {"target": target, "options": given, "from": str(Path.cwd())}
+
+
+def as_asked(told: Mapping[str, Any]) -> Options:
+    """The options that `asked` gave."""
+    given = dict(told["options"])
+    given["record"] = tuple(given["record"])
+    given["trusted"] = given["trusted"] and frozenset(given["trusted"])
+    return Options(**given)
 
 
 @dataclass
@@ -41,3 +57,5 @@ class Options:
     """It runs in a process of its own, where there are such (POSIX)."""
     call_limit: float = 300.0
     """Wall time (s) that one call of a component may take, where it is supervised."""
+    checkpoint: float | None = None
+    """Simulated time (s) between checkpoints, which `study/resume.py` goes on from."""

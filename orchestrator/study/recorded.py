@@ -1,12 +1,17 @@
-"""What a run would record, before it begins: is there anything, and is there room for it."""
+"""What a run would record, before it begins: is there anything, is there room for it, and can the
+components be saved."""
 
 from __future__ import annotations
 
 import shutil
 from collections.abc import Iterator
+from math import inf
 from pathlib import Path
 
+from fmpy import read_model_description
+
 from ..engine.results import selects
+from ..files import library
 from ..system.errors import nearest
 from ..system.interface import KINDS, base_name
 from ..system.model import System
@@ -30,6 +35,21 @@ def problems(system: System, options: Options) -> Iterator[str]:
             yield f"{system.where}: {name}: the output {text!r} has no name that can be recorded"
     if options.every > system.steps:
         yield f"--every {options.every}: the run has {system.steps} steps"
+
+
+def not_saved(system: System, options: Options) -> Iterator[str]:
+    """A line for each component whose state cannot be saved, where checkpoints are wanted."""
+    if options.checkpoint is None:
+        return
+    if not 0.0 < options.checkpoint < inf:
+        yield f"--checkpoint {options.checkpoint:g}: a time above 0 s is needed"
+    for c in system.components.values():
+        if c.fmu is None:
+            continue
+        of = read_model_description(library.load(c.fmu).folder).coSimulation
+        if not (of.canGetAndSetFMUstate and of.canSerializeFMUstate):
+            yield (f"--checkpoint: {c.name}: {c.fmu.name} cannot save its state "
+                   "(canGetAndSetFMUstate, canSerializeFMUstate)")  # fmt: skip
 
 
 def size(system: System, options: Options) -> int:

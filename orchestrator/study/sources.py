@@ -58,7 +58,7 @@ class Sources:
             name = self.name_of(scenario)
             options = Options(
                 values=change or {}, step=step, stop=self.end_of(scenario, stop),
-                record=tuple(self._needed(name)),
+                record=tuple(self._needed(name)), supervised=True,
             )  # fmt: skip
             self._runs[key] = execute(name, options).or_raise(name)
         return self._runs[key]

@@ -139,7 +139,8 @@ def watch(master: Master, wanted: Condition | None, seconds: float | None) -> En
     """What ends the run of an initialised master, and why: the text of its condition, or LATE when
     `seconds` of wall time are over since now."""
     slots = [s for s in master.slots if wanted and wanted.reads(s.component, s.signal)]
-    met = _held(master, wanted, slots) if wanted else lambda: False
+    memory: dict[str, Any] = {}
+    met = _held(master, wanted, slots, memory) if wanted else lambda: False
     text = wanted.text if wanted else ""
     end = None if seconds is None else time.monotonic() + seconds
 
@@ -150,24 +151,25 @@ def watch(master: Master, wanted: Condition | None, seconds: float | None) -> En
 
     if wanted is None:
         return Ending(reason, "never")
-    return Ending(reason, wanted.how, slots, wanted.limit)
+    return Ending(reason, wanted.how, slots, wanted.limit, memory)
 
 
-def _held(master: Master, wanted: Condition, slots: list[Slot]) -> Callable[[], bool]:
+def _held(
+    master: Master, wanted: Condition, slots: list[Slot], memory: dict[str, Any]
+) -> Callable[[], bool]:
+    """Whether the condition has held for long enough; `memory` has since when it is met."""
     live, index = master.live[slots[0].kind], np.array([s.index for s in slots], np.intp)
     # the row that an interval output belongs to has begun a step ago
     ago = int(slots[0].interval and master.algorithm == "conserving")
-    since: float | None = None
     if not ago and wanted.met(live[index]):
-        since = master.start
+        memory["since"] = master.start
 
     def met() -> bool:
-        nonlocal since
         if not wanted.met(live[index]):
-            since = None
+            memory.clear()
             return False
         row = master.start + (master.k - ago) * master.step_size
-        since = row if since is None else since
+        since: float = memory.setdefault("since", row)
         return row - since >= wanted.held - 1e-9
 
     return met

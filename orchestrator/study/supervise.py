@@ -14,6 +14,7 @@ import signal
 import sys
 import time
 import traceback
+import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
@@ -65,7 +66,9 @@ def watch(
     sys.stdout.flush()
     sys.stderr.flush()
     parent, ended = os.getpid(), Ended()
-    child = os.fork()
+    with warnings.catch_warnings():  # the child uses nothing that another thread may hold
+        warnings.simplefilter("ignore", DeprecationWarning)
+        child = os.fork()
     if child == 0:
         _work(work, theirs, unwritten, parent)
     theirs.close()
@@ -162,7 +165,11 @@ def _handed_on(child: int, ended: Ended) -> Iterator[None]:
         with suppress(ProcessLookupError):
             os.kill(child, signal.SIGKILL if again else number)
 
-    previous = {n: signal.signal(n, handler) for n in SIGNALS}
+    try:
+        previous = {n: signal.signal(n, handler) for n in SIGNALS}
+    except ValueError:  # not the main thread: nobody tells us
+        yield
+        return
     try:
         yield
     finally:

@@ -62,7 +62,9 @@ def sweep(
             "values": point,
             "numbers": {name: entry["median"] for name, entry in of_draws.items()},
             "stopped": sum(row["stopped_when"] is not None for row in own),
-            **{key: worst[key] for key in ("status", "code", "message")},
+            **{key: worst[key] for key in ("status", "code")},
+            "message": f"draw {worst['draw']}: {worst['message']}"
+            if worst["message"] and draws else worst["message"],
             **({"summary": of_draws} if draws else {}),
         })  # fmt: skip
     units = {n: e["unit"] for n, e in summary(rows, system.about).items()}

@@ -7,7 +7,7 @@ A scenario with `draws` gives the median of so many draws instead; these are rea
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -26,7 +26,7 @@ from .workers import mapped
 
 
 def _numbers(path: str, options: Options) -> Numbers:
-    run = execute(path, options).or_raise(path)
+    run = execute(path, replace(options, supervised=True)).or_raise(path)
     values = {name: n["value"] for name, n in run.manifest["numbers"].items()}
     run.results.close()
     return values

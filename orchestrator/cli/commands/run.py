@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import itertools
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -9,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from rich.table import Table
 
+from ...files import claim
 from ...system.errors import DesatError
 from ..common import (
     Alg,
@@ -40,6 +44,9 @@ from ..common import (
 
 if TYPE_CHECKING:
     from ...study.case import Options, Run
+
+TWIN = "twin"
+"""Where the run of the twin lies in a run folder."""
 
 
 @app.command()
@@ -85,10 +92,15 @@ def run(
             help="Also run with twice the inner steps, and say how much the run may err by them.",
         ),
     ] = False,
+    checkpoint: Annotated[
+        float | None,
+        typer.Option(metavar="SECONDS",
+                     help="Save the run each time so many simulated seconds are over: `desat "
+                     "resume RUN` goes on from there."),
+    ] = None,
     as_json: Json = False,
-) -> None:
+) -> None:  # fmt: skip
     """Run a scenario and write a run folder: series, manifest, report."""
-    from ...study import report as report_module
     from ...study.case import prepare, simulate
     from ...study.recorded import room
 
@@ -96,46 +108,77 @@ def run(
         sets, stop, step, algorithm, blocks, classes, sources, record=tuple(record or ("*",)),
         every=every, design=design, inner=inner,
         time_limit=time_limit, loop=loop.value, fmus=fmus.value, trust=trust, supervised=True,
-        call_limit=call_limit,
+        call_limit=call_limit, checkpoint=checkpoint,
     )  # fmt: skip
-    target_folder = _run_folder(target, folder)
+    _free(folder)
     case = prepare(target, options)
-    if short := room(case.or_raise()[0], options, target_folder.absolute()):
-        case.checked.warnings.append(short)
-    warn(case.checked.warnings)
-    finished = simulate(case, target_folder, progress=not as_json)
-    warn(finished.manifest["warnings"][len(case.checked.warnings) :])
-    if estimate and finished.ok:
-        from ...analyses import estimate as estimate_module
-        from ...engine.results import MANIFEST
-        from ...study.manifest import write_json
+    case.or_raise()
+    with _run_folder(target, folder) as place:
+        if short := room(case.or_raise()[0], options, place.absolute()):
+            case.checked.warnings.append(short)
+        warn(case.checked.warnings)
+        finished = simulate(case, place, progress=not as_json)
+        warn(finished.manifest["warnings"][len(case.checked.warnings) :])
+        if estimate and finished.ok:
+            from ...analyses import estimate as estimate_module
+            from ...engine.results import MANIFEST
+            from ...study.manifest import write_json
 
-        estimate_module.add(finished, target, options)
-        write_json(target_folder / MANIFEST, finished.manifest)
-    other = _run_twin(finished, options, target_folder) if twin and finished.ok else None
-    page = report_module.write_report(target_folder, finished, other)
+            estimate_module.add(finished, target, options)
+            write_json(place / MANIFEST, finished.manifest)
+        conclude(finished, options, place, csv=csv, twin=twin, as_json=as_json)
+
+
+def conclude(
+    finished: Run, options: Options, folder: Path, *, csv: bool, twin: bool, as_json: bool
+) -> None:
+    """What follows a run: its twin, the report, and how the command ends."""
+    from ...engine import checkpoint
+    from ...study import report as report_module
+
+    other = _run_twin(finished, options, folder) if twin and finished.ok else None
+    page = report_module.write_report(folder, finished, other)
     if csv:
         from ...study.export import export
 
-        _, note = export(target_folder, "csv")
+        _, note = export(folder, "csv")
         if note:
             err.print(f"note: series.csv: {note}", highlight=False, markup=False)
-    _report_run(finished, other, target_folder, page, as_json)
+    if finished.ok and (other is None or other.ok):
+        checkpoint.remove(folder)
+        checkpoint.remove(folder / TWIN)
+    _report_run(finished, other, folder, page, as_json)
     if code := finished.code or (other.code if other else 0):
         raise typer.Exit(code)
 
 
-def _run_folder(target: str, folder: Path | None) -> Path:
-    if folder is not None:
-        if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
-            raise DesatError(f"--out {folder}: it exists already and is not an empty folder")
-        return folder
-    name = name_of(target)
-    candidate, count = Path("runs") / name, 1
-    while candidate.exists():
-        count += 1
-        candidate = Path("runs") / f"{name}-{count}"
-    return candidate
+def _free(folder: Path | None) -> None:
+    """Raise DesatError for a folder that holds something."""
+    if folder is not None and folder.exists() and (
+        not folder.is_dir() or any(p.name != claim.LOCK for p in folder.iterdir())
+    ):  # fmt: skip
+        raise DesatError(f"--out {folder}: it exists already and is not an empty folder")
+
+
+@contextmanager
+def _run_folder(target: str, folder: Path | None) -> Iterator[Path]:
+    """Within: a folder of this run alone; without `folder` a new one under runs/."""
+    place = folder or _new_folder(name_of(target))
+    with claim.claimed(place, made=folder is None):
+        _free(place)
+        yield place
+
+
+def _new_folder(name: str) -> Path:
+    for count in itertools.count(1):
+        folder = Path("runs") / (name if count == 1 else f"{name}-{count}")
+        folder.parent.mkdir(exist_ok=True)
+        try:
+            folder.mkdir()
+            break
+        except FileExistsError:
+            continue
+    return folder
 
 
 def _run_twin(finished: Run, options: Options, folder: Path) -> Run | None:
@@ -145,13 +188,17 @@ def _run_twin(finished: Run, options: Options, folder: Path) -> Run | None:
     from ...study import report as report_module
     from ...study.case import execute
     from ...study.manifest import relate, write_json
+    from ...study.resume import has_checkpoints, resume
 
     about = finished.manifest["about"]
     name = about.get("name", "").partition("/")[0] + "/" + about.get("twin", "")
     if not about.get("twin") or name == about["name"] or name not in scenarios():
         return None
-    twin_folder = folder / "twin"
-    other = execute(name, replace(options, sets=[], sources=[], design=None), twin_folder)
+    twin_folder = folder / TWIN
+    if has_checkpoints(twin_folder):
+        other = resume(twin_folder.absolute())
+    else:
+        other = execute(name, replace(options, sets=[], sources=[], design=None), twin_folder)
     relate(finished.manifest, {about["twin"]: other.manifest})
     write_json(folder / MANIFEST, finished.manifest)
     report_module.write_report(twin_folder, other)

@@ -1,0 +1,41 @@
+"""`desat resume RUN`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from ...files.claim import claimed
+from ...system.errors import DesatError
+from ..common import Json, app, warn
+
+WAIT = 10.0
+"""The process of a run whose parent was killed ends by itself, so soon (s)."""
+
+
+@app.command()
+def resume(
+    folder: Annotated[
+        Path,
+        typer.Argument(metavar="RUN", show_default=False,
+                       help="The folder of a run with --checkpoint that was ended."),
+    ],
+    csv: Annotated[bool, typer.Option("--csv", help="Write series.csv too.")] = False,
+    twin: Annotated[
+        bool, typer.Option(help="Also run the scenario's twin, and show it beside.")
+    ] = True,
+    as_json: Json = False,
+) -> None:  # fmt: skip
+    """Go on with a run from its newest checkpoint: the same bits as if it had never been ended."""
+    from ...study import resume as study
+    from .run import conclude
+
+    if not folder.is_dir():
+        raise DesatError(f"{folder}: no folder of a run")
+    with claimed(folder, WAIT):
+        options = study.options_of(folder)
+        finished = study.resume(folder.absolute(), progress=not as_json)
+        warn(finished.manifest["warnings"])
+        conclude(finished, options, folder, csv=csv, twin=twin, as_json=as_json)
