@@ -186,7 +186,7 @@ def test_patience_is_late_and_costs_little():
 
 # --- the bound ----------------------------------------------------------------------------------
 
-# notes-uosat12.md, "The limit": an independent prototype
+# an independent prototype, before this code
 LEAST = {
     (0.0, -2.4e-6): (87.79, 81.55, 78.32),
     (36.0, -2.4e-6): (52.85, 40.06, 52.12),

@@ -39,7 +39,7 @@ def cell(rows, table, method, case, quantity="firing_time"):
 
 CASES = ("ILQR 1", "ILQR 2", "ILQR 3", "MEC 1", "MEC 2", "MEC 3")
 PROTOTYPE = {
-    # an independent numpy prototype's seconds (notes-uosat12.md); pulses may fall one either way
+    # an independent numpy prototype's seconds, before this code; pulses may fall one either way
     ("2", "DCT"): (98.25, 87.75, 95.20, 97.65, 89.00, 90.10),
     ("2", "CCCP"): (71.50, 54.20, 75.10, 69.50, 42.65, 74.55),
     ("2", "CRCP"): (32.10, 52.40, 57.85, 40.15, 30.95, 62.45),

@@ -40,35 +40,8 @@ def words(scenario: Scenario) -> list[str]:
 def _words(data: dict[str, Any]) -> Iterator[tuple[Path, str]]:
     numbers = data.get("numbers", {})
     for name, number in numbers.items():
-        path = ("numbers", name)
-        if "of" in number:
-            known = {*numbers, *(n for a in analyses() for n in a.NUMBERS)}
-            if number["of"] not in known:
-                yield (*path, "of"), f"no number {number['of']}{nearest(number['of'], known)}"
-            continue
-        measure = number.get("measure", "last")
-        if measure not in MEASURES:
-            yield (*path, "measure"), f"no measure {measure}{nearest(measure, MEASURES)}"
-            continue
-        series, options = options_of(measure)
-        signals = number["signal"]
-        count = 1 if isinstance(signals, str) or "derive" in number else len(signals)
-        if "element" in number and len(series) > 1:
-            yield (*path, "element"), f"{measure} takes {len(series)} series; only with one"
-        if count != len(series):
-            yield (*path, "signal"), f"{count} given; {measure} takes {len(series)}"
-        for option in number.get("options", {}):
-            if option not in options:
-                hint = nearest(option, options) or "; it has none"
-                yield (*path, "options", option), f"{measure} has no option {option}{hint}"
-        kinds = inspect.get_annotations(MEASURES[measure])
-        for option, value in number.get("options", {}).items():
-            if option in options and (wanted := _unfit(option, kinds[option], value)):
-                yield (*path, "options", option), f"got {value!r}; {wanted} is needed"
-        unknown = number.get("options", {}).keys() - options.keys()
-        for option, default in () if unknown else options.items():
-            if default is inspect.Parameter.empty and option not in number.get("options", {}):
-                yield (*path, "options"), f"{measure} needs {option}"
+        problems = _compared(number, numbers) if "of" in number else _measured(number)
+        yield from ((("numbers", name, *path), text) for path, text in problems)
     for table in ("numbers", "plots"):
         for name, entry in data.get(table, {}).items():
             yield from (((table, name, key), text) for key, text in _derived(entry))
@@ -85,6 +58,42 @@ def _requirements(data: dict[str, Any]) -> Iterator[tuple[Path, str]]:
             yield (*path, "number"), f"{number} compares runs: a case has no such number"
         if {"min", "max"} <= entry.keys() and entry["min"] > entry["max"]:
             yield (*path, "min"), "it is above max: nothing can be within"
+
+
+def _compared(number: dict[str, Any], numbers: dict[str, Any]) -> Iterator[tuple[Path, str]]:
+    """What is wrong with a number that is made of another one."""
+    known = {*numbers, *(n for a in analyses() for n in a.NUMBERS)}
+    if number["of"] not in known:
+        yield ("of",), f"no number {number['of']}{nearest(number['of'], known)}"
+
+
+def _measured(number: dict[str, Any]) -> Iterator[tuple[Path, str]]:
+    """What is wrong with the measure of a number, its series and options."""
+    measure = number.get("measure", "last")
+    if measure not in MEASURES:
+        yield ("measure",), f"no measure {measure}{nearest(measure, MEASURES)}"
+        return
+    series, options = options_of(measure)
+    signals, given = number["signal"], number.get("options", {})
+    count = 1 if isinstance(signals, str) or "derive" in number else len(signals)
+    if "element" in number and len(series) > 1:
+        yield ("element",), f"{measure} takes {len(series)} series; only with one"
+    if count != len(series):
+        yield ("signal",), f"{count} given; {measure} takes {len(series)}"
+    kinds = inspect.get_annotations(MEASURES[measure])
+    for option, value in given.items():
+        path = ("options", option)
+        if option not in options:
+            yield (
+                path,
+                f"{measure} has no option {option}{nearest(option, options) or '; it has none'}",
+            )
+        elif wanted := _unfit(option, kinds[option], value):
+            yield path, f"got {value!r}; {wanted} is needed"
+    if given.keys() <= options.keys():  # else what is missing may be misspelt
+        for option, default in options.items():
+            if default is inspect.Parameter.empty and option not in given:
+                yield ("options",), f"{measure} needs {option}"
 
 
 def _rows(data: dict[str, Any], cell: dict[str, str]) -> Iterator[tuple[Path, str]]:

@@ -59,6 +59,20 @@ def prepare(target: str, options: Options) -> Case:
     draft = _draft(target, described, options.blocks, designed=options.design is None)
     if told := described or _told(draft):
         draft.problems += meaning.words(told) or meaning.names(told, draft)
+    _modify(draft, described, options)
+    checked = check(draft)
+    if checked.system is not None:
+        components = checked.system.components.values()
+        checked.problems += trust.problems(components, options.trusted)
+        checked.problems += recorded.problems(checked.system, options)
+        checked.problems += recorded.not_saved(checked.system, options)
+        if checked.schedule is not None:
+            _check_wishes(checked, checked.system, checked.schedule, described, options)
+    return Case(target, options, draft.where, checked)
+
+
+def _modify(draft: Draft, described: Scenario | None, options: Options) -> None:
+    """Change a system as the options say; warn of a design made for other values."""
     if described is None or options.design is None:
         modify(draft, options)
         if source := described or _packed_from(draft):
@@ -69,25 +83,24 @@ def prepare(target: str, options: Options) -> Case:
         for component in draft.components.values():
             if component.fmu is not None:
                 component.fmu = library.of_kind(component.fmu, options.fmus)
-    checked = check(draft)
-    if checked.system is not None:
-        components = checked.system.components.values()
-        checked.problems += trust.problems(components, options.trusted)
-        checked.problems += recorded.problems(checked.system, options)
-        checked.problems += recorded.not_saved(checked.system, options)
-    if checked.system is not None and checked.schedule is not None:
-        if described is not None:
-            checked.problems += meaning.wants(described, checked.system)
-        else:
-            checked.problems += [f"{draft.where}: {t}" for t in stopping.problems(checked.system)]
-        checked.problems += design_problems(checked.system)
-        lacking = _problems_of_numbers(checked.system)
-        # another FMU may lack what the scenario's numbers are made of: it runs without them
-        (checked.warnings if options.sources else checked.problems).extend(lacking)
-        checked.warnings += warnings(checked.system)
-        if options.algorithm == "jacobi":
-            checked.warnings += _under_jacobi(checked.system, checked.schedule)
-    return Case(target, options, draft.where, checked)
+
+
+def _check_wishes(
+    checked: Checked, system: System, schedule: Schedule, described: Scenario | None,
+    options: Options,
+) -> None:  # fmt: skip
+    """Add what of a sound system does not suit what its scenario, and the options, want of it."""
+    if described is not None:
+        checked.problems += meaning.wants(described, system)
+    else:
+        checked.problems += [f"{system.where}: {t}" for t in stopping.problems(system)]
+    checked.problems += design_problems(system)
+    lacking = _problems_of_numbers(system)
+    # another FMU may lack what the scenario's numbers are made of: it runs without them
+    (checked.warnings if options.sources else checked.problems).extend(lacking)
+    checked.warnings += warnings(system)
+    if options.algorithm == "jacobi":
+        checked.warnings += _under_jacobi(system, schedule)
 
 
 def _under_jacobi(system: System, schedule: Schedule) -> Iterator[str]:
