@@ -43,7 +43,7 @@ def export(folder: Path, form: str, into: Path | None = None) -> tuple[list[Path
         if form == "csv":
             from pyarrow import csv
 
-            csv.write_csv(table.rename_columns(map(no_formula, table.column_names)), part)
+            csv.write_csv(table.rename_columns([*map(no_formula, table.column_names)]), part)
         else:
             from pyarrow import parquet
 
