@@ -36,7 +36,7 @@ class EnvironmentPropagated(NearEarth, OrbitStart):
     With `firings` the mean force of a step acts over it, in the body that turns on from q_bi with
     omega_bi_body; the orbit goes on from where it leads. `environment.force_mean_thruster_body`,
     `q_bi` and `omega_bi_body` are to be wired from the thrusters and the spacecraft in the craft
-    file. `mass` is constant.
+    file. `mass` is constant: propellant that is spent does not lessen it.
 
     A block of its own, not a choice of environment_kepler: it has a state, which firings change,
     where that one is a function of time.

@@ -14,6 +14,9 @@ class EnvironmentTle(NearEarth):
     `components.tle.tle_parameters` turns the two lines into the parameters. The derivatives of the
     mean motion are not among them: SGP4 does not use them.
 
+    Firings do not act on this orbit, whatever is wired: elements of the next set would have them.
+    `environment_propagated` takes them.
+
     v is the velocity of SGP4, whose short-period part is simplified: on low, nearly circular orbits
     it is the derivative of r to 0.04 m/s. The derivatives of the field follow r.
 

@@ -64,6 +64,9 @@ class SpacecraftRigid(Spacecraft, WheelInertias):
     a nutation of 1 rad/s in a day, half of it 3e-11. `h_wheel` is read in initialisation mode only:
     the copy starts from it.
 
+    The air turns with the Earth about the z axis of eci. Where that is J2000's it is 0.15 deg off
+    in 2026, and drag by 3e-4 of itself at most.
+
     Source: conservation of momentum; paper 004, eqs. 1-6; Wertz (1978), ch. 17 for the torques.
     """
 
