@@ -68,7 +68,8 @@ def instance_for(component: Component) -> Instance:
 class Master:
     """A running system. Use it as a context manager: leaving it frees the components.
     `watched` chooses the outputs that are read although nothing is connected to them:
-    a function of component name and signal; default all.
+    a function of component name and signal; default all. `halvings`: a step that a foreign FMU
+    discards is made in halves, quarters and so on, so many times at most.
     """
 
     def __init__(
@@ -78,6 +79,7 @@ class Master:
         *,
         algorithm: Algorithm = "conserving",
         watched: Callable[[str, Signal], bool] = lambda component, signal: True,
+        halvings: int = 0,
     ) -> None:
         if algorithm not in ALGORITHMS:
             raise DesatError(f"algorithm {algorithm}: there is {', '.join(ALGORITHMS)}")
@@ -100,6 +102,9 @@ class Master:
             self._outputs = Outputs(self.members.values())
             self._plan = Plan(self.members, self._outputs, self._rates, self._conserving)
             self._wire()
+            for member in self.members.values() if halvings else ():
+                if isinstance(member.instance, FmuInstance) and not member.component.interface.role:
+                    member.instance.halve(halvings)
         except BaseException:
             self.close()
             raise

@@ -174,7 +174,13 @@ def _stepped(
     ends = stopping.condition(system)
     with (
         kept() as changes,
-        Master(system, schedule, algorithm=options.algorithm, watched=watched) as master,
+        Master(
+            system,
+            schedule,
+            algorithm=options.algorithm,
+            watched=watched,
+            halvings=options.halvings,
+        ) as master,
     ):
         master.initialise()
         outcome.warnings += changes("when it was initialised")

@@ -75,6 +75,7 @@ def prepare(target: str, options: Options) -> Case:
         checked.problems += trust.problems(components, options.trusted)
         checked.problems += recorded.problems(checked.system, options)
         checked.problems += recorded.not_saved(checked.system, options)
+        checked.problems += recorded.not_halved(checked.system, options)
     if checked.system is not None and checked.schedule is not None:
         if described is not None:
             checked.problems += meaning.wants(described, checked.system)
