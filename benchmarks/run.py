@@ -31,7 +31,8 @@ from desat.engine.ending import NEVER, Loop
 from desat.engine.loop import run, stepping
 from desat.engine.master import Master
 from desat.engine.operations import Call
-from desat.engine.results import SERIES, Recorder
+from desat.engine.recorder import Recorder
+from desat.engine.results import SERIES
 from desat.files import library, places
 from desat.files.pack import pack_scenario
 from desat.files.scenario import find

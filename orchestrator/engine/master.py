@@ -37,19 +37,7 @@ from ..system.schedule import Schedule
 from .block_instance import BlockInstance
 from .fmu_instance import FmuInstance
 from .instances import Array, ComponentError, Instance
-from .last_call import (
-    ENTER,
-    EXIT,
-    FREE,
-    INSTANTIATE,
-    PLACE,
-    PULL,
-    PUSH,
-    RESTORE,
-    SAVE,
-    time,
-    word,
-)
+from .last_call import ENTER, EXIT, FREE, INSTANTIATE, PLACE, PULL, PUSH, time, word
 from .member import Member, Outputs, Slot
 from .plan import Plan
 
@@ -271,8 +259,6 @@ class Master:
         if self.live["Real"].dot(self._zeros) != 0.0:  # NaN or infinity times 0 is not 0
             self.check_finite()
 
-    # --- checkpoints --------------------------------------------------------------------------
-
     def memory(self) -> dict[str, Array]:
         """All arrays that the next step of an initialised master depends on, by name: what is in
         them may be saved, and put back. The states of the components come beside."""
@@ -284,25 +270,6 @@ class Master:
             for kind, values in member.instance.inputs.items():
                 kept[f"inputs {kind} of {name}"] = values
         return kept
-
-    def states(self) -> dict[str, bytes]:
-        """The state of each component. Raises ComponentError where it cannot be had."""
-        time[0], saved = self.t, {}
-        for name, member in self.members.items():
-            word[0] = member.instance.place + SAVE
-            saved[name] = member.instance.save()
-        word[0] = 0
-        return saved
-
-    def restore(self, k: int, states: Mapping[str, bytes]) -> None:
-        """Go on from step k with states of the components, once `memory` is put back."""
-        self.k = k
-        for name, member in self.members.items():
-            word[0] = member.instance.place + RESTORE
-            member.instance.restore(states[name])
-        word[0] = 0
-
-    # --- what comes out -----------------------------------------------------------------------
 
     def check_finite(self) -> None:
         """Raise ComponentError for an output that is NaN or infinite."""
