@@ -30,7 +30,8 @@ from desat.engine.ending import NEVER, Loop
 from desat.engine.loop import run, stepping
 from desat.engine.master import Master
 from desat.engine.operations import Call
-from desat.engine.results import SERIES, Recorder
+from desat.engine.recorder import Recorder
+from desat.engine.results import SERIES
 from desat.files import library, places
 from desat.files.pack import pack_scenario
 from desat.files.scenario import find
@@ -498,14 +499,11 @@ def start_up() -> dict[str, Any]:
     """250 min of paper 003 at 1 s, all components as FMUs, native and Python ones: a body that
     tumbles takes more inner steps, so its first 20 min by themselves too; over the day's step of
     the same rounds."""
-    path, day = packed("hausat2/start-up-conventional"), packed("nadir_day/day-dipole")
     result: dict[str, Any] = {}
-    for kind, files in {"native": (native(path), native(day)), "python": (path, day)}.items():
-        parts = {
-            "mission": (files[0], 15000),
-            "tumbling": (files[0], 1200),
-            "day": (files[1], 15000),
-        }
+    for kind in ("native", "python"):
+        path = packed("hausat2/start-up-conventional", kind)
+        day = packed("nadir_day/day-dipole", kind)
+        parts = {"mission": (path, 15000), "tumbling": (path, 1200), "day": (day, 15000)}
         rounds: dict[str, list[float]] = {name: [] for name in parts}
         for _ in track(range(ROUNDS), f"start-up, {kind}", disable=not sys.stderr.isatty()):
             for name, (file, steps) in parts.items():
@@ -515,7 +513,8 @@ def start_up() -> dict[str, Any]:
             pairs = [a / b for a, b in zip(rounds[name], rounds["day"], strict=True)]
             row[f"{name}_over_day"] = round(statistics.median(pairs), 2)
         result[kind] = row
-    return result | {"memory": _measure("memory", native(path), 15000)}
+    path = packed("hausat2/start-up-conventional", "native")
+    return result | {"memory": _measure("memory", path, 15000)}
 
 
 def boom() -> dict[str, Any]:

@@ -17,7 +17,8 @@ import numpy as np
 
 from desat.engine.loop import run, stepping
 from desat.engine.master import Master
-from desat.engine.results import SERIES, Recorder
+from desat.engine.recorder import Recorder
+from desat.engine.results import SERIES
 from desat.files import library, places
 from desat.study.drawing import COLOURS, figure, svg
 from desat.system.check import check

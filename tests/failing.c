@@ -14,7 +14,7 @@ struct callbacks { logger *log; void *allocate, *release, *finished, *environmen
 static struct { int how; double t, y; struct callbacks callbacks; char name[64]; } me;
 
 enum { NOTHING, SEGFAULT, ABORT, KILL, EXIT_0, EXIT_3, HANG, OVERFLOW, IN_FREE, IN_START, IN_EXIT,
-       CHDIR, ROUNDING, LOCALE, HANDLER, PRINT, LOG, STEP_ERROR, SLOW };
+       CHDIR, ROUNDING, LOCALE, HANDLER, PRINT, LOG, STEP_ERROR, SLOW, DISCARD };
 
 static int recurse(int n) { volatile char big[65536]; big[n & 65535] = 1; return recurse(n + 1) + big[0]; }
 
@@ -67,6 +67,7 @@ int fmi2DoStep(component c, double t, double dt, int no)
     (void)c, (void)no;
     me.t = t + dt;
     me.y = me.t;
+    if (me.how == DISCARD && t > 2.5 && dt > 0.3) return me.y = -1.0, 2;
     if (me.how == SLOW) usleep(20000);
     if (me.how == PRINT) printf("{not json}\n"), fflush(stdout);
     if (t < 2.5) return 0;
@@ -79,10 +80,19 @@ int fmi2DoStep(component c, double t, double dt, int no)
         me.callbacks.log(me.callbacks.environment, me.name, 1, "w", "low \033[31mpressure at %g", t);
     return me.how == STEP_ERROR ? 3 : 0;
 }
+int fmi2GetFMUstate(component c, void **state)
+{
+    (void)c;
+    if (*state == NULL) *state = malloc(sizeof me);
+    memcpy(*state, &me, sizeof me);
+    return 0;
+}
+int fmi2SetFMUstate(component c, void *state) { (void)c; memcpy(&me, state, sizeof me); return 0; }
+int fmi2FreeFMUstate(component c, void **state) { (void)c; free(*state); *state = NULL; return 0; }
 #define NONE(name) int name() { return 0; }
 NONE(fmi2SetDebugLogging) NONE(fmi2Terminate) NONE(fmi2Reset) NONE(fmi2GetInteger)
 NONE(fmi2GetBoolean) NONE(fmi2GetString) NONE(fmi2SetReal) NONE(fmi2SetBoolean) NONE(fmi2SetString)
-NONE(fmi2GetFMUstate) NONE(fmi2SetFMUstate) NONE(fmi2FreeFMUstate) NONE(fmi2SerializedFMUstateSize)
+NONE(fmi2SerializedFMUstateSize)
 NONE(fmi2SerializeFMUstate) NONE(fmi2DeSerializeFMUstate) NONE(fmi2GetDirectionalDerivative)
 NONE(fmi2SetRealInputDerivatives) NONE(fmi2GetRealOutputDerivatives) NONE(fmi2CancelStep)
 NONE(fmi2GetStatus) NONE(fmi2GetRealStatus) NONE(fmi2GetIntegerStatus) NONE(fmi2GetBooleanStatus)

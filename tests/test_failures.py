@@ -159,6 +159,28 @@ def test_a_component_that_fails_politely(system, tmp_path):
     assert run.results.times()[-1] == 3.0
 
 
+def test_a_discarded_step_is_made_in_parts(system, tmp_path, binary):
+    """Where it is asked for, and the FMU can."""
+    with pytest.raises(DesatError, match=r"--halve: bad: failing\.fmu cannot step anew"):
+        prepare(str(system), options("DISCARD", halvings=2)).or_raise()
+    able = 'canGetAndSetFMUstate="true" canHandleVariableCommunicationStepSize="true"/>'
+    text = DESCRIPTION.format(identifier="failing").replace("/>", f" {able}", 1)
+    fmu(system / "resources/failing.fmu", binary, description=text)
+    for halvings, last in ((0, 3.0), (1, 3.0), (2, 10.0)):
+        run = simulate(prepare(str(system), options("DISCARD", halvings=halvings)),
+                       tmp_path / str(halvings))  # fmt: skip
+        assert run.results.times()[-1] == last
+        assert run.manifest["status"] == ("completed" if halvings == 2 else "failed")
+    assert run.results.values("bad.y").tolist() == run.results.times().tolist()
+    assert (
+        "bad: the step from t = 3 s was discarded, and made in 4 parts"
+        in (run.manifest["warnings"])
+    )
+    assert run.manifest["loop"]["why"] == "the steps of bad may be halved"
+    with pytest.raises(DesatError, match="--halve: it has no effect without a foreign FMU"):
+        prepare("nadir_day/day-dipole", Options(halvings=1)).or_raise()
+
+
 def test_supervised_runs_have_the_same_bits(tmp_path):
     found = []
     for supervised in (False, True):

@@ -14,12 +14,12 @@ import pytest
 from test_rates import scenario
 
 from desat.engine import compiled
-from desat.engine import results as results_module
+from desat.engine import recorder as recorder_module
 from desat.engine.ending import NEVER, Ending
 from desat.engine.instances import ComponentError
 from desat.engine.loop import PythonSteps, run, stepping
 from desat.engine.master import Master
-from desat.engine.results import Recorder
+from desat.engine.recorder import Recorder
 from desat.files import library
 from desat.fmus.compiler import NoCompilerError, compiler
 from desat.study.case import Options, execute, prepare, simulate
@@ -299,7 +299,7 @@ def test_without_a_compiler(probe, monkeypatch):
 @pytest.mark.parametrize("every", [1, 3])
 def test_rows_around_a_chunk(probe, monkeypatch, rows, every):
     """The last row has states alone, also where it fills what is kept."""
-    monkeypatch.setattr(results_module, "ROWS", 64)
+    monkeypatch.setattr(recorder_module, "ROWS", 64)
     steps = (rows - 1) * every
     for loop in BOTH:
         with Master(*system(probe)) as m:

@@ -17,7 +17,7 @@ from desat.engine.ending import Ending
 from desat.engine.instances import ComponentError
 from desat.engine.loop import run, stepping
 from desat.engine.master import Master
-from desat.engine.results import Recorder
+from desat.engine.recorder import Recorder
 from desat.files.scenario import find, scenarios
 from desat.study.case import Options, execute, load
 from desat.system.check import check

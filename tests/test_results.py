@@ -20,9 +20,10 @@ from pyarrow import parquet
 from scipy.io import loadmat
 
 import desat as desat_package
-from desat.engine import results as results_module
+from desat.engine import recorder as recorder_module
 from desat.engine import wide
-from desat.engine.results import Recorder, Results
+from desat.engine.recorder import Recorder
+from desat.engine.results import Results
 from desat.files import library, places
 from desat.fmus import registry
 from desat.study.case import Options, execute
@@ -116,7 +117,7 @@ def test_memory_does_not_grow_with_the_steps(tmp_path, monkeypatch):
         used[self.unwritten.written] = int(status.split("RssAnon:")[1].split()[0])
 
     monkeypatch.setattr(Recorder, "tick", tell)
-    monkeypatch.setattr(results_module, "FLUSH_SECONDS", 0.0)
+    monkeypatch.setattr(recorder_module, "FLUSH_SECONDS", 0.0)
     execute("nadir_day/day-dipole", Options(stop=50000.0), tmp_path / "a").results.close()
     early = min(kB for rows, kB in used.items() if rows > 20000)
     assert used[max(used)] - early < 5000

@@ -5,16 +5,13 @@ from __future__ import annotations
 import json
 import os
 import platform
-import sys
 import time
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
 
 from filelock import FileLock, Timeout
-from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from ..study.case import prepare
 from ..study.draws import lost, system_of
@@ -26,12 +23,11 @@ from ..system.errors import DesatError, nearest
 from . import store
 from .case import kept, plots_of, row
 from .plan import PLAN, Plan, digest_of, joined, read, versions
+from .progress import Progressed, Shown
 
 STATUS = "status.json"
 _EACH = 2.0
 """Seconds from one status to the next."""
-_LINE = 60.0
-"""Seconds from one line to the next where no terminal looks on."""
 
 
 def planned(
@@ -71,38 +67,6 @@ def planned(
     for text in keep:
         _kept_of(text, numbers)
     return plan, case.checked.warnings
-
-
-@dataclass
-class Progressed:
-    """How far a campaign is."""
-
-    count: int
-    done: int
-    failed: int
-    began: float = field(default_factory=time.monotonic)
-    first: int = 0
-
-    @property
-    def rate(self) -> float:
-        """Cases a second since this head began."""
-        return (self.done - self.first) / max(time.monotonic() - self.began, 1e-9)
-
-    def as_json(self, state: str) -> dict[str, Any]:
-        """What `status.json` says."""
-        left = (self.count - self.done) / self.rate if self.rate else None
-        return {"state": state, "count": self.count, "done": self.done, "failed": self.failed,
-                "cases_per_second": round(self.rate, 3),
-                "seconds_left": None if left is None else round(left),
-                "head": f"{platform.node()}:{os.getpid()}", "written": time.time()}  # fmt: skip
-
-    def line(self) -> str:
-        """The same for people."""
-        left = (self.count - self.done) / self.rate if self.rate else float("nan")
-        return (
-            f"{self.done} of {self.count} done, {self.failed} failed, "
-            f"{self.rate:.1f} a second, {left:.0f} s left"
-        )
 
 
 def run(
@@ -168,7 +132,7 @@ def _make(
 
     tasks = ((n, arguments(n, False)) for n in rows.missing())
     written = time.monotonic()
-    with _shown(at, progress) as show:
+    with Shown(at, progress) as show:
         for number, result in results(workers, tasks, again):
             made = {"case": number, **lost(result), "seconds": None, "worker": ""} if isinstance(
                 result, Lost) else result  # fmt: skip
@@ -184,39 +148,6 @@ def _make(
 _TRIES = 3
 """A case whose process dies is made again, supervised, which names the cause; one that is lost so
 often has no row of its own."""
-
-
-class _shown:  # noqa: N801
-    """Progress: a bar where a person looks, a line a minute elsewhere."""
-
-    def __init__(self, at: Progressed, wanted: bool) -> None:
-        self._at, self._wanted, self._last = at, wanted, time.monotonic()
-        console = Console(stderr=True)
-        self._bar = Progress(
-            TextColumn("cases"), BarColumn(), MofNCompleteColumn(),
-            TextColumn("{task.fields[told]}"), TimeRemainingColumn(), console=console,
-            transient=True,
-        ) if wanted and console.is_terminal else None  # fmt: skip
-
-    def __enter__(self) -> Any:
-        if self._bar is not None:
-            self._bar.start()
-            self._task = self._bar.add_task(
-                "", total=self._at.count, completed=self._at.done, told=""
-            )
-        return self._show
-
-    def _show(self) -> None:
-        if self._bar is not None:
-            told = f"{self._at.failed} failed, {self._at.rate:.1f} a second"
-            self._bar.update(self._task, completed=self._at.done, told=told)
-        elif self._wanted and time.monotonic() - self._last > _LINE:
-            self._last = time.monotonic()
-            print(self._at.line(), file=sys.stderr, flush=True)
-
-    def __exit__(self, *_: object) -> None:
-        if self._bar is not None:
-            self._bar.stop()
 
 
 def _kept_of(text: str, numbers: set[str]) -> tuple[str, int, str]:

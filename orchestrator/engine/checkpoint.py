@@ -22,8 +22,9 @@ import numpy as np
 from ..system.errors import DesatError
 from .ending import Ending
 from .instances import Array
+from .last_call import RESTORE, SAVE, time, word
 from .master import Master
-from .results import Recorder
+from .recorder import Recorder
 
 FOLDER = "checkpoints"
 KEPT = 2
@@ -55,9 +56,12 @@ class Checkpoint:
             raise DesatError(f"{self.path}: it is of another system")
         for name, values in memory.items():
             values[:] = self.arrays[name]
-        master.restore(self.k, self.states)
+        master.k = self.k
         for name, member in master.members.items():
+            word[0] = member.instance.place + RESTORE
+            member.instance.restore(self.states[name])
             member.instance.messages[:] = self.messages[name]
+        word[0] = 0
         ending.memory.clear()
         ending.memory.update(self.ending)
 
@@ -83,7 +87,7 @@ class Checkpoints:
 
     def save(self) -> None:
         """Write one. Raises ComponentError where a component does not give its state."""
-        master, states = self._master, self._master.states()
+        master, states = self._master, _states(self._master)
         memory = master.memory()
         head = {
             "k": master.k,
@@ -105,6 +109,16 @@ class Checkpoints:
         _synchronise(self._folder)
         for old in _written(self._folder)[KEPT:]:
             old.unlink(missing_ok=True)
+
+
+def _states(master: Master) -> dict[str, bytes]:
+    """The state of each component. Raises ComponentError where it cannot be had."""
+    time[0], saved = master.t, {}
+    for name, member in master.members.items():
+        word[0] = member.instance.place + SAVE
+        saved[name] = member.instance.save()
+    word[0] = 0
+    return saved
 
 
 def remove(folder: Path) -> None:

@@ -27,7 +27,7 @@ from .ending import Ending, Loop
 from .master import Master
 from .operations import Call
 from .program import NotCompiledError, Program
-from .results import Recorder
+from .recorder import Recorder
 
 SOURCE = Path(__file__).with_name("loop.c")
 FLAGS = ("-std=c11", "-O2", "-ffp-contract=off", "-fPIC", "-shared")

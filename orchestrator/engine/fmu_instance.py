@@ -31,6 +31,7 @@ from .instances import DTYPE, Array, Clock, ComponentError
 # fmi2GetReal(c, references, n, values) and so on; fmi2DoStep(c, t, dt, no set state before)
 _CALLS = (*(f"fmi2{verb}{kind}" for verb in ("Get", "Set") for kind in KINDS), "fmi2DoStep")
 _STATUS = ("ok", "warning", "discard", "error", "fatal", "pending")
+_DISCARD = _STATUS.index("discard")
 
 
 class _Library:
@@ -102,6 +103,8 @@ class FmuInstance:
         self._library = _library(fmu.folder, bool(fmu.interface.role))
         if self._library.once and self._library.instances:
             raise DesatError(f"{self.name}: {fmu.path.name} allows one instance per process")
+        self._before = ctypes.c_void_p()
+        """Its state before a step that may be halved."""
         self._callbacks = fmi2CallbackFunctions()
         ctypes.pointer(self._callbacks)[0] = _callbacks()
         self._callbacks.componentEnvironment = id(self)
@@ -146,6 +149,31 @@ class FmuInstance:
         }
         """The calls of each verb, with their arguments."""
         self.push, self.step, self.pull = map(_together, self.prepared.values())
+
+    def halve(self, times: int) -> None:
+        """Once wired: a step that is discarded is made anew from its state before, in 2, 4, …
+        parts, `times` times at most."""
+        t, dt, again = *self.prepared.pop("step")[0].args[1:3], ctypes.c_int(0)
+        do, c, before = self._library.calls["fmi2DoStep"], ctypes.c_void_p(self._c), self._before
+
+        def step() -> int:
+            self._call("fmi2GetFMUstate", ctypes.byref(before))
+            status: int = do(c, t, dt, again)
+            for count in (2**n for n in range(1, times + 1)):
+                if status != _DISCARD:
+                    break
+                self._call("fmi2SetFMUstate", before)
+                part, status = dt.value / count, 0
+                for i in range(count):
+                    if status < _DISCARD:
+                        at = ctypes.c_double(t.value + i * part)
+                        status = max(status, do(c, at, ctypes.c_double(part), again))
+                if status < _DISCARD and len(self.messages) < 20:
+                    self.messages.append(f"the step from t = {t.value:g} s was discarded, and made "
+                                         f"in {count} parts")  # fmt: skip
+            return status
+
+        self.step = step
 
     def _transfer(
         self, verb: str, signals: dict[Kind, list[Signal]], arrays: dict[Kind, Array]
@@ -218,6 +246,8 @@ class FmuInstance:
 
     def close(self) -> None:
         if self._c:
+            if self._before:
+                self._library.fmu.fmi2FreeFMUstate(self._c, ctypes.byref(self._before))
             self._library.fmu.fmi2FreeInstance(self._c)
             self._library.instances -= 1
         self._c = None

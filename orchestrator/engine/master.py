@@ -37,19 +37,7 @@ from ..system.schedule import Schedule
 from .block_instance import BlockInstance
 from .fmu_instance import FmuInstance
 from .instances import Array, ComponentError, Instance
-from .last_call import (
-    ENTER,
-    EXIT,
-    FREE,
-    INSTANTIATE,
-    PLACE,
-    PULL,
-    PUSH,
-    RESTORE,
-    SAVE,
-    time,
-    word,
-)
+from .last_call import ENTER, EXIT, FREE, INSTANTIATE, PLACE, PULL, PUSH, time, word
 from .member import Member, Outputs, Slot
 from .plan import Plan
 
@@ -68,7 +56,8 @@ def instance_for(component: Component) -> Instance:
 class Master:
     """A running system. Use it as a context manager: leaving it frees the components.
     `watched` chooses the outputs that are read although nothing is connected to them:
-    a function of component name and signal; default all.
+    a function of component name and signal; default all. `halvings`: a step that a foreign FMU
+    discards is made in halves, quarters and so on, so many times at most.
     """
 
     def __init__(
@@ -78,6 +67,7 @@ class Master:
         *,
         algorithm: Algorithm = "conserving",
         watched: Callable[[str, Signal], bool] = lambda component, signal: True,
+        halvings: int = 0,
     ) -> None:
         if algorithm not in ALGORITHMS:
             raise DesatError(f"algorithm {algorithm}: there is {', '.join(ALGORITHMS)}")
@@ -100,6 +90,9 @@ class Master:
             self._outputs = Outputs(self.members.values())
             self._plan = Plan(self.members, self._outputs, self._rates, self._conserving)
             self._wire()
+            for member in self.members.values() if halvings else ():
+                if isinstance(member.instance, FmuInstance) and not member.component.interface.role:
+                    member.instance.halve(halvings)
         except BaseException:
             self.close()
             raise
@@ -266,8 +259,6 @@ class Master:
         if self.live["Real"].dot(self._zeros) != 0.0:  # NaN or infinity times 0 is not 0
             self.check_finite()
 
-    # --- checkpoints --------------------------------------------------------------------------
-
     def memory(self) -> dict[str, Array]:
         """All arrays that the next step of an initialised master depends on, by name: what is in
         them may be saved, and put back. The states of the components come beside."""
@@ -279,25 +270,6 @@ class Master:
             for kind, values in member.instance.inputs.items():
                 kept[f"inputs {kind} of {name}"] = values
         return kept
-
-    def states(self) -> dict[str, bytes]:
-        """The state of each component. Raises ComponentError where it cannot be had."""
-        time[0], saved = self.t, {}
-        for name, member in self.members.items():
-            word[0] = member.instance.place + SAVE
-            saved[name] = member.instance.save()
-        word[0] = 0
-        return saved
-
-    def restore(self, k: int, states: Mapping[str, bytes]) -> None:
-        """Go on from step k with states of the components, once `memory` is put back."""
-        self.k = k
-        for name, member in self.members.items():
-            word[0] = member.instance.place + RESTORE
-            member.instance.restore(states[name])
-        word[0] = 0
-
-    # --- what comes out -----------------------------------------------------------------------
 
     def check_finite(self) -> None:
         """Raise ComponentError for an output that is NaN or infinite."""

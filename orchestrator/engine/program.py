@@ -118,6 +118,8 @@ def _calls(call: Call) -> Iterator[_Row]:
     instance = call.instance
     if not isinstance(instance, FmuInstance):
         raise NotCompiledError(f"{instance.name} is not run as an FMU")
+    if call.verb not in instance.prepared:
+        raise NotCompiledError(f"the steps of {instance.name} may be halved")
     for prepared in instance.prepared[call.verb]:
         function = ctypes.cast(cast(Any, prepared.func), ctypes.c_void_p).value
         if call.verb == "step":

@@ -8,12 +8,8 @@ these have no last row. Thousands of variables share data sets (`wide.py`).
 
 from __future__ import annotations
 
-import itertools
 import json
-import os
 import sys
-import time
-from collections import defaultdict
 from collections.abc import Callable, Iterable
 from fnmatch import fnmatch
 from pathlib import Path
@@ -25,22 +21,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..system.errors import DesatError, nearest
-from ..system.interface import KINDS, Kind, Signal, base_name
+from ..system.interface import Signal, base_name
 from . import wide
-from .instances import DTYPE
-from .master import Master
-from .member import Slot
-from .unwritten import Layout, Places, Unwritten
 
 T = TypeVar("T")
-ROWS = 8192
-"""As many are kept before they are written, and as many make a chunk of the file."""
-FLUSH_SECONDS = 1.0
-_CACHE = 1 << 18
-"""Of chunks that are written already HDF5 would keep 8 MiB a data set (bytes)."""
-_ROOM = 64 << 20
-"""Rows that are not written yet take no more (bytes)."""
-_memory = itertools.count()
 SERIES, MANIFEST = "series.h5", "manifest.json"
 _FRAMES = {"eci": "eci", "body": "body", "lvlh": "lvlh", "wheel": "wheel axes",
            "bi": "body from eci", "coil": "coil axes"}  # fmt: skip
@@ -58,189 +42,6 @@ def selects(patterns: Iterable[str], component: str, signal: Signal) -> bool:
     """
     name = f"{component}.{base_name(signal.name)}"
     return any(fnmatch(name, p) for p in patterns) and (signal.name != "fault" or name in patterns)
-
-
-class Recorder:
-    """Writes the outputs of a master that fit `patterns`, every `every`-th step.
-
-    `path` None keeps them in memory. On disk the file is `NAME.part` until `finish`. With `go_on`
-    the first so many rows are those of the file that is there: of a run that was ended.
-    """
-
-    def __init__(
-        self, path: Path | None, master: Master, patterns: Iterable[str] = ("*",), every: int = 1,
-        unwritten: Unwritten | None = None, go_on: int | None = None,
-    ) -> None:  # fmt: skip
-        self.path, self.every = path, every
-        self._part = None if path is None else path.with_name(path.name + ".part")
-        if self._part is None:
-            self._file = h5py.File(
-                f"memory {next(_memory)}", "w", driver="core", backing_store=False
-            )
-        else:
-            self._part.parent.mkdir(parents=True, exist_ok=True)
-            new = self._part if go_on is None else self._part.with_name(self._part.name + ".new")
-            self._file = h5py.File(new, "w", libver="latest", rdcc_nbytes=_CACHE)
-        self._start, self._step = master.start, master.step_size
-        live = {k: master.live[k] for k in KINDS if len(master.live[k])}
-        fit = _ROOM // (8 + sum(a.nbytes for a in live.values()))
-        self._chunk = max(1, min(ROWS, fit, master.system.steps // every + 1))
-        groups: dict[tuple[str, str], list[Slot]] = defaultdict(list)
-        for slot in master.slots:
-            if selects(patterns, slot.component, slot.signal):
-                groups[slot.component, base_name(slot.signal.name)].append(slot)
-        self._time = self._dataset("time", 0, np.float64)
-        self._time.attrs.update({"unit": "s", "description": "communication points t_k"})
-        series = [_series(*name, slots) for name, slots in groups.items()]
-        self._sets: list[tuple[Any, Kind, Places, bool]] = (
-            self._tables(series) if len(series) > wide.MANY else [self._own(s) for s in series]
-        )
-        self.layout = Layout(
-            self._chunk, {k: (len(a), a.dtype.str) for k, a in live.items()},
-            tuple((d.name, *rest) for d, *rest in self._sets),
-        )  # fmt: skip
-        self.unwritten = unwritten or Unwritten()
-        self.unwritten.lay_out(self.layout)
-        self.rows, self.times = self.unwritten.rows, self.unwritten.times
-        self.taken = self.unwritten.taken
-        """Rows that are not written yet, by type, `taken` of them."""
-        self._conserving = master.algorithm == "conserving"
-        self._flushed = time.monotonic()
-        if path is not None and go_on is not None:
-            self._take_over(path, go_on)
-            self._file.flush()
-        if self._part is not None:
-            self._file.swmr_mode = True  # what is flushed stays readable if we are killed
-        if path is not None and self._part is not None and go_on is not None:
-            self._synchronise()
-            new.replace(self._part)
-            path.unlink(missing_ok=True)
-
-    def _take_over(self, path: Path, rows: int) -> None:
-        """Copy the first rows of the series that are there."""
-        with Results.open(path) as old:
-            if (found := len(old.times())) < rows:
-                raise DesatError(f"{path.parent}: the series have {found} rows of {rows}")
-            for dataset in (self._time, *(d for d, *_ in self._sets)):
-                dataset.resize(rows, axis=0)
-                for at in range(0, rows, self._chunk):
-                    block = slice(at, min(rows, at + self._chunk))
-                    dataset[block] = old.raw(dataset.name, block)
-        self.unwritten.go_on(rows)
-
-    def on_disk(self) -> int:
-        """Write all rows taken so far, so that they survive a failure of power; how many there
-        are of the run."""
-        self.flush()
-        self._synchronise()
-        return self.unwritten.written
-
-    def _synchronise(self) -> None:
-        if self._part is not None:
-            os.fsync(self._file.id.get_vfd_handle())
-
-    def _own(self, s: wide.Series) -> tuple[Any, Kind, Places, bool]:
-        """A data set of its own."""
-        columns = 0 if s.scalar else s.columns.stop - s.columns.start
-        dataset = self._dataset(f"{s.component}/{s.variable}", columns, DTYPE[s.kind])
-        dataset.attrs.update(s.attributes)
-        return dataset, s.kind, s.columns, s.interval
-
-    def _tables(self, series: list[wide.Series]) -> list[tuple[Any, Kind, Places, bool]]:
-        """Data sets that many share."""
-        tables, index = wide.tables(series)
-        self._file.create_dataset(wide.INDEX, data=index)
-        return [
-            (self._table(wide.name_of(kind, interval), len(columns), DTYPE[kind]), kind, columns,
-             interval)
-            for (kind, interval), columns in tables.items()
-        ]  # fmt: skip
-
-    def _table(self, name: str, columns: int, dtype: Any) -> Any:
-        chunk = wide.chunk(self._chunk, columns)
-        return self._file.create_dataset(
-            name, (0, columns), dtype, maxshape=(None, columns), chunks=chunk
-        )
-
-    def _dataset(self, name: str, columns: int, dtype: Any) -> Any:
-        tail = (columns,) if columns else ()
-        # Reals would be a third smaller, and take seven times as long to write
-        packed = {} if dtype is np.float64 else {"compression": 1, "shuffle": True}
-        return self._file.create_dataset(
-            name, (0, *tail), dtype, maxshape=(None, *tail), chunks=(self._chunk, *tail), **packed
-        )
-
-    def record(self, k: int, live: dict[Kind, Any]) -> None:
-        """Take the row of step k."""
-        if k % self.every == 0:
-            self._take(k, live)
-            self.make_room()
-
-    def _take(self, k: int, live: dict[Kind, Any]) -> None:
-        row = int(self.taken[0])
-        self.times[row] = self._start + k * self._step
-        for kind, rows in self.rows.items():
-            rows[row] = live[kind]
-        self.taken[0] = row + 1
-
-    def make_room(self) -> None:
-        """Write when there is no room for another row."""
-        if self.taken[0] == len(self.times):
-            self.flush()
-
-    def tick(self) -> None:
-        """Flush when the last flush is a second old; call it now and then."""
-        if time.monotonic() - self._flushed > FLUSH_SECONDS:
-            self.flush()
-
-    def flush(self, last: bool = False) -> None:
-        """Write the rows taken so far; `last`: the final row has no interval values."""
-        n = int(self.taken[0])
-        self._flushed = time.monotonic()
-        if n:
-            _append(self._time, self.times[:n])
-            for dataset, kind, columns, interval in self._sets:
-                rows = n - 1 if last and interval else n
-                block = self.rows[kind][:rows, columns]
-                _append(dataset, block[:, 0] if dataset.ndim == 1 else block)
-        self._file.flush()
-        self.unwritten.wrote(n)
-
-    def finish(self, master: Master) -> Results:
-        """Take the last row, close the file under its final name, and open it for reading."""
-        last = self._conserving and master.k % self.every == 0
-        if last:
-            self._take(master.k, master.live)
-        self.flush(last)
-        if self._part is None or self.path is None:
-            return Results(self._file)
-        self._file.close()
-        self._part.replace(self.path)
-        return Results.open(self.path)
-
-
-def _series(component: str, variable: str, slots: list[Slot]) -> wide.Series:
-    """A variable with what is known of it, from the slots of its elements."""
-    slots.sort(key=lambda s: s.index)
-    signal = slots[0].signal
-    attributes = {
-        "unit": signal.unit_name,
-        "frame": frame_of(variable),
-        "description": signal.description,
-        "class": "interval" if slots[0].interval else "state",
-    }
-    if signal.choices:
-        attributes["choices"] = " ".join(signal.choices)
-    columns = slice(slots[0].index, slots[-1].index + 1)
-    return wide.Series(component, variable, slots[0].kind, columns, slots[0].interval,
-                       signal.name == variable, attributes)  # fmt: skip
-
-
-def _append(dataset: Any, rows: NDArray[Any]) -> None:
-    if len(rows):
-        n = dataset.shape[0]
-        dataset.resize(n + len(rows), axis=0)
-        dataset[n:] = rows
 
 
 def _grown(file: Any) -> int:

@@ -6,19 +6,16 @@ import math
 import shutil
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 from types import ModuleType
 from typing import Any
 
 from ..analyses import analyses
-from ..engine.checkpoint import Checkpoint, Checkpoints
-from ..engine.host import kept, no_space, said
-from ..engine.instances import ComponentError
-from ..engine.loop import bar, interruptible, run, stepping
-from ..engine.master import Master
-from ..engine.results import MANIFEST, SERIES, Recorder, Results, selects
+from ..engine.checkpoint import Checkpoint
+from ..engine.host import no_space
+from ..engine.results import MANIFEST, SERIES, Results
 from ..engine.unwritten import Layout, Unwritten, recover
 from ..files import library
 from ..system.codes import Exit
@@ -26,8 +23,9 @@ from ..system.errors import DesatError, RunError
 from ..system.model import System
 from . import stopping, supervise
 from .manifest import describe, gone_on, numbers, read_manifest, write_json
-from .options import Options, asked
+from .options import Options
 from .prepare import Case, load, prepare
+from .stepped import Outcome, stepped
 
 __all__ = ["Case", "Options", "Run", "execute", "load", "load_run", "prepare", "run_or_load",
            "simulate"]  # fmt: skip
@@ -99,7 +97,7 @@ def simulate(
     if options.supervised and supervise.CAN:
         outcome, results = _supervised(case, folder, manifest, progress, checkpoint)
     else:
-        outcome, results = _stepped(case, folder, manifest, progress, checkpoint)
+        outcome, results = stepped(case, folder, manifest, progress, checkpoint)
     manifest["warnings"] = [*manifest["warnings"], *outcome.warnings]
     manifest.update(
         status=outcome.status,
@@ -137,116 +135,6 @@ def _measure(manifest: dict[str, Any], system: System, results: Results) -> None
             manifest["unmet"] += analysis.unmet(manifest, results)
 
 
-@dataclass
-class Outcome:
-    """How stepping ended."""
-
-    status: str
-    message: str = ""
-    code: int = 0
-    """The exit code, where the status does not say it."""
-    steps: int = 0
-    seconds: float = 0.0
-    loop: dict[str, str] | None = None
-    """Which loop stepped, and why not the compiled one."""
-    stopped: dict[str, Any] | None = None
-    """The condition that ended the run, and when."""
-    warnings: list[str] = field(default_factory=list)
-    rows: int | None = None
-    """The rows that hold values, where the file has others too."""
-
-
-def _stepped(
-    case: Case, folder: Path | None, manifest: dict[str, Any], progress: bool,
-    checkpoint: Checkpoint | None = None, unwritten: Unwritten | None = None,
-    tell: Callable[[str, Any], None] = lambda name, what: None,
-) -> tuple[Outcome, Results]:  # fmt: skip
-    """Initialise, step and record. `tell` gets the layout of rows, and the outcome before the
-    components are freed."""
-    system, schedule = case.or_raise()
-    options, outcome = case.options, Outcome("completed")
-    wanted = asked(case.target, options)
-
-    def watched(component: str, signal: Any) -> bool:
-        ends_it = ends is not None and ends.reads(component, signal)
-        return ends_it or selects(options.record, component, signal)
-
-    ends = stopping.condition(system)
-    with (
-        kept() as changes,
-        Master(system, schedule, algorithm=options.algorithm, watched=watched) as master,
-    ):
-        master.initialise()
-        outcome.warnings += changes("when it was initialised")
-        ending, began = stopping.watch(master, ends, options.time_limit), time.perf_counter()
-        before = 0.0
-        if checkpoint is not None:
-            checkpoint.restore(master, ending)
-            outcome.warnings[:] = checkpoint.told["warnings"]
-            before = checkpoint.told["seconds"]
-        recorder = Recorder(
-            folder and folder / SERIES,
-            master,
-            options.record,
-            options.every,
-            unwritten,
-            None if checkpoint is None else checkpoint.rows,
-        )
-        tell("layout", recorder.layout)
-        if folder is not None:
-            write_json(folder / f"{MANIFEST}.part", manifest)
-            (folder / MANIFEST).unlink(missing_ok=True)  # of a run that was ended
-        if options.algorithm == "jacobi" and checkpoint is None:
-            recorder.record(0, master.live)
-        steps = stepping(master, recorder, ending, options.loop)
-        outcome.loop = {"name": steps.name, "why": steps.why}
-
-        def told() -> dict[str, Any]:
-            """What a checkpoint has of all this; what components have changed is put back, as it
-            will be where the run goes on."""
-            _add(outcome.warnings, changes("while it ran", handlers=False))
-            state = {"warnings": outcome.warnings, "manifest": manifest}
-            return {**state, "seconds": before + time.perf_counter() - began, **wanted}
-
-        checkpoints = None
-        try:
-            if folder is not None and options.checkpoint is not None:
-                every = max(1, round(options.checkpoint / system.step))
-                checkpoints = Checkpoints(folder, every, master, recorder, ending, told)
-                if checkpoint is None:
-                    checkpoints.save()
-            with interruptible() as interrupted, bar(system.name, system.steps, progress) as report:
-                reason = run(
-                    master, steps, system.steps, recorder, ending, interrupted, report, checkpoints
-                )
-            if number := interrupted():
-                outcome.status = "interrupted"
-                outcome.message = f"stopped by the user at t = {master.t:g} s"
-                outcome.code = int(Exit(128 + number))
-            elif reason == stopping.LATE:
-                outcome.status = reason
-                outcome.message = (
-                    f"{options.time_limit:g} s of wall time over at t = {master.t:g} s"
-                )
-            elif reason:
-                outcome.stopped = {"condition": reason, "time": master.t}
-            if checkpoints is not None and outcome.status != "completed":
-                checkpoints.save()
-        except ComponentError as error:
-            outcome.status, outcome.message = "failed", str(error)
-        outcome.seconds = before + time.perf_counter() - began
-        outcome.steps = master.k
-        _add(outcome.warnings, [*changes("while it ran"), *said(master)])
-        results = recorder.finish(master)
-        tell("outcome", outcome)
-    return outcome, results
-
-
-def _add(lines: list[str], more: list[str]) -> None:
-    """Add those lines that are not there."""
-    lines += [line for line in more if line not in lines]
-
-
 def _supervised(
     case: Case, folder: Path | None, manifest: dict[str, Any], progress: bool,
     checkpoint: Checkpoint | None = None,
@@ -257,7 +145,7 @@ def _supervised(
     place = folder or library.scratch("run")
 
     def work(tell: Callable[[str, Any], None], unwritten: Unwritten) -> None:
-        _stepped(case, place, manifest, progress, checkpoint, unwritten, tell)
+        stepped(case, place, manifest, progress, checkpoint, unwritten, tell)
 
     limit = min(options.call_limit, options.time_limit or math.inf)
     try:

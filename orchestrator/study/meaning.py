@@ -15,7 +15,7 @@ from ..system.errors import DesatError, nearest
 from ..system.interface import Signal, base_name
 from ..system.model import System
 from ..system.parameters import expand
-from . import derived, stopping
+from . import derived, requirements, stopping
 from .measures import MEASURES, OWN_UNIT, SIZES
 from .numbers import scale
 
@@ -32,7 +32,7 @@ def options_of(measure: str) -> tuple[list[str], dict[str, Any]]:
 
 def words(scenario: Scenario) -> list[str]:
     """Measures, options and derived quantities that there are not; no system is needed."""
-    problems = [*_words(scenario.data), *_requirements(scenario.data)]
+    problems = [*_words(scenario.data), *requirements.unmeetable(scenario.data)]
     problems += _rows(scenario.data, scenario.cell)
     return [f"{scenario.where(path)}: {text}" for path, text in problems]
 
@@ -45,19 +45,6 @@ def _words(data: dict[str, Any]) -> Iterator[tuple[Path, str]]:
     for table in ("numbers", "plots"):
         for name, entry in data.get(table, {}).items():
             yield from (((table, name, key), text) for key, text in _derived(entry))
-
-
-def _requirements(data: dict[str, Any]) -> Iterator[tuple[Path, str]]:
-    """Requirements of a number that nobody computes, or that nothing can meet."""
-    known = {*data.get("numbers", {}), *(n for a in analyses() for n in a.NUMBERS)}
-    for name, entry in data.get("requirements", {}).items():
-        path, number = ("requirements", name), entry["number"]
-        if number not in known:
-            yield (*path, "number"), f"no number {number}{nearest(number, known)}"
-        elif "of" in data.get("numbers", {}).get(number, {}):
-            yield (*path, "number"), f"{number} compares runs: a case has no such number"
-        if {"min", "max"} <= entry.keys() and entry["min"] > entry["max"]:
-            yield (*path, "min"), "it is above max: nothing can be within"
 
 
 def _compared(number: dict[str, Any], numbers: dict[str, Any]) -> Iterator[tuple[Path, str]]:

@@ -57,5 +57,7 @@ class Options:
     """It runs in a process of its own, where there are such (POSIX)."""
     call_limit: float = 300.0
     """Wall time (s) that one call of a component may take, where it is supervised."""
+    halvings: int = 0
+    """A step that a foreign FMU discards is made in halves, so many times at most."""
     checkpoint: float | None = None
     """Simulated time (s) between checkpoints, which `study/resume.py` goes on from."""

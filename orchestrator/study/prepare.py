@@ -66,6 +66,7 @@ def prepare(target: str, options: Options) -> Case:
         checked.problems += trust.problems(components, options.trusted)
         checked.problems += recorded.problems(checked.system, options)
         checked.problems += recorded.not_saved(checked.system, options)
+        checked.problems += recorded.not_halved(checked.system, options)
         if checked.schedule is not None:
             _check_wishes(checked, checked.system, checked.schedule, described, options)
     return Case(target, options, draft.where, checked)

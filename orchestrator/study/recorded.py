@@ -52,6 +52,19 @@ def not_saved(system: System, options: Options) -> Iterator[str]:
                    "(canGetAndSetFMUstate, canSerializeFMUstate)")  # fmt: skip
 
 
+def not_halved(system: System, options: Options) -> Iterator[str]:
+    """A line for each foreign FMU whose steps cannot be halved, where that is wanted."""
+    foreign = [c for c in system.components.values() if c.fmu and not c.interface.role]
+    if options.halvings and not foreign:
+        yield "--halve: it has no effect without a foreign FMU"
+    for c in foreign if options.halvings else ():
+        assert c.fmu is not None
+        of = read_model_description(library.load(c.fmu).folder).coSimulation
+        if not (of.canGetAndSetFMUstate and of.canHandleVariableCommunicationStepSize):
+            yield (f"--halve: {c.name}: {c.fmu.name} cannot step anew with another length "
+                   "(canGetAndSetFMUstate, canHandleVariableCommunicationStepSize)")  # fmt: skip
+
+
 def size(system: System, options: Options) -> int:
     """What the series of a run to its stop time take (bytes)."""
     row = 8 + sum(

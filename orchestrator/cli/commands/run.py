@@ -92,6 +92,12 @@ def run(
             help="Also run with twice the inner steps, and say how much the run may err by them.",
         ),
     ] = False,
+    halve: Annotated[
+        int,
+        typer.Option(metavar="TIMES", min=0, max=20,
+                     help="A step that a foreign FMU discards is made anew in 2, 4, ... parts, so "
+                     "many times at most."),
+    ] = 0,
     checkpoint: Annotated[
         float | None,
         typer.Option(metavar="SECONDS",
@@ -108,7 +114,7 @@ def run(
         sets, stop, step, algorithm, blocks, classes, sources, record=tuple(record or ("*",)),
         every=every, design=design, inner=inner,
         time_limit=time_limit, loop=loop.value, fmus=fmus.value, trust=trust, supervised=True,
-        call_limit=call_limit, checkpoint=checkpoint,
+        call_limit=call_limit, checkpoint=checkpoint, halvings=halve,
     )  # fmt: skip
     _free(folder)
     case = prepare(target, options)
