@@ -24,9 +24,8 @@ def study(
 ) -> list[dict[str, float]]:  # fmt: skip
     """Of each period (s) `condition` of Q (1, median over begins, inf where singular),
     `condition_most`, `torque` (1, largest |T_M| times period over |H_D|) and `swing` (1, largest
-    |integral of T_M| so far over |H_D|), both in the direction of H_D where that is most and medians
-    over begins, and `angle` (deg, largest of T_M to H_D over period and directions,
-    median over begins)."""
+    |integral of T_M| so far over |H_D|), both in the direction of H_D where that is most, and
+    `angle` (deg, largest of T_M to H_D over period and directions); medians over begins."""
     course, _ = course_of(manifest, results)
     b = course.field
     skew = np.zeros((len(b), 3, 3))  # [B] v = B x v

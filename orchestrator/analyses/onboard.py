@@ -1,5 +1,5 @@
-"""What a law of momentum management computes onboard: multiplications and divisions, as its block is
-written, counted while it runs through the samples of an hour."""
+"""What a law of momentum management computes onboard: multiplications and divisions, as its block
+is written, counted while it runs through the samples of an hour."""
 
 from __future__ import annotations
 

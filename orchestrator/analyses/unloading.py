@@ -87,8 +87,11 @@ def numbers(manifest: dict[str, Any], results: Results) -> dict[str, dict[str, A
         float(np.linalg.norm(np.diff(means, axis=0), axis=1).mean()) if means[1:] else np.nan,
         "N.m.s",
     )
-    found["mean_momentum"] = ("Size of the mean momentum",
-                              float(np.linalg.norm(impulse[first:rows].mean(axis=0))), "N.m.s")
+    found["mean_momentum"] = (
+        "Size of the mean momentum",
+        float(np.linalg.norm(impulse[first:rows].mean(axis=0))),
+        "N.m.s",
+    )
     times = step * np.arange(first, rows)
     built = np.cumsum(gravity, axis=0)[first:]
     ours, free = (_periodic(times, x, rate) for x in (impulse[first + 1 : rows + 1], built))
