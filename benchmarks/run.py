@@ -538,6 +538,21 @@ def boom() -> dict[str, Any]:
     return result | {"memory": _measure("memory", parts["ours"][0], 122570)}
 
 
+def telescope() -> dict[str, Any]:
+    """Eight orbits of paper 001 in steps of 5 s, over the day's step of the same rounds."""
+    parts = {
+        "mission": packed("space_telescope/mixed-me-nominal", "native"),
+        "day": packed("nadir_day/day-dipole", "native"),
+    }
+    rounds: dict[str, list[float]] = {name: [] for name in parts}
+    for _ in track(range(ROUNDS), "telescope", disable=not sys.stderr.isatty()):
+        for name, file in parts.items():
+            rounds[name].append(_measure("day", file, 9120)["us_per_step"])
+    pairs = [a / b for a, b in zip(rounds["mission"], rounds["day"], strict=True)]
+    result: dict[str, Any] = {n: round(statistics.median(r), 1) for n, r in rounds.items()}
+    return result | {"mission_over_day": round(statistics.median(pairs), 2)}
+
+
 def both_plants() -> dict[str, Any]:
     """Error over CPU time of two plants: ours and Basilisk's, its RK4 and its RKF78, in turn; and
     what each takes at the goal."""
@@ -584,6 +599,7 @@ CASES: dict[str, Callable[[], dict[str, Any]]] = {
     "integrated": integrated_day,
     "start_up": start_up,
     "alsat1": boom,
+    "telescope": telescope,
     "plants": both_plants,
     "laws": laws,
     "scaling": scaling.measure,

@@ -20,7 +20,7 @@ from desat.components.maths.vector import IDENTITY, cross, dot, norm
 from desat.components.physics.wheel_array import pseudo_inverse, to_wheels
 from desat.designs import making, momentum_tables
 from desat.files.scenario import find, scenarios
-from desat.study import measures, stored, tables
+from desat.study import measures, paired, relation, stored, tables
 from desat.study.case import Options, execute, prepare
 
 S, C = math.sin(math.radians(35.264389682754654)), math.cos(math.radians(35.264389682754654))
@@ -494,6 +494,15 @@ def test_the_mixed_law_multiplies_less_than_the_open_loop():
         system, _ = prepare(f"{FAMILY}/{name}-nominal", Options(blocks=True)).or_raise()
         work[name] = onboard.work(system)
     assert 1.0 < work["mixed-mw"] < 0.5 * work["me"]
+
+
+def test_a_paired_ratio_is_of_the_same_draw():
+    def drawn(*values):
+        return {"draws": [{"draw": i, "numbers": {"e": x}} for i, x in enumerate(values)]}
+
+    found = paired.ratios(drawn(2.0, 9.0, None, 8.0), drawn(1.0, 3.0, 5.0, 0.0), "e")
+    assert found == {"unit": "1", "median": 2.5, "min": 2.0, "max": 3.0, "n": 2}
+    assert relation.related("paired_ratio", 6.0, 4.0) == 1.5
 
 
 def test_claims_that_hold_are_within_their_bands(monkeypatch):

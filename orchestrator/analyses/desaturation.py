@@ -23,9 +23,9 @@ def study(
     manifest: dict[str, Any], results: Results, periods: Sequence[float]
 ) -> list[dict[str, float]]:  # fmt: skip
     """Of each period (s) `condition` of Q (1, median over begins, inf where singular),
-    `condition_most`, `torque` (1, largest |T_M| times period over |H_D|, in the direction where
-    that is most, median over begins) and `angle` (deg, largest of T_M to H_D over period and
-    directions, median over begins)."""
+    `condition_most`, `torque` (1, largest |T_M| times period over |H_D|) and `swing` (1, largest
+    |integral of T_M| so far over |H_D|), both in the direction of H_D where that is most, and
+    `angle` (deg, largest of T_M to H_D over period and directions); medians over begins."""
     course, _ = course_of(manifest, results)
     b = course.field
     skew = np.zeros((len(b), 3, 3))  # [B] v = B x v
@@ -38,27 +38,29 @@ def study(
         count = round(period / course.dt)
         begins = np.unique(np.linspace(0, len(product) - count, STARTS).astype(int))
         rows = [_period(product[k : k + count], wanted) for k in begins]
-        conditions, torques, angles = zip(*rows, strict=True)
+        conditions, torques, swings, angles = zip(*rows, strict=True)
         found.append({
             "period": float(period), "condition": float(np.median(conditions)),
             "condition_most": float(max(conditions)), "torque": float(np.median(torques)),
-            "angle": float(np.median(angles)),
+            "swing": float(np.median(swings)), "angle": float(np.median(angles)),
         })  # fmt: skip
     return found
 
 
-def _period(product: Any, wanted: Any) -> tuple[float, float, float]:
-    """Condition, largest torque and largest angle of a period; nan where Q is singular."""
+def _period(product: Any, wanted: Any) -> tuple[float, float, float, float]:
+    """Condition, largest torque, swing and angle of a period; nan where Q is singular."""
     whole = product.sum(axis=0)
     condition = float(np.linalg.cond(whole))
     if condition > 1e12:
-        return float("inf"), float("nan"), float("nan")
+        return float("inf"), float("nan"), float("nan"), float("nan")
     gains = product @ np.linalg.inv(whole) * len(product)  # T_M of H_D, times the period
     torque = gains @ wanted.T
     size = np.linalg.norm(torque, axis=1)
     cosine = (torque * wanted.T).sum(axis=1) / size
     largest = float(np.linalg.norm(gains, 2, axis=(1, 2)).max())
-    return condition, largest, float(np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0))).max())
+    so_far = np.cumsum(gains, axis=0) / len(product)
+    swing = float(np.linalg.norm(so_far, 2, axis=(1, 2)).max())
+    return condition, largest, swing, float(np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0))).max())
 
 
 def _directions(count: int) -> Any:

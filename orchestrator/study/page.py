@@ -32,7 +32,7 @@ from .sources import Sources
 from .verbs import Verbs
 
 PAGE = "page.md"
-VERBS = tuple(Path(__file__).with_name(f"{n}.py") for n in ("verbs", "filters"))
+VERBS = tuple(Path(__file__).with_name(f"{n}.py") for n in ("verbs", "verbs_coils", "filters"))
 
 
 def templates(family: str) -> dict[str, Path]:
