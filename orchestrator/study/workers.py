@@ -7,13 +7,17 @@ they end, where the result is `Lost` for a call whose process died or passed its
 from __future__ import annotations
 
 import os
-import queue
+import pickle
 import signal
 import sys
 import threading
+import time
+from collections import deque
 from collections.abc import Callable, Hashable, Iterable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from multiprocessing import get_context
+from multiprocessing.connection import wait
 from types import TracebackType
 from typing import Any, Protocol, Self
 
@@ -74,16 +78,18 @@ class Here:
 
 class Local:
     """Processes of this machine. One that dies, or takes longer than `limit` s for a call, is
-    replaced; only its call is lost."""
+    replaced; only its call is lost. Each has a pipe of its own, so that it is known which call.
+
+    (concurrent.futures gives up all calls when a process dies; pebble 5.2 loses a call whose
+    process dies before its pool has read that it was taken.)
+    """
 
     def __init__(self, function: Callable[..., Any], size: int, limit: float | None = None) -> None:
-        from pebble import ProcessPool
-
         self.size = size
         self._function, self._limit = function, limit
-        self._pool = ProcessPool(size, initializer=_begin, initargs=(os.getpid(),),
-                                 context=get_context("spawn"))  # fmt: skip
-        self._done: queue.SimpleQueue[tuple[Hashable, Any]] = queue.SimpleQueue()
+        self._waiting: deque[tuple[Hashable, tuple[Any, ...]]] = deque()
+        self._idle: list[_Worker] = []
+        self._busy: list[_Worker] = []
 
     def __enter__(self) -> Self:
         return self
@@ -92,44 +98,121 @@ class Local:
         self, kind: type[BaseException] | None, value: BaseException | None,
         trace: TracebackType | None,
     ) -> None:  # fmt: skip
-        self._pool.stop() if kind else self._pool.close()
-        self._pool.join()
+        for worker in self._busy:
+            worker.end()
+        for worker in self._idle:
+            worker.close()
 
     def submit(self, key: Hashable, *arguments: Any) -> None:
-        future = self._pool.schedule(self._function, arguments, timeout=self._limit)
-        future.add_done_callback(lambda ended: self._done.put((key, ended)))
+        self._waiting.append((key, arguments))
+        self._hand_out()
+
+    def _hand_out(self) -> None:
+        """Give calls that wait to processes that do not work."""
+        while self._waiting and len(self._busy) < self.size:
+            worker = self._idle.pop() if self._idle else _Worker(self._function)
+            self._busy.append(worker)
+            worker.take(*self._waiting.popleft())
 
     def ended(self) -> tuple[Hashable, Any]:
-        from pebble import ProcessExpired
+        while True:
+            ready = wait([w.pipe for w in self._busy], self._patience())
+            late = [] if self._limit is None else [
+                w for w in self._busy if w.pipe not in ready and w.seconds() > self._limit
+            ]  # fmt: skip
+            for worker in self._busy:
+                if worker.pipe in ready or worker in late:
+                    break
+            else:
+                continue
+            self._busy.remove(worker)
+            key = worker.key
+            result: Any
+            if worker in late:
+                worker.end()
+                kind, result = "lost", Lost(f"it was not over within {self._limit:g} s", True)
+            else:
+                kind, result = worker.answer()
+            if kind != "lost":
+                self._idle.append(worker)
+            self._hand_out()
+            if kind == "raised":
+                raise result
+            return key, result
 
-        key, future = self._done.get()
+    def _patience(self) -> float | None:
+        """How long the calls that are made may go on yet, s."""
+        if self._limit is None:
+            return None
+        return max(0.0, min(self._limit - w.seconds() for w in self._busy)) + 0.01
+
+
+class _Worker:
+    """A process that takes one call at a time."""
+
+    def __init__(self, function: Callable[..., Any]) -> None:
+        context = get_context("spawn")
+        self.pipe, theirs = context.Pipe()
+        self.key: Hashable = None
+        self._since = 0.0
+        self._process = context.Process(
+            target=_serve, args=(theirs, function, os.getpid()), daemon=True
+        )
+        self._process.start()
+        theirs.close()
+
+    def take(self, key: Hashable, arguments: tuple[Any, ...]) -> None:
+        """Begin a call."""
+        self.key, self._since = key, time.monotonic()
+        with suppress(BrokenPipeError):  # it has died: the answer says so
+            self.pipe.send(arguments)
+
+    def seconds(self) -> float:
+        """How long its call has been going on."""
+        return time.monotonic() - self._since
+
+    def answer(self) -> tuple[str, Any]:
+        """What came of the call: `result`, `raised` or `lost`, and what."""
         try:
-            return key, future.result()
-        except ProcessExpired as error:
-            return key, Lost(f"its process ended by {_how(error.exitcode)}")
-        except TimeoutError:
-            return key, Lost(f"it was not over within {self._limit:g} s", timeout=True)
+            said: tuple[str, Any] = self.pipe.recv()
+            return said
+        except (EOFError, OSError):
+            self._process.join()
+            return "lost", Lost(f"its process ended by {_how(self._process.exitcode or 0)}")
+
+    def end(self) -> None:
+        """End it in the middle of a call."""
+        self._process.kill()
+        self._process.join()
+
+    def close(self) -> None:
+        """Let it end."""
+        self.pipe.close()
+        self._process.join()
 
 
-def _begin(head: int) -> None:
-    """A worker leaves Ctrl-C to its head, and dies with it."""
+def _serve(pipe: Any, function: Callable[..., Any], head: int) -> None:
+    """A worker's life. It leaves Ctrl-C to its head, and dies with it."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     threading.Thread(target=_die_with, args=(head,), daemon=True).start()
+    with suppress(EOFError, OSError):
+        while True:
+            arguments = pipe.recv()
+            try:
+                said = ("result", function(*arguments))
+            except Exception as error:
+                said = ("raised", error)
+            try:
+                pipe.send(said)
+            except (TypeError, AttributeError, pickle.PicklingError) as error:
+                pipe.send(("raised", RuntimeError(f"{said[1]!r} cannot be sent: {error}")))
 
 
 def _die_with(head: int) -> None:
-    import time
-
-    while _lives(head):
+    """End with the head, also in the middle of a call."""
+    while sys.platform == "win32" or os.getppid() == head:
         time.sleep(1.0)
     os._exit(1)
-
-
-def _lives(head: int) -> bool:
-    """Whether a process is there (a zombie that init has not reaped yet is)."""
-    if sys.platform == "win32":
-        return True
-    return os.getppid() == head
 
 
 def _how(code: int) -> str:
