@@ -18,8 +18,8 @@ from typing import Any
 
 NAME, ORBIT = "nadir_day/day-dipole", 5740.0
 """An orbit of the day that `basilisk_day.py` flies too, at 1 s."""
-CASES = 100
-ROUNDS = 3
+CASES = 50
+ROUNDS = 2
 BASILISK = Path(__file__).parent.parent / ".venv-basilisk" / "bin" / "python"
 
 

@@ -21,7 +21,7 @@ from desat.components.contract.block import Block, BlockError, Vec3
 from desat.components.maths.attitude import from_matrix, propagated, rotate, rotate_back
 from desat.components.maths.vector import cross, norm
 from desat.components.physics import averaging, earth, orbit
-from desat.study.case import Options, execute
+from desat.study.case import Options, execute, prepare
 from desat.system.errors import DesatError
 
 DAY = 86400.0
@@ -547,6 +547,21 @@ def test_a_scheduled_firing_moves_the_orbit(tmp_path):
 def test_firings_that_nothing_feeds_are_refused(tmp_path):
     with pytest.raises(DesatError, match=r"firings.* needs .*force_mean_thruster_body"):
         execute(firing(tmp_path, ""), Options(blocks=True))
+
+
+def test_a_force_that_moves_no_orbit_is_said(tmp_path):
+    """Of a block without the option, and of one that has it off."""
+    (tmp_path / "mine.toml").write_text(SCENARIO, encoding="utf-8")
+    craft = CRAFT.format(wiring=WIRES)
+    off = craft.replace("firings = true", "firings = false")
+    other = craft.replace("environment_propagated", "environment_kepler")
+    other = other.replace("firings = true\n", "").replace("mass = 80.0\n", "")
+    for text, line in ((craft, None), (off, "environment.firings is false, so the orbit"),
+                       (other, "has no firings; its orbit does not move by it")):  # fmt: skip
+        (tmp_path / "craft.toml").write_text(text, encoding="utf-8")
+        warnings = prepare(str(tmp_path / "mine.toml"), Options(blocks=True)).checked.warnings
+        told = [w for w in warnings if w.startswith("environment.force_mean_thruster_body")]
+        assert [line in w for w in told] == ([] if line is None else [True])
 
 
 def test_orbit_start_knows_the_frames():
