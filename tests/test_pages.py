@@ -70,7 +70,8 @@ def test_series_compute():
 
 def test_every_template_becomes_a_file_of_its_own():
     assert page.families() == (
-        "alsat1", "gyrostat", "hausat2", "integrated", "space_telescope", "uosat12"
+        "alsat1", "gyrostat", "hausat2", "integrated", "nadir_day", "space_telescope",
+        "uosat12",
     )  # fmt: skip
     assert set(page.templates("uosat12")) == {"README.md", "flight.md"}
     assert all(page.templates(f) == {} for f in set(families()) - set(page.families()))

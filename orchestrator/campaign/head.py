@@ -134,8 +134,7 @@ def _make(
     written = time.monotonic()
     with Shown(at, progress) as show:
         for number, result in results(workers, tasks, again):
-            made = {"case": number, **lost(result), "seconds": None, "worker": ""} if isinstance(
-                result, Lost) else result  # fmt: skip
+            made = _without_row(plan, number, result) if isinstance(result, Lost) else result
             rows.add({**made, "attempts": attempts.pop(number, 1)})
             at.done += 1
             at.failed += made["status"] != "completed"
@@ -143,6 +142,12 @@ def _make(
             if time.monotonic() - written > _EACH:
                 written = time.monotonic()
                 write_json(folder / STATUS, at.as_json("running"))
+
+
+def _without_row(plan: Plan, number: int, reason: Lost) -> dict[str, Any]:
+    """The row of a case that never gave one."""
+    return {"case": number, **lost(reason), "values": plan.values(number), "seconds": None,
+            "worker": ""}  # fmt: skip
 
 
 _TRIES = 3

@@ -125,7 +125,6 @@ class Local:
                     break
             else:
                 continue
-            self._busy.remove(worker)
             key = worker.key
             result: Any
             if worker in late:
@@ -133,6 +132,10 @@ class Local:
                 kind, result = "lost", Lost(f"it was not over within {self._limit:g} s", True)
             else:
                 kind, result = worker.answer()
+            if kind == "ready":
+                worker.begin()
+                continue
+            self._busy.remove(worker)
             if kind != "lost":
                 self._idle.append(worker)
             self._hand_out()
@@ -154,7 +157,8 @@ class _Worker:
         context = get_context("spawn")
         self.pipe, theirs = context.Pipe()
         self.key: Hashable = None
-        self._since = 0.0
+        self._since: float | None = None
+        self._ready = False
         self._process = context.Process(
             target=_serve, args=(theirs, function, os.getpid()), daemon=True
         )
@@ -162,17 +166,23 @@ class _Worker:
         theirs.close()
 
     def take(self, key: Hashable, arguments: tuple[Any, ...]) -> None:
-        """Begin a call."""
-        self.key, self._since = key, time.monotonic()
+        """Give it a call."""
+        self.key = key
+        if self._ready:
+            self.begin()
         with suppress(BrokenPipeError):  # it has died: the answer says so
             self.pipe.send(arguments)
 
+    def begin(self) -> None:
+        """Its call begins now: it has started."""
+        self._ready, self._since = True, time.monotonic()
+
     def seconds(self) -> float:
         """How long its call has been going on."""
-        return time.monotonic() - self._since
+        return 0.0 if self._since is None else time.monotonic() - self._since
 
     def answer(self) -> tuple[str, Any]:
-        """What came of the call: `result`, `raised` or `lost`, and what."""
+        """What came of the call: `result`, `raised` or `lost`, and what; or that it is `ready`."""
         try:
             said: tuple[str, Any] = self.pipe.recv()
             return said
@@ -196,6 +206,7 @@ def _serve(pipe: Any, function: Callable[..., Any], head: int) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     threading.Thread(target=_die_with, args=(head,), daemon=True).start()
     with suppress(EOFError, OSError):
+        pipe.send(("ready", None))
         while True:
             arguments = pipe.recv()
             try:
