@@ -72,8 +72,9 @@ def desat(path: str, steps: int) -> dict[str, Any]:
 
 
 def blocks(path: str, steps: int) -> dict[str, Any]:
-    """Our master on the bare blocks."""
-    with _master(path, blocks=True) as master:
+    """Our master on the bare blocks of the scenario that the file was packed from."""
+    file = Path(path)
+    with _master(f"{file.parent.name}/{file.name.partition('.')[0]}", blocks=True) as master:
         return {"us": _timed(master, steps)}
 
 

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from desat.files.scenario import families, find
 from desat.study import page, strips
 from desat.study.case import Options, execute
-from desat.study.plots import series_plot
+from desat.study.plots import lines_of, series_plot
 from desat.study.series import Series
 from desat.system.errors import DesatError
 
@@ -160,3 +160,15 @@ def test_a_draft_is_not_for_docs(desat):
     done = desat("page", "gyrostat", "--draft", "5")
     assert done.returncode == 2
     assert "--into" in done.stderr
+
+
+def test_a_derived_quantity_without_a_name_is_drawn():
+    """Such as the pointing error: its one element has none. An empty name of the scenario's leaves
+    an element out."""
+    run = execute("integrated/mil-nadir", Options(stop=30.0))
+    signals = ["spacecraft.q_bi", "guidance.q_ref_bi"]
+    spec = {"title": "a", "signals": signals, "derive": "pointing", "unit": "deg"}
+    (line,) = lines_of(spec, run.results, "deg")
+    assert len(line.values) == len(run.results.times())
+    three = {**spec, "derive": "euler", "components": ["yaw", "", "roll"]}
+    assert [x.name for x in lines_of(three, run.results, "deg")] == ["yaw", "roll"]

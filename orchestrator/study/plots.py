@@ -180,8 +180,9 @@ def _derived(plot: dict[str, Any], results: Results, unit: str) -> list[Line]:
     values = quantity.rows(results.times(), series, options)
     values = values * scale(quantity.unit or results.attribute(plot["signals"][0], "unit"), unit)
     times = results.times()[: len(values)]
-    names = plot.get("components", quantity.names)
-    return [Line(n, times, values[:, i]) for i, n in enumerate(names) if n]
+    # a name of the scenario's that is empty leaves its element out; a quantity may have no name
+    names = enumerate(plot.get("components", quantity.names))
+    return [Line(n, times, values[:, i]) for i, n in names if n or "components" not in plot]
 
 
 def _lines(plot: dict[str, Any], results: Results, signal: str, unit: str) -> list[Line]:
