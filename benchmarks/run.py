@@ -15,7 +15,7 @@ import statistics
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from datetime import UTC, datetime
 from functools import partial
 from importlib.metadata import version
@@ -36,6 +36,7 @@ from desat.files import library, places
 from desat.files.pack import pack_scenario
 from desat.files.scenario import find
 from desat.study.case import Options, prepare
+from desat.system.interface import KINDS
 
 from . import campaign, plants, scaling
 
@@ -116,26 +117,31 @@ def fmpy(path: str, steps: int) -> dict[str, Any]:
         fmu.setupExperiment(startTime=0.0)
         fmu.enterInitializationMode()
 
-    def references(name: str, connectors: list[str]) -> list[int]:
-        interface = system.components[name].interface
-        assert interface is not None
-        return [interface.signals[c].reference for c in connectors]
+    def of_kind(name: str, connectors: Iterable[str], kind: str) -> list[tuple[str, int]]:
+        signals = system.components[name].interface.signals
+        return [(c, signals[c].reference) for c in connectors if signals[c].kind == kind]
 
     outputs = {n: sorted({c.output for c in system.connections if c.source == n}) for n in fmus}
-    inputs = {n: [c for c in system.connections if c.target == n] for n in fmus}
-    out_refs = {n: references(n, outputs[n]) for n in fmus}
-    in_refs = {n: references(n, [c.input for c in inputs[n]]) for n in fmus}
-    values: dict[tuple[str, str], float] = {}
+    sources = {(c.target, c.input): (c.source, c.output) for c in system.connections}
+    inputs = {n: [i for target, i in sources if target == n] for n in fmus}
+    gets, sets = [], []
+    for n, fmu in fmus.items():
+        for kind in KINDS:
+            if found := of_kind(n, outputs[n], kind):
+                keys, references = zip(*(((n, c), r) for c, r in found), strict=True)
+                gets.append((getattr(fmu, f"get{kind}"), keys, list(references)))
+            if found := of_kind(n, inputs[n], kind):
+                keys, references = zip(*((sources[n, c], r) for c, r in found), strict=True)
+                sets.append((getattr(fmu, f"set{kind}"), keys, list(references)))
+    values: dict[tuple[str, str], Any] = {}
 
     def read() -> None:
-        for n, fmu in fmus.items():
-            for name, value in zip(outputs[n], fmu.getReal(out_refs[n]), strict=True):
-                values[n, name] = value
+        for get, keys, references in gets:
+            values.update(zip(keys, get(references), strict=True))
 
     def write() -> None:
-        for n, fmu in fmus.items():
-            if in_refs[n]:
-                fmu.setReal(in_refs[n], [values[c.source, c.output] for c in inputs[n]])
+        for put, keys, references in sets:
+            put(references, [values[key] for key in keys])
 
     for _ in range(len(fmus)):
         read()
