@@ -20,9 +20,12 @@ def compiler() -> tuple[str, ...]:
 
     Raises NoCompilerError.
     """
-    for command in (shlex.split(os.environ.get("CC", "")), ["gcc"], ["cc"], ["clang"]):
-        if command and (found := shutil.which(command[0])):
+    wanted = shlex.split(os.environ.get("CC", ""))
+    for command in [wanted] if wanted else (["gcc"], ["cc"], ["clang"]):
+        if found := shutil.which(command[0]):
             return (found, *command[1:])
+    if wanted:
+        raise NoCompilerError(f"CC = {os.environ['CC']}: there is no such command")
     if find_spec("ziglang"):
         return (sys.executable, "-m", "ziglang", "cc", "-fno-sanitize=undefined")
     raise NoCompilerError("no C compiler: install gcc or clang, or `pip install ziglang`")

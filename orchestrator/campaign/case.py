@@ -59,7 +59,7 @@ def _ran(plan: Plan, values: dict[str, Any], supervised: bool) -> dict[str, Any]
 
 def plots_of(about: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
     """The plots of a scenario by name."""
-    return {str(plot["name"]): plot for plot in about.get("plots", ())}
+    return {str(p.get("name", i)): p for i, p in enumerate(about.get("plots", ()), 1)}
 
 
 def _curves(names: Sequence[str], run: Run) -> dict[str, list[float]]:

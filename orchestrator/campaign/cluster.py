@@ -12,7 +12,6 @@ from collections.abc import Hashable
 from dataclasses import replace
 from pathlib import Path
 from tempfile import mkdtemp
-from types import TracebackType
 from typing import Any, Self
 
 from ..study.workers import Lost
@@ -165,10 +164,7 @@ class Cluster:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, value: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:  # fmt: skip
+    def __exit__(self, *_: object) -> None:
         self._close()
 
     def _close(self) -> None:

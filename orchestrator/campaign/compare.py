@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from scipy.stats import binom
 
 from ..study.cells import clopper_pearson
-from ..study.paired import EQUAL
+from ..study.paired import difference, spread
 from ..system.errors import DesatError
 from . import store
 from .figures import flat
@@ -68,21 +68,17 @@ def _differences(
     a, b = (
         flat(t[name].to_pylist())[[r[c] for c in cases]] for t, r in zip(tables, rows, strict=True)
     )
-    there = np.isfinite(a) & np.isfinite(b)
-    a, b = a[there], b[there]
-    each = np.where(np.isclose(a, b, rtol=EQUAL, atol=0.0), 0.0, a - b)
-    n = len(each)
-    if not n:
-        return {"n": 0}
-    ordered = np.sort(each)
+    each = sorted(
+        difference(x, y) for x, y in zip(a.tolist(), b.tolist(), strict=True)
+        if math.isfinite(x) and math.isfinite(y)
+    )  # fmt: skip
+    told = spread(each)
+    if not (n := len(each)):
+        return told
     # the k-th least and the k-th largest hold the median with at least this confidence
     k = int(binom.ppf((1.0 - level) / 2.0, n, 0.5))
-    lower, higher = int((each < 0.0).sum()), int((each > 0.0).sum())
     return {
-        "n": n, "median": float(np.median(each)),
-        "interval": [float(ordered[max(k - 1, 0)]), float(ordered[min(n - k, n - 1)])],
-        "interval_holds": bool(k > 0),
-        "min": float(ordered[0]), "max": float(ordered[-1]),
-        "lower": lower, "higher": higher, "equal": n - lower - higher,
-        "share_lower": 100.0 * lower / n, "share_lower_interval": clopper_pearson(lower, n, level),
+        **told, "interval": [each[max(k - 1, 0)], each[min(n - k, n - 1)]],
+        "interval_holds": k > 0, "share_lower": 100.0 * told["lower"] / n,
+        "share_lower_interval": clopper_pearson(told["lower"], n, level),
     }  # fmt: skip

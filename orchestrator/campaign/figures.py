@@ -71,15 +71,6 @@ def distribution(title: str, unit: str, values: Array, limits: Sequence[tuple[st
     return svg(fig)
 
 
-def scatter(x_name: str, y_title: str, unit: str, x: Array, y: Array) -> str:
-    """A number over an input, a dot a case."""
-    fig, ax = figure(height=2.7)
-    ax.plot(x, y, ".", color=COLOURS[0], markersize=3, alpha=0.5, rasterized=len(x) > 2000)
-    ax.set_xlabel(x_name)
-    ax.set_ylabel(axis_label(y_title, unit, 2.2))
-    return svg(fig)
-
-
 def flat(values: Any) -> Array:
     """A column as an array of floats, nan where it has nothing."""
     return np.array([np.nan if v is None else float(v) for v in values], dtype=float)

@@ -11,8 +11,7 @@ from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
 
-from filelock import FileLock, Timeout
-
+from ..files.claim import LOCK, claimed
 from ..study.case import prepare
 from ..study.draws import lost, system_of
 from ..study.manifest import write_json
@@ -65,7 +64,10 @@ def planned(
                 tuple(keep), limit)  # fmt: skip
     numbers = {n for n, e in system.about.get("numbers", {}).items() if "of" not in e}
     for text in keep:
-        _kept_of(text, numbers)
+        kind, _, number = _kept_of(text)
+        if kind == "worst" and number not in numbers:
+            raise DesatError(f"--keep {text}: no number {number}{nearest(number, numbers)}; "
+                             "worst:N:NUMBER, or --by NUMBER, is needed")  # fmt: skip
     return plan, case.checked.warnings
 
 
@@ -77,18 +79,14 @@ def run(
 
     Raises DesatError where the folder has another campaign, or another head is at work in it.
     """
-    folder.mkdir(parents=True, exist_ok=True)
-    try:
-        with FileLock(folder / ".lock", timeout=0):
-            _run(plan, folder, jobs, cluster, progress)
-    except Timeout as error:
-        raise DesatError(f"{folder}: another head is at work on this campaign") from error
+    with claimed(folder):
+        _run(plan, folder, jobs, cluster, progress)
 
 
 def _run(plan: Plan, folder: Path, jobs: int, cluster: str | None, progress: bool) -> None:
     if (folder / PLAN).exists():
         joined(read(folder), plan, folder)
-    elif any(p.name != ".lock" for p in folder.iterdir()):
+    elif any(p.name != LOCK for p in folder.iterdir()):
         raise DesatError(f"{folder}: it has other files, and no campaign; take another --out")
     plan.write(folder)
     rows = store.Store(folder, plan.count, versions())
@@ -108,7 +106,7 @@ def _run(plan: Plan, folder: Path, jobs: int, cluster: str | None, progress: boo
 
 def _workers(plan: Plan, jobs: int, cluster: str | None) -> Workers:
     if cluster is None:
-        return Local(row, jobs, 1.25 * plan.limit)  # a supervised case ends itself before
+        return Local(row, jobs, 1.25 * plan.limit + 2.0)  # a supervised case ends itself before
     from .cluster import Cluster
 
     return Cluster(cluster, plan)
@@ -155,15 +153,12 @@ _TRIES = 3
 often has no row of its own."""
 
 
-def _kept_of(text: str, numbers: set[str]) -> tuple[str, int, str]:
+def _kept_of(text: str) -> tuple[str, int, str]:
     """`worst:N:NUMBER` or `every:N` in parts. Raises DesatError for another form."""
     kind, _, rest = text.partition(":")
     count, _, number = rest.partition(":")
     if kind not in ("worst", "every") or not count.isdecimal() or int(count) < 1:
         raise DesatError(f"--keep {text}: worst:N:NUMBER or every:N is needed")
-    if kind == "worst" and number not in numbers:
-        raise DesatError(f"--keep {text}: no number {number}{nearest(number, numbers)}; "
-                         "worst:N:NUMBER, or --by NUMBER, is needed")  # fmt: skip
     return kind, int(count), number
 
 
@@ -178,12 +173,11 @@ def chosen(plan: Plan, folder: Path) -> list[int]:
     }  # fmt: skip
     found: set[int] = set()
     for text in plan.keep:
-        kind, _, rest = text.partition(":")
-        count, _, number = rest.partition(":")
+        kind, count, number = _kept_of(text)
         if kind == "every":
-            found |= set(range(0, plan.count, int(count)))
-            continue
-        found |= set(worst(folder, number, int(count), number in least))
+            found |= set(range(0, plan.count, count))
+        else:
+            found |= set(worst(folder, number, count, number in least))
     return sorted(found)
 
 

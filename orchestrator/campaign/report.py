@@ -13,14 +13,14 @@ from markupsafe import Markup
 from scipy.stats import spearmanr
 
 from ..study.cells import clopper_pearson
-from ..study.drawing import pretty_unit
+from ..study.drawing import axis_label, pretty_unit
+from ..study.figures import scatter
 from ..study.manifest import write_json
 from ..study.report import number as shown
 from ..study.report import render, write_page
 from ..study.sampling import sensitivity, unit_cube
 from . import figures, store
-from .case import POINTS
-from .head import kept_in, worst
+from .case import POINTS, plots_of
 from .plan import Plan, read, system
 
 STRONG = 0.2
@@ -100,11 +100,7 @@ def _requirement(
     )
     n, inside = len(cases), int(within.sum())
     # one-sided at the confidence: a two-sided interval with twice the tail
-    low = (
-        clopper_pearson(inside, n, 2.0 * confidence - 1.0)[0] / 100.0
-        if confidence > 0.5
-        else inside / n
-    )
+    low = clopper_pearson(inside, n, 2.0 * confidence - 1.0)[0] / 100.0
     outside = [int(c) for c in cases[~within][:10]]
     return {
         **dict(entry), "probability": probability, "confidence": confidence, "n": n,
@@ -218,14 +214,22 @@ def _figures(folder: Path, plan: Plan, told: Mapping[str, Any]) -> list[tuple[st
             f"{entry['title']} over {driver['input']}, rank correlation {driver['correlation']:.2f}"
         )
         made.append(
-            (caption, figures.scatter(driver["input"], driver["number"], entry["unit"], x, y))
+            (
+                caption,
+                scatter(
+                    {"": (x, y)},
+                    driver["input"],
+                    axis_label(driver["number"], entry["unit"], 2.4),
+                    size=2.0,
+                ),
+            )
         )
     return made
 
 
 def _curves(folder: Path, plan: Plan) -> list[tuple[str, str]]:
     drafted = system(plan.target, plan.run_options().blocks)
-    plots = {p["name"]: p for p in drafted.about.get("plots", ())}
+    plots = plots_of(drafted.about)
     table = store.read(folder, store.CURVES)
     made = []
     options = plan.run_options()
@@ -253,6 +257,3 @@ def _curves(folder: Path, plan: Plan) -> list[tuple[str, str]]:
         worst_lines = [(rows[i][0], curves[i]) for i in order]
         made.append((caption, figures.percentiles(title, unit, times, curves, worst_lines)))
     return made
-
-
-__all__ = ["kept_in", "rerun", "summary", "worst", "write"]

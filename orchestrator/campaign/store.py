@@ -244,6 +244,16 @@ def read(folder: Path, kind: str = CASES, columns: Sequence[str] | None = None) 
     return pa.concat_tables(tables, promote_options="permissive")
 
 
+def schema(folder: Path) -> pa.Schema:
+    """The columns of the cases that are there. Raises DesatError where there is none."""
+    parts = [pq.read_schema(_part(folder, CASES, b)) for b in sorted(_parts(folder))]
+    if rows := [r for r in _journal(folder) if r["case"] // BLOCK not in _parts(folder)]:
+        parts.append(_table(rows).schema)
+    if not parts:
+        raise DesatError(f"{folder}: no case is there yet")
+    return pa.unify_schemas(parts, promote_options="permissive")
+
+
 def described(folder: Path) -> dict[str, dict[str, str]]:
     """Title and unit of each number."""
     path = folder / NUMBERS

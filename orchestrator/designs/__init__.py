@@ -8,7 +8,7 @@
 
 and what the kind takes. A module of this folder that has `applies` is a kind of design:
 
-    KEYS                              # what [design] may hold for it: name -> (text, test)
+    KEYS                              # which keys of [design] (files/language.py) it takes
     def applies(system) -> bool       # whether it is the one for this system
     def make(scenario, options) -> Design
     def problems(system) -> texts     # if it has this: what of a system does not fit its design
@@ -21,13 +21,10 @@ from __future__ import annotations
 
 import importlib
 import pkgutil
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cache
 from types import ModuleType
 from typing import Any
-
-Key = tuple[str, Callable[[Any], bool]]
 
 
 @dataclass(frozen=True)

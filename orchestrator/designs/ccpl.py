@@ -9,11 +9,11 @@ from __future__ import annotations
 from ..files.scenario import Scenario
 from ..study.options import Options
 from ..system.model import System
-from . import Design, tuning
+from . import Design
 from .plant import Plant
 from .tuning import GAIN_UNIT, flies, tuned
 
-KEYS = {k: tuning.KEYS[k] for k in ("final_momentum",)}
+KEYS = ("final_momentum",)
 
 
 def applies(system: System) -> bool:

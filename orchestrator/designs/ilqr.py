@@ -14,11 +14,11 @@ from desat.components.maths.vector import norm
 from ..files.scenario import Scenario
 from ..study.options import Options
 from ..system.model import System
-from . import Design, tuning
+from . import Design
 from .plant import Plant
 from .tuning import flies, shape, with_weight
 
-KEYS = {k: tuning.KEYS[k] for k in ("final_momentum", "momentum_weight")}
+KEYS = ("final_momentum", "momentum_weight")
 
 
 def applies(system: System) -> bool:

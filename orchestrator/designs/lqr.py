@@ -17,14 +17,15 @@ from desat.components.laws import magnetic_offline as offline
 
 from ..files.scenario import Scenario
 from ..study.options import Options
+from ..system.errors import DesatError
 from ..system.model import System
-from . import Design, tuning
+from . import Design
 from .plant import Array, Plant
 from .tuning import flies, shape, with_weight
 
 NODES = 61
 
-KEYS = {k: tuning.KEYS[k] for k in ("final_momentum", "momentum_weight", "nodes")}
+KEYS = ("final_momentum", "momentum_weight", "nodes")
 
 
 def applies(system: System) -> bool:
@@ -36,6 +37,8 @@ def make(scenario: Scenario, options: Options) -> Design:
     """Gain and offset tables over the time to go."""
     plant = Plant(scenario, options)
     nodes = plant.about.get("nodes", NODES)
+    if nodes > CAPACITY:
+        raise DesatError(f"{scenario.name}: design: nodes = {nodes}: at most {CAPACITY} are held")
     times = np.linspace(0.0, plant.horizon, nodes)
 
     def parameters(scale_of_f: float) -> dict[str, Any]:

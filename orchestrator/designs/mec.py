@@ -16,7 +16,7 @@ from ..files.scenario import Scenario, find
 from ..study.options import Options
 from ..system.errors import DesatError
 from ..system.model import System
-from . import Design, tuning
+from . import Design
 from .plant import Array, Flight, Plant
 from .tuning import flies, needless, of_flight
 
@@ -26,7 +26,7 @@ REFINEMENTS = 3
 """Of a costate: the first solves the linear equations, the others take out their rounding."""
 
 
-KEYS = {k: tuning.KEYS[k] for k in ("final_momentum", "final_momentum_body", "end_of")}
+KEYS = ("final_momentum", "final_momentum_body", "end_of")
 
 
 def applies(system: System) -> bool:
@@ -48,6 +48,9 @@ def make(scenario: Scenario, options: Options) -> Design:
     start = fly(np.zeros(3)).momentum[0]
     end = np.asarray(about.get("final_momentum_body", (0.0, 0.0, 0.0)), float)
     if "end_of" in about:
+        if f"{scenario.family}/{about['end_of']}" == scenario.name:
+            raise DesatError(f"{scenario.name}: design: end_of = {about['end_of']!r}: the name of "
+                             "another scenario of the family is needed")  # fmt: skip
         other = find(f"{plant.system.name.partition('/')[0]}/{about['end_of']}")
         end = Plant(other, designed=True).fly().momentum[-1]
     p = offline.costate(

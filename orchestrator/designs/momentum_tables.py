@@ -15,7 +15,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Iterator
-from math import ceil, inf
+from math import ceil
 from typing import Any
 
 import numpy as np
@@ -52,19 +52,7 @@ ORBIT = (
 """Parameters of an environment that a course depends on; field models are the law's own affair."""
 
 
-def _number(least: float) -> Any:
-    return lambda x: type(x) in (int, float) and least <= x < inf
-
-
-KEYS = {
-    "peak_weight": ("a number, not below 0", _number(0.0)),
-    "peak_momentum": ("a number above 0", _number(1e-9)),
-    "hold_weight": ("a number above 0", _number(1e-9)),
-    "momentum_weight": (
-        "three numbers above 0",
-        lambda x: isinstance(x, list) and len(x) == 3 and all(map(_number(1e-9), x)),
-    ),
-}
+KEYS = ("peak_weight", "peak_momentum", "hold_weight", "momentum_weight")
 
 
 def applies(system: System) -> bool:
@@ -136,6 +124,8 @@ def _preview(
 ) -> tuple[dict[str, Any], dict[str, tuple[Any, str]]]:
     """K and g as tables: the cheapest course, held."""
     weight = np.array(about.get("momentum_weight", (1000.0,) * 3), float)
+    if weight.min() <= 0.0:
+        raise DesatError(f"design: momentum_weight = {weight.tolist()}: above 0 is needed")
     best = offline.cheapest(
         course, weight, about.get("peak_weight", 0.0), about.get("peak_momentum", 20.0),
         np.zeros(3),

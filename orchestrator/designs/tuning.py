@@ -1,46 +1,24 @@
-"""What the laws of magnetic dumping share: their keys, and the search for their one free number."""
+"""What the laws of magnetic dumping share: the search for their one free number."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from math import inf, isfinite
+from math import inf
 from typing import Any
 
 import numpy as np
 from scipy.optimize import brentq
 
-from desat.components.blocks.manager_magnetic import CAPACITY
-
 from ..engine.instances import ComponentError
 from ..system.errors import DesatError
 from ..system.model import System
 from ..system.parameters import choice_of
-from . import Design, Key
+from . import Design
 from .plant import Array, Flight, Plant
 
 WEIGHT_UNIT, GAIN_UNIT = "1/(T2.s2)", "1/(T.s)"
 SEARCH = (-1.0, 8.0, 0.1)
 """For a law's free number: least, largest and step of its decimal logarithm."""
-
-
-def _numbers(value: Any, size: int) -> bool:
-    values = value if isinstance(value, list) else [value]
-    return (isinstance(value, list) == (size > 1) and len(values) == size
-            and all(type(x) in (int, float) and isfinite(x) for x in values))  # fmt: skip
-
-
-KEYS: dict[str, Key] = {
-    "final_momentum": ("a number above 0", lambda x: _numbers(x, 1) and x > 0.0),
-    "momentum_weight": (
-        "three numbers, none below 0", lambda x: _numbers(x, 3) and min(x) >= 0.0
-    ),
-    "final_momentum_body": ("three numbers", lambda x: _numbers(x, 3)),
-    "nodes": (
-        f"a whole number from 2 to {CAPACITY}", lambda x: type(x) is int and 2 <= x <= CAPACITY
-    ),
-    "end_of": ("the name of another scenario of the family", lambda x: isinstance(x, str)),
-}  # fmt: skip
-"""What [design] may hold for these laws."""
 
 
 def flies(system: System, model: str, law: str = "") -> bool:

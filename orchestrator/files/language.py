@@ -128,7 +128,7 @@ class Requirement(Table):
     probability: Annotated[float, Field(gt=0.0, lt=1.0)] = key(
         "the share of all cases that must be within; default: 0.95"
     )
-    confidence: Annotated[float, Field(gt=0.0, lt=1.0)] = key(
+    confidence: Annotated[float, Field(ge=0.5, lt=1.0)] = key(
         "met where it is so with this confidence (Clopper-Pearson); default: 0.95"
     )
 

@@ -32,7 +32,8 @@ def pack_scenario(
 
     Raises DesatError with every problem of the scenario.
     """
-    path = target or places.packed() / f"{scenario.name}.ssp"
+    folder = places.packed() / "native" if fmus == "native" else places.packed()
+    path = target or folder / f"{scenario.name}.ssp"
     inputs = [
         *(ROOT / scenario.family).rglob("*.toml"), *(ROOT / scenario.family).rglob("*.ssd"),
         *places.fmus().rglob("*.fmu"), *Path(__file__).parent.glob("*.py"),

@@ -117,14 +117,12 @@ def of_campaign(folder: Path) -> xr.Dataset:
 
     plan = read(folder)
     cases = store.read(folder, columns=["case"])["case"].to_numpy()
-    schema = store.read(folder).schema
     described = store.described(folder)
     found: dict[str, xr.Variable] = {}
-    for field in schema:
+    for field in store.schema(folder):
         if field.name == "case":
             continue
-        sample = store.read(folder, columns=[field.name])[field.name].slice(0, 1).to_pandas()
-        lazy = _Lazy((len(cases),), _dtype(field.type, sample), _column(folder, field.name))
+        lazy = _Lazy((len(cases),), _dtype(field.type), _column(folder, field.name))
         told = described.get(field.name.removeprefix("out."), {})
         found[field.name] = lazy.variable(
             ("case",), {"long_name": told.get("title", ""), "units": told.get("unit", "")}
@@ -137,10 +135,8 @@ def of_campaign(folder: Path) -> xr.Dataset:
     return xr.Dataset(found, {"case": cases}, attributes)
 
 
-def _dtype(kind: Any, sample: Any) -> Any:
-    return sample.dtype if str(kind) in ("int64", "int32") else (
-        np.dtype(float) if str(kind) == "double" else np.dtype(object)
-    )  # fmt: skip
+def _dtype(kind: Any) -> Any:
+    return np.dtype({"double": "f8", "int64": "i8", "int32": "i4"}.get(str(kind), "O"))
 
 
 def _column(folder: Path, name: str) -> Callable[[Any], Any]:

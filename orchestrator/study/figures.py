@@ -65,14 +65,15 @@ def bars(
 
 def scatter(
     groups: Mapping[str, tuple[Sequence[float], Sequence[float]]], xlabel: str, ylabel: str, *,
-    diagonal: str = "", joined: bool = False, log: str = "",
+    diagonal: str = "", joined: bool = False, log: str = "", size: float = 5.0,
 ) -> str:  # fmt: skip
-    """Points: {label: (x, y)}; `diagonal` names the line y = x, empty for none; `joined`: a line
-    from each to the next; `log`: the axes that are logarithmic, of "x", "y", "xy"."""
+    """Points of a size (pt): {label: (x, y)}, one without a label in no legend; `diagonal` names
+    the line y = x, empty for none; `joined`: a line from each to the next; `log`: the axes that are
+    logarithmic, of "x", "y", "xy"."""
     fig, ax = figure()
     for i, (label, (x, y)) in enumerate(groups.items()):
         ax.plot(x, y, "o-" if joined else "o", color=COLOURS[i % len(COLOURS)], label=label,
-                markersize=5, linewidth=1.0)  # fmt: skip
+                markersize=size, linewidth=1.0, rasterized=len(x) > 2000)  # fmt: skip
     if "x" in log:
         ax.set_xscale("log")
     if "y" in log:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 import statistics
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -96,19 +97,30 @@ def differences(ours: dict[str, Any], theirs: dict[str, Any]) -> dict[str, dict[
             for row in ours["draws"] if row["draw"] in other
         }  # fmt: skip
         each = {
-            draw: 0.0 if math.isclose(a, b, rel_tol=EQUAL) else a - b
+            draw: difference(a, b)
             for draw, (a, b) in pairs.items() if a is not None and b is not None
         }  # fmt: skip
-        values = list(each.values())
         compared[name] = {
             "unit": entry["unit"],
-            "median": statistics.median(values) if values else None,
-            "min": min(values, default=None),
-            "max": max(values, default=None),
-            "n": len(values),
-            "lower": sum(x < 0.0 for x in values),
-            "higher": sum(x > 0.0 for x in values),
-            "equal": sum(x == 0.0 for x in values),
+            **spread(list(each.values())),
             "each": [{"draw": draw, "difference": x} for draw, x in each.items()],
         }
     return compared
+
+
+def difference(ours: float, theirs: float) -> float:
+    """Ours less theirs, 0 where they are equal but for rounding (EQUAL)."""
+    return 0.0 if math.isclose(ours, theirs, rel_tol=EQUAL) else ours - theirs
+
+
+def spread(each: Sequence[float]) -> dict[str, Any]:
+    """Median, least and largest of differences, how many are below, above and at 0."""
+    return {
+        "median": statistics.median(each) if each else None,
+        "min": min(each, default=None),
+        "max": max(each, default=None),
+        "n": len(each),
+        "lower": sum(x < 0.0 for x in each),
+        "higher": sum(x > 0.0 for x in each),
+        "equal": sum(x == 0.0 for x in each),
+    }

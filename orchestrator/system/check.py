@@ -97,11 +97,13 @@ def _shared(system: System) -> Iterator[str]:
 
 
 def _samples(system: System) -> Iterator[str]:
-    """A component samples once in a whole number of its steps."""
+    """A component that samples does so, for whatever purpose, once in a whole number of its steps;
+    so it is with its delay."""
     for c in system.components.values():
         step = system.step * c.decimation
-        for name in ("sample_time", "wheel_sample_time", "delay"):
-            sample = value_of(c, name) if name in c.interface.signals else 0.0
+        names = [n for n in c.interface.signals if n.endswith("sample_time") or n == "delay"]
+        for name in names if "sample_time" in names else ():
+            sample = value_of(c, name)
             ratio = float(sample) / step if isinstance(sample, (int, float)) else 0.0
             if ratio and (ratio < 1.0 - 1e-9 or abs(ratio - round(ratio)) > 1e-6):
                 yield (f"{system.where}: {c.name}.{name} = {sample:g} s is not a multiple of "

@@ -21,7 +21,8 @@ def pack(
     fmus: Fmus = FmuKind.python,
     as_json: Json = False,
 ) -> None:
-    """Pack scenarios as self-contained .ssp files into ssp/dist/."""
+    """Pack scenarios as self-contained .ssp files into ssp/dist/; with native FMUs into
+    ssp/dist/native/."""
     from ...files import pack as pack_module
     from ...files.scenario import find, scenarios
 
