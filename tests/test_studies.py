@@ -144,3 +144,14 @@ def test_commands(desat):
     wrong = desat("sweep", NAME, "manager.gan=1", *short)
     assert wrong.returncode == 2
     assert len(wrong.stderr.splitlines()) == 1
+
+
+def test_definitions_that_differ_in_their_twin_are_one():
+    from desat.study.cells import Row
+    from desat.study.tables import definitions
+
+    texts = [*(f"Saved (ratio of t to that of a-{i})" for i in (1, 2)), "Time (last)"]
+    group = [Row("1", "m", "c", "q", "s", None, 1.0, None, None, None, False, False, t, False, "", "")
+             for t in texts]  # fmt: skip
+    assert definitions(group) == ["Saved (ratio of t to that of a-1, a-2, row by row)", texts[2]]
+    assert definitions(group[1:]) == texts[1:]

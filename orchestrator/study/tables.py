@@ -6,6 +6,7 @@ A scenario with `draws` gives the median of so many draws instead; these are rea
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable
 from dataclasses import asdict, replace
 from datetime import UTC, datetime
@@ -190,8 +191,20 @@ def grouped(table: list[Row]) -> list[tuple[str, list[Row]]]:
 
 
 def definitions(group: list[Row]) -> list[str]:
-    """What the rows of a heading measure, each sentence once."""
-    return list(dict.fromkeys(row.definition for row in group if row.definition))
+    """What the rows of a heading measure, each sentence once; those that differ in nothing but the
+    scenario that they compare with as one."""
+    texts = dict.fromkeys(row.definition for row in group if row.definition)
+    others: dict[str, list[str]] = {}
+    for text in texts:
+        compared = re.fullmatch(r"(.* to that of )(\S+)\)", text)
+        if compared:
+            others.setdefault(compared[1], []).append(compared[2])
+        else:
+            others[text] = []
+    return [
+        f"{text}{', '.join(names)}{', row by row' * (len(names) > 1)})" if names else text
+        for text, names in others.items()
+    ]
 
 
 def summed_up(table: list[Row]) -> str:
