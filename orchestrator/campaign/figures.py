@@ -50,6 +50,7 @@ def distribution(title: str, unit: str, values: Array, limits: Sequence[tuple[st
     fig, ax = figure(height=2.7)
     bins = min(60, max(8, int(np.sqrt(len(values)))))
     ax.hist(values, bins=bins, color=COLOURS[0], alpha=0.55, label="cases")
+    ax.locator_params(axis="x", nbins=7)  # those of large numbers would touch
     ax.set_xlabel(axis_label(title, unit, 6.0))
     ax.set_ylabel("cases")
     share = ax.twinx()
