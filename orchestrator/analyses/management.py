@@ -74,7 +74,8 @@ def numbers(manifest: dict[str, Any], results: Results) -> dict[str, dict[str, A
     idle = h - stored @ np.linalg.pinv(axes).T
     rows: dict[str, tuple[str, float | None, str]] = {
         "sum_rms": ("Momentum that coils can act on, sum g h: rms", _rms(size), "N.m.s"),
-        "sum_largest": ("Momentum that coils can act on, sum g h: largest", float(size.max()), "N.m.s"),
+        "sum_largest": ("Momentum that coils can act on, sum g h: largest", float(size.max()),
+                        "N.m.s"),
         "null_rms": ("Null-space part of a wheel's momentum: rms of the largest wheel",
                      _rms(np.abs(idle).max(axis=1)), "N.m.s"),
     }  # fmt: skip
