@@ -33,18 +33,18 @@ def study(
     skew -= skew.transpose(0, 2, 1)
     product = skew.transpose(0, 2, 1) @ course.weighting @ skew
     wanted = _directions(DIRECTIONS)
-    found = []
+    entries = []
     for period in periods:
         count = round(period / course.dt)
         begins = np.unique(np.linspace(0, len(product) - count, STARTS).astype(int))
         rows = [_period(product[k : k + count], wanted) for k in begins]
         conditions, torques, swings, angles = zip(*rows, strict=True)
-        found.append({
+        entries.append({
             "period": float(period), "condition": float(np.median(conditions)),
             "condition_most": float(max(conditions)), "torque": float(np.median(torques)),
             "swing": float(np.median(swings)), "angle": float(np.median(angles)),
         })  # fmt: skip
-    return found
+    return entries
 
 
 def _period(product: Any, wanted: Any) -> tuple[float, float, float, float]:

@@ -67,13 +67,13 @@ def _curves(names: Sequence[str], run: Run) -> dict[str, list[float]]:
     run was over."""
     plots = plots_of(run.manifest["about"])
     start, stop = run.manifest["start"], run.manifest["stop"]
-    found = {}
+    envelopes = {}
     for name in names:
         plot = plots[name]
         unit = plot.get("unit") or run.results.attribute(plot["signals"][0], "unit")
         lines = lines_of(plot, run.results, unit)
-        found[name] = _envelope([(x.times, x.values) for x in lines], start, stop)
-    return found
+        envelopes[name] = _envelope([(x.times, x.values) for x in lines], start, stop)
+    return envelopes
 
 
 def _envelope(

@@ -171,14 +171,14 @@ def chosen(plan: Plan, folder: Path) -> list[int]:
     least = {
         r["number"] for r in about.get("requirements", {}).values() if "max" not in r
     }  # fmt: skip
-    found: set[int] = set()
+    cases: set[int] = set()
     for text in plan.keep:
         kind, count, number = _kept_of(text)
         if kind == "every":
-            found |= set(range(0, plan.count, count))
+            cases |= set(range(0, plan.count, count))
         else:
-            found |= set(worst(folder, number, count, number in least))
-    return sorted(found)
+            cases |= set(worst(folder, number, count, number in least))
+    return sorted(cases)
 
 
 def worst(folder: Path, number: str, count: int, least: bool = False) -> list[int]:

@@ -257,8 +257,8 @@ def schema(folder: Path) -> pa.Schema:
 def described(folder: Path) -> dict[str, dict[str, str]]:
     """Title and unit of each number."""
     path = folder / NUMBERS
-    found: dict[str, dict[str, str]] = json.loads(path.read_text()) if path.exists() else {}
-    return found
+    numbers: dict[str, dict[str, str]] = json.loads(path.read_text()) if path.exists() else {}
+    return numbers
 
 
 def digest(folder: Path) -> str:

@@ -68,12 +68,14 @@ def of_entry(entry: dict[str, Any]) -> tuple[Quantity, dict[str, Any]] | None:
     name = entry["derive"]
     if name not in QUANTITIES:
         raise DesatError(f"no {name}{nearest(name, QUANTITIES)}")
-    found = QUANTITIES[name]
+    quantity = QUANTITIES[name]
     signals = entry.get("signals") or entry.get("signal", [])
     count = 1 if isinstance(signals, str) else len(signals)
-    if count != len(found.series):
-        raise DesatError(f"{name} takes {len(found.series)} signals, {', '.join(found.series)}")
-    return found, {"sequence": entry["sequence"]} if "sequence" in entry else {}
+    if count != len(quantity.series):
+        raise DesatError(
+            f"{name} takes {len(quantity.series)} signals, {', '.join(quantity.series)}"
+        )
+    return quantity, {"sequence": entry["sequence"]} if "sequence" in entry else {}
 
 
 def cross(a: ArrayLike, b: ArrayLike) -> Array:

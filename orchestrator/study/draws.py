@@ -85,11 +85,11 @@ def system_of(target: str, options: Options) -> Draft:
 
 def needed_signals(about: Mapping[str, Any]) -> list[str]:
     """What a scenario's numbers are made of; the rest need not be recorded."""
-    found: list[str] = []
+    names: list[str] = []
     for number in about.get("numbers", {}).values():
         signals = number.get("signal", [])
-        found += [signals] if isinstance(signals, str) else signals
-    return sorted(set(found))
+        names += [signals] if isinstance(signals, str) else signals
+    return sorted(set(names))
 
 
 def rows_of(
@@ -152,14 +152,14 @@ def summary(rows: list[dict[str, Any]], about: Mapping[str, Any]) -> dict[str, d
     have reached it."""
     whole = [r for r in rows if r["status"] == "completed"]
     definitions = about.get("numbers", {})
-    found = {}
+    numbers = {}
     for name in whole[0]["numbers"] if whole else ():
         values = [x for r in whole if (x := r["numbers"].get(name)) is not None]
-        found[name] = {
+        numbers[name] = {
             "unit": definitions.get(name, {}).get("unit", ""),
             "median": statistics.median(values) if values else None,
             "min": min(values, default=None),
             "max": max(values, default=None),
             "n": len(values),
         }
-    return found
+    return numbers

@@ -80,8 +80,8 @@ def _columns(number: dict[str, Any], results: Results) -> list[derived.Array]:
     """What is measured, (rows, elements) each: the series, or what is derived of them."""
     series = [results.values(s) for s in signals_of(number)]
     columns = [(s if s.ndim > 1 else s[:, None]).astype(float) for s in series]
-    if found := derived.of_entry(number):
-        quantity, options = found
+    if derivation := derived.of_entry(number):
+        quantity, options = derivation
         columns = [quantity.rows(results.times(), columns, options)]
     if "element" in number:
         element = number["element"]
@@ -93,8 +93,8 @@ def _columns(number: dict[str, Any], results: Results) -> list[derived.Array]:
 
 def _units(number: dict[str, Any], signals: list[str]) -> list[Unit]:
     """The unit of each of what is measured, from those of the signals."""
-    if found := derived.of_entry(number):
-        signals = [found[0].unit or signals[0]]
+    if derivation := derived.of_entry(number):
+        signals = [derivation[0].unit or signals[0]]
     return [unit_of(s) for s in signals]
 
 

@@ -79,8 +79,8 @@ def _references(given: Iterable[Scenario]) -> dict[str, Scenario]:
         f"{s.family}/{number['reference']}"
         for s in given for number in s.data.get("numbers", {}).values() if "reference" in number
     }  # fmt: skip
-    found = {name: find(name) for name in sorted(names)}
-    return {n: s for n, s in found.items() if not s.data.get("draws")}
+    named = {name: find(name) for name in sorted(names)}
+    return {n: s for n, s in named.items() if not s.data.get("draws")}
 
 
 def _paired(scenario: Scenario, drawn: dict[str, Any]) -> dict[str, dict[str, Any]]:

@@ -229,14 +229,14 @@ def _how(code: int) -> str:
 def mapped(function: Callable[..., Any], tasks: Sequence[tuple[Any, ...]], jobs: int) -> list[Any]:
     """What a function gives for each task, in their order, over so many processes. Raises RunError
     where a process dies."""
-    found: dict[Any, Any] = {}
+    made: dict[Any, Any] = {}
     workers: Workers = Here(function) if min(jobs, len(tasks)) < 2 else Local(function, jobs)
     with workers:
         for key, result in results(workers, iter(enumerate(tasks)), lambda key, why: None):
             if isinstance(result, Lost):
                 raise RunError(f"{tasks[key][0]}: {result.why}", Exit.COMPONENT)
-            found[key] = result
-    return [found[key] for key in range(len(tasks))]
+            made[key] = result
+    return [made[key] for key in range(len(tasks))]
 
 
 def results(
