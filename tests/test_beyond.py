@@ -500,7 +500,7 @@ def test_the_field_ahead_is_the_environments(model):
 def test_a_plan_needs_samples():
     with pytest.raises(BlockError, match="sample_time = 0 s"):
         begun("manager_receding_horizon", sample_time=0.0)
-    with pytest.raises(BlockError, match="horizon = 600 s is more than 600 samples of .* 0.9 s"):
+    with pytest.raises(BlockError, match=r"horizon = 600 s is more than 600 samples of .* 0.9 s"):
         begun("manager_receding_horizon", sample_time=0.9)
     with pytest.raises(BlockError, match=r"epoch_j2000 = 3150000000 s"):
         begun("manager_receding_horizon", field_model=2, epoch_j2000=3.15e9)
