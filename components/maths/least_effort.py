@@ -20,7 +20,7 @@ _PIVOT = 1e-11
 """A column that changes by less, as a share of its length, is taken as standing still."""
 _LONG = 200
 """Exchanges after which steps are short and the first candidate is taken, which cannot cycle
-(Bland); 5 to 15 are usual."""
+(Bland); 5 to 10 are usual."""
 _MOST_EXCHANGES = 5000
 
 
