@@ -2,7 +2,7 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: demo fmus ssp test check fuzz bench papers clean
+.PHONY: demo fmus ssp test check fuzz builds bench papers clean
 
 demo: ssp ## build everything, run one scenario, print the paper's tables beside ours
 	$(BIN)/desat run uosat12/table3-ocdc-ilqr-1
@@ -31,6 +31,10 @@ check: .venv/.installed ## lint, types, and blocks within what translates to C
 HOURS ?= 1
 fuzz: fmus ## mutated files through all readers, for HOURS; what fails is kept in tests/fuzz/corpus
 	$(BIN)/python tests/fuzz --seed $$(date +%s) --hours $(HOURS)
+
+builds: fmus ## native FMUs by a second compiler (package ziglang, or CC) and under sanitizers: same bits?
+	$(BIN)/python tests/builds.py zig
+	$(BIN)/python tests/builds.py sanitizers
 
 bench: ssp .venv-basilisk/.tried ## microseconds per step of ours and of others, into benchmarks/latest.json
 	$(BIN)/python -m benchmarks.run

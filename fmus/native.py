@@ -36,7 +36,6 @@ FLAGS = (
 """Those about arithmetic are what makes the bits equal; they stand in no optimiser's way."""
 PINNED = {
     "environment_tle": "SGP4 is the package sgp4's",
-    "manager_receding_horizon": "its programme is solved by HiGHS (scipy)",
 }
 """Blocks that stay Python, and why: the one list of them. Any other is native, or `make check`
 fails."""

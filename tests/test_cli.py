@@ -107,7 +107,7 @@ def test_bad_input_is_a_line(desat, tmp_path, arguments, message):
 def test_another_fmu_in_a_components_place(desat, tmp_path):
     """By name or file; what both managers declare alike stays, and what is lost is said."""
     fmu = tmp_path / "theirs.fmu"
-    shutil.copy(places.fmus() / "manager_receding_horizon.fmu", fmu)
+    shutil.copy(places.fmus() / "native" / "manager_receding_horizon.fmu", fmu)
     found = []
     for number, source in enumerate(("manager_receding_horizon", str(fmu))):
         result = desat("run", NAME, "--source", f"manager={source}", "--set",

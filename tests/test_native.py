@@ -37,6 +37,8 @@ from desat.study.case import Options, execute
 
 NATIVE = tuple(n for n in registry.names() if n not in native.PINNED)
 HERE = Path(__file__).parent
+KINDS = ["native", "python"]
+"""Of the FMUs beside a block; builds.py adds those of another build."""
 
 
 def path(name: str, kind: str = "native") -> Path:
@@ -144,7 +146,7 @@ def test_block_and_both_fmus_are_bitwise_alike(name, seed):
     if rng.random() < 0.7:
         randomise_parameters(block, rng)
     randomise_inputs(block, rng)
-    both = [Beside(path(name, kind), block) for kind in ("native", "python")]
+    both = [Beside(path(name, kind), block) for kind in KINDS]
     try:
         for i in both:
             i.fmu.setupExperiment(startTime=0.0)
@@ -334,9 +336,12 @@ def test_wrong_calls_are_answered():
     assert description.coSimulation.canSerializeFMUstate
 
 
-def test_a_scenario_runs_alike_with_both_kinds():
-    runs = [execute("integrated/mil-nadir", Options(stop=60.0, fmus=kind))
-            for kind in ("native", "python")]  # fmt: skip
+@pytest.mark.parametrize(("scenario", "stop"), [
+    ("integrated/mil-nadir", 60.0),
+    ("uosat12/robust-receding_horizon-noise", None),  # sixty linear programmes
+])  # fmt: skip
+def test_a_scenario_runs_alike_with_both_kinds(scenario, stop):
+    runs = [execute(scenario, Options(stop=stop, fmus=kind)) for kind in ("native", "python")]
     a, b = (run.results for run in runs)
     assert len(a.names()) > 30
     assert a.names() == b.names()

@@ -29,7 +29,7 @@ def test_a_plan_fires_against_a_known_torque():
     """One sample, no field: the on-time is what takes back h + N_con T, axis by axis."""
     h, n_con = (0.05, 0.0, -0.02), (0.01, -0.004, 0.0)
     step = receding_horizon.first_step(
-        h, (0.0, 0.0, 0.0), [UPRIGHT] * 3, [(0.0, 0.0, 0.0)], n_con, COILS, LEVEL,
+        h, (0.0, 0.0, 0.0), (UPRIGHT,) * 3, ((0.0, 0.0, 0.0),), n_con, COILS, LEVEL,
         (PERIOD, PERIOD), PERIOD,
     )  # fmt: skip
     assert step is not None
@@ -79,7 +79,8 @@ def test_the_fit_finds_attitude_scale_and_offset():
     fit, errors = receding_horizon.NO_FIT, []
     for b, measured in zip(model[:50], truth[:50], strict=True):
         fit = receding_horizon.learnt(fit, tuple(b), tuple(measured))
-        ahead = receding_horizon.corrected(fit, [tuple(x) for x in model[50:]], 0.1, 1e-6)
+        course_ahead = tuple(tuple(x) for x in model[50:])
+        ahead = receding_horizon.corrected(fit, course_ahead, 0.1, 1e-6)
         errors.append(np.abs(np.array(ahead) - truth[50:]).max())
     assert np.abs(model[50:] - truth[50:]).max() > 5e-6
     assert errors[0] < np.abs(model[50:] - truth[50:]).max(), "one measurement helps already"
@@ -88,7 +89,7 @@ def test_the_fit_finds_attitude_scale_and_offset():
 
 def test_no_measurement_leaves_the_model_as_it_is():
     b = [(1e-5, 2e-5, -3e-5), (0.0, 1e-5, 0.0)]
-    assert receding_horizon.corrected(receding_horizon.NO_FIT, b, 0.1, 1e-6) == b
+    assert receding_horizon.corrected(receding_horizon.NO_FIT, tuple(b), 0.1, 1e-6) == tuple(b)
 
 
 CLIFF = [("robust-model", "b_y_3", 10), ("robust", "yaw", 19)]

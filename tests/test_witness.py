@@ -93,7 +93,7 @@ CASES = [
     "gyrostat/full",
     "nadir_day/day-igrf",
     "uosat12/fig2-lqr-1",  # gain tables
-    "uosat12/beyond-receding_horizon-ilqr-1",  # numpy and scipy in the FMU
+    "uosat12/beyond-receding_horizon-ilqr-1",
     "integrated/mil-nadir",
     "alsat1/firing-ours",
     "space_telescope/mixed-me-nominal",

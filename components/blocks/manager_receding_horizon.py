@@ -49,13 +49,12 @@ class ManagerRecedingHorizon(ThrusterDumping, EarthField):
     it is at a sample whose field is not valid, there by thrusters alone. Where the momentum is not
     valid nothing is dumped. From `horizon` on `mode` is 0: no dumping. The wheels are commanded as
     by `manager_combined`.
-
-    Needs numpy and scipy in its host.
     """
 
     sample_time: float = Parameter(
-        "s", "time between samples, a multiple of the step; above 0", start=10.0, min=0.0
-    )
+        "s", "time between samples, a multiple of the step; above 0, and at least horizon / 600",
+        start=10.0, min=0.0,
+    )  # fmt: skip
     horizon: float = Parameter(
         "s", "when the momentum shall be h_target_body, after the start; to the nearest sample",
         start=600.0, min=1.0, needs=("r_eci", "v_eci", "h_wheel", "b_body"),
@@ -102,6 +101,9 @@ class ManagerRecedingHorizon(ThrusterDumping, EarthField):
         super().start()
         if self.sample_time <= 0.0:
             self.fail("sample_time = 0 s: a plan is made of samples")
+        if self.horizon / self.sample_time > receding_horizon.SAMPLES:
+            self.fail(f"horizon = {self.horizon:.10g} s is more than {receding_horizon.SAMPLES} "
+                      f"samples of sample_time = {self.sample_time:.10g} s")  # fmt: skip
         self._q_bo = normalised(self.q_bo)
         self._fit = receding_horizon.NO_FIT
         self.start_field(igrf=self.field_model == IGRF)
@@ -126,7 +128,7 @@ class ManagerRecedingHorizon(ThrusterDumping, EarthField):
         return add(cross(m, self.b_body), n_t), (m, n_t)
 
     def _planned(
-        self, h: Vec3, q_bi: list[Vec4], fields: list[Vec3]
+        self, h: Vec3, q_bi: tuple[Vec4, ...], fields: tuple[Vec3, ...]
     ) -> tuple[Vec3, Vec3] | None:  # fmt: skip
         """Dipole and on-times of the plan's first sample: the reserve kept in all samples, or in
         all but this one, or in none, as there is a plan."""
@@ -171,26 +173,37 @@ class ManagerRecedingHorizon(ThrusterDumping, EarthField):
         )
         return (x, y, z)
 
-    def _predicted(self, t: float, samples: int) -> tuple[list[Vec4], list[Vec3]]:
+    def _predicted(self, t: float, samples: int) -> tuple[tuple[Vec4, ...], tuple[Vec3, ...]]:
         """The attitudes now, in the middle of each sample and at the end, and B (T, body) in the
         middle of each sample."""
         period = self.sample_time
-        ahead = (0.0, *(period * (k + 0.5) for k in range(samples)), period * samples)
+        middles = tuple(period * (k + 0.5) for k in range(min(samples, receding_horizon.SAMPLES)))
+        ahead = (0.0, *middles, period * samples)
         states = receding_horizon.coast(self.r_eci, self.v_eci, ahead)
-        q_bi = [product(self._q_bo, lvlh_attitude(r, v)) for r, v in states]
-        if self.field_model == ORBIT_DIPOLE:
-            amplitudes = (self.b_x, self.b_y, self.b_z)
-            in_lvlh = receding_horizon.orbit_dipole(self.r_eci, self.v_eci, amplitudes)
-            fields = [rotate(self._q_bo, in_lvlh(r)) for r, _ in states[:-1]]
-        else:
-            fields = [
-                rotate(q, self.field_eci(r, t + s, igrf=self.field_model == IGRF))
-                for s, q, (r, _) in zip(ahead[:-1], q_bi, states, strict=False)
-            ]
-        fields = [scale(self.field_scale, b) for b in fields]
+        q_bi = tuple(product(self._q_bo, lvlh_attitude(r, v)) for r, v in states)
+        fields = tuple(
+            scale(self.field_scale, b)
+            for b in self._modelled(t, ahead[:-1], q_bi[:-1], states[:-1])
+        )
         if self.field_spread > 0.0:
             self._fit = receding_horizon.learnt(self._fit, fields[0], self.b_body)
             fields = receding_horizon.corrected(
                 self._fit, fields, self.field_spread, self.field_noise
             )
-        return q_bi, [add(self.b_body, sub(fields[1], fields[0])), *fields[2:]]
+        return q_bi, (add(self.b_body, sub(fields[1], fields[0])), *fields[2:])
+
+    def _modelled(
+        self, t: float, ahead: tuple[float, ...], q_bi: tuple[Vec4, ...],
+        states: tuple[tuple[Vec3, Vec3], ...],
+    ) -> tuple[Vec3, ...]:  # fmt: skip
+        """The model's B (T, body) so many seconds `ahead` of t, at the states (m, m/s; eci)."""
+        if self.field_model == ORBIT_DIPOLE:
+            amplitudes = (self.b_x, self.b_y, self.b_z)
+            in_lvlh = receding_horizon.orbit_dipole(self.r_eci, self.v_eci, amplitudes)
+            return tuple(
+                rotate(self._q_bo, in_lvlh(r)) for _, (r, _) in zip(ahead, states, strict=True)
+            )
+        return tuple(
+            rotate(q, self.field_eci(r, t + s, igrf=self.field_model == IGRF))
+            for s, q, (r, _) in zip(ahead, q_bi, states, strict=True)
+        )

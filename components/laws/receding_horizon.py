@@ -1,4 +1,4 @@
-"""Fuel-optimal dumping over a horizon with a predicted field. Needs numpy and scipy.
+"""Fuel-optimal dumping over a horizon with a predicted field.
 
 The wheels' momentum h (N m s) obeys h' = -omega x h + N_T + M x B + N_con (paper 000, eq. 15); in
 an inertial frame it is the sum of what acts. So, over samples of `period` (s) with C_k the body's
@@ -12,13 +12,12 @@ for constant N_T (N m) and M (A m2) in each sample: within a sample of 10 s that
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-
-import numpy as np
+from collections.abc import Callable
 
 from ..contract.block import Vec3, Vec4
 from ..maths.attitude import matrix
-from ..maths.vector import dot, norm, sub
+from ..maths.least_effort import COLUMNS, least_effort
+from ..maths.vector import ZERO, add, cross, dot, mat_t_vec, norm, scale, sub
 from ..physics.orbit import (
     elements_from_state,
     ellipse_state,
@@ -26,8 +25,9 @@ from ..physics.orbit import (
     orbit_plane,
     perifocal_axes,
 )
-from .least_firing import least_firing
 
+SAMPLES = COLUMNS // 6
+"""The most that a plan may have."""
 _DIPOLE_COST = 1e-4
 """s of firing that a coil's whole dipole over one sample is worth: without it dipoles that save
 nothing would be anything; it costs 0.02 s at the most in 60 samples."""
@@ -36,7 +36,9 @@ _PATIENCE = 1e-3
 needed, should the field turn out better than predicted."""
 
 
-def coast(r_eci: Vec3, v_eci: Vec3, times: Sequence[float]) -> list[tuple[Vec3, Vec3]]:
+def coast(
+    r_eci: Vec3, v_eci: Vec3, times: tuple[float, ...]
+) -> tuple[tuple[Vec3, Vec3], ...]:  # fmt: skip
     """Position (m) and velocity (m/s) after `times` (s) of two-body motion, eci.
 
     Raises ValueError where the motion is not an ellipse.
@@ -44,7 +46,7 @@ def coast(r_eci: Vec3, v_eci: Vec3, times: Sequence[float]) -> list[tuple[Vec3, 
     a, e, inclination, raan, perigee, anomaly = elements_from_state(r_eci, v_eci)
     n = mean_motion(a)
     p, q = perifocal_axes(inclination, raan, perigee)
-    return [ellipse_state(a, e, anomaly + n * t, n, p, q) for t in times]
+    return tuple(ellipse_state(a, e, anomaly + n * t, n, p, q) for t in times)
 
 
 def orbit_dipole(r_eci: Vec3, v_eci: Vec3, amplitudes: Vec3) -> Callable[[Vec3], Vec3]:
@@ -64,20 +66,39 @@ def orbit_dipole(r_eci: Vec3, v_eci: Vec3, amplitudes: Vec3) -> Callable[[Vec3],
     return field
 
 
-Fit = tuple[float, ...]
-"""Sums of a fit of the field: X X' (4 x 4) and X D' (4 x 3), row by row, without the prior."""
-NO_FIT: Fit = (0.0,) * 28
+Vec10 = tuple[float, float, float, float, float, float, float, float, float, float]
+Fit = tuple[Vec10, tuple[Vec4, Vec4, Vec4]]
+"""Sums of a fit of the field: X X' (the upper triangle, row by row) and, of each axis, X D, without
+the prior."""
+NO_FIT: Fit = ((0.0,) * 10, ((0.0,) * 4, (0.0,) * 4, (0.0,) * 4))
 
 
 def learnt(fit: Fit, model: Vec3, measured: Vec3) -> Fit:
     """A fit with one more measurement: D = measured - model (T, body) at X = (model, size), where
     size is that of the model's field."""
-    x = np.array([*model, norm(model)])
-    added = np.concatenate([np.outer(x, x).ravel(), np.outer(x, sub(measured, model)).ravel()])
-    return tuple((np.array(fit) + added).tolist())
+    (xx, xy, xz, xs, yy, yz, ys, zz, zs, ss), sums = fit
+    x, y, z = model
+    s = norm(model)
+    d = sub(measured, model)
+    squares = (
+        xx + x * x, xy + x * y, xz + x * z, xs + x * s, yy + y * y, yz + y * z, ys + y * s,
+        zz + z * z, zs + z * s, ss + s * s,
+    )  # fmt: skip
+    return squares, (
+        _with(sums[0], d[0], model, s),
+        _with(sums[1], d[1], model, s),
+        _with(sums[2], d[2], model, s),
+    )
 
 
-def corrected(fit: Fit, fields: Sequence[Vec3], spread: float, noise: float) -> list[Vec3]:
+def _with(sums: Vec4, d: float, model: Vec3, size: float) -> Vec4:
+    x, y, z = model
+    return (sums[0] + x * d, sums[1] + y * d, sums[2] + z * d, sums[3] + size * d)
+
+
+def corrected(
+    fit: Fit, fields: tuple[Vec3, ...], spread: float, noise: float
+) -> tuple[Vec3, ...]:  # fmt: skip
     """The field where a model has `fields` (T, body), as measurements so far make it likely.
 
     B = b + A b + c |b|: a misaligned attitude, a wrong scale and a wrong constant part are of this
@@ -85,19 +106,41 @@ def corrected(fit: Fit, fields: Sequence[Vec3], spread: float, noise: float) -> 
     before anything is measured, and each measurement errs by `noise` (T). What one measurement says
     is shared out between them as the prior has it; as the field turns, they come apart.
     """
-    sums = np.array(fit)
-    normal = sums[:16].reshape(4, 4) + np.eye(4) * (noise / spread) ** 2
-    theta = np.linalg.solve(normal, sums[16:].reshape(4, 3))
-    b = np.array(fields)
-    x = np.column_stack([b, np.linalg.norm(b, axis=1)])
-    return [(p, q, r) for p, q, r in (b + x @ theta).tolist()]
+    (xx, xy, xz, xs, yy, yz, ys, zz, zs, ss), sums = fit
+    share = noise / spread
+    prior = share * share
+    normal = (xx + prior, xy, xz, xs, yy + prior, yz, ys, zz + prior, zs, ss + prior)
+    x, y, z = (_solved(normal, axis) for axis in sums)
+    return tuple(add(b, (_times(x, b), _times(y, b), _times(z, b))) for b in fields)
+
+
+def _times(row: Vec4, b: Vec3) -> float:
+    return row[0] * b[0] + row[1] * b[1] + row[2] * b[2] + row[3] * norm(b)
+
+
+def _solved(m: Vec10, v: Vec4) -> Vec4:
+    """m^-1 v, m symmetric and positive definite, its upper triangle row by row: elimination."""
+    a, b, c, d, e, f, g, h, i, j = m
+    p, q, r, s = v
+    k, n, o = b / a, c / a, d / a
+    e, f, g, q = e - k * b, f - k * c, g - k * d, q - k * p
+    h, i, r = h - n * c, i - n * d, r - n * p
+    j, s = j - o * d, s - o * p
+    k, n = f / e, g / e
+    h, i, r = h - k * f, i - k * g, r - k * q
+    j, s = j - n * g, s - n * q
+    k = i / h
+    w = (s - k * r) / (j - k * i)
+    z = (r - i * w) / h
+    y = (q - f * z - g * w) / e
+    return ((p - b * y - c * z - d * w) / a, y, z, w)
 
 
 def first_step(
     h: Vec3,
     h_target: Vec3,
-    q_bi: Sequence[Vec4],
-    fields: Sequence[Vec3],
+    q_bi: tuple[Vec4, ...],
+    fields: tuple[Vec3, ...],
     n_con: Vec3,
     limit: Vec3,
     tau_level: Vec3,
@@ -108,30 +151,65 @@ def first_step(
 
     h, h_target: the wheels' momentum now and wanted at the end (N m s); q_bi: the predicted
     attitudes now, in the middle of each sample, and at the end; fields: B (T) in the middle of
-    each sample; n_con (N m); limit: the largest mean dipole (A m2); tau_level (N m) of the
-    thrusters, which may be on for `longest` (s) of `period` (s), in the first sample and in the
-    others. All in body axes.
+    each sample, at most SAMPLES; n_con (N m); limit: the largest mean dipole (A m2); tau_level
+    (N m) of the thrusters, which may be on for `longest` (s) of `period` (s), in the first sample
+    and in the others. All in body axes.
 
     Returns the mean dipole (A m2), and the on-time of each axis (s) with the sign of its torque.
     """
-    # rows: the body's axes in eci, so that v_eci = v_body @ c
-    c = np.array([matrix(q) for q in q_bi]).reshape(-1, 3, 3)
-    now, middle, end = c[0], c[1:-1], c[-1]
-    external = period * np.array(n_con) @ middle.sum(axis=0)
-    impulse = np.array(h_target) @ end - np.array(h) @ now - external
-    pairs = np.array(tau_level)[:, None] * middle
-    unit_torques = np.cross(np.eye(3), np.array(fields)[:, None, :])  # of 1 A m2 along each axis
-    plan = least_firing(
-        impulse,
-        np.concatenate([pairs, -pairs], axis=1),
-        np.array([longest[0]] + [longest[1]] * (len(middle) - 1)),
-        period * np.array(limit)[:, None] * (unit_torques @ middle),
-        _DIPOLE_COST,
-        _PATIENCE,
+    goal, columns, cost, most = programme(
+        h, h_target, q_bi, fields, n_con, limit, tau_level, longest, period
     )
-    if plan is None:
+    x = least_effort(columns, cost, most, goal)
+    if x is None:
         return None
-    on, share = plan.on_time[0], plan.dipole[0]
-    mx, my, mz = (share * np.array(limit)).tolist()
-    x, y, z = (on[:3] - on[3:]).tolist()
-    return (mx, my, mz), (x, y, z)
+    return (x[3] * limit[0], x[4] * limit[1], x[5] * limit[2]), (x[0], x[1], x[2])
+
+
+Programme = tuple[Vec3, tuple[Vec3, ...], tuple[float, ...], tuple[float, ...]]
+"""Of `least_effort`: goal, columns, cost, most."""
+
+
+def programme(
+    h: Vec3,
+    h_target: Vec3,
+    q_bi: tuple[Vec4, ...],
+    fields: tuple[Vec3, ...],
+    n_con: Vec3,
+    limit: Vec3,
+    tau_level: Vec3,
+    longest: tuple[float, float],
+    period: float,
+) -> Programme:
+    """The linear programme of `first_step`, whose arguments these are; in eci.
+
+    Of each sample six columns: what a second of firing about each axis does, and what the largest
+    dipole along each does over the sample. All is divided by the strongest level, so that seconds
+    stand on both sides, as the tolerances need it.
+    """
+    n = len(fields)
+    strength = max(tau_level)
+    external = ZERO
+    for k in range(n):
+        external = add(external, mat_t_vec(matrix(q_bi[k + 1]), n_con))
+    wanted = sub(mat_t_vec(matrix(q_bi[n + 1]), h_target), mat_t_vec(matrix(q_bi[0]), h))
+    goal = scale(1.0 / strength, sub(wanted, scale(period, external)))
+    columns = tuple(
+        mat_t_vec(matrix(q), scale(1.0 / strength, column))
+        for q, b in zip(q_bi[1:-1], fields, strict=True)
+        for column in (
+            (tau_level[0], 0.0, 0.0),
+            (0.0, tau_level[1], 0.0),
+            (0.0, 0.0, tau_level[2]),
+            scale(period * limit[0], cross((1.0, 0.0, 0.0), b)),
+            scale(period * limit[1], cross((0.0, 1.0, 0.0), b)),
+            scale(period * limit[2], cross((0.0, 0.0, 1.0), b)),
+        )
+    )
+    cost = tuple(
+        1.0 - _PATIENCE * k / n if i < 3 else _DIPOLE_COST for k in range(n) for i in range(6)
+    )
+    most = tuple(
+        (longest[0] if k == 0 else longest[1]) if i < 3 else 1.0 for k in range(n) for i in range(6)
+    )
+    return goal, columns, cost, most

@@ -1,0 +1,115 @@
+"""Linear programmes of least weighted effort with three equations, by the dual simplex method.
+
+Chvatal, Linear Programming, 1983, chapters 8 and 10, with the long steps of Maros, Computational
+Techniques of the Simplex Method, 2003, section 10.3. Plain floats, so that it runs in any host.
+"""
+
+from __future__ import annotations
+
+from math import inf
+
+from ..contract.block import BlockError, Vec3
+from .vector import dot, inverse, mat_t_vec, mat_vec, norm, scale, sub
+
+COLUMNS = 3600
+"""The most that there may be."""
+_AXES: tuple[Vec3, ...] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+_FIT = 1e-12
+"""How far the equations may be missed, as a share of the goal (and of 1)."""
+_PIVOT = 1e-11
+"""A column that changes by less, as a share of its length, is taken as standing still."""
+_LONG = 200
+"""Exchanges after which steps are short and the first candidate is taken, which cannot cycle
+(Bland); 5 to 10 are usual."""
+_MOST_EXCHANGES = 5000
+
+
+def least_effort(
+    columns: tuple[Vec3, ...], cost: tuple[float, ...], most: tuple[float, ...], goal: Vec3
+) -> tuple[float, ...] | None:
+    """The x, |x| <= most, of the linear programme
+
+    minimise  sum cost |x|,   sum x column = goal;
+
+    None where no x is enough. Columns and goal should be of the size of 1, and cost above 0.
+    At most three |x| are neither 0 nor at their most. Raises BlockError where rounding keeps it
+    from an end, which has not been seen.
+
+    The dual is a maximum over three prices y, with a kink where column.y = +-cost: there x leaves 0
+    for +-most. `side` is x / most where it is not in the basis; from y = 0 each exchange follows an
+    edge over as many kinks as it rises. Three columns whose most is 0 are the basis at first.
+    """
+    n = len(columns)
+    side, rate, when = [0.0] * COLUMNS, [0.0] * COLUMNS, [inf] * COLUMNS
+    basis, kink = [-1, -2, -3], [0.0, 0.0, 0.0]
+    allowed = _FIT * max(norm(goal), 1.0)
+    for exchange in range(_MOST_EXCHANGES):
+        p, q, r = (columns[j] if j >= 0 else _AXES[-1 - j] for j in basis)
+        to_basis = inverse((p[0], q[0], r[0], p[1], q[1], r[1], p[2], q[2], r[2]))
+        rest = goal
+        for j in range(n):
+            if side[j] != 0.0:
+                rest = sub(rest, scale(side[j] * most[j], columns[j]))
+        values = mat_vec(to_basis, rest)
+        # the one that is furthest beyond 0 or its most
+        leaving, excess, turn = -1, allowed, 0.0
+        for i in range(3):
+            edge = kink[i] * most[basis[i]] if basis[i] >= 0 else 0.0
+            over, under = values[i] - max(edge, 0.0), min(edge, 0.0) - values[i]
+            worst = max(over, under)
+            better = worst > excess if exchange < _LONG else (
+                worst > allowed and (leaving < 0 or basis[i] < basis[leaving]))  # fmt: skip
+            if better:
+                leaving, excess, turn = i, worst, 1.0 if over > under else -1.0
+        if leaving < 0:
+            return _solution(tuple(basis), values, tuple(side), most)
+        held = (
+            kink[0] * cost[basis[0]] if basis[0] >= 0 else 0.0,
+            kink[1] * cost[basis[1]] if basis[1] >= 0 else 0.0,
+            kink[2] * cost[basis[2]] if basis[2] >= 0 else 0.0,
+        )
+        price = mat_t_vec(to_basis, held)
+        step = scale(turn, mat_t_vec(to_basis, _AXES[leaving]))
+        stiff = _PIVOT * norm(step)
+        out = basis[leaving]
+        if out >= 0:  # beyond its most it stays there, beyond 0 it is 0
+            side[out] = turn if turn == kink[leaving] else 0.0
+        for j in range(n):
+            rate[j], when[j] = dot(step, columns[j]), inf
+            if most[j] > 0.0 and abs(rate[j]) > stiff * norm(columns[j]) and (
+                j == out or j not in basis
+            ):  # fmt: skip
+                way = 1.0 if rate[j] > 0.0 else -1.0
+                if side[j] != way:
+                    next_kink = way if side[j] == 0.0 else -way
+                    now = kink[leaving] * cost[j] if j == out else dot(price, columns[j])
+                    when[j] = max((next_kink * cost[j] - now) / rate[j], 0.0)
+        while True:
+            entering = 0
+            for j in range(1, n):
+                if when[j] < when[entering]:
+                    entering = j
+            if when[entering] == inf:
+                return None
+            way = 1.0 if rate[entering] > 0.0 else -1.0
+            excess -= most[entering] * abs(rate[entering])
+            if excess <= allowed or exchange >= _LONG:
+                break
+            side[entering] += way
+            if side[entering] == way:
+                when[entering] = inf
+            else:
+                when[entering] += 2.0 * cost[entering] / abs(rate[entering])
+        basis[leaving] = entering
+        kink[leaving] = way if side[entering] == 0.0 else -way
+        side[entering] = 0.0
+    raise BlockError(f"a linear programme has no end after {_MOST_EXCHANGES} exchanges")
+
+
+def _solution(
+    basis: tuple[int, ...], values: Vec3, side: tuple[float, ...], most: tuple[float, ...]
+) -> tuple[float, ...]:  # fmt: skip
+    return tuple(
+        min(max(values[basis.index(j)], -limit), limit) if j in basis else side[j] * limit
+        for j, limit in enumerate(most)
+    )
