@@ -542,7 +542,31 @@ def boom() -> dict[str, Any]:
         for name in ("z_wheel", "ours"):
             pairs = zip(rounds[name + kind], rounds[f"day{kind}"], strict=True)
             result[f"{name}{kind}_over_day"] = round(statistics.median(a / b for a, b in pairs), 2)
-    return result | {"memory": _measure("memory", parts["ours"][0], 122570)}
+    result["memory"] = _measure("memory", parts["ours"][0], 122570)
+    return result | {"draws": draws_over_cores("alsat1/firing-z-wheel", 20)}
+
+
+def draws_over_cores(scenario: str, count: int) -> dict[str, Any]:
+    """So many draws of a scenario by one process and by two, in turns: wall and processor time
+    (s), and how many cores were at work, medians."""
+    rounds: dict[int, list[tuple[float, float]]] = {1: [], 2: []}
+    for _ in track(range(3), "draws", disable=not sys.stderr.isatty()):
+        for jobs, kept in rounds.items():
+            before, began = os.times(), time.perf_counter()
+            command = [sys.executable, "-m", "desat.cli", "draws", scenario, "-n", str(count)]
+            subprocess.run([*command, "--jobs", str(jobs), "--json"], check=True,
+                           stdout=subprocess.DEVNULL)  # fmt: skip
+            wall, after = time.perf_counter() - began, os.times()
+            used = after.children_user + after.children_system
+            kept.append((wall, used - before.children_user - before.children_system))
+    return {
+        f"jobs_{jobs}": {
+            "seconds": round(statistics.median(w for w, _ in kept), 1),
+            "cores": round(statistics.median(c / w for w, c in kept), 2),
+        }
+        for jobs, kept in rounds.items()
+    } | {"times_as_fast": round(statistics.median(
+        a / b for (a, _), (b, _) in zip(rounds[1], rounds[2], strict=True)), 2)}  # fmt: skip
 
 
 def telescope() -> dict[str, Any]:

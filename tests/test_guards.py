@@ -130,10 +130,30 @@ def test_check_lists_what_every_component_refuses(desat, how):
     assert result.returncode == 1
     lines = [x for x in result.stderr.splitlines() if not x.startswith("note: ")]
     assert len(lines) == 2
-    assert lines[0].startswith("torquers: start: ")
-    assert "quiet_time" in lines[0]
+    assert lines[0].startswith("--set torquers.quiet_time=9: torquers: quiet_time + ")
+    assert lines[0].endswith("; sample_time from ssp/uosat12/scenarios/common.toml: "
+                             "parameters.torquers.sample_time")  # fmt: skip
     assert lines[1].startswith("1 problem(s)")
     assert desat("check", COMBINED, *how).returncode == 0
+
+
+def test_a_refusal_names_the_file_and_the_key_that_gave_the_value(desat, tmp_path):
+    """One line: what is given for two components once, and what fails for want of a body's
+    attitude, is not said again."""
+    for base, given, how, key, said in (
+        ("none", "inertia = [1, 0, 0, 0, 1, 0, 0, 0, 5]", [],
+         "shared.inertia: spacecraft: inertia = ", "is larger than the sum of the other two"),
+        ("ours", "schedule_start = [20, 40, 0, 0, 0, 0, 0, 0]", ["--blocks"],
+         "shared.schedule_start: manager: schedule_start[2] = 40 s for 30 s overlaps",
+         "from 20 s for 30 s; one at a time"),
+    ):  # fmt: skip
+        text = f'extends = "alsat1/firing-{base}"\n[shared]\n{given}\n'
+        (tmp_path / "mine.toml").write_text(text, encoding="utf-8")
+        result = desat("run", "mine.toml", "--stop", "100", *how, cwd=tmp_path)
+        assert result.returncode == 2
+        (line,) = result.stderr.splitlines()
+        assert line.startswith(f"error: mine.toml: {key}")
+        assert said in line
 
 
 def test_all_failing_components_are_collected():

@@ -183,6 +183,17 @@ def test_slew_turns_about_one_axis_the_short_way():
         assert np.cross(omega, early) == pytest.approx(0, abs=1e-20)
 
 
+def test_a_slew_as_a_rotation_vector_is_the_one_to_where_it_leads():
+    axis, angle = attitude_control.eigenaxis(TURN, SLEW["q_end_bi"])
+    by_vector = block("guidance_slew", q_begin_bi=TURN, t_begin=100.0, t_end=5500.0,
+                      slew_body=tuple(angle * x for x in axis))  # fmt: skip
+    by_end = block("guidance_slew", **SLEW)
+    for t in (0.0, 2000.0, 5500.0):
+        assert slew_at(by_vector, t) == slew_at(by_end, t)
+    manager = block("manager_open_loop", slew_body=by_vector.slew_body, q_begin_bi=TURN)
+    assert manager._rotation == by_end._rotation
+
+
 def test_slew_to_where_it_is():
     guidance = block("guidance_slew", q_begin_bi=TURN, q_end_bi=TURN)
     q, omega = slew_at(guidance, 2700.0)

@@ -83,6 +83,7 @@ class ManagerOpenLoop(MomentumManagement, NominalProfile, EarthField):
     manoeuvre: bool = Parameter("1", "true: the slew below is planned for")
     q_begin_bi: Vec4 = Parameter("1", "attitude before the slew", start=UPRIGHT)
     q_end_bi: Vec4 = Parameter("1", "attitude after the slew", start=UPRIGHT)
+    slew_body: Vec3 = Parameter("rad", "the slew as a rotation vector, body; 0: q_end_bi counts")
     t_begin: float = Parameter("s", "when the slew begins")
     t_end: float = Parameter("s", "when it ends", start=5400.0)
     lead_time: float = Parameter("s", "from the period's begin to the slew's", start=600.0, min=0.0)
@@ -104,7 +105,7 @@ class ManagerOpenLoop(MomentumManagement, NominalProfile, EarthField):
         self.start_field(igrf=self.field_model == IGRF)
         self._q_begin = normalised(self.q_begin_bi)
         axis, angle = eigenaxis(self._q_begin, normalised(self.q_end_bi))
-        self._rotation = scale(angle, axis)
+        self._rotation = scale(angle, axis) if self.slew_body == ZERO else self.slew_body
         self._costate = self._last = ZERO
         self._solved = False
         self._next = -1.0

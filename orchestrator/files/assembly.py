@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -10,14 +11,17 @@ from ..system.draft import Draft
 from ..system.errors import DesatError
 from ..system.replace import drop_unwanted
 from . import craft, library, ssp
+from .merge import Keys
 
 
 def draft(
-    data: dict[str, Any], parameters: dict[str, Any], folder: Path, where: str, blocks: bool
-) -> Draft:
+    data: dict[str, Any], parameters: dict[str, Any], folder: Path, where: str, blocks: bool,
+    given: Callable[[Keys], tuple[str, str]],
+) -> Draft:  # fmt: skip
     """The system of a scenario's data, with interfaces, and what is wrong with it (schema, missing
     FMUs, parameters). `parameters`: a table a component; `folder`: where craft, SSD and FMUs are;
-    `where`: the scenario's file, for messages. Raises DesatError for a component that there is not.
+    `where`: the scenario's file, for messages; `given`: file and key where a value of the data was
+    given. Raises DesatError for a component that there is not.
     """
     made = _wired(data, folder, where)
     for key in ("start", "stop", "step"):
@@ -32,13 +36,14 @@ def draft(
     for name in data.get("sources", {}):
         drop_unwanted(made, made.components[name])
     for name, value in data.get("shared", {}).items():
-        made.share(name, value, where)
+        made.share(name, value, *given(("shared", name)))
     if "epoch" in data:
-        made.share("epoch_j2000", _epoch(data["epoch"], where), where)
+        made.share("epoch_j2000", _epoch(data["epoch"], where), *given(("epoch",)))
     for name, values in parameters.items():
         component = made.component(name, f"{where}: parameters")
         for parameter, value in values.items():
-            made.try_to_assign(component, parameter, value, where)
+            at = given(("parameters", name, parameter))
+            made.try_to_assign(component, parameter, value, *at)
     return made
 
 

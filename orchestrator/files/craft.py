@@ -276,6 +276,8 @@ class _Reader:
         where = f"{self.at(key)}: {owner}"
         try:
             values = expand(self.interfaces[owner], name, value, where)
-            self.result.components[owner].parameters.update(values)
+            component = self.result.components[owner]
+            component.parameters.update(values)
+            component.given[name] = self.at(key)
         except DesatError as error:
             self.problems.append(str(error))

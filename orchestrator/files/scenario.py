@@ -46,8 +46,17 @@ class Scenario:
 
     def where(self, path: tuple[str, ...]) -> str:
         """File and path of a value, for messages."""
+        return ": ".join(self.given(path))
+
+    def given(self, path: tuple[str, ...]) -> tuple[str, str]:
+        """File and key that give a value; of a parameter that its data do not have, its design."""
         file, cell = origin(self.origins, path)
-        return f"{file or places.shown(self.file)}: {cell}{'.'.join(path)}"
+        own = self.data
+        for key in path:
+            own = own.get(key, {}) if isinstance(own, dict) else {}
+        if own == {} and path[0] == "parameters" and self.design is not None:
+            file, cell = places.shown(self.design), ""
+        return file or places.shown(self.file), f"{cell}{'.'.join(path)}"
 
     @property
     def family(self) -> str:
@@ -88,7 +97,7 @@ class Scenario:
         from . import about, assembly
 
         where, parameters = places.shown(self.file), self.parameters(designed)
-        draft = assembly.draft(self.data, parameters, self.folder, where, blocks)
+        draft = assembly.draft(self.data, parameters, self.folder, where, blocks, self.given)
         draft.name = self.name
         draft.about = {"name": self.name, **about.of(self.data), "cell": self.cell}
         return draft

@@ -16,6 +16,7 @@ from desat.components.contract.units import Unit
 from ..system.draft import Draft, DraftComponent
 from ..system.errors import DesatError
 from ..system.expression import unit_of
+from ..system.interface import base_name
 from ..system.model import Connection, Connector
 from . import about, library
 from .contents import contents, inside, regular
@@ -89,12 +90,10 @@ class _Reader:
             self.connection(c)
             for c in element.iterfind(f"{{{SSD}}}Connections/{{{SSD}}}Connection")
         ]
-        for binding, name, value, unit in self.bindings(element):
+        for binding, name, value, unit, at in self.bindings(element):
             owner, _, variable = name.partition(".")
             if owner in draft.components:
-                draft.components[owner].parameters[variable] = value
-                if unit is not None:
-                    draft.components[owner].units[variable] = unit
+                _give(draft.components[owner], variable, value, unit, f"{at}: {name}")
             else:
                 self.problems.append(
                     f"{self.at(binding)}: parameter {name} belongs to no component"
@@ -127,10 +126,8 @@ class _Reader:
                     f"{self.at(child)}: {component.name}.{connector.name} is listed twice"
                 )
             component.connectors[connector.name] = connector
-        for _, name, value, unit in self.bindings(element):
-            component.parameters[name] = value
-            if unit is not None:
-                component.units[name] = unit
+        for _, name, value, unit, at in self.bindings(element):
+            _give(component, name, value, unit, f"{at}: {component.name}.{name}")
         return component
 
     def inside(self, element: Any, source: str) -> Path | None:
@@ -176,10 +173,10 @@ class _Reader:
                 )
         return connection
 
-    def bindings(self, element: Any) -> list[tuple[Any, str, Scalar, Unit | None]]:
-        """(binding, prefixed name, value, its unit where one is given) of the parameter sets bound
-        to a component or system."""
-        values: list[tuple[Any, str, Scalar, Unit | None]] = []
+    def bindings(self, element: Any) -> list[tuple[Any, str, Scalar, Unit | None, str]]:
+        """(binding, prefixed name, value, its unit where one is given, file and line) of the
+        parameter sets bound to a component or system."""
+        values: list[tuple[Any, str, Scalar, Unit | None, str]] = []
         given: dict[str, str] = {}
         for binding in element.iterfind(f"{{{SSD}}}ParameterBindings/{{{SSD}}}ParameterBinding"):
             if binding.find(f"{{{SSD}}}ParameterMapping") is not None:
@@ -209,7 +206,7 @@ class _Reader:
                         self.problems.append(f"{at} and {given[name]}: {name} is given twice")
                     given[name] = at
                     unit = self.unit(value.get("unit"), root, f"{at}: {name}")
-                    values.append((binding, name, self.value(value, where), unit))
+                    values.append((binding, name, self.value(value, where), unit, at))
         return values
 
     def unit(self, name: str | None, root: Any, where: str) -> Unit | None:
@@ -257,3 +254,13 @@ class _Reader:
                 "baseStepSize"
             ):
                 draft.step = self.number(element, "baseStepSize")
+
+
+def _give(
+    component: DraftComponent, name: str, value: Scalar, unit: Unit | None, where: str
+) -> None:  # fmt: skip
+    """Give a component's parameter the value that a parameter set has."""
+    component.parameters[name] = value
+    component.given.setdefault(base_name(name), where)
+    if unit is not None:
+        component.units[name] = unit

@@ -33,7 +33,9 @@ def modify(
         if name == "shared" and name not in draft.components:
             draft.share(variable, value, where)
         else:
-            draft.component(name, where).assign(variable, value, name)
+            component = draft.component(name, where)
+            component.assign(variable, value, name)
+            component.given[base_name(variable)] = where
 
 
 def _assignments(

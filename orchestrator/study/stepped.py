@@ -17,6 +17,7 @@ from ..engine.recorder import Recorder
 from ..engine.results import MANIFEST, SERIES, Results, selects
 from ..engine.unwritten import Unwritten
 from ..system.codes import Exit
+from ..system.refusal import told as refused
 from . import stopping
 from .manifest import write_json
 from .options import asked
@@ -68,7 +69,10 @@ def stepped(
             halvings=options.halvings,
         ) as master,
     ):
-        master.initialise()
+        try:
+            master.initialise()
+        except ComponentError as error:
+            raise ComponentError("\n".join(refused(system, str(error)))) from error
         outcome.warnings += changes("when it was initialised")
         ending, began = stopping.watch(master, ends, options.time_limit), time.perf_counter()
         before = 0.0
@@ -125,7 +129,7 @@ def stepped(
             if checkpoints is not None and outcome.status != "completed":
                 checkpoints.save()
         except ComponentError as error:
-            outcome.status, outcome.message = "failed", str(error)
+            outcome.status, outcome.message = "failed", "\n".join(refused(system, str(error)))
         outcome.seconds = before + time.perf_counter() - began
         outcome.steps = master.k
         _add(outcome.warnings, [*changes("while it ran"), *said(master)])

@@ -33,6 +33,8 @@ class DraftComponent:
     """Parameters that are given as other parameters: `gain_matrix = "shared.inertia"`."""
     units: dict[str, Unit] = field(default_factory=dict)
     """Units that values in `parameters` were given in, where they are not the component's own."""
+    given: dict[str, str] = field(default_factory=dict)
+    """Who gave a variable its value: name -> file and key, or option."""
     line: int = 0
     fmu: Path | None = None
     """The file that `source` stands for; None where there is none, and for a bare block."""
@@ -98,7 +100,7 @@ class Draft:
         """The interfaces that are known."""
         return (c.interface for c in self.components.values() if c.interface is not None)
 
-    def share(self, name: str, value: Any, where: str) -> None:
+    def share(self, name: str, value: Any, where: str, key: str = "") -> None:
         """Give a parameter to every component that has it; what is wrong becomes problems."""
         owners = self.having(name)
         if not owners:
@@ -106,11 +108,15 @@ class Draft:
             text = f"no component has a parameter {name}{nearest(name, known)}"
             self.problems.append(f"{where}: shared: {text}")
         for component in owners:
-            self.try_to_assign(component, name, value, where)
+            self.try_to_assign(component, name, value, where, key)
 
-    def try_to_assign(self, component: DraftComponent, name: str, value: Any, where: str) -> None:
-        """Give a component's parameter its value; what is wrong becomes a problem."""
+    def try_to_assign(
+        self, component: DraftComponent, name: str, value: Any, where: str, key: str = ""
+    ) -> None:
+        """Give a component's parameter its value, which stands in `where`, at `key` where that is a
+        file; what is wrong becomes a problem."""
         try:
             component.assign(name, value, f"{where}: {component.name}")
+            component.given[base_name(name)] = f"{where}: {key}" if key else where
         except DesatError as error:
             self.problems.append(str(error))

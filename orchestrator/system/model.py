@@ -60,6 +60,8 @@ class Component:
     connectors: Mapping[str, Connector] = field(default_factory=dict)
     """What an SSD lists of it."""
     line: int = 0
+    given: Mapping[str, str] = field(default_factory=dict, compare=False, repr=False)
+    """Who gave a variable its value: name -> file and key, or option."""
 
 
 @dataclass(frozen=True)

@@ -45,7 +45,7 @@ def resolve(draft: Draft) -> Resolved:
         parameters = _parameters(draft, c, c.interface, problems)
         components[c.name] = Component(
             c.name, c.source, c.interface, parameters, c.fmu, c.decimation, dict(c.connectors),
-            c.line,
+            c.line, dict(c.given),
         )  # fmt: skip
     references = {
         (name, parameter): text

@@ -48,6 +48,7 @@ def check(
     from ...files.trust import notes
     from ...study.case import prepare
     from ...system.interface import base_name
+    from ...system.refusal import told
 
     options = options_of(sets, stop, step, Semantics.conserving, blocks, classes, sources,
                          inner=inner, design=design, trust=trust)  # fmt: skip
@@ -55,8 +56,8 @@ def check(
     checked, schedule = case.checked, case.checked.schedule
     if checked.system is not None and schedule is not None:
         problems, warnings = refusals(checked.system, schedule, options.trusted)
-        checked.problems += problems
-        checked.warnings += warnings
+        checked.problems += told(checked.system, "\n".join(problems))
+        checked.warnings += told(checked.system, "\n".join(warnings))
         checked.notes += notes(checked.system.components.values())
     timing: dict[str, str] = {}
     for connection, when in schedule.timing if schedule else ():

@@ -1,0 +1,66 @@
+"""What components say when they refuse to start, as lines that a user can act on."""
+
+from __future__ import annotations
+
+import re
+from collections import defaultdict
+
+from .interface import base_name
+from .model import Component, System
+
+REFUSES = "BlockError: "
+"""What a block of ours puts before a text of its own; all else is a failure that it did not mean
+(`components/contract/block.py`)."""
+_NAME = re.compile(r"([A-Za-z]\w*)(\[[^\]]*\])?(\s*=(?!=))?")
+
+
+def told(system: System, text: str) -> list[str]:
+    """The lines of a failure, those of refusals with the file, key or option that gave the first
+    variable that they name, and after the text where the others are from.
+
+    What is given once for several components and refused by them all is one line. A component
+    that fails on what a refusing one shows it has nothing to say.
+    """
+    lines = text.splitlines()
+    refusing = {line.partition(": ")[0] for line in lines if REFUSES in line}
+    reached = _reached(system, refusing & set(system.components))
+    result: dict[str, str] = {}
+    for line in lines:
+        name, _, rest = line.partition(": ")
+        component = system.components.get(name)
+        if component is None or REFUSES not in rest:
+            if not (name in reached and name not in refusing):
+                result[line] = line
+            continue
+        said = rest.partition(REFUSES)[2]
+        given, own = _sources(component, said)
+        where = given[0][1] if given else system.where
+        said += "".join(f"; {n} from {at}" for n, at in given[1:] if at != where)
+        said += f"; {' and '.join(own)}: the default" if own else ""
+        result.setdefault(where if given else line, f"{where}: {name}: {said}")
+    return list(result.values())
+
+
+def _reached(system: System, names: set[str]) -> set[str]:
+    """The components that these feed, at first or second hand."""
+    targets: dict[str, set[str]] = defaultdict(set)
+    for c in system.connections:
+        targets[c.source].add(c.target)
+    found: set[str] = set()
+    new = set(names)
+    while new:
+        new = {t for n in new for t in targets[n]} - found
+        found |= new
+    return found
+
+
+def _sources(component: Component, said: str) -> tuple[list[tuple[str, str]], list[str]]:
+    """Each variable that a text names with who gave its value; and those that nobody did."""
+    known = {base_name(n) for n in component.interface.signals}
+    named = [
+        m[1] for m in _NAME.finditer(said)
+        if m[1] in known and (m[2] or m[3] or "_" in m[1] or m.start() == 0)
+    ]  # fmt: skip
+    named = list(dict.fromkeys(named))
+    given = [(n, component.given[n]) for n in named if n in component.given]
+    return given, [n for n in named if n not in component.given]
