@@ -129,8 +129,10 @@ class Dispersion(Table):
         width = max(deviation, 1e-300) * math.sqrt(2)
         low, high = (math.erf((x - mean) / width) for x in self.within)
         if not (inside := (high - low) / 2) >= self.LEAST_INSIDE:
-            raise incomplete(f"within: {100 * inside:.2g} % of normal = {self.normal} is in "
-                             f"{list(self.within)}; {100 * self.LEAST_INSIDE:g} % is needed")  # fmt: skip
+            raise incomplete(
+                f"within: {100 * inside:.2g} % of normal = {self.normal} is in "
+                f"{list(self.within)}; {100 * self.LEAST_INSIDE:g} % is needed"
+            )
         return self
 
 
