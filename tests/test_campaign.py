@@ -3,12 +3,14 @@ with its reason; what comes out says how sure it is."""
 
 from __future__ import annotations
 
+import copy
 import json
 import os
 import signal
 import subprocess
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -118,9 +120,22 @@ def test_latin_hypercube_has_one_case_in_each_stratum(system):
     cases = [drawn(system, 1, i, "latin-hypercube", 50)["wheels.h_start_wheel"] for i in range(50)]
     spec = system.about["dispersions"]["wheels.h_start_wheel"]
     mean, deviation = spec["normal"]
+    low, high = ndtr((np.array(spec["within"]) - mean) / deviation)
     for element in np.array(cases).T:
-        strata = np.floor(50 * ndtr((element - mean) / deviation)).astype(int)
-        assert sorted(strata) == list(range(50))
+        share = (ndtr((element - mean) / deviation) - low) / (high - low)
+        assert sorted(np.floor(50 * share).astype(int)) == list(range(50))
+
+
+def test_a_cut_normal_stays_within_and_leaves_the_other_draws_as_they_were(system):
+    """Draw 33 of seed 1 has a wheel beyond its limit without the cut."""
+    name = "wheels.h_start_wheel"
+    free = replace(system, about=copy.deepcopy(system.about))
+    del free.about["dispersions"][name]["within"]
+    cut, whole = ([drawn(s, 1, i)[name] for i in range(100)] for s in (system, free))
+    changed = [i for i in range(100) if cut[i] != whole[i]]
+    assert changed == [i for i in range(100) if max(map(abs, whole[i])) > 0.02]
+    assert 33 in changed
+    assert np.abs(cut).max() <= 0.02
 
 
 def test_saltelli_has_its_own_counts():

@@ -118,6 +118,10 @@ EVERYWHERE = {
     "derive": ('signals = ["th', 'derive = "eler"\nsignals = ["th', "plots.rate.derive: no eler"),
     "tolerance": ('"2 %"', '"two"', "paper.firing_time.tolerance: got 'two': a width is needed"),
     "number of a row": ('y = "firing_time"', 'y = "fireing"', "paper.firing_time.quantity: no num"),
+    "cut": ("{ direction = 2.0 }", "{ normal = [0.0, 1.0], within = [9.0, 10.0] }",
+            "within: 0 % of normal"),
+    "cut of another kind": ("{ direction = 2.0 }", "{ uniform = [0.0, 1.0], within = [0.0, 1.0] }",
+                            "within goes with normal only"),
     "circle": ("step = 10.0", 'extends = "t"', "extends itself"),
 }  # fmt: skip
 

@@ -6,8 +6,9 @@ A table of the language is a class here, and its keys are the fields.
 
 from __future__ import annotations
 
+import math
 from datetime import datetime
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Any, ClassVar, Literal, Self
 
 from pydantic import AfterValidator, Field, FiniteFloat, model_validator
 
@@ -101,9 +102,13 @@ class Plot(Table):
 class Dispersion(Table):
     """An entry of [dispersions], "component.parameter" or "*.parameter": exactly one kind."""
 
+    LEAST_INSIDE: ClassVar[float] = 0.01
+    """Of what is drawn: with less inside, to draw again until it is would take for ever."""
+
     normal: Annotated[list[FiniteFloat], Field(min_length=2, max_length=2)] = key(
         "each element: [mean, deviation]"
     )
+    within: Range = key("with normal: an element beyond [low, high] is drawn again")
     uniform: Range = key("each element: [low, high]")
     direction: FiniteFloat = key("a vector of random direction and this size")
     attitude: Literal["random"] = key("a quaternion, uniform over all attitudes")
@@ -113,8 +118,21 @@ class Dispersion(Table):
 
     @model_validator(mode="after")
     def _one(self) -> Self:
-        if len(self.model_fields_set) != 1:
-            raise incomplete(f"exactly one of {', '.join(type(self).model_fields)} is needed")
+        kinds = [k for k in type(self).model_fields if k != "within"]
+        if len(self.model_fields_set - {"within"}) != 1:
+            raise incomplete(f"exactly one of {', '.join(kinds)} is needed")
+        if "within" not in self.model_fields_set:
+            return self
+        if "normal" not in self.model_fields_set:
+            raise incomplete("within goes with normal only")
+        mean, deviation = self.normal
+        width = max(deviation, 1e-300) * math.sqrt(2)
+        low, high = (math.erf((x - mean) / width) for x in self.within)
+        if not (inside := (high - low) / 2) >= self.LEAST_INSIDE:
+            raise incomplete(
+                f"within: {100 * inside:.2g} % of normal = {self.normal} is in "
+                f"{list(self.within)}; {100 * self.LEAST_INSIDE:g} % is needed"
+            )
         return self
 
 

@@ -18,6 +18,7 @@ from ..system.parameters import expand
 from . import derived, requirements, stopping
 from .measures import MEASURES, OWN_UNIT, SIZES
 from .numbers import scale
+from .sampling import kind_of
 
 Path = tuple[str, ...]
 
@@ -272,7 +273,8 @@ def _dispersions(data: dict[str, Any], system: Draft) -> Iterator[tuple[Path, st
 def _misfit(
     system: Draft, owner: str, variable: str, elements: list[Signal], spec: dict[str, Any]
 ) -> str:
-    ((kind, given),) = spec.items()
+    kind = kind_of(spec)
+    given = spec[kind]
     wanted = {"signs": len(given) if kind == "signs" else 0, "attitude": 4, "seed": 1}
     if len(elements) != wanted.get(kind, len(elements)):
         return f"{kind}: {variable} has {len(elements)} elements, not {wanted[kind]}"

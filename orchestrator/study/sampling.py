@@ -2,6 +2,7 @@
 
     [dispersions]
     "spacecraft.h_start_body" = { normal = [0.0, 1.3] }      # each element: mean, deviation
+    "wheels.h_start_wheel" = { normal = [0.0, 0.6], within = [-2.0, 2.0] }   # truncated
     "environment.phase" = { uniform = [0.0, 6.283] }         # each element: low, high
     "spacecraft.omega_start_body" = { direction = 0.17 }     # random direction, this size
     "spacecraft.q_start_bi" = { attitude = "random" }        # uniform over all attitudes
@@ -11,7 +12,8 @@
 
 What is drawn depends on seed, draw and name alone, not on the order of the lines; with a sampling
 that spreads its points evenly, also on how many there are (latin-hypercube, saltelli) and on which
-names there are. Seeds are always random.
+names there are. Seeds are always random. An element that comes out beyond `within` is drawn again
+from the same stream, so that draws in which none does are those without a limit.
 """
 
 from __future__ import annotations
@@ -56,12 +58,18 @@ def drawn(
     unit = iter(_points(sampling, seed, count, tuple(names), tuple(sizes))(draw))
     values: dict[str, Any] = {}
     for name, size in zip(names, sizes, strict=True):
-        ((kind, given),) = dispersed(system)[name].items()
-        values[name] = _placed(kind, given, np.array([next(unit) for _ in range(size)]))
+        spec = dispersed(system)[name]
+        values[name] = _placed(spec, np.array([next(unit) for _ in range(size)]))
     return {
         name: values[name] if name in values else _random(system, name, spec, seed, draw)
         for name, spec in dispersed(system).items()
     }
+
+
+def kind_of(spec: Mapping[str, Any]) -> str:
+    """How something is drawn: one of KINDS, or none ("") where not exactly one is given."""
+    found = [key for key in spec if key in KINDS]
+    return found[0] if len(found) == 1 and spec.keys() <= {found[0], "within"} else ""
 
 
 def axes(system: Draft) -> tuple[list[str], list[int]]:
@@ -85,13 +93,17 @@ def _size(system: Draft, name: str) -> int:
 def _random(system: Draft, name: str, spec: dict[str, Any], seed: int, draw: int) -> Any:
     """A value from a stream of its own."""
     size = _size(system, name)
-    if len(spec) != 1 or next(iter(spec)) not in KINDS:
+    if not (kind := kind_of(spec)):
         where = f"{system.where}: dispersions: {name}"
         raise DesatError(f"{where}: one of {', '.join(KINDS)} is needed")
     stream = np.random.default_rng([seed, draw, zlib.crc32(name.encode())])
-    ((kind, given),) = spec.items()
+    given = spec[kind]
     if kind == "normal":
-        return [float(x) for x in stream.normal(given[0], given[1], size)]
+        low, high = spec.get("within", (-np.inf, np.inf))
+        values = stream.normal(given[0], given[1], size)
+        while (beyond := (values < low) | (values > high)).any():
+            values[beyond] = stream.normal(given[0], given[1], beyond.sum())
+        return [float(x) for x in values]
     if kind == "uniform":
         return [float(x) for x in stream.uniform(given[0], given[1], size)]
     if kind == "signs":
@@ -103,11 +115,16 @@ def _random(system: Draft, name: str, spec: dict[str, Any], seed: int, draw: int
     return _directed(kind, given, stream.normal(size=size))
 
 
-def _placed(kind: str, given: Any, unit: NDArray[np.float64]) -> Any:
+def _placed(spec: dict[str, Any], unit: NDArray[np.float64]) -> Any:
     """A value from uniform numbers (size,) in (0, 1)."""
-    from scipy.special import ndtri
+    from scipy.special import ndtr, ndtri
 
+    kind = kind_of(spec)
+    given = spec[kind]
     if kind == "normal":
+        if "within" in spec and given[1]:
+            low, high = ndtr((np.array(spec["within"]) - given[0]) / given[1])
+            unit = low + (high - low) * unit
         return [float(given[0] + given[1] * x) for x in ndtri(unit)]
     if kind == "uniform":
         return [float(given[0] + (given[1] - given[0]) * x) for x in unit]

@@ -155,6 +155,14 @@ class Verbs(CoilVerbs):
         low, high = share["interval"]
         return f"{share['count']} of {share['n']} (of all {low:.0f} to {high:.0f} %)"
 
+    def share_worse(self, scenario: str, other: str, number: str) -> str:
+        """The share of draws whose number is above that of the same draw of another scenario, with
+        its interval; of those that both have."""
+        pairs = list(zip(self.drawn(scenario, number), self.drawn(other, number), strict=False))
+        count = sum(a > b for a, b in pairs)
+        low, high = cells.clopper_pearson(count, len(pairs))
+        return f"{count} of {len(pairs)} (of all {low:.0f} to {high:.0f} %)"
+
     def missed(self) -> list[dict[str, Any]]:
         """The paper's cells that have no band and are not tuned, but a remark: nothing reproduces
         them."""
