@@ -72,6 +72,14 @@ class Stepping(StrEnum):
     python = "python"
 
 
+class Isolated(StrEnum):
+    """Which FMUs run in processes of their own."""
+
+    all = "all"
+    foreign = "foreign"
+    none = "none"
+
+
 class FmuKind(StrEnum):
     """Which of our FMUs run."""
 
