@@ -11,6 +11,7 @@ import signal
 import stat
 import subprocess
 import sys
+import tempfile
 import time
 import zipfile
 from pathlib import Path
@@ -347,6 +348,26 @@ def test_folders_of_dead_processes_are_swept(system, tmp_path):
     assert not Path(made.stdout.strip()).exists()
 
 
+def test_what_is_left_of_a_removal_is_swept(tmp_path, monkeypatch):
+    """A folder without its lock, once it is old; nobody else's; nor one where Python FMUs do not
+    find themselves."""
+    folders = {"desat-01234567": "0" * 20, "desat-76543210": "mine", "desat-89abcdef": "f" * 20}
+    for name, entry in folders.items():
+        (tmp_path / name / entry).mkdir(parents=True)
+        if name != "desat-89abcdef":
+            os.utime(tmp_path / name, (0, 0))
+    library._root.cache_clear()
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    library._root()
+    assert sorted(p.name for p in tmp_path.iterdir() if p != library._root()) == [
+        "desat-76543210", "desat-89abcdef"]  # fmt: skip
+    library._root.cache_clear()
+    (tmp_path / "ö").mkdir()
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "ö"))
+    assert library._root().parent == Path("/tmp")
+    library._root.cache_clear()
+
+
 @pytest.mark.skipif(sys.platform != "linux", reason="needs /proc")
 def test_many_runs_in_one_process_leave_nothing():
     """`python -m benchmarks.soak` makes a thousand."""
@@ -359,12 +380,13 @@ def test_many_runs_in_one_process_leave_nothing():
 
 @pytest.mark.parametrize(
     ("environment", "folder"),
-    [({"LC_ALL": "C", "PYTHONUTF8": "0"}, "plain"), ({"LC_ALL": "C.UTF-8"}, "Größe und Maß"),
-     ({"HOME": None, "USER": None}, "a b c")],
+    [({"LC_ALL": "C", "PYTHONUTF8": "0"}, "Größe"), ({"LC_ALL": "C.UTF-8"}, "Größe und Maß"),
+     ({"HOME": "/dev/null", "USER": None}, "a b c")],
     ids=str,
 )  # fmt: skip
 def test_two_at_once_wherever_they_run(tmp_path, environment, folder):
-    """Any locale, no home directory, paths with spaces and umlauts; a folder each."""
+    """Any locale, no home directory that can be written, paths with spaces and umlauts; a folder
+    each."""
     place, temporary = tmp_path / folder, tmp_path / "tmp"
     for new in (place, temporary):
         new.mkdir()
@@ -381,9 +403,12 @@ def test_two_at_once_wherever_they_run(tmp_path, environment, folder):
         assert (process.returncode, error) == (0, "")
     made = sorted(place.glob("runs/*/report.html"))
     assert [p.parent.name for p in made] == ["nadir_day-day-dipole", "nadir_day-day-dipole-2"]
+    loops = [json.loads((p.parent / "manifest.json").read_text())["loop"]["name"] for p in made]
+    assert loops == ["compiled", "compiled"]
     series = [Results.open(p.parent) for p in made]
     assert len({r.values("wheels.h_wheel").tobytes() for r in series}) == 1
-    assert list(temporary.iterdir()) == []
+    left = [p.name for p in temporary.iterdir()]
+    assert left == ([f"desat-cache-{os.getuid()}"] if "HOME" in environment else [])
 
 
 # --- no room ------------------------------------------------------------------------------------
