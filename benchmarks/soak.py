@@ -1,8 +1,11 @@
-"""Many short runs in one process: do handles, memory and temporary files stay what they are?
+"""Many short runs in one process, or one of very many steps: do handles, memory and temporary files
+stay what they are?
 
 `python -m benchmarks.soak [RUNS]` (1000) prints a line a tenth of them. Runs are in memory, into a
 folder, and in processes of their own, in turn; of native FMUs, and each tenth one of Python FMUs,
-of which pythonfmu is known to keep 8 kB an instance.
+of which pythonfmu is known to keep 8 kB an instance. `python -m benchmarks.soak steps [STEPS]`
+(10,000,000) makes one run of so many steps, which records two outputs at each, and prints a line a
+tenth of them.
 """
 
 from __future__ import annotations
@@ -11,13 +14,19 @@ import os
 import shutil
 import sys
 import tempfile
+import threading
+import time
 from collections.abc import Iterator
 from pathlib import Path
 
+from desat.engine.results import Results
 from desat.files import library
 from desat.study.case import Options, execute
 
 TARGET = "nadir_day/day-dipole"
+LONG = "gyrostat/free"
+ROW = 8 * (1 + 3)
+"""Bytes on the disk of a row of the long run: time and three momenta."""
 
 
 def used() -> dict[str, int]:
@@ -43,9 +52,32 @@ def runs(count: int, python: bool = True) -> Iterator[dict[str, int]]:
                 yield {"runs": i + 1, **used()}
 
 
+def steps(count: int) -> Iterator[dict[str, int]]:
+    """One run of so many steps, in another thread; what is used after each tenth of them."""
+    step = 0.01
+    options = Options(step=step, stop=step * count, record=("wheels.h_wheel",))
+    with tempfile.TemporaryDirectory() as folder:
+        place = Path(folder) / "run"
+        thread = threading.Thread(target=execute, args=(LONG, options, place), daemon=True)
+        thread.start()
+        part, said = place / "series.h5.part", 0
+        while thread.is_alive():
+            time.sleep(0.2)
+            done = part.stat().st_size // ROW if part.exists() else 0
+            if done >= said + count // 10:
+                said = done
+                yield {"rows_on_disk": done, **used()}
+        thread.join()
+        with Results.open(place) as results:
+            yield {"rows_on_disk": len(results.times()), **used()}
+
+
 def main() -> None:
     """As many as the command line says."""
-    for line in runs(int(sys.argv[1]) if len(sys.argv) > 1 else 1000):
+    given = sys.argv[1:]
+    long = given[:1] == ["steps"]
+    count = int(given[-1]) if given[long:] else (10_000_000 if long else 1000)
+    for line in steps(count) if long else runs(count):
         print(line, flush=True)
 
 

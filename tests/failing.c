@@ -2,6 +2,7 @@
 #define _GNU_SOURCE
 #include <fenv.h>
 #include <locale.h>
+#include <math.h>
 #include <signal.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -14,7 +15,7 @@ struct callbacks { logger *log; void *allocate, *release, *finished, *environmen
 static struct { int how; double t, y; struct callbacks callbacks; char name[64]; } me;
 
 enum { NOTHING, SEGFAULT, ABORT, KILL, EXIT_0, EXIT_3, HANG, OVERFLOW, IN_FREE, IN_START, IN_EXIT,
-       CHDIR, ROUNDING, LOCALE, HANDLER, PRINT, LOG, STEP_ERROR, SLOW, DISCARD };
+       CHDIR, ROUNDING, LOCALE, HANDLER, PRINT, LOG, STEP_ERROR, SLOW, DISCARD, NOT_FINITE };
 
 static int recurse(int n) { volatile char big[65536]; big[n & 65535] = 1; return recurse(n + 1) + big[0]; }
 
@@ -72,6 +73,7 @@ int fmi2DoStep(component c, double t, double dt, int no)
     if (me.how == PRINT) printf("{not json}\n"), fflush(stdout);
     if (t < 2.5) return 0;
     ruin(me.how);
+    if (me.how == NOT_FINITE) me.y = NAN;
     if (me.how == CHDIR && chdir("/")) return 3;
     if (me.how == ROUNDING) fesetround(FE_UPWARD);
     if (me.how == LOCALE) setlocale(LC_ALL, strcmp(setlocale(LC_ALL, 0), "C") ? "C" : "C.UTF-8");

@@ -87,7 +87,7 @@ HELD = "signal = 'manager.mode'\nreaches = 1\nheld = 7.0"
 
 @pytest.mark.parametrize(
     "more",
-    [{}, {"loop": "python", "fmus": "python"}, {"blocks": True}, {"algorithm": "jacobi"},
+    [{}, {"fmus": "python", "isolate": "all"}, {"blocks": True}, {"algorithm": "jacobi"},
      {"inner": 3, "every": 4}],
     ids=str,
 )  # fmt: skip

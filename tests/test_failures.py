@@ -11,6 +11,7 @@ import signal
 import stat
 import subprocess
 import sys
+import tempfile
 import time
 import zipfile
 from pathlib import Path
@@ -88,12 +89,15 @@ def system(tmp_path, binary) -> Path:
 
 
 def options(how: str, **more: object) -> Options:
-    return Options(sets=[f"bad.how={HOW.index(how)}"], step=1.0, supervised=True, **more)
+    """In the process that steps, which is watched, unless more is said."""
+    more = {"supervised": True, "isolate": "none", **more}
+    return Options(sets=[f"bad.how={HOW.index(how)}"], step=1.0, **more)
 
 
 # --- a component that ends the process ----------------------------------------------------------
 
 CALL = "bad: the step from t = 3 s ended the process: "
+ALONE = CALL.replace("the process", "its process")
 
 
 @pytest.mark.parametrize(
@@ -119,8 +123,53 @@ def test_the_command_reports_a_crash(apart, system, tmp_path):
                    "--out", str(tmp_path / "out"))  # fmt: skip
     assert result.returncode == Exit.COMPONENT
     (line,) = [x for x in result.stderr.splitlines() if "exit(0)" in x]
-    assert line == f"failed: {CALL}exit(0); 3 rows are kept"
+    assert line == f"failed: {ALONE}exit(0)"
     assert (tmp_path / "out" / "report.html").exists()
+
+
+@pytest.mark.parametrize("supervised", [True, False])
+def test_an_isolated_component_ends_alone(system, tmp_path, supervised):
+    """Of two components one ends its process: the run has its last row, the other is freed."""
+    two = (system / "SystemStructure.ssd").read_text()
+    one = two[two.index("<ssd:Component ") : two.index("</ssd:Elements>")]
+    two = two.replace(one, one + one.replace('"bad"', '"good"'))
+    (system / "SystemStructure.ssd").write_text(two)
+    for how, text, code, last in (
+        ("SEGFAULT", f"{ALONE}SIGSEGV", Exit.COMPONENT, 3.0),
+        ("EXIT_0", f"{ALONE}exit(0)", Exit.COMPONENT, 3.0),
+        ("EXIT_3", f"{ALONE}exit(3)", Exit.COMPONENT, 3.0),
+        ("HANG", "bad: the step from t = 3 s did not return within 0.5 s", Exit.TIMEOUT, 3.0),
+        ("STEP_ERROR", "bad: the step from t = 3 s returned error", Exit.COMPONENT, 3.0),
+        ("NOT_FINITE", "bad.y = nan at t = 4 s", Exit.COMPONENT, 3.0),
+        ("IN_FREE", "bad: freeing it ended its process: SIGSEGV, after the run", 4, 10.0),
+        ("IN_START", "bad: entering initialisation ended its process: SIGSEGV", 4, None),
+        ("ROUNDING", "", Exit.COMPLETED, 10.0),
+    ):
+        given = options(how, call_limit=0.5, isolate="foreign", supervised=supervised)
+        if last is None:
+            with pytest.raises(RunError) as error:
+                simulate(prepare(str(system), given), tmp_path / how)
+            assert (str(error.value), error.value.code) == (text, code)
+        else:
+            run = simulate(prepare(str(system), given), tmp_path / how)
+            assert (run.manifest["message"], run.code) == (text, code)
+            assert run.results.values("good.y").tolist() == run.results.times().tolist()
+            assert run.results.times()[-1] == last
+        with pytest.raises(ChildProcessError):
+            os.waitpid(-1, os.WNOHANG)
+    (warning,) = [w for w in run.manifest["warnings"] if "rounding" in w]
+    assert warning.startswith("bad: it changed the rounding mode of its process")
+
+
+def test_isolated_runs_have_the_same_bits(tmp_path):
+    """Also where they go on from a checkpoint."""
+    found = []
+    for isolate in ("none", "all"):
+        given = Options(stop=20.0, isolate=isolate, supervised=True)
+        results = simulate(prepare("gyrostat/free", given), tmp_path / isolate).results
+        found.append({n: results.values(n).tobytes() for n in results.names()})
+    assert found[0] == found[1]
+    assert len(found[0]) > 10
 
 
 def test_many_rows_survive_a_crash(system, tmp_path, monkeypatch):
@@ -201,7 +250,7 @@ def test_a_crash_among_draws_is_named(desat, system):
     assert result.returncode == Exit.COMPONENT, result.stderr
     assert "Traceback" not in result.stderr
     for draw in range(3):
-        assert f"draw {draw}: failed: {CALL}" in result.stderr
+        assert f"draw {draw}: failed: {ALONE}" in result.stderr
 
 
 def test_a_crash_in_a_sweep_is_named(system):
@@ -209,10 +258,10 @@ def test_a_crash_in_a_sweep_is_named(system):
     well, badly = sweep(str(system), axes, Options(step=1.0), 1)["points"]
     assert well["status"] == "completed"
     assert badly["code"] == Exit.COMPONENT
-    assert badly["message"] == f"{CALL}SIGSEGV; 3 rows are kept"
+    assert badly["message"] == f"{ALONE}SIGSEGV"
     with pytest.raises(RunError) as error:
         sweep(str(system), {"bad.how": [HOW.index("IN_START")]}, Options(step=1.0), 1)
-    text = f"{system}: bad: entering initialisation ended the process: SIGSEGV"
+    text = f"{system}: bad: entering initialisation ended its process: SIGSEGV"
     assert (str(error.value), error.value.code) == (text, Exit.COMPONENT)
 
 
@@ -300,6 +349,26 @@ def test_folders_of_dead_processes_are_swept(system, tmp_path):
     assert not Path(made.stdout.strip()).exists()
 
 
+def test_what_is_left_of_a_removal_is_swept(tmp_path, monkeypatch):
+    """A folder without its lock, once it is old; nobody else's; nor one where Python FMUs do not
+    find themselves."""
+    folders = {"desat-01234567": "0" * 20, "desat-76543210": "mine", "desat-89abcdef": "f" * 20}
+    for name, entry in folders.items():
+        (tmp_path / name / entry).mkdir(parents=True)
+        if name != "desat-89abcdef":
+            os.utime(tmp_path / name, (0, 0))
+    library._root.cache_clear()
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    library._root()
+    assert sorted(p.name for p in tmp_path.iterdir() if p != library._root()) == [
+        "desat-76543210", "desat-89abcdef"]  # fmt: skip
+    library._root.cache_clear()
+    (tmp_path / "ö").mkdir()
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "ö"))
+    assert library._root().parent == Path("/tmp")
+    library._root.cache_clear()
+
+
 @pytest.mark.skipif(sys.platform != "linux", reason="needs /proc")
 def test_many_runs_in_one_process_leave_nothing():
     """`python -m benchmarks.soak` makes a thousand."""
@@ -312,12 +381,13 @@ def test_many_runs_in_one_process_leave_nothing():
 
 @pytest.mark.parametrize(
     ("environment", "folder"),
-    [({"LC_ALL": "C", "PYTHONUTF8": "0"}, "plain"), ({"LC_ALL": "C.UTF-8"}, "Größe und Maß"),
-     ({"HOME": None, "USER": None}, "a b c")],
+    [({"LC_ALL": "C", "PYTHONUTF8": "0"}, "Größe"), ({"LC_ALL": "C.UTF-8"}, "Größe und Maß"),
+     ({"HOME": "/dev/null", "USER": None}, "a b c")],
     ids=str,
 )  # fmt: skip
 def test_two_at_once_wherever_they_run(tmp_path, environment, folder):
-    """Any locale, no home directory, paths with spaces and umlauts; a folder each."""
+    """Any locale, no home directory that can be written, paths with spaces and umlauts; a folder
+    each."""
     place, temporary = tmp_path / folder, tmp_path / "tmp"
     for new in (place, temporary):
         new.mkdir()
@@ -334,9 +404,12 @@ def test_two_at_once_wherever_they_run(tmp_path, environment, folder):
         assert (process.returncode, error) == (0, "")
     made = sorted(place.glob("runs/*/report.html"))
     assert [p.parent.name for p in made] == ["nadir_day-day-dipole", "nadir_day-day-dipole-2"]
+    loops = [json.loads((p.parent / "manifest.json").read_text())["loop"]["name"] for p in made]
+    assert loops == ["compiled", "compiled"]
     series = [Results.open(p.parent) for p in made]
     assert len({r.values("wheels.h_wheel").tobytes() for r in series}) == 1
-    assert list(temporary.iterdir()) == []
+    left = [p.name for p in temporary.iterdir()]
+    assert left == ([f"desat-cache-{os.getuid()}"] if "HOME" in environment else [])
 
 
 # --- no room ------------------------------------------------------------------------------------

@@ -11,9 +11,9 @@ import zipfile
 from collections.abc import Hashable
 from dataclasses import replace
 from pathlib import Path
-from tempfile import mkdtemp
 from typing import Any, Self
 
+from ..files import library
 from ..study.workers import Lost
 from ..system.codes import Exit
 from ..system.errors import DesatError, RunError
@@ -58,7 +58,7 @@ def shipped(target: str) -> bytes | None:
 def keep(plan: Plan, data: bytes) -> None:
     """On a worker: keep a system that is a file for the cases to come."""
     if plan.digest not in _shipped:
-        folder = Path(mkdtemp(prefix="desat-campaign-"))
+        folder = library.scratch("run-campaign")
         with zipfile.ZipFile(io.BytesIO(data)) as archive:
             archive.extractall(folder)
         _shipped[plan.digest] = str(folder / Path(plan.target).name)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import json
 import os
 import sys
@@ -25,6 +26,11 @@ for _number, _name in ((1, "stdout"), (2, "stderr")):
     if getattr(sys, _name) is None:
         os.dup2(os.open(os.devnull, os.O_WRONLY), _number)
         setattr(sys, _name, open(_number, "w", encoding="utf-8", closefd=False))  # noqa: SIM115
+
+# a path may have characters that the locale has not
+for _stream in (sys.stdout, sys.stderr):
+    if isinstance(_stream, io.TextIOWrapper):
+        _stream.reconfigure(errors="backslashreplace")
 
 EPILOG = "Exit codes: " + "; ".join(f"{e.value} {e.meaning}" for e in Exit) + "."
 
@@ -70,6 +76,14 @@ class Stepping(StrEnum):
 
     compiled = "compiled"
     python = "python"
+
+
+class Isolated(StrEnum):
+    """Which FMUs run in processes of their own."""
+
+    all = "all"
+    foreign = "foreign"
+    none = "none"
 
 
 class FmuKind(StrEnum):

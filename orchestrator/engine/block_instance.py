@@ -97,6 +97,9 @@ class BlockInstance:
         values.clear()
         values.update({name: _frozen(x) for name, x in json.loads(state).items()})
 
+    def look(self) -> None:
+        pass
+
     def close(self) -> None:
         pass
 

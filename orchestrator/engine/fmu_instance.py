@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import atexit
 import ctypes
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from functools import cache, partial
 from pathlib import Path
 from typing import Any
@@ -92,6 +92,17 @@ def _callbacks() -> fmi2CallbackFunctions:
     return made
 
 
+def _last(name: str, messages: Sequence[str]) -> str:
+    said = messages[-1] if messages else ""
+    return f": {said.removeprefix(f'{name}: ')}" if said else ""  # so our adapter begins
+
+
+def failure(name: str, what: str, status: int, messages: Sequence[str]) -> ComponentError:
+    """The error for a status, with what the component has said last."""
+    of = _STATUS[status] if 0 <= status < len(_STATUS) else str(status)
+    return ComponentError(f"{name}: {what} returned {of}{_last(name, messages)}")
+
+
 class FmuInstance:
     """An FMI 2.0 co-simulation FMU."""
 
@@ -118,13 +129,10 @@ class FmuInstance:
         self._library.instances += 1
 
     def _said(self) -> str:
-        said = self.messages[-1] if self.messages else ""
-        prefix = f"{self.name}: "  # our adapter begins with the instance name
-        return f": {said.removeprefix(prefix)}" if said else ""
+        return _last(self.name, self.messages)
 
     def failed(self, what: str, status: int) -> ComponentError:
-        name = _STATUS[status] if 0 <= status < len(_STATUS) else str(status)
-        return ComponentError(f"{self.name}: {what} returned {name}{self._said()}")
+        return failure(self.name, what, status, self.messages)
 
     def _call(self, name: str, *arguments: Any) -> None:
         try:
@@ -243,6 +251,9 @@ class FmuInstance:
             self._call("fmi2SetFMUstate", made)
         finally:
             self._call("fmi2FreeFMUstate", ctypes.byref(made))
+
+    def look(self) -> None:
+        pass
 
     def close(self) -> None:
         if self._c:

@@ -10,9 +10,10 @@ import signal
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from .master import Master
+if TYPE_CHECKING:
+    from .master import Master
 
 _HANDLERS = "signal handlers"
 _HANDLER = 512
@@ -26,7 +27,9 @@ _FULL = {
 
 
 @contextmanager
-def kept() -> Iterator[Callable[..., list[str]]]:
+def kept(
+    who: str = "a component", whose: str = "the process"
+) -> Iterator[Callable[..., list[str]]]:  # fmt: skip
     """Within: a function that puts the process back as it was at the beginning, and gives a line
     for each thing that was changed; without `handlers`, where signals have handlers of ours, all
     but those."""
@@ -37,7 +40,7 @@ def kept() -> Iterator[Callable[..., list[str]]]:
         for name, (get, put) in _STATE.items():
             if (handlers or name != _HANDLERS) and get() != before[name]:
                 put(before[name])
-                lines.append(f"a component changed the {name} of the process {when}; put back")
+                lines.append(f"{who} changed the {name} of {whose} {when}; put back")
         return lines
 
     try:
@@ -109,6 +112,8 @@ _STATE: dict[str, tuple[Callable[[], Any], Callable[[Any], Any]]] = {
 
 def said(master: Master) -> list[str]:
     """A line for each message that the components of a run have logged."""
+    for member in master.members.values():
+        member.instance.look()
     lines = [
         f"{name}: {text}"
         for name, member in master.members.items() for text in member.instance.messages

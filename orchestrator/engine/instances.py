@@ -2,7 +2,8 @@
 
 The master fills `inputs[kind]`, calls `push`, `step`, `pull`, and has the outputs in the arrays
 that it gave to `wire`; the arrays stay the same objects from then on, so nothing is allocated in a
-step. `fmu_instance.py` is an FMU through prepared ctypes calls, `block_instance.py` the bare block.
+step. `fmu_instance.py` is an FMU through prepared ctypes calls, `isolated.py` one in a process of
+its own, `block_instance.py` the bare block.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ from numpy.typing import NDArray
 
 from desat.components.contract.block import Scalar
 
-from ..system.errors import DesatError
+from ..system.errors import DesatError, RunError
 from ..system.interface import Kind, Signal
 
 Array = NDArray[Any]
@@ -25,6 +26,10 @@ DTYPE: dict[Kind, Any] = {"Real": np.float64, "Integer": np.int32, "Boolean": np
 
 class ComponentError(DesatError):
     """A component failed while it ran."""
+
+
+class EndedError(ComponentError, RunError):
+    """A component ended the process that it has of its own, or was ended with it."""
 
 
 class Clock:
@@ -79,6 +84,10 @@ class Instance(Protocol):
     def restore(self, state: bytes) -> None:
         """Go on from a state that `save` gave, in a process like that one. Raises ComponentError
         for one that is not of this component."""
+
+    def look(self) -> None:
+        """Of one in a process of its own: add to `messages` what the component has changed there,
+        which is put back."""
 
     def close(self) -> None:
         """Free the component. May be called at any time, also twice."""

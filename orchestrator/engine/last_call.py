@@ -8,6 +8,8 @@ from __future__ import annotations
 
 import ctypes
 import mmap
+import os
+import signal
 from collections.abc import Sequence
 
 VERBS = ("", "instantiating it", "entering initialisation", "leaving initialisation",
@@ -40,7 +42,18 @@ def named(order: Sequence[str]) -> tuple[str, str]:
     place, verb = divmod(word[0], PLACE)
     if not verb:
         return "", ""
-    text = VERBS[verb]
+    return order[place], told(verb)
+
+
+def told(verb: int) -> str:
+    """A call in words."""
     if verb in (PUSH, STEP, PULL, SAVE):
-        text += f"{' from' if verb == STEP else ' at'} t = {time[0]:g} s"
-    return order[place], text
+        return f"{VERBS[verb]}{' from' if verb == STEP else ' at'} t = {time[0]:g} s"
+    return VERBS[verb]
+
+
+def how(status: int) -> str:
+    """How a process ended, of the status that the system gives: `SIGSEGV`, `exit(3)`."""
+    if os.WIFSIGNALED(status):
+        return signal.Signals(os.WTERMSIG(status)).name
+    return f"exit({os.WEXITSTATUS(status)})"

@@ -20,8 +20,9 @@ state outputs when all have stepped.
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from functools import partial
+from math import inf
 from types import TracebackType
 from typing import Any, Literal, Self
 
@@ -36,7 +37,8 @@ from ..system.rates import Rates, graded
 from ..system.schedule import Schedule
 from .block_instance import BlockInstance
 from .fmu_instance import FmuInstance
-from .instances import Array, ComponentError, Instance
+from .instances import Array, ComponentError, EndedError, Instance
+from .isolated import IsolatedInstance
 from .last_call import ENTER, EXIT, FREE, INSTANTIATE, PLACE, PULL, PUSH, time, word
 from .member import Member, Outputs, Slot
 from .plan import Plan
@@ -57,7 +59,8 @@ class Master:
     """A running system. Use it as a context manager: leaving it frees the components.
     `watched` chooses the outputs that are read although nothing is connected to them:
     a function of component name and signal; default all. `halvings`: a step that a foreign FMU
-    discards is made in halves, quarters and so on, so many times at most.
+    discards is made in halves, quarters and so on, so many times at most. `isolated`: the FMUs
+    that run in processes of their own, each call of which may take `limit` s.
     """
 
     def __init__(
@@ -68,6 +71,8 @@ class Master:
         algorithm: Algorithm = "conserving",
         watched: Callable[[str, Signal], bool] = lambda component, signal: True,
         halvings: int = 0,
+        isolated: Collection[str] = (),
+        limit: float = inf,
     ) -> None:
         if algorithm not in ALGORITHMS:
             raise DesatError(f"algorithm {algorithm}: there is {', '.join(ALGORITHMS)}")
@@ -77,21 +82,30 @@ class Master:
         """Of the row of a step, before its number."""
         self.start, self.step_size, self.k = system.start, system.step, 0
         self.members: dict[str, Member] = {}
+        self.unfreed: list[EndedError] = []
+        """Of components that ended their process when they were freed."""
         self._rates = schedule.rates
         if not self._conserving:
             every = {name: c.decimation for name, c in system.components.items()}
             self._rates = Rates(graded(1), every, frozenset())
         try:
-            for i, name in enumerate(schedule.order):
-                word[0] = PLACE * i + INSTANTIATE
-                instance = instance_for(system.components[name])
-                instance.place = PLACE * i
-                self.members[name] = self._member(system.components[name], instance, watched)
+            places = {name: PLACE * i for i, name in enumerate(schedule.order)}
+            for name in sorted(places, key=lambda n: n not in isolated):  # before others are there
+                word[0], component = places[name] + INSTANTIATE, system.components[name]
+                instance: Instance
+                if name in isolated and component.fmu is not None:
+                    instance = IsolatedInstance(component, library.load(component.fmu), limit)
+                else:
+                    instance = instance_for(component)
+                instance.place = places[name]
+                self.members[name] = self._member(component, instance, watched)
+            self.members = {name: self.members[name] for name in schedule.order}
             self._outputs = Outputs(self.members.values())
             self._plan = Plan(self.members, self._outputs, self._rates, self._conserving)
             self._wire()
             for member in self.members.values() if halvings else ():
-                if isinstance(member.instance, FmuInstance) and not member.component.interface.role:
+                foreign = not member.component.interface.role
+                if foreign and isinstance(member.instance, FmuInstance | IsolatedInstance):
                     member.instance.halve(halvings)
         except BaseException:
             self.close()
@@ -115,7 +129,10 @@ class Master:
         """Free all components."""
         for member in self.members.values():
             word[0] = member.instance.place + FREE
-            member.instance.close()
+            try:
+                member.instance.close()
+            except EndedError as error:
+                self.unfreed.append(error)
         word[0] = 0
         self.members.clear()
 
@@ -287,6 +304,8 @@ def _each(calls: Iterable[Callable[[], None]]) -> None:
     for call in calls:
         try:
             call()
+        except EndedError:
+            raise
         except ComponentError as error:
             failures.append(str(error))
     if failures:

@@ -9,6 +9,7 @@ from typing import Any, cast
 import numpy as np
 
 from .fmu_instance import FmuInstance
+from .isolated import IsolatedInstance
 from .operations import Call, Cut, Gather, Join, Length, Operation, Show, Step, Tick
 
 _CODES = ("TICK", "LENGTH", "TAKE_8", "TAKE_4", "CONVERT", "TRANSFER", "STEP", "COPY", "CLEAR",
@@ -116,6 +117,8 @@ def _gather(g: Gather) -> _Row:
 
 def _calls(call: Call) -> Iterator[_Row]:
     instance = call.instance
+    if isinstance(instance, IsolatedInstance):
+        raise NotCompiledError(f"{instance.name} runs in a process of its own")
     if not isinstance(instance, FmuInstance):
         raise NotCompiledError(f"{instance.name} is not run as an FMU")
     if call.verb not in instance.prepared:

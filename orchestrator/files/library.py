@@ -5,8 +5,11 @@ from __future__ import annotations
 import atexit
 import hashlib
 import os
+import re
 import shutil
+import sys
 import tempfile
+import time
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -23,6 +26,12 @@ from .contents import contents, regular
 from .fmu import of_fmu
 
 _PREFIX, _LOCK = "desat-", ".lock"
+_NAME, _OURS = re.compile(r"desat-[a-z0-9_]{8}"), re.compile(r"[0-9a-f]{20}|(run-|tmp).*")
+"""What a temporary folder of a process is called, and what is in it beside its lock."""
+_LEFT = 3600.0
+"""One without a lock, which a process makes at once, is left from one that was killed while it
+removed it, after so long (s)."""
+_ELSEWHERE = ("/tmp", "/var/tmp")
 
 
 @dataclass(frozen=True)
@@ -38,35 +47,66 @@ class Fmu:
 @cache
 def _root() -> Path:
     """The temporary folder of this process; those of dead ones are removed."""
-    folder = Path(tempfile.mkdtemp(prefix=_PREFIX))
+    usual = tempfile.gettempdir()
+    for parent in (usual, *(x for x in _ELSEWHERE if os.access(x, os.W_OK | os.X_OK))):
+        if _plain(Path(parent)):
+            break
+    else:
+        raise DesatError(
+            f"{usual}: FMUs cannot be extracted to a path with such characters; set TMPDIR to "
+            "another folder"
+        )
+    folder = Path(tempfile.mkdtemp(prefix=_PREFIX, dir=parent))
     lock = FileLock(folder / _LOCK)
     lock.acquire()
     atexit.register(_remove, folder, lock, os.getpid())
-    for other in folder.parent.glob(f"{_PREFIX}*/{_LOCK}"):
-        _sweep(other)
-    if "%" in folder.as_uri().replace("%20", ""):
-        raise DesatError(
-            f"{folder}: FMUs cannot be extracted to a path with such characters; set TMPDIR to "
-            "another folder"
-        )
+    for other in folder.parent.glob(f"{_PREFIX}*"):
+        if other != folder and _NAME.fullmatch(other.name):
+            _sweep(other)
     return folder
+
+
+def _plain(folder: Path) -> bool:
+    """Whether FMUs of Python find themselves there: pythonfmu knows no other `%20` of a URI."""
+    return "%" not in folder.absolute().as_uri().replace("%20", "")
 
 
 def _remove(folder: Path, lock: FileLock, process: int) -> None:
     if os.getpid() == process:  # not one that was forked from it
+        _remove_all(folder)
         lock.release()
-        shutil.rmtree(folder, ignore_errors=True)
+        shutil.rmtree(folder, ignore_errors=True)  # where an open file cannot be removed
 
 
-def _sweep(lock: Path) -> None:
-    """Remove a temporary folder that no process holds any more."""
-    if not os.access(lock, os.W_OK):
-        return  # of another user
+def _sweep(folder: Path) -> None:
+    """Remove a temporary folder that no process holds any more, also what another process left
+    of one that it was removing when it was killed."""
+    lock = folder / _LOCK
     try:
+        if folder.stat().st_uid != _user() or not folder.is_dir():
+            return
+        if not lock.exists():
+            old = time.time() - folder.stat().st_mtime > _LEFT
+            if old and all(_OURS.fullmatch(x.name) for x in folder.iterdir()):
+                shutil.rmtree(folder, ignore_errors=True)
+            return
         with FileLock(lock, timeout=0):
-            shutil.rmtree(lock.parent, ignore_errors=True)
+            _remove_all(folder)
     except (Timeout, OSError):
         pass
+
+
+def _user() -> int:
+    return os.getuid() if sys.platform != "win32" else 0
+
+
+def _remove_all(folder: Path) -> None:
+    """Remove a temporary folder, its lock last: who is killed meanwhile leaves one that is known
+    by it."""
+    for entry in folder.glob("*"):
+        if entry.is_dir() and not entry.is_symlink():
+            shutil.rmtree(entry, ignore_errors=True)
+    shutil.rmtree(folder, ignore_errors=True)
 
 
 def scratch(name: str) -> Path:

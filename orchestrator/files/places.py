@@ -4,13 +4,18 @@ In a checkout all is in its folders: ssp/, fmus/dist/, ssp/dist/, docs/papers/. 
 brings scenarios and draws below the package and keeps what it builds, FMUs and packed systems, in
 the user's cache, in a folder named after version and contents of what they are made of; nothing is
 written beside the package. What `desat list` has found is in the user's cache, too, in `lists`.
-`DESAT_CACHE` names another folder than the user's usual one.
+`DESAT_CACHE` names another folder than the user's usual one; who has none that he can write gets
+one below the temporary folder.
 """
 
 from __future__ import annotations
 
 import os
+import stat
+import sys
+import tempfile
 from collections.abc import Iterable
+from contextlib import suppress
 from functools import cache as memoised
 from pathlib import Path
 
@@ -22,6 +27,8 @@ INSTALLED = (PACKAGE / "ssp").is_dir()
 
 SCENARIOS = PACKAGE / "ssp" if INSTALLED else PACKAGE.parent / "ssp"
 DRAWS = PACKAGE / "papers" if INSTALLED else PACKAGE.parent / "docs" / "papers"
+
+_TEMPORARY = "desat-cache-"
 
 
 def fmus() -> Path:
@@ -49,11 +56,36 @@ def shown(path: Path) -> str:
 
 
 def cache() -> Path:
-    """The folder of desat in the user's cache."""
+    """The folder of desat in the user's cache; for a user who can write none, a temporary one."""
+    if given := os.environ.get("DESAT_CACHE"):
+        return Path(given).absolute()
+    return _users()
+
+
+def _user() -> int:
+    return os.getuid() if sys.platform != "win32" else 0
+
+
+def _users() -> Path:
     from platformdirs import user_cache_path
 
-    root = Path(os.environ.get("DESAT_CACHE") or user_cache_path("desat", appauthor=False))
-    return root.absolute()
+    usual = user_cache_path("desat", appauthor=False).absolute()
+    there = next((p for p in (usual, *usual.parents) if p.exists()), usual)
+    if sys.platform == "win32" or (there.is_dir() and os.access(there, os.W_OK | os.X_OK)):
+        return usual
+    own = Path(tempfile.gettempdir()) / f"{_TEMPORARY}{_user()}"
+    with suppress(OSError):
+        own.mkdir(mode=0o700, exist_ok=True)
+        state = own.lstat()
+        # code is loaded from there: it must be this user's alone
+        if stat.S_ISDIR(state.st_mode) and state.st_uid == _user() and not state.st_mode & 0o77:
+            return own
+    return usual
+
+
+def no_home() -> bool:
+    """Whether the user has no folder of his own that he can write caches into."""
+    return cache().name == f"{_TEMPORARY}{_user()}"
 
 
 @memoised
@@ -82,8 +114,6 @@ def _built() -> Path:
     """The folder of the FMUs, which is there as a whole or not at all."""
     import shutil
     import subprocess
-    import sys
-    import tempfile
 
     from filelock import FileLock
 

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import io
+import os
 import re
 import textwrap
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+
+from ..files import places
 
 if TYPE_CHECKING:  # half a second, which only what draws needs
     from matplotlib.figure import Figure
@@ -56,6 +59,8 @@ def figure(width: float = 7.2, height: float = HEIGHT) -> tuple[Figure, Any]:
 
 def blank(width: float, height: float) -> Figure:
     """A figure without axes."""
+    if places.no_home():  # it would say where it keeps what it finds of fonts
+        os.environ.setdefault("MPLCONFIGDIR", str(places.cache() / "matplotlib"))
     from matplotlib.figure import Figure
 
     return Figure(figsize=(width, height))

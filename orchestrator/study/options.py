@@ -56,7 +56,9 @@ class Options:
     supervised: bool = False
     """It runs in a process of its own, where there are such (POSIX)."""
     call_limit: float = 300.0
-    """Wall time (s) that one call of a component may take, where it is supervised."""
+    """Wall time (s) that one call of a component may take, where it is supervised or isolated."""
+    isolate: Literal["all", "foreign", "none"] = "foreign"
+    """Which FMUs run in a process each, where there are such (POSIX)."""
     halvings: int = 0
     """A step that a foreign FMU discards is made in halves, so many times at most."""
     checkpoint: float | None = None

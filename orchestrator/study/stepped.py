@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -10,17 +11,20 @@ from typing import Any
 
 from ..engine.checkpoint import Checkpoint, Checkpoints
 from ..engine.host import kept, said
-from ..engine.instances import ComponentError
+from ..engine.instances import ComponentError, EndedError
+from ..engine.isolated import CAN
 from ..engine.loop import bar, interruptible, run, stepping
 from ..engine.master import Master
 from ..engine.recorder import Recorder
 from ..engine.results import MANIFEST, SERIES, Results, selects
 from ..engine.unwritten import Unwritten
+from ..files import trust
 from ..system.codes import Exit
+from ..system.model import System
 from ..system.refusal import told as refused
 from . import stopping
 from .manifest import write_json
-from .options import asked
+from .options import Options, asked
 from .prepare import Case
 
 
@@ -67,10 +71,14 @@ def stepped(
             algorithm=options.algorithm,
             watched=watched,
             halvings=options.halvings,
+            isolated=isolated(system, options),
+            limit=min(options.call_limit, options.time_limit or math.inf),
         ) as master,
     ):
         try:
             master.initialise()
+        except EndedError:
+            raise
         except ComponentError as error:
             raise ComponentError("\n".join(refused(system, str(error)))) from error
         outcome.warnings += changes("when it was initialised")
@@ -130,12 +138,29 @@ def stepped(
                 checkpoints.save()
         except ComponentError as error:
             outcome.status, outcome.message = "failed", "\n".join(refused(system, str(error)))
+            if isinstance(error, EndedError):
+                outcome.code = int(error.code)
+                outcome.status = stopping.LATE if error.code == Exit.TIMEOUT else "failed"
         outcome.seconds = before + time.perf_counter() - began
         outcome.steps = master.k
         _add(outcome.warnings, [*changes("while it ran"), *said(master)])
         results = recorder.finish(master)
         tell("outcome", outcome)
+    if master.unfreed and outcome.status == "completed":  # all is recorded
+        outcome.status, outcome.message = "failed", f"{master.unfreed[0]}, after the run"
+        outcome.code = int(master.unfreed[0].code)
+        tell("outcome", outcome)
     return outcome, results
+
+
+def isolated(system: System, options: Options) -> frozenset[str]:
+    """The components that run in processes of their own, where there are such (POSIX)."""
+    if options.isolate == "none" or not CAN:
+        return frozenset()
+    return frozenset(
+        c.name for c in system.components.values()
+        if c.fmu is not None and (options.isolate == "all" or not trust.is_ours(c.fmu))
+    )  # fmt: skip
 
 
 def _add(lines: list[str], more: list[str]) -> None:

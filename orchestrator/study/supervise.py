@@ -31,6 +31,8 @@ SIGNALS = tuple(
 CAN = hasattr(os, "fork")
 _LOOK = 0.2
 """The parent looks at its child so often (s)."""
+_LATER = 0.5
+"""So much (s) after the limit of an isolated component has ended that component alone."""
 
 
 @dataclass
@@ -75,10 +77,8 @@ def watch(
     with _handed_on(child, ended):
         status = _wait(child, ours, ended, limit)
     ours.close()
-    if os.WIFSIGNALED(status):
-        ended.how = signal.Signals(os.WTERMSIG(status)).name
-    elif os.WEXITSTATUS(status) or "done" not in ended.said:
-        ended.how = f"exit({os.WEXITSTATUS(status)})"
+    if status or "done" not in ended.said:
+        ended.how = last_call.how(status)
     if ended.how:
         ended.component, ended.call = last_call.named(order)
     last_call.word[0] = 0
@@ -148,7 +148,7 @@ def _wait(child: int, pipe: Connection, ended: Ended, limit: float) -> int:
             time.sleep(0.01)
         if (now := last_call.now()) != seen or not now[0]:
             seen, since = now, time.monotonic()
-        elif time.monotonic() - since > limit:
+        elif time.monotonic() - since > limit + _LATER:
             ended.hung = limit
             os.kill(child, signal.SIGKILL)
 

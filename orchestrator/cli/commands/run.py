@@ -22,6 +22,7 @@ from ..common import (
     FmuKind,
     Fmus,
     Inner,
+    Isolated,
     Json,
     LoopOption,
     Semantics,
@@ -84,6 +85,11 @@ def run(
             help="Wall time that one call of a component may take; the command then ends with 5.",
         ),
     ] = 300.0,
+    isolate: Annotated[
+        Isolated,
+        typer.Option(help="FMUs that run in a process each, so that one that crashes or hangs ends "
+                     "no other: those that are not ours, all, or none."),
+    ] = Isolated.foreign,
     trust: Trust = None,
     estimate: Annotated[
         bool,
@@ -114,7 +120,7 @@ def run(
         sets, stop, step, algorithm, blocks, classes, sources, record=tuple(record or ("*",)),
         every=every, design=design, inner=inner,
         time_limit=time_limit, loop=loop.value, fmus=fmus.value, trust=trust, supervised=True,
-        call_limit=call_limit, checkpoint=checkpoint, halvings=halve,
+        call_limit=call_limit, checkpoint=checkpoint, halvings=halve, isolate=isolate.value,
     )  # fmt: skip
     _free(folder)
     case = prepare(target, options)
