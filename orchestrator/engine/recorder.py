@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import os
 import time
 from collections import defaultdict
@@ -16,7 +15,7 @@ from numpy.typing import NDArray
 
 from ..system.errors import DesatError
 from ..system.interface import KINDS, Kind, base_name
-from . import wide
+from . import memory, wide
 from .instances import DTYPE
 from .master import Master
 from .member import Slot
@@ -30,7 +29,6 @@ _CACHE = 1 << 18
 """Of chunks that are written already HDF5 would keep 8 MiB a data set (bytes)."""
 _ROOM = 64 << 20
 """Rows that are not written yet take no more (bytes)."""
-_memory = itertools.count()
 
 
 class Recorder:
@@ -47,9 +45,7 @@ class Recorder:
         self.path, self.every = path, every
         self._part = None if path is None else path.with_name(path.name + ".part")
         if self._part is None:
-            self._file = h5py.File(
-                f"memory {next(_memory)}", "w", driver="core", backing_store=False
-            )
+            self._file: Any = memory.File()
         else:
             self._part.parent.mkdir(parents=True, exist_ok=True)
             new = self._part if go_on is None else self._part.with_name(self._part.name + ".new")
