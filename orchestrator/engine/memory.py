@@ -56,12 +56,10 @@ class File:
 
     def create_dataset(
         self, name: str, shape: tuple[int, ...] = (), dtype: Any = None, *,
-        chunks: tuple[int, ...] = (), data: str | None = None, **_: Any,
+        chunks: tuple[int, ...] = (), data: str | None = None, **packing: Any,
     ) -> Any:  # fmt: skip
         """A data set with room for a chunk; or one that holds a text."""
-        made: Any = (
-            {(): data} if data is not None else Rows(f"/{name}", shape[1:], dtype, chunks[0])
-        )
+        made = {(): data} if data is not None else Rows(f"/{name}", shape[1:], dtype, chunks[0])
         group, _, variable = name.partition("/")
         (self._groups.setdefault(group, {}) if variable else self._groups)[variable or name] = made
         return made

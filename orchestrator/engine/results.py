@@ -116,7 +116,8 @@ class Results:
         """`component.variable` of every series."""
         if self._index:
             return list(self._index)
-        return [f"{c}.{v}" for c in self._file if c != "time" for v in sorted(self._file[c])]
+        components = (c for c in self._file if c not in ("time", wide.INTERVAL))
+        return [f"{c}.{v}" for c in components for v in sorted(self._file[c])]
 
     def _find(self, name: str) -> Any:
         if name in self._index:

@@ -18,7 +18,7 @@ from ..engine.results import MANIFEST, SERIES, Results, selects
 from ..engine.unwritten import Unwritten
 from ..system.codes import Exit
 from . import stopping
-from .manifest import write_json
+from .manifest import attributes, write_json
 from .options import asked
 from .prepare import Case
 
@@ -83,6 +83,7 @@ def stepped(
             options.every,
             unwritten,
             None if checkpoint is None else checkpoint.rows,
+            attributes(manifest),
         )
         tell("layout", recorder.layout)
         if folder is not None:
