@@ -13,6 +13,7 @@ from pydantic import AfterValidator, Field, FiniteFloat, model_validator
 
 from .language_paper import PaperRow
 from .vocabulary import (
+    MeanAndDeviation,
     NumberOrText,
     Range,
     Table,
@@ -101,9 +102,7 @@ class Plot(Table):
 class Dispersion(Table):
     """An entry of [dispersions], "component.parameter" or "*.parameter": exactly one kind."""
 
-    normal: Annotated[list[FiniteFloat], Field(min_length=2, max_length=2)] = key(
-        "each element: [mean, deviation]"
-    )
+    normal: MeanAndDeviation = key("each element: [mean, deviation]")
     uniform: Range = key("each element: [low, high]")
     direction: FiniteFloat = key("a vector of random direction and this size")
     attitude: Literal["random"] = key("a quaternion, uniform over all attitudes")
