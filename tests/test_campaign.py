@@ -236,6 +236,47 @@ def test_a_dask_cluster_gives_the_same(whole, own, tmp_path):
     _first_alike(folder, whole, 40)
 
 
+OLDER = """
+import importlib.metadata as metadata, sys
+known = metadata.version
+metadata.version = lambda name: "0.0.9" if name == "desat" else known(name)
+from distributed.cli.dask_worker import main
+main(sys.argv[1:])
+"""
+
+
+def test_clusters_that_do_not_serve(own, tmp_path, monkeypatch):
+    """One that does not answer, one without workers, one whose worker has another version."""
+    pytest.importorskip("distributed", reason="Dask is not installed")
+    from desat.campaign import cluster
+
+    plan, _ = head.planned(str(own), 4)
+    monkeypatch.setattr(cluster, "WAIT", "1s")
+    with pytest.raises(DesatError, match=r"--cluster tcp://127\.0\.0\.1:9: no scheduler answers"):
+        head.run(plan, tmp_path / "a", cluster="tcp://127.0.0.1:9", progress=False)
+    monkeypatch.undo()
+    (tmp_path / "older.py").write_text(OLDER)
+    file, quiet = tmp_path / "scheduler.json", {"stdout": subprocess.DEVNULL,
+                                                "stderr": subprocess.DEVNULL}  # fmt: skip
+    command = [sys.executable, "-m", "distributed.cli.dask_scheduler", "--port", "0",
+               "--no-dashboard", "--host", "127.0.0.1", "--scheduler-file", file]  # fmt: skip
+    with subprocess.Popen(command, **quiet) as scheduler:
+        _until(file.exists)
+        with pytest.raises(DesatError, match="it has no workers"):
+            head.run(plan, tmp_path / "b", cluster=str(file), progress=False)
+        command = [sys.executable, tmp_path / "older.py", "--scheduler-file", file, "--no-nanny",
+                   "--no-dashboard", "--nthreads", "1"]  # fmt: skip
+        with subprocess.Popen(command, **quiet) as worker:
+            from distributed import Client
+
+            with Client(scheduler_file=str(file)) as client:
+                client.wait_for_workers(1, timeout=60)
+            with pytest.raises(DesatError, match=r"has desat 0\.0\.9, here it is .*the same is"):
+                head.run(plan, tmp_path / "c", cluster=str(file), progress=False)
+            worker.kill()
+        scheduler.kill()
+
+
 def _first_alike(folder: Path, whole: Path, count: int) -> None:
     """The first cases of a campaign are all of the other, bit for bit, rows and curves."""
     for kind in (store.CASES, store.CURVES):
@@ -352,9 +393,12 @@ def test_campaigns_are_compared_case_by_case(whole, own, tmp_path):
         ('[requirements.a]\nnumber = "coil_load"', "requirements.a: max or min is needed"),
         ('[requirements.a]\nnumber = "coil_load"\nmax = 1.0\nmin = 2.0', "it is above max"),
         ('[requirements.a]\nnumber = "coil_load"\nmaximum = 1.0', "requirements.a.maximum"),
+        ('[dispersions]\n"wheels.h_start_wheel" = { normal = [0.0, -1.0] }', "deviation is -1; at"),
+        ('[dispersions]\n"wheels.speed_limit" = { uniform = [-2.0, -1.0] }',
+         "dispersions: drawn for case 0: wheels.speed_limit = -1.76943 rad/s: allowed is 0.001 to"),
     ],
 )  # fmt: skip
-def test_requirements_that_nothing_can_meet(tmp_path, desat, more, text):
+def test_what_nothing_can_meet_or_draw(tmp_path, desat, more, text):
     path = tmp_path / "mine.toml"
     path.write_text(f'extends = "integrated/mil-nadir"\n{more}\n')
     with pytest.raises(DesatError) as error:

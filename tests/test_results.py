@@ -49,9 +49,15 @@ def folder(tmp_path_factory):
 def test_series(folder):
     with h5py.File(folder / "series.h5") as file:
         assert file["time"][:].tolist() == [10.0 * k for k in range(61)]
+        assert file.attrs["scenario"] == NAME
+        assert json.loads(file.attrs["versions"])["desat"]
         h = file["spacecraft/h_copy_wheel"]
         assert h.shape == (61, 4)
-        assert dict(h.attrs) == {
+        assert h.compression == "gzip"
+        assert h.dims[0].keys() == ["time"]
+        assert np.array_equal(h.dims[0]["time"], file["time"])
+        own = ("unit", "frame", "description", "class")
+        assert {k: h.attrs[k] for k in own} == {
             "unit": "N.m.s",
             "frame": "wheel axes",
             "description": "own copy of the axial momentum of each wheel, absolute",
@@ -61,6 +67,8 @@ def test_series(folder):
         m = file["torquers/m_mean_body"]
         assert m.shape == (60, 3), "an interval output has no last row"
         assert m.attrs["class"] == "interval"
+        assert m.dims[0].keys() == ["interval"]
+        assert np.array_equal(m.dims[0]["interval"], file["time"][:60])
         assert file["manager/mode"].dtype == np.int32
         assert "fault" not in file["manager"]
     assert sorted(p.name for p in folder.iterdir()) == ["manifest.json", "series.h5"]

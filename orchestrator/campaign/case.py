@@ -47,9 +47,7 @@ def _ran(plan: Plan, values: dict[str, Any], supervised: bool) -> dict[str, Any]
     signals: list[str] = []
 
     def more(run: Run) -> dict[str, Any]:
-        numbers = run.manifest["numbers"].items()
-        described = {k: {"title": n["title"], "unit": n["unit"]} for k, n in numbers}
-        return {"described": described, "curves": _curves(plan.curves, run)}
+        return {"curves": _curves(plan.curves, run)}
 
     plots = plots_of(system(plan.target, options.blocks).about)
     for name in plan.curves:

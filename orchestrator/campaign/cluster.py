@@ -8,7 +8,7 @@ import platform
 import queue
 import threading
 import zipfile
-from collections.abc import Hashable
+from collections.abc import Hashable, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, Self
@@ -64,17 +64,30 @@ def keep(plan: Plan, data: bytes) -> None:
         _shipped[plan.digest] = str(folder / Path(plan.target).name)
 
 
-def _plugin(plan: Plan, data: bytes) -> Any:
-    """What every worker gets once, also one that comes later."""
+def _plugin(plan: Plan, data: bytes | None) -> Any:
+    """What every worker gets once, also one that comes later; one with other versions ends."""
     from distributed import WorkerPlugin
+
+    here = versions()
 
     class System(WorkerPlugin):  # type: ignore[misc]
         name = f"desat-{plan.digest}"
 
         def setup(self, worker: Any) -> None:
-            keep(plan, data)
+            if text := other(versions(), here):
+                raise DesatError(f"worker {worker.address} has {text}")
+            if data is not None:
+                keep(plan, data)
 
     return System()
+
+
+def other(there: Mapping[str, str], here: Mapping[str, str]) -> str:
+    """The first package of a worker that is another one than the head's; empty without."""
+    for name, version in here.items():
+        if there.get(name) != version:
+            return f"{name} {there.get(name)}, here it is {version}; the same is needed"
+    return ""
 
 
 def _differs(plan: Plan) -> str:
@@ -148,16 +161,11 @@ class Cluster:
             self._close()
             raise DesatError(f"--cluster {address}: it has no workers")
         for worker, own in sorted(told.items()):
-            for name, here in versions().items():
-                if own.get(name) != here:
-                    self._close()
-                    raise DesatError(
-                        f"--cluster {address}: worker {worker} has {name} {own.get(name)}, "
-                        f"here it is {here}; the same is needed"
-                    )
+            if text := other(own, versions()):
+                self._close()
+                raise DesatError(f"--cluster {address}: worker {worker} has {text}")
         data = shipped(plan.target)
-        if data is not None:
-            self._client.register_plugin(_plugin(plan, data))
+        self._client.register_plugin(_plugin(plan, data))
         self._shipped = data is not None
         self._done: queue.SimpleQueue[tuple[Hashable, Any]] = queue.SimpleQueue()
 

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from ..files.claim import LOCK, claimed
-from ..study.case import prepare
+from ..study.case import Case, prepare
 from ..study.draws import lost, system_of
 from ..study.manifest import write_json
 from ..study.options import Options
@@ -50,8 +50,7 @@ def planned(
         if (name := text.partition("=")[0]) in dispersed(system):
             raise DesatError(f"--set {name}: it is drawn, and so never has this value")
     first = {**options.values, **drawn(system, seed, 0, sampling, count)}
-    case = prepare(target, replace(options, values=first))
-    case.or_raise()
+    case = _first(target, replace(options, values=first), first)
     plots = plots_of(system.about)
     if curves is None:
         curves = list(plots)[:1]
@@ -69,6 +68,19 @@ def planned(
             raise DesatError(f"--keep {text}: no number {number}{nearest(number, numbers)}; "
                              "worst:N:NUMBER, or --by NUMBER, is needed")  # fmt: skip
     return plan, case.checked.warnings
+
+
+def _first(target: str, options: Options, values: dict[str, Any]) -> Case:
+    """The first case. Raises DesatError where it is none, which says what was drawn for it."""
+    try:
+        case = prepare(target, options)
+        case.or_raise()
+        return case
+    except DesatError as error:
+        (text, *more) = str(error).splitlines()
+        if more or not any(text.startswith((f"{n} ", f"{n}[")) for n in values):
+            raise
+        raise DesatError(f"{target}: dispersions: drawn for case 0: {text}") from error
 
 
 def run(

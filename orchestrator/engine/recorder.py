@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import itertools
 import os
 import time
 from collections import defaultdict
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import h5py
@@ -16,10 +16,11 @@ from numpy.typing import NDArray
 
 from ..system.errors import DesatError
 from ..system.interface import KINDS, Kind, base_name
-from . import wide
+from . import memory, wide
 from .instances import DTYPE
 from .master import Master
 from .member import Slot
+from .packed import pack
 from .results import Results, frame_of, selects
 from .unwritten import Layout, Places, Unwritten
 
@@ -30,30 +31,30 @@ _CACHE = 1 << 18
 """Of chunks that are written already HDF5 would keep 8 MiB a data set (bytes)."""
 _ROOM = 64 << 20
 """Rows that are not written yet take no more (bytes)."""
-_memory = itertools.count()
 
 
 class Recorder:
     """Writes the outputs of a master that fit `patterns`, every `every`-th step.
 
     `path` None keeps them in memory. On disk the file is `NAME.part` until `finish`. With `go_on`
-    the first so many rows are those of the file that is there: of a run that was ended.
+    the first so many rows are those of the file that is there: of a run that was ended. `about`
+    are attributes of the file.
     """
 
     def __init__(
         self, path: Path | None, master: Master, patterns: Iterable[str] = ("*",), every: int = 1,
         unwritten: Unwritten | None = None, go_on: int | None = None,
+        about: Mapping[str, str] = MappingProxyType({}),
     ) -> None:  # fmt: skip
         self.path, self.every = path, every
         self._part = None if path is None else path.with_name(path.name + ".part")
         if self._part is None:
-            self._file = h5py.File(
-                f"memory {next(_memory)}", "w", driver="core", backing_store=False
-            )
+            self._file: Any = memory.File()
         else:
             self._part.parent.mkdir(parents=True, exist_ok=True)
             new = self._part if go_on is None else self._part.with_name(self._part.name + ".new")
             self._file = h5py.File(new, "w", libver="latest", rdcc_nbytes=_CACHE)
+            self._file.attrs.update(about)
         self._start, self._step = master.start, master.step_size
         live = {k: master.live[k] for k in KINDS if len(master.live[k])}
         fit = _ROOM // (8 + sum(a.nbytes for a in live.values()))
@@ -137,7 +138,7 @@ class Recorder:
 
     def _dataset(self, name: str, columns: int, dtype: Any) -> Any:
         tail = (columns,) if columns else ()
-        # Reals would be a third smaller, and take seven times as long to write
+        # Reals would take seven times as long to write: they are packed when the run is over
         packed = {} if dtype is np.float64 else {"compression": 1, "shuffle": True}
         return self._file.create_dataset(
             name, (0, *tail), dtype, maxshape=(None, *tail), chunks=(self._chunk, *tail), **packed
@@ -189,6 +190,7 @@ class Recorder:
             return Results(self._file)
         self._file.close()
         self._part.replace(self.path)
+        pack(self.path)
         return Results.open(self.path)
 
 

@@ -41,7 +41,10 @@ def selects(patterns: Iterable[str], component: str, signal: Signal) -> bool:
     `fault` must be named: a fault ends the run anyhow.
     """
     name = f"{component}.{base_name(signal.name)}"
-    return any(fnmatch(name, p) for p in patterns) and (signal.name != "fault" or name in patterns)
+    if name in patterns:
+        return True
+    open_ = (p for p in patterns if "*" in p or "?" in p or "[" in p)
+    return signal.name != "fault" and any(fnmatch(name, p) for p in open_)
 
 
 def _grown(file: Any) -> int:
@@ -113,7 +116,8 @@ class Results:
         """`component.variable` of every series."""
         if self._index:
             return list(self._index)
-        return [f"{c}.{v}" for c in self._file if c != "time" for v in self._file[c]]
+        components = (c for c in self._file if c not in ("time", wide.INTERVAL))
+        return [f"{c}.{v}" for c in components for v in sorted(self._file[c])]
 
     def _find(self, name: str) -> Any:
         if name in self._index:

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from ..system.interface import Kind
 from . import wide
+from .packed import pack
 
 Places = slice | NDArray[np.intp]
 """Columns of a data set among those of its type."""
@@ -107,6 +108,7 @@ def recover(part: Path, path: Path, layout: Layout, unwritten: Unwritten) -> int
     new = path.with_name(path.name + ".recovered")
     try:
         with h5py.File(part, "r", swmr=True) as old, h5py.File(new, "w", libver="latest") as file:
+            file.attrs.update(old.attrs)
             _copy(old["time"], file, written, unwritten.times[:left])
             if wide.INDEX in old:
                 file.create_dataset(wide.INDEX, data=old[wide.INDEX][()])
@@ -118,6 +120,7 @@ def recover(part: Path, path: Path, layout: Layout, unwritten: Unwritten) -> int
         raise
     new.replace(path)
     part.unlink()
+    pack(path)
     return written + left
 
 

@@ -14,6 +14,7 @@ from pydantic import AfterValidator, Field, FiniteFloat, model_validator
 
 from .language_paper import PaperRow
 from .vocabulary import (
+    MeanAndDeviation,
     NumberOrText,
     Range,
     Table,
@@ -105,9 +106,7 @@ class Dispersion(Table):
     LEAST_INSIDE: ClassVar[float] = 0.01
     """Of what is drawn: with less inside, to draw again until it is would take for ever."""
 
-    normal: Annotated[list[FiniteFloat], Field(min_length=2, max_length=2)] = key(
-        "each element: [mean, deviation]"
-    )
+    normal: MeanAndDeviation = key("each element: [mean, deviation]")
     within: Range = key("with normal: an element beyond [low, high] is drawn again")
     uniform: Range = key("each element: [low, high]")
     direction: FiniteFloat = key("a vector of random direction and this size")

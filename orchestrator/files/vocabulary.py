@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from datetime import datetime
+from math import isfinite
 from typing import Annotated, Any, ClassVar, Self
 
 from pydantic import (
@@ -71,10 +72,17 @@ def either(**kinds: Any) -> Any:
     return Annotated[union, Discriminator(by_kind)]
 
 
+def _spread(given: list[float]) -> list[float]:
+    if given[1] < 0.0:
+        raise ValueError(f"the deviation is {given[1]:g}; at least 0 is needed")
+    return given
+
+
 Text = Annotated[str, AfterValidator(_one_line)]
 Unit = Annotated[str, AfterValidator(_known_unit)]
 Value = Annotated[Any, AfterValidator(_a_value)]
 Band = Annotated[list[FiniteFloat], Field(min_length=2, max_length=2)]
+MeanAndDeviation = Annotated[Band, AfterValidator(_spread)]
 Three = Annotated[list[FiniteFloat], Field(min_length=3, max_length=3)]
 NumberOrText = either(number=FiniteFloat, text=Text)
 TextOrTexts = either(text=Text, list=Annotated[list[Text], Field(min_length=1)])
@@ -83,6 +91,8 @@ TextOrTexts = either(text=Text, list=Annotated[list[Text], Field(min_length=1)])
 def ordered(band: list[float]) -> list[float]:
     if band[0] > band[1]:
         raise ValueError(f"the first, {band[0]:g}, is above the second, {band[1]:g}")
+    if not isfinite(band[1] - band[0]):
+        raise ValueError("they are too far apart")
     return band
 
 

@@ -21,6 +21,7 @@ from xarray.core import indexing
 
 from ..engine.results import Results
 from .case import load_run
+from .manifest import attributes
 
 
 class _Lazy(BackendArray):
@@ -50,12 +51,9 @@ def of_run(folder: Path) -> xr.Dataset:
         lazy, dims = _series(results, name)
         lengths[dims[0]] = min(lazy.shape[0], lengths.get(dims[0], lazy.shape[0]))
         found[name] = lazy.variable(dims, _attributes(results, name))
-    about = manifest["about"]
-    attributes = {
-        "scenario": manifest["scenario"], "title": about.get("title", ""),
-        "epoch": _epoch(manifest), "status": manifest["status"],
-        "versions": json.dumps(manifest["versions"]), "numbers": json.dumps(manifest["numbers"]),
-        "manifest": json.dumps(manifest),
+    told = {
+        **attributes(manifest), "status": manifest["status"],
+        "numbers": json.dumps(manifest["numbers"]), "manifest": json.dumps(manifest),
     }  # fmt: skip
     coordinates = {
         "time": ("time", times, {"units": "s", "long_name": "time t_k of states"}),
@@ -63,7 +61,7 @@ def of_run(folder: Path) -> xr.Dataset:
                          {"units": "s", "long_name": "begin t_k of the interval"})}
            if "interval" in lengths else {}),
     }  # fmt: skip
-    return xr.Dataset(found, coordinates, attributes)
+    return xr.Dataset(found, coordinates, told)
 
 
 def _series(results: Results, name: str) -> tuple[_Lazy, tuple[str, ...]]:
@@ -98,14 +96,6 @@ def _attributes(results: Results, name: str) -> dict[str, Any]:
         "class": results.attribute(name, "class"),
     }  # fmt: skip
     return found | ({"choices": list(choices)} if choices else {})
-
-
-def _epoch(manifest: dict[str, Any]) -> str:
-    """UTC of t = 0, where a component has it as a parameter."""
-    for name, value in manifest["parameters"].items():
-        if name.rpartition(".")[2] == "epoch":
-            return str(value)
-    return ""
 
 
 def of_campaign(folder: Path) -> xr.Dataset:

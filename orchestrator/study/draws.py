@@ -41,8 +41,8 @@ def ran(
     target: str, options: Options, values: dict[str, Any], also: Sequence[str] = (),
     more: Callable[[Run], dict[str, Any]] = lambda run: {},
 ) -> dict[str, Any]:  # fmt: skip
-    """A run with some values: how it ended, its numbers, the values, and what `more` makes of it;
-    recorded is what the numbers are made of, and `also`."""
+    """A run with some values: how it ended, its numbers and what they are, the values, and what
+    `more` makes of it; recorded is what the numbers are made of, and `also`."""
     case = prepare(target, replace(options, values={**options.values, **values}))
     system, _ = case.or_raise()
     if options.record == ("*",):
@@ -61,6 +61,10 @@ def ran(
         "unmet": run.manifest["unmet"],
         "stopped_when": run.manifest["stopped_when"],
         "numbers": {name: n["value"] for name, n in run.manifest["numbers"].items()},
+        "described": {
+            name: {"title": n["title"], "unit": n["unit"]}
+            for name, n in run.manifest["numbers"].items()
+        },
         "values": values,
         **more(run),
     }
@@ -140,23 +144,25 @@ def draws(
     warnings += [f"--set {name}: it is drawn, and so never has this value" for name in given]
     tasks = [(target, options, seed, draw) for draw in range(count)]
     rows = rows_of(tasks, jobs, target, progress)
+    summed = summary(rows)
+    for row in rows:
+        row.pop("described", None)
     stopped = sum(r["stopped_when"] is not None for r in rows)
     return {
         "scenario": target, "seed": seed, "draws": rows, "stopped": stopped,
-        "summary": summary(rows, system.about), "warnings": warnings,
+        "summary": summed, "warnings": warnings,
     }  # fmt: skip
 
 
-def summary(rows: list[dict[str, Any]], about: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
+def summary(rows: list[dict[str, Any]]) -> dict[str, dict[str, Any]]:
     """Of each number of the draws that completed: unit, median, least, largest, and how many draws
     have reached it."""
     whole = [r for r in rows if r["status"] == "completed"]
-    definitions = about.get("numbers", {})
     numbers = {}
     for name in whole[0]["numbers"] if whole else ():
         values = [x for r in whole if (x := r["numbers"].get(name)) is not None]
         numbers[name] = {
-            "unit": definitions.get(name, {}).get("unit", ""),
+            "unit": whole[0]["described"][name]["unit"],
             "median": statistics.median(values) if values else None,
             "min": min(values, default=None),
             "max": max(values, default=None),

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import platform
 from collections.abc import Mapping
+from datetime import UTC, datetime, timedelta
 from functools import cache
 from importlib.metadata import version
 from math import inf
@@ -22,6 +23,7 @@ from .numbers import OPEN_END, evaluate, signals_of
 from .options import Options
 from .relation import related
 
+_J2000 = datetime(2000, 1, 1, 12, tzinfo=UTC)
 PACKAGES = ("desat", "fmpy", "pythonfmu", "numpy", "scipy", "h5py")
 
 
@@ -29,6 +31,18 @@ PACKAGES = ("desat", "fmpy", "pythonfmu", "numpy", "scipy", "h5py")
 def versions() -> dict[str, str]:
     """The packages that a run depends on."""
     return {name: version(name) for name in PACKAGES}
+
+
+def attributes(manifest: Mapping[str, Any]) -> dict[str, str]:
+    """What of a manifest its series say themselves: scenario, title, UTC of t = 0 (empty where no
+    component has an epoch), versions (JSON)."""
+    epochs = [p["epoch_j2000"]["value"] for p in manifest["parameters"].values()
+              if "epoch_j2000" in p]  # fmt: skip
+    return {
+        "scenario": manifest["scenario"], "title": manifest["about"].get("title", ""),
+        "epoch": (_J2000 + timedelta(seconds=epochs[0])).isoformat() if epochs else "",
+        "versions": json.dumps(manifest["versions"]),
+    }  # fmt: skip
 
 
 def describe(system: System, options: Options, target: str) -> dict[str, Any]:

@@ -23,7 +23,7 @@ from ..system.codes import Exit
 from ..system.model import System
 from ..system.refusal import told as refused
 from . import stopping
-from .manifest import write_json
+from .manifest import attributes, write_json
 from .options import Options, asked
 from .prepare import Case
 
@@ -95,6 +95,7 @@ def stepped(
             options.every,
             unwritten,
             None if checkpoint is None else checkpoint.rows,
+            attributes(manifest),
         )
         tell("layout", recorder.layout)
         if folder is not None:

@@ -57,7 +57,7 @@ def sweep(
     for i, point in enumerate(points):
         own = rows[i * count : (i + 1) * count]
         worst = max(own, key=lambda row: row["code"])
-        of_draws = summary(own, system.about)
+        of_draws = summary(own)
         made.append({
             "values": point,
             "numbers": {name: entry["median"] for name, entry in of_draws.items()},
@@ -67,7 +67,7 @@ def sweep(
             if worst["message"] and draws else worst["message"],
             **({"summary": of_draws} if draws else {}),
         })  # fmt: skip
-    units = {n: e["unit"] for n, e in summary(rows, system.about).items()}
+    units = {n: e["unit"] for n, e in summary(rows).items()}
     return {
         "scenario": target, "axes": {name: list(values) for name, values in axes.items()},
         "draws": draws, "seed": seed if draws else None, "units": units, "points": made,

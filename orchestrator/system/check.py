@@ -66,9 +66,8 @@ def _inputs(system: System) -> Iterator[str]:
     for c in system.components.values():
         for connector in c.connectors.values():
             name = connector.name
-            if connector.kind == "input" and (c.name, name) not in wired | {
-                (c.name, p) for p in c.parameters
-            }:
+            given = (c.name, name) in wired or name in c.parameters
+            if connector.kind == "input" and not given:
                 yield (f"{system.where}:{connector.line}: {c.name}.{name} is listed, but has "
                        "neither a connection nor a value")  # fmt: skip
         arrays: dict[str, list[str]] = defaultdict(list)

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Any, Literal
 
 from desat.components.contract.block import Block, Scalar
@@ -85,6 +85,7 @@ class Interface:
         return frozenset(s.slope for s in self.signals.values() if s.slope)
 
 
+@lru_cache(maxsize=1 << 16)
 def base_name(name: str) -> str:
     """`b_eci[2]` -> `b_eci`"""
     return name.partition("[")[0]

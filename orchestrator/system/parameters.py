@@ -92,13 +92,15 @@ def table(components: Iterable[Component]) -> dict[str, dict[str, Any]]:
         for s in c.interface.signals.values():
             if s.causality != "parameter" and s.name not in c.parameters:
                 continue
-            value = value_of(c, s.name)
-            row = parameters.setdefault(c.name, {}).setdefault(
-                base_name(s.name),
-                {"value": [], "unit": s.unit_name, "given": False, "text": s.description},
-            )
-            named = s.named(value)
-            row["value"] = named if s.name == base_name(s.name) else [*row["value"], named]
+            rows, name = parameters.setdefault(c.name, {}), base_name(s.name)
+            if name not in rows:
+                rows[name] = {"value": [], "unit": s.unit_name, "given": False,
+                              "text": s.description}  # fmt: skip
+            row, named = rows[name], s.named(value_of(c, s.name))
+            if s.name == name:
+                row["value"] = named
+            else:
+                row["value"].append(named)
             row["given"] = row["given"] or s.name in c.parameters
     return parameters
 

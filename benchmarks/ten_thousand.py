@@ -1,0 +1,160 @@
+"""10,000 cases of one orbit, through the pool and through a local Dask cluster of two workers, of
+which one is killed and whose head is interrupted: seconds, memory, and whether the data are equal.
+
+    python -m benchmarks.ten_thousand FOLDER [SECONDS]    # what is left of it, for so long at most
+    python -m benchmarks.ten_thousand FOLDER write        # into latest.json
+
+Each head is a `desat campaign` of its own, which goes on where the last one stopped.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import statistics
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+NAME, ORBIT, CASES = "alsat1/basin-y-wheel", "6130", 10_000
+HOWS = {"pool": ["--jobs", "2"], "dask": ["--cluster", "local:2"]}
+KILL, INTERRUPT = 3000, 6000
+"""Cases after which, through Dask, a worker dies by SIGKILL, and the head is interrupted."""
+_PATIENCE = 90.0
+"""Seconds that a head has to end."""
+
+
+def go_on(folder: Path, how: str, end: float) -> bool:
+    """A head until it is done, interrupted or out of time; what was seen goes to HOW.json. True
+    when all cases are there."""
+    where, notes = folder / how, folder / f"{how}.json"
+    seen: dict[str, Any] = json.loads(notes.read_text()) if notes.exists() else {
+        "heads": [], "killed": [], "memory": []
+    }  # fmt: skip
+    command = [sys.executable, "-m", "desat.cli", "campaign", NAME, "-n", str(CASES), "--stop",
+               ORBIT, *HOWS[how], "--out", str(where)]  # fmt: skip
+    head: dict[str, Any] = {"from": _done(where)[1]}
+    began = time.monotonic()
+    with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as process:
+        while process.poll() is None:
+            time.sleep(2.0)
+            state, done = _done(where)
+            workers = _workers(process.pid)
+            if state == "done":
+                head.setdefault("cases_seconds", time.monotonic() - began)
+            elif workers and done > head["from"]:
+                seen["memory"].append(
+                    [done, _memory(process.pid), statistics.mean(map(_memory, workers))]
+                )
+            if how == "dask" and done >= KILL and not seen["killed"] and workers:
+                seen["killed"].append({"worker": workers[-1], "at": done})
+                os.kill(workers[-1], signal.SIGKILL)
+            wanted = how == "dask" and done >= INTERRUPT > head["from"]
+            if (wanted or time.monotonic() > end) and state != "done":
+                head["interrupted_at"] = done
+                process.send_signal(signal.SIGINT)
+                process.wait(_PATIENCE)
+    head["seconds"], head["exit"] = time.monotonic() - began, process.returncode
+    state, head["to"] = _done(where)
+    seen["heads"].append(head)
+    notes.write_text(json.dumps(seen))
+    print(how, head, flush=True)
+    return state == "done"
+
+
+def _done(where: Path) -> tuple[str, int]:
+    path = where / "status.json"
+    told: dict[str, Any] = {"state": "new", "done": 0}
+    if path.exists():
+        told = json.loads(path.read_text())
+    return told["state"], told["done"]
+
+
+def _workers(pid: int) -> list[int]:
+    """The processes of a head that make cases."""
+    found = []
+    for thread in Path(f"/proc/{pid}/task").glob("*/children"):
+        try:
+            children = [int(p) for p in thread.read_text().split()]
+            found += [p for p in children
+                      if b"spawn_main" in Path(f"/proc/{p}/cmdline").read_bytes()]  # fmt: skip
+        except OSError:  # it has just ended
+            continue
+    return sorted(found)
+
+
+def _memory(pid: int) -> float:
+    """Resident memory, MB; 0 of a process that is gone."""
+    try:
+        text = Path(f"/proc/{pid}/status").read_text()
+    except OSError:
+        return 0.0
+    return next((int(x.split()[1]) / 1024 for x in text.splitlines() if x[:6] == "VmRSS:"), 0.0)
+
+
+def judged(folder: Path) -> dict[str, Any]:
+    """What came of both: equal or not, nothing lost, nothing twice, seconds, memory."""
+    from desat.campaign import store
+
+    result: dict[str, Any] = {"system": f"{NAME}, {ORBIT} s at 10 s", "cases": CASES}
+    digests = set()
+    for how in HOWS:
+        seen = json.loads((folder / f"{how}.json").read_text())
+        rows = store.read(folder / how, columns=["case", "status", "attempts", "seconds"])
+        cases, heads = rows["case"].to_pylist(), seen["heads"]
+        digests.add(digest := store.digest(folder / how))
+        seconds = sum(h.get("cases_seconds", h["seconds"]) for h in heads)
+        files = [p for p in (folder / how).rglob("*.parquet") if p.is_file()]
+        result[how] = {
+            "rows": len(cases), "each_case_once": cases == list(range(CASES)),
+            "completed": rows["status"].to_pylist().count("completed"),
+            "made_again": sum(a > 1 for a in rows["attempts"].to_pylist()),
+            "heads": len(heads), "workers_killed": len(seen["killed"]),
+            "interrupted_at": [h["interrupted_at"] for h in heads if "interrupted_at" in h],
+            "seconds": seconds, "cases_per_second": CASES / seconds,
+            "ms_per_case": 1e3 * statistics.median(rows["seconds"].to_pylist()),
+            "report_seconds": heads[-1]["seconds"] - heads[-1]["cases_seconds"],
+            "bytes_per_case": sum(p.stat().st_size for p in files) / CASES,
+            "memory_mb": _memory_over(seen["memory"]), "digest": digest,
+        }  # fmt: skip
+    return result | {"same_bits": len(digests) == 1}
+
+
+def _memory_over(samples: list[list[float]]) -> list[dict[str, float]]:
+    """Of each tenth of the cases: the largest of head and worker."""
+    found = []
+    for i in range(10):
+        low, high = i * CASES / 10, (i + 1) * CASES / 10
+        part = [s for s in samples if low < s[0] <= high]
+        if part:
+            found.append({"cases": high, "head": round(max(s[1] for s in part), 1),
+                          "worker": round(max(s[2] for s in part), 1)})  # fmt: skip
+    return found
+
+
+def main() -> int:
+    """Go on, or write."""
+    folder, what = Path(sys.argv[1]), sys.argv[2] if len(sys.argv) > 2 else "inf"
+    folder.mkdir(parents=True, exist_ok=True)
+    if what == "write":
+        from .run import LATEST
+
+        data = json.loads(LATEST.read_text())
+        data["ten_thousand"] = judged(folder)
+        LATEST.write_text(json.dumps(data, indent=1) + "\n", encoding="utf-8")
+        print(json.dumps(data["ten_thousand"], indent=1))
+        return 0
+    end = time.monotonic() + float(what)
+    for how in HOWS:
+        while _done(folder / how)[0] != "done":
+            if time.monotonic() > end:
+                return 1
+            go_on(folder, how, end)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,82 @@
+"""Series that no file keeps, in arrays: as much of h5py's `File` as recorder and results use.
+
+(HDF5's own file in memory takes as long for what a short run records as all its steps.)
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+class Rows:
+    """Rows that grow, and their attributes."""
+
+    def __init__(self, name: str, tail: tuple[int, ...], dtype: Any, room: int) -> None:
+        self.name = name
+        self.attrs: dict[str, str] = {}
+        self._all = np.zeros((room, *tail), dtype)
+        self._rows = 0
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """(rows,) or (rows, elements)."""
+        return (self._rows, *self._all.shape[1:])
+
+    @property
+    def ndim(self) -> int:
+        """1 for a scalar's rows, else 2."""
+        return self._all.ndim
+
+    def resize(self, rows: int, axis: int = 0) -> None:
+        """Have so many rows."""
+        assert axis == 0
+        if rows > len(self._all):
+            grown = np.zeros((max(rows, 2 * len(self._all)), *self._all.shape[1:]), self._all.dtype)
+            grown[: self._rows] = self._all[: self._rows]
+            self._all = grown
+        self._rows = rows
+
+    def __setitem__(self, at: Any, values: Any) -> None:
+        self._all[: self._rows][at] = values
+
+    def __getitem__(self, at: Any) -> NDArray[Any]:
+        # a copy, as from a file: what is done with it does not change the series
+        return np.array(self._all[: self._rows][at])
+
+
+class File:
+    """Data sets by name: `time`, `component/variable`, tables."""
+
+    def __init__(self) -> None:
+        self._groups: dict[str, Any] = {}
+
+    def create_dataset(
+        self, name: str, shape: tuple[int, ...] = (), dtype: Any = None, *,
+        chunks: tuple[int, ...] = (), data: str | None = None, **packing: Any,
+    ) -> Any:  # fmt: skip
+        """A data set with room for a chunk; or one that holds a text."""
+        made = {(): data} if data is not None else Rows(f"/{name}", shape[1:], dtype, chunks[0])
+        group, _, variable = name.partition("/")
+        (self._groups.setdefault(group, {}) if variable else self._groups)[variable or name] = made
+        return made
+
+    def __getitem__(self, name: str) -> Any:
+        group, _, variable = name.strip("/").partition("/")
+        return self._groups[group][variable] if variable else self._groups[group]
+
+    def __contains__(self, name: str) -> bool:
+        return name in self._groups
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(sorted(self._groups))
+
+    def flush(self) -> None:
+        """There is nothing to write to."""
+
+    def close(self) -> None:
+        """Let all go."""
+        self._groups.clear()
