@@ -30,6 +30,16 @@ class CoilVerbs:
         run = self._of.run(scenario)
         return coil_bound.curve(run.manifest, run.results, peaks)
 
+    def least_time(self, scenario: str, number: str, held: float) -> dict[str, float]:
+        """Of a detumbling run whose `number` (min) says when it is slow, for `held` (s): when it is
+        (`law`), when it could be (`found`) and what no law is below (`floor`), in min."""
+        from ..analyses import least_time
+
+        run = self._of.run(scenario)
+        seconds = 60.0 * run.manifest["numbers"][number]["value"]
+        times = asdict(least_time.of_run(run.manifest, run.results, seconds, held))
+        return {name: value / 60.0 for name, value in times.items()}
+
     def periods(self, scenario: str, periods: Sequence[float]) -> list[dict[str, float]]:
         """What an open-loop law would do for desaturation periods (s), on the field of a run."""
         from ..analyses import desaturation
