@@ -75,10 +75,12 @@ class Plant(NamedTuple):
     """the largest of the wheel (N m s)"""
 
     def at(self, t: Any) -> tuple[Any, Any]:
-        """Field (3, ...) and place (3, ...) at times (s), linear between the rows."""
-        rows = np.arange(len(self.field)) * self.step
-        b, r = (np.stack([np.interp(t, rows, x) for x in v.T]) for v in (self.field, self.place))
-        return b, r
+        """Field (3, ...) and place (3, ...) at times (s), linear between the rows and beyond."""
+        at = np.asarray(t) / self.step
+        row = np.minimum(at.astype(int), len(self.field) - 2)
+        share = (at - row)[..., None]
+        b, r = (v[row] + share * (v[row + 1] - v[row]) for v in (self.field, self.place))
+        return np.moveaxis(b, -1, 0), np.moveaxis(r, -1, 0)
 
     def rates(self, y: Array) -> Array:
         """omega (3, ...; rad/s, body) of states (8, ...)."""
