@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import asdict
 from typing import Any
 
+from ..system.errors import DesatError
 from .case import Options, prepare
 from .sources import Change, Sources
 
@@ -36,8 +38,11 @@ class CoilVerbs:
         from ..analyses import least_time
 
         run = self._of.run(scenario)
-        seconds = 60.0 * run.manifest["numbers"][number]["value"]
-        times = asdict(least_time.of_run(run.manifest, run.results, seconds, held))
+        if (slow := run.manifest["numbers"][number]["value"]) is None:
+            if self._of.draft is None:
+                raise DesatError(f"{scenario}: {number} is not reached")
+            return dict.fromkeys(("law", "found", "floor"), math.nan)
+        times = asdict(least_time.of_run(run.manifest, run.results, 60.0 * slow, held))
         return {name: value / 60.0 for name, value in times.items()}
 
     def periods(self, scenario: str, periods: Sequence[float]) -> list[dict[str, float]]:
