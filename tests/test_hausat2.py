@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 from test_blocks import begin, fresh
 from test_witness import ECOS, LIBCOSIM, real_outputs, rows_of
 
+from desat.analyses import least_time
 from desat.components.contract.block import BlockError
 from desat.components.laws import acquisition as laws
 from desat.components.laws import field_rate, rate_observer
@@ -23,6 +24,7 @@ from desat.files.scenario import find
 from desat.study import derived, measures, stored, tables
 from desat.study.case import Options, execute
 from desat.study.meaning import numbers_of_rows
+from desat.system.errors import DesatError
 
 J = (0.3078, 0.0, 0.0, 0.0, 0.2865, 0.0, 0.0, 0.0, 0.2747)
 MINUS_Y = (0.0, 0.0, 0.0, 0.0, -1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
@@ -514,6 +516,30 @@ def test_ours_detumbles_and_momentum_is_accounted_for(ours):
     omega = ours.results.values("spacecraft.omega_bi_body")
     assert (np.abs(omega[-60:]) < 3e-3).all()
     assert not numbers["wheel_saturated"]
+
+
+def test_the_least_time_s_plant_is_that_of_the_run_and_its_search_gets_below_the_law():
+    """From a tenth of the rate, so that the law is done soon."""
+    actuators = ("torquers.m_mean_body", "wheels.tau_mean_wheel")
+    slow = "spacecraft.omega_start_body=[0.01,-0.01,0.01]"
+    record = (*least_time.SIGNALS, *actuators)
+    found = run("detumbling-ours", stop=180.0, record=record, sets=[slow])
+    values = found.results.values
+    plant = least_time.plant_of(found.manifest, found.results)
+    y = plant.start
+    for k in range(40):
+        u = np.r_[values("torquers.m_mean_body")[k] / plant.dipole,
+                  values("wheels.tau_mean_wheel")[k, 0] / plant.torque]  # fmt: skip
+        y = plant.held(y, u, float(k), 1.0, 2)
+    omega, h = values("spacecraft.omega_bi_body"), values("wheels.h_wheel")
+    assert plant.rates(y) == pytest.approx(omega[40], abs=1e-6)
+    assert y[7] == pytest.approx(h[40, 0], abs=1e-12)
+    law = 60.0 * found.manifest["numbers"]["detumbled"]["value"]
+    times = least_time.of_run(found.manifest, found.results, law, 60.0, rounds=2)
+    assert times.floor < times.found < law
+    with pytest.raises(DesatError, match=r"detumbling-ours: .*r_eci is not recorded; the least"):
+        least_time.plant_of(found.manifest, run("detumbling-ours", stop=2.0,
+                            record=("spacecraft.*", "environment.b_eci")).results)  # fmt: skip
 
 
 def test_the_impulse_of_the_coils_is_the_change_of_momentum():

@@ -59,6 +59,8 @@ def test_series_compute():
     assert (a.sum_of_sizes() * 2.0 / 7.0).values.tolist() == [2.0] * 5
     assert a.element(2).largest() == 4.0
     assert a.every(2).times.tolist() == [0.0, 2.0, 4.0]
+    switched = Series(np.arange(5.0), np.array([[4.0], [0.0], [2.0], [0.0], [9.0]])).mean_over(2)
+    assert (switched.times.tolist(), switched.values.tolist()) == ([0.5, 2.5], [[2.0], [1.0]])
     assert a.until(2).times.tolist() == [0.0, 1.0, 2.0]
     assert (a - Series(np.arange(4.0), np.ones((4, 2)))).values.tolist() == [[2.0, -5.0]] * 4
     with pytest.raises(DesatError, match="different times"):

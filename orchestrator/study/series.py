@@ -48,6 +48,17 @@ class Series:
         kept = np.abs(self.times / seconds - np.round(self.times / seconds)) < 1e-6
         return Series(self.times[kept], self.values[kept])
 
+    def mean_over(self, seconds: float) -> Series:
+        """The mean of each so many seconds, at their middle: of what is switched on and off from
+        row to row, where `every` would show chance. An end that is shorter is left out."""
+        rows = round(seconds / float(self.times[1] - self.times[0]))
+        n = len(self.times) // rows
+
+        def mean(x: Any) -> Any:
+            return x[: n * rows].reshape(n, rows, *x.shape[1:]).mean(axis=1)
+
+        return Series(mean(self.times), mean(self.values))
+
     def largest(self, since: float = 0.0) -> float:
         """The largest size of any element from a time (s) on; nan where there is no row."""
         sizes = np.abs(self.values[self.times >= since - 1e-6])

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import asdict
 from typing import Any
 
+from ..system.errors import DesatError
 from .case import Options, prepare
 from .sources import Change, Sources
 
@@ -29,6 +31,19 @@ class CoilVerbs:
 
         run = self._of.run(scenario)
         return coil_bound.curve(run.manifest, run.results, peaks)
+
+    def least_time(self, scenario: str, number: str, held: float) -> dict[str, float]:
+        """Of a detumbling run whose `number` (min) says when it is slow, for `held` (s): when it is
+        (`law`), when it could be (`found`) and what no law is below (`floor`), in min."""
+        from ..analyses import least_time
+
+        run = self._of.run(scenario)
+        if (slow := run.manifest["numbers"][number]["value"]) is None:
+            if self._of.draft is None:
+                raise DesatError(f"{scenario}: {number} is not reached")
+            return dict.fromkeys(("law", "found", "floor"), math.nan)
+        times = asdict(least_time.of_run(run.manifest, run.results, 60.0 * slow, held))
+        return {name: value / 60.0 for name, value in times.items()}
 
     def periods(
         self, scenario: str, periods: Sequence[float], change: Change | None = None
