@@ -30,13 +30,11 @@ class CoilVerbs:
         run = self._of.run(scenario)
         return coil_bound.curve(run.manifest, run.results, peaks)
 
-    def periods(
-        self, scenario: str, periods: Sequence[float], change: Change | None = None
-    ) -> list[dict[str, float]]:
+    def periods(self, scenario: str, periods: Sequence[float]) -> list[dict[str, float]]:
         """What an open-loop law would do for desaturation periods (s), on the field of a run."""
         from ..analyses import desaturation
 
-        run = self._of.run(scenario, change)
+        run = self._of.run(scenario)
         return desaturation.study(run.manifest, run.results, periods)
 
     def onboard(self, scenario: str) -> float:
