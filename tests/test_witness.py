@@ -164,7 +164,7 @@ def test_libcosim_agrees_through_a_firing_whose_edges_are_inside_steps(law, star
     assert np.abs(theirs - mine).max() <= 1e-12
     names = [f"{c}.{v}" for c, variables in outputs.items() for v in variables]
     torque = theirs[:, names.index("thrusters.tau_mean_thruster_body[2]")]
-    assert len(set(torque[20:33])) == (3 if start % 1.0 else 2)  # its edges' steps, and those within
+    assert len(set(torque[20:33])) == (3 if start % 1.0 else 2)  # within, and each edge's step
     assert torque.sum() == pytest.approx(1.5e-3 * 12.25, rel=1e-12)  # N m s, steps of 1 s
 
 

@@ -45,13 +45,11 @@ class CoilVerbs:
         times = asdict(least_time.of_run(run.manifest, run.results, 60.0 * slow, held))
         return {name: value / 60.0 for name, value in times.items()}
 
-    def periods(
-        self, scenario: str, periods: Sequence[float], change: Change | None = None
-    ) -> list[dict[str, float]]:
+    def periods(self, scenario: str, periods: Sequence[float]) -> list[dict[str, float]]:
         """What an open-loop law would do for desaturation periods (s), on the field of a run."""
         from ..analyses import desaturation
 
-        run = self._of.run(scenario, change)
+        run = self._of.run(scenario)
         return desaturation.study(run.manifest, run.results, periods)
 
     def onboard(self, scenario: str) -> float:
