@@ -420,6 +420,11 @@ AGAINST = {
     # what the paper's words promise and these draws do not show: scenario, row
     ("ideal-inertial", "pointing_affected"), ("tracked-slew", "pointing_affected"),
     ("ideal-inertial", "saturating_draws"), ("tracked-slew", "saturating_draws"),
+    # of 100 draws one or a few are beyond what 20 kept to
+    ("ideal-inertial", "settling_time"), ("tracked-slew", "settling_time"),
+    ("ideal-inertial", "mean_wheel_at_3_h"), ("tracked-slew", "mean_wheel_at_3_h"),
+    ("ideal-inertial", "coil_load"), ("tracked-slew", "coil_load"),
+    ("tracked-slew", "tracking_error"),
     ("mil-nadir", "control_error"),
     ("mil-nadir", "near_zero"), ("mil-nadir", "draws_near_zero"), ("mil-nadir", "zero_crossings"),
     ("mil-nadir", "mean_wheel_from_2_h"), ("mil-nadir", "never_dumped"),
@@ -427,6 +432,7 @@ AGAINST = {
     ("mil-fast", "time_to_dump_build_up"), ("mil-fast", "never_dumped"),
     ("velocity-dumping", "time_to_0_1_deg_per_s"),
     ("velocity-eq26", "time_to_1_deg_per_s"), ("velocity-eq26", "time_to_0_1_deg_per_s"),
+    ("velocity-b-dot", "slow_over_eq26"),
     ("same-start-managed-15", "slow_draws"), ("same-start-managed-25", "slow_draws"),
     ("same-start-managed-25", "saturating_draws"),
     ("same-start-unmanaged-15", "slow_draws"), ("same-start-unmanaged-25", "slow_draws"),
@@ -437,11 +443,12 @@ AGAINST = {
 
 def test_bands_of_the_draws_are_met_but_for_those_that_are_known(current):
     banded, missed = 0, set()
+    medians = {name: {k: s["median"] for k, s in found["summary"].items()}
+               for name, found in current["scenarios"].items()}  # fmt: skip
     for name, found in current["scenarios"].items():
-        scenario = find(name)
-        values = {k: s["median"] for k, s in found["summary"].items()}
+        scenario, values = find(name), medians[name]
         keys = numbers_of_rows(scenario.data, scenario.cell)
-        for key, row in zip(keys, cells.rows_of(scenario, values, {}, found), strict=True):
+        for key, row in zip(keys, cells.rows_of(scenario, values, medians, found), strict=True):
             banded += row.within is not None
             if row.within is False:
                 missed.add((name.removeprefix("integrated/"), key))
