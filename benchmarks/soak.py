@@ -63,13 +63,13 @@ def steps(count: int) -> Iterator[dict[str, int]]:
         part, said = place / "series.h5.part", 0
         while thread.is_alive():
             time.sleep(0.2)
-            done = part.stat().st_size // ROW if part.exists() else 0
-            if done >= said + count // 10:
-                said = done
-                yield {"rows_on_disk": done, **used()}
+            size = part.stat().st_size if part.exists() else 0
+            if size >= said + ROW * count // 10:
+                said = size
+                yield {"MB_on_disk": size // 1_000_000, **used()}
         thread.join()
         with Results.open(place) as results:
-            yield {"rows_on_disk": len(results.times()), **used()}
+            yield {"rows": len(results.times()), **used()}
 
 
 def main() -> None:

@@ -21,6 +21,7 @@ import json
 import os
 import sys
 import tempfile
+import time
 import uuid
 import zipfile
 from collections.abc import Iterator
@@ -279,6 +280,9 @@ def main() -> int:
             dist / e["file"] for e in index
         }:
             stale.unlink()
+        for left in dist.rglob("*.part"):  # of a build that was killed; one is written at once
+            if time.time() - left.stat().st_mtime > 60.0:
+                left.unlink(missing_ok=True)
         interfaces.write()
     _print_table([e for e in index if e["name"] in wanted])
     natives = sum(e["kind"] == "native" for e in index)

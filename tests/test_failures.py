@@ -140,7 +140,7 @@ def test_an_isolated_component_ends_alone(system, tmp_path, supervised):
         ("EXIT_3", f"{ALONE}exit(3)", Exit.COMPONENT, 3.0),
         ("HANG", "bad: the step from t = 3 s did not return within 0.5 s", Exit.TIMEOUT, 3.0),
         ("STEP_ERROR", "bad: the step from t = 3 s returned error", Exit.COMPONENT, 3.0),
-        ("NOT_FINITE", "bad.y = nan at t = 4 s", Exit.COMPONENT, 3.0),
+        ("NOT_FINITE", "bad.y = nan at t = 4 s", Exit.COMPONENT, 4.0),
         ("IN_FREE", "bad: freeing it ended its process: SIGSEGV, after the run", 4, 10.0),
         ("IN_START", "bad: entering initialisation ended its process: SIGSEGV", 4, None),
         ("ROUNDING", "", Exit.COMPLETED, 10.0),

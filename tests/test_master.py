@@ -11,6 +11,7 @@ from conftest import one_of_each_craft
 from hypothesis import given
 from hypothesis import strategies as st
 
+from benchmarks import same_bits
 from desat.components.contract.units import unit_of
 from desat.engine import master as master_module
 from desat.engine.ending import Ending
@@ -341,6 +342,12 @@ def test_same_bits_again_and_from_the_packed_file():
     assert bits(first) == bits(packed)
     assert packed.manifest["numbers"] == first.manifest["numbers"]
     assert packed.manifest["ssp"]["sha256"]
+
+
+def test_same_bits_in_other_processes():
+    """`python -m benchmarks.same_bits` makes a whole day, in more ways."""
+    ways = ("components and connections permuted", "PYTHONHASHSEED=0")
+    assert same_bits.differing({w: same_bits.WAYS[w] for w in ways}, {"stop": 60.0}) == []
 
 
 @pytest.mark.real_units

@@ -9,7 +9,7 @@ its own, `block_instance.py` the bare block.
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any, Protocol
 
 import numpy as np
@@ -91,3 +91,18 @@ class Instance(Protocol):
 
     def close(self) -> None:
         """Free the component. May be called at any time, also twice."""
+
+
+def each(calls: Iterable[Callable[[], None]]) -> None:
+    """Make all calls. Raises ComponentError with what all of those said that failed, and
+    EndedError at once."""
+    failures = []
+    for call in calls:
+        try:
+            call()
+        except EndedError:
+            raise
+        except ComponentError as error:
+            failures.append(str(error))
+    if failures:
+        raise ComponentError("\n".join(failures))

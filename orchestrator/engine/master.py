@@ -20,7 +20,7 @@ state outputs when all have stepped.
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Callable, Collection, Iterable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from functools import partial
 from math import inf
 from types import TracebackType
@@ -37,7 +37,7 @@ from ..system.rates import Rates, graded
 from ..system.schedule import Schedule
 from .block_instance import BlockInstance
 from .fmu_instance import FmuInstance
-from .instances import Array, ComponentError, EndedError, Instance
+from .instances import Array, ComponentError, EndedError, Instance, each
 from .isolated import IsolatedInstance
 from .last_call import ENTER, EXIT, FREE, INSTANTIATE, PLACE, PULL, PUSH, time, word
 from .member import Member, Outputs, Slot
@@ -206,12 +206,12 @@ class Master:
         """
         members = self.members.values()
         time[0], start = self.start, self.start
-        _each(self._within(m, ENTER, partial(m.instance.enter, start, self._parameters(m)))
+        each(self._within(m, ENTER, partial(m.instance.enter, start, self._parameters(m)))
               for m in members)  # fmt: skip
         for member in members:
             self._pull(member)
         self._settle()
-        _each(self._within(m, EXIT, m.instance.exit) for m in members)
+        each(self._within(m, EXIT, m.instance.exit) for m in members)
         for member in members:
             self._pull(member)
         self.check_finite()
@@ -296,17 +296,3 @@ class Master:
                 raise ComponentError(
                     f"{slot.component}.{slot.signal.name} = {value} at t = {self.t:g} s"
                 )
-
-
-def _each(calls: Iterable[Callable[[], None]]) -> None:
-    """Make all calls. Raises ComponentError with what all of those said that failed."""
-    failures = []
-    for call in calls:
-        try:
-            call()
-        except EndedError:
-            raise
-        except ComponentError as error:
-            failures.append(str(error))
-    if failures:
-        raise ComponentError("\n".join(failures))

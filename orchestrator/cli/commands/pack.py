@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import time
 from typing import Annotated
 
 import typer
@@ -24,10 +25,15 @@ def pack(
     """Pack scenarios as self-contained .ssp files into ssp/dist/; with native FMUs into
     ssp/dist/native/."""
     from ...files import pack as pack_module
+    from ...files import places
     from ...files.scenario import find, scenarios
 
     wanted = [find(n) for n in names] if names else list(scenarios().values())
     packed = [str(pack_module.pack_scenario(s, force=True, fmus=fmus.value)) for s in wanted]
+    if not names:
+        for left in places.packed().rglob("*.part"):  # of a command that was killed
+            if time.time() - left.stat().st_mtime > 60.0:
+                left.unlink(missing_ok=True)
     if as_json:
         print_json(packed)
     else:
