@@ -6,6 +6,7 @@ import csv
 import json
 import os
 import re
+import shutil
 import signal
 import subprocess
 import sys
@@ -325,7 +326,7 @@ def test_units_as_people_write_them(unit, shown):
 
 
 def test_the_page_of_results_works_as_it_says(tmp_path, monkeypatch, capsys):
-    """docs/results.md, its lines for Python and pandas."""
+    """docs/results.md, its lines for Python, pandas and, where it is installed, Octave."""
     out = tmp_path / "runs" / "NAME"
     run = execute("nadir_day/day-dipole", Options(stop=60.0), out)
     largest = np.abs(run.results.values("wheels.h_wheel"))
@@ -340,3 +341,9 @@ def test_the_page_of_results_works_as_it_says(tmp_path, monkeypatch, capsys):
     first, second = capsys.readouterr().out.splitlines()
     assert first.split()[0] == "N.m.s"
     assert float(second) == largest[:60, 0].max()
+    (snippet,) = re.findall(r"```matlab\n(.*?)```", page, re.S)
+    if octave := shutil.which("octave-cli"):
+        export(out, "mat")
+        told = subprocess.run([octave, "--no-gui", "--quiet", "--eval", snippet], check=False,
+                              capture_output=True, text=True).stdout.split()  # fmt: skip
+        assert told == ["N.m.s", f"{largest.max():.17g}"]

@@ -64,20 +64,15 @@ def keep(plan: Plan, data: bytes) -> None:
         _shipped[plan.digest] = str(folder / Path(plan.target).name)
 
 
-def _plugin(plan: Plan, data: bytes | None) -> Any:
-    """What every worker gets once, also one that comes later; one with other versions ends."""
+def _plugin(plan: Plan, data: bytes) -> Any:
+    """What every worker gets once, also one that comes later."""
     from distributed import WorkerPlugin
-
-    here = versions()
 
     class System(WorkerPlugin):  # type: ignore[misc]
         name = f"desat-{plan.digest}"
 
         def setup(self, worker: Any) -> None:
-            if text := other(versions(), here):
-                raise DesatError(f"worker {worker.address} has {text}")
-            if data is not None:
-                keep(plan, data)
+            keep(plan, data)
 
     return System()
 
@@ -108,9 +103,14 @@ def _compare(plan: Plan) -> str:
     )  # fmt: skip
 
 
-def on_worker(plan: Plan, shipped_: bool, number: int, supervised: bool) -> dict[str, Any]:
+def on_worker(
+    plan: Plan, shipped_: bool, here: dict[str, str], number: int, supervised: bool
+) -> dict[str, Any]:
     """On a worker: a case as a row. A case that takes too long ends its worker, which its nanny
-    replaces. Raises DesatError where the worker has another system."""
+    replaces. Raises DesatError where the worker, which may have come late, has other versions than
+    `here`, the head's, or another system."""
+    if text := other(versions(), here):
+        raise DesatError(f"worker {platform.node()} has {text}")
     if shipped_:
         if plan.digest not in _shipped:
             raise DesatError(f"worker {platform.node()}: the system has not arrived")
@@ -165,7 +165,8 @@ class Cluster:
                 self._close()
                 raise DesatError(f"--cluster {address}: worker {worker} has {text}")
         data = shipped(plan.target)
-        self._client.register_plugin(_plugin(plan, data))
+        if data is not None:
+            self._client.register_plugin(_plugin(plan, data))
         self._shipped = data is not None
         self._done: queue.SimpleQueue[tuple[Hashable, Any]] = queue.SimpleQueue()
 
@@ -184,7 +185,7 @@ class Cluster:
         """Have a case made: its number, and whether it is supervised."""
         number, supervised = arguments
         future = self._client.submit(
-            on_worker, self._plan, self._shipped, number, supervised, pure=False
+            on_worker, self._plan, self._shipped, versions(), number, supervised, pure=False
         )
         future.add_done_callback(lambda ended: self._done.put((key, ended)))
 
