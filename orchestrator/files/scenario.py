@@ -50,8 +50,7 @@ class Scenario:
 
     def given(self, path: tuple[str, ...]) -> tuple[str, str]:
         """File and key that give a value; of a parameter that its data do not have, its design."""
-        file, cell = origin(self.origins, path)
-        own = self.data
+        (file, cell), own = origin(self.origins, path), self.data
         for key in path:
             own = own.get(key, {}) if isinstance(own, dict) else {}
         if own == {} and path[0] == "parameters" and self.design is not None:
@@ -282,8 +281,7 @@ def _read(file: Path, family: str) -> list[Scenario]:
             merge(merged, partial, origins, (where, f"axes.{axis}.{value}."))
         labels = {axis: axes[axis][value].get("label", value) for axis, value in cell.items()}
         texts = {k: fill(merged[k], labels) for k in ("title", "story") if k in merged}
-        name = "-".join([file.stem, *cell.values()])
-        name = f"{home}/{name}" if home else name
+        name = f"{home}/" * bool(home) + "-".join([file.stem, *cell.values()])
         whole = fill(merged, cell) | texts
         scenario = Scenario(name, file, whole, cell, ROOT / home, origins)
         if not abstract:
@@ -298,6 +296,5 @@ def _refuse(scenario: Scenario, axes: dict[str, Any]) -> None:
     from .refuse import paper_problems, problems
 
     wrong = [*problems(scenario.data, part=False)]
-    wrong = wrong or [*paper_problems(scenario.data, scenario.cell, axes)]
-    if wrong:
+    if wrong := wrong or [*paper_problems(scenario.data, scenario.cell, axes)]:
         raise DesatError("\n".join(f"{scenario.where(p)}: {text}" for p, text in wrong))

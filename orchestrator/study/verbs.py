@@ -156,8 +156,7 @@ class Verbs(CoilVerbs):
         return f"{share['count']} of {share['n']} (of all {low:.0f} to {high:.0f} %)"
 
     def share_worse(self, scenario: str, other: str, number: str) -> str:
-        """The share of draws whose number is above that of the same draw of another scenario, with
-        its interval; of those that both have."""
+        """The share of draws whose number is above that of another scenario's same draw."""
         pairs = list(zip(self.drawn(scenario, number), self.drawn(other, number), strict=False))
         count = sum(a > b for a, b in pairs)
         low, high = cells.clopper_pearson(count, len(pairs))
