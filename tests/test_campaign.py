@@ -306,8 +306,8 @@ def test_crashes_and_hangs_leave_a_complete_dataset(tmp_path, binary):  # noqa: 
     text = "bad: the step from t = 3 s"
     assert by["NOTHING"]["status"] == "completed"
     assert by["NOTHING"]["out.y"] == 10.0
-    assert by["SEGFAULT"]["message"].startswith(f"{text} ended the process: SIGSEGV")
-    assert by["EXIT_0"]["message"].startswith(f"{text} ended the process: exit(0)")
+    assert by["SEGFAULT"]["message"].startswith(f"{text} ended its process: SIGSEGV")
+    assert by["EXIT_0"]["message"].startswith(f"{text} ended its process: exit(0)")
     assert "did not return within 1.5 s" in by["HANG"]["message"]
     assert by["HANG"]["attempts"] == 2
     told = report.summary(folder)

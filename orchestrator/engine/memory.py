@@ -31,17 +31,16 @@ class Rows:
         """1 for a scalar's rows, else 2."""
         return self._all.ndim
 
-    def resize(self, rows: int, axis: int = 0) -> None:
-        """Have so many rows."""
-        assert axis == 0
-        if rows > len(self._all):
-            grown = np.zeros((max(rows, 2 * len(self._all)), *self._all.shape[1:]), self._all.dtype)
-            grown[: self._rows] = self._all[: self._rows]
+    def append(self, rows: NDArray[Any]) -> None:
+        """Have these rows, too."""
+        there, wanted = self._rows, self._rows + len(rows)
+        if wanted > len(self._all):
+            tail = self._all.shape[1:]
+            grown = np.zeros((max(wanted, 2 * len(self._all)), *tail), self._all.dtype)
+            grown[:there] = self._all[:there]
             self._all = grown
-        self._rows = rows
-
-    def __setitem__(self, at: Any, values: Any) -> None:
-        self._all[: self._rows][at] = values
+        self._all[there:wanted] = rows
+        self._rows = wanted
 
     def __getitem__(self, at: Any) -> NDArray[Any]:
         # a copy, as from a file: what is done with it does not change the series

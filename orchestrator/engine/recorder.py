@@ -213,7 +213,9 @@ def _series(component: str, variable: str, slots: list[Slot]) -> wide.Series:
 
 def _append(dataset: Any, rows: NDArray[Any]) -> None:
     """By HDF5's own calls: `dataset[n:] = rows` takes twice as long, and a day has thousands."""
-    if len(rows):
+    if isinstance(dataset, memory.Rows):
+        dataset.append(rows)
+    elif len(rows):
         n, *tail = dataset.id.shape
         dataset.id.set_extent((n + len(rows), *tail))
         place = dataset.id.get_space()
