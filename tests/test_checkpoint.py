@@ -44,7 +44,8 @@ def series(folder: Path) -> dict[str, tuple]:
         if isinstance(of, h5py.Dataset):
             value = of[()]
             data = value if isinstance(value, bytes) else value.tobytes()
-            found[name] = (of.dtype.str, of.shape, data, dict(of.attrs))
+            own = {k: v for k, v in of.attrs.items() if isinstance(v, str | bytes)}
+            found[name] = (of.dtype.str, of.shape, data, own)
 
     with h5py.File(folder / "series.h5") as file:
         file.visititems(add)
