@@ -66,7 +66,7 @@ def test_thruster_torque_per_sample_is_ordered(n, b, b_over_a):
 
 @given(torque, field)
 def test_ocdc_tends_to_crcp(n, b):
-    m, n_t = blending.ocdc(n, b, 1e18)
+    m, n_t = blending.ocdc(n, b, 1e20)
     m_limit, n_limit = blending.crcp(n, b)
     assert np.allclose(m, m_limit, rtol=1e-6)
     assert np.allclose(n_t, n_limit, rtol=1e-6, atol=1e-9)
