@@ -118,7 +118,6 @@ def shown(row: Row) -> dict[str, str]:
         difference = _signed(delta, digits)
         if row.paper and row.unit == "s":
             difference += f" ({_signed(100 * delta / row.paper, 1)} %)"
-    large = abs(row.ours) >= 1e5
     verdict = {True: "within", False: "OUTSIDE", None: ""}[row.within]
     mark = {"within": "ok", "OUTSIDE": "bad", "": ""}[verdict]
     if row.paper_within is False:
@@ -128,7 +127,7 @@ def shown(row: Row) -> dict[str, str]:
         "method": row.method,
         "case": row.case,
         "paper": "" if row.paper is None else _value(row.paper, 2, row.flag),
-        "ours": number(row.ours) if large else _value(row.ours, digits, row.flag),
+        "ours": _value(row.ours, digits, row.flag),
         "difference": "" if row.flag else difference,
         "band": "" if row.band is None else _band(row, digits),
         "draws": "" if row.draws is None else _of_draws(row.draws, digits, row.flag),
@@ -154,7 +153,7 @@ def columns(lines: list[dict[str, str]]) -> dict[str, str]:
 def _value(value: float, digits: int, flag: bool = False) -> str:
     if flag and value in (0.0, 1.0):
         return "yes" if value else "no"
-    return f"{value:.{digits}f}"
+    return number(value) if abs(value) >= 1e5 else f"{value:.{digits}f}"
 
 
 def _band(row: Row, digits: int) -> str:
@@ -169,7 +168,8 @@ def _of_draws(draws: dict[str, Any], digits: int, flag: bool = False) -> str:
         return f"{draws['count']} of {draws['n']}; of all {low:.0f} to {high:.0f} % (95 %)"
     if flag and draws["min"] == draws["max"]:
         return f"{_value(draws['min'], 0, flag)} in all {draws['n']}"
-    text = f"{draws['min']:.{digits}f} to {draws['max']:.{digits}f} of {draws['n']}"
+    least, most = (_value(draws[k], digits) for k in ("min", "max"))
+    text = f"{least} to {most} of {draws['n']}"
     if draws["band"]:
         text += f" (each: {draws['band'][0]:g} to {draws['band'][1]:g})"
     return text
