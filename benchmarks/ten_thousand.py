@@ -75,15 +75,15 @@ def _done(where: Path) -> tuple[str, int]:
 
 def _workers(pid: int) -> list[int]:
     """The processes of a head that make cases."""
-    found = []
+    processes = []
     for thread in Path(f"/proc/{pid}/task").glob("*/children"):
         try:
             children = [int(p) for p in thread.read_text().split()]
-            found += [p for p in children
+            processes += [p for p in children
                       if b"spawn_main" in Path(f"/proc/{p}/cmdline").read_bytes()]  # fmt: skip
         except OSError:  # it has just ended
             continue
-    return sorted(found)
+    return sorted(processes)
 
 
 def _memory(pid: int) -> float:
@@ -125,14 +125,14 @@ def judged(folder: Path) -> dict[str, Any]:
 
 def _memory_over(samples: list[list[float]]) -> list[dict[str, float]]:
     """Of each tenth of the cases: the largest of head and worker."""
-    found = []
+    largest = []
     for i in range(10):
         low, high = i * CASES / 10, (i + 1) * CASES / 10
         part = [s for s in samples if low < s[0] <= high]
         if part:
-            found.append({"cases": high, "head": round(max(s[1] for s in part), 1),
+            largest.append({"cases": high, "head": round(max(s[1] for s in part), 1),
                           "worker": round(max(s[2] for s in part), 1)})  # fmt: skip
-    return found
+    return largest
 
 
 def main() -> int:

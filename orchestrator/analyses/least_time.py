@@ -127,9 +127,9 @@ def plant_of(manifest: dict[str, Any], results: Results) -> Plant:
     given = {c: {k: p["value"] for k, p in g.items()} for c, g in manifest["parameters"].items()}
     spin = np.asarray(given["wheels"]["inertia_wheel"])
     axes = np.reshape(given["wheels"]["axes_wheel"], (3, 4))
-    if (found := np.flatnonzero(axes.any(axis=0))).size != 1:
-        raise DesatError(f"{manifest['scenario']}: {found.size} wheels; the least time is of one")
-    wheel = int(found[0])
+    if (places := np.flatnonzero(axes.any(axis=0))).size != 1:
+        raise DesatError(f"{manifest['scenario']}: {places.size} wheels; the least time is of one")
+    wheel = int(places[0])
     inertia, axis = np.reshape(given["spacecraft"]["inertia"], (3, 3)), axes[:, wheel]
     carrier = inertia - spin[wheel] * np.outer(axis, axis)
     q, omega, field, place, h = (results.values(s) for s in SIGNALS)
@@ -165,8 +165,10 @@ def of_run(manifest: dict[str, Any], results: Results, detumbled: float, held: f
         best, until = laws[order[0]], min(until, float(np.ceil(times[order[0]])))
         mean = 0.3 * mean + 0.7 * laws[order].mean(axis=0)
         spread = 0.3 * spread + 0.7 * laws[order].std(axis=0)
-    found = float(slow_after(plant, best[None], limit, until, held, PARTS)[0])
-    return LeastTime(detumbled, found if found <= until else detumbled, floor_of(plant, limit))
+    best_time = float(slow_after(plant, best[None], limit, until, held, PARTS)[0])
+    return LeastTime(
+        detumbled, best_time if best_time <= until else detumbled, floor_of(plant, limit)
+    )
 
 
 def slow_after(plant: Plant, laws: Array, limit: float, until: float, held: float,

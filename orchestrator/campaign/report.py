@@ -77,15 +77,15 @@ def _is_number(column: Any) -> bool:
 def _number(name: str, entry: Mapping[str, str], values: Any, cases: Any) -> dict[str, Any]:
     """A number over all completed cases that have it."""
     there = np.isfinite(values)
-    found: dict[str, Any] = {"title": entry.get("title", name), "unit": entry.get("unit", ""),
+    told: dict[str, Any] = {"title": entry.get("title", name), "unit": entry.get("unit", ""),
                              "n": int(there.sum()), "not_reached": int((~there).sum())}  # fmt: skip
     if there.any():
         levels = np.percentile(values[there], (5.0, 50.0, 95.0, 99.0))
-        found |= dict(zip(("p5", "median", "p95", "p99"), map(float, levels), strict=True))
+        told |= dict(zip(("p5", "median", "p95", "p99"), map(float, levels), strict=True))
         for key, pick in (("min", np.argmin), ("max", np.argmax)):
             i = int(pick(values[there]))
-            found |= {key: float(values[there][i]), f"{key}_case": int(cases[there][i])}
-    return found
+            told |= {key: float(values[there][i]), f"{key}_case": int(cases[there][i])}
+    return told
 
 
 def _requirement(
@@ -132,7 +132,7 @@ def _more(n: int, inside: int, probability: float, confidence: float) -> int | N
 
 def _drivers(inputs: Mapping[str, Any], out: Mapping[str, Any]) -> list[dict[str, Any]]:
     """Rank correlations (Spearman) between inputs and numbers, the strong ones, strongest first."""
-    found = []
+    drivers = []
     for number, y in out.items():
         for name, x in inputs.items():
             there = np.isfinite(x) & np.isfinite(y)
@@ -140,11 +140,11 @@ def _drivers(inputs: Mapping[str, Any], out: Mapping[str, Any]) -> list[dict[str
                 continue
             result = spearmanr(x[there], y[there])
             if abs(result.statistic) >= STRONG and result.pvalue < 0.01:
-                found.append({
+                drivers.append({
                     "input": name, "number": number, "n": int(there.sum()),
                     "correlation": float(result.statistic),
                 })  # fmt: skip
-    return sorted(found, key=lambda d: (-abs(d["correlation"]), d["input"], d["number"]))
+    return sorted(drivers, key=lambda d: (-abs(d["correlation"]), d["input"], d["number"]))
 
 
 def _sobol(plan: Plan, cases: Any, completed: Any, out: Mapping[str, Any]) -> dict[str, Any] | None:
@@ -160,16 +160,16 @@ def _sobol(plan: Plan, cases: Any, completed: Any, out: Mapping[str, Any]) -> di
     elements = [n if k == 1 else f"{n}[{i}]" for n, k in zip(names, sizes, strict=True)
                 for i in range(1, k + 1)]  # fmt: skip
     analyze = sensitivity("analyze")
-    found: dict[str, Any] = {}
+    indices: dict[str, Any] = {}
     for number, y in out.items():
         if np.isfinite(y).all() and np.ptp(y) > 0.0:
             made = analyze(unit_cube(len(elements)), y, calc_second_order=False, seed=plan.seed)
-            found[number] = {
+            indices[number] = {
                 name: {"first": float(made["S1"][i]), "first_conf": float(made["S1_conf"][i]),
                        "total": float(made["ST"][i]), "total_conf": float(made["ST_conf"][i])}
                 for i, name in enumerate(elements)
             }  # fmt: skip
-    return found
+    return indices
 
 
 def rerun(folder: Path, case: int) -> str:

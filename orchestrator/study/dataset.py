@@ -45,12 +45,12 @@ def of_run(folder: Path) -> xr.Dataset:
     run = load_run(folder)
     results, manifest = run.results, run.manifest
     times = results.times()
-    found: dict[str, xr.Variable] = {}
+    variables: dict[str, xr.Variable] = {}
     lengths = {"time": len(times)}
     for name in results.names():
         lazy, dims = _series(results, name)
         lengths[dims[0]] = min(lazy.shape[0], lengths.get(dims[0], lazy.shape[0]))
-        found[name] = lazy.variable(dims, _attributes(results, name))
+        variables[name] = lazy.variable(dims, _attributes(results, name))
     told = {
         **attributes(manifest), "status": manifest["status"],
         "numbers": json.dumps(manifest["numbers"]), "manifest": json.dumps(manifest),
@@ -61,7 +61,7 @@ def of_run(folder: Path) -> xr.Dataset:
                          {"units": "s", "long_name": "begin t_k of the interval"})}
            if "interval" in lengths else {}),
     }  # fmt: skip
-    return xr.Dataset(found, coordinates, told)
+    return xr.Dataset(variables, coordinates, told)
 
 
 def _series(results: Results, name: str) -> tuple[_Lazy, tuple[str, ...]]:
@@ -90,12 +90,12 @@ def _series(results: Results, name: str) -> tuple[_Lazy, tuple[str, ...]]:
 
 def _attributes(results: Results, name: str) -> dict[str, Any]:
     choices = results.choices(name)
-    found = {
+    told = {
         "units": results.attribute(name, "unit"), "frame": results.attribute(name, "frame"),
         "long_name": results.attribute(name, "description"),
         "class": results.attribute(name, "class"),
     }  # fmt: skip
-    return found | ({"choices": list(choices)} if choices else {})
+    return told | ({"choices": list(choices)} if choices else {})
 
 
 def of_campaign(folder: Path) -> xr.Dataset:
@@ -108,21 +108,23 @@ def of_campaign(folder: Path) -> xr.Dataset:
     plan = read(folder)
     cases = store.read(folder, columns=["case"])["case"].to_numpy()
     described = store.described(folder)
-    found: dict[str, xr.Variable] = {}
+    variables: dict[str, xr.Variable] = {}
     for field in store.schema(folder):
         if field.name == "case":
             continue
         lazy = _Lazy((len(cases),), _dtype(field.type), _column(folder, field.name))
         told = described.get(field.name.removeprefix("out."), {})
-        found[field.name] = lazy.variable(
+        variables[field.name] = lazy.variable(
             ("case",), {"long_name": told.get("title", ""), "units": told.get("unit", "")}
         )
     for name in plan.curves:
         lazy = _Lazy((len(cases), POINTS), float, _envelopes(folder, name))
-        found[f"curve.{name}"] = lazy.variable(("case", "part"), {"long_name": f"largest {name}"})
+        variables[f"curve.{name}"] = lazy.variable(
+            ("case", "part"), {"long_name": f"largest {name}"}
+        )
     attributes = {"target": plan.target, "seed": plan.seed, "sampling": plan.sampling,
                   "count": plan.count}  # fmt: skip
-    return xr.Dataset(found, {"case": cases}, attributes)
+    return xr.Dataset(variables, {"case": cases}, attributes)
 
 
 def _dtype(kind: Any) -> Any:

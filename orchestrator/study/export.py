@@ -82,13 +82,13 @@ def _structs(run: Run) -> dict[str, Any]:
     results = run.results
     times = results.times()
     rows = min((results.count(n) for n in results.names()), default=0)
-    found: dict[str, Any] = {"time": times, "interval": times[:rows]}
+    structs: dict[str, Any] = {"time": times, "interval": times[:rows]}
     for name in results.names():
         component, _, variable = name.partition(".")
-        struct = found.setdefault(component, {"units": {}})
+        struct = structs.setdefault(component, {"units": {}})
         struct[variable] = np.asarray(results.values(name))
         struct["units"][variable] = results.attribute(name, "unit") or "1"
-    return found
+    return structs
 
 
 def _plots(run: Run, form: str, into: Path) -> list[Path]:
