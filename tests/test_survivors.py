@@ -28,10 +28,11 @@ COILS, LEVEL, PERIOD = (36.0, 36.0, 36.0), (0.04, 0.04, 0.04), 10.0
 def test_a_plan_fires_against_a_known_torque():
     """One sample, no field: the on-time is what takes back h + N_con T, axis by axis."""
     h, n_con = (0.05, 0.0, -0.02), (0.01, -0.004, 0.0)
-    step = receding_horizon.first_step(
+    plan = receding_horizon.programme(
         h, (0.0, 0.0, 0.0), (UPRIGHT,) * 3, ((0.0, 0.0, 0.0),), n_con, COILS, LEVEL,
         (PERIOD, PERIOD), PERIOD,
     )  # fmt: skip
+    step = receding_horizon.first_step(plan, COILS)
     assert step is not None
     wanted = [-(a + PERIOD * n) / 0.04 for a, n in zip(h, n_con, strict=True)]
     assert step[1] == pytest.approx(wanted, abs=1e-6)

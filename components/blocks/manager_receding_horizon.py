@@ -135,7 +135,7 @@ class ManagerRecedingHorizon(ThrusterDumping, EarthField):
         whole = self.thruster_duty * self.sample_time
         kept = (1.0 - self.reserve) * whole
         for longest in ((kept, kept), (whole, kept), (whole, whole)):
-            step = receding_horizon.first_step(
+            plan = receding_horizon.programme(
                 add(h, self.h_target_body),
                 self.h_target_body,
                 q_bi,
@@ -146,6 +146,7 @@ class ManagerRecedingHorizon(ThrusterDumping, EarthField):
                 longest,
                 self.sample_time,
             )
+            step = receding_horizon.first_step(plan, self.limits())
             if step is not None:
                 return step
         return None

@@ -136,36 +136,6 @@ def _solved(m: Vec10, v: Vec4) -> Vec4:
     return ((p - b * y - c * z - d * w) / a, y, z, w)
 
 
-def first_step(
-    h: Vec3,
-    h_target: Vec3,
-    q_bi: tuple[Vec4, ...],
-    fields: tuple[Vec3, ...],
-    n_con: Vec3,
-    limit: Vec3,
-    tau_level: Vec3,
-    longest: tuple[float, float],
-    period: float,
-) -> tuple[Vec3, Vec3] | None:
-    """What the plan of least firing time does in its first sample; None where there is no plan.
-
-    h, h_target: the wheels' momentum now and wanted at the end (N m s); q_bi: the predicted
-    attitudes now, in the middle of each sample, and at the end; fields: B (T) in the middle of
-    each sample, at most SAMPLES; n_con (N m); limit: the largest mean dipole (A m2); tau_level
-    (N m) of the thrusters, which may be on for `longest` (s) of `period` (s), in the first sample
-    and in the others. All in body axes.
-
-    Returns the mean dipole (A m2), and the on-time of each axis (s) with the sign of its torque.
-    """
-    goal, columns, cost, most = programme(
-        h, h_target, q_bi, fields, n_con, limit, tau_level, longest, period
-    )
-    x = least_effort(columns, cost, most, goal)
-    if x is None:
-        return None
-    return (x[3] * limit[0], x[4] * limit[1], x[5] * limit[2]), (x[0], x[1], x[2])
-
-
 Programme = tuple[Vec3, tuple[Vec3, ...], tuple[float, ...], tuple[float, ...]]
 """Of `least_effort`: goal, columns, cost, most."""
 
@@ -181,7 +151,13 @@ def programme(
     longest: tuple[float, float],
     period: float,
 ) -> Programme:
-    """The linear programme of `first_step`, whose arguments these are; in eci.
+    """The plan of least firing time as a linear programme, in eci.
+
+    h, h_target: the wheels' momentum now and wanted at the end (N m s); q_bi: the predicted
+    attitudes now, in the middle of each sample, and at the end; fields: B (T) in the middle of
+    each sample, at most SAMPLES; n_con (N m); limit: the largest mean dipole (A m2); tau_level
+    (N m) of the thrusters, which may be on for `longest` (s) of `period` (s), in the first sample
+    and in the others. All in body axes.
 
     Of each sample six columns: what a second of firing about each axis does, and what the largest
     dipole along each does over the sample. All is divided by the strongest level, so that seconds
@@ -213,3 +189,16 @@ def programme(
         (longest[0] if k == 0 else longest[1]) if i < 3 else 1.0 for k in range(n) for i in range(6)
     )
     return goal, columns, cost, most
+
+
+def first_step(plan: Programme, limit: Vec3) -> tuple[Vec3, Vec3] | None:
+    """What a plan does in its first sample; None where there is none. limit: the largest mean
+    dipole (A m2), as in the plan.
+
+    Returns the mean dipole (A m2), and the on-time of each axis (s) with the sign of its torque.
+    """
+    goal, columns, cost, most = plan
+    x = least_effort(columns, cost, most, goal)
+    if x is None:
+        return None
+    return (x[3] * limit[0], x[4] * limit[1], x[5] * limit[2]), (x[0], x[1], x[2])

@@ -2,6 +2,9 @@
 
 Chvatal, Linear Programming, 1983, chapters 8 and 10, with the long steps of Maros, Computational
 Techniques of the Simplex Method, 2003, section 10.3. Plain floats, so that it runs in any host.
+
+`simplex` is for a few columns, and errors that may be paid for: it goes on exchange by exchange, to
+1e-8. Here are hundreds of columns, and equations that hold to 1e-12.
 """
 
 from __future__ import annotations
