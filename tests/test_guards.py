@@ -253,6 +253,27 @@ def test_draws_are_stamped_only_if_they_come_out_again(monkeypatch, tmp_path):
     assert stored.stamp("uosat12", 1, 1) == [name]
 
 
+def test_more_draws_are_flown_after_those_that_are_kept(monkeypatch, tmp_path):
+    name = "uosat12/starts-dct"
+    kept = stored.read("uosat12")
+    scenario = find(name)
+    whole = kept["scenarios"][name]
+    whole["sha256"], whole["code_sha256"] = stored.digest(scenario), stored.code(scenario)
+    monkeypatch.setattr(stored, "with_draws", lambda family: {name: scenario})
+    monkeypatch.setattr(stored, "file_of", lambda family: tmp_path / "draws.json")
+    shown = whole["draws"][0]["numbers"]["firing_time"]
+    first = whole["draws"][:-1]
+    first[0] = {"draw": 0, "numbers": dict.fromkeys(first[0]["numbers"], 1.0)}
+    kept["scenarios"] = {name: {**whole, "draws": first}}
+    stored.write(kept)
+    assert stored.outdated(stored.read("uosat12")) == [name]
+    made = stored.renew("uosat12", 1)["scenarios"][name]
+    assert made["draws"][1:] == whole["draws"][1:]
+    assert made["draws"][0] == first[0] != shown, "a draw that is kept is not flown again"
+    assert made["summary"]["firing_time"]["n"] == scenario.data["draws"]
+    assert made["summary"]["firing_time"]["min"] == 1.0
+
+
 def test_an_instance_that_is_named_by_its_file_has_the_components_name():
     """As Ecos does; its folder is another one in every run."""
     assert _name("gyro") == "gyro"

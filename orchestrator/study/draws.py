@@ -104,7 +104,7 @@ def rows_of(
     A run whose process dies is made again in a process of its own, which can say why; with one
     process, which is this one, each is.
     """
-    jobs, tried = min(jobs, len(tasks)), set()
+    jobs, tried = max(1, min(jobs, len(tasks))), set()
 
     def again(key: Any, reason: Lost) -> tuple[Any, ...] | None:
         if key in tried:
@@ -129,20 +129,22 @@ def rows_of(
 
 
 def draws(
-    target: str, count: int, seed: int, options: Options, jobs: int = 2, progress: bool = False
-) -> dict[str, Any]:
-    """Run `count` draws and return rows and, for each number, median, least and largest.
+    target: str, count: int, seed: int, options: Options, jobs: int = 2, progress: bool = False,
+    first: int = 0,
+) -> dict[str, Any]:  # fmt: skip
+    """Run the draws from `first` to before `count` and return rows and, for each number, median,
+    least and largest.
 
     Draw i of a seed is the same whatever the count and the number of processes.
     """
     system = system_of(target, options)
     if not system.about.get("dispersions"):
         raise DesatError(f"{target}: it has no [dispersions], so there is nothing to draw")
-    first = replace(options, values={**options.values, **drawn(system, seed, 0)})
-    warnings = prepare(target, first).checked.warnings
+    typical = replace(options, values={**options.values, **drawn(system, seed, 0)})
+    warnings = prepare(target, typical).checked.warnings
     given = {text.partition("=")[0] for text in options.sets} & dispersed(system).keys()
     warnings += [f"--set {name}: it is drawn, and so never has this value" for name in given]
-    tasks = [(target, options, seed, draw) for draw in range(count)]
+    tasks = [(target, options, seed, draw) for draw in range(first, count)]
     rows = rows_of(tasks, jobs, target, progress)
     summed = summary(rows)
     for row in rows:
@@ -158,11 +160,18 @@ def summary(rows: list[dict[str, Any]]) -> dict[str, dict[str, Any]]:
     """Of each number of the draws that completed: unit, median, least, largest, and how many draws
     have reached it."""
     whole = [r for r in rows if r["status"] == "completed"]
+    described = whole[0]["described"] if whole else {}
+    return spreads(whole, {name: d["unit"] for name, d in described.items()})
+
+
+def spreads(rows: list[dict[str, Any]], units: Mapping[str, str]) -> dict[str, dict[str, Any]]:
+    """Of each number that has a unit here: unit, median, least, largest, and how many rows have
+    reached it."""
     numbers = {}
-    for name in whole[0]["numbers"] if whole else ():
-        values = [x for r in whole if (x := r["numbers"].get(name)) is not None]
+    for name, unit in units.items():
+        values = [x for r in rows if (x := r["numbers"].get(name)) is not None]
         numbers[name] = {
-            "unit": whole[0]["described"][name]["unit"],
+            "unit": unit,
             "median": statistics.median(values) if values else None,
             "min": min(values, default=None),
             "max": max(values, default=None),

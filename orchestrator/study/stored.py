@@ -26,15 +26,15 @@ from ..files import places
 from ..files.scenario import Scenario, families, scenarios
 from ..system.codes import Exit
 from ..system.errors import DesatError, RunError
-from .draws import draws
+from .draws import draws, spreads
 from .manifest import PACKAGES, write_json
 from .options import Options
 
 SEED = 1
 ROUNDING = 1e-12
 """The last bit of a solved programme (a bound) is the processor's."""
-_TEXTS = ("title", "story", "source", "twin", "plots", "paper", "labels", "requirements")
-"""What of a scenario changes no number."""
+_ASIDE = ("title", "story", "source", "twin", "plots", "paper", "labels", "requirements", "draws")
+"""What of a scenario changes no number of a draw."""
 
 
 def file_of(family: str) -> Path:
@@ -48,8 +48,8 @@ def with_draws(family: str) -> dict[str, Scenario]:
 
 
 def digest(scenario: Scenario) -> str:
-    """A hash of all of a scenario that its numbers depend on."""
-    data = {k: v for k, v in scenario.data.items() if k not in _TEXTS}
+    """A hash of all of a scenario that a draw's numbers depend on."""
+    data = {k: v for k, v in scenario.data.items() if k not in _ASIDE}
     return hashlib.sha256(json.dumps(data, sort_keys=True, default=str).encode()).hexdigest()
 
 
@@ -112,26 +112,33 @@ def compute(
     """Run the draws of a family (or of the scenarios named) by its FMUs. Raises DesatError where
     a draw fails.
 
-    What `known` (an older result) has for the other scenarios is kept.
+    What `known` (an older result) has for the other scenarios is kept, and so are those of its
+    draws that this code would make again.
     """
     kept = dict((known or {}).get("scenarios", {}))
     made = {}
     for name, scenario in with_draws(family).items():
+        old = kept.get(name)
         if names is not None and name not in names:
-            if name in kept:
-                made[name] = kept[name]
+            if old:
+                made[name] = old
             continue
-        result = draws(name, scenario.data["draws"], SEED, Options(), jobs, progress)
+        count = scenario.data["draws"]
+        rows = old["draws"][:count] if old and _is_current(old, scenario) else []
+        result = draws(name, count, SEED, Options(), jobs, progress, first=len(rows))
         if failed := [r for r in result["draws"] if r["status"] != "completed"]:
             worst = failed[0]
             text = f"{name}: draw {worst['draw']}: {worst['message']}"
             raise RunError(text, Exit(worst["code"]))
+        rows += [{"draw": r["draw"], "numbers": r["numbers"]} for r in result["draws"]]
+        summed = result["summary"] or (old or {})["summary"]
+        units = {n: s["unit"] for n, s in summed.items()}
         made[name] = {
             "sha256": digest(scenario),
             "code_sha256": code(scenario),
             "date": f"{datetime.now(UTC):%Y-%m-%d}",
-            "summary": result["summary"],
-            "draws": [{"draw": r["draw"], "numbers": r["numbers"]} for r in result["draws"]],
+            "summary": spreads(rows, units),
+            "draws": rows,
         }
     return {
         "family": family,
@@ -164,14 +171,20 @@ def read(family: str) -> dict[str, Any]:
 
 
 def outdated(stored: dict[str, Any]) -> list[str]:
-    """The scenarios whose stored draws are missing, or of another version of the scenario or of
-    the code that makes them."""
+    """The scenarios whose stored draws are missing, fewer or more than it says, or of another
+    version of it or of the code that makes them."""
     kept = stored["scenarios"]
     return [
         name for name, scenario in with_draws(stored["family"]).items()
-        if kept.get(name, {}).get("sha256") != digest(scenario)
-        or kept[name].get("code_sha256") != code(scenario)
+        if name not in kept
+        or len(kept[name]["draws"]) != scenario.data["draws"]
+        or not _is_current(kept[name], scenario)
     ]  # fmt: skip
+
+
+def _is_current(kept: dict[str, Any], scenario: Scenario) -> bool:
+    """True where stored draws are of this version of a scenario and of its code."""
+    return kept["sha256"] == digest(scenario) and kept.get("code_sha256") == code(scenario)
 
 
 def renew(family: str, jobs: int, progress: bool = False) -> dict[str, Any]:
@@ -190,7 +203,7 @@ def stamp(family: str, count: int, jobs: int) -> list[str]:
     known, failed = read(family), []
     for name in outdated(known):
         scenario, kept = with_draws(family)[name], known["scenarios"].get(name)
-        if kept is not None and len(kept["draws"]) == scenario.data["draws"]:
+        if kept is not None:
             again = draws(name, count, known["seed"], Options(), jobs)["draws"]
             numbers = [r["numbers"] for r in again]
             if _alike(numbers, [r["numbers"] for r in kept["draws"][:count]]):
