@@ -50,12 +50,12 @@ class Shared:
 
     def arrays(self, signals: Mapping[Kind, list[Signal]], at: int) -> dict[Kind, Array]:
         """The inputs (at 0) or the outputs (at 1) that are moved, an array a type."""
-        place, found = _HEAD + at * sum(self._sizes.values()), {}
+        place, values = _HEAD + at * sum(self._sizes.values()), {}
         for kind, size in self._sizes.items():
             if signals[kind]:
-                found[kind] = np.frombuffer(self._memory, DTYPE[kind], len(signals[kind]), place)
+                values[kind] = np.frombuffer(self._memory, DTYPE[kind], len(signals[kind]), place)
             place += size
-        return found
+        return values
 
 
 class _There:

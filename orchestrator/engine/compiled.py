@@ -28,6 +28,7 @@ from .master import Master
 from .operations import Call
 from .program import NotCompiledError, Program
 from .recorder import Recorder
+from .unwritten import Half
 
 SOURCE = Path(__file__).with_name("loop.c")
 FLAGS = ("-std=c11", "-O2", "-ffp-contract=off", "-fPIC", "-shared")
@@ -79,14 +80,19 @@ class CompiledSteps:
         self._watch(master, ending)
 
     def _record(self, master: Master, recorder: Recorder) -> None:
-        """Say where rows are taken from and where they go."""
+        """Say where rows are taken from."""
+        loop, rows = self._loop, recorder.unwritten.active.rows
+        loop.every, loop.tables = recorder.every, len(rows)
+        for place, kind in zip(loop.table, rows, strict=False):
+            place.source, place.bytes = master.row[kind].ctypes.data, rows[kind].strides[0]
+
+    def _aim(self, half: Half) -> None:
+        """Say where rows go."""
         loop = self._loop
-        loop.every, loop.capacity = recorder.every, len(recorder.times)
-        loop.taken, loop.times = recorder.taken.ctypes.data, recorder.times.ctypes.data
-        loop.tables = len(recorder.rows)
-        for place, (kind, rows) in zip(loop.table, recorder.rows.items(), strict=False):
-            place.source, place.rows = master.row[kind].ctypes.data, rows.ctypes.data
-            place.bytes = rows.strides[0]
+        loop.taken, loop.times = half.taken.ctypes.data, half.times.ctypes.data
+        loop.capacity = len(half.times)
+        for place, rows in zip(loop.table, half.rows.values(), strict=False):
+            place.rows = rows.ctypes.data
 
     def _watch(self, master: Master, ending: Ending) -> None:
         """Say when to come back for the ending to be asked."""
@@ -103,6 +109,8 @@ class CompiledSteps:
         """Make so many steps, or fewer, so that a run may end there."""
         loop = self._loop
         loop.k = self._master.k
+        if self._recorder is not None:
+            self._aim(self._recorder.unwritten.active)
         result = self._run(ctypes.byref(loop), most)
         self._master.k = loop.k
         if self._recorder is not None:

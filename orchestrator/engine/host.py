@@ -59,13 +59,13 @@ class _Handler(bytes):
 
 
 def _handlers() -> list[_Handler]:
-    found = []
+    handlers = []
     for name in _SIGNALS:
         if hasattr(signal, name) and sys.platform == "linux":
             state = ctypes.create_string_buffer(_HANDLER)
             _C.sigaction(int(getattr(signal, name)), None, state)
-            found.append(_Handler(state.raw))
-    return found
+            handlers.append(_Handler(state.raw))
+    return handlers
 
 
 def _put_handlers(states: list[_Handler]) -> None:

@@ -1,4 +1,8 @@
-"""Writes the series of a run while it runs; `results.py` says how they lie in the file."""
+"""Writes the series of a run while it runs; `results.py` says how they lie in the file.
+
+Rows are written and packed by a thread, while the compiled loop, which lets go of the interpreter,
+takes further ones.
+"""
 
 from __future__ import annotations
 
@@ -6,6 +10,7 @@ import os
 import time
 from collections import defaultdict
 from collections.abc import Iterable, Mapping
+from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
@@ -20,12 +25,12 @@ from . import memory, wide
 from .instances import DTYPE
 from .master import Master
 from .member import Slot
-from .packed import pack
+from .packed import Packing
 from .results import Results, frame_of, selects
-from .unwritten import Layout, Places, Unwritten
+from .unwritten import Half, Layout, Places, Unwritten
 
 ROWS = 8192
-"""As many are kept before they are written, and as many make a chunk of the file."""
+"""As many are kept before they are written, twice, and as many make a chunk of the file."""
 FLUSH_SECONDS = 1.0
 _CACHE = 1 << 18
 """Of chunks that are written already HDF5 would keep 8 MiB a data set (bytes)."""
@@ -57,7 +62,7 @@ class Recorder:
             self._file.attrs.update(about)
         self._start, self._step = master.start, master.step_size
         live = {k: master.live[k] for k in KINDS if len(master.live[k])}
-        fit = _ROOM // (8 + sum(a.nbytes for a in live.values()))
+        fit = _ROOM // (2 * (8 + sum(a.nbytes for a in live.values())))
         self._chunk = max(1, min(ROWS, fit, master.system.steps // every + 1))
         groups: dict[tuple[str, str], list[Slot]] = defaultdict(list)
         for slot in master.slots:
@@ -75,9 +80,6 @@ class Recorder:
         )  # fmt: skip
         self.unwritten = unwritten or Unwritten()
         self.unwritten.lay_out(self.layout)
-        self.rows, self.times = self.unwritten.rows, self.unwritten.times
-        self.taken = self.unwritten.taken
-        """Rows that are not written yet, by type, `taken` of them."""
         self._conserving = master.algorithm == "conserving"
         self._flushed = time.monotonic()
         if path is not None and go_on is not None:
@@ -89,12 +91,15 @@ class Recorder:
             self._synchronise()
             new.replace(self._part)
             path.unlink(missing_ok=True)
+        self._packing = None if path is None else Packing(self._file, path)
+        self._writer, self._job = ThreadPoolExecutor(1), Future[None]()
+        self._job.set_result(None)
 
     def _take_over(self, path: Path, rows: int) -> None:
         """Copy the first rows of the series that are there."""
         with Results.open(path) as old:
-            if (found := len(old.times())) < rows:
-                raise DesatError(f"{path.parent}: the series have {found} rows of {rows}")
+            if (there := len(old.times())) < rows:
+                raise DesatError(f"{path.parent}: the series have {there} rows of {rows}")
             for dataset in (self._time, *(d for d, *_ in self._sets)):
                 dataset.resize(rows, axis=0)
                 for at in range(0, rows, self._chunk):
@@ -151,34 +156,54 @@ class Recorder:
             self.make_room()
 
     def _take(self, k: int, live: dict[Kind, Any]) -> None:
-        row = int(self.taken[0])
-        self.times[row] = self._start + k * self._step
-        for kind, rows in self.rows.items():
+        half = self.unwritten.active
+        row = int(half.taken[0])
+        half.times[row] = self._start + k * self._step
+        for kind, rows in half.rows.items():
             rows[row] = live[kind]
-        self.taken[0] = row + 1
+        half.taken[0] = row + 1
 
     def make_room(self) -> None:
-        """Write when there is no room for another row."""
-        if self.taken[0] == len(self.times):
-            self.flush()
+        """Have the rows written when there is no room for another one."""
+        half = self.unwritten.active
+        if half.taken[0] == len(half.times):
+            self._hand_over()
 
     def tick(self) -> None:
-        """Flush when the last flush is a second old; call it now and then."""
+        """Have the rows written when the last were a second ago; call it now and then."""
         if time.monotonic() - self._flushed > FLUSH_SECONDS:
-            self.flush()
+            self._hand_over()
+
+    def _hand_over(self) -> None:
+        """Have the rows taken so far written, when those before are; raises what that raised."""
+        self._job.result()
+        self._flushed = time.monotonic()
+        half = self.unwritten.swap()
+        if self.path is None:
+            self._write(half)
+        else:
+            self._job = self._writer.submit(self._write, half)
 
     def flush(self, last: bool = False) -> None:
         """Write the rows taken so far; `last`: the final row has no interval values."""
-        n = int(self.taken[0])
-        self._flushed = time.monotonic()
-        if n:
-            _append(self._time, self.times[:n])
-            for dataset, kind, columns, interval in self._sets:
-                rows = n - 1 if last and interval else n
-                block = self.rows[kind][:rows, columns]
-                _append(dataset, block[:, 0] if dataset.ndim == 1 else block)
-        self._file.flush()
-        self.unwritten.wrote(n)
+        self._job.result()
+        self._write(self.unwritten.active, last)
+
+    def _write(self, half: Half, last: bool = False) -> None:
+        try:
+            if n := int(half.taken[0]):
+                _append(self._time, half.times[:n])
+                for dataset, kind, columns, interval in self._sets:
+                    block = half.rows[kind][: n - 1 if last and interval else n, columns]
+                    _append(dataset, block[:, 0] if dataset.ndim == 1 else block)
+            self._file.flush()
+        except BaseException:
+            if self._packing is not None:
+                self._packing.drop()
+            raise
+        self.unwritten.wrote(half)
+        if self._packing is not None:
+            self._packing.follow()
 
     def finish(self, master: Master) -> Results:
         """Take the last row, close the file under its final name, and open it for reading."""
@@ -186,11 +211,13 @@ class Recorder:
         if last:
             self._take(master.k, master.live)
         self.flush(last)
-        if self._part is None or self.path is None:
+        if self._part is None or self.path is None or self._packing is None:
             return Results(self._file)
+        self._writer.shutdown()
+        packed = self._packing.finish()
         self._file.close()
-        self._part.replace(self.path)
-        pack(self.path)
+        (packed or self._part).replace(self.path)
+        self._part.unlink(missing_ok=True)
         return Results.open(self.path)
 
 

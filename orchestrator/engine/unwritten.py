@@ -26,7 +26,8 @@ Places = slice | NDArray[np.intp]
 _AT_ONCE = 16 << 20
 """Bytes that are copied at once."""
 _HEAD = 64
-_TAKEN, _WRITTEN, _NEXT = range(3)
+_WRITTEN, _NEXT, _WHICH, _ACTIVE = range(2, 6)
+"""Counts, after the rows taken in each half."""
 
 
 @dataclass(frozen=True)
@@ -34,13 +35,23 @@ class Layout:
     """Where the rows of each data set lie: (path, type, columns, interval)."""
 
     capacity: int
+    """Rows of a half."""
     widths: dict[Kind, tuple[int, str]]
     """Columns and dtype of each type's table."""
     sets: tuple[tuple[str, Kind, Places, bool], ...]
 
 
+@dataclass(frozen=True, eq=False)
+class Half:
+    """Times and tables of rows, of which `taken[0]` are there."""
+
+    taken: NDArray[np.int64]
+    times: NDArray[np.float64]
+    rows: dict[Kind, NDArray[Any]]
+
+
 class Unwritten:
-    """Counts, times and tables of rows. `taken` are in the tables, `written` on the disk."""
+    """Two halves, one of which takes rows while the other is written; `written` are on the disk."""
 
     def __init__(self, file: int | None = None) -> None:
         self._file = file
@@ -56,42 +67,65 @@ class Unwritten:
     def lay_out(self, layout: Layout) -> None:
         """Make counts and tables; what is there already stays."""
         parts = [layout.capacity * n * np.dtype(d).itemsize for n, d in layout.widths.values()]
-        size = _HEAD + 8 * layout.capacity + sum(parts)
+        whole = -(-(8 * layout.capacity + sum(parts)) // 8) * 8  # so that doubles lie well
+        size = _HEAD + 2 * whole
         if self._file is None:
             memory: Any = bytearray(size)
         else:
             os.ftruncate(self._file, size)
             memory = mmap.mmap(self._file, size)
-        self._counts = np.frombuffer(memory, np.int64, 3)
-        self.taken = self._counts[:1]
-        self.times = np.frombuffer(memory, np.float64, layout.capacity, _HEAD)
-        self.rows: dict[Kind, NDArray[Any]] = {}
-        at = _HEAD + 8 * layout.capacity
-        for (kind, (columns, dtype)), part in zip(layout.widths.items(), parts, strict=True):
-            flat = np.frombuffer(memory, dtype, layout.capacity * columns, at)
-            self.rows[kind] = flat.reshape(layout.capacity, columns)
-            at += part
+        self._counts = np.frombuffer(memory, np.int64, _HEAD // 8)
+        self._halves: list[Half] = []
+        for i in range(2):
+            at = _HEAD + i * whole
+            times = np.frombuffer(memory, np.float64, layout.capacity, at)
+            at += 8 * layout.capacity
+            rows: dict[Kind, NDArray[Any]] = {}
+            for (kind, (columns, dtype)), part in zip(layout.widths.items(), parts, strict=True):
+                flat = np.frombuffer(memory, dtype, layout.capacity * columns, at)
+                rows[kind] = flat.reshape(layout.capacity, columns)
+                at += part
+            self._halves.append(Half(self._counts[i : i + 1], times, rows))
+
+    @property
+    def active(self) -> Half:
+        """The half that takes rows."""
+        return self._halves[int(self._counts[_ACTIVE])]
+
+    def swap(self) -> Half:
+        """Let the other half take rows, which is empty; this one."""
+        half = self.active
+        self._counts[_ACTIVE] = 1 - self._counts[_ACTIVE]
+        return half
 
     @property
     def written(self) -> int:
         """The rows on the disk."""
         return int(max(self._counts[_WRITTEN], self._counts[_NEXT]))
 
-    @property
-    def left(self) -> int:
-        """The rows that only the tables have."""
-        was_written = self._counts[_NEXT] > self._counts[_WRITTEN]
-        return 0 if was_written else int(self._counts[_TAKEN])
+    def left(self) -> tuple[NDArray[np.float64], dict[Kind, NDArray[Any]]]:
+        """Times and tables of the rows that only the halves have."""
+        active, parts = int(self._counts[_ACTIVE]), []
+        for i in (1 - active, active):
+            half = self._halves[i]
+            gone = self._counts[_NEXT] > self._counts[_WRITTEN] and self._counts[_WHICH] == i
+            parts.append((half, 0 if gone else int(half.taken[0])))
+        return (
+            np.concatenate([half.times[:n] for half, n in parts]),
+            {k: np.concatenate([half.rows[k][:n] for half, n in parts]) for k in self.active.rows},
+        )
 
-    def wrote(self, rows: int) -> None:
-        """Count rows that are on the disk now, so that none is counted twice if we die here."""
-        self._counts[_NEXT] = self._counts[_WRITTEN] + rows
-        self._counts[_TAKEN] = 0
+    def wrote(self, half: Half) -> None:
+        """Count the rows of a half that are on the disk now, so that none is counted twice if we
+        die here."""
+        self._counts[_WHICH] = self._halves.index(half)
+        self._counts[_NEXT] = self._counts[_WRITTEN] + half.taken[0]
+        half.taken[0] = 0
         self._counts[_WRITTEN] = self._counts[_NEXT]
 
     def go_on(self, rows: int) -> None:
         """Count rows that an earlier process has put on the disk."""
-        self._counts[:] = 0, rows, rows
+        self._counts[[_WRITTEN, _NEXT]] = rows
 
     def close(self) -> None:
         """Give the memory back."""
@@ -104,16 +138,16 @@ def recover(part: Path, path: Path, layout: Layout, unwritten: Unwritten) -> int
     """Make the series of a process that died whole: the rows that are surely on the disk, in
     `part`, and those in memory. The number of rows. Raises OSError where there is no room."""
     unwritten.lay_out(layout)
-    written, left = unwritten.written, unwritten.left
+    written, (times, tables) = unwritten.written, unwritten.left()
     new = path.with_name(path.name + ".recovered")
     try:
         with h5py.File(part, "r", swmr=True) as old, h5py.File(new, "w", libver="latest") as file:
             file.attrs.update(old.attrs)
-            _copy(old["time"], file, written, unwritten.times[:left])
+            _copy(old["time"], file, written, times)
             if wide.INDEX in old:
                 file.create_dataset(wide.INDEX, data=old[wide.INDEX][()])
             for name, kind, columns, _ in layout.sets:
-                tail = unwritten.rows[kind][:left, columns]
+                tail = tables[kind][:, columns]
                 _copy(old[name], file, written, tail[:, 0] if old[name].ndim == 1 else tail)
     except BaseException:
         new.unlink(missing_ok=True)
@@ -121,7 +155,7 @@ def recover(part: Path, path: Path, layout: Layout, unwritten: Unwritten) -> int
     new.replace(path)
     part.unlink()
     pack(path)
-    return written + left
+    return written + len(times)
 
 
 def _copy(old: Any, file: Any, written: int, tail: NDArray[Any]) -> None:
