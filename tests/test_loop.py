@@ -8,18 +8,21 @@ from dataclasses import replace
 from functools import cache
 from itertools import product
 from pathlib import Path
+from types import SimpleNamespace
 
+import h5py
 import numpy as np
 import pytest
 from test_rates import scenario
 
-from desat.engine import compiled
+from desat.engine import compiled, packed
 from desat.engine import recorder as recorder_module
 from desat.engine.ending import NEVER, Ending
 from desat.engine.instances import ComponentError
 from desat.engine.loop import PythonSteps, run, stepping
 from desat.engine.master import Master
 from desat.engine.recorder import Recorder
+from desat.engine.unwritten import Layout, Unwritten
 from desat.files import library
 from desat.fmus.compiler import NoCompilerError, compiler
 from desat.study.case import Options, execute, prepare, simulate
@@ -295,20 +298,68 @@ def test_without_a_compiler(probe, monkeypatch):
         assert stepping(m, None).name == "python"
 
 
-@pytest.mark.parametrize("rows", [63, 64, 65])
+@pytest.mark.parametrize("rows", [63, 64, 65, 300])
 @pytest.mark.parametrize("every", [1, 3])
-def test_rows_around_a_chunk(probe, monkeypatch, rows, every):
-    """The last row has states alone, also where it fills what is kept."""
+@pytest.mark.parametrize("ticks", [False, True])
+def test_rows_around_a_chunk(probe, monkeypatch, tmp_path, rows, every, ticks):
+    """The last row has states alone, also where it fills what is kept; a thread writes and packs
+    while further rows are taken, of chunks that are whole or not."""
     monkeypatch.setattr(recorder_module, "ROWS", 64)
+    monkeypatch.setattr(recorder_module, "FLUSH_SECONDS", 0.0 if ticks else 1e9)
     steps = (rows - 1) * every
-    for loop in BOTH:
+    for loop, file in product(BOTH, (None, "series.h5")):
         with Master(*system(probe)) as m:
             m.initialise()
-            recorder = Recorder(None, m, every=every)
+            recorder = Recorder(file and tmp_path / file, m, every=every)
             run(m, stepping(m, recorder, NEVER, loop), steps, recorder)
             with recorder.finish(m) as results:
                 assert results.values("a.x").tolist() == [float(every * i) for i in range(rows)]
                 assert len(results.values("b.y")) == rows - 1
+            assert [p.name for p in tmp_path.iterdir()] == ([file] if file else [])
+            (tmp_path / "series.h5").unlink(missing_ok=True)
+
+
+def test_a_disk_without_room_for_packed_series(probe, monkeypatch, tmp_path):
+    """They stay as they were written, and whole."""
+    monkeypatch.setattr(recorder_module, "ROWS", 64)
+    rooms = iter([1 << 30, 0])
+    monkeypatch.setattr(packed.shutil, "disk_usage", lambda at: SimpleNamespace(free=next(rooms)))
+    with Master(*system(probe)) as m:
+        m.initialise()
+        recorder = Recorder(tmp_path / "series.h5", m)
+        run(m, stepping(m, recorder), 299, recorder)
+        with recorder.finish(m) as results:
+            assert results.values("a.x").tolist() == [float(i) for i in range(300)]
+    with h5py.File(tmp_path / "series.h5") as file:
+        assert file["a/x"].compression is None
+    assert [p.name for p in tmp_path.iterdir()] == ["series.h5"]
+
+
+def test_rows_that_are_in_memory_when_a_process_dies():
+    """Those of both halves, the older first, whatever the writing thread was at."""
+    unwritten = Unwritten()
+    unwritten.lay_out(Layout(4, {"Integer": (3, "<i4"), "Real": (1, "<f8")}, ()))
+
+    def take(times: list[float]) -> None:
+        half = unwritten.active
+        half.times[: len(times)] = half.rows["Real"][: len(times), 0] = times
+        half.taken[0] = len(times)
+
+    def left() -> list[float]:
+        times, rows = unwritten.left()
+        assert rows["Real"][:, 0].tolist() == times.tolist()
+        assert len(rows["Integer"]) == len(times)
+        return times.tolist()
+
+    take([1.0, 2.0, 3.0])
+    handed = unwritten.swap()
+    take([4.0, 5.0])
+    assert (unwritten.written, left()) == (0, [1.0, 2.0, 3.0, 4.0, 5.0])
+    unwritten.wrote(handed)
+    assert (unwritten.written, left()) == (3, [4.0, 5.0])
+    unwritten.swap()
+    take([6.0])
+    assert left() == [4.0, 5.0, 6.0]
 
 
 def test_the_ending_is_asked_where_its_condition_changes(probe):

@@ -28,6 +28,11 @@ _FULL = (OSError, RuntimeError)
 """What h5py makes of a full disk."""
 
 
+def beside(path: Path) -> Path:
+    """Where the packed file of series grows; a process that is killed leaves it."""
+    return path.with_name(f"{path.name}.packing")
+
+
 def pack(path: Path) -> None:
     """Pack a closed file in its place. Where the disk has no room for both it stays as it is."""
     with h5py.File(path, "r") as file:
@@ -41,7 +46,7 @@ class Packing:
     is none."""
 
     def __init__(self, source: Any, path: Path) -> None:
-        self._path = path.with_name(f"{path.name}.packing")
+        self._path = beside(path)
         self._source = source
         self._sets = [source["time"], *wide.data_sets(source)]
         self._file: Any = None

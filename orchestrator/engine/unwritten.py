@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from ..system.interface import Kind
 from . import wide
-from .packed import pack
+from .packed import beside, pack
 
 Places = slice | NDArray[np.intp]
 """Columns of a data set among those of its type."""
@@ -139,6 +139,7 @@ def recover(part: Path, path: Path, layout: Layout, unwritten: Unwritten) -> int
     `part`, and those in memory. The number of rows. Raises OSError where there is no room."""
     unwritten.lay_out(layout)
     written, (times, tables) = unwritten.written, unwritten.left()
+    beside(path).unlink(missing_ok=True)
     new = path.with_name(path.name + ".recovered")
     try:
         with h5py.File(part, "r", swmr=True) as old, h5py.File(new, "w", libver="latest") as file:
