@@ -73,9 +73,9 @@ def page(store: dict[str, dict[str, Any]]) -> str:
     """What is stored, as a page."""
     lines = [
         "# Native and Python FMUs: the same bits?", "",
-        f"Each scenario's first {STEPS} steps (or all it has) by native FMUs in the compiled loop and by",
-        "Python FMUs in the Python loop; all outputs of all components are compared at each step. Written",
-        "by `python -m benchmarks.equality`.", "",
+        f"Each scenario's first {STEPS} steps (or all it has) by native FMUs in the compiled loop",
+        "and by Python FMUs in the Python loop; all outputs of all components are compared at each",
+        "step. Written by `python -m benchmarks.equality`.", "",
         "| family | scenarios | of these in the compiled loop | series | values | differ | run |",
         "|---|---|---|---|---|---|---|",
     ]  # fmt: skip
