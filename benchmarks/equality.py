@@ -16,7 +16,7 @@ import time
 from collections import Counter
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
@@ -33,7 +33,7 @@ STORE = Path(__file__).with_name("equality.json")
 PAGE = Path(__file__).parents[1] / "docs" / "equality.md"
 
 
-def flown(scenario: str, fmus: str, loop: Loop) -> dict[str, Any]:
+def flown(scenario: str, fmus: Literal["native", "python"], loop: Loop) -> dict[str, Any]:
     """The first steps of a scenario: the sha256 of each output, how many values, the loop, and how
     it failed where it did."""
     system, schedule = prepare(scenario, Options(fmus=fmus)).or_raise()
