@@ -553,12 +553,19 @@ def boom() -> dict[str, Any]:
     return result | {"draws": draws_over_cores("alsat1/firing-z-wheel", 20)}
 
 
-def draws_over_cores(scenario: str, count: int) -> dict[str, Any]:
+def draws() -> dict[str, Any]:
+    """20 draws of 24 h of paper 004 by one process and by two, once."""
+    scenario, count, before = "integrated/mil-nadir", 20, os.getloadavg()[0]
+    found = draws_over_cores(scenario, count, rounds=1)
+    return {"scenario": scenario, "draws": count, "load_before": round(before, 1), **found}
+
+
+def draws_over_cores(scenario: str, count: int, rounds: int = 3) -> dict[str, Any]:
     """So many draws of a scenario by one process and by two, in turns: wall and processor time
     (s), and how many cores were at work, medians."""
-    rounds: dict[int, list[tuple[float, float]]] = {1: [], 2: []}
-    for _ in track(range(3), "draws", disable=not sys.stderr.isatty()):
-        for jobs, kept in rounds.items():
+    taken: dict[int, list[tuple[float, float]]] = {1: [], 2: []}
+    for _ in track(range(rounds), "draws", disable=not sys.stderr.isatty()):
+        for jobs, kept in taken.items():
             before, began = os.times(), time.perf_counter()
             command = [sys.executable, "-m", "desat.cli", "draws", scenario, "-n", str(count)]
             subprocess.run([*command, "--jobs", str(jobs), "--json"], check=True,
@@ -571,9 +578,9 @@ def draws_over_cores(scenario: str, count: int) -> dict[str, Any]:
             "seconds": round(statistics.median(w for w, _ in kept), 1),
             "cores": round(statistics.median(c / w for w, c in kept), 2),
         }
-        for jobs, kept in rounds.items()
+        for jobs, kept in taken.items()
     } | {"times_as_fast": round(statistics.median(
-        a / b for (a, _), (b, _) in zip(rounds[1], rounds[2], strict=True)), 2)}  # fmt: skip
+        a / b for (a, _), (b, _) in zip(taken[1], taken[2], strict=True)), 2)}  # fmt: skip
 
 
 def telescope() -> dict[str, Any]:
@@ -635,6 +642,7 @@ CASES: dict[str, Callable[[], dict[str, Any]]] = {
     "uosat12": uosat12,
     "day": nadir_day,
     "integrated": integrated_day,
+    "draws": draws,
     "start_up": start_up,
     "alsat1": boom,
     "telescope": telescope,
