@@ -5,7 +5,7 @@ stay what they are?
 folder, and in processes of their own, in turn; of native FMUs, and each tenth one of Python FMUs,
 of which pythonfmu is known to keep 8 kB an instance. `python -m benchmarks.soak steps [STEPS]`
 (10,000,000) makes one run of so many steps, which records two outputs at each, and prints a line a
-tenth of them.
+tenth of them. With `--keep` the lines go to seen.json, too.
 """
 
 from __future__ import annotations
@@ -22,6 +22,8 @@ from pathlib import Path
 from desat.engine.results import Results
 from desat.files import library
 from desat.study.case import Options, execute
+
+from . import seen
 
 TARGET = "nadir_day/day-dipole"
 LONG = "gyrostat/free"
@@ -74,11 +76,15 @@ def steps(count: int) -> Iterator[dict[str, int]]:
 
 def main() -> None:
     """As many as the command line says."""
-    given = sys.argv[1:]
+    keep, given = seen.asked(), sys.argv[1:]
     long = given[:1] == ["steps"]
     count = int(given[-1]) if given[long:] else (10_000_000 if long else 1000)
+    lines = []
     for line in steps(count) if long else runs(count):
         print(line, flush=True)
+        lines.append(line)
+    if keep:
+        seen.keep("soak", "steps" if long else "runs", {"lines": lines})
 
 
 if __name__ == "__main__":
