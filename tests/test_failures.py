@@ -70,15 +70,20 @@ def fmu(path: Path, binary: bytes, identifier: str = "failing", folder: str = "l
     return path
 
 
-@pytest.fixture(scope="session")
-def binary(tmp_path_factory) -> bytes:
+def compiled(folder: Path) -> bytes:
+    """The library of failing.c."""
     compiler = shutil.which("gcc") or shutil.which("cc")
     if compiler is None or sys.platform != "linux":
         pytest.skip("needs Linux and a C compiler")
-    made = tmp_path_factory.mktemp("failing") / "failing.so"
+    made = folder / "failing.so"
     subprocess.run([compiler, "-shared", "-fPIC", "-O1", "-w", "-o", made, SOURCE, "-lm"],
                    check=True)  # fmt: skip
     return made.read_bytes()
+
+
+@pytest.fixture(scope="session")
+def binary(tmp_path_factory) -> bytes:
+    return compiled(tmp_path_factory.mktemp("failing"))
 
 
 @pytest.fixture
@@ -377,8 +382,8 @@ def test_what_is_left_of_a_removal_is_swept(tmp_path, monkeypatch):
 
 @pytest.mark.skipif(sys.platform != "linux", reason="needs /proc")
 def test_many_runs_in_one_process_leave_nothing():
-    """`python -m benchmarks.soak` makes a thousand."""
-    samples = list(soak.runs(30, python=False))
+    """`python -m benchmarks.soak native` makes three thousand."""
+    samples = list(soak.runs(30))
     early, late = samples[2], samples[-1]
     assert late["handles"] == early["handles"]
     assert late["temporary"] == early["temporary"]
