@@ -32,6 +32,7 @@ from . import seen
 
 TARGET = "nadir_day/day-dipole"
 LONG = "gyrostat/free"
+COUNTS = {"native": 3000, "python": 200, "steps": 10_000_000}
 ROW = 8 * (1 + 3)
 """Bytes on the disk of a row of the long run: time and three momenta."""
 

@@ -24,6 +24,7 @@ from benchmarks import soak
 from desat.cli.common import plain_console
 from desat.engine.results import Results
 from desat.files import archive, library, trust
+from desat.study import isolation
 from desat.study.case import Options, prepare, simulate
 from desat.study.report import write_report
 from desat.study.sources import Sources
@@ -170,6 +171,21 @@ def test_an_isolated_component_ends_alone(system, tmp_path, supervised):
         assert children() <= before  # none is left, not even unwaited for
     (warning,) = [w for w in run.manifest["warnings"] if "rounding" in w]
     assert warning.startswith("bad: it changed the rounding mode of its process")
+
+
+def test_where_no_process_can_be_had_it_is_said(system, monkeypatch):
+    """Elsewhere than on POSIX."""
+    monkeypatch.setattr(isolation, "CAN", False)
+    case = prepare(str(system), Options(step=1.0))
+    assert isolation.isolated(case.or_raise()[0], case.options) == frozenset()
+    (line,) = [w for w in case.checked.warnings if "POSIX" in w]
+    assert line.startswith("bad: foreign FMUs run in the process of the run")
+    with pytest.raises(DesatError, match="--isolate all: it needs processes that can be forked"):
+        prepare(str(system), Options(step=1.0, isolate="all")).or_raise()
+    assert prepare(str(system), Options(step=1.0, isolate="none")).checked.warnings == []
+    monkeypatch.undo()
+    with pytest.raises(DesatError, match="--isolate all: it has no effect without an FMU"):
+        prepare("gyrostat/free", Options(blocks=True, isolate="all")).or_raise()
 
 
 def test_isolated_runs_have_the_same_bits(tmp_path):
