@@ -1,4 +1,4 @@
-"""What other tools do where an FMU fails: `python tests/others.py [--keep]`.
+"""What other tools do where an FMU fails: `python tests/others.py [--keep] [TOOL ...]`.
 
 failing.c, packed with our pack, fails in its fourth step of 1 s of ten. Each failure and tool is a
 process of its own, which says each step that it has made; what is seen is how the process ended,
@@ -30,20 +30,12 @@ sys.path[:0] = [str(ROOT), str(ROOT / "tests")]
 from test_failures import HOW, compiled, fmu, ssd  # noqa: E402
 
 from benchmarks import seen  # noqa: E402
+from benchmarks.seen import FAILURES  # noqa: E402
 from desat.engine.last_call import how  # noqa: E402
+from desat.engine.results import Results  # noqa: E402
 from desat.files.pack import pack  # noqa: E402
 from desat.study.case import Options, prepare  # noqa: E402
 
-FAILURES = {
-    "NOTHING": "none",
-    "SEGFAULT": "segmentation fault",
-    "EXIT_0": "`exit(0)`",
-    "HANG": "a step that does not return",
-    "NOT_FINITE": "NaN",
-    "STEP_ERROR": "the step returns error",
-    "DISCARD": "the step returns discard",
-    "IN_FREE": "a crash when freed",
-}
 PATIENCE = 10.0
 """A process that has not ended after so long (s) is killed."""
 SITE = Path(sysconfig.get_paths()["purelib"])
@@ -76,7 +68,8 @@ with EcosSimulation(ssp_path=sys.argv[1], step_size=1.0) as sim:
         print("ROW", went, sim.get_real("bad::y"), flush=True)
 print("FREED", flush=True)
 """
-PACKAGES = {"libcosim": "libcosimpy", "Ecos": "ecospy", "Ecos, proxyfmu": "ecospy"}
+PACKAGES = {"desat": "desat", "libcosim": "libcosimpy", "Ecos": "ecospy",
+            "Ecos, proxyfmu": "ecospy"}  # fmt: skip
 SOURCE = b'source="resources/bad.fmu"'
 
 
@@ -107,15 +100,29 @@ def through_proxy(path: Path, folder: Path) -> tuple[str, Path, dict[str, str]]:
     return str(folder / Path(sys.executable).name), system, environment
 
 
+def ours(path: Path, folder: Path) -> dict[str, Any]:
+    """The same of `desat run`, of what its folder holds then."""
+    process = subprocess.run(
+        [sys.executable, "-m", "desat.cli", "run", str(path), "--out", str(folder / "out"),
+         "--call-limit", "2"], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, check=False,
+    )  # fmt: skip
+    with Results.open(folder / "out") as results:
+        times, values = results.times()[1:], results.values("bad.y")[1:]
+    return {"ended": f"exit({process.returncode})", "rows": len(times), "refused": 0,
+            "wrong": int((times != values).sum())}  # fmt: skip
+
+
 def outcome(tool: str, path: Path, folder: Path) -> dict[str, Any]:
     """How the process of a tool ended that runs this system."""
+    if tool == "desat":
+        return ours(path, folder)
     interpreter, more = sys.executable, dict[str, str]()
     if tool == "Ecos, proxyfmu":
         interpreter, path, more = through_proxy(path, folder / "bin")
     code = LIBCOSIM if tool == "libcosim" else ECOS
     process = subprocess.Popen(
         [interpreter, "-c", code, str(path)], env={**os.environ, **more}, text=True,
-        stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, start_new_session=True,
+        stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, start_new_session=True, cwd=folder,
     )  # fmt: skip
     try:
         out, _ = process.communicate(timeout=PATIENCE)
@@ -151,9 +158,10 @@ def all_of(tool: str, failures: Iterable[str] = FAILURES) -> dict[str, dict[str,
 
 
 def main() -> None:
-    """All tools, all failures."""
+    """All failures in all tools, or in those that are named."""
     keep = seen.asked()
-    for tool, package in PACKAGES.items():
+    for tool in sys.argv[1:] or PACKAGES:
+        package = PACKAGES[tool]
         if importlib.util.find_spec(package) is None:
             print(f"{tool}: {package} is not installed")
             continue

@@ -20,10 +20,11 @@ import psutil
 import pytest
 from conftest import ROOT
 
-from benchmarks import soak
+from benchmarks import seen, soak
 from desat.cli.common import plain_console
 from desat.engine.results import Results
 from desat.files import archive, library, trust
+from desat.files.pack import pack
 from desat.study import isolation
 from desat.study.case import Options, prepare, simulate
 from desat.study.report import write_report
@@ -99,6 +100,12 @@ def options(how: str, **more: object) -> Options:
     """In the process that steps, which is watched, unless more is said."""
     more = {"supervised": True, "isolate": "none", **more}
     return Options(sets=[f"bad.how={HOW.index(how)}"], step=1.0, **more)
+
+
+def test_a_system_without_connections_can_be_packed(system, tmp_path):
+    pack(prepare(str(system), options("NOTHING")).or_raise()[0], tmp_path / "p.ssp")
+    packed, _ = prepare(str(tmp_path / "p.ssp"), Options()).or_raise()
+    assert (list(packed.components), packed.connections) == (["bad"], ())
 
 
 # --- a component that ends the process ----------------------------------------------------------
@@ -710,9 +717,28 @@ def test_a_report_that_fails_leaves_the_manifest(system, tmp_path, monkeypatch, 
 
 
 def test_every_failure_of_the_table_has_its_test():
-    rows = (ROOT / "docs" / "failures.md").read_text(encoding="utf-8")
-    named = set(re.findall(r"`(test_\w+)`", rows))
-    own = {f"def {name}(" for name in named}
+    """Each row of the tables that say what is done, but for those of other tools."""
+    page = seen.PAGE.read_text(encoding="utf-8").split(seen.BEGIN)[0]
+    rows = [x for x in page.splitlines() if x.startswith("| ") and not x.startswith("| failure |")]
     texts = "".join(p.read_text(encoding="utf-8") for p in Path(__file__).parent.glob("test_*.py"))
-    assert len(named) > 25
-    assert [x for x in own if x not in texts] == []
+    defined = set(re.findall(r"^def (test_\w+)\(", texts, re.M))
+    assert len(rows) > 40
+    for row in rows:
+        named = re.findall(r"`(test_\w+)`", row)
+        assert named, row
+        assert set(named) <= defined, row
+    known = {str(int(code)) for code in Exit}
+    table = page[page.index("## Components") : page.index("## Archives")]
+    codes = {x for row in table.splitlines() if row.startswith("| ")
+             for x in re.findall(r"\b\d+\b", row.split("|")[5])}  # fmt: skip
+    assert codes <= known, codes - known
+
+
+def test_the_page_has_what_was_seen():
+    """`python -m benchmarks.seen` writes it, of what was kept."""
+    page = seen.PAGE.read_text(encoding="utf-8")
+    assert page.split(seen.BEGIN)[1].split(seen.END)[0] == seen.part()
+    kept = seen.known()
+    assert all(part["equal"] for part in kept["same bits"].values())
+    assert all(part["equal"] == part["runs"] for part in kept["killed"].values())
+    assert not any(part["different"] for part in kept["targets"].values())
