@@ -72,13 +72,13 @@ def fmu(path: Path, binary: bytes, identifier: str = "failing", folder: str = "l
     return path
 
 
-def compiled(folder: Path) -> bytes:
+def compiled(folder: Path, *flags: str) -> bytes:
     """The library of failing.c."""
     compiler = shutil.which("gcc") or shutil.which("cc")
     if compiler is None or sys.platform != "linux":
         pytest.skip("needs Linux and a C compiler")
     made = folder / "failing.so"
-    subprocess.run([compiler, "-shared", "-fPIC", "-O1", "-w", "-o", made, SOURCE, "-lm"],
+    subprocess.run([compiler, "-shared", "-fPIC", "-O1", "-w", *flags, "-o", made, SOURCE, "-lm"],
                    check=True)  # fmt: skip
     return made.read_bytes()
 
@@ -178,6 +178,17 @@ def test_an_isolated_component_ends_alone(system, tmp_path, supervised):
         assert children() <= before  # none is left, not even unwaited for
     (warning,) = [w for w in run.manifest["warnings"] if "rounding" in w]
     assert warning.startswith("bad: it changed the rounding mode of its process")
+
+
+def test_what_refuses_to_be_instantiated_is_heard(system, tmp_path):
+    """Also where it has a process, of which nothing is left."""
+    fmu(system / "resources/failing.fmu", compiled(tmp_path, "-DREFUSES"))
+    before = children()
+    for isolate in ("none", "foreign"):
+        with pytest.raises(DesatError) as error:
+            simulate(prepare(str(system), Options(step=1.0, isolate=isolate)))
+        assert str(error.value) == "bad: cannot be instantiated: no licence"
+        assert children() <= before
 
 
 def test_where_no_process_can_be_had_it_is_said(system, monkeypatch):
@@ -421,7 +432,7 @@ def test_many_runs_in_one_process_leave_nothing():
 )  # fmt: skip
 def test_two_at_once_wherever_they_run(tmp_path, environment, folder):
     """Any locale, no home directory that can be written, paths with spaces and umlauts; a folder
-    each."""
+    each; started by one that ignores SIGCHLD."""
     place, temporary = tmp_path / folder, tmp_path / "tmp"
     for new in (place, temporary):
         new.mkdir()
@@ -430,7 +441,8 @@ def test_two_at_once_wherever_they_run(tmp_path, environment, folder):
     command = [sys.executable, "-m", "desat.cli", "run", "nadir_day/day-dipole", "--stop", "20"]
     both = [
         subprocess.Popen(command, cwd=place, env=given, text=True, stdout=subprocess.PIPE,
-                         stderr=subprocess.PIPE)
+                         stderr=subprocess.PIPE,
+                         preexec_fn=lambda: signal.signal(signal.SIGCHLD, signal.SIG_IGN))
         for _ in range(2)
     ]  # fmt: skip
     for process in both:
