@@ -3,7 +3,7 @@
 `python -m benchmarks.same_bits [WAY ...]` makes the day once as it is and once in each of the ways
 below (default: all of them), each in a process of its own, and prints a line for each: whether all
 is equal, how many values are compared, and the beginning of their sha256. It ends with 1 where
-something differs.
+something differs. With `--keep` the lines go to seen.json, too.
 """
 
 from __future__ import annotations
@@ -26,6 +26,8 @@ from desat.files.scenario import find
 from desat.study.case import Case, Options, load, prepare, simulate
 from desat.study.modify import modify
 from desat.system.check import check
+
+from . import seen
 
 TARGET = "nadir_day/day-igrf"
 REFERENCE = "as it is"
@@ -98,7 +100,9 @@ def apart(way: dict[str, Any]) -> dict[str, Any]:
     return found
 
 
-def differing(ways: dict[str, dict[str, Any]], more: dict[str, Any]) -> list[str]:
+def differing(
+    ways: dict[str, dict[str, Any]], more: dict[str, Any], keep: bool = False
+) -> list[str]:
     """The ways in which something differs; prints a line for each. `more` holds for all of them."""
     reference, found = apart(more), []
     print(f"{REFERENCE}: {reference}", flush=True)
@@ -110,16 +114,18 @@ def differing(ways: dict[str, dict[str, Any]], more: dict[str, Any]) -> list[str
         print(f"{'equal' if equal else 'DIFFERS'}: {name}: {got['values']} values in "
               f"{got['steps']} steps, {got['sha256'][:16]}, {got['loop']} loop, "
               f"{got['seconds']} s", flush=True)  # fmt: skip
+        if keep:
+            seen.keep("same bits", name, {**got, "equal": equal})
     return found
 
 
 def main() -> int:
     """All ways, or those that the command line names; a way as JSON is made here."""
-    given = sys.argv[1:]
+    keep, given = seen.asked(), sys.argv[1:]
     if given and given[0].startswith("{"):
         print(json.dumps(made(json.loads(given[0]))))
         return 0
-    return int(bool(differing({n: WAYS[n] for n in given or WAYS}, {})))
+    return int(bool(differing({n: WAYS[n] for n in given or WAYS}, {}, keep)))
 
 
 if __name__ == "__main__":

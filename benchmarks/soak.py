@@ -1,51 +1,61 @@
 """Many short runs in one process, or one of very many steps: do handles, memory and temporary files
 stay what they are?
 
-`python -m benchmarks.soak [RUNS]` (1000) prints a line a tenth of them. Runs are in memory, into a
-folder, and in processes of their own, in turn; of native FMUs, and each tenth one of Python FMUs,
-of which pythonfmu is known to keep 8 kB an instance. `python -m benchmarks.soak steps [STEPS]`
-(10,000,000) makes one run of so many steps, which records two outputs at each, and prints a line a
-tenth of them.
+`python -m benchmarks.soak native [RUNS]` (3000) makes runs of native FMUs, `python [RUNS]` (200) of
+Python FMUs, both in memory, into a folder, and in processes of their own, in turn; `steps [STEPS]`
+(10,000,000) makes one run of so many steps, which records two outputs at each. A line a tenth of
+them is printed. With `--keep` the lines go to seen.json, too.
+
+pythonfmu makes the class of an FMU of Python anew for each instance and never lets go of it, nor of
+the code that it ran for that: `classes` counts them.
 """
 
 from __future__ import annotations
 
+import gc
 import os
 import shutil
 import sys
 import tempfile
 import threading
 import time
+from abc import ABCMeta
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any, Literal, cast
 
 from desat.engine.results import Results
 from desat.files import library
 from desat.study.case import Options, execute
 
+from . import seen
+
 TARGET = "nadir_day/day-dipole"
 LONG = "gyrostat/free"
+COUNTS = {"native": 3000, "python": 200, "steps": 10_000_000}
 ROW = 8 * (1 + 3)
 """Bytes on the disk of a row of the long run: time and three momenta."""
 
 
 def used() -> dict[str, int]:
-    """What this process holds (Linux): open files, private memory (kB), temporary files."""
+    """What this process holds (Linux): open files, private memory (kB), temporary files, classes
+    of FMUs of Python."""
     status = Path("/proc/self/status").read_text(encoding="utf-8")
     return {
         "handles": len(os.listdir("/proc/self/fd")),
         "memory_kB": int(status.split("RssAnon:")[1].split()[0]),
         "temporary": sum(1 for _ in library._root().rglob("*")),
-    }
+        "classes": sum(isinstance(x, ABCMeta) and x.__name__.endswith("Fmu")
+                       for x in gc.get_objects()),
+    }  # fmt: skip
 
 
-def runs(count: int, python: bool = True) -> Iterator[dict[str, int]]:
+def runs(count: int, fmus: Literal["native", "python"] = "native") -> Iterator[dict[str, int]]:
     """Make so many runs; what is used after each tenth of them."""
     with tempfile.TemporaryDirectory() as folder:
         for i in range(count):
             place = Path(folder) / "run"
-            options = Options(stop=20.0, supervised=i % 3 == 2,
-                              fmus="python" if python and i % 10 == 9 else "native")  # fmt: skip
+            options = Options(stop=20.0, supervised=i % 3 == 2, fmus=fmus)
             execute(TARGET, options, place if i % 3 == 1 else None).results.close()
             shutil.rmtree(place, ignore_errors=True)
             if (i + 1) % max(1, count // 10) == 0:
@@ -74,11 +84,17 @@ def steps(count: int) -> Iterator[dict[str, int]]:
 
 def main() -> None:
     """As many as the command line says."""
-    given = sys.argv[1:]
-    long = given[:1] == ["steps"]
-    count = int(given[-1]) if given[long:] else (10_000_000 if long else 1000)
-    for line in steps(count) if long else runs(count):
+    keep, given = seen.asked(), sys.argv[1:]
+    what = given[0]
+    count = (
+        int(given[1]) if given[1:] else {"native": 3000, "python": 200, "steps": 10_000_000}[what]
+    )
+    lines = []
+    for line in steps(count) if what == "steps" else runs(count, cast(Any, what)):
         print(line, flush=True)
+        lines.append(line)
+    if keep:
+        seen.keep("soak", what, {"lines": lines})
 
 
 if __name__ == "__main__":

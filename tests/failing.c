@@ -40,6 +40,10 @@ component fmi2Instantiate(const char *name, int kind, const char *guid, const ch
     (void)kind, (void)guid, (void)where, (void)visible, (void)logging;
     me.callbacks = *callbacks;
     strncpy(me.name, name, sizeof me.name - 1);
+#ifdef REFUSES
+    me.callbacks.log(me.callbacks.environment, me.name, 3, "e", "no licence");
+    return 0;
+#endif
     return &me;
 }
 void fmi2FreeInstance(component c) { (void)c; if (me.how == IN_FREE) ruin(SEGFAULT); }

@@ -1,28 +1,18 @@
-"""Runs that were ended and go on: the same bits as those of a run without a break.
-
-`python tests/test_checkpoint.py 100` kills so many runs, each at a random moment; CI a few.
-"""
+"""Runs that were ended and go on: the same bits as those of a run without a break."""
 
 from __future__ import annotations
 
-import json
 import os
-import random
 import signal
-import subprocess
 import sys
-import tempfile
-import time
-from collections.abc import Iterator
-from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
-import h5py
 import pytest
 from test_failures import binary, system
 from test_rates import scenario
 
+from benchmarks.killed import differences, trials
 from desat.engine import checkpoint, wide
 from desat.files.claim import claimed
 from desat.study.case import Options, prepare, simulate
@@ -31,37 +21,6 @@ from desat.system.codes import Exit
 from desat.system.errors import DesatError
 
 __all__ = ["binary", "system"]  # fixtures
-
-ROOT = Path(__file__).resolve().parent.parent
-OF_WALL_TIME = {"started", "wall_seconds", "us_per_step"}
-
-
-def series(folder: Path) -> dict[str, tuple]:
-    """All that the series of a run folder hold."""
-    found = {}
-
-    def add(name: str, of: h5py.Dataset | h5py.Group) -> None:
-        if isinstance(of, h5py.Dataset):
-            value = of[()]
-            data = value if isinstance(value, bytes) else value.tobytes()
-            own = {k: v for k, v in of.attrs.items() if isinstance(v, str | bytes)}
-            found[name] = (of.dtype.str, of.shape, data, own)
-
-    with h5py.File(folder / "series.h5") as file:
-        file.visititems(add)
-    return found
-
-
-def differences(one: Path, other: Path) -> list[str]:
-    """What differs between two run folders, but for wall times."""
-    ours, theirs = series(one), series(other)
-    assert len(ours) > 5
-    manifests = [json.loads((x / "manifest.json").read_text()) for x in (one, other)]
-    lines = [f"series {n}" for n in ours.keys() | theirs.keys() if ours.get(n) != theirs.get(n)]
-    for key in set().union(*manifests) - OF_WALL_TIME:
-        if manifests[0].get(key) != manifests[1].get(key):
-            lines.append(f"manifest {key}")
-    return lines
 
 
 # --- killed in the middle, within this process's tests ------------------------------------------
@@ -166,83 +125,10 @@ def test_a_folder_is_one_runs_alone(desat, tmp_path):
 # --- killed at random moments --------------------------------------------------------------------
 
 
-def command(*given: str) -> subprocess.Popen[str]:
-    return subprocess.Popen([sys.executable, "-m", "desat.cli", *given], cwd=ROOT, text=True,
-                            stdout=subprocess.DEVNULL, stderr=subprocess.PIPE,
-                            start_new_session=True)  # fmt: skip
-
-
-def children(process: int) -> list[int]:
-    text = Path(f"/proc/{process}/task/{process}/children").read_text()
-    return [int(x) for x in text.split()]
-
-
-def kill(process: subprocess.Popen[str], whom: str) -> None:
-    """Both processes of a run, the one that waits, or the one that steps."""
-    with suppress(ProcessLookupError, FileNotFoundError):
-        if whom == "both":
-            os.killpg(process.pid, signal.SIGKILL)
-        for number in [process.pid] if whom == "parent" else children(process.pid):
-            os.kill(number, signal.SIGKILL)
-
-
-def trials(count: int, given: tuple[str, ...], folder: Path, seed: int) -> Iterator[str]:
-    """Runs that are killed at random moments, and again while they go on, until one is left to
-    complete. Of each how it went; it begins with `equal` where nothing differs."""
-    chance = random.Random(seed)
-    began = time.monotonic()
-    error = command("run", *given, "--out", str(folder / "whole")).communicate()[1]
-    assert (folder / "whole/report.html").exists(), error
-    seconds = time.monotonic() - began
-    i = left = count
-    while left:
-        i += 1
-        place, kills, started = folder / str(i), [], False
-        for attempt in range(4):
-            whom = chance.choice(("both", "parent", "child"))
-            verb = ("resume", str(place)) if started else ("run", *given, "--out", str(place))
-            process = command(*verb)
-            moment = chance.uniform(0.3, 0.9) * seconds if attempt < 3 else 600.0
-            with suppress(subprocess.TimeoutExpired):
-                process.wait(moment)
-            if process.poll() is None:
-                kill(process, whom)
-                kills.append(f"{whom} at {moment:.2f} s")
-            error = process.communicate()[1]
-            if process.returncode == 0 or error.strip().endswith("it has completed"):
-                break
-            assert "Traceback" not in error, error
-            assert "internal" not in error, error
-            started = started or checkpoint.newest(place) is not None
-            if not started:  # killed before there was anything: it begins anew
-                place = folder / f"{i}-{attempt + 1}"
-        done = (place / "report.html").exists()
-        found = differences(folder / "whole", place) if done else [error]
-        if kills:  # else it was too quick, and is no trial
-            left -= 1
-            yield f"{'; '.join(found) or 'equal'}: killed {', '.join(kills)}"
-
-
 @pytest.mark.skipif(sys.platform != "linux", reason="needs /proc")
 def test_killed_at_random_moments(tmp_path):
-    """Checkpoints so frequent that it is often killed while it writes one."""
+    """Checkpoints so frequent that it is often killed while it writes one. `python -m
+    benchmarks.killed` kills a hundred."""
     given = ("nadir_day/day-dipole", "--stop", "3000", "--checkpoint", "100", "--no-twin")
     found = list(trials(2, given, tmp_path, 1))
     assert [x for x in found if not x.startswith("equal")] == []
-
-
-def main() -> None:
-    """So many trials, by the seed that is given next (1)."""
-    count, seed = (*map(int, sys.argv[1:]), 1)[:2]
-    given = ("nadir_day/day-igrf", "--stop", "4000", "--checkpoint", "40", "--no-twin")
-    equal = killed = 0
-    with tempfile.TemporaryDirectory() as folder:
-        for line in trials(count, given, Path(folder), seed):
-            equal += line.startswith("equal")
-            killed += line.count(" at ")
-            print(line, flush=True)
-    print(f"{equal} of {count} equal to the run without a break, killed {killed} times")
-
-
-if __name__ == "__main__":
-    main()

@@ -20,10 +20,12 @@ import psutil
 import pytest
 from conftest import ROOT
 
-from benchmarks import soak
+from benchmarks import seen, soak
 from desat.cli.common import plain_console
 from desat.engine.results import Results
 from desat.files import archive, library, trust
+from desat.files.pack import pack
+from desat.study import isolation
 from desat.study.case import Options, prepare, simulate
 from desat.study.report import write_report
 from desat.study.sources import Sources
@@ -70,15 +72,20 @@ def fmu(path: Path, binary: bytes, identifier: str = "failing", folder: str = "l
     return path
 
 
-@pytest.fixture(scope="session")
-def binary(tmp_path_factory) -> bytes:
+def compiled(folder: Path, *flags: str) -> bytes:
+    """The library of failing.c."""
     compiler = shutil.which("gcc") or shutil.which("cc")
     if compiler is None or sys.platform != "linux":
         pytest.skip("needs Linux and a C compiler")
-    made = tmp_path_factory.mktemp("failing") / "failing.so"
-    subprocess.run([compiler, "-shared", "-fPIC", "-O1", "-w", "-o", made, SOURCE, "-lm"],
+    made = folder / "failing.so"
+    subprocess.run([compiler, "-shared", "-fPIC", "-O1", "-w", *flags, "-o", made, SOURCE, "-lm"],
                    check=True)  # fmt: skip
     return made.read_bytes()
+
+
+@pytest.fixture(scope="session")
+def binary(tmp_path_factory) -> bytes:
+    return compiled(tmp_path_factory.mktemp("failing"))
 
 
 @pytest.fixture
@@ -93,6 +100,12 @@ def options(how: str, **more: object) -> Options:
     """In the process that steps, which is watched, unless more is said."""
     more = {"supervised": True, "isolate": "none", **more}
     return Options(sets=[f"bad.how={HOW.index(how)}"], step=1.0, **more)
+
+
+def test_a_system_without_connections_can_be_packed(system, tmp_path):
+    pack(prepare(str(system), options("NOTHING")).or_raise()[0], tmp_path / "p.ssp")
+    packed, _ = prepare(str(tmp_path / "p.ssp"), Options()).or_raise()
+    assert (list(packed.components), packed.connections) == (["bad"], ())
 
 
 # --- a component that ends the process ----------------------------------------------------------
@@ -165,6 +178,32 @@ def test_an_isolated_component_ends_alone(system, tmp_path, supervised):
         assert children() <= before  # none is left, not even unwaited for
     (warning,) = [w for w in run.manifest["warnings"] if "rounding" in w]
     assert warning.startswith("bad: it changed the rounding mode of its process")
+
+
+def test_what_refuses_to_be_instantiated_is_heard(system, tmp_path):
+    """Also where it has a process, of which nothing is left."""
+    fmu(system / "resources/failing.fmu", compiled(tmp_path, "-DREFUSES"))
+    before = children()
+    for isolate in ("none", "foreign"):
+        with pytest.raises(DesatError) as error:
+            simulate(prepare(str(system), Options(step=1.0, isolate=isolate)))
+        assert str(error.value) == "bad: cannot be instantiated: no licence"
+        assert children() <= before
+
+
+def test_where_no_process_can_be_had_it_is_said(system, monkeypatch):
+    """Elsewhere than on POSIX."""
+    monkeypatch.setattr(isolation, "CAN", False)
+    case = prepare(str(system), Options(step=1.0))
+    assert isolation.isolated(case.or_raise()[0], case.options) == frozenset()
+    (line,) = [w for w in case.checked.warnings if "POSIX" in w]
+    assert line.startswith("bad: foreign FMUs run in the process of the run")
+    with pytest.raises(DesatError, match="--isolate all: it needs processes that can be forked"):
+        prepare(str(system), Options(step=1.0, isolate="all")).or_raise()
+    assert prepare(str(system), Options(step=1.0, isolate="none")).checked.warnings == []
+    monkeypatch.undo()
+    with pytest.raises(DesatError, match="--isolate all: it has no effect without an FMU"):
+        prepare("gyrostat/free", Options(blocks=True, isolate="all")).or_raise()
 
 
 def test_isolated_runs_have_the_same_bits(tmp_path):
@@ -377,8 +416,8 @@ def test_what_is_left_of_a_removal_is_swept(tmp_path, monkeypatch):
 
 @pytest.mark.skipif(sys.platform != "linux", reason="needs /proc")
 def test_many_runs_in_one_process_leave_nothing():
-    """`python -m benchmarks.soak` makes a thousand."""
-    samples = list(soak.runs(30, python=False))
+    """`python -m benchmarks.soak native` makes three thousand."""
+    samples = list(soak.runs(30))
     early, late = samples[2], samples[-1]
     assert late["handles"] == early["handles"]
     assert late["temporary"] == early["temporary"]
@@ -393,7 +432,7 @@ def test_many_runs_in_one_process_leave_nothing():
 )  # fmt: skip
 def test_two_at_once_wherever_they_run(tmp_path, environment, folder):
     """Any locale, no home directory that can be written, paths with spaces and umlauts; a folder
-    each."""
+    each; started by one that ignores SIGCHLD."""
     place, temporary = tmp_path / folder, tmp_path / "tmp"
     for new in (place, temporary):
         new.mkdir()
@@ -402,7 +441,8 @@ def test_two_at_once_wherever_they_run(tmp_path, environment, folder):
     command = [sys.executable, "-m", "desat.cli", "run", "nadir_day/day-dipole", "--stop", "20"]
     both = [
         subprocess.Popen(command, cwd=place, env=given, text=True, stdout=subprocess.PIPE,
-                         stderr=subprocess.PIPE)
+                         stderr=subprocess.PIPE,
+                         preexec_fn=lambda: signal.signal(signal.SIGCHLD, signal.SIG_IGN))
         for _ in range(2)
     ]  # fmt: skip
     for process in both:
@@ -689,9 +729,28 @@ def test_a_report_that_fails_leaves_the_manifest(system, tmp_path, monkeypatch, 
 
 
 def test_every_failure_of_the_table_has_its_test():
-    rows = (ROOT / "docs" / "failures.md").read_text(encoding="utf-8")
-    named = set(re.findall(r"`(test_\w+)`", rows))
-    own = {f"def {name}(" for name in named}
+    """Each row of the tables that say what is done, but for those of other tools."""
+    page = seen.PAGE.read_text(encoding="utf-8").split(seen.BEGIN)[0]
+    rows = [x for x in page.splitlines() if x.startswith("| ") and not x.startswith("| failure |")]
     texts = "".join(p.read_text(encoding="utf-8") for p in Path(__file__).parent.glob("test_*.py"))
-    assert len(named) > 25
-    assert [x for x in own if x not in texts] == []
+    defined = set(re.findall(r"^def (test_\w+)\(", texts, re.M))
+    assert len(rows) > 40
+    for row in rows:
+        named = re.findall(r"`(test_\w+)`", row)
+        assert named, row
+        assert set(named) <= defined, row
+    known = {str(int(code)) for code in Exit}
+    table = page[page.index("## Components") : page.index("## Archives")]
+    codes = {x for row in table.splitlines() if row.startswith("| ")
+             for x in re.findall(r"\b\d+\b", row.split("|")[5])}  # fmt: skip
+    assert codes <= known, codes - known
+
+
+def test_the_page_has_what_was_seen():
+    """`python -m benchmarks.seen` writes it, of what was kept."""
+    page = seen.PAGE.read_text(encoding="utf-8")
+    assert page.split(seen.BEGIN)[1].split(seen.END)[0] == seen.part()
+    kept = seen.known()
+    assert all(part["equal"] for part in kept["same bits"].values())
+    assert all(part["equal"] == part["runs"] for part in kept["killed"].values())
+    assert not any(part["different"] for part in kept["targets"].values())

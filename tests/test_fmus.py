@@ -3,10 +3,15 @@
 from __future__ import annotations
 
 import ctypes
-import hashlib
+import os
 import random
 import re
+import signal
+import subprocess
+import sys
+import time
 import zipfile
+from contextlib import suppress
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -99,12 +104,21 @@ def test_model_description(name):
         assert not any("__pycache__" in n for n in archive.namelist())
 
 
-def test_reproducible(tmp_path):
-    for name in ("manager_combined", "environment_orbit_dipole"):
-        (built,) = build.build_all((name,), tmp_path)
-        assert hashlib.sha256(built.read_bytes()).digest() == (
-            hashlib.sha256(path(name).read_bytes()).digest()
-        )
+def test_a_build_that_is_killed_and_started_again_gives_the_same_bytes(tmp_path):
+    """`python -m benchmarks.targets` kills targets of make."""
+    names = ("manager_combined", "environment_orbit_dipole")
+    command = [sys.executable, "-m", "desat.fmus.build", *names, "--into", str(tmp_path)]
+    process = subprocess.Popen(command, start_new_session=True, stdout=subprocess.DEVNULL,
+                               stderr=subprocess.DEVNULL)  # fmt: skip
+    while process.poll() is None and not list(tmp_path.glob("*.fmu*")):
+        time.sleep(0.005)
+    with suppress(ProcessLookupError):
+        os.killpg(process.pid, signal.SIGKILL)
+    assert process.wait() == -signal.SIGKILL
+    assert not (tmp_path / "native").exists()
+    subprocess.run(command, check=True, capture_output=True)
+    for file in [f"{folder}{name}.fmu" for folder in ("", "native/") for name in names]:
+        assert (tmp_path / file).read_bytes() == (places.fmus() / file).read_bytes()
 
 
 def test_package_name_follows_the_contents(tmp_path, monkeypatch):

@@ -12,9 +12,10 @@ from desat.system.errors import DesatError
 SEED, COUNT = 1, 2000
 
 
-def test_mutated_files_are_refused_in_lines(tmp_path):
+def test_mutated_files_are_refused_in_lines(tmp_path, capsys):
     outcome = fuzz.run(tmp_path / "in", SEED, COUNT)
-    print(f"seed {SEED}: {outcome}")
+    with capsys.disabled():
+        print(f"\nfuzz: seed {SEED}: {outcome}")
     assert outcome.failures == []
     assert outcome.count >= COUNT
     assert 0 < outcome.refused < outcome.count

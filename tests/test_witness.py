@@ -6,9 +6,11 @@ import importlib.util
 import json
 
 import numpy as np
+import others
 import pytest
 from conftest import python
 
+from benchmarks import seen
 from desat.files.library import load_interfaces
 from desat.files.pack import pack, pack_scenario
 from desat.files.scenario import find, own
@@ -184,3 +186,13 @@ def test_libcosim_agrees_on_components_that_step_less_often(tmp_path):
     theirs = rows_of(python(LIBCOSIM, str(path), json.dumps(wanted), str(STEPS)))
     mine = columns(execute(str(path), SHORT), outputs)[:STEPS]
     assert np.abs(theirs - mine).max() <= 1e-12
+
+
+@pytest.mark.parametrize("tool", ["libcosim", "Ecos"])
+def test_where_an_fmu_fails_they_do_what_the_page_says(tool):
+    """`python tests/others.py` tries all failures."""
+    if not importlib.util.find_spec(others.PACKAGES[tool]):
+        pytest.skip(f"{others.PACKAGES[tool]} not installable")
+    kept = seen.known()["others"][tool]
+    found = others.all_of(tool, ("SEGFAULT", "EXIT_0", "NOT_FINITE"))
+    assert found == {name: kept[name] for name in found}

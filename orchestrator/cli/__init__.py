@@ -52,6 +52,10 @@ def _terminate(number: int, frame: Any) -> NoReturn:
 def main() -> None:
     """Entry of the command: every error is a line, never a traceback."""
     signal.signal(signal.SIGTERM, _terminate)
+    if hasattr(
+        signal, "SIGCHLD"
+    ):  # ignored by some who start us, and nobody says how a child ended
+        signal.signal(signal.SIGCHLD, signal.SIG_DFL)
     sys.exit(_code())
 
 

@@ -119,9 +119,10 @@ class _There:
             return self.said
         if name == "raised":
             raise self._error
-        if name == "look":
+        if name in ("look", "save"):  # who goes on from a state has a process as it was made
             lines = self._changes("while it ran", handlers=True)
             self.said.extend(line for line in lines if line not in self.said)
+        if name == "look":
             return self.said
         if name == "save":
             self.push()  # what is due belongs to its state

@@ -69,8 +69,8 @@ class IsolatedInstance:
         _open.add(self._socket)
         try:
             self._answer()
-        except ComponentError:
-            self.close()
+        except BaseException:
+            self._reap()  # it ends by itself: what it refused is not to be hidden by that
             raise
 
     def failed(self, what: str, status: int) -> ComponentError:
@@ -212,8 +212,7 @@ class IsolatedInstance:
         _open.discard(self._socket)
         self._socket, until = None, time.monotonic() + GRACE
         while True:
-            process, status = os.waitpid(self._process, os.WNOHANG)
-            if process:
+            if (status := last_call.status_of(self._process)) is not None:
                 return last_call.how(status)
             if time.monotonic() > until:
                 os.kill(self._process, signal.SIGKILL)

@@ -19,6 +19,9 @@ INSTANTIATE, ENTER, EXIT, PUSH, STEP, PULL, FREE, SAVE, RESTORE = range(1, 10)
 PLACE = 16
 """A word is so many times a component's place, and the verb."""
 
+UNKNOWN = -1
+"""Instead of the status of a process that has ended."""
+
 _page = mmap.mmap(-1, mmap.PAGESIZE)  # anonymous and shared: a forked child writes to the same
 word = memoryview(_page)[:8].cast("q")
 """word[0]: PLACE times the component's place in the order of the schedule, and the verb; 0: no
@@ -52,8 +55,20 @@ def told(verb: int) -> str:
     return VERBS[verb]
 
 
+def status_of(process: int) -> int | None:
+    """The status of a child that has ended, and is waited for no more; None while it runs."""
+    try:
+        found, status = os.waitpid(process, os.WNOHANG)
+    except ChildProcessError:  # who made this process has it ignore SIGCHLD
+        return UNKNOWN
+    return status if found else None
+
+
 def how(status: int) -> str:
     """How a process ended, of the status that the system gives: `SIGSEGV`, `exit(3)`."""
-    if os.WIFSIGNALED(status):
-        return signal.Signals(os.WTERMSIG(status)).name
-    return f"exit({os.WEXITSTATUS(status)})"
+    if status == UNKNOWN:
+        return "in a way that the system does not tell (SIGCHLD is ignored)"
+    if not os.WIFSIGNALED(status):
+        return f"exit({os.WEXITSTATUS(status)})"
+    number = os.WTERMSIG(status)
+    return signal.Signals(number).name if number in set(signal.Signals) else f"signal {number}"

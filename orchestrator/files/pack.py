@@ -83,9 +83,11 @@ def pack(system: System, target: Path, fmus: str = "python") -> None:
             elements, "Component", name=component.name, type="application/x-fmu-sharedlibrary",
             implementation="CoSimulation", source=source,
         )  # fmt: skip
-        connectors = _sub(element, "Connectors")
-        for signal in component.interface.signals.values():
-            if (component.name, signal.name) in wired:
+        signals = component.interface.signals.values()
+        listed = [s for s in signals if (component.name, s.name) in wired]
+        if listed:  # an empty list is none that SSP knows
+            connectors = _sub(element, "Connectors")
+            for signal in listed:
                 connector = _sub(connectors, "Connector", name=signal.name, kind=signal.causality)
                 etree.SubElement(connector, f"{{{SSC}}}{signal.kind}")
         if component.parameters:
@@ -97,7 +99,7 @@ def pack(system: System, target: Path, fmus: str = "python") -> None:
             annotation = _annotation(element, "com.opensimulationplatform")
             hint = repr(component.decimation * system.step)
             etree.SubElement(annotation, f"{{{OSP}}}StepSizeHint", value=hint)
-    connections = _sub(top, "Connections")
+    connections = _sub(top, "Connections") if system.connections else None
     for c in system.connections:
         _sub(
             connections, "Connection", startElement=c.source, startConnector=c.output,

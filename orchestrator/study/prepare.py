@@ -19,7 +19,7 @@ from ..system.interface import base_name
 from ..system.model import System
 from ..system.parameters import table
 from ..system.schedule import Schedule
-from . import meaning, recorded, stopping
+from . import isolation, meaning, recorded, stopping
 from .modify import modify
 from .numbers import problems
 from .options import Options
@@ -67,6 +67,8 @@ def prepare(target: str, options: Options) -> Case:
         checked.problems += recorded.problems(checked.system, options)
         checked.problems += recorded.not_saved(checked.system, options)
         checked.problems += recorded.not_halved(checked.system, options)
+        checked.problems += isolation.problems(checked.system, options)
+        checked.warnings += isolation.warnings(checked.system, options)
         if checked.schedule is not None:
             _check_wishes(checked, checked.system, checked.schedule, described, options)
     return Case(target, options, draft.where, checked)

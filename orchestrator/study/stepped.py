@@ -12,19 +12,17 @@ from typing import Any
 from ..engine.checkpoint import Checkpoint, Checkpoints
 from ..engine.host import kept, said
 from ..engine.instances import ComponentError, EndedError
-from ..engine.isolated import CAN
 from ..engine.loop import bar, interruptible, run, stepping
 from ..engine.master import Master
 from ..engine.recorder import Recorder
 from ..engine.results import MANIFEST, SERIES, Results, selects
 from ..engine.unwritten import Unwritten
-from ..files import trust
 from ..system.codes import Exit
-from ..system.model import System
 from ..system.refusal import told as refused
 from . import stopping
+from .isolation import isolated
 from .manifest import attributes, write_json
-from .options import Options, asked
+from .options import asked
 from .prepare import Case
 
 
@@ -152,16 +150,6 @@ def stepped(
         outcome.code = int(master.unfreed[0].code)
         tell("outcome", outcome)
     return outcome, results
-
-
-def isolated(system: System, options: Options) -> frozenset[str]:
-    """The components that run in processes of their own, where there are such (POSIX)."""
-    if options.isolate == "none" or not CAN:
-        return frozenset()
-    return frozenset(
-        c.name for c in system.components.values()
-        if c.fmu is not None and (options.isolate == "all" or not trust.is_ours(c.fmu))
-    )  # fmt: skip
 
 
 def _add(lines: list[str], more: list[str]) -> None:

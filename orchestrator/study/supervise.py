@@ -77,7 +77,7 @@ def watch(
     with _handed_on(child, ended):
         status = _wait(child, ours, ended, limit)
     ours.close()
-    if status or "done" not in ended.said:
+    if status not in (0, last_call.UNKNOWN) or "done" not in ended.said:
         ended.how = last_call.how(status)
     if ended.how:
         ended.component, ended.call = last_call.named(order)
@@ -141,8 +141,7 @@ def _wait(child: int, pipe: Connection, ended: Ended, limit: float) -> int:
             except (EOFError, OSError):
                 listening = False
             continue
-        pid, status = os.waitpid(child, os.WNOHANG)
-        if pid:
+        if (status := last_call.status_of(child)) is not None:
             return status
         if not listening:
             time.sleep(0.01)

@@ -9,6 +9,7 @@ the same inputs. What fails is kept in `corpus/`, and tried first from then on.
 from __future__ import annotations
 
 import hashlib
+import inspect
 import io
 import random
 import sys
@@ -16,7 +17,9 @@ import time
 import zipfile
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from functools import cache
 from pathlib import Path
+from types import CodeType
 
 from desat.files import archive, library
 from desat.study.options import Options
@@ -27,6 +30,7 @@ from fuzz.seeds import FILES, TARGETS, seeds
 
 LONGEST = 5.0
 """CPU time (s) that an input may take."""
+TRACED = 40
 CORPUS = Path(__file__).parent / "corpus"
 READERS = Path(sys.modules["desat.files.library"].__file__).parent
 
@@ -42,8 +46,21 @@ class Outcome:
     """Lines of the readers that were run, of those inputs that were traced."""
 
     def __str__(self) -> str:
+        there = sum(len(_lines(name)) for name in {name for name, _ in self.lines})
         return (f"{self.count} inputs, {self.refused} refused, {len(self.failures)} failed; "
-                f"{len(self.lines)} lines of the readers reached")  # fmt: skip
+                f"{len(self.lines)} of the {there} lines of the readers' functions reached by each "
+                f"{TRACED}th input")  # fmt: skip
+
+
+@cache
+def _lines(file: str) -> set[int]:
+    """The lines of a file's functions."""
+    todo, found = [compile(Path(file).read_text(encoding="utf-8"), file, "exec")], set[int]()
+    for code in todo:
+        todo += [x for x in code.co_consts if isinstance(x, CodeType)]
+        if code.co_flags & inspect.CO_OPTIMIZED:  # of a function, neither a module's nor a class's
+            found |= {n for *_, n in code.co_lines() if n and n != code.co_firstlineno}
+    return found
 
 
 def inputs(seed: int, count: int) -> Iterator[tuple[str, bytes]]:
@@ -56,8 +73,8 @@ def inputs(seed: int, count: int) -> Iterator[tuple[str, bytes]]:
         yield kind, mutated(kind, known[kind], rng)
 
 
-def run(folder: Path, seed: int, count: int, traced: int = 40) -> Outcome:
-    """Try inputs in a folder; every `traced`-th is traced for the lines it reaches."""
+def run(folder: Path, seed: int, count: int) -> Outcome:
+    """Try inputs in a folder; each TRACED-th is traced for the lines it reaches."""
     outcome = Outcome()
     for file, data in FILES.items():
         (folder / file).parent.mkdir(parents=True, exist_ok=True)
@@ -68,7 +85,7 @@ def run(folder: Path, seed: int, count: int, traced: int = 40) -> Outcome:
         prepare(str(folder / target), _options(kind)).or_raise()
     before = set(folder.parent.iterdir())
     for number, (kind, data) in enumerate(inputs(seed, count)):
-        said = _one(folder, kind, data, outcome if number % traced == 0 else None)
+        said = _one(folder, kind, data, outcome if number % TRACED == 0 else None)
         outcome.count += 1
         outcome.refused += said == "refused"
         if said not in ("", "refused"):
