@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import json
+import math
 import os
 import platform
 import time
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
@@ -104,6 +106,7 @@ def _run(plan: Plan, folder: Path, jobs: int, cluster: str | None, progress: boo
     rows = store.Store(folder, plan.count, versions())
     at = Progressed(plan.count, rows.done(), rows.failed())
     at.first = at.done
+    write_json(folder / STATUS, at.as_json("running"))
     state = "stopped"
     try:
         if at.done < plan.count:
@@ -176,7 +179,7 @@ def _kept_of(text: str) -> tuple[str, int, str]:
 
 def chosen(plan: Plan, folder: Path) -> list[int]:
     """The cases that are to be kept: the worst are those with the largest number, or with the least
-    where a requirement on it has only a `min`; those without it first."""
+    where a requirement on it has only a `min`; those that never reach it first."""
     from .plan import system
 
     about = system(plan.target, plan.run_options().blocks).about
@@ -194,17 +197,19 @@ def chosen(plan: Plan, folder: Path) -> list[int]:
 
 
 def worst(folder: Path, number: str, count: int, least: bool = False) -> list[int]:
-    """The completed cases with the largest (or least) values of a number, worst first."""
+    """The completed cases that never reach a number, then those with its largest (or least)
+    values, worst first."""
     table = store.read(folder, columns=["case", "status", f"out.{number}"])
     if f"out.{number}" not in table.column_names:
         return []
+    sign = 1.0 if least else -1.0
     rows = [
-        (value, case)
+        (-math.inf if value is None else sign * value, case)
         for case, status, value in zip(table["case"].to_pylist(), table["status"].to_pylist(),
                                        table[f"out.{number}"].to_pylist(), strict=True)
-        if status == "completed" and value is not None
+        if status == "completed"
     ]  # fmt: skip
-    rows.sort(key=lambda r: (r[0] if least else -r[0], r[1]))
+    rows.sort()
     return [case for _, case in rows[:count]]
 
 
@@ -222,7 +227,8 @@ def _keep(plan: Plan, folder: Path, jobs: int) -> None:
 
 
 def _kept(plan: Plan, number: int, into: Path) -> None:
-    kept(plan, number, into).results.close()
+    with suppress(DesatError):  # a case that cannot begin has no series; its row says why
+        kept(plan, number, into).results.close()
 
 
 def kept_in(folder: Path, number: int) -> Path:
