@@ -252,13 +252,13 @@ main(sys.argv[2:])
 
 def test_clusters_that_do_not_serve(own, whole, tmp_path, monkeypatch, capfd):
     """One that does not answer, one without workers, one whose worker has another version: from the
-    beginning, and when it comes in the middle, where it costs nothing."""
+    beginning, and when it comes in the middle, where it costs nothing; one that ends."""
     pytest.importorskip("distributed", reason="Dask is not installed")
     from desat.campaign import cluster
 
     plan, _ = head.planned(str(own), 20)
+    monkeypatch.setitem(cluster._SETTINGS, "distributed.comm.timeouts.connect", "4s")
     with monkeypatch.context() as patch:
-        patch.setitem(cluster._SETTINGS, "distributed.comm.timeouts.connect", "1s")
         patch.setattr(cluster, "WAIT", "1s")
         text = r"--cluster tcp://127\.0\.0\.1:9: no scheduler answers"
         with pytest.raises(DesatError, match=text):
@@ -270,7 +270,7 @@ def test_clusters_that_do_not_serve(own, whole, tmp_path, monkeypatch, capfd):
     dask = [sys.executable, "-m"]
     with _started(
         *dask, "distributed.cli.dask_scheduler", "--port", "0", "--host", "127.0.0.1", *of
-    ):
+    ) as scheduler:
         _until(file.exists)
         with pytest.raises(DesatError, match="it has no workers"):
             head.run(plan, tmp_path / "b", cluster=str(file), progress=False)
@@ -294,10 +294,16 @@ def test_clusters_that_do_not_serve(own, whole, tmp_path, monkeypatch, capfd):
                     if self.done() == 5:
                         come.touch()
                         client.wait_for_workers(2, timeout=60)
+                    elif self.done() == 25:
+                        client.close()
+                        scheduler.kill()
 
                 monkeypatch.setattr(store.Store, "add", later)
                 head.run(plan, tmp_path / "c", cluster=str(file), progress=False)
-            older.wait(60)
+                older.wait(60)
+                plan, _ = head.planned(str(own), 40)
+                with pytest.raises(DesatError, match="the scheduler is gone; the same command"):
+                    head.run(plan, tmp_path / "c", cluster=str(file), progress=False)
     assert capfd.readouterr().err.count("has desat 0.0.9") == 1
     _first_alike(tmp_path / "c", whole, 20)
     assert store.read(tmp_path / "c")["attempts"].to_pylist() == [1] * 20

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import logging
 import os
 import queue
 import sys
@@ -156,6 +157,8 @@ class Cluster:
 
         self._plan, self._address, self._local = plan, address, None
         dask.config.set(_SETTINGS)
+        for name in ("distributed", "distributed.client"):
+            logging.getLogger(name).setLevel(logging.CRITICAL + 1)  # we say it in a line
         try:
             if address.startswith("local:"):
                 self._local = distributed.LocalCluster(
