@@ -250,6 +250,21 @@ main(sys.argv[2:])
 """A worker with another version, which comes as soon as there is a file."""
 
 
+def test_a_worker_says_why_it_cannot_make_the_cases(own):
+    from desat.campaign import cluster
+
+    plan, _ = head.planned(str(own), 4)
+    here = cluster.versions()
+    assert cluster.unfit(plan, False, here) == ""
+    numpy = f"has numpy {here['numpy']}, here it is 0.1; the same is needed"
+    assert cluster.unfit(plan, False, {**here, "numpy": "0.1"}) == numpy
+    assert cluster.unfit(plan, True, here) == "has not got the system"
+    cluster.keep(plan, cluster.shipped(plan.target))
+    assert cluster.unfit(plan, True, here) == ""
+    other = cluster.unfit(replace(plan, digest="0"), False, here)
+    assert other == f"has another {own}: scenario, parameters or builds of FMUs differ"
+
+
 def test_clusters_that_do_not_serve(own, whole, tmp_path, monkeypatch, capfd):
     """One that does not answer, one without workers, one whose worker has another version: from the
     beginning, and when it comes in the middle, where it costs nothing; one that ends."""
@@ -257,7 +272,7 @@ def test_clusters_that_do_not_serve(own, whole, tmp_path, monkeypatch, capfd):
     from desat.campaign import cluster
 
     plan, _ = head.planned(str(own), 20)
-    monkeypatch.setitem(cluster._SETTINGS, "distributed.comm.timeouts.connect", "4s")
+    monkeypatch.setitem(cluster.SETTINGS, "distributed.comm.timeouts.connect", "4s")
     with monkeypatch.context() as patch:
         patch.setattr(cluster, "WAIT", "1s")
         text = r"--cluster tcp://127\.0\.0\.1:9: no scheduler answers"
@@ -438,6 +453,8 @@ def test_campaigns_are_compared_case_by_case(whole, own, tmp_path):
         ('[requirements.a]\nnumber = "coil_load"\nmax = 1.0\nmin = 2.0', "it is above max"),
         ('[requirements.a]\nnumber = "coil_load"\nmaximum = 1.0', "requirements.a.maximum"),
         ('[dispersions]\n"wheels.h_start_wheel" = { normal = [0.0, -1.0] }', "deviation is -1; at"),
+        ('[dispersions]\n"wheels.nothing" = { uniform = [0.0, 1.0] }',
+         "dispersions.wheels.nothing: wheels has no parameter nothing; there is"),
         ('[dispersions]\n"wheels.speed_limit" = { uniform = [-2.0, -1.0] }',
          "dispersions: drawn for case 0: wheels.speed_limit = -1.76943 rad/s: allowed is 0.001 to"),
     ],

@@ -29,7 +29,7 @@ LARGEST = 256_000_000
 _PARTS = (".toml", ".ssd", ".fmu", ".ssv")
 _LATE = 75
 """The exit code of a worker that ends itself as a case takes too long."""
-_SETTINGS = {
+SETTINGS = {
     "distributed.comm.timeouts.connect": WAIT,
     "distributed.scheduler.allowed-failures": 0,
     "distributed.worker.daemon": False,
@@ -156,7 +156,7 @@ class Cluster:
         import dask
 
         self._plan, self._address, self._local = plan, address, None
-        dask.config.set(_SETTINGS)
+        dask.config.set(SETTINGS)
         for name in ("distributed", "distributed.client"):
             logging.getLogger(name).setLevel(logging.CRITICAL + 1)  # we say it in a line
         try:

@@ -47,11 +47,15 @@ def planned(
     system = system_of(target, options)
     if not system.about.get("dispersions"):
         raise DesatError(f"{target}: it has no [dispersions], so there is nothing to draw")
-    allowed(sampling, count, system)
     for text in options.sets:
         if (name := text.partition("=")[0]) in dispersed(system):
             raise DesatError(f"--set {name}: it is drawn, and so never has this value")
-    first = {**options.values, **drawn(system, seed, 0, sampling, count)}
+    try:
+        allowed(sampling, count, system)
+        first = {**options.values, **drawn(system, seed, 0, sampling, count)}
+    except DesatError:
+        prepare(target, options).or_raise()  # which names file and key
+        raise
     case = _first(target, replace(options, values=first), first)
     plots = plots_of(system.about)
     if curves is None:
