@@ -47,17 +47,26 @@ def _ran(plan: Plan, values: dict[str, Any], supervised: bool) -> dict[str, Any]
     signals: list[str] = []
 
     def more(run: Run) -> dict[str, Any]:
-        return {"curves": _curves(plan.curves, run), "units": _units(plan.curves, run)}
+        return {"curves": _curves(plan.curves, run), "beside": _described(plan, values, run)}
 
     plots = plots_of(system(plan.target, options.blocks).about)
     for name in plan.curves:
         signals += plots[name]["signals"]
     made = ran(plan.target, options, values, signals, more)
-    made["described"] |= {
-        f"curve.{name}": {"title": plots[name]["title"], "unit": unit}
-        for name, unit in made.pop("units").items()
-    }
+    made["described"] |= made.pop("beside")
     return made
+
+
+def _described(plan: Plan, values: Mapping[str, Any], run: Run) -> dict[str, dict[str, str]]:
+    """Title and unit of what is drawn, `in.component.variable`, and of envelopes, `curve.PLOT`."""
+    plots, told = plots_of(run.manifest["about"]), {}
+    for name in values:
+        owner, _, variable = name.partition(".")
+        parameter = run.manifest["parameters"][owner][variable]
+        told[f"in.{name}"] = {"title": parameter["text"], "unit": parameter["unit"]}
+    for name, unit in _units(plan.curves, run).items():
+        told[f"curve.{name}"] = {"title": plots[name]["title"], "unit": unit}
+    return told
 
 
 def plots_of(about: Mapping[str, Any]) -> dict[str, dict[str, Any]]:

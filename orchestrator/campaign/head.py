@@ -13,6 +13,7 @@ from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
 
+from ..analyses import analyses
 from ..files.claim import LOCK, claimed
 from ..study.case import Case, prepare
 from ..study.draws import lost, system_of
@@ -68,6 +69,8 @@ def planned(
     plan = Plan(target, digest_of(target, options), count, seed, sampling, changed, tuple(curves),
                 tuple(keep), limit)  # fmt: skip
     numbers = {n for n, e in system.about.get("numbers", {}).items() if "of" not in e}
+    checked, _ = case.or_raise()
+    numbers |= {n for a in analyses() if a.applies(checked) for n in a.NUMBERS}
     for text in keep:
         kind, _, number = _kept_of(text)
         if kind == "worst" and number not in numbers:

@@ -27,7 +27,7 @@ STRONG = 0.2
 """Rank correlations from this size on are shown."""
 CHANCE = 0.01
 """How likely one of all those shown may be by chance alone."""
-_WORST = 3
+_WORST, _SCATTERS = 3, 4
 
 
 def summary(folder: Path) -> dict[str, Any]:
@@ -217,7 +217,9 @@ def _figures(folder: Path, plan: Plan, told: Mapping[str, Any]) -> list[_Figure]
         if len(values) and np.ptp(values) > 0.0:
             image = figures.distribution(name, entry["unit"], values, limits.get(name, []))
             made.append(_Figure(entry["title"], Markup(image)))
-    for driver in told["drivers"][:4]:
+    described = store.described(folder)
+    strongest = {d["number"]: d for d in reversed(told["drivers"])}  # of each number
+    for driver in sorted(strongest.values(), key=lambda d: -abs(d["correlation"]))[:_SCATTERS]:
         x = figures.flat(table[f"in.{driver['input']}"].to_pylist())[good]
         y = figures.flat(table[f"out.{driver['number']}"].to_pylist())[good]
         entry = told["numbers"][driver["number"]]
@@ -225,7 +227,9 @@ def _figures(folder: Path, plan: Plan, told: Mapping[str, Any]) -> list[_Figure]
             f"{entry['title']} over {driver['input']}, rank correlation {driver['correlation']:.2f}"
         )
         label = axis_label(driver["number"], entry["unit"], 2.4)
-        image = scatter({"": (x, y)}, driver["input"], label, size=2.0)
+        unit = described.get(f"in.{driver['input'].partition('[')[0]}", {}).get("unit", "")
+        below = axis_label(driver["input"], unit, 6.0)
+        image = scatter({"": (x, y)}, below, label, size=2.0)
         made.append(_Figure(caption, Markup(image)))
     return made
 

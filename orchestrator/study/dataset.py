@@ -113,7 +113,8 @@ def of_campaign(folder: Path) -> xr.Dataset:
         if field.name == "case":
             continue
         lazy = _Lazy((len(cases),), _dtype(field.type), _column(folder, field.name))
-        told = described.get(field.name.removeprefix("out."), {})
+        # what is drawn is told of as a whole, and has a column an element
+        told = described.get(field.name.removeprefix("out.").partition("[")[0], {})
         variables[field.name] = lazy.variable(
             ("case",), {"long_name": told.get("title", ""), "units": told.get("unit", "")}
         )
