@@ -65,7 +65,10 @@ def measure() -> dict[str, Any]:
                 script = Path(__file__).with_name("basilisk_campaign.py")
                 command = [str(BASILISK), str(script), str(CASES), str(processes), f"{ORBIT:.0f}"]
                 basilisk[processes].append(_result(command)["seconds"])
-        many = {how: _run(folder, f"many-{how}", MANY, how) for how in ("pool:2", "local:2")}
+        many = {
+            name: _run(folder, name, MANY, how)
+            for name, how in {"many": "pool:2", "many_dask": "local:2"}.items()
+        }
         day = _run(folder, "day", DAYS, "pool:1", DAY)
     digests = {r["digest"] for rows in found.values() for r in rows}
     few = {how: _median(rows) for how, rows in found.items()}
@@ -76,7 +79,7 @@ def measure() -> dict[str, Any]:
     return {
         "system": f"{NAME}, {ORBIT:g} s at 1 s", "cases": CASES, "same_bits": len(digests) == 1,
         **few,
-        "many": {h: {**m, "cases_per_second": MANY / m["seconds"]} for h, m in many.items()},
+        **{n: {**m, "cases_per_second": MANY / m["seconds"]} for n, m in many.items()},
         "day": day,
         "basilisk": {
             f"processes:{n}": {"cases_per_second": CASES / statistics.median(seconds)}
