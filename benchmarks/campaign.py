@@ -1,7 +1,7 @@
 """Cases a second of a campaign: through the pool and through Dask, on one and two cores; what of
 that is no case; memory and bytes; and Basilisk's own Monte Carlo on the same kind of day.
 
-    python -m benchmarks.campaign FOLDER CASES pool:N|local:N     # one campaign, in its own process
+    python -m benchmarks.campaign FOLDER CASES pool:N|local:N SECONDS   # one, in its own process
 """
 
 from __future__ import annotations
@@ -18,18 +18,21 @@ from typing import Any
 
 NAME, ORBIT = "nadir_day/day-dipole", 5740.0
 """An orbit of the day that `basilisk_day.py` flies too, at 1 s."""
+DAY = 86400.0
 CASES = 50
+MANY, DAYS = 500, 4
 ROUNDS = 2
 BASILISK = Path(__file__).parent.parent / ".venv-basilisk" / "bin" / "python"
 
 
-def one(folder: str, cases: str, how: str) -> dict[str, Any]:
-    """A campaign: wall seconds, those within cases, the head's own, and peaks of memory (MB)."""
+def one(folder: str, cases: str, how: str, stop: str) -> dict[str, Any]:
+    """A campaign of cases until `stop` (s): wall seconds, those within cases, the head's own, and
+    peaks of memory (MB)."""
     from desat.campaign import head, store
     from desat.study.options import Options
 
     where, kind, size = Path(folder), *how.split(":")
-    plan, _ = head.planned(NAME, int(cases), options=Options(stop=ORBIT), curves=())
+    plan, _ = head.planned(NAME, int(cases), options=Options(stop=float(stop)), curves=())
     began, cpu = time.perf_counter(), time.process_time()
     cluster = how if kind == "local" else None
     head.run(plan, where, int(size), cluster, progress=False)
@@ -40,7 +43,8 @@ def one(folder: str, cases: str, how: str) -> dict[str, Any]:
     who = {"head": resource.RUSAGE_SELF, "worker": resource.RUSAGE_CHILDREN}
     peak = {name: resource.getrusage(what).ru_maxrss / 1024.0 for name, what in who.items()}
     return {
-        "seconds": seconds, "in_cases": sum(own), "least": min(own), "completed": len(own),
+        "cases": int(cases), "completed": len(own),
+        "seconds": seconds, "in_cases": sum(own), "least": min(own),
         "head_ms_per_case": 1e3 * cpu / int(cases),
         "head_mb": peak["head"], "worker_mb": peak["worker"],
         "bytes_per_case": sum(p.stat().st_size for p in files) / int(cases),
@@ -61,7 +65,11 @@ def measure() -> dict[str, Any]:
                 script = Path(__file__).with_name("basilisk_campaign.py")
                 command = [str(BASILISK), str(script), str(CASES), str(processes), f"{ORBIT:.0f}"]
                 basilisk[processes].append(_result(command)["seconds"])
-        many = _run(folder, "many", 10 * CASES, "pool:2")
+        many = {
+            name: _run(folder, name, MANY, how)
+            for name, how in {"many": "pool:2", "many_dask": "local:2"}.items()
+        }
+        day = _run(folder, "day", DAYS, "pool:1", DAY)
     digests = {r["digest"] for rows in found.values() for r in rows}
     few = {how: _median(rows) for how, rows in found.items()}
     for how, entry in few.items():
@@ -71,7 +79,8 @@ def measure() -> dict[str, Any]:
     return {
         "system": f"{NAME}, {ORBIT:g} s at 1 s", "cases": CASES, "same_bits": len(digests) == 1,
         **few,
-        "many": {"cases": 10 * CASES, **many, "cases_per_second": 10 * CASES / many["seconds"]},
+        **{n: {**m, "cases_per_second": MANY / m["seconds"]} for n, m in many.items()},
+        "day": day,
         "basilisk": {
             f"processes:{n}": {"cases_per_second": CASES / statistics.median(seconds)}
             for n, seconds in basilisk.items() if seconds
@@ -84,9 +93,12 @@ def _median(rows: list[dict[str, Any]]) -> dict[str, Any]:
     return {k: statistics.median(r[k] for r in rows) for k in keys}
 
 
-def _run(folder: str, name: str, cases: int, how: str) -> dict[str, Any]:
+def _run(
+    folder: str, name: str, cases: int, how: str, stop: float = ORBIT
+) -> dict[str, Any]:  # fmt: skip
     where = str(Path(folder) / name.replace(":", "-"))
-    return _result([sys.executable, "-m", "benchmarks.campaign", where, str(cases), how])
+    arguments = where, str(cases), how, str(stop)
+    return _result([sys.executable, "-m", "benchmarks.campaign", *arguments])
 
 
 def _result(command: list[str]) -> dict[str, Any]:

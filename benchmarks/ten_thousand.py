@@ -98,6 +98,7 @@ def _memory(pid: int) -> float:
 def judged(folder: Path) -> dict[str, Any]:
     """What came of both: equal or not, nothing lost, nothing twice, seconds, memory."""
     from desat.campaign import store
+    from desat.campaign.cluster import SETTINGS
 
     result: dict[str, Any] = {"system": f"{NAME}, {ORBIT} s at 10 s", "cases": CASES}
     digests = set()
@@ -120,7 +121,10 @@ def judged(folder: Path) -> dict[str, Any]:
             "bytes_per_case": sum(p.stat().st_size for p in files) / CASES,
             "memory_mb": _memory_over(seen["memory"]), "digest": digest,
         }  # fmt: skip
-    return result | {"same_bits": len(digests) == 1}
+    return result | {
+        "same_bits": len(digests) == 1,
+        "profiled": SETTINGS["distributed.worker.profile.enabled"],
+    }
 
 
 def _memory_over(samples: list[list[float]]) -> list[dict[str, float]]:

@@ -10,6 +10,8 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 
@@ -237,44 +239,98 @@ def test_a_dask_cluster_gives_the_same(whole, own, tmp_path):
 
 
 OLDER = """
-import importlib.metadata as metadata, sys
+import importlib.metadata as metadata, pathlib, sys, time
 known = metadata.version
 metadata.version = lambda name: "0.0.9" if name == "desat" else known(name)
 from distributed.cli.dask_worker import main
-main(sys.argv[1:])
+while len(sys.argv) > 1 and not pathlib.Path(sys.argv[1]).exists():
+    time.sleep(0.02)
+main(sys.argv[2:])
 """
+"""A worker with another version, which comes as soon as there is a file."""
 
 
-def test_clusters_that_do_not_serve(own, tmp_path, monkeypatch):
-    """One that does not answer, one without workers, one whose worker has another version."""
-    pytest.importorskip("distributed", reason="Dask is not installed")
+def test_a_worker_says_why_it_cannot_make_the_cases(own):
     from desat.campaign import cluster
 
     plan, _ = head.planned(str(own), 4)
-    monkeypatch.setattr(cluster, "WAIT", "1s")
-    with pytest.raises(DesatError, match=r"--cluster tcp://127\.0\.0\.1:9: no scheduler answers"):
-        head.run(plan, tmp_path / "a", cluster="tcp://127.0.0.1:9", progress=False)
-    monkeypatch.undo()
+    here = cluster.versions()
+    assert cluster.unfit(plan, False, here) == ""
+    numpy = f"has numpy {here['numpy']}, here it is 0.1; the same is needed"
+    assert cluster.unfit(plan, False, {**here, "numpy": "0.1"}) == numpy
+    assert cluster.unfit(plan, True, here) == "has not got the system"
+    cluster.keep(plan, cluster.shipped(plan.target))
+    assert cluster.unfit(plan, True, here) == ""
+    other = cluster.unfit(replace(plan, digest="0"), False, here)
+    assert other == f"has another {own}: scenario, parameters or builds of FMUs differ"
+
+
+def test_clusters_that_do_not_serve(own, whole, tmp_path, monkeypatch, capfd):
+    """One that does not answer, one without workers, one whose worker has another version: from the
+    beginning, and when it comes in the middle, where it costs nothing; one that ends."""
+    pytest.importorskip("distributed", reason="Dask is not installed")
+    from desat.campaign import cluster
+
+    plan, _ = head.planned(str(own), 20)
+    monkeypatch.setitem(cluster.SETTINGS, "distributed.comm.timeouts.connect", "4s")
+    with monkeypatch.context() as patch:
+        patch.setattr(cluster, "WAIT", "1s")
+        text = r"--cluster tcp://127\.0\.0\.1:9: no scheduler answers"
+        with pytest.raises(DesatError, match=text):
+            head.run(plan, tmp_path / "a", cluster="tcp://127.0.0.1:9", progress=False)
     (tmp_path / "older.py").write_text(OLDER)
-    file, quiet = tmp_path / "scheduler.json", {"stdout": subprocess.DEVNULL,
-                                                "stderr": subprocess.DEVNULL}  # fmt: skip
-    command = [sys.executable, "-m", "distributed.cli.dask_scheduler", "--port", "0",
-               "--no-dashboard", "--host", "127.0.0.1", "--scheduler-file", file]  # fmt: skip
-    with subprocess.Popen(command, **quiet) as scheduler:
+    file, come = tmp_path / "scheduler.json", tmp_path / "come"
+    of = ["--scheduler-file", file, "--no-dashboard"]
+    worker = [*of, "--no-nanny", "--nthreads", "1"]
+    dask = [sys.executable, "-m"]
+    with _started(
+        *dask, "distributed.cli.dask_scheduler", "--port", "0", "--host", "127.0.0.1", *of
+    ) as scheduler:
         _until(file.exists)
         with pytest.raises(DesatError, match="it has no workers"):
             head.run(plan, tmp_path / "b", cluster=str(file), progress=False)
-        command = [sys.executable, tmp_path / "older.py", "--scheduler-file", file, "--no-nanny",
-                   "--no-dashboard", "--nthreads", "1"]  # fmt: skip
-        with subprocess.Popen(command, **quiet) as worker:
-            from distributed import Client
+        from distributed import Client
 
-            with Client(scheduler_file=str(file)) as client:
+        with (
+            Client(scheduler_file=str(file)) as client,
+            _started(sys.executable, tmp_path / "older.py", come, *worker) as older,
+        ):
+            with _started(sys.executable, tmp_path / "older.py", tmp_path, *worker):
                 client.wait_for_workers(1, timeout=60)
-            with pytest.raises(DesatError, match=r"has desat 0\.0\.9, here it is .*the same is"):
+                with pytest.raises(DesatError, match=r"has desat 0\.0\.9, here it is .*the same"):
+                    head.run(plan, tmp_path / "c", cluster=str(file), progress=False)
+            _until(lambda: not client.nthreads())
+            with _started(*dask, "distributed.cli.dask_worker", *worker):
+                client.wait_for_workers(1, timeout=60)
+                add = store.Store.add
+
+                def later(self: store.Store, row: dict[str, object]) -> None:
+                    add(self, row)
+                    if self.done() == 5:
+                        come.touch()
+                        client.wait_for_workers(2, timeout=60)
+                    elif self.done() == 25:
+                        client.close()
+                        scheduler.kill()
+
+                monkeypatch.setattr(store.Store, "add", later)
                 head.run(plan, tmp_path / "c", cluster=str(file), progress=False)
-            worker.kill()
-        scheduler.kill()
+                older.wait(60)
+                plan, _ = head.planned(str(own), 40)
+                with pytest.raises(DesatError, match="the scheduler is gone; the same command"):
+                    head.run(plan, tmp_path / "c", cluster=str(file), progress=False)
+    assert capfd.readouterr().err.count("has desat 0.0.9") == 1
+    _first_alike(tmp_path / "c", whole, 20)
+    assert store.read(tmp_path / "c")["attempts"].to_pylist() == [1] * 20
+
+
+@contextmanager
+def _started(*command: object) -> Iterator[subprocess.Popen[bytes]]:
+    """A process for as long as it is needed."""
+    quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
+    with subprocess.Popen([*map(str, command)], **quiet) as process:
+        yield process
+        process.kill()
 
 
 def _first_alike(folder: Path, whole: Path, count: int) -> None:
@@ -335,7 +391,10 @@ def test_requirements_are_judged_with_their_confidence(whole):
     text = path.read_text()
     assert "NOT SHOWN" in text
     assert text.count("<svg") >= len(told["numbers"]) / 2
-    assert told["numbers"]["rate"]["unit"] == "deg/s"
+    assert told["numbers"]["rate"]["unit"] == told["requirements"]["rate"]["unit"] == "deg/s"
+    of_analyses = {"null_rms": "N.m.s", "coil_duty": "%", "limit_time": "s", "crossings": "1"}
+    assert {n: told["numbers"][n]["unit"] for n in of_analyses} == of_analyses
+    assert told["numbers"]["coil_duty"]["title"].startswith("Coil duty: mean dipole of a coil")
     assert json.loads((whole / "report.json").read_text())["digest"] == store.digest(whole)
 
 
@@ -394,6 +453,8 @@ def test_campaigns_are_compared_case_by_case(whole, own, tmp_path):
         ('[requirements.a]\nnumber = "coil_load"\nmax = 1.0\nmin = 2.0', "it is above max"),
         ('[requirements.a]\nnumber = "coil_load"\nmaximum = 1.0', "requirements.a.maximum"),
         ('[dispersions]\n"wheels.h_start_wheel" = { normal = [0.0, -1.0] }', "deviation is -1; at"),
+        ('[dispersions]\n"wheels.nothing" = { uniform = [0.0, 1.0] }',
+         "dispersions.wheels.nothing: wheels has no parameter nothing; there is"),
         ('[dispersions]\n"wheels.speed_limit" = { uniform = [-2.0, -1.0] }',
          "dispersions: drawn for case 0: wheels.speed_limit = -1.76943 rad/s: allowed is 0.001 to"),
     ],
@@ -445,6 +506,9 @@ def test_a_campaign_is_a_data_set(whole):
     assert ds["out.rate"].attrs["units"] == "deg/s"
     assert ds["status"][3].item() == table["status"][3].as_py()
     assert ds["curve.momentum"].shape == (COUNT, 200)
+    assert ds["in.wheels.h_start_wheel[1]"].attrs["units"] == "N.m.s"
+    assert ds["curve.momentum"].attrs["units"] == "mN.m.s"
+    assert np.isfinite(ds["curve.momentum"].values).all(), "parts without a sample are between some"
     assert ds["in.wheels.h_start_wheel[1]"].sel(case=9).item() == (
         table["in.wheels.h_start_wheel[1]"][9].as_py()
     )

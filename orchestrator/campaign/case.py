@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from ..study.case import Run, execute
 from ..study.draws import ran
-from ..study.plots import lines_of
+from ..study.plots import lines_of, unit_of
 from ..study.report import write_report
 from ..system.codes import Exit
 from ..system.errors import DesatError
@@ -47,17 +47,38 @@ def _ran(plan: Plan, values: dict[str, Any], supervised: bool) -> dict[str, Any]
     signals: list[str] = []
 
     def more(run: Run) -> dict[str, Any]:
-        return {"curves": _curves(plan.curves, run)}
+        return {"curves": _curves(plan.curves, run), "beside": _described(plan, values, run)}
 
     plots = plots_of(system(plan.target, options.blocks).about)
     for name in plan.curves:
         signals += plots[name]["signals"]
-    return ran(plan.target, options, values, signals, more)
+    made = ran(plan.target, options, values, signals, more)
+    made["described"] |= made.pop("beside")
+    return made
+
+
+def _described(plan: Plan, values: Mapping[str, Any], run: Run) -> dict[str, dict[str, str]]:
+    """Title and unit of what is drawn, `in.component.variable`, and of envelopes, `curve.PLOT`."""
+    plots, told = plots_of(run.manifest["about"]), {}
+    for name in values:
+        owner, _, variable = name.partition(".")
+        parameter = run.manifest["parameters"][owner][variable]
+        told[f"in.{name}"] = {"title": parameter["text"], "unit": parameter["unit"]}
+    for name, unit in _units(plan.curves, run).items():
+        told[f"curve.{name}"] = {"title": plots[name]["title"], "unit": unit}
+    return told
 
 
 def plots_of(about: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
     """The plots of a scenario by name."""
     return {str(p.get("name", i)): p for i, p in enumerate(about.get("plots", ()), 1)}
+
+
+def _units(names: Sequence[str], run: Run) -> dict[str, str]:
+    """The unit of each plot's axis; none for one whose series the run has not."""
+    plots = plots_of(run.manifest["about"])
+    units = {name: unit_of(plots[name], run.results) for name in names}
+    return {name: unit for name, unit in units.items() if unit is not None}
 
 
 def _curves(names: Sequence[str], run: Run) -> dict[str, list[float]]:
@@ -66,10 +87,8 @@ def _curves(names: Sequence[str], run: Run) -> dict[str, list[float]]:
     plots = plots_of(run.manifest["about"])
     start, stop = run.manifest["start"], run.manifest["stop"]
     envelopes = {}
-    for name in names:
-        plot = plots[name]
-        unit = plot.get("unit") or run.results.attribute(plot["signals"][0], "unit")
-        lines = lines_of(plot, run.results, unit)
+    for name, unit in _units(names, run).items():
+        lines = lines_of(plots[name], run.results, unit)
         envelopes[name] = _envelope([(x.times, x.values) for x in lines], start, stop)
     return envelopes
 
@@ -77,11 +96,15 @@ def _curves(names: Sequence[str], run: Run) -> dict[str, list[float]]:
 def _envelope(
     lines: Sequence[tuple[NDArray[Any], NDArray[Any]]], start: float, stop: float
 ) -> list[float]:
-    top = np.full(POINTS, -np.inf)
+    """Parts without a sample have what lies on the line between their neighbours."""
+    top = np.full(POINTS, np.nan)
     for times, values in lines:
         part = ((times - start) / (stop - start) * POINTS).astype(int).clip(0, POINTS - 1)
-        np.maximum.at(top, part, np.abs(values))
-    return [float(x) if np.isfinite(x) else float("nan") for x in top]
+        np.fmax.at(top, part, np.abs(values))
+    parts = np.arange(POINTS)
+    if (known := np.isfinite(top)).any():
+        top = np.interp(parts, parts[known], top[known], right=np.nan)
+    return [float(x) for x in top]
 
 
 def kept(plan: Plan, number: int, into: Path) -> Run:

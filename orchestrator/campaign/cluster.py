@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import io
+import logging
 import os
-import platform
 import queue
+import sys
 import threading
 import zipfile
 from collections.abc import Hashable, Mapping
+from concurrent.futures import CancelledError
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, Self
@@ -27,6 +29,19 @@ LARGEST = 256_000_000
 _PARTS = (".toml", ".ssd", ".fmu", ".ssv")
 _LATE = 75
 """The exit code of a worker that ends itself as a case takes too long."""
+SETTINGS = {
+    "distributed.comm.timeouts.connect": WAIT,
+    "distributed.scheduler.allowed-failures": 0,
+    "distributed.worker.daemon": False,
+    # a tree of calls a second, kept for an hour: a worker grew by 0.2 MB a second
+    "distributed.worker.profile.enabled": False,
+}
+"""What of Dask is other than by default: here, and in the workers of `local:N`."""
+
+
+class Unfit(Exception):  # noqa: N818
+    """A worker cannot make the cases of this campaign, which says why."""
+
 
 _shipped: dict[str, str] = {}
 """On a worker: digest of a system that is a file -> the file here."""
@@ -85,44 +100,47 @@ def other(there: Mapping[str, str], here: Mapping[str, str]) -> str:
     return ""
 
 
-def _differs(plan: Plan) -> str:
-    """On a worker: how its system differs from the head's; empty where it does not."""
+def unfit(plan: Plan, sent: bool, here: Mapping[str, str]) -> str:
+    """On a worker, which may have come late: why it cannot make the cases of a campaign; empty
+    where it can. `here`: the head's versions; `sent`: the system is a file."""
+    if text := other(versions(), here):
+        return f"has {text}"
+    if sent and plan.digest not in _shipped:
+        return "has not got the system"
     key = (plan.digest, plan.target)
     if key not in _compared:
-        _compared[key] = _compare(plan)
+        _compared[key] = _compared_with(_here(plan, sent))
     return _compared[key]
 
 
-def _compare(plan: Plan) -> str:
+def _here(plan: Plan, sent: bool) -> Plan:
+    """On a worker: the plan of the system as it is here."""
+    return replace(plan, target=_shipped[plan.digest]) if sent else plan
+
+
+def _compared_with(plan: Plan) -> str:
     try:
         there = digest_of(plan.target, plan.run_options())
     except DesatError as error:
-        return str(error)
+        return f"cannot have the system: {error}"
     return "" if there == plan.digest else (
-        f"{plan.target} is another one there: scenario, parameters or builds of FMUs differ"
+        f"has another {plan.target}: scenario, parameters or builds of FMUs differ"
     )  # fmt: skip
 
 
 def on_worker(
-    plan: Plan, shipped_: bool, here: dict[str, str], number: int, supervised: bool
+    plan: Plan, sent: bool, here: dict[str, str], number: int, supervised: bool
 ) -> dict[str, Any]:
     """On a worker: a case as a row. A case that takes too long ends its worker, which its nanny
-    replaces. Raises DesatError where the worker, which may have come late, has other versions than
-    `here`, the head's, or another system."""
-    if text := other(versions(), here):
-        raise DesatError(f"worker {platform.node()} has {text}")
-    if shipped_:
-        if plan.digest not in _shipped:
-            raise DesatError(f"worker {platform.node()}: the system has not arrived")
-        plan = replace(plan, target=_shipped[plan.digest])
-    if differs := _differs(plan):
-        raise DesatError(f"worker {platform.node()}: {differs}")
+    replaces. Raises Unfit where the worker has other versions than the head, or another system."""
+    if why := unfit(plan, sent, here):
+        raise Unfit(why)
     timer = threading.Timer(plan.limit, os._exit, (_LATE,))
     timer.daemon = True
     if not supervised:
         timer.start()
     try:
-        return row(plan, number, supervised)
+        return row(_here(plan, sent), number, supervised)
     finally:
         timer.cancel()
 
@@ -137,10 +155,10 @@ class Cluster:
             raise DesatError("--cluster needs Dask: pip install 'desat[cluster]'") from error
         import dask
 
-        self._plan, self._local = plan, None
-        dask.config.set({"distributed.comm.timeouts.connect": WAIT,
-                         "distributed.scheduler.allowed-failures": 0,
-                         "distributed.worker.daemon": False})  # fmt: skip
+        self._plan, self._address, self._local = plan, address, None
+        dask.config.set(SETTINGS)
+        for name in ("distributed", "distributed.client"):
+            logging.getLogger(name).setLevel(logging.CRITICAL + 1)  # we say it in a line
         try:
             if address.startswith("local:"):
                 self._local = distributed.LocalCluster(
@@ -155,20 +173,21 @@ class Cluster:
         except (OSError, TimeoutError, ValueError) as error:
             raise RunError(f"--cluster {address}: no scheduler answers ({error})",
                            Exit.INPUT) from error  # fmt: skip
-        told = self._client.run(versions, on_error="ignore")  # of a worker that dies just now
-        self.size = max(1, sum(self._client.nthreads().values()))
-        if not told:
-            self._close()
-            raise DesatError(f"--cluster {address}: it has no workers")
-        for worker, own in sorted(told.items()):
-            if text := other(own, versions()):
-                self._close()
-                raise DesatError(f"--cluster {address}: worker {worker} has {text}")
         data = shipped(plan.target)
-        if data is not None:
-            self._client.register_plugin(_plugin(plan, data))
-        self._shipped = data is not None
-        self._done: queue.SimpleQueue[tuple[Hashable, Any]] = queue.SimpleQueue()
+        self._sent = data is not None
+        self._done: queue.SimpleQueue[tuple[Hashable, tuple[int, bool], Any]] = queue.SimpleQueue()
+        self._sent_away: list[str] = []
+        try:
+            if not (threads := self._client.nthreads()):
+                raise DesatError(f"--cluster {address}: it has no workers")
+            if data is not None:
+                self._client.register_plugin(_plugin(plan, data))
+            for worker, why in self._unfit().items():
+                raise DesatError(f"--cluster {address}: worker {worker} {why}")
+        except BaseException:
+            self._close()
+            raise
+        self.size = max(1, sum(threads.values()))
 
     def __enter__(self) -> Self:
         return self
@@ -181,26 +200,54 @@ class Cluster:
         if self._local is not None:
             self._local.close()
 
+    def _unfit(self) -> dict[str, str]:
+        """Of each worker that cannot make these cases, why."""
+        told = self._client.run(unfit, self._plan, self._sent, versions(), on_error="return")
+        # one that dies just now does not answer; one without desat has no such function
+        return {
+            worker: said if isinstance(said, str) else f"cannot be asked: {said}"
+            for worker, said in sorted(told.items()) if said and not isinstance(said, OSError)
+        }  # fmt: skip
+
+    def _send_away(self) -> bool:
+        """End the workers that came late and cannot make these cases, a line each: one that only
+        refused them would be free at once for the next. Whether there is or was any."""
+        if found := self._unfit():
+            for worker, why in found.items():
+                print(f"worker {worker} {why}: sent away", file=sys.stderr, flush=True)
+            self._client.retire_workers(list(found))
+            self._sent_away += found
+        return bool(self._sent_away)
+
     def submit(self, key: Hashable, *arguments: Any) -> None:
         """Have a case made: its number, and whether it is supervised."""
         number, supervised = arguments
         future = self._client.submit(
-            on_worker, self._plan, self._shipped, versions(), number, supervised, pure=False
+            on_worker, self._plan, self._sent, versions(), number, supervised, pure=False
         )
-        future.add_done_callback(lambda ended: self._done.put((key, ended)))
+        future.add_done_callback(lambda ended: self._done.put((key, (number, supervised), ended)))
 
     def ended(self) -> tuple[Hashable, Any]:
-        """The next case that has ended."""
+        """The next case that has ended. Raises RunError where the scheduler is gone."""
         from distributed import KilledWorker
 
-        key, future = self._done.get()
-        try:
-            return key, future.result()
-        except KilledWorker:
-            return key, Lost("its worker died, or ended itself as it was not over within "
-                             f"{self._plan.limit:g} s")  # fmt: skip
-        except DesatError as error:
-            return key, Lost(str(error))
+        while True:
+            key, arguments, future = self._done.get()
+            try:
+                return key, future.result()
+            except KilledWorker:
+                return key, Lost("its worker died, or ended itself as it was not over within "
+                                 f"{self._plan.limit:g} s")  # fmt: skip
+            except CancelledError as error:
+                text = f"--cluster {self._address}: the scheduler is gone"
+                raise RunError(f"{text}; the same command goes on with what is left",
+                               Exit.COMPONENT) from error  # fmt: skip
+            except Unfit:
+                self._send_away()
+            except ImportError:  # it has no desat, or another one
+                if not self._send_away():
+                    raise
+            self.submit(key, *arguments)
 
 
 def _whole(address: str) -> int:

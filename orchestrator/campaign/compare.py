@@ -38,6 +38,7 @@ def compare(first: Path, second: Path, level: float = 0.95) -> dict[str, Any]:
     names = [
         n for n in tables[0].column_names if n.startswith("out.") and n in tables[1].column_names
     ]
+    _same_units(first, second, names)
     return {
         "first": str(first), "second": str(second), "pairs": len(cases),
         "numbers": {n[4:]: _differences(tables, rows, cases, n, level) for n in names},
@@ -60,6 +61,16 @@ def _same_inputs(
                     f"{first} and {second}: {name[3:]} of case {case} is {a[rows[0][case]]} "
                     f"and {b[rows[1][case]]}; pairs need the same draws"
                 )
+
+
+def _same_units(first: Path, second: Path, names: list[str]) -> None:
+    """Raises DesatError where a number is in another unit in the second."""
+    told = [store.described(f) for f in (first, second)]
+    for name in names:
+        units = [t.get(name[4:], {}).get("unit") for t in told]
+        if units[0] != units[1] and None not in units:
+            raise DesatError(f"{first} and {second}: {name[4:]} is in {units[0] or 1} and in "
+                             f"{units[1] or 1}; pairs need the same")  # fmt: skip
 
 
 def _differences(

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import json
+import math
 import os
 import platform
 import time
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
 
+from ..analyses import analyses
 from ..files.claim import LOCK, claimed
 from ..study.case import Case, prepare
 from ..study.draws import lost, system_of
@@ -45,11 +48,15 @@ def planned(
     system = system_of(target, options)
     if not system.about.get("dispersions"):
         raise DesatError(f"{target}: it has no [dispersions], so there is nothing to draw")
-    allowed(sampling, count, system)
     for text in options.sets:
         if (name := text.partition("=")[0]) in dispersed(system):
             raise DesatError(f"--set {name}: it is drawn, and so never has this value")
-    first = {**options.values, **drawn(system, seed, 0, sampling, count)}
+    try:
+        allowed(sampling, count, system)
+        first = {**options.values, **drawn(system, seed, 0, sampling, count)}
+    except DesatError:
+        prepare(target, options).or_raise()  # which names file and key
+        raise
     case = _first(target, replace(options, values=first), first)
     plots = plots_of(system.about)
     if curves is None:
@@ -62,6 +69,8 @@ def planned(
     plan = Plan(target, digest_of(target, options), count, seed, sampling, changed, tuple(curves),
                 tuple(keep), limit)  # fmt: skip
     numbers = {n for n, e in system.about.get("numbers", {}).items() if "of" not in e}
+    checked, _ = case.or_raise()
+    numbers |= {n for a in analyses() if a.applies(checked) for n in a.NUMBERS}
     for text in keep:
         kind, _, number = _kept_of(text)
         if kind == "worst" and number not in numbers:
@@ -104,6 +113,7 @@ def _run(plan: Plan, folder: Path, jobs: int, cluster: str | None, progress: boo
     rows = store.Store(folder, plan.count, versions())
     at = Progressed(plan.count, rows.done(), rows.failed())
     at.first = at.done
+    write_json(folder / STATUS, at.as_json("running"))
     state = "stopped"
     try:
         if at.done < plan.count:
@@ -176,7 +186,7 @@ def _kept_of(text: str) -> tuple[str, int, str]:
 
 def chosen(plan: Plan, folder: Path) -> list[int]:
     """The cases that are to be kept: the worst are those with the largest number, or with the least
-    where a requirement on it has only a `min`; those without it first."""
+    where a requirement on it has only a `min`; those that never reach it first."""
     from .plan import system
 
     about = system(plan.target, plan.run_options().blocks).about
@@ -194,17 +204,19 @@ def chosen(plan: Plan, folder: Path) -> list[int]:
 
 
 def worst(folder: Path, number: str, count: int, least: bool = False) -> list[int]:
-    """The completed cases with the largest (or least) values of a number, worst first."""
+    """The completed cases that never reach a number, then those with its largest (or least)
+    values, worst first."""
     table = store.read(folder, columns=["case", "status", f"out.{number}"])
     if f"out.{number}" not in table.column_names:
         return []
+    sign = 1.0 if least else -1.0
     rows = [
-        (value, case)
+        (-math.inf if value is None else sign * value, case)
         for case, status, value in zip(table["case"].to_pylist(), table["status"].to_pylist(),
                                        table[f"out.{number}"].to_pylist(), strict=True)
-        if status == "completed" and value is not None
+        if status == "completed"
     ]  # fmt: skip
-    rows.sort(key=lambda r: (r[0] if least else -r[0], r[1]))
+    rows.sort()
     return [case for _, case in rows[:count]]
 
 
@@ -222,7 +234,8 @@ def _keep(plan: Plan, folder: Path, jobs: int) -> None:
 
 
 def _kept(plan: Plan, number: int, into: Path) -> None:
-    kept(plan, number, into).results.close()
+    with suppress(DesatError):  # a case that cannot begin has no series; its row says why
+        kept(plan, number, into).results.close()
 
 
 def kept_in(folder: Path, number: int) -> Path:

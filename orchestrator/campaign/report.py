@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 import shlex
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from markupsafe import Markup
@@ -25,7 +25,9 @@ from .plan import Plan, read, system
 
 STRONG = 0.2
 """Rank correlations from this size on are shown."""
-_WORST = 3
+CHANCE = 0.01
+"""How likely one of all those shown may be by chance alone."""
+_WORST, _SCATTERS = 3, 4
 
 
 def summary(folder: Path) -> dict[str, Any]:
@@ -61,7 +63,8 @@ def summary(folder: Path) -> dict[str, Any]:
         "digest": store.digest(folder),
         "numbers": numbers,
         "requirements": {
-            name: _requirement(entry, out, completed, cases, folder)
+            name: {**_requirement(entry, out, completed, cases, folder),
+                   "unit": told.get(entry["number"], {}).get("unit", "")}
             for name, entry in about.get("requirements", {}).items()
         },
         "drivers": _drivers({n: v[completed] for n, v in inputs.items()},
@@ -131,15 +134,17 @@ def _more(n: int, inside: int, probability: float, confidence: float) -> int | N
 
 
 def _drivers(inputs: Mapping[str, Any], out: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """Rank correlations (Spearman) between inputs and numbers, the strong ones, strongest first."""
+    """Rank correlations (Spearman) between inputs and numbers, the strong ones, strongest first.
+    Of some hundred pairs several would be beyond a level meant for one, so CHANCE is for all."""
     drivers = []
+    level = CHANCE / max(len(inputs) * len(out), 1)
     for number, y in out.items():
         for name, x in inputs.items():
             there = np.isfinite(x) & np.isfinite(y)
             if there.sum() < 10 or np.ptp(x[there]) == 0.0 or np.ptp(y[there]) == 0.0:
                 continue
             result = spearmanr(x[there], y[there])
-            if abs(result.statistic) >= STRONG and result.pvalue < 0.01:
+            if abs(result.statistic) >= STRONG and result.pvalue < level:
                 drivers.append({
                     "input": name, "number": number, "n": int(there.sum()),
                     "correlation": float(result.statistic),
@@ -183,13 +188,21 @@ def write(folder: Path) -> tuple[Path, dict[str, Any]]:
     write_json(folder / "report.json", told)
     text = render(
         "campaign.html", told=told, plan=plan, title=f"Campaign of {told['target']}",
-        figures=[(c, Markup(s)) for c, s in _figures(folder, plan, told)],
+        figures=_figures(folder, plan, told),
         number=shown, unit=pretty_unit, kept=sorted(p.name for p in (folder / "kept").glob("*")),
     )  # fmt: skip
     return write_page(folder / "report.html", text), told
 
 
-def _figures(folder: Path, plan: Plan, told: Mapping[str, Any]) -> list[tuple[str, str]]:
+class _Figure(NamedTuple):
+    """A figure of the report, and the commands of the cases that it names."""
+
+    caption: str
+    image: Markup
+    commands: Sequence[str] = ()
+
+
+def _figures(folder: Path, plan: Plan, told: Mapping[str, Any]) -> list[_Figure]:
     made = [*_curves(folder, plan)]
     limits: dict[str, list[tuple[str, float]]] = {}
     for name, entry in told["requirements"].items():
@@ -202,34 +215,28 @@ def _figures(folder: Path, plan: Plan, told: Mapping[str, Any]) -> list[tuple[st
         values = figures.flat(table[f"out.{name}"].to_pylist())[good]
         values = values[np.isfinite(values)]
         if len(values) and np.ptp(values) > 0.0:
-            caption = entry["title"]
-            made.append(
-                (caption, figures.distribution(name, entry["unit"], values, limits.get(name, [])))
-            )
-    for driver in told["drivers"][:4]:
+            image = figures.distribution(name, entry["unit"], values, limits.get(name, []))
+            made.append(_Figure(entry["title"], Markup(image)))
+    described = store.described(folder)
+    strongest = {d["number"]: d for d in reversed(told["drivers"])}  # of each number
+    for driver in sorted(strongest.values(), key=lambda d: -abs(d["correlation"]))[:_SCATTERS]:
         x = figures.flat(table[f"in.{driver['input']}"].to_pylist())[good]
         y = figures.flat(table[f"out.{driver['number']}"].to_pylist())[good]
         entry = told["numbers"][driver["number"]]
         caption = (
             f"{entry['title']} over {driver['input']}, rank correlation {driver['correlation']:.2f}"
         )
-        made.append(
-            (
-                caption,
-                scatter(
-                    {"": (x, y)},
-                    driver["input"],
-                    axis_label(driver["number"], entry["unit"], 2.4),
-                    size=2.0,
-                ),
-            )
-        )
+        label = axis_label(driver["number"], entry["unit"], 2.4)
+        unit = described.get(f"in.{driver['input'].partition('[')[0]}", {}).get("unit", "")
+        below = axis_label(driver["input"], unit, 6.0)
+        image = scatter({"": (x, y)}, below, label, size=2.0)
+        made.append(_Figure(caption, Markup(image)))
     return made
 
 
-def _curves(folder: Path, plan: Plan) -> list[tuple[str, str]]:
+def _curves(folder: Path, plan: Plan) -> list[_Figure]:
     drafted = system(plan.target, plan.run_options().blocks)
-    plots = plots_of(drafted.about)
+    plots, told = plots_of(drafted.about), store.described(folder)
     table = store.read(folder, store.CURVES)
     made = []
     options = plan.run_options()
@@ -248,12 +255,13 @@ def _curves(folder: Path, plan: Plan) -> list[tuple[str, str]]:
         largest = np.nanmax(np.where(np.isfinite(curves), curves, -np.inf), axis=1)
         order = sorted(range(len(rows)), key=lambda i: (-largest[i], rows[i][0]))[:_WORST]
         plot = plots[name]
-        unit = plot.get("unit", "")
+        unit = told.get(f"curve.{name}", {}).get("unit", "")
         title = f"{plot.get('axis', plot['title'])}, largest size"
         caption = (
             f"{plot['title']}: largest size of any line in each of {POINTS} parts of the run, "
             f"percentiles over {len(rows)} cases"
         )
-        worst_lines = [(rows[i][0], curves[i]) for i in order]
-        made.append((caption, figures.percentiles(title, unit, times, curves, worst_lines)))
+        worst = [(rows[i][0], curves[i]) for i in order]
+        image = figures.percentiles(title, unit, times, curves, worst)
+        made.append(_Figure(caption, Markup(image), [rerun(folder, case) for case, _ in worst]))
     return made

@@ -3,7 +3,7 @@
     campaign.json            the plan (plan.py), versions
     cases/part-00012.parquet  cases 12 BLOCK to 13 BLOCK - 1, a row each, in their order
     curves/part-00012.parquet their envelopes
-    numbers.json             title and unit of each number
+    numbers.json             title and unit of numbers, of what is drawn, of envelopes
     journal.jsonl            rows of blocks that are not whole yet
     status.json              how far it is
     kept/000123/             a run folder of a case that is kept
@@ -255,7 +255,7 @@ def schema(folder: Path) -> pa.Schema:
 
 
 def described(folder: Path) -> dict[str, dict[str, str]]:
-    """Title and unit of each number."""
+    """Title and unit of each number, of `in.component.variable`, and of `curve.PLOT`."""
     path = folder / NUMBERS
     numbers: dict[str, dict[str, str]] = json.loads(path.read_text()) if path.exists() else {}
     return numbers

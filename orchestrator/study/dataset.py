@@ -113,15 +113,19 @@ def of_campaign(folder: Path) -> xr.Dataset:
         if field.name == "case":
             continue
         lazy = _Lazy((len(cases),), _dtype(field.type), _column(folder, field.name))
-        told = described.get(field.name.removeprefix("out."), {})
+        # what is drawn is told of as a whole, and has a column an element
+        told = described.get(field.name.removeprefix("out.").partition("[")[0], {})
         variables[field.name] = lazy.variable(
             ("case",), {"long_name": told.get("title", ""), "units": told.get("unit", "")}
         )
     for name in plan.curves:
         lazy = _Lazy((len(cases), POINTS), float, _envelopes(folder, name))
+        told = described.get(f"curve.{name}", {})
         variables[f"curve.{name}"] = lazy.variable(
-            ("case", "part"), {"long_name": f"largest {name}"}
-        )
+            ("case", "part"),
+            {"long_name": f"{told.get('title', name)}: largest size in each part of the run",
+             "units": told.get("unit", "")},
+        )  # fmt: skip
     attributes = {"target": plan.target, "seed": plan.seed, "sampling": plan.sampling,
                   "count": plan.count}  # fmt: skip
     return xr.Dataset(variables, {"case": cases}, attributes)
@@ -149,7 +153,8 @@ def _envelopes(folder: Path, name: str) -> Callable[[Any], Any]:
         from ..campaign.case import POINTS
 
         table = store.read(folder, store.CURVES)
-        rows = dict(zip(table["case"].to_pylist(), table[name].to_pylist(), strict=True))
+        known = table[name].to_pylist() if name in table.column_names else [None] * table.num_rows
+        rows = dict(zip(table["case"].to_pylist(), known, strict=True))
         cases = store.read(folder, columns=["case"])["case"].to_pylist()
         blank = [np.nan] * POINTS
         return np.array([rows.get(c) or blank for c in cases], dtype=float)[key]

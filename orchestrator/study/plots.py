@@ -60,7 +60,7 @@ def series_figure(plot: dict[str, Any], runs: Sequence[Run]) -> Any | None:
     """The figure of a scenario's `[plots.NAME]` over runs. The first is drawn in colours, the
     others dashed. None where a series is not recorded."""
     _, results, parameters = runs[0]
-    if (unit := _unit(plot, results)) is None:
+    if (unit := unit_of(plot, results)) is None:
         return None
     drawn = [lines_of(plot, r, unit) for _, r, _ in runs]
     limits = _limits(plot, parameters, unit)
@@ -86,7 +86,7 @@ def series_figure(plot: dict[str, Any], runs: Sequence[Run]) -> Any | None:
     return fig
 
 
-def _unit(plot: dict[str, Any], results: Results) -> str | None:
+def unit_of(plot: dict[str, Any], results: Results) -> str | None:
     """The unit of a plot's axis; None where what it shows is not recorded."""
     known = set(results.names())
     signals = [s for s in plot["signals"] if s in known]
