@@ -1,5 +1,5 @@
-"""`python tests/mutations.py SECONDS FOLDER`: a seeded sample of mutations of components/ against the
-quick tests that run the mutated line; results in docs/mutations.json, docs/mutations.md from them.
+"""`python tests/mutations.py SECONDS FOLDER`: a seeded sample of mutations of components/ against
+the quick tests that run the mutated line; results in docs/mutations.json, the page from them.
 
 Mutations are cosmic-ray's (`pip install cosmic-ray coverage`, both are no dependencies of desat).
 It goes on where an earlier call stopped: FOLDER keeps a copy of the repository, in which files are
@@ -13,6 +13,7 @@ from __future__ import annotations
 import argparse
 import ast
 import difflib
+import importlib
 import json
 import os
 import random
@@ -39,20 +40,69 @@ CPU = 90
 """Processor time [s] of a mutation's tests; a mutation that takes longer is called killed."""
 
 # Without operators that hardly any test can miss (for ** a bit operation and the like).
-OPERATORS = """ReplaceBinaryOperator_Add_Sub ReplaceBinaryOperator_Sub_Add
-ReplaceBinaryOperator_Mul_Div ReplaceBinaryOperator_Div_Mul ReplaceBinaryOperator_Mul_Add
-ReplaceBinaryOperator_Pow_Mul ReplaceBinaryOperator_Mod_Sub ReplaceBinaryOperator_FloorDiv_Mul
-ReplaceComparisonOperator_Lt_LtE ReplaceComparisonOperator_Lt_GtE ReplaceComparisonOperator_LtE_Lt
-ReplaceComparisonOperator_LtE_Gt ReplaceComparisonOperator_Gt_GtE ReplaceComparisonOperator_Gt_LtE
-ReplaceComparisonOperator_GtE_Gt ReplaceComparisonOperator_GtE_Lt ReplaceComparisonOperator_Eq_NotEq
-ReplaceComparisonOperator_NotEq_Eq ReplaceUnaryOperator_Delete_USub ReplaceUnaryOperator_Delete_Not
-ReplaceAndWithOr ReplaceOrWithAnd ReplaceTrueWithFalse ReplaceFalseWithTrue NumberReplacer AddNot
-ZeroIterationForLoop ReplaceBreakWithContinue ReplaceContinueWithBreak""".split()
+OPERATORS = [
+    "ReplaceBinaryOperator_Add_Sub",
+    "ReplaceBinaryOperator_Sub_Add",
+    "ReplaceBinaryOperator_Mul_Div",
+    "ReplaceBinaryOperator_Div_Mul",
+    "ReplaceBinaryOperator_Mul_Add",
+    "ReplaceBinaryOperator_Pow_Mul",
+    "ReplaceBinaryOperator_Mod_Sub",
+    "ReplaceBinaryOperator_FloorDiv_Mul",
+    "ReplaceComparisonOperator_Lt_LtE",
+    "ReplaceComparisonOperator_Lt_GtE",
+    "ReplaceComparisonOperator_LtE_Lt",
+    "ReplaceComparisonOperator_LtE_Gt",
+    "ReplaceComparisonOperator_Gt_GtE",
+    "ReplaceComparisonOperator_Gt_LtE",
+    "ReplaceComparisonOperator_GtE_Gt",
+    "ReplaceComparisonOperator_GtE_Lt",
+    "ReplaceComparisonOperator_Eq_NotEq",
+    "ReplaceComparisonOperator_NotEq_Eq",
+    "ReplaceUnaryOperator_Delete_USub",
+    "ReplaceUnaryOperator_Delete_Not",
+    "ReplaceAndWithOr",
+    "ReplaceOrWithAnd",
+    "ReplaceTrueWithFalse",
+    "ReplaceFalseWithTrue",
+    "NumberReplacer",
+    "AddNot",
+    "ZeroIterationForLoop",
+    "ReplaceBreakWithContinue",
+    "ReplaceContinueWithBreak",
+]
 
 # These hold FMUs, packed files, pages or the engine against the code, or take long.
-OTHERS = """fmus native ssp craft pages structure install witness fuzz cli campaign checkpoint failures
-language family tables_uosat12 results loop master check expression guards stopping studies rates
-convergence gyrostat space_telescope""".split()
+OTHERS = {
+    "fmus",
+    "native",
+    "ssp",
+    "craft",
+    "pages",
+    "structure",
+    "install",
+    "witness",
+    "fuzz",
+    "cli",
+    "campaign",
+    "checkpoint",
+    "failures",
+    "language",
+    "family",
+    "tables_uosat12",
+    "results",
+    "loop",
+    "master",
+    "check",
+    "expression",
+    "guards",
+    "stopping",
+    "studies",
+    "rates",
+    "convergence",
+    "gyrostat",
+    "space_telescope",
+}
 
 
 # --- the copy, and which test runs which line -------------------------------------------------
@@ -273,7 +323,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("seconds", type=float)
     parser.add_argument("folder", type=Path)
-    parser.add_argument("--all", action="store_true", help="survivors against all that run the line")
+    parser.add_argument("--all", action="store_true", help="survivors against all that run it")
     given = parser.parse_args()
     until, folder = time.time() + given.seconds, given.folder.resolve()
     folder.mkdir(parents=True, exist_ok=True)
@@ -299,7 +349,9 @@ def main() -> int:
             m["outcome"] = tried(tree, m, names, folder / f"log.{k}", mutated(tree, m))
         if names and k % 10 == 0:  # a control: the same tests, nothing mutated
             text = (tree / m["file"]).read_text(encoding="utf-8") + "\nCONTROL = 1\n"
-            result.setdefault("controls", {})[str(k)] = tried(tree, m, names, folder / "log.c", text)
+            result.setdefault("controls", {})[str(k)] = tried(
+                tree, m, names, folder / "log.c", text
+            )
         m["by"] = ""
         if m["outcome"] == "killed":
             found = re.search(r"(?:FAILED|ERROR) (\S+)", (folder / f"log.{k}").read_text())
@@ -312,22 +364,11 @@ def main() -> int:
 
 def _warm() -> None:
     """Import once what is not ours: children are forks."""
-    import fmpy  # noqa: F401
-    import h5py  # noqa: F401
-    import hypothesis  # noqa: F401
-    import jinja2  # noqa: F401
-    import lxml.etree  # noqa: F401
-    import matplotlib.figure  # noqa: F401
-    import numpy.testing  # noqa: F401
-    import pydantic  # noqa: F401
-    import pytest  # noqa: F401
-    import rich.progress  # noqa: F401
-    import scipy.integrate  # noqa: F401
-    import scipy.linalg  # noqa: F401
-    import scipy.optimize  # noqa: F401
-    import scipy.spatial.transform  # noqa: F401
-    import scipy.special  # noqa: F401
-    import xarray  # noqa: F401
+    for name in ("fmpy", "h5py", "hypothesis", "jinja2", "lxml.etree", "matplotlib.figure",
+                 "numpy.testing", "pydantic", "pytest", "rich.progress", "scipy.integrate",
+                 "scipy.linalg", "scipy.optimize", "scipy.spatial.transform", "scipy.special",
+                 "xarray"):  # fmt: skip
+        importlib.import_module(name)
 
 
 if __name__ == "__main__":

@@ -201,8 +201,9 @@ def _row(
 
 
 def counted(table: list[Row]) -> dict[str, int]:
-    """How many rows there are, and how many that no run decides. Of those with a band: how many are within it, tuned,
-    without a value of the paper, in sample otherwise, out of sample, and of the latter within."""
+    """How many rows there are, and how many that no run decides. Of those with a band: how many are
+    within it, tuned, without a value of the paper, in sample otherwise, out of sample, and of the
+    latter within."""
     banded = [r for r in table if r.within is not None]
     out = [r for r in banded if r.out_of_sample]
     return {
