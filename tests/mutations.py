@@ -319,9 +319,82 @@ def tried(tree: Path, m: dict[str, Any], names: list[str], log: Path, text: str)
     return "killed" if status in (1, 2) else f"pytest ended with {status}"
 
 
+# --- the page ---------------------------------------------------------------------------------
+
+
+def score(result: dict[str, Any]) -> dict[str, Any]:
+    """How many of a sample ran, are killed, are no mutations, are open; and the score."""
+    ran = [m for m in result["mutations"] if "outcome" in m]
+    killed = [m for m in ran if m["outcome"].startswith("killed")]
+    equal = [m for m in ran if m.get("equivalent")]
+    return {"ran": len(ran), "killed": len(killed), "equivalent": len(equal),
+            "open": [m for m in ran if m not in killed and m not in equal],
+            "slow": sum(m["outcome"] == "killed: too long" for m in ran)}  # fmt: skip
+
+
+def page(result: dict[str, Any]) -> str:
+    """docs/mutations.md."""
+    from desat.study.cells import clopper_pearson
+
+    n = score(result)
+    real = n["ran"] - n["equivalent"]
+    low, high = clopper_pearson(n["killed"], real)
+    of = dict(sorted(result.get("controls", {}).items()))
+    lines = [
+        "# Mutations",
+        "",
+        f"{n['killed']} of {real} mutations that change what a block does are killed: "
+        f"{100 * n['killed'] / real:.0f} % (of all {low:.0f} to {high:.0f} %, Clopper-Pearson, 95 %).",
+        "",
+        f"cosmic-ray's operators (those that hardly any test can miss left out) have "
+        f"{result['of']:,} mutations of `components/`. {result['drawn']} were drawn at random with "
+        f"seed {result['seed']}; {len(result['mutations'])} of these change the code, and the first "
+        f"{n['ran']} of them, in the order drawn, ran on {result['date']}: `tests/mutations.py`, "
+        f"results in `docs/mutations.json`. Each ran against at most {MOST} quick tests that run its "
+        f"line, and survivors against all of those; FMUs are empty meanwhile, so that no test fails "
+        f"because an FMU is of other code. Tests that take long, and those of FMUs and pages, did "
+        f"not run: they can only raise the score. Controls, the same tests with nothing mutated: "
+        f"{sum(v == 'survived' for v in of.values())} of {len(of)} passed.",
+        "",
+        "| folder | ran | killed | no mutation | open |",
+        "|---|---|---|---|---|",
+    ]
+    for folder in sorted({m["file"].split("/")[1] for m in result["mutations"]}):
+        own = score({"mutations": [m for m in result["mutations"]
+                                   if m["file"].split("/")[1] == folder]})  # fmt: skip
+        if own["ran"]:
+            lines.append(f"| {folder} | {own['ran']} | {own['killed']} | {own['equivalent']} "
+                         f"| {len(own['open'])} |")  # fmt: skip
+    for title, given in (
+        ("They change nothing that can be seen", [m for m in result["mutations"]
+                                                  if m.get("equivalent")]),
+        ("Open", n["open"]),
+    ):  # fmt: skip
+        if given:
+            lines += ["", f"## {title}", "", "| place | was | is | why |", "|---|---|---|---|"]
+        for m in given:
+            was, new = (m[k].replace("|", "&#124;") for k in ("was", "is"))
+            why = m.get("equivalent") or m.get("why") or m["outcome"]
+            lines.append(f"| {m['file'].removeprefix('components/')} {m['line']} | `{was}` | `{new}` "
+                         f"| {why} |")  # fmt: skip
+    return "\n".join([*lines, "", NAMED])
+
+
+NAMED = """## Mutations named before
+
+By hand, each seen to fail a test: the sign of N_con in the plan of the receding horizon; the repair
+of the last sample's rounding; what nozzles have been open before the first sample; the bounds of the
+shortest dipole along a line; the cost of time in a plan; the mean square of a lag; a plan without
+samples; which field, and which rate, the fallback takes. Tests for equality of shared parameters,
+jitter of each wheel, the series of a lag's moments, the field's second derivative, the fall of the
+place, `unless` of limits and the on-time of unused coils stand in `tests/test_survivors.py`; their
+mutations were not made again.
+"""
+
+
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("seconds", type=float)
+    parser.add_argument("seconds", type=float, help="0: only the page")
     parser.add_argument("folder", type=Path)
     parser.add_argument("--all", action="store_true", help="survivors against all that run it")
     given = parser.parse_args()
@@ -332,7 +405,7 @@ def main() -> int:
     os.chdir(tree)
     sys.path.insert(0, str(tree / ".names"))
     _warm()
-    if not mapped(tree, folder, until):
+    if given.seconds and not mapped(tree, folder, until):
         return 0
     tests: dict[str, Any] = {}
     for file in sorted(folder.glob("map.*.json")):
@@ -359,6 +432,8 @@ def main() -> int:
         result["date"] = f"{datetime.now(UTC):%Y-%m-%d}"
         STORED.write_text(json.dumps(result, indent=1) + "\n")
         print(k, m["file"], m["line"], m["outcome"], m["by"], flush=True)
+    if any("outcome" in m for m in result["mutations"]):
+        PAGE.write_text(page(result), encoding="utf-8")
     return 0
 
 
