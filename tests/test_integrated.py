@@ -498,7 +498,7 @@ def test_a_row_of_a_share_says_its_interval_and_is_held_against_its_band():
     assert "from 0 s to 3600 s" in found["settling_time"].definition
     counted = cells.counted(list(found.values()))
     assert (counted["tuned"], counted["in_sample"]) == (1, 1)
-    assert counted["banded"] == 5
+    assert counted["banded"] == 6
 
 
 def test_a_share_needs_draws():

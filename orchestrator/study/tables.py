@@ -192,10 +192,10 @@ def grouped(table: list[Row]) -> list[tuple[str, list[Row]]]:
     return list(groups.items())
 
 
-def definitions(group: list[Row]) -> list[str]:
+def definitions(given: Iterable[str]) -> list[str]:
     """What the rows of a heading measure, each sentence once; those that differ in nothing but the
     scenario that they compare with as one."""
-    texts = dict.fromkeys(row.definition for row in group if row.definition)
+    texts = dict.fromkeys(text for text in given if text)
     others: dict[str, list[str]] = {}
     for text in texts:
         compared = re.fullmatch(r"(.* to that of )(\S+)\)", text)
@@ -238,7 +238,8 @@ def write_html(
     pages = []
     for heading, group in grouped(table):
         lines = [shown(row) for row in group]
-        pages.append((heading, definitions(group), lines, columns(lines)))
+        said = definitions(row.definition for row in group)
+        pages.append((heading, said, lines, columns(lines)))
     text = render(
         "tables.html",
         title=f"{family}: the paper's tables beside ours",
