@@ -344,16 +344,17 @@ def page(result: dict[str, Any]) -> str:
         "# Mutations",
         "",
         f"{n['killed']} of {real} mutations that change what a block does are killed: "
-        f"{100 * n['killed'] / real:.0f} % (of all {low:.0f} to {high:.0f} %, Clopper-Pearson, 95 %).",
+        f"{100 * n['killed'] / real:.0f} % (of all {low:.0f} to {high:.0f} %, Clopper-Pearson, "
+        "95 %).",
         "",
-        f"cosmic-ray's operators (those that hardly any test can miss left out) have "
+        "cosmic-ray's operators (those that hardly any test can miss left out) have "
         f"{result['of']:,} mutations of `components/`. {result['drawn']} were drawn at random with "
-        f"seed {result['seed']}; {len(result['mutations'])} of these change the code, and the first "
-        f"{n['ran']} of them, in the order drawn, ran on {result['date']}: `tests/mutations.py`, "
-        f"results in `docs/mutations.json`. Each ran against at most {MOST} quick tests that run its "
-        f"line, and survivors against all of those; FMUs are empty meanwhile, so that no test fails "
-        f"because an FMU is of other code. Tests that take long, and those of FMUs and pages, did "
-        f"not run: they can only raise the score. Controls, the same tests with nothing mutated: "
+        f"seed {result['seed']}; {len(result['mutations'])} of these change the code, and the "
+        f"first {n['ran']} of them, in the order drawn, ran on {result['date']}: "
+        "`tests/mutations.py`, results in `docs/mutations.json`. Each ran against at most "
+        f"{MOST} quick tests that run its line; FMUs are empty meanwhile, so that no test fails "
+        "because an FMU is of other code. Tests that take long, and those of FMUs and pages, did "
+        "not run: they can only raise the score. Controls, the same tests with nothing mutated: "
         f"{sum(v == 'survived' for v in of.values())} of {len(of)} passed.",
         "",
         "| folder | ran | killed | no mutation | open |",
@@ -375,20 +376,20 @@ def page(result: dict[str, Any]) -> str:
         for m in given:
             was, new = (m[k].replace("|", "&#124;") for k in ("was", "is"))
             why = m.get("equivalent") or m.get("why") or m["outcome"]
-            lines.append(f"| {m['file'].removeprefix('components/')} {m['line']} | `{was}` | `{new}` "
-                         f"| {why} |")  # fmt: skip
+            place = f"{m['file'].removeprefix('components/')} {m['line']}"
+            lines.append(f"| {place} | `{was}` | `{new}` | {why} |")
     return "\n".join([*lines, "", NAMED])
 
 
 NAMED = """## Mutations named before
 
-By hand, each seen to fail a test: the sign of N_con in the plan of the receding horizon; the repair
-of the last sample's rounding; what nozzles have been open before the first sample; the bounds of the
-shortest dipole along a line; the cost of time in a plan; the mean square of a lag; a plan without
-samples; which field, and which rate, the fallback takes. Tests for equality of shared parameters,
-jitter of each wheel, the series of a lag's moments, the field's second derivative, the fall of the
-place, `unless` of limits and the on-time of unused coils stand in `tests/test_survivors.py`; their
-mutations were not made again.
+By hand, each seen to fail a test: the sign of N_con in the plan of the receding horizon; the
+repair of the last sample's rounding; how long nozzles have been open before the first sample; the
+bounds of the shortest dipole along a line; the cost of time in a plan; the mean square of a lag; a
+plan without samples; which field, and which rate, the fallback takes. Tests for equality of shared
+parameters, jitter of each wheel, the series of a lag's moments, the field's second derivative, the
+fall of the place, `unless` of limits and the on-time of unused coils stand in
+`tests/test_survivors.py`; their mutations were not made again.
 """
 
 
