@@ -4,8 +4,9 @@ the quick tests that run the mutated line; results in docs/mutations.json, the p
 Mutations are cosmic-ray's (`pip install cosmic-ray coverage`, both are no dependencies of desat).
 It goes on where an earlier call stopped: FOLDER keeps a copy of the repository, in which files are
 mutated, and which test runs which line. The FMUs of that copy are empty, so that no test can fail
-because an FMU is of other code than the mutated block. A mutation that the quick tests do not kill
-is tried against all tests that run its line (`--all`).
+because an FMU is of other code than the mutated block. What the quick tests do not kill runs with
+`--all` against every quick test that runs its line, the files of tests that name its module, and the
+test that fmus/interfaces.md is of this code.
 """
 
 from __future__ import annotations
@@ -284,7 +285,17 @@ def chosen(tree: Path, m: dict[str, Any], tests: dict[str, Any], every: bool) ->
             continue
         spent += tests[name]["s"]
         out.append(name)
-    return out if every else out[:MOST]
+    if not every:
+        return out[:MOST]
+    module = Path(m["file"]).stem
+    whole = [f"tests/{f.name}" for f in sorted((tree / "tests").glob("test_*.py"))
+             if f.stem[5:] not in OTHERS
+             and re.search(rf"\b({module}|{module.title().replace('_', '')})\b", f.read_text())]  # fmt: skip
+    return [PUBLISHED, *(x for x in out if x.partition("::")[0] not in whole), *whole]
+
+
+PUBLISHED = "tests/test_fmus.py::test_interfaces_page_is_current"
+"""Names, units, defaults and bounds of all variables, as a user reads them."""
 
 
 def tried(tree: Path, m: dict[str, Any], names: list[str], log: Path, text: str) -> str:
@@ -413,7 +424,8 @@ def main() -> int:
         tests.update(json.loads(file.read_text()))
     result = json.loads(STORED.read_text()) if STORED.exists() else drawn(tree)
     for k, m in enumerate(result["mutations"]):
-        wanted = m.get("outcome", "") == "survived" and given.all and not m.get("all")
+        left = m.get("outcome", "") in ("survived", "no quick test runs it")
+        wanted = left and given.all and not m.get("all")
         if time.time() > until or ("outcome" in m and not wanted):
             continue
         names = chosen(tree, m, tests, given.all)
