@@ -5,8 +5,8 @@ Mutations are cosmic-ray's (`pip install cosmic-ray coverage`, both are no depen
 It goes on where an earlier call stopped: FOLDER keeps a copy of the repository, in which files are
 mutated, and which test runs which line. The FMUs of that copy are empty, so that no test can fail
 because an FMU is of other code than the mutated block. What the quick tests do not kill runs with
-`--all` against every quick test that runs its line, the files of tests that name its module, and the
-test that fmus/interfaces.md is of this code.
+`--all` against every quick test that runs its line, the files of tests that name its module, and
+the test that fmus/interfaces.md is of this code.
 """
 
 from __future__ import annotations
@@ -288,9 +288,9 @@ def chosen(tree: Path, m: dict[str, Any], tests: dict[str, Any], every: bool) ->
     if not every:
         return out[:MOST]
     module = Path(m["file"]).stem
-    whole = [f"tests/{f.name}" for f in sorted((tree / "tests").glob("test_*.py"))
-             if f.stem[5:] not in OTHERS
-             and re.search(rf"\b({module}|{module.title().replace('_', '')})\b", f.read_text())]  # fmt: skip
+    named = re.compile(rf"\b({module}|{module.title().replace('_', '')})\b")
+    files = (f for f in sorted((tree / "tests").glob("test_*.py")) if f.stem[5:] not in OTHERS)
+    whole = [f"tests/{f.name}" for f in files if named.search(f.read_text(encoding="utf-8"))]
     return [PUBLISHED, *(x for x in out if x.partition("::")[0] not in whole), *whole]
 
 
