@@ -420,6 +420,7 @@ AGAINST = {
     # what the paper's words promise and these draws do not show: scenario, row
     ("ideal-inertial", "pointing_affected"), ("tracked-slew", "pointing_affected"),
     ("ideal-inertial", "saturating_draws"), ("tracked-slew", "saturating_draws"),
+    ("ideal-inertial", "emergency"), ("tracked-slew", "emergency"),
     # of 100 draws one or a few are beyond what 20 kept to
     ("ideal-inertial", "settling_time"), ("tracked-slew", "settling_time"),
     ("ideal-inertial", "mean_wheel_at_3_h"), ("tracked-slew", "mean_wheel_at_3_h"),
@@ -448,7 +449,8 @@ def test_bands_of_the_draws_are_met_but_for_those_that_are_known(current):
     for name, found in current["scenarios"].items():
         scenario, values = find(name), medians[name]
         keys = numbers_of_rows(scenario.data, scenario.cell)
-        for key, row in zip(keys, cells.rows_of(scenario, values, medians, found), strict=True):
+        made = [r for r in cells.rows_of(scenario, values, medians, found) if r.ours is not None]
+        for key, row in zip(keys, made, strict=True):
             banded += row.within is not None
             if row.within is False:
                 missed.add((name.removeprefix("integrated/"), key))
@@ -496,7 +498,7 @@ def test_a_row_of_a_share_says_its_interval_and_is_held_against_its_band():
     assert "from 0 s to 3600 s" in found["settling_time"].definition
     counted = cells.counted(list(found.values()))
     assert (counted["tuned"], counted["in_sample"]) == (1, 1)
-    assert counted["banded"] == 5
+    assert counted["banded"] == 6
 
 
 def test_a_share_needs_draws():

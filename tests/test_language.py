@@ -117,6 +117,9 @@ EVERYWHERE = {
     "plot that is not there": ('title = "T"', 'without = ["plots.r"]', "without plots.r: there is"),
     "derive": ('signals = ["th', 'derive = "eler"\nsignals = ["th', "plots.rate.derive: no eler"),
     "tolerance": ('"2 %"', '"two"', "paper.firing_time.tolerance: got 'two': a width is needed"),
+    "row that is not judged": (
+        '"2 %"', '"2 %"\nnot_judged = "why"', "not_judged, and tolerance: one of the two"
+    ),
     "number of a row": ('y = "firing_time"', 'y = "fireing"', "paper.firing_time.quantity: no num"),
     "cut": ("{ direction = 2.0 }", "{ normal = [0.0, 1.0], within = [9.0, 10.0] }",
             "within: 0 % of normal"),

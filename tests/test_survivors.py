@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 from test_blocks import begin, fresh
 
-from desat.components.laws import receding_horizon
+from desat.components.contract.block import BlockError
+from desat.components.laws import blending, receding_horizon
 from desat.components.maths import moments
 from desat.study import plots
 from desat.study.case import Options, execute, load
@@ -67,6 +68,55 @@ def test_in_the_last_sample_coils_repair_what_rounding_took(odd):
     left = np.array(h) + PERIOD * torque
     across = left - (left @ b) / (b @ b) * b
     assert np.linalg.norm(across) < 0.02 * 0.04 * 0.05  # of a pulse
+
+
+@pytest.mark.parametrize(("seen", "h"), [(False, 0.5), (True, 50.0)])
+def test_what_is_done_without_a_plan(seen, h):
+    """No field: thrusters alone give -h rate, with a rate that is enough for the time that is left.
+    A field, but more momentum than any plan can take: coils help, and no thruster gives more than
+    its share of a sample."""
+    block = fresh("manager_receding_horizon")
+    block.horizon, block.g_rate = 100.0, 1e-4
+    begin(block)
+    block.b_body, block.valid_b = (2e-5, 0.0, 3e-5), seen
+    torque, (m, n_t) = block.dump(0.0, 50.0, (0.0, h, 0.01))
+    assert block.mode == 3
+    most = block.thruster_duty * block.tau_level[1]
+    if seen:
+        assert n_t[1] == pytest.approx(-most)
+        assert np.cross(m, block.b_body)[1] < 0.0
+    else:
+        assert m == (0.0, 0.0, 0.0)
+        assert torque == pytest.approx((0.0, -min(h / 50.0, most), -0.01 / 50.0), rel=0.06)
+    assert torque == pytest.approx(tuple(np.cross(m, block.b_body) + n_t))
+
+
+@pytest.mark.parametrize(("period", "fails"), [(0.0, True), (0.5, False), (1.0, False)])
+def test_a_plan_needs_samples(period, fails):
+    block = fresh("manager_receding_horizon")
+    block.sample_time, block.horizon = period, 20.0
+    if fails:
+        with pytest.raises(BlockError, match="sample_time = 0 s"):
+            block.start()
+    else:
+        block.start()
+
+
+@pytest.mark.parametrize(
+    "u", [(1.0, 0.0, 0.0), (0.0, -1.0, 0.0), (0.6, 0.0, 0.8), (0.36, 0.48, -0.8)]
+)
+def test_the_shortest_dipole_along_a_line_within_the_limits(u):
+    """Of m + s u: within the limits, on the line, and any step along it that stays within is not
+    shorter."""
+    rng, limit = np.random.default_rng(5), np.array([3.0, 1.0, 2.0])
+    for m in rng.uniform(-1.0, 1.0, (40, 3)) * limit:
+        found = np.array(blending._nearest_along(tuple(m), u, tuple(limit)))
+        assert (np.abs(found) <= limit).all()
+        assert np.linalg.norm(np.cross(found - m, u)) < 1e-12
+        for s in (-1e-3, 1e-3):
+            moved = found + s * np.array(u)
+            within = (np.abs(moved) <= limit).all()
+            assert not within or moved @ moved >= found @ found - 1e-12
 
 
 def test_the_fit_finds_attitude_scale_and_offset():

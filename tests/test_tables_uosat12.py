@@ -60,8 +60,21 @@ def test_every_banded_cell_is_within(rows):
     assert {x for x in outside if x[0] != "above_bound"} == {
         # what the paper claims of CRCP, and does not hold here
         ("firing_time_over_ocdc", "CRCP", "ILQR 3"), ("firing_time_over_ocdc", "CRCP", "MEC 3"),
+        # the limit of the coils, which does nothing there, nor in the paper's own cells
+        ("firing_time_over_that_without_a_limit", "OCDC", "MEC 3"),
+        # coils alone: MEC stays within 40 A m2, and with the flight's field it ends below LQR
+        ("largest_dipole", "", "fig2-mec-1"),
+        ("final_momentum_over_mec", "", "fig2-flight-igrf-lqr-1"),
     }  # fmt: skip
     assert {x[1] for x in outside if x[0] == "above_bound"} <= {"RECEDING HORIZON"}
+
+
+def test_what_no_run_decides_says_why(rows):
+    undecided = [r for r in rows if r["ours"] is None]
+    assert len(undecided) == 5
+    for r in undecided:
+        assert r["remark"].startswith("not judged: ")
+        assert (r["band"], r["within"], r["out_of_sample"]) == (None, None, False)
 
 
 def test_the_receding_horizon_is_never_worse_than_ocdc(rows):

@@ -91,6 +91,16 @@ class PaperRow(Table):
     only: list[Text] = key("only for these methods")
     label: Text = key("stands in the method's place")
     case: Text = key("stands in the case's place")
+    not_judged: Text = key(
+        "why no run decides what the paper says: the row has no number of ours, and no band"
+    )
+
+    @model_validator(mode="after")
+    def _undecided(self) -> Self:
+        given = {"number", "tolerance", "each", "share", "tuned"} & self.model_fields_set
+        if self.not_judged is not None and given:
+            raise incomplete(f"not_judged, and {', '.join(sorted(given))}: one of the two")
+        return self
 
     @model_validator(mode="after")
     def _columns(self) -> Self:

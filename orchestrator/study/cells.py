@@ -26,7 +26,8 @@ class Row:
     quantity: str
     unit: str
     paper: float | None
-    ours: float
+    ours: float | None
+    """None: no run decides what the paper says, and `remark` says why."""
     band: tuple[float, float] | None
     within: bool | None
     paper_within: bool | None
@@ -102,7 +103,9 @@ class Entry:
     def remark(self) -> str:
         """What a reader should know of the cell."""
         tuned, seen = self.why("tuned"), self.why("in_sample")
-        texts = (tuned and f"tuned: {tuned}", seen and f"in sample: {seen}", self.cell("remark"))
+        reason = self.data.get("not_judged")
+        texts = (tuned and f"tuned: {tuned}", seen and f"in sample: {seen}",
+                 reason and f"not judged: {reason}", self.cell("remark"))  # fmt: skip
         return "; ".join(text for text in texts if text)
 
 
@@ -131,6 +134,9 @@ def rows_of(
             ours = _value(scenario, row, name, values, everything)
             told = _spread(entry, drawn["summary"].get(name) if drawn else None)
         rows.append(_row(scenario, entry, name, ours, values, told))
+    for row in scenario.data["paper"].values():
+        if "not_judged" in row and method in row.get("only", [method]):
+            rows.append(_row(scenario, Entry(row, method, case), "", None, values, None))
     return rows
 
 
@@ -162,11 +168,11 @@ def clopper_pearson(count: int, n: int, level: float = 0.95) -> list[float]:
 
 
 def _row(
-    scenario: Scenario, entry: Entry, name: str, ours: float, values: Numbers,
+    scenario: Scenario, entry: Entry, name: str, ours: float | None, values: Numbers,
     draws: dict[str, Any] | None,
 ) -> Row:  # fmt: skip
     band, paper = entry.band(values), entry.cell("values")
-    within = None if band is None else band[0] <= ours <= band[1]
+    within = None if band is None or ours is None else band[0] <= ours <= band[1]
     if draws is not None and (each := draws.get("band")) is not None:
         within = within is not False and each[0] <= draws["min"] and draws["max"] <= each[1]
     tuned, seen = bool(entry.why("tuned")), bool(entry.why("in_sample"))
@@ -185,7 +191,7 @@ def _row(
         within=within,
         paper_within=None if band is None or paper is None else band[0] <= paper <= band[1],
         tuned=tuned,
-        out_of_sample=paper is not None and not tuned and not seen,
+        out_of_sample=ours is not None and paper is not None and not tuned and not seen,
         definition=entry.data.get("definition") or defined(scenario.data["numbers"].get(name)),
         flag=bool(entry.data.get("flag")),
         remark=entry.remark,
@@ -195,12 +201,14 @@ def _row(
 
 
 def counted(table: list[Row]) -> dict[str, int]:
-    """How many rows there are of each kind. Of those with a band: how many are within it, tuned,
-    without a value of the paper, in sample otherwise, out of sample, and of the latter within."""
+    """How many rows there are, and how many that no run decides. Of those with a band: how many are
+    within it, tuned, without a value of the paper, in sample otherwise, out of sample, and of the
+    latter within."""
     banded = [r for r in table if r.within is not None]
     out = [r for r in banded if r.out_of_sample]
     return {
         "rows": len(table),
+        "not_judged": sum(r.ours is None for r in table),
         "banded": len(banded),
         "within": sum(r.within is True for r in banded),
         "tuned": sum(r.tuned for r in banded),

@@ -110,14 +110,14 @@ def _bands_of(tolerance: Any) -> Iterator[str]:
 
 def numbers_of_rows(data: dict[str, Any], cell: dict[str, str]) -> dict[str, str]:
     """Row -> number, of the rows of a paper's tables that have a value, or none at all, for the
-    method of a cell."""
+    method of a cell; without those that no run decides."""
     method = cell.get("method", "")
     numbers = {}
     for row, entry in data.get("paper", {}).items():
         values = entry.get("values")
-        if method in entry.get("only", [method]) and (
-            not isinstance(values, dict) or method in values
-        ):
+        if "not_judged" in entry or method not in entry.get("only", [method]):
+            continue
+        if not isinstance(values, dict) or method in values:
             numbers[row] = entry.get("number", entry["quantity"])
     return numbers
 

@@ -113,13 +113,15 @@ def shown(row: Row) -> dict[str, str]:
     """A row as texts for people."""
     digits = 2 if row.unit in ("s", "%") else 3
     difference = ""
-    if row.paper is not None:
+    if row.paper is not None and row.ours is not None:
         delta = row.ours - row.paper
         difference = _signed(delta, digits)
         if row.paper and row.unit == "s":
             difference += f" ({_signed(100 * delta / row.paper, 1)} %)"
     verdict = {True: "within", False: "OUTSIDE", None: ""}[row.within]
     mark = {"within": "ok", "OUTSIDE": "bad", "": ""}[verdict]
+    if row.ours is None:
+        verdict = "not judged"
     if row.paper_within is False:
         verdict += "; paper outside"
     kind = "tuned" if row.tuned else "out of sample" if row.out_of_sample else "in sample"
@@ -127,13 +129,13 @@ def shown(row: Row) -> dict[str, str]:
         "method": row.method,
         "case": row.case,
         "paper": "" if row.paper is None else _value(row.paper, 2, row.flag),
-        "ours": _value(row.ours, digits, row.flag),
+        "ours": "" if row.ours is None else _value(row.ours, digits, row.flag),
         "difference": "" if row.flag else difference,
         "band": "" if row.band is None else _band(row, digits),
         "draws": "" if row.draws is None else _of_draws(row.draws, digits, row.flag),
         "verdict": verdict,
         "mark": mark,
-        "sample": kind if row.paper is not None else "",
+        "sample": kind if row.paper is not None and row.ours is not None else "",
         "definition": row.definition,
         "remark": row.remark,
     }
@@ -190,10 +192,10 @@ def grouped(table: list[Row]) -> list[tuple[str, list[Row]]]:
     return list(groups.items())
 
 
-def definitions(group: list[Row]) -> list[str]:
+def definitions(given: Iterable[str]) -> list[str]:
     """What the rows of a heading measure, each sentence once; those that differ in nothing but the
     scenario that they compare with as one."""
-    texts = dict.fromkeys(row.definition for row in group if row.definition)
+    texts = dict.fromkeys(text for text in given if text)
     others: dict[str, list[str]] = {}
     for text in texts:
         compared = re.fullmatch(r"(.* to that of )(\S+)\)", text)
@@ -217,6 +219,7 @@ def summed_up(table: list[Row]) -> str:
         f"{n['out_of_sample']} are out of sample; of the latter "
         f"{n['out_of_sample_within']} are within. "
         f"In {n['paper_outside']} the paper's own value is outside the band."
+        + (f" {n['not_judged']} rows no run decides; they say why." if n["not_judged"] else "")
     )
 
 
@@ -235,7 +238,8 @@ def write_html(
     pages = []
     for heading, group in grouped(table):
         lines = [shown(row) for row in group]
-        pages.append((heading, definitions(group), lines, columns(lines)))
+        said = definitions(row.definition for row in group)
+        pages.append((heading, said, lines, columns(lines)))
     text = render(
         "tables.html",
         title=f"{family}: the paper's tables beside ours",

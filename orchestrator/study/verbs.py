@@ -135,6 +135,10 @@ class Verbs(CoilVerbs):
         head = [self.row(*columns.values()), "|" + "---|" * len(columns)]
         return "\n".join([*head, *(self.row(*(row[c] for c in columns)) for row in rows)])
 
+    def definitions(self, rows: list[dict[str, str]]) -> list[str]:
+        """What rows of `paper` measure, each sentence once."""
+        return tables.definitions(row["definition"] for row in rows)
+
     def within(self, draws: bool = True) -> str:
         """How many of the cells that have a band are within it: `62 of 62`."""
         count = self.counted(draws)

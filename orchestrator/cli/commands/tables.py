@@ -68,7 +68,7 @@ def tables(
         for line in lines:
             style = {"ok": "green", "bad": "red", "": ""}[line["mark"]]
             table.add_row(*(Text(line[c], style if c == "verdict" else "") for c in shown))
-        for text in tables_module.definitions(group):
+        for text in tables_module.definitions(row.definition for row in group):
             out.print(text, style="dim", highlight=False, markup=False)
         out.print(table)
         out.print()

@@ -1,0 +1,463 @@
+"""`python tests/mutations.py SECONDS FOLDER`: a seeded sample of mutations of components/ against
+the quick tests that run the mutated line; results in docs/mutations.json, the page from them.
+
+Mutations are cosmic-ray's (`pip install cosmic-ray coverage`, both are no dependencies of desat).
+It goes on where an earlier call stopped: FOLDER keeps a copy of the repository, in which files are
+mutated, and which test runs which line. The FMUs of that copy are empty, so that no test can fail
+because an FMU is of other code than the mutated block. What the quick tests do not kill runs with
+`--all` against every quick test that runs its line, the files of tests that name its module, and
+the test that fmus/interfaces.md is of this code.
+"""
+
+from __future__ import annotations
+
+import argparse
+import ast
+import difflib
+import importlib
+import json
+import os
+import random
+import re
+import resource
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+ROOT = Path(__file__).resolve().parents[1]
+STORED = ROOT / "docs" / "mutations.json"
+PAGE = ROOT / "docs" / "mutations.md"
+SEED, SAMPLE = 11, 200
+LONGEST = 3.0
+"""Processor time [s] of a quick test while lines are counted."""
+BUDGET, MOST = 15.0, 15
+"""Of the quick tests of a mutation: seconds in all, and how many."""
+CPU = 90
+"""Processor time [s] of a mutation's tests; a mutation that takes longer is called killed."""
+
+# Without operators that hardly any test can miss (for ** a bit operation and the like).
+OPERATORS = [
+    "ReplaceBinaryOperator_Add_Sub",
+    "ReplaceBinaryOperator_Sub_Add",
+    "ReplaceBinaryOperator_Mul_Div",
+    "ReplaceBinaryOperator_Div_Mul",
+    "ReplaceBinaryOperator_Mul_Add",
+    "ReplaceBinaryOperator_Pow_Mul",
+    "ReplaceBinaryOperator_Mod_Sub",
+    "ReplaceBinaryOperator_FloorDiv_Mul",
+    "ReplaceComparisonOperator_Lt_LtE",
+    "ReplaceComparisonOperator_Lt_GtE",
+    "ReplaceComparisonOperator_LtE_Lt",
+    "ReplaceComparisonOperator_LtE_Gt",
+    "ReplaceComparisonOperator_Gt_GtE",
+    "ReplaceComparisonOperator_Gt_LtE",
+    "ReplaceComparisonOperator_GtE_Gt",
+    "ReplaceComparisonOperator_GtE_Lt",
+    "ReplaceComparisonOperator_Eq_NotEq",
+    "ReplaceComparisonOperator_NotEq_Eq",
+    "ReplaceUnaryOperator_Delete_USub",
+    "ReplaceUnaryOperator_Delete_Not",
+    "ReplaceAndWithOr",
+    "ReplaceOrWithAnd",
+    "ReplaceTrueWithFalse",
+    "ReplaceFalseWithTrue",
+    "NumberReplacer",
+    "AddNot",
+    "ZeroIterationForLoop",
+    "ReplaceBreakWithContinue",
+    "ReplaceContinueWithBreak",
+]
+
+# These hold FMUs, packed files, pages or the engine against the code, or take long.
+OTHERS = {
+    "fmus",
+    "native",
+    "ssp",
+    "craft",
+    "pages",
+    "structure",
+    "install",
+    "witness",
+    "fuzz",
+    "cli",
+    "campaign",
+    "checkpoint",
+    "failures",
+    "language",
+    "family",
+    "tables_uosat12",
+    "results",
+    "loop",
+    "master",
+    "check",
+    "expression",
+    "guards",
+    "stopping",
+    "studies",
+    "rates",
+    "convergence",
+    "gyrostat",
+    "space_telescope",
+}
+
+
+# --- the copy, and which test runs which line -------------------------------------------------
+
+
+def copied(folder: Path) -> Path:
+    """The repository's files in FOLDER/tree, with empty FMUs."""
+    tree = folder / "tree"
+    if not tree.exists():
+        given = subprocess.run(["git", "ls-files", "-z"], cwd=ROOT, capture_output=True, check=True)
+        for name in given.stdout.decode().split("\0"):
+            if name and (ROOT / name).is_file():
+                (tree / name).parent.mkdir(parents=True, exist_ok=True)
+                shutil.copy2(ROOT / name, tree / name)
+        (tree / "fmus" / "dist").mkdir()
+        for file in (ROOT / "fmus" / "dist").glob("*.fmu"):
+            (tree / "fmus" / "dist" / file.name).touch()
+        names = tree / ".names" / "desat"
+        names.mkdir(parents=True)
+        for target in (*(tree / "orchestrator").iterdir(), tree / "components", tree / "fmus"):
+            (names / target.name).symlink_to(target)
+    return tree
+
+
+class Mapping:
+    """A plugin of pytest: the lines of components/ that each test runs, and how long it takes."""
+
+    def __init__(self, tree: Path) -> None:
+        import coverage
+
+        source = [str(tree / "components")]
+        self.cov = coverage.Coverage(data_file=None, source=source, config_file=False)
+        self.seconds: dict[str, float] = {}
+        self.passed: set[str] = set()
+
+    def pytest_configure(self) -> None:
+        signal.signal(signal.SIGVTALRM, _too_long)
+        self.cov.start()
+
+    def pytest_runtest_protocol(self, item: Any) -> None:
+        self.cov.switch_context(item.nodeid)
+        self.began = time.process_time()
+        signal.setitimer(signal.ITIMER_VIRTUAL, LONGEST)
+
+    def pytest_runtest_logreport(self, report: Any) -> None:
+        if report.when == "call" and report.passed:
+            self.passed.add(report.nodeid)
+        if report.when == "teardown":
+            signal.setitimer(signal.ITIMER_VIRTUAL, 0)
+            self.seconds[report.nodeid] = time.process_time() - self.began
+
+    def pytest_unconfigure(self) -> None:
+        self.cov.stop()
+
+
+def _too_long(*_: object) -> None:
+    raise TimeoutError("too long for a quick test")
+
+
+def mapped(tree: Path, folder: Path, until: float) -> bool:
+    """Write FOLDER/map.FILE.json for each file of tests; True where all are there."""
+    files = [p for p in sorted((tree / "tests").glob("test_*.py")) if p.stem[5:] not in OTHERS]
+    for file in files:
+        kept = folder / f"map.{file.stem[5:]}.json"
+        if kept.exists():
+            continue
+        if time.time() > until:
+            return False
+        if (pid := os.fork()) == 0:
+            _quiet(folder / f"map.{file.stem[5:]}.log", 240)
+            os._exit(_map_file(tree, file, kept))
+        os.waitpid(pid, 0)
+        if not kept.exists():
+            kept.write_text("{}")
+        print(f"{file.stem}: {len(json.loads(kept.read_text()))} quick tests", flush=True)
+    return True
+
+
+def _map_file(tree: Path, file: Path, kept: Path) -> int:
+    import pytest
+
+    plugin = Mapping(tree)
+    code = pytest.main([*QUIET, str(file)], plugins=[plugin])
+    data, lines = plugin.cov.get_data(), {}
+    for path in data.measured_files():
+        name = str(Path(path).resolve().relative_to(tree))
+        for line, tests in data.contexts_by_lineno(path).items():
+            for test in tests:
+                if test in plugin.passed:
+                    lines.setdefault(test, {}).setdefault(name, []).append(line)
+    found = {t: {"s": plugin.seconds[t], "lines": v} for t, v in lines.items()}
+    kept.write_text(json.dumps(found))
+    return int(code)
+
+
+QUIET = ["-n", "0", "-p", "no:cacheprovider", "--no-header", "--tb=line", "-W", "ignore"]
+
+
+def _quiet(log: Path, seconds: int) -> None:
+    """What a forked child does first: a log of its own and a limit of its processor time."""
+    os.setpgid(0, 0)
+    out = os.open(log, os.O_WRONLY | os.O_CREAT | os.O_TRUNC)
+    os.dup2(out, 1)
+    os.dup2(out, 2)
+    resource.setrlimit(resource.RLIMIT_CPU, (seconds, seconds + 5))
+
+
+# --- the sample -------------------------------------------------------------------------------
+
+
+def listed(tree: Path) -> list[tuple[str, int, str, int]]:
+    """All mutations: file, line, operator, which of its places."""
+    from cosmic_ray.ast import ast_nodes, get_ast
+    from cosmic_ray.plugins import get_operator
+
+    found = []
+    for path in sorted((tree / "components").rglob("*.py")):
+        parsed = get_ast(path.read_text(encoding="utf-8"))
+        nodes = list(ast_nodes(parsed))
+        for name in OPERATORS:
+            operator, k = get_operator(f"core/{name}")(), 0
+            for node in nodes:
+                for (line, _), _ in operator.mutation_positions(node):
+                    found.append((str(path.relative_to(tree)), line, name, k))
+                    k += 1
+    return sorted(found)
+
+
+def drawn(tree: Path) -> dict[str, Any]:
+    """A sample without those that change nothing, in the order in which it is run: so the first of
+    them are a sample, too."""
+    from cosmic_ray.mutating import mutate_code
+    from cosmic_ray.plugins import get_operator
+
+    every, rng, sample = listed(tree), random.Random(SEED), []
+    for path, line, name, k in rng.sample(every, SAMPLE):
+        old = (tree / path).read_text(encoding="utf-8")
+        new = mutate_code(old, get_operator(f"core/{name}")(), k)
+        if new is None or ast.dump(ast.parse(old)) == ast.dump(ast.parse(new)):
+            continue
+        change = [x for x in difflib.unified_diff(old.splitlines(), new.splitlines(), n=0)
+                  if x[0] in "+-" and x[:3] not in ("+++", "---")]  # fmt: skip
+        sample.append({"file": path, "line": line, "operator": name, "place": k,
+                       "was": change[0][1:].strip(), "is": change[-1][1:].strip()})  # fmt: skip
+    return {"seed": SEED, "drawn": SAMPLE, "of": len(every), "mutations": sample}
+
+
+def mutated(tree: Path, m: dict[str, Any]) -> str:
+    """The file's text with the mutation."""
+    from cosmic_ray.mutating import mutate_code
+    from cosmic_ray.plugins import get_operator
+
+    old = (tree / m["file"]).read_text(encoding="utf-8")
+    return str(mutate_code(old, get_operator(f"core/{m['operator']}")(), m["place"]))
+
+
+# --- one mutation -----------------------------------------------------------------------------
+
+
+def chosen(tree: Path, m: dict[str, Any], tests: dict[str, Any], every: bool) -> list[str]:
+    """The tests that run the mutated statement, quickest first; where it is run at import, those
+    that run most of the file."""
+    text = ast.parse((tree / m["file"]).read_text(encoding="utf-8"))
+    inside, lines = False, {m["line"]}
+    for node in ast.walk(text):
+        if isinstance(node, ast.stmt) and node.lineno <= m["line"] <= (node.end_lineno or 0):
+            if isinstance(node, ast.FunctionDef):
+                inside = inside or node.lineno < m["line"]
+            elif not isinstance(node, ast.ClassDef | ast.If | ast.For | ast.While | ast.With):
+                lines = set(range(node.lineno, (node.end_lineno or 0) + 1))
+    runs = {t: set(x["lines"].get(m["file"], ())) for t, x in tests.items()}
+    names = [t for t, own in runs.items() if (own & lines if inside else own)]
+    names.sort(key=lambda t: (0 if inside else -len(runs[t]), tests[t]["s"]))
+    out, seen, spent = [], {}, 0.0
+    for name in names:
+        function = name.partition("[")[0]
+        seen[function] = seen.get(function, 0) + 1
+        if not every and (seen[function] > 3 or spent + tests[name]["s"] > BUDGET):
+            continue
+        spent += tests[name]["s"]
+        out.append(name)
+    if not every:
+        return out[:MOST]
+    module = Path(m["file"]).stem
+    named = re.compile(rf"\b({module}|{module.title().replace('_', '')})\b")
+    files = (f for f in sorted((tree / "tests").glob("test_*.py")) if f.stem[5:] not in OTHERS)
+    whole = [f"tests/{f.name}" for f in files if named.search(f.read_text(encoding="utf-8"))]
+    return [PUBLISHED, *(x for x in out if x.partition("::")[0] not in whole), *whole]
+
+
+PUBLISHED = "tests/test_fmus.py::test_interfaces_page_is_current"
+"""Names, units, defaults and bounds of all variables, as a user reads them."""
+
+
+def tried(tree: Path, m: dict[str, Any], names: list[str], log: Path, text: str) -> str:
+    """Run tests with a file's text replaced: killed, survived, or what else."""
+    import pytest
+
+    path = tree / m["file"]
+    old = path.read_text(encoding="utf-8")
+    compiled = list((path.parent / "__pycache__").glob(f"{path.stem}.*.pyc"))
+    for file in compiled:
+        file.unlink()
+    path.write_text(text, encoding="utf-8")
+    began, status = time.time(), None
+    try:
+        if (pid := os.fork()) == 0:
+            sys.dont_write_bytecode = True
+            _quiet(log, CPU)
+            os._exit(int(pytest.main([*QUIET, "-x", *names])))
+        while status is None and time.time() - began < 4 * CPU:
+            done, code = os.waitpid(pid, os.WNOHANG)
+            status = os.waitstatus_to_exitcode(code) if done else None
+            time.sleep(0.02)
+        if status is None:
+            os.killpg(pid, signal.SIGKILL)
+            os.waitpid(pid, 0)
+    finally:
+        path.write_text(old, encoding="utf-8")
+    if status == 0:
+        return "survived"
+    if status is None or status < 0:
+        return "killed: too long"
+    return "killed" if status in (1, 2) else f"pytest ended with {status}"
+
+
+# --- the page ---------------------------------------------------------------------------------
+
+
+def score(result: dict[str, Any]) -> dict[str, Any]:
+    """How many of a sample ran, are killed, are no mutations, are open; and the score."""
+    ran = [m for m in result["mutations"] if "outcome" in m]
+    killed = [m for m in ran if m["outcome"].startswith("killed")]
+    equal = [m for m in ran if m.get("equivalent")]
+    return {"ran": len(ran), "killed": len(killed), "equivalent": len(equal),
+            "open": [m for m in ran if m not in killed and m not in equal],
+            "slow": sum(m["outcome"] == "killed: too long" for m in ran)}  # fmt: skip
+
+
+def page(result: dict[str, Any]) -> str:
+    """docs/mutations.md."""
+    from desat.study.cells import clopper_pearson
+
+    n = score(result)
+    real = n["ran"] - n["equivalent"]
+    low, high = clopper_pearson(n["killed"], real)
+    of = dict(sorted(result.get("controls", {}).items()))
+    lines = [
+        "# Mutations",
+        "",
+        f"{n['killed']} of {real} mutations that change what a block does are killed: "
+        f"{100 * n['killed'] / real:.0f} % (of all {low:.0f} to {high:.0f} %, Clopper-Pearson, "
+        "95 %).",
+        "",
+        "cosmic-ray's operators (those that hardly any test can miss left out) have "
+        f"{result['of']:,} mutations of `components/`. {result['drawn']} were drawn at random with "
+        f"seed {result['seed']}; {len(result['mutations'])} of these change the code, and the "
+        f"first {n['ran']} of them, in the order drawn, ran on {result['date']}: "
+        "`tests/mutations.py`, results in `docs/mutations.json`. Each ran against at most "
+        f"{MOST} quick tests that run its line; FMUs are empty meanwhile, so that no test fails "
+        "because an FMU is of other code. Tests that take long, and those of FMUs and pages, did "
+        "not run: they can only raise the score. Controls, the same tests with nothing mutated: "
+        f"{sum(v == 'survived' for v in of.values())} of {len(of)} passed.",
+        "",
+        "| folder | ran | killed | no mutation | open |",
+        "|---|---|---|---|---|",
+    ]
+    for folder in sorted({m["file"].split("/")[1] for m in result["mutations"]}):
+        own = score({"mutations": [m for m in result["mutations"]
+                                   if m["file"].split("/")[1] == folder]})  # fmt: skip
+        if own["ran"]:
+            lines.append(f"| {folder} | {own['ran']} | {own['killed']} | {own['equivalent']} "
+                         f"| {len(own['open'])} |")  # fmt: skip
+    for title, given in (
+        ("They change nothing that can be seen", [m for m in result["mutations"]
+                                                  if m.get("equivalent")]),
+        ("Open", n["open"]),
+    ):  # fmt: skip
+        if given:
+            lines += ["", f"## {title}", "", "| place | was | is | why |", "|---|---|---|---|"]
+        for m in given:
+            was, new = (m[k].replace("|", "&#124;") for k in ("was", "is"))
+            why = m.get("equivalent") or m.get("why") or m["outcome"]
+            place = f"{m['file'].removeprefix('components/')} {m['line']}"
+            lines.append(f"| {place} | `{was}` | `{new}` | {why} |")
+    return "\n".join([*lines, "", NAMED])
+
+
+NAMED = """## Mutations named before
+
+By hand, each seen to fail a test: the sign of N_con in the plan of the receding horizon; the
+repair of the last sample's rounding; how long nozzles have been open before the first sample; the
+bounds of the shortest dipole along a line; the cost of time in a plan; the mean square of a lag; a
+plan without samples; which field, and which rate, the fallback takes. Tests for equality of shared
+parameters, jitter of each wheel, the series of a lag's moments, the field's second derivative, the
+fall of the place, `unless` of limits and the on-time of unused coils stand in
+`tests/test_survivors.py`; their mutations were not made again.
+"""
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("seconds", type=float, help="0: only the page")
+    parser.add_argument("folder", type=Path)
+    parser.add_argument("--all", action="store_true", help="survivors against all that run it")
+    given = parser.parse_args()
+    until, folder = time.time() + given.seconds, given.folder.resolve()
+    folder.mkdir(parents=True, exist_ok=True)
+    tree = copied(folder)
+    os.environ["DESAT_CACHE"] = str(folder / "cache")
+    os.chdir(tree)
+    sys.path.insert(0, str(tree / ".names"))
+    _warm()
+    if given.seconds and not mapped(tree, folder, until):
+        return 0
+    tests: dict[str, Any] = {}
+    for file in sorted(folder.glob("map.*.json")):
+        tests.update(json.loads(file.read_text()))
+    result = json.loads(STORED.read_text()) if STORED.exists() else drawn(tree)
+    for k, m in enumerate(result["mutations"]):
+        left = m.get("outcome", "") in ("survived", "no quick test runs it")
+        wanted = left and given.all and not m.get("all")
+        if time.time() > until or ("outcome" in m and not wanted):
+            continue
+        names = chosen(tree, m, tests, given.all)
+        m["tests"], m["all"] = len(names), given.all
+        m["outcome"] = "no quick test runs it"
+        if names:
+            m["outcome"] = tried(tree, m, names, folder / f"log.{k}", mutated(tree, m))
+        if names and k % 10 == 0:  # a control: the same tests, nothing mutated
+            text = (tree / m["file"]).read_text(encoding="utf-8") + "\nCONTROL = 1\n"
+            result.setdefault("controls", {})[str(k)] = tried(
+                tree, m, names, folder / "log.c", text
+            )
+        m["by"] = ""
+        if m["outcome"] == "killed":
+            found = re.search(r"(?:FAILED|ERROR) (\S+)", (folder / f"log.{k}").read_text())
+            m["by"] = found[1] if found else "?"
+        result["date"] = f"{datetime.now(UTC):%Y-%m-%d}"
+        STORED.write_text(json.dumps(result, indent=1) + "\n")
+        print(k, m["file"], m["line"], m["outcome"], m["by"], flush=True)
+    if any("outcome" in m for m in result["mutations"]):
+        PAGE.write_text(page(result), encoding="utf-8")
+    return 0
+
+
+def _warm() -> None:
+    """Import once what is not ours: children are forks."""
+    for name in ("fmpy", "h5py", "hypothesis", "jinja2", "lxml.etree", "matplotlib.figure",
+                 "numpy.testing", "pydantic", "pytest", "rich.progress", "scipy.integrate",
+                 "scipy.linalg", "scipy.optimize", "scipy.spatial.transform", "scipy.special",
+                 "xarray"):  # fmt: skip
+        importlib.import_module(name)
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())
