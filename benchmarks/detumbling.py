@@ -4,7 +4,8 @@ measures of this repository, of which only the Gauss coefficients and the values
     python -m benchmarks.detumbling [same] [other] [choices]
 
 writes docs/papers/hausat2/independent.json, from which the page tells how far medians hang on the
-draws: the page's own draws flown here, other draws, and choices that the paper leaves open. Draws are the last axis of every array: (3, draws), (4, draws), (draws,).
+draws: the page's own draws flown here, other draws, and choices that the paper leaves open. Draws
+are the last axis of every array: (3, draws), (4, draws), (draws,).
 """
 
 from __future__ import annotations
