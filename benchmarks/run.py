@@ -550,7 +550,7 @@ def boom() -> dict[str, Any]:
             pairs = zip(rounds[name + kind], rounds[f"day{kind}"], strict=True)
             result[f"{name}{kind}_over_day"] = round(statistics.median(a / b for a, b in pairs), 2)
     result["memory"] = _measure("memory", parts["ours"][0], 122570)
-    return result | {"draws": draws_over_cores("alsat1/firing-z-wheel", 20)}
+    return result | {"draws": draws_over_cores("alsat1/firing-z-wheel", 8)}
 
 
 def draws() -> dict[str, Any]:

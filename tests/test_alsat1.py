@@ -20,11 +20,13 @@ from desat.components.maths.attitude import matrix, product, propagated, rotate
 from desat.components.maths.vector import cross, dot, mat_vec, norm
 from desat.components.physics import geomagnetic
 from desat.components.physics.gyrostat import check_inertia
+from desat.engine import trial
 from desat.files.pack import pack_scenario
-from desat.files.scenario import find
+from desat.files.scenario import find, scenarios
 from desat.study import derived, measures, stored
 from desat.study.case import Options, execute, prepare
 from desat.study.plots import lines_of
+from desat.system.refusal import told
 
 N = 0.0010252474302388003
 MOMENTS, PRODUCTS = (153.0, 153.0, 5.0), (-0.25, 0.0005, 0.1)
@@ -442,6 +444,19 @@ def test_what_makes_no_sense_is_refused(name, parameters, text):
         boom(name, **parameters) if name.startswith("manager") else begin_with(name, parameters)
 
 
+def test_table_5_as_printed_is_refused_by_name_and_the_resolved_one_is_named(tmp_path):
+    rows = [list(PRINTED[i : i + 3]) for i in (0, 3, 6)]
+    file = tmp_path / "mine.toml"
+    file.write_text(f'extends = "alsat1/firing-z-wheel"\n[shared]\ninertia = {rows}\n')
+    system, schedule = prepare(str(file), Options(blocks=True)).or_raise()
+    (line,) = told(system, "\n".join(trial.refusals(system, schedule)[0]))
+    text = "inertia[1,2] = 0 and inertia[2,1] = -0.25 kg m2: they must be equal"
+    assert line.startswith(f"{file}: shared.inertia: spacecraft: {text}")
+    flown = find("alsat1/open-loop-z-products").data
+    assert tuple(np.ravel(flown["shared"]["inertia"])) == J
+    assert str(flown["shared"]["inertia"]) in flown["paper"]["pitch"]["remark"]
+
+
 def begin_with(name, parameters):
     block = fresh(name)
     for key, value in parameters.items():
@@ -633,7 +648,14 @@ def test_a_torque_that_the_wheels_cannot_take_is_said():
     assert [x for x in case.checked.warnings if text in x]
 
 
-# --- stored draws -------------------------------------------------------------------------------
+# --- stored runs and draws ----------------------------------------------------------------------
+
+
+def test_momentum_adds_up_in_every_run():
+    """Each scenario whole: `python -m benchmarks.residuals`."""
+    found = json.loads(stored.file_of("alsat1").with_name("residuals.json").read_text())
+    assert set(found["runs"]) == set(scenarios("alsat1"))
+    assert max(r["share"] for r in found["runs"].values()) == found["worst"] <= 1e-12
 
 
 def test_stored_draws_are_of_scenarios_that_there_are():
