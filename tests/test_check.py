@@ -216,7 +216,7 @@ def test_command(desat, tmp_path):
     assert "one step late" not in good.stdout
     bad = desat("check", str(tmp_path), "--step", "10", "--set", "manager.duty=2")
     assert bad.returncode == 2
-    assert bad.stderr.strip() == "error: manager.duty = 2: allowed is 0 to 1"
+    assert bad.stderr.strip() == "error: --set manager.duty=2: manager.duty = 2: allowed is 0 to 1"
     assert Path(tmp_path / "SystemStructure.ssd").exists()
 
 

@@ -81,7 +81,10 @@ def test_runs_do_not_overwrite(desat, tmp_path):
         (("run", NAME, "--set", "manager.splt=dct"), "manager has no variable splt; did you mean"),
         (("run", NAME, "--set", "manger.split=dct"), "no component manger; did you mean manager?"),
         (("run", NAME, "--set", "split"), "the form is COMPONENT.VARIABLE=VALUE"),
-        (("run", NAME, "--step", "7"), "600 s is not a multiple of the step 7 s"),
+        (("run", NAME, "--set", "manager.duty=x"), "--set manager.duty=x: manager.duty: "),
+        (("run", NAME, "--step", "7"), "--step 7: 600 s is not a multiple of the step 7 s"),
+        (("run", NAME, "--stop", "1e300"), "steps of 10 s; at most 1e+12 are made"),
+        (("run", NAME, "--inner", "0"), "desat run: Invalid value for '--inner': Input should be"),
         (("run", NAME, "--step", "-1"), "a positive number is needed"),
         (("run", NAME, "--set", "torquers.duty_max=0.95"), "pulse_delay + duty_max * sample_time"),
         (("tables", "uosat13"), "no family uosat13; did you mean uosat12?"),
@@ -91,9 +94,12 @@ def test_runs_do_not_overwrite(desat, tmp_path):
         (("run", NAME, "--source", "manger=x.fmu"), "no component manger; did you mean manager?"),
         (("run", NAME, "--source", "manager"), "the form is COMPONENT=FMU"),
         (("run", NAME, "--source", "manager=manager_combind"), "mean manager_combined.fmu?"),
+        (("run", NAME, "--source", "manager=environment_kepler"),
+         "manager: its FMU lacks what is wired: "),
+        (("run", "/dev/null"), "/dev/null: it ends in none of .toml, .ssp, .ssd"),
         (("run", NAME, "--out", "/proc/x"), "/proc/x: No such file or directory"),
     ],
-)
+)  # fmt: skip
 def test_bad_input_is_a_line(desat, tmp_path, arguments, message):
     result = desat(*arguments, cwd=tmp_path)
     assert result.returncode == 2
