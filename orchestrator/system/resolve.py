@@ -162,7 +162,9 @@ def _end(
     signal = signals.get(connector)
     fits = signal is not None and signal.causality == causality
     if component.placed and component.interface is not None and not fits:
-        lacking[element][f"{causality} {base_name(connector)}"] = None
+        whole = base_name(connector)
+        part = component.interface.elements(whole) and signal is None
+        lacking[element][f"{causality} {connector if part else whole}"] = None
         return None
     if connector not in known:
         hint = nearest(connector, known)
