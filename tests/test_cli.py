@@ -14,9 +14,11 @@ from pathlib import Path
 
 import pytest
 from conftest import ROOT, python
+from rich.table import Table
 from typer.main import get_command
 
 from desat import cli
+from desat.cli.common import print_numbers
 from desat.engine.results import Results
 from desat.files import places
 from desat.files.scenario import families, scenarios, summary
@@ -141,6 +143,13 @@ def test_usage_errors(desat):
     assert result.returncode == 2
     assert "Missing argument" in result.stderr
     assert "Traceback" not in result.stderr
+
+
+def test_numbers_are_printed_whole_in_however_many_columns(capsys):
+    table = Table(*map(str, range(60)), box=None)
+    table.add_row(*["1.234567e-05"] * 60)
+    print_numbers(table)
+    assert capsys.readouterr().out.count("1.234567e-05") == 60
 
 
 def test_draws_do_not_depend_on_count_or_processes(desat):
