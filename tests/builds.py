@@ -75,17 +75,20 @@ def same_run(scenario: str, folder: Path) -> int:
     """Series of the first 600 steps, equal in every bit with both builds; their number."""
     step = prepare(scenario, Options()).or_raise()[0].step
     assert step is not None
-    usual, found = places.fmus, []
+    usual, series, built = places.fmus, [], []
     for dist in (usual(), folder):
         places.fmus = lambda dist=dist: dist
         run = execute(scenario, Options(stop=600 * step, fmus="native"))
         names = run.results.names()
-        found.append({name: run.results.values(name).tobytes() for name in names})
+        series.append({name: run.results.values(name).tobytes() for name in names})
+        built.append({c["sha256"] for c in run.manifest["components"].values()})
     places.fmus = usual
-    different = [name for name in found[0] if found[0][name] != found[1].get(name)]
-    if different or not found[0]:
+    if built[0] == built[1]:
+        raise SystemExit(f"{scenario}: both runs took the same FMUs")
+    different = [name for name in series[0] if series[0][name] != series[1].get(name)]
+    if different or not series[0]:
         raise SystemExit(f"{scenario}: {', '.join(different) or 'no series'} differ")
-    return len(found[0])
+    return len(series[0])
 
 
 def main(kind: str, *scenarios: str) -> int:

@@ -161,6 +161,10 @@ def test_out_of_range(broken):
 def test_wrong_count_and_kind(broken):
     assert "h_start_body needs 3 values, got 2" in broken(sets=("spacecraft.h_start_body=1,2",))
     assert "a Real is needed" in broken(sets=("manager.duty=fast",))
+    for seed, said in (("1.5", "an Integer is needed"), ("3e9", "an Integer is needed"),
+                       ("3000000000", "3000000000: allowed is -2147483648 to 2147483647"),
+                       ("9" * 400, "a number of 400 digits")):  # fmt: skip
+        assert said in broken(sets=(f"magnetometer.seed={seed}",))
     assert "a Boolean is needed" in broken(sets=("manager.saturation=3",))
     assert "is an output: it cannot be set" in broken(sets=("manager.m_cmd_body=1,2,3",))
     assert "the form is COMPONENT.VARIABLE=VALUE" in broken(sets=("manager",))
@@ -216,7 +220,7 @@ def test_command(desat, tmp_path):
     assert "one step late" not in good.stdout
     bad = desat("check", str(tmp_path), "--step", "10", "--set", "manager.duty=2")
     assert bad.returncode == 2
-    assert bad.stderr.strip() == "error: manager.duty = 2: allowed is 0 to 1"
+    assert bad.stderr.strip() == "error: --set manager.duty=2: manager.duty = 2: allowed is 0 to 1"
     assert Path(tmp_path / "SystemStructure.ssd").exists()
 
 

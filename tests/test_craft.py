@@ -276,7 +276,7 @@ def test_a_scenario_names_its_craft_or_its_ssd(family):
     same_system(from_ssd, system(""))
     with pytest.raises(DesatError, match="craft and ssd: only one of them"):
         system('craft = "craft.toml"\nssd = "SystemStructure.ssd"\n')
-    with pytest.raises(DesatError, match=r"crft.toml: no such file"):
+    with pytest.raises(DesatError, match=r"craft = 'crft.toml': no such file"):
         system('craft = "crft.toml"\n')
 
 

@@ -25,7 +25,7 @@ from desat.cli.common import plain_console
 from desat.engine.results import Results
 from desat.files import archive, library, trust
 from desat.files.pack import pack
-from desat.study import isolation
+from desat.study import case, isolation
 from desat.study.case import Options, prepare, simulate
 from desat.study.report import write_report
 from desat.study.sources import Sources
@@ -215,6 +215,22 @@ def test_isolated_runs_have_the_same_bits(tmp_path):
         found.append({n: results.values(n).tobytes() for n in results.names()})
     assert found[0] == found[1]
     assert len(found[0]) > 10
+
+
+@pytest.mark.parametrize(("number", "raised"), [
+    (signal.SIGINT, KeyboardInterrupt), (signal.SIGTERM, SystemExit),
+])  # fmt: skip
+def test_a_signal_before_the_first_step_is_no_bug_of_ours(monkeypatch, number, raised):
+    def starts(*_: object) -> None:
+        signal.signal(number, signal.default_int_handler)
+        time.sleep(1.0)  # until the parent hands it on
+        os.kill(os.getppid(), number)
+        time.sleep(30.0)
+
+    monkeypatch.setattr(case, "stepped", starts)
+    with pytest.raises(raised) as ended:
+        simulate(prepare("plant/light", Options(supervised=True, blocks=True)))
+    assert raised is KeyboardInterrupt or ended.value.code == Exit.TERMINATED
 
 
 def test_many_rows_survive_a_crash(system, tmp_path, monkeypatch):

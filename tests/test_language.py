@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from desat import cli
-from desat.files import places, scenario
+from desat.files import language, language_paper, places, scenario
 from desat.files.scenario import load
 from desat.study import explain, listing, meaning
 from desat.study.case import Options, execute
@@ -372,6 +372,16 @@ def test_commands(desat):
     shown = desat("show", "uosat12/table3-ocdc-ilqr-1", check=True).stdout
     assert "axes.method.ocdc" in shown
     assert "plot" in desat("keys", "plt").stderr
+
+
+def test_every_table_of_the_language_is_told():
+    """In `desat keys` and on the page, by the name that other keys' types have."""
+    told = set(explain._tables().values())
+    for module in (language, language_paper):
+        for table in vars(module).values():
+            if isinstance(table, type) and table.__module__ == module.__name__:
+                whole = table in told or any(issubclass(t, table) for t in told)
+                assert whole or table is language.DesignFile, table
 
 
 def test_the_page_of_the_language_is_current():

@@ -86,8 +86,8 @@ def curve(
 ) -> list[tuple[float, float]]:  # fmt: skip
     """The least energy (A2 m4 s) of each largest wheel momentum (N m s), where there is one."""
     course, start = course_of(manifest, results)
-    found = ((p, offline.least_energy(course, p, start)) for p in peaks)
-    return [(p, least) for p, least in found if least is not None]
+    energies = ((p, offline.least_energy(course, p, start)) for p in peaks)
+    return [(p, least) for p, least in energies if least is not None]
 
 
 def course_of(manifest: dict[str, Any], results: Results) -> tuple[offline.Course, Any]:

@@ -84,8 +84,8 @@ def _code() -> int:
         _drop_output()
         return Exit.SPACE
     except Exception as error:
-        if hasattr(error, "show"):  # click's own messages
-            error.show()
+        if hasattr(error, "format_message"):  # click's own messages
+            _say_usage(error)
             return int(getattr(error, "exit_code", Exit.INPUT))
         if os.environ.get("DESAT_TRACEBACK"):
             traceback.print_exc()
@@ -95,6 +95,17 @@ def _code() -> int:
 
 def _say(text: str) -> None:
     err.print(f"error: {text}", highlight=False, markup=False)
+
+
+def _say_usage(error: Any) -> None:
+    """What is wrong with a command line; without a command, what there is."""
+    text, context = error.format_message(), getattr(error, "ctx", None)
+    if context is not None and text == context.get_help():
+        error.show()
+        return
+    path = context.command_path if context is not None else "desat"
+    text = " ".join(text.replace("Value error, ", "").split())
+    _say(f"{path}: {text} (`{path} --help`)")
 
 
 def _is_full(error: BaseException | None) -> bool:

@@ -12,6 +12,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from rich.console import Console
+from rich.measure import Measurement
+from rich.table import Table
 from rich.text import Text
 
 from ..system.codes import Exit
@@ -211,6 +213,15 @@ def warn(texts: list[str]) -> None:
 def print_json(data: Any) -> None:
     """Data for programs, on standard output."""
     sys.stdout.write(json.dumps(data, indent=1) + "\n")
+
+
+def print_numbers(table: Table) -> None:
+    """A table of numbers on standard output, in its whole width: one that is cut is another one."""
+    usual = out.width
+    whole = Measurement.get(out, out.options.update(max_width=10_000), table).maximum
+    out.width = max(usual, whole)  # `print` takes no greater one
+    out.print(table)
+    out.width = usual
 
 
 def name_of(target: str) -> str:

@@ -10,7 +10,7 @@ from typing import Any
 from ..system.draft import Draft
 from ..system.errors import DesatError
 from ..system.replace import drop_unwanted
-from . import craft, library, ssp
+from . import craft, library, places, ssp
 from .merge import Keys
 
 
@@ -23,13 +23,16 @@ def draft(
     `where`: the scenario's file, for messages; `given`: file and key where a value of the data was
     given. Raises DesatError for a component that there is not.
     """
-    made = _wired(data, folder, where)
+    made = _wired(data, folder, where, given)
     for key in ("start", "stop", "step"):
         if key in data:
             setattr(made, key, float(data[key]))
+            made.given[key] = ": ".join(given((key,)))
     made.inner = data.get("inner", 1)
-    made.output_classes.update(data.get("output_classes", {}))
-    _place(made, data.get("sources", {}), folder, where)
+    for output, of in data.get("output_classes", {}).items():
+        made.output_classes[output] = of
+        made.given[output] = ": ".join(given(("output_classes", output)))
+    _place(made, data.get("sources", {}), folder, where, given)
     for name, decimation in data.get("decimation", {}).items():
         made.component(name, f"{where}: decimation").decimation = int(decimation)
     library.load_interfaces(made, blocks)
@@ -47,24 +50,44 @@ def draft(
     return made
 
 
-def _wired(data: dict[str, Any], folder: Path, where: str) -> Draft:
+def _wired(
+    data: dict[str, Any], folder: Path, where: str, given: Callable[[Keys], tuple[str, str]]
+) -> Draft:  # fmt: skip
     """The system of a scenario's craft file or SSD."""
     if "ssd" in data:
         if "craft" in data:
             raise DesatError(f"{where}: craft and ssd: only one of them can say what is wired")
-        return ssp.read(folder / data["ssd"])
-    file = folder / data.get("craft", craft.FILE)
-    if "craft" in data or file.exists():
-        return craft.read(file)
-    return ssp.read(folder / ssp.FILE)
+        return ssp.read(_named(folder, data, "ssd", given))
+    if "craft" in data:
+        return craft.read(_named(folder, data, "craft", given))
+    for name, read in ((craft.FILE, craft.read), (ssp.FILE, ssp.read)):
+        if (folder / name).exists():
+            return read(folder / name)
+    raise DesatError(f"{where}: nothing says what is wired: extends, craft or ssd is needed, or "
+                     f"{craft.FILE} or {ssp.FILE} in {places.shown(folder)}")  # fmt: skip
 
 
-def _place(made: Draft, sources: dict[str, str], folder: Path, where: str) -> None:
+def _named(
+    folder: Path, data: dict[str, Any], key: str, given: Callable[[Keys], tuple[str, str]]
+) -> Path:  # fmt: skip
+    """The file that a scenario names. Raises DesatError where it is not there."""
+    file = folder / data[key]
+    if not file.exists():
+        at = ": ".join(given((key,)))
+        raise DesatError(f"{at} = {data[key]!r}: no such file in {places.shown(folder)}")
+    return file
+
+
+def _place(
+    made: Draft, sources: dict[str, str], folder: Path, where: str,
+    given: Callable[[Keys], tuple[str, str]],
+) -> None:  # fmt: skip
     """Put other FMUs in the places of components: files, or ours by their names."""
     for name, source in sources.items():
         component = made.component(name, f"{where}: sources")
         ours = "/" not in source and not source.endswith(".fmu")
         component.source = f"resources/{source}.fmu" if ours else source
+        component.placed = ": ".join(given(("sources", name)))
         component.fmu = library.find(component.source, folder)
         if ours and component.fmu is None:
             component.fmu = library.built(component.source)

@@ -7,7 +7,6 @@ import hashlib
 import os
 import re
 import shutil
-import sys
 import tempfile
 import time
 from dataclasses import dataclass
@@ -83,7 +82,7 @@ def _sweep(folder: Path) -> None:
     of one that it was removing when it was killed."""
     lock = folder / _LOCK
     try:
-        if folder.stat().st_uid != _user() or not folder.is_dir():
+        if folder.stat().st_uid != places.user() or not folder.is_dir():
             return
         if not lock.exists():
             old = time.time() - folder.stat().st_mtime > _LEFT
@@ -94,10 +93,6 @@ def _sweep(folder: Path) -> None:
             _remove_all(folder)
     except (Timeout, OSError):
         pass
-
-
-def _user() -> int:
-    return os.getuid() if sys.platform != "win32" else 0
 
 
 def _remove_all(folder: Path) -> None:
@@ -202,7 +197,8 @@ def load_interface(draft: Draft, c: DraftComponent, blocks: bool) -> bool:
     try:
         c.interface = _interface(c, blocks)
     except DesatError as error:
-        draft.problems.append(f"{draft.where}:{c.line}: {c.name}: {error}")
+        at = c.placed or f"{draft.where}:{c.line}"
+        draft.problems.append(f"{at}: {c.name}: {error}")
     if blocks:
         c.fmu = None
     return c.interface is not None

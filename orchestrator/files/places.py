@@ -62,7 +62,8 @@ def cache() -> Path:
     return _users()
 
 
-def _user() -> int:
+def user() -> int:
+    """The user's number; 0 where there is none (Windows)."""
     return os.getuid() if sys.platform != "win32" else 0
 
 
@@ -73,19 +74,19 @@ def _users() -> Path:
     there = next((p for p in (usual, *usual.parents) if p.exists()), usual)
     if sys.platform == "win32" or (there.is_dir() and os.access(there, os.W_OK | os.X_OK)):
         return usual
-    own = Path(tempfile.gettempdir()) / f"{_TEMPORARY}{_user()}"
+    own = Path(tempfile.gettempdir()) / f"{_TEMPORARY}{user()}"
     with suppress(OSError):
         own.mkdir(mode=0o700, exist_ok=True)
         state = own.lstat()
         # code is loaded from there: it must be this user's alone
-        if stat.S_ISDIR(state.st_mode) and state.st_uid == _user() and not state.st_mode & 0o77:
+        if stat.S_ISDIR(state.st_mode) and state.st_uid == user() and not state.st_mode & 0o77:
             return own
     return usual
 
 
 def no_home() -> bool:
     """Whether the user has no folder of his own that he can write caches into."""
-    return cache().name == f"{_TEMPORARY}{_user()}"
+    return cache().name == f"{_TEMPORARY}{user()}"
 
 
 @memoised

@@ -185,7 +185,8 @@ def find(name: str) -> Scenario:
     for stem, text in broken.items():
         if f"{rest}-".startswith(f"{stem}-"):
             raise DesatError(text)
-    raise DesatError(f"no scenario {name}{nearest(name, known)}")
+    hint = "; a name is needed here, no file" if name.endswith(".toml") else nearest(name, known)
+    raise DesatError(f"no scenario {name}{hint}")
 
 
 def own(file: Path) -> Scenario:
@@ -246,9 +247,7 @@ def _ours(name: str, where: str, origins: Origins, seen: tuple[Path, ...]) -> di
     if family not in families():
         raise DesatError(f"{where}: extends: no family {family}{nearest(family, families())}")
     file = places.SCENARIOS / family / "scenarios" / f"{stem}.toml"
-    if file.is_file() and "axes" not in (data := load(file, origins, seen)):
-        pass
-    else:
+    if not file.is_file() or "axes" in (data := load(file, origins, seen)):
         try:
             scenario = find(name)
         except DesatError as error:

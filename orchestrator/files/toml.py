@@ -22,9 +22,10 @@ def toml(file: Path) -> dict[str, Any]:
 
 
 def text(file: Path, where: str) -> str:
-    """The text of a file, which messages call `where`. Raises DesatError."""
+    """The text of a file, which messages call `where`, without the mark that some editors of
+    Windows begin it with. Raises DesatError."""
     try:
-        return contents(file, where, LARGEST).decode("utf-8")
+        return contents(file, where, LARGEST).decode("utf-8-sig")
     except UnicodeDecodeError as error:
         raise DesatError(f"{where}: not UTF-8 (byte {error.start + 1})") from error
 

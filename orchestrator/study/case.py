@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import shutil
+import signal
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -80,7 +81,8 @@ def simulate(
     recorded is kept, and the manifest's status says which. A run that its scenario's `stop_when`
     ends is completed, and the manifest's `stopped_when` says when. With `options.supervised` it
     runs in a process of its own, which a component may end (`supervise.py`).
-    Raises DesatError where the run cannot begin, and RunError where there is no room for it.
+    Raises DesatError where the run cannot begin, RunError where there is no room for it, and
+    KeyboardInterrupt or SystemExit where a signal stops it before it has begun.
     """
     system, _ = case.or_raise()
     options, clock = case.options, time.perf_counter()
@@ -164,6 +166,10 @@ def _supervised(
                 outcome.status, outcome.message = "failed", f"{ended.text()}, after the run"
             return outcome, Results.open(place)
         layout = supervise.layout_of(ended)
+        if layout is None and ended.signal == signal.SIGINT:
+            raise KeyboardInterrupt
+        if layout is None and ended.signal:
+            raise SystemExit(128 + ended.signal)
         if layout is None and full:
             raise RunError(f"{place}: {full}", Exit.SPACE)
         if layout is None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any, get_args, get_origin
 
 from ..files import refuse, scenario
@@ -53,11 +54,12 @@ def _design(given: Scenario) -> list[str]:
 
 def _tables() -> dict[str, Any]:
     from ..files import language as l
-    from ..files.language_paper import PaperRow
+    from ..files import language_paper as p
 
     return {"scenario": l.ScenarioFile, "number": l.Number, "plot": l.Plot, "limit": l.LimitLine,
-            "paper": PaperRow, "dispersion": l.Dispersion, "axis": l.Cell,
-            "design": l.Design, "stop_when": l.StopWhen}  # fmt: skip
+            "paper": p.PaperRow, "of_number": p.OfNumber, "share": p.ShareOfDraws,
+            "tuning": p.Tuning, "dispersion": l.Dispersion, "requirement": l.Requirement,
+            "axis": l.Cell, "design": l.Design, "stop_when": l.StopWhen}  # fmt: skip
 
 
 def keys(what: str | None) -> list[dict[str, str]]:
@@ -84,7 +86,9 @@ def _type(annotation: Any) -> str:
     if kind is dict:
         return f"table of {_type(inner[1])}"
     if kind is None:
-        return getattr(annotation, "__name__", str(annotation)).lower()
+        named = {model: name for name, model in _tables().items()}
+        name: str = getattr(annotation, "__name__", str(annotation)).lower()
+        return named.get(annotation, name)
     if str(kind).endswith("Literal"):
         return ", ".join(str(x) for x in inner)
     if hasattr(annotation, "__metadata__"):
@@ -132,7 +136,7 @@ def measures() -> list[dict[str, str]]:
 
 def show(name: str) -> list[dict[str, Any]]:
     """Every value of a scenario as merged, and the file, axis cell or design it comes from."""
-    whole = scenario.find(name)
+    whole = scenario.own(Path(name)) if name.endswith(".toml") else scenario.find(name)
     rows = [
         {"key": ".".join(path), "value": value, "from": whole.where(path).partition(": ")[0],
          "cell": origin(whole.origins, path)[1].rstrip(".")}

@@ -21,12 +21,14 @@ def modify(
     """Apply options to a draft. `designed`: parameters, a table a component, below those of the
     options. Raises DesatError for what is unknown or does not fit."""
     if options.stop is not None:
-        draft.stop = options.stop
+        draft.stop, draft.given["stop"] = options.stop, f"--stop {options.stop:g}"
     if options.step is not None:
-        draft.step = options.step
+        draft.step, draft.given["step"] = options.step, f"--step {options.step:g}"
     if options.inner is not None:
         draft.inner = options.inner
-    draft.output_classes.update(options.output_classes)
+    for output, of in options.output_classes.items():
+        draft.output_classes[output] = of
+        draft.given[output] = f"--output-class {output}={of}"
     for text in options.sources:
         _replace(draft, text, options.blocks)
     for where, name, variable, value in _assignments(options, designed or {}):
@@ -34,7 +36,8 @@ def modify(
             draft.share(variable, value, where)
         else:
             component = draft.component(name, where)
-            component.assign(variable, value, name)
+            of_program = where == f"{name}.{variable}"
+            component.assign(variable, value, name if of_program else f"{where}: {name}")
             component.given[base_name(variable)] = where
 
 
@@ -64,6 +67,7 @@ def _replace(draft: Draft, text: str, blocks: bool) -> None:
     if not source:
         raise DesatError(f"--source {text}: the form is COMPONENT=FMU")
     component = draft.component(name, f"--source {text}")
+    component.placed = f"--source {text}"
     file = Path(source)
     component.source = source if file.suffix == ".fmu" else f"resources/{source}.fmu"
     component.fmu = file if file.is_file() else library.built(component.source)

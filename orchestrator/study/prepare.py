@@ -119,7 +119,14 @@ def _scenario_of(target: str) -> Scenario | None:
     path = Path(target)
     if path.suffix in (".ssp", ".ssd") or path.is_dir():
         return None
-    return scenario.own(path) if path.suffix == ".toml" else scenario.find(target)
+    if path.suffix == ".toml":
+        return scenario.own(path)
+    try:
+        return scenario.find(target)
+    except DesatError:
+        if not path.exists():
+            raise
+    raise DesatError(f"{target}: it ends in none of .toml, .ssp, .ssd, and is no folder")
 
 
 def _draft(

@@ -110,6 +110,8 @@ def _work(
         except DesatError as error:
             tell("error", (type(error), error.args))
             tell("done", True)
+        except (KeyboardInterrupt, SystemExit):  # told to stop where it was not stepping
+            pass
         except BaseException as error:
             if os.environ.get("DESAT_TRACEBACK"):
                 traceback.print_exc()

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 
 from .draft import Draft
-from .errors import DesatError
+from .errors import DesatError, nearest
 from .interface import base_name
 from .model import System
 from .parameters import value_of
@@ -46,7 +46,7 @@ def check(draft: Draft) -> Checked:
     checked.problems += _inputs(system)
     checked.problems += _shared(system)
     checked.problems += _samples(system)
-    checked.problems += _overrides(system)
+    checked.problems += _overrides(system, draft.given)
     checked.unwired = unwired(system)
     checked.problems += without_effect(system, checked.unwired)
     checked.notes += filter(None, (ends.text(n) for n, ends in checked.unwired.items()))
@@ -109,16 +109,18 @@ def _samples(system: System) -> Iterator[str]:
                        f"its step {step:g} s")  # fmt: skip
 
 
-def _overrides(system: System) -> Iterator[str]:
+def _overrides(system: System, given: Mapping[str, str]) -> Iterator[str]:
+    """Classes that are none, or of no output; `given`: who said so."""
     for key, value in system.output_classes.items():
+        where = given.get(key, f"{system.where}: output_classes")
         owner, _, name = key.partition(".")
         component = system.components.get(owner)
         if component is None:
-            yield f"{system.where}: output_classes: no component {owner}"
+            yield f"{where}: no component {owner}{nearest(owner, system.components)}"
         elif not any(s.causality == "output" for s in component.interface.elements(name)):
-            yield f"{system.where}: output_classes: {owner} has no output {name}"
+            yield f"{where}: {owner} has no output {name}"
         if value not in ("state", "interval"):
-            yield f'{system.where}: output_classes: {key} = "{value}"; state or interval is needed'
+            yield f'{where}: {key} = "{value}"; state or interval is needed'
 
 
 def _undeclared(system: System) -> Iterator[str]:

@@ -36,6 +36,8 @@ class DraftComponent:
     given: dict[str, str] = field(default_factory=dict)
     """Who gave a variable its value: name -> file and key, or option."""
     line: int = 0
+    placed: str = ""
+    """Who put another FMU in its place: file and key, or option; "" where nobody did."""
     fmu: Path | None = None
     """The file that `source` stands for; None where there is none, and for a bare block."""
     interface: Interface | None = None
@@ -80,6 +82,8 @@ class Draft:
     step: float | None = None
     inner: int = 1
     output_classes: dict[str, OutputClass] = field(default_factory=dict)
+    given: dict[str, str] = field(default_factory=dict)
+    """Who gave a time, or the class of an output: its key -> file and key, or option."""
     about: dict[str, Any] = field(default_factory=dict)
     problems: list[str] = field(default_factory=list)
     """What is wrong with it, a line each."""
@@ -115,8 +119,11 @@ class Draft:
     ) -> None:
         """Give a component's parameter its value, which stands in `where`, at `key` where that is a
         file; what is wrong becomes a problem."""
+        at = f"{where}: {component.name}"
+        if key.partition(".")[0] == "shared":
+            at = f"{where}: {key}: {component.name}"
         try:
-            component.assign(name, value, f"{where}: {component.name}")
+            component.assign(name, value, at)
             component.given[base_name(name)] = f"{where}: {key}" if key else where
         except DesatError as error:
             self.problems.append(str(error))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import sys
 import tomllib
 from collections.abc import Iterable
 from typing import Any
@@ -43,6 +44,8 @@ def _flat(value: Any) -> list[Any]:
 
 
 def _scalar(signal: Signal, value: Any, where: str) -> Scalar:
+    if isinstance(value, int) and abs(value) > sys.float_info.max:
+        raise DesatError(f"{where}: a number of {len(str(value))} digits: it is too large")
     if signal.choices and isinstance(value, str):
         if value not in signal.choices:
             raise DesatError(f"{where} = {value}: not a choice{nearest(value, signal.choices)}")
@@ -58,7 +61,8 @@ def _scalar(signal: Signal, value: Any, where: str) -> Scalar:
             return _within(signal, float(value), where)
     else:
         raise DesatError(f"{where} is of type {signal.kind}: it cannot be set")
-    wanted = f"one of {', '.join(signal.choices)}" if signal.choices else f"a {signal.kind}"
+    kind = "an Integer" if signal.kind == "Integer" else f"a {signal.kind}"
+    wanted = f"one of {', '.join(signal.choices)}" if signal.choices else kind
     raise DesatError(f"{where} = {value!r}: {wanted} is needed")
 
 
@@ -66,11 +70,14 @@ def _within(signal: Signal, value: float, where: str) -> float:
     if not math.isfinite(value):
         raise DesatError(f"{where} = {value}: a finite number is needed")
     low, high = signal.minimum, signal.maximum
+    if signal.kind == "Integer":  # of C, 32 bits
+        low, high = low if low is not None else -(2**31), high if high is not None else 2**31 - 1
     if (low is not None and value < low) or (high is not None and value > high):
         unit = f" {signal.unit_name}" if signal.unit_name not in ("", "1") else ""
-        lowest = "-inf" if low is None else f"{low:g}"
-        highest = "inf" if high is None else f"{high:g}"
-        raise DesatError(f"{where} = {value:g}{unit}: allowed is {lowest} to {highest}")
+        lowest = "-inf" if low is None else f"{low:.10g}"
+        highest = "inf" if high is None else f"{high:.10g}"
+        got = value if isinstance(value, int) else f"{value:g}"
+        raise DesatError(f"{where} = {got}{unit}: allowed is {lowest} to {highest}")
     return value
 
 

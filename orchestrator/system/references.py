@@ -40,7 +40,8 @@ def evaluate(
                 values = {**component.parameters, **_value(component, name, text, known)}
                 result[owner] = replace(component, parameters=values)
             except DesatError as error:
-                problems.append(f"{where}: {owner}.{name}: {error}")
+                by = component.given.get(base_name(name), where)
+                problems.append(f"{by}: {owner}.{name}: {error}")
     return result, problems
 
 

@@ -46,12 +46,12 @@ def _reached(system: System, names: set[str]) -> set[str]:
     targets: dict[str, set[str]] = defaultdict(set)
     for c in system.connections:
         targets[c.source].add(c.target)
-    found: set[str] = set()
+    reached: set[str] = set()
     new = set(names)
     while new:
-        new = {t for n in new for t in targets[n]} - found
-        found |= new
-    return found
+        new = {t for n in new for t in targets[n]} - reached
+        reached |= new
+    return reached
 
 
 def _sources(component: Component, said: str) -> tuple[list[tuple[str, str]], list[str]]:

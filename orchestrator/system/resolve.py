@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections import defaultdict
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from itertools import islice
 
@@ -13,7 +14,7 @@ from desat.components.contract.units import conversion
 from .draft import Draft, DraftComponent
 from .errors import DesatError, nearest
 from .expression import known_unit
-from .interface import Interface, Signal
+from .interface import Interface, Signal, base_name
 from .model import Component, Connection, System
 from .parameters import expand, in_unit_of
 from .references import evaluate
@@ -22,6 +23,8 @@ RESERVED = ("time", "shared")
 """What no component is called: the series of times, and parameters of all."""
 MOST = 100
 """Lines about one kind of problem; more help nobody."""
+MOST_STEPS = 1e12
+"""Of a run: one of a microsecond each takes eleven days."""
 
 
 @dataclass(frozen=True)
@@ -81,6 +84,8 @@ def _connectors(draft: Draft, c: DraftComponent, interface: Interface) -> Iterat
     for connector in c.connectors.values():
         where = f"{draft.where}:{connector.line}: {c.name}.{connector.name}"
         signal = interface.signals.get(connector.name)
+        if c.placed and (signal is None or connector.kind != signal.causality):
+            continue  # its connections are told, a line in all
         if signal is None:
             hint = nearest(connector.name, interface.signals)
             yield f"{where}: the FMU has no such variable{hint}"
@@ -116,12 +121,13 @@ def _connections(draft: Draft, problems: list[str]) -> tuple[Connection, ...]:
     result = []
     driven: dict[tuple[str, str], Connection] = {}
     before = len(problems)
+    lacking: dict[str, dict[str, None]] = defaultdict(dict)
     for c in draft.connections:
         if len(problems) > before + MOST:
             break
         where = f"{draft.where}:{c.line}: {c}"
-        source = _end(draft, c.source, c.output, "output", where, problems)
-        target = _end(draft, c.target, c.input, "input", where, problems)
+        source = _end(draft, c.source, c.output, "output", where, problems, lacking)
+        target = _end(draft, c.target, c.input, "input", where, problems, lacking)
         if source is None or target is None:
             continue
         if source.kind != target.kind:
@@ -134,24 +140,36 @@ def _connections(draft: Draft, problems: list[str]) -> tuple[Connection, ...]:
             result.append(_converted(c, source, target))
         except DesatError as error:
             problems.append(f"{where}: {error}")
+    problems += [
+        f"{draft.components[name].placed}: {name}: its FMU lacks what is wired: {', '.join(ends)}"
+        for name, ends in lacking.items()
+    ]
     return tuple(result)
 
 
 def _end(
-    draft: Draft, element: str, connector: str, causality: str, where: str, problems: list[str]
-) -> Signal | None:
-    """The variable at one end of a connection; None where there is none that fits."""
+    draft: Draft, element: str, connector: str, causality: str, where: str, problems: list[str],
+    lacking: Mapping[str, dict[str, None]],
+) -> Signal | None:  # fmt: skip
+    """The variable at one end of a connection; None where there is none that fits. What an FMU
+    lacks that was put in a component's place goes to `lacking`, by component."""
     component = draft.components.get(element)
     if component is None:
         problems.append(f"{where}: no component {element}{nearest(element, draft.components)}")
         return None
     signals = component.interface.signals if component.interface else {}
     known = component.connectors or signals
+    signal = signals.get(connector)
+    fits = signal is not None and signal.causality == causality
+    if component.placed and component.interface is not None and not fits:
+        whole = base_name(connector)
+        part = component.interface.elements(whole) and signal is None
+        lacking[element][f"{causality} {connector if part else whole}"] = None
+        return None
     if connector not in known:
         hint = nearest(connector, known)
         problems.append(f"{where}: {element} has no connector {connector}{hint}")
         return None
-    signal = signals.get(connector)
     if signal is not None and signal.causality != causality:
         end = "start" if causality == "output" else "end"
         problems.append(f"{where}: wrong direction: the {end} {element}.{connector} is an "
@@ -179,17 +197,22 @@ def _times(draft: Draft) -> tuple[float, float]:
     if draft.step is None or draft.stop is None:
         missing = "step" if draft.step is None else "stop time"
         raise DesatError(f"{draft.where}: no {missing} is given; use --{missing.split()[0]}")
+    by_step, by_stop = (draft.given.get(key, draft.where) for key in ("step", "stop"))
+    both = by_step if by_step == by_stop else f"{by_stop}, {by_step}"
     if not (math.isfinite(draft.step) and draft.step > 0.0):
-        raise DesatError(f"{draft.where}: step {draft.step} s; a positive number is needed")
+        raise DesatError(f"{by_step}: step {draft.step:g} s; a positive number is needed")
     span = (draft.stop - draft.start) / draft.step
-    if not 1.0 - 1e-9 <= span < 1e12:
-        raise DesatError(f"{draft.where}: no step from {draft.start} s to {draft.stop} s")
+    if not 1.0 - 1e-9 <= span < math.inf:
+        raise DesatError(f"{both}: no step of {draft.step:g} s from {draft.start:g} s to "
+                         f"{draft.stop:g} s")  # fmt: skip
+    if span >= MOST_STEPS:
+        raise DesatError(f"{both}: {span:.3g} steps of {draft.step:g} s; at most "
+                         f"{MOST_STEPS:g} are made")  # fmt: skip
     if draft.start + draft.step == draft.start or draft.stop - draft.step == draft.stop:
-        raise DesatError(f"{draft.where}: from {draft.start:g} s to {draft.stop:g} s, time does "
+        raise DesatError(f"{both}: from {draft.start:g} s to {draft.stop:g} s, time does "
                          f"not grow by a step of {draft.step:g} s")  # fmt: skip
     if abs(span - round(span)) > 1e-6:
         raise DesatError(
-            f"{draft.where}: {draft.stop - draft.start:g} s is not a multiple of the step "
-            f"{draft.step:g} s"
+            f"{both}: {draft.stop - draft.start:g} s is not a multiple of the step {draft.step:g} s"
         )
     return draft.step, draft.stop

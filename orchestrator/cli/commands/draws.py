@@ -28,6 +28,7 @@ from ..common import (
     options_of,
     out,
     print_json,
+    print_numbers,
     warn,
 )
 
@@ -89,15 +90,16 @@ def _print_draws(result: dict[str, Any]) -> None:
     from ...study.drawing import pretty_unit
     from ...study.report import number
 
-    names = list(result["summary"])
-    table = Table("draw", *names, box=None, header_style="bold", pad_edge=False)
-    for row in result["draws"]:
-        table.add_row(str(row["draw"]), *(number(row["numbers"].get(n)) for n in names))
-    for key in ("median", "min", "max"):
-        cells = [number(result["summary"][n][key]) for n in names]
-        table.add_row(key, *cells, style="bold")
-    table.add_row("unit", *(pretty_unit(result["summary"][n]["unit"]) for n in names))
-    out.print(table)
+    table = Table("number", box=None, header_style="bold", pad_edge=False)
+    shared = ("median", "min", "max")
+    for column in (*shared, *(f"draw {row['draw']}" for row in result["draws"])):
+        table.add_column(column, justify="right")
+    table.add_column("unit")
+    for name, entry in result["summary"].items():
+        values = [entry[key] for key in shared]
+        values += [row["numbers"].get(name) for row in result["draws"]]
+        table.add_row(name, *map(number, values), pretty_unit(entry["unit"]))
+    print_numbers(table)
     conditions = {r["stopped_when"]["condition"] for r in result["draws"] if r["stopped_when"]}
     if conditions:
         share = f"{result['stopped']} of {len(result['draws'])}"
@@ -118,7 +120,7 @@ def _print_differences(result: dict[str, Any]) -> None:
         table.add_row(name, *cells, pretty_unit(entry["unit"]))
     out.print(f"{result['scenario']} less {result['against']}, draw by draw:", highlight=False,
               markup=False)  # fmt: skip
-    out.print(table)
+    print_numbers(table)
     for key in ("drawn_only_in_it", "drawn_only_in_the_other"):
         if result[key]:
             where = result["scenario" if key == "drawn_only_in_it" else "against"]

@@ -44,7 +44,8 @@ def measures(as_json: Json = False) -> None:
 def show(
     name: Annotated[
         str,
-        typer.Argument(help="A scenario, as uosat12/table2-ocdc-ilqr-1.",
+        typer.Argument(metavar="NAME|FILE", help="A scenario, as uosat12/table2-ocdc-ilqr-1, or a "
+                       "scenario file of your own (.toml).",
                        autocompletion=complete_name),
     ],
     as_json: Json = False,

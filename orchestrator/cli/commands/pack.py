@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import time
+from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -16,7 +17,9 @@ def pack(
     names: Annotated[
         list[str] | None,
         typer.Argument(
-            metavar="[NAME]...", help="Scenarios (default: all).", autocompletion=complete_name
+            metavar="[NAME|FILE]...",
+            autocompletion=complete_name,
+            help="Scenarios (default: all); one of a file of your own (.toml) is packed beside it.",
         ),
     ] = None,
     fmus: Fmus = FmuKind.python,
@@ -26,10 +29,15 @@ def pack(
     ssp/dist/native/."""
     from ...files import pack as pack_module
     from ...files import places
-    from ...files.scenario import find, scenarios
+    from ...files.scenario import find, own, scenarios
 
-    wanted = [find(n) for n in names] if names else list(scenarios().values())
-    packed = [str(pack_module.pack_scenario(s, force=True, fmus=fmus.value)) for s in wanted]
+    files = [Path(n) for n in names or () if n.endswith(".toml")]
+    ours = [find(n) for n in names if not n.endswith(".toml")] if names else scenarios().values()
+    wanted = [*((own(f), f.with_suffix(".ssp")) for f in files), *((s, None) for s in ours)]
+    packed = [
+        str(pack_module.pack_scenario(scenario, target, force=True, fmus=fmus.value))
+        for scenario, target in wanted
+    ]
     if not names:
         for left in places.packed().rglob("*.part"):  # of a command that was killed
             if time.time() - left.stat().st_mtime > 60.0:

@@ -26,6 +26,7 @@ from ..common import (
     options_of,
     out,
     print_json,
+    print_numbers,
     warn,
 )
 
@@ -91,7 +92,7 @@ def _print(result: dict[str, Any]) -> None:
         table.add_column(justify="right" if i else "left")
     for row in rows:
         table.add_row(*row)
-    out.print(table)
+    print_numbers(table)
     if result["draws"]:
         out.print(f"medians of {result['draws']} draws", highlight=False)
 
