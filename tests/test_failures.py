@@ -480,6 +480,38 @@ def test_a_file_size_limit(system, tmp_path):
     assert y[1:].tolist() == times[1:].tolist()
 
 
+def test_a_full_disk(tmp_path):
+    """Full to the last byte: the manifest has its room, the report has none."""
+    place = tmp_path / "disk"
+    place.mkdir()
+    mounted = ["mount", "-t", "tmpfs", "-o", "size=10m", "tmpfs", str(place)]
+    if subprocess.run(mounted, capture_output=True, check=False).returncode:
+        pytest.skip("needs the right to mount a small disk")
+    try:
+        result = subprocess.run(
+            [sys.executable, "-m", "desat.cli", "run", "gyrostat/free", "--step", "0.01", "--stop",
+             "300", "--no-twin", "--out", str(place / "out")],
+            capture_output=True, text=True, cwd=ROOT, check=False,
+        )  # fmt: skip
+        assert result.returncode == Exit.SPACE, result.stderr
+        lines = [x for x in result.stderr.splitlines() if "may take" not in x]
+        assert lines[0] == f"warning: {place}/out: it has no report: no space left on the disk"
+        assert re.fullmatch(
+            rf"no space: {place}/out/series.h5: no space left on the disk; (\d+) rows are kept",
+            lines[1],
+        )
+        assert len(lines) == 2
+        assert {p.name for p in (place / "out").iterdir()} == {"manifest.json", "series.h5.part"}
+        manifest = json.loads((place / "out/manifest.json").read_text())
+        with Results.open(place / "out") as results:
+            times = results.times()
+        assert (manifest["status"], manifest["rows"]) == ("no space", len(times))
+        assert len(times) > 500
+        assert times[-1] == pytest.approx(0.01 * (len(times) - 1))
+    finally:
+        subprocess.run(["umount", str(place)], check=True)
+
+
 def test_room_is_estimated(system):
     from desat.study import recorded
 

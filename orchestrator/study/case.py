@@ -22,7 +22,7 @@ from ..system.codes import Exit
 from ..system.errors import DesatError, RunError
 from ..system.model import System
 from . import stopping, supervise
-from .manifest import describe, gone_on, numbers, read_manifest, write_json
+from .manifest import describe, end_manifest, gone_on, numbers, read_manifest
 from .options import Options
 from .prepare import Case, load, prepare
 from .stepped import Outcome, stepped
@@ -119,8 +119,7 @@ def simulate(
         _measure(manifest, system, results)
     finally:  # whatever fails in there, what the run was is kept
         if folder is not None:
-            write_json(folder / MANIFEST, manifest)
-            (folder / f"{MANIFEST}.part").unlink(missing_ok=True)
+            end_manifest(folder, manifest)
     return Run(manifest, results)
 
 

@@ -15,13 +15,13 @@ from ..engine.instances import ComponentError, EndedError
 from ..engine.loop import bar, interruptible, run, stepping
 from ..engine.master import Master
 from ..engine.recorder import Recorder
-from ..engine.results import MANIFEST, SERIES, Results, selects
+from ..engine.results import SERIES, Results, selects
 from ..engine.unwritten import Unwritten
 from ..system.codes import Exit
 from ..system.refusal import told as refused
 from . import stopping
 from .isolation import isolated
-from .manifest import attributes, write_json
+from .manifest import attributes, begin_manifest
 from .options import asked
 from .prepare import Case
 
@@ -97,8 +97,7 @@ def stepped(
         )
         tell("layout", recorder.layout)
         if folder is not None:
-            write_json(folder / f"{MANIFEST}.part", manifest)
-            (folder / MANIFEST).unlink(missing_ok=True)  # of a run that was ended
+            begin_manifest(folder, manifest)
         if options.algorithm == "jacobi" and checkpoint is None:
             recorder.record(0, master.live)
         steps = stepping(master, recorder, ending, options.loop)
