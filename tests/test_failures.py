@@ -22,6 +22,7 @@ from conftest import ROOT
 
 from benchmarks import seen, soak
 from desat.cli.common import plain_console
+from desat.engine import recorder
 from desat.engine.results import Results
 from desat.files import archive, library, trust
 from desat.files.pack import pack
@@ -365,6 +366,25 @@ def test_signals_end_alike(system, tmp_path, number, code):
     assert not list(tmp_path.glob("desat-*"))
 
 
+@pytest.mark.parametrize(
+    ("whom", "number", "status", "code"),
+    [(os.getppid, signal.SIGTERM, "completed", 0), (os.getpid, signal.SIGKILL, "failed", 4)],
+    ids=["SIGTERM", "SIGKILL"],
+)
+def test_ended_when_all_is_recorded(system, tmp_path, monkeypatch, whom, number, status, code):
+    """While its series are compressed."""
+
+    def pack(path: Path) -> None:
+        os.kill(whom(), number)
+        time.sleep(0.3)
+
+    monkeypatch.setattr(recorder, "pack", pack)
+    run = simulate(prepare(str(system), options("NOTHING")), tmp_path / "out")
+    assert (run.manifest["status"], run.code) == (status, code)
+    assert run.results.times().tolist() == [float(k) for k in range(11)]
+    assert {p.name for p in (tmp_path / "out").iterdir()} == {"manifest.json", "series.h5"}
+
+
 def test_a_second_ctrl_c_always_ends(system, tmp_path):
     process = started(system, tmp_path, "HANG")
     process.send_signal(signal.SIGINT)
@@ -416,7 +436,7 @@ def test_what_is_left_of_a_removal_is_swept(tmp_path, monkeypatch):
 
 @pytest.mark.skipif(sys.platform != "linux", reason="needs /proc")
 def test_many_runs_in_one_process_leave_nothing():
-    """`python -m benchmarks.soak native` makes three thousand."""
+    """`python -m benchmarks.soak native` makes a thousand."""
     samples = list(soak.runs(30))
     early, late = samples[2], samples[-1]
     assert late["handles"] == early["handles"]

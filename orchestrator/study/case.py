@@ -156,7 +156,7 @@ def _supervised(
         full = no_space(ended.said.get("bug", ""))
         if "system" in ended.said and not full and outcome is None:
             raise OSError(*ended.said["system"])
-        if "bug" in ended.said and not full and outcome is None:
+        if "bug" in ended.said and not full and outcome is None and not ended.signal:
             raise RuntimeError(ended.said["bug"])
         if outcome is not None:
             if ended.how:  # all is recorded; it ended when a component was freed
@@ -191,6 +191,9 @@ def _cut_short(
     if full:  # nor for a copy: what is there is read as it is
         outcome.rows = unwritten.written
         results = Results.open(part, outcome.rows)
+    elif not part.exists():  # it was ended when all was recorded
+        part.with_name(f"{SERIES}.packing").unlink(missing_ok=True)
+        results = Results.open(path)
     else:
         recover(part, path, layout, unwritten)
         results = Results.open(path)

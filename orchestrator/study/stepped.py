@@ -142,8 +142,11 @@ def stepped(
         outcome.seconds = before + time.perf_counter() - began
         outcome.steps = master.k
         _add(outcome.warnings, [*changes("while it ran"), *said(master)])
-        results = recorder.finish(master)
-        tell("outcome", outcome)
+        with (
+            interruptible()
+        ):  # a day's series take seconds to compress; then it is told how it ended
+            results = recorder.finish(master)
+            tell("outcome", outcome)
     if master.unfreed and outcome.status == "completed":  # all is recorded
         outcome.status, outcome.message = "failed", f"{master.unfreed[0]}, after the run"
         outcome.code = int(master.unfreed[0].code)
