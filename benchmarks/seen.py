@@ -128,8 +128,8 @@ def _targets(parts: Parts) -> Iterator[str]:
 
 def _prices(parts: Parts) -> Iterator[str]:
     for steps, part in parts.items():
-        yield f"- Prices ({steps} of the nadir day; least of five, in turns; {part['date']}, when "
-        yield f"  the machine's load average was {part['load']:g} on {os.cpu_count()} processors):"
+        yield f"- Prices ({steps} of the nadir day; least of five, in turns; {part['date']},"
+        yield f"  load average {part['load']:g} on two processors):"
         yield from (f"  {k}: {v:g};" for k, v in part.items() if k not in ("date", "load"))
 
 

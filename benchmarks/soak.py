@@ -1,7 +1,7 @@
 """Many short runs in one process, or one of very many steps: do handles, memory and temporary files
 stay what they are?
 
-`python -m benchmarks.soak native [RUNS]` (3000) makes runs of native FMUs, `python [RUNS]` (200) of
+`python -m benchmarks.soak native [RUNS]` (1000) makes runs of native FMUs, `python [RUNS]` (200) of
 Python FMUs, both in memory, into a folder, and in processes of their own, in turn; `steps [STEPS]`
 (10,000,000) makes one run of so many steps, which records two outputs at each. A line a tenth of
 them is printed. With `--keep` the lines go to seen.json, too.
@@ -32,7 +32,7 @@ from . import seen
 
 TARGET = "nadir_day/day-dipole"
 LONG = "gyrostat/free"
-COUNTS = {"native": 3000, "python": 200, "steps": 10_000_000}
+COUNTS = {"native": 1000, "python": 200, "steps": 10_000_000}
 ROW = 8 * (1 + 3)
 """Bytes on the disk of a row of the long run: time and three momenta."""
 
@@ -87,14 +87,14 @@ def main() -> None:
     keep, given = seen.asked(), sys.argv[1:]
     what = given[0]
     count = (
-        int(given[1]) if given[1:] else {"native": 3000, "python": 200, "steps": 10_000_000}[what]
+        int(given[1]) if given[1:] else {"native": 1000, "python": 200, "steps": 10_000_000}[what]
     )
     lines = []
     for line in steps(count) if what == "steps" else runs(count, cast(Any, what)):
         print(line, flush=True)
         lines.append(line)
-    if keep:
-        seen.keep("soak", what, {"lines": lines})
+        if keep and len(lines) > 1:
+            seen.keep("soak", what, {"lines": lines})
 
 
 if __name__ == "__main__":

@@ -22,6 +22,7 @@ from conftest import ROOT
 
 from benchmarks import seen, soak
 from desat.cli.common import plain_console
+from desat.engine import recorder
 from desat.engine.results import Results
 from desat.files import archive, library, trust
 from desat.files.pack import pack
@@ -381,6 +382,25 @@ def test_signals_end_alike(system, tmp_path, number, code):
     assert not list(tmp_path.glob("desat-*"))
 
 
+@pytest.mark.parametrize(
+    ("whom", "number", "status", "code"),
+    [(os.getppid, signal.SIGTERM, "completed", 0), (os.getpid, signal.SIGKILL, "failed", 4)],
+    ids=["SIGTERM", "SIGKILL"],
+)
+def test_ended_when_all_is_recorded(system, tmp_path, monkeypatch, whom, number, status, code):
+    """While its series are compressed."""
+
+    def pack(path: Path) -> None:
+        os.kill(whom(), number)
+        time.sleep(0.3)
+
+    monkeypatch.setattr(recorder, "pack", pack)
+    run = simulate(prepare(str(system), options("NOTHING")), tmp_path / "out")
+    assert (run.manifest["status"], run.code) == (status, code)
+    assert run.results.times().tolist() == [float(k) for k in range(11)]
+    assert {p.name for p in (tmp_path / "out").iterdir()} == {"manifest.json", "series.h5"}
+
+
 def test_a_second_ctrl_c_always_ends(system, tmp_path):
     process = started(system, tmp_path, "HANG")
     process.send_signal(signal.SIGINT)
@@ -432,7 +452,7 @@ def test_what_is_left_of_a_removal_is_swept(tmp_path, monkeypatch):
 
 @pytest.mark.skipif(sys.platform != "linux", reason="needs /proc")
 def test_many_runs_in_one_process_leave_nothing():
-    """`python -m benchmarks.soak native` makes three thousand."""
+    """`python -m benchmarks.soak native` makes a thousand."""
     samples = list(soak.runs(30))
     early, late = samples[2], samples[-1]
     assert late["handles"] == early["handles"]
@@ -494,6 +514,38 @@ def test_a_file_size_limit(system, tmp_path):
     assert len(times) > 1000
     assert times.tolist() == [float(k) for k in range(len(times))]
     assert y[1:].tolist() == times[1:].tolist()
+
+
+def test_a_full_disk(tmp_path):
+    """Full to the last byte: the manifest has its room, the report has none."""
+    place = tmp_path / "disk"
+    place.mkdir()
+    mounted = ["mount", "-t", "tmpfs", "-o", "size=10m", "tmpfs", str(place)]
+    if subprocess.run(mounted, capture_output=True, check=False).returncode:
+        pytest.skip("needs the right to mount a small disk")
+    try:
+        result = subprocess.run(
+            [sys.executable, "-m", "desat.cli", "run", "gyrostat/free", "--step", "0.01", "--stop",
+             "300", "--no-twin", "--out", str(place / "out")],
+            capture_output=True, text=True, cwd=ROOT, check=False,
+        )  # fmt: skip
+        assert result.returncode == Exit.SPACE, result.stderr
+        lines = [x for x in result.stderr.splitlines() if "may take" not in x]
+        assert lines[0] == f"warning: {place}/out: it has no report: no space left on the disk"
+        assert re.fullmatch(
+            rf"no space: {place}/out/series.h5: no space left on the disk; (\d+) rows are kept",
+            lines[1],
+        )
+        assert len(lines) == 2
+        assert {p.name for p in (place / "out").iterdir()} == {"manifest.json", "series.h5.part"}
+        manifest = json.loads((place / "out/manifest.json").read_text())
+        with Results.open(place / "out") as results:
+            times = results.times()
+        assert (manifest["status"], manifest["rows"]) == ("no space", len(times))
+        assert len(times) > 500
+        assert times[-1] == pytest.approx(0.01 * (len(times) - 1))
+    finally:
+        subprocess.run(["umount", str(place)], check=True)
 
 
 def test_room_is_estimated(system):

@@ -23,7 +23,7 @@ from ..system.codes import Exit
 from ..system.errors import DesatError, RunError
 from ..system.model import System
 from . import stopping, supervise
-from .manifest import describe, gone_on, numbers, read_manifest, write_json
+from .manifest import describe, end_manifest, gone_on, numbers, read_manifest
 from .options import Options
 from .prepare import Case, load, prepare
 from .stepped import Outcome, stepped
@@ -121,8 +121,7 @@ def simulate(
         _measure(manifest, system, results)
     finally:  # whatever fails in there, what the run was is kept
         if folder is not None:
-            write_json(folder / MANIFEST, manifest)
-            (folder / f"{MANIFEST}.part").unlink(missing_ok=True)
+            end_manifest(folder, manifest)
     return Run(manifest, results)
 
 
@@ -159,7 +158,7 @@ def _supervised(
         full = no_space(ended.said.get("bug", ""))
         if "system" in ended.said and not full and outcome is None:
             raise OSError(*ended.said["system"])
-        if "bug" in ended.said and not full and outcome is None:
+        if "bug" in ended.said and not full and outcome is None and not ended.signal:
             raise RuntimeError(ended.said["bug"])
         if outcome is not None:
             if ended.how:  # all is recorded; it ended when a component was freed
@@ -198,6 +197,9 @@ def _cut_short(
     if full:  # nor for a copy: what is there is read as it is
         outcome.rows = unwritten.written
         results = Results.open(part, outcome.rows)
+    elif not part.exists():  # it was ended when all was recorded
+        part.with_name(f"{SERIES}.packing").unlink(missing_ok=True)
+        results = Results.open(path)
     else:
         recover(part, path, layout, unwritten)
         results = Results.open(path)

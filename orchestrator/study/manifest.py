@@ -26,6 +26,9 @@ from .relation import related
 _J2000 = datetime(2000, 1, 1, 12, tzinfo=UTC)
 PACKAGES = ("desat", "fmpy", "pythonfmu", "numpy", "scipy", "h5py")
 
+_ROOM = 64_000
+"""Bytes that the manifest of a run under way is longer than it needs."""
+
 
 @cache
 def versions() -> dict[str, str]:
@@ -137,10 +140,39 @@ def relate(manifest: dict[str, Any], others: dict[str, dict[str, Any]]) -> None:
 
 def write_json(path: Path, data: Any) -> None:
     """Write JSON under a temporary name, then rename."""
+    _write(path, json.dumps(data, indent=1))
+
+
+def _write(path: Path, text: str) -> None:
     part = path.with_name(path.name + ".tmp")
     path.parent.mkdir(parents=True, exist_ok=True)
-    part.write_text(json.dumps(data, indent=1), encoding="utf-8")
-    part.replace(path)
+    try:
+        part.write_text(text, encoding="utf-8")
+        part.replace(path)
+    except OSError:
+        part.unlink(missing_ok=True)
+        raise
+
+
+def begin_manifest(folder: Path, manifest: dict[str, Any]) -> None:
+    """Write the manifest of a run that is under way, with room for that of its end."""
+    _write(folder / f"{MANIFEST}.part", json.dumps(manifest, indent=1) + _ROOM * " ")
+    (folder / MANIFEST).unlink(missing_ok=True)  # of a run that was ended
+
+
+def end_manifest(folder: Path, manifest: dict[str, Any]) -> None:
+    """Write the manifest of a run that is over; where the disk is full, into the room it has."""
+    part, text = folder / f"{MANIFEST}.part", json.dumps(manifest, indent=1).encode()
+    try:
+        write_json(folder / MANIFEST, manifest)
+    except OSError:
+        if not part.exists() or part.stat().st_size < len(text):
+            raise
+        with part.open("r+b") as file:
+            file.write(text)
+            file.truncate()
+        part.replace(folder / MANIFEST)
+    part.unlink(missing_ok=True)
 
 
 def read_manifest(folder: Path) -> dict[str, Any]:

@@ -29,8 +29,12 @@ def render(template: str, **values: Any) -> str:
 def write_page(path: Path, text: str) -> Path:
     """Write a page under a temporary name, then rename."""
     part = path.with_name(path.name + ".part")
-    part.write_text(text, encoding="utf-8")
-    part.replace(path)
+    try:
+        part.write_text(text, encoding="utf-8")
+        part.replace(path)
+    except OSError:
+        part.unlink(missing_ok=True)
+        raise
     return path
 
 

@@ -15,13 +15,13 @@ from ..engine.instances import ComponentError, EndedError
 from ..engine.loop import bar, interruptible, run, stepping
 from ..engine.master import Master
 from ..engine.recorder import Recorder
-from ..engine.results import MANIFEST, SERIES, Results, selects
+from ..engine.results import SERIES, Results, selects
 from ..engine.unwritten import Unwritten
 from ..system.codes import Exit
 from ..system.refusal import told as refused
 from . import stopping
 from .isolation import isolated
-from .manifest import attributes, write_json
+from .manifest import attributes, begin_manifest
 from .options import asked
 from .prepare import Case
 
@@ -97,8 +97,7 @@ def stepped(
         )
         tell("layout", recorder.layout)
         if folder is not None:
-            write_json(folder / f"{MANIFEST}.part", manifest)
-            (folder / MANIFEST).unlink(missing_ok=True)  # of a run that was ended
+            begin_manifest(folder, manifest)
         if options.algorithm == "jacobi" and checkpoint is None:
             recorder.record(0, master.live)
         steps = stepping(master, recorder, ending, options.loop)
@@ -143,8 +142,11 @@ def stepped(
         outcome.seconds = before + time.perf_counter() - began
         outcome.steps = master.k
         _add(outcome.warnings, [*changes("while it ran"), *said(master)])
-        results = recorder.finish(master)
-        tell("outcome", outcome)
+        with (
+            interruptible()
+        ):  # a day's series take seconds to compress; then it is told how it ended
+            results = recorder.finish(master)
+            tell("outcome", outcome)
     if master.unfreed and outcome.status == "completed":  # all is recorded
         outcome.status, outcome.message = "failed", f"{master.unfreed[0]}, after the run"
         outcome.code = int(master.unfreed[0].code)

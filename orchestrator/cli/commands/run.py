@@ -13,7 +13,8 @@ import typer
 from rich.table import Table
 
 from ...files import claim
-from ...system.errors import DesatError
+from ...system.codes import Exit
+from ...system.errors import DesatError, RunError
 from ..common import (
     Alg,
     Blocks,
@@ -146,10 +147,9 @@ def conclude(
 ) -> None:
     """What follows a run: its twin, the report, and how the command ends."""
     from ...engine import checkpoint
-    from ...study import report as report_module
 
     other = _run_twin(finished, options, folder) if twin and finished.ok else None
-    page = report_module.write_report(folder, finished, other)
+    page = _report(finished, other, folder)
     if csv:
         from ...study.export import export
 
@@ -162,6 +162,22 @@ def conclude(
     _report_run(finished, other, folder, page, as_json)
     if code := finished.code or (other.code if other else 0):
         raise typer.Exit(code)
+
+
+def _report(finished: Run, other: Run | None, folder: Path) -> Path | None:
+    """Write the report; None where there is no room for that of a run that did not end well."""
+    from ...engine.host import no_space
+    from ...study import report as report_module
+
+    try:
+        return report_module.write_report(folder, finished, other)
+    except OSError as error:
+        if not (full := no_space(str(error))):
+            raise
+        if finished.ok:
+            raise RunError(f"{folder}: its report: {full}", Exit.SPACE) from error
+        warn([f"{folder}: it has no report: {full}"])
+        return None
 
 
 def _free(folder: Path | None) -> None:
@@ -217,14 +233,16 @@ def _run_twin(finished: Run, options: Options, folder: Path) -> Run | None:
     return other
 
 
-def _report_run(finished: Run, other: Run | None, folder: Path, page: Path, as_json: bool) -> None:
+def _report_run(
+    finished: Run, other: Run | None, folder: Path, page: Path | None, as_json: bool
+) -> None:
     from ...engine.results import SERIES
     from ...study.drawing import pretty_unit
     from ...study.report import number, title_of
 
     manifest = finished.manifest
     if as_json:
-        print_json({**manifest, "folder": str(folder), "report": str(page)})
+        print_json({**manifest, "folder": str(folder), "report": page and str(page)})
         return
     if manifest["status"] != "completed":
         err.print(f"{manifest['status']}: {manifest['message']}", highlight=False, markup=False)
@@ -243,7 +261,8 @@ def _report_run(finished: Run, other: Run | None, folder: Path, page: Path, as_j
         table.add_row(*row, pretty_unit(n["unit"]))
     if manifest["numbers"]:
         out.print(table)
+    report = f"\nreport: {page.resolve()}" if page else ""
     out.print(
         f"{manifest['steps_done']} steps, {manifest['us_per_step']} us a step; series in "
-        f"{folder / SERIES}\nreport: {page.resolve()}", highlight=False, markup=False,
+        f"{folder / SERIES}{report}", highlight=False, markup=False,
     )  # fmt: skip
