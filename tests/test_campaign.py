@@ -418,6 +418,11 @@ def test_sobol_indices_of_a_linear_function(system):
     every = np.ones(count, bool)
     first = [e["first"] for e in report._sobol(plan, y, every, {"y": y})["y"].values()]
     assert first == pytest.approx([0.8, 0.2] + [0.0] * (sum(sizes) - 2), abs=0.02)
+    cases = np.arange(count)
+    apart = report._apart(plan, cases)
+    assert apart.sum() == 2 * 256
+    alone = np.array([points(i) for i in cases[apart]])
+    assert all(len(np.unique(column)) == len(column) for column in alone.T), "they share no value"
     every[0] = False
     assert report._sobol(plan, y, every, {"y": y}) == {"missing": "they need every case completed"}
 
@@ -431,6 +436,7 @@ def test_campaigns_are_compared_case_by_case(whole, own, tmp_path):
     told = compare(whole, folder)
     entry = told["numbers"]["coil_load"]
     assert told["pairs"] == entry["n"] <= 30
+    assert entry["unit"] == "%"
     assert entry["lower"] + entry["higher"] + entry["equal"] == entry["n"]
     assert entry["interval"][0] <= entry["median"] <= entry["interval"][1]
     a, b = (store.read(f)["out.coil_load"].to_pylist()[:30] for f in (whole, folder))
@@ -440,6 +446,10 @@ def test_campaigns_are_compared_case_by_case(whole, own, tmp_path):
     head.run(plan, tmp_path / "seed", 1, progress=False)
     with pytest.raises(DesatError, match="seed is 1 and 2; pairs need the same"):
         compare(whole, tmp_path / "seed")
+    path = folder / store.NUMBERS
+    path.write_text(path.read_text().replace("deg/s", "rad/s"))
+    with pytest.raises(DesatError, match=r"rate is in deg/s and in rad/s; pairs need the same"):
+        compare(whole, folder)
 
 
 # --- wrong input ----------------------------------------------------------------------------------

@@ -38,10 +38,12 @@ def compare(first: Path, second: Path, level: float = 0.95) -> dict[str, Any]:
     names = [
         n for n in tables[0].column_names if n.startswith("out.") and n in tables[1].column_names
     ]
-    _same_units(first, second, names)
+    units = _same_units(first, second, names)
     return {
         "first": str(first), "second": str(second), "pairs": len(cases),
-        "numbers": {n[4:]: _differences(tables, rows, cases, n, level) for n in names},
+        "numbers": {
+            n[4:]: {"unit": units[n], **_differences(tables, rows, cases, n, level)} for n in names
+        },
     }  # fmt: skip
 
 
@@ -63,14 +65,17 @@ def _same_inputs(
                 )
 
 
-def _same_units(first: Path, second: Path, names: list[str]) -> None:
-    """Raises DesatError where a number is in another unit in the second."""
+def _same_units(first: Path, second: Path, names: list[str]) -> dict[str, str]:
+    """The unit of each number. Raises DesatError where the second has it in another one."""
     told = [store.described(f) for f in (first, second)]
+    units = {}
     for name in names:
-        units = [t.get(name[4:], {}).get("unit") for t in told]
-        if units[0] != units[1] and None not in units:
-            raise DesatError(f"{first} and {second}: {name[4:]} is in {units[0] or 1} and in "
-                             f"{units[1] or 1}; pairs need the same")  # fmt: skip
+        ours, theirs = (t[name[4:]]["unit"] for t in told)
+        if ours != theirs:
+            raise DesatError(f"{first} and {second}: {name[4:]} is in {ours} and in {theirs}; "
+                             "pairs need the same")  # fmt: skip
+        units[name] = ours
+    return units
 
 
 def _differences(

@@ -18,7 +18,7 @@ from ..study.figures import scatter
 from ..study.manifest import write_json
 from ..study.report import number as shown
 from ..study.report import render, write_page
-from ..study.sampling import sensitivity, unit_cube
+from ..study.sampling import axes, sensitivity, unit_cube
 from . import figures, store
 from .case import POINTS, plots_of
 from .plan import Plan, read, system
@@ -56,6 +56,8 @@ def summary(folder: Path) -> dict[str, Any]:
         for c, s, m in zip(cases, status, table["message"].to_pylist(), strict=True)
         if s != "completed"
     ]  # fmt: skip
+    apart = _apart(plan, cases)
+    each = {n: v[apart] for n, v in out.items()}
     return {
         "target": plan.target, "seed": plan.seed, "sampling": plan.sampling, "count": plan.count,
         "done": len(cases), "completed": int(completed.sum()), "failed": failed,
@@ -63,14 +65,24 @@ def summary(folder: Path) -> dict[str, Any]:
         "digest": store.digest(folder),
         "numbers": numbers,
         "requirements": {
-            name: {**_requirement(entry, out, completed, cases, folder),
+            name: {**_requirement(entry, each, completed[apart], cases[apart], folder),
                    "unit": told.get(entry["number"], {}).get("unit", "")}
             for name, entry in about.get("requirements", {}).items()
         },
-        "drivers": _drivers({n: v[completed] for n, v in inputs.items()},
-                            {n: v[completed] for n, v in out.items()}),
+        "drivers": _drivers({n: v[completed & apart] for n, v in inputs.items()},
+                            {n: v[completed & apart] for n, v in out.items()}),
         "sobol": _sobol(plan, cases, completed, out),
     }  # fmt: skip
+
+
+def _apart(plan: Plan, cases: Any) -> Any:
+    """Which cases share no value with another, as intervals and tests ask for: all, but those of
+    saltelli, of which each point stands for itself first and last among those that mix it with the
+    next (`sampling.saltelli`)."""
+    if plan.sampling != "saltelli":
+        return np.ones(len(cases), bool)
+    width = sum(axes(system(plan.target, plan.run_options().blocks))[1]) + 2
+    return np.isin(cases % width, (0, width - 1))
 
 
 def _is_number(column: Any) -> bool:
@@ -159,8 +171,6 @@ def _sobol(plan: Plan, cases: Any, completed: Any, out: Mapping[str, Any]) -> di
         return None
     if len(cases) != plan.count or not completed.all():
         return {"missing": "they need every case completed"}
-    from ..study.sampling import axes
-
     names, sizes = axes(system(plan.target, plan.run_options().blocks))
     elements = [n if k == 1 else f"{n}[{i}]" for n, k in zip(names, sizes, strict=True)
                 for i in range(1, k + 1)]  # fmt: skip

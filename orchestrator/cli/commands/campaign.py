@@ -172,6 +172,7 @@ def compare(
     from rich.table import Table
 
     from ...campaign.compare import compare as of
+    from ...study.drawing import pretty_unit
     from ...study.report import number
 
     told = of(first, second)
@@ -179,13 +180,15 @@ def compare(
         print_json(told)
         return
     table = Table("number", box=None, header_style="bold", pad_edge=False)
-    for column in ("median", "from", "to", "lower %", "from", "to", "pairs"):
+    for column in ("median", "from", "to", "lower %", "from", "to", "higher %", "pairs"):
         table.add_column(column, justify="right")
+    table.add_column("unit")
     for name, entry in told["numbers"].items():
         if entry["n"]:
             cells = (entry["median"], *entry["interval"], entry["share_lower"],
-                     *entry["share_lower_interval"])  # fmt: skip
-            table.add_row(name, *map(number, cells), str(entry["n"]))
+                     *entry["share_lower_interval"],
+                     100.0 * entry["higher"] / entry["n"])  # fmt: skip
+            table.add_row(name, *map(number, cells), str(entry["n"]), pretty_unit(entry["unit"]))
     out.print(f"{told['first']} less {told['second']}, {told['pairs']} pairs; intervals of 95 %:",
               highlight=False, markup=False)  # fmt: skip
     out.print(table)
