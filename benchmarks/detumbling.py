@@ -1,7 +1,7 @@
 """Paper 003's detumbling simulated again, by arrays of draws at once: none of the blocks, laws or
 measures of this repository, of which only the Gauss coefficients and the values drawn are taken.
 
-    python -m benchmarks.detumbling [same|other|choices [NAME ...]]
+    python -m benchmarks.detumbling [same|other|choices|starts [NAME ...]]
 
 writes docs/papers/hausat2/independent.json, from which the page tells how far medians hang on the
 draws: the page's own draws flown here, other draws, and choices that the paper leaves open. Draws
@@ -14,7 +14,7 @@ import json
 import math
 import platform
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
@@ -374,7 +374,18 @@ def choices(names: Sequence[str]) -> dict[str, Any]:
     }  # fmt: skip
 
 
-PARTS = {"same": same, "other": other, "choices": choices}
+def starts(names: Sequence[str]) -> dict[str, Any]:
+    """The mean field (uT) where the page's draws and the others begin, and its standard error."""
+    of = {"page": page_s_draws()[0], "other": others(COUNT)}
+    found = {n: 1e6 * np.linalg.norm(field(_place(of[n], 0.0)[0], SIDEREAL), axis=0) for n in names}
+    return {
+        n: {"draws": len(x), "field": float(x.mean()),
+            "standard_error": float(x.std() / math.sqrt(len(x)))}
+        for n, x in found.items()
+    }  # fmt: skip
+
+
+PARTS = {"same": same, "other": other, "choices": choices, "starts": starts}
 FLOWN = {"other": COUNT, "choices": CHANGED}
 
 
@@ -390,7 +401,9 @@ def rounded(value: Any) -> Any:
 def main() -> int:
     """Measure and write a part, of the scenarios or choices that are named, or all."""
     data = json.loads(FILE.read_text(encoding="utf-8")) if FILE.exists() else {}
-    known = {"same": cases(), "other": cases(), "choices": VARIANTS}
+    known: dict[str, Iterable[str]] = {
+        "same": cases(), "other": cases(), "choices": VARIANTS, "starts": ("page", "other"),
+    }  # fmt: skip
     for part in sys.argv[1:2] or PARTS:
         names = sys.argv[2:] or list(known[part])
         made = rounded(PARTS[part](names))

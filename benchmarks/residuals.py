@@ -50,7 +50,7 @@ def measure(family: str) -> None:
     for name in scenarios(family):
         runs[name] = kept.get(name) or of(name)
         data = {"date": today, "versions": {p: version(p) for p in ("desat", "numpy")},
-                "worst": max(r["share"] for r in runs.values()), "runs": runs}  # fmt: skip
+                "runs": runs}  # fmt: skip
         file.write_text(json.dumps(data, indent=1) + "\n", encoding="utf-8")
 
 

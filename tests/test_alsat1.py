@@ -655,7 +655,7 @@ def test_momentum_adds_up_in_every_run():
     """Each scenario whole: `python -m benchmarks.residuals`."""
     found = json.loads(stored.file_of("alsat1").with_name("residuals.json").read_text())
     assert set(found["runs"]) == set(scenarios("alsat1"))
-    assert max(r["share"] for r in found["runs"].values()) == found["worst"] <= 1e-12
+    assert max(r["share"] for r in found["runs"].values()) <= 1e-12
 
 
 def test_stored_draws_are_of_scenarios_that_there_are():
