@@ -267,7 +267,8 @@ def write_altitude(tmp_path: Path, unit: str | None) -> None:
 
 @pytest.mark.parametrize(("unit", "value"), [
     ("km", 650e3), (None, "altitude = 650 m: allowed is 100000 to inf"), ("league", 650 * 5556.0),
-    ("s", "the unit of altitude = 650.0 does not fit m"), ("mile", "unit mile is not known"),
+    ("s", "e.ssv:4: environment.altitude: the unit of altitude = 650.0 does not fit m"),
+    ("mile", "unit mile is not known"),
 ])  # fmt: skip
 def test_the_unit_of_a_parameter_is_read(tmp_path, unit, value):
     write_altitude(tmp_path, unit)
