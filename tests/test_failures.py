@@ -22,6 +22,7 @@ from conftest import ROOT
 
 from benchmarks import soak
 from desat.cli.common import plain_console
+from desat.engine import recorder
 from desat.engine.results import Results
 from desat.files import archive, library, trust
 from desat.study import case
@@ -193,6 +194,15 @@ def test_a_signal_before_the_first_step_is_no_bug_of_ours(monkeypatch, number, r
     with pytest.raises(raised) as ended:
         simulate(prepare("plant/light", Options(supervised=True, blocks=True)))
     assert raised is KeyboardInterrupt or ended.value.code == Exit.TERMINATED
+
+
+def test_series_survive_a_run_that_is_killed_while_they_are_compressed(monkeypatch, tmp_path):
+    monkeypatch.setattr(recorder, "pack", lambda path: os.kill(os.getpid(), signal.SIGKILL))
+    options = Options(supervised=True, blocks=True, stop=20.0)
+    run = simulate(prepare("plant/light", options), tmp_path / "a")
+    assert run.code == Exit.COMPONENT
+    assert "ended by SIGKILL" in run.manifest["message"]
+    assert run.results.times()[-1] == 20.0
 
 
 def test_many_rows_survive_a_crash(system, tmp_path, monkeypatch):

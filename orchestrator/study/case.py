@@ -198,6 +198,9 @@ def _cut_short(
     if full:  # nor for a copy: what is there is read as it is
         outcome.rows = unwritten.written
         results = Results.open(part, outcome.rows)
+    elif path.exists() and not part.exists():  # all was recorded, and being compressed
+        path.with_name(f"{SERIES}.packing").unlink(missing_ok=True)
+        results = Results.open(path)
     else:
         recover(part, path, layout, unwritten)
         results = Results.open(path)
