@@ -170,6 +170,16 @@ def test_wrong_count_and_kind(broken):
     assert "the form is COMPONENT.VARIABLE=VALUE" in broken(sets=("manager",))
 
 
+@pytest.mark.parametrize(("option", "said"), [
+    ({"loop": "fast"}, "loop = 'fast': there is compiled, python"),
+    ({"isolate": True}, "isolate = True: there is all, foreign, none"),
+    ({"stop": "5"}, "stop = '5': a time in s is needed"),
+])  # fmt: skip
+def test_what_a_program_asks_for_is_looked_at(option, said):
+    with pytest.raises(DesatError, match=said):
+        Options(**option)
+
+
 def test_sample_time_that_does_not_fit(broken):
     problems = broken(sets=("manager.sample_time=15",))
     assert "manager.sample_time = 15 s is not a multiple of its step 10 s" in problems
@@ -267,7 +277,8 @@ def write_altitude(tmp_path: Path, unit: str | None) -> None:
 
 @pytest.mark.parametrize(("unit", "value"), [
     ("km", 650e3), (None, "altitude = 650 m: allowed is 100000 to inf"), ("league", 650 * 5556.0),
-    ("s", "the unit of altitude = 650.0 does not fit m"), ("mile", "unit mile is not known"),
+    ("s", "e.ssv:4: environment.altitude: the unit of altitude = 650.0 does not fit m"),
+    ("mile", "unit mile is not known"),
 ])  # fmt: skip
 def test_the_unit_of_a_parameter_is_read(tmp_path, unit, value):
     write_altitude(tmp_path, unit)

@@ -234,6 +234,15 @@ def test_a_signal_before_the_first_step_is_no_bug_of_ours(monkeypatch, number, r
     assert raised is KeyboardInterrupt or ended.value.code == Exit.TERMINATED
 
 
+def test_series_survive_a_run_that_is_killed_while_they_are_compressed(monkeypatch, tmp_path):
+    monkeypatch.setattr(recorder, "pack", lambda path: os.kill(os.getpid(), signal.SIGKILL))
+    options = Options(supervised=True, blocks=True, stop=20.0)
+    run = simulate(prepare("plant/light", options), tmp_path / "a")
+    assert run.code == Exit.COMPONENT
+    assert "ended by SIGKILL" in run.manifest["message"]
+    assert run.results.times()[-1] == 20.0
+
+
 def test_many_rows_survive_a_crash(system, tmp_path, monkeypatch):
     """Those that were flushed, and those that were not, once each."""
     (system / "SystemStructure.ssd").write_text(ssd(start="-1097", stop="10"))

@@ -71,7 +71,7 @@ def _named(
     folder: Path, data: dict[str, Any], key: str, given: Callable[[Keys], tuple[str, str]]
 ) -> Path:  # fmt: skip
     """The file that a scenario names. Raises DesatError where it is not there."""
-    file = folder / data[key]
+    file: Path = folder / data[key]
     if not file.exists():
         at = ": ".join(given((key,)))
         raise DesatError(f"{at} = {data[key]!r}: no such file in {places.shown(folder)}")

@@ -36,13 +36,11 @@ from ..system.interface import Interface
 from ..system.model import Connection, Connector
 from ..system.parameters import expand
 from ..system.wiring import elements, misfit, names, usual_sources
-from . import library
+from . import library, places
 from .toml import lines, parsed, text
 
 FILE = "craft.toml"
 ENDING = ".craft.toml"
-ROOT = Path(__file__).resolve().parents[2]
-"""Files in here are named from here in messages."""
 KEYS = ("title", "stop", "components", "wiring", "shared", "parameters")
 
 
@@ -70,7 +68,7 @@ def stem(path: Path) -> str:
 class _Reader:
     def __init__(self, path: Path) -> None:
         self.folder = path.parent
-        self.where = str(path.relative_to(ROOT) if path.is_relative_to(ROOT) else path)
+        self.where = places.shown(path)
         self.problems: list[str] = []
         source = text(path, self.where)
         self.data = parsed(source, self.where)

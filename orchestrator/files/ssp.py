@@ -261,6 +261,7 @@ def _give(
 ) -> None:  # fmt: skip
     """Give a component's parameter the value that a parameter set has."""
     component.parameters[name] = value
+    component.given[name] = where
     component.given.setdefault(base_name(name), where)
     if unit is not None:
         component.units[name] = unit

@@ -197,8 +197,7 @@ def _cut_short(
     if full:  # nor for a copy: what is there is read as it is
         outcome.rows = unwritten.written
         results = Results.open(part, outcome.rows)
-    elif not part.exists():  # it was ended when all was recorded
-        part.with_name(f"{SERIES}.packing").unlink(missing_ok=True)
+    elif path.exists() and not part.exists():  # it was ended when all was recorded
         results = Results.open(path)
     else:
         recover(part, path, layout, unwritten)

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
+from numbers import Real
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 from ..engine.ending import Loop
 from ..engine.master import Algorithm
+from ..system.errors import DesatError
 
 
 def asked(target: str, options: Options) -> dict[str, Any]:
@@ -25,6 +27,12 @@ def as_asked(told: Mapping[str, Any]) -> Options:
     return Options(**given)
 
 
+Fmus = Literal["native", "python"]
+Isolate = Literal["all", "foreign", "none"]
+_CHOICES = {"fmus": Fmus, "loop": Loop, "isolate": Isolate}
+_TIMES = ("stop", "step", "time_limit", "call_limit", "checkpoint")
+
+
 @dataclass
 class Options:
     """What the command line may change about a run."""
@@ -38,7 +46,7 @@ class Options:
     """Inner steps within each step (`system/rates.py`)."""
     algorithm: Algorithm = "conserving"
     blocks: bool = False
-    fmus: Literal["native", "python"] = "native"
+    fmus: Fmus = "native"
     """Which of our FMUs run; the same bits. Where there is no native one, the one of Python."""
     record: tuple[str, ...] = ("*",)
     every: int = 1
@@ -57,9 +65,19 @@ class Options:
     """It runs in a process of its own, where there are such (POSIX)."""
     call_limit: float = 300.0
     """Wall time (s) that one call of a component may take, where it is supervised or isolated."""
-    isolate: Literal["all", "foreign", "none"] = "foreign"
+    isolate: Isolate = "foreign"
     """Which FMUs run in a process each, where there are such (POSIX)."""
     halvings: int = 0
     """A step that a foreign FMU discards is made in halves, so many times at most."""
     checkpoint: float | None = None
     """Simulated time (s) between checkpoints, which `study/resume.py` goes on from."""
+
+    def __post_init__(self) -> None:
+        """Raises DesatError for what programs give: a choice or a time that is none."""
+        for name, choices in _CHOICES.items():
+            if (value := getattr(self, name)) not in get_args(choices):
+                raise DesatError(f"{name} = {value!r}: there is {', '.join(get_args(choices))}")
+        for name in _TIMES:
+            value = getattr(self, name)
+            if value is not None and (not isinstance(value, Real) or isinstance(value, bool)):
+                raise DesatError(f"{name} = {value!r}: a time in s is needed")

@@ -112,14 +112,15 @@ def table(components: Iterable[Component]) -> dict[str, dict[str, Any]]:
     return parameters
 
 
-def in_unit_of(signal: Signal, value: Scalar, unit: Unit) -> Scalar:
-    """A value given in `unit` in the unit of its variable. Raises DesatError where it does not
-    fit."""
+def in_unit_of(signal: Signal, value: Scalar, unit: Unit, where: str) -> Scalar:
+    """A value given in `unit` in the unit of its variable. Raises DesatError, which begins with
+    `where`, where it does not fit."""
     if signal.unit is None or isinstance(value, bool):
-        raise DesatError(f"{signal.name} has no unit, but its value was given with one")
+        raise DesatError(f"{where}: {signal.name} has no unit, but its value was given with one")
     converted = conversion(unit, signal.unit)
     if converted is None:
-        raise DesatError(f"the unit of {signal.name} = {value} does not fit {signal.unit_name}")
+        raise DesatError(f"{where}: the unit of {signal.name} = {value} does not fit "
+                         f"{signal.unit_name}")  # fmt: skip
     return value if converted == (1.0, 0.0) else converted[0] * value + converted[1]
 
 

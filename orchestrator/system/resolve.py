@@ -106,11 +106,12 @@ def _parameters(
     """The values of a component by element, in the variables' own units."""
     parameters: dict[str, Scalar] = {}
     for name, value in c.parameters.items():
+        where = c.given.get(name, draft.where)
         try:
             signals = interface.elements(name)
             if name in c.units and signals:
-                value = in_unit_of(signals[0], value, c.units[name])
-            parameters.update(expand(interface, name, value, f"{draft.where}: {c.name}"))
+                value = in_unit_of(signals[0], value, c.units[name], where)
+            parameters.update(expand(interface, name, value, f"{where}: {c.name}"))
         except DesatError as error:
             problems.append(str(error))
     return parameters

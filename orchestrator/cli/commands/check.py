@@ -89,5 +89,5 @@ def check(
             out.print(table)
     if checked.problems:
         if not as_json:
-            err.print(f"{len(checked.problems)} problem(s) in {case.where}", markup=False)
+            err.print(f"{len(checked.problems)} problem(s) in {target}", markup=False)
         raise typer.Exit(Exit.UNMET)

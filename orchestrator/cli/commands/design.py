@@ -17,7 +17,8 @@ from ..common import Json, Semantics, Sets, Step, Stop, app, err, options_of, ou
 def design(
     names: Annotated[
         list[str] | None,
-        typer.Argument(metavar="[NAME]...", help="Scenarios (default: all with a design)."),
+        typer.Argument(metavar="[NAME]...",
+                       help="Scenarios (default: all with a design; takes minutes)."),
     ] = None,
     sets: Sets = None,
     stop: Stop = None,
