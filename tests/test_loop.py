@@ -311,6 +311,7 @@ def test_rows_around_a_chunk(probe, monkeypatch, tmp_path, rows, every, ticks):
         with Master(*system(probe)) as m:
             m.initialise()
             recorder = Recorder(file and tmp_path / file, m, every=every)
+            recorder._at_once = file is None  # as with FMUs of ours
             run(m, stepping(m, recorder, NEVER, loop), steps, recorder)
             with recorder.finish(m) as results:
                 assert results.values("a.x").tolist() == [float(every * i) for i in range(rows)]

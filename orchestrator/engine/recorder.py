@@ -1,7 +1,7 @@
 """Writes the series of a run while it runs; `results.py` says how they lie in the file.
 
 Rows are written and packed by a thread, while the compiled loop, which lets go of the interpreter,
-takes further ones.
+takes further ones; at once where FMUs are not ours.
 """
 
 from __future__ import annotations
@@ -92,6 +92,10 @@ class Recorder:
             new.replace(self._part)
             path.unlink(missing_ok=True)
         self._packing = None if path is None else Packing(self._file, path)
+        # a foreign FMU may call exit(), at which HDF5 closes its files: nobody may be writing then
+        self._at_once = path is None or not all(
+            member.component.interface.role for member in master.members.values()
+        )
         self._writer, self._job = ThreadPoolExecutor(1), Future[None]()
         self._job.set_result(None)
 
@@ -179,7 +183,7 @@ class Recorder:
         self._job.result()
         self._flushed = time.monotonic()
         half = self.unwritten.swap()
-        if self.path is None:
+        if self._at_once:
             self._write(half)
         else:
             self._job = self._writer.submit(self._write, half)
