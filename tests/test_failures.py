@@ -22,7 +22,7 @@ from conftest import ROOT
 
 from benchmarks import seen, soak
 from desat.cli.common import plain_console
-from desat.engine import recorder
+from desat.engine.packed import Packing
 from desat.engine.results import Results
 from desat.files import archive, library, trust
 from desat.files.pack import pack
@@ -234,15 +234,6 @@ def test_a_signal_before_the_first_step_is_no_bug_of_ours(monkeypatch, number, r
     assert raised is KeyboardInterrupt or ended.value.code == Exit.TERMINATED
 
 
-def test_series_survive_a_run_that_is_killed_while_they_are_compressed(monkeypatch, tmp_path):
-    monkeypatch.setattr(recorder, "pack", lambda path: os.kill(os.getpid(), signal.SIGKILL))
-    options = Options(supervised=True, blocks=True, stop=20.0)
-    run = simulate(prepare("plant/light", options), tmp_path / "a")
-    assert run.code == Exit.COMPONENT
-    assert "ended by SIGKILL" in run.manifest["message"]
-    assert run.results.times()[-1] == 20.0
-
-
 def test_many_rows_survive_a_crash(system, tmp_path, monkeypatch):
     """Those that were flushed, and those that were not, once each."""
     (system / "SystemStructure.ssd").write_text(ssd(start="-1097", stop="10"))
@@ -397,13 +388,16 @@ def test_signals_end_alike(system, tmp_path, number, code):
     ids=["SIGTERM", "SIGKILL"],
 )
 def test_ended_when_all_is_recorded(system, tmp_path, monkeypatch, whom, number, status, code):
-    """While its series are compressed."""
+    """While the last of its series are compressed."""
+    finish, test = Packing.finish, os.getpid()
 
-    def pack(path: Path) -> None:
-        os.kill(whom(), number)
-        time.sleep(0.3)
+    def killed(packing: Packing) -> Path | None:
+        if os.getpid() != test:  # the parent packs what it has saved
+            os.kill(whom(), number)
+            time.sleep(0.3)
+        return finish(packing)
 
-    monkeypatch.setattr(recorder, "pack", pack)
+    monkeypatch.setattr(Packing, "finish", killed)
     run = simulate(prepare(str(system), options("NOTHING")), tmp_path / "out")
     assert (run.manifest["status"], run.code) == (status, code)
     assert run.results.times().tolist() == [float(k) for k in range(11)]
