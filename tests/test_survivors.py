@@ -15,6 +15,7 @@ from desat.components.contract.block import BlockError
 from desat.components.laws import blending, momentum_management, receding_horizon
 from desat.components.maths import moments
 from desat.components.physics import wheel_array
+from desat.fmus import registry
 from desat.study import plots
 from desat.study.case import Options, execute, load
 from desat.system.check import check
@@ -306,6 +307,19 @@ def test_a_shared_parameter_must_be_equal_everywhere():
     draft.components["manager"].parameters["axes_wheel[1,2]"] = 0.5
     with pytest.raises(DesatError, match=r"axes_wheel\[1,2\] = .*the two must be equal"):
         check(draft).or_raise()
+
+
+@pytest.mark.parametrize("known", ["axes_wheel", "inertia_wheel"])
+def test_what_blocks_know_of_the_wheels_is_shared(known):
+    """So that `check` refuses a manager that knows other wheels than there are."""
+    found = {
+        name: v.shared
+        for name in registry.names()
+        for v in registry.block_class(name).variables
+        if v.name == known
+    }
+    assert len(found) > 2
+    assert all(found.values()), found
 
 
 def test_a_limit_is_left_out_where_its_unless_holds():
