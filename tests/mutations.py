@@ -350,7 +350,8 @@ def page(result: dict[str, Any]) -> str:
     n = score(result)
     real = n["ran"] - n["equivalent"]
     low, high = clopper_pearson(n["killed"], real)
-    of = dict(sorted(result.get("controls", {}).items()))
+    of = result.get("controls", {})
+    added = sum("added for it" in m.get("by", "") for m in result["mutations"])
     lines = [
         "# Mutations",
         "",
@@ -363,9 +364,12 @@ def page(result: dict[str, Any]) -> str:
         f"seed {result['seed']}; {len(result['mutations'])} of these change the code, and the "
         f"first {n['ran']} of them, in the order drawn, ran on {result['date']}: "
         "`tests/mutations.py`, results in `docs/mutations.json`. Each ran against at most "
-        f"{MOST} quick tests that run its line; FMUs are empty meanwhile, so that no test fails "
-        "because an FMU is of other code. Tests that take long, and those of FMUs and pages, did "
-        "not run: they can only raise the score. Controls, the same tests with nothing mutated: "
+        f"{MOST} quick tests that run its line, and what these left against the files of tests of "
+        "its module; FMUs are empty meanwhile, so that no test fails because an FMU is of other "
+        "code. Which tests run a line was found by coverage. Tests that take "
+        "long, and those of FMUs and pages, did not run: they can only raise the score. "
+        f"{added} were not killed by any test and are now, by tests that were added for them. "
+        "Controls, the same tests with nothing mutated: "
         f"{sum(v == 'survived' for v in of.values())} of {len(of)} passed.",
         "",
         "| folder | ran | killed | no mutation | open |",

@@ -12,8 +12,10 @@ import pytest
 from test_blocks import begin, fresh
 
 from desat.components.contract.block import BlockError
-from desat.components.laws import blending, receding_horizon
+from desat.components.laws import blending, momentum_management, receding_horizon
 from desat.components.maths import moments
+from desat.components.physics import wheel_array
+from desat.fmus import registry
 from desat.study import plots
 from desat.study.case import Options, execute, load
 from desat.system.check import check
@@ -205,6 +207,36 @@ def test_a_part_of_a_step_by_its_integrals():
     assert slope == pytest.approx(12.0 * (x * (s - 0.5)).mean(), rel=1e-3)
 
 
+@pytest.mark.parametrize("wheels", [1, 2, 3])
+def test_too_few_axes_have_a_pseudo_inverse_too(wheels):
+    """One axis, two, and three in a plane, against numpy's singular values."""
+    axes = np.zeros((3, 4))
+    axes[:, :wheels] = np.array([[0.6, 0.8, 0.0], [0.0, 0.6, 0.8], [0.6, 1.4, 0.8]]).T[:, :wheels]
+    found = np.reshape(wheel_array.pseudo_inverse(tuple(axes.ravel())), (4, 3))
+    assert found == pytest.approx(np.linalg.pinv(axes), abs=1e-12)
+
+
+@pytest.mark.parametrize("name", ["magnetic_share", "threshold_off", "threshold_on"])
+def test_a_share_is_none_to_all(name):
+    for value, right in ((0.0, True), (1.0, True), (-0.01, False), (1.01, False)):
+        block = fresh("manager_integrated")
+        setattr(block, name, value)
+        if right:
+            block.check()
+        else:
+            with pytest.raises(BlockError, match=name):
+                block.check()
+
+
+def test_the_condition_is_that_of_the_eigenvalues():
+    rng = np.random.default_rng(3)
+    for root in rng.normal(size=(50, 3, 3)):
+        m = root @ root.T
+        values = np.linalg.eigvalsh(m)
+        found = momentum_management.condition(tuple(m.ravel()))
+        assert found == pytest.approx(values[-1] / values[0], rel=1e-6)
+
+
 def test_each_rotor_begins_its_jitter_at_an_angle_of_its_own():
     s = 1.0 / math.sqrt(3.0)
     wheels = fresh("wheels")
@@ -275,6 +307,19 @@ def test_a_shared_parameter_must_be_equal_everywhere():
     draft.components["manager"].parameters["axes_wheel[1,2]"] = 0.5
     with pytest.raises(DesatError, match=r"axes_wheel\[1,2\] = .*the two must be equal"):
         check(draft).or_raise()
+
+
+@pytest.mark.parametrize("known", ["axes_wheel", "inertia_wheel"])
+def test_what_blocks_know_of_the_wheels_is_shared(known):
+    """So that `check` refuses a manager that knows other wheels than there are."""
+    found = {
+        name: v.shared
+        for name in registry.names()
+        for v in registry.block_class(name).variables
+        if v.name == known
+    }
+    assert len(found) > 2
+    assert all(found.values()), found
 
 
 def test_a_limit_is_left_out_where_its_unless_holds():
