@@ -44,7 +44,10 @@ class Number(Table):
     sequence: _Sequence = key("of euler and euler_lvlh: the axes turned about; default: 321")
     element: Annotated[int, Field(ge=1)] = key("only this element of what is measured, from 1 on")
     window: Annotated[list[float], Field(min_length=2, max_length=2), AfterValidator(ordered)] = (
-        key("only rows of this time, ends included; default: all", "s")
+        key(
+            "only rows of this time, ends included; an end of 1e9: that of the run; default: all",
+            "s",
+        )
     )
     percent_of: NumberOrText = key("in per cent of this: a value in the signal's unit, or a text")
     unit: Unit = key("the unit it is given in, converted from the signal's")
