@@ -385,6 +385,18 @@ def test_every_leaf_of_figure_1_has_a_scenario():
     assert all(len(drawn[n]["draws"]) >= 20 for n in compared)
 
 
+def test_what_a_row_compares_flew_the_same_draws_and_a_hundred_for_the_rows_asked_for():
+    drawn = stored.read(FAMILY)["scenarios"]
+    for name, scenario in scenarios(FAMILY).items():
+        for entry in scenario.data.get("numbers", {}).values():
+            if "reference" in entry:
+                other = drawn[f"{FAMILY}/{entry['reference']}"]["draws"]
+                assert len(drawn[name]["draws"]) == len(other), name
+        bands = [e for e in scenario.data.get("paper", {}).values() if "tolerance" in e]
+        if bands:
+            assert len(drawn[name]["draws"]) == 100, name
+
+
 def test_a_run_on_tables_of_another_attitude_or_beyond_them_is_refused_before_it_begins():
     name = f"{FAMILY}/mixed-me-nominal"
     turned = Options(blocks=True, sets=["guidance.q_target_bi=1,0,0,0"])
