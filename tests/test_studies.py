@@ -147,11 +147,8 @@ def test_commands(desat):
 
 
 def test_definitions_that_differ_in_their_twin_are_one():
-    from desat.study.cells import Row
     from desat.study.tables import definitions
 
     texts = [*(f"Saved (ratio of t to that of a-{i})" for i in (1, 2)), "Time (last)"]
-    fixed = ("1", "m", "c", "q", "s", None, 1.0, None, None, None, False, False)
-    group = [Row(*fixed, t, False, "", "") for t in texts]
-    assert definitions(group) == ["Saved (ratio of t to that of a-1, a-2, row by row)", texts[2]]
-    assert definitions(group[1:]) == texts[1:]
+    assert definitions(texts) == ["Saved (ratio of t to that of a-1, a-2, row by row)", texts[2]]
+    assert definitions(texts[1:]) == texts[1:]

@@ -141,12 +141,8 @@ class Verbs(CoilVerbs):
 
     def within(self, draws: bool = True) -> str:
         """How many of the cells that have a band are within it: `62 of 62`."""
-        count = self.counted(draws)
+        count = cells.counted(self._of.cells(draws))
         return f"{count['within']} of {count['banded']}"
-
-    def counted(self, draws: bool = True) -> dict[str, int]:
-        """How many cells there are of each kind (`cells.counted`)."""
-        return cells.counted(self._of.cells(draws))
 
     def summed_up(self, draws: bool = True) -> str:
         """How many cells are within their bands, and what that counts for."""
