@@ -66,28 +66,28 @@ def numbers(manifest: dict[str, Any], results: Results) -> dict[str, dict[str, A
     moved = np.diff(impulse[: rows + 1], axis=0)
     gravity = moved - step * torque
     fastest = np.abs(speed[first:rows]).max(axis=1) * RPM
-    numbers = {
+    entries = {
         f"time_above_{s}": (f"Time that the fastest wheel is above {s} rpm",
                             100.0 * float((fastest > s).mean()), "%") for s in SPEEDS
     }  # fmt: skip
     count = rows - first
     per_orbit = orbit / (count * step)
-    numbers["moved_by_coils"] = (
+    entries["moved_by_coils"] = (
         "Momentum that the coils move per orbit: integral of the size of their torque",
         per_orbit * step * float(np.linalg.norm(torque[first:], axis=1).sum()), "N.m.s",
     )  # fmt: skip
-    numbers["moved_by_gravity"] = (
+    entries["moved_by_gravity"] = (
         "Momentum that gravity gradient moves per orbit, likewise",
         per_orbit * float(np.linalg.norm(gravity[first:], axis=1).sum()), "N.m.s",
     )  # fmt: skip
     whole = int(orbit / step)
     means = [impulse[k : k + whole].mean(axis=0) for k in range(first, rows - whole + 1, whole)]
-    numbers["mean_change"] = (
+    entries["mean_change"] = (
         "Change of the orbit's mean momentum from one to the next, mean size",
         float(np.linalg.norm(np.diff(means, axis=0), axis=1).mean()) if means[1:] else np.nan,
         "N.m.s",
     )
-    numbers["mean_momentum"] = (
+    entries["mean_momentum"] = (
         "Size of the mean momentum",
         float(np.linalg.norm(impulse[first:rows].mean(axis=0))),
         "N.m.s",
@@ -95,7 +95,7 @@ def numbers(manifest: dict[str, Any], results: Results) -> dict[str, dict[str, A
     times = step * np.arange(first, rows)
     built = np.cumsum(gravity, axis=0)[first:]
     ours, free = (_periodic(times, x, rate) for x in (impulse[first + 1 : rows + 1], built))
-    numbers["amplitude_kept"] = (
+    entries["amplitude_kept"] = (
         "Periodic part of the momentum, of that which gravity gradient alone makes",
         100.0 * float(ours / free), "%",
     )  # fmt: skip
@@ -106,7 +106,7 @@ def numbers(manifest: dict[str, Any], results: Results) -> dict[str, dict[str, A
     sine = across / np.maximum(np.linalg.norm(wanted[part], axis=1)
                                * np.linalg.norm(b, axis=1), 1e-300)  # fmt: skip
     if size.std() > 0.0 and sine.std() > 1e-3:
-        numbers["dipole_correlation"] = (
+        entries["dipole_correlation"] = (
             "Correlation of the dipole's size with the sine of the angle of T_D to B",
             float(np.corrcoef(size, sine)[0, 1]), "1",
         )  # fmt: skip
@@ -116,17 +116,17 @@ def numbers(manifest: dict[str, Any], results: Results) -> dict[str, dict[str, A
         models = 3600.0 * (1.0 / law["sample_time"] + each)
     else:
         models = 0.0
-    numbers["field_models"] = ("Values of a field model onboard per hour", models, "1")
+    entries["field_models"] = ("Values of a field model onboard per hour", models, "1")
     if "profile_table" in law:
-        numbers["off_profile"] = ("Momentum off H_NOM at its rows, rms of its size",
-                                _off_profile(law, impulse[: rows + 1], step, first),
-                                "N.m.s")  # fmt: skip
+        entries["off_profile"] = ("Momentum off H_NOM at its rows, rms of its size",
+                                  _off_profile(law, impulse[: rows + 1], step, first),
+                                  "N.m.s")  # fmt: skip
     if "update_period" in law and law["update_period"] == law["desaturation_period"]:
-        numbers["end_miss"] = ("What the ends of desaturation periods miss H_NOM by, rms, of H_D's",
-                             _end_miss(law, impulse, wanted, q, step), "%")  # fmt: skip
+        entries["end_miss"] = ("What the ends of desaturation periods miss H_NOM by, rms, of H_D's",
+                               _end_miss(law, impulse, wanted, q, step), "%")  # fmt: skip
     return {
         k: {"title": t, "value": v, "unit": u}
-        for k, (t, v, u) in numbers.items() if np.isfinite(v)
+        for k, (t, v, u) in entries.items() if np.isfinite(v)
     }  # fmt: skip
 
 

@@ -54,7 +54,7 @@ def main() -> None:
     signal.signal(signal.SIGTERM, _terminate)
     if hasattr(
         signal, "SIGCHLD"
-    ):  # ignored by some who start us, and nobody says how a child ended
+    ):  # some who start us ignore it: then nobody hears how a child ends
         signal.signal(signal.SIGCHLD, signal.SIG_DFL)
     sys.exit(_code())
 

@@ -11,6 +11,7 @@ import numpy as np
 
 from ..files.refuse import design as read_design
 from ..files.scenario import ROOT, Scenario, find, scenarios
+from ..files.text import replace_text
 from ..study.options import Options
 from ..system.check import check
 from ..system.errors import DesatError
@@ -148,14 +149,6 @@ def write(
     path = file or ROOT / scenario.family / "design" / f"{scenario.name.partition('/')[2]}.toml"
     replace_text(path, text(scenario, made, options))
     return path
-
-
-def replace_text(path: Path, content: str) -> None:
-    """Write a file under a temporary name, then rename."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    part = path.with_name(f"{path.name}.part")
-    part.write_text(content, encoding="utf-8")
-    part.replace(path)
 
 
 def stamp(scenario: Scenario) -> bool:

@@ -15,6 +15,7 @@ from typing import Any
 from ..analyses import analyses
 from ..engine.results import MANIFEST, Results
 from ..files import library
+from ..files.text import replace_text
 from ..system.errors import DesatError
 from ..system.expression import Table
 from ..system.model import System
@@ -140,23 +141,12 @@ def relate(manifest: dict[str, Any], others: dict[str, dict[str, Any]]) -> None:
 
 def write_json(path: Path, data: Any) -> None:
     """Write JSON under a temporary name, then rename."""
-    _write(path, json.dumps(data, indent=1))
-
-
-def _write(path: Path, text: str) -> None:
-    part = path.with_name(path.name + ".tmp")
-    path.parent.mkdir(parents=True, exist_ok=True)
-    try:
-        part.write_text(text, encoding="utf-8")
-        part.replace(path)
-    except OSError:
-        part.unlink(missing_ok=True)
-        raise
+    replace_text(path, json.dumps(data, indent=1))
 
 
 def begin_manifest(folder: Path, manifest: dict[str, Any]) -> None:
     """Write the manifest of a run that is under way, with room for that of its end."""
-    _write(folder / f"{MANIFEST}.part", json.dumps(manifest, indent=1) + _ROOM * " ")
+    replace_text(folder / f"{MANIFEST}.part", json.dumps(manifest, indent=1) + _ROOM * " ")
     (folder / MANIFEST).unlink(missing_ok=True)  # of a run that was ended
 
 

@@ -10,6 +10,7 @@ from markupsafe import Markup
 
 from ..analyses import analyses
 from ..engine.results import Results
+from ..files.text import replace_text
 from .case import Run
 from .drawing import pretty_unit
 from .plots import series_plot
@@ -28,13 +29,7 @@ def render(template: str, **values: Any) -> str:
 
 def write_page(path: Path, text: str) -> Path:
     """Write a page under a temporary name, then rename."""
-    part = path.with_name(path.name + ".part")
-    try:
-        part.write_text(text, encoding="utf-8")
-        part.replace(path)
-    except OSError:
-        part.unlink(missing_ok=True)
-        raise
+    replace_text(path, text)
     return path
 
 

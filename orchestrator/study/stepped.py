@@ -142,9 +142,8 @@ def stepped(
         outcome.seconds = before + time.perf_counter() - began
         outcome.steps = master.k
         _add(outcome.warnings, [*changes("while it ran"), *said(master)])
-        with (
-            interruptible()
-        ):  # a day's series take seconds to compress; then it is told how it ended
+        # a day's series take seconds to compress; then it is told how it ended
+        with interruptible():
             results = recorder.finish(master)
             tell("outcome", outcome)
     if master.unfreed and outcome.status == "completed":  # all is recorded
