@@ -12,7 +12,8 @@ from conftest import python
 from hypothesis import given
 from hypothesis import strategies as st
 from test_blocks import begin, fresh
-from test_witness import ECOS, LIBCOSIM, real_outputs, rows_of
+from test_witness import ECOS, LIBCOSIM, real_outputs
+from test_witness import rows_of as rows_printed
 
 from benchmarks import detumbling
 from desat.analyses import least_time
@@ -25,6 +26,7 @@ from desat.files.pack import pack_scenario
 from desat.files.scenario import find, scenarios
 from desat.study import derived, measures, stored, tables
 from desat.study.case import Options, execute, prepare
+from desat.study.cells import rows_of
 from desat.study.meaning import numbers_of_rows
 from desat.system.errors import DesatError
 from desat.system.refusal import told
@@ -641,7 +643,7 @@ def wanted_of(path):
 def test_it_detumbles_in_libcosim_too(ours):
     path = pack_scenario(find("hausat2/detumbling-ours"))
     wanted = [("spacecraft", list(wanted_of(path).values()))]
-    omega = rows_of(python(LIBCOSIM, str(path), json.dumps(wanted), "1080"))
+    omega = rows_printed(python(LIBCOSIM, str(path), json.dumps(wanted), "1080"))
     mine = ours.manifest["numbers"]["detumbled"]["value"]
     assert abs(first_slow(omega) - mine) <= 2.0  # each of its links costs a sample
 
@@ -650,7 +652,7 @@ def test_it_detumbles_in_libcosim_too(ours):
 def test_it_detumbles_in_ecos_too(ours):
     path = pack_scenario(find("hausat2/detumbling-ours"))
     wanted = [("spacecraft", name) for name in wanted_of(path)]
-    omega = rows_of(python(ECOS, str(path), json.dumps(wanted), "1080", "1.0"))
+    omega = rows_printed(python(ECOS, str(path), json.dumps(wanted), "1080", "1.0"))
     mine = ours.manifest["numbers"]["detumbled"]["value"]
     assert abs(first_slow(omega) - mine) <= 2.0
 
@@ -706,6 +708,26 @@ def test_a_difference_of_draws_is_the_median_of_the_differences_draw_by_draw():
     assert found["median"] == pytest.approx(np.median(np.subtract(ours, theirs)), abs=1e-9)
     assert 40.0 <= found["median"] <= 65.0  # the paper's 50 min
     assert found["median"] != pytest.approx(np.median(ours) - np.median(theirs), abs=1e-3)
+
+
+def test_the_verdict_of_each_claim_is_that_of_its_draws():
+    kept = drawn()
+    claims = [
+        row for name in kept if name.startswith("hausat2/gain-k")
+        for row in rows_of(find(name), medians_of(kept[name]), {}, kept[name])
+        if row.table == "claims" and row.band is not None
+    ]  # fmt: skip
+    assert len(claims) == 8
+    for row in claims:
+        assert row.remark.startswith("holds" if row.within else "does not hold"), row.scenario
+    name = "hausat2/start-up-conventional"
+    start_up = rows_of(find(name), medians_of(kept[name]), {}, kept[name])
+    (spin,) = (row for row in start_up if row.quantity == "largest_roll_rate_in_spin")
+    assert spin.remark.startswith("does not hold") != spin.within
+
+
+def medians_of(stored_):
+    return {name: number["median"] for name, number in stored_["summary"].items()}
 
 
 MISSED = {
