@@ -531,6 +531,13 @@ def start_up() -> dict[str, Any]:
     return result | {"memory": _measure("memory", path, 15000)}
 
 
+def start_up_draws() -> dict[str, Any]:
+    """20 draws of 600 min of paper 003 by one process and by two."""
+    scenario, count, before = "hausat2/start-up-conventional", 20, os.getloadavg()[0]
+    found = draws_over_cores(scenario, count)
+    return {"scenario": scenario, "draws": count, "load_before": round(before, 1), **found}
+
+
 def boom() -> dict[str, Any]:
     """20 orbits of paper 002 at 1 s, control every 10 s, by the published law and by ours, all
     components as native FMUs, and 4,000 steps as Python FMUs; over the day's step of the same
@@ -644,6 +651,7 @@ CASES: dict[str, Callable[[], dict[str, Any]]] = {
     "integrated": integrated_day,
     "draws": draws,
     "start_up": start_up,
+    "start_up_draws": start_up_draws,
     "alsat1": boom,
     "telescope": telescope,
     "plants": both_plants,
