@@ -9,7 +9,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from test_failures import binary, system
+from test_failures import DESCRIPTION, binary, fmu, options, system
 from test_rates import scenario
 
 from benchmarks.killed import differences, trials
@@ -99,6 +99,26 @@ def test_what_has_changed_is_said(tmp_path, monkeypatch):
     file.write_text(text + "601.0\n")
     with pytest.raises(DesatError, match=r"wheels.* was .*600\.0.*is .*601\.0"):
         resume(tmp_path / "a")
+
+
+@pytest.mark.parametrize("isolate", ["none", "foreign"])
+def test_what_a_component_changes_is_put_back_at_each(
+    system, binary, tmp_path, monkeypatch, isolate
+):  # fmt: skip
+    """It calculates otherwise from 4 s on, until the checkpoint at 6 s, and says so in what it
+    gives; with and without a break."""
+    able = 'canGetAndSetFMUstate="true" canSerializeFMUstate="true"/>'
+    text = DESCRIPTION.format(identifier="failing").replace("/>", f" {able}", 1)
+    fmu(system / "resources/failing.fmu", binary, description=text)
+    given = options("ROUNDED", isolate=isolate, checkpoint=6.0)
+    runs = [simulate(prepare(str(system), given), tmp_path / "whole")]
+    broken(str(system), given, tmp_path / "broken", monkeypatch, 6)
+    runs.append(resume(tmp_path / "broken"))
+    for run in runs:
+        y = run.results.values("bad.y")
+        assert (y - run.results.times()).tolist() == [0, 0, 0, 0, 0, 0.5, 0.5, 0, 0, 0, 0]
+        assert [w for w in run.manifest["warnings"] if "rounding mode" in w and "put back" in w]
+    assert runs[0].manifest["warnings"] == runs[1].manifest["warnings"]
 
 
 # --- what cannot be ------------------------------------------------------------------------------

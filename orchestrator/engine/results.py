@@ -20,6 +20,7 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
+from ..files.contents import regular
 from ..system.errors import DesatError, nearest
 from ..system.interface import Signal, base_name
 from . import wide
@@ -91,6 +92,7 @@ class Results:
         if not file.exists():
             file = file.with_name(file.name + ".part")
         try:
+            regular(file, str(file))
             opened = h5py.File(file, "r", swmr=file.suffix == ".part")
             if file.suffix == ".part":
                 grown = min(_grown(opened), _told(file.with_name(MANIFEST)))
