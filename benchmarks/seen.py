@@ -2,7 +2,7 @@
 written.
 
 `keep` is called by the programs that make it (`same_bits`, `soak`, `killed`, `prices`, `targets`,
-tests/others.py) when they are asked to with `--keep`; `python -m benchmarks.seen` writes the part
+`ordinary`, tests/others.py) when they are asked to with `--keep`; `python -m benchmarks.seen` writes the part
 anew, and a test says where the page has another.
 """
 
@@ -126,6 +126,17 @@ def _targets(parts: Parts) -> Iterator[str]:
                f"({part['date']}).")  # fmt: skip
 
 
+def _ordinary(parts: Parts) -> Iterator[str]:
+    wrong = [f"{name}: {text}" for name, part in parts.items() for text in part["wrong"]]
+    yield (f"- An ordinary user (uid 65534, nothing of the checkout his), {'; '.join(parts)}: "
+           f"{sum(p['commands'] for p in parts.values())} commands (`run`, two at once in a folder "
+           "with the same bits, and into one run folder, where one is refused; `list`, `check`, "
+           "`--checkpoint`, `draws` with two processes). "
+           + (f"NOT AS IT SHOULD BE: {'; '.join(wrong)}" if wrong else
+              "All end as they should, print nothing else, and leave no temporary file")
+           + f" ({dates(parts)}).")  # fmt: skip
+
+
 def _prices(parts: Parts) -> Iterator[str]:
     for steps, part in parts.items():
         yield f"- Prices ({steps} of the nadir day; least of five, in turns; {part['date']},"
@@ -154,7 +165,7 @@ def part() -> str:
     """That part of the page."""
     data = known()
     writers = {"same bits": _same_bits, "killed": _killed, "soak": _soak, "targets": _targets,
-               "prices": _prices}  # fmt: skip
+               "ordinary": _ordinary, "prices": _prices}  # fmt: skip
     lines = [line for of, written in writers.items() if of in data for line in written(data[of])]
     if "others" in data:
         lines += ["", *_others(data["others"])]
