@@ -68,7 +68,7 @@ def tried(environment: dict[str, str], name: str, root: Path) -> dict[str, Any]:
         wrong.append(f"two at once into one folder: {one}")
     for given in OTHERS:
         ((code, said),) = ended([started(folder, environment, *given)])
-        if code or said:
+        if code or [x for x in said.splitlines() if not x.startswith("note: ")]:
             wrong.append(f"{given[0]}: {code} {said}")
     left = [p.name for p in (root / "tmp ö").iterdir() if p.name != f"desat-cache-{USER}"]
     wrong += [f"left in the temporary folder: {left}"] if left else []

@@ -48,6 +48,9 @@ component fmi2Instantiate(const char *called, int kind, const char *guid, const 
     callbacks.log(callbacks.environment, name, 3, "e", "no licence");
     return 0;
 #endif
+#ifdef DIES
+    ruin(SEGFAULT);
+#endif
     return &me;
 }
 void fmi2FreeInstance(component c) { (void)c; if (me.how == IN_FREE) ruin(SEGFAULT); }

@@ -22,6 +22,7 @@ import pytest
 from conftest import ROOT
 
 from benchmarks import seen, soak
+from desat import cli
 from desat.cli.common import plain_console
 from desat.engine.packed import Packing
 from desat.engine.results import Results
@@ -186,13 +187,23 @@ def test_an_isolated_component_ends_alone(system, tmp_path, supervised):
 
 
 def test_what_refuses_to_be_instantiated_is_heard(system, tmp_path):
-    """Also where it has a process, of which nothing is left."""
-    fmu(system / "resources/failing.fmu", compiled(tmp_path, "-DREFUSES"))
+    """Also where it has a process, of which nothing is left; and what cannot even be loaded, and
+    what ends its process then."""
     before = children()
-    for isolate in ("none", "foreign"):
-        with pytest.raises(DesatError) as error:
-            simulate(prepare(str(system), Options(step=1.0, isolate=isolate)))
-        assert str(error.value) == "bad: cannot be instantiated: no licence"
+    refuses, dies = compiled(tmp_path, "-DREFUSES"), compiled(tmp_path, "-DDIES")
+    died = "bad: instantiating it ended {} process: SIGSEGV"
+    for library, isolate, text, code in (
+        (refuses, "none", "bad: cannot be instantiated: no licence", 2),
+        (refuses, "foreign", "bad: cannot be instantiated: no licence", 2),
+        (b"no library", "none", "failing.so: file too short", 2),
+        (b"no library", "foreign", "failing.so: file too short", 2),
+        (dies, "none", died.format("the"), 4),
+        (dies, "foreign", died.format("its"), 4),
+    ):
+        fmu(system / "resources/failing.fmu", library)
+        with pytest.raises(DesatError, match=re.escape(text)) as error:
+            simulate(prepare(str(system), options("NOTHING", isolate=isolate)))
+        assert error.value.code == code
         assert children() <= before
 
 
@@ -546,8 +557,9 @@ def test_a_file_size_limit(system, tmp_path):
     assert y[1:].tolist() == times[1:].tolist()
 
 
-def test_a_full_disk(tmp_path):
-    """Full to the last byte: the manifest has its room, the report has none."""
+def test_a_full_disk(tmp_path, monkeypatch, capsys):
+    """Full to the last byte: the manifest has its room, the report has none. Then one that can
+    only be read."""
     place = tmp_path / "disk"
     place.mkdir()
     mounted = ["mount", "-t", "tmpfs", "-o", "size=10m", "tmpfs", str(place)]
@@ -574,6 +586,10 @@ def test_a_full_disk(tmp_path):
         assert (manifest["status"], manifest["rows"]) == ("no space", len(times))
         assert len(times) > 500
         assert times[-1] == pytest.approx(0.01 * (len(times) - 1))
+        subprocess.run(["mount", "-o", "remount,ro", str(place)], check=True)
+        monkeypatch.setattr(sys, "argv", ["desat", "run", "plant/light", "--out", str(place / "b")])
+        assert cli._code() == Exit.INPUT
+        assert capsys.readouterr().err == f"error: {place}/b: Read-only file system\n"
     finally:
         subprocess.run(["umount", str(place)], check=True)
 
@@ -833,7 +849,6 @@ def test_control_characters_do_not_reach_the_terminal(capsys):
 
 
 def test_a_report_that_fails_leaves_the_manifest(system, tmp_path, monkeypatch, capsys):
-    from desat import cli
     from desat.study import report
 
     monkeypatch.setattr(report, "write_report", lambda *a: 1 / 0)
