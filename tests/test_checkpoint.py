@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import signal
 import sys
 from dataclasses import replace
 from pathlib import Path
+from typing import IO, Any
 
+import numpy as np
 import pytest
 from test_failures import DESCRIPTION, binary, fmu, options, system
 from test_rates import scenario
@@ -89,6 +92,29 @@ def test_the_newest_whole_one_counts(tmp_path, monkeypatch):
     old.write_bytes(b"")
     with pytest.raises(DesatError, match="it has no checkpoint"):
         resume(tmp_path / "a")
+
+
+def test_a_full_disk_while_one_is_written(tmp_path, monkeypatch):
+    """6, the one before it is whole, and once there is room the run goes on from there."""
+    given = Options(stop=40.0, checkpoint=10.0, supervised=True)
+    simulate(prepare("nadir_day/day-dipole", given), tmp_path / "whole").results.close()
+    count, saved = [0], np.savez
+
+    def full(file: IO[bytes], *arrays: Any, **more: Any) -> None:
+        count[0] += 1
+        saved(file, *arrays, **more)
+        if count[0] == 3:
+            file.truncate(1000)
+            raise OSError(errno.ENOSPC, "No space left on device", file.name)
+
+    with monkeypatch.context() as patched:
+        patched.setattr(checkpoint.np, "savez", full)
+        run = simulate(prepare("nadir_day/day-dipole", given), tmp_path / "full")
+    assert (run.code, run.manifest["status"]) == (Exit.SPACE, "no space")
+    run.results.close()
+    assert checkpoint.newest(tmp_path / "full").k == 10
+    resume(tmp_path / "full").results.close()
+    assert differences(tmp_path / "whole", tmp_path / "full") == []
 
 
 def test_what_has_changed_is_said(tmp_path, monkeypatch):
