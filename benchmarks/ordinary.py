@@ -1,7 +1,7 @@
 """An ordinary user without a home directory, in several locales, in folders with spaces and
 umlauts: do commands end well, two runs at once in one folder, too?
 
-`python -m benchmarks.ordinary` makes them as uid 65534, who owns nothing but the folder that he
+`python -m benchmarks.ordinary [PLACE ...]` (all) makes them as uid 65534, who owns nothing but the folder that he
 works in and a temporary one, and prints a line each; it needs root and setpriv, to become another
 user, and says so where they are not. He may read all, as Python may be in a folder of root's, and
 write nothing that is not his. With `--keep` what came of it goes to seen.json.
@@ -78,10 +78,12 @@ def tried(environment: dict[str, str], name: str, root: Path) -> dict[str, Any]:
 def main() -> int:
     """A line an environment; 1 where something was not as it should be."""
     keep, bad = seen.asked(), False
+    given = sys.argv[1:] or PLACES
     if not shutil.which("setpriv") or subprocess.run([*BECOME, "true"], check=False).returncode:
         print("skipped: it needs root and setpriv, to become another user")
         return 0
-    for name, (environment, place) in PLACES.items():
+    for name in given:
+        environment, place = PLACES[name]
         with tempfile.TemporaryDirectory() as folder:
             os.chmod(folder, 0o755)
             found = tried(environment, place, Path(folder))

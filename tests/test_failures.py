@@ -504,7 +504,7 @@ def test_many_runs_in_one_process_leave_nothing():
 @pytest.mark.parametrize(
     ("environment", "folder"),
     [({"LC_ALL": "C", "PYTHONUTF8": "0"}, "Größe"), ({"LC_ALL": "C.UTF-8"}, "Größe und Maß"),
-     ({"HOME": "/dev/null", "USER": None}, "a b c")],
+     ({"HOME": "/dev/null", "USER": None, "MPLBACKEND": "none such"}, "a b c")],
     ids=str,
 )  # fmt: skip
 def test_two_at_once_wherever_they_run(tmp_path, environment, folder):
