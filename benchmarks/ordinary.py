@@ -1,10 +1,10 @@
 """An ordinary user without a home directory, in several locales, in folders with spaces and
 umlauts: do commands end well, two runs at once in one folder, too?
 
-`python -m benchmarks.ordinary [PLACE ...]` (all) makes them as uid 65534, who owns nothing but the folder that he
-works in and a temporary one, and prints a line each; it needs root and setpriv, to become another
-user, and says so where they are not. He may read all, as Python may be in a folder of root's, and
-write nothing that is not his. With `--keep` what came of it goes to seen.json.
+`python -m benchmarks.ordinary [PLACE ...]` (all) makes them as uid 65534, who owns nothing but the
+folder that he works in and a temporary one, and prints a line each; it needs root and setpriv, to
+become another user, and says so where they are not. He may read all, as Python may be in a folder
+of root's, and write nothing that is not his. With `--keep` what came of it goes to seen.json.
 """
 
 from __future__ import annotations

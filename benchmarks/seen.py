@@ -2,8 +2,8 @@
 written.
 
 `keep` is called by the programs that make it (`same_bits`, `soak`, `killed`, `prices`, `targets`,
-`ordinary`, tests/others.py) when they are asked to with `--keep`; `python -m benchmarks.seen` writes the part
-anew, and a test says where the page has another.
+`ordinary`, tests/others.py) when they are asked to with `--keep`; `python -m benchmarks.seen`
+writes the part anew, and a test says where the page has another.
 """
 
 from __future__ import annotations

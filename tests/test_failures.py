@@ -192,7 +192,7 @@ def test_what_refuses_to_be_instantiated_is_heard(system, tmp_path):
     before = children()
     refuses, dies = compiled(tmp_path, "-DREFUSES"), compiled(tmp_path, "-DDIES")
     died = "bad: instantiating it ended {} process: SIGSEGV"
-    for library, isolate, text, code in (
+    for built, isolate, text, code in (
         (refuses, "none", "bad: cannot be instantiated: no licence", 2),
         (refuses, "foreign", "bad: cannot be instantiated: no licence", 2),
         (b"no library", "none", "failing.so: file too short", 2),
@@ -200,7 +200,7 @@ def test_what_refuses_to_be_instantiated_is_heard(system, tmp_path):
         (dies, "none", died.format("the"), 4),
         (dies, "foreign", died.format("its"), 4),
     ):
-        fmu(system / "resources/failing.fmu", library)
+        fmu(system / "resources/failing.fmu", built)
         with pytest.raises(DesatError, match=re.escape(text)) as error:
             simulate(prepare(str(system), options("NOTHING", isolate=isolate)))
         assert error.value.code == code
