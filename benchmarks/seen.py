@@ -2,8 +2,8 @@
 written.
 
 `keep` is called by the programs that make it (`same_bits`, `soak`, `killed`, `prices`, `targets`,
-tests/others.py) when they are asked to with `--keep`; `python -m benchmarks.seen` writes the part
-anew, and a test says where the page has another.
+`ordinary`, tests/others.py) when they are asked to with `--keep`; `python -m benchmarks.seen`
+writes the part anew, and a test says where the page has another.
 """
 
 from __future__ import annotations
@@ -81,11 +81,10 @@ def _soak(parts: Parts) -> Iterator[str]:
             )  # fmt: skip
             more = ""
             if name == "python":
-                count = last["classes"] - first["classes"]
-                kept = (last["memory_kB"] - first["memory_kB"]) / count
-                more = (f". It is pythonfmu's library that grows: it keeps the class of each "
-                        f"instance ({count:,} of them meanwhile) and the code that made it, "
-                        f"{kept:.1f} kB each")  # fmt: skip
+                kept = (last["memory_kB"] - half["memory_kB"]) / (last["runs"] - half["runs"])
+                more = (f"; {first['classes']} then {last['classes']} classes of FMUs. What grows, "
+                        f"{kept:.1f} kB a run of some ten FMUs in its second half, is pythonfmu's "
+                        "library: it keeps the names of an instance's classes, twice")  # fmt: skip
             yield f"- Soak, {last['runs']:,} {what} in one process: private memory " + (
                 f"{', '.join(memory)}; {held}{more} ({parts[name]['date']})."
             )
@@ -126,6 +125,17 @@ def _targets(parts: Parts) -> Iterator[str]:
                f"({part['date']}).")  # fmt: skip
 
 
+def _ordinary(parts: Parts) -> Iterator[str]:
+    wrong = [f"{name}: {text}" for name, part in parts.items() for text in part["wrong"]]
+    yield (f"- An ordinary user (uid 65534, nothing of the checkout his), {'; '.join(parts)}: "
+           f"{sum(p['commands'] for p in parts.values())} commands (`run`, two at once in a folder "
+           "with the same bits, and into one run folder, where one is refused; `list`, `check`, "
+           "`--checkpoint`, `draws` with two processes). "
+           + (f"NOT AS IT SHOULD BE: {'; '.join(wrong)}" if wrong else
+              "All end as they should, print nothing else, and leave no temporary file")
+           + f" ({dates(parts)}).")  # fmt: skip
+
+
 def _prices(parts: Parts) -> Iterator[str]:
     for steps, part in parts.items():
         yield f"- Prices ({steps} of the nadir day; least of five, in turns; {part['date']},"
@@ -154,7 +164,7 @@ def part() -> str:
     """That part of the page."""
     data = known()
     writers = {"same bits": _same_bits, "killed": _killed, "soak": _soak, "targets": _targets,
-               "prices": _prices}  # fmt: skip
+               "ordinary": _ordinary, "prices": _prices}  # fmt: skip
     lines = [line for of, written in writers.items() if of in data for line in written(data[of])]
     if "others" in data:
         lines += ["", *_others(data["others"])]

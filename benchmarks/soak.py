@@ -6,8 +6,8 @@ Python FMUs, both in memory, into a folder, and in processes of their own, in tu
 (10,000,000) makes one run of so many steps, which records two outputs at each. A line a tenth of
 them is printed. With `--keep` the lines go to seen.json, too.
 
-pythonfmu makes the class of an FMU of Python anew for each instance and never lets go of it, nor of
-the code that it ran for that: `classes` counts them.
+pythonfmu's library makes the class of an FMU of Python anew for each instance, where the entry
+script lets it, and never lets go of it: `classes` counts them.
 """
 
 from __future__ import annotations

@@ -45,17 +45,26 @@ DIST = HERE / "dist"
 COMPONENTS = HERE.parent / "components"
 INDEX = "index.json"
 
-ENTRY = '''"""Entry of the FMU {name}: the block behind the adapter, both from {package}."""
+ENTRY = '''"""Entry of the FMU {name}: the block behind the adapter, both from {package}.
 
-from {package}.blocks.{name} import {block}
-from {package}.slave import Slave
+pythonfmu runs this file once more for each instance, keeps whatever class it makes then, and puts
+the folder of this file before the others of sys.path.
+"""
 
+try:
+    {block}Fmu = {block}Fmu
+    sys.path[:] = dict.fromkeys(sys.path)
+except NameError:
+    import sys
 
-class {block}Fmu(Slave):
-    block_class = {block}
+    from {package}.blocks.{name} import {block}
+    from {package}.slave import Slave
 
-    def model_identifier(self):
-        return "{name}"
+    class {block}Fmu(Slave):
+        block_class = {block}
+
+        def model_identifier(self):
+            return "{name}"
 '''
 
 

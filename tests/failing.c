@@ -7,15 +7,19 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 typedef void *component;
 typedef void logger(void *, const char *, int, const char *, const char *, ...);
 struct callbacks { logger *log; void *allocate, *release, *finished, *environment; };
-static struct { int how; double t, y; struct callbacks callbacks; char name[64]; } me;
+static struct { int how; double t, y; } me;
+static struct callbacks callbacks;
+static char name[64];
 
 enum { NOTHING, SEGFAULT, ABORT, KILL, EXIT_0, EXIT_3, HANG, OVERFLOW, IN_FREE, IN_START, IN_EXIT,
-       CHDIR, ROUNDING, LOCALE, HANDLER, PRINT, LOG, STEP_ERROR, SLOW, DISCARD, NOT_FINITE };
+       CHDIR, ROUNDING, LOCALE, HANDLER, PRINT, LOG, STEP_ERROR, SLOW, DISCARD, NOT_FINITE,
+       NEGATIVE, FORK, LEAVE, TRAPS, UMASK, ROUNDED };
 
 static int recurse(int n) { volatile char big[65536]; big[n & 65535] = 1; return recurse(n + 1) + big[0]; }
 
@@ -34,15 +38,18 @@ static void ruin(int how)
 
 const char *fmi2GetTypesPlatform(void) { return "default"; }
 const char *fmi2GetVersion(void) { return "2.0"; }
-component fmi2Instantiate(const char *name, int kind, const char *guid, const char *where,
-                          const struct callbacks *callbacks, int visible, int logging)
+component fmi2Instantiate(const char *called, int kind, const char *guid, const char *where,
+                          const struct callbacks *given, int visible, int logging)
 {
     (void)kind, (void)guid, (void)where, (void)visible, (void)logging;
-    me.callbacks = *callbacks;
-    strncpy(me.name, name, sizeof me.name - 1);
+    callbacks = *given;
+    strncpy(name, called, sizeof name - 1);
 #ifdef REFUSES
-    me.callbacks.log(me.callbacks.environment, me.name, 3, "e", "no licence");
+    callbacks.log(callbacks.environment, name, 3, "e", "no licence");
     return 0;
+#endif
+#ifdef DIES
+    ruin(SEGFAULT);
 #endif
     return &me;
 }
@@ -77,14 +84,21 @@ int fmi2DoStep(component c, double t, double dt, int no)
     if (me.how == PRINT) printf("{not json}\n"), fflush(stdout);
     if (t < 2.5) return 0;
     ruin(me.how);
+    if (me.how == FORK && t < 3.5) fork();
+    if (me.how == LEAVE && !fork()) sleep(2), _exit(0);
+    if (me.how == LEAVE) ruin(SEGFAULT);
+    if (me.how == TRAPS) feenableexcept(FE_INVALID);
+    if (me.how == UMASK) umask(0777);
+    if (me.how == ROUNDED && fegetround() == FE_UPWARD) me.y += 0.5;
+    if (me.how == ROUNDED && t < 3.5) fesetround(FE_UPWARD);
     if (me.how == NOT_FINITE) me.y = NAN;
     if (me.how == CHDIR && chdir("/")) return 3;
     if (me.how == ROUNDING) fesetround(FE_UPWARD);
     if (me.how == LOCALE) setlocale(LC_ALL, strcmp(setlocale(LC_ALL, 0), "C") ? "C" : "C.UTF-8");
     if (me.how == HANDLER) signal(SIGPIPE, SIG_DFL), signal(SIGFPE, SIG_IGN);
     if (me.how == LOG && t < 3.5)
-        me.callbacks.log(me.callbacks.environment, me.name, 1, "w", "low \033[31mpressure at %g", t);
-    return me.how == STEP_ERROR ? 3 : 0;
+        callbacks.log(callbacks.environment, name, 1, "w", "low \033[31mpressure at %g", t);
+    return me.how == STEP_ERROR ? 3 : me.how == NEGATIVE ? -1 : 0;
 }
 int fmi2GetFMUstate(component c, void **state)
 {
@@ -95,11 +109,18 @@ int fmi2GetFMUstate(component c, void **state)
 }
 int fmi2SetFMUstate(component c, void *state) { (void)c; memcpy(&me, state, sizeof me); return 0; }
 int fmi2FreeFMUstate(component c, void **state) { (void)c; free(*state); *state = NULL; return 0; }
+int fmi2SerializedFMUstateSize(component c, void *state, size_t *n) { (void)c, (void)state; *n = sizeof me; return 0; }
+int fmi2SerializeFMUstate(component c, void *state, char *to, size_t n) { (void)c; memcpy(to, state, n); return 0; }
+int fmi2DeSerializeFMUstate(component c, const char *from, size_t n, void **state)
+{
+    (void)c;
+    memcpy(*state = malloc(n), from, n);
+    return 0;
+}
 #define NONE(name) int name() { return 0; }
 NONE(fmi2SetDebugLogging) NONE(fmi2Terminate) NONE(fmi2Reset) NONE(fmi2GetInteger)
 NONE(fmi2GetBoolean) NONE(fmi2GetString) NONE(fmi2SetReal) NONE(fmi2SetBoolean) NONE(fmi2SetString)
-NONE(fmi2SerializedFMUstateSize)
-NONE(fmi2SerializeFMUstate) NONE(fmi2DeSerializeFMUstate) NONE(fmi2GetDirectionalDerivative)
+NONE(fmi2GetDirectionalDerivative)
 NONE(fmi2SetRealInputDerivatives) NONE(fmi2GetRealOutputDerivatives) NONE(fmi2CancelStep)
 NONE(fmi2GetStatus) NONE(fmi2GetRealStatus) NONE(fmi2GetIntegerStatus) NONE(fmi2GetBooleanStatus)
 NONE(fmi2GetStringStatus)

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import signal
 import sys
 from dataclasses import replace
 from pathlib import Path
+from typing import IO, Any
 
+import numpy as np
 import pytest
-from test_failures import binary, system
+from test_failures import DESCRIPTION, binary, fmu, options, system
 from test_rates import scenario
 
 from benchmarks.killed import differences, trials
@@ -80,15 +83,42 @@ def test_a_condition_that_holds_goes_on_holding(tmp_path, monkeypatch):
     assert differences(tmp_path / "whole", tmp_path / "broken") == []
 
 
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="needs POSIX")
 def test_the_newest_whole_one_counts(tmp_path, monkeypatch):
     given = Options(stop=40.0, checkpoint=10.0)
     broken("nadir_day/day-dipole", given, tmp_path / "a", monkeypatch, 30)
     old, new = sorted((tmp_path / "a" / checkpoint.FOLDER).iterdir())
     new.write_bytes(new.read_bytes()[:-500])
     assert checkpoint.newest(tmp_path / "a").path == old
+    new.unlink()
+    os.mkfifo(new)  # to read which would take forever
+    assert checkpoint.newest(tmp_path / "a").path == old
     old.write_bytes(b"")
     with pytest.raises(DesatError, match="it has no checkpoint"):
         resume(tmp_path / "a")
+
+
+def test_a_full_disk_while_one_is_written(tmp_path, monkeypatch):
+    """6, the one before it is whole, and once there is room the run goes on from there."""
+    given = Options(stop=40.0, checkpoint=10.0, supervised=True)
+    simulate(prepare("nadir_day/day-dipole", given), tmp_path / "whole").results.close()
+    count, saved = [0], np.savez
+
+    def full(file: IO[bytes], *arrays: Any, **more: Any) -> None:
+        count[0] += 1
+        saved(file, *arrays, **more)
+        if count[0] == 3:
+            file.truncate(1000)
+            raise OSError(errno.ENOSPC, "No space left on device", file.name)
+
+    with monkeypatch.context() as patched:
+        patched.setattr(checkpoint.np, "savez", full)
+        run = simulate(prepare("nadir_day/day-dipole", given), tmp_path / "full")
+    assert (run.code, run.manifest["status"]) == (Exit.SPACE, "no space")
+    run.results.close()
+    assert checkpoint.newest(tmp_path / "full").k == 10
+    resume(tmp_path / "full").results.close()
+    assert differences(tmp_path / "whole", tmp_path / "full") == []
 
 
 def test_what_has_changed_is_said(tmp_path, monkeypatch):
@@ -99,6 +129,26 @@ def test_what_has_changed_is_said(tmp_path, monkeypatch):
     file.write_text(text + "601.0\n")
     with pytest.raises(DesatError, match=r"wheels.* was .*600\.0.*is .*601\.0"):
         resume(tmp_path / "a")
+
+
+@pytest.mark.parametrize("isolate", ["none", "foreign"])
+def test_what_a_component_changes_is_put_back_at_each(
+    system, binary, tmp_path, monkeypatch, isolate
+):  # fmt: skip
+    """It calculates otherwise from 4 s on, until the checkpoint at 6 s, and says so in what it
+    gives; with and without a break."""
+    able = 'canGetAndSetFMUstate="true" canSerializeFMUstate="true"/>'
+    text = DESCRIPTION.format(identifier="failing").replace("/>", f" {able}", 1)
+    fmu(system / "resources/failing.fmu", binary, description=text)
+    given = options("ROUNDED", isolate=isolate, checkpoint=6.0)
+    runs = [simulate(prepare(str(system), given), tmp_path / "whole")]
+    broken(str(system), given, tmp_path / "broken", monkeypatch, 6)
+    runs.append(resume(tmp_path / "broken"))
+    for run in runs:
+        y = run.results.values("bad.y")
+        assert (y - run.results.times()).tolist() == [0, 0, 0, 0, 0, 0.5, 0.5, 0, 0, 0, 0]
+        assert [w for w in run.manifest["warnings"] if "rounding mode" in w and "put back" in w]
+    assert runs[0].manifest["warnings"] == runs[1].manifest["warnings"]
 
 
 # --- what cannot be ------------------------------------------------------------------------------

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import platform
 import re
 import resource
 import shutil
@@ -21,13 +22,14 @@ import pytest
 from conftest import ROOT
 
 from benchmarks import seen, soak
+from desat import cli
 from desat.cli.common import plain_console
 from desat.engine.packed import Packing
 from desat.engine.results import Results
 from desat.files import archive, library, trust
 from desat.files.pack import pack
 from desat.study import case, isolation
-from desat.study.case import Options, prepare, simulate
+from desat.study.case import Options, load_run, prepare, simulate
 from desat.study.report import write_report
 from desat.study.sources import Sources
 from desat.study.sweep import sweep
@@ -161,6 +163,9 @@ def test_an_isolated_component_ends_alone(system, tmp_path, supervised):
         ("EXIT_3", f"{ALONE}exit(3)", Exit.COMPONENT, 3.0),
         ("HANG", "bad: the step from t = 3 s did not return within 0.5 s", Exit.TIMEOUT, 3.0),
         ("STEP_ERROR", "bad: the step from t = 3 s returned error", Exit.COMPONENT, 3.0),
+        ("NEGATIVE", "bad: the step from t = 3 s returned -1", Exit.COMPONENT, 3.0),
+        ("FORK", "", Exit.COMPLETED, 10.0),
+        ("LEAVE", f"{ALONE}SIGSEGV", Exit.COMPONENT, 3.0),
         ("NOT_FINITE", "bad.y = nan at t = 4 s", Exit.COMPONENT, 4.0),
         ("IN_FREE", "bad: freeing it ended its process: SIGSEGV, after the run", 4, 10.0),
         ("IN_START", "bad: entering initialisation ended its process: SIGSEGV", 4, None),
@@ -182,13 +187,23 @@ def test_an_isolated_component_ends_alone(system, tmp_path, supervised):
 
 
 def test_what_refuses_to_be_instantiated_is_heard(system, tmp_path):
-    """Also where it has a process, of which nothing is left."""
-    fmu(system / "resources/failing.fmu", compiled(tmp_path, "-DREFUSES"))
+    """Also where it has a process, of which nothing is left; and what cannot even be loaded, and
+    what ends its process then."""
     before = children()
-    for isolate in ("none", "foreign"):
-        with pytest.raises(DesatError) as error:
-            simulate(prepare(str(system), Options(step=1.0, isolate=isolate)))
-        assert str(error.value) == "bad: cannot be instantiated: no licence"
+    refuses, dies = compiled(tmp_path, "-DREFUSES"), compiled(tmp_path, "-DDIES")
+    died = "bad: instantiating it ended {} process: SIGSEGV"
+    for built, isolate, text, code in (
+        (refuses, "none", "bad: cannot be instantiated: no licence", 2),
+        (refuses, "foreign", "bad: cannot be instantiated: no licence", 2),
+        (b"no library", "none", "failing.so: file too short", 2),
+        (b"no library", "foreign", "failing.so: file too short", 2),
+        (dies, "none", died.format("the"), 4),
+        (dies, "foreign", died.format("its"), 4),
+    ):
+        fmu(system / "resources/failing.fmu", built)
+        with pytest.raises(DesatError, match=re.escape(text)) as error:
+            simulate(prepare(str(system), options("NOTHING", isolate=isolate)))
+        assert error.value.code == code
         assert children() <= before
 
 
@@ -264,10 +279,14 @@ def test_a_component_that_crashes_when_it_is_freed(system, tmp_path):
 
 
 def test_a_component_that_fails_politely(system, tmp_path):
-    run = simulate(prepare(str(system), options("STEP_ERROR")), tmp_path / "out")
-    assert run.code == Exit.COMPONENT
-    assert "bad: the step from t = 3 s returned error" in run.manifest["message"]
-    assert run.results.times()[-1] == 3.0
+    for how, status, loop in (
+        ("STEP_ERROR", "error", "compiled"), ("NEGATIVE", "-1", "compiled"),
+        ("NEGATIVE", "-1", "python"),
+    ):  # fmt: skip
+        run = simulate(prepare(str(system), options(how, loop=loop, supervised=False)))
+        assert (run.code, run.manifest["loop"]["name"]) == (Exit.COMPONENT, loop)
+        assert run.manifest["message"] == f"bad: the step from t = 3 s returned {status}"
+        assert run.results.times()[-1] == 3.0
 
 
 def test_a_discarded_step_is_made_in_parts(system, tmp_path, binary):
@@ -349,11 +368,13 @@ def test_a_call_that_does_not_return(system, tmp_path):
     assert run.results.times().tolist() == [0.0, 1.0, 2.0]
 
 
-def started(system: Path, tmp_path: Path, how: str, until: str = "out/manifest.json.part"):
+def started(
+    system: Path, tmp_path: Path, how: str, *more: str, until: str = "out/manifest.json.part"
+):  # fmt: skip
     """The command, running."""
     process = subprocess.Popen(
         [sys.executable, "-m", "desat.cli", "run", str(system), "--step", "1", "--stop", "100000",
-         "--set", f"bad.how={HOW.index(how)}", "--out", str(tmp_path / "out")],
+         "--set", f"bad.how={HOW.index(how)}", "--out", str(tmp_path / "out"), *more],
         stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=ROOT,
         env={**os.environ, "TMPDIR": str(tmp_path)},
     )  # fmt: skip
@@ -402,6 +423,23 @@ def test_ended_when_all_is_recorded(system, tmp_path, monkeypatch, whom, number,
     assert (run.manifest["status"], run.code) == (status, code)
     assert run.results.times().tolist() == [float(k) for k in range(11)]
     assert {p.name for p in (tmp_path / "out").iterdir()} == {"manifest.json", "series.h5"}
+
+
+def test_stopped_and_continued(system, tmp_path):
+    """As Ctrl-Z does, for longer than a call may take: the time of the call does not pass."""
+    process = started(system, tmp_path, "SLOW", "--call-limit", "0.5")
+    all_of_it = [psutil.Process(process.pid), *psutil.Process(process.pid).children(recursive=True)]
+    assert len(all_of_it) == 3
+    for one in all_of_it:
+        one.suspend()
+    time.sleep(1.5)
+    for one in all_of_it:
+        one.resume()
+        time.sleep(0.1)
+    time.sleep(0.5)
+    process.terminate()
+    _, error = process.communicate(timeout=60)
+    assert process.returncode == Exit.TERMINATED, error
 
 
 def test_a_second_ctrl_c_always_ends(system, tmp_path):
@@ -466,7 +504,7 @@ def test_many_runs_in_one_process_leave_nothing():
 @pytest.mark.parametrize(
     ("environment", "folder"),
     [({"LC_ALL": "C", "PYTHONUTF8": "0"}, "Größe"), ({"LC_ALL": "C.UTF-8"}, "Größe und Maß"),
-     ({"HOME": "/dev/null", "USER": None}, "a b c")],
+     ({"HOME": "/dev/null", "USER": None, "MPLBACKEND": "none such"}, "a b c")],
     ids=str,
 )  # fmt: skip
 def test_two_at_once_wherever_they_run(tmp_path, environment, folder):
@@ -519,8 +557,9 @@ def test_a_file_size_limit(system, tmp_path):
     assert y[1:].tolist() == times[1:].tolist()
 
 
-def test_a_full_disk(tmp_path):
-    """Full to the last byte: the manifest has its room, the report has none."""
+def test_a_full_disk(tmp_path, monkeypatch, capsys):
+    """Full to the last byte: the manifest has its room, the report has none. Then one that can
+    only be read."""
     place = tmp_path / "disk"
     place.mkdir()
     mounted = ["mount", "-t", "tmpfs", "-o", "size=10m", "tmpfs", str(place)]
@@ -547,6 +586,10 @@ def test_a_full_disk(tmp_path):
         assert (manifest["status"], manifest["rows"]) == ("no space", len(times))
         assert len(times) > 500
         assert times[-1] == pytest.approx(0.01 * (len(times) - 1))
+        subprocess.run(["mount", "-o", "remount,ro", str(place)], check=True)
+        monkeypatch.setattr(sys, "argv", ["desat", "run", "plant/light", "--out", str(place / "b")])
+        assert cli._code() == Exit.INPUT
+        assert capsys.readouterr().err == f"error: {place}/b: Read-only file system\n"
     finally:
         subprocess.run(["umount", str(place)], check=True)
 
@@ -586,9 +629,11 @@ def test_ten_thousand_outputs(tmp_path, binary):
 @pytest.mark.parametrize(
     ("how", "what"),
     [("CHDIR", "working directory"), ("ROUNDING", "rounding mode"), ("LOCALE", "locale"),
-     ("HANDLER", "signal handlers")],
+     ("HANDLER", "signal handlers"), ("TRAPS", "floating-point modes"), ("UMASK", "permissions")],
 )  # fmt: skip
 def test_what_a_component_changes_is_put_back_and_said(system, tmp_path, how, what):
+    if how == "TRAPS" and platform.machine() not in ("x86_64", "aarch64"):
+        pytest.skip("its modes are not known")
     run = simulate(prepare(str(system), options(how)), tmp_path / "out")
     assert run.ok
     assert [w for w in run.manifest["warnings"] if what in w]
@@ -650,6 +695,12 @@ def test_devices_and_pipes_are_not_read(system, tmp_path):
     for name in ("zero.ssd", "zero.ssp", "pipe.toml"):
         with pytest.raises(DesatError, match="not a regular file"):
             prepare(str(tmp_path / name), Options())
+    for name in ("manifest.json", "series.h5"):
+        os.mkfifo(tmp_path / name)
+        with pytest.raises(DesatError, match="not a regular file"):
+            load_run(tmp_path)
+        (tmp_path / "manifest.json").unlink(missing_ok=True)
+        (tmp_path / "manifest.json").write_text('{"status": "completed"}')
     (system / "resources/failing.fmu").unlink()
     (system / "resources/failing.fmu").symlink_to(tmp_path / "pipe.fmu")
     (problem,) = prepare(str(system), Options(step=1.0)).checked.problems
@@ -779,6 +830,18 @@ def test_a_closed_standard_output(system):
     assert result.stderr == ""
 
 
+def test_a_reader_that_goes_away(system, tmp_path):
+    """The code is that of the run."""
+    with subprocess.Popen(
+        [sys.executable, "-m", "desat.cli", "run", str(system), "--step", "1", "--json", "--set",
+         f"bad.how={HOW.index('SEGFAULT')}", "--out", str(tmp_path / "out")],
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=ROOT,
+    ) as process:  # fmt: skip
+        process.stdout.close()
+        error = process.stderr.read()
+    assert process.returncode == Exit.COMPONENT, error
+
+
 def test_control_characters_do_not_reach_the_terminal(capsys):
     console = plain_console()
     console.print("a\033[31mb\x07", markup=False)
@@ -786,7 +849,6 @@ def test_control_characters_do_not_reach_the_terminal(capsys):
 
 
 def test_a_report_that_fails_leaves_the_manifest(system, tmp_path, monkeypatch, capsys):
-    from desat import cli
     from desat.study import report
 
     monkeypatch.setattr(report, "write_report", lambda *a: 1 / 0)

@@ -324,7 +324,7 @@ def test_partial_arrays_can_be_set(instance):
 
 
 MANY = """
-import sys, fmpy
+import gc, sys, fmpy
 from fmpy import validation
 from fmpy.fmi2 import FMU2Slave
 path = sys.argv[1]
@@ -338,12 +338,16 @@ for n in range(1000):
     fmu.exitInitializationMode()
     fmu.doStep(0.0, 1.0)
     fmu.fmi2FreeInstance(fmu.component)
+classes = [x for x in gc.get_objects() if isinstance(x, type) and x.__name__.endswith("Fmu")]
+assert len(classes) == 1, classes
+assert len(set(sys.path)) == len(sys.path), sys.path
 fmu.dll.finalizePythonInterpreter()
 print("done", n)
 """
 
 
 def test_a_thousand_instances_in_a_row():
+    """They have one class, and one place where modules are looked for."""
     result = python(MANY, str(path("manager_combined")))
     assert (result.returncode, result.stdout.strip()) == (0, "done 999"), result.stderr
 

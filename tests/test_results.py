@@ -356,3 +356,24 @@ def test_the_page_of_results_works_as_it_says(tmp_path, monkeypatch, capsys):
         told = subprocess.run([octave, "--no-gui", "--quiet", "--eval", snippet], check=False,
                               capture_output=True, text=True).stdout.split()  # fmt: skip
         assert told == ["N.m.s", f"{largest.max():.17g}"]
+
+
+@pytest.mark.parametrize(("rows", "left"), [(200_000, 0.5), (200_000, 0.002), (20_000, 0.1)])
+def test_one_that_was_not_closed_and_has_lost_its_end_is_refused(tmp_path, rows, left):
+    """At once: HDF5 would take what is missing for zeros, or look for it for hours."""
+    with h5py.File(tmp_path / "whole", "w", libver="latest") as file:
+        for name in ("time", "a/x", "a/y"):
+            file.create_dataset(name, (0,), "f8", maxshape=(None,), chunks=(1000,))
+        file.swmr_mode = True
+        for name in ("time", "a/x", "a/y"):
+            file[name].resize(rows, axis=0)
+            file[name][:] = np.arange(1.0, rows + 1.0)
+        file.flush()
+        data = (tmp_path / "whole").read_bytes()
+    part = tmp_path / "series.h5.part"
+    part.write_bytes(data)
+    with Results.open(tmp_path) as results:
+        assert results.values("a.y")[-1] == rows
+    part.write_bytes(data[: int(left * len(data))])
+    with pytest.raises(DesatError, match=r"no readable series"):
+        Results.open(tmp_path)

@@ -74,9 +74,6 @@ def _code() -> int:
         return error.code
     except (typer.Abort, KeyboardInterrupt):
         return Exit.INTERRUPTED
-    except BrokenPipeError:
-        _drop_output()
-        return Exit.COMPLETED
     except OSError as error:
         _say(f"{error.filename}: {error.strerror}" if error.filename else str(error))
         if not _is_full(error):

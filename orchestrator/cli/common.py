@@ -29,10 +29,28 @@ for _number, _name in ((1, "stdout"), (2, "stderr")):
         os.dup2(os.open(os.devnull, os.O_WRONLY), _number)
         setattr(sys, _name, open(_number, "w", encoding="utf-8", closefd=False))  # noqa: SIM115
 
+
+class _Lasting(io.FileIO):
+    """Where a stream ends. Whoever reads it may go away: the rest is for nobody, and the command
+    ends as it would have."""
+
+    def write(self, data: Any) -> int:
+        try:
+            return super().write(data)
+        except BrokenPipeError:
+            os.dup2(os.open(os.devnull, os.O_WRONLY), self.fileno())
+            return len(data)
+
+
 # a path may have characters that the locale has not
-for _stream in (sys.stdout, sys.stderr):
-    if isinstance(_stream, io.TextIOWrapper):
-        _stream.reconfigure(errors="backslashreplace")
+for _name in ("stdout", "stderr"):
+    if type(_stream := getattr(sys, _name)) is io.TextIOWrapper:  # not what tests put there
+        _stream.flush()
+        _raw = _Lasting(_stream.fileno(), "w", closefd=False)
+        setattr(sys, _name, io.TextIOWrapper(
+            io.BufferedWriter(_raw), _stream.encoding, "backslashreplace",
+            line_buffering=_stream.line_buffering, write_through=_stream.write_through,
+        ))  # fmt: skip
 
 EPILOG = "Exit codes: " + "; ".join(f"{e.value} {e.meaning}" for e in Exit) + "."
 

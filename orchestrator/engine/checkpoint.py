@@ -138,7 +138,7 @@ def newest(folder: Path) -> Checkpoint | None:
 
 def _written(folder: Path) -> list[Path]:
     """Those of a folder, the newest first."""
-    return sorted(folder.glob("*.npz"), reverse=True) if folder.is_dir() else []
+    return sorted((p for p in folder.glob("*.npz") if p.is_file()), reverse=True)
 
 
 def _read(path: Path) -> Checkpoint:

@@ -52,8 +52,9 @@ class _Library:
         self.calls: dict[str, Any] = {}
         # Our FMUs never wait for another thread, so their calls may keep the GIL; a foreign FMU's
         # step might wait for a Python thread of its own. No argument types: what is passed is
-        # ctypes objects already, which saves a third of a call.
-        prototype = (ctypes.PYFUNCTYPE if ours else ctypes.CFUNCTYPE)(ctypes.c_int)
+        # ctypes objects already, which saves a third of a call. Unsigned: a status below 0, which
+        # FMI does not know, is not ok.
+        prototype = (ctypes.PYFUNCTYPE if ours else ctypes.CFUNCTYPE)(ctypes.c_uint)
         for name in _CALLS:
             address = ctypes.cast(self.fmu.dll[name], ctypes.c_void_p).value
             assert address is not None
@@ -99,7 +100,7 @@ def _last(name: str, messages: Sequence[str]) -> str:
 
 def failure(name: str, what: str, status: int, messages: Sequence[str]) -> ComponentError:
     """The error for a status, with what the component has said last."""
-    of = _STATUS[status] if 0 <= status < len(_STATUS) else str(status)
+    of = _STATUS[status] if status < len(_STATUS) else str(ctypes.c_int(status).value)
     return ComponentError(f"{name}: {what} returned {of}{_last(name, messages)}")
 
 

@@ -6,6 +6,7 @@ import ctypes
 import errno
 import locale
 import os
+import platform
 import signal
 import sys
 from collections.abc import Callable, Iterator
@@ -83,6 +84,28 @@ def _put_rounding(mode: int) -> None:
         _M.fesetround(mode)
 
 
+def _modes() -> int:
+    """How the processor calculates, beside rounding: traps, and what is too small taken as 0."""
+    return int.from_bytes(_state(), "little") & _MODES if _MODES else 0
+
+
+def _put_modes(modes: int) -> None:
+    state = int.from_bytes(_state(), "little") & ~_MODES | modes
+    _M.fesetenv(state.to_bytes(_LARGEST, "little"))
+
+
+def _state() -> bytes:
+    state = ctypes.create_string_buffer(_LARGEST)
+    _M.fegetenv(state)
+    return state.raw
+
+
+def _permissions() -> int:
+    now = os.umask(0o077)
+    os.umask(now)
+    return now
+
+
 def _folder() -> str:
     try:
         return os.getcwd()
@@ -99,8 +122,16 @@ _C: Any = ctypes.CDLL(None) if os.name == "posix" else None
 _M: Any = _C if hasattr(_C, "fegetround") else None
 if _M is None and sys.platform == "linux":
     _M = ctypes.CDLL("libm.so.6")
+_LARGEST = 64
+"""More bytes than any `fenv_t` of these has."""
+_MODES = {"x86_64": 0x9FC0 << 8 * 28 | 0x033F, "aarch64": 0x0308_9F00}.get(
+    platform.machine() if _M is not None and sys.platform == "linux" else "", 0
+)
+"""The bits of a `fenv_t` of Linux that hold the modes: of MXCSR and the x87's word, or of FPCR."""
 _STATE: dict[str, tuple[Callable[[], Any], Callable[[Any], Any]]] = {
     "rounding mode": (_rounding, _put_rounding),
+    "floating-point modes": (_modes, _put_modes),
+    "file permissions (umask)": (_permissions, os.umask),
     "locale": (
         lambda: locale.setlocale(locale.LC_ALL),
         lambda x: locale.setlocale(locale.LC_ALL, x),

@@ -195,7 +195,11 @@ class IsolatedInstance:
     def _lost(self, hung: bool = False) -> NoReturn:
         """The process there has ended, or is ended here: say how."""
         call = last_call.told(self._words[DOING])
-        if hung:
+        if hung and (status := last_call.status_of(self._process)) is not None:
+            hung = False  # what it has forked keeps its socket open
+            self._close()
+            self._ended = f"{self.name}: {call} ended its process: {last_call.how(status)}"
+        elif hung:
             os.kill(self._process, signal.SIGKILL)
             self._reap()
             self._ended = f"{self.name}: {call} did not return within {self._limit:g} s"
@@ -208,12 +212,18 @@ class IsolatedInstance:
         """How the process ended."""
         if self._socket is None:
             return ""
-        self._socket.close()
-        _open.discard(self._socket)
-        self._socket, until = None, time.monotonic() + GRACE
+        self._close()
+        until = time.monotonic() + GRACE
         while True:
             if (status := last_call.status_of(self._process)) is not None:
                 return last_call.how(status)
             if time.monotonic() > until:
                 os.kill(self._process, signal.SIGKILL)
             time.sleep(0.001)
+
+    def _close(self) -> None:
+        """Close the socket."""
+        assert self._socket is not None
+        self._socket.close()
+        _open.discard(self._socket)
+        self._socket = None

@@ -72,12 +72,13 @@ struct loop {
 
 enum result { LOOK, FAILED, NOT_FINITE };
 
-typedef int transfer(void *, const unsigned *, size_t, void *);
-typedef int do_step(void *, double, double, int);
+/* unsigned: a status below 0, which FMI does not know, is not ok */
+typedef unsigned transfer(void *, const unsigned *, size_t, void *);
+typedef unsigned do_step(void *, double, double, int);
 
 static double at(const double *values, int64_t place) { return place < 0 ? 0.0 : values[place]; }
 
-static int perform(struct loop *loop, const struct operation *o)
+static unsigned perform(struct loop *loop, const struct operation *o)
 {
     double *target = o->p[0];
     const int64_t *first = o->p[1], *second = o->p[2], *index = o->p[3];
@@ -141,10 +142,10 @@ static int perform(struct loop *loop, const struct operation *o)
 
 static int all_of(struct loop *loop, int64_t from, int64_t to)
 {
-    int worst = 0;
+    unsigned worst = 0;
     for (int64_t i = from; i < to; i++) {
         const struct operation *o = loop->operations + i;
-        int status = perform(loop, o);
+        unsigned status = perform(loop, o);
         worst = status > worst ? status : worst;
         if (!o->more) {
             if (worst > 1) {

@@ -151,10 +151,10 @@ def _supervised(
     limit = min(options.call_limit, options.time_limit or math.inf)
     try:
         ended = supervise.watch(work, schedule.order, unwritten, limit)
-        if "error" in ended.said:
+        layout, outcome = supervise.layout_of(ended), ended.said.get("outcome")
+        if "error" in ended.said and (layout is None or outcome is not None):
             kind, arguments = ended.said["error"]
             raise kind(*arguments)
-        outcome = ended.said.get("outcome")
         full = no_space(ended.said.get("bug", ""))
         if "system" in ended.said and not full and outcome is None:
             raise OSError(*ended.said["system"])
@@ -164,7 +164,6 @@ def _supervised(
             if ended.how:  # all is recorded; it ended when a component was freed
                 outcome.status, outcome.message = "failed", f"{ended.text()}, after the run"
             return outcome, Results.open(place)
-        layout = supervise.layout_of(ended)
         if layout is None and ended.signal == signal.SIGINT:
             raise KeyboardInterrupt
         if layout is None and ended.signal:
@@ -186,6 +185,8 @@ def _cut_short(
 ) -> tuple[Outcome, Results]:  # fmt: skip
     """How a run ended that could not say so itself, and its rows."""
     outcome = Outcome("failed", ended.text(), Exit.COMPONENT)
+    if "error" in ended.said:  # what it could not do while it recorded
+        outcome.message = str(ended.said["error"][1][0])
     if full:
         outcome = Outcome("no space", f"{place / SERIES}: {full}", Exit.SPACE)
     elif ended.signal:

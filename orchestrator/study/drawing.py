@@ -61,8 +61,12 @@ def blank(width: float, height: float) -> Figure:
     """A figure without axes."""
     if places.no_home():  # it would say where it keeps what it finds of fonts
         os.environ.setdefault("MPLCONFIGDIR", str(places.cache() / "matplotlib"))
-    from matplotlib.figure import Figure
-
+    backend = os.environ.pop("MPLBACKEND", None)  # we need none, and one that is unknown is refused
+    try:
+        from matplotlib.figure import Figure
+    finally:
+        if backend is not None:
+            os.environ["MPLBACKEND"] = backend
     return Figure(figsize=(width, height))
 
 

@@ -15,6 +15,7 @@ from typing import Any
 from ..analyses import analyses
 from ..engine.results import MANIFEST, Results
 from ..files import library
+from ..files.contents import contents
 from ..files.text import replace_text
 from ..system.errors import DesatError
 from ..system.expression import Table
@@ -169,9 +170,12 @@ def read_manifest(folder: Path) -> dict[str, Any]:
     """The manifest of a run folder, also of a run that was killed. Raises DesatError."""
     for name in (MANIFEST, f"{MANIFEST}.part"):
         if (folder / name).exists():
+            where = str(folder / name)
             try:
-                manifest: dict[str, Any] = json.loads((folder / name).read_text(encoding="utf-8"))
-                return manifest
+                manifest: dict[str, Any] = json.loads(contents(folder / name, where))
             except ValueError as error:
-                raise DesatError(f"{folder / name}: {error}") from error
+                raise DesatError(f"{where}: {error}") from error
+            if not isinstance(manifest, dict) or "status" not in manifest:
+                raise DesatError(f"{where}: it is no manifest of a run")
+            return manifest
     raise DesatError(f"{folder}: no run folder (it has no {MANIFEST})")

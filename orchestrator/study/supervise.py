@@ -31,6 +31,8 @@ SIGNALS = tuple(
 CAN = hasattr(os, "fork")
 _LOOK = 0.2
 """The parent looks at its child so often (s)."""
+_AT_ONCE = 1.0
+"""No more (s) between two looks is a call's: both processes may have been stopped (Ctrl-Z)."""
 _LATER = 0.5
 """So much (s) after the limit of an isolated component has ended that component alone."""
 
@@ -134,7 +136,7 @@ def _die_with(parent: int) -> None:
 
 def _wait(child: int, pipe: Connection, ended: Ended, limit: float) -> int:
     """Listen until the child has ended; its status."""
-    listening, seen, since = True, last_call.now(), time.monotonic()
+    listening, seen, since, looked = True, last_call.now(), 0.0, time.monotonic()
     while True:
         if listening and pipe.poll(_LOOK):
             try:
@@ -147,9 +149,12 @@ def _wait(child: int, pipe: Connection, ended: Ended, limit: float) -> int:
             return status
         if not listening:
             time.sleep(0.01)
+        past, looked = looked, time.monotonic()
         if (now := last_call.now()) != seen or not now[0]:
-            seen, since = now, time.monotonic()
-        elif time.monotonic() - since > limit + _LATER:
+            seen, since = now, 0.0
+        else:
+            since += min(looked - past, _AT_ONCE)
+        if since > limit + _LATER:
             ended.hung = limit
             os.kill(child, signal.SIGKILL)
 
