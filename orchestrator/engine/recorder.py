@@ -78,6 +78,7 @@ class Recorder:
             index, sets = self._tables(series)
         about_time = {"unit": "s", "description": "communication points t_k"}
         plans = [self._plan("/time", 0, np.float64, about_time), *(plan for plan, _ in sets)]
+        self._plans = plans
         self._places = [places for _, places in sets]
         self._sets = [self._made(plan) for plan in plans]
         """The times, and the data sets of `_places`."""
@@ -221,7 +222,7 @@ class Recorder:
             dataset.append(rows.reshape(len(rows), *dataset.shape[1:]))
         elif len(rows):
             rows = self._together(rows).reshape(len(rows), *dataset.shape[1:])
-            _append(dataset.id, rows)
+            _append(self._plans[i], dataset.id, rows)
             self._packing.take(i, rows)
 
     def _together(self, rows: NDArray[Any]) -> NDArray[Any]:
@@ -269,10 +270,13 @@ def _series(component: str, variable: str, slots: list[Slot]) -> wide.Series:
                        signal.name == variable, attributes)  # fmt: skip
 
 
-def _append(dataset: Any, rows: NDArray[Any]) -> None:
+def _append(plan: Plan, dataset: Any, rows: NDArray[Any]) -> None:
     """By HDF5's own calls: `dataset[n:] = rows` takes twice as long, and a day has thousands."""
     n, *tail = dataset.shape
     dataset.set_extent((n + len(rows), *tail))
+    if rows.shape == plan.chunk and n % len(rows) == 0 and rows.dtype == np.float64:
+        dataset.write_direct_chunk((n, *(0 for _ in tail)), rows)
+        return
     place = dataset.get_space()
     place.select_hyperslab((n, *(0 for _ in tail)), rows.shape)
     dataset.write(h5py.h5s.create_simple(rows.shape), place, rows)
