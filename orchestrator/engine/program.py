@@ -12,9 +12,9 @@ from .fmu_instance import FmuInstance
 from .isolated import IsolatedInstance
 from .operations import Call, Cut, Gather, Join, Length, Operation, Show, Step, Tick
 
-_CODES = ("TICK", "LENGTH", "TAKE_8", "TAKE_4", "CONVERT", "TRANSFER", "STEP", "COPY", "CLEAR",
+CODES = ("TICK", "LENGTH", "TAKE_8", "TAKE_4", "CONVERT", "TRANSFER", "STEP", "COPY", "CLEAR",
           "JOIN", "CUT", "PUT_R", "PUT_I", "PUT_B", "FETCH_R", "FETCH_I", "FETCH_B")  # fmt: skip
-_CODE = {name: i for i, name in enumerate(_CODES)}
+_CODE = {name: i for i, name in enumerate(CODES)}
 
 
 class NotCompiledError(Exception):
