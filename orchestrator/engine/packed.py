@@ -139,7 +139,7 @@ class _Packed:
         self._id.set_extent((done + end, *self.plan.tail))
         for first in range(0, end, many):
             for (_, *column), values in chunks(self.plan, rows[first : min(end, first + many)]):
-                self._id.write_direct_chunk((done + first, *column), _deflated(values))
+                self._id.write_direct_chunk((done + first, *column), deflated(values))
         self.keep(rows[end:])
 
     def finish(self) -> Any:
@@ -148,7 +148,7 @@ class _Packed:
         return self._id
 
 
-def _deflated(values: NDArray[Any]) -> bytes:
+def deflated(values: NDArray[Any]) -> bytes:
     """A chunk as HDF5's filters would leave it: of all values the first byte, then the second."""
     octets = values.reshape(-1).view(np.uint8).reshape(-1, values.itemsize)
     packed: bytes = isal_zlib.compress(np.ascontiguousarray(octets.T), _LEVEL)

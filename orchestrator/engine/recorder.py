@@ -25,7 +25,7 @@ from . import memory, wide
 from .instances import DTYPE
 from .master import Master
 from .member import Slot
-from .packed import Packing, Plan
+from .packed import Packing, Plan, deflated
 from .results import Results, frame_of, selects
 from .unwritten import Half, Layout, Places, Unwritten
 
@@ -274,8 +274,9 @@ def _append(plan: Plan, dataset: Any, rows: NDArray[Any]) -> None:
     """By HDF5's own calls: `dataset[n:] = rows` takes twice as long, and a day has thousands."""
     n, *tail = dataset.shape
     dataset.set_extent((n + len(rows), *tail))
-    if rows.shape == plan.chunk and n % len(rows) == 0 and rows.dtype == np.float64:
-        dataset.write_direct_chunk((n, *(0 for _ in tail)), rows)
+    if rows.shape == plan.chunk and n % len(rows) == 0:
+        whole = rows if rows.dtype == np.float64 else deflated(rows)
+        dataset.write_direct_chunk((n, *(0 for _ in tail)), whole)
         return
     place = dataset.get_space()
     place.select_hyperslab((n, *(0 for _ in tail)), rows.shape)
