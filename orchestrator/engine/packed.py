@@ -43,6 +43,7 @@ def pack(path: Path) -> None:
         sets = [file["time"], *wide.data_sets(file)]
         index = file[wide.INDEX][()] if wide.INDEX in file else None
         packing = Packing(path, [Plan.of(d) for d in sets], index, dict(file.attrs))
+        packing.leave_room(file.id.get_filesize())
         for i, source in enumerate(sets):
             many = source.chunks[0]
             for first in range(0, len(source), many):
