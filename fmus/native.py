@@ -30,6 +30,7 @@ FLAGS = (
     "-std=c11", "-O2", "-fPIC", "-fvisibility=hidden",
     "-ffp-contract=off",  # no a * b + c in one rounding
     "-fno-builtin-pow",  # pow(x, 2.0) is not x * x to the last bit
+    "-fno-math-errno", "-fno-trapping-math",  # a root or a choice need not be a call or a jump
     "-fwrapv",
     "-Werror=incompatible-pointer-types", "-Werror=int-conversion",
 )  # fmt: skip

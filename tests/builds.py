@@ -81,7 +81,7 @@ def same_run(scenario: str, folder: Path) -> int:
         run = execute(scenario, Options(stop=600 * step, fmus="native"))
         names = run.results.names()
         series.append({name: run.results.values(name).tobytes() for name in names})
-        built.append({c["sha256"] for c in run.manifest["components"].values()})
+        built.append({c["sha256"] for c in run.manifest["fmus"].values()})
     places.fmus = usual
     if built[0] == built[1]:
         raise SystemExit(f"{scenario}: both runs took the same FMUs")

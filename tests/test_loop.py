@@ -21,6 +21,7 @@ from desat.engine.ending import NEVER, Ending
 from desat.engine.instances import ComponentError
 from desat.engine.loop import PythonSteps, run, stepping
 from desat.engine.master import Master
+from desat.engine.program import CODES, Program
 from desat.engine.recorder import Recorder
 from desat.engine.unwritten import Layout, Unwritten
 from desat.files import library
@@ -276,6 +277,18 @@ def test_bare_blocks_keep_the_masters_loop():
     made = execute("gyrostat/full", Options(stop=2.0, blocks=True))
     assert made.manifest["loop"]["name"] == "python"
     assert made.manifest["loop"]["why"].endswith("is not run as an FMU")
+
+
+def test_values_of_our_native_fmus_are_moved_where_they_lie():
+    """Without a call of FMI but for the steps; those of Python FMUs are set and read."""
+    for kind in ("native", "python"):
+        with Master(*prepare("plant/light", Options(fmus=kind)).or_raise()) as m:
+            m.initialise()
+            operations = Program(m.cycle).operations
+        codes = {CODES[o.code] for o in operations}
+        moves = {c for c in codes if c.startswith(("PUT_", "FETCH_"))}
+        assert codes & {"STEP", "TRANSFER"} == {"STEP"} | ({"TRANSFER"} if not moves else set())
+        assert bool(moves) == (kind == "native")
 
 
 def test_without_a_compiler(probe, monkeypatch):

@@ -47,9 +47,17 @@ typedef struct {
     bool unstarted; /* start has failed, and nothing else */
 } progress;
 
+/* what get and set need of a variable, in an eighth of its bytes */
+typedef struct {
+    uint32_t offset;
+    char kind;
+    bool fixed; /* once it steps */
+} place;
+
 typedef struct {
     progress now;
     void *self; /* the block */
+    place *places; /* by value reference */
     char *name; /* as given */
     char *key;  /* by which noise is keyed */
     fmi2CallbackFunctions call;
@@ -175,6 +183,7 @@ EXPORT void fmi2FreeInstance(fmi2Component p)
     instance *c = p;
     if (c == NULL) return;
     free(c->self);
+    free(c->places);
     free(c->name);
     free(c->key);
     free(c);
@@ -192,9 +201,14 @@ EXPORT fmi2Component fmi2Instantiate(fmi2String name, fmi2Type type, fmi2String 
     c->name = calloc(strlen(name) + 1, 1);
     c->key = key_of(name);
     c->self = malloc(the->size);
-    if (c->name == NULL || c->key == NULL || c->self == NULL) {
+    c->places = malloc(the->count * sizeof *c->places);
+    if (c->name == NULL || c->key == NULL || c->self == NULL || c->places == NULL) {
         fmi2FreeInstance(c);
         return NULL;
+    }
+    for (size_t k = 0; k < the->count; k++) {
+        const block_variable *v = the->variables + k;
+        c->places[k] = (place){ (uint32_t)v->offset, v->kind, v->causality == 'p' };
     }
     strcpy(c->name, name);
     if (type != fmi2CoSimulation || guid == NULL || strcmp(guid, the->guid) != 0) {
@@ -320,16 +334,20 @@ static fmi2Status not_there(instance *c, const char *verb, char kind, fmi2ValueR
                                TYPE value[])                                                         \
     {                                                                                                \
         instance *c = p;                                                                             \
+        const size_t count = the->count;                                                             \
+        const place *at;                                                                             \
+        const char *self;                                                                            \
         if (c == NULL || (n > 0 && (vr == NULL || value == NULL))) return fmi2Error;                 \
         if (c->now.stale) refresh(c);                                                                \
+        at = c->places, self = c->self;                                                              \
         for (size_t k = 0; k < n; k++) {                                                             \
-            const block_variable *v = the->variables + (vr[k] < the->count ? vr[k] : 0);             \
-            if (vr[k] >= the->count || v->kind != KIND) {                                            \
+            const fmi2ValueReference r = vr[k];                                                      \
+            if (PY_RARE(r >= count || at[r].kind != KIND)) {                                         \
                 for (k = n; k-- > 0;) value[k] = FAILED;                                             \
-                for (k = 0; vr[k] < the->count && the->variables[vr[k]].kind == KIND;) k++;          \
+                for (k = 0; vr[k] < count && at[vr[k]].kind == KIND;) k++;                           \
                 return not_there(c, "get", KIND, vr[k]);                                             \
             }                                                                                        \
-            value[k] = (TYPE)*(const MEMBER *)((const char *)c->self + v->offset);                   \
+            value[k] = (TYPE)*(const MEMBER *)(self + at[r].offset);                                 \
         }                                                                                            \
         return fmi2OK;                                                                               \
     }
@@ -339,15 +357,19 @@ static fmi2Status not_there(instance *c, const char *verb, char kind, fmi2ValueR
                                const TYPE value[])                                                   \
     {                                                                                                \
         instance *c = p;                                                                             \
+        const size_t count = the->count;                                                             \
+        const place *at;                                                                             \
+        char *self;                                                                                  \
+        bool fixed = false;                                                                          \
         if (c == NULL || (n > 0 && (vr == NULL || value == NULL))) return fmi2Error;                 \
-        for (size_t k = 0; k < n; k++)                                                               \
-            if (vr[k] >= the->count || the->variables[vr[k]].kind != KIND)                           \
+        at = c->places, self = c->self;                                                              \
+        for (size_t k = 0; k < n; k++) {                                                             \
+            if (PY_RARE(vr[k] >= count || at[vr[k]].kind != KIND))                                   \
                 return not_there(c, "set", KIND, vr[k]);                                             \
-        if (c->now.phase >= STEPPING)                                                                \
-            for (size_t k = 0; k < n; k++)                                                           \
-                if (the->variables[vr[k]].causality == 'p') return is_fixed(c, KIND, vr, n);         \
-        for (size_t k = 0; k < n; k++)                                                               \
-            *(MEMBER *)((char *)c->self + the->variables[vr[k]].offset) = GIVEN;                     \
+            fixed |= at[vr[k]].fixed;                                                                \
+        }                                                                                            \
+        if (fixed && c->now.phase >= STEPPING) return is_fixed(c, KIND, vr, n);                      \
+        for (size_t k = 0; k < n; k++) *(MEMBER *)(self + at[vr[k]].offset) = GIVEN;                 \
         c->now.stale = c->now.phase == INITIALISING;                                                 \
         return fmi2OK;                                                                               \
     }
@@ -376,6 +398,21 @@ GET(fmi2GetBoolean, fmi2Boolean, 'B', bool, 0)
 SET(fmi2SetReal, fmi2Real, 'R', double, value[k])
 SET(fmi2SetInteger, fmi2Integer, 'I', int64_t, value[k])
 SET(fmi2SetBoolean, fmi2Boolean, 'B', bool, value[k] != 0)
+
+/* Not of the standard: where the values of variables of one kind (R: double, I: int64_t, B: bool) lie
+   while an instance lives, parameters excepted, for a master in C that moves them itself in step mode,
+   when get and set do no more than that. False where one is not there. */
+EXPORT bool desat_places(fmi2Component p, char kind, const fmi2ValueReference vr[], size_t n,
+                         void *found[])
+{
+    const instance *c = p;
+    for (size_t k = 0; k < n; k++) {
+        if (vr[k] >= the->count || c->places[vr[k]].kind != kind || c->places[vr[k]].fixed)
+            return false;
+        found[k] = (char *)c->self + c->places[vr[k]].offset;
+    }
+    return true;
+}
 
 EXPORT fmi2Status fmi2GetString(fmi2Component p, const fmi2ValueReference vr[], size_t n,
                                 fmi2String value[])

@@ -59,6 +59,11 @@ class _Library:
             address = ctypes.cast(self.fmu.dll[name], ctypes.c_void_p).value
             assert address is not None
             self.calls[name] = prototype(address)
+        self.places: Any = None
+        """Of our native FMUs: where values lie (fmi2.c)."""
+        if ours and hasattr(self.fmu.dll, "desat_places"):
+            self.places = self.fmu.dll.desat_places
+            self.places.restype = ctypes.c_bool
         # pythonfmu's library must be told before the process ends, or it aborts
         finalise = getattr(self.fmu.dll, "finalizePythonInterpreter", None)
         if finalise is not None:
@@ -151,6 +156,8 @@ class FmuInstance:
             self._library.calls["fmi2DoStep"],
             ctypes.c_void_p(self._c), clock.t, clock.dt, ctypes.c_int(1),
         )  # fmt: skip
+        self.places = {"push": self._places(inputs), "pull": self._places(outputs)}
+        """Of the calls that set and get, where the values lie in the FMU; None: unknown."""
         self.prepared = {
             "push": self._transfer("Set", inputs, self.inputs),
             "step": [step],
@@ -200,6 +207,20 @@ class FmuInstance:
             )  # fmt: skip
             calls.append(partial(self._library.calls[f"fmi2{verb}{kind}"], *arguments))
         return calls
+
+    def _places(self, signals: dict[Kind, list[Signal]]) -> list[tuple[str, Any] | None]:
+        found: list[tuple[str, Any] | None] = []
+        for kind in KINDS:
+            if not (n := len(signals[kind])):
+                continue
+            references = (ctypes.c_uint * n)(*(s.reference for s in signals[kind]))
+            places, find = (ctypes.c_void_p * n)(), self._library.places
+            there = find is not None and find(
+                ctypes.c_void_p(self._c), ctypes.c_char(kind[0].encode()), references,
+                ctypes.c_size_t(n), places,
+            )  # fmt: skip
+            found.append((kind[0], places) if there else None)
+        return found
 
     def enter(self, start: float, parameters: Mapping[str, Scalar]) -> None:
         by_kind: dict[str, list[tuple[Signal, Scalar]]] = {}

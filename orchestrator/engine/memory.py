@@ -54,13 +54,13 @@ class File:
         self._groups: dict[str, Any] = {}
 
     def create_dataset(
-        self, name: str, shape: tuple[int, ...] = (), dtype: Any = None, *,
-        chunks: tuple[int, ...] = (), data: str | None = None, **packing: Any,
+        self, name: str, tail: tuple[int, ...] = (), dtype: Any = None, room: int = 1, *,
+        data: str | None = None,
     ) -> Any:  # fmt: skip
-        """A data set with room for a chunk; or one that holds a text."""
-        made = {(): data} if data is not None else Rows(f"/{name}", shape[1:], dtype, chunks[0])
-        group, _, variable = name.partition("/")
-        (self._groups.setdefault(group, {}) if variable else self._groups)[variable or name] = made
+        """A data set with room for so many rows; or one that holds a text."""
+        made = {(): data} if data is not None else Rows(name, tail, dtype, room)
+        group, _, variable = name.strip("/").partition("/")
+        (self._groups.setdefault(group, {}) if variable else self._groups)[variable or group] = made
         return made
 
     def __getitem__(self, name: str) -> Any:

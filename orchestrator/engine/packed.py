@@ -6,19 +6,23 @@ compressed (shuffle and deflate, which every reader of HDF5 has), and at the end
 its times as dimension scale: `/time` for states, `/.interval` for what holds over [t_k, t_k+1).
 
 HDF5's own filters would take 17.3 us a step of a day at nadir (129 signals, one core of a machine
-that was busy), ISA-L's deflate takes 1.6 for 2 % more bytes.
+that was busy), ISA-L's deflate takes 1.6 for 2 % more bytes. Data sets and attributes are made by
+HDF5's own calls too, for h5py's take twice as long, and a day is over in half a second.
 """
 
 from __future__ import annotations
 
 import shutil
-from itertools import product
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import h5py
 import numpy as np
+from h5py import h5a, h5d, h5ds, h5p, h5s, h5t
 from isal import isal_zlib
+from numpy.typing import NDArray
 
 from . import wide
 from .wide import INTERVAL
@@ -36,29 +40,163 @@ def beside(path: Path) -> Path:
 def pack(path: Path) -> None:
     """Pack a closed file in its place. Where the disk has no room for both it stays as it is."""
     with h5py.File(path, "r") as file:
-        made = Packing(file, path).finish()
+        sets = [file["time"], *wide.data_sets(file)]
+        index = file[wide.INDEX][()] if wide.INDEX in file else None
+        packing = Packing(path, [Plan.of(d) for d in sets], index, dict(file.attrs))
+        packing.leave_room(file.id.get_filesize())
+        for i, source in enumerate(sets):
+            many = source.chunks[0]
+            for first in range(0, len(source), many):
+                packing.take(i, source[first : first + many])
+        made = packing.finish()
     if made is not None:
         made.replace(path)
+
+
+@dataclass(frozen=True)
+class Plan:
+    """A data set whose rows grow."""
+
+    name: str
+    tail: tuple[int, ...]
+    """(), or (columns,)."""
+    dtype: np.dtype[Any]
+    chunk: tuple[int, ...]
+    attributes: Mapping[str, str]
+
+    @classmethod
+    def of(cls, source: Any) -> Plan:
+        """A data set of a file."""
+        return cls(source.name, source.shape[1:], source.dtype, source.chunks, dict(source.attrs))
+
+    @property
+    def interval(self) -> bool:
+        """Whether its rows hold over an interval."""
+        shared = self.name.startswith(f"/{INTERVAL}.")
+        return shared or self.attributes.get("class") == "interval"
+
+    def make(self, file: Any, compressed: bool) -> Any:
+        """Make it in a file, without rows."""
+        how = h5p.create(h5p.DATASET_CREATE)
+        how.set_obj_track_times(False)  # or equal runs would not make equal files
+        how.set_chunk(self.chunk)
+        if compressed:
+            how.set_shuffle()
+            how.set_deflate(_LEVEL)
+        group, _, name = self.name.rpartition("/")
+        place = h5s.create_simple((0, *self.tail), (h5s.UNLIMITED, *self.tail))
+        within = file.require_group(group or "/").id
+        made = h5d.create(within, name.encode(), h5t.py_create(self.dtype), place, how)
+        text, one = h5t.py_create(h5py.string_dtype(), logical=True), h5s.create(h5s.SCALAR)
+        for key, value in self.attributes.items():
+            h5a.create(made, key.encode(), text, one).write(np.array(value, dtype=object))
+        return h5py.Dataset(made)
+
+
+def chunks(plan: Plan, rows: NDArray[Any]) -> Iterable[tuple[tuple[int, ...], NDArray[Any]]]:
+    """The chunks that rows, no more than one chunk has, lie in, filled with zeros: where they
+    begin, after the first row, and what they hold."""
+    width = plan.chunk[1:]
+    if rows.shape == plan.chunk:
+        yield (0,) * rows.ndim, rows
+        return
+    for first in range(0, plan.tail[0], width[0]) if width else (0,):
+        part = rows[:, first : first + width[0]] if width else rows
+        whole = np.zeros(plan.chunk, plan.dtype)
+        whole[tuple(slice(n) for n in part.shape)] = part
+        yield ((0, first) if width else (0,)), whole
+
+
+class _Packed:
+    """A data set of the packed file, and its rows that fill no chunk yet."""
+
+    def __init__(self, plan: Plan) -> None:
+        self.plan = plan
+        self._waiting: list[NDArray[Any]] = []
+        self._many = 0
+        self._id: Any = None
+
+    def make(self, file: Any) -> None:
+        """Make it in the file."""
+        self._id = self.plan.make(file, compressed=True).id
+
+    def fills(self, more: int) -> bool:
+        """Whether so many rows more fill a chunk."""
+        return self._many + more >= self.plan.chunk[0]
+
+    def keep(self, rows: NDArray[Any]) -> None:
+        """Keep further rows, a copy of them."""
+        if len(rows):
+            self._waiting.append(rows.copy())
+            self._many += len(rows)
+
+    def write(self, rows: NDArray[Any], whole: bool) -> None:
+        """Pack those that are kept and further ones: those that fill chunks, or all."""
+        if self._waiting:
+            rows = np.concatenate([*self._waiting, rows])
+            self._waiting, self._many = [], 0
+        many, done = self.plan.chunk[0], self._id.shape[0]
+        end = len(rows) - len(rows) % many if whole else len(rows)
+        self._id.set_extent((done + end, *self.plan.tail))
+        for first in range(0, end, many):
+            for (_, *column), values in chunks(self.plan, rows[first : min(end, first + many)]):
+                self._id.write_direct_chunk((done + first, *column), deflated(values))
+        self.keep(rows[end:])
+
+    def finish(self) -> Any:
+        """Pack the rest."""
+        self.write(np.empty((0, *self.plan.tail), self.plan.dtype), whole=False)
+        return self._id
+
+
+def deflated(values: NDArray[Any]) -> bytes:
+    """A chunk as HDF5's filters would leave it: of all values the first byte, then the second."""
+    octets = values.reshape(-1).view(np.uint8).reshape(-1, values.itemsize)
+    packed: bytes = isal_zlib.compress(np.ascontiguousarray(octets.T), _LEVEL)
+    return packed
 
 
 class Packing:
     """The packed file of one that grows, beside `path`. Where the disk has no room for both there
     is none."""
 
-    def __init__(self, source: Any, path: Path) -> None:
-        self._path = beside(path)
-        self._source = source
-        self._sets = [source["time"], *wide.data_sets(source)]
+    def __init__(
+        self, path: Path, plans: Sequence[Plan], index: str | None, about: Mapping[str, str]
+    ) -> None:
+        self._path, self._index, self._about = beside(path), index, about
+        self._sets = [_Packed(plan) for plan in plans]
         self._file: Any = None
         self._lost = False
 
-    def follow(self) -> None:
-        """Pack the chunks that are whole."""
-        self._try(whole=True)
+    def take(self, i: int, rows: NDArray[Any]) -> None:
+        """Pack further rows of data set i, or keep a copy till they fill a chunk."""
+        if self._lost:
+            return
+        one = self._sets[i]
+        if not one.fills(len(rows)):
+            one.keep(rows)
+            return
+        try:
+            self._begin()
+            one.write(rows, whole=True)
+        except _FULL:
+            self.drop()
+
+    def leave_room(self, octets: int) -> None:
+        """Give it up where the disk has less room than this."""
+        if not self._lost and shutil.disk_usage(self._path.parent).free < octets:
+            self.drop()
 
     def finish(self) -> Path | None:
         """Pack the rest and close the file; where it is, if it could be made."""
-        self._try(whole=False)
+        if self._lost:
+            return None
+        try:
+            self._begin()
+            self._scale([one.finish() for one in self._sets])
+            self._file.close()
+        except _FULL:
+            self.drop()
         return None if self._lost else self._path
 
     def drop(self) -> None:
@@ -69,66 +207,29 @@ class Packing:
         except _FULL:
             pass
         self._path.unlink(missing_ok=True)
+        self._sets.clear()
         self._lost = True
 
-    def _try(self, whole: bool) -> None:
-        if self._lost:
-            return
-        try:
-            if shutil.disk_usage(self._path.parent).free < self._source.id.get_filesize():
-                self.drop()
-                return
-            if self._file is None:
-                self._begin()
-            for source in self._sets:
-                self._grow(source, whole)
-            if not whole:
-                self._scale()
-                self._file.close()
-        except _FULL:
-            self.drop()
-
     def _begin(self) -> None:
-        self._file = h5py.File(self._path, "w")
-        self._file.attrs.update(self._source.attrs)
-        for source in self._sets:
-            made = self._file.create_dataset(
-                source.name, (0, *source.shape[1:]), source.dtype, chunks=source.chunks,
-                maxshape=source.maxshape, shuffle=True, compression="gzip", compression_opts=_LEVEL,
-            )  # fmt: skip
-            made.attrs.update(source.attrs)
-        if wide.INDEX in self._source:
-            self._file.create_dataset(wide.INDEX, data=self._source[wide.INDEX][()])
-
-    def _grow(self, source: Any, whole: bool) -> None:
-        """Pack the further chunks of a data set: whole ones only, or all."""
-        made, rows, many = self._file[source.name], source.shape[0], source.chunks[0]
-        done, end = made.shape[0], rows - rows % many if whole else rows
-        if done == end:
+        if self._file is not None:
             return
-        made.resize(end, axis=0)
-        sides = (range(0, n, k) for n, k in zip(source.shape[1:], source.chunks[1:], strict=True))
-        for at in product(range(done, end, many), *sides):
-            mask, data = source.id.read_direct_chunk(at)
-            if source.compression is None:
-                octets = np.frombuffer(data, np.uint8).reshape(-1, source.dtype.itemsize)
-                data = isal_zlib.compress(np.ascontiguousarray(octets.T), _LEVEL)
-            made.id.write_direct_chunk(at, data, mask)
+        self._file = h5py.File(self._path, "w")
+        self._file.attrs.update(self._about)
+        for one in self._sets:
+            one.make(self._file)
+        if self._index is not None:
+            self._file.create_dataset(wide.INDEX, data=self._index)
 
-    def _scale(self) -> None:
+    def _scale(self, made: list[Any]) -> None:
         """Attach the scales."""
-        time, *sets = (self._file[source.name] for source in self._sets)
-        time.make_scale("time")
-        rows = [len(d) for d in sets if _is_interval(d)]
+        time, *sets = made
+        interval = [one.plan.interval for one in self._sets[1:]]
+        h5ds.set_scale(time, b"time")
+        rows = [d.shape[0] for d, holds in zip(sets, interval, strict=True) if holds]
         if rows:
-            begin = self._file.create_dataset(INTERVAL, data=self._source["time"][: rows[0]])
+            begin = self._file.create_dataset(INTERVAL, data=self._file["time"][: rows[0]])
             begin.attrs.update({"unit": "s", "description": "begin t_k of the interval"})
-            begin.make_scale("interval")
-        for dataset in sets:
-            dataset.dims[0].label = "interval" if _is_interval(dataset) else "time"
-            dataset.dims[0].attach_scale(self._file[INTERVAL] if _is_interval(dataset) else time)
-
-
-def _is_interval(dataset: Any) -> bool:
-    shared: bool = dataset.name.startswith(f"/{INTERVAL}.")
-    return shared or bool(dataset.attrs.get("class") == "interval")
+            h5ds.set_scale(begin.id, b"interval")
+        for dataset, holds in zip(sets, interval, strict=True):
+            h5ds.set_label(dataset, 0, b"interval" if holds else b"time")
+            h5ds.attach_scale(dataset, begin.id if holds else time, 0)

@@ -12,9 +12,9 @@ from .fmu_instance import FmuInstance
 from .isolated import IsolatedInstance
 from .operations import Call, Cut, Gather, Join, Length, Operation, Show, Step, Tick
 
-_CODES = ("TICK", "LENGTH", "TAKE_8", "TAKE_4", "CONVERT", "TRANSFER", "STEP", "COPY", "CLEAR",
-          "JOIN", "CUT")  # fmt: skip
-_CODE = {name: i for i, name in enumerate(_CODES)}
+CODES = ("TICK", "LENGTH", "TAKE_8", "TAKE_4", "CONVERT", "TRANSFER", "STEP", "COPY", "CLEAR",
+          "JOIN", "CUT", "PUT_R", "PUT_I", "PUT_B", "FETCH_R", "FETCH_I", "FETCH_B")  # fmt: skip
+_CODE = {name: i for i, name in enumerate(CODES)}
 
 
 class NotCompiledError(Exception):
@@ -123,12 +123,17 @@ def _calls(call: Call) -> Iterator[_Row]:
         raise NotCompiledError(f"{instance.name} is not run as an FMU")
     if call.verb not in instance.prepared:
         raise NotCompiledError(f"the steps of {instance.name} may be halved")
-    for prepared in instance.prepared[call.verb]:
+    for i, prepared in enumerate(instance.prepared[call.verb]):
         function = ctypes.cast(cast(Any, prepared.func), ctypes.c_void_p).value
         if call.verb == "step":
             component, t, dt, _ = prepared.args
             yield "STEP", 1, (function, component.value, t, dt), ()
         else:
             component, references, n, values = prepared.args
+            if direct := instance.places[call.verb][i]:
+                kind, places = direct
+                code = f"{'PUT' if call.verb == 'push' else 'FETCH'}_{kind}"
+                yield code, n.value, (places, values.value), ()
+                continue
             pointers = (function, component.value, references.value, values.value)
             yield "TRANSFER", n.value, pointers, ()

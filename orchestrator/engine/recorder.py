@@ -25,7 +25,7 @@ from . import memory, wide
 from .instances import DTYPE
 from .master import Master
 from .member import Slot
-from .packed import Packing
+from .packed import Packing, Plan, deflated
 from .results import Results, frame_of, selects
 from .unwritten import Half, Layout, Places, Unwritten
 
@@ -36,6 +36,10 @@ _CACHE = 1 << 18
 """Of chunks that are written already HDF5 would keep 8 MiB a data set (bytes)."""
 _ROOM = 64 << 20
 """Rows that are not written yet take no more (bytes)."""
+
+
+_Place = tuple[Kind, Places, bool]
+"""The type of a data set's values, their columns among those of that type, interval or not."""
 
 
 class Recorder:
@@ -68,20 +72,28 @@ class Recorder:
         for slot in master.slots:
             if selects(patterns, slot.component, slot.signal):
                 groups[slot.component, base_name(slot.signal.name)].append(slot)
-        self._time = self._dataset("time", 0, np.float64)
-        self._time.attrs.update({"unit": "s", "description": "communication points t_k"})
         series = [_series(*name, slots) for name, slots in groups.items()]
-        self._sets: list[tuple[Any, Kind, Places, bool]] = (
-            self._tables(series) if len(series) > wide.MANY else [self._own(s) for s in series]
-        )
+        index, sets = None, [self._own(s) for s in series]
+        if len(series) > wide.MANY:
+            index, sets = self._tables(series)
+        about_time = {"unit": "s", "description": "communication points t_k"}
+        plans = [self._plan("/time", 0, np.float64, about_time), *(plan for plan, _ in sets)]
+        self._plans = plans
+        self._places = [places for _, places in sets]
+        self._sets = [self._made(plan) for plan in plans]
+        """The times, and the data sets of `_places`."""
+        if index is not None:
+            self._file.create_dataset(wide.INDEX, data=index)
         self.layout = Layout(
             self._chunk, {k: (len(a), a.dtype.str) for k, a in live.items()},
-            tuple((d.name, *rest) for d, *rest in self._sets),
+            tuple((plan.name, *places) for plan, places in sets),
         )  # fmt: skip
         self.unwritten = unwritten or Unwritten()
         self.unwritten.lay_out(self.layout)
+        self._rooms: dict[np.dtype[Any], NDArray[Any]] = {}
         self._conserving = master.algorithm == "conserving"
         self._flushed = time.monotonic()
+        self._packing = None if path is None else Packing(path, plans, index, about)
         if path is not None and go_on is not None:
             self._take_over(path, go_on)
             self._file.flush()
@@ -91,7 +103,6 @@ class Recorder:
             self._synchronise()
             new.replace(self._part)
             path.unlink(missing_ok=True)
-        self._packing = None if path is None else Packing(self._file, path)
         # a foreign FMU may call exit(), at which HDF5 closes its files: nobody may be writing then
         self._at_once = path is None or not all(
             member.component.interface.role for member in master.members.values()
@@ -104,11 +115,10 @@ class Recorder:
         with Results.open(path) as old:
             if (there := len(old.times())) < rows:
                 raise DesatError(f"{path.parent}: the series have {there} rows of {rows}")
-            for dataset in (self._time, *(d for d, *_ in self._sets)):
-                dataset.resize(rows, axis=0)
-                for at in range(0, rows, self._chunk):
-                    block = slice(at, min(rows, at + self._chunk))
-                    dataset[block] = old.raw(dataset.name, block)
+            for at in range(0, rows, self._chunk):
+                block = slice(at, min(rows, at + self._chunk))
+                for i, dataset in enumerate(self._sets):
+                    self._append(i, old.raw(dataset.name, block))
         self.unwritten.go_on(rows)
 
     def on_disk(self) -> int:
@@ -122,36 +132,33 @@ class Recorder:
         if self._part is not None:
             os.fsync(self._file.id.get_vfd_handle())
 
-    def _own(self, s: wide.Series) -> tuple[Any, Kind, Places, bool]:
+    def _own(self, s: wide.Series) -> tuple[Plan, _Place]:
         """A data set of its own."""
         columns = 0 if s.scalar else s.columns.stop - s.columns.start
-        dataset = self._dataset(f"{s.component}/{s.variable}", columns, DTYPE[s.kind])
-        dataset.attrs.update(s.attributes)
-        return dataset, s.kind, s.columns, s.interval
+        plan = self._plan(f"/{s.component}/{s.variable}", columns, DTYPE[s.kind], s.attributes)
+        return plan, (s.kind, s.columns, s.interval)
 
-    def _tables(self, series: list[wide.Series]) -> list[tuple[Any, Kind, Places, bool]]:
-        """Data sets that many share."""
+    def _tables(self, series: list[wide.Series]) -> tuple[str, list[tuple[Plan, _Place]]]:
+        """Data sets that many share, and what says where."""
         tables, index = wide.tables(series)
-        self._file.create_dataset(wide.INDEX, data=index)
-        return [
-            (self._table(wide.name_of(kind, interval), len(columns), DTYPE[kind]), kind, columns,
-             interval)
+        return index, [
+            (self._plan(f"/{wide.name_of(kind, interval)}", len(columns), DTYPE[kind], {}),
+             (kind, columns, interval))
             for (kind, interval), columns in tables.items()
         ]  # fmt: skip
 
-    def _table(self, name: str, columns: int, dtype: Any) -> Any:
-        chunk = wide.chunk(self._chunk, columns)
-        return self._file.create_dataset(
-            name, (0, columns), dtype, maxshape=(None, columns), chunks=chunk
-        )
-
-    def _dataset(self, name: str, columns: int, dtype: Any) -> Any:
+    def _plan(self, name: str, columns: int, dtype: Any, attributes: dict[str, str]) -> Plan:
         tail = (columns,) if columns else ()
-        # Reals would take seven times as long to write: they are packed when the run is over
-        packed = {} if dtype is np.float64 else {"compression": 1, "shuffle": True}
-        return self._file.create_dataset(
-            name, (0, *tail), dtype, maxshape=(None, *tail), chunks=(self._chunk, *tail), **packed
-        )
+        chunk = wide.chunk(self._chunk, columns) if columns else (self._chunk,)
+        return Plan(name, tail, np.dtype(dtype), chunk, attributes)
+
+    def _made(self, plan: Plan) -> Any:
+        if isinstance(self._file, memory.File):
+            made = self._file.create_dataset(plan.name, plan.tail, plan.dtype, self._chunk)
+            made.attrs.update(plan.attributes)
+            return made
+        # Reals would take seven times as long to write: they are packed beside
+        return plan.make(self._file, compressed=plan.dtype != np.float64)
 
     def record(self, k: int, live: dict[Kind, Any]) -> None:
         """Take the row of step k."""
@@ -196,18 +203,39 @@ class Recorder:
     def _write(self, half: Half, last: bool = False) -> None:
         try:
             if n := int(half.taken[0]):
-                _append(self._time, half.times[:n])
-                for dataset, kind, columns, interval in self._sets:
-                    block = half.rows[kind][: n - 1 if last and interval else n, columns]
-                    _append(dataset, block[:, 0] if dataset.ndim == 1 else block)
+                if self._packing is not None:
+                    self._packing.leave_room(self._file.id.get_filesize())
+                self._append(0, half.times[:n])
+                for i, (kind, columns, interval) in enumerate(self._places, 1):
+                    self._append(i, half.rows[kind][: n - 1 if last and interval else n, columns])
             self._file.flush()
         except BaseException:
             if self._packing is not None:
                 self._packing.drop()
             raise
         self.unwritten.wrote(half)
-        if self._packing is not None:
-            self._packing.follow()
+
+    def _append(self, i: int, rows: NDArray[Any]) -> None:
+        """Further rows of data set i."""
+        dataset = self._sets[i]
+        if self._packing is None:
+            dataset.append(rows.reshape(len(rows), *dataset.shape[1:]))
+        elif len(rows):
+            rows = self._together(rows).reshape(len(rows), *dataset.shape[1:])
+            _append(self._plans[i], dataset.id, rows)
+            self._packing.take(i, rows)
+
+    def _together(self, rows: NDArray[Any]) -> NDArray[Any]:
+        """Rows side by side in memory; column by column, which takes half the time, and always in
+        the same memory, for new pages of it cost more than the values."""
+        if rows.flags.c_contiguous:
+            return rows
+        if (room := self._rooms.get(rows.dtype)) is None or len(room) < rows.size:
+            room = self._rooms[rows.dtype] = np.empty(rows.size, rows.dtype)
+        together = room[: rows.size].reshape(rows.shape)
+        for j in range(rows.shape[1]):
+            together[:, j] = rows[:, j]
+        return together
 
     def finish(self, master: Master) -> Results:
         """Take the last row, close the file under its final name, and open it for reading."""
@@ -242,13 +270,14 @@ def _series(component: str, variable: str, slots: list[Slot]) -> wide.Series:
                        signal.name == variable, attributes)  # fmt: skip
 
 
-def _append(dataset: Any, rows: NDArray[Any]) -> None:
+def _append(plan: Plan, dataset: Any, rows: NDArray[Any]) -> None:
     """By HDF5's own calls: `dataset[n:] = rows` takes twice as long, and a day has thousands."""
-    if isinstance(dataset, memory.Rows):
-        dataset.append(rows)
-    elif len(rows):
-        n, *tail = dataset.id.shape
-        dataset.id.set_extent((n + len(rows), *tail))
-        place = dataset.id.get_space()
-        place.select_hyperslab((n, *(0 for _ in tail)), rows.shape)
-        dataset.id.write(h5py.h5s.create_simple(rows.shape), place, np.ascontiguousarray(rows))
+    n, *tail = dataset.shape
+    dataset.set_extent((n + len(rows), *tail))
+    if rows.shape == plan.chunk and n % len(rows) == 0:
+        whole = rows if rows.dtype == np.float64 else deflated(rows)
+        dataset.write_direct_chunk((n, *(0 for _ in tail)), whole)
+        return
+    place = dataset.get_space()
+    place.select_hyperslab((n, *(0 for _ in tail)), rows.shape)
+    dataset.write(h5py.h5s.create_simple(rows.shape), place, rows)

@@ -70,7 +70,7 @@ class Unwritten:
         whole = -(-(8 * layout.capacity + sum(parts)) // 8) * 8  # so that doubles lie well
         size = _HEAD + 2 * whole
         if self._file is None:
-            memory: Any = bytearray(size)
+            memory: Any = np.zeros(size, np.uint8)  # whose pages are made when they are used
         else:
             os.ftruncate(self._file, size)
             memory = mmap.mmap(self._file, size)
