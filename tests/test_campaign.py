@@ -466,7 +466,8 @@ def test_campaigns_are_compared_case_by_case(whole, own, tmp_path):
         ('[dispersions]\n"wheels.nothing" = { uniform = [0.0, 1.0] }',
          "dispersions.wheels.nothing: wheels has no parameter nothing; there is"),
         ('[dispersions]\n"wheels.speed_limit" = { uniform = [-2.0, -1.0] }',
-         "dispersions: drawn for case 0: wheels.speed_limit = -1.76943 rad/s: allowed is 0.001 to"),
+         "mine.toml: dispersions.wheels.speed_limit: wheels.speed_limit = -1.76943 rad/s: allowed "
+         "is 0.001 to"),
     ],
 )  # fmt: skip
 def test_what_nothing_can_meet_or_draw(tmp_path, desat, more, text):

@@ -57,7 +57,7 @@ def planned(
     except DesatError:
         prepare(target, options).or_raise()  # which names file and key
         raise
-    case = _first(target, replace(options, values=first), first)
+    case = _first(target, options, first)
     plots = plots_of(system.about)
     if curves is None:
         curves = list(plots)[:1]
@@ -80,16 +80,14 @@ def planned(
 
 
 def _first(target: str, options: Options, values: dict[str, Any]) -> Case:
-    """The first case. Raises DesatError where it is none, which says what was drawn for it."""
+    """The first case. Raises DesatError where it is none."""
+    case = prepare(target, replace(options, values=values))
     try:
-        case = prepare(target, options)
         case.or_raise()
         return case
     except DesatError as error:
-        (text, *more) = str(error).splitlines()
-        if more or not any(text.startswith((f"{n} ", f"{n}[")) for n in values):
-            raise
-        raise DesatError(f"{target}: dispersions: drawn for case 0: {text}") from error
+        prepare(target, options).or_raise()  # not only of what is drawn
+        raise DesatError(f"{target}: case 0: {error}") from error
 
 
 def run(
