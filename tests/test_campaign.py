@@ -6,6 +6,7 @@ from __future__ import annotations
 import copy
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -160,8 +161,16 @@ def test_a_campaign_of_two_hundred(whole):
     assert head.status(whole)["state"] == "done"
 
 
-def test_a_case_is_the_draw_of_the_same_number(whole, own):
+def test_a_case_is_the_draw_of_the_same_number(whole, own, tmp_path):
+    """Also of a campaign that a program makes."""
+    import desat
     from desat.study.draws import one
+
+    made = desat.cases(own, 2, tmp_path / "c")
+    assert made["out.rate"].values.tolist() == store.read(whole)["out.rate"].to_pylist()[:2]
+    assert (tmp_path / "c" / "report.html").exists()
+    with pytest.raises(DesatError, match=r"mean_anomaly: it is drawn, and so never has this value"):
+        desat.cases(own, 2, tmp_path / "d", {"environment.mean_anomaly": 1.0})
 
     again = one(str(own), Options(), 1, 123)
     row = store.read(whole).slice(123, 1).to_pylist()[0]
@@ -423,6 +432,10 @@ def test_sobol_indices_of_a_linear_function(system):
     assert apart.sum() == 2 * 256
     alone = np.array([points(i) for i in cases[apart]])
     assert all(len(np.unique(column)) == len(column) for column in alone.T), "they share no value"
+    few = replace(plan, count=32 * (sum(sizes) + 2))
+    some = slice(few.count)
+    told = report._sobol(few, cases[some], every[some], {"y": y[some]})
+    assert told == {"missing": f"they need -n {2 * few.count} or more"}
     every[0] = False
     assert report._sobol(plan, y, every, {"y": y}) == {"missing": "they need every case completed"}
 
@@ -489,14 +502,50 @@ def test_a_folder_has_one_campaign(whole, own, tmp_path):
     assert head.status(whole)["done"] == COUNT
 
 
+def test_damaged_files_and_a_changed_system_are_said(whole, own, tmp_path, desat):
+    """Nothing is read that is not whole, and no case is made of another system than its row."""
+    folder = tmp_path / "campaign"
+    shutil.copytree(whole, folder, ignore=shutil.ignore_patterns("kept"))
+    mine = own.with_name("changed.toml")
+    mine.write_text(OWN)
+    plan = json.loads((folder / "campaign.json").read_text()) | {"target": str(mine)}
+    (folder / "campaign.json").write_text(json.dumps(plan))
+    mine.write_text(OWN.replace("stop = 20.0", "stop = 30.0"))
+    said = desat("campaign", "case", str(folder), "3")
+    assert said.returncode == Exit.INPUT
+    assert "changed.toml is not what it was when the campaign began" in said.stderr
+    assert not (folder / "kept").exists()
+    for name, text in {
+        "cases/part-00000.parquet": f"without {folder}/cases/part-00000.parquet the same command",
+        "curves/part-00000.parquet": f"without {folder}/cases/part-00000.parquet the same command",
+        "numbers.json": "damaged (", "status.json": "damaged (", "campaign.json": "damaged (",
+    }.items():  # fmt: skip
+        file = folder / name
+        whole_file = file.read_bytes()
+        file.write_bytes(whole_file[: len(whole_file) // 2])
+        said = desat("campaign", "status" if name == "status.json" else "report", str(folder))
+        assert said.returncode == Exit.INPUT, said.stderr
+        assert said.stderr.startswith(f"error: {file}: damaged ("), said.stderr
+        assert text in said.stderr
+        assert said.stderr.count("\n") == 1
+        file.write_bytes(whole_file)
+    (folder / "campaign.json").write_text(json.dumps(plan | {"count": "200"}))
+    assert "damaged (count is '200')" in desat("campaign", "status", str(folder)).stderr
+    (folder / "campaign.json").write_text(json.dumps(plan | {"keep": ["worst:3:bound"]}))
+    lines = head.unreached(head.read(folder), folder)
+    assert lines == ["--keep worst:3:bound: no case has a number bound: nothing is kept by it"]
+
+
 @pytest.mark.parametrize(
     ("arguments", "text"),
     [
         (("integrated/mil-nadir", "--keep", "worst:3"), "--keep worst:3: no number"),
         (("integrated/mil-nadir", "--curve", "momentun"), "did you mean momentum?"),
         (("integrated/mil-nadir", "--sampling", "sobl"), "did you mean sobol?"),
+        (("integrated/mil-nadir", "--by", "rate"), "--by rate: it goes with --keep worst:N"),
         (("plant/light",), "no [dispersions]"),
         (("integrated/mil-nadir", "--cluster", "local:x"), "local:N is needed"),
+        (("integrated/mil-nadir", "--cluster", "none.json"), "no such file, and no address"),
     ],
 )
 def test_wrong_words_are_one_line(desat, tmp_path, arguments, text):

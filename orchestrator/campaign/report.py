@@ -21,12 +21,15 @@ from ..study.report import render, write_page
 from ..study.sampling import axes, sensitivity, unit_cube
 from . import figures, store
 from .case import POINTS, plots_of
-from .plan import Plan, read, system
+from .plan import Plan, changed, read, system
 
 STRONG = 0.2
 """Rank correlations from this size on are shown."""
 CHANCE = 0.01
 """How likely one of all those shown may be by chance alone."""
+BASE = 64
+"""Groups of cases from which on Sobol indices are told: of a few, SALib's intervals, which are made
+of the same cases, say nothing."""
 _WORST, _SCATTERS = 3, 4
 
 
@@ -61,6 +64,7 @@ def summary(folder: Path) -> dict[str, Any]:
     return {
         "target": plan.target, "seed": plan.seed, "sampling": plan.sampling, "count": plan.count,
         "done": len(cases), "completed": int(completed.sum()), "failed": failed,
+        "changed": changed(plan),
         "seconds": float(np.nansum(figures.flat(table["seconds"].to_pylist()))),
         "digest": store.digest(folder),
         "numbers": numbers,
@@ -172,6 +176,8 @@ def _sobol(plan: Plan, cases: Any, completed: Any, out: Mapping[str, Any]) -> di
     if len(cases) != plan.count or not completed.all():
         return {"missing": "they need every case completed"}
     names, sizes = axes(system(plan.target, plan.run_options().blocks))
+    if plan.count < (least := BASE * (sum(sizes) + 2)):
+        return {"missing": f"they need -n {least} or more"}
     elements = [n if k == 1 else f"{n}[{i}]" for n, k in zip(names, sizes, strict=True)
                 for i in range(1, k + 1)]  # fmt: skip
     analyze = sensitivity("analyze")
