@@ -18,8 +18,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from dying import dies_or_not
 from test_failures import HOW, binary, fmu, ssd  # noqa: F401
 
+import desat
 from desat.campaign import head, report, store
 from desat.campaign.compare import compare
 from desat.study import sampling
@@ -59,23 +61,15 @@ def own(tmp_path_factory) -> Path:
 
 @pytest.fixture(scope="module")
 def whole(own, tmp_path_factory) -> Path:
-    """The folder of a campaign in one go, over two processes."""
+    """The folder of a campaign in one go, over two processes, made by a program."""
     folder = tmp_path_factory.mktemp("whole") / "campaign"
-    plan, _ = head.planned(str(own), COUNT, keep=["worst:1:coil_load", "every:150"])
-    head.run(plan, folder, 2, progress=False)
+    keep = ["worst:1:coil_load", "every:150"]
+    made = desat.cases(own, COUNT, folder, keep=keep, jobs=2)
+    assert made["out.rate"].values.shape == (COUNT,)
     return folder
 
 
 # --- processes ------------------------------------------------------------------------------------
-
-
-def dies_or_not(number: int) -> int:
-    """For the test below: a call of a process that may die at once, raise, or hang."""
-    if number % 3 == 1:
-        os._exit(number)
-    if number == 6:
-        time.sleep(60.0)
-    return number**2
 
 
 def test_processes_that_die_lose_their_calls_alone():
@@ -162,15 +156,10 @@ def test_a_campaign_of_two_hundred(whole):
 
 
 def test_a_case_is_the_draw_of_the_same_number(whole, own, tmp_path):
-    """Also of a campaign that a program makes."""
-    import desat
     from desat.study.draws import one
 
-    made = desat.cases(own, 2, tmp_path / "c")
-    assert made["out.rate"].values.tolist() == store.read(whole)["out.rate"].to_pylist()[:2]
-    assert (tmp_path / "c" / "report.html").exists()
     with pytest.raises(DesatError, match=r"mean_anomaly: it is drawn, and so never has this value"):
-        desat.cases(own, 2, tmp_path / "d", {"environment.mean_anomaly": 1.0})
+        desat.cases(own, 2, tmp_path / "c", {"environment.mean_anomaly": 1.0})
 
     again = one(str(own), Options(), 1, 123)
     row = store.read(whole).slice(123, 1).to_pylist()[0]
@@ -247,16 +236,17 @@ def test_a_dask_cluster_gives_the_same(whole, own, tmp_path):
     _first_alike(folder, whole, 40)
 
 
-OLDER = """
+WORKER = """
 import importlib.metadata as metadata, pathlib, sys, time
+version, come = sys.argv[1:3]
 known = metadata.version
-metadata.version = lambda name: "0.0.9" if name == "desat" else known(name)
+metadata.version = lambda name: version or known(name) if name == "desat" else known(name)
 from distributed.cli.dask_worker import main
-while len(sys.argv) > 1 and not pathlib.Path(sys.argv[1]).exists():
+while not pathlib.Path(come).exists():
     time.sleep(0.02)
-main(sys.argv[2:])
+main(sys.argv[3:])
 """
-"""A worker with another version, which comes as soon as there is a file."""
+"""A worker, perhaps of another version, that is ready and comes as soon as there is a file."""
 
 
 def test_a_worker_says_why_it_cannot_make_the_cases(own):
@@ -287,47 +277,50 @@ def test_clusters_that_do_not_serve(own, whole, tmp_path, monkeypatch, capfd):
         text = r"--cluster tcp://127\.0\.0\.1:9: no scheduler answers"
         with pytest.raises(DesatError, match=text):
             head.run(plan, tmp_path / "a", cluster="tcp://127.0.0.1:9", progress=False)
-    (tmp_path / "older.py").write_text(OLDER)
-    file, come = tmp_path / "scheduler.json", tmp_path / "come"
+    (tmp_path / "worker.py").write_text(WORKER)
+    file, early, good, late = (tmp_path / n for n in ("scheduler.json", "early", "good", "late"))
     of = ["--scheduler-file", file, "--no-dashboard"]
-    worker = [*of, "--no-nanny", "--nthreads", "1"]
-    dask = [sys.executable, "-m"]
-    with _started(
-        *dask, "distributed.cli.dask_scheduler", "--port", "0", "--host", "127.0.0.1", *of
-    ) as scheduler:
+    worker = [sys.executable, tmp_path / "worker.py"]
+    alone = [*of, "--no-nanny", "--nthreads", "1"]
+    # all at once: to import what they need takes longest
+    with (
+        _started(sys.executable, "-m", "distributed.cli.dask_scheduler", "--port", "0", "--host",
+                 "127.0.0.1", *of) as scheduler,
+        _started(*worker, "0.0.9", early, *alone) as first,
+        _started(*worker, "", good, *alone),
+        _started(*worker, "0.0.9", late, *alone) as older,
+    ):  # fmt: skip
         _until(file.exists)
         with pytest.raises(DesatError, match="it has no workers"):
             head.run(plan, tmp_path / "b", cluster=str(file), progress=False)
         from distributed import Client
 
-        with (
-            Client(scheduler_file=str(file)) as client,
-            _started(sys.executable, tmp_path / "older.py", come, *worker) as older,
-        ):
-            with _started(sys.executable, tmp_path / "older.py", tmp_path, *worker):
-                client.wait_for_workers(1, timeout=60)
-                with pytest.raises(DesatError, match=r"has desat 0\.0\.9, here it is .*the same"):
-                    head.run(plan, tmp_path / "c", cluster=str(file), progress=False)
-            _until(lambda: not client.nthreads())
-            with _started(*dask, "distributed.cli.dask_worker", *worker):
-                client.wait_for_workers(1, timeout=60)
-                add = store.Store.add
-
-                def later(self: store.Store, row: dict[str, object]) -> None:
-                    add(self, row)
-                    if self.done() == 5:
-                        come.touch()
-                        client.wait_for_workers(2, timeout=60)
-                    elif self.done() == 25:
-                        client.close()
-                        scheduler.kill()
-
-                monkeypatch.setattr(store.Store, "add", later)
+        with Client(scheduler_file=str(file)) as client:
+            early.touch()
+            client.wait_for_workers(1, timeout=60)
+            with pytest.raises(DesatError, match=r"has desat 0\.0\.9, here it is .*the same"):
                 head.run(plan, tmp_path / "c", cluster=str(file), progress=False)
-                older.wait(60)
-                plan, _ = head.planned(str(own), 40)
-                with pytest.raises(DesatError, match="the scheduler is gone; the same command"):
-                    head.run(plan, tmp_path / "c", cluster=str(file), progress=False)
+            first.kill()
+            _until(lambda: not client.nthreads())
+            good.touch()
+            client.wait_for_workers(1, timeout=60)
+            add = store.Store.add
+
+            def later(self: store.Store, row: dict[str, object]) -> None:
+                add(self, row)
+                if self.done() == 5:
+                    late.touch()
+                    client.wait_for_workers(2, timeout=60)
+                elif self.done() == 25:
+                    client.close()
+                    scheduler.kill()
+
+            monkeypatch.setattr(store.Store, "add", later)
+            head.run(plan, tmp_path / "c", cluster=str(file), progress=False)
+            older.wait(60)
+            plan, _ = head.planned(str(own), 40)
+            with pytest.raises(DesatError, match="the scheduler is gone; the same command"):
+                head.run(plan, tmp_path / "c", cluster=str(file), progress=False)
     assert capfd.readouterr().err.count("has desat 0.0.9") == 1
     _first_alike(tmp_path / "c", whole, 20)
     assert store.read(tmp_path / "c")["attempts"].to_pylist() == [1] * 20
@@ -386,10 +379,12 @@ def test_crashes_and_hangs_leave_a_complete_dataset(tmp_path, binary):  # noqa: 
 
 
 def test_requirements_are_judged_with_their_confidence(whole):
-    path, told = report.write(whole)
+    told = json.loads((whole / "report.json").read_text())
     load, rate = told["requirements"]["load"], told["requirements"]["rate"]
     completed = told["completed"]
     assert load["within"] == completed
+    assert load["lacking"] == 0
+    assert told["requirements"]["pointing"]["lacking"] == completed  # it is over before
     assert load["met"] == (completed >= 195)  # 196 of 200 show 95 % within with 95 % confidence
     assert not rate["met"]
     values = [v for v in store.read(whole)["out.rate"].to_pylist() if v is not None]
@@ -397,14 +392,14 @@ def test_requirements_are_judged_with_their_confidence(whole):
     assert rate["cases_outside"]
     low, high = rate["interval_outside"]
     assert low < rate["share_outside"] < high or rate["share_outside"] in (0.0, 100.0)
-    text = path.read_text()
+    text = (whole / "report.html").read_text()
     assert "NOT SHOWN" in text
     assert text.count("<svg") >= len(told["numbers"]) / 2
     assert told["numbers"]["rate"]["unit"] == told["requirements"]["rate"]["unit"] == "deg/s"
     of_analyses = {"null_rms": "N.m.s", "coil_duty": "%", "limit_time": "s", "crossings": "1"}
     assert {n: told["numbers"][n]["unit"] for n in of_analyses} == of_analyses
     assert told["numbers"]["coil_duty"]["title"].startswith("Coil duty: mean dipole of a coil")
-    assert json.loads((whole / "report.json").read_text())["digest"] == store.digest(whole)
+    assert told["digest"] == store.digest(whole)
 
 
 def test_what_drives_a_number_is_named():
@@ -483,7 +478,7 @@ def test_campaigns_are_compared_case_by_case(whole, own, tmp_path):
          "is 0.001 to"),
     ],
 )  # fmt: skip
-def test_what_nothing_can_meet_or_draw(tmp_path, desat, more, text):
+def test_what_nothing_can_meet_or_draw(tmp_path, more, text):
     path = tmp_path / "mine.toml"
     path.write_text(f'extends = "integrated/mil-nadir"\n{more}\n')
     with pytest.raises(DesatError) as error:
@@ -556,8 +551,6 @@ def test_wrong_words_are_one_line(desat, tmp_path, arguments, text):
 
 
 def test_a_campaign_is_a_data_set(whole):
-    import desat
-
     ds = desat.load(whole)
     table = store.read(whole)
     assert ds.sizes["case"] == COUNT

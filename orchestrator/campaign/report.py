@@ -16,9 +16,13 @@ from ..study.cells import clopper_pearson
 from ..study.drawing import axis_label, pretty_unit
 from ..study.figures import scatter
 from ..study.manifest import write_json
+from ..study.plots import limits_of
+from ..study.prepare import prepare
 from ..study.report import number as shown
 from ..study.report import render, write_page
-from ..study.sampling import axes, sensitivity, unit_cube
+from ..study.sampling import axes, dispersed, sensitivity, unit_cube
+from ..system.errors import DesatError
+from ..system.parameters import table as parameters_of
 from . import figures, store
 from .case import POINTS, plots_of
 from .plan import Plan, changed, read, system
@@ -124,6 +128,7 @@ def _requirement(
     return {
         **dict(entry), "probability": probability, "confidence": confidence, "n": n,
         "within": inside, "outside": n - inside,
+        "lacking": int((completed & ~np.isfinite(values)).sum()),
         "share_outside": 100.0 * (n - inside) / n,
         "interval_outside": clopper_pearson(n - inside, n, confidence),
         "shown_within": 100.0 * low, "met": low >= probability,
@@ -250,6 +255,20 @@ def _figures(folder: Path, plan: Plan, told: Mapping[str, Any]) -> list[_Figure]
     return made
 
 
+def _limits(plan: Plan, plot: Mapping[str, Any], unit: str) -> list[tuple[str, float]]:
+    """The limit lines of a plot that are the same in all cases, sizes, each once; none of a system
+    that is not to be had any more."""
+    options = plan.run_options()
+    try:
+        checked, _ = prepare(plan.target, options).or_raise()
+    except DesatError:
+        return []
+    drawn = dispersed(system(plan.target, options.blocks)).keys()
+    same = [x for x in plot.get("limits", ()) if not any(name in str(x) for name in drawn)]
+    found = limits_of({"limits": same}, parameters_of(checked.components.values()), unit)
+    return list({abs(value): (name, abs(value)) for name, value, _ in found}.values())
+
+
 def _curves(folder: Path, plan: Plan) -> list[_Figure]:
     drafted = system(plan.target, plan.run_options().blocks)
     plots, told = plots_of(drafted.about), store.described(folder)
@@ -278,6 +297,6 @@ def _curves(folder: Path, plan: Plan) -> list[_Figure]:
             f"percentiles over {len(rows)} cases"
         )
         worst = [(rows[i][0], curves[i]) for i in order]
-        image = figures.percentiles(title, unit, times, curves, worst)
+        image = figures.percentiles(title, unit, times, curves, worst, _limits(plan, plot, unit))
         made.append(_Figure(caption, Markup(image), [rerun(folder, case) for case, _ in worst]))
     return made

@@ -218,8 +218,9 @@ def _report(folder: Path, as_json: bool) -> None:
         for name, r in told["requirements"].items():
             verdict = "met" if r["met"] else "NOT SHOWN"
             low, high = map(number, r["interval_outside"])
-            out.print(f"{name}: {r['outside']} of {r['n']} outside ({low} to {high} %): {verdict}",
-                      highlight=False, markup=False)  # fmt: skip
+            lacking = f", {r['lacking']} without {r['number']}" if r["lacking"] else ""
+            out.print(f"{name}: {r['outside']} of {r['n']} outside{lacking} "
+                      f"({low} to {high} %): {verdict}", highlight=False, markup=False)  # fmt: skip
         out.print(str(path), highlight=False, markup=False)
     codes: list[Any] = (
         [Exit.UNMET] if any(not r["met"] for r in told["requirements"].values()) else []
