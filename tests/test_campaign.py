@@ -6,6 +6,7 @@ from __future__ import annotations
 import copy
 import json
 import os
+import re
 import shutil
 import signal
 import subprocess
@@ -22,7 +23,7 @@ from dying import dies_or_not
 from test_failures import HOW, binary, fmu, ssd  # noqa: F401
 
 import desat
-from desat.campaign import head, report, store
+from desat.campaign import head, judged, progress, report, store
 from desat.campaign.compare import compare
 from desat.study import sampling
 from desat.study.draws import system_of
@@ -264,6 +265,20 @@ def test_a_worker_says_why_it_cannot_make_the_cases(own):
     assert other == f"has another {own}: scenario, parameters or builds of FMUs differ"
 
 
+def test_a_packed_system_has_the_same_case_on_a_worker(own, whole, tmp_path):
+    from desat.campaign import cluster
+    from desat.files.pack import pack_scenario
+    from desat.files.scenario import own as scenario
+
+    file = pack_scenario(scenario(own), tmp_path / "mine.ssp", force=True, fmus="native")
+    plan, _ = head.planned(str(file), 4)
+    cluster.keep(plan, cluster.shipped(plan.target))
+    file.unlink()
+    made = cluster.on_worker(plan, True, cluster.versions(), 3, False)
+    row = store.read(whole).slice(3, 1).to_pylist()[0]
+    assert made["numbers"] == {k[4:]: v for k, v in row.items() if k.startswith("out.")}
+
+
 def test_clusters_that_do_not_serve(own, whole, tmp_path, monkeypatch, capfd):
     """One that does not answer, one without workers, one whose worker has another version: from the
     beginning, and when it comes in the middle, where it costs nothing; one that ends."""
@@ -395,11 +410,31 @@ def test_requirements_are_judged_with_their_confidence(whole):
     text = (whole / "report.html").read_text()
     assert "NOT SHOWN" in text
     assert text.count("<svg") >= len(told["numbers"]) / 2
+    largest = np.nanmax(store.read(whole, store.CURVES)["momentum"].to_pylist(), axis=1)
+    for case in np.argsort(-largest, kind="stable")[:3]:
+        assert report.rerun(whole, int(case)) in text, "the worst of the percentile curves"
     assert told["numbers"]["rate"]["unit"] == told["requirements"]["rate"]["unit"] == "deg/s"
     of_analyses = {"null_rms": "N.m.s", "coil_duty": "%", "limit_time": "s", "crossings": "1"}
     assert {n: told["numbers"][n]["unit"] for n in of_analyses} == of_analyses
     assert told["numbers"]["coil_duty"]["title"].startswith("Coil duty: mean dipole of a coil")
     assert told["digest"] == store.digest(whole)
+
+
+def test_more_cases_show_a_requirement():
+    """59 cases without one outside show 95 % with 95 %, 93 with one: known of order statistics."""
+    assert judged.more(50, 50, 0.95, 0.95) == 9
+    assert judged.more(59, 59, 0.95, 0.95) == 0
+    assert judged.more(92, 91, 0.95, 0.95) == 1
+    assert judged.more(100, 95, 0.95, 0.95) is None
+
+
+def test_progress_is_a_line_where_nobody_looks(capsys, monkeypatch):
+    monkeypatch.setattr(progress, "_LINE", 0.0)
+    at = progress.Progressed(40, 31, 2, began=time.monotonic() - 10.0, first=11)
+    with progress.Shown(at, True) as show:
+        show()
+    line = capsys.readouterr().err
+    assert re.fullmatch(r"31 of 40 done, 2 failed, 2\.0 a second, [45] s left\n", line), line
 
 
 def test_what_drives_a_number_is_named():

@@ -21,7 +21,7 @@ from ..study.options import Options
 from ..study.sampling import SAMPLINGS, Sampling, allowed, dispersed, drawn
 from ..study.workers import Local, Lost, Workers, results
 from ..system.errors import DesatError, nearest
-from . import store
+from . import damaged, store
 from .case import kept, plots_of, row
 from .plan import PLAN, Plan, digest_of, joined, read, versions
 from .progress import Progressed, Shown
@@ -273,7 +273,7 @@ def status(folder: Path) -> dict[str, Any]:
     plan = read(folder)
     blank = {"state": "running", "count": plan.count, "done": 0, "failed": 0}
     try:
-        told = {**blank, **store.table_of(folder / STATUS)}
+        told = {**blank, **damaged.table(folder / STATUS)}
     except FileNotFoundError:
         told = blank
     head, _, pid = told.get("head", "").rpartition(":")

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-import shlex
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -12,7 +10,6 @@ import numpy as np
 from markupsafe import Markup
 from scipy.stats import spearmanr
 
-from ..study.cells import clopper_pearson
 from ..study.drawing import axis_label, pretty_unit
 from ..study.figures import scatter
 from ..study.manifest import write_json
@@ -25,6 +22,7 @@ from ..system.errors import DesatError
 from ..system.parameters import table as parameters_of
 from . import figures, store
 from .case import POINTS, plots_of
+from .judged import requirement, rerun
 from .plan import Plan, changed, read, system
 
 STRONG = 0.2
@@ -73,7 +71,7 @@ def summary(folder: Path) -> dict[str, Any]:
         "digest": store.digest(folder),
         "numbers": numbers,
         "requirements": {
-            name: {**_requirement(entry, each, completed[apart], cases[apart], folder),
+            name: {**requirement(entry, each, completed[apart], cases[apart], folder),
                    "unit": told.get(entry["number"], {}).get("unit", "")}
             for name, entry in about.get("requirements", {}).items()
         },
@@ -109,49 +107,6 @@ def _number(name: str, entry: Mapping[str, str], values: Any, cases: Any) -> dic
             i = int(pick(values[there]))
             told |= {key: float(values[there][i]), f"{key}_case": int(cases[there][i])}
     return told
-
-
-def _requirement(
-    entry: Mapping[str, Any], out: Mapping[str, Any], completed: Any, cases: Any, folder: Path
-) -> dict[str, Any]:  # fmt: skip
-    """How many cases are within a requirement, and whether that shows that it is met. A case that
-    failed, or has not the number, is outside."""
-    probability, confidence = entry.get("probability", 0.95), entry.get("confidence", 0.95)
-    values = out.get(entry["number"], np.full(len(cases), np.nan))
-    within = (
-        completed & (values <= entry.get("max", math.inf)) & (values >= entry.get("min", -math.inf))
-    )
-    n, inside = len(cases), int(within.sum())
-    # one-sided at the confidence: a two-sided interval with twice the tail
-    low = clopper_pearson(inside, n, 2.0 * confidence - 1.0)[0] / 100.0
-    outside = [int(c) for c in cases[~within][:10]]
-    return {
-        **dict(entry), "probability": probability, "confidence": confidence, "n": n,
-        "within": inside, "outside": n - inside,
-        "lacking": int((completed & ~np.isfinite(values)).sum()),
-        "share_outside": 100.0 * (n - inside) / n,
-        "interval_outside": clopper_pearson(n - inside, n, confidence),
-        "shown_within": 100.0 * low, "met": low >= probability,
-        "cases_outside": outside,
-        "commands": [rerun(folder, c) for c in outside[:3]],
-        "more_cases": _more(n, inside, probability, confidence),
-        "for_half_the_width": 3 * n,
-    }  # fmt: skip
-
-
-def _more(n: int, inside: int, probability: float, confidence: float) -> int | None:
-    """How many more cases would show the requirement met if the share stayed as it is; 0 where it
-    is, None where more cannot show it."""
-    share = inside / n
-    total = n
-    while total <= 10_000_000:
-        count = round(share * total)
-        if clopper_pearson(count, total, 2.0 * confidence - 1.0)[0] >= 100.0 * probability:
-            return total - n
-        if share <= probability:
-            return None
-        total = math.ceil(total * 1.1)
-    return None
 
 
 def _drivers(inputs: Mapping[str, Any], out: Mapping[str, Any]) -> list[dict[str, Any]]:
@@ -196,11 +151,6 @@ def _sobol(plan: Plan, cases: Any, completed: Any, out: Mapping[str, Any]) -> di
                 for i, name in enumerate(elements)
             }  # fmt: skip
     return indices
-
-
-def rerun(folder: Path, case: int) -> str:
-    """The command that makes a case again."""
-    return f"desat campaign case {shlex.quote(str(folder))} {case}"
 
 
 def write(folder: Path) -> tuple[Path, dict[str, Any]]:

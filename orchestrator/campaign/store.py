@@ -27,6 +27,7 @@ import pyarrow.parquet as pq
 
 from ..study.manifest import write_json
 from ..system.errors import DesatError
+from . import damaged
 
 BLOCK = 256
 """Cases of a file."""
@@ -85,7 +86,7 @@ class Store:
         waiting: int = sum(
             r["status"] != "completed" for rows in self._open.values() for r in rows.values()
         )
-        parts = (_read(_part(self.folder, CASES, b), ["status"]) for b in self._whole)
+        parts = (damaged.rows(_part(self.folder, CASES, b), ["status"]) for b in self._whole)
         return waiting + sum(int(s != "completed") for t in parts for s in t["status"].to_pylist())
 
     def add(self, row: dict[str, Any]) -> None:
@@ -201,9 +202,9 @@ def _flat(values: dict[str, Any]) -> Iterator[tuple[str, Any]]:
 def _of_block(folder: Path, block: int) -> list[dict[str, Any]]:
     """The rows of a file as they were added."""
     made = []
-    table = _read(_part(folder, CASES, block)).to_pylist()
+    table = damaged.rows(_part(folder, CASES, block)).to_pylist()
     path = _part(folder, CURVES, block)
-    curves = {r.pop("case"): r for r in _read(path).to_pylist()} if path.exists() else {}
+    curves = {r.pop("case"): r for r in damaged.rows(path).to_pylist()} if path.exists() else {}
     for entry in table:
         values = {k[3:]: v for k, v in entry.items() if k.startswith("in.") and v is not None}
         stopped = entry["stopped_when"]
@@ -225,7 +226,7 @@ def read(folder: Path, kind: str = CASES, columns: Sequence[str] | None = None) 
     for block in blocks:
         path = _part(folder, kind, block)
         if path.exists():
-            tables.append(_read(path, columns))
+            tables.append(damaged.rows(path, columns))
     rows = sorted((r for r in _journal(folder) if r["case"] // BLOCK not in blocks),
                   key=lambda r: r["case"])  # fmt: skip
     if rows and kind == CASES:
@@ -243,34 +244,9 @@ def read(folder: Path, kind: str = CASES, columns: Sequence[str] | None = None) 
     return pa.concat_tables(tables, promote_options="permissive")
 
 
-def _schema(path: Path) -> pa.Schema:
-    """The columns of a file. Raises DesatError, which says what to do, where it is damaged."""
-    try:
-        return pq.read_schema(path)
-    except (pa.ArrowException, OSError) as error:
-        raise _damaged(path, error) from error
-
-
-def _read(path: Path, columns: Sequence[str] | None = None) -> pa.Table:
-    """A file's rows, of columns those of these that it has. Raises DesatError where it is
-    damaged."""
-    names = _schema(path).names
-    wanted = None if columns is None else [c for c in columns if c in names]
-    try:
-        return pq.read_table(path, columns=wanted)
-    except (pa.ArrowException, OSError) as error:
-        raise _damaged(path, error) from error
-
-
-def _damaged(path: Path, error: Exception) -> DesatError:
-    cases = path.parent.parent / CASES / path.name
-    return DesatError(f"{path}: damaged ({' '.join(str(error).split())}); without {cases} the same "
-                      "command makes its cases again")  # fmt: skip
-
-
 def schema(folder: Path) -> pa.Schema:
     """The columns of the cases that are there. Raises DesatError where there is none."""
-    parts = [_schema(_part(folder, CASES, b)) for b in sorted(_parts(folder))]
+    parts = [damaged.columns(_part(folder, CASES, b)) for b in sorted(_parts(folder))]
     if rows := [r for r in _journal(folder) if r["case"] // BLOCK not in _parts(folder)]:
         parts.append(_table(rows).schema)
     if not parts:
@@ -281,18 +257,8 @@ def schema(folder: Path) -> pa.Schema:
 def described(folder: Path) -> dict[str, dict[str, str]]:
     """Title and unit of each number, of `in.component.variable`, and of `curve.PLOT`."""
     path = folder / NUMBERS
-    numbers: dict[str, dict[str, str]] = table_of(path) if path.exists() else {}
+    numbers: dict[str, dict[str, str]] = damaged.table(path) if path.exists() else {}
     return numbers
-
-
-def table_of(path: Path) -> dict[str, Any]:
-    """A JSON file that is a table. Raises DesatError where it is none."""
-    try:
-        if isinstance(table := json.loads(path.read_text(encoding="utf-8")), dict):
-            return table
-        raise DesatError(f"{path}: damaged (no table)")
-    except ValueError as error:
-        raise DesatError(f"{path}: damaged ({error})") from error
 
 
 def digest(folder: Path) -> str:
