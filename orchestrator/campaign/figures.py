@@ -40,8 +40,8 @@ def percentiles(
         }
         ax.plot(x, line, label=f"case {case}", **style)
     for i, (name, value) in enumerate(limits):
-        style = ((0, (5, 2)), (0, (2, 2)), "-.")[i % 3]
-        ax.axhline(value, color=LIMIT, linestyle=style, linewidth=1.2, label=name)
+        dashes = ((0, (5, 2)), (0, (2, 2)), (0, (6, 2, 1, 2)))[i % 3]
+        ax.axhline(value, color=LIMIT, linestyle=dashes, linewidth=1.2, label=name)
     ax.set_xlabel(f"time [{time_unit}]")
     ax.set_ylabel(axis_label(title, unit, 2.4))
     ax.set_ylim(bottom=0.0)
