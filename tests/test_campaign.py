@@ -23,6 +23,7 @@ from dying import dies_or_not
 from test_failures import HOW, binary, fmu, ssd  # noqa: F401
 
 import desat
+from desat.campaign import compare as comparing
 from desat.campaign import head, judged, progress, report, store
 from desat.campaign.compare import compare
 from desat.study import sampling
@@ -479,6 +480,10 @@ def test_campaigns_are_compared_case_by_case(whole, own, tmp_path):
     told = compare(whole, folder)
     entry = told["numbers"]["coil_load"]
     assert told["pairs"] == entry["n"] <= 30
+    assert told["warnings"] == []
+    longer = replace(head.read(whole), options={"stop": 40.0})
+    text = "the first runs until 40 s, the second until 20 s"
+    assert comparing._warnings(longer, head.read(folder)) == [text]
     assert entry["unit"] == "%"
     assert entry["lower"] + entry["higher"] + entry["equal"] == entry["n"]
     assert entry["interval"][0] <= entry["median"] <= entry["interval"][1]

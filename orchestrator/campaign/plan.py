@@ -101,8 +101,10 @@ def joined(old: Plan, new: Plan, folder: Path) -> None:
         grows = key == "count" and now >= before and old.sampling not in FIXED
         if before == now or grows or key in GROWS[1:]:
             continue
+        fixed = f", of which the points of {old.sampling} depend" if key == "count" and (
+            old.sampling in FIXED) else ""  # fmt: skip
         raise DesatError(f"{folder}: another campaign: {key} is {_short(before)} there, "
-                         f"{_short(now)} here; take another --out")  # fmt: skip
+                         f"{_short(now)} here{fixed}; take another --out")  # fmt: skip
 
 
 def _short(value: Any) -> str:

@@ -179,6 +179,7 @@ def compare(
     from ...study.report import number
 
     told = of(first, second)
+    warn(told["warnings"])
     if as_json:
         print_json(told)
         return
