@@ -170,8 +170,10 @@ def read_manifest(folder: Path) -> dict[str, Any]:
     for name in (MANIFEST, f"{MANIFEST}.part"):
         if (folder / name).exists():
             try:
-                manifest: dict[str, Any] = json.loads((folder / name).read_text(encoding="utf-8"))
-                return manifest
+                manifest = json.loads((folder / name).read_text(encoding="utf-8"))
             except ValueError as error:
                 raise DesatError(f"{folder / name}: {error}") from error
+            if isinstance(manifest, dict) and isinstance(manifest.get("about"), dict):
+                return manifest
+            raise DesatError(f"{folder / name}: no manifest of a run (it has no about)")
     raise DesatError(f"{folder}: no run folder (it has no {MANIFEST})")
