@@ -37,10 +37,11 @@ def go_on(folder: Path, how: str, end: float) -> bool:
     command = [sys.executable, "-m", "desat.cli", "campaign", NAME, "-n", str(CASES), "--stop",
                ORBIT, *HOWS[how], "--out", str(where)]  # fmt: skip
     head: dict[str, Any] = {"from": _done(where)[1]}
-    began = time.monotonic()
+    began, load = time.monotonic(), [os.getloadavg()[0]]
     with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as process:
         while process.poll() is None:
             time.sleep(2.0)
+            load.append(os.getloadavg()[0])
             state, done = _done(where)
             workers = _workers(process.pid)
             if state == "done":
@@ -58,6 +59,7 @@ def go_on(folder: Path, how: str, end: float) -> bool:
                 process.send_signal(signal.SIGINT)
                 process.wait(_PATIENCE)
     head["seconds"], head["exit"] = time.monotonic() - began, process.returncode
+    head["load"] = statistics.mean(load)
     state, head["to"] = _done(where)
     seen["heads"].append(head)
     notes.write_text(json.dumps(seen))
@@ -119,6 +121,7 @@ def judged(folder: Path) -> dict[str, Any]:
             "ms_per_case": 1e3 * statistics.median(rows["seconds"].to_pylist()),
             "report_seconds": heads[-1]["seconds"] - heads[-1]["cases_seconds"],
             "bytes_per_case": sum(p.stat().st_size for p in files) / CASES,
+            "load": [round(h["load"], 1) for h in heads if "load" in h],
             "memory_mb": _memory_over(seen["memory"]), "digest": digest,
         }  # fmt: skip
     return result | {

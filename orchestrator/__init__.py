@@ -1,12 +1,13 @@
 """Runs systems of FMUs: scenarios, SSP, check, master, results, command line.
 
-`run`, `load`, `draws` and `tables` are what programs need of it; what they import is imported when
-they are called. Bad input raises `desat.system.errors.DesatError` with one line for people.
+`run`, `load`, `draws`, `cases` and `tables` are what programs need of it; what they import is
+imported when they are called. Bad input raises `desat.system.errors.DesatError` with one line for
+people.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from os import PathLike
 from typing import TYPE_CHECKING, Any
 
@@ -15,8 +16,9 @@ if TYPE_CHECKING:
 
     from .study.case import Run
     from .study.cells import Row
+    from .study.sampling import Sampling
 
-__all__ = ["draws", "load", "run", "tables"]
+__all__ = ["cases", "draws", "load", "run", "tables"]
 
 
 def run(
@@ -92,6 +94,45 @@ def draws(
 
     given = Options(stop=stop, step=step, values=dict(sets or {}), **options)
     return study.draws(str(target), count, seed, given, jobs)
+
+
+def cases(
+    target: str | PathLike[str],
+    count: int,
+    folder: str | PathLike[str],
+    sets: Mapping[str, Any] | None = None,
+    *,
+    seed: int = 1,
+    sampling: Sampling = "random",
+    keep: Sequence[str] = (),
+    curves: Sequence[str] | None = None,
+    limit: float = 600.0,
+    jobs: int = 1,
+    cluster: str | None = None,
+    stop: float | None = None,
+    step: float | None = None,
+    **options: Any,
+) -> Dataset:
+    """Make the cases of a campaign that its folder has not yet, and its report; return it as `load`
+    does. What `desat campaign run` does: `sets`, `stop`, `step`, `options` as for `run`; `keep`,
+    `limit` (s), `cluster` as its options; `curves`: plots by name, None the first.
+
+    The caller's script needs `if __name__ == "__main__":`, as there are processes. Raises
+    DesatError for wrong input, and where the folder has another campaign.
+    """
+    from pathlib import Path
+
+    from .campaign import head, report
+    from .study.case import Options
+
+    given = Options(stop=stop, step=step, values=dict(sets or {}), **options)
+    plan, _ = head.planned(
+        str(target), count, seed=seed, sampling=sampling, options=given, curves=curves, keep=keep,
+        limit=limit,
+    )  # fmt: skip
+    head.run(plan, Path(folder), jobs, cluster, progress=False)
+    report.write(Path(folder))
+    return load(folder)
 
 
 def tables(family: str, *, jobs: int = 1, **options: Any) -> list[Row]:

@@ -6,6 +6,8 @@ from __future__ import annotations
 import copy
 import json
 import os
+import re
+import shutil
 import signal
 import subprocess
 import sys
@@ -17,9 +19,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from dying import dies_or_not
 from test_failures import HOW, binary, fmu, ssd  # noqa: F401
 
-from desat.campaign import head, report, store
+import desat
+from desat.campaign import compare as comparing
+from desat.campaign import head, judged, progress, report, store
 from desat.campaign.compare import compare
 from desat.study import sampling
 from desat.study.draws import system_of
@@ -58,23 +63,15 @@ def own(tmp_path_factory) -> Path:
 
 @pytest.fixture(scope="module")
 def whole(own, tmp_path_factory) -> Path:
-    """The folder of a campaign in one go, over two processes."""
+    """The folder of a campaign in one go, over two processes, made by a program."""
     folder = tmp_path_factory.mktemp("whole") / "campaign"
-    plan, _ = head.planned(str(own), COUNT, keep=["worst:1:coil_load", "every:150"])
-    head.run(plan, folder, 2, progress=False)
+    keep = ["worst:1:coil_load", "every:150"]
+    made = desat.cases(own, COUNT, folder, keep=keep, jobs=2)
+    assert made["out.rate"].values.shape == (COUNT,)
     return folder
 
 
 # --- processes ------------------------------------------------------------------------------------
-
-
-def dies_or_not(number: int) -> int:
-    """For the test below: a call of a process that may die at once, raise, or hang."""
-    if number % 3 == 1:
-        os._exit(number)
-    if number == 6:
-        time.sleep(60.0)
-    return number**2
 
 
 def test_processes_that_die_lose_their_calls_alone():
@@ -160,8 +157,11 @@ def test_a_campaign_of_two_hundred(whole):
     assert head.status(whole)["state"] == "done"
 
 
-def test_a_case_is_the_draw_of_the_same_number(whole, own):
+def test_a_case_is_the_draw_of_the_same_number(whole, own, tmp_path):
     from desat.study.draws import one
+
+    with pytest.raises(DesatError, match=r"mean_anomaly: it is drawn, and so never has this value"):
+        desat.cases(own, 2, tmp_path / "c", {"environment.mean_anomaly": 1.0})
 
     again = one(str(own), Options(), 1, 123)
     row = store.read(whole).slice(123, 1).to_pylist()[0]
@@ -238,16 +238,17 @@ def test_a_dask_cluster_gives_the_same(whole, own, tmp_path):
     _first_alike(folder, whole, 40)
 
 
-OLDER = """
+WORKER = """
 import importlib.metadata as metadata, pathlib, sys, time
+version, come = sys.argv[1:3]
 known = metadata.version
-metadata.version = lambda name: "0.0.9" if name == "desat" else known(name)
+metadata.version = lambda name: version or known(name) if name == "desat" else known(name)
 from distributed.cli.dask_worker import main
-while len(sys.argv) > 1 and not pathlib.Path(sys.argv[1]).exists():
+while not pathlib.Path(come).exists():
     time.sleep(0.02)
-main(sys.argv[2:])
+main(sys.argv[3:])
 """
-"""A worker with another version, which comes as soon as there is a file."""
+"""A worker, perhaps of another version, that is ready and comes as soon as there is a file."""
 
 
 def test_a_worker_says_why_it_cannot_make_the_cases(own):
@@ -265,6 +266,20 @@ def test_a_worker_says_why_it_cannot_make_the_cases(own):
     assert other == f"has another {own}: scenario, parameters or builds of FMUs differ"
 
 
+def test_a_packed_system_has_the_same_case_on_a_worker(own, whole, tmp_path):
+    from desat.campaign import cluster
+    from desat.files.pack import pack_scenario
+    from desat.files.scenario import own as scenario
+
+    file = pack_scenario(scenario(own), tmp_path / "mine.ssp", force=True, fmus="native")
+    plan, _ = head.planned(str(file), 4)
+    cluster.keep(plan, cluster.shipped(plan.target))
+    file.unlink()
+    made = cluster.on_worker(plan, True, cluster.versions(), 3, False)
+    row = store.read(whole).slice(3, 1).to_pylist()[0]
+    assert made["numbers"] == {k[4:]: v for k, v in row.items() if k.startswith("out.")}
+
+
 def test_clusters_that_do_not_serve(own, whole, tmp_path, monkeypatch, capfd):
     """One that does not answer, one without workers, one whose worker has another version: from the
     beginning, and when it comes in the middle, where it costs nothing; one that ends."""
@@ -278,47 +293,50 @@ def test_clusters_that_do_not_serve(own, whole, tmp_path, monkeypatch, capfd):
         text = r"--cluster tcp://127\.0\.0\.1:9: no scheduler answers"
         with pytest.raises(DesatError, match=text):
             head.run(plan, tmp_path / "a", cluster="tcp://127.0.0.1:9", progress=False)
-    (tmp_path / "older.py").write_text(OLDER)
-    file, come = tmp_path / "scheduler.json", tmp_path / "come"
+    (tmp_path / "worker.py").write_text(WORKER)
+    file, early, good, late = (tmp_path / n for n in ("scheduler.json", "early", "good", "late"))
     of = ["--scheduler-file", file, "--no-dashboard"]
-    worker = [*of, "--no-nanny", "--nthreads", "1"]
-    dask = [sys.executable, "-m"]
-    with _started(
-        *dask, "distributed.cli.dask_scheduler", "--port", "0", "--host", "127.0.0.1", *of
-    ) as scheduler:
+    worker = [sys.executable, tmp_path / "worker.py"]
+    alone = [*of, "--no-nanny", "--nthreads", "1"]
+    # all at once: to import what they need takes longest
+    with (
+        _started(sys.executable, "-m", "distributed.cli.dask_scheduler", "--port", "0", "--host",
+                 "127.0.0.1", *of) as scheduler,
+        _started(*worker, "0.0.9", early, *alone) as first,
+        _started(*worker, "", good, *alone),
+        _started(*worker, "0.0.9", late, *alone) as older,
+    ):  # fmt: skip
         _until(file.exists)
         with pytest.raises(DesatError, match="it has no workers"):
             head.run(plan, tmp_path / "b", cluster=str(file), progress=False)
         from distributed import Client
 
-        with (
-            Client(scheduler_file=str(file)) as client,
-            _started(sys.executable, tmp_path / "older.py", come, *worker) as older,
-        ):
-            with _started(sys.executable, tmp_path / "older.py", tmp_path, *worker):
-                client.wait_for_workers(1, timeout=60)
-                with pytest.raises(DesatError, match=r"has desat 0\.0\.9, here it is .*the same"):
-                    head.run(plan, tmp_path / "c", cluster=str(file), progress=False)
-            _until(lambda: not client.nthreads())
-            with _started(*dask, "distributed.cli.dask_worker", *worker):
-                client.wait_for_workers(1, timeout=60)
-                add = store.Store.add
-
-                def later(self: store.Store, row: dict[str, object]) -> None:
-                    add(self, row)
-                    if self.done() == 5:
-                        come.touch()
-                        client.wait_for_workers(2, timeout=60)
-                    elif self.done() == 25:
-                        client.close()
-                        scheduler.kill()
-
-                monkeypatch.setattr(store.Store, "add", later)
+        with Client(scheduler_file=str(file)) as client:
+            early.touch()
+            client.wait_for_workers(1, timeout=60)
+            with pytest.raises(DesatError, match=r"has desat 0\.0\.9, here it is .*the same"):
                 head.run(plan, tmp_path / "c", cluster=str(file), progress=False)
-                older.wait(60)
-                plan, _ = head.planned(str(own), 40)
-                with pytest.raises(DesatError, match="the scheduler is gone; the same command"):
-                    head.run(plan, tmp_path / "c", cluster=str(file), progress=False)
+            first.kill()
+            _until(lambda: not client.nthreads())
+            good.touch()
+            client.wait_for_workers(1, timeout=60)
+            add = store.Store.add
+
+            def later(self: store.Store, row: dict[str, object]) -> None:
+                add(self, row)
+                if self.done() == 5:
+                    late.touch()
+                    client.wait_for_workers(2, timeout=60)
+                elif self.done() == 25:
+                    client.close()
+                    scheduler.kill()
+
+            monkeypatch.setattr(store.Store, "add", later)
+            head.run(plan, tmp_path / "c", cluster=str(file), progress=False)
+            older.wait(60)
+            plan, _ = head.planned(str(own), 40)
+            with pytest.raises(DesatError, match="the scheduler is gone; the same command"):
+                head.run(plan, tmp_path / "c", cluster=str(file), progress=False)
     assert capfd.readouterr().err.count("has desat 0.0.9") == 1
     _first_alike(tmp_path / "c", whole, 20)
     assert store.read(tmp_path / "c")["attempts"].to_pylist() == [1] * 20
@@ -377,10 +395,12 @@ def test_crashes_and_hangs_leave_a_complete_dataset(tmp_path, binary):  # noqa: 
 
 
 def test_requirements_are_judged_with_their_confidence(whole):
-    path, told = report.write(whole)
+    told = json.loads((whole / "report.json").read_text())
     load, rate = told["requirements"]["load"], told["requirements"]["rate"]
     completed = told["completed"]
     assert load["within"] == completed
+    assert load["lacking"] == 0
+    assert told["requirements"]["pointing"]["lacking"] == completed  # it is over before
     assert load["met"] == (completed >= 195)  # 196 of 200 show 95 % within with 95 % confidence
     assert not rate["met"]
     values = [v for v in store.read(whole)["out.rate"].to_pylist() if v is not None]
@@ -388,14 +408,34 @@ def test_requirements_are_judged_with_their_confidence(whole):
     assert rate["cases_outside"]
     low, high = rate["interval_outside"]
     assert low < rate["share_outside"] < high or rate["share_outside"] in (0.0, 100.0)
-    text = path.read_text()
+    text = (whole / "report.html").read_text()
     assert "NOT SHOWN" in text
     assert text.count("<svg") >= len(told["numbers"]) / 2
+    largest = np.nanmax(store.read(whole, store.CURVES)["momentum"].to_pylist(), axis=1)
+    for case in np.argsort(-largest, kind="stable")[:3]:
+        assert report.rerun(whole, int(case)) in text, "the worst of the percentile curves"
     assert told["numbers"]["rate"]["unit"] == told["requirements"]["rate"]["unit"] == "deg/s"
     of_analyses = {"null_rms": "N.m.s", "coil_duty": "%", "limit_time": "s", "crossings": "1"}
     assert {n: told["numbers"][n]["unit"] for n in of_analyses} == of_analyses
     assert told["numbers"]["coil_duty"]["title"].startswith("Coil duty: mean dipole of a coil")
-    assert json.loads((whole / "report.json").read_text())["digest"] == store.digest(whole)
+    assert told["digest"] == store.digest(whole)
+
+
+def test_more_cases_show_a_requirement():
+    """59 cases without one outside show 95 % with 95 %, 93 with one: known of order statistics."""
+    assert judged.more(50, 50, 0.95, 0.95) == 9
+    assert judged.more(59, 59, 0.95, 0.95) == 0
+    assert judged.more(92, 91, 0.95, 0.95) == 1
+    assert judged.more(100, 95, 0.95, 0.95) is None
+
+
+def test_progress_is_a_line_where_nobody_looks(capsys, monkeypatch):
+    monkeypatch.setattr(progress, "_LINE", 0.0)
+    at = progress.Progressed(40, 31, 2, began=time.monotonic() - 10.0, first=11)
+    with progress.Shown(at, True) as show:
+        show()
+    line = capsys.readouterr().err
+    assert re.fullmatch(r"31 of 40 done, 2 failed, 2\.0 a second, [45] s left\n", line), line
 
 
 def test_what_drives_a_number_is_named():
@@ -423,6 +463,10 @@ def test_sobol_indices_of_a_linear_function(system):
     assert apart.sum() == 2 * 256
     alone = np.array([points(i) for i in cases[apart]])
     assert all(len(np.unique(column)) == len(column) for column in alone.T), "they share no value"
+    few = replace(plan, count=32 * (sum(sizes) + 2))
+    some = slice(few.count)
+    told = report._sobol(few, cases[some], every[some], {"y": y[some]})
+    assert told == {"missing": f"they need -n {2 * few.count} or more"}
     every[0] = False
     assert report._sobol(plan, y, every, {"y": y}) == {"missing": "they need every case completed"}
 
@@ -436,6 +480,10 @@ def test_campaigns_are_compared_case_by_case(whole, own, tmp_path):
     told = compare(whole, folder)
     entry = told["numbers"]["coil_load"]
     assert told["pairs"] == entry["n"] <= 30
+    assert told["warnings"] == []
+    longer = replace(head.read(whole), options={"stop": 40.0})
+    text = "the first runs until 40 s, the second until 20 s"
+    assert comparing._warnings(longer, head.read(folder)) == [text]
     assert entry["unit"] == "%"
     assert entry["lower"] + entry["higher"] + entry["equal"] == entry["n"]
     assert entry["interval"][0] <= entry["median"] <= entry["interval"][1]
@@ -466,10 +514,11 @@ def test_campaigns_are_compared_case_by_case(whole, own, tmp_path):
         ('[dispersions]\n"wheels.nothing" = { uniform = [0.0, 1.0] }',
          "dispersions.wheels.nothing: wheels has no parameter nothing; there is"),
         ('[dispersions]\n"wheels.speed_limit" = { uniform = [-2.0, -1.0] }',
-         "dispersions: drawn for case 0: wheels.speed_limit = -1.76943 rad/s: allowed is 0.001 to"),
+         "mine.toml: dispersions.wheels.speed_limit: wheels.speed_limit = -1.76943 rad/s: allowed "
+         "is 0.001 to"),
     ],
 )  # fmt: skip
-def test_what_nothing_can_meet_or_draw(tmp_path, desat, more, text):
+def test_what_nothing_can_meet_or_draw(tmp_path, more, text):
     path = tmp_path / "mine.toml"
     path.write_text(f'extends = "integrated/mil-nadir"\n{more}\n')
     with pytest.raises(DesatError) as error:
@@ -488,14 +537,50 @@ def test_a_folder_has_one_campaign(whole, own, tmp_path):
     assert head.status(whole)["done"] == COUNT
 
 
+def test_damaged_files_and_a_changed_system_are_said(whole, own, tmp_path, desat):
+    """Nothing is read that is not whole, and no case is made of another system than its row."""
+    folder = tmp_path / "campaign"
+    shutil.copytree(whole, folder, ignore=shutil.ignore_patterns("kept"))
+    mine = own.with_name("changed.toml")
+    mine.write_text(OWN)
+    plan = json.loads((folder / "campaign.json").read_text()) | {"target": str(mine)}
+    (folder / "campaign.json").write_text(json.dumps(plan))
+    mine.write_text(OWN.replace("stop = 20.0", "stop = 30.0"))
+    said = desat("campaign", "case", str(folder), "3")
+    assert said.returncode == Exit.INPUT
+    assert "changed.toml is not what it was when the campaign began" in said.stderr
+    assert not (folder / "kept").exists()
+    for name, text in {
+        "cases/part-00000.parquet": f"without {folder}/cases/part-00000.parquet the same command",
+        "curves/part-00000.parquet": f"without {folder}/cases/part-00000.parquet the same command",
+        "numbers.json": "damaged (", "status.json": "damaged (", "campaign.json": "damaged (",
+    }.items():  # fmt: skip
+        file = folder / name
+        whole_file = file.read_bytes()
+        file.write_bytes(whole_file[: len(whole_file) // 2])
+        said = desat("campaign", "status" if name == "status.json" else "report", str(folder))
+        assert said.returncode == Exit.INPUT, said.stderr
+        assert said.stderr.startswith(f"error: {file}: damaged ("), said.stderr
+        assert text in said.stderr
+        assert said.stderr.count("\n") == 1
+        file.write_bytes(whole_file)
+    (folder / "campaign.json").write_text(json.dumps(plan | {"count": "200"}))
+    assert "damaged (count is '200')" in desat("campaign", "status", str(folder)).stderr
+    (folder / "campaign.json").write_text(json.dumps(plan | {"keep": ["worst:3:bound"]}))
+    lines = head.unreached(head.read(folder), folder)
+    assert lines == ["--keep worst:3:bound: no case has a number bound: nothing is kept by it"]
+
+
 @pytest.mark.parametrize(
     ("arguments", "text"),
     [
         (("integrated/mil-nadir", "--keep", "worst:3"), "--keep worst:3: no number"),
         (("integrated/mil-nadir", "--curve", "momentun"), "did you mean momentum?"),
         (("integrated/mil-nadir", "--sampling", "sobl"), "did you mean sobol?"),
+        (("integrated/mil-nadir", "--by", "rate"), "--by rate: it goes with --keep worst:N"),
         (("plant/light",), "no [dispersions]"),
         (("integrated/mil-nadir", "--cluster", "local:x"), "local:N is needed"),
+        (("integrated/mil-nadir", "--cluster", "none.json"), "no such file, and no address"),
     ],
 )
 def test_wrong_words_are_one_line(desat, tmp_path, arguments, text):
@@ -506,8 +591,6 @@ def test_wrong_words_are_one_line(desat, tmp_path, arguments, text):
 
 
 def test_a_campaign_is_a_data_set(whole):
-    import desat
-
     ds = desat.load(whole)
     table = store.read(whole)
     assert ds.sizes["case"] == COUNT

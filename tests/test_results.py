@@ -75,6 +75,13 @@ def test_series(folder):
     assert sorted(p.name for p in folder.iterdir()) == ["manifest.json", "series.h5"]
 
 
+@pytest.mark.parametrize("text", ["[]", "{}", '{"about": null}', "{"])
+def test_what_is_no_manifest_is_said(tmp_path, text):
+    (tmp_path / "manifest.json").write_text(text)
+    with pytest.raises(DesatError, match=rf"^{re.escape(str(tmp_path))}/manifest\.json: "):
+        read_manifest(tmp_path)
+
+
 def test_manifest(folder):
     manifest = json.loads((folder / "manifest.json").read_text())
     assert manifest["status"] == "completed"

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import json
+import re
 
 import pytest
 
 from desat.study.case import Options, execute
-from desat.study.draws import draws
+from desat.study.draws import draws, one
 from desat.study.paired import common, differences, paired
 from desat.study.sweep import axes_of, sweep
 from desat.system.errors import DesatError
@@ -66,6 +67,24 @@ def test_what_is_drawn_otherwise_is_refused_and_what_one_draws_is_said(other):
     target = other('without = ["dispersions"]')
     with pytest.raises(DesatError, match="there is nothing that both draw"):
         common(NAME, target, 1, SHORT, SHORT)
+
+
+def test_a_drawn_value_that_is_refused_is_named(other):
+    """Draw, file, dispersion, value and what is allowed; also of a dispersion of nothing, and where
+    a block refuses it."""
+    key, of = '"wheels.speed_limit"', "dispersions.wheels.h_start_wheel: wheels: h_start_wheel"
+    target = other(f"dispersions.{key} = {{ uniform = [-0.2, 0.8] }}")
+    where = f"{target}: dispersions.wheels.speed_limit"
+    for draw, text in (
+        (6, f"{target}: draw 6: {where}: wheels.speed_limit = -0.032233 rad/s"),
+        (0, f"speed_limit from {where}"),
+    ):
+        with pytest.raises(DesatError, match=re.escape(text)) as error:
+            one(target, SHORT, 1, draw)
+        assert ("allowed is 0.001 to inf" if draw else of) in str(error.value)
+    target = other('dispersions."wheel.speed_limit" = { uniform = [1.0, 2.0] }')
+    with pytest.raises(DesatError, match=r"toml: dispersions\.wheel\.speed_limit: no component"):
+        draws(target, 2, 1, SHORT, 1)
 
 
 def test_numbers_of_another_unit_are_not_compared():

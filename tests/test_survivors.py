@@ -326,6 +326,6 @@ def test_a_limit_is_left_out_where_its_unless_holds():
     parameters = {"torquers": {"drive": {"value": "ideal", "unit": ""},
                                "m_limit": {"value": 40.0, "unit": "A.m2"}}}  # fmt: skip
     plot = {"limits": [{"value": "torquers.m_limit", "unless": {"torquers.drive": "ideal"}}]}
-    assert plots._limits(plot, parameters, "A.m2") == []
+    assert plots.limits_of(plot, parameters, "A.m2") == []
     parameters["torquers"]["drive"]["value"] = "pulsed"
-    assert [x[1] for x in plots._limits(plot, parameters, "A.m2")] == [40.0]
+    assert [x[1] for x in plots.limits_of(plot, parameters, "A.m2")] == [40.0]

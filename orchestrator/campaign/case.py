@@ -28,14 +28,14 @@ POINTS = 200
 def row(plan: Plan, number: int, supervised: bool = False) -> dict[str, Any]:
     """A case as a row: its inputs, its numbers, how it ended. A case that cannot begin is a row
     that says so. `supervised`: in a process of its own, which can say what ended it."""
-    clock = time.perf_counter()
+    clock, values = time.perf_counter(), {}
     try:
         values = plan.values(number)
         made = _ran(plan, values, supervised)
     except DesatError as error:
         made = {"status": "failed", "code": int(getattr(error, "code", Exit.INPUT)),
                 "message": str(error), "unmet": [], "stopped_when": None, "numbers": {},
-                "values": {}}  # fmt: skip
+                "values": values}  # fmt: skip
     return {"case": number, **made, "seconds": round(time.perf_counter() - clock, 6),
             "worker": f"{platform.node()}:{os.getpid()}"}  # fmt: skip
 

@@ -155,6 +155,9 @@ class Cluster:
             raise DesatError("--cluster needs Dask: pip install 'desat[cluster]'") from error
         import dask
 
+        if ":" not in address and not Path(address).is_file():
+            raise DesatError(f"--cluster {address}: no such file, and no address such as "
+                             "tcp://HOST:8786 or local:2")  # fmt: skip
         self._plan, self._address, self._local = plan, address, None
         dask.config.set(SETTINGS)
         for name in ("distributed", "distributed.client"):
@@ -170,7 +173,7 @@ class Cluster:
                 self._client = distributed.Client(scheduler_file=address, timeout=WAIT)
             else:
                 self._client = distributed.Client(address, timeout=WAIT)
-        except (OSError, TimeoutError, ValueError) as error:
+        except (OSError, TimeoutError, ValueError, KeyError, TypeError) as error:
             raise RunError(f"--cluster {address}: no scheduler answers ({error})",
                            Exit.INPUT) from error  # fmt: skip
         data = shipped(plan.target)

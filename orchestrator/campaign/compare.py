@@ -13,7 +13,7 @@ from ..study.paired import difference, spread
 from ..system.errors import DesatError
 from . import store
 from .figures import flat
-from .plan import read
+from .plan import Plan, read, system
 
 
 def compare(first: Path, second: Path, level: float = 0.95) -> dict[str, Any]:
@@ -41,10 +41,23 @@ def compare(first: Path, second: Path, level: float = 0.95) -> dict[str, Any]:
     units = _same_units(first, second, names)
     return {
         "first": str(first), "second": str(second), "pairs": len(cases),
+        "warnings": _warnings(one, other),
         "numbers": {
             n[4:]: {"unit": units[n], **_differences(tables, rows, cases, n, level)} for n in names
         },
     }  # fmt: skip
+
+
+def _warnings(one: Plan, other: Plan) -> list[str]:
+    """That the two do not end at the same time, as far as their systems are there."""
+    try:
+        ends = [p.run_options().stop or system(p.target, p.run_options().blocks).stop
+                for p in (one, other)]  # fmt: skip
+    except DesatError:
+        return []
+    if None in ends or ends[0] == ends[1]:
+        return []
+    return [f"the first runs until {ends[0]:g} s, the second until {ends[1]:g} s"]
 
 
 def _same_inputs(

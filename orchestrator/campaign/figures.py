@@ -16,10 +16,11 @@ LEVELS = (5.0, 50.0, 95.0, 99.0)
 
 
 def percentiles(
-    title: str, unit: str, times: Array, curves: Array, worst: Sequence[tuple[int, Array]]
+    title: str, unit: str, times: Array, curves: Array, worst: Sequence[tuple[int, Array]],
+    limits: Sequence[tuple[str, float]] = (),
 ) -> str:  # fmt: skip
-    """Percentile curves of envelopes (cases, parts) at times (parts,), their extremes, and the
-    worst cases by name."""
+    """Percentile curves of envelopes (cases, parts) at times (parts,), their extremes, the worst
+    cases by name, and limits by name."""
     fig, ax = figure(height=3.3)
     scale, time_unit = time_axis(times)
     x = times / scale
@@ -38,6 +39,9 @@ def percentiles(
             "linestyle": ("-", "--", ":")[i % 3],
         }
         ax.plot(x, line, label=f"case {case}", **style)
+    for i, (name, value) in enumerate(limits):
+        dashes = ((0, (5, 2)), (0, (2, 2)), (0, (6, 2, 1, 2)))[i % 3]
+        ax.axhline(value, color=LIMIT, linestyle=dashes, linewidth=1.2, label=name)
     ax.set_xlabel(f"time [{time_unit}]")
     ax.set_ylabel(axis_label(title, unit, 2.4))
     ax.set_ylim(bottom=0.0)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 import os
 import platform
@@ -19,10 +18,10 @@ from ..study.case import Case, prepare
 from ..study.draws import lost, system_of
 from ..study.manifest import write_json
 from ..study.options import Options
-from ..study.sampling import Sampling, allowed, dispersed, drawn
+from ..study.sampling import SAMPLINGS, Sampling, allowed, dispersed, drawn
 from ..study.workers import Local, Lost, Workers, results
 from ..system.errors import DesatError, nearest
-from . import store
+from . import damaged, store
 from .case import kept, plots_of, row
 from .plan import PLAN, Plan, digest_of, joined, read, versions
 from .progress import Progressed, Shown
@@ -42,14 +41,19 @@ def planned(
     Raises DesatError for what is wrong with the system, its dispersions, a requirement, the
     sampling or what is kept.
     """
+    if sampling not in SAMPLINGS:
+        raise DesatError(f"--sampling {sampling}: there are {', '.join(SAMPLINGS)}"
+                         f"{nearest(sampling, SAMPLINGS)}")  # fmt: skip
     options = options or Options()
     if Path(target).exists():
         target = str(Path(target).resolve())
     system = system_of(target, options)
     if not system.about.get("dispersions"):
         raise DesatError(f"{target}: it has no [dispersions], so there is nothing to draw")
-    for text in options.sets:
-        if (name := text.partition("=")[0]) in dispersed(system):
+    if count < 1 or limit <= 0.0:
+        raise DesatError(f"{target}: {count} cases of {limit:g} s: both are above 0")
+    for name in (*(text.partition("=")[0] for text in options.sets), *options.values):
+        if name in dispersed(system):
             raise DesatError(f"--set {name}: it is drawn, and so never has this value")
     try:
         allowed(sampling, count, system)
@@ -57,13 +61,12 @@ def planned(
     except DesatError:
         prepare(target, options).or_raise()  # which names file and key
         raise
-    case = _first(target, replace(options, values=first), first)
+    case = _first(target, options, first)
     plots = plots_of(system.about)
     if curves is None:
         curves = list(plots)[:1]
     if unknown := [c for c in curves if c not in plots]:
-        raise DesatError(f"--curve {unknown[0]}: no plot of that name"
-                         f"{nearest(unknown[0], plots)}; there are {', '.join(plots)}")  # fmt: skip
+        raise DesatError(f"--curve {unknown[0]}: no plot of that name{nearest(unknown[0], plots)}")
     known = {f.name: getattr(Options(), f.name) for f in fields(Options)}
     changed = {k: getattr(options, k) for k in known if getattr(options, k) != known[k]}
     plan = Plan(target, digest_of(target, options), count, seed, sampling, changed, tuple(curves),
@@ -76,20 +79,27 @@ def planned(
         if kind == "worst" and number not in numbers:
             raise DesatError(f"--keep {text}: no number {number}{nearest(number, numbers)}; "
                              "worst:N:NUMBER, or --by NUMBER, is needed")  # fmt: skip
-    return plan, case.checked.warnings
+    warnings = list(case.checked.warnings)
+    if sampling == "sobol" and count & (count - 1):
+        warnings.append(f"--sampling sobol: -n {count} is no power of two, as {_power(count)} is: "
+                        "its points are not quite even")  # fmt: skip
+    return plan, warnings
+
+
+def _power(count: int) -> int:
+    """The least power of two that is not below it."""
+    return 1 << (count - 1).bit_length()
 
 
 def _first(target: str, options: Options, values: dict[str, Any]) -> Case:
-    """The first case. Raises DesatError where it is none, which says what was drawn for it."""
+    """The first case. Raises DesatError where it is none."""
+    case = prepare(target, replace(options, values=values))
     try:
-        case = prepare(target, options)
         case.or_raise()
         return case
     except DesatError as error:
-        (text, *more) = str(error).splitlines()
-        if more or not any(text.startswith((f"{n} ", f"{n}[")) for n in values):
-            raise
-        raise DesatError(f"{target}: dispersions: drawn for case 0: {text}") from error
+        prepare(target, options).or_raise()  # not only of what is drawn
+        raise DesatError(f"{target}: case 0: {error}") from error
 
 
 def run(
@@ -180,7 +190,7 @@ def _kept_of(text: str) -> tuple[str, int, str]:
     kind, _, rest = text.partition(":")
     count, _, number = rest.partition(":")
     if kind not in ("worst", "every") or not count.isdecimal() or int(count) < 1:
-        raise DesatError(f"--keep {text}: worst:N:NUMBER or every:N is needed")
+        raise DesatError(f"--keep {text}: worst:N:NUMBER or every:N is needed, N from 1 on")
     return kind, int(count), number
 
 
@@ -201,6 +211,21 @@ def chosen(plan: Plan, folder: Path) -> list[int]:
         else:
             cases |= set(worst(folder, number, count, number in least))
     return sorted(cases)
+
+
+def unreached(plan: Plan, folder: Path) -> list[str]:
+    """What of `--keep` goes by a number that no case has, or none reaches: a line each."""
+    lines = []
+    for text in plan.keep:
+        kind, count, number = _kept_of(text)
+        if kind != "worst":
+            continue
+        table = store.read(folder, columns=["case", f"out.{number}"])
+        if f"out.{number}" not in table.column_names:
+            lines.append(f"--keep {text}: no case has a number {number}: nothing is kept by it")
+        elif table[f"out.{number}"].null_count == table.num_rows:
+            lines.append(f"--keep {text}: no case reaches {number}: kept are the first {count}")
+    return lines
 
 
 def worst(folder: Path, number: str, count: int, least: bool = False) -> list[int]:
@@ -246,10 +271,11 @@ def kept_in(folder: Path, number: int) -> Path:
 def status(folder: Path) -> dict[str, Any]:
     """How far a campaign is, as its head wrote last. Raises DesatError where there is none."""
     plan = read(folder)
+    blank = {"state": "running", "count": plan.count, "done": 0, "failed": 0}
     try:
-        told: dict[str, Any] = json.loads((folder / STATUS).read_text(encoding="utf-8"))
+        told = {**blank, **damaged.table(folder / STATUS)}
     except FileNotFoundError:
-        told = {"state": "running", "count": plan.count, "done": 0, "failed": 0}
+        told = blank
     head, _, pid = told.get("head", "").rpartition(":")
     if told["state"] == "running" and head == platform.node() and not _lives(int(pid)):
         told["state"] = "killed"

@@ -63,17 +63,35 @@ class Plan:
 
 
 def read(folder: Path) -> Plan:
-    """The plan of a campaign's folder. Raises DesatError where it has none."""
+    """The plan of a campaign's folder. Raises DesatError where it has none, or a damaged one."""
+    file = folder / PLAN
+    if not file.exists():
+        raise DesatError(f"{folder}: no campaign (it has no {PLAN})")
     try:
-        data = json.loads((folder / PLAN).read_text(encoding="utf-8"))
+        data = json.loads(file.read_text(encoding="utf-8"))
         known = {f.name for f in fields(Plan)}
         given: dict[str, Any] = {k: v for k, v in data.items() if k in known}
         given |= {k: tuple(given.get(k, ())) for k in ("curves", "keep")}
-        return Plan(**given)
-    except FileNotFoundError as error:
-        raise DesatError(f"{folder}: no campaign (it has no {PLAN})") from error
-    except (ValueError, TypeError) as error:
-        raise DesatError(f"{folder / PLAN}: {error}") from error
+        plan = Plan(**given)
+        plan.run_options()
+    except (ValueError, TypeError, AttributeError, DesatError) as error:
+        raise DesatError(f"{file}: damaged ({error})") from error
+    for name, kind in _KINDS.items():
+        if not isinstance(value := getattr(plan, name), kind) or isinstance(value, bool):
+            raise DesatError(f"{file}: damaged ({name} is {value!r})")
+    return plan
+
+
+_KINDS: dict[str, Any] = {"target": str, "digest": str, "count": int, "seed": int,
+                          "sampling": str, "limit": (int, float)}  # fmt: skip
+
+
+def changed(plan: Plan) -> str:
+    """What is to be said where the system is not any more that of the campaign; "" where it is.
+    Raises DesatError where it cannot be had."""
+    if digest_of(plan.target, plan.run_options()) == plan.digest:
+        return ""
+    return f"{plan.target} is not what it was when the campaign began: scenario, parameters or FMUs"
 
 
 def joined(old: Plan, new: Plan, folder: Path) -> None:
@@ -83,8 +101,10 @@ def joined(old: Plan, new: Plan, folder: Path) -> None:
         grows = key == "count" and now >= before and old.sampling not in FIXED
         if before == now or grows or key in GROWS[1:]:
             continue
+        fixed = f", of which the points of {old.sampling} depend" if key == "count" and (
+            old.sampling in FIXED) else ""  # fmt: skip
         raise DesatError(f"{folder}: another campaign: {key} is {_short(before)} there, "
-                         f"{_short(now)} here; take another --out")  # fmt: skip
+                         f"{_short(now)} here{fixed}; take another --out")  # fmt: skip
 
 
 def _short(value: Any) -> str:

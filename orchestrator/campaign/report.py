@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-import shlex
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -12,21 +10,28 @@ import numpy as np
 from markupsafe import Markup
 from scipy.stats import spearmanr
 
-from ..study.cells import clopper_pearson
 from ..study.drawing import axis_label, pretty_unit
 from ..study.figures import scatter
 from ..study.manifest import write_json
+from ..study.plots import limits_of
+from ..study.prepare import prepare
 from ..study.report import number as shown
 from ..study.report import render, write_page
-from ..study.sampling import axes, sensitivity, unit_cube
+from ..study.sampling import axes, dispersed, sensitivity, unit_cube
+from ..system.errors import DesatError
+from ..system.parameters import table as parameters_of
 from . import figures, store
 from .case import POINTS, plots_of
-from .plan import Plan, read, system
+from .judged import requirement, rerun
+from .plan import Plan, changed, read, system
 
 STRONG = 0.2
 """Rank correlations from this size on are shown."""
 CHANCE = 0.01
 """How likely one of all those shown may be by chance alone."""
+BASE = 64
+"""Groups of cases from which on Sobol indices are told: of a few, SALib's intervals, which are made
+of the same cases, say nothing."""
 _WORST, _SCATTERS = 3, 4
 
 
@@ -61,11 +66,12 @@ def summary(folder: Path) -> dict[str, Any]:
     return {
         "target": plan.target, "seed": plan.seed, "sampling": plan.sampling, "count": plan.count,
         "done": len(cases), "completed": int(completed.sum()), "failed": failed,
+        "changed": changed(plan),
         "seconds": float(np.nansum(figures.flat(table["seconds"].to_pylist()))),
         "digest": store.digest(folder),
         "numbers": numbers,
         "requirements": {
-            name: {**_requirement(entry, each, completed[apart], cases[apart], folder),
+            name: {**requirement(entry, each, completed[apart], cases[apart], folder),
                    "unit": told.get(entry["number"], {}).get("unit", "")}
             for name, entry in about.get("requirements", {}).items()
         },
@@ -103,48 +109,6 @@ def _number(name: str, entry: Mapping[str, str], values: Any, cases: Any) -> dic
     return told
 
 
-def _requirement(
-    entry: Mapping[str, Any], out: Mapping[str, Any], completed: Any, cases: Any, folder: Path
-) -> dict[str, Any]:  # fmt: skip
-    """How many cases are within a requirement, and whether that shows that it is met. A case that
-    failed, or has not the number, is outside."""
-    probability, confidence = entry.get("probability", 0.95), entry.get("confidence", 0.95)
-    values = out.get(entry["number"], np.full(len(cases), np.nan))
-    within = (
-        completed & (values <= entry.get("max", math.inf)) & (values >= entry.get("min", -math.inf))
-    )
-    n, inside = len(cases), int(within.sum())
-    # one-sided at the confidence: a two-sided interval with twice the tail
-    low = clopper_pearson(inside, n, 2.0 * confidence - 1.0)[0] / 100.0
-    outside = [int(c) for c in cases[~within][:10]]
-    return {
-        **dict(entry), "probability": probability, "confidence": confidence, "n": n,
-        "within": inside, "outside": n - inside,
-        "share_outside": 100.0 * (n - inside) / n,
-        "interval_outside": clopper_pearson(n - inside, n, confidence),
-        "shown_within": 100.0 * low, "met": low >= probability,
-        "cases_outside": outside,
-        "commands": [rerun(folder, c) for c in outside[:3]],
-        "more_cases": _more(n, inside, probability, confidence),
-        "for_half_the_width": 3 * n,
-    }  # fmt: skip
-
-
-def _more(n: int, inside: int, probability: float, confidence: float) -> int | None:
-    """How many more cases would show the requirement met if the share stayed as it is; 0 where it
-    is, None where more cannot show it."""
-    share = inside / n
-    total = n
-    while total <= 10_000_000:
-        count = round(share * total)
-        if clopper_pearson(count, total, 2.0 * confidence - 1.0)[0] >= 100.0 * probability:
-            return total - n
-        if share <= probability:
-            return None
-        total = math.ceil(total * 1.1)
-    return None
-
-
 def _drivers(inputs: Mapping[str, Any], out: Mapping[str, Any]) -> list[dict[str, Any]]:
     """Rank correlations (Spearman) between inputs and numbers, the strong ones, strongest first.
     Of some hundred pairs several would be beyond a level meant for one, so CHANCE is for all."""
@@ -172,6 +136,8 @@ def _sobol(plan: Plan, cases: Any, completed: Any, out: Mapping[str, Any]) -> di
     if len(cases) != plan.count or not completed.all():
         return {"missing": "they need every case completed"}
     names, sizes = axes(system(plan.target, plan.run_options().blocks))
+    if plan.count < (least := BASE * (sum(sizes) + 2)):
+        return {"missing": f"they need -n {least} or more"}
     elements = [n if k == 1 else f"{n}[{i}]" for n, k in zip(names, sizes, strict=True)
                 for i in range(1, k + 1)]  # fmt: skip
     analyze = sensitivity("analyze")
@@ -185,11 +151,6 @@ def _sobol(plan: Plan, cases: Any, completed: Any, out: Mapping[str, Any]) -> di
                 for i, name in enumerate(elements)
             }  # fmt: skip
     return indices
-
-
-def rerun(folder: Path, case: int) -> str:
-    """The command that makes a case again."""
-    return f"desat campaign case {shlex.quote(str(folder))} {case}"
 
 
 def write(folder: Path) -> tuple[Path, dict[str, Any]]:
@@ -244,6 +205,20 @@ def _figures(folder: Path, plan: Plan, told: Mapping[str, Any]) -> list[_Figure]
     return made
 
 
+def _limits(plan: Plan, plot: Mapping[str, Any], unit: str) -> list[tuple[str, float]]:
+    """The limit lines of a plot that are the same in all cases, sizes, each once; none of a system
+    that is not to be had any more."""
+    options = plan.run_options()
+    try:
+        checked, _ = prepare(plan.target, options).or_raise()
+    except DesatError:
+        return []
+    drawn = dispersed(system(plan.target, options.blocks)).keys()
+    same = [x for x in plot.get("limits", ()) if not any(name in str(x) for name in drawn)]
+    found = limits_of({"limits": same}, parameters_of(checked.components.values()), unit)
+    return list({abs(value): (name, abs(value)) for name, value, _ in found}.values())
+
+
 def _curves(folder: Path, plan: Plan) -> list[_Figure]:
     drafted = system(plan.target, plan.run_options().blocks)
     plots, told = plots_of(drafted.about), store.described(folder)
@@ -272,6 +247,6 @@ def _curves(folder: Path, plan: Plan) -> list[_Figure]:
             f"percentiles over {len(rows)} cases"
         )
         worst = [(rows[i][0], curves[i]) for i in order]
-        image = figures.percentiles(title, unit, times, curves, worst)
+        image = figures.percentiles(title, unit, times, curves, worst, _limits(plan, plot, unit))
         made.append(_Figure(caption, Markup(image), [rerun(folder, case) for case, _ in worst]))
     return made

@@ -27,6 +27,7 @@ import pyarrow.parquet as pq
 
 from ..study.manifest import write_json
 from ..system.errors import DesatError
+from . import damaged
 
 BLOCK = 256
 """Cases of a file."""
@@ -85,9 +86,7 @@ class Store:
         waiting: int = sum(
             r["status"] != "completed" for rows in self._open.values() for r in rows.values()
         )
-        parts = (
-            pq.read_table(_part(self.folder, CASES, b), columns=["status"]) for b in self._whole
-        )
+        parts = (damaged.rows(_part(self.folder, CASES, b), ["status"]) for b in self._whole)
         return waiting + sum(int(s != "completed") for t in parts for s in t["status"].to_pylist())
 
     def add(self, row: dict[str, Any]) -> None:
@@ -137,12 +136,15 @@ def _journal(folder: Path) -> Iterator[dict[str, Any]]:
     path = folder / JOURNAL
     if not path.exists():
         return
-    with path.open(encoding="utf-8") as file:
+    with path.open(encoding="utf-8", errors="replace") as file:
         for line in file:
             try:
-                yield json.loads(line)
+                row = json.loads(line)
             except ValueError:
                 return
+            if not isinstance(row, dict) or "case" not in row:
+                return
+            yield row
 
 
 def _write(folder: Path, block: int, rows: Sequence[dict[str, Any]]) -> None:
@@ -200,9 +202,9 @@ def _flat(values: dict[str, Any]) -> Iterator[tuple[str, Any]]:
 def _of_block(folder: Path, block: int) -> list[dict[str, Any]]:
     """The rows of a file as they were added."""
     made = []
-    table = pq.read_table(_part(folder, CASES, block)).to_pylist()
+    table = damaged.rows(_part(folder, CASES, block)).to_pylist()
     path = _part(folder, CURVES, block)
-    curves = {r.pop("case"): r for r in pq.read_table(path).to_pylist()} if path.exists() else {}
+    curves = {r.pop("case"): r for r in damaged.rows(path).to_pylist()} if path.exists() else {}
     for entry in table:
         values = {k[3:]: v for k, v in entry.items() if k.startswith("in.") and v is not None}
         stopped = entry["stopped_when"]
@@ -224,9 +226,7 @@ def read(folder: Path, kind: str = CASES, columns: Sequence[str] | None = None) 
     for block in blocks:
         path = _part(folder, kind, block)
         if path.exists():
-            schema = pq.read_schema(path)
-            wanted = None if columns is None else [c for c in columns if c in schema.names]
-            tables.append(pq.read_table(path, columns=wanted))
+            tables.append(damaged.rows(path, columns))
     rows = sorted((r for r in _journal(folder) if r["case"] // BLOCK not in blocks),
                   key=lambda r: r["case"])  # fmt: skip
     if rows and kind == CASES:
@@ -246,7 +246,7 @@ def read(folder: Path, kind: str = CASES, columns: Sequence[str] | None = None) 
 
 def schema(folder: Path) -> pa.Schema:
     """The columns of the cases that are there. Raises DesatError where there is none."""
-    parts = [pq.read_schema(_part(folder, CASES, b)) for b in sorted(_parts(folder))]
+    parts = [damaged.columns(_part(folder, CASES, b)) for b in sorted(_parts(folder))]
     if rows := [r for r in _journal(folder) if r["case"] // BLOCK not in _parts(folder)]:
         parts.append(_table(rows).schema)
     if not parts:
@@ -257,7 +257,7 @@ def schema(folder: Path) -> pa.Schema:
 def described(folder: Path) -> dict[str, dict[str, str]]:
     """Title and unit of each number, of `in.component.variable`, and of `curve.PLOT`."""
     path = folder / NUMBERS
-    numbers: dict[str, dict[str, str]] = json.loads(path.read_text()) if path.exists() else {}
+    numbers: dict[str, dict[str, str]] = damaged.table(path) if path.exists() else {}
     return numbers
 
 

@@ -163,7 +163,13 @@ def _unfit(option: str, annotation: str, value: Any) -> str:
 
 def names(scenario: Scenario, system: Draft) -> list[str]:
     """Series, units, limits and dispersions that do not fit the system, interfaces loaded."""
-    problems = [*_series(scenario.data, system), *_dispersions(scenario.data, system)]
+    problems = [f"{scenario.where(path)}: {text}" for path, text in _series(scenario.data, system)]
+    return problems + dispersions(scenario, system)
+
+
+def dispersions(scenario: Scenario, system: Draft) -> list[str]:
+    """Dispersions that do not fit the system, interfaces loaded."""
+    problems = _dispersions(scenario.data, system)
     return [f"{scenario.where(path)}: {text}" for path, text in problems]
 
 

@@ -16,10 +16,13 @@ from .options import Options
 
 
 def modify(
-    draft: Draft, options: Options, designed: Mapping[str, Mapping[str, Any]] | None = None
-) -> None:
+    draft: Draft, options: Options, designed: Mapping[str, Mapping[str, Any]] | None = None,
+    drawn: Mapping[str, str] | None = None,
+) -> None:  # fmt: skip
     """Apply options to a draft. `designed`: parameters, a table a component, below those of the
-    options. Raises DesatError for what is unknown or does not fit."""
+    options; `drawn`: of the values that are drawn, file and key of their dispersion; one that does
+    not fit is a problem of the draft. Raises DesatError for what else is unknown or does not fit.
+    """
     if options.stop is not None:
         draft.stop, draft.given["stop"] = options.stop, f"--stop {options.stop:g}"
     if options.step is not None:
@@ -31,18 +34,23 @@ def modify(
         draft.given[output] = f"--output-class {output}={of}"
     for text in options.sources:
         _replace(draft, text, options.blocks)
-    for where, name, variable, value in _assignments(options, designed or {}):
+    for where, name, variable, value in _assignments(options, designed or {}, drawn or {}):
         if name == "shared" and name not in draft.components:
             draft.share(variable, value, where)
         else:
             component = draft.component(name, where)
             of_program = where == f"{name}.{variable}"
-            component.assign(variable, value, name if of_program else f"{where}: {name}")
+            try:
+                component.assign(variable, value, name if of_program else f"{where}: {name}")
+            except DesatError as error:
+                if f"{name}.{variable}" not in (drawn or {}):
+                    raise
+                draft.problems.append(str(error))  # of this draw alone
             component.given[base_name(variable)] = where
 
 
 def _assignments(
-    options: Options, designed: Mapping[str, Mapping[str, Any]]
+    options: Options, designed: Mapping[str, Mapping[str, Any]], drawn: Mapping[str, str]
 ) -> Iterator[tuple[str, str, str, Any]]:
     """Who says it, component, variable and value of all that is to be assigned."""
     for name, values in designed.items():
@@ -57,7 +65,7 @@ def _assignments(
         yield f"--set {text}", name, variable, value
     for key, value in options.values.items():
         name, _, variable = key.partition(".")
-        yield key, name, variable, value
+        yield drawn.get(key, key), name, variable, value
 
 
 def _replace(draft: Draft, text: str, blocks: bool) -> None:

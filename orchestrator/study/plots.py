@@ -63,7 +63,7 @@ def series_figure(plot: dict[str, Any], runs: Sequence[Run]) -> Any | None:
     if (unit := unit_of(plot, results)) is None:
         return None
     drawn = [lines_of(plot, r, unit) for _, r, _ in runs]
-    limits = _limits(plot, parameters, unit)
+    limits = limits_of(plot, parameters, unit)
     # the limits of a size have no other side
     signed = any(np.nanmin(x.values, initial=0.0) < 0.0 for lines in drawn for x in lines)
     orbit = plot.get("orbit")
@@ -204,7 +204,7 @@ def _lines(plot: dict[str, Any], results: Results, signal: str, unit: str) -> li
     ]
 
 
-def _limits(
+def limits_of(
     plot: dict[str, Any], parameters: dict[str, Any], unit: str
 ) -> list[tuple[str, float, bool]]:
     """(name, value, filled) of the limit lines, or bands about zero: products of parameters, or

@@ -23,6 +23,7 @@ from . import isolation, meaning, recorded, stopping
 from .modify import modify
 from .numbers import problems
 from .options import Options
+from .sampling import dispersed
 
 
 @dataclass(frozen=True)
@@ -43,7 +44,11 @@ class Case:
 def load(target: str, blocks: bool = False) -> Draft:
     """The system of a scenario name, a scenario file, a .ssp, an .ssd or a folder, with its
     problems so far. Raises DesatError where there is nothing to go on with."""
-    return _draft(target, _scenario_of(target), blocks)
+    described = _scenario_of(target)
+    draft = _draft(target, described, blocks)
+    if described is not None and not draft.problems:
+        draft.problems += meaning.dispersions(described, draft)
+    return draft
 
 
 def prepare(target: str, options: Options) -> Case:
@@ -76,16 +81,31 @@ def prepare(target: str, options: Options) -> Case:
 
 def _modify(draft: Draft, described: Scenario | None, options: Options) -> None:
     """Change a system as the options say; warn of a design made for other values."""
+    drawn = _drawn(draft, described, options)
     if described is None or options.design is None:
-        modify(draft, options)
+        modify(draft, options, drawn=drawn)
         if source := described or _packed_from(draft):
             draft.warnings += origin.warnings(source, options)
     else:
-        modify(draft, options, _designed(described, options))
+        modify(draft, options, _designed(described, options), drawn)
     if options.fmus != "native":
         for component in draft.components.values():
             if component.fmu is not None:
                 component.fmu = library.of_kind(component.fmu, options.fmus)
+
+
+def _drawn(draft: Draft, described: Scenario | None, options: Options) -> dict[str, str]:
+    """File and key of the dispersion of each value that is drawn: a draw has a value for each."""
+    spread = dispersed(draft)
+    if not spread.keys() <= options.values.keys():
+        return {}
+    given = draft.about.get("dispersions", {})
+    where = {}
+    for name in spread:
+        key = name if name in given else f"*.{name.partition('.')[2]}"
+        path = ("dispersions", key)
+        where[name] = described.where(path) if described else f"{draft.where}: {'.'.join(path)}"
+    return where
 
 
 def _check_wishes(

@@ -24,6 +24,7 @@ from ..common import (
     Stop,
     Target,
     app,
+    err,
     name_of,
     options_of,
     out,
@@ -83,7 +84,8 @@ def run(
                      "percentile curves (default: the first). May be repeated."),
     ] = None,
     limit: Annotated[
-        float, typer.Option("--case-limit", metavar="SECONDS", min=0.1, help="Wall time of a case.")
+        float, typer.Option("--case-limit", metavar="SECONDS", min=0.1, max=1e7,
+                            help="Wall time of a case."),
     ] = 600.0,
     jobs: Jobs = CPUS,
     cluster: Annotated[
@@ -95,12 +97,10 @@ def run(
 ) -> None:  # fmt: skip
     """Make the cases of a campaign, or those of it that are missing, and its report."""
     from ...campaign import head
-    from ...study.sampling import SAMPLINGS
-    from ...system.errors import DesatError, nearest
+    from ...system.errors import DesatError
 
-    if sampling not in SAMPLINGS:
-        raise DesatError(f"--sampling {sampling}: there are {', '.join(SAMPLINGS)}"
-                         f"{nearest(sampling, SAMPLINGS)}")  # fmt: skip
+    if by and not any(k.startswith("worst") and k.count(":") == 1 for k in keep or []):
+        raise DesatError(f"--by {by}: it goes with --keep worst:N")
     kept = [f"{k}:{by}" if k.startswith("worst") and k.count(":") == 1 and by else k
             for k in keep or []]  # fmt: skip
     plan, warnings = head.planned(
@@ -111,6 +111,7 @@ def run(
     warn(warnings)
     where = folder or Path("runs") / f"campaign-{name_of(target)}"
     head.run(plan, where, jobs, cluster, progress=not as_json)
+    warn(head.unreached(plan, where))
     _report(where, as_json)
 
 
@@ -149,12 +150,14 @@ def case(
     """Make a case again, with its series and report: the same bits."""
     from ...campaign import head
     from ...campaign.case import kept
-    from ...campaign.plan import read
+    from ...campaign.plan import changed, read
     from ...system.errors import DesatError
 
     plan = read(folder)
     if number >= plan.count:
         raise DesatError(f"{folder}: case {number}: there are 0 to {plan.count - 1}")
+    if text := changed(plan):
+        raise DesatError(f"{folder}: case {number}: {text} differ, and so would the case")
     where = into or head.kept_in(folder, number)
     made = kept(plan, number, where)
     out.print(f"{where / 'report.html'}", highlight=False, markup=False)
@@ -176,6 +179,7 @@ def compare(
     from ...study.report import number
 
     told = of(first, second)
+    warn(told["warnings"])
     if as_json:
         print_json(told)
         return
@@ -194,11 +198,19 @@ def compare(
     out.print(table)
 
 
+_REASONS = 3
+"""Failed cases whose reason is said; the report has them all."""
+
+
 def _report(folder: Path, as_json: bool) -> None:
     from ...campaign import report as of
     from ...study.report import number
 
     path, told = of.write(folder)
+    if told["changed"]:
+        warn([f"{told['changed']} differ: limits and titles are those of now"])
+    for f in told["failed"][:_REASONS]:
+        err.print(f"case {f['case']}: {f['message']}", highlight=False, markup=False)
     if as_json:
         print_json(told)
     else:
@@ -207,8 +219,9 @@ def _report(folder: Path, as_json: bool) -> None:
         for name, r in told["requirements"].items():
             verdict = "met" if r["met"] else "NOT SHOWN"
             low, high = map(number, r["interval_outside"])
-            out.print(f"{name}: {r['outside']} of {r['n']} outside ({low} to {high} %): {verdict}",
-                      highlight=False, markup=False)  # fmt: skip
+            lacking = f", {r['lacking']} without {r['number']}" if r["lacking"] else ""
+            out.print(f"{name}: {r['outside']} of {r['n']} outside{lacking} "
+                      f"({low} to {high} %): {verdict}", highlight=False, markup=False)  # fmt: skip
         out.print(str(path), highlight=False, markup=False)
     codes: list[Any] = (
         [Exit.UNMET] if any(not r["met"] for r in told["requirements"].values()) else []
