@@ -13,6 +13,7 @@ from test_blocks import begin, fresh
 
 from desat.components.contract.block import BlockError
 from desat.components.laws import blending, momentum_management, receding_horizon
+from desat.components.laws import magnetic_offline as offline
 from desat.components.maths import moments
 from desat.components.physics import wheel_array
 from desat.fmus import registry
@@ -329,3 +330,21 @@ def test_a_limit_is_left_out_where_its_unless_holds():
     assert plots._limits(plot, parameters, "A.m2") == []
     parameters["torquers"]["drive"]["value"] = "pulsed"
     assert [x[1] for x in plots._limits(plot, parameters, "A.m2")] == [40.0]
+
+
+# --- the laws that are designed ---------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("horizon", "intervals"), [(60.0, 1), (440.0, 1), (460.0, 2), (900.0, 3)])
+def test_a_costate_asks_for_the_field_once_a_point(horizon, intervals):
+    """A short horizon has one interval of the quadrature too."""
+    asked = []
+
+    def field(t):
+        asked.append(t)
+        return (0.0, 0.0, 3e-5)
+
+    offline.costate(field, (0.0, 1e-3, 0.0), (1.0, 1.0, 1.0), (0.0,) * 3, (1.0, 0.5, 0.0),
+                    (0.0,) * 3, horizon)  # fmt: skip
+    assert len(asked) == intervals * offline.POINTS
+    assert 0.0 < min(asked) < 0.01 * horizon < 0.99 * horizon < max(asked) < horizon
