@@ -73,6 +73,19 @@ def test_in_the_last_sample_coils_repair_what_rounding_took(odd):
     assert np.linalg.norm(across) < 0.02 * 0.04 * 0.05  # of a pulse
 
 
+@pytest.mark.parametrize(("price", "on_x", "on_z"), [(0.5, 0.0, 10.0), (10.0, 1.7, 8.0)])
+def test_the_reserve_is_not_kept_at_any_price(price, on_x, on_z):
+    """Two samples, no coils, and 16.02 s of firing about z: with 8 s of each sample there is a plan
+    only because the body turns by 0.011 rad between them, which brings that share of a shot about x
+    and back to z."""
+    block = fresh("manager_receding_horizon")
+    block.horizon, block.m_limit, block.reserve_cost = 20.0, 1e-9, price
+    begin(block)
+    block.r_eci, block.v_eci, block.b_body = (7e6, 0.0, 0.0), (0.0, 7546.0, 0.0), (2e-5, 0.0, 2e-5)
+    _, (_, n_t) = block.dump(0.0, 0.0, (0.0, 0.0, 0.04 * 16.02))
+    assert n_t == pytest.approx((0.04 * on_x / PERIOD, 0.0, -0.04 * on_z / PERIOD), abs=1e-9)
+
+
 @pytest.mark.parametrize(("seen", "h"), [(False, 0.5), (True, 50.0)])
 def test_what_is_done_without_a_plan(seen, h):
     """No field: thrusters alone give -h rate, with a rate that is enough for the time that is left.
