@@ -327,7 +327,9 @@ def tried(tree: Path, m: dict[str, Any], names: list[str], log: Path, text: str)
         return "survived"
     if status is None or status < 0:
         return "killed: too long"
-    return "killed" if status in (1, 2) else f"pytest ended with {status}"
+    broken = "while loading conftest" in log.read_text()  # the blocks cannot even be imported
+    killed = status in (1, 2) or status == 4 and broken
+    return "killed" if killed else f"pytest ended with {status}"
 
 
 # --- the page ---------------------------------------------------------------------------------

@@ -22,7 +22,7 @@ from desat.components.laws import (
 )
 from desat.components.laws import magnetic_offline as offline
 from desat.components.maths import moments
-from desat.components.physics import gyrostat, rotor, wheel_array
+from desat.components.physics import gyrostat, rotor, torques, wheel_array
 from desat.fmus import registry
 from desat.study import plots
 from desat.study.case import Options, execute, load
@@ -429,6 +429,29 @@ def test_the_observer_s_model_moves_momentum_between_wheel_and_body():
 def test_an_inertia_with_two_moments_below_zero_is_none():
     with pytest.raises(BlockError, match="principal moments must be above 0"):
         gyrostat.check_inertia((2.0, 0.0, 0.0, 0.0, -1.0, 0.0, 0.0, 0.0, -1.0))
+
+
+def test_an_inertia_that_is_not_symmetric_says_where():
+    with pytest.raises(BlockError, match=r"inertia\[2,3\] = 0.1 and inertia\[3,2\] = 0"):
+        gyrostat.check_inertia((2.0, 0.0, 0.0, 0.0, 2.0, 0.1, 0.0, 0.0, 2.0))
+
+
+@pytest.mark.parametrize("wheel", range(4))
+def test_one_wheel_is_commanded(wheel):
+    block = fresh("manager_start_up")
+    begin(block)
+    block._wheel, block._along, block.valid_h = wheel, -1.0, False
+    block.give((0.0, 0.0, 0.0), 1e-5)
+    assert block.tau_cmd_wheel == tuple(-1e-5 * (i == wheel) for i in range(4))
+
+
+def test_the_gravity_gradient_of_later_is_that_of_free_fall():
+    block = fresh("manager_closed_loop")
+    begin(block)
+    block.r_eci, block.v_eci, block.q_bi = (7e6, 1e5, 0.0), (100.0, 5300.0, 5300.0), UPRIGHT
+    (r, _), *_ = receding_horizon.coast(block.r_eci, block.v_eci, (120.0,))
+    wanted = torques.gravity_gradient(r, block._inertia)
+    assert block._gravity_in(120.0) == pytest.approx(wanted, rel=2e-3)
 
 
 @pytest.mark.parametrize(("t", "row", "share"), [(0.0, 0, 0.0), (25.0, 2, 0.5), (40.0, 3, 1.0)])
