@@ -328,7 +328,7 @@ def tried(tree: Path, m: dict[str, Any], names: list[str], log: Path, text: str)
     if status is None or status < 0:
         return "killed: too long"
     broken = "while loading conftest" in log.read_text()  # the blocks cannot even be imported
-    killed = status in (1, 2) or status == 4 and broken
+    killed = status in (1, 2) or (status == 4 and broken)
     return "killed" if killed else f"pytest ended with {status}"
 
 
