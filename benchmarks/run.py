@@ -413,15 +413,18 @@ LAWS: dict[str, tuple[str, tuple[str, ...]]] = {
 
 
 def laws() -> dict[str, Any]:
-    """Microseconds per update of each law's manager, an FMU in CPython: the mean over 60 samples,
-    and the first, which for LQR and MEC prepares and for the receding horizon has all to plan."""
-    result = {}
+    """Microseconds per update of each law's manager, as an FMU in CPython and as a native one: the
+    mean over 60 samples, and the first, which for LQR and MEC prepares and for the receding horizon
+    has all to plan."""
+    result: dict[str, Any] = {}
     for name in track(list(LAWS), "laws", disable=not sys.stderr.isatty()):
         scenario, sets = LAWS[name]
-        measured = _measure("law", packed(scenario), 9, *sets)
-        result[name] = {
-            "us_per_update": round(measured["us"], 1), "first_us": round(measured["first_us"], 1)
-        }  # fmt: skip
+        for kind, prefix in (("python", ""), ("native", "native_")):
+            measured = _measure("law", packed(scenario, kind), 5, *sets)
+            result.setdefault(name, {}).update({
+                f"{prefix}us_per_update": round(measured["us"], 1),
+                f"{prefix}first_us": round(measured["first_us"], 1),
+            })  # fmt: skip
     return result
 
 

@@ -518,6 +518,7 @@ def test_a_paired_ratio_is_of_the_same_draw():
         return {"draws": [{"draw": i, "numbers": {"e": x}} for i, x in enumerate(values)]}
 
     found = paired.ratios(drawn(2.0, 9.0, None, 8.0), drawn(1.0, 3.0, 5.0, 0.0), "e")
+    assert found.pop("each") == [{"draw": 0, "ratio": 2.0}, {"draw": 1, "ratio": 3.0}]
     assert found == {"unit": "1", "median": 2.5, "min": 2.0, "max": 3.0, "n": 2}
     assert relation.related("paired_ratio", 6.0, 4.0) == 1.5
 

@@ -12,9 +12,17 @@ import pytest
 from test_blocks import begin, fresh
 
 from desat.components.contract.block import BlockError
-from desat.components.laws import blending, momentum_management, receding_horizon
+from desat.components.laws import (
+    blending,
+    dumping,
+    magnetic,
+    momentum_management,
+    rate_observer,
+    receding_horizon,
+)
+from desat.components.laws import magnetic_offline as offline
 from desat.components.maths import moments
-from desat.components.physics import wheel_array
+from desat.components.physics import gyrostat, rotor, torques, wheel_array
 from desat.fmus import registry
 from desat.study import plots
 from desat.study.case import Options, execute, load
@@ -70,6 +78,19 @@ def test_in_the_last_sample_coils_repair_what_rounding_took(odd):
     left = np.array(h) + PERIOD * torque
     across = left - (left @ b) / (b @ b) * b
     assert np.linalg.norm(across) < 0.02 * 0.04 * 0.05  # of a pulse
+
+
+@pytest.mark.parametrize(("price", "on_x", "on_z"), [(0.5, 0.0, 10.0), (10.0, 1.7, 8.0)])
+def test_the_reserve_is_not_kept_at_any_price(price, on_x, on_z):
+    """Two samples, no coils, and 16.02 s of firing about z: with 8 s of each sample there is a plan
+    only because the body turns by 0.011 rad between them, which brings that share of a shot about x
+    and back to z."""
+    block = fresh("manager_receding_horizon")
+    block.horizon, block.m_limit, block.reserve_cost = 20.0, 1e-9, price
+    begin(block)
+    block.r_eci, block.v_eci, block.b_body = (7e6, 0.0, 0.0), (0.0, 7546.0, 0.0), (2e-5, 0.0, 2e-5)
+    _, (_, n_t) = block.dump(0.0, 0.0, (0.0, 0.0, 0.04 * 16.02))
+    assert n_t == pytest.approx((0.04 * on_x / PERIOD, 0.0, -0.04 * on_z / PERIOD), abs=1e-9)
 
 
 @pytest.mark.parametrize(("seen", "h"), [(False, 0.5), (True, 50.0)])
@@ -329,3 +350,124 @@ def test_a_limit_is_left_out_where_its_unless_holds():
     assert plots.limits_of(plot, parameters, "A.m2") == []
     parameters["torquers"]["drive"]["value"] = "pulsed"
     assert [x[1] for x in plots.limits_of(plot, parameters, "A.m2")] == [40.0]
+
+
+# --- the laws that are designed ---------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("horizon", "intervals"), [(60.0, 1), (440.0, 1), (460.0, 2), (900.0, 3)])
+def test_a_costate_asks_for_the_field_once_a_point(horizon, intervals):
+    """A short horizon has one interval of the quadrature too."""
+    asked = []
+
+    def field(t):
+        asked.append(t)
+        return (0.0, 0.0, 3e-5)
+
+    offline.costate(field, (0.0, 1e-3, 0.0), (1.0, 1.0, 1.0), (0.0,) * 3, (1.0, 0.5, 0.0),
+                    (0.0,) * 3, horizon)  # fmt: skip
+    assert len(asked) == intervals * offline.POINTS
+    assert 0.0 < min(asked) < 0.01 * horizon < 0.99 * horizon < max(asked) < horizon
+
+
+def test_a_costate_turns_as_the_momentum_does():
+    """Of momentum that nothing acts on, h' = -omega x h, the product with the costate is constant:
+    p' = -omega x p."""
+    omega, p0 = (1e-3, -2e-3, 0.5e-3), (2.0, -1.0, 4.0)
+    later = magnetic.mec_costate(p0, omega, 1e-2)
+    change = (np.array(later) - p0) / 1e-2
+    assert change == pytest.approx(-np.cross(omega, p0), rel=1e-4)
+
+
+@pytest.mark.parametrize("law", [0, 1, 2])
+def test_the_manager_asks_the_law_it_is_told(law):
+    h, n_con, rate = (1.0, -2.0, 0.5), (1e-4, 0.0, -2e-4), 0.008
+    block = fresh("manager_combined")
+    block.law, block.g_rate, block.n_con_body = law, rate, n_con
+    block.horizon, block.sample_time = 600.0, 10.0
+    begin(block)
+    block.omega_bi_body = omega = (0.0, -1e-3, 0.0)
+    offsets = dumping.lqr_offsets(omega, rate, n_con, 600.0, 10.0)
+    start = dumping.mec_costate(h, omega, n_con, 600.0)
+    wanted = (
+        dumping.ilqr(h, omega, rate, n_con), dumping.lqr(h, rate, 600.0, offsets[:3]),
+        dumping.mec(start, omega, 0.0),
+    )[law]  # fmt: skip
+    assert block.dump(0.0, 0.0, h)[0] == pytest.approx(wanted, rel=1e-12)
+
+
+# --- physics ----------------------------------------------------------------------------------
+
+
+def test_a_rotor_meets_its_limit_while_the_body_speeds_up():
+    """A constant torque until h / J less the body's rate is at the limit; then it is there: by hand
+    for both parts."""
+    torque, inertia, fastest, change = 0.02, 2e-3, 6.0, 2.0
+    motor = (inertia, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.02)
+    (h, *_), integral = rotor.step(motor, (0.0,) * 4, torque, 0.1, 0.1 + change, 1.0, fastest)
+    met = (fastest + 0.1) / (torque / inertia - change)
+    at_limit = (fastest + 0.1) * (1.0 - met) + 0.5 * change * (1.0 - met**2)
+    assert h == pytest.approx(inertia * (fastest + 0.1 + change), rel=1e-12)
+    assert integral == pytest.approx(0.5 * torque * met**2 + inertia * at_limit, rel=1e-9)
+
+
+def test_the_observer_s_model_moves_momentum_between_wheel_and_body():
+    """Without a field, body and wheel together keep the size of their momentum while the wheel's
+    motor works."""
+    inertia, omega, tau = np.diag([2.0, 3.0, 4.0]), (0.3, -0.2, 0.4), (0.0, 0.5, 0.0)
+    wheel = np.array([0.0, 0.4, 0.0])
+    inverse = tuple(np.linalg.inv(inertia).ravel())
+    zero = (0.0, 0.0, 0.0)
+    later, _ = rate_observer.predicted(
+        omega, (1e-5, 0.0, 0.0), zero, tau, tuple(wheel), tuple(inertia.ravel()), inverse, 0.4
+    )
+    before = np.linalg.norm(inertia @ omega + wheel)
+    after = np.linalg.norm(inertia @ later + wheel - 0.4 * np.array(tau))
+    assert after == pytest.approx(before, rel=2e-4)
+
+
+def test_an_inertia_with_two_moments_below_zero_is_none():
+    with pytest.raises(BlockError, match="principal moments must be above 0"):
+        gyrostat.check_inertia((2.0, 0.0, 0.0, 0.0, -1.0, 0.0, 0.0, 0.0, -1.0))
+
+
+def test_an_inertia_that_is_not_symmetric_says_where():
+    with pytest.raises(BlockError, match=r"inertia\[2,3\] = 0.1 and inertia\[3,2\] = 0"):
+        gyrostat.check_inertia((2.0, 0.0, 0.0, 0.0, 2.0, 0.1, 0.0, 0.0, 2.0))
+
+
+@pytest.mark.parametrize("wheel", range(4))
+def test_one_wheel_is_commanded(wheel):
+    block = fresh("manager_start_up")
+    begin(block)
+    block._wheel, block._along, block.valid_h = wheel, -1.0, False
+    block.give((0.0, 0.0, 0.0), 1e-5)
+    assert block.tau_cmd_wheel == tuple(-1e-5 * (i == wheel) for i in range(4))
+
+
+def test_the_gravity_gradient_of_later_is_that_of_free_fall():
+    block = fresh("manager_closed_loop")
+    begin(block)
+    block.r_eci, block.v_eci, block.q_bi = (7e6, 1e5, 0.0), (100.0, 5300.0, 5300.0), UPRIGHT
+    (r, _), *_ = receding_horizon.coast(block.r_eci, block.v_eci, (120.0,))
+    wanted = torques.gravity_gradient(r, block._inertia)
+    assert block._gravity_in(120.0) == pytest.approx(wanted, rel=2e-3)
+
+
+@pytest.mark.parametrize(("t", "row", "share"), [(0.0, 0, 0.0), (25.0, 2, 0.5), (40.0, 3, 1.0)])
+def test_a_place_in_a_table(t, row, share):
+    assert momentum_management.place(5, 10.0, t) == pytest.approx((row, share))
+
+
+def test_a_field_that_turns_with_the_earth():
+    """A quarter of a turn later, the dipole's field a quarter of a turn further is that of before,
+    turned by it."""
+    block = fresh("manager_receding_horizon")
+    block.field_model = 1
+    begin(block)
+    x, y, z = 5e6, 3e6, 4e6
+    bx, by, bz = block.field_date((x, y, z), 0.0, False)
+    quarter = 0.5 * math.pi / block.earth_rate
+    later = block.field_date((-y, x, z), quarter, False)
+    assert later == pytest.approx((-by, bx, bz), rel=1e-9)
+    assert abs(bx - block.field_date((x, y, z), quarter, False)[0]) > 1e-7

@@ -78,13 +78,22 @@ def test_what_no_run_decides_says_why(rows):
 
 
 def test_the_receding_horizon_is_never_worse_than_ocdc(rows):
-    compared = [r for r in rows if r["quantity"] == "above_bound_over_ocdc"]
-    assert len(compared) == 15 + 4
-    assert all(r["within"] for r in compared)
-    off = [r for r in rows if r["quantity"] == "above_bound" and r["method"] == "RECEDING HORIZON"
-           and "5 deg off" in r["case"]]  # fmt: skip
+    """In the median of every row, and in every draw; the median is within 5 % of the bound, and so
+    are 95 of 100 draws with the attitude off."""
+    for quantity in ("above_bound_over_ocdc", "above_bound_less_ocdc"):
+        compared = [r for r in rows if r["quantity"] == quantity]
+        assert len(compared) == 15 + 4
+        assert all(r["within"] for r in compared)
+    worse = [r for r in rows if r["quantity"] == "draws_worse_than_ocdc"]
+    assert [r["draws"]["count"] for r in worse] == [0] * (15 + 4)
+    above = {r["case"]: r for r in rows if r["quantity"] == "draws_above_5_percent"}
+    assert len(above) == 15 + 4
+    for r in rows:
+        if r["quantity"] == "above_bound" and r["case"] in above:
+            assert r["method"] != "RECEDING HORIZON" or r["ours"] <= 5.0
+    off = [r["draws"]["count"] for case, r in above.items() if "5 deg off" in case]
     assert len(off) == 3
-    assert all(r["within"] and r["draws"]["max"] <= 5.0 for r in off)
+    assert max(off) <= 5
 
 
 def test_what_is_out_of_sample_is_little_and_said(rows):
@@ -176,9 +185,8 @@ def test_random_starts_are_stored_draws(rows):
     bound = drawn["BOUND", "firing_time"]
     for method in ("DCT", "OCDC", "BOUNDED QUADRATIC", "BOUNDED 1-NORM", "RECEDING HORIZON"):
         assert drawn[method, "firing_time"]["ours"] > bound["ours"]
-    # of 100 starts five are above 1 %, the worst by 9 %: coils learn too late there
     assert drawn["RECEDING HORIZON", "above_bound"]["ours"] < 0.2
-    assert drawn["RECEDING HORIZON", "above_bound"]["draws"]["max"] < 10.0
+    assert drawn["RECEDING HORIZON", "above_bound"]["draws"]["max"] <= 1.0
     assert drawn["RECEDING HORIZON", "final_momentum"]["draws"]["max"] <= 0.002
 
 

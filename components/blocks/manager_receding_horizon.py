@@ -67,6 +67,9 @@ class ManagerRecedingHorizon(ThrusterDumping, EarthField):
     reserve: float = Parameter(
         "1", "share of that time that plans leave free", start=0.2, min=0.0, max=1.0
     )
+    reserve_cost: float = Parameter(
+        "s", "how much more firing a plan may need to leave it free", start=0.5, min=0.0
+    )
     least_pulse: float = Parameter(
         "s", "on-times that the thrusters make are multiples of it", start=0.05, min=1e-6
     )
@@ -131,25 +134,34 @@ class ManagerRecedingHorizon(ThrusterDumping, EarthField):
         self, h: Vec3, q_bi: tuple[Vec4, ...], fields: tuple[Vec3, ...]
     ) -> tuple[Vec3, Vec3] | None:  # fmt: skip
         """Dipole and on-times of the plan's first sample: the reserve kept in all samples, or in
-        all but this one, or in none, as there is a plan."""
+        all but this one, where that costs no more than `reserve_cost`; else in none."""
         whole = self.thruster_duty * self.sample_time
         kept = (1.0 - self.reserve) * whole
-        for longest in ((kept, kept), (whole, kept), (whole, whole)):
-            plan = receding_horizon.programme(
-                add(h, self.h_target_body),
-                self.h_target_body,
-                q_bi,
-                fields,
-                self.n_con_body,
-                self.limits(),
-                self.tau_level,
-                longest,
-                self.sample_time,
-            )
-            step = receding_horizon.first_step(plan, self.limits())
-            if step is not None:
-                return step
-        return None
+        free = self._step(h, q_bi, fields, (whole, whole))
+        if free is None:
+            return None
+        for longest in ((kept, kept), (whole, kept)):
+            step = self._step(h, q_bi, fields, longest)
+            if step is not None and step[2] <= free[2] + self.reserve_cost:
+                return step[0], step[1]
+        return free[0], free[1]
+
+    def _step(
+        self, h: Vec3, q_bi: tuple[Vec4, ...], fields: tuple[Vec3, ...],
+        longest: tuple[float, float],
+    ) -> tuple[Vec3, Vec3, float] | None:  # fmt: skip
+        plan = receding_horizon.programme(
+            add(h, self.h_target_body),
+            self.h_target_body,
+            q_bi,
+            fields,
+            self.n_con_body,
+            self.limits(),
+            self.tau_level,
+            longest,
+            self.sample_time,
+        )
+        return receding_horizon.first_step(plan, self.limits())
 
     def _fallback(self, h: Vec3, left: float) -> tuple[Vec3, blending.Split]:
         """The blend in place of a plan, with `left` (s) until the horizon."""

@@ -191,14 +191,19 @@ def programme(
     return goal, columns, cost, most
 
 
-def first_step(plan: Programme, limit: Vec3) -> tuple[Vec3, Vec3] | None:
+def first_step(plan: Programme, limit: Vec3) -> tuple[Vec3, Vec3, float] | None:
     """What a plan does in its first sample; None where there is none. limit: the largest mean
     dipole (A m2), as in the plan.
 
-    Returns the mean dipole (A m2), and the on-time of each axis (s) with the sign of its torque.
+    Returns the mean dipole (A m2), the on-time of each axis (s) with the sign of its torque, and
+    the on-time of all axes over the whole plan (s).
     """
     goal, columns, cost, most = plan
     x = least_effort(columns, cost, most, goal)
     if x is None:
         return None
-    return (x[3] * limit[0], x[4] * limit[1], x[5] * limit[2]), (x[0], x[1], x[2])
+    firing = 0.0
+    for i in range(len(x)):
+        if i % 6 < 3:
+            firing += abs(x[i])
+    return (x[3] * limit[0], x[4] * limit[1], x[5] * limit[2]), (x[0], x[1], x[2]), firing

@@ -67,6 +67,7 @@ class PaperRow(Table):
     NEEDED = ("table", "quantity", "unit")
     table: Text = key("the paper's table, such as 2, or a heading")
     quantity: Text = key("what the row gives, and the number of that name, where `number` is not")
+    heading: Text = key("the quantity in words, for headings; default: its name without `_`")
     number: Text = key("which number of the run it is held against; default: quantity")
     unit: Unit = key("its unit")
     columns: list[Text] = key("the cases that lists give values for, in this order")

@@ -24,6 +24,8 @@ class Row:
     method: str
     case: str
     quantity: str
+    heading: str
+    """The quantity in words."""
     unit: str
     paper: float | None
     ours: float | None
@@ -184,6 +186,7 @@ def _row(
         method=entry.data.get("label", labels.get("method", "")),
         case=entry.data.get("case", case),
         quantity=entry.data["quantity"],
+        heading=entry.data.get("heading", entry.data["quantity"].replace("_", " ")),
         unit=entry.data["unit"],
         paper=paper,
         ours=ours,

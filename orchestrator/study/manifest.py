@@ -175,10 +175,8 @@ def read_manifest(folder: Path) -> dict[str, Any]:
                 manifest: dict[str, Any] = json.loads(contents(folder / name, where))
             except ValueError as error:
                 raise DesatError(f"{where}: {error}") from error
-            if not isinstance(manifest, dict):
-                raise DesatError(f"{where}: no manifest of a run (it is no object)")
-            for key in ("status", "about"):
-                if key not in manifest:
+            for key, kind in (("status", str), ("about", dict)):
+                if not isinstance(manifest, dict) or not isinstance(manifest.get(key), kind):
                     raise DesatError(f"{where}: no manifest of a run (it has no {key})")
             return manifest
     raise DesatError(f"{folder}: no run folder (it has no {MANIFEST})")

@@ -68,16 +68,18 @@ def ratios(ours: dict[str, Any], theirs: dict[str, Any], name: str) -> dict[str,
     """Of a number that two results of the same draws have: ours over theirs of each draw, its
     median, least and largest. Draws where one has not reached it, or theirs is 0, count nowhere."""
     other = {row["draw"]: row["numbers"].get(name) for row in theirs["draws"]}
-    values = [
-        mine / other[row["draw"]] for row in ours["draws"]
+    each = {
+        row["draw"]: mine / other[row["draw"]] for row in ours["draws"]
         if (mine := row["numbers"].get(name)) is not None and other.get(row["draw"])
-    ]  # fmt: skip
+    }  # fmt: skip
+    values = list(each.values())
     return {
         "unit": "1",
         "median": statistics.median(values) if values else None,
         "min": min(values, default=None),
         "max": max(values, default=None),
         "n": len(values),
+        "each": [{"draw": draw, "ratio": x} for draw, x in each.items()],
     }
 
 

@@ -47,10 +47,7 @@ def rows(
     if not given:
         raise DesatError(f"{family}: no scenario has paper values")
     kept = (drawn or {}).get("scenarios", {})
-    kept = {
-        n: {**kept[n], "summary": kept[n]["summary"] | _paired(s, kept)}
-        for n, s in given.items() if s.data.get("draws") and n in kept
-    }  # fmt: skip
+    kept = {n: _paired(s, kept) for n, s in given.items() if s.data.get("draws") and n in kept}
     given = {n: s for n, s in given.items() if not s.data.get("draws") or n in kept}
     if not given:
         raise DesatError(f"{family}: no draws; `desat tables {family} --fresh` makes them")
@@ -83,17 +80,23 @@ def _references(given: Iterable[Scenario]) -> dict[str, Scenario]:
     return {n: s for n, s in named.items() if not s.data.get("draws")}
 
 
-def _paired(scenario: Scenario, drawn: dict[str, Any]) -> dict[str, dict[str, Any]]:
-    """Of each number of form `difference` or `paired_ratio`: the summary of what they are draw by
-    draw."""
-    medians = {}
+def _paired(scenario: Scenario, drawn: dict[str, Any]) -> dict[str, Any]:
+    """The stored draws of a scenario, with what its numbers of form `difference` or `paired_ratio`
+    are draw by draw, and their summaries."""
+    own = drawn[scenario.name]
+    summary, draws = dict(own["summary"]), [dict(row["numbers"]) for row in own["draws"]]
     for name, entry in scenario.data["numbers"].items():
         theirs = drawn.get(f"{scenario.family}/{entry.get('reference', '')}")
         if theirs is not None and entry["form"] == "difference":
-            medians[name] = differences(drawn[scenario.name], theirs)[entry["of"]]
+            summary[name] = differences(own, theirs)[entry["of"]]
         elif theirs is not None and entry["form"] == "paired_ratio":
-            medians[name] = ratios(drawn[scenario.name], theirs, entry["of"])
-    return medians
+            summary[name] = ratios(own, theirs, entry["of"])
+        else:
+            continue
+        for one in summary[name]["each"]:
+            draws[one["draw"]][name] = one[entry["form"].removeprefix("paired_")]
+    rows = [{**row, "numbers": x} for row, x in zip(own["draws"], draws, strict=True)]
+    return {**own, "summary": summary, "draws": rows}
 
 
 def _single(given: list[Scenario], options: Options, jobs: int) -> dict[str, Numbers]:
@@ -187,7 +190,7 @@ def grouped(table: list[Row]) -> list[tuple[str, list[Row]]]:
     for row in table:
         unit = f" [{pretty_unit(row.unit)}]" if pretty_unit(row.unit) else ""
         place = f"Table {row.table}" if row.table[0].isdigit() else row.table
-        heading = f"{place}: {row.quantity.replace('_', ' ')}{unit}"
+        heading = f"{place}: {row.heading}{unit}"
         groups.setdefault(heading, []).append(row)
     return list(groups.items())
 

@@ -166,7 +166,7 @@ class Verbs(CoilVerbs):
         """The paper's cells that have no band and are not tuned, but a remark: nothing reproduces
         them."""
         return [
-            {**tables.shown(row), "table": row.table, "quantity": row.quantity.replace("_", " ")}
+            {**tables.shown(row), "table": row.table, "quantity": row.heading}
             for row in self._of.cells(False)
             if row.paper is not None and row.band is None and row.remark and not row.tuned
         ]
