@@ -8,7 +8,9 @@ peak_share = 0.9              # preview: in place of it, of the largest wheel mo
 momentum_weight = [q, q, q]   # preview: of |H|^2, eci, 1/(T2 s2)
 hold_weight = 15000.0         # preview: 1/(T2 s2), of how stiffly the course is held
 lost_momentum_weight = [q, q, q]   # learning preview: the same of the courses with a coil lost,
-lost_peak_share = 1.5              # peaks in terms of the course with all coils
+lost_peak_share = 1.6              # peaks in terms of the course with all coils;
+lost_effort = 2e6                  # A2 m4: one that takes less has coils to spare: peak_weight is
+                                   # then in this, and the share falls with the fourth root
 
 Made for the manager's own inertia, coils and weighting, the attitudes of guidance and the field of
 the environment (with `assume`: another), from momentum zero on.
@@ -60,7 +62,7 @@ ORBIT = (
 
 KEYS = (
     "peak_weight", "peak_momentum", "peak_share", "hold_weight", "momentum_weight",
-    "lost_momentum_weight", "lost_peak_share",
+    "lost_momentum_weight", "lost_peak_share", "lost_effort",
 )  # fmt: skip
 
 
@@ -134,13 +136,13 @@ def _preview(
 ) -> tuple[dict[str, Any], dict[str, tuple[Any, str]]]:
     """K and g as tables: the cheapest course, held; and g of those with a coil lost."""
     weight = _weight(about, "momentum_weight")
-    peak, unit = about.get("peak_momentum", 20.0), 1.0
+    peak, unit, flown = about.get("peak_momentum", 20.0), 1.0, round(times[-1] / course.dt)
     if "peak_share" in about:
         if "peak_momentum" in about:
             raise DesatError("design: peak_momentum and peak_share: one of them is needed")
         plain = offline.cheapest(course, weight, 0.0, 1.0, np.zeros(3))
-        largest = float(np.abs(_wheels(course, plain)).max())
-        unit = float(_coils(course, plain).mean())
+        largest = float(np.abs(_wheels(course, plain)[:flown]).max())
+        unit = float(_coils(course, plain)[:flown].mean())
         peak = about["peak_share"] * largest
     of_peak = unit * about.get("peak_weight", 0.0)
     best = offline.cheapest(course, weight, of_peak, peak, np.zeros(3))
@@ -157,7 +159,9 @@ def _preview(
     if lost:
         if "peak_share" not in about:
             raise DesatError("design: lost_peak_share is in terms of peak_share, which is needed")
-        share, of = about.get("lost_peak_share", about["peak_share"]), weight
+        effort = max(unit, about.get("lost_effort", 0.0))
+        share = about.get("lost_peak_share", about["peak_share"]) * (unit / effort) ** 0.25
+        of, of_peak = weight, effort * about.get("peak_weight", 0.0)
         if "lost_momentum_weight" in about:
             of = _weight(about, "lost_momentum_weight")
         rows = [
@@ -166,7 +170,6 @@ def _preview(
             for x in lost
         ]  # fmt: skip
         tables["lost_table"] = _kept(np.hstack(rows))
-    flown = round(times[-1] / course.dt)
     return tables, {
         "predicted_energy": (float(_coils(course, best)[:flown].sum() * course.dt), "A2.m4.s"),
         "predicted_wheel": (float(np.abs(_wheels(course, best)[:flown]).max()), "N.m.s"),

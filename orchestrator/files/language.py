@@ -184,6 +184,10 @@ class Design(Table):
     lost_peak_share: Annotated[FiniteFloat, Field(gt=0.0)] = key(
         "peak_share of the courses with a coil lost"
     )
+    lost_effort: Annotated[FiniteFloat, Field(gt=0.0)] = key(
+        "mean squared dipoles of the course without peak_weight, below which one with a coil lost "
+        "has coils to spare", "A2.m4"
+    )  # fmt: skip
     hold_weight: Annotated[FiniteFloat, Field(gt=0.0)] = key("how stiffly held", "1/(T2.s2)")
     each_draw: bool = key("true: made anew for each draw")
     assume: dict[str, dict[str, Value]] = key("parameters that the design assumes instead")
