@@ -1,7 +1,9 @@
 from __future__ import annotations
 
+from functools import cache
+
 from ..bases.momentum_management import CAPACITY
-from ..contract.block import Output, Parameter, Table, Vec3, Vec4
+from ..contract.block import Output, Parameter, Table, Variable, Vec3, Vec4
 from ..laws import momentum_learning as learning
 from ..laws.blending import Split
 from ..maths.attitude import rotate, rotate_back
@@ -48,6 +50,11 @@ class ManagerPreviewLearning(ManagerPreview):
     lost_coil: int = Output(
         "1", "the coil that is found lost", interval=True, choices=("none", "1", "2", "3", "4")
     )
+
+    @classmethod
+    @cache  # 6,700 of them, asked for at each parameter that a bare block is given
+    def scalars(cls) -> list[tuple[Variable, int | None]]:
+        return super().scalars()
 
     def start(self) -> None:
         super().start()
