@@ -14,6 +14,7 @@ from test_blocks import begin, fresh
 
 from desat.analyses import coil_bound, desaturation, onboard
 from desat.components.contract.block import BlockError
+from desat.components.laws import momentum_learning as learning
 from desat.components.laws import momentum_management as laws
 from desat.components.laws import momentum_offline as offline
 from desat.components.maths.vector import IDENTITY, cross, dot, norm
@@ -22,6 +23,7 @@ from desat.designs import making, momentum_tables
 from desat.files.scenario import find, scenarios
 from desat.study import measures, paired, relation, stored, tables
 from desat.study.case import Options, execute, prepare
+from desat.system.errors import DesatError
 
 S, C = math.sin(math.radians(35.264389682754654)), math.cos(math.radians(35.264389682754654))
 COILS = (S, S, S, S, C / 2**0.5, -C / 2**0.5, -C / 2**0.5, C / 2**0.5,
@@ -162,6 +164,73 @@ def test_a_profile_s_rows_keep_to_their_period():
         assert laws.profile3(rows, 12, 5, i, share) == pytest.approx((expected,) * 3, rel=1e-12)
 
 
+# --- what is learnt in flight --------------------------------------------------------------------
+
+
+def updates(truth, count, noise=0.0, seed=1):
+    """Estimates, covariances and the coil found lost after each of `count` updates of 50 s."""
+    random, x, p, lost = np.random.default_rng(seed), learning.FIRST, learning.first_covariance(), 0
+    found = []
+    for k in range(count):
+        u = 2.0 * math.pi / 5700.0 * 50.0 * k
+        b = (2e-5 * math.cos(u), 8e-6, 4e-5 * math.sin(u))
+        gravity = (0.05 * math.sin(2 * u), 0.02 + 0.05 * math.cos(2 * u), 0.03)
+        coils = tuple(random.uniform(-800.0, 800.0, 4).tolist())
+        rows = learning.effects(50.0, gravity, COILS, coils, b)
+        change = np.reshape(rows, (3, 5)) @ truth + noise * random.normal(size=3)
+        x, p = learning.learnt(x, p, tuple(change.tolist()), rows, 0.1, 0.01)
+        lost = learning.lost(x, p, lost)
+        found.append((x, p, lost))
+    return found
+
+
+@pytest.mark.parametrize("dead", [1, 2, 3, 4])
+def test_without_noise_the_scale_and_each_coil_are_found_and_the_dead_one_is_named(dead):
+    truth = np.array([1.25, 1.0, 1.0, 0.9, 1.0])
+    truth[dead] = 0.0
+    found = updates(truth, 60)
+    assert found[-1][0] == pytest.approx(truth, abs=2e-3)
+    assert [lost for _, _, lost in found[20:]] == [dead] * 40
+    assert {lost for _, _, lost in found} == {0, dead}  # no other is ever taken for it
+
+
+def test_the_filter_is_that_of_information_form():
+    rows, p = (
+        np.arange(15.0).reshape(3, 5) ** 1.5 / 10.0,
+        np.reshape(learning.first_covariance(), (5, 5)),
+    )
+    change, x = np.array([1.0, -2.0, 3.0]), np.ones(5)
+    prior = np.linalg.inv(p + 0.01**2 * np.eye(5))
+    whole = prior + rows.T @ rows / 0.3**2
+    wanted = np.linalg.solve(whole, prior @ x + rows.T @ change / 0.3**2)
+    found, spread = learning.learnt(
+        learning.FIRST, learning.first_covariance(), tuple(change), tuple(rows.ravel()), 0.3, 0.01
+    )
+    assert found == pytest.approx(wanted, rel=1e-9)
+    assert np.reshape(spread, (5, 5)) == pytest.approx(np.linalg.inv(whole), rel=1e-7, abs=1e-12)
+
+
+def test_noise_as_large_as_said_makes_no_coil_lost_and_a_whole_one_is_no_more():
+    found = updates(np.ones(5), 2000, 0.1)
+    assert {lost for _, _, lost in found} == {0}
+    assert np.abs(np.array(found[-1][0]) - 1.0).max() < 0.3
+    x, p, _ = updates(np.array([1.0, 1.0, 0.0, 1.0, 1.0]), 60)[-1]
+    assert learning.lost(x, p, 0) == 2
+    assert learning.lost(learning.FIRST, p, 2) == 0
+    assert learning.lost((1.0, 1.0, 0.5, 1.0, 1.0), p, 2) == 2  # neither is sure: as it was
+    assert learning.shares((1.0, -0.1, 0.4, 1.0, 1.2)) == (0.0, 0.4, 1.0, 1.0)
+
+
+def test_the_passed_field_is_exact_for_a_parabola():
+    def field(t):
+        return (1e-5 + 2e-8 * t, -3e-5 + 1e-10 * t * t, 2e-5 - 5e-9 * t)
+
+    mean = (1e-5 + 2e-8 * 25.0, -3e-5 + 1e-10 * 2500.0 / 3.0, 2e-5 - 5e-9 * 25.0)  # 0 to 50 s
+    assert learning.passed_field(field(50.0), field(0.0), field(-50.0)) == pytest.approx(mean)
+    straight = learning.passed_field(field(50.0), field(0.0), (0.0, 0.0, 0.0))
+    assert straight[0] == pytest.approx(mean[0])
+
+
 # --- the ground --------------------------------------------------------------------------------
 
 
@@ -254,7 +323,10 @@ def stepped(block, count=1, start=0):
     return block
 
 
-NAMES = ["manager_closed_loop", "manager_mixed_mode", "manager_open_loop", "manager_preview"]
+NAMES = [
+    "manager_closed_loop", "manager_mixed_mode", "manager_open_loop", "manager_preview",
+    "manager_preview_learning",
+]  # fmt: skip
 ZEROS = (0.0,) * 4
 
 
@@ -317,10 +389,23 @@ def test_the_centre_loop_turns_the_middle_of_the_momentum_into_a_bias():
 
 
 def test_beyond_its_table_a_law_has_none():
-    for name in ("manager_mixed_mode", "manager_preview"):
+    for name in ("manager_mixed_mode", "manager_preview", "manager_preview_learning"):
         block = stepped(manager(name, table_nodes=4, table_spacing=150.0), 13)
         assert block.mode == FALLBACK
         assert block.m_cmd_body == (0.0, 0.0, 0.0)
+
+
+def test_with_a_coil_lost_its_own_costates_are_used_where_there_are_some():
+    rows = tuple(float(12 * i + k) for i in range(312) for k in range(12))
+    for coil, table, expected in ((2, rows, (9.0, 10.0, 11.0)), (1, (0.0,) * 3744, (2.0,) * 3)):
+        block = stepped(manager("manager_preview_learning", table_nodes=20, lost_table=table))
+        block.costate_table = (2.0,) * 936
+        block.lost_coil = coil
+        assert block.offset(0, 0.5) == pytest.approx(expected)
+        block._x = (5.0, *block._x[1:])  # no more than twice
+        assert block.offset(0, 0.5) == pytest.approx([2.0 * g for g in expected])
+        block.learn = False
+        assert block.offset(0, 0.5) == (2.0,) * 3
 
 
 def test_a_period_of_one_sample_is_singular_and_the_law_says_so():
@@ -455,6 +540,30 @@ def test_an_orbit_conserves_momentum_and_holds_the_attitude(name):
     if name == "mixed-me":  # it meets the profile where a period ends: at momentum of mean zero
         assert largest > 5.0
     run.results.close()
+
+
+def test_in_flight_the_dead_coil_is_found_and_how_wrong_gravity_gradient_is_known():
+    options = Options(blocks=True, stop=2850.0, record=("*",), design=None,
+                      values={"manager.inertia_scale": 0.8})  # fmt: skip
+    run = execute(f"{FAMILY}/ours-dead-unknown", options).or_raise("learns")
+    lost = run.results.values("manager.lost_coil").astype(int).ravel()
+    assert set(lost.tolist()) == {0, 1}
+    assert lost[-1] == 1
+    assert run.results.values("manager.effectiveness")[-1] == pytest.approx([0, 1, 1, 1], abs=0.05)
+    assert run.results.values("manager.gravity_scale")[-1] == pytest.approx(1.25, abs=0.01)
+    run.results.close()
+
+
+def test_a_design_says_when_a_wheel_is_large_in_one_way():
+    scenario = find(f"{FAMILY}/ours-nominal")
+    for change, text in (
+        ({"peak_momentum": 20.0}, "peak_momentum and peak_share: one of them"),
+        ({"peak_share": None}, "lost_peak_share is in terms of peak_share"),
+    ):
+        about = {k: v for k, v in (scenario.data["design"] | change).items() if v is not None}
+        other = dataclasses.replace(scenario, data=scenario.data | {"design": about})
+        with pytest.raises(DesatError, match=text):
+            making.design(other)
 
 
 @pytest.fixture(scope="module")

@@ -40,8 +40,12 @@ class ManagerPreview(MomentumManagement, GroundTables):
             return None
         i, share = where
         gain = laws.between6(self.feedback_table, i, share)
-        offset = laws.between3(self.costate_table, i, share)
-        p = rotate(self.q_bi, laws.preview_costate(gain, offset, rotate_back(self.q_bi, h)))
+        costate = laws.preview_costate(gain, self.offset(i, share), rotate_back(self.q_bi, h))
+        p = rotate(self.q_bi, costate)
         m = laws.open_loop_dipole(p, self.field(), self._s)
         self.tau_desired_body = cross(m, self.field())
         return m
+
+    def offset(self, i: int, share: float) -> Vec3:
+        """g (A m2/T, eci) between rows i and i + 1."""
+        return laws.between3(self.costate_table, i, share)

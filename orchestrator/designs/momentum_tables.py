@@ -3,8 +3,14 @@
 [design]
 peak_weight = 3e5             # preview: A2 m4, of (wheel momentum / peak_momentum)^8
 peak_momentum = 20.0          # preview: N m s
+peak_share = 0.9              # preview: in place of it, of the largest wheel momentum of the course
+                              # without a peak_weight; that is then in its mean squared dipoles
 momentum_weight = [q, q, q]   # preview: of |H|^2, eci, 1/(T2 s2)
 hold_weight = 15000.0         # preview: 1/(T2 s2), of how stiffly the course is held
+lost_momentum_weight = [q, q, q]   # learning preview: the same of the courses with a coil lost,
+lost_peak_share = 1.6              # peaks in terms of the course with all coils;
+lost_effort = 2e6                  # A2 m4: one that takes less has coils to spare: peak_weight is
+                                   # then in this, and the share falls with the fourth root
 
 Made for the manager's own inertia, coils and weighting, the attitudes of guidance and the field of
 the environment (with `assume`: another), from momentum zero on.
@@ -15,12 +21,13 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Iterator
+from dataclasses import replace
 from math import ceil
 from typing import Any
 
 import numpy as np
 
-from desat.components.bases.momentum_management import CAPACITY
+from desat.components.bases.momentum_management import CAPACITY, ROOM
 from desat.components.contract.block import Block
 from desat.components.laws import momentum_management as laws
 from desat.components.laws import momentum_offline as offline
@@ -44,7 +51,8 @@ HALF_ORBIT, SPACING = 2850.0, 150.0
 between rows (s), of which it is a multiple."""
 BEYOND = 600.0
 """What the tables reach beyond the run (s): an open-loop law's next target."""
-PREVIEW, PROFILE = "manager_preview", ("manager_mixed_mode", "manager_open_loop")
+LEARNING = "manager_preview_learning"
+PREVIEW, PROFILE = ("manager_preview", LEARNING), ("manager_mixed_mode", "manager_open_loop")
 ORBIT = (
     "orbit_start", "orbit_frame", "semi_major_axis", "eccentricity", "inclination", "raan",
     "argument_of_perigee", "mean_anomaly", "r_start", "v_start", "j2", "epoch_j2000", "eci_frame",
@@ -52,13 +60,16 @@ ORBIT = (
 """Parameters of an environment that a course depends on; field models are the law's own affair."""
 
 
-KEYS = ("peak_weight", "peak_momentum", "hold_weight", "momentum_weight")
+KEYS = (
+    "peak_weight", "peak_momentum", "peak_share", "hold_weight", "momentum_weight",
+    "lost_momentum_weight", "lost_peak_share", "lost_effort",
+)  # fmt: skip
 
 
 def applies(system: System) -> bool:
     """For the blocks with such tables."""
     manager = system.components.get("manager")
-    return manager is not None and manager.interface.model in (PREVIEW, *PROFILE)
+    return manager is not None and manager.interface.model in (*PREVIEW, *PROFILE)
 
 
 def make(scenario: Scenario, options: Options) -> Design:
@@ -78,10 +89,10 @@ def make(scenario: Scenario, options: Options) -> Design:
             f"{scenario.name}: design: a run of {system.stop:g} s takes {nodes} rows of "
             f"{SPACING:g} s; a table has {CAPACITY}"
         )
-    preview = manager.interface.model == PREVIEW
+    preview = manager.interface.model in PREVIEW
     # a preview looks an orbit beyond the end, else it would let go there
     span = (nodes - 1) * SPACING + (2.0 * HALF_ORBIT if preview else dt)
-    course, rate = _course(system, dt, ceil(span / HALF_ORBIT) * period)
+    course, rate, turns = _course(system, dt, ceil(span / HALF_ORBIT) * period)
     times = SPACING * np.arange(nodes)
     common = {
         "table_nodes": nodes,
@@ -89,7 +100,8 @@ def make(scenario: Scenario, options: Options) -> Design:
         "made_for": made_for(system),
     }
     if preview:
-        tables, reached = _preview(about, course, times)
+        lost = _lost(manager, course, turns) if manager.interface.model == LEARNING else []
+        tables, reached = _preview(about, course, times, lost)
     else:
         tables, reached = _profile(manager, course, times, rate, period)
     return Design("manager", {**common, **tables}, reached)
@@ -120,39 +132,87 @@ def _profile(
 
 
 def _preview(
-    about: dict[str, Any], course: offline.Course, times: Any
+    about: dict[str, Any], course: offline.Course, times: Any, lost: list[offline.Course | None]
 ) -> tuple[dict[str, Any], dict[str, tuple[Any, str]]]:
-    """K and g as tables: the cheapest course, held."""
-    weight = np.array(about.get("momentum_weight", (1000.0,) * 3), float)
+    """K and g as tables: the cheapest course, held; and g of those with a coil lost."""
+    weight = _weight(about, "momentum_weight")
+    peak, unit, flown = about.get("peak_momentum", 20.0), 1.0, round(times[-1] / course.dt)
+    if "peak_share" in about:
+        if "peak_momentum" in about:
+            raise DesatError("design: peak_momentum and peak_share: one of them is needed")
+        plain = offline.cheapest(course, weight, 0.0, 1.0, np.zeros(3))
+        largest = float(np.abs(_wheels(course, plain)[:flown]).max())
+        unit = float(_coils(course, plain)[:flown].mean())
+        peak = about["peak_share"] * largest
+    of_peak = unit * about.get("peak_weight", 0.0)
+    best = offline.cheapest(course, weight, of_peak, peak, np.zeros(3))
+    gain = offline.feedback(course, np.full(3, about.get("hold_weight", float(weight.max()))))
+
+    def offset(x: offline.Optimum) -> Any:
+        held = -x.costate - np.einsum("kab,kb->ka", gain, x.momentum[:-1])
+        return offline.at_rows(held, course.dt, times)
+
+    tables = {
+        "feedback_table": _kept(offline.at_rows(gain, course.dt, times)[:, *np.triu_indices(3)]),
+        "costate_table": _kept(offset(best)),
+    }
+    if lost:
+        if "peak_share" not in about:
+            raise DesatError("design: lost_peak_share is in terms of peak_share, which is needed")
+        effort = max(unit, about.get("lost_effort", 0.0))
+        share = about.get("lost_peak_share", about["peak_share"]) * (unit / effort) ** 0.25
+        of, of_peak = weight, effort * about.get("peak_weight", 0.0)
+        if "lost_momentum_weight" in about:
+            of = _weight(about, "lost_momentum_weight")
+        rows = [
+            np.zeros((len(times), 3)) if x is None else
+            offset(offline.cheapest(x, of, of_peak, share * largest, np.zeros(3)))
+            for x in lost
+        ]  # fmt: skip
+        tables["lost_table"] = _kept(np.hstack(rows))
+    return tables, {
+        "predicted_energy": (float(_coils(course, best)[:flown].sum() * course.dt), "A2.m4.s"),
+        "predicted_wheel": (float(np.abs(_wheels(course, best)[:flown]).max()), "N.m.s"),
+    }
+
+
+def _weight(about: dict[str, Any], key: str) -> Any:
+    weight = np.array(about.get(key, (1000.0,) * 3), float)
     if weight.min() <= 0.0:
-        raise DesatError(f"design: momentum_weight = {weight.tolist()}: above 0 is needed")
-    best = offline.cheapest(
-        course, weight, about.get("peak_weight", 0.0), about.get("peak_momentum", 20.0),
-        np.zeros(3),
-    )  # fmt: skip
-    hold = about.get("hold_weight", float(weight.max()))
-    gain = offline.feedback(course, np.full(3, hold))
-    held = -best.costate - np.einsum("kab,kb->ka", gain, best.momentum[:-1])
-    rows = offline.at_rows(gain, course.dt, times)
-    coils = np.einsum("ki,kij,kj->k", best.dipole, np.linalg.inv(course.weighting), best.dipole)
-    flown = round(times[-1] / course.dt)
-    wheels = np.einsum("kwi,ki->kw", course.to_wheels, best.momentum[1:])
-    return (
-        {
-            "feedback_table": _kept(rows[:, *np.triu_indices(3)]),
-            "costate_table": _kept(offline.at_rows(held, course.dt, times)),
-        },
-        {
-            "predicted_energy": (float(coils[:flown].sum() * course.dt), "A2.m4.s"),
-            "predicted_wheel": (
-                float(np.abs(wheels[:flown]).max()), "N.m.s",
-            ),
-        },
-    )  # fmt: skip
+        raise DesatError(f"design: {key} = {weight.tolist()}: above 0 is needed")
+    return weight
 
 
-def _course(system: System, dt: float, count: int) -> tuple[offline.Course, float]:
-    """What is predicted for so many samples, in eci, and the orbital rate (rad/s)."""
+def _coils(course: offline.Course, x: offline.Optimum) -> Any:
+    """The coils' squared dipoles (A2 m4) of each sample."""
+    return np.einsum("ki,kij,kj->k", x.dipole, np.linalg.inv(course.weighting), x.dipole)
+
+
+def _wheels(course: offline.Course, x: offline.Optimum) -> Any:
+    """The wheels' momenta (N m s) at the samples' ends."""
+    return np.einsum("kwi,ki->kw", course.to_wheels, x.momentum[1:])
+
+
+def _lost(manager: Component, course: offline.Course, turns: Any) -> list[offline.Course | None]:
+    """The course with coil 1, 2, 3 or 4 lost; None where the coils left do not span space, or the
+    weighting is not of coils."""
+    if choice_of(manager, "weighting") != "coils":
+        return [None] * 4
+    courses: list[offline.Course | None] = []
+    known = laws.without(_value(manager, "axes_coil"), int(_value(manager, "dead_coil")))
+    for coil in range(1, 5):
+        s = laws.weighting(laws.without(known, coil))
+        if laws.condition(s) > 1.0 / ROOM:
+            courses.append(None)
+            continue
+        weighting = turns.transpose(0, 2, 1) @ np.reshape(s, (3, 3)) @ turns
+        courses.append(replace(course, weighting=weighting))
+    return courses
+
+
+def _course(system: System, dt: float, count: int) -> tuple[offline.Course, float, Any]:
+    """What is predicted for so many samples, in eci, the orbital rate (rad/s), and the samples'
+    attitudes (count, 3, 3), eci to body."""
     manager = system.components["manager"]
     environment, guidance = (_bare(system.components[n]) for n in ("environment", "guidance"))
     scaled = _value(manager, "inertia_scale") * np.array(_value(manager, "inertia"))
@@ -162,8 +222,7 @@ def _course(system: System, dt: float, count: int) -> tuple[offline.Course, floa
     axes = _value(manager, "axes_wheel") if kind == "wheels" else live
     s = np.eye(3) if kind == "identity" else np.reshape(laws.weighting(axes), (3, 3))
     size, wheels = 2 * count + 1, np.linalg.pinv(np.reshape(_value(manager, "axes_wheel"), (3, 4)))
-    field, gravity, weighting = np.empty((size, 3)), np.empty((size, 3)), np.empty((size, 3, 3))
-    to_wheels = np.empty((size, 4, 3))
+    field, gravity, turns = np.empty((size, 3)), np.empty((size, 3)), np.empty((size, 3, 3))
     rate, igrf = 0.0, choice_of(system.components["environment"], "field") == "igrf"
     for k in range(size):  # begin, middle and end of each sample
         t = system.start + 0.5 * k * dt
@@ -174,9 +233,12 @@ def _course(system: System, dt: float, count: int) -> tuple[offline.Course, floa
         x, y, z = (float(p) for p in c @ r)
         field[k] = environment.field_eci(r, t, igrf)
         gravity[k] = c.T @ gravity_gradient((x, y, z), inertia)
-        weighting[k], to_wheels[k] = c.T @ s @ c, wheels @ c
+        turns[k] = c
         rate = rate or mean_motion(elements_from_state(r, v)[0])
-    return offline.Course(dt, _mean(field), _mean(gravity), weighting[1::2], to_wheels[2::2]), rate
+    middle = turns[1::2]
+    weighting = middle.transpose(0, 2, 1) @ s @ middle
+    to_wheels = wheels @ turns[2::2]
+    return offline.Course(dt, _mean(field), _mean(gravity), weighting, to_wheels), rate, middle
 
 
 def _mean(x: Any) -> Any:

@@ -173,6 +173,21 @@ class Design(Table):
     end_of: Text = key("ends where the design of this scenario ends")
     peak_weight: Annotated[FiniteFloat, Field(ge=0.0)] = key("weight of large wheels", "A2.m4")
     peak_momentum: Annotated[FiniteFloat, Field(gt=0.0)] = key("when a wheel is large", "N.m.s")
+    peak_share: Annotated[FiniteFloat, Field(gt=0.0)] = key(
+        "when a wheel is large, of the largest of the course without peak_weight; that is then in "
+        "the course's mean squared dipoles"
+    )
+    lost_momentum_weight: Annotated[list[Annotated[FiniteFloat, Field(ge=0.0)]],
+                                    Field(min_length=3, max_length=3)] = key(
+        "momentum_weight of the courses with a coil lost", "1/(T2.s2)"
+    )  # fmt: skip
+    lost_peak_share: Annotated[FiniteFloat, Field(gt=0.0)] = key(
+        "peak_share of the courses with a coil lost"
+    )
+    lost_effort: Annotated[FiniteFloat, Field(gt=0.0)] = key(
+        "mean squared dipoles of the course without peak_weight, below which one with a coil lost "
+        "has coils to spare", "A2.m4"
+    )  # fmt: skip
     hold_weight: Annotated[FiniteFloat, Field(gt=0.0)] = key("how stiffly held", "1/(T2.s2)")
     each_draw: bool = key("true: made anew for each draw")
     assume: dict[str, dict[str, Value]] = key("parameters that the design assumes instead")

@@ -1,0 +1,115 @@
+from __future__ import annotations
+
+from functools import cache
+
+from ..bases.momentum_management import CAPACITY
+from ..contract.block import Output, Parameter, Table, Variable, Vec3, Vec4
+from ..laws import momentum_learning as learning
+from ..laws.blending import Split
+from ..maths.attitude import rotate, rotate_back
+from ..maths.vector import ZERO, add, cross, mat_vec, scale, sub
+from ..physics.wheel_array import body_momentum, to_wheels
+from .manager_preview import ManagerPreview
+
+TURNED = 1.25e-7
+"""1 - |q'q| of two attitudes a milliradian apart; beyond it the craft turns: nothing is learnt."""
+
+
+class ManagerPreviewLearning(ManagerPreview):
+    """The preview's state feedback, which learns what its coils do and how large gravity gradient
+
+    P = -(K(t) H + s g(t)): s, the `gravity_scale`, and the `effectiveness` e_j of each coil are
+    estimated from the momentum that every update leaves (`laws/momentum_learning.py`). Course and
+    costate are proportional to gravity gradient, so that s makes of g what the ground would have
+    sent up had it known. Where a coil is found lost, g is the ground's for that case, from
+    `lost_table`, and nothing else changes, as mu_T = M'(M M')^-1 mu_M gives the coils that are left
+    M'(B x P) anyway. Zeros in its first row say that there is none for that coil. The wheels absorb
+    what the coils really give.
+
+    Nothing is learnt while the craft turns, nor over a sample that was left out.
+    """
+
+    lost_table: Table = Parameter(
+        "A.m2/T", "a row a node: g with coil 1, 2, 3 or 4 lost, eci",
+        shape=(CAPACITY, learning.LOST),
+    )  # fmt: skip
+    learn: bool = Parameter("1", "true: what is learnt is used", start=True)
+    learn_noise: float = Parameter(
+        "N.m.s", "of the momentum's change over an update, standard deviation", start=0.1, min=1e-6
+    )
+    learn_drift: float = Parameter(
+        "1", "what scale and effectiveness may change by from one update to the next, standard "
+        "deviation", start=0.01, min=0.0,
+    )  # fmt: skip
+    effectiveness: Vec4 = Output(
+        "1", "e, the share of its commanded dipole that each coil is seen to have", interval=True
+    )
+    gravity_scale: float = Output(
+        "1", "s, gravity gradient as it is seen over what the law knows", interval=True
+    )
+    lost_coil: int = Output(
+        "1", "the coil that is found lost", interval=True, choices=("none", "1", "2", "3", "4")
+    )
+
+    @classmethod
+    @cache  # 6,700 of them, asked for at each parameter that a bare block is given
+    def scalars(cls) -> list[tuple[Variable, int | None]]:
+        return super().scalars()
+
+    def start(self) -> None:
+        super().start()
+        self._x = learning.FIRST
+        self._p = learning.first_covariance()
+        self._then: float | None = None
+        self._h_eci = self._gravity = ZERO
+        self._q: Vec4 = (0.0, 0.0, 0.0, 1.0)
+        self.effectiveness = learning.shares(self._x)
+        self.gravity_scale = 1.0
+        self.lost_coil = 0
+
+    def dump(self, t: float, elapsed: float, h: Vec3) -> tuple[Vec3, Split]:
+        n, split = super().dump(t, elapsed, h)
+        if not self.learn:
+            return n, split
+        a, b, c, d = to_wheels(self._to_coils, split[0])
+        e, f, g, i = self.effectiveness
+        given = body_momentum(self.axes_coil, (e * a, f * b, g * c, i * d))
+        return cross(given, self._b), split
+
+    def law(self, t: float, h: Vec3) -> Vec3 | None:
+        self._observe(t)
+        m = super().law(t, h)
+        self._gravity = self.gravity()
+        return m
+
+    def offset(self, i: int, share: float) -> Vec3:
+        if not self.learn:
+            return super().offset(i, share)
+        s = learning.used_scale(self._x)
+        j = 3 * (self.lost_coil - 1)
+        if self.lost_coil == 0 or self.lost_table[j : j + 3] == ZERO:
+            return scale(s, super().offset(i, share))
+        return scale(s, learning.between_lost(self.lost_table, self.lost_coil, i, share))
+
+    def _observe(self, t: float) -> None:
+        """Learn from what the momentum did since the last sample."""
+        wheels = body_momentum(self.axes_wheel, self.h_wheel)
+        h = add(wheels, mat_vec(self._inertia, self.rate()))
+        if self._then is not None and self._still(t - self._then) and self._b_2 != ZERO:
+            coils = to_wheels(self._to_coils, self.m_cmd_body)
+            b = rotate(self.q_bi, learning.passed_field(self._b_1, self._b_2, self._b_3))
+            change = sub(h, rotate(self.q_bi, self._h_eci))
+            rows = learning.effects(self.sample_time, self._gravity, self.axes_coil, coils, b)
+            self._x, self._p = learning.learnt(
+                self._x, self._p, change, rows, self.learn_noise, self.learn_drift
+            )
+            self.effectiveness = learning.shares(self._x)
+            self.gravity_scale = self._x[0]
+            self.lost_coil = learning.lost(self._x, self._p, self.lost_coil)
+        self._then, self._q, self._h_eci = t, self.q_bi, rotate_back(self.q_bi, h)
+
+    def _still(self, elapsed: float) -> bool:
+        """Whether the last sample was the one before, and the attitude is that of then."""
+        a, b = self.q_bi, self._q
+        alike = abs(a[0] * b[0] + a[1] * b[1] + a[2] * b[2] + a[3] * b[3])
+        return abs(elapsed - self.sample_time) <= 1e-6 * self.sample_time and 1.0 - alike <= TURNED
