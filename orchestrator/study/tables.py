@@ -131,7 +131,7 @@ def shown(row: Row) -> dict[str, str]:
     return {
         "method": row.method,
         "case": row.case,
-        "paper": "" if row.paper is None else _value(row.paper, 2, row.flag),
+        "paper": "" if row.paper is None else _value(row.paper, _of_paper(row.paper), row.flag),
         "ours": "" if row.ours is None else _value(row.ours, digits, row.flag),
         "difference": "" if row.flag else difference,
         "band": "" if row.band is None else _band(row, digits),
@@ -153,6 +153,11 @@ def columns(lines: list[dict[str, str]]) -> dict[str, str]:
     """The columns that have something to show in these rows, and their headings."""
     filled = (c for c in COLUMNS if any(line[c] for line in lines))
     return {c: "" if c == "verdict" else c for c in filled}
+
+
+def _of_paper(value: float) -> int:
+    """The paper's values have two digits, unless that would show a small one as 0."""
+    return 3 if 0.0 < abs(value) < 0.005 else 2
 
 
 def _value(value: float, digits: int, flag: bool = False) -> str:
