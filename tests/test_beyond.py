@@ -372,7 +372,9 @@ def test_the_plans_of_a_run_are_as_cheap(scenario, h, monkeypatch):
     monkeypatch.setattr(receding_horizon, "least_effort", compared)
     execute(f"uosat12/{scenario}",
             Options(blocks=True, values={"spacecraft.h_start_body": h} if h else {}))  # fmt: skip
-    assert found.count(True) == 60
+    assert found.count(True) == (60 if h else 120), (
+        "without the reserve, and with it if that can be"
+    )
     assert False in found, "where the reserve is needed the first programmes have no plan"
 
 
@@ -427,11 +429,18 @@ def test_too_much_momentum_falls_back_and_says_so():
     assert "bound" not in run.manifest["numbers"], "no plan dumps that in time"
 
 
-def test_near_the_most_that_can_be_dumped_the_reserve_is_used():
-    run = execute("uosat12/beyond-receding_horizon-ilqr-1", Options(
-        blocks=True, values={"spacecraft.h_start_body": [24.0, 3.0, -12.0]}))  # fmt: skip
-    assert modes(run) == {2}
-    assert run.manifest["numbers"]["final_momentum"]["value"] <= 0.002
+@pytest.mark.parametrize(
+    ("cost", "doing", "left", "above"), [(0.5, {2, 3}, 0.003, 0.01), (1e9, {2}, 0.002, 0.1)]
+)
+def test_near_the_most_that_can_be_dumped_the_reserve_is_used(cost, doing, left, above):
+    """Kept while that is cheap, firing stands on the bound, and the last samples have no plan;
+    kept at any price, each has one, for a twelfth more."""
+    run = execute("uosat12/beyond-receding_horizon-ilqr-1", Options(blocks=True, values={
+        "spacecraft.h_start_body": [24.0, 3.0, -12.0], "manager.reserve_cost": cost}))  # fmt: skip
+    numbers = {k: n["value"] for k, n in run.manifest["numbers"].items()}
+    assert modes(run) == doing
+    assert numbers["final_momentum"] <= left
+    assert numbers["firing_time"] <= (1.0 + above) * numbers["bound"]
     thrust = np.abs(run.results.values("manager.tau_cmd_thruster_body"))
     assert thrust.max() > 0.8 * 0.04 + 1e-9
 

@@ -700,7 +700,7 @@ def test_devices_and_pipes_are_not_read(system, tmp_path):
         with pytest.raises(DesatError, match="not a regular file"):
             load_run(tmp_path)
         (tmp_path / "manifest.json").unlink(missing_ok=True)
-        (tmp_path / "manifest.json").write_text('{"status": "completed"}')
+        (tmp_path / "manifest.json").write_text('{"status": "completed", "about": {}}')
     (system / "resources/failing.fmu").unlink()
     (system / "resources/failing.fmu").symlink_to(tmp_path / "pipe.fmu")
     (problem,) = prepare(str(system), Options(step=1.0)).checked.problems

@@ -704,7 +704,7 @@ def test_a_difference_of_draws_is_the_median_of_the_differences_draw_by_draw():
         [r["numbers"]["detumbled"] for r in kept[f"hausat2/detumbling-{law}"]["draws"]]
         for law in ("b-dot", "wheel")
     )
-    found = tables._paired(find("hausat2/detumbling-b-dot"), kept)["longer"]
+    found = tables._paired(find("hausat2/detumbling-b-dot"), kept)["summary"]["longer"]
     assert found["median"] == pytest.approx(np.median(np.subtract(ours, theirs)), abs=1e-9)
     assert 40.0 <= found["median"] <= 65.0  # the paper's 50 min
     assert found["median"] != pytest.approx(np.median(ours) - np.median(theirs), abs=1e-3)

@@ -171,19 +171,22 @@ CLIFF = [("robust-model", "b_y_3", 10), ("robust", "yaw", 19)]
 
 @pytest.mark.parametrize(("file", "case", "draw"), CLIFF)
 def test_a_wrong_model_costs_little_once_it_is_learnt(file, case, draw):
-    """The draws that cost 23 and 30 % more while the plan trusted its model."""
+    """The draws that cost 23 and 30 % more while the plan trusted its model and kept its reserve at
+    any price."""
     from desat.study.draws import system_of
     from desat.study.sampling import drawn
 
     name = f"uosat12/{file}-receding_horizon-{case}"
     start = drawn(system_of(name, Options(blocks=True)), 1, draw)
 
-    def above(spread):
-        run = execute(name, Options(blocks=True, values={**start, "manager.field_spread": spread}))
+    def above(spread, cost):
+        own = {"manager.field_spread": spread, "manager.reserve_cost": cost}
+        run = execute(name, Options(blocks=True, values={**start, **own}))
         return run.manifest["numbers"]["above_bound"]["value"]
 
-    assert above(0.1) <= 5.0
-    assert above(0.0) >= 10.0
+    assert above(0.1, 0.5) <= 5.0
+    assert above(0.1, 1e9) <= 5.0
+    assert above(0.0, 1e9) >= 10.0
 
 
 # --- actuators and maths ----------------------------------------------------------------------

@@ -58,8 +58,6 @@ ORBIT = (
     "argument_of_perigee", "mean_anomaly", "r_start", "v_start", "j2", "epoch_j2000", "eci_frame",
 )  # fmt: skip
 """Parameters of an environment that a course depends on; field models are the law's own affair."""
-
-
 KEYS = (
     "peak_weight", "peak_momentum", "peak_share", "hold_weight", "momentum_weight",
     "lost_momentum_weight", "lost_peak_share", "lost_effort",
@@ -94,11 +92,7 @@ def make(scenario: Scenario, options: Options) -> Design:
     span = (nodes - 1) * SPACING + (2.0 * HALF_ORBIT if preview else dt)
     course, rate, turns = _course(system, dt, ceil(span / HALF_ORBIT) * period)
     times = SPACING * np.arange(nodes)
-    common = {
-        "table_nodes": nodes,
-        "table_spacing": SPACING,
-        "made_for": made_for(system),
-    }
+    common = {"table_nodes": nodes, "table_spacing": SPACING, "made_for": made_for(system)}
     if preview:
         lost = _lost(manager, course, turns) if manager.interface.model == LEARNING else []
         tables, reached = _preview(about, course, times, lost)
@@ -161,9 +155,8 @@ def _preview(
             raise DesatError("design: lost_peak_share is in terms of peak_share, which is needed")
         effort = max(unit, about.get("lost_effort", 0.0))
         share = about.get("lost_peak_share", about["peak_share"]) * (unit / effort) ** 0.25
-        of, of_peak = weight, effort * about.get("peak_weight", 0.0)
-        if "lost_momentum_weight" in about:
-            of = _weight(about, "lost_momentum_weight")
+        of_peak, key = effort * about.get("peak_weight", 0.0), "lost_momentum_weight"
+        of = _weight(about, key) if key in about else weight
         rows = [
             np.zeros((len(times), 3)) if x is None else
             offset(offline.cheapest(x, of, of_peak, share * largest, np.zeros(3)))
@@ -202,11 +195,9 @@ def _lost(manager: Component, course: offline.Course, turns: Any) -> list[offlin
     known = laws.without(_value(manager, "axes_coil"), int(_value(manager, "dead_coil")))
     for coil in range(1, 5):
         s = laws.weighting(laws.without(known, coil))
-        if laws.condition(s) > 1.0 / ROOM:
-            courses.append(None)
-            continue
+        spans = laws.condition(s) <= 1.0 / ROOM
         weighting = turns.transpose(0, 2, 1) @ np.reshape(s, (3, 3)) @ turns
-        courses.append(replace(course, weighting=weighting))
+        courses.append(replace(course, weighting=weighting) if spans else None)
     return courses
 
 
@@ -218,10 +209,10 @@ def _course(system: System, dt: float, count: int) -> tuple[offline.Course, floa
     scaled = _value(manager, "inertia_scale") * np.array(_value(manager, "inertia"))
     inertia: Any = tuple(float(x) for x in scaled)
     live = laws.without(_value(manager, "axes_coil"), int(_value(manager, "dead_coil")))
-    kind = choice_of(manager, "weighting")
-    axes = _value(manager, "axes_wheel") if kind == "wheels" else live
+    kind, axes_wheel = choice_of(manager, "weighting"), _value(manager, "axes_wheel")
+    axes = axes_wheel if kind == "wheels" else live
     s = np.eye(3) if kind == "identity" else np.reshape(laws.weighting(axes), (3, 3))
-    size, wheels = 2 * count + 1, np.linalg.pinv(np.reshape(_value(manager, "axes_wheel"), (3, 4)))
+    size, wheels = 2 * count + 1, np.linalg.pinv(np.reshape(axes_wheel, (3, 4)))
     field, gravity, turns = np.empty((size, 3)), np.empty((size, 3)), np.empty((size, 3, 3))
     rate, igrf = 0.0, choice_of(system.components["environment"], "field") == "igrf"
     for k in range(size):  # begin, middle and end of each sample
@@ -237,13 +228,12 @@ def _course(system: System, dt: float, count: int) -> tuple[offline.Course, floa
         rate = rate or mean_motion(elements_from_state(r, v)[0])
     middle = turns[1::2]
     weighting = middle.transpose(0, 2, 1) @ s @ middle
-    to_wheels = wheels @ turns[2::2]
-    return offline.Course(dt, _mean(field), _mean(gravity), weighting, to_wheels), rate, middle
+    means = _mean(field), _mean(gravity)
+    return offline.Course(dt, *means, weighting, wheels @ turns[2::2]), rate, middle
 
 
 def _mean(x: Any) -> Any:
-    """Means over the samples, by Simpson's rule: those of their middles err by 5e-4, and along the
-    field that adds up."""
+    """Means over the samples, by Simpson's rule: their middles err by 5e-4, which adds up."""
     return (x[:-1:2] + 4.0 * x[1::2] + x[2::2]) / 6.0
 
 
@@ -266,9 +256,7 @@ def _value(component: Component, name: str) -> Any:
 
 
 def _padded(rows: Any) -> Any:
-    table = np.zeros((CAPACITY, rows.shape[1]))
-    table[: len(rows)] = rows
-    return table
+    return np.vstack((rows, np.zeros((CAPACITY - len(rows), rows.shape[1]))))
 
 
 def _kept(rows: Any) -> list[list[float]]:
