@@ -21,8 +21,8 @@ from desat.components.laws import (
     receding_horizon,
 )
 from desat.components.laws import magnetic_offline as offline
-from desat.components.maths import moments
-from desat.components.physics import gyrostat, rotor, torques, wheel_array
+from desat.components.maths import attitude, moments
+from desat.components.physics import averaging, gyrostat, orbit, rotor, torques, wheel_array
 from desat.fmus import registry
 from desat.study import plots
 from desat.study.case import Options, execute, load
@@ -474,3 +474,56 @@ def test_a_field_that_turns_with_the_earth():
     later = block.field_date((-y, x, z), quarter, False)
     assert later == pytest.approx((-by, bx, bz), rel=1e-9)
     assert abs(bx - block.field_date((x, y, z), quarter, False)[0]) > 1e-7
+
+
+# --- attitude, momentum, orbits ---------------------------------------------------------------
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_a_quaternion_comes_back_from_its_matrix(seed):
+    """Each of Shepperd's four choices; the matrix as scipy has it, which turns the other way."""
+    from scipy.spatial.transform import Rotation
+
+    q = np.random.default_rng(seed).normal(size=4)
+    q[seed % 4] += math.copysign(4.0, q[seed % 4])  # which of the four is the largest
+    q *= math.copysign(1.0, q[3]) / np.linalg.norm(q)
+    c = attitude.matrix(tuple(q.tolist()))
+    assert np.reshape(c, (3, 3)) == pytest.approx(Rotation.from_quat(q).as_matrix().T, abs=1e-14)
+    assert attitude.from_matrix(c) == pytest.approx(q, abs=1e-14)
+
+
+def test_a_turning_body_keeps_its_energy():
+    """A body that nothing acts on, its attitude far from upright, by the rotation matrix of its own
+    equations; the rotors, which keep their momentum, take 1e-4 of it."""
+    block = fresh("spacecraft_rigid")
+    block.inertia = (2.0, 0.1, 0.0, 0.1, 3.0, -0.2, 0.0, -0.2, 1.5)
+    block.q_start_bi, block.omega_start_body = (0.5, -0.5, 0.1, 0.7), (0.02, -0.03, 0.05)
+    begin(block)
+    inertia, energies = np.reshape(block.inertia, (3, 3)), []
+    for k in range(41):
+        block.output(float(k))
+        omega = np.array(block.omega_bi_body)
+        energies.append(0.5 * omega @ inertia @ omega)
+        block.advance(float(k), 1.0)
+    assert energies == pytest.approx([energies[0]] * 41, rel=3e-4)
+
+
+def test_osculating_elements_are_the_inverse_of_mean_ones():
+    mean = orbit.Elements(6.7e6, 0.001, 0.9, 0.3, 0.9, 1.0)
+    back = averaging.mean_elements(averaging.osculating_elements(mean, 4, orbit.MU), 4, orbit.MU)
+    assert back.semi_major_axis == pytest.approx(mean.semi_major_axis, abs=1e-6)
+    assert back.inclination == pytest.approx(mean.inclination, abs=1e-13)
+
+
+def test_a_rotor_that_breaks_loose_within_a_step_has_a_way():
+    """Stiction 1 mN m: a motor on its way to 2 mN m breaks it loose, one to 0.5 mN m does not."""
+    motor = (1e-3, 0.5, 0.0, 1e-4, 1.0, 0.0, 1e-3, 0.1)
+    for command, way in ((2e-3, 1.0), (-2e-3, -1.0), (5e-4, 0.0)):
+        after, lasted, _ = rotor._standing(motor, (0.0, 0.0, 0.0, 0.0), command, (0.0, 0.0), 1.0)
+        assert (after[3], lasted < 1.0) == (way, way != 0.0)
+
+
+def test_coils_that_are_off_are_allowed():
+    block = fresh("manager_mixed_mode")
+    block.m_limit = 0.0
+    block.check()
