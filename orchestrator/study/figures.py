@@ -25,7 +25,7 @@ def curves(
             label=label, drawstyle="steps-post" if steps else "default",
             linestyle=(0, (4, 2)) if label in dashed else "-",
         )  # fmt: skip
-    signs = (1, -1) if ax.get_ylim()[0] < 0 else (1,)
+    signs = (1, -1) if any((line.values < 0.0).any() for _, line in data) else (1,)
     for name, value in limits:
         for sign in signs:
             ax.axhline(sign * value, color=LIMIT, linewidth=0.9, linestyle=":",
