@@ -558,11 +558,12 @@ def test_a_design_says_when_a_wheel_is_large_in_one_way():
     scenario = find(f"{FAMILY}/ours-nominal")
     for change, text in (
         ({"peak_momentum": 20.0}, "peak_momentum and peak_share: one of them"),
-        ({"peak_share": None}, "lost_peak_share is in terms of peak_share"),
+        ({"peak_share": None}, "peak_share is needed, for lost_peak_share"),
+        ({"lost_momentum_weight": [0.0, 1.0, 1.0]}, "lost_momentum_weight = .*: above 0 is needed"),
     ):
         about = {k: v for k, v in (scenario.data["design"] | change).items() if v is not None}
         other = dataclasses.replace(scenario, data=scenario.data | {"design": about})
-        with pytest.raises(DesatError, match=text):
+        with pytest.raises(DesatError, match=f"^{scenario.name}: design: {text}"):
             making.design(other)
 
 

@@ -5,6 +5,7 @@ from functools import cache
 from ..bases.momentum_management import CAPACITY
 from ..contract.block import Output, Parameter, Table, Variable, Vec3, Vec4
 from ..laws import momentum_learning as learning
+from ..laws import momentum_management as laws
 from ..laws.blending import Split
 from ..maths.attitude import rotate, rotate_back
 from ..maths.vector import ZERO, add, cross, mat_vec, scale, sub
@@ -16,7 +17,7 @@ TURNED = 1.25e-7
 
 
 class ManagerPreviewLearning(ManagerPreview):
-    """The preview's state feedback, which learns what its coils do and how large gravity gradient
+    """A preview that learns what its coils do and how large gravity gradient is
 
     P = -(K(t) H + s g(t)): s, the `gravity_scale`, and the `effectiveness` e_j of each coil are
     estimated from the momentum that every update leaves (`laws/momentum_learning.py`). Course and
@@ -89,7 +90,7 @@ class ManagerPreviewLearning(ManagerPreview):
         j = 3 * (self.lost_coil - 1)
         if self.lost_coil == 0 or self.lost_table[j : j + 3] == ZERO:
             return scale(s, super().offset(i, share))
-        return scale(s, learning.between_lost(self.lost_table, self.lost_coil, i, share))
+        return scale(s, laws.between3(self.lost_table, i, share, j, learning.LOST))
 
     def _observe(self, t: float) -> None:
         """Learn from what the momentum did since the last sample."""

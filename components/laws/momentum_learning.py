@@ -26,8 +26,8 @@ FIRST: Table = (1.0, 1.0, 1.0, 1.0, 1.0)
 """x before anything is known: gravity gradient as modelled, all coils whole."""
 SPREAD_GRAVITY, SPREAD_COIL = 0.3, 0.5
 """Its standard deviations (1)."""
-SURE = 3.0
-HALF = 0.5
+SURE, HALF = 3.0, 0.5
+"""A coil is lost where its share is so many standard deviations below a half, whole above it."""
 LEAST_SCALE, MOST_SCALE = 0.5, 2.0
 """What of s is used."""
 LOST = 12
@@ -107,17 +107,6 @@ def used_scale(x: Table) -> float:
 def shares(x: Table) -> Vec4:
     """e of the four coils, from 0 to 1."""
     return (_share(x[1]), _share(x[2]), _share(x[3]), _share(x[4]))
-
-
-def between_lost(table: Table, coil: int, i: int, share: float) -> Vec3:
-    """The vector of `coil`, from 1 on, in a table of `LOST` numbers a row, linear between rows i
-    and i + 1."""
-    k, r = LOST * i + 3 * (coil - 1), 1.0 - share
-    return (
-        r * table[k] + share * table[k + LOST],
-        r * table[k + 1] + share * table[k + LOST + 1],
-        r * table[k + 2] + share * table[k + LOST + 2],
-    )
 
 
 def _share(e: float) -> float:

@@ -142,13 +142,13 @@ def place(nodes: int, spacing: float, t: float) -> tuple[int, float]:
     return i, x - i
 
 
-def between3(table: Table, i: int, share: float) -> Vec3:
-    """A row of three, linear between rows i and i + 1."""
-    k, r = 3 * i, 1.0 - share
+def between3(table: Table, i: int, share: float, first: int = 0, width: int = 3) -> Vec3:
+    """Three numbers of a row, from `first` on, linear between rows i and i + 1 of `width`."""
+    k, r = width * i + first, 1.0 - share
     return (
-        r * table[k] + share * table[k + 3],
-        r * table[k + 1] + share * table[k + 4],
-        r * table[k + 2] + share * table[k + 5],
+        r * table[k] + share * table[k + width],
+        r * table[k + 1] + share * table[k + width + 1],
+        r * table[k + 2] + share * table[k + width + 2],
     )
 
 

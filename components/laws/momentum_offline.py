@@ -96,12 +96,12 @@ def cheapest(
     def cost(x: Optimum) -> float:
         h = x.momentum[1:]
         coils = np.einsum("ki,kij,kj->", x.dipole, inverse, x.dipole)
-        large = ((_wheels(course, x) / peak) ** p).sum()
+        large = ((wheels(course, x) / peak) ** p).sum()
         return float(coils + (h @ q * h).sum() + peak_weight * large)
 
     value = cost(now)
     for _ in range(60):
-        h = _wheels(course, now)
+        h = wheels(course, now)
         slope = peak_weight * p / peak * (h / peak) ** (p - 1)
         bend = peak_weight * p * (p - 1) / peak**2 * (h / peak) ** (p - 2)
         step = _newton(course, slope, bend, h, start, q)
@@ -128,7 +128,7 @@ def least_energy(course: Course, peak: float, start: Array, accuracy: float = 1e
     weight, now = 1e3, None
     while now is None and weight < 1e9:  # a first one within the limits
         tried = cheapest(course, np.full(3, 1e3), weight, 0.8 * peak, start)
-        inside = np.abs(_wheels(course, tried)).max() < 0.999 * peak
+        inside = np.abs(wheels(course, tried)).max() < 0.999 * peak
         weight, now = 10.0 * weight, tried if inside else None
     if now is None:
         return None
@@ -140,7 +140,7 @@ def least_energy(course: Course, peak: float, start: Array, accuracy: float = 1e
     w = 0.1 * coils(now) / limits
     while True:
         for _ in range(30):
-            h = _wheels(course, now)
+            h = wheels(course, now)
             gap = peak * peak - h * h
             slope, bend = 2.0 * w * h / gap, 2.0 * w * (peak * peak + h * h) / (gap * gap)
             step = _newton(course, slope, bend, h, start, None)
@@ -148,7 +148,7 @@ def least_energy(course: Course, peak: float, start: Array, accuracy: float = 1e
             value = coils(now) - w * np.log(gap).sum()
             while True:
                 better = _between(now, step, share)
-                gap = peak * peak - _wheels(course, better) ** 2
+                gap = peak * peak - wheels(course, better) ** 2
                 if gap.min() > 0.0 and coils(better) - w * np.log(gap).sum() <= value:
                     break
                 share *= 0.5
@@ -156,7 +156,7 @@ def least_energy(course: Course, peak: float, start: Array, accuracy: float = 1e
                     better = now
                     break
             gained = value - (
-                coils(better) - w * np.log(peak**2 - _wheels(course, better) ** 2).sum()
+                coils(better) - w * np.log(peak**2 - wheels(course, better) ** 2).sum()
             )
             now = better
             if gained <= 0.01 * w * limits:
@@ -190,7 +190,7 @@ def at_rows(values: Array, dt: float, times: Array, period: int = 0) -> Array:
     return made
 
 
-def _wheels(course: Course, x: Optimum) -> Array:
+def wheels(course: Course, x: Optimum) -> Array:
     """The wheels' momenta (N, wheels) at the samples' ends."""
     return np.asarray(np.einsum("kwi,ki->kw", course.to_wheels, x.momentum[1:]))
 

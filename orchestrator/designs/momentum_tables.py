@@ -73,7 +73,7 @@ def applies(system: System) -> bool:
 def make(scenario: Scenario, options: Options) -> Design:
     """The tables of its manager."""
     system, _ = check(draft_of(scenario, options)).or_raise()
-    about, manager = scenario.data["design"], system.components["manager"]
+    manager = system.components["manager"]
     dt = float(_value(manager, "sample_time"))
     period = round(HALF_ORBIT / dt)
     if abs(period * dt - HALF_ORBIT) > 1e-6:
@@ -95,7 +95,7 @@ def make(scenario: Scenario, options: Options) -> Design:
     common = {"table_nodes": nodes, "table_spacing": SPACING, "made_for": made_for(system)}
     if preview:
         lost = _lost(manager, course, turns) if manager.interface.model == LEARNING else []
-        tables, reached = _preview(about, course, times, lost)
+        tables, reached = _preview(scenario, course, times, lost)
     else:
         tables, reached = _profile(manager, course, times, rate, period)
     return Design("manager", {**common, **tables}, reached)
@@ -126,16 +126,16 @@ def _profile(
 
 
 def _preview(
-    about: dict[str, Any], course: offline.Course, times: Any, lost: list[offline.Course | None]
+    scenario: Scenario, course: offline.Course, times: Any, lost: list[offline.Course | None]
 ) -> tuple[dict[str, Any], dict[str, tuple[Any, str]]]:
     """K and g as tables: the cheapest course, held; and g of those with a coil lost."""
-    weight = _weight(about, "momentum_weight")
+    about, weight = scenario.data["design"], _weight(scenario, "momentum_weight")
     peak, unit, flown = about.get("peak_momentum", 20.0), 1.0, round(times[-1] / course.dt)
     if "peak_share" in about:
         if "peak_momentum" in about:
-            raise DesatError("design: peak_momentum and peak_share: one of them is needed")
+            raise DesatError(f"{scenario.name}: design: peak_momentum and peak_share: one of them")
         plain = offline.cheapest(course, weight, 0.0, 1.0, np.zeros(3))
-        largest = float(np.abs(_wheels(course, plain)[:flown]).max())
+        largest = float(np.abs(offline.wheels(course, plain)[:flown]).max())
         unit = float(_coils(course, plain)[:flown].mean())
         peak = about["peak_share"] * largest
     of_peak = unit * about.get("peak_weight", 0.0)
@@ -152,11 +152,11 @@ def _preview(
     }
     if lost:
         if "peak_share" not in about:
-            raise DesatError("design: lost_peak_share is in terms of peak_share, which is needed")
+            raise DesatError(f"{scenario.name}: design: peak_share is needed, for lost_peak_share")
         effort = max(unit, about.get("lost_effort", 0.0))
         share = about.get("lost_peak_share", about["peak_share"]) * (unit / effort) ** 0.25
         of_peak, key = effort * about.get("peak_weight", 0.0), "lost_momentum_weight"
-        of = _weight(about, key) if key in about else weight
+        of = _weight(scenario, key) if key in about else weight
         rows = [
             np.zeros((len(times), 3)) if x is None else
             offset(offline.cheapest(x, of, of_peak, share * largest, np.zeros(3)))
@@ -165,25 +165,20 @@ def _preview(
         tables["lost_table"] = _kept(np.hstack(rows))
     return tables, {
         "predicted_energy": (float(_coils(course, best)[:flown].sum() * course.dt), "A2.m4.s"),
-        "predicted_wheel": (float(np.abs(_wheels(course, best)[:flown]).max()), "N.m.s"),
+        "predicted_wheel": (float(np.abs(offline.wheels(course, best)[:flown]).max()), "N.m.s"),
     }
 
 
-def _weight(about: dict[str, Any], key: str) -> Any:
-    weight = np.array(about.get(key, (1000.0,) * 3), float)
+def _weight(scenario: Scenario, key: str) -> Any:
+    weight = np.array(scenario.data["design"].get(key, (1000.0,) * 3), float)
     if weight.min() <= 0.0:
-        raise DesatError(f"design: {key} = {weight.tolist()}: above 0 is needed")
+        raise DesatError(f"{scenario.name}: design: {key} = {weight.tolist()}: above 0 is needed")
     return weight
 
 
 def _coils(course: offline.Course, x: offline.Optimum) -> Any:
     """The coils' squared dipoles (A2 m4) of each sample."""
     return np.einsum("ki,kij,kj->k", x.dipole, np.linalg.inv(course.weighting), x.dipole)
-
-
-def _wheels(course: offline.Course, x: offline.Optimum) -> Any:
-    """The wheels' momenta (N m s) at the samples' ends."""
-    return np.einsum("kwi,ki->kw", course.to_wheels, x.momentum[1:])
 
 
 def _lost(manager: Component, course: offline.Course, turns: Any) -> list[offline.Course | None]:

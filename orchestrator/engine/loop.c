@@ -80,6 +80,13 @@ typedef unsigned do_step(void *, double, double, int);
 
 static double at(const double *values, int64_t place) { return place < 0 ? 0.0 : values[place]; }
 
+/* value i where our own FMUs have it, and where the loop has it */
+#define THERE(TYPE) ((TYPE **)o->p[0])[i]
+#define HERE(TYPE) ((TYPE *)o->p[1])[i]
+#define MOVE(ONE)                                                                                    \
+    for (i = 0; i < o->n; i++) ONE;                                                                  \
+    return 0;
+
 static unsigned perform(struct loop *loop, const struct operation *o)
 {
     double *target = o->p[0];
@@ -106,30 +113,12 @@ static unsigned perform(struct loop *loop, const struct operation *o)
             target[first[i]] = source[index[i]] * factor[i] + offset[i];
         return 0;
     }
-    case PUT_R:
-        for (i = 0; i < o->n; i++)
-            *((double **)o->p[0])[i] = ((const double *)o->p[1])[i];
-        return 0;
-    case PUT_I:
-        for (i = 0; i < o->n; i++)
-            *((int64_t **)o->p[0])[i] = ((const int32_t *)o->p[1])[i];
-        return 0;
-    case PUT_B:
-        for (i = 0; i < o->n; i++)
-            *((bool **)o->p[0])[i] = ((const int32_t *)o->p[1])[i] != 0;
-        return 0;
-    case FETCH_R:
-        for (i = 0; i < o->n; i++)
-            ((double *)o->p[1])[i] = *((double *const *)o->p[0])[i];
-        return 0;
-    case FETCH_I:
-        for (i = 0; i < o->n; i++)
-            ((int32_t *)o->p[1])[i] = (int32_t)*((int64_t *const *)o->p[0])[i];
-        return 0;
-    case FETCH_B:
-        for (i = 0; i < o->n; i++)
-            ((int32_t *)o->p[1])[i] = *((bool *const *)o->p[0])[i];
-        return 0;
+    case PUT_R: MOVE(*THERE(double) = HERE(double))
+    case PUT_I: MOVE(*THERE(int64_t) = HERE(int32_t))
+    case PUT_B: MOVE(*THERE(bool) = HERE(int32_t) != 0)
+    case FETCH_R: MOVE(HERE(double) = *THERE(double))
+    case FETCH_I: MOVE(HERE(int32_t) = (int32_t)*THERE(int64_t))
+    case FETCH_B: MOVE(HERE(int32_t) = *THERE(bool))
     case TRANSFER:
         *loop->word = o->word;
         return ((transfer *)o->p[0])(o->p[1], o->p[2], (size_t)o->n, o->p[3]);
