@@ -85,10 +85,9 @@ def steps(count: int) -> Iterator[dict[str, int]]:
 def main() -> None:
     """As many as the command line says."""
     keep, given = seen.asked(), sys.argv[1:]
-    what = given[0]
-    count = (
-        int(given[1]) if given[1:] else {"native": 1000, "python": 200, "steps": 10_000_000}[what]
-    )
+    if not given or given[0] not in COUNTS:
+        sys.exit(__doc__)
+    what, count = given[0], int(given[1]) if given[1:] else COUNTS[given[0]]
     lines = []
     for line in steps(count) if what == "steps" else runs(count, cast(Any, what)):
         print(line, flush=True)
