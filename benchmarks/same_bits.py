@@ -1,9 +1,9 @@
 """A whole day at nadir in many ways: is every output, at each of its 86,400 steps, the same bits?
 
-`python -m benchmarks.same_bits [WAY ...]` makes the day once as it is and once in each of the ways
-below (default: all of them), each in a process of its own, and prints a line for each: whether all
-is equal, how many values are compared, and the beginning of their sha256. It ends with 1 where
-something differs. With `--keep` the lines go to seen.json, too.
+`python -m benchmarks.same_bits [--of SCENARIO] [WAY ...]` makes the day once as it is and once in
+each of the ways below (default: all of them), each in a process of its own, and prints a line for
+each: whether all is equal, how many values are compared, and the beginning of their sha256. It ends
+with 1 where something differs. With `--keep` the lines go to seen.json, too.
 """
 
 from __future__ import annotations
@@ -69,7 +69,9 @@ def made(way: dict[str, Any]) -> dict[str, Any]:
     options = Options(**way.get("options", {}))
     if "stop" in way:
         options = replace(options, stop=way["stop"])
-    target = str(pack_scenario(find(TARGET))) if way.get("packed") else TARGET
+    target = way.get("of", TARGET)
+    if way.get("packed"):
+        target = str(pack_scenario(find(target)))
     digest, values, began = hashlib.sha256(), 0, time.perf_counter()
     with tempfile.TemporaryDirectory() as folder:
         run = simulate(_case(target, options, way.get("permuted", 0)), Path(folder) / "run")
@@ -115,7 +117,8 @@ def differing(
               f"{got['steps']} steps, {got['sha256'][:16]}, {got['loop']} loop, "
               f"{got['seconds']} s", flush=True)  # fmt: skip
         if keep:
-            seen.keep("same bits", name, {**got, "equal": equal})
+            of = f"{seen.OF}{more['of']}" if "of" in more else "same bits"
+            seen.keep(of, name, {**got, "equal": equal})
     return found
 
 
@@ -125,7 +128,10 @@ def main() -> int:
     if given and given[0].startswith("{"):
         print(json.dumps(made(json.loads(given[0]))))
         return 0
-    return int(bool(differing({n: WAYS[n] for n in given or WAYS}, {}, keep)))
+    more = {}
+    if given[:1] == ["--of"]:
+        more, given = {"of": given[1]}, given[2:]
+    return int(bool(differing({n: WAYS[n] for n in given or WAYS}, more, keep)))
 
 
 if __name__ == "__main__":

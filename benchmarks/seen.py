@@ -2,8 +2,8 @@
 written.
 
 `keep` is called by the programs that make it (`same_bits`, `soak`, `killed`, `prices`, `targets`,
-`ordinary`, tests/others.py) when they are asked to with `--keep`; `python -m benchmarks.seen`
-writes the part anew, and a test says where the page has another.
+`ordinary`, tests/others.py, tests/misbehaving.py) when they are asked to with `--keep`;
+`python -m benchmarks.seen` writes the part anew, and a test says where the page has another.
 """
 
 from __future__ import annotations
@@ -37,6 +37,8 @@ FAILURES = {
 }
 """What fails in other tools, too: the name in tests/failing.c, and in words."""
 TARGET = "nadir_day/day-igrf"
+OF = "same bits of "
+"""Of another scenario than that of the other parts."""
 
 
 def asked() -> bool:
@@ -90,10 +92,11 @@ def _soak(parts: Parts) -> Iterator[str]:
             )
     if "steps" in parts:
         lines = parts["steps"]["lines"]
-        memory = [f"{x['memory_kB'] / 1e3:.1f} MB" for x in (lines[0], lines[-1])]
+        memory = [f"{x['memory_kB'] / 1e3:.1f} MB" for x in (lines[0], lines[-2])]
         yield (f"- Soak, one run of {lines[-1]['rows'] - 1:,} steps that records two outputs at "
-               f"each (gyrostat): private memory {memory[0]} at a tenth of it, {memory[1]} at the "
-               f"end; {lines[0]['handles']} then {lines[-1]['handles']} open files "
+               f"each (gyrostat): private memory {memory[0]} after the first part written, "
+               f"{memory[1]} after the last; {lines[0]['handles']} then {lines[-2]['handles']} "
+               f"open files "
                f"({parts['steps']['date']}).")  # fmt: skip
 
 
@@ -104,10 +107,10 @@ def _killed(parts: Parts) -> Iterator[str]:
            f"({dates(parts)}).")  # fmt: skip
 
 
-def _same_bits(parts: Parts) -> Iterator[str]:
+def _same_bits(parts: Parts, what: str = "A day at nadir") -> Iterator[str]:
     some = next(iter(parts.values()))
     different = [name for name, part in parts.items() if not part["equal"]]
-    yield (f"- A day at nadir, {some['steps']:,} steps, {some['values']:,} values, the whole "
+    yield (f"- {what}, {some['steps']:,} steps, {some['values']:,} values, the whole "
            f"length, made anew in {len(parts)} ways: "
            + "; ".join(f"{name} ({part['loop']} loop)" for name, part in parts.items())
            + (f". NOT EQUAL: {'; '.join(different)}" if different else ". All bits are equal")
@@ -134,6 +137,16 @@ def _ordinary(parts: Parts) -> Iterator[str]:
            + (f"NOT AS IT SHOULD BE: {'; '.join(wrong)}" if wrong else
               "All end as they should, print nothing else, and leave no temporary file")
            + f" ({dates(parts)}).")  # fmt: skip
+
+
+def _misbehaving(parts: Parts) -> Iterator[str]:
+    for part in parts.values():
+        yield (f"- A campaign of {part['cases']:,} cases of a component that ends its process in "
+               f"{part['crashed']} of them and never returns in {part['hung']}: "
+               + ("each case has one row" if part["each_once"] else "ROWS ARE MISSING OR TWICE")
+               + ("; those say how they failed, all others completed" if not part["wrong"] else
+                  f"; WRONG: {', '.join(map(str, part['wrong']))}")
+               + f" ({part['date']}).")  # fmt: skip
 
 
 def _prices(parts: Parts) -> Iterator[str]:
@@ -164,8 +177,10 @@ def part() -> str:
     """That part of the page."""
     data = known()
     writers = {"same bits": _same_bits, "killed": _killed, "soak": _soak, "targets": _targets,
-               "ordinary": _ordinary, "prices": _prices}  # fmt: skip
+               "ordinary": _ordinary, "misbehaving": _misbehaving, "prices": _prices}  # fmt: skip
     lines = [line for of, written in writers.items() if of in data for line in written(data[of])]
+    for of in (of for of in data if of.startswith(OF)):
+        lines += _same_bits(data[of], f"`{of.removeprefix(OF)}`")
     if "others" in data:
         lines += ["", *_others(data["others"])]
     return "\n".join(lines) + "\n"

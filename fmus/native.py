@@ -27,7 +27,7 @@ from .translate.types import SubsetError
 HERE = Path(__file__).parent
 WRAPPER = HERE / "c"
 FLAGS = (
-    "-std=c11", "-O2", "-fPIC", "-fvisibility=hidden",
+    "-std=c11", "-O3", "-fPIC", "-fvisibility=hidden",
     "-ffp-contract=off",  # no a * b + c in one rounding
     "-fno-builtin-pow",  # pow(x, 2.0) is not x * x to the last bit
     "-fno-math-errno", "-fno-trapping-math",  # a root or a choice need not be a call or a jump

@@ -380,6 +380,13 @@ def fly(block, truth, until=40, noise=0.0, seed=1):
     return rates
 
 
+def test_the_attitude_is_carried_on_by_the_rate():
+    block, start, omega = feed(attitude_gain=0.0), (0.0, 0.0, 0.0, 1.0), (0.0, -N, 0.0)
+    for k in range(2):
+        step(block, k, q_bi=start, omega_bi_body=omega, h_wheel=(0.0,) * 4)
+    assert block._q == pytest.approx(propagated(start, omega, 10.0), abs=1e-5)
+
+
 def test_a_firing_teaches_of_the_next_in_proportion_to_its_size():
     truth = ((4e-4, 1.8e-3, 1.2e-3), (8e-4, 3.6e-3, 2.4e-3))
     learnt, dull = [], []

@@ -533,7 +533,7 @@ SANE = ("-fsanitize=address,undefined", "-fno-sanitize-recover=all")
 
 def sanitized(names: Sequence[str], folder: Path) -> dict[str, str]:
     """What AddressSanitizer and UBSan, or the host of the other test, say of the C of blocks."""
-    kept = [f for f in native.FLAGS if f not in ("-O2", "-fvisibility=hidden")]
+    kept = [f for f in native.FLAGS if f not in ("-O3", "-fvisibility=hidden")]
     build = [*compiler(), *kept, "-g", "-w", "-std=gnu11", *SANE]
     host = (HERE / "host.c").read_text().replace("dlopen(path, RTLD_NOW)", "dlopen(0, RTLD_NOW)")
     (folder / "host.c").write_text("#define _GNU_SOURCE\n" + host)

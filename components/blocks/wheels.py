@@ -130,6 +130,9 @@ class Wheels(Role, WheelInertias):
             FULL_TURN * uniform(stream(self.instance, "tau_jitter_body", self.seed), 0, i)
             for i in range(4)
         )  # the rotors' angles, rad
+        self._across_axes: tuple[tuple[Vec3, Vec3], ...] = tuple(
+            self._across_axis(i) for i in range(4)
+        )
         self._across = self._momentum_across(self.speed_wheel)
         self._failed = False
         self.tau_mean_wheel = self.tau_slope_wheel = NOTHING
@@ -289,14 +292,21 @@ class Wheels(Role, WheelInertias):
     def _limited(self, torque: float) -> float:
         return min(max(torque, -self.torque_limit), self.torque_limit)
 
+    def _across_axis(self, i: int) -> tuple[Vec3, Vec3]:
+        """Unit vectors across the axis of wheel i, and across each other."""
+        axis = self._axis(i)
+        if axis == ZERO:
+            return ZERO, ZERO
+        one = unit(cross(axis, (1.0, 0.0, 0.0) if abs(axis[0]) < 0.8 else (0.0, 1.0, 0.0)))
+        return one, cross(axis, one)
+
     def _momentum_across(self, speeds: Vec4) -> Vec3:
         """The momentum of the rotors' products of inertia (N m s, body), across their axes."""
         total = ZERO
         if self.unbalance == 0.0:
             return total
         for i in self._present:
-            axis, size = self._axis(i), self.unbalance * speeds[i]
-            one = unit(cross(axis, (1.0, 0.0, 0.0) if abs(axis[0]) < 0.8 else (0.0, 1.0, 0.0)))
-            other, angle = cross(axis, one), self._turned[i]
+            size, angle = self.unbalance * speeds[i], self._turned[i]
+            one, other = self._across_axes[i]
             total = add(total, add(scale(size * cos(angle), one), scale(size * sin(angle), other)))
         return total

@@ -272,13 +272,13 @@ def _part(
     motor: Motor, rotor: Rotor, command: float, axial: Axial, dt: float
 ) -> tuple[Rotor, float]:
     """The state after dt (s) and the integral of h, without an end of moving."""
-    _, _, viscous, coulomb, _, compensation, stiction, torque_limit = motor
+    _, lag, viscous, coulomb, _, compensation, stiction, torque_limit = motor
     if viscous == coulomb == stiction == 0.0:
         return _frictionless(motor, rotor, command, dt)
     if compensation <= 0.0:
         return _with_friction(motor, rotor, command, axial, dt)
     after, integral = _compensated(motor, rotor, command, axial, dt)
-    start = _motor_torque(motor, rotor[1], command, 0.0) + rotor[2]
+    start = (rotor[1] if lag > 0.0 else command) + rotor[2]
     most = torque_limit * (1.0 + 1e-12)
     if abs(start) > most or abs(after[1] + after[2]) > most:
         return _clipped(motor, rotor, command, axial, dt)

@@ -31,7 +31,7 @@ from .recorder import Recorder
 from .unwritten import Half
 
 SOURCE = Path(__file__).with_name("loop.c")
-FLAGS = ("-std=c11", "-O2", "-ffp-contract=off", "-fPIC", "-shared")
+FLAGS = ("-std=c11", "-O3", "-ffp-contract=off", "-fPIC", "-shared")
 _HOW = ("never", "below", "above", "reaches", "always")
 _LOOK, _FAILED, _NOT_FINITE = range(3)
 

@@ -83,10 +83,11 @@ class Plan:
         if compressed:
             how.set_shuffle()
             how.set_deflate(_LEVEL)
-        group, _, name = self.name.rpartition("/")
+        link = h5p.create(h5p.LINK_CREATE)
+        link.set_create_intermediate_group(True)
         place = h5s.create_simple((0, *self.tail), (h5s.UNLIMITED, *self.tail))
-        within = file.require_group(group or "/").id
-        made = h5d.create(within, name.encode(), h5t.py_create(self.dtype), place, how)
+        name, dtype = self.name.encode(), h5t.py_create(self.dtype)
+        made = h5d.create(file.id, name, dtype, place, how, link)
         text, one = h5t.py_create(h5py.string_dtype(), logical=True), h5s.create(h5s.SCALAR)
         for key, value in self.attributes.items():
             h5a.create(made, key.encode(), text, one).write(np.array(value, dtype=object))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ctypes
 from collections.abc import Iterator, Sequence
+from itertools import pairwise
 from typing import Any, cast
 
 import numpy as np
@@ -132,8 +133,16 @@ def _calls(call: Call) -> Iterator[_Row]:
             component, references, n, values = prepared.args
             if direct := instance.places[call.verb][i]:
                 kind, places = direct
+                if call.verb == "pull" and kind == "R" and _side_by_side(places):
+                    yield "COPY", 8 * n.value, (values.value, places[0]), ()
+                    continue
                 code = f"{'PUT' if call.verb == 'push' else 'FETCH'}_{kind}"
                 yield code, n.value, (places, values.value), ()
                 continue
             pointers = (function, component.value, references.value, values.value)
             yield "TRANSFER", n.value, pointers, ()
+
+
+def _side_by_side(places: Sequence[int]) -> bool:
+    """Whether Reals at these addresses follow each other."""
+    return all(b - a == 8 for a, b in pairwise(places))

@@ -6,7 +6,7 @@ from typing import Annotated, Any, Self
 
 from pydantic import AfterValidator, Discriminator, Field, FiniteFloat, Tag, model_validator
 
-from .vocabulary import Range, Table, Text, Unit, by_kind, either, incomplete, key, width
+from .vocabulary import Bounds, Table, Text, Unit, by_kind, either, incomplete, key, width
 
 
 class OfNumber(Table):
@@ -40,7 +40,7 @@ class ShareOfDraws(Table):
 
 
 Width = Annotated[str, AfterValidator(width)]
-_Cell = either(text=Width, table=OfNumber, list=Range)
+_Cell = either(text=Width, table=OfNumber, list=Bounds)
 
 
 def _tolerance(value: Any) -> str:
@@ -51,7 +51,7 @@ def _tolerance(value: Any) -> str:
 
 Tolerances = Annotated[
     Annotated[Width, Tag("<text>")]
-    | Annotated[Range, Tag("<band>")]
+    | Annotated[Bounds, Tag("<band>")]
     | Annotated[OfNumber, Tag("<table>")]
     | Annotated[list[_Cell], Tag("<list>")],  # type: ignore[valid-type]
     Discriminator(_tolerance),
@@ -77,8 +77,8 @@ class PaperRow(Table):
     tolerance: Annotated[
         Annotated[Tolerances, Tag("<any>")] | Annotated[dict[str, Tolerances], Tag("<methods>")],
         Discriminator(lambda v: "<methods>" if isinstance(v, dict) else "<any>"),
-    ] = key('what counts as within: "3 %", "0.02", [low, high], { of, from, to }')
-    each: Range = key("[low, high] that every draw keeps to")
+    ] = key('what counts as within: "3 %", "0.02", [low, high] (inf: no bound), { of, from, to }')
+    each: Bounds = key("[low, high] that every draw keeps to")
     tuned: either(text=Text, table=dict[str, either(text=Text, table=Tuning)]) = key(  # type: ignore[valid-type]
         "what was tuned to this row"
     )

@@ -103,7 +103,19 @@ def width(text: str) -> str:
     return text
 
 
+def bounds(band: list[float]) -> list[float]:
+    """A band that may be open at one end: -inf or inf there."""
+    if not band[0] <= band[1]:
+        raise ValueError(f"the first, {band[0]:g}, is not at most the second, {band[1]:g}")
+    if not isfinite(band[0]) and not isfinite(band[1]):
+        raise ValueError(f"{band[0]:g} and {band[1]:g}: one of them bounds nothing, not both")
+    return band
+
+
 Range = Annotated[Band, AfterValidator(ordered)]
+Bounds = Annotated[
+    Annotated[list[float], Field(min_length=2, max_length=2)], AfterValidator(bounds)
+]
 
 
 def incomplete(text: str) -> PydanticCustomError:

@@ -6,8 +6,10 @@ A scenario with `draws` gives the median of so many draws instead; these are rea
 
 from __future__ import annotations
 
+import math
 import re
-from collections.abc import Iterable
+import sys
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import asdict, replace
 from datetime import UTC, datetime
 from pathlib import Path
@@ -24,6 +26,8 @@ from .meaning import words
 from .paired import differences, ratios
 from .report import number, render, write_page
 from .workers import mapped
+
+LARGEST = sys.float_info.max
 
 
 def _numbers(path: str, options: Options) -> Numbers:
@@ -107,8 +111,13 @@ def _single(given: list[Scenario], options: Options, jobs: int) -> dict[str, Num
 
 
 def as_json(family: str, table: list[Row], drawn: dict[str, Any] | None = None) -> dict[str, Any]:
-    """What `--json` prints; `drawn`: which run the draws are from (`stored.provenance`)."""
-    data = {"family": family, "count": counted(table), "rows": [asdict(row) for row in table]}
+    """What `--json` prints; where a band has no bound, the largest number that there is, for JSON
+    has no infinity. `drawn`: which run the draws are from (`stored.provenance`)."""
+    made = [asdict(row) for row in table]
+    for banded in (*made, *(row["draws"] for row in made if row["draws"])):
+        if banded.get("band"):
+            banded["band"] = [min(max(x, -LARGEST), LARGEST) for x in banded["band"]]
+    data = {"family": family, "count": counted(table), "rows": made}
     return data if drawn is None else {**data, "run": drawn}
 
 
@@ -168,8 +177,17 @@ def _value(value: float, digits: int, flag: bool = False) -> str:
 
 def _band(row: Row, digits: int) -> str:
     assert row.band is not None
-    low, high = (_value(x, digits, row.flag) for x in row.band)
-    return low if low == high else f"{low} to {high}"
+    return _within(row.band, lambda x: _value(x, digits, row.flag))
+
+
+def _within(band: Sequence[float], text: Callable[[float], str]) -> str:
+    """A band in words; one that is open at an end has one bound."""
+    (low, high), (least, most) = band, map(text, band)
+    if math.isinf(low):
+        return f"at most {most}"
+    if math.isinf(high):
+        return f"at least {least}"
+    return least if least == most else f"{least} to {most}"
 
 
 def _of_draws(draws: dict[str, Any], digits: int, flag: bool = False) -> str:
@@ -181,7 +199,7 @@ def _of_draws(draws: dict[str, Any], digits: int, flag: bool = False) -> str:
     least, most = (_value(draws[k], digits) for k in ("min", "max"))
     text = f"{least} to {most} of {draws['n']}"
     if draws["band"]:
-        text += f" (each: {draws['band'][0]:g} to {draws['band'][1]:g})"
+        text += f" (each: {_within(draws['band'], '{:g}'.format)})"
     return text
 
 

@@ -1,0 +1,71 @@
+"""A campaign of a component that now and then ends its process, or never returns:
+`python tests/misbehaving.py [--keep] [CASES]` (3000), in 1 % and in 0.1 % of the cases.
+
+Every case has to have its row, those that were drawn to fail, and no others, one that says how.
+With `--keep` what came of it goes to benchmarks/seen.json.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+import tempfile
+import time
+from collections import Counter
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[1]
+sys.path[:0] = [str(ROOT), str(ROOT / "tests")]
+
+from test_failures import HOW, compiled, fmu, ssd  # noqa: E402
+
+from benchmarks import seen  # noqa: E402
+from desat.campaign import head, store  # noqa: E402
+from desat.study.case import Options  # noqa: E402
+
+WAYS = ["NOTHING"] * 989 + ["SEGFAULT"] * 10 + ["HANG"]
+SAID = {"SEGFAULT": "ended its process: SIGSEGV", "HANG": "did not return within 2 s"}
+LIMIT = 2.0
+"""Seconds that a case may take."""
+
+
+def flown(folder: Path, cases: int) -> dict[str, object]:
+    """Make the campaign; what became of its cases."""
+    system = folder / "s"
+    about = {"name": "misbehaving", "numbers": {"y": {"title": "y", "signal": "bad.y"}},
+             "dispersions": {"bad.how": {"one_of": [HOW.index(w) for w in WAYS]}}}  # fmt: skip
+    (system / "extra" / "desat").mkdir(parents=True)
+    (system / "extra" / "desat" / "scenario.json").write_text(json.dumps(about))
+    (system / "SystemStructure.ssd").write_text(ssd())
+    fmu(system / "resources" / "failing.fmu", compiled(folder))
+    plan, _ = head.planned(str(system), cases, options=Options(step=1.0), limit=LIMIT)
+    began = time.monotonic()
+    head.run(plan, folder / "campaign", 2, progress=False)
+    seconds = time.monotonic() - began
+    rows = store.read(folder / "campaign").to_pylist()
+    drawn = Counter(HOW[r["in.bad.how"]] for r in rows)
+    wrong = [
+        r["case"] for r in rows
+        if (r["status"] == "completed") != (HOW[r["in.bad.how"]] == "NOTHING")
+        or SAID.get(HOW[r["in.bad.how"]], "") not in r["message"]
+    ]  # fmt: skip
+    return {
+        "cases": cases, "each_once": [r["case"] for r in rows] == list(range(cases)),
+        "crashed": drawn["SEGFAULT"], "hung": drawn["HANG"], "wrong": wrong,
+        "seconds": round(seconds, 1),
+    }  # fmt: skip
+
+
+def main() -> int:
+    """1 where a case is missing, twice, or says something else."""
+    keep = seen.asked()
+    with tempfile.TemporaryDirectory() as folder:
+        found = flown(Path(folder), int(sys.argv[1]) if sys.argv[1:] else 3000)
+    print(found)
+    if keep:
+        seen.keep("misbehaving", "pool", found)
+    return int(bool(found["wrong"]) or not found["each_once"])
+
+
+if __name__ == "__main__":
+    sys.exit(main())
