@@ -122,15 +122,13 @@ def measure() -> dict[str, Any]:
 def _draw(found: dict[str, Any]) -> None:
     fig, first = figure(9.0, 2.6)
     first.remove()
-    labels = {"steps": "s", "components": "us a step", "connections": "us a step",
-              "recorded": "us a step"}  # fmt: skip
-    for i, (name, unit) in enumerate(labels.items()):
+    for i, name in enumerate(("steps", "components", "connections", "recorded")):
         ax = fig.add_axes((0.06 + 0.245 * i, 0.2, 0.185, 0.7))
         x, y = np.array(found[name]["rows"], dtype=float).T
         ax.plot(x / 1e6 if name == "steps" else x, y, "o-", color=COLOURS[i], markersize=3)
         shown = {"recorded": "recorded signals", "steps": "steps, millions"}.get(name, name)
         ax.set_xlabel(shown, fontsize=8)
-        ax.set_ylabel(f"[{unit}]", fontsize=8)
+        ax.set_ylabel("time [s]" if name == "steps" else "time of a step [µs]", fontsize=8)
         ax.set_ylim(bottom=0.0)
         ax.tick_params(labelsize=7)
         ax.grid(True, color="#dddddd", linewidth=0.6)
