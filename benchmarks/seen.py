@@ -111,7 +111,7 @@ def _same_bits(parts: Parts, what: str = "A day at nadir") -> Iterator[str]:
     some = next(iter(parts.values()))
     different = [name for name, part in parts.items() if not part["equal"]]
     yield (f"- {what}, {some['steps']:,} steps, {some['values']:,} values, the whole "
-           f"length, made anew in {len(parts)} ways: "
+           f"length, made anew in {len(parts)} {'way' if len(parts) == 1 else 'ways'}: "
            + "; ".join(f"{name} ({part['loop']} loop)" for name, part in parts.items())
            + (f". NOT EQUAL: {'; '.join(different)}" if different else ". All bits are equal")
            + f" ({dates(parts)}).")  # fmt: skip

@@ -145,7 +145,8 @@ def _memory_over(samples: list[list[float]]) -> list[dict[str, float]]:
 def main() -> int:
     """Go on, or write."""
     folder, what = Path(sys.argv[1]), sys.argv[2] if len(sys.argv) > 2 else "inf"
-    signal.signal(signal.SIGINT, signal.default_int_handler)  # heads inherit that it is ignored
+    # a shell has its jobs in the background ignore it, and the heads would do so, too
+    signal.signal(signal.SIGINT, signal.default_int_handler)
     folder.mkdir(parents=True, exist_ok=True)
     if what == "write":
         from .run import LATEST

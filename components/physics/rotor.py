@@ -278,7 +278,7 @@ def _part(
     if compensation <= 0.0:
         return _with_friction(motor, rotor, command, axial, dt)
     after, integral = _compensated(motor, rotor, command, axial, dt)
-    start = (rotor[1] if lag > 0.0 else command) + rotor[2]
+    start = (rotor[1] if lag > 0.0 else command) + rotor[2]  # without an exponential of 0
     most = torque_limit * (1.0 + 1e-12)
     if abs(start) > most or abs(after[1] + after[2]) > most:
         return _clipped(motor, rotor, command, axial, dt)
