@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from datetime import datetime
-from math import isfinite
+from math import inf, isfinite
 from typing import Annotated, Any, ClassVar, Self
 
 from pydantic import (
@@ -104,12 +104,11 @@ def width(text: str) -> str:
 
 
 def bounds(band: list[float]) -> list[float]:
-    """A band that may be open at one end: -inf or inf there."""
-    if not band[0] <= band[1]:
-        raise ValueError(f"the first, {band[0]:g}, is not at most the second, {band[1]:g}")
-    if not isfinite(band[0]) and not isfinite(band[1]):
-        raise ValueError(f"{band[0]:g} and {band[1]:g}: one of them bounds nothing, not both")
-    return band
+    """As `ordered`, or open at one end: -inf first, or inf second."""
+    low, high = band
+    if (low == -inf and isfinite(high)) or (isfinite(low) and high == inf):
+        return band
+    return ordered(band)
 
 
 Range = Annotated[Band, AfterValidator(ordered)]
