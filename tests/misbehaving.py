@@ -7,7 +7,6 @@ With `--keep` what came of it goes to benchmarks/seen.json.
 
 from __future__ import annotations
 
-import json
 import sys
 import tempfile
 import time
@@ -17,28 +16,22 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[1]
 sys.path[:0] = [str(ROOT), str(ROOT / "tests")]
 
-from test_failures import HOW, compiled, fmu, ssd  # noqa: E402
+from test_failures import HOW, compiled, drawn_to_fail  # noqa: E402
 
 from benchmarks import seen  # noqa: E402
 from desat.campaign import head, store  # noqa: E402
 from desat.study.case import Options  # noqa: E402
 
 WAYS = ["NOTHING"] * 989 + ["SEGFAULT"] * 10 + ["HANG"]
-SAID = {"SEGFAULT": "ended its process: SIGSEGV", "HANG": "did not return within 2 s"}
 LIMIT = 2.0
 """Seconds that a case may take."""
+SAID = {"SEGFAULT": "ended its process: SIGSEGV", "HANG": f"did not return within {LIMIT:g} s"}
 
 
 def flown(folder: Path, cases: int) -> dict[str, object]:
     """Make the campaign; what became of its cases."""
-    system = folder / "s"
-    about = {"name": "misbehaving", "numbers": {"y": {"title": "y", "signal": "bad.y"}},
-             "dispersions": {"bad.how": {"one_of": [HOW.index(w) for w in WAYS]}}}  # fmt: skip
-    (system / "extra" / "desat").mkdir(parents=True)
-    (system / "extra" / "desat" / "scenario.json").write_text(json.dumps(about))
-    (system / "SystemStructure.ssd").write_text(ssd())
-    fmu(system / "resources" / "failing.fmu", compiled(folder))
-    plan, _ = head.planned(str(system), cases, options=Options(step=1.0), limit=LIMIT)
+    system = drawn_to_fail(folder / "s", compiled(folder), WAYS)
+    plan, _ = head.planned(system, cases, options=Options(step=1.0), limit=LIMIT)
     began = time.monotonic()
     head.run(plan, folder / "campaign", 2, progress=False)
     seconds = time.monotonic() - began

@@ -20,7 +20,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from dying import dies_or_not
-from test_failures import HOW, binary, fmu, ssd  # noqa: F401
+from test_failures import HOW, binary, drawn_to_fail  # noqa: F401
 
 import desat
 from desat.campaign import compare as comparing
@@ -362,15 +362,9 @@ def _first_alike(folder: Path, whole: Path, count: int) -> None:
 
 
 def test_crashes_and_hangs_leave_a_complete_dataset(tmp_path, binary):  # noqa: F811
-    fmu(tmp_path / "s" / "resources" / "failing.fmu", binary)
-    (tmp_path / "s" / "SystemStructure.ssd").write_text(ssd())
     ways = ["NOTHING"] * 7 + ["SEGFAULT", "EXIT_0", "HANG", "STEP_ERROR"]
-    drawn_ = {"bad.how": {"one_of": [HOW.index(w) for w in ways]}}
-    about = {"name": "failing", "dispersions": drawn_,
-             "numbers": {"y": {"title": "y", "signal": "bad.y"}}}  # fmt: skip
-    (tmp_path / "s" / "extra" / "desat").mkdir(parents=True)
-    (tmp_path / "s" / "extra" / "desat" / "scenario.json").write_text(json.dumps(about))
-    plan, _ = head.planned(str(tmp_path / "s"), 30, options=Options(step=1.0), limit=1.5)
+    system = drawn_to_fail(tmp_path / "s", binary, ways)
+    plan, _ = head.planned(system, 30, options=Options(step=1.0), limit=1.5)
     folder = tmp_path / "campaign"
     head.run(plan, folder, 2, progress=False)
     rows = store.read(folder).to_pylist()
