@@ -26,7 +26,9 @@ from benchmarks import seen, soak
 from desat import cli
 from desat.cli.common import plain_console
 from desat.engine.packed import Packing
+from desat.engine.recorder import Recorder
 from desat.engine.results import Results
+from desat.engine.unwritten import Half
 from desat.files import archive, library, trust
 from desat.files.pack import pack
 from desat.study import case, isolation
@@ -424,17 +426,51 @@ def test_ended_when_all_is_recorded(system, tmp_path, monkeypatch, whom, number,
     """While the last of its series are compressed."""
     finish, test = Packing.finish, os.getpid()
 
-    def killed(packing: Packing) -> Path | None:
+    def killed(packing: Packing, *last: object) -> Path | None:
         if os.getpid() != test:  # the parent packs what it has saved
             os.kill(whom(), number)
             time.sleep(0.3)
-        return finish(packing)
+        return finish(packing, *last)
 
     monkeypatch.setattr(Packing, "finish", killed)
     run = simulate(prepare(str(system), options("NOTHING")), tmp_path / "out")
     assert (run.manifest["status"], run.code) == (status, code)
     assert run.results.times().tolist() == [float(k) for k in range(11)]
     assert {p.name for p in (tmp_path / "out").iterdir()} == {"manifest.json", "series.h5"}
+
+
+@pytest.mark.parametrize("packed", [True, False], ids=["packed", "no_room_to_pack"])
+def test_killed_at_the_end_all_rows_are_saved(tmp_path, monkeypatch, packed):
+    """The final row has states, and no interval values: also where the parent saves it."""
+    wanted = simulate(prepare("nadir_day/day-dipole", Options(stop=20.0)), tmp_path / "whole")
+    finish, write, test = Packing.finish, Recorder._write, os.getpid()
+
+    def without(packing: Packing, *last: object) -> Path | None:
+        if os.getpid() == test or packed:
+            return finish(packing, *last)
+        return packing.drop()
+
+    def killed(recorder: Recorder, half: Half, last: bool = False) -> None:
+        write(recorder, half, last)
+        os.kill(os.getpid(), signal.SIGKILL)
+
+    def killed_packing(packing: Packing, *last: object) -> Path | None:
+        if os.getpid() != test:
+            os.kill(os.getpid(), signal.SIGKILL)
+        return finish(packing, *last)
+
+    monkeypatch.setattr(Packing, "finish", killed_packing if packed else without)
+    monkeypatch.setattr(Recorder, "_write", write if packed else killed)
+    options = Options(stop=20.0, supervised=True)
+    run = simulate(prepare("nadir_day/day-dipole", options), tmp_path / "out")
+    assert (run.manifest["status"], run.code) == ("failed", 4)
+    lengths = set()
+    for name in wanted.results.names():
+        whole, saved = wanted.results.values(name), run.results.values(name)
+        assert saved.shape == whole.shape, name
+        assert saved.tobytes() == whole.tobytes(), name
+        lengths.add(len(saved))
+    assert lengths == {20, 21}
 
 
 def test_stopped_and_continued(system, tmp_path):

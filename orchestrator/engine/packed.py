@@ -188,12 +188,15 @@ class Packing:
         if not self._lost and shutil.disk_usage(self._path.parent).free < octets:
             self.drop()
 
-    def finish(self) -> Path | None:
-        """Pack the rest and close the file; where it is, if it could be made."""
+    def finish(self, last: Iterable[tuple[int, NDArray[Any]]] = ()) -> Path | None:
+        """Pack the rest, and the `last` rows of data sets, and close the file; where it is, if it
+        could be made."""
         if self._lost:
             return None
         try:
             self._begin()
+            for i, rows in last:
+                self._sets[i].write(rows, whole=False)
             self._scale([one.finish() for one in self._sets])
             self._file.close()
         except _FULL:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import os
 import time
 from collections import defaultdict
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 from types import MappingProxyType
@@ -117,8 +117,7 @@ class Recorder:
                 raise DesatError(f"{path.parent}: the series have {there} rows of {rows}")
             for at in range(0, rows, self._chunk):
                 block = slice(at, min(rows, at + self._chunk))
-                for i, dataset in enumerate(self._sets):
-                    self._append(i, old.raw(dataset.name, block))
+                self._append((i, old.raw(d.name, block)) for i, d in enumerate(self._sets))
         self.unwritten.go_on(rows)
 
     def on_disk(self) -> int:
@@ -195,19 +194,18 @@ class Recorder:
         else:
             self._job = self._writer.submit(self._write, half)
 
-    def flush(self, last: bool = False) -> None:
-        """Write the rows taken so far; `last`: the final row has no interval values."""
+    def flush(self) -> None:
+        """Write the rows taken so far."""
         self._job.result()
-        self._write(self.unwritten.active, last)
+        self._write(self.unwritten.active)
 
     def _write(self, half: Half, last: bool = False) -> None:
+        """Write the rows of a half, and have them packed; the `last` are not, and the final row
+        has no interval values."""
         try:
-            if n := int(half.taken[0]):
-                if self._packing is not None:
-                    self._packing.leave_room(self._file.id.get_filesize())
-                self._append(0, half.times[:n])
-                for i, (kind, columns, interval) in enumerate(self._places, 1):
-                    self._append(i, half.rows[kind][: n - 1 if last and interval else n, columns])
+            if half.taken[0] and self._packing is not None:
+                self._packing.leave_room(self._file.id.get_filesize())
+            self._append(self._rows(half, last), pack=not last)
             self._file.flush()
         except BaseException:
             if self._packing is not None:
@@ -215,15 +213,27 @@ class Recorder:
             raise
         self.unwritten.wrote(half)
 
-    def _append(self, i: int, rows: NDArray[Any]) -> None:
-        """Further rows of data set i."""
-        dataset = self._sets[i]
-        if self._packing is None:
-            dataset.append(rows.reshape(len(rows), *dataset.shape[1:]))
-        elif len(rows):
-            rows = self._together(rows).reshape(len(rows), *dataset.shape[1:])
-            _append(self._plans[i], dataset.id, rows)
-            self._packing.take(i, rows)
+    def _rows(self, half: Half, last: bool) -> Iterator[tuple[int, NDArray[Any]]]:
+        """The rows of a half, if any, of each data set; those of the next take their memory."""
+        if not (n := int(half.taken[0])):
+            return
+        yield 0, half.times[:n]
+        for i, (kind, columns, interval) in enumerate(self._places, 1):
+            if many := n - (last and interval):
+                rows = half.rows[kind][:many, columns]
+                if self._packing is not None:
+                    rows = self._together(rows)
+                yield i, rows.reshape(many, *self._plans[i].tail)
+
+    def _append(self, rows_of: Iterable[tuple[int, NDArray[Any]]], pack: bool = True) -> None:
+        """Further rows of data sets."""
+        for i, rows in rows_of:
+            if self._packing is None:
+                self._sets[i].append(rows)
+            elif len(rows):
+                _append(self._plans[i], self._sets[i].id, rows)
+                if pack:
+                    self._packing.take(i, rows)
 
     def _together(self, rows: NDArray[Any]) -> NDArray[Any]:
         """Rows side by side in memory; column by column, which takes half the time, and always in
@@ -241,12 +251,17 @@ class Recorder:
         """Take the last row, close the file under its final name, and open it for reading."""
         last = self._conserving and master.k % self.every == 0
         if last:
+            self.unwritten.ends_next()
             self._take(master.k, master.live)
-        self.flush(last)
+        self._job.result()
+        half = self.unwritten.active
         if self._part is None or self.path is None or self._packing is None:
+            self._write(half, last)
             return Results(self._file)
         self._writer.shutdown()
-        packed = self._packing.finish()
+        packed = self._packing.finish(self._rows(half, last))
+        if packed is None:
+            self._write(half, last)
         self._file.close()
         (packed or self._part).replace(self.path)
         self._part.unlink(missing_ok=True)

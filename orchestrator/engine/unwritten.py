@@ -26,7 +26,7 @@ Places = slice | NDArray[np.intp]
 _AT_ONCE = 16 << 20
 """Bytes that are copied at once."""
 _HEAD = 64
-_WRITTEN, _NEXT, _WHICH, _ACTIVE = range(2, 6)
+_WRITTEN, _NEXT, _WHICH, _ACTIVE, _FINAL = range(2, 7)
 """Counts, after the rows taken in each half."""
 
 
@@ -123,6 +123,15 @@ class Unwritten:
         half.taken[0] = 0
         self._counts[_WRITTEN] = self._counts[_NEXT]
 
+    def ends_next(self) -> None:
+        """Say that the next row is the run's final one, which has no interval values."""
+        self._counts[_FINAL] = self.written + sum(int(half.taken[0]) for half in self._halves) + 1
+
+    @property
+    def final(self) -> int:
+        """The number of rows of which the last has no interval values; 0: of none."""
+        return int(self._counts[_FINAL])
+
     def go_on(self, rows: int) -> None:
         """Count rows that an earlier process has put on the disk."""
         self._counts[[_WRITTEN, _NEXT]] = rows
@@ -139,33 +148,38 @@ def recover(part: Path, path: Path, layout: Layout, unwritten: Unwritten) -> int
     `part`, and those in memory. The number of rows. Raises OSError where there is no room."""
     unwritten.lay_out(layout)
     written, (times, tables) = unwritten.written, unwritten.left()
+    rows = written + len(times)
+    without = int(rows == unwritten.final)
     beside(path).unlink(missing_ok=True)
     new = path.with_name(path.name + ".recovered")
     try:
         with h5py.File(part, "r", swmr=True) as old, h5py.File(new, "w", libver="latest") as file:
             file.attrs.update(old.attrs)
-            _copy(old["time"], file, written, times)
+            _copy(old["time"], file, written, times, rows)
             if wide.INDEX in old:
                 file.create_dataset(wide.INDEX, data=old[wide.INDEX][()])
-            for name, kind, columns, _ in layout.sets:
+            for name, kind, columns, interval in layout.sets:
                 tail = tables[kind][:, columns]
-                _copy(old[name], file, written, tail[:, 0] if old[name].ndim == 1 else tail)
+                tail = tail[:, 0] if old[name].ndim == 1 else tail
+                _copy(old[name], file, written, tail, rows - without * interval)
     except BaseException:
         new.unlink(missing_ok=True)
         raise
     new.replace(path)
     part.unlink()
     pack(path)
-    return written + len(times)
+    return rows
 
 
-def _copy(old: Any, file: Any, written: int, tail: NDArray[Any]) -> None:
-    shape = (written + len(tail), *old.shape[1:])
+def _copy(old: Any, file: Any, written: int, tail: NDArray[Any], rows: int) -> None:
+    """So many rows: of `old`, which has those that are written, and then of `tail`."""
     new = file.create_dataset(
-        old.name, shape, old.dtype, maxshape=(None, *old.shape[1:]), chunks=old.chunks
-    )
+        old.name, (rows, *old.shape[1:]), old.dtype, maxshape=(None, *old.shape[1:]),
+        chunks=old.chunks,
+    )  # fmt: skip
     new.attrs.update(old.attrs)
-    rows = max(1, _AT_ONCE // (8 * max(1, int(np.prod(old.shape[1:])))))
-    for at in range(0, written, rows):
-        new[at : min(written, at + rows)] = old[at : min(written, at + rows)]
-    new[written:] = tail
+    written = min(written, rows)
+    many = max(1, _AT_ONCE // (8 * max(1, int(np.prod(old.shape[1:])))))
+    for at in range(0, written, many):
+        new[at : min(written, at + many)] = old[at : min(written, at + many)]
+    new[written:] = tail[: rows - written]
