@@ -356,10 +356,21 @@ HEAD = """from __future__ import annotations
 
 import math
 from bisect import bisect_right
+from functools import lru_cache
 
 from desat.components.contract.block import Block, Input, Output, Parameter, Vec3
 
 TABLE = (-2.0, -0.5, 0.0, 0.5, 3.0)
+
+
+@lru_cache
+def kept(k: int) -> tuple[float, ...]:
+    # more than a kilobyte
+    return tuple(float(i * k) for i in range(200))
+
+
+def through(rows: tuple[float, ...]) -> float:
+    return rows[1] + kept(2)[1]
 
 
 class Tried(Block):
@@ -421,6 +432,8 @@ def made(tmp_path, monkeypatch):
         ("print(self.x)", "print()"),
         ("yield self.x", "Yield"),
         ("def f(u: float) -> float:\n    return u * k\nk = 2.0\nself.a = (f(1.0), 0.0, 0.0)", "k"),
+        ("self.a = (kept(1)[0] + kept(2)[0], 0.0, 0.0)", "kept is called again"),
+        ("self.a = (through(kept(1)), 0.0, 0.0)", "kept is called again"),
     ],
 )
 def test_what_leaves_the_subset_is_refused_with_its_place(made, body, what):

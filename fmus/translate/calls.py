@@ -6,6 +6,7 @@ import ast
 import bisect
 import builtins
 import math
+from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -267,6 +268,7 @@ class Calls(Expressions):
             types.append(t)
             consts.append(v.const if v.is_const and info.wants_constant[k] else None)
         spec = program.specialised(callee, tuple(types), tuple(consts), self)
+        self.reached |= spec.reached
         texts = []
         if spec.takes_self:
             texts.append("self")
@@ -297,11 +299,16 @@ class Calls(Expressions):
             self.line(f"{code};")
             return constant(None)  # type: ignore[return-value]
         if spec.memo:
+            self.kept_of[spec.name] += 1
             kept = self.fresh("kept")
             self.line(f"const {self.program.names(spec.result)} *{kept} = {code};")
             return Value(spec.result, f"(*{kept})", again=True)
         return Value(spec.result, code)
 
+    kept_of: Counter[str]
+    """Of each function that remembers its last result: how often it is called."""
+    reached: set[str]
+    """Such functions that are called further down."""
     effects: bool
 
     def argument(self, node: ast.AST, spec: Any, k: int, v: Value) -> str:

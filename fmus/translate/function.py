@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import ast
 import re
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
 from .calls import UNROLLED, Calls, Iteration, RangeOf
 from .expressions import Known, UnknownYetError, safe_field
-from .source import of_annotation
+from .source import BY_ADDRESS, of_annotation, size
 from .types import (
     NEVER,
     NONE,
@@ -47,8 +48,6 @@ CAUGHT = {
     "ArithmeticError": "1 << PY_ZERO_DIVISION | 1 << PY_OVERFLOW",
     "IndexError": "1 << PY_INDEX_ERROR",
 }
-BY_ADDRESS = 64
-"""Arguments larger than that (bytes) are handed over by their address."""
 
 
 class Translation(Calls):
@@ -61,6 +60,7 @@ class Translation(Calls):
         self.types = dict(spec.variables)
         self.bound = {}
         self.bounds = {}
+        self.kept_of, self.reached = Counter(), set()
         self.sure = set()
         self.conditions = set()
         self.ended = False
@@ -141,15 +141,15 @@ class Translation(Calls):
             self.line(f"(void)({value.code});")
 
     def do_annassign(self, node: ast.AnnAssign) -> None:
-        size = self.program.most_of(node.annotation, self.spec.globals)
-        if size is not None:
+        limit = self.program.most_of(node.annotation, self.spec.globals)
+        if limit is not None:
             if isinstance(node.target, ast.Name):
-                self.wanted[node.target.id] = size
+                self.wanted[node.target.id] = limit
             elif isinstance(node.target, ast.Attribute):
-                self.program.wanted[node.target.attr] = size
+                self.program.wanted[node.target.attr] = limit
         if node.value is None:
             return
-        self.most_wanted = size
+        self.most_wanted = limit
         value = self.expression(node.value)
         self.most_wanted = None
         item = optional(node.annotation, self.spec.globals)
@@ -267,6 +267,9 @@ class Translation(Calls):
         ) and name not in self.spec.changed_in_place:  # fmt: skip
             self.bound[name] = value
             return
+        if self.stays(name, value):
+            self.bound[name] = value
+            return
         old = self.types.get(name, NEVER)
         t = self.kept(old, value.type, self.wanted.get(name), target, name)
         given = dict(self.spec.arguments).get(name)
@@ -297,6 +300,17 @@ class Translation(Calls):
                 return
             self.spec.hoisted.add(name)
         self.line(f"{self.local(name)} = {text};")
+
+    def stays(self, name: str, value: Value) -> bool:
+        """True for what a function remembers, which another name may stand for: no copy."""
+        return (
+            value.again
+            and value.code.startswith("(*kept_")
+            and size(value.type) > BY_ADDRESS
+            and self.level == 1 + self.tries
+            and self.spec.stores[name] == 1
+            and name not in {*self.types, *self.wanted, *self.spec.changed_in_place}
+        )
 
     def kept(self, old: Type, new: Type, limit: int | None, node: ast.AST, name: str) -> Type:
         """The type of a variable that gets another value."""

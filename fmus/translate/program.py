@@ -165,6 +165,11 @@ class Program:
                     spec.give(NONE, one, spec.node)
                 if not one.changed and hoisted == spec.hoisted:
                     break
+            for name, calls in one.kept_of.items():
+                if calls > 1 or name in one.reached:
+                    what = f"{name} is called again, which keeps but its last result"
+                    raise one.refuse(spec.node, what, "a function of its own for each call")
+            spec.reached = one.reached | set(one.kept_of)
             spec.done = True
             spec.lines = one.out
             spec.end_reached = not ended

@@ -16,6 +16,9 @@ from typing import Any
 
 from .types import NEVER, B, Callee, F, JoinError, Maybe, Scalar, SubsetError, Tuple, Type, join
 
+BY_ADDRESS = 64
+"""Arguments larger than that (bytes) are handed over by their address."""
+
 _TOOLS = re.compile(r"#\s*(fmt:|type:|noqa|mypy:)")
 
 
@@ -171,6 +174,8 @@ class Spec:
         self.done = False
         self.effects = False
         self.lines: list[str] = []
+        self.reached: set[str] = set()
+        """The functions that remember their last result which it calls, or which those call."""
         self.recursive = False
         self.end_reached = False
         self.busy = False
@@ -249,7 +254,7 @@ class Spec:
         self.by_address = {
             n for (n, t) in self.arguments
             if n in self.changed_in_place
-            or (self.stores[n] == 0 and (size(t) > 64 or _captures(t)))
+            or (self.stores[n] == 0 and (size(t) > BY_ADDRESS or _captures(t)))
         }  # fmt: skip
 
     def _passed(self, call: ast.Call, own: set[str]) -> None:
