@@ -12,7 +12,7 @@ import ctypes
 import json
 import os
 import sys
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Hashable, Iterable
 from contextlib import suppress
 from fnmatch import fnmatch
 from pathlib import Path
@@ -29,6 +29,9 @@ from ..system.interface import Signal, base_name
 from . import wide
 
 T = TypeVar("T")
+Array = NDArray[Any]
+RECENT = 64 << 20
+"""So much is kept of what is made of series (bytes)."""
 SERIES, MANIFEST = "series.h5", "manifest.json"
 _FRAMES = {"eci": "eci", "body": "body", "lvlh": "lvlh", "wheel": "wheel axes",
            "bi": "body from eci", "coil": "coil axes"}  # fmt: skip
@@ -94,6 +97,7 @@ class Results:
     def __init__(self, file: Any, rows: int | None = None) -> None:
         self._file = file
         self._made: dict[str, Any] = {}
+        self._recent: dict[Hashable, Array] = {}
         self._index = wide.index(file)
         self._rows = rows
         """So many rows hold values; None: all."""
@@ -104,6 +108,18 @@ class Results:
             self._made[key] = make()
         made: T = self._made[key]
         return made
+
+    def recent(self, key: Hashable, make: Callable[[], Array]) -> Array:
+        """What `make` makes of these series, not to be written to; kept until others that take more
+        than RECENT have been asked for."""
+        array = self._recent.pop(key, None)
+        if array is None:
+            array = make().view()
+            array.flags.writeable = False
+        self._recent[key] = array
+        while sum(a.nbytes for a in self._recent.values()) > RECENT and len(self._recent) > 1:
+            del self._recent[next(iter(self._recent))]
+        return array
 
     @classmethod
     def open(cls, path: Path, rows: int | None = None) -> Results:

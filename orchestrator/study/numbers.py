@@ -26,6 +26,7 @@ from __future__ import annotations
 import inspect
 import math
 from collections.abc import Callable
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -77,12 +78,20 @@ def signals_of(number: dict[str, Any]) -> list[str]:
 
 
 def _columns(number: dict[str, Any], results: Results) -> list[derived.Array]:
-    """What is measured, (rows, elements) each: the series, or what is derived of them."""
-    series = [results.values(s) for s in signals_of(number)]
-    columns = [(s if s.ndim > 1 else s[:, None]).astype(float) for s in series]
+    """What is measured, (rows, elements) each: the series, or what is derived of them. Several
+    numbers measure the same."""
+
+    def column(signal: str) -> derived.Array:
+        values = results.values(signal)
+        return (values if values.ndim > 1 else values[:, None]).astype(float)
+
+    names = signals_of(number)
+    columns = [results.recent(name, partial(column, name)) for name in names]
     if derivation := derived.of_entry(number):
         quantity, options = derivation
-        columns = [quantity.rows(results.times(), columns, options)]
+        key = (number["derive"], *names, *options.items())
+        make = partial(quantity.rows, results.times(), columns, options)
+        columns = [results.recent(key, make)]
     if "element" in number:
         element = number["element"]
         if element > columns[0].shape[1]:
