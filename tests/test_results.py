@@ -22,11 +22,13 @@ from scipy.io import loadmat
 
 import desat as desat_package
 from desat.engine import recorder as recorder_module
+from desat.engine import results as results_module
 from desat.engine import wide
 from desat.engine.recorder import Recorder
 from desat.engine.results import Results
 from desat.files import library, places
 from desat.fmus import registry
+from desat.study import derived
 from desat.study.case import Options, execute
 from desat.study.drawing import envelope, pretty_unit
 from desat.study.export import export, no_formula
@@ -384,3 +386,33 @@ def test_one_that_was_not_closed_and_has_lost_its_end_is_refused(tmp_path, rows,
     part.write_bytes(data[: int(left * len(data))])
     with pytest.raises(DesatError, match=r"no readable series"):
         Results.open(tmp_path)
+
+
+def test_numbers_of_the_same_series_derive_once(folder, monkeypatch):
+    signals = ["environment.b_eci", "environment.r_eci"]
+    number = {"signal": signals, "derive": "angle_between"}
+    angle, calls = derived.QUANTITIES["angle_between"], []
+    counted = derived.Quantity(
+        lambda a, b: calls.append(len(a)) or angle.function(a, b), angle.names, angle.unit
+    )
+    monkeypatch.setitem(derived.QUANTITIES, "angle_between", counted)
+    with Results.open(folder) as results:
+        found = [evaluate({**number, "measure": m}, results, {}) for m in ("largest", "last")]
+        assert calls == [61]
+        evaluate({**number, "signal": signals[::-1], "measure": "last"}, results, {})
+        assert calls == [61, 61]
+        wanted = angle.function(*(results.values(s) for s in signals))
+    assert found == [wanted.max(), wanted[-1]]
+
+
+def test_what_was_made_lately_is_kept_within_bounds(folder, monkeypatch):
+    monkeypatch.setattr(results_module, "RECENT", 100)
+    with Results.open(folder) as results:
+        first = results.recent("a", lambda: np.zeros(10))
+        assert results.recent("a", lambda: np.ones(10)) is first
+        with pytest.raises(ValueError, match="read-only"):
+            first += 1.0
+        results.recent("b", lambda: np.ones(10))  # 80 bytes each
+        assert results.recent("a", lambda: np.ones(10)) is not first
+        large = results.recent("c", lambda: np.ones(100))
+        assert results.recent("c", lambda: np.zeros(100)) is large
