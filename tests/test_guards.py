@@ -253,6 +253,16 @@ def test_draws_are_stamped_only_if_they_come_out_again(monkeypatch, tmp_path):
     assert stored.stamp("uosat12", 1, 1) == [name]
 
 
+def test_stored_draws_come_back(monkeypatch, tmp_path):
+    """A line a scenario; a number that a draw has not is None."""
+    monkeypatch.setattr(stored, "file_of", lambda family: tmp_path / f"{family}.json")
+    rows = [{"draw": 0, "numbers": {"a": 0.1}}, {"draw": 2, "numbers": {"b": 1e-300, "a": None}}]
+    kept = {"family": "f", "scenarios": {"f/x": {"draws": rows}, "f/y": {"draws": []}}}
+    assert len(stored.write(kept).read_text().splitlines()) == 4
+    rows[0]["numbers"]["b"] = None
+    assert stored.read("f") == kept
+
+
 def test_more_draws_are_flown_after_those_that_are_kept(monkeypatch, tmp_path):
     name = "uosat12/starts-dct"
     kept = stored.read("uosat12")

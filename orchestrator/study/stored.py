@@ -1,7 +1,7 @@
 """Draws that take long: computed once by `make papers`, kept under docs/papers, read by `tables`.
 
-docs/papers/FAMILY/draws.json: date, seed, versions, and of each scenario with `draws` its rows
-and, of every number, median, least and largest
+docs/papers/FAMILY/draws.json: date, seed, versions, and of each scenario with `draws`, a line, its
+rows, by columns, and of every number median, least and largest
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ import os
 import platform
 from collections.abc import Iterable
 from datetime import UTC, datetime
-from functools import cache
+from functools import cache, partial
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -24,10 +24,11 @@ from desat.fmus.build import COMPONENTS, sources
 
 from ..files import places
 from ..files.scenario import Scenario, families, scenarios
+from ..files.text import replace_text
 from ..system.codes import Exit
 from ..system.errors import DesatError, RunError
 from .draws import draws, spreads
-from .manifest import PACKAGES, write_json
+from .manifest import PACKAGES
 from .options import Options
 
 SEED = 1
@@ -152,9 +153,34 @@ def compute(
 
 def write(result: dict[str, Any]) -> Path:
     """Store the draws of a family."""
-    path = file_of(result["family"])
-    write_json(path, result)
+    path, pack = file_of(result["family"]), partial(json.dumps, separators=(",", ":"))
+    head = {key: value for key, value in result.items() if key != "scenarios"}
+    lines = (
+        f"{pack(name)}:{pack({**kept, 'draws': _by_column(kept['draws'])})}"
+        for name, kept in result["scenarios"].items()
+    )
+    scenarios = ",\n".join(lines)
+    replace_text(path, f'{pack(head)[:-1]},"scenarios":{{\n{scenarios}\n}}}}\n')
     return path
+
+
+def _by_column(rows: list[dict[str, Any]]) -> dict[str, Any]:
+    """Draws and their numbers, a list each: less than half of what the rows take. A number that a
+    draw has not is None."""
+    names = dict.fromkeys(name for row in rows for name in row["numbers"])
+    return {
+        "draw": [row["draw"] for row in rows],
+        "numbers": {name: [row["numbers"].get(name) for row in rows] for name in names},
+    }
+
+
+def _by_row(columns: dict[str, Any]) -> list[dict[str, Any]]:
+    """What `_by_column` was made of."""
+    numbers = columns["numbers"]
+    return [
+        {"draw": draw, "numbers": {name: numbers[name][i] for name in numbers}}
+        for i, draw in enumerate(columns["draw"])
+    ]
 
 
 def read(family: str) -> dict[str, Any]:
@@ -167,6 +193,8 @@ def read(family: str) -> dict[str, Any]:
             f"{places.shown(path)}: no such file; `desat tables {family} --fresh` "
             "computes the draws now"
         ) from error
+    for kept in result["scenarios"].values():
+        kept["draws"] = _by_row(kept["draws"])
     return result
 
 
@@ -225,8 +253,7 @@ def _alike(now: list[dict[str, float | None]], kept: list[dict[str, float | None
     """True where all that is kept comes out again. A number that runs have since is not in the kept
     draws, and whatever asks for it says so."""
     return len(now) == len(kept) and all(
-        a.keys() >= b.keys() and all(_equal(a[k], b[k]) for k in b)
-        for a, b in zip(now, kept, strict=True)
+        all(_equal(a.get(k), b[k]) for k in b) for a, b in zip(now, kept, strict=True)
     )
 
 
