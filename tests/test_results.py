@@ -10,6 +10,7 @@ import shutil
 import signal
 import subprocess
 import sys
+import threading
 import time
 from pathlib import Path
 
@@ -17,13 +18,14 @@ import h5py
 import numpy as np
 import pytest
 from conftest import ROOT
+from isal import isal_zlib
 from pyarrow import parquet
 from scipy.io import loadmat
 
 import desat as desat_package
+from desat.engine import packed, wide
 from desat.engine import recorder as recorder_module
 from desat.engine import results as results_module
-from desat.engine import wide
 from desat.engine.recorder import Recorder
 from desat.engine.results import Results
 from desat.files import library, places
@@ -386,6 +388,28 @@ def test_one_that_was_not_closed_and_has_lost_its_end_is_refused(tmp_path, rows,
     part.write_bytes(data[: int(left * len(data))])
     with pytest.raises(DesatError, match=r"no readable series"):
         Results.open(tmp_path)
+
+
+def test_nothing_is_packed_by_a_thread_that_steps(tmp_path, monkeypatch):
+    """ISA-L would leave it slow (`packed.aside`)."""
+    compress, threads = isal_zlib.compress, []
+
+    def seen(values: bytes, level: int) -> bytes:
+        threads.append(threading.current_thread())
+        return compress(values, level)
+
+    monkeypatch.setattr(isal_zlib, "compress", seen)
+    monkeypatch.setattr(recorder_module, "ROWS", 16)
+    execute(NAME, Options(checkpoint=200.0), tmp_path / "a").results.close()
+    assert len(threads) > 100
+    monkeypatch.setattr(packed.Packing, "finish", lambda packing, last: packing.drop())
+    execute(NAME, Options(), tmp_path / "b").results.close()
+    monkeypatch.undo()
+    monkeypatch.setattr(isal_zlib, "compress", seen)
+    before = len(threads)
+    packed.pack(tmp_path / "b" / "series.h5")
+    assert len(threads) > before
+    assert threading.main_thread() not in threads
 
 
 def test_numbers_of_the_same_series_derive_once(folder, monkeypatch):

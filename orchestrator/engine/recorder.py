@@ -9,11 +9,11 @@ from __future__ import annotations
 import os
 import time
 from collections import defaultdict
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any
+from typing import Any, TypeVar
 
 import h5py
 import numpy as np
@@ -25,10 +25,11 @@ from . import memory, wide
 from .instances import DTYPE
 from .master import Master
 from .member import Slot
-from .packed import Packing, Plan, deflated
+from .packed import Packing, Plan
 from .results import Results, frame_of, selects
 from .unwritten import Half, Layout, Places, Unwritten
 
+T = TypeVar("T")
 ROWS = 8192
 """As many are kept before they are written, twice, and as many make a chunk of the file."""
 FLUSH_SECONDS = 1.0
@@ -94,8 +95,10 @@ class Recorder:
         self._conserving = master.algorithm == "conserving"
         self._flushed = time.monotonic()
         self._packing = None if path is None else Packing(path, plans, index, about)
+        self._writer, self._job = ThreadPoolExecutor(1), Future[None]()
+        self._job.set_result(None)
         if path is not None and go_on is not None:
-            self._take_over(path, go_on)
+            self._aside(self._take_over, path, go_on)
             self._file.flush()
         if self._part is not None:
             self._file.swmr_mode = True  # what is flushed stays readable if we are killed
@@ -107,8 +110,6 @@ class Recorder:
         self._at_once = path is None or not all(
             member.component.interface.role for member in master.members.values()
         )
-        self._writer, self._job = ThreadPoolExecutor(1), Future[None]()
-        self._job.set_result(None)
 
     def _take_over(self, path: Path, rows: int) -> None:
         """Copy the first rows of the series that are there."""
@@ -190,14 +191,20 @@ class Recorder:
         self._flushed = time.monotonic()
         half = self.unwritten.swap()
         if self._at_once:
-            self._write(half)
+            self._aside(self._write, half)
         else:
             self._job = self._writer.submit(self._write, half)
+
+    def _aside(self, work: Callable[..., T], *given: Any) -> T:
+        """Do it now; in the thread that writes where anything is packed (`packed.aside`)."""
+        if self._packing is None:
+            return work(*given)
+        return self._writer.submit(work, *given).result()
 
     def flush(self) -> None:
         """Write the rows taken so far."""
         self._job.result()
-        self._write(self.unwritten.active)
+        self._aside(self._write, self.unwritten.active)
 
     def _write(self, half: Half, last: bool = False) -> None:
         """Write the rows of a half, and have them packed; the `last` are not, and the final row
@@ -231,7 +238,7 @@ class Recorder:
             if self._packing is None:
                 self._sets[i].append(rows)
             elif len(rows):
-                _append(self._plans[i], self._sets[i].id, rows)
+                self._plans[i].append(self._sets[i].id, rows)
                 if pack:
                     self._packing.take(i, rows)
 
@@ -258,10 +265,10 @@ class Recorder:
         if self._part is None or self.path is None or self._packing is None:
             self._write(half, last)
             return Results(self._file)
-        self._writer.shutdown()
-        packed = self._packing.finish(self._rows(half, last))
+        packed = self._aside(self._packing.finish, self._rows(half, last))
         if packed is None:
-            self._write(half, last)
+            self._aside(self._write, half, last)
+        self._writer.shutdown()
         self._file.close()
         (packed or self._part).replace(self.path)
         self._part.unlink(missing_ok=True)
@@ -283,16 +290,3 @@ def _series(component: str, variable: str, slots: list[Slot]) -> wide.Series:
     columns = slice(slots[0].index, slots[-1].index + 1)
     return wide.Series(component, variable, slots[0].kind, columns, slots[0].interval,
                        signal.name == variable, attributes)  # fmt: skip
-
-
-def _append(plan: Plan, dataset: Any, rows: NDArray[Any]) -> None:
-    """By HDF5's own calls: `dataset[n:] = rows` takes twice as long, and a day has thousands."""
-    n, *tail = dataset.shape
-    dataset.set_extent((n + len(rows), *tail))
-    if rows.shape == plan.chunk and n % len(rows) == 0:
-        whole = rows if rows.dtype == np.float64 else deflated(rows)
-        dataset.write_direct_chunk((n, *(0 for _ in tail)), whole)
-        return
-    place = dataset.get_space()
-    place.select_hyperslab((n, *(0 for _ in tail)), rows.shape)
-    dataset.write(h5py.h5s.create_simple(rows.shape), place, rows)
