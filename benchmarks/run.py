@@ -451,7 +451,7 @@ def nadir_day() -> dict[str, Any]:
         if not BASILISK.exists():
             del tools["basilisk"], tools["basilisk_command"]
         rounds: dict[str, list[float]] = {t: [] for t in tools}
-        for _ in track(range(3), field, disable=not sys.stderr.isatty()):
+        for _ in track(range(ROUNDS), field, disable=not sys.stderr.isatty()):
             for tool, (key, measured) in tools.items():
                 rounds[tool].append(measured()[key])
         row: dict[str, Any] = {}
