@@ -474,7 +474,7 @@ def test_every_leaf_of_figure_1_has_a_scenario():
         assert {f"{law}-{case}" for case in cases | {"field-0-8", "no-tilt"}} <= names
     drawn = stored.read(FAMILY)["scenarios"]
     compared = {f"{FAMILY}/{n}" for n in names}
-    assert all(len(drawn[n]["draws"]) >= 20 for n in compared)
+    assert all(len(drawn[n]["draws"]) == 200 for n in compared)
 
 
 def test_what_a_row_compares_flew_the_same_draws_and_two_hundred_for_the_rows_asked_for():

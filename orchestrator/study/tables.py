@@ -28,6 +28,7 @@ from .report import number, render, write_page
 from .workers import mapped
 
 LARGEST = sys.float_info.max
+"""The open end of a band in JSON."""
 
 
 def _numbers(path: str, options: Options) -> Numbers:
