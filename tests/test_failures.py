@@ -31,7 +31,7 @@ from desat.engine.results import Results
 from desat.engine.unwritten import Half
 from desat.files import archive, library, trust
 from desat.files.pack import pack
-from desat.study import case, isolation
+from desat.study import case, isolation, supervise
 from desat.study.case import Options, load_run, prepare, simulate
 from desat.study.report import write_report
 from desat.study.sources import Sources
@@ -175,7 +175,7 @@ def test_an_isolated_component_ends_alone(system, tmp_path, supervised):
         ("SEGFAULT", f"{ALONE}SIGSEGV", Exit.COMPONENT, 3.0),
         ("EXIT_0", f"{ALONE}exit(0)", Exit.COMPONENT, 3.0),
         ("EXIT_3", f"{ALONE}exit(3)", Exit.COMPONENT, 3.0),
-        ("HANG", "bad: the step from t = 3 s did not return within 0.5 s", Exit.TIMEOUT, 3.0),
+        ("HANG", "bad: the step from t = 3 s did not return within 1.5 s", Exit.TIMEOUT, 3.0),
         ("STEP_ERROR", "bad: the step from t = 3 s returned error", Exit.COMPONENT, 3.0),
         ("NEGATIVE", "bad: the step from t = 3 s returned -1", Exit.COMPONENT, 3.0),
         ("FORK", "", Exit.COMPLETED, 10.0),
@@ -185,7 +185,7 @@ def test_an_isolated_component_ends_alone(system, tmp_path, supervised):
         ("IN_START", "bad: entering initialisation ended its process: SIGSEGV", 4, None),
         ("ROUNDING", "", Exit.COMPLETED, 10.0),
     ):
-        given = options(how, call_limit=0.5, isolate="foreign", supervised=supervised)
+        given = options(how, call_limit=1.5, isolate="foreign", supervised=supervised)
         if last is None:
             with pytest.raises(RunError) as error:
                 simulate(prepare(str(system), given), tmp_path / how)
@@ -475,12 +475,12 @@ def test_killed_at_the_end_all_rows_are_saved(tmp_path, monkeypatch, packed):
 
 def test_stopped_and_continued(system, tmp_path):
     """As Ctrl-Z does, for longer than a call may take: the time of the call does not pass."""
-    process = started(system, tmp_path, "SLOW", "--call-limit", "0.5")
+    process = started(system, tmp_path, "SLOW", "--call-limit", "2")
     all_of_it = [psutil.Process(process.pid), *psutil.Process(process.pid).children(recursive=True)]
     assert len(all_of_it) == 3
     for one in all_of_it:
         one.suspend()
-    time.sleep(1.5)
+    time.sleep(3.0)
     for one in all_of_it:
         one.resume()
         time.sleep(0.1)
@@ -488,6 +488,28 @@ def test_stopped_and_continued(system, tmp_path):
     process.terminate()
     _, error = process.communicate(timeout=60)
     assert process.returncode == Exit.TERMINATED, error
+
+
+@pytest.mark.parametrize("limit", [0.0, 0.1, 0.5, 5.0])
+@pytest.mark.parametrize("stopped", [0.0, 1.5, 1e4])
+def test_a_call_that_was_stopped_has_its_whole_limit(monkeypatch, limit, stopped):
+    """The parent looks at one call, is stopped while the call is in it, looks on: it kills it no
+    sooner than its limit after that, and not much later."""
+    clock, killed, stop = [100.0], [], [stopped]
+
+    class Pipe:
+        def poll(self, seconds: float) -> bool:
+            clock[0] += seconds + (stop.pop() if stop else 0.0)
+            return False
+
+    monkeypatch.setattr(supervise.time, "monotonic", lambda: clock[0])
+    monkeypatch.setattr(supervise.last_call, "now", lambda: (21, 9.0))
+    monkeypatch.setattr(supervise.last_call, "status_of", lambda child: 9 if killed else None)
+    monkeypatch.setattr(supervise.os, "kill", lambda child, number: killed.append(clock[0]))
+    ended = supervise.Ended()
+    assert supervise._wait(1, Pipe(), ended, limit) == 9
+    assert ended.hung == limit
+    assert limit <= killed[0] - (100.0 + stopped) <= limit + 1.5
 
 
 def test_a_second_ctrl_c_always_ends(system, tmp_path):

@@ -31,10 +31,11 @@ SIGNALS = tuple(
 CAN = hasattr(os, "fork")
 _LOOK = 0.2
 """The parent looks at its child so often (s)."""
-_AT_ONCE = 1.0
-"""No more (s) between two looks is a call's: both processes may have been stopped (Ctrl-Z)."""
 _LATER = 0.5
 """So much (s) after the limit of an isolated component has ended that component alone."""
+_AT_ONCE = 0.8 * _LATER
+"""No more (s) between two looks is a call's: both processes may have been stopped (Ctrl-Z). Less
+than `_LATER`, so that a call which was stopped has its whole limit when it goes on."""
 
 
 @dataclass
