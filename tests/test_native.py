@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import hashlib
 import importlib.util
+import itertools
 import json
 import math
 import random
@@ -358,7 +359,7 @@ import math
 from bisect import bisect_right
 from functools import lru_cache
 
-from desat.components.contract.block import Block, Input, Output, Parameter, Vec3
+from desat.components.contract.block import Block, BlockError, Input, Output, Parameter, Vec3
 
 TABLE = (-2.0, -0.5, 0.0, 0.5, 3.0)
 
@@ -373,6 +374,30 @@ def through(rows: tuple[float, ...]) -> float:
     return rows[1] + kept(2)[1]
 
 
+def one(v: float, gain: float = 1.0) -> float:
+    return v * gain
+
+
+def two(v: float, gain: float = 2.0) -> float:
+    return v + gain
+
+
+def same(rows: list[float]) -> list[float]:
+    return rows
+
+
+def guarded(v: float, n: int) -> float:
+    s = 0.0
+    for i in range(4):
+        try:
+            if i == n:
+                continue
+            s += 1.0 / v
+        except ZeroDivisionError:
+            raise BlockError("inner")
+    return s
+
+
 class Tried(Block):
     \"\"\"A block for tests\"\"\"
 
@@ -381,9 +406,47 @@ class Tried(Block):
     y: float = Input("1", "another")
     n: int = Input("1", "an integer")
     a: Vec3 = Output("1", "what comes out", interval=True)
+    k: int = Output("1", "an integer that comes out", interval=True)
 
     def start(self) -> None:
         self._k = 0
+        self._u = 0.0
+        self._t = (1.0, 2.0, 3.0)
+
+    def bump(self) -> int:
+        self._k += 1
+        return self._k
+
+    def eat(self, v: float) -> float:
+        self._t = (self.x, self.x, self.x)
+        return v
+
+    def total(self) -> float:
+        return self._u + 10.0 * self.x
+
+    def maybe(self, v: float) -> float | None:
+        return 1.0 / v if v < 5.0 else None
+
+    def slot(self, n: int) -> float:
+        if n > 1:
+            n = n % 5
+        return TABLE[n]
+
+    def cut(self, v: float, n: int) -> float:
+        if v > 0.0:
+            n = 4
+        return max(TABLE[:n])
+
+    def inverse(self, given: float) -> float:
+        try:
+            return 1.0 / given
+        except ZeroDivisionError as error:
+            raise BlockError(error)
+
+    def deep(self, n: int) -> float:
+        if n <= 0:
+            return 0.0
+        return 1.0 + self.deep(n - 1)
 
 """
 
@@ -434,6 +497,50 @@ def made(tmp_path, monkeypatch):
         ("def f(u: float) -> float:\n    return u * k\nk = 2.0\nself.a = (f(1.0), 0.0, 0.0)", "k"),
         ("self.a = (kept(1)[0] + kept(2)[0], 0.0, 0.0)", "kept is called again"),
         ("self.a = (through(kept(1)), 0.0, 0.0)", "kept is called again"),
+        # an int where another way gives a float: -0 is 0, and -0.0 is not
+        ("self.a = (-max(self.x, 0), 0.0, 0.0)", "float and int"),
+        ("self.a = (1 if self.n else self.x, 0.0, 0.0)", "int and float"),
+        ("self.a = (min((0.5, 1, 2), key=lambda v: abs(v - self.x)), 0.0, 0.0)", "float and int"),
+        ("self.a = (next(v for v in (1, 2.5) if v > self.x), 0.0, 0.0)", "int and float"),
+        ("self.a = (self.x / (2**64 + 5), 0.0, 0.0)", "a power of integers"),
+        ("self.a = (self.x / 18446744073709551621, 0.0, 0.0)", "18446744073709551621"),
+        ("self.a = (math.pow(self.x, 2.0), 0.0, 0.0)", "math.pow"),
+        ("self._mode = f'{self.x}'", "keeps text"),
+        ("self._late = self.x", "start does not assign self._late"),
+        ("self.fail(f'{self.instance!r}')", "!r of text"),
+        # an order, or a loop over what changes
+        ("rows = [0.0, 0.0]\nrows[self.bump() - 1] += 1.0", "a call that changes something"),
+        ("rows = [0.0, 0.0]\nrows[self.bump() - 1] = 1.0", "a call that changes something"),
+        ("self.a = (self._t[self.bump()], 0.0, 0.0)", "a call that changes something"),
+        ("rows = [0.0, 0.0]\nk = rows[k] = 1.0", "an element among several targets"),
+        ("self.a = (float(0 < self.n < self.bump()), 0.0, 0.0)", "a chained comparison"),
+        (
+            "s = 0.0\nfor v in (self._u, self.x):\n    self._u = 100.0\n    s += v",
+            "self._u changes in a loop over it",
+        ),
+        (
+            "s = 0.0\nfor i, v in enumerate(self._t):\n    self._t = (0.0, 0.0, 0.0)\n    s += v",
+            "self._t changes in a loop over it",
+        ),
+        ("n = 1\ns = 0.0\nfor i in range(n, 4):\n    n = 5\n    s += float(i)", "n changes in a"),
+        ("self.a = tuple(self.eat(v) for v in self._t)", "self._t changes in a loop over it"),
+        (
+            "k = 0\ntry:\n    k = self.n\n    s = 1.0 / self.x\nexcept ZeroDivisionError:\n"
+            "    self.fail(f'{k}')",
+            "k is assigned in the try",
+        ),
+        # a list with two names
+        (
+            "rows = [self.x]\nother = [1.0]\nb = rows if self.n else other\nb[0] = 2.0",
+            "another list",
+        ),
+        ("rows = [self.x]\nb = same(rows)\nb[0] = 2.0", "another list"),
+        ("rows = [self.x]\nrows[0] = 1.0\npair = (rows, 1.0)", "within another one"),
+        (
+            "rows = [self.x]\ndef f(v: float) -> float:\n    return v + rows[0]\nrows[0] = 1.0\n"
+            "self.a = (f(1.0), 0.0, 0.0)",
+            "f uses rows, a list that changes",
+        ),
     ],
 )
 def test_what_leaves_the_subset_is_refused_with_its_place(made, body, what):
@@ -452,10 +559,10 @@ def shared(tmp_path_factory) -> Path:
     return folder
 
 
-def compiled(block: type[Block], folder: Path, shared: Path) -> Path:
+def compiled(block: type[Block], folder: Path, shared: Path, guid: str = "{x}") -> Path:
     """A block of a test as an unpacked FMU."""
     files = {"block.h": (native.WRAPPER / "block.h").read_text(),
-             "tried.c": program.translate(block, "tried", "{x}")}  # fmt: skip
+             "tried.c": program.translate(block, "tried", guid)}  # fmt: skip
     root = folder / "fmu"
     binaries = root / "binaries" / native.platform()
     binaries.mkdir(parents=True)
@@ -463,7 +570,7 @@ def compiled(block: type[Block], folder: Path, shared: Path) -> Path:
     work.mkdir()
     shutil.copy(native.compile_block(files, "tried", work, shared), binaries)
     (root / "modelDescription.xml").write_bytes(
-        native.model_description(block, "tried", "{x}", native.DATE, "0", sources=["tried.c"])
+        native.model_description(block, "tried", guid, native.DATE, "0", sources=["tried.c"])
     )
     return root
 
@@ -491,6 +598,116 @@ NUMBERS = (
     0.0, -0.0, 1.0, -1.0, 0.5, -0.5, 1.5, 2.5, 7.0, 1e16, 1e-5, 123456789.0, 5e-324, 1e308, -1e300,
     0.1, 1e22, 2.0**53, math.pi, -math.pi, math.inf, -math.inf, math.nan,
 )  # fmt: skip
+
+
+ALIKE = (
+    "rows = [1.0, 2.0, self.x]\ns = 0.0\nfor i, v in enumerate(rows):\n    rows[i] = 0.0\n"
+    "    s += v\nself.a = (s, rows[2], 0.0)",
+    "rows = [1.0, 2.0, self.x]\ns = 0.0\nfor v in rows:\n    rows[0] = 7.0\n    s = 2.0 * s + v\n"
+    "self.a = (s, 0.0, 0.0)",
+    "s = 0.0\nfor v in self._t:\n    s += v * self.eat(v)\nself.a = (s, 0.0, 0.0)",
+    "self._u, s = self._u + 1.0, self.total() + self._u\nself.a = (self._u, s, 0.0)",
+    "part_1 = self.x\nk_1 = self.y\ns = 0.0\nfor v in TABLE:\n    s += v * k_1\n"
+    "self.a = (s, part_1, 0.0)",
+    "f = one if self.n > 1 else two\nself.a = (f(self.x, gain=3.0), f(self.x), 0.0)",
+    "self.a = (self.slot(self.n), self.cut(self.x, 2), 0.0)",
+    "k = 0.0\nfor v, f in ((0, one), (1, two), (2, one)):\n    if v == self.n:\n"
+    "        k = f(self.x, 5.0)\nself.a = (k, 0.0, 0.0)",
+    "s = 0.0\nfor i in range(5 + self.n % 6, self.n % 4, -1):\n    s = s * 1.5 + TABLE[i - 5]\n"
+    "self.a = (s, 0.0, 0.0)",
+    "self.a = (guarded(self.x, self.n), self.inverse(self.y), 0.0)",
+    "k = 0\nfor i in range(5):\n    try:\n        if i == self.n:\n            break\n"
+    "        k = i\n    except ZeroDivisionError:\n        self.fail('never')\n"
+    "self.a = (float(k), self.inverse(self.x), 0.0)",
+    "self.a = (1.0 if self.x != 0.0 and self.maybe(self.x) else 2.0, 0.0, 0.0)",
+    "s = tuple(v for v in TABLE if v > self.x if self.bump() > 1)\n"
+    "self.a = (float(self._k), float(len(s)), 0.0)",
+    "self.fail(f'{self._k} {self.bump()} {self.x} {2.0**-24 * self.y}')",
+    "_ = 1.0 / self.x\n(1.0 / self.y, 2.0)\nself.a = (1.0, 2.0, 3.0)",
+    "h = 6364136223846793005 * (self.n + 5) & (1 << 64) - 1\nself.fail(f'{h}')",
+    "self.a = (self.deep(self.n), 0.0, 0.0)",
+)
+"""What was, or might be, done otherwise in C."""
+
+
+@pytest.mark.parametrize("body", ALIKE)
+def test_order_and_objects_are_pythons(made, tmp_path, shared, body):
+    block = made(body)()
+    folder = compiled(type(block), tmp_path, shared)
+    i = Beside(folder, block, folder)
+    i.fmu.setupExperiment(startTime=0.0)
+    i.fmu.enterInitializationMode()
+    i.fmu.exitInitializationMode()
+    state = i.fmu.getFMUstate()
+    for x, y, n in itertools.product((0.0, -0.0, 1.5, -2.0, 7.0), (1.0, 0.0), (-1, 0, 1, 2, 3, 10)):
+        block.x, block.y, block.n = x, y, n
+        block.start()
+        i.fmu.setFMUstate(state)
+        i.said.clear()
+        i.give("input")
+        i.step(0.0, 1.0)
+        said = _error(lambda: block.advance(0.0, 1.0))
+        assert i.failed() == bool(said), (x, y, n, said, i.said)
+        if said:
+            assert i.said[-1].endswith(said), (x, y, n)
+        else:
+            assert i.outputs() == outputs(block), (x, y, n)
+    i.free()
+
+
+def test_states_and_phases_of_another_kind_are_refused(made, tmp_path, shared):
+    """A state of another FMU; a step without initialisation, by which nothing has started; an
+    integer that FMI 2.0 does not have; no strings at all are no failure."""
+    instances = []
+    for k, body in enumerate(("self.k = 1 << 40", "self.a = (self.x, self._u, 1.0)\nself.k = 2")):
+        block = made(body)()
+        place = tmp_path / str(k)
+        place.mkdir()
+        folder = compiled(type(block), place, shared, guid=f"{{{k}}}")
+        instances.append(Beside(folder, block, folder))
+    one, other = instances
+    assert other.fmu.getString([]) == []
+    for i in instances:
+        i.fmu.setupExperiment(startTime=0.0)
+    with pytest.raises(fmpy.fmi1.FMICallException):
+        other.fmu.exitInitializationMode()
+    assert other.said[-1].endswith("leave initialisation: RuntimeError: it was not entered")
+    other.fmu.reset()
+    for i in instances:
+        i.fmu.enterInitializationMode()
+        i.fmu.exitInitializationMode()
+    with pytest.raises(fmpy.fmi1.FMICallException):
+        other.fmu.setFMUstate(one.fmu.getFMUstate())
+    assert "this is no state of this FMU" in other.said[-1]
+    one.step(0.0, 1.0)
+    with pytest.raises(fmpy.fmi1.FMICallException):
+        one.fmu.getInteger(one.references["k"])
+    assert "beyond 32 bits" in one.said[-1]
+    for i in instances:
+        i.free()
+
+
+def test_what_has_no_end_is_ended(made, tmp_path, shared):
+    """Recursion, before it takes the host's stack; integers that no double has."""
+    for body, n, said in (
+        ("self.a = (self.deep(self.n), 0.0, 0.0)", 10**8, "maximum recursion depth exceeded"),
+        ("k = self.n * 9007199254740993\nself.a = (float(k > self.x), 0.0, 0.0)", 1, "64 bits"),
+        ("k = self.n * 9007199254740993\nself.a = (k / 3, 0.0, 0.0)", 1, "64 bits"),
+    ):
+        block = made(body)()
+        place = tmp_path / str(len(list(tmp_path.iterdir())))
+        place.mkdir()
+        folder = compiled(type(block), place, shared)
+        i = Beside(folder, block, folder)
+        i.fmu.setupExperiment(startTime=0.0)
+        i.fmu.enterInitializationMode()
+        i.fmu.exitInitializationMode()
+        block.n = n
+        i.give("input")
+        i.step(0.0, 1.0)
+        assert i.failed()
+        assert said in i.said[-1]
+        i.free()
 
 
 def test_arithmetic_and_texts_are_pythons(made, tmp_path, shared):

@@ -45,6 +45,7 @@ PY_NORETURN void py_too_long(int64_t most);
 PY_NORETURN void py_unpack_error(int64_t n, int64_t wanted);
 PY_NORETURN void py_beyond(void);
 PY_NORETURN void py_not_integer(double x);
+void py_recursion(void);
 bool py_caught(int kinds);
 const char *py_caught_text(void);
 const char *py_caught_name(void);
@@ -55,6 +56,7 @@ void py_text_begin(void);
 void py_text(const char *text);
 void py_text_float(double x);
 void py_text_int(int64_t x);
+void py_text_mask(uint64_t x);
 void py_text_format(char kind, int precision, double x);
 const char *py_text_end(void);
 
@@ -134,6 +136,13 @@ static inline uint64_t py_mask(int64_t a)
 {
     if (PY_RARE(a < 0)) py_beyond();
     return (uint64_t)a;
+}
+
+/* an integer compared with a float: of the same value, or a failure */
+static inline double py_exact(int64_t a)
+{
+    if (PY_RARE(a > INT64_C(1) << 53 || a < -(INT64_C(1) << 53))) py_beyond();
+    return (double)a;
 }
 
 static inline double py_finite(double x)

@@ -69,9 +69,15 @@ typedef struct {
     char self[];
 } saved;
 
-enum { MAGIC = 0x64736174 };
-
 static const block_description *const the = &the_block;
+
+/* of the states of this FMU */
+static uint32_t magic(void)
+{
+    uint32_t sum = 0x64736174;
+    for (const char *p = the->guid; *p; p++) sum = (sum ^ (unsigned char)*p) * 16777619u;
+    return sum;
+}
 
 static bool *fault_of(instance *c) { return (bool *)((char *)c->self + the->fault); }
 
@@ -246,6 +252,8 @@ EXPORT fmi2Status fmi2ExitInitializationMode(fmi2Component p)
 {
     instance *c = p;
     if (c == NULL) return fmi2Error;
+    if (c->now.phase == INSTANTIATED)
+        return fail(c, "leave initialisation", "RuntimeError", "it was not entered");
     refresh(c);
     c->now.phase = STEPPING;
     return *fault_of(c) ? fmi2Warning : fmi2OK;
@@ -348,6 +356,8 @@ static fmi2Status not_there(instance *c, const char *verb, char kind, fmi2ValueR
                 return not_there(c, "get", KIND, vr[k]);                                             \
             }                                                                                        \
             value[k] = (TYPE)*(const MEMBER *)(self + at[r].offset);                                 \
+            if (KIND == 'I' && PY_RARE(value[k] != *(const MEMBER *)(self + at[r].offset)))          \
+                return fail(c, "get Integer", the->variables[r].name, "beyond 32 bits");             \
         }                                                                                            \
         return fmi2OK;                                                                               \
     }
@@ -419,13 +429,15 @@ EXPORT fmi2Status fmi2GetString(fmi2Component p, const fmi2ValueReference vr[], 
 {
     (void)vr;
     for (size_t k = 0; value != NULL && k < n; k++) value[k] = "";
+    if (p != NULL && n == 0) return fmi2OK;
     return p == NULL ? fmi2Error : fail(p, "get String", "", "there are no strings here");
 }
 
 EXPORT fmi2Status fmi2SetString(fmi2Component p, const fmi2ValueReference vr[], size_t n,
                                 const fmi2String value[])
 {
-    (void)vr, (void)n, (void)value;
+    (void)vr, (void)value;
+    if (p != NULL && n == 0) return fmi2OK;
     return p == NULL ? fmi2Error : fail(p, "set String", "", "there are no strings here");
 }
 
@@ -438,7 +450,7 @@ EXPORT fmi2Status fmi2GetFMUstate(fmi2Component p, fmi2FMUstate *state)
     if (c == NULL || state == NULL) return fmi2Error;
     s = *state != NULL ? *state : calloc(1, sizeof *s + the->size);
     if (s == NULL) return fail(c, "get state", "", "no memory");
-    s->magic = MAGIC;
+    s->magic = magic();
     s->now = c->now;
     memcpy(s->self, c->self, the->size);
     memset(s->self, 0, sizeof c->key); /* the name is the instance's */
@@ -451,7 +463,8 @@ EXPORT fmi2Status fmi2SetFMUstate(fmi2Component p, fmi2FMUstate state)
     instance *c = p;
     const saved *s = state;
     if (c == NULL) return fmi2Error;
-    if (s == NULL || s->magic != MAGIC) return fail(c, "set state", "", "this is no saved state");
+    if (s == NULL || s->magic != magic())
+        return fail(c, "set state", "", "this is no state of this FMU");
     c->now = s->now;
     memcpy(c->self, s->self, the->size);
     *(const char **)c->self = c->key;

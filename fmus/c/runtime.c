@@ -9,7 +9,9 @@
 
 /* --- failures ----------------------------------------------------------------------------------- */
 
-static PY_THREAD py_frame *top;
+enum { DEEPEST = 256 << 10 };
+
+static PY_THREAD py_frame *top, *first;
 static PY_THREAD int kind_caught;
 static PY_THREAD char text_caught[1000];
 
@@ -20,8 +22,18 @@ static const char *const NAMES[] = {
 
 void py_try(py_frame *frame)
 {
+    if (top == NULL) first = frame;
     frame->outer = top;
     top = frame;
+}
+
+/* a function that calls itself, before it takes the host's stack */
+void py_recursion(void)
+{
+    const char here = 0;
+    const intptr_t deep = (intptr_t)&here - (intptr_t)first;
+    if (PY_RARE(deep > DEEPEST || deep < -DEEPEST))
+        py_raise(PY_RUNTIME_ERROR, "maximum recursion depth exceeded");
 }
 
 void py_end_try(void) { top = top->outer; }
@@ -29,7 +41,7 @@ void py_end_try(void) { top = top->outer; }
 void py_raise(int kind, const char *text)
 {
     kind_caught = kind;
-    snprintf(text_caught, sizeof text_caught, "%s", text);
+    if (text != text_caught) snprintf(text_caught, sizeof text_caught, "%s", text);
     py_raise_again();
 }
 
@@ -107,6 +119,13 @@ void py_text_int(int64_t x)
     py_text(text);
 }
 
+void py_text_mask(uint64_t x)
+{
+    char text[24];
+    snprintf(text, sizeof text, "%llu", (unsigned long long)x);
+    py_text(text);
+}
+
 static bool special(double x)
 {
     if (isnan(x)) py_text("nan");
@@ -124,6 +143,16 @@ void py_text_format(char kind, int precision, double x)
     py_text(text);
 }
 
+/* one more in the last digit: below a power of two numbers lie closer, so that the nearest decimal
+   may be another number, and the next one not */
+static void increased(char *text)
+{
+    char *last = strchr(text, 'e') - 1;
+    while (last > text && *last == '9') last--;
+    if (*last >= '0' && *last < '9') ++*last;
+    while (*++last != 'e') *last = '0';
+}
+
 /* as repr: the fewest digits that give the same number again */
 void py_text_float(double x)
 {
@@ -132,6 +161,8 @@ void py_text_float(double x)
     if (special(x)) return;
     for (precision = 0; precision < 17; precision++) {
         snprintf(text, sizeof text, "%.*e", precision, x);
+        if (strtod(text, NULL) == x) break;
+        increased(text);
         if (strtod(text, NULL) == x) break;
     }
     for (const char *c = text; *c && *c != 'e'; c++)

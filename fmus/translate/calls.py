@@ -45,7 +45,7 @@ FUNCTIONS = {
     getattr(math, name): f"py_{name}"
     for name in (
         "sqrt", "sin", "cos", "tan", "asin", "acos", "atan", "atan2", "sinh", "cosh", "tanh",
-        "exp", "expm1", "log", "log10", "log1p", "log2", "pow", "remainder", "fmod",
+        "exp", "expm1", "log", "log10", "log1p", "log2", "remainder", "fmod",
     )
 }  # fmt: skip
 PLAIN = {math.fabs: "fabs", math.copysign: "copysign"}
@@ -169,7 +169,7 @@ class Calls(Expressions):
         for callee in callees:
             self.out, outer = [], self.out
             self.level += 2
-            value = self.call_one(node, Value(Function((callee,)), ""), callee, values, named)
+            value = self.call_one(node, Value(Function((callee,)), ""), callee, values, dict(named))
             cases.append((value, self.out))
             self.out = outer
             self.level -= 2
@@ -291,6 +291,7 @@ class Calls(Expressions):
             return constant(None)  # type: ignore[return-value]
         if spec.effects:
             self.effects = True
+            self.sure = {path for path in self.sure if not path.startswith("self.")}
             if spec.result in (NONE, NEVER):
                 self.line(f"{code};")
                 return constant(None)  # type: ignore[return-value]
@@ -319,6 +320,8 @@ class Calls(Expressions):
         if how == "change":
             if not v.again or v.parts is not None:
                 raise self.refuse(node, "a list that is changed by this call", "give it a name")
+            if not any(v.code == self.local(name) for name in self.spec.changed_in_place):
+                raise self.refuse(node, "a list that a method changes", "a function of the module")
             return address(v.code)
         text = self.convert(v, spec.types[k], node)
         if text == v.code and v.again and not (spec.effects and "self->" in text):
@@ -368,6 +371,8 @@ class Calls(Expressions):
             return Value(B, f"{name}({self.convert(self.some(x), F)})")
         if thing is math.hypot:
             raise self.refuse(node, "hypot", "sqrt(x * x + y * y): CPython's is not libm's")
+        if thing is math.pow:
+            raise self.refuse(node, "math.pow", "x ** y, which fails otherwise")
         if thing is sum:
             raise self.refuse(node, "sum", "write it out: Python 3.12 and later compensate")
         raise self.refuse(node, f"{name}()", "what translates is listed in docs/hosts.md")
@@ -505,6 +510,8 @@ class Calls(Expressions):
         def body(item: Value) -> None:
             x = self.temporary(self.some(item))
             k = self.temporary(self.keyed(node, key, x))
+            if probe and probe != [x.type, k.type]:
+                raise JoinError(f"{shown(probe[0])} and {shown(x.type)}, by {name} with a key")
             probe[:] = [x.type, k.type]
             self.line(f"if (!{best}.some || {k.code} {sign} {value}) {{")
             self.level += 1
@@ -590,10 +597,13 @@ class Calls(Expressions):
         if not isinstance(argument, ast.GeneratorExp):
             raise self.refuse(node, "next of this", "of a generator expression")
         found = self.fresh("first")
-        mark, types = len(self.out), []
+        mark = len(self.out)
+        types: list[Type] = []
 
         def body(item: Value) -> None:
-            types.append(item.type)
+            if types and types != [item.type]:
+                raise JoinError(f"{shown(types[0])} and {shown(item.type)}")
+            types[:] = [item.type]
             self.line(f"{found}.some = true;")
             self.line(f"{found}.v = {self.code(item)};")
 
@@ -714,8 +724,13 @@ class Calls(Expressions):
         if start.is_const and stop.is_const:
             count = constant(len(range(start.const, stop.const, s)))
         else:
-            high = self.span(args, start, stop)
-            high = None if high is None else max(-(-high // s), 0)
+            if s > 0:
+                high = self.span(args, start, stop)
+            elif start.high is not None and stop.low is not None:
+                high = start.high - stop.low
+            else:
+                high = None
+            high = None if high is None else max(-(-high // abs(s)), 0)
             if s == 1:
                 code = f"py_count({start.code}, {stop.code})"
             else:
@@ -744,7 +759,7 @@ class Calls(Expressions):
         return Iteration(count, item, start=start, step=s)
 
     def span(self, args: Sequence[ast.expr], start: Value, stop: Value) -> int | None:
-        """The most that the ends of a range are apart."""
+        """The most that the ends of a range are apart, of one that counts upwards."""
         if stop.high is not None and start.low is not None:
             return stop.high - start.low
         if len(args) < 2:
@@ -895,13 +910,11 @@ class Calls(Expressions):
             def one(item: Value) -> None:
                 saved = dict(self.bound)
                 self.bind(first.target, item, iteration.unroll)
-                tests = [self.condition(c) for c in first.ifs]
-                if tests:
-                    text = " && ".join(t.within(21) for t in tests)
-                    self.line(f"if ({text}) {{")
+                for test in first.ifs:
+                    self.line(f"if ({self.condition(test).code}) {{")
                     self.level += 1
                 inner(rest)
-                if tests:
+                for _ in first.ifs:
                     self.level -= 1
                     self.line("}")
                 self.bound = saved

@@ -102,8 +102,11 @@ class Expressions(ABC):
         return replace(value, code=name, binds=ATOM, again=True, as_float=None)
 
     def fresh(self, hint: str) -> str:
-        self.counts[hint] = self.counts.get(hint, 0) + 1
-        return f"{hint}_{self.counts[hint]}"
+        """A name that the function does not have."""
+        while True:
+            self.counts[hint] = self.counts.get(hint, 0) + 1
+            if (name := f"{hint}_{self.counts[hint]}") not in self.spec.locals_names:
+                return name
 
     counts: dict[str, int]
 
@@ -151,7 +154,8 @@ class Expressions(ABC):
 
     @property
     def fixed(self) -> set[str]:
-        return {f"{h}_{k}" for h, n in self.counts.items() for k in range(1, n + 1)}
+        made = {f"{h}_{k}" for h, n in self.counts.items() for k in range(1, n + 1)}
+        return made.difference(self.spec.locals_names)
 
     # --- conversion -------------------------------------------------------------------------------
 
@@ -304,7 +308,10 @@ class Expressions(ABC):
         if method is None:
             raise self.refuse(node, f"{type(node).__name__}", "what translates is listed in "
                               "docs/hosts.md")  # fmt: skip
-        result: Value = method(node)
+        try:
+            result: Value = method(node)
+        except JoinError as error:
+            raise self.refuse(node, str(error), "one type; 1.0 is a float") from None
         return result
 
     def _constant(self, node: ast.Constant) -> Value:
@@ -488,6 +495,11 @@ class Expressions(ABC):
         raise self.refuse(node, f"{type(node.op).__name__} of {shown(value.type)}", "not, or -")
 
     def _binop(self, node: ast.BinOp) -> Value:
+        if _is_literal(node) and isinstance(whole := eval(ast.unparse(node)), int):
+            value = constant(whole)  # (1 << 64) - 1, a part of which has more than 64 bits
+            if value is None:
+                raise self.refuse(node, str(whole), "integers of 64 bits")
+            return value
         if isinstance(node.op, ast.BitAnd):
             right = self.expression(node.right)
             if right.is_const and right.const == MASK:
@@ -621,7 +633,7 @@ class Expressions(ABC):
         return Value(U, f"{left} {sign} {right}", level)
 
     def quotient(self, a: Value, b: Value) -> Value:
-        if a.type in (I, B) and b.type in (I, B) and not (a.is_const or b.is_const):
+        if a.type in (I, B) and b.type in (I, B) and not (is_exact(a) and is_exact(b)):
             return Value(F, f"py_div_i({a.code}, {b.code})")
         left = Value(F, self.convert(a, F), a.binds if a.type == F else UNARY)
         right = Value(F, self.convert(b, F), b.binds if b.type == F else UNARY)
@@ -695,11 +707,10 @@ class Expressions(ABC):
         self.out, outer = inner, self.out
         self.level += 1
         right = self.expression(operand)
+        if id(node) in self.conditions:  # what its truth needs done is done only where it counts
+            right = self.truth(right, node)
         self.out = outer
         self.level -= 1
-        if left.type == B and right.type != B and not isinstance(right.type, Known):
-            # the value counts, not its truth, unless the whole is a condition
-            pass
         sign, level = ("&&", AND) if is_and else ("||", OR)
         if left.type == B and right.type == B and not inner:
             if right.is_const and bool(right.const) == is_and:
@@ -839,9 +850,15 @@ class Expressions(ABC):
         return set(), set()
 
     def _compare(self, node: ast.Compare) -> Value:
-        values = self.in_order([node.left, *node.comparators])
+        values = self.in_order([node.left, node.comparators[0]])
         if len(node.ops) > 1:
-            values = [values[0], *(self.temporary(v) for v in values[1:-1]), values[-1]]
+            values[1] = self.temporary(values[1])
+            mark = len(self.out)
+            rest = [self.expression(e) for e in node.comparators[1:]]
+            values += [*(self.temporary(v) for v in rest[:-1]), rest[-1]]
+            if len(self.out) > mark:
+                raise self.refuse(node, "a chained comparison, of which a part is not for sure",
+                                  "two comparisons and `and`")  # fmt: skip
         result: Value | None = None
         for op, a, b in zip(node.ops, values, values[1:], strict=False):
             one = self.compared(node, op, a, b)
@@ -886,10 +903,16 @@ class Expressions(ABC):
             raise self.refuse(node, f"{sign} of {shown(a.type)} and {shown(b.type)}", "numbers")
         left, right = a.within(LESS + 1), b.within(LESS + 1)
         if F in (a.type, b.type):
-            left = left if a.type == F else self.convert(a, F)
-            right = right if b.type == F else self.convert(b, F)
+            left = left if a.type == F else self.exactly(a)
+            right = right if b.type == F else self.exactly(b)
         level = EQUAL if sign in ("==", "!=") else LESS
         return Value(B, f"{left} {sign} {right}", level)
+
+    def exactly(self, value: Value) -> str:
+        """An integer as a double of the same value; a failure where there is none."""
+        if value.type != I or value.as_float is not None or is_exact(value):
+            return self.convert(value, F)
+        return f"py_exact({value.code})"
 
     def equal(self, node: ast.AST, a: Value, b: Value) -> Value:
         """Equality of tuples, element by element."""
@@ -1067,6 +1090,9 @@ class Expressions(ABC):
         if step is not None and step.const != 1:
             if n is None or upper is not None or lower is None or n % step.const:
                 raise self.refuse(node, "a slice with a step", "of a row of a table: [i::columns]")
+            if lower.low is None or lower.low < 0:
+                # Python would count from the end
+                self.line(f"py_window({lower.code}, 1, {step.const});")
             first = self.temporary(Value(I, self.checked(lower, constant(step.const))))  # type: ignore[arg-type]
             item = element(x.type)
             return self.tuple_of([
@@ -1122,6 +1148,8 @@ class Expressions(ABC):
 
     def _joinedstr(self, node: ast.JoinedStr) -> Value:
         pieces = []
+        given = [p.value for p in node.values if isinstance(p, ast.FormattedValue)]
+        values = iter(self.in_order(given))
         for part in node.values:
             if isinstance(part, ast.Constant):
                 pieces.append((constant(part.value), ""))
@@ -1132,7 +1160,10 @@ class Expressions(ABC):
             spec = ""
             if part.format_spec is not None:
                 spec = "".join(str(v.value) for v in part.format_spec.values)  # type: ignore[attr-defined]
-            pieces.append((self.temporary(self.expression(part.value)), spec))
+            told = next(values)
+            if part.conversion != -1 and told.type == S:
+                raise self.refuse(node, "!r of text", "without, in quotes")
+            pieces.append((self.temporary(told), spec))
         self.line("py_text_begin();")
         for value, spec in pieces:
             assert value is not None
@@ -1160,7 +1191,7 @@ class Expressions(ABC):
         elif t == F:
             self.line(f"py_text_float({value.code});")
         elif t in (I, U):
-            self.line(f"py_text_int({value.code});")
+            self.line(f"py_text_{'int' if t == I else 'mask'}({value.code});")
         elif t == B:
             self.line(f'py_text({value.within(COND + 1)} ? "True" : "False");')
         elif isinstance(t, Tuple):
@@ -1201,6 +1232,20 @@ def safe_field(name: str) -> str:
 
 def _sum(a: dict[str, int], b: dict[str, int], sign: int) -> dict[str, int]:
     return {k: a.get(k, 0) + sign * b.get(k, 0) for k in {*a, *b}}
+
+
+def _is_literal(node: ast.expr) -> bool:
+    """Whether an expression has integers alone, written out."""
+    if isinstance(node, ast.BinOp) and not isinstance(node.op, (ast.Div, ast.Pow)):
+        return _is_literal(node.left) and _is_literal(node.right)
+    return isinstance(node, ast.Constant) and type(node.value) is int
+
+
+def is_exact(value: Value) -> bool:
+    """Whether an integer is one that a double has."""
+    if value.type == B:
+        return True
+    return None not in (value.low, value.high) and max(-value.low, value.high) <= EXACT  # type: ignore[operator,type-var]
 
 
 def is_scalar(t: Type) -> bool:

@@ -11,6 +11,7 @@ from typing import Any
 
 from .calls import UNROLLED, Calls, Iteration, RangeOf
 from .expressions import Known, UnknownYetError, safe_field
+from .order import Order, reads, refused
 from .source import BY_ADDRESS, of_annotation, size
 from .types import (
     NEVER,
@@ -69,8 +70,13 @@ class Translation(Calls):
         self.declared: set[str] = set()
         self.tries = 0
         self.wanted: dict[str, int] = {}
-        self.loops: list[bool] = []
+        self.loops: list[int] = []
+        """Of each loop around how many try were around it."""
         self.said = spec.node.lineno
+        given = {name for name, _ in spec.arguments}
+        self.order = Order(spec.node, program.block, spec.changed_in_place)
+        for where in refused(self.order, spec.node, spec.changed_in_place, given):
+            raise self.refuse(*where)
         for (name, t), const in zip(spec.arguments, spec.consts, strict=True):
             if const is not None:
                 self.bound[name] = constant(const)  # type: ignore[assignment]
@@ -111,7 +117,12 @@ class Translation(Calls):
                 self.ended = False
                 return True
             self.comments(statement)
-            self.statement(statement)
+            try:
+                self.statement(statement)
+            except JoinError as error:
+                raise self.refuse(
+                    statement, str(error), "keep to one type; 1.0 is a float"
+                ) from None
         ended, self.ended = self.ended, False
         return ended
 
@@ -137,7 +148,14 @@ class Translation(Calls):
         if isinstance(node.value, ast.Constant):
             return
         value = self.expression(node.value)
-        if value.code and not value.again and value.type not in (NONE, NEVER):
+        self.evaluate(value)
+
+    def evaluate(self, value: Value) -> None:
+        """Compute a value that nobody needs: it may fail."""
+        if value.parts is not None and not value.is_const:
+            for part in value.parts:
+                self.evaluate(part)
+        elif value.code and not value.again and value.type not in (NONE, NEVER):
             self.line(f"(void)({value.code});")
 
     def do_annassign(self, node: ast.AnnAssign) -> None:
@@ -213,7 +231,10 @@ class Translation(Calls):
             parts = self.elements(value, n, target)
             names = [self.target_code(e) for e in target.elts]
             for k, part in enumerate(parts):
-                if any(c and _mentions(self.text_of(part), c) for c in names[:k]):
+                text = self.text_of(part)
+                calls = re.search(r"\bself\b(?!->)", text) is not None
+                if any(c and (_mentions(text, c) or (calls and c.startswith("self->")))
+                       for c in names[:k]):  # fmt: skip
                     parts = [self.pin(p) for p in parts]
                     break
             for e, part in zip(target.elts, parts, strict=True):
@@ -247,6 +268,7 @@ class Translation(Calls):
     def store(self, target: ast.Name, value: Value) -> None:
         name = target.id
         if name == "_":
+            self.evaluate(value)
             return
         self.sure.discard(name)
         if name in self.bound:
@@ -264,7 +286,7 @@ class Translation(Calls):
                 return
         if value.is_const and self.spec.stores[name] == 1 and name not in self.types and (
             value.type in (S, I) or isinstance(value.type, (Tuple, List))
-        ) and name not in self.spec.changed_in_place:  # fmt: skip
+        ) and name not in {*self.spec.changed_in_place, *self.spec.in_loops}:  # fmt: skip
             self.bound[name] = value
             return
         if self.stays(name, value):
@@ -287,7 +309,9 @@ class Translation(Calls):
             return
         text = self.convert(value, final, target)
         self.bounds[name] = (None, None)
-        if value.type == I and name not in self.spec.in_loops and self.spec.stores[name] == 1:
+        if value.type == I and name not in self.spec.in_loops and (
+            self.spec.stores[name] == 1 and given is None
+        ):  # fmt: skip
             self.bounds[name] = (value.low, value.high)
         if name not in self.declared:
             if self.level == 1 + self.tries or name in self.spec.inline.get(id(target), ()):
@@ -335,9 +359,11 @@ class Translation(Calls):
         program = self.program
         self.effects = True
         self.sure.discard(f"self.{name}")
-        if isinstance(value.type, (Known, Function)) or _has_function(value.type):
+        if isinstance(value.type, (Known, Function)) or _has(Function, value.type):
             raise self.refuse(target, f"self.{name} keeps a function", "numbers and tuples")
         declared = program.declared.get(name)
+        if declared is None and _has(S, value.type):
+            raise self.refuse(target, f"self.{name} keeps text", "a number; text is for messages")
         old = program.fields.get(name, NEVER)
         if declared is None:
             t = self.kept(old, value.type, program.wanted.get(name), target, f"self.{name}")
@@ -404,8 +430,9 @@ class Translation(Calls):
             self.line("return &memo.value;")
             return
         if self.tries:
-            self.line(f"const {self.program.names(self.spec.result)} given = {text};")
-            text = "given"
+            name = self.fresh("given") if "given" in self.spec.locals_names else "given"
+            self.line(f"const {self.program.names(self.spec.result)} {name} = {text};")
+            text = name
         for _ in range(self.tries):
             self.line("py_end_try();")
         self.line(f"return {text};")
@@ -473,7 +500,7 @@ class Translation(Calls):
         self.level += 1
         before = set(self.sure)
         self.sure |= self.certain(node.test)[0]
-        self.loops.append(True)
+        self.loops.append(self.tries)
         known = set(self.declared)
         self.block(node.body)
         self.declared = known | (self.declared & self.spec.top)
@@ -497,6 +524,19 @@ class Translation(Calls):
             raise self.refuse(node, "else of a loop", "a variable")
         iteration = self.iteration(node.iter)
         self.forget(node)
+        runs_over = reads(node.iter)
+        if isinstance(node.iter, ast.Call) and self.quiet_target(node.iter.func) is range:
+            runs_over = reads(node.iter.args[0]) if len(node.iter.args) > 1 else set()
+        clash = runs_over & self.order.changes(*node.body)
+        if clash and not isinstance(node.iter, (ast.Name, ast.Attribute)):
+            stored = {n.id for s in node.body for n in ast.walk(s)
+                      if isinstance(n, ast.Name) and isinstance(n.ctx, ast.Store)}  # fmt: skip
+            if clash & stored or not clash <= self.spec.changed_in_place:
+                raise self.refuse(node, f"{min(clash)} changes in a loop over it",
+                                  "a tuple of it, before")  # fmt: skip
+        if clash & self.spec.changed_in_place:  # each pass gets what is there when it begins
+            item = iteration.item
+            iteration = replace(iteration, item=lambda k: self.pin(item(k)))
         if (
             iteration.source is not None
             and not iteration.source.is_const
@@ -557,7 +597,7 @@ class Translation(Calls):
         self.bound[name] = Value(I, k, again=True, low=bounds.low, high=bounds.high)
         self.level += 1
         before = set(self.sure)
-        self.loops.append(True)
+        self.loops.append(self.tries)
         known = set(self.declared)
         self.block(node.body)
         self.declared = known | (self.declared & self.spec.top)
@@ -577,7 +617,7 @@ class Translation(Calls):
             self.bind(node.target, item, True)
         else:
             self.assign(node.target, item)
-        self.loops.append(True)
+        self.loops.append(self.tries)
         self.ended = self.block(node.body)
         self.loops.pop()
         self.declared = known | (self.declared & self.spec.top)
@@ -587,11 +627,16 @@ class Translation(Calls):
         self.sure &= sure
 
     def do_break(self, node: ast.Break) -> None:
-        self.line("break;")
-        self.ended = True
+        self.leave("break;")
 
     def do_continue(self, node: ast.Continue) -> None:
-        self.line("continue;")
+        self.leave("continue;")
+
+    def leave(self, text: str) -> None:
+        """Out of a pass of the loop around, and of each try within it."""
+        for _ in range(self.tries - self.loops[-1]):
+            self.line("py_end_try();")
+        self.line(text)
         self.ended = True
 
     def do_try(self, node: ast.Try) -> None:
@@ -742,14 +787,13 @@ def _changes(node: ast.For, code: str) -> bool:
     return root is not None and root[1] in stored
 
 
-def _has_function(t: Type) -> bool:
-    if isinstance(t, Function):
+def _has(what: Any, t: Type) -> bool:
+    """Whether a type is, or has within, one of a class, or this one."""
+    if isinstance(t, what) if isinstance(what, type) else t == what:
         return True
     if isinstance(t, Tuple):
-        return any(_has_function(x) for x in t.items)
-    if isinstance(t, (List, Maybe)):
-        return _has_function(t.item)
-    return False
+        return any(_has(what, x) for x in t.items)
+    return isinstance(t, (List, Maybe)) and _has(what, t.item)
 
 
 def _inside(node: ast.AST, other: ast.AST) -> bool:

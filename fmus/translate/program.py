@@ -15,6 +15,7 @@ from desat.components.contract.block import Block
 
 from .expressions import UnknownYetError
 from .function import Translation
+from .order import fields_changed
 from .source import Info, Nested, Spec
 from .types import (
     NEVER,
@@ -93,9 +94,20 @@ class Program:
             if self.later is not None and not self.changed and before == self.fields:
                 raise self.later.reason
             if not self.changed and self.later is None:
+                self._started()
                 return
         raise SubsetError(f"{self.block.__name__}: the types of its variables do not settle: "
                       f"{self.unsettled}")  # fmt: skip
+
+    def _started(self) -> None:
+        """Refuse a field that may be read before it is assigned: in C it would be zero."""
+        known = fields_changed(self.block, "start")
+        for name in self.fields:
+            if name not in self.declared and f"self.{name}" not in known:
+                node = self.infos[self.block.start, True].node
+                where = self.infos[self.block.start, True].where
+                raise SubsetError(f"{where}:{node.lineno}: start does not assign self.{name}: "
+                                  "assign it there")  # fmt: skip
 
     def _entry(self, name: str, types: tuple[Type, ...]) -> Spec:
         callee = Callee(getattr(self.block, name), bound=True)
@@ -316,6 +328,8 @@ class Program:
             if not _is_nothing(t):
                 zero = "0" if isinstance(t, Scalar) else "{0}"
                 yield f"    {self.names(t)} {safe(n)} = {zero};"
+        if spec.recursive:
+            yield "    py_recursion();"
         for n in ("self",) if spec.takes_self else ():
             if not _stands(n, spec.lines):
                 yield f"    (void){n};"

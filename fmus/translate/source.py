@@ -110,7 +110,11 @@ class Info:
             n.id for s in ast.walk(self.node) if isinstance(s, ast.Slice)
             for n in ast.walk(s) if isinstance(n, ast.Name)
         }  # fmt: skip
-        self.wants_constant = [a in in_slices for a, _ in self.parameters]
+        assigned = {
+            n.id for n in ast.walk(self.node)
+            if isinstance(n, ast.Name) and isinstance(n.ctx, ast.Store)
+        }  # fmt: skip
+        self.wants_constant = [a in in_slices - assigned for a, _ in self.parameters]
         self.is_constant: Any = None
         if self.cached and not self.parameters:
             self.is_constant = callee.function()

@@ -99,8 +99,6 @@ def join(a: Type, b: Type) -> Type:
         return Maybe(join(x, y))
     if isinstance(a, Scalar) and isinstance(b, Scalar):
         pair = {a, b}
-        if pair == {F, I}:
-            return F
         if pair == {B, I}:
             return I
         if pair == {I, U}:

@@ -62,6 +62,8 @@ def constant(x: Any) -> Value | None:
     if isinstance(x, bool):
         return Value(B, "true" if x else "false", const=x, again=True)
     if isinstance(x, int):
+        if not -(2**63) <= x < 2**64:
+            return None
         if x > 2**63 - 1:
             return Value(U, f"UINT64_C(0x{x:X})", const=x, again=True)
         code = str(x) if abs(x) < 2**31 else f"INT64_C({x})"

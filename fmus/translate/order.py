@@ -1,0 +1,181 @@
+"""What a part of a function changes: fields of self, names, elements of lists.
+
+Python evaluates in an order, and a list may have two names. Where the C that is written would not
+do the same, `refused` says so before a function is translated.
+"""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Iterator
+from types import FunctionType
+from typing import Any
+
+from .source import source
+
+_COMPREHENSIONS = (ast.GeneratorExp, ast.ListComp)
+
+
+class Order:
+    """What nodes of a function read and change: `name` of locals, `self.name` of fields."""
+
+    def __init__(self, node: ast.FunctionDef, block: type, lists: set[str]) -> None:
+        self._block, self._lists = block, lists
+        self._within = {n.name: n for n in ast.walk(node)
+                        if isinstance(n, ast.FunctionDef) and n is not node}  # fmt: skip
+        self._busy: set[str] = set()
+
+    def changes(self, *nodes: ast.AST) -> set[str]:
+        """What is assigned there, also by the functions that are called."""
+        found: set[str] = set()
+        for n in (n for node in nodes for n in _walk(node)):
+            if isinstance(getattr(n, "ctx", None), ast.Store) and (path := _path(n)):
+                found.add(path)
+            elif isinstance(n, ast.Call):
+                found |= self._called(n)
+        return found
+
+    def calls_change(self, node: ast.AST) -> bool:
+        """Whether a function that is called there changes something."""
+        return any(self._called(n) for n in ast.walk(node) if isinstance(n, ast.Call))
+
+    def _called(self, call: ast.Call) -> set[str]:
+        match call.func:
+            case ast.Attribute(value=ast.Name(id="self"), attr=name):
+                return fields_changed(self._block, name)
+            case ast.Attribute(value=ast.Call(func=ast.Name(id="super")), attr=name):
+                return fields_changed(self._block, name)
+            case ast.Name(id=name) if name in self._within and name not in self._busy:
+                self._busy.add(name)
+                inside = self._within[name]
+                own = {n.id for n in ast.walk(inside) if isinstance(n, ast.Name)
+                       and isinstance(n.ctx, ast.Store)}  # fmt: skip
+                found = self.changes(*inside.body) - own
+                self._busy.discard(name)
+                return found
+            case ast.Name():
+                return {a.id for a in call.args if isinstance(a, ast.Name)} & self._lists
+        return set()
+
+
+def fields_changed(block: type, name: str, seen: frozenset[str] = frozenset()) -> set[str]:
+    """The fields that a method assigns, also by the methods that it calls, as `self.name`."""
+    found: set[str] = set()
+    if name in seen:
+        return found
+    for cls in block.__mro__:
+        method = getattr(vars(cls).get(name), "__wrapped__", vars(cls).get(name))
+        if not isinstance(method, FunctionType):
+            continue
+        functions = source(method.__code__.co_filename).functions
+        for n in ast.walk(functions.get(method.__code__.co_firstlineno, ast.Pass())):
+            if isinstance(getattr(n, "ctx", None), ast.Store) and _path(n).startswith("self."):
+                found.add(_path(n))
+            match n:
+                case (
+                    ast.Call(func=ast.Attribute(value=ast.Name(id="self"), attr=other))
+                    | ast.Call(
+                        func=ast.Attribute(value=ast.Call(func=ast.Name(id="super")), attr=other)
+                    )
+                ) if other != name:
+                    found |= fields_changed(block, other, seen | {name})
+    return found
+
+
+def reads(node: ast.AST) -> set[str]:
+    """The names and fields that an expression reads itself."""
+    found: set[str] = set()
+    for n in ast.walk(node):
+        match n:
+            case ast.Attribute(value=ast.Name(id="self"), attr=name):
+                found.add(f"self.{name}")
+            case ast.Name(id=name) if name != "self":
+                found.add(name)
+    return found
+
+
+def refused(order: Order, node: ast.FunctionDef, lists: set[str], given: set[str]) -> Iterator[
+    tuple[ast.AST, str, str]
+]:  # fmt: skip
+    """What is refused in a function: where, what, what to write instead. `lists`: those of which
+    elements are assigned; `given`: its parameters."""
+    for n in ast.walk(node):
+        match n:
+            case ast.AugAssign(target=target) if order.calls_change(target):
+                yield n, "a call that changes something, in a target", "call it before"
+            case ast.Assign(targets=[_, _, *_] as targets) if any(
+                isinstance(t, ast.Subscript) for t in targets
+            ):
+                yield n, "an element among several targets", "an assignment for each"
+            case ast.Subscript(slice=index) if order.calls_change(index):
+                yield n, "a call that changes something, in an index", "call it before"
+            case ast.IfExp(body=a, orelse=b) if _named(a, lists) or _named(b, lists):
+                yield n, "a second name for a list that changes", "list(...) copies it"
+            case ast.Tuple(elts=elements) | ast.List(elts=elements) if any(
+                _named(e, lists) and isinstance(e.ctx, ast.Load)  # type: ignore[attr-defined]
+                for e in elements
+            ):
+                yield n, "a list that changes, within another one", "tuple(...) copies it"
+            case ast.Call(args=[_, _, *_] as args) if any(
+                _named(a, lists) and a.id in order.changes(*(b for b in args if b is not a))  # type: ignore[attr-defined]
+                for a in args
+            ):
+                yield n, "a list, and what changes it, as arguments of one call", "change it before"
+            case ast.Return(value=ast.Name(id=name)) if name in lists & given:
+                yield n, f"{name} is changed and returned", "change it alone, or tuple(...) of it"
+            case ast.Assign(targets=[ast.Attribute()], value=value) if _named(value, lists):
+                yield n, "a second name for a list that changes", "list(...) copies it"
+            case ast.Assign(targets=[ast.Name(id=name)], value=value) if name in lists:
+                made = isinstance(value, (ast.List, ast.ListComp, ast.BinOp, ast.Name))
+                if isinstance(value, ast.Call):
+                    shares = any(isinstance(a, ast.Name) for a in value.args)
+                    made = _named(value.func, {"list"}) or not shares
+                if not made:
+                    yield n, f"{name} may be another list, too", "list(...) copies it"
+            case ast.FunctionDef() if n is not node and reads(n) & lists & _outside(node, n):
+                (name, *_) = sorted(reads(n) & lists & _outside(node, n))
+                yield n, f"{n.name} uses {name}, a list that changes", "give it as an argument"
+            case ast.Try(body=body, handlers=handlers):
+                stored = {x for s in body for x in order.changes(s) if "." not in x}
+                for h in handlers:
+                    if used := sorted(stored & {x for s in h.body for x in reads(s)}):
+                        yield h, f"{used[0]} is assigned in the try and used in its except", (
+                            "keep to what was known before"
+                        )  # fmt: skip
+        for c in getattr(n, "generators", ()) if isinstance(n, _COMPREHENSIONS) else ():
+            rest = [n.elt, *c.ifs, *(x for g in n.generators for x in (g.iter, *g.ifs))]  # type: ignore[attr-defined]
+            if clash := sorted(reads(c.iter) & order.changes(*rest)):
+                yield n, f"{clash[0]} changes in a loop over it", "a tuple of it, before"
+
+
+def _walk(node: ast.AST) -> Iterator[ast.AST]:
+    """All nodes but the targets of comprehensions, whose names are their own."""
+    yield node
+    for field, value in ast.iter_fields(node):
+        if isinstance(node, ast.comprehension) and field == "target":
+            continue
+        for child in value if isinstance(value, list) else [value]:
+            if isinstance(child, ast.AST):
+                yield from _walk(child)
+
+
+def _path(node: ast.AST) -> str:
+    """What an assignment to this changes."""
+    while isinstance(node, ast.Subscript):
+        node = node.value
+    match node:
+        case ast.Name(id=name):
+            return name
+        case ast.Attribute(value=ast.Name(id="self"), attr=name):
+            return f"self.{name}"
+    return ""
+
+
+def _named(node: Any, names: set[str]) -> bool:
+    return isinstance(node, ast.Name) and node.id in names
+
+
+def _outside(node: ast.FunctionDef, inner: ast.FunctionDef) -> set[str]:
+    """The names that stand in a function and not only in one within it."""
+    within = {id(n) for n in ast.walk(inner)}
+    return {n.id for n in ast.walk(node) if isinstance(n, ast.Name) and id(n) not in within}
