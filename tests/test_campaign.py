@@ -154,7 +154,7 @@ def test_a_campaign_of_two_hundred(whole):
     assert row["in.wheels.h_start_wheel[3]"] == drawn(system, 1, 77)["wheels.h_start_wheel"][2]
     curves = store.read(whole, store.CURVES)
     assert curves.num_rows == COUNT
-    assert head.status(whole)["state"] == "done"
+    assert progress.status(whole)["state"] == "done"
 
 
 def test_a_case_is_the_draw_of_the_same_number(whole, own, tmp_path):
@@ -191,7 +191,7 @@ def test_killed_head_and_killed_worker_lose_nothing(whole, own, tmp_path):
         process.kill()
         process.communicate()
     _until(lambda: not any(map(_there, workers)))
-    assert head.status(folder)["state"] == "killed"
+    assert progress.status(folder)["state"] == "killed"
     assert before < _rows(folder) < 80
     result = subprocess.run(command, capture_output=True, text=True, timeout=300)
     assert result.returncode in (Exit.UNMET, Exit.COMPONENT), result.stderr
@@ -528,7 +528,7 @@ def test_a_folder_has_one_campaign(whole, own, tmp_path):
     (tmp_path / "letter.txt").write_text("x")
     with pytest.raises(DesatError, match="it has other files, and no campaign"):
         head.run(plan, tmp_path, 1, progress=False)
-    assert head.status(whole)["done"] == COUNT
+    assert progress.status(whole)["done"] == COUNT
 
 
 def test_damaged_files_and_a_changed_system_are_said(whole, own, tmp_path, desat):

@@ -7,6 +7,7 @@ A module of this folder that has `applies` is an analysis:
     def applies(system) -> parts or None            # which component is what; None: not this system
     def signals(parts) -> list of series            # what a run of which little is kept must record
     def numbers(manifest, results) -> numbers       # as a manifest has them, {} where there is none
+    def balanced(parts) -> list of series           # more, where BOUND_KEY or a requirement asks
     def unmet(manifest, results) -> list of lines   # what of it is not as it ought to be
     def figures(manifest, results) -> [(caption, svg)]
 

@@ -35,6 +35,7 @@ BOUND = 1e-6
 """Of the impulse's mismatch, as a share of the largest momentum, where a scenario has no
 `impulse_bound`."""
 NUMBERS = ("energy_mismatch", "impulse_mismatch")
+BOUND_KEY = "impulse_bound"
 BLOCK = 8192
 """Steps that are computed at once: what comes between fits the processor's cache."""
 _PAIR = ("tau_mean_wheel", "tau_slope_wheel")
@@ -142,8 +143,15 @@ def _balance(manifest: dict[str, Any], results: Results) -> Balance | None:
 
 
 def signals(parts: dict[str, str]) -> list[str]:
-    """None: the balance is made where its series are recorded anyhow."""
+    """None: the balance is made where its series are recorded anyhow, or asked for."""
     return []
+
+
+def balanced(parts: dict[str, Any]) -> list[str]:
+    """The series that the balance is made of."""
+    fed = parts["feeds"] or {}
+    outer = [x for x in fed.values() if isinstance(x, str)]
+    return [*residual.balanced(parts), *(parts[n] for n in _PAIR), *outer]
 
 
 def numbers(manifest: dict[str, Any], results: Results) -> dict[str, dict[str, Any]]:

@@ -22,6 +22,7 @@ from ..system.model import System
 Array = NDArray[np.float64]
 KEY = "rigid_body"
 NUMBERS = ("momentum_residual",)
+BOUND_KEY = "residual_bound"
 BOUND = 1e-9
 """Of the residual, as a share of the largest momentum, where a scenario has no `residual_bound`."""
 _NEEDED = ("inertia", "axes_wheel", "inertia_wheel", "q_bi", "omega_bi_body", "impulse_eci")
@@ -84,8 +85,14 @@ def carrier_of(manifest: dict[str, Any], name: str) -> tuple[Array, Array]:
 
 
 def signals(parts: dict[str, str]) -> list[str]:
-    """None: the residual is computed where its series are recorded anyhow."""
+    """None: the residual is computed where its series are recorded anyhow, or asked for."""
     return []
+
+
+def balanced(parts: dict[str, str]) -> list[str]:
+    """The series that the residual is made of."""
+    own = [f"{parts['spacecraft']}.{n}" for n in ("q_bi", "omega_bi_body", "impulse_eci")]
+    return [*own, parts["wheels"]]
 
 
 def numbers(manifest: dict[str, Any], results: Results) -> dict[str, dict[str, Any]]:

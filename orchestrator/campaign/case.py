@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..study.case import Run, execute
-from ..study.draws import ran
+from ..study.draws import STOPPED, ran
 from ..study.plots import lines_of, unit_of
 from ..study.report import write_report
 from ..system.codes import Exit
@@ -33,6 +33,8 @@ def row(plan: Plan, number: int, supervised: bool = False) -> dict[str, Any]:
         values = plan.values(number)
         made = _ran(plan, values, supervised)
     except DesatError as error:
+        if getattr(error, "code", 0) > STOPPED:  # this process was told to end: it is lost
+            raise SystemExit(int(error.code)) from error
         made = {"status": "failed", "code": int(getattr(error, "code", Exit.INPUT)),
                 "message": str(error), "unmet": [], "stopped_when": None, "numbers": {},
                 "values": values}  # fmt: skip
@@ -112,5 +114,7 @@ def kept(plan: Plan, number: int, into: Path) -> Run:
     options = replace(plan.run_options(), supervised=True, call_limit=plan.limit)
     options = replace(options, values={**options.values, **plan.values(number)})
     run = execute(plan.target, options, into)
+    if run.code == Exit.SPACE or run.code > STOPPED:
+        run.or_raise(plan.target)
     write_report(into, run)
     return run

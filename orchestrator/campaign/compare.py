@@ -41,7 +41,7 @@ def compare(first: Path, second: Path, level: float = 0.95) -> dict[str, Any]:
     units = _same_units(first, second, names)
     return {
         "first": str(first), "second": str(second), "pairs": len(cases),
-        "warnings": _warnings(one, other),
+        "warnings": [*_warnings(one, other), *_apart(tables, rows)],
         "numbers": {
             n[4:]: {"unit": units[n], **_differences(tables, rows, cases, n, level)} for n in names
         },
@@ -58,6 +58,18 @@ def _warnings(one: Plan, other: Plan) -> list[str]:
     if None in ends or ends[0] == ends[1]:
         return []
     return [f"the first runs until {ends[0]:g} s, the second until {ends[1]:g} s"]
+
+
+def _apart(tables: list[Any], rows: list[dict[int, int]]) -> list[str]:
+    """That cases which one of the two has completed failed in the other."""
+    lines = []
+    for i, (own, other) in enumerate((("first", "second"), ("second", "first"))):
+        made = set(tables[1 - i]["case"].to_pylist())
+        failed = sorted(rows[i].keys() & made - rows[1 - i].keys())
+        if failed:
+            told = f"case {failed[0]}" + (f" and {len(failed) - 1} more" if failed[1:] else "")
+            lines.append(f"{told}: completed in the {own}, failed in the {other}: in no pair")
+    return lines
 
 
 def _same_inputs(

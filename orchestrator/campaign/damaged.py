@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 from collections.abc import Sequence
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -13,9 +15,35 @@ import pyarrow.parquet as pq
 from ..system.errors import DesatError
 
 
+def signature(path: Path) -> Path:
+    """Where the sha256 of a Parquet file lies; readers of the whole folder pass names with _ by."""
+    return path.with_name(f"_{path.stem}.sha256")
+
+
+def replace(part: Path, path: Path, octets: bytes) -> None:
+    """Put a written file in the place of a Parquet file, and keep its sha256 beside."""
+    signature(path).unlink(missing_ok=True)  # of what was there before
+    part.replace(path)
+    signature(path).write_text(hashlib.sha256(octets).hexdigest(), encoding="ascii")
+
+
+def _check(path: Path) -> None:
+    """Raises DesatError where a file is not what was written."""
+    sign_of = signature(path)
+    state = path.stat()
+    if sign_of.exists() and not _as_signed(path, sign_of, state.st_mtime_ns, state.st_size):
+        raise _said(path, ValueError("its sha256 is another"))
+
+
+@lru_cache(maxsize=4096)
+def _as_signed(path: Path, sign_of: Path, *_: int) -> bool:
+    return hashlib.sha256(path.read_bytes()).hexdigest() == sign_of.read_text(encoding="ascii")
+
+
 def columns(path: Path) -> pa.Schema:
     """The columns of a Parquet file. Raises DesatError where it is damaged."""
     try:
+        _check(path)
         return pq.read_schema(path)
     except (pa.ArrowException, OSError) as error:
         raise _said(path, error) from error

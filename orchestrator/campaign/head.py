@@ -3,11 +3,8 @@
 from __future__ import annotations
 
 import math
-import os
-import platform
 import time
 from collections.abc import Iterator, Sequence
-from contextlib import suppress
 from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
@@ -15,18 +12,18 @@ from typing import Any
 from ..analyses import analyses
 from ..files.claim import LOCK, claimed
 from ..study.case import Case, prepare
-from ..study.draws import lost, system_of
+from ..study.draws import lost, never, system_of, whole_numbers
 from ..study.manifest import write_json
 from ..study.options import Options
 from ..study.sampling import SAMPLINGS, Sampling, allowed, dispersed, drawn
 from ..study.workers import Local, Lost, Workers, results
-from ..system.errors import DesatError, nearest
+from ..system.codes import Exit
+from ..system.errors import DesatError, RunError, nearest
 from . import damaged, store
 from .case import kept, plots_of, row
 from .plan import PLAN, Plan, digest_of, joined, read, versions
-from .progress import Progressed, Shown
+from .progress import STATUS, Progressed, Shown
 
-STATUS = "status.json"
 _EACH = 2.0
 """Seconds from one status to the next."""
 
@@ -50,11 +47,15 @@ def planned(
     system = system_of(target, options)
     if not system.about.get("dispersions"):
         raise DesatError(f"{target}: it has no [dispersions], so there is nothing to draw")
-    if count < 1 or limit <= 0.0:
-        raise DesatError(f"{target}: {count} cases of {limit:g} s: both are above 0")
-    for name in (*(text.partition("=")[0] for text in options.sets), *options.values):
-        if name in dispersed(system):
-            raise DesatError(f"--set {name}: it is drawn, and so never has this value")
+    whole_numbers(target, seed=(seed, 0), count=(count, 1))
+    for name in dispersed(system):
+        if "[" in name:
+            raise DesatError(f"{target}: dispersions: {name}: an element; what is drawn is all of "
+                             f"{name.partition('[')[0]}")  # fmt: skip
+    if limit <= 0.0:
+        raise DesatError(f"{target}: {count} cases of {limit:g} s: more is needed")
+    if lines := never(system, options):
+        raise DesatError("\n".join(lines))
     try:
         allowed(sampling, count, system)
         first = {**options.values, **drawn(system, seed, 0, sampling, count)}
@@ -115,12 +116,16 @@ def run(
 
 
 def _run(plan: Plan, folder: Path, jobs: int, cluster: str | None, progress: bool) -> None:
+    longer = False
     if (folder / PLAN).exists():
-        joined(read(folder), plan, folder)
+        joined(old := read(folder), plan, folder)
+        longer = plan.limit > old.limit
     elif any(p.name != LOCK for p in folder.iterdir()):
         raise DesatError(f"{folder}: it has other files, and no campaign; take another --out")
     plan.write(folder)
     rows = store.Store(folder, plan.count, versions())
+    if longer:
+        rows.forget(Exit.TIMEOUT)  # they may have time enough now
     at = Progressed(plan.count, rows.done(), rows.failed())
     at.first = at.done
     write_json(folder / STATUS, at.as_json("running"))
@@ -247,46 +252,36 @@ def worst(folder: Path, number: str, count: int, least: bool = False) -> list[in
 
 def _keep(plan: Plan, folder: Path, jobs: int) -> None:
     """Make the series of the cases that are to be kept: the same bits again."""
-    todo = [n for n in chosen(plan, folder) if not (kept_in(folder, n) / "manifest.json").exists()]
+    todo = [n for n in chosen(plan, folder) if not _is_kept(kept_in(folder, n))]
     if not todo:
         return
     tasks: Iterator[tuple[Any, tuple[Any, ...]]] = (
         (n, (plan, n, kept_in(folder, n))) for n in todo
     )  # fmt: skip
     with Local(_kept, min(jobs, len(todo)), 1.25 * plan.limit) as workers:
-        for _ in results(workers, tasks, lambda key, why: None):
-            pass
+        for number, result in results(workers, tasks, lambda key, why: None):
+            if isinstance(result, Lost):
+                raise RunError(f"{kept_in(folder, number)}: not kept: {result.why}", Exit.COMPONENT)
+
+
+def _is_kept(folder: Path) -> bool:
+    """Whether a case was run to its own end there, and not to that of a disk or of its head."""
+    try:
+        status = str(damaged.table(folder / "manifest.json").get("status"))
+    except (FileNotFoundError, DesatError):
+        return False
+    return status not in ("no space", "interrupted") and not status.startswith("killed")
 
 
 def _kept(plan: Plan, number: int, into: Path) -> None:
-    with suppress(DesatError):  # a case that cannot begin has no series; its row says why
+    try:
         kept(plan, number, into).results.close()
+    except DesatError as error:
+        if getattr(error, "code", 0) == Exit.SPACE:
+            raise
+        # else it cannot begin and has no series; its row says why
 
 
 def kept_in(folder: Path, number: int) -> Path:
     """The run folder of a case that is kept."""
     return folder / "kept" / f"{number:06}"
-
-
-def status(folder: Path) -> dict[str, Any]:
-    """How far a campaign is, as its head wrote last. Raises DesatError where there is none."""
-    plan = read(folder)
-    blank = {"state": "running", "count": plan.count, "done": 0, "failed": 0}
-    try:
-        told = {**blank, **damaged.table(folder / STATUS)}
-    except FileNotFoundError:
-        told = blank
-    head, _, pid = told.get("head", "").rpartition(":")
-    if told["state"] == "running" and head == platform.node() and not _lives(int(pid)):
-        told["state"] = "killed"
-    return told
-
-
-def _lives(pid: int) -> bool:
-    try:
-        os.kill(pid, 0)
-    except ProcessLookupError:
-        return False
-    except PermissionError:
-        pass
-    return True

@@ -18,15 +18,14 @@ def requirement(
     entry: Mapping[str, Any], out: Mapping[str, Any], completed: Any, cases: Any, folder: Path
 ) -> dict[str, Any]:  # fmt: skip
     """How many cases are within a requirement, and whether that shows that it is met. A case that
-    failed, or has not the number, is outside."""
+    failed, or has not the number, or an infinite one, is outside."""
     probability, confidence = entry.get("probability", 0.95), entry.get("confidence", 0.95)
     values = out.get(entry["number"], np.full(len(cases), np.nan))
-    within = (
-        completed & (values <= entry.get("max", math.inf)) & (values >= entry.get("min", -math.inf))
-    )
+    low, high = entry.get("min", -math.inf), entry.get("max", math.inf)
+    within = completed & np.isfinite(values) & (values <= high) & (values >= low)
     n, inside = len(cases), int(within.sum())
     # one-sided at the confidence: a two-sided interval with twice the tail
-    low = clopper_pearson(inside, n, 2.0 * confidence - 1.0)[0] / 100.0
+    shown = clopper_pearson(inside, n, 2.0 * confidence - 1.0)[0] / 100.0
     outside = [int(c) for c in cases[~within][:10]]
     return {
         **dict(entry), "probability": probability, "confidence": confidence, "n": n,
@@ -34,33 +33,58 @@ def requirement(
         "lacking": int((completed & ~np.isfinite(values)).sum()),
         "share_outside": 100.0 * (n - inside) / n,
         "interval_outside": clopper_pearson(n - inside, n, confidence),
-        "shown_within": 100.0 * low, "met": low >= probability,
+        "shown_within": 100.0 * shown, "met": shown >= probability,
         "cases_outside": outside,
         "commands": [rerun(folder, c) for c in outside[:3]],
         "more_cases": more(n, inside, probability, confidence),
-        "for_half_the_width": 3 * n,
+        "for_half_the_width": for_half_the_width(n, n - inside, confidence),
     }  # fmt: skip
 
 
 def more(n: int, inside: int, probability: float, confidence: float) -> int | None:
-    """How many more cases would show the requirement met if the share stayed as it is; 0 where it
-    is, None where more cannot show it."""
-    share = inside / n
+    """How many more cases would show the requirement met, and go on to show it with any number
+    above, if the share outside stayed as it is; 0 where it is shown, None where more cannot."""
+    share = (n - inside) / n
 
-    def shown(total: int) -> bool:
-        low = clopper_pearson(round(share * total), total, 2.0 * confidence - 1.0)[0]
+    def shown(total: int, outside: int) -> bool:
+        low = clopper_pearson(total - outside, total, 2.0 * confidence - 1.0)[0]
         return bool(low >= 100.0 * probability)
 
-    if shown(n):
+    if shown(n, n - inside):
         return 0
-    if share <= probability:
+    if 1.0 - share <= probability:
         return None
-    few, total = n, math.ceil(n * 1.1)
-    while not shown(total):
-        few, total = total, math.ceil(total * 1.1)
-        if total > 10_000_000:
-            return None
-    return bisect_left(range(few, total), True, key=shown) + few - n
+    if not share:
+        return bisect_left(range(n, _MOST), True, key=lambda total: shown(total, 0))
+    # with one more outside a total shows least: these are the totals that decide
+    first = n - inside + 1
+
+    def least(outside: int) -> int:
+        return math.ceil((outside - 0.5) / share)  # the share rounded to whole cases
+
+    last = int(share * _MOST)
+    k = first + bisect_left(range(first, last), True, key=lambda k: shown(least(k), k))
+    if k >= last:
+        return None
+    before = range(max(n, least(k - 1)), least(k))
+    return before.start + bisect_left(before, True, key=lambda total: shown(total, k - 1)) - n
+
+
+def for_half_the_width(n: int, outside: int, confidence: float) -> int | None:
+    """How many more cases would make the interval of the share outside half as wide, if that share
+    stayed as it is; None where so many are not made."""
+
+    def width(total: int) -> float:
+        low, high = clopper_pearson(round(outside / n * total), total, confidence)
+        return high - low
+
+    wanted = 0.5 * width(n)
+    few = bisect_left(range(n, _MOST), True, key=lambda total: width(total) <= wanted)
+    return few if n + few < _MOST else None
+
+
+_MOST = 10_000_000
+"""More cases are not told of."""
 
 
 def rerun(folder: Path, case: int) -> str:

@@ -96,8 +96,9 @@ def changed(plan: Plan) -> str:
 
 def joined(old: Plan, new: Plan, folder: Path) -> None:
     """Raises DesatError where a folder's campaign is not the one that is to go on in it."""
-    for key, before in asdict(old).items():
-        now = getattr(new, key)
+    wanted = json.loads(json.dumps(asdict(new)))  # tuples as the file has them
+    for key, before in json.loads(json.dumps(asdict(old))).items():
+        now = wanted[key]
         grows = key == "count" and now >= before and old.sampling not in FIXED
         if before == now or grows or key in GROWS[1:]:
             continue

@@ -7,11 +7,16 @@ import platform
 import sys
 import time
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
+from . import damaged
+from .plan import read
+
+STATUS = "status.json"
 _LINE = 60.0
 """Seconds from one line to the next where no terminal looks on."""
 
@@ -79,3 +84,29 @@ class Shown:
     def __exit__(self, *_: object) -> None:
         if self._bar is not None:
             self._bar.stop()
+
+
+def status(folder: Path) -> dict[str, Any]:
+    """How far a campaign is, as its head wrote last. Raises DesatError where there is none."""
+    plan = read(folder)
+    blank = {"state": "running", "count": plan.count, "done": 0, "failed": 0}
+    try:
+        told = {**blank, **damaged.table(folder / STATUS)}
+    except FileNotFoundError:
+        told = blank
+    head, _, pid = str(told.get("head", "")).rpartition(":")
+    if told["state"] == "running" and head == platform.node() and not (
+        pid.isdecimal() and _lives(int(pid))
+    ):  # fmt: skip
+        told["state"] = "killed"
+    return told
+
+
+def _lives(pid: int) -> bool:
+    try:
+        os.kill(pid, 0)
+    except ProcessLookupError:
+        return False
+    except PermissionError:
+        pass
+    return True

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import warnings
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -57,10 +59,17 @@ def summary(folder: Path) -> dict[str, Any]:
         for name, values in out.items()
     }
     failed = [
-        {"case": int(c), "message": m, "command": rerun(folder, int(c))}
-        for c, s, m in zip(cases, status, table["message"].to_pylist(), strict=True)
+        {"case": int(c), "code": code, "message": m, "command": rerun(folder, int(c))}
+        for c, s, m, code in zip(cases, status, table["message"].to_pylist(),
+                                 table["code"].to_pylist(), strict=True)
         if s != "completed"
     ]  # fmt: skip
+    if lost := [n for n in out if n not in told]:
+        raise DesatError(f"{folder / store.NUMBERS}: damaged: it has nothing of {lost[0]}")
+    unmet = Counter(
+        f"case {int(c)}: {line}"
+        for c, lines in zip(cases, table["unmet"].to_pylist(), strict=True) for line in lines or ()
+    )  # fmt: skip
     apart = _apart(plan, cases)
     each = {n: v[apart] for n, v in out.items()}
     return {
@@ -69,7 +78,7 @@ def summary(folder: Path) -> dict[str, Any]:
         "changed": changed(plan),
         "seconds": float(np.nansum(figures.flat(table["seconds"].to_pylist()))),
         "digest": store.digest(folder),
-        "numbers": numbers,
+        "numbers": numbers, "unmet": dict(unmet),
         "requirements": {
             name: {**requirement(entry, each, completed[apart], cases[apart], folder),
                    "unit": told.get(entry["number"], {}).get("unit", "")}
@@ -99,7 +108,8 @@ def _number(name: str, entry: Mapping[str, str], values: Any, cases: Any) -> dic
     """A number over all completed cases that have it."""
     there = np.isfinite(values)
     told: dict[str, Any] = {"title": entry.get("title", name), "unit": entry.get("unit", ""),
-                             "n": int(there.sum()), "not_reached": int((~there).sum())}  # fmt: skip
+                             "n": int(there.sum()), "not_reached": int(np.isnan(values).sum()),
+                             "infinite": int(np.isinf(values).sum())}  # fmt: skip
     if there.any():
         levels = np.percentile(values[there], (5.0, 50.0, 95.0, 99.0))
         told |= dict(zip(("p5", "median", "p95", "p99"), map(float, levels), strict=True))
@@ -138,13 +148,20 @@ def _sobol(plan: Plan, cases: Any, completed: Any, out: Mapping[str, Any]) -> di
     names, sizes = axes(system(plan.target, plan.run_options().blocks))
     if plan.count < (least := BASE * (sum(sizes) + 2)):
         return {"missing": f"they need -n {least} or more"}
-    elements = [n if k == 1 else f"{n}[{i}]" for n, k in zip(names, sizes, strict=True)
+    how = dispersed(system(plan.target, plan.run_options().blocks))
+    # of a direction each random number moves all elements
+    form = {n: "{}, random number {}" if {"attitude", "direction"} & how[n].keys() else "{}[{}]"
+            for n in names}  # fmt: skip
+    elements = [n if k == 1 else form[n].format(n, i) for n, k in zip(names, sizes, strict=True)
                 for i in range(1, k + 1)]  # fmt: skip
     analyze = sensitivity("analyze")
     indices: dict[str, Any] = {}
     for number, y in out.items():
         if np.isfinite(y).all() and np.ptp(y) > 0.0:
-            made = analyze(unit_cube(len(elements)), y, calc_second_order=False, seed=plan.seed)
+            with warnings.catch_warnings():  # of numbers that hardly differ: their interval says
+                warnings.simplefilter("ignore")
+                cube = unit_cube(len(elements))
+                made = analyze(cube, y, calc_second_order=False, seed=plan.seed)
             indices[number] = {
                 name: {"first": float(made["S1"][i]), "first_conf": float(made["S1_conf"][i]),
                        "total": float(made["ST"][i]), "total_conf": float(made["ST_conf"][i])}
@@ -185,7 +202,7 @@ def _figures(folder: Path, plan: Plan, told: Mapping[str, Any]) -> list[_Figure]
     for name, entry in told["numbers"].items():
         values = figures.flat(table[f"out.{name}"].to_pylist())[good]
         values = values[np.isfinite(values)]
-        if len(values) and np.ptp(values) > 0.0:
+        if len(values) and np.ptp(values) > 1e-9 * np.abs(values).max():
             image = figures.distribution(name, entry["unit"], values, limits.get(name, []))
             made.append(_Figure(entry["title"], Markup(image)))
     described = store.described(folder)

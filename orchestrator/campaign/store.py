@@ -89,6 +89,21 @@ class Store:
         parts = (damaged.rows(_part(self.folder, CASES, b), ["status"]) for b in self._whole)
         return waiting + sum(int(s != "completed") for t in parts for s in t["status"].to_pylist())
 
+    def forget(self, code: int) -> int:
+        """Make no account of the cases that ended with this code; how many there were."""
+        for block in sorted(self._whole):
+            codes = damaged.rows(_part(self.folder, CASES, block), ["code"])["code"].to_pylist()
+            if code in codes:
+                self._open[block] = {row["case"]: row for row in _of_block(self.folder, block)}
+                self._whole.discard(block)
+        gone = [(b, n) for b, rows in self._open.items() for n in rows if rows[n]["code"] == code]
+        for block, number in gone:
+            del self._open[block][number]
+            for kind in (CASES, CURVES):
+                _part(self.folder, kind, block).unlink(missing_ok=True)
+        self._rewrite()
+        return len(gone)
+
     def add(self, row: dict[str, Any]) -> None:
         """Keep a row: in the journal at once, in its file when the block is whole."""
         row = {**row, "versions": self._versions}
@@ -123,12 +138,17 @@ class Store:
             self._file = path.open("a", encoding="utf-8")
 
 
+_ROW = {"case", "status", "code", "message", "unmet", "stopped_when", "numbers", "values"}
+"""What a row of the journal has; the first line without ends it."""
+
+
 def _part(folder: Path, kind: str, block: int) -> Path:
     return folder / kind / f"part-{block:05}.parquet"
 
 
 def _parts(folder: Path) -> set[int]:
-    return {int(p.stem.partition("-")[2]) for p in (folder / CASES).glob("part-*.parquet")}
+    found = (p.stem.partition("-")[2] for p in (folder / CASES).glob("part-*.parquet"))
+    return {int(number) for number in found if number.isdecimal()}
 
 
 def _journal(folder: Path) -> Iterator[dict[str, Any]]:
@@ -142,7 +162,7 @@ def _journal(folder: Path) -> Iterator[dict[str, Any]]:
                 row = json.loads(line)
             except ValueError:
                 return
-            if not isinstance(row, dict) or "case" not in row:
+            if not (isinstance(row, dict) and row.keys() >= _ROW and isinstance(row["case"], int)):
                 return
             yield row
 
@@ -163,7 +183,7 @@ def _save(table: pa.Table, path: Path) -> None:
     pq.write_table(table, part, compression="zstd")
     with part.open("rb") as file:
         os.fsync(file.fileno())
-    part.replace(path)
+        damaged.replace(part, path, file.read())
 
 
 def _table(rows: Sequence[dict[str, Any]]) -> pa.Table:
@@ -226,7 +246,13 @@ def read(folder: Path, kind: str = CASES, columns: Sequence[str] | None = None) 
     for block in blocks:
         path = _part(folder, kind, block)
         if path.exists():
-            tables.append(damaged.rows(path, columns))
+            table = damaged.rows(path, columns)
+            if "case" in table.column_names and table.num_rows and (
+                table["case"][0].as_py() // BLOCK != block
+            ):  # fmt: skip
+                raise DesatError(f"{path}: damaged (it has other cases); without it the same "
+                                 "command makes its cases again")  # fmt: skip
+            tables.append(table)
     rows = sorted((r for r in _journal(folder) if r["case"] // BLOCK not in blocks),
                   key=lambda r: r["case"])  # fmt: skip
     if rows and kind == CASES:

@@ -20,6 +20,7 @@ from xarray.backends import BackendArray
 from xarray.core import indexing
 
 from ..engine.results import Results
+from ..system.errors import DesatError
 from .case import load_run
 from .manifest import attributes
 
@@ -112,14 +113,14 @@ def of_campaign(folder: Path) -> xr.Dataset:
     for field in store.schema(folder):
         if field.name == "case":
             continue
-        lazy = _Lazy((len(cases),), _dtype(field.type), _column(folder, field.name))
+        lazy = _Lazy((len(cases),), _dtype(field.type), _column(folder, field.name, cases))
         # what is drawn is told of as a whole, and has a column an element
         told = described.get(field.name.removeprefix("out.").partition("[")[0], {})
         variables[field.name] = lazy.variable(
             ("case",), {"long_name": told.get("title", ""), "units": told.get("unit", "")}
         )
     for name in plan.curves:
-        lazy = _Lazy((len(cases), POINTS), float, _envelopes(folder, name))
+        lazy = _Lazy((len(cases), POINTS), float, _envelopes(folder, name, cases))
         told = described.get(f"curve.{name}", {})
         variables[f"curve.{name}"] = lazy.variable(
             ("case", "part"),
@@ -135,19 +136,24 @@ def _dtype(kind: Any) -> Any:
     return np.dtype({"double": "f8", "int64": "i8", "int32": "i4"}.get(str(kind), "O"))
 
 
-def _column(folder: Path, name: str) -> Callable[[Any], Any]:
+def _column(folder: Path, name: str, cases: Any) -> Callable[[Any], Any]:
+    """Of these cases, in their order: others may have come since."""
+
     def read(key: tuple[Any, ...]) -> Any:
         from ..campaign import store
 
-        column = store.read(folder, columns=["case", name])
-        if name not in column.column_names:
-            return np.full(column.num_rows, np.nan)[key]
-        return column[name].to_pandas().to_numpy()[key]
+        table = store.read(folder, columns=["case", name])
+        if name not in table.column_names:
+            return np.full(len(cases), np.nan)[key]
+        there = {case: row for row, case in enumerate(table["case"].to_pylist())}
+        if lost := [int(case) for case in cases if int(case) not in there]:
+            raise DesatError(f"{folder}: case {lost[0]} is not there any more: load it again")
+        return table[name].to_pandas().to_numpy()[[there[int(case)] for case in cases]][key]
 
     return read
 
 
-def _envelopes(folder: Path, name: str) -> Callable[[Any], Any]:
+def _envelopes(folder: Path, name: str, cases: Any) -> Callable[[Any], Any]:
     def read(key: tuple[Any, ...]) -> Any:
         from ..campaign import store
         from ..campaign.case import POINTS
@@ -155,8 +161,7 @@ def _envelopes(folder: Path, name: str) -> Callable[[Any], Any]:
         table = store.read(folder, store.CURVES)
         known = table[name].to_pylist() if name in table.column_names else [None] * table.num_rows
         rows = dict(zip(table["case"].to_pylist(), known, strict=True))
-        cases = store.read(folder, columns=["case"])["case"].to_pylist()
         blank = [np.nan] * POINTS
-        return np.array([rows.get(c) or blank for c in cases], dtype=float)[key]
+        return np.array([rows.get(int(c)) or blank for c in cases], dtype=float)[key]
 
     return read

@@ -6,6 +6,7 @@ from __future__ import annotations
 import statistics
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from types import ModuleType
 from typing import Any
 
 from rich.console import Console
@@ -16,7 +17,7 @@ from ..system.codes import Exit
 from ..system.draft import Draft
 from ..system.errors import DesatError, RunError
 from .case import Options, Run, load, prepare, simulate
-from .sampling import dispersed, drawn
+from .sampling import drawn, overridden
 from .workers import Here, Local, Lost, Workers, results
 
 STOPPED = 128
@@ -48,8 +49,10 @@ def ran(
     if options.record == ("*",):
         needed = (*needed_signals(system.about), *also)
         for analysis in analyses():
-            parts = analysis.applies(system)
-            needed += tuple(analysis.signals(parts)) if parts else ()
+            if parts := analysis.applies(system):
+                needed += tuple(analysis.signals(parts))
+                if _asked(system.about, analysis):
+                    needed += tuple(analysis.balanced(parts))
         case = replace(case, options=replace(case.options, record=needed))
     run = simulate(case)
     if run.code > STOPPED:
@@ -70,6 +73,22 @@ def ran(
     }
     run.results.close()
     return row
+
+
+def _asked(about: Mapping[str, Any], analysis: ModuleType) -> bool:
+    """Whether a scenario asks for what an analysis makes of series that draws need not record: by
+    its bound, or a requirement on one of its numbers."""
+    wanted = {r["number"] for r in about.get("requirements", {}).values()}
+    return hasattr(analysis, "balanced") and bool(
+        analysis.BOUND_KEY in about or wanted & set(analysis.NUMBERS)
+    )
+
+
+def never(system: Draft, options: Options) -> list[str]:
+    """What the options give a value that is drawn instead: a line each."""
+    names = [*(text.partition("=")[0] for text in options.sets), *options.values]
+    return [f"--set {name}: {'it' if name == what else what} is drawn, and so never has this value"
+            for name in names if "." in name for what in overridden(system, name)]  # fmt: skip
 
 
 def lost(reason: Lost) -> dict[str, Any]:
@@ -140,10 +159,10 @@ def draws(
     system = system_of(target, options)
     if not system.about.get("dispersions"):
         raise DesatError(f"{target}: it has no [dispersions], so there is nothing to draw")
+    whole_numbers(target, seed=(seed, 0), count=(count, first + 1))
     typical = replace(options, values={**options.values, **drawn(system, seed, 0)})
     warnings = prepare(target, typical).checked.warnings
-    given = {text.partition("=")[0] for text in options.sets} & dispersed(system).keys()
-    warnings += [f"--set {name}: it is drawn, and so never has this value" for name in given]
+    warnings += never(system, options)
     tasks = [(target, options, seed, draw) for draw in range(first, count)]
     rows = rows_of(tasks, jobs, target, progress)
     summed = summary(rows)
@@ -154,6 +173,13 @@ def draws(
         "scenario": target, "seed": seed, "draws": rows, "stopped": stopped,
         "summary": summed, "warnings": warnings,
     }  # fmt: skip
+
+
+def whole_numbers(target: str, **given: tuple[Any, int]) -> None:
+    """Raises DesatError for what is no integer, or below its least value."""
+    for name, (value, least) in given.items():
+        if not isinstance(value, int) or isinstance(value, bool) or value < least:
+            raise DesatError(f"{target}: {name} = {value!r}: an integer from {least} on is needed")
 
 
 def summary(rows: list[dict[str, Any]]) -> dict[str, dict[str, Any]]:

@@ -16,7 +16,7 @@ from ..system.interface import Signal, base_name
 from ..system.model import System
 from ..system.parameters import expand
 from . import derived, requirements, stopping
-from .measures import MEASURES, OWN_UNIT, SIZES
+from .measures import MEASURES, OWN_UNIT, SCALARS, SIZES
 from .numbers import scale
 from .sampling import kind_of
 
@@ -201,10 +201,8 @@ def _elements(system: Draft, name: str, causalities: tuple[str, ...]) -> list[Si
 
 def _unit(own: str, unit: str | None) -> str:
     """What is wrong with a unit in place of another; nothing where none is given."""
-    if unit is None:
-        return ""
     try:
-        scale(own, unit)
+        scale(own, own if unit is None else unit)
     except DesatError as error:
         return str(error)
     return ""
@@ -228,8 +226,7 @@ def _series(data: dict[str, Any], system: Draft) -> Iterator[tuple[Path, str]]:
             value = limit["value"] if isinstance(limit, dict) else limit
             for factor in re.split(r"[*/]", value) if isinstance(value, str) else ():
                 if not _is_number(factor):
-                    parameter = base_name(factor.strip())
-                    problem = _elements(system, parameter, ("parameter", "input"))
+                    problem = _elements(system, base_name(factor.strip()), ("parameter", "input"))
                     if isinstance(problem, str):
                         yield ("plots", name, "limits"), problem
 
@@ -242,6 +239,9 @@ def _entry(entry: dict[str, Any], signals: list[list[Signal]]) -> Iterator[tuple
         unit = (quantity[0].unit if quantity else "") or elements[0].unit_name
         if not own and (text := _unit(unit, entry.get("unit"))):
             yield "unit", text
+        several, measure = len(quantity[0].names if quantity else elements), entry.get("measure")
+        if "signal" in entry and "element" not in entry and several > 1 and measure in SCALARS:
+            yield "element", f"{measure or 'last'} takes one element; there are {several}"
         if quantity:
             continue
         if len(entry.get("components", [])) > len(elements):

@@ -16,6 +16,9 @@ from .measuring import MEASURES, OWN_UNIT, Array, Measure, in_unit, measure, per
 __all__ = ["MEASURES", "OWN_UNIT", "Measure"]
 
 
+SCALARS = (None, "last", "growth_in", "mean_rate")
+"""Measures of one element; None: where none is named, it is the last value."""
+
 SIZES: dict[str, Callable[[Array], Array]] = {
     "mean": lambda v: np.asarray(np.abs(v).mean(axis=1)),
     "largest": lambda v: np.asarray(np.abs(v).max(axis=1)),

@@ -39,6 +39,9 @@ def modify(
             draft.share(variable, value, where)
         else:
             component = draft.component(name, where)
+            if fed := _fed(draft, name, variable):
+                _refuse(draft, f"{where}: {name}.{variable}: {fed} feeds it: it never has this "
+                        "value", f"{name}.{variable}" in (drawn or {}))  # fmt: skip
             of_program = where == f"{name}.{variable}"
             try:
                 component.assign(variable, value, name if of_program else f"{where}: {name}")
@@ -47,6 +50,24 @@ def modify(
                     raise
                 draft.problems.append(str(error))  # of this draw alone
             component.given[base_name(variable)] = where
+
+
+def _fed(draft: Draft, name: str, variable: str) -> str:
+    """The output that feeds an input; none where it is open, or a parameter."""
+    wanted = {base_name(variable), variable}
+    for c in draft.connections:
+        if c.target == name and wanted & {c.input, base_name(c.input)}:
+            if "[" in variable and c.input != variable:
+                continue
+            return f"{c.source}.{c.output}"
+    return ""
+
+
+def _refuse(draft: Draft, line: str, of_draw: bool) -> None:
+    """Raise DesatError, or keep the line as a problem of this draw alone."""
+    if not of_draw:
+        raise DesatError(line)
+    draft.problems.append(line)
 
 
 def _assignments(

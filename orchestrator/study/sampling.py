@@ -35,6 +35,8 @@ Sampling = Literal["random", "latin-hypercube", "sobol", "saltelli"]
 SAMPLINGS: tuple[str, ...] = get_args(Sampling)
 FIXED: tuple[str, ...] = ("latin-hypercube", "saltelli")
 """Samplings whose points depend on their number."""
+MOST = 10_000_000
+"""Points of these, which lie in memory all at once."""
 
 
 def dispersed(system: Draft) -> dict[str, dict[str, Any]]:
@@ -45,6 +47,16 @@ def dispersed(system: Draft) -> dict[str, dict[str, Any]]:
         owners = [c.name for c in system.having(variable)] if owner == "*" else [owner]
         spread |= {f"{name}.{variable}": spec for name in owners}
     return spread
+
+
+def overridden(system: Draft, name: str) -> list[str]:
+    """What is drawn of the parameters that a name gives a value: `component.parameter`, an element
+    of it, or `shared.parameter`."""
+    owner, variable = (part.strip() for part in base_name(name.strip()).split(".", 1))
+    wanted = {f"{owner}.{variable}"}
+    if owner == "shared" and owner not in system.components:
+        wanted = {f"{c.name}.{variable}" for c in system.having(variable)}
+    return sorted(wanted & dispersed(system).keys())
 
 
 def drawn(
@@ -143,6 +155,8 @@ def _directed(kind: str, given: Any, normal: NDArray[np.float64]) -> list[float]
 
 def allowed(sampling: Sampling, count: int, system: Draft) -> None:
     """Raises DesatError where a sampling has no such number of points."""
+    if sampling in FIXED and count > MOST:
+        raise DesatError(f"{sampling}: -n {count}: at most {MOST}")
     if sampling == "sobol" and sum(axes(system)[1]) > 21201:
         raise DesatError("sobol has at most 21201 axes")
     if sampling != "saltelli":

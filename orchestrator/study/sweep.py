@@ -11,7 +11,7 @@ from ..system.errors import DesatError
 from ..system.parameters import parse_assignment
 from .case import Options, prepare
 from .draws import rows_of, summary, system_of
-from .sampling import dispersed
+from .sampling import overridden
 
 
 def axes_of(texts: Sequence[str]) -> dict[str, list[Any]]:
@@ -43,8 +43,10 @@ def sweep(
     if not axes or not all(axes.values()):
         raise DesatError("a sweep needs a parameter and its values: component.parameter=a,b,c")
     system = system_of(target, options)
-    if draws and (drawn := sorted(axes.keys() & dispersed(system).keys())):
-        raise DesatError(f"{target}: {drawn[0]} is drawn, and so cannot be an axis of draws")
+    for name in axes if draws else ():
+        if drawn := overridden(system, name):
+            raise DesatError(f"{target}: {name}: {drawn[0]} is drawn, and so cannot be an axis of "
+                             "draws")  # fmt: skip
     points = [dict(zip(axes, v, strict=True)) for v in itertools.product(*axes.values())]
     warnings = _warnings(target, axes, options)
     tasks = [

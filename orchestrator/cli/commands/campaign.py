@@ -118,9 +118,9 @@ def run(
 @campaigns.command()
 def status(folder: Folder, as_json: Json = False) -> None:
     """How far a campaign is, also from elsewhere."""
-    from ...campaign import head
+    from ...campaign import progress
 
-    told = head.status(folder)
+    told = progress.status(folder)
     if as_json:
         print_json(told)
         return
@@ -163,6 +163,10 @@ def case(
     out.print(f"{where / 'report.html'}", highlight=False, markup=False)
     if not made.ok:
         raise DesatError(f"case {number}: {made.manifest['message']}", made.code)
+    if made.code:
+        for line in made.manifest["unmet"]:
+            err.print(f"not met: {line}", highlight=False, markup=False)
+        raise typer.Exit(made.code)
 
 
 @campaigns.command()
@@ -189,10 +193,12 @@ def compare(
     table.add_column("unit")
     for name, entry in told["numbers"].items():
         if entry["n"]:
-            cells = (entry["median"], *entry["interval"], entry["share_lower"],
-                     *entry["share_lower_interval"],
+            few = not entry["interval_holds"]  # too few for an interval of the median
+            within = ("", "") if few else tuple(map(number, entry["interval"]))
+            cells = (entry["share_lower"], *entry["share_lower_interval"],
                      100.0 * entry["higher"] / entry["n"])  # fmt: skip
-            table.add_row(name, *map(number, cells), str(entry["n"]), pretty_unit(entry["unit"]))
+            table.add_row(name, number(entry["median"]), *within, *map(number, cells),
+                          str(entry["n"]), pretty_unit(entry["unit"]))  # fmt: skip
     out.print(f"{told['first']} less {told['second']}, {told['pairs']} pairs; intervals of 95 %:",
               highlight=False, markup=False)  # fmt: skip
     out.print(table)
@@ -226,6 +232,11 @@ def _report(folder: Path, as_json: bool) -> None:
     codes: list[Any] = (
         [Exit.UNMET] if any(not r["met"] for r in told["requirements"].values()) else []
     )
-    codes += [Exit.COMPONENT] if told["failed"] else []
+    if told["unmet"]:
+        err.print(f"{sum(told['unmet'].values())} not met of what each run is held against, first: "
+                  f"{next(iter(told['unmet']))}", highlight=False, markup=False)  # fmt: skip
+        codes.append(Exit.UNMET)
+    if failed := {f["code"] for f in told["failed"]}:
+        codes.append(Exit.TIMEOUT if failed == {Exit.TIMEOUT} else Exit.COMPONENT)
     if codes:
         raise typer.Exit(max(codes))

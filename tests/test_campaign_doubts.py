@@ -1,0 +1,262 @@
+"""Campaigns that could have said what is not so: values that nobody has, cases that are none."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.stats import beta
+
+import desat
+from desat.campaign import case, compare, head, judged, report, store
+from desat.campaign.plan import joined
+from desat.study.case import Options, execute
+from desat.study.draws import draws
+from desat.study.sweep import sweep
+from desat.system.codes import Exit
+from desat.system.errors import DesatError, RunError
+
+OWN = """
+extends = "integrated/mil-nadir"
+stop = 20.0
+[numbers.rate]
+title = "Rate at the end"
+signal = "spacecraft.omega_bi_body"
+measure = "norm_last"
+unit = "deg/s"
+"""
+DRAWN = "wheels.h_start_wheel"
+
+
+def scenario(folder: Path, more: str = "") -> str:
+    path = folder / "mine.toml"
+    path.write_text(OWN + more)
+    return str(path)
+
+
+@pytest.fixture(scope="module")
+def own(tmp_path_factory) -> str:
+    return scenario(tmp_path_factory.mktemp("own"))
+
+
+def flown(target: str, folder: Path, count: int = 3, **more: object) -> Path:
+    plan, _ = head.planned(target, count, **more)
+    head.run(plan, folder, 1, progress=False)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def three(own, tmp_path_factory) -> Path:
+    return flown(own, tmp_path_factory.mktemp("three") / "campaign")
+
+
+def test_a_data_set_stays_with_its_cases(own, three, tmp_path):
+    """Also where earlier cases come after it was loaded, as from another worker."""
+    folder = tmp_path / "campaign"
+    shutil.copytree(three, folder)
+    whole = store.read(folder).to_pylist()
+    kept = store._of_block(folder, 0)
+    (folder / "cases/part-00000.parquet").unlink()
+    described = dict.fromkeys(("message", "unmet", "stopped_when"))
+    lines = [json.dumps({**described, **row, "unmet": []}) + "\n" for row in kept]
+    (folder / store.JOURNAL).write_text("".join(lines[i] for i in (0, 2)))
+    loaded = desat.load(folder)
+    (folder / store.JOURNAL).write_text("".join(lines[i] for i in (0, 2, 1)))
+    assert loaded["out.rate"].shape == loaded["out.rate"].values.shape == (2,)
+    assert float(loaded["out.rate"].sel(case=2)) == whole[2]["out.rate"]
+    curve = next(n for n in loaded.data_vars if str(n).startswith("curve."))
+    wanted = desat.load(three)[curve].values[[0, 2]]
+    assert loaded[curve].values.tobytes() == wanted.tobytes()
+    (folder / store.JOURNAL).write_text(lines[0])
+    with pytest.raises(DesatError, match="case 2 is not there any more"):
+        loaded["out.rate"].values  # noqa: B018
+
+
+@pytest.mark.parametrize("name", [DRAWN, f"{DRAWN}[2]", f"{DRAWN} ", "shared.h_start_wheel"])
+def test_what_is_drawn_has_no_other_value(own, name):
+    value = "0.001" if "[" in name else "0.001,0,0,0"
+    with pytest.raises(DesatError, match="is drawn, and so never has this value"):
+        head.planned(own, 3, options=Options(sets=[f"{name}={value}"]))
+    if "wheels" in name:
+        with pytest.raises(DesatError, match="is drawn, and so cannot be an axis of draws"):
+            sweep(own, {name.strip(): [0.0]}, draws=2)
+
+
+def test_an_input_that_is_fed_takes_no_value(tmp_path):
+    line = r"wheels\.tau_cmd_wheel: manager\..* feeds it: it never has this value"
+    with pytest.raises(DesatError, match=line):
+        execute("integrated/mil-nadir", Options(sets=["wheels.tau_cmd_wheel=1,1,1,1"], stop=1.0))
+    with pytest.raises(DesatError, match=line):
+        sweep("integrated/mil-nadir", {"wheels.tau_cmd_wheel": [[1.0] * 4]}, Options(stop=1.0))
+    more = '[dispersions]\n"wheels.tau_cmd_wheel" = { normal = [0.0, 1e-3] }\n'
+    with pytest.raises(DesatError, match=line):
+        head.planned(scenario(tmp_path, more), 3)
+
+
+def test_bounds_and_requirements_of_the_balances_are_looked_at(tmp_path):
+    more = """residual_bound = 1e-30
+impulse_bound = 1e-30
+[requirements.residual]
+number = "momentum_residual"
+max = 1.0
+probability = 0.3
+"""
+    target = scenario(tmp_path)
+    Path(target).write_text(OWN.replace("[numbers", more.partition("[")[0] + "[numbers")
+                            + more[more.index("[") :])  # fmt: skip
+    told = report.summary(flown(target, tmp_path / "campaign"))
+    assert told["requirements"]["residual"]["outside"] == 0
+    assert told["requirements"]["residual"]["lacking"] == 0
+    assert len(told["unmet"]) == 6
+    assert all("above" in line for line in told["unmet"])
+    rows = draws(target, 2, 1, Options(), jobs=1)["draws"]
+    assert [len(r["unmet"]) for r in rows] == [2, 2]
+
+
+def test_an_infinite_number_is_outside(tmp_path):
+    values = np.array([1.0, np.inf, -np.inf, np.nan])
+    for entry in ({"min": 0.0}, {"max": 2.0}):
+        told = judged.requirement({"number": "x", **entry}, {"x": values}, np.ones(4, bool),
+                                  np.arange(4), tmp_path)  # fmt: skip
+        assert (told["within"], told["lacking"]) == (1, 3)
+    told = report._number("x", {}, values, np.arange(4))
+    assert (told["n"], told["not_reached"], told["infinite"]) == (1, 1, 2)
+
+
+def test_how_many_more_cases_show_it_for_good():
+    """2 of 100 outside: 124 would show it, 125 to 152 would not; from 181 on any number does."""
+
+    def shown(total: int) -> bool:
+        outside = int(0.02 * total + 0.5)
+        return bool(beta.ppf(0.05, total - outside, outside + 1) >= 0.95)
+
+    more = judged.more(100, 98, 0.95, 0.95)
+    assert all(shown(100 + k) for k in range(more, more + 500))
+    assert not shown(100 + more - 1)
+    low, high = (beta.ppf(0.975, 1, n) for n in (10, 10 + judged.for_half_the_width(10, 0, 0.95)))
+    assert 0.45 < high / low <= 0.5
+
+
+def test_a_worker_that_is_told_to_end_gives_no_row(own, monkeypatch):
+    """Its case is made again elsewhere."""
+
+    def stopped(*_: object) -> None:
+        raise RunError("interrupted", Exit.TERMINATED)
+
+    monkeypatch.setattr(case, "ran", stopped)
+    plan, _ = head.planned(own, 3)
+    with pytest.raises(SystemExit):
+        case.row(plan, 1)
+
+
+def test_a_flipped_bit_is_damage(three, tmp_path):
+    """Wherever it is: Parquet itself would read half of them as other numbers."""
+    folder = tmp_path / "campaign"
+    shutil.copytree(three, folder)
+    part = folder / "cases/part-00000.parquet"
+    octets = part.read_bytes()
+    rng = np.random.default_rng(1)
+    for at in rng.integers(0, len(octets) - 1, 40):
+        flipped = bytearray(octets)
+        flipped[at] ^= 1 << int(rng.integers(8))
+        part.write_bytes(flipped)
+        with pytest.raises(DesatError, match=r"part-00000\.parquet: damaged"):
+            store.digest(folder)
+    part.write_bytes(octets)
+    assert store.digest(folder) == store.digest(three)
+
+
+def test_damaged_folders_are_named(three, tmp_path, desat):
+    folder = tmp_path / "campaign"
+    shutil.copytree(three, folder)
+    (folder / "cases/part-abc.parquet").write_text("x")
+    (folder / store.JOURNAL).write_text('{"case": "3"}\n')
+    assert store.read(folder).num_rows == 3
+    (folder / "status.json").write_text('{"state": "running", "head": 5}')
+    assert desat("campaign", "status", str(folder)).returncode == 0
+    shutil.copy(folder / "cases/part-00000.parquet", folder / "cases/part-00001.parquet")
+    with pytest.raises(DesatError, match=r"part-00001.parquet: damaged \(it has other cases\)"):
+        store.read(folder)
+    (folder / "cases/part-00001.parquet").unlink()
+    (folder / store.NUMBERS).write_text("{}")
+    with pytest.raises(DesatError, match=r"numbers.json: damaged: it has nothing of"):
+        report.summary(folder)
+
+
+def test_few_pairs_have_no_interval(three, own, tmp_path, desat):
+    """Five pairs hold a median with 94 % at most; and a case that fails in one is said."""
+    told = compare.compare(three, three)
+    assert not told["numbers"]["rate"]["interval_holds"]
+    result = desat("campaign", "compare", str(three), str(three))
+    (line,) = [x.split() for x in result.stdout.splitlines() if x.startswith("rate ")]
+    assert len(line) == 8, "median, share with its interval, share, pairs, unit"
+    other = tmp_path / "other"
+    shutil.copytree(three, other)
+    rows = store._of_block(other, 0)
+    rows[1]["status"] = "failed"
+    store._write(other, 0, rows)
+    told = compare.compare(three, other)
+    assert told["warnings"] == ["case 1: completed in the first, failed in the second: in no pair"]
+
+
+def test_the_last_value_of_several_is_refused(tmp_path):
+    more = '[numbers.q]\ntitle = "q"\nsignal = "wheels.h_wheel"\n'
+    with pytest.raises(DesatError, match=r"numbers\.q\.element: last takes one element; there are"):
+        head.planned(scenario(tmp_path, more), 3)
+
+
+def test_a_case_that_was_cut_short_is_kept_again(own, tmp_path):
+    folder = flown(own, tmp_path / "campaign", keep=["every:2"])
+    manifest = head.kept_in(folder, 2) / "manifest.json"
+    told = json.loads(manifest.read_text())
+    manifest.write_text(json.dumps({**told, "status": "no space"}))
+    flown(own, folder, keep=["every:2"])
+    assert json.loads(manifest.read_text())["status"] == "completed"
+
+
+def test_what_was_timed_out_is_made_again_with_more_time(own, tmp_path):
+    folder = flown(own, tmp_path / "campaign", limit=10.0)
+    whole = store.digest(folder)
+    rows = store._of_block(folder, 0)
+    rows[1] |= {"status": "timed out", "code": int(Exit.TIMEOUT), "numbers": {}}
+    store._write(folder, 0, rows)
+    flown(own, folder, limit=10.0)
+    assert store.digest(folder) != whole
+    flown(own, folder, limit=20.0)
+    assert store.digest(folder) == whole
+
+
+def test_options_as_programs_give_them(own, tmp_path):
+    """Tuples come back as lists; what is no integer is no count and no seed."""
+    options = Options(stop=5.0, record=("wheels.*",))
+    plan, _ = head.planned(own, 3, options=options)
+    plan.write(tmp_path)
+    joined(head.read(tmp_path), plan, tmp_path)
+    for wrong in ({"count": 2.5}, {"count": 0}, {"seed": -1}, {"seed": 0.5}):
+        given = {"count": 3, "seed": 1, **wrong}
+        (name,) = wrong
+        with pytest.raises(DesatError, match=f"{name} = .*: an integer from"):
+            head.planned(own, given.pop("count"), **given)
+        with pytest.raises(DesatError, match=f"{name} = .*: an integer from"):
+            draws(own, {"count": 3, **wrong}["count"], {"seed": 1, **wrong}["seed"], Options())
+    with pytest.raises(DesatError, match="at most 10000000"):
+        head.planned(own, 10**13, sampling="latin-hypercube")
+
+
+def test_an_element_is_not_drawn_alone(tmp_path):
+    more = f'[dispersions]\n"{DRAWN}[2]" = {{ normal = [0.0, 1e-3] }}\n'
+    with pytest.raises(DesatError, match=r"h_start_wheel\[2\]"):
+        head.planned(scenario(tmp_path, more), 3)
+
+
+def test_numbers_that_differ_by_rounding_have_no_figure(three):
+    """Nor are they an error of the histogram's."""
+    plan, told = head.read(three), report.summary(three)
+    names = list(told["numbers"])
+    assert len(report._figures(three, plan, told)) <= len(names) + 1
+    close = 1.0 + np.array([0.0, 2e-16, 4e-16])
+    assert np.ptp(close) > 0.0
+    assert np.ptp(close) <= 1e-9 * np.abs(close).max()
