@@ -140,6 +140,15 @@ def test_how_many_more_cases_show_it_for_good():
     assert 0.45 < high / low <= 0.5
 
 
+def test_what_no_run_can_miss_is_said(own):
+    """mil-nadir is to be dumped after 7200 s; these runs end after 20 s."""
+    _, warnings = head.planned(own, 3)
+    (line,) = [w for w in warnings if "requirements.dumped" in w]
+    assert line.endswith("max = 7200 s is not before the end of a run, 20 s: no case can be above")
+    _, warnings = head.planned("integrated/mil-nadir", 3)
+    assert not any("requirements" in w for w in warnings)
+
+
 def test_a_worker_that_is_told_to_end_gives_no_row(own, monkeypatch):
     """Its case is made again elsewhere."""
 

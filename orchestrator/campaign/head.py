@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
@@ -80,11 +80,22 @@ def planned(
         if kind == "worst" and number not in numbers:
             raise DesatError(f"--keep {text}: no number {number}{nearest(number, numbers)}; "
                              "worst:N:NUMBER, or --by NUMBER, is needed")  # fmt: skip
-    warnings = list(case.checked.warnings)
+    warnings = [*case.checked.warnings, *_unmissable(system.about, checked.steps * checked.step)]
     if sampling == "sobol" and count & (count - 1):
         warnings.append(f"--sampling sobol: -n {count} is no power of two, as {_power(count)} is: "
                         "its points are not quite even")  # fmt: skip
     return plan, warnings
+
+
+def _unmissable(about: Mapping[str, Any], duration: float) -> list[str]:
+    """Requirements on a time that no run of this length (s) can be above."""
+    numbers = about.get("numbers", {})
+    return [
+        f"requirements.{name}: max = {entry['max']:g} s is not before the end of a run, "
+        f"{duration:g} s: no case can be above"
+        for name, entry in about.get("requirements", {}).items()
+        if numbers.get(entry["number"], {}).get("unit") == "s" and entry.get("max", 0.0) >= duration
+    ]
 
 
 def _power(count: int) -> int:
