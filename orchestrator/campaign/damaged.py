@@ -27,17 +27,27 @@ def replace(part: Path, path: Path, octets: bytes) -> None:
     signature(path).write_text(hashlib.sha256(octets).hexdigest(), encoding="ascii")
 
 
+def _signed(path: Path) -> str:
+    """The sha256 that a file was written with; "" where it is not known, or being replaced."""
+    try:
+        return signature(path).read_text(encoding="ascii")
+    except FileNotFoundError:
+        return ""
+
+
 def _check(path: Path) -> None:
     """Raises DesatError where a file is not what was written."""
-    sign_of = signature(path)
     state = path.stat()
-    if sign_of.exists() and not _as_signed(path, sign_of, state.st_mtime_ns, state.st_size):
-        raise _said(path, ValueError("its sha256 is another"))
+    if said := _signed(path):
+        _as_signed(path, said, state.st_mtime_ns, state.st_size)
 
 
 @lru_cache(maxsize=4096)
-def _as_signed(path: Path, sign_of: Path, *_: int) -> bool:
-    return hashlib.sha256(path.read_bytes()).hexdigest() == sign_of.read_text(encoding="ascii")
+def _as_signed(path: Path, said: str, *_: int) -> None:
+    """What is raised is not remembered: a file may be mended within a tick of the clock."""
+    found = hashlib.sha256(path.read_bytes()).hexdigest()
+    if found != said and _signed(path) == said:  # else a head has replaced it meanwhile
+        raise _said(path, ValueError("its sha256 is another"))
 
 
 def columns(path: Path) -> pa.Schema:
