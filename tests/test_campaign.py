@@ -35,7 +35,7 @@ from desat.system.codes import Exit
 from desat.system.errors import DesatError
 
 COUNT = 200
-OWN = """
+RATE = """
 extends = "integrated/mil-nadir"
 stop = 20.0
 [numbers.rate]
@@ -43,6 +43,8 @@ title = "Rate at the end"
 signal = "spacecraft.omega_bi_body"
 measure = "norm_last"
 unit = "deg/s"
+"""
+OWN = f"""{RATE}
 [requirements.load]
 number = "coil_load"
 max = 1000.0

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from scipy.stats import beta
+from test_campaign import RATE as OWN
 
 import desat
 from desat.campaign import case, compare, head, judged, report, store
@@ -19,15 +20,6 @@ from desat.study.sweep import sweep
 from desat.system.codes import Exit
 from desat.system.errors import DesatError, RunError
 
-OWN = """
-extends = "integrated/mil-nadir"
-stop = 20.0
-[numbers.rate]
-title = "Rate at the end"
-signal = "spacecraft.omega_bi_body"
-measure = "norm_last"
-unit = "deg/s"
-"""
 DRAWN = "wheels.h_start_wheel"
 
 

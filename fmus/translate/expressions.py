@@ -6,6 +6,7 @@ import ast
 import re
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from types import BuiltinFunctionType, FunctionType, ModuleType
 from typing import Any
@@ -495,11 +496,12 @@ class Expressions(ABC):
         raise self.refuse(node, f"{type(node.op).__name__} of {shown(value.type)}", "not, or -")
 
     def _binop(self, node: ast.BinOp) -> Value:
-        if _is_literal(node) and isinstance(whole := eval(ast.unparse(node)), int):
-            value = constant(whole)  # (1 << 64) - 1, a part of which has more than 64 bits
-            if value is None:
-                raise self.refuse(node, str(whole), "integers of 64 bits")
-            return value
+        if _is_literal(node):  # (1 << 64) - 1, a part of which has more than 64 bits
+            with suppress(ArithmeticError, ValueError):
+                whole = eval(ast.unparse(node))
+                if (value := constant(whole)) is None:
+                    raise self.refuse(node, str(whole), "integers of 64 bits")
+                return value
         if isinstance(node.op, ast.BitAnd):
             right = self.expression(node.right)
             if right.is_const and right.const == MASK:

@@ -70,7 +70,7 @@ def blocks_of(manifest: dict[str, Any], results: Results) -> Iterator[Steps]:
     if parts is None or manifest["algorithm"] != "conserving" or manifest["inner"] > 1:
         return
     name = parts["spacecraft"]
-    states = [f"{name}.{n}" for n in ("q_bi", "omega_bi_body", "impulse_eci")] + [parts["wheels"]]
+    states = residual.balanced(parts)
     pair = [parts[n] for n in _PAIR]
     if not {*states, *pair} <= set(results.names()):
         return

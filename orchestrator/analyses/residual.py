@@ -57,8 +57,7 @@ def _momentum(manifest: dict[str, Any], results: Results) -> Momentum | None:
     body = manifest.get(KEY)
     if body is None:
         return None
-    name = body["spacecraft"]
-    series = [f"{name}.{n}" for n in ("q_bi", "omega_bi_body", "impulse_eci")] + [body["wheels"]]
+    name, series = body["spacecraft"], balanced(body)
     if not set(series) <= set(results.names()):
         return None
     times = results.times(series[0])

@@ -53,7 +53,7 @@ def planned(
             raise DesatError(f"{target}: dispersions: {name}: an element; what is drawn is all of "
                              f"{name.partition('[')[0]}")  # fmt: skip
     if limit <= 0.0:
-        raise DesatError(f"{target}: {count} cases of {limit:g} s: more is needed")
+        raise DesatError(f"{target}: {limit:g} s for a case: more is needed")
     if lines := never(system, options):
         raise DesatError("\n".join(lines))
     try:

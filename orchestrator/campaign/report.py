@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import warnings
-from collections import Counter
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -66,10 +65,10 @@ def summary(folder: Path) -> dict[str, Any]:
     ]  # fmt: skip
     if lost := [n for n in out if n not in told]:
         raise DesatError(f"{folder / store.NUMBERS}: damaged: it has nothing of {lost[0]}")
-    unmet = Counter(
+    unmet = [
         f"case {int(c)}: {line}"
         for c, lines in zip(cases, table["unmet"].to_pylist(), strict=True) for line in lines or ()
-    )  # fmt: skip
+    ]  # fmt: skip
     apart = _apart(plan, cases)
     each = {n: v[apart] for n, v in out.items()}
     return {
@@ -78,7 +77,7 @@ def summary(folder: Path) -> dict[str, Any]:
         "changed": changed(plan),
         "seconds": float(np.nansum(figures.flat(table["seconds"].to_pylist()))),
         "digest": store.digest(folder),
-        "numbers": numbers, "unmet": dict(unmet),
+        "numbers": numbers, "unmet": unmet,
         "requirements": {
             name: {**requirement(entry, each, completed[apart], cases[apart], folder),
                    "unit": told.get(entry["number"], {}).get("unit", "")}
@@ -145,10 +144,11 @@ def _sobol(plan: Plan, cases: Any, completed: Any, out: Mapping[str, Any]) -> di
         return None
     if len(cases) != plan.count or not completed.all():
         return {"missing": "they need every case completed"}
-    names, sizes = axes(system(plan.target, plan.run_options().blocks))
+    drafted = system(plan.target, plan.run_options().blocks)
+    names, sizes = axes(drafted)
     if plan.count < (least := BASE * (sum(sizes) + 2)):
         return {"missing": f"they need -n {least} or more"}
-    how = dispersed(system(plan.target, plan.run_options().blocks))
+    how = dispersed(drafted)
     # of a direction each random number moves all elements
     form = {n: "{}, random number {}" if {"attitude", "direction"} & how[n].keys() else "{}[{}]"
             for n in names}  # fmt: skip

@@ -89,8 +89,8 @@ class Store:
         parts = (damaged.rows(_part(self.folder, CASES, b), ["status"]) for b in self._whole)
         return waiting + sum(int(s != "completed") for t in parts for s in t["status"].to_pylist())
 
-    def forget(self, code: int) -> int:
-        """Make no account of the cases that ended with this code; how many there were."""
+    def forget(self, code: int) -> None:
+        """Make no account of the cases that ended with this code."""
         for block in sorted(self._whole):
             codes = damaged.rows(_part(self.folder, CASES, block), ["code"])["code"].to_pylist()
             if code in codes:
@@ -102,7 +102,6 @@ class Store:
             for kind in (CASES, CURVES):
                 _part(self.folder, kind, block).unlink(missing_ok=True)
         self._rewrite()
-        return len(gone)
 
     def add(self, row: dict[str, Any]) -> None:
         """Keep a row: in the journal at once, in its file when the block is whole."""

@@ -199,10 +199,10 @@ def _elements(system: Draft, name: str, causalities: tuple[str, ...]) -> list[Si
     return elements
 
 
-def _unit(own: str, unit: str | None) -> str:
-    """What is wrong with a unit in place of another; nothing where none is given."""
+def _unit(own: str, unit: str) -> str:
+    """What is wrong with a unit in place of another."""
     try:
-        scale(own, own if unit is None else unit)
+        scale(own, unit)
     except DesatError as error:
         return str(error)
     return ""
@@ -237,7 +237,7 @@ def _entry(entry: dict[str, Any], signals: list[list[Signal]]) -> Iterator[tuple
     own = entry.get("measure") in OWN_UNIT or "percent_of" in entry
     for elements in signals:
         unit = (quantity[0].unit if quantity else "") or elements[0].unit_name
-        if not own and (text := _unit(unit, entry.get("unit"))):
+        if not own and "unit" in entry and (text := _unit(unit, entry["unit"])):
             yield "unit", text
         several, measure = len(quantity[0].names if quantity else elements), entry.get("measure")
         if "signal" in entry and "element" not in entry and several > 1 and measure in SCALARS:

@@ -39,11 +39,11 @@ def modify(
             draft.share(variable, value, where)
         else:
             component = draft.component(name, where)
-            if fed := _fed(draft, name, variable):
-                _refuse(draft, f"{where}: {name}.{variable}: {fed} feeds it: it never has this "
-                        "value", f"{name}.{variable}" in (drawn or {}))  # fmt: skip
             of_program = where == f"{name}.{variable}"
             try:
+                if fed := _fed(draft, name, variable):
+                    raise DesatError(f"{where}: {name}.{variable}: {fed} feeds it: it never has "
+                                     "this value")  # fmt: skip
                 component.assign(variable, value, name if of_program else f"{where}: {name}")
             except DesatError as error:
                 if f"{name}.{variable}" not in (drawn or {}):
@@ -53,21 +53,10 @@ def modify(
 
 
 def _fed(draft: Draft, name: str, variable: str) -> str:
-    """The output that feeds an input; none where it is open, or a parameter."""
-    wanted = {base_name(variable), variable}
-    for c in draft.connections:
-        if c.target == name and wanted & {c.input, base_name(c.input)}:
-            if "[" in variable and c.input != variable:
-                continue
-            return f"{c.source}.{c.output}"
-    return ""
-
-
-def _refuse(draft: Draft, line: str, of_draw: bool) -> None:
-    """Raise DesatError, or keep the line as a problem of this draw alone."""
-    if not of_draw:
-        raise DesatError(line)
-    draft.problems.append(line)
+    """The output that feeds an input, or some of its elements; none for one that is open."""
+    of = str if variable != base_name(variable) else base_name
+    feeds = (c for c in draft.connections if c.target == name and of(c.input) == variable)
+    return next((f"{c.source}.{c.output}" for c in feeds), "")
 
 
 def _assignments(
