@@ -1,8 +1,9 @@
-"""The tree: no circle of imports; no file of orchestrator/ is too long to read."""
+"""The tree: no circle of imports, rooms that import from those below them, all of it packaged."""
 
 from __future__ import annotations
 
 import ast
+import tomllib
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -10,7 +11,10 @@ import pytest
 from conftest import ROOT
 
 HOME = ROOT / "orchestrator"
-LONGEST = 300
+ROOMS = ("system", "files", "engine", "study", "analyses", "designs", "campaign", "cli")
+"""The rooms of orchestrator/; each imports from those before it."""
+UPWARD = {("study", "analyses"), ("study", "designs"), ("study", "campaign")}
+"""What is otherwise, and is to go: none may come."""
 
 
 def modules(home: Path) -> dict[str, Path]:
@@ -22,18 +26,10 @@ def modules(home: Path) -> dict[str, Path]:
 
 
 def imported(module: str, file: Path, known: dict[str, Path], name: str) -> Iterator[str]:
-    """The modules that a file imports, also within functions; what is for types alone does not
-    count, for it is never run."""
+    """The modules that a file imports, also within functions and for types alone: who reads the
+    one must know the other."""
     package = module if file.name == "__init__.py" else module.rpartition(".")[0]
-    tree = ast.parse(file.read_text(encoding="utf-8"))
-    typing = {
-        node for block in ast.walk(tree)
-        if isinstance(block, ast.If) and ast.unparse(block.test) == "TYPE_CHECKING"
-        for node in ast.walk(block)
-    }  # fmt: skip
-    for node in ast.walk(tree):
-        if node in typing:
-            continue
+    for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
         if isinstance(node, ast.Import):
             targets = [(alias.name, "") for alias in node.names]
         elif isinstance(node, ast.ImportFrom):
@@ -80,7 +76,7 @@ def test_no_modules_import_each_other_in_a_circle(folder, name, least):
 
 @pytest.mark.parametrize(
     "line", ["from .b import y", "from . import b", "from desat.b import y", "import desat.b",
-             "def f():\n    from .b import y"],
+             "def f():\n    from .b import y", "if TYPE_CHECKING:\n    from .b import y"],
 )  # fmt: skip
 def test_a_circle_is_found(tmp_path, line):
     (tmp_path / "__init__.py").write_text("")
@@ -92,9 +88,30 @@ def test_a_circle_is_found(tmp_path, line):
     assert circle(tmp_path) == ["a", "b", "c", "a"]
 
 
-def test_no_file_is_too_long_to_read():
-    lengths = {
-        p.relative_to(HOME).as_posix(): len(p.read_text(encoding="utf-8").splitlines())
-        for p in HOME.rglob("*.py")
-    }
-    assert [f"{f}: {n} lines" for f, n in lengths.items() if n > LONGEST] == []
+def test_rooms_import_from_those_below_them():
+    assert {p.parent.name for p in HOME.glob("*/*.py")} == set(ROOMS)
+    known = modules(HOME)
+    rooms = {
+        (module.partition(".")[0], target.partition(".")[0])
+        for module, file in known.items() if module
+        for target in imported(module, file, known, "desat")
+    }  # fmt: skip
+    upward = {
+        (room, other) for room, other in rooms
+        if other in ROOMS and ROOMS.index(room) < ROOMS.index(other)
+    }  # fmt: skip
+    assert upward == UPWARD
+
+
+def test_every_package_is_in_the_wheel():
+    """setuptools finds no packages under another name than their folder's, so they are listed."""
+    settings = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+    listed = settings["tool"]["setuptools"]["packages"]
+    data = {"desat.ssp", "desat.stored"}
+    names = {"orchestrator": "desat", "components": "desat.components", "fmus": "desat.fmus"}
+    found = {
+        ".".join([name, *file.parent.relative_to(ROOT / folder).parts])
+        for folder, name in names.items() for file in (ROOT / folder).rglob("*.py")
+    }  # fmt: skip
+    assert sorted(listed) == sorted(found | data)
+    assert not {f"desat.{p.name}" for p in HOME.iterdir()} & data, "data would hide a package"

@@ -1,4 +1,4 @@
-"""What components may do to the process that they run in, noticed and undone; what they said."""
+"""What components may do to the process that they run in, noticed and undone."""
 
 from __future__ import annotations
 
@@ -11,10 +11,7 @@ import signal
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, Any
-
-if TYPE_CHECKING:
-    from .master import Master
+from typing import Any
 
 _HANDLERS = "signal handlers"
 _HANDLER = 512
@@ -139,17 +136,6 @@ _STATE: dict[str, tuple[Callable[[], Any], Callable[[Any], Any]]] = {
     "working directory": (_folder, _put_folder),
     _HANDLERS: (_handlers, _put_handlers),
 }
-
-
-def said(master: Master) -> list[str]:
-    """A line for each message that the components of a run have logged."""
-    for member in master.members.values():
-        member.instance.look()
-    lines = [
-        f"{name}: {text}"
-        for name, member in master.members.items() for text in member.instance.messages
-    ]  # fmt: skip
-    return list(dict.fromkeys(lines))
 
 
 def no_space(text: str) -> str:

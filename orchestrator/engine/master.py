@@ -288,6 +288,16 @@ class Master:
                 kept[f"inputs {kind} of {name}"] = values
         return kept
 
+    def messages(self) -> list[str]:
+        """A line for each message that the components have logged."""
+        for member in self.members.values():
+            member.instance.look()
+        lines = [
+            f"{name}: {text}"
+            for name, member in self.members.items() for text in member.instance.messages
+        ]  # fmt: skip
+        return list(dict.fromkeys(lines))
+
     def check_finite(self) -> None:
         """Raise ComponentError for an output that is NaN or infinite."""
         for slot in self.slots:

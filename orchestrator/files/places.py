@@ -26,7 +26,7 @@ INSTALLED = (PACKAGE / "ssp").is_dir()
 """True where the package has its scenarios inside: it comes from a wheel."""
 
 SCENARIOS = PACKAGE / "ssp" if INSTALLED else PACKAGE.parent / "ssp"
-DRAWS = PACKAGE / "papers" if INSTALLED else PACKAGE.parent / "docs" / "papers"
+DRAWS = PACKAGE / "stored" if INSTALLED else PACKAGE.parent / "docs" / "papers"
 
 _TEMPORARY = "desat-cache-"
 

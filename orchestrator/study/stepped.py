@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from ..engine.checkpoint import Checkpoint, Checkpoints
-from ..engine.host import kept, said
+from ..engine.host import kept
 from ..engine.instances import ComponentError, EndedError
 from ..engine.loop import bar, interruptible, run, stepping
 from ..engine.master import Master
@@ -141,7 +141,7 @@ def stepped(
                 outcome.status = stopping.LATE if error.code == Exit.TIMEOUT else "failed"
         outcome.seconds = before + time.perf_counter() - began
         outcome.steps = master.k
-        _add(outcome.warnings, [*changes("while it ran"), *said(master)])
+        _add(outcome.warnings, [*changes("while it ran"), *master.messages()])
         # a day's series take seconds to compress; then it is told how it ended
         with interruptible():
             results = recorder.finish(master)
