@@ -740,7 +740,7 @@ def outside() -> set[tuple[str, str, str]]:
     missed = set()
     for name, stored_ in drawn().items():
         scenario, summary = find(name), stored_["summary"]
-        for key, number in numbers_of_rows(scenario.data, scenario.cell).items():
+        for key, number in numbers_of_rows(scenario.data).items():
             row = scenario.data["paper"][key]
             if number in summary and "each" in row and not isinstance(row.get("tolerance"), dict):
                 low, high = row["each"]

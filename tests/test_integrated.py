@@ -452,7 +452,7 @@ def test_bands_of_the_draws_are_met_but_for_those_that_are_known(current):
                for name, found in current["scenarios"].items()}  # fmt: skip
     for name, found in current["scenarios"].items():
         scenario, values = find(name), medians[name]
-        keys = numbers_of_rows(scenario.data, scenario.cell)
+        keys = numbers_of_rows(scenario.data)
         made = [r for r in cells.rows_of(scenario, values, medians, found) if r.ours is not None]
         for key, row in zip(keys, made, strict=True):
             banded += row.within is not None
@@ -513,7 +513,7 @@ def test_a_share_needs_draws():
 
 def test_flags_are_yes_and_no():
     scenario = find("integrated/mil-nadir")
-    entry = cells.Entry(scenario.data["paper"]["saturated"], "", "")
+    entry = scenario.data["paper"]["saturated"]
     row = cells._row(scenario, entry, "saturated", 0.0, {}, {"n": 20, "min": 0.0, "max": 0.0,
                                                               "band": [0.0, 0.0]})  # fmt: skip
     told = tables.shown(row)
@@ -524,7 +524,7 @@ def test_flags_are_yes_and_no():
 def test_a_band_may_be_open_at_one_end():
     scenario = find("integrated/mil-jitter-as-they-are")
     [name] = [n for n, row in scenario.data["paper"].items() if row.get("tolerance") == [1.1, inf]]
-    entry = cells.Entry(scenario.data["paper"][name], "", "")
+    entry = scenario.data["paper"][name]
     draws = {"n": 2, "min": 1.05, "max": 9e9, "band": [1.0, inf]}
     row = cells._row(scenario, entry, "x", 9e9, {}, draws)
     assert row.within
@@ -545,7 +545,7 @@ def test_a_band_that_bounds_nothing_is_refused(band):
 
 def test_every_row_says_what_it_measures():
     for name, scenario in tables.scenarios("integrated").items():
-        for key, number in numbers_of_rows(scenario.data, scenario.cell).items():
+        for key, number in numbers_of_rows(scenario.data).items():
             entry = scenario.data["paper"][key]
             assert entry.get("definition") or number in scenario.data["numbers"], (name, key)
 

@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 
 from desat import cli
 from desat.files import language, language_paper, places, scenario
-from desat.files.scenario import load
+from desat.files.scenario import find, load, own
 from desat.study import explain, listing, meaning
 from desat.study.case import Options, execute
 from desat.study.derived import euler
@@ -387,3 +387,12 @@ def test_every_table_of_the_language_is_told():
 def test_the_page_of_the_language_is_current():
     """`desat keys --markdown > docs/language.md` makes it."""
     assert (ROOT / "docs" / "language.md").read_text(encoding="utf-8") == explain.page()
+
+
+def test_a_file_may_extend_a_cell_of_a_table_whose_rows_are_then_its_own(tmp_path, desat):
+    file = tmp_path / "mine.toml"
+    file.write_text('extends = "uosat12/table3-ocdc-ilqr-1"\ntitle = "mine"\n')
+    desat("check", str(file), check=True)
+    rows, cell = own(file).data["paper"], find("uosat12/table3-ocdc-ilqr-1").data["paper"]
+    assert rows == cell
+    assert (rows["firing_time"]["values"], rows["firing_time"]["tolerance"]) == (71.45, "3 %")

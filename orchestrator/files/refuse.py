@@ -110,6 +110,33 @@ def table_of(path: Keys, part: bool = True) -> type[Table]:
     return inner.get(path[2], outer[path[0]]) if len(path) > 2 else outer[path[0]]
 
 
+def rows_of_cell(data: dict[str, Any], cell: dict[str, str]) -> None:
+    """Leave of each row of a paper's tables what it says of one cell: of tables by method and of
+    lists with a value for each of `columns` the cell's own; rows of other methods go."""
+    method, case = (cell.get(axis, "") for axis in ("method", "case"))
+    for name, row in list(data.get("paper", {}).items()):
+        values = row.get("values")
+        mine = "not_judged" in row or not isinstance(values, dict) or method in values
+        if not mine or method not in row.get("only", [method]):
+            del data["paper"][name]
+            continue
+        columns = row.get("columns")
+        for key in ("values", "tolerance", "remark", "tuned", "in_sample"):
+            said = row.get(key)
+            if isinstance(said, dict):
+                said = said.get(method)
+            if isinstance(said, dict) and "cases" in said:
+                said = said["what"] if case.startswith(tuple(said["cases"])) else None
+            band = key == "tolerance" and all(isinstance(x, (int, float)) for x in said or ())
+            if isinstance(said, list) and columns is not None and not band:
+                said = said[columns.index(case)]
+            row |= {key: said}
+            if said is None:
+                del row[key]
+        for key in {"columns", "only"} & row.keys():
+            del row[key]
+
+
 def paper_problems(
     data: dict[str, Any], cell: dict[str, str], axes: dict[str, Any]
 ) -> Iterator[tuple[Keys, str]]:

@@ -43,6 +43,8 @@ class Scenario:
     """Where its craft file or SSD and FMUs of its own are looked for."""
     origins: Origins = field(default_factory=dict, repr=False, compare=False)
     """Where each value was given: path -> file and cell."""
+    rows: dict[str, Any] = field(default_factory=dict, repr=False, compare=False)
+    """Rows of a paper's tables as its file has them, for all cells; `data` has those of its own."""
 
     def where(self, path: tuple[str, ...]) -> str:
         """File and path of a value, for messages."""
@@ -282,18 +284,21 @@ def _read(file: Path, family: str) -> list[Scenario]:
         texts = {k: fill(merged[k], labels) for k in ("title", "story") if k in merged}
         name = f"{home}/" * bool(home) + "-".join([file.stem, *cell.values()])
         whole = fill(merged, cell) | texts
-        scenario = Scenario(name, file, whole, cell, ROOT / home, origins)
+        rows = copy(whole.get("paper", {}))
+        scenario = Scenario(name, file, whole, cell, ROOT / home, origins, rows)
         if not abstract:
-            _refuse(scenario, axes)
+            _settle(scenario, axes)
         scenario.data["labels"] = labels
         cells.append(scenario)
     return [] if abstract else cells
 
 
-def _refuse(scenario: Scenario, axes: dict[str, Any]) -> None:
-    """Raise DesatError with what is wrong with the merged data of a scenario."""
-    from .refuse import paper_problems, problems
+def _settle(scenario: Scenario, axes: dict[str, Any]) -> None:
+    """Raise DesatError with what is wrong with the merged data of a scenario; of a paper's rows,
+    keep those of its cell."""
+    from .refuse import paper_problems, problems, rows_of_cell
 
     wrong = [*problems(scenario.data, part=False)]
     if wrong := wrong or [*paper_problems(scenario.data, scenario.cell, axes)]:
         raise DesatError("\n".join(f"{scenario.where(p)}: {text}" for p, text in wrong))
+    rows_of_cell(scenario.data, scenario.cell)

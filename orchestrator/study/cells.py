@@ -49,66 +49,32 @@ class Row:
     draw, of a share the `count` and its `interval` (%, Clopper-Pearson, 95 %)."""
 
 
-@dataclass(frozen=True)
-class Entry:
-    """A scenario's [paper.NAME], read for one method and one case: the values of its axes."""
+def band_of(entry: dict[str, Any], values: Numbers) -> tuple[float, float] | None:
+    """[low, high] of what counts as within a row's `tolerance`; None where anything does.
 
-    data: dict[str, Any]
-    method: str
-    case: str
+    `values`: the run's, for a band that is a multiple of another number.
+    """
+    tolerance, paper = entry.get("tolerance"), entry.get("values")
+    if isinstance(tolerance, list):
+        low, high = tolerance
+        return float(low), float(high)
+    if isinstance(tolerance, dict):
+        of = values[tolerance["of"]]
+        return tolerance["from"] * of, tolerance["to"] * of
+    if not tolerance or paper is None:
+        return None
+    if tolerance.endswith("%"):
+        width = abs(paper) * float(tolerance[:-1]) / 100
+    else:
+        width = float(tolerance)
+    return paper - width, paper + width
 
-    def cell(self, key: str) -> Any:
-        """What `values`, `tolerance` or `remark` has for this method and case, or None.
 
-        A table has a row a method; where there are columns, a list has a value a case. What is
-        neither holds for all, as a band [low, high] does.
-        """
-        row = self.data.get(key)
-        if isinstance(row, dict):
-            row = row.get(self.method)
-        one_band = key == "tolerance" and all(isinstance(x, (int, float)) for x in row or ())
-        if isinstance(row, list) and "columns" in self.data and not one_band:
-            return row[self.data["columns"].index(self.case)]
-        return row
-
-    def band(self, values: Numbers) -> tuple[float, float] | None:
-        """[low, high] of what counts as within; None where anything does.
-
-        `values`: the run's, for a band that is a multiple of another number.
-        """
-        tolerance, paper = self.cell("tolerance"), self.cell("values")
-        if isinstance(tolerance, list):
-            low, high = tolerance
-            return float(low), float(high)
-        if isinstance(tolerance, dict):
-            of = values[tolerance["of"]]
-            return tolerance["from"] * of, tolerance["to"] * of
-        if not tolerance or paper is None:
-            return None
-        if tolerance.endswith("%"):
-            width = abs(paper) * float(tolerance[:-1]) / 100
-        else:
-            width = float(tolerance)
-        return paper - width, paper + width
-
-    def why(self, key: str) -> str:
-        """What `tuned` or `in_sample` says of this cell; empty where it says nothing."""
-        told = self.data.get(key)
-        if isinstance(told, dict):
-            told = told.get(self.method)
-        if isinstance(told, dict):
-            hit = any(self.case.startswith(c) for c in told["cases"])
-            return str(told["what"]) if hit else ""
-        return str(told or "")
-
-    @property
-    def remark(self) -> str:
-        """What a reader should know of the cell."""
-        tuned, seen = self.why("tuned"), self.why("in_sample")
-        reason = self.data.get("not_judged")
-        texts = (tuned and f"tuned: {tuned}", seen and f"in sample: {seen}",
-                 reason and f"not judged: {reason}", self.cell("remark"))  # fmt: skip
-        return "; ".join(text for text in texts if text)
+def _remark(entry: dict[str, Any]) -> str:
+    """What a reader should know of a row."""
+    words = {"tuned": "tuned: ", "in_sample": "in sample: ", "not_judged": "not judged: ",
+             "remark": ""}  # fmt: skip
+    return "; ".join(f"{word}{entry[key]}" for key, word in words.items() if entry.get(key))
 
 
 def rows_of(
@@ -121,31 +87,28 @@ def rows_of(
     Raises DesatError where a number is not reached or is of a run that was not made, and for a
     share of draws where there are none.
     """
-    method, case = (scenario.cell.get(axis, "") for axis in ("method", "case"))
     rows = []
-    for row, name in numbers_of_rows(scenario.data, scenario.cell).items():
-        entry = Entry(scenario.data["paper"][row], method, case)
+    for row, name in numbers_of_rows(scenario.data).items():
+        entry = scenario.data["paper"][row]
         told: dict[str, Any] | None
-        if "share" in entry.data:
+        if "share" in entry:
             if drawn is None:
                 where = scenario.where(("paper", row))
                 raise DesatError(f"{where}: a share of draws, and {scenario.name} has none")
-            counts = told = share_of(drawn["draws"], name, **entry.data["share"])
+            counts = told = share_of(drawn["draws"], name, **entry["share"])
             ours = 100.0 * counts["count"] / counts["n"]
         else:
             ours = _value(scenario, row, name, values, everything)
             told = _spread(entry, drawn["summary"].get(name) if drawn else None)
         rows.append(_row(scenario, entry, name, ours, values, told))
-    for row in scenario.data["paper"].values():
-        if "not_judged" in row and method in row.get("only", [method]):
-            rows.append(_row(scenario, Entry(row, method, case), "", None, values, None))
-    return rows
+    undecided = (e for e in scenario.data["paper"].values() if "not_judged" in e)
+    return [*rows, *(_row(scenario, e, "", None, values, None) for e in undecided)]
 
 
-def _spread(entry: Entry, summary: dict[str, Any] | None) -> dict[str, Any] | None:
+def _spread(entry: dict[str, Any], summary: dict[str, Any] | None) -> dict[str, Any] | None:
     if summary is None:
         return None
-    return {**{k: summary[k] for k in ("n", "min", "max")}, "band": entry.data.get("each")}
+    return {**{k: summary[k] for k in ("n", "min", "max")}, "band": entry.get("each")}
 
 
 def share_of(
@@ -170,24 +133,24 @@ def clopper_pearson(count: int, n: int, level: float = 0.95) -> list[float]:
 
 
 def _row(
-    scenario: Scenario, entry: Entry, name: str, ours: float | None, values: Numbers,
+    scenario: Scenario, entry: dict[str, Any], name: str, ours: float | None, values: Numbers,
     draws: dict[str, Any] | None,
 ) -> Row:  # fmt: skip
-    band, paper = entry.band(values), entry.cell("values")
+    band, paper = band_of(entry, values), entry.get("values")
     within = None if band is None or ours is None else band[0] <= ours <= band[1]
     if draws is not None and (each := draws.get("band")) is not None:
         within = within is not False and each[0] <= draws["min"] and draws["max"] <= each[1]
-    tuned, seen = bool(entry.why("tuned")), bool(entry.why("in_sample"))
+    tuned, seen = bool(entry.get("tuned")), bool(entry.get("in_sample"))
     labels = scenario.data["labels"]
-    in_columns = entry.method or entry.case
+    in_columns = scenario.cell.keys() & {"method", "case"}
     case = labels.get("case", "") if in_columns else scenario.name.partition("/")[2]
     return Row(
-        table=entry.data["table"],
-        method=entry.data.get("label", labels.get("method", "")),
-        case=entry.data.get("case", case),
-        quantity=entry.data["quantity"],
-        heading=entry.data.get("heading", entry.data["quantity"].replace("_", " ")),
-        unit=entry.data["unit"],
+        table=entry["table"],
+        method=entry.get("label", labels.get("method", "")),
+        case=entry.get("case", case),
+        quantity=entry["quantity"],
+        heading=entry.get("heading", entry["quantity"].replace("_", " ")),
+        unit=entry["unit"],
         paper=paper,
         ours=ours,
         band=band,
@@ -195,9 +158,9 @@ def _row(
         paper_within=None if band is None or paper is None else band[0] <= paper <= band[1],
         tuned=tuned,
         out_of_sample=ours is not None and paper is not None and not tuned and not seen,
-        definition=entry.data.get("definition") or defined(scenario.data["numbers"].get(name)),
-        flag=bool(entry.data.get("flag")),
-        remark=entry.remark,
+        definition=entry.get("definition") or defined(scenario.data["numbers"].get(name)),
+        flag=bool(entry.get("flag")),
+        remark=_remark(entry),
         scenario=scenario.name,
         draws=draws,
     )

@@ -34,7 +34,7 @@ def options_of(measure: str) -> tuple[list[str], dict[str, Any]]:
 def words(scenario: Scenario) -> list[str]:
     """Measures, options and derived quantities that there are not; no system is needed."""
     problems = [*_words(scenario.data), *requirements.unmeetable(scenario.data)]
-    problems += _rows(scenario.data, scenario.cell)
+    problems += _rows(scenario.data)
     return [f"{scenario.where(path)}: {text}" for path, text in problems]
 
 
@@ -84,10 +84,10 @@ def _measured(number: dict[str, Any]) -> Iterator[tuple[Path, str]]:
                 yield ("options",), f"{measure} needs {option}"
 
 
-def _rows(data: dict[str, Any], cell: dict[str, str]) -> Iterator[tuple[Path, str]]:
-    """Rows of a paper's table, as far as they are of this cell, whose number nobody computes."""
+def _rows(data: dict[str, Any]) -> Iterator[tuple[Path, str]]:
+    """Rows of a paper's table whose number nobody computes."""
     numbers = data.get("numbers", {})
-    for row, name in numbers_of_rows(data, cell).items():
+    for row, name in numbers_of_rows(data).items():
         entry = data["paper"][row]
         named = [("number" if "number" in entry else "quantity", name)]
         named += [("tolerance", other) for other in _bands_of(entry.get("tolerance"))]
@@ -108,23 +108,17 @@ def _bands_of(tolerance: Any) -> Iterator[str]:
             yield from _bands_of(each)
 
 
-def numbers_of_rows(data: dict[str, Any], cell: dict[str, str]) -> dict[str, str]:
-    """Row -> number, of the rows of a paper's tables that have a value, or none at all, for the
-    method of a cell; without those that no run decides."""
-    method = cell.get("method", "")
-    numbers = {}
-    for row, entry in data.get("paper", {}).items():
-        values = entry.get("values")
-        if "not_judged" in entry or method not in entry.get("only", [method]):
-            continue
-        if not isinstance(values, dict) or method in values:
-            numbers[row] = entry.get("number", entry["quantity"])
-    return numbers
+def numbers_of_rows(data: dict[str, Any]) -> dict[str, str]:
+    """Row -> number, of the rows of a paper's tables but those that no run decides."""
+    return {
+        row: entry.get("number", entry["quantity"])
+        for row, entry in data.get("paper", {}).items() if "not_judged" not in entry
+    }  # fmt: skip
 
 
 def _analysed(scenario: Scenario, system: System) -> Iterator[tuple[Path, str]]:
     """Rows whose number is of an analysis that does not apply to the system."""
-    for row, name in numbers_of_rows(scenario.data, scenario.cell).items():
+    for row, name in numbers_of_rows(scenario.data).items():
         of = [a for a in analyses() if name in a.NUMBERS]
         if name not in scenario.data.get("numbers", {}) and not any(a.applies(system) for a in of):
             yield ("paper", row), f"no number {name} of this system"

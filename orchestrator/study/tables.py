@@ -60,14 +60,12 @@ def rows(
     alone = {**given, **_references(given.values())}
     values |= _single([s for n, s in alone.items() if n not in values], options, jobs)
     # first what the paper has values for, then what is ours alone
-    ranked = sorted(
-        given.values(), key=lambda s: not any("values" in e for e in s.data["paper"].values())
-    )
+    ranked = sorted(given.values(), key=lambda s: not any("values" in e for e in s.rows.values()))
     made = [
         row for s in ranked
         for row in rows_of(s, values[s.name], values, kept.get(s.name))
     ]  # fmt: skip
-    entries = (e for s in ranked for e in s.data["paper"].values())
+    entries = (e for s in ranked for e in s.rows.values())
     quantities = list(dict.fromkeys((e["table"], e["quantity"]) for e in entries))
     methods = list(dict.fromkeys(row.method for row in made))
     return sorted(
