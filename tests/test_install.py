@@ -19,12 +19,14 @@ from desat.files.scenario import scenarios
 from desat.fmus import registry
 
 
-def _do(*command: str | Path, **options: object) -> subprocess.CompletedProcess[str]:
+def _do(
+    *command: str | Path, code: int = 0, **options: object
+) -> subprocess.CompletedProcess[str]:  # fmt: skip
     done = subprocess.run(
         [str(c) for c in command], capture_output=True, text=True, timeout=300, check=False,
         **options,
     )  # fmt: skip
-    assert done.returncode == 0, done.stdout + done.stderr
+    assert done.returncode == code, done.stdout + done.stderr
     return done
 
 
@@ -59,8 +61,10 @@ def installed(home, tmp_path):
     environment = {k: v for k, v in os.environ.items() if not k.startswith(("PYTHON", "DESAT"))}
     environment["DESAT_CACHE"] = str(home / "cache")
 
-    def run(program: str, *arguments: str) -> str:
-        return _do(home / "env" / "bin" / program, *arguments, cwd=tmp_path, env=environment).stdout
+    def run(program: str, *arguments: str, code: int = 0) -> str:
+        done = _do(home / "env" / "bin" / program, *arguments, cwd=tmp_path, env=environment,
+                   code=code)  # fmt: skip
+        return done.stderr if code else done.stdout
 
     return run
 
@@ -113,3 +117,15 @@ drawn = desat.draws(name, 2, stop=100.0)
 print(len(drawn["draws"]))
 """
     assert installed("python", "-c", code).split("\n")[:2] == ["(11, 4)", "2"]
+
+
+def test_what_needs_a_checkout_says_so(installed, tmp_path):
+    """A page whose template reads a measurement hung for ever: its error was its own cause."""
+    told = installed("desat", "page", "nadir_day", "--into", "out", "--draft", "60", code=2)
+    assert "ssp/nadir_day/page.md:" in told
+    assert "benchmarks/latest.json: no such file" in told
+    assert told.strip().endswith("needs a checkout of desat")
+    told = installed("desat", "design", "uosat12/fig2-mec-1", code=2)
+    assert told.strip().endswith("--out FILE writes elsewhere")
+    installed("desat", "design", "uosat12/fig2-mec-1", "--out", "mine.toml")
+    assert (tmp_path / "mine.toml").is_file()

@@ -107,9 +107,11 @@ def _say_usage(error: Any) -> None:
 
 def _is_full(error: BaseException | None) -> bool:
     """Whether an error, or one that it came from, says that the disk is full."""
-    while error is not None:
+    seen: list[BaseException] = []  # an error may be its own cause
+    while error is not None and error not in seen:
         if isinstance(error, OSError) and error.errno in FULL:
             return True
+        seen.append(error)
         error = error.__cause__ or error.__context__
     return False
 

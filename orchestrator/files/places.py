@@ -42,11 +42,13 @@ def packed() -> Path:
     return _cache() / "ssp" if INSTALLED else SCENARIOS / "dist"
 
 
-def writable(what: str) -> None:
-    """Raise DesatError in an installation, whose scenarios are not to be written."""
+def writable(what: str, instead: str = "") -> None:
+    """Raise DesatError in an installation, whose scenarios are not to be written; `instead`: the
+    option that writes elsewhere."""
     if INSTALLED:
+        hint = f"; {instead} writes elsewhere" if instead else ""
         raise DesatError(f"{what} writes beside the scenarios and needs a checkout of desat; this "
-                         f"is an installation, {PACKAGE}")  # fmt: skip
+                         f"is an installation, {PACKAGE}{hint}")  # fmt: skip
 
 
 def shown(path: Path) -> str:

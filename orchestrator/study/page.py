@@ -62,7 +62,7 @@ def write(
         hint = nearest(family, families())
         raise DesatError(f"no page {family}{hint}; {PAGE} beside its scenarios would be one")
     if into is None:
-        places.writable("desat page")
+        places.writable("desat page", "--into FOLDER")
         if draft is not None:
             raise DesatError(
                 "--draft: --into FOLDER is needed, too; a draft is not for docs/papers"
@@ -91,7 +91,8 @@ def _rendered(file: Path, verbs: Verbs) -> str:
     try:
         text = environment.get_template(file.name).render()
     except Exception as error:
-        raise _at(file, error) from error
+        placed = _at(file, error)
+        raise placed from (None if placed is error else error)
     return f"{_set(text)}\n\n"
 
 

@@ -38,7 +38,7 @@ def design(
     from ...study.drawing import pretty_unit
 
     if file is None:
-        places.writable("`desat design`")
+        places.writable("`desat design`", "--out FILE")
     options = options_of(sets, stop, step, Semantics.conserving, True)
     wanted = design_module.designable(names or [])
     if file is not None and len(wanted) != 1:
