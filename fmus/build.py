@@ -259,6 +259,17 @@ def _write(kept: dict[tuple[str, str], dict[str, Any]], dist: Path) -> list[dict
     return index
 
 
+def _unusable(wanted: tuple[str, ...]) -> dict[str, str]:
+    """Blocks of which there can be no FMU: name -> why, in a line."""
+    wrong = {}
+    for name in wanted:
+        try:
+            block_class(name)
+        except Exception as error:
+            wrong[name] = " ".join(f"{type(error).__name__}: {error}".split())
+    return wrong
+
+
 def _print_table(index: list[dict[str, Any]]) -> None:
     """A line a block: sizes in kB of its native and its Python FMU, or why there is no native."""
     by_name: dict[str, dict[str, dict[str, Any]]] = {}
@@ -282,9 +293,12 @@ def main() -> int:
         print(f"error: no block {', '.join(unknown)}; blocks are {', '.join(names())}",
               file=sys.stderr)  # fmt: skip
         return 2
-    dist = given.into or DIST
+    dist, whole = given.into or DIST, len(wanted) == len(names())
+    for name, why in (wrong := _unusable(wanted)).items():
+        print(f"error: components/blocks/{name}.py: {why}", file=sys.stderr)
+    wanted = tuple(name for name in wanted if name not in wrong)
     index = update(wanted, dist)
-    if given.into is None and len(wanted) == len(names()):
+    if given.into is None and whole and not wrong:
         for stale in {*dist.glob("*.fmu"), *dist.glob("native/*.fmu")} - {
             dist / e["file"] for e in index
         }:
@@ -301,7 +315,7 @@ def main() -> int:
     except NoCompilerError as error:
         print(f"warning: {error}. Only the FMUs of Python were built: they need a Python where "
               "they run, and run slower.", file=sys.stderr)  # fmt: skip
-    return 0
+    return min(len(wrong), 1)
 
 
 if __name__ == "__main__":

@@ -6,6 +6,7 @@ import ctypes
 import os
 import random
 import re
+import shutil
 import signal
 import subprocess
 import sys
@@ -18,7 +19,7 @@ from types import SimpleNamespace
 import fmpy
 import numpy as np
 import pytest
-from conftest import python
+from conftest import ROOT, python
 from fmpy import validation
 from fmpy.fmi2 import FMU2Slave
 from test_blocks import begin, fresh, randomise_inputs
@@ -102,6 +103,28 @@ def test_model_description(name):
         page = archive.read("documentation/index.html").decode()
         assert all(v.name.partition("[")[0] in page for v in md.modelVariables)
         assert not any("__pycache__" in n for n in archive.namelist())
+
+
+def test_a_block_that_cannot_be_one_is_named_and_the_others_are_built(tmp_path):
+    """Without that import its annotations are no text, and no FMU was built at all."""
+    package = tmp_path / "desat"
+    shutil.copytree(ROOT / "components", package / "components")
+    for path in [*(ROOT / "orchestrator").iterdir(), ROOT / "fmus"]:
+        (package / path.name).symlink_to(path)
+    text = (ROOT / "components/blocks/tachometers.py").read_text(encoding="utf-8")
+    mine = text.replace("from __future__ import annotations\n", "")
+    (package / "components/blocks/tachometers_mine.py").write_text(mine, encoding="utf-8")
+    done = subprocess.run(
+        [sys.executable, "-m", "desat.fmus.build", "tachometers", "tachometers_mine", "--into",
+         str(tmp_path / "out")],
+        capture_output=True, text=True, cwd=tmp_path, timeout=300, check=False,
+        env={**os.environ, "PYTHONPATH": str(tmp_path)},
+    )  # fmt: skip
+    assert done.returncode == 1
+    (line,) = done.stderr.splitlines()
+    assert line.startswith("error: components/blocks/tachometers_mine.py: TypeError: Tachometers.")
+    assert "its file needs the line `from __future__ import annotations`" in line
+    assert [p.name for p in (tmp_path / "out").glob("*.fmu")] == ["tachometers.fmu"]
 
 
 def test_a_build_that_is_killed_and_started_again_gives_the_same_bytes(tmp_path):

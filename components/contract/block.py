@@ -112,6 +112,9 @@ class _Declaration:
     def variable(self, owner: type, name: str) -> Variable:
         annotation = owner.__annotations__.get(name)
         where = f"{owner.__name__}.{name}"
+        if annotation is not None and not isinstance(annotation, str):
+            raise TypeError(f"{where}: annotations are read as text: its file needs the line "
+                            "`from __future__ import annotations` at its head")  # fmt: skip
         if annotation not in _SHAPES:
             raise TypeError(f"{where}: annotate it with one of {', '.join(_SHAPES)}")
         try:
