@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+import io
 import json
 import shutil
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
+import pyarrow.parquet as pq
 import pytest
 from scipy.stats import beta
 from test_campaign import RATE as OWN
 
 import desat
-from desat.campaign import case, compare, head, judged, report, store
+from desat.campaign import case, compare, damaged, head, judged, report, store
 from desat.campaign.plan import joined
 from desat.study.case import Options, execute
 from desat.study.draws import draws
@@ -170,6 +173,58 @@ def test_a_flipped_bit_is_damage(three, tmp_path):
     assert store.digest(folder) == store.digest(three)
 
 
+def test_a_file_whose_sha256_is_missing_is_refused_as_one_whose_sha256_is_another(three, tmp_path):
+    folder = tmp_path / "campaign"
+    shutil.copytree(three, folder)
+    kept = damaged.signature(folder / "cases/part-00000.parquet")
+    kept.unlink()
+    told = r"part-00000\.parquet: damaged \(_part-00000\.sha256, its sha256, is missing\); without"
+    with pytest.raises(DesatError, match=told):
+        store.read(folder)
+    shutil.copy(damaged.signature(three / "cases/part-00000.parquet"), kept)
+    assert store.digest(folder) == store.digest(three)
+
+
+def test_a_file_that_is_being_replaced_is_read_whichever_it_is(three, tmp_path, monkeypatch):
+    """Its head may be killed between the two: the sha256 of both stand there until it is done."""
+    shutil.copytree(three, folder := tmp_path / "campaign")
+    path = folder / "cases/part-00000.parquet"
+    for ended in (True, False):  # before, and after the file has been replaced
+        part = path.with_suffix(".tmp")
+        pq.write_table(pq.read_table(path), part, compression="none")
+
+        def killed(kept: Path, target: Path, ended: bool = ended) -> None:
+            if target != path or not ended:
+                shutil.move(kept, target)
+            if target == path:
+                raise KeyboardInterrupt
+
+        monkeypatch.setattr(type(part), "replace", killed)
+        with pytest.raises(KeyboardInterrupt):
+            damaged.replace(part, path, part.read_bytes())
+        monkeypatch.undo()
+        assert store.digest(folder) == store.digest(three)
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs the device that is always full")
+@pytest.mark.parametrize("name", ["journal.jsonl", "cases/part-00000.tmp", "numbers.json.tmp"])
+def test_a_full_disk_is_told_with_the_file(three, tmp_path, name):
+    folder = tmp_path / "campaign"
+    [row, *_] = store._of_block(three, 0)
+    full = store.Store(folder, 1, {})
+    if name == store.JOURNAL:  # which is open
+        full.close()
+        full._file = io.TextIOWrapper(io.FileIO("/dev/full", "a"))
+    else:
+        (folder / name).symlink_to("/dev/full")
+    with pytest.raises(OSError, match="No space left on device") as caught:
+        full.add({**row, "described": {"out.x": {"title": "x", "unit": "1"}}})
+    wanted = folder / name.replace("00.tmp", "00.parquet").removesuffix(".tmp")
+    assert caught.value.filename == str(wanted)
+    with suppress(OSError):  # the rest of what it could not write
+        full.close()
+
+
 def test_damaged_folders_are_named(three, tmp_path, desat):
     folder = tmp_path / "campaign"
     shutil.copytree(three, folder)
@@ -178,7 +233,8 @@ def test_damaged_folders_are_named(three, tmp_path, desat):
     assert store.read(folder).num_rows == 3
     (folder / "status.json").write_text('{"state": "running", "head": 5}')
     assert desat("campaign", "status", str(folder)).returncode == 0
-    shutil.copy(folder / "cases/part-00000.parquet", folder / "cases/part-00001.parquet")
+    for name in ("part-0000{}.parquet", "_part-0000{}.sha256"):
+        shutil.copy(folder / "cases" / name.format(0), folder / "cases" / name.format(1))
     with pytest.raises(DesatError, match=r"part-00001.parquet: damaged \(it has other cases\)"):
         store.read(folder)
     (folder / "cases/part-00001.parquet").unlink()

@@ -12,6 +12,7 @@ from typing import Any
 import pyarrow as pa
 import pyarrow.parquet as pq
 
+from ..files.text import replace_text
 from ..system.errors import DesatError
 
 
@@ -21,32 +22,36 @@ def signature(path: Path) -> Path:
 
 
 def replace(part: Path, path: Path, octets: bytes) -> None:
-    """Put a written file in the place of a Parquet file, and keep its sha256 beside."""
-    signature(path).unlink(missing_ok=True)  # of what was there before
+    """Put a written file in the place of a Parquet file, and keep its sha256 beside. While it is
+    replaced that of the old one stands there, too: a reader may find either."""
+    made = hashlib.sha256(octets).hexdigest()
+    replace_text(signature(path), f"{_signed(path)}\n{made}" if path.exists() else made)
     part.replace(path)
-    signature(path).write_text(hashlib.sha256(octets).hexdigest(), encoding="ascii")
+    replace_text(signature(path), made)
 
 
 def _signed(path: Path) -> str:
-    """The sha256 that a file was written with; "" where it is not known, or being replaced."""
+    """The sha256 that a file was written with, and while it is replaced that of the new one;
+    "" where there is none."""
     try:
-        return signature(path).read_text(encoding="ascii")
+        return signature(path).read_text(encoding="ascii", errors="replace")
     except FileNotFoundError:
         return ""
 
 
 def _check(path: Path) -> None:
-    """Raises DesatError where a file is not what was written."""
+    """Raises DesatError where a file is not what was written, or nothing says what that was."""
     state = path.stat()
-    if said := _signed(path):
-        _as_signed(path, said, state.st_mtime_ns, state.st_size)
+    if not (said := _signed(path)):
+        raise _said(path, ValueError(f"{signature(path).name}, its sha256, is missing"))
+    _as_signed(path, said, state.st_mtime_ns, state.st_size)
 
 
 @lru_cache(maxsize=4096)
 def _as_signed(path: Path, said: str, *_: int) -> None:
     """What is raised is not remembered: a file may be mended within a tick of the clock."""
     found = hashlib.sha256(path.read_bytes()).hexdigest()
-    if found != said and _signed(path) == said:  # else a head has replaced it meanwhile
+    if found not in said.split() and _signed(path) == said:  # else it has been replaced meanwhile
         raise _said(path, ValueError("its sha256 is another"))
 
 

@@ -25,6 +25,7 @@ from typing import Any
 import pyarrow as pa
 import pyarrow.parquet as pq
 
+from ..files.text import naming
 from ..study.manifest import write_json
 from ..system.errors import DesatError
 from . import damaged
@@ -113,8 +114,9 @@ class Store:
         block = row["case"] // BLOCK
         rows = self._open.setdefault(block, {})
         rows[row["case"]] = row
-        self._file.write(json.dumps(row) + "\n")
-        self._file.flush()
+        with naming(self.folder / JOURNAL):
+            self._file.write(json.dumps(row) + "\n")
+            self._file.flush()
         if len(rows) == self._size(block):
             _write(self.folder, block, [rows[n] for n in sorted(rows)])
             del self._open[block]
@@ -125,7 +127,7 @@ class Store:
         """A journal of nothing but the blocks that are open."""
         path = self.folder / JOURNAL
         part = path.with_suffix(".tmp")
-        with part.open("w", encoding="utf-8") as file:
+        with naming(path), part.open("w", encoding="utf-8") as file:
             for rows in self._open.values():
                 file.writelines(json.dumps(row) + "\n" for row in rows.values())
             file.flush()
@@ -179,7 +181,8 @@ def _write(folder: Path, block: int, rows: Sequence[dict[str, Any]]) -> None:
 
 def _save(table: pa.Table, path: Path) -> None:
     part = path.with_suffix(".tmp")
-    pq.write_table(table, part, compression="zstd")
+    with naming(path):
+        pq.write_table(table, part, compression="zstd")
     with part.open("rb") as file:
         os.fsync(file.fileno())
         damaged.replace(part, path, file.read())

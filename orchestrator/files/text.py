@@ -2,7 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
+
+
+@contextmanager
+def naming(path: Path) -> Iterator[None]:
+    """Within: an OSError that names no file, as one of writing to a full disk, names this one."""
+    try:
+        yield
+    except OSError as error:
+        if error.filename is None:
+            error.filename = str(path)
+        raise
 
 
 def replace_text(path: Path, content: str) -> None:
@@ -10,7 +23,8 @@ def replace_text(path: Path, content: str) -> None:
     part = path.with_name(f"{path.name}.tmp")  # `.part` is what a run that goes on has
     path.parent.mkdir(parents=True, exist_ok=True)
     try:
-        part.write_text(content, encoding="utf-8")
+        with naming(path):
+            part.write_text(content, encoding="utf-8")
         part.replace(path)
     except OSError:
         part.unlink(missing_ok=True)

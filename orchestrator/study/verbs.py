@@ -241,10 +241,10 @@ class Verbs(CoilVerbs):
     def data(self, path: str) -> dict[str, Any]:
         """A JSON or TOML file of the repository. Raises DesatError where it is not there, as in an
         installation."""
-        file = places.SCENARIOS.parent / path
-        if not file.is_file():
-            raise DesatError(f"{path}: no such file in {file.parents[path.count('/')]}; a page that "
-                             "reads it needs a checkout of desat")  # fmt: skip
+        home = places.SCENARIOS.parent
+        if not (file := home / path).is_file():
+            raise DesatError(f"{path}: no such file in {home}; a page that reads it needs a "
+                             "checkout of desat")  # fmt: skip
         text = file.read_text(encoding="utf-8")
         data: dict[str, Any] = json.loads(text) if path.endswith(".json") else tomllib.loads(text)
         return data
