@@ -70,6 +70,31 @@ def test_series_compute():
 # --- templates --------------------------------------------------------------------------------
 
 
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ("{{ value.__globals__['importlib'] }}", "is unsafe"),
+        ("{{ ''.__class__.__mro__ }}", "is unsafe"),
+        ("{{ plot.__self__ }}", "is unsafe"),
+        ("{{ series('day-dipole', 'wheels.h_wheel').values.tofile('x') }}", "is unsafe"),
+        ("{{ law('margins', 'math') }}", "no function math in components/laws/margins.py"),
+        ("{{ law('..maths.vector', 'add') }}", "no module ..maths.vector in components/laws"),
+        ("{{ data('../../../etc/x.json') }}", "it is outside"),
+    ],
+)
+def test_a_template_reaches_nothing_but_its_verbs(tmp_path, monkeypatch, text, told):
+    """One ran commands: `os.popen` was three attributes away from any verb."""
+    folder = tmp_path / "nadir_day"
+    (folder / "scenarios").mkdir(parents=True)
+    (folder / "page.md").write_text(f"# A page\n\n{text}\n")
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(page, "templates", lambda family: {"README.md": folder / "page.md"})
+    with pytest.raises(DesatError, match=r"page\.md:3: ") as caught:
+        page.write("nadir_day", tmp_path / "out", draft=60.0)
+    assert told in str(caught.value)
+    assert not (tmp_path / "x").exists()
+
+
 def test_every_template_becomes_a_file_of_its_own():
     assert page.families() == (
         "alsat1", "gyrostat", "hausat2", "integrated", "nadir_day", "space_telescope",

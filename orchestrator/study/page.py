@@ -14,14 +14,11 @@ import traceback
 from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
+from typing import Any
 
-from jinja2 import (
-    Environment,
-    FileSystemLoader,
-    StrictUndefined,
-    TemplateError,
-    TemplateSyntaxError,
-)
+import numpy as np
+from jinja2 import FileSystemLoader, StrictUndefined, TemplateError, TemplateSyntaxError
+from jinja2.sandbox import SandboxedEnvironment
 
 from ..files import places, scenario
 from ..system.errors import DesatError, RunError, nearest
@@ -80,9 +77,21 @@ def write(
     return [write_page(folder / file, text) for file, text in pages.items()]
 
 
+class _Sandbox(SandboxedEnvironment):
+    """A template computes and draws; it reaches no files, modules or private attributes."""
+
+    def is_safe_attribute(self, obj: Any, attr: str, value: Any) -> bool:
+        to_files = isinstance(obj, (np.ndarray, np.generic)) and attr in (
+            "dump",
+            "tofile",
+            "ctypes",
+        )
+        return super().is_safe_attribute(obj, attr, value) and not to_files
+
+
 def _rendered(file: Path, verbs: Verbs) -> str:
     """The Markdown of a template. Raises DesatError with file and line."""
-    environment = Environment(
+    environment = _Sandbox(
         loader=FileSystemLoader(file.parent), undefined=StrictUndefined, trim_blocks=True,
         lstrip_blocks=True, extensions=["jinja2.ext.do"], autoescape=False,
     )  # fmt: skip

@@ -7,12 +7,14 @@ A scenario is named without its family; `change` gives parameters other values, 
 from __future__ import annotations
 
 import importlib
+import inspect
 import json
 import math
 import statistics
 import tomllib
 from collections.abc import Callable, Sequence
 from dataclasses import asdict
+from importlib.util import find_spec
 from typing import Any
 
 from ..files import places
@@ -242,7 +244,10 @@ class Verbs(CoilVerbs):
         """A JSON or TOML file of the repository. Raises DesatError where it is not there, as in an
         installation."""
         home = places.SCENARIOS.parent
-        if not (file := home / path).is_file():
+        file = (home / path).resolve()
+        if not file.is_relative_to(home.resolve()):
+            raise DesatError(f"data: {path}: it is outside {home}")
+        if not file.is_file():
             raise DesatError(f"{path}: no such file in {home}; a page that reads it needs a "
                              "checkout of desat")  # fmt: skip
         text = file.read_text(encoding="utf-8")
@@ -250,10 +255,14 @@ class Verbs(CoilVerbs):
         return data
 
     def law(self, module: str, function: str) -> Callable[..., Any]:
-        """A function of `components/laws/MODULE.py`."""
-        verb: Callable[..., Any] = getattr(
-            importlib.import_module(f"desat.components.laws.{module}"), function
-        )
+        """A function of `components/laws/MODULE.py`. Raises DesatError where there is none."""
+        name = f"desat.components.laws.{module}"
+        if not module.isidentifier() or find_spec(name) is None:
+            raise DesatError(f"law: no module {module} in components/laws")
+        known = dict(inspect.getmembers(importlib.import_module(name), inspect.isfunction))
+        verb: Callable[..., Any] | None = known.get(function)
+        if verb is None or function.startswith("_") or verb.__module__ != name:
+            raise DesatError(f"law: no function {function} in components/laws/{module}.py")
         return verb
 
     def convergence(self, scenario: str) -> dict[str, Any]:
