@@ -81,12 +81,8 @@ class _Sandbox(SandboxedEnvironment):
     """A template computes and draws; it reaches no files, modules or private attributes."""
 
     def is_safe_attribute(self, obj: Any, attr: str, value: Any) -> bool:
-        to_files = isinstance(obj, (np.ndarray, np.generic)) and attr in (
-            "dump",
-            "tofile",
-            "ctypes",
-        )
-        return super().is_safe_attribute(obj, attr, value) and not to_files
+        outside = attr in ("ctypes", "dump", "tofile") and isinstance(obj, (np.ndarray, np.generic))
+        return not outside and super().is_safe_attribute(obj, attr, value)
 
 
 def _rendered(file: Path, verbs: Verbs) -> str:
