@@ -7,6 +7,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/prctl.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
@@ -19,7 +20,7 @@ static char name[64];
 
 enum { NOTHING, SEGFAULT, ABORT, KILL, EXIT_0, EXIT_3, HANG, OVERFLOW, IN_FREE, IN_START, IN_EXIT,
        CHDIR, ROUNDING, LOCALE, HANDLER, PRINT, LOG, STEP_ERROR, SLOW, DISCARD, NOT_FINITE,
-       NEGATIVE, FORK, LEAVE, TRAPS, UMASK, ROUNDED };
+       NEGATIVE, FORK, LEAVE, TRAPS, UMASK, ROUNDED, SCRIBBLE, KILL_GROUP, DAEMON };
 
 static int recurse(int n) { volatile char big[65536]; big[n & 65535] = 1; return recurse(n + 1) + big[0]; }
 
@@ -87,6 +88,14 @@ int fmi2DoStep(component c, double t, double dt, int no)
     if (me.how == FORK && t < 3.5) fork();
     if (me.how == LEAVE && !fork()) sleep(2), _exit(0);
     if (me.how == LEAVE) ruin(SEGFAULT);
+    if (me.how == SCRIBBLE)  // into all that is open: what it finds is not its own
+        for (int i = 3; i < 4096; i++) write(i, "scribble", 8);
+    if (me.how == KILL_GROUP) kill(0, SIGKILL);
+    if (me.how == DAEMON && t < 3.5 && !fork()) {
+        setsid();
+        if (!fork()) prctl(PR_SET_NAME, "desat_daemon"), sleep(600);
+        _exit(0);
+    }
     if (me.how == TRAPS) feenableexcept(FE_INVALID);
     if (me.how == UMASK) umask(0777);
     if (me.how == ROUNDED && fegetround() == FE_UPWARD) me.y += 0.5;

@@ -200,6 +200,27 @@ def test_an_isolated_component_ends_alone(system, tmp_path, supervised):
     assert warning.startswith("bad: it changed the rounding mode of its process")
 
 
+WROTE = "bad: at t = 3 s it wrote into a file that is not its own; it was ended"
+
+
+@pytest.mark.parametrize(
+    ("how", "text"),
+    [("SCRIBBLE", WROTE), ("KILL_GROUP", f"{ALONE}SIGKILL"), ("DAEMON", "")],
+)
+def test_an_isolated_component_has_nothing_of_the_heads(system, apart, how, text):
+    """What it finds open, its process group and what it leaves behind are its own: it wrote into
+    the files of the run, killed `desat`, and its daemons held the caller's pipes."""
+    done = apart("run", str(system), "--step", "1", "--set", f"bad.how={HOW.index(how)}", "--json",
+                 "--out", str(system / "out"))  # fmt: skip
+    assert done.returncode == (Exit.COMPONENT if text else Exit.COMPLETED), done.stderr
+    told = json.loads(done.stdout)
+    assert told["message"] == text
+    with load_run(system / "out").results as results:
+        assert results.times().tolist() == [float(k) for k in range(4 if text else 11)]
+        assert results.values("bad.y").tolist() == results.times().tolist()
+    assert [p for p in psutil.process_iter(["name"]) if p.info["name"] == "desat_daemon"] == []
+
+
 def test_what_refuses_to_be_instantiated_is_heard(system, tmp_path):
     """Also where it has a process, of which nothing is left; and what cannot even be loaded, and
     what ends its process then."""

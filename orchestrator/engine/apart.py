@@ -11,9 +11,11 @@ import mmap
 import os
 import signal
 import sys
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from multiprocessing.connection import Connection
 from typing import Any, NoReturn
+from weakref import WeakSet
 
 import numpy as np
 
@@ -21,6 +23,7 @@ from ..files.library import Fmu
 from ..system.errors import DesatError
 from ..system.interface import KINDS, Interface, Kind, Signal
 from ..system.model import Component
+from . import last_call
 from .fmu_instance import FmuInstance
 from .host import kept
 from .instances import DTYPE, Array, Clock, ComponentError
@@ -45,6 +48,7 @@ class Shared:
         self._sizes = {k: 8 * sum(s.kind == k for s in signals) for k in KINDS}
         # anonymous: a process that is forked has the same
         self._memory = mmap.mmap(-1, _HEAD + 2 * sum(self._sizes.values()))
+        _inherited.add(self._memory)  # of those that are forked after its own
         self.words = memoryview(self._memory)[:48].cast("q")
         self.clock = memoryview(self._memory)[48:_HEAD].cast("d")
 
@@ -137,12 +141,38 @@ class _There:
         return getattr(self._instance, name)(*arguments)
 
 
+_inherited: WeakSet[mmap.mmap] = WeakSet((last_call.page,))
+"""Memory that a process which is forked would have, too, and that is nothing of an FMU's."""
+
+
+@contextmanager
+def kept_back() -> Iterator[None]:
+    """Within: a process that is forked has none of this process' shared memory (Linux)."""
+    memories = list(_inherited) if hasattr(mmap, "MADV_DONTFORK") else []
+    for memory in memories:
+        memory.madvise(mmap.MADV_DONTFORK)
+    try:
+        yield
+    finally:
+        for memory in memories:
+            memory.madvise(mmap.MADV_DOFORK)
+
+
+def _alone(pipe: Connection) -> None:
+    """Keep nothing of the head's but standard error, and take a session of its own: whatever the
+    component writes into, signals or starts is its own."""
+    os.setsid()
+    nothing = os.open(os.devnull, os.O_RDONLY)
+    os.dup2(nothing, 0)
+    os.dup2(2, 1)  # what an FMU prints is no result
+    os.closerange(3, pipe.fileno())
+    os.closerange(pipe.fileno() + 1, os.sysconf("SC_OPEN_MAX"))
+
+
 def live(
-    pipe: Connection, shared: Shared, component: Component, fmu: Fmu, head: int,
-    others: Collection[Connection],
+    pipe: Connection, shared: Shared, component: Component, fmu: Fmu, head: int
 ) -> NoReturn:  # fmt: skip
-    """The process: it does what it is told until it is told to free the component. `others`: what
-    its head has open to others like it."""
+    """The process: it does what it is told until it is told to free the component."""
     try:
         faulthandler.disable()
         for name in ("SIGINT", "SIGTERM", "SIGHUP"):
@@ -151,9 +181,7 @@ def live(
             ctypes.CDLL(None).prctl(1, signal.SIGKILL)  # it dies with its head, also in a call
             if os.getppid() != head:
                 os._exit(1)
-        for other in others:
-            other.close()
-        os.dup2(2, 1)  # what an FMU prints is no result
+        _alone(pipe)
         with kept("it", "its process") as changes, np.errstate(all="ignore"):
             there, file = _There(shared, changes), pipe.fileno()
             alive = _answered(pipe, there, "make", (component, fmu))

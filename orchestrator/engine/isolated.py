@@ -28,7 +28,22 @@ from ..system.codes import Exit
 from ..system.interface import Kind, Signal
 from ..system.model import Component
 from . import last_call
-from .apart import A_CALL, A_STEP, DOING, DUE, MADE, OUTPUTS, RAISED, READ, SAID, SET, Shared, live
+from .apart import (
+    A_CALL,
+    A_STEP,
+    DOING,
+    DONE,
+    DUE,
+    MADE,
+    OUTPUTS,
+    RAISED,
+    READ,
+    SAID,
+    SET,
+    Shared,
+    kept_back,
+    live,
+)
 from .fmu_instance import failure
 from .instances import Array, Clock, ComponentError, EndedError
 from .last_call import INSTANTIATE, PUSH
@@ -36,8 +51,6 @@ from .last_call import INSTANTIATE, PUSH
 CAN = hasattr(os, "fork")
 GRACE = 1.0
 """A process that has closed its socket is killed where it has not ended after so long (s)."""
-_open: set[Connection] = set()
-"""This process's ends of all sockets; one that is forked keeps none of them."""
 
 
 class IsolatedInstance:
@@ -48,17 +61,17 @@ class IsolatedInstance:
         self.name, self.place = component.name, 0
         self.messages: list[str] = []
         self._heard, self._limit, self._ended, self._read = 0, limit, "", False
-        self._shared = Shared(fmu.interface)
-        self._words, self._time = self._shared.words, self._shared.clock
-        self._words[DOING] = INSTANTIATE
         ours, theirs = socket.socketpair()
         head = os.getpid()
         with warnings.catch_warnings():  # the child uses nothing that another thread may hold
             warnings.simplefilter("ignore", DeprecationWarning)
-            self._process = os.fork()
-        if not self._process:
-            ours.close()
-            live(Connection(theirs.detach()), self._shared, component, fmu, head, _open)
+            with kept_back():
+                self._shared = Shared(fmu.interface)
+                self._words, self._time = self._shared.words, self._shared.clock
+                self._words[DOING] = INSTANTIATE
+                self._process = os.fork()
+                if not self._process:
+                    live(Connection(theirs.detach()), self._shared, component, fmu, head)
         theirs.close()
         if limit < 1e9:
             rest, seconds = math.modf(limit)
@@ -66,7 +79,6 @@ class IsolatedInstance:
             ours.setsockopt(socket.SOL_SOCKET, socket.SO_RCVTIMEO, time_value)
         self._socket: Connection | None = Connection(ours.detach())
         self._file = self._socket.fileno()
-        _open.add(self._socket)
         try:
             self._answer()
         except BaseException:
@@ -122,8 +134,8 @@ class IsolatedInstance:
             self._lost(hung=True)
         except OSError:
             self._lost()
-        if not done:
-            self._lost()
+        if done != DONE:
+            self._lost(garbled=bool(done))
         if self._words[SAID] > self._heard:
             self._hear("messages")
         if (status := self._words[SET]) > 1:
@@ -192,13 +204,22 @@ class IsolatedInstance:
 
     # --- its end ------------------------------------------------------------------------------
 
-    def _lost(self, hung: bool = False) -> NoReturn:
-        """The process there has ended, or is ended here: say how."""
+    def _lost(self, hung: bool = False, garbled: bool = False) -> NoReturn:
+        """The process there has ended, or is ended here: say how. `garbled`: it has answered what
+        our side of it does not."""
         call = last_call.told(self._words[DOING])
         if hung and (status := last_call.status_of(self._process)) is not None:
             hung = False  # what it has forked keeps its socket open
             self._close()
+            self._end_group()
             self._ended = f"{self.name}: {call} ended its process: {last_call.how(status)}"
+        elif garbled:
+            os.kill(self._process, signal.SIGKILL)
+            self._reap()
+            when = f"at t = {self._time[0]:g} s"
+            self._ended = (
+                f"{self.name}: {when} it wrote into a file that is not its own; it was ended"
+            )
         elif hung:
             os.kill(self._process, signal.SIGKILL)
             self._reap()
@@ -216,14 +237,20 @@ class IsolatedInstance:
         until = time.monotonic() + GRACE
         while True:
             if (status := last_call.status_of(self._process)) is not None:
+                self._end_group()
                 return last_call.how(status)
             if time.monotonic() > until:
                 os.kill(self._process, signal.SIGKILL)
             time.sleep(0.001)
 
+    def _end_group(self) -> None:
+        """End what it has forked, of its session: what has left that comes to the process that
+        steps (`study/supervise.py`)."""
+        with suppress(ProcessLookupError, PermissionError):
+            os.killpg(self._process, signal.SIGKILL)
+
     def _close(self) -> None:
         """Close the socket."""
         assert self._socket is not None
         self._socket.close()
-        _open.discard(self._socket)
         self._socket = None

@@ -22,11 +22,11 @@ PLACE = 16
 UNKNOWN = -1
 """Instead of the status of a process that has ended."""
 
-_page = mmap.mmap(-1, mmap.PAGESIZE)  # anonymous and shared: a forked child writes to the same
-word = memoryview(_page)[:8].cast("q")
+page = mmap.mmap(-1, mmap.PAGESIZE)  # anonymous and shared: a forked child writes to the same
+word = memoryview(page)[:8].cast("q")
 """word[0]: PLACE times the component's place in the order of the schedule, and the verb; 0: no
 call."""
-time = memoryview(_page)[8:16].cast("d")
+time = memoryview(page)[8:16].cast("d")
 """time[0]: the time of the call (s)."""
 
 
