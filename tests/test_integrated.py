@@ -596,10 +596,14 @@ def test_a_second_panel_shows_the_steady_state_and_an_envelope_the_extremes():
     run = execute("integrated/mil-nadir", Options(blocks=True, stop=200.0))
     runs = [("", run.results, run.manifest["parameters"])]
     plot = {"title": "Dipole", "signals": ["torquers.m_mean_body"], "unit": "A.m2"}
-    assert plots.series_plot(plot, runs).count('id="axes_') == 1
-    assert plots.series_plot({**plot, "steady": 100.0}, runs).count('id="axes_') == 2
-    assert plots.series_plot({**plot, "steady": 300.0}, runs).count('id="axes_') == 1
-    assert "FillBetween" in plots.series_plot({**plot, "envelope": True}, runs)
+    assert len(plots.series_figure(plot, runs).axes) == 1
+    assert len(plots.series_figure({**plot, "steady": 300.0}, runs).axes) == 1
+    whole, steady = plots.series_figure({**plot, "steady": 100.0}, runs).axes
+    assert (steady.title, steady.x.low, steady.x.high) == ("from 100 s on", 100.0, 200.0)
+    assert min(steady.marks[0].x) == 100.0
+    assert [m.filled for m in whole.marks] == [False] * 3
+    filled = plots.series_figure({**plot, "envelope": True}, runs).axes[0].marks
+    assert all(m.filled and m.label.endswith("least to most") for m in filled)
     x = np.arange(2400.0)
     times, low, high = between(x, np.sin(x))
     assert len(times) == BINS

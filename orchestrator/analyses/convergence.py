@@ -15,8 +15,9 @@ from rich.progress import track
 
 from ..engine.master import ALGORITHMS, Algorithm
 from ..study.case import Options, prepare, simulate
-from ..study.drawing import COLOURS, figure, legend, svg
+from ..study.drawing import COLOURS, DASHED, figure
 from ..study.report import render, write_page
+from ..study.ticks import Ticks
 from ..system.errors import DesatError
 from .estimate import companion, difference, estimate
 from .reference import Gyrostat, Trajectory
@@ -165,20 +166,16 @@ def write_html(result: dict[str, Any], path: Path) -> Path:
 def plot(result: dict[str, Any], key: str, unit: str) -> str:
     """Errors over steps as SVG."""
     fig, ax = figure()
-    lines = [(a, key, "-") for a in ALGORITHMS]
+    lines: list[tuple[str, str, tuple[float, ...]]] = [(a, key, ()) for a in ALGORITHMS]
     if f"{key}_same_delays" in result["rows"][0]:
-        lines.append(("jacobi", f"{key}_same_delays", "--"))
+        lines.append(("jacobi", f"{key}_same_delays", DASHED))
     for i, (algorithm, field, style) in enumerate(lines):
         rows = [r for r in result["rows"] if r["algorithm"] == algorithm and r[field]]
         label = algorithm + (", same delays" if field != key else "")
-        ax.loglog(
-            [r["step"] for r in rows], [r[field] for r in rows], style, marker="o",
-            color=COLOURS[i], label=label, markersize=4,
-        )  # fmt: skip
+        ax.plot([r["step"] for r in rows], [r[field] for r in rows], COLOURS[i], width=1.4,
+                dash=style, marker=4.0, label=label)  # fmt: skip
     steps = sorted({r["step"] for r in result["rows"]})
-    ax.set_xticks(steps, [f"{s:g}" for s in steps])
-    ax.minorticks_off()
-    ax.set_xlabel("step [s]")
-    ax.set_ylabel(f"[{unit}]")
-    legend(ax)
-    return svg(fig)
+    ax.x.ticks = Ticks(tuple(steps), tuple(f"{s:g}" for s in steps))
+    ax.x.log = ax.y.log = True
+    ax.x.label, ax.y.label = "step [s]", f"[{unit}]"
+    return fig.svg()
