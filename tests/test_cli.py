@@ -412,3 +412,27 @@ def test_a_scenario_file_of_ones_own(desat, tmp_path):
         assert result.returncode == Exit.INPUT
         assert message in result.stderr
         assert len(result.stderr.splitlines()) == 1
+
+
+def test_one_scenario_is_found_in_its_one_file():
+    """Of a family of hundreds, a run reads the file that has it, what that extends, and those of the
+    scenarios that it names."""
+    code = """
+import sys
+from desat.files import scenario, toml
+read = []
+real = toml.toml
+def counted(file):
+    read.append(file.name)
+    return real(file)
+scenario.toml = counted
+found = scenario.find(sys.argv[1])
+assert found.name == sys.argv[1]
+print(len(set(read)))
+whole, _ = scenario.readable(found.family)
+assert whole[found.name] == found
+"""
+    for name in ("uosat12/table3-ocdc-ilqr-1", "hausat2/detumbling-ours", "alsat1/firing-ours"):
+        result = python(code, name)
+        assert result.returncode == 0, result.stderr
+        assert int(result.stdout) <= 10, result.stdout

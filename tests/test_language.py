@@ -51,7 +51,7 @@ label = "A"
 
 
 def _clear() -> None:
-    for cached in (scenario.families, scenario.survey, scenario.scenarios):
+    for cached in (scenario.families, scenario.cells, scenario.survey, scenario.scenarios):
         cached.cache_clear()
 
 
