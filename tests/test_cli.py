@@ -415,8 +415,8 @@ def test_a_scenario_file_of_ones_own(desat, tmp_path):
 
 
 def test_one_scenario_is_found_in_its_one_file():
-    """Of a family of hundreds, a run reads the file that has it, what that extends, and those of the
-    scenarios that it names."""
+    """Of a family of hundreds, a run reads the file that has it, what that extends, and those
+    of the scenarios that it names."""
     code = """
 import sys
 from desat.files import scenario, toml
