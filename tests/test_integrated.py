@@ -18,9 +18,10 @@ from desat.components.laws import integrated
 from desat.components.laws.margins import pid_margins
 from desat.components.maths.vector import cross, dot, norm, sub
 from desat.components.physics.wheel_array import body_momentum, pseudo_inverse, to_wheels
+from desat.files import places
 from desat.files.scenario import find
 from desat.files.vocabulary import bounds
-from desat.study import cells, derived, measures, measures_pointing, plots, stored, tables
+from desat.study import cells, derived, draws, measures, measures_pointing, plots, stored, tables
 from desat.study.case import Options, execute
 from desat.study.drawing import BINS, axis_label, between
 from desat.study.meaning import numbers_of_rows
@@ -621,6 +622,21 @@ def test_a_stored_draw_comes_out_again(current):
     again = execute(name, Options(values=values)).manifest["numbers"]
     kept = current["scenarios"][name]["draws"][0]["numbers"]
     assert {k: again[k]["value"] for k in kept} == pytest.approx(kept, rel=1e-6)
+
+
+def test_tables_pack_nothing_and_record_only_what_numbers_need(monkeypatch, tmp_path):
+    """A paper's 78 runs took 42 s, most of it for packing, extracting and recording all series."""
+    name, run = "uosat12/table3-ocdc-ilqr-1", []
+    monkeypatch.setattr(tables, "scenarios", lambda family: {name: find(name)})
+    monkeypatch.setattr(places, "packed", lambda: tmp_path)
+    simulate = draws.simulate
+    monkeypatch.setattr(draws, "simulate", lambda case: run.append(case) or simulate(case))
+    found = {row.quantity: row.ours for row in rows("uosat12", Options(), jobs=1)}
+    assert not list(tmp_path.iterdir())
+    assert name in [case.target for case in run]
+    assert not any("*" in pattern for case in run for pattern in case.options.record)
+    whole = execute(name, Options())
+    assert found["firing_time"] == whole.manifest["numbers"]["firing_time"]["value"]
 
 
 def test_rows_of_draws_have_the_median_and_the_file_is_named(drawn, monkeypatch):

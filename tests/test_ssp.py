@@ -6,6 +6,7 @@ import zipfile
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 from conftest import ROOT, one_of_each_craft
 from lxml import etree
@@ -74,13 +75,28 @@ def test_a_folder_runs_as_well(packed, tmp_path):
     assert a.manifest["numbers"] == b.manifest["numbers"]
 
 
-def test_a_scenario_of_each_craft_packs():
-    """`make ssp` packs the others."""
-    assert "uosat12" in families()
-    crafts = one_of_each_craft()
-    assert {name.split("/")[0] for name in crafts} == set(families())
-    for name in crafts:
-        assert pack_scenario(find(name)).exists()
+@pytest.mark.real_units
+@pytest.mark.parametrize("name", one_of_each_craft())
+def test_a_packed_scenario_gives_the_bits_of_the_scenario(name, tmp_path):
+    """One of each craft: what tables, pages and draws compute of scenarios holds for the packed
+    files that other tools load."""
+    data = find(name).data
+    options = Options(stop=min(data["stop"], 200.0 * data["step"]))
+    packed = execute(str(pack_scenario(find(name), tmp_path / "x.ssp")), options)
+    plain = execute(name, options)
+    assert packed.ok
+    assert packed.manifest["numbers"] == plain.manifest["numbers"]
+    assert packed.results.names() == plain.results.names()
+    for series in plain.results.names():
+        assert np.array_equal(
+            packed.results.values(series),
+            plain.results.values(series),
+            equal_nan=plain.results.values(series).dtype.kind == "f",
+        ), series
+
+
+def test_there_are_crafts_of_every_family():
+    assert {name.split("/")[0] for name in one_of_each_craft()} == set(families())
 
 
 def test_every_scenario_has_a_title_and_a_story():

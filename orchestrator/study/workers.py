@@ -13,15 +13,12 @@ import sys
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Hashable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Hashable, Iterable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass
 from multiprocessing import get_context
 from multiprocessing.connection import wait
 from typing import Any, Protocol, Self
-
-from ..system.codes import Exit
-from ..system.errors import RunError
 
 
 @dataclass(frozen=True)
@@ -224,19 +221,6 @@ def _how(code: int) -> str:
     if code < 0:
         return signal.Signals(-code).name
     return f"exit({code})"
-
-
-def mapped(function: Callable[..., Any], tasks: Sequence[tuple[Any, ...]], jobs: int) -> list[Any]:
-    """What a function gives for each task, in their order, over so many processes. Raises RunError
-    where a process dies."""
-    made: dict[Any, Any] = {}
-    workers: Workers = Here(function) if min(jobs, len(tasks)) < 2 else Local(function, jobs)
-    with workers:
-        for key, result in results(workers, iter(enumerate(tasks)), lambda key, why: None):
-            if isinstance(result, Lost):
-                raise RunError(f"{tasks[key][0]}: {result.why}", Exit.COMPONENT)
-            made[key] = result
-    return [made[key] for key in range(len(tasks))]
 
 
 def results(
