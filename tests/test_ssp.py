@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import subprocess
 import zipfile
 from dataclasses import replace
 from pathlib import Path
@@ -11,7 +12,7 @@ import pytest
 from conftest import ROOT, one_of_each_craft
 from lxml import etree
 
-from desat.files import archive, places, ssp
+from desat.files import archive, places, scenario, ssp
 from desat.files.pack import pack, pack_scenario
 from desat.files.scenario import families, find, scenarios
 from desat.files.xml import parse_bytes, validate
@@ -100,9 +101,9 @@ def test_there_are_crafts_of_every_family():
 
 
 def test_every_scenario_has_a_title_and_a_story():
-    for scenario in scenarios().values():
-        assert scenario.data.get("title")
-        assert scenario.data.get("story")
+    for given in scenarios().values():
+        assert given.data.get("title")
+        assert given.data.get("story")
 
 
 def test_every_cell_of_tables_2_and_3_is_a_scenario():
@@ -230,3 +231,28 @@ def test_scenario_files(tmp_path, monkeypatch, scenario_module):
     problems = scenario.find("f/t").draft().problems
     assert "manager has no variable duti; did you mean duty?" in "\n".join(problems)
     assert "no component has a parameter nothing" in "\n".join(problems)
+
+
+def test_packing_all_leaves_what_is_current(monkeypatch, tmp_path):
+    """492 files of 2 MB each were written anew each time, also by `make demo`."""
+    from desat.cli.commands.pack import pack as command
+
+    monkeypatch.setattr(scenario, "scenarios", lambda family=None: {NAME: find(NAME)})
+    monkeypatch.setattr(places, "packed", lambda: tmp_path)
+    command(None)
+    path = tmp_path / f"{NAME}.ssp"
+    written = path.stat().st_mtime_ns
+    command(None)
+    assert path.stat().st_mtime_ns == written
+    command([NAME])
+    assert path.stat().st_mtime_ns > written
+
+
+def test_make_demo_and_make_ssp_pack_what_is_needed():
+    packed = {
+        target: [line for line in subprocess.run(
+            ["make", "-n", target], cwd=ROOT, capture_output=True, text=True, check=True,
+        ).stdout.splitlines() if "desat pack" in line]
+        for target in ("demo", "ssp")
+    }  # fmt: skip
+    assert packed == {"demo": [".venv/bin/desat pack uosat12/table3-ocdc-ilqr-1"], "ssp": []}
