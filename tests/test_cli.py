@@ -436,3 +436,14 @@ assert whole[found.name] == found
         result = python(code, name)
         assert result.returncode == 0, result.stderr
         assert int(result.stdout) <= 10, result.stdout
+
+
+def test_python_m_beside_a_folder_of_our_name_says_so(tmp_path):
+    (tmp_path / "desat").mkdir()
+    result = subprocess.run([sys.executable, "-m", "desat.cli", "run", NAME], cwd=tmp_path,
+                            capture_output=True, text=True, check=False)  # fmt: skip
+    assert result.returncode == 2
+    assert result.stderr == (
+        f"error: {tmp_path / 'desat'}: a folder of this name hides the package from `python -m`; "
+        "run `desat`, or python from another folder\n"
+    )

@@ -35,6 +35,9 @@ class Steps(Protocol):
     def why(self) -> str:
         """The reason, for people; empty for the compiled loop."""
 
+    seconds: float
+    """Wall time that steps have taken so far."""
+
     def some(self, most: int) -> None:
         """Make so many steps, or fewer, so that a run may end there."""
 
@@ -43,6 +46,7 @@ class PythonSteps:
     """Steps of an initialised master, one by one."""
 
     name: Loop = "python"
+    seconds = 0.0
 
     def __init__(self, master: Master, recorder: Recorder | None, why: str) -> None:
         self._advance, self.why = master.advance, why
@@ -77,11 +81,14 @@ def run(
         began, edge = time.perf_counter(), min(master.k + chunk, until)
         if checkpoints is not None:
             edge = min(edge, checkpoints.next(master.k))
-        while master.k < edge and not interrupted():
-            steps.some(edge - master.k)
-            if reason := ending.reason():
-                return reason
-        seconds = time.perf_counter() - began
+        try:
+            while master.k < edge and not interrupted():
+                steps.some(edge - master.k)
+                if reason := ending.reason():
+                    return reason
+        finally:
+            seconds = time.perf_counter() - began
+            steps.seconds += seconds
         chunk = max(1, min(2 * chunk, int(chunk * 0.05 / max(seconds, 1e-6))))
         recorder.tick()
         report(master.k)
