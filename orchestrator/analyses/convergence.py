@@ -2,21 +2,16 @@
 
 from __future__ import annotations
 
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import asdict, dataclass, replace
-from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from rich.console import Console
-from rich.progress import track
 
 from ..engine.master import ALGORITHMS, Algorithm
 from ..study.case import Options, prepare, simulate
 from ..study.drawing import COLOURS, DASHED, figure
-from ..study.report import render, write_page
 from ..study.ticks import Ticks
 from ..system.errors import DesatError
 from .estimate import companion, difference, estimate
@@ -110,6 +105,13 @@ def study(
     cases = [replace(options, step=s, algorithm=a) for a in algorithms for s in steps]
     companions = [companion(system, c) for c in cases if c.algorithm == "conserving"]
     runs = cases + companions
+    # every run loads this module, as all of this folder
+    from concurrent.futures import ProcessPoolExecutor
+    from multiprocessing import get_context
+
+    from rich.console import Console
+    from rich.progress import track
+
     with ProcessPoolExecutor(min(jobs, len(runs)), mp_context=get_context("spawn")) as pool:
         results = pool.map(fly, [target] * len(runs), runs)
         console = Console(stderr=True)
@@ -143,6 +145,8 @@ def order(steps: list[float], errors: list[float]) -> float | None:
 def write_html(result: dict[str, Any], path: Path) -> Path:
     """The study as a self-contained page."""
     from markupsafe import Markup
+
+    from ..study.report import render, write_page
 
     figures = [
         (

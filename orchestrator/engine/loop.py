@@ -10,9 +10,6 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any, Protocol
 
-from rich.console import Console
-from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
-
 from .checkpoint import Checkpoints
 from .compiled import CompiledSteps
 from .ending import NEVER, Ending, Loop
@@ -131,6 +128,9 @@ def bar(name: str, steps: int, wanted: bool) -> Iterator[Callable[[int], None]]:
     if not (wanted and sys.stderr.isatty()):
         yield lambda k: None
         return
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+
     columns = (TextColumn("{task.description}"), BarColumn(), TextColumn("{task.percentage:.0f} %"),
                TimeRemainingColumn())  # fmt: skip
     with Progress(*columns, transient=True, console=Console(stderr=True)) as progress:
