@@ -5,6 +5,8 @@ A strip stands for an Integer output whose values have names (`choices`).
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -22,15 +24,20 @@ def timeline(ax: Axes, seconds: float, unit: str, results: Results | None = None
     """Name the axis of times, in `unit` of so many seconds. Under it, a strip of coloured bands for
     each Integer of the results whose values have names: a mode, a phase."""
     ax.x.label, ax.x.margin = f"time [{unit}]", 0.01
-    named = [s for s in results.names() if results.choices(s)] if results else []
-    for row, signal in enumerate(named):
-        assert results is not None
-        values, choices = results.values(signal), results.choices(signal)
-        for value, spans in bands(results.times(), values):
+    strips = results.once("strips", lambda: list(_strips(results))) if results else []
+    for strip in strips:
+        spans = [(begin / seconds, end / seconds) for begin, end in strip.spans]
+        ax.strips.append(replace(strip, spans=spans))
+
+
+def _strips(results: Results) -> Iterator[Strip]:
+    """The strips of a run, over times in s."""
+    named = [(s, choices) for s in results.names() if (choices := results.choices(s))]
+    for row, (signal, choices) in enumerate(named):
+        for value, spans in bands(results.times(), results.values(signal)):
             name = choices[value] if 0 <= value < len(choices) else str(value)
             label = f"{signal.partition('.')[2]}: {name.replace('_', ' ')}"
-            in_unit = [(begin / seconds, end / seconds) for begin, end in spans]
-            ax.strips.append(Strip(row, in_unit, COLOURS[value % len(COLOURS)], label))
+            yield Strip(row, spans, COLOURS[value % len(COLOURS)], label)
 
 
 def bands(
