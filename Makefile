@@ -4,18 +4,17 @@ BIN := .venv/bin
 
 .PHONY: demo fmus ssp test check fuzz builds bench papers clean
 
-demo: ssp ## build everything, run one scenario, print the paper's tables beside ours
+demo: ssp ## build everything, run and pack one scenario, print the paper's tables beside ours
 	$(BIN)/desat run uosat12/table3-ocdc-ilqr-1
+	$(BIN)/desat pack uosat12/table3-ocdc-ilqr-1
 	@echo
 	$(BIN)/desat tables uosat12
 
 fmus: .venv/.installed ## build the FMUs of all blocks into fmus/dist/
 	$(BIN)/python -m desat.fmus.build
 
-ssp: fmus ## write the SSD of every craft, pack every scenario into ssp/dist/
+ssp: fmus ## write the SSD of every craft; .ssp files are packed on demand: desat pack [NAME]
 	$(BIN)/desat craft
-	$(BIN)/desat pack
-	@$(BIN)/desat list > .venv/list  # reads all scenarios once, and keeps what it finds
 
 test: check fmus ## all tests
 	$(BIN)/python -m pytest -n 2

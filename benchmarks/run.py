@@ -1,4 +1,5 @@
-"""`make bench`: microseconds per macro step, ours and others in turn, into benchmarks/latest.json.
+"""`make bench`: microseconds per macro step, ours and others in turn, and what commands cost, into
+benchmarks/latest.json.
 
 Every measurement is a process of its own; the tools take turns, so that a slow spell of the
 machine hits all of them; medians over the rounds are written.
@@ -38,7 +39,7 @@ from desat.files.scenario import find
 from desat.study.case import Options, prepare
 from desat.system.interface import KINDS
 
-from . import campaign, plants, scaling
+from . import campaign, commands, plants, scaling
 
 HERE = Path(__file__).parent
 LATEST = HERE / "latest.json"
@@ -661,6 +662,7 @@ CASES: dict[str, Callable[[], dict[str, Any]]] = {
     "laws": laws,
     "scaling": scaling.measure,
     "campaign": campaign.measure,
+    "commands": commands.measure,
 }
 
 

@@ -20,7 +20,8 @@ from desat.engine.master import Master
 from desat.engine.recorder import Recorder
 from desat.engine.results import SERIES
 from desat.files import library, places
-from desat.study.drawing import COLOURS, figure, svg
+from desat.study.canvas import Figure
+from desat.study.drawing import COLOURS
 from desat.system.check import check
 from desat.system.draft import Draft, DraftComponent
 from desat.system.model import Connection
@@ -120,16 +121,13 @@ def measure() -> dict[str, Any]:
 
 
 def _draw(found: dict[str, Any]) -> None:
-    fig, first = figure(9.0, 2.6)
-    first.remove()
+    fig = Figure(9.0, 2.6)
     for i, name in enumerate(("steps", "components", "connections", "recorded")):
-        ax = fig.add_axes((0.06 + 0.245 * i, 0.2, 0.185, 0.7))
+        left = 0.06 + 0.245 * i
+        ax = fig.add(left=left, right=1.0 - left - 0.185, top=0.1, bottom=0.2)
         x, y = np.array(found[name]["rows"], dtype=float).T
-        ax.plot(x / 1e6 if name == "steps" else x, y, "o-", color=COLOURS[i], markersize=3)
-        shown = {"recorded": "recorded signals", "steps": "steps, millions"}.get(name, name)
-        ax.set_xlabel(shown, fontsize=8)
-        ax.set_ylabel("time [s]" if name == "steps" else "time of a step [µs]", fontsize=8)
-        ax.set_ylim(bottom=0.0)
-        ax.tick_params(labelsize=7)
-        ax.grid(True, color="#dddddd", linewidth=0.6)
-    PLOT.write_text(svg(fig), encoding="utf-8")
+        ax.plot(x / 1e6 if name == "steps" else x, y, COLOURS[i], marker=3.0)
+        ax.size, ax.y.low = 75.0, 0.0
+        ax.x.label = {"recorded": "recorded signals", "steps": "steps, millions"}.get(name, name)
+        ax.y.label = "time [s]" if name == "steps" else "time of a step [µs]"
+    PLOT.write_text(fig.svg(), encoding="utf-8")

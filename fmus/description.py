@@ -7,9 +7,7 @@ import json
 from collections.abc import Sequence
 from typing import Any
 
-from jinja2 import Environment
 from lxml import etree
-from markdown_it import MarkdownIt
 
 from desat.components.contract.block import Block, Variable
 from desat.components.contract.units import unit_of
@@ -194,6 +192,11 @@ made. SI units.</p>
 
 def documentation(block: type[Block], identifier: str) -> str:
     """The block's page as self-contained HTML: its docstring and its variables."""
+    # only where FMUs are built: every command loads this module
+    from jinja2 import Environment
+    from markdown_it import MarkdownIt
+    from markupsafe import Markup
+
     first, _, rest = (inspect.getdoc(block) or "").partition("\n")
     text = MarkdownIt().enable("table").render(f"# {first}\n{rest}")
     tables = [
@@ -203,8 +206,6 @@ def documentation(block: type[Block], identifier: str) -> str:
         )
     ]  # fmt: skip
     page = Environment(autoescape=True).from_string(_PAGE)
-    from markupsafe import Markup
-
     return page.render(name=identifier, role=block.role, text=Markup(text), tables=tables)
 
 

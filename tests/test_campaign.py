@@ -601,3 +601,21 @@ def test_a_campaign_is_a_data_set(whole):
     assert ds["in.wheels.h_start_wheel[1]"].sel(case=9).item() == (
         table["in.wheels.h_start_wheel[1]"][9].as_py()
     )
+
+
+@pytest.mark.parametrize("call", ["cases(name, 4, sys.argv[1], stop=20.0, jobs=2)",
+                                  "draws(name, 4, stop=20.0, jobs=2)"])  # fmt: skip
+def test_a_script_without_a_guard_is_told_so(tmp_path, call):
+    """Its processes import it first, and would start processes themselves: all cases failed, for
+    "its process ended by exit(1)"."""
+    script = tmp_path / "script.py"
+    script.write_text(f"import sys, desat\nname = 'integrated/mil-nadir'\ndesat.{call}\n")
+    ended = subprocess.run(
+        [sys.executable, str(script), str(tmp_path / "campaign")], capture_output=True, text=True,
+        timeout=120, check=False,
+    )  # fmt: skip
+    assert ended.returncode == 1
+    assert ended.stderr.count("Traceback") == 1
+    assert 'needs `if __name__ == "__main__":` before it does' in ended.stderr.splitlines()[-1]
+    cases = tmp_path / "campaign" / "cases"
+    assert not cases.exists() or not any(cases.iterdir())

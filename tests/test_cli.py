@@ -261,18 +261,26 @@ print("heavy:", sorted(heavy & set(sys.modules)), file=sys.stderr)
         assert result.stderr == "heavy: []\n"
 
 
-def test_a_run_loads_no_scipy():
-    """It takes as long to load as all else that a short run needs, and so does what draws; only
-    some analyses, and reports, need them."""
+def test_a_run_and_its_report_load_neither_matplotlib_nor_scipy(tmp_path):
+    """Each takes longer to load than a short run needs. scipy is there for what it alone solves to
+    the same bits: least firing times (uosat12), and Euler angles."""
     code = """
 import sys
-from desat.study import report
+from pathlib import Path
 from desat.study.case import Options, execute
-assert execute("integrated/mil-nadir", Options(stop=5.0, blocks=True)).ok
-assert not {"scipy", "matplotlib"} & set(sys.modules)
+from desat.study.report import write_report
+for name in sys.argv[2:]:
+    place = Path(sys.argv[1]) / name
+    run = execute(name, Options(stop=20.0), place)
+    assert run.ok, run.manifest["message"]
+    assert "<svg" in write_report(place, run).read_text()
+print(sorted({"scipy", "matplotlib", "pyarrow"} & set(sys.modules)))
 """
-    result = python(code)
+    result = python(code, str(tmp_path), "integrated/mil-nadir", "plant/reference", NAME)
     assert result.returncode == 0, result.stderr
+    assert "matplotlib" not in result.stdout
+    result = python(code, str(tmp_path / "b"), "integrated/mil-nadir", "plant/reference")
+    assert result.stdout == "[]\n"
 
 
 def test_list_by_family(desat):
@@ -404,3 +412,38 @@ def test_a_scenario_file_of_ones_own(desat, tmp_path):
         assert result.returncode == Exit.INPUT
         assert message in result.stderr
         assert len(result.stderr.splitlines()) == 1
+
+
+def test_one_scenario_is_found_in_its_one_file():
+    """Of a family of hundreds, a run reads the file that has it, what that extends, and those
+    of the scenarios that it names."""
+    code = """
+import sys
+from desat.files import scenario, toml
+read = []
+real = toml.toml
+def counted(file):
+    read.append(file.name)
+    return real(file)
+scenario.toml = counted
+found = scenario.find(sys.argv[1])
+assert found.name == sys.argv[1]
+print(len(set(read)))
+whole, _ = scenario.readable(found.family)
+assert whole[found.name] == found
+"""
+    for name in ("uosat12/table3-ocdc-ilqr-1", "hausat2/detumbling-ours", "alsat1/firing-ours"):
+        result = python(code, name)
+        assert result.returncode == 0, result.stderr
+        assert int(result.stdout) <= 10, result.stdout
+
+
+def test_python_m_beside_a_folder_of_our_name_says_so(tmp_path):
+    (tmp_path / "desat").mkdir()
+    result = subprocess.run([sys.executable, "-m", "desat.cli", "run", NAME], cwd=tmp_path,
+                            capture_output=True, text=True, check=False)  # fmt: skip
+    assert result.returncode == 2
+    assert result.stderr == (
+        f"error: {tmp_path / 'desat'}: a folder of this name hides the package from `python -m`; "
+        "run `desat`, or python from another folder\n"
+    )

@@ -7,6 +7,7 @@ import os
 import shutil
 import subprocess
 import sys
+import time
 import zipfile
 from dataclasses import replace
 from pathlib import Path
@@ -188,10 +189,18 @@ def test_of_a_foreign_fmu_only_the_description_is_read(tmp_path):
 
 def test_a_crash_of_the_trial_is_a_line(monkeypatch):
     system, schedule = prepare(COMBINED, Options()).or_raise()
-    monkeypatch.setattr(trial.pickle, "dumps", lambda data: b"no pickle")
+
+    def crash(system, schedule):
+        os.write(2, b"what the FMU said\nat last\n")
+        os.abort()
+
+    monkeypatch.setattr(trial, "_initialised", crash)
     (line,), _ = trial.refusals(system, schedule)
-    assert "crashed (exit 1)" in line
-    assert "\n" not in line
+    assert line.endswith("crashed (signal 6): at last")
+    monkeypatch.setattr(trial, "_initialised", lambda system, schedule: time.sleep(60.0))
+    monkeypatch.setattr(trial, "TIMEOUT", 0.2)
+    (line,), _ = trial.refusals(system, schedule)
+    assert line.endswith("takes longer than 0.2 s")
 
 
 # --- stored draws -----------------------------------------------------------------------------

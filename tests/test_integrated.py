@@ -18,9 +18,10 @@ from desat.components.laws import integrated
 from desat.components.laws.margins import pid_margins
 from desat.components.maths.vector import cross, dot, norm, sub
 from desat.components.physics.wheel_array import body_momentum, pseudo_inverse, to_wheels
+from desat.files import places
 from desat.files.scenario import find
 from desat.files.vocabulary import bounds
-from desat.study import cells, derived, measures, measures_pointing, plots, stored, tables
+from desat.study import cells, derived, draws, measures, measures_pointing, plots, stored, tables
 from desat.study.case import Options, execute
 from desat.study.drawing import BINS, axis_label, between
 from desat.study.meaning import numbers_of_rows
@@ -596,10 +597,14 @@ def test_a_second_panel_shows_the_steady_state_and_an_envelope_the_extremes():
     run = execute("integrated/mil-nadir", Options(blocks=True, stop=200.0))
     runs = [("", run.results, run.manifest["parameters"])]
     plot = {"title": "Dipole", "signals": ["torquers.m_mean_body"], "unit": "A.m2"}
-    assert plots.series_plot(plot, runs).count('id="axes_') == 1
-    assert plots.series_plot({**plot, "steady": 100.0}, runs).count('id="axes_') == 2
-    assert plots.series_plot({**plot, "steady": 300.0}, runs).count('id="axes_') == 1
-    assert "FillBetween" in plots.series_plot({**plot, "envelope": True}, runs)
+    assert len(plots.series_figure(plot, runs).axes) == 1
+    assert len(plots.series_figure({**plot, "steady": 300.0}, runs).axes) == 1
+    whole, steady = plots.series_figure({**plot, "steady": 100.0}, runs).axes
+    assert (steady.title, steady.x.low, steady.x.high) == ("from 100 s on", 100.0, 200.0)
+    assert min(steady.marks[0].x) == 100.0
+    assert [m.filled for m in whole.marks] == [False] * 3
+    filled = plots.series_figure({**plot, "envelope": True}, runs).axes[0].marks
+    assert all(m.filled and m.label.endswith("least to most") for m in filled)
     x = np.arange(2400.0)
     times, low, high = between(x, np.sin(x))
     assert len(times) == BINS
@@ -617,6 +622,21 @@ def test_a_stored_draw_comes_out_again(current):
     again = execute(name, Options(values=values)).manifest["numbers"]
     kept = current["scenarios"][name]["draws"][0]["numbers"]
     assert {k: again[k]["value"] for k in kept} == pytest.approx(kept, rel=1e-6)
+
+
+def test_tables_pack_nothing_and_record_only_what_numbers_need(monkeypatch, tmp_path):
+    """A paper's 78 runs took 42 s, most of it for packing, extracting and recording all series."""
+    name, run = "uosat12/table3-ocdc-ilqr-1", []
+    monkeypatch.setattr(tables, "scenarios", lambda family: {name: find(name)})
+    monkeypatch.setattr(places, "packed", lambda: tmp_path)
+    simulate = draws.simulate
+    monkeypatch.setattr(draws, "simulate", lambda case: run.append(case) or simulate(case))
+    found = {row.quantity: row.ours for row in rows("uosat12", Options(), jobs=1)}
+    assert not list(tmp_path.iterdir())
+    assert name in [case.target for case in run]
+    assert not any("*" in pattern for case in run for pattern in case.options.record)
+    whole = execute(name, Options())
+    assert found["firing_time"] == whole.manifest["numbers"]["firing_time"]["value"]
 
 
 def test_rows_of_draws_have_the_median_and_the_file_is_named(drawn, monkeypatch):

@@ -32,7 +32,7 @@ from desat.files import library, places
 from desat.fmus import registry
 from desat.study import derived
 from desat.study.case import Options, execute
-from desat.study.drawing import envelope, pretty_unit
+from desat.study.drawing import pretty_unit
 from desat.study.export import export, no_formula
 from desat.study.manifest import read_manifest
 from desat.study.measures import MEASURES
@@ -305,14 +305,7 @@ def test_measures():
         evaluate({"measure": "norm_lst", "signal": "x.y"}, None, {})
 
 
-def test_plots_keep_extremes_when_thinned():
-    x = np.arange(100000.0)
-    y = np.sin(x)
-    y[54321] = 50
-    a, b = envelope(x, y)
-    assert len(a) <= 3004
-    assert b.max() == 50
-    assert (np.diff(a) > 0).all()
+def test_scales_of_units():
     assert scale("N.m", "mN.m") == 1000
     with pytest.raises(DesatError):
         scale("N.m", "uT")

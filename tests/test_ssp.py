@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import subprocess
 import zipfile
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 from conftest import ROOT, one_of_each_craft
 from lxml import etree
 
-from desat.files import archive, places, ssp
+from desat.files import archive, places, scenario, ssp
 from desat.files.pack import pack, pack_scenario
 from desat.files.scenario import families, find, scenarios
 from desat.files.xml import parse_bytes, validate
@@ -74,19 +76,34 @@ def test_a_folder_runs_as_well(packed, tmp_path):
     assert a.manifest["numbers"] == b.manifest["numbers"]
 
 
-def test_a_scenario_of_each_craft_packs():
-    """`make ssp` packs the others."""
-    assert "uosat12" in families()
-    crafts = one_of_each_craft()
-    assert {name.split("/")[0] for name in crafts} == set(families())
-    for name in crafts:
-        assert pack_scenario(find(name)).exists()
+@pytest.mark.real_units
+@pytest.mark.parametrize("name", one_of_each_craft())
+def test_a_packed_scenario_gives_the_bits_of_the_scenario(name, tmp_path):
+    """One of each craft: what tables, pages and draws compute of scenarios holds for the packed
+    files that other tools load."""
+    data = find(name).data
+    options = Options(stop=min(data["stop"], 200.0 * data["step"]))
+    packed = execute(str(pack_scenario(find(name), tmp_path / "x.ssp")), options)
+    plain = execute(name, options)
+    assert packed.ok
+    assert packed.manifest["numbers"] == plain.manifest["numbers"]
+    assert packed.results.names() == plain.results.names()
+    for series in plain.results.names():
+        assert np.array_equal(
+            packed.results.values(series),
+            plain.results.values(series),
+            equal_nan=plain.results.values(series).dtype.kind == "f",
+        ), series
+
+
+def test_there_are_crafts_of_every_family():
+    assert {name.split("/")[0] for name in one_of_each_craft()} == set(families())
 
 
 def test_every_scenario_has_a_title_and_a_story():
-    for scenario in scenarios().values():
-        assert scenario.data.get("title")
-        assert scenario.data.get("story")
+    for given in scenarios().values():
+        assert given.data.get("title")
+        assert given.data.get("story")
 
 
 def test_every_cell_of_tables_2_and_3_is_a_scenario():
@@ -151,6 +168,7 @@ def scenario_module():
 
     yield scenario
     scenario.families.cache_clear()
+    scenario.cells.cache_clear()
     scenario.survey.cache_clear()
     scenario.scenarios.cache_clear()
 
@@ -171,6 +189,7 @@ def test_scenario_files(tmp_path, monkeypatch, scenario_module):
         for name, text in files.items():
             (folder / f"{name}.toml").write_text(text)
         scenario.families.cache_clear()
+        scenario.cells.cache_clear()
         scenario.survey.cache_clear()
         scenario.scenarios.cache_clear()
         return scenario.scenarios()
@@ -212,3 +231,28 @@ def test_scenario_files(tmp_path, monkeypatch, scenario_module):
     problems = scenario.find("f/t").draft().problems
     assert "manager has no variable duti; did you mean duty?" in "\n".join(problems)
     assert "no component has a parameter nothing" in "\n".join(problems)
+
+
+def test_packing_all_leaves_what_is_current(monkeypatch, tmp_path):
+    """492 files of 2 MB each were written anew each time, also by `make demo`."""
+    from desat.cli.commands.pack import pack as command
+
+    monkeypatch.setattr(scenario, "scenarios", lambda family=None: {NAME: find(NAME)})
+    monkeypatch.setattr(places, "packed", lambda: tmp_path)
+    command(None)
+    path = tmp_path / f"{NAME}.ssp"
+    written = path.stat().st_mtime_ns
+    command(None)
+    assert path.stat().st_mtime_ns == written
+    command([NAME])
+    assert path.stat().st_mtime_ns > written
+
+
+def test_make_demo_and_make_ssp_pack_what_is_needed():
+    packed = {
+        target: [line for line in subprocess.run(
+            ["make", "-n", target], cwd=ROOT, capture_output=True, text=True, check=True,
+        ).stdout.splitlines() if "desat pack" in line]
+        for target in ("demo", "ssp")
+    }  # fmt: skip
+    assert packed == {"demo": [".venv/bin/desat pack uosat12/table3-ocdc-ilqr-1"], "ssp": []}

@@ -1,4 +1,4 @@
-"""Tables 2 and 3 of paper 000, from FMUs through the packed files: inside the notes' bands."""
+"""Tables 2 and 3 of paper 000, from FMUs: inside the notes' bands."""
 
 from __future__ import annotations
 

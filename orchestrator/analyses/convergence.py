@@ -2,21 +2,17 @@
 
 from __future__ import annotations
 
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import asdict, dataclass, replace
-from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from rich.console import Console
-from rich.progress import track
 
 from ..engine.master import ALGORITHMS, Algorithm
 from ..study.case import Options, prepare, simulate
-from ..study.drawing import COLOURS, figure, legend, svg
-from ..study.report import render, write_page
+from ..study.drawing import COLOURS, DASHED, figure
+from ..study.ticks import Ticks
 from ..system.errors import DesatError
 from .estimate import companion, difference, estimate
 from .reference import Gyrostat, Trajectory
@@ -109,6 +105,13 @@ def study(
     cases = [replace(options, step=s, algorithm=a) for a in algorithms for s in steps]
     companions = [companion(system, c) for c in cases if c.algorithm == "conserving"]
     runs = cases + companions
+    # every run loads this module, as all of this folder
+    from concurrent.futures import ProcessPoolExecutor
+    from multiprocessing import get_context
+
+    from rich.console import Console
+    from rich.progress import track
+
     with ProcessPoolExecutor(min(jobs, len(runs)), mp_context=get_context("spawn")) as pool:
         results = pool.map(fly, [target] * len(runs), runs)
         console = Console(stderr=True)
@@ -143,6 +146,8 @@ def write_html(result: dict[str, Any], path: Path) -> Path:
     """The study as a self-contained page."""
     from markupsafe import Markup
 
+    from ..study.report import render, write_page
+
     figures = [
         (
             "Largest attitude error against the monolithic reference",
@@ -165,20 +170,16 @@ def write_html(result: dict[str, Any], path: Path) -> Path:
 def plot(result: dict[str, Any], key: str, unit: str) -> str:
     """Errors over steps as SVG."""
     fig, ax = figure()
-    lines = [(a, key, "-") for a in ALGORITHMS]
+    lines: list[tuple[str, str, tuple[float, ...]]] = [(a, key, ()) for a in ALGORITHMS]
     if f"{key}_same_delays" in result["rows"][0]:
-        lines.append(("jacobi", f"{key}_same_delays", "--"))
+        lines.append(("jacobi", f"{key}_same_delays", DASHED))
     for i, (algorithm, field, style) in enumerate(lines):
         rows = [r for r in result["rows"] if r["algorithm"] == algorithm and r[field]]
         label = algorithm + (", same delays" if field != key else "")
-        ax.loglog(
-            [r["step"] for r in rows], [r[field] for r in rows], style, marker="o",
-            color=COLOURS[i], label=label, markersize=4,
-        )  # fmt: skip
+        ax.plot([r["step"] for r in rows], [r[field] for r in rows], COLOURS[i], width=1.4,
+                dash=style, marker=4.0, label=label)  # fmt: skip
     steps = sorted({r["step"] for r in result["rows"]})
-    ax.set_xticks(steps, [f"{s:g}" for s in steps])
-    ax.minorticks_off()
-    ax.set_xlabel("step [s]")
-    ax.set_ylabel(f"[{unit}]")
-    legend(ax)
-    return svg(fig)
+    ax.x.ticks = Ticks(tuple(steps), tuple(f"{s:g}" for s in steps))
+    ax.x.log = ax.y.log = True
+    ax.x.label, ax.y.label = "step [s]", f"[{unit}]"
+    return fig.svg()

@@ -25,7 +25,8 @@ import numpy as np
 
 from ..engine.results import Results
 from ..study.derived import rotate_back
-from ..study.drawing import COLOURS, envelope, figure, svg, time_axis
+from ..study.drawing import COLOURS, figure, time_axis
+from ..study.strips import timeline
 from ..system.model import System
 from . import outside, residual
 from .within import NODES, WEIGHTS, Array, Steps
@@ -195,10 +196,8 @@ def figures(manifest: dict[str, Any], results: Results) -> list[tuple[str, str]]
         return []
     fig, ax = figure()
     seconds, unit = time_axis(balanced.times)
-    times, mismatch = envelope(balanced.times, balanced.mismatch)
-    ax.plot(times / seconds, mismatch, color=COLOURS[0], linewidth=1.0)
-    ax.set_xlabel(f"time [{unit}]")
-    ax.set_ylabel("[J]")
-    ax.margins(x=0.01)
+    ax.plot(balanced.times / seconds, balanced.mismatch, COLOURS[0])
+    timeline(ax, seconds, unit)
+    ax.y.label = "[J]"
     caption = "Energy mismatch: what the body has gained beyond the work of its torques"
-    return [(caption, svg(fig))]
+    return [(caption, fig.svg())]

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from ..engine.results import Results
 from ..study.derived import rotate_back
-from ..study.drawing import COLOURS, envelope, figure, legend, svg, time_axis
+from ..study.drawing import COLOURS, figure, time_axis
 from ..study.strips import timeline
 from ..system.model import System
 
@@ -141,9 +141,7 @@ def plot(times: Array, residual: Array, results: Results) -> str:
     fig, ax = figure()
     seconds, unit = time_axis(times)
     for i, axis in enumerate("xyz"):
-        t, lost = envelope(times, residual[:, i])
-        ax.plot(t / seconds, lost, color=COLOURS[i], linewidth=1.0, label=axis)
+        ax.plot(times / seconds, residual[:, i], COLOURS[i], label=axis)
     timeline(ax, seconds, unit, results)
-    ax.set_ylabel("[N m s], eci")
-    legend(ax)
-    return svg(fig)
+    ax.y.label = "[N m s], eci"
+    return fig.svg()

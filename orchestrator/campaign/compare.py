@@ -6,8 +6,6 @@ import math
 from pathlib import Path
 from typing import Any
 
-from scipy.stats import binom
-
 from ..study.cells import clopper_pearson
 from ..study.paired import difference, spread
 from ..system.errors import DesatError
@@ -117,6 +115,8 @@ def _differences(
     if not (n := len(each)):
         return told
     # the k-th least and the k-th largest hold the median with at least this confidence
+    from scipy.stats import binom  # half a second
+
     k = int(binom.ppf((1.0 - level) / 2.0, n, 0.5))
     return {
         **told, "interval": [each[max(k - 1, 0)], each[min(n - k, n - 1)]],

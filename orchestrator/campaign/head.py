@@ -16,7 +16,7 @@ from ..study.draws import lost, never, system_of, whole_numbers
 from ..study.manifest import write_json
 from ..study.options import Options
 from ..study.sampling import SAMPLINGS, Sampling, allowed, dispersed, drawn
-from ..study.workers import Local, Lost, Workers, results
+from ..study.workers import Local, Lost, Workers, guarded, results
 from ..system.codes import Exit
 from ..system.errors import DesatError, RunError, nearest
 from . import damaged, store
@@ -122,6 +122,7 @@ def run(
 
     Raises DesatError where the folder has another campaign, or another head is at work in it.
     """
+    guarded()  # it cannot claim what its head has
     with claimed(folder):
         _run(plan, folder, jobs, cluster, progress)
 

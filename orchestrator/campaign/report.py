@@ -9,7 +9,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from markupsafe import Markup
-from scipy.stats import spearmanr
 
 from ..study.drawing import axis_label, pretty_unit
 from ..study.figures import scatter
@@ -121,6 +120,8 @@ def _number(name: str, entry: Mapping[str, str], values: Any, cases: Any) -> dic
 def _drivers(inputs: Mapping[str, Any], out: Mapping[str, Any]) -> list[dict[str, Any]]:
     """Rank correlations (Spearman) between inputs and numbers, the strong ones, strongest first.
     Of some hundred pairs several would be beyond a level meant for one, so CHANCE is for all."""
+    from scipy.stats import spearmanr  # half a second
+
     drivers = []
     level = CHANCE / max(len(inputs) * len(out), 1)
     for number, y in out.items():

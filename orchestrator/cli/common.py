@@ -21,7 +21,7 @@ from ..system.errors import plain
 
 if TYPE_CHECKING:
     from ..engine.master import Algorithm
-    from ..study.case import Options
+    from ..study.options import Options
 
 # a stream that is closed would be given to the next file that is opened, and written into
 for _number, _name in ((1, "stdout"), (2, "stderr")):
@@ -117,7 +117,9 @@ def complete_name(incomplete: str) -> list[str]:
     """The scenarios that a shell offers for the beginning of a name."""
     from ..study import listing
 
-    names = (name for f in listing.families() for name in listing.family(f).scenarios)
+    names = (
+        name for f in listing.families() for name in listing.family(f, of_systems=False).scenarios
+    )
     return [name for name in names if name.startswith(incomplete)]
 
 
@@ -205,7 +207,7 @@ def options_of(
     blocks: bool, classes: list[str] | None = None, sources: list[str] | None = None, **more: Any,
 ) -> Options:  # fmt: skip
     """What the options of a command say."""
-    from ..study.case import Options
+    from ..study.options import Options
 
     overrides: dict[str, str] = {}
     for text in classes or []:

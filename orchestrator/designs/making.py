@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -91,6 +90,8 @@ def parameters_for(scenario: Scenario, options: Options) -> dict[str, dict[str, 
 
 def text(scenario: Scenario, made: Design, options: Options | None = None) -> str:
     """The file of a design. The same design with the same versions gives the same text."""
+    from importlib.metadata import version
+
     versions = ", ".join(f"{p} {version(p)}" for p in PACKAGES)
     lines = [
         f"# Computed by `desat design {scenario.name}`, not kept by hand; {versions}.",

@@ -63,6 +63,7 @@ class CompiledSteps:
 
     name: Loop = "compiled"
     why = ""
+    seconds = 0.0
 
     def __init__(self, master: Master, recorder: Recorder | None, ending: Ending) -> None:
         self._run, self._master, self._recorder = _library().desat_loop, master, recorder

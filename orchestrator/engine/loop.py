@@ -10,9 +10,6 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any, Protocol
 
-from rich.console import Console
-from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
-
 from .checkpoint import Checkpoints
 from .compiled import CompiledSteps
 from .ending import NEVER, Ending, Loop
@@ -35,6 +32,9 @@ class Steps(Protocol):
     def why(self) -> str:
         """The reason, for people; empty for the compiled loop."""
 
+    seconds: float
+    """Wall time that steps have taken so far."""
+
     def some(self, most: int) -> None:
         """Make so many steps, or fewer, so that a run may end there."""
 
@@ -43,6 +43,7 @@ class PythonSteps:
     """Steps of an initialised master, one by one."""
 
     name: Loop = "python"
+    seconds = 0.0
 
     def __init__(self, master: Master, recorder: Recorder | None, why: str) -> None:
         self._advance, self.why = master.advance, why
@@ -77,11 +78,14 @@ def run(
         began, edge = time.perf_counter(), min(master.k + chunk, until)
         if checkpoints is not None:
             edge = min(edge, checkpoints.next(master.k))
-        while master.k < edge and not interrupted():
-            steps.some(edge - master.k)
-            if reason := ending.reason():
-                return reason
-        seconds = time.perf_counter() - began
+        try:
+            while master.k < edge and not interrupted():
+                steps.some(edge - master.k)
+                if reason := ending.reason():
+                    return reason
+        finally:
+            seconds = time.perf_counter() - began
+            steps.seconds += seconds
         chunk = max(1, min(2 * chunk, int(chunk * 0.05 / max(seconds, 1e-6))))
         recorder.tick()
         report(master.k)
@@ -124,6 +128,9 @@ def bar(name: str, steps: int, wanted: bool) -> Iterator[Callable[[int], None]]:
     if not (wanted and sys.stderr.isatty()):
         yield lambda k: None
         return
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+
     columns = (TextColumn("{task.description}"), BarColumn(), TextColumn("{task.percentage:.0f} %"),
                TimeRemainingColumn())  # fmt: skip
     with Progress(*columns, transient=True, console=Console(stderr=True)) as progress:

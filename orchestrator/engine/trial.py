@@ -7,12 +7,12 @@ of their own; of others only the description is read, and nothing of theirs is l
 
 from __future__ import annotations
 
-import json
+import faulthandler
 import os
-import pickle
-import subprocess
-import sys
+import warnings
 from dataclasses import replace
+from multiprocessing import get_all_start_methods, get_context
+from multiprocessing.connection import Connection
 from pathlib import Path
 
 from ..files import library, trust
@@ -63,24 +63,44 @@ def _part_of(schedule: Schedule, names: set[str]) -> Schedule:
 
 
 def _in_a_process(system: System, schedule: Schedule) -> list[str]:
-    command = [sys.executable, "-m", __name__]
+    # forked where that can be had: this process has loaded what it needs
+    context = get_context("fork" if "fork" in get_all_start_methods() else "spawn")
+    ours, theirs = context.Pipe(duplex=False)
+    log = library.scratch("trial") / "log"
+    given = (theirs, log, system, schedule)
+    process = context.Process(target=_tried, args=given, daemon=True)  # type: ignore[attr-defined]
+    with warnings.catch_warnings():  # the child uses nothing that another thread may hold
+        warnings.simplefilter("ignore", DeprecationWarning)
+        process.start()
+    theirs.close()
     try:
-        done = subprocess.run(
-            command, input=pickle.dumps((system, schedule)), capture_output=True, timeout=TIMEOUT,
-            check=False,
-        )  # fmt: skip
-    except subprocess.TimeoutExpired:
+        if ours.poll(TIMEOUT):
+            lines: list[str] = ours.recv()
+            return lines
+        process.kill()
         return [f"{system.where}: initialising our FMUs takes longer than {TIMEOUT:g} s"]
-    try:
-        lines: list[str] = json.loads(done.stdout)
-        return lines
-    except ValueError:
-        said = done.stderr.decode(errors="replace").strip().splitlines()
-        why = f"signal {-done.returncode}" if done.returncode < 0 else f"exit {done.returncode}"
+    except EOFError:
+        process.join()
+        code = process.exitcode or 0
+        said = log.read_text(errors="replace").strip().splitlines() if log.exists() else []
+        why = f"signal {-code}" if code < 0 else f"exit {code}"
         return [
             f"{system.where}: the process that initialised our FMUs crashed ({why})"
             + (f": {said[-1]}" if said else "")
         ]
+    finally:
+        ours.close()
+        process.join()
+
+
+def _tried(pipe: Connection, log: Path, system: System, schedule: Schedule) -> None:
+    """The process: what it says, and what FMUs print, goes to a file."""
+    faulthandler.disable()
+    with log.open("wb") as file:
+        for stream in (1, 2):
+            os.dup2(file.fileno(), stream)
+    pipe.send(_initialised(system, schedule))
+    os._exit(0)  # the interpreters within have nothing to say any more
 
 
 def _initialised(system: System, schedule: Schedule) -> list[str]:
@@ -92,16 +112,3 @@ def _initialised(system: System, schedule: Schedule) -> list[str]:
     except DesatError as error:
         return str(error).splitlines()
     return []
-
-
-def main() -> None:
-    """The process: a system and its schedule on stdin, the refusals on stdout, as JSON."""
-    result = os.dup(1)
-    os.dup2(2, 1)  # what an FMU prints is no result
-    system, schedule = pickle.load(sys.stdin.buffer)
-    os.write(result, json.dumps(_initialised(system, schedule)).encode())
-    os._exit(0)  # the interpreters within have nothing to say any more
-
-
-if __name__ == "__main__":
-    main()

@@ -120,13 +120,19 @@ def summary(family: str) -> str:
 
 
 @cache
+def cells(file: Path, family: str) -> dict[str, Scenario]:
+    """The scenarios of a file by name. Raises DesatError, a line a problem."""
+    return {s.name: s for s in _read(file, family)}
+
+
+@cache
 def survey(family: str) -> tuple[dict[str, Scenario], dict[str, str]]:
     """The scenarios of a family by name, and what is wrong with its other files by their stem."""
     good: dict[str, Scenario] = {}
     broken: dict[str, str] = {}
     for file in sorted((ROOT / family / "scenarios").glob("*.toml")):
         try:
-            good |= {s.name: s for s in _read(file, family)}
+            good |= cells(file, family)
         except DesatError as error:
             broken[file.stem] = str(error)
     known = {name.partition("/")[2] for name in good}
@@ -140,6 +146,21 @@ def survey(family: str) -> tuple[dict[str, Scenario], dict[str, str]]:
     for name, text in wrong.items():
         broken.setdefault(good.pop(name).file.stem, text)
     return good, broken
+
+
+def _of_its_file(name: str) -> Scenario | None:
+    """The scenario of a name from the one file that has it; None where there is none, or something
+    is wrong: `survey` says what."""
+    family, _, rest = name.partition("/")
+    # where two files have the same name the last is meant, as in `survey`
+    files = sorted((ROOT / family / "scenarios").glob("*.toml"), reverse=True)
+    try:
+        for file in files if family in families() else ():
+            if f"{rest}-".startswith(f"{file.stem}-") and name in (known := cells(file, family)):
+                return known[name]
+    except DesatError:
+        pass
+    return None
 
 
 def _others(data: dict[str, Any]) -> Iterator[tuple[tuple[str, ...], str]]:
@@ -176,10 +197,21 @@ def scenarios(family: str | None = None) -> dict[str, Scenario]:
     return good
 
 
+def exists(name: str) -> bool:
+    """Whether there is a scenario of a name. Raises DesatError for a bad file of its family, where
+    it is in none that is right."""
+    family = name.partition("/")[0]
+    return _of_its_file(name) is not None or (family in families() and name in scenarios(family))
+
+
 def find(name: str) -> Scenario:
     """The scenario of a name. Raises DesatError with the nearest name, or with what is wrong with
     its file."""
     family, _, rest = name.partition("/")
+    if (scenario := _of_its_file(name)) is not None and all(
+        _of_its_file(f"{family}/{other}") for _, other in _others(scenario.data)
+    ):
+        return scenario
     known, _ = readable(family if family in families() else None)
     if name in known:
         return known[name]

@@ -125,7 +125,7 @@ def incomplete(text: str) -> PydanticCustomError:
 class Table(BaseModel):
     """A table of the language: no other keys, no conversions between types."""
 
-    model_config = ConfigDict(extra="forbid", strict=True)
+    model_config = ConfigDict(extra="forbid", strict=True, defer_build=True)
     NEEDED: ClassVar[tuple[str, ...]] = ()
     """Keys that a whole table has; a part, which others complete, may leave them out."""
 

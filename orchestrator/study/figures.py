@@ -6,36 +6,31 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from .drawing import COLOURS, LIMIT, figure, legend, svg, time_axis
+from .drawing import COLOURS, DOTTED, HEIGHT, LIMIT, figure, time_axis
 from .series import Series
 from .strips import timeline
+from .ticks import Ticks
 
 
 def curves(
     data: Sequence[tuple[str, Series]], ylabel: str, *, limits: Sequence[tuple[str, float]] = (),
-    steps: bool = False, log: bool = False, height: float = 2.9, dashed: Sequence[str] = (),
+    steps: bool = False, log: bool = False, height: float = HEIGHT, dashed: Sequence[str] = (),
 ) -> str:  # fmt: skip
     """Labelled lines over time; `limits` are labelled horizontal lines, drawn at + and - where
     something is below zero; `dashed` names lines."""
-    fig, ax = figure(height=height)
+    fig, ax = figure(height)
     seconds, unit = time_axis(data[0][1].times)
+    ax.y.log, ax.y.label = log, ylabel
     for i, (label, line) in enumerate(data):
-        ax.plot(
-            line.times / seconds, line.values, color=COLOURS[i % len(COLOURS)], linewidth=1.3,
-            label=label, drawstyle="steps-post" if steps else "default",
-            linestyle=(0, (4, 2)) if label in dashed else "-",
-        )  # fmt: skip
+        ax.plot(line.times / seconds, line.values, COLOURS[i % len(COLOURS)], width=1.3,
+                label=label, stepped=steps, dash=(4.0, 2.0) if label in dashed else ())  # fmt: skip
     signs = (1, -1) if any((line.values < 0.0).any() for _, line in data) else (1,)
     for name, value in limits:
         for sign in signs:
-            ax.axhline(sign * value, color=LIMIT, linewidth=0.9, linestyle=":",
-                       label=f"{name} {value:g}" if sign > 0 else None)  # fmt: skip
-    if log:
-        ax.set_yscale("log")
+            ax.level(sign * value, LIMIT, width=0.9, dash=DOTTED,
+                     label=f"{name} {value:g}" if sign > 0 else "")  # fmt: skip
     timeline(ax, seconds, unit)
-    ax.set_ylabel(ylabel, fontsize=9)
-    legend(ax)
-    return svg(fig)
+    return fig.svg()
 
 
 def bars(
@@ -45,22 +40,21 @@ def bars(
     """Bars: {group: {label: value}}, one colour a label; `printed`: the paper's values of some, as
     marks on theirs."""
     fig, ax = figure()
+    ax.y.log, ax.y.label = log, ylabel
+    ax.x.ticks = Ticks(tuple(map(float, range(len(groups)))), tuple(groups))
     labels = list(dict.fromkeys(label for values in groups.values() for label in values))
     width = 0.8 / len(labels)
     for i, label in enumerate(labels):
         x = np.arange(len(groups)) + (i - (len(labels) - 1) / 2) * width
-        ax.bar(x, [v.get(label, np.nan) for v in groups.values()], width * 0.92,
-               color=COLOURS[i % len(COLOURS)], label=label)  # fmt: skip
+        heights = [v.get(label, np.nan) for v in groups.values()]
+        half = 0.46 * width
+        ax.bars(x - half, x + half, heights, COLOURS[i % len(COLOURS)], label=label)
+        if not log and np.nanmin(heights, initial=0.0) == 0.0:
+            ax.y.low = 0.0
         marks = [(printed or {}).get(group, {}).get(label, np.nan) for group in groups]
-        first = "paper" if printed and i == 0 else None
-        ax.plot(x, marks, "D", color="black", markersize=4, markerfacecolor="white", label=first)
-    ax.set_xticks(range(len(groups)), list(groups))
-    ax.grid(False, axis="x")
-    if log:
-        ax.set_yscale("log")
-    ax.set_ylabel(ylabel, fontsize=9)
-    legend(ax)
-    return svg(fig)
+        ax.plot(x, marks, "#000000", width=0.0, marker=4.5, hollow=True,
+                label="paper" if printed and i == 0 else "")  # fmt: skip
+    return fig.svg()
 
 
 def scatter(
@@ -71,17 +65,10 @@ def scatter(
     the line y = x, empty for none; `joined`: a line from each to the next; `log`: the axes that are
     logarithmic, of "x", "y", "xy"."""
     fig, ax = figure()
+    ax.x.log, ax.y.log, ax.x.label, ax.y.label = "x" in log, "y" in log, xlabel, ylabel
     for i, (label, (x, y)) in enumerate(groups.items()):
-        ax.plot(x, y, "o-" if joined else "o", color=COLOURS[i % len(COLOURS)], label=label,
-                markersize=size, linewidth=1.0, rasterized=len(x) > 2000)  # fmt: skip
-    if "x" in log:
-        ax.set_xscale("log")
-    if "y" in log:
-        ax.set_yscale("log")
+        ax.plot(x, y, COLOURS[i % len(COLOURS)], label=label, marker=size, width=float(joined))
     if diagonal:
         top = max(max(*x, *y) for x, y in groups.values())
-        ax.plot([0, top], [0, top], color="#888888", linewidth=0.9, linestyle=":", label=diagonal)
-    ax.set_xlabel(xlabel)
-    ax.set_ylabel(ylabel, fontsize=9)
-    legend(ax)
-    return svg(fig)
+        ax.plot([0, top], [0, top], "#888888", width=0.9, dash=DOTTED, label=diagonal)
+    return fig.svg()

@@ -1,8 +1,9 @@
 """The families of scenarios as `desat list` shows them, and what is wrong with their files.
 
-To find that out, every scenario is read, held against the language and against its system, which
-takes seconds. What was found is kept in the user's cache for as long as the family's files and our
-code are the same, so that nothing but this file and JSON is read then.
+To find that out, every scenario is read, held against the language and, where a family is asked
+for, against its system, which takes seconds. What was found is kept in the user's cache for as long
+as the family's files and our code are the same, so that nothing but this file and JSON is read
+then.
 """
 
 from __future__ import annotations
@@ -36,34 +37,39 @@ def families() -> list[str]:
     return sorted(p.parent.name for p in places.SCENARIOS.glob("*/scenarios"))
 
 
-def family(name: str) -> Family:
-    """A family. Raises DesatError where there is none."""
+def family(name: str, of_systems: bool = True) -> Family:
+    """A family; with `of_systems` False what is wrong is said as far as files say it alone, unless
+    all is known. Raises DesatError where there is none."""
     if name not in families():
         raise DesatError(f"no family {name}{nearest(name, families())}")
     digest, kept = _digest(name), _file(name)
     with suppress(OSError, ValueError, KeyError, TypeError):
         known = json.loads(kept.read_text(encoding="utf-8"))
-        if known.pop("digest") == digest:
+        if known.pop("digest") == digest and known.pop("of_systems") >= of_systems:
             return Family(**known)
-    if sys.stderr.isatty():
+    if of_systems and sys.stderr.isatty():
         print(f"reading the scenarios of {name}, for they or desat have changed", file=sys.stderr)
-    made = _read(name)
+    made = _read(name, of_systems)
     with suppress(OSError):  # no cache is no harm
         kept.parent.mkdir(parents=True, exist_ok=True)
         part = kept.with_name(f"{kept.name}.{os.getpid()}.part")
-        part.write_text(json.dumps({"digest": digest, **asdict(made)}), encoding="utf-8")
+        told = {"digest": digest, "of_systems": of_systems, **asdict(made)}
+        part.write_text(json.dumps(told), encoding="utf-8")
         part.replace(kept)
     return made
 
 
-def _read(name: str) -> Family:
-    from ..files.scenario import summary
-    from .explain import readable
+def _read(name: str, of_systems: bool) -> Family:
+    from ..files import scenario
 
-    # an installation's own scenarios are sound; their systems need the FMUs, which take long
-    good, lines = readable(name, of_systems=not places.INSTALLED)
+    good, lines = scenario.readable(name)
+    if of_systems:
+        from .explain import readable
+
+        # an installation's own scenarios are sound; their systems need the FMUs, which take long
+        good, lines = readable(name, of_systems=not places.INSTALLED)
     titles = {n: str(s.data.get("title", "")) for n, s in good.items()}
-    return Family(name, summary(name), titles, lines)
+    return Family(name, scenario.summary(name), titles, lines)
 
 
 def _file(name: str) -> Path:

@@ -6,11 +6,13 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from numbers import Real
 from pathlib import Path
-from typing import Any, Literal, get_args
+from typing import TYPE_CHECKING, Any, Literal, get_args
 
 from ..engine.ending import Loop
-from ..engine.master import Algorithm
 from ..system.errors import DesatError
+
+if TYPE_CHECKING:  # what `check` does without
+    from ..engine.master import Algorithm
 
 
 def asked(target: str, options: Options) -> dict[str, Any]:

@@ -12,23 +12,20 @@ from ..system.errors import DesatError
 from ..system.expression import entry as value_of
 from ..system.expression import factor, product
 from . import derived
+from .canvas import INCH, Axes, Figure
 from .drawing import (
     BANDS,
     BINS,
     COLOURS,
+    DOTTED,
+    HEIGHT,
     LIMIT,
     PANELS,
-    POINTS,
-    axes,
+    WIDTH,
     axis_label,
     between,
-    blank,
-    envelope,
-    figure,
-    legend,
-    svg,
     time_axis,
-)  # fmt: skip
+)
 from .numbers import scale
 from .strips import timeline
 
@@ -46,17 +43,17 @@ class Line(NamedTuple):
     """True: each value holds until the next."""
 
 
-_FIRST: dict[str, Any] = {"linestyle": "-", "linewidth": 1.4}
-_OTHER: dict[str, Any] = {"linestyle": (0, (4, 2)), "linewidth": 1.0, "alpha": 0.75}
+_FIRST: dict[str, Any] = {"width": 1.4}
+_OTHER: dict[str, Any] = {"width": 1.0, "dash": (4.0, 2.0), "alpha": 0.75}
 
 
 def series_plot(plot: dict[str, Any], runs: Sequence[Run]) -> str | None:
     """The SVG of `series_figure`."""
     drawn = series_figure(plot, runs)
-    return None if drawn is None else svg(drawn)
+    return None if drawn is None else drawn.svg()
 
 
-def series_figure(plot: dict[str, Any], runs: Sequence[Run]) -> Any | None:
+def series_figure(plot: dict[str, Any], runs: Sequence[Run]) -> Figure | None:
     """The figure of a scenario's `[plots.NAME]` over runs. The first is drawn in colours, the
     others dashed. None where a series is not recorded."""
     _, results, parameters = runs[0]
@@ -73,16 +70,13 @@ def series_figure(plot: dict[str, Any], runs: Sequence[Run]) -> Any | None:
         whole = begin is None
         lines = drawn if begin is None else [[_since(x, begin) for x in run] for run in drawn]
         _draw(ax, lines, [label for label, _, _ in runs] if whole else None, seconds, plot)
+        ax.y.log = bool(plot.get("log") and whole)
         _draw_limits(ax, limits, signed, whole)
-        if plot.get("log") and whole:
-            ax.set_yscale("log")
-        height = ax.get_position().height * fig.get_figheight()
-        ax.set_ylabel(axis_label(plot.get("axis", plot["title"]), unit, height), fontsize=9)
+        ax.y.label = axis_label(plot.get("axis", plot["title"]), unit, ax.height / INCH)
         timeline(ax, seconds, time_unit, results if whole else None)
         if begin is not None:
-            ax.set_title(f"from {begin / seconds:g} {time_unit} on", fontsize=9, loc="left")
-            ax.set_xlim(begin / seconds, results.times()[-1] / seconds)
-        legend(ax)
+            ax.title = f"from {begin / seconds:g} {time_unit} on"
+            ax.x.low, ax.x.high = begin / seconds, results.times()[-1] / seconds
     return fig
 
 
@@ -97,15 +91,17 @@ def unit_of(plot: dict[str, Any], results: Results) -> str | None:
     return str(plot.get("unit") or own or results.attribute(signals[0], "unit"))
 
 
-def _panels(plot: dict[str, Any], results: Results) -> tuple[Any, list[tuple[Any, float | None]]]:
+def _panels(
+    plot: dict[str, Any], results: Results
+) -> tuple[Figure, list[tuple[Axes, float | None]]]:
     """A figure, and its pairs of axes: the whole run and, where the plot wants it, what follows its
     `steady` (s)."""
     steady = plot.get("steady")
     if steady is None or results.times()[-1] <= steady:
-        fig, ax = figure()
-        return fig, [(ax, None)]
-    fig = blank(7.2, PANELS)
-    return fig, [(axes(fig, 0.60, 0.96), None), (axes(fig, 0.10, 0.46), steady)]
+        fig = Figure(WIDTH, HEIGHT)
+        return fig, [(fig.add(), None)]
+    fig = Figure(WIDTH, PANELS)
+    return fig, [(fig.add(top=0.04, bottom=0.60), None), (fig.add(top=0.54, bottom=0.10), steady)]
 
 
 def _since(line: Line, begin: float) -> Line:
@@ -114,52 +110,47 @@ def _since(line: Line, begin: float) -> Line:
 
 
 def _draw(
-    ax: Any, runs: list[list[Line]], labels: list[str] | None, seconds: float,
+    ax: Axes, runs: list[list[Line]], labels: list[str] | None, seconds: float,
     plot: dict[str, Any],
 ) -> None:  # fmt: skip
     """The lines of several runs. A line is named in the first run; where there are several runs,
     the first line of each other one has the run's name, and a lone line always has; without
     `labels` none has. An `envelope` fills what a line that is faster than the plot is wide lies
     between."""
-    points = plot.get("points", POINTS)
     for number, lines in enumerate(runs):
         for i, line in enumerate(lines):
-            name = line.name if number == 0 else None
+            name = line.name if number == 0 else ""
             if labels and len(runs) > 1 and (len(lines) == 1 or (number and i == 0)):
                 name = labels[number]
-            name = name if labels else None
+            name = name if labels else ""
             colour = COLOURS[i % len(COLOURS)]
             if plot.get("envelope") and len(line.times) > BINS:
                 x, low, high = between(line.times, line.values)
-                ax.fill_between(x / seconds, low, high, color=colour, alpha=0.45, linewidth=0.3,
-                                label=name and f"{name}: least to most")  # fmt: skip
+                ax.area(x / seconds, low, high, colour, alpha=0.45,
+                        label=name and f"{name}: least to most")  # fmt: skip
                 continue
-            x, y = envelope(line.times, line.values, points)
-            ax.plot(
-                x / seconds, y, color=colour, label=name,
-                drawstyle="steps-post" if line.stepped else "default",
-                **(_FIRST if number == 0 else _OTHER),
-            )  # fmt: skip
+            ax.plot(line.times / seconds, line.values, colour, label=name, stepped=line.stepped,
+                    **(_FIRST if number == 0 else _OTHER))  # fmt: skip
 
 
 def _draw_limits(
-    ax: Any, limits: list[tuple[str, float, bool]], signed: bool, always: bool = True
+    ax: Axes, limits: list[tuple[str, float, bool]], signed: bool, always: bool = True
 ) -> None:
     """Limit lines and bands (name, value, filled), on both sides of zero where `signed`; those that
     are beyond what is drawn only where `always`."""
-    low, high = ax.get_ylim()
+    low, high = ax.y_range()
     bands = iter(BANDS * len(limits))
     for name, value, filled in limits:
         colour = next(bands) if filled else LIMIT
         if not always and value > max(-low, high):
             continue
-        text = f"{'±' if signed else ''}{value:.4g}  {name}" if always else None
+        text = f"{'±' if signed else ''}{value:.4g}  {name}" if always else ""
         if filled:
-            ax.axhspan(-value if signed else 0.0, value, color=colour, alpha=0.16, label=text,
-                       linewidth=0)  # fmt: skip
+            ax.band(-value if signed else 0.0, value, colour, alpha=0.16, label=text)
             continue
-        for sign, label in ((1.0, text), (-1.0, None)) if signed else ((1.0, text),):
-            ax.axhline(sign * value, color=LIMIT, linewidth=0.9, linestyle=":", label=label)
+        ax.level(value, LIMIT, width=0.9, dash=DOTTED, label=text)
+        if signed:
+            ax.level(-value, LIMIT, width=0.9, dash=DOTTED)
 
 
 def lines_of(plot: dict[str, Any], results: Results, unit: str) -> list[Line]:

@@ -176,8 +176,7 @@ def _told(draft: Draft) -> Scenario | None:
 def _packed_from(draft: Draft) -> Scenario | None:
     """The scenario of ours that a packed system was packed from."""
     name = draft.about.get("name", "")
-    family = name.partition("/")[0]
-    return scenario.scenarios(family).get(name) if family in scenario.families() else None
+    return scenario.find(name) if scenario.exists(name) else None
 
 
 def _designed(described: Scenario, options: Options) -> dict[str, dict[str, Any]]:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
 from ..analyses import analyses
@@ -20,6 +19,8 @@ REPORT = "report.html"
 
 def render(template: str, **values: Any) -> str:
     """A page from one of our templates."""
+    from jinja2 import Environment, PackageLoader, StrictUndefined
+
     environment = Environment(
         loader=PackageLoader("desat"), autoescape=True, undefined=StrictUndefined,
         trim_blocks=True,

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -36,6 +35,7 @@ class Outcome:
     """The exit code, where the status does not say it."""
     steps: int = 0
     seconds: float = 0.0
+    """Wall time that these took."""
     loop: dict[str, str] | None = None
     """Which loop stepped, and why not the compiled one."""
     stopped: dict[str, Any] | None = None
@@ -80,8 +80,7 @@ def stepped(
         except ComponentError as error:
             raise ComponentError("\n".join(refused(system, str(error)))) from error
         outcome.warnings += changes("when it was initialised")
-        ending, began = stopping.watch(master, ends, options.time_limit), time.perf_counter()
-        before = 0.0
+        ending, before = stopping.watch(master, ends, options.time_limit), 0.0
         if checkpoint is not None:
             checkpoint.restore(master, ending)
             outcome.warnings[:] = checkpoint.told["warnings"]
@@ -108,7 +107,7 @@ def stepped(
             will be where the run goes on."""
             _add(outcome.warnings, changes("while it ran", handlers=False))
             state = {"warnings": outcome.warnings, "manifest": manifest}
-            return {**state, "seconds": before + time.perf_counter() - began, **wanted}
+            return {**state, "seconds": before + steps.seconds, **wanted}
 
         checkpoints = None
         try:
@@ -139,7 +138,7 @@ def stepped(
             if isinstance(error, EndedError):
                 outcome.code = int(error.code)
                 outcome.status = stopping.LATE if error.code == Exit.TIMEOUT else "failed"
-        outcome.seconds = before + time.perf_counter() - began
+        outcome.seconds = before + steps.seconds
         outcome.steps = master.k
         _add(outcome.warnings, [*changes("while it ran"), *master.messages()])
         # a day's series take seconds to compress; then it is told how it ended

@@ -5,49 +5,39 @@ A strip stands for an Integer output whose values have names (`choices`).
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from ..engine.results import Results
+from .canvas import Axes, Strip
 
 COLOURS = ("#d4d4d4", "#7fb8de", "#f2b84b", "#93c98a", "#e07a6e", "#b79ad6", "#6f6f6f", "#c9a27a")
 """Of the values, by their number."""
-HEIGHT = 0.13
-"""Of a strip (in)."""
 COLUMNS = 800
 """A span is drawn at least as long as one of so many columns, so that short ones are seen."""
 
 
-def timeline(ax: Any, seconds: float, unit: str, results: Results | None = None) -> None:
+def timeline(ax: Axes, seconds: float, unit: str, results: Results | None = None) -> None:
     """Name the axis of times, in `unit` of so many seconds. Under it, a strip of coloured bands for
     each Integer of the results whose values have names: a mode, a phase."""
-    ax.margins(x=0.01)
-    named = [s for s in results.names() if results.choices(s)] if results else []
-    if results is not None and named:
-        height = HEIGHT * len(named)
-        left, bottom, right, top = ax.get_position().extents
-        bottom += height / ax.figure.get_figheight()
-        ax.set_position((left, bottom, right - left, top - bottom))
-        ax.tick_params(axis="x", pad=3.5 + 72.0 * height)  # points
-        for row, name in enumerate(named):
-            _strip(ax, row, name, results, seconds)
-    ax.set_xlabel(f"time [{unit}]")
+    ax.x.label, ax.x.margin = f"time [{unit}]", 0.01
+    strips = results.once("strips", lambda: list(_strips(results))) if results else []
+    for strip in strips:
+        spans = [(begin / seconds, end / seconds) for begin, end in strip.spans]
+        ax.strips.append(replace(strip, spans=spans))
 
 
-def _strip(ax: Any, row: int, signal: str, results: Results, seconds: float) -> None:
-    """One strip, the `row`-th under the axis; the names of the values that occur go to the
-    legend."""
-    values, choices = results.values(signal), results.choices(signal)
-    height = HEIGHT / (ax.get_position().height * ax.figure.get_figheight())
-    place = {"transform": ax.get_xaxis_transform(), "clip_on": False, "linewidth": 0}
-    for value, spans in bands(results.times(), values):
-        name = choices[value] if 0 <= value < len(choices) else str(value)
-        ax.broken_barh(
-            [(begin / seconds, (end - begin) / seconds) for begin, end in spans],
-            (-height * (row + 1), 0.8 * height), color=COLOURS[value % len(COLOURS)],
-            label=f"{signal.partition('.')[2]}: {name.replace('_', ' ')}", **place,
-        )  # fmt: skip
+def _strips(results: Results) -> Iterator[Strip]:
+    """The strips of a run, over times in s."""
+    named = [(s, choices) for s in results.names() if (choices := results.choices(s))]
+    for row, (signal, choices) in enumerate(named):
+        for value, spans in bands(results.times(), results.values(signal)):
+            name = choices[value] if 0 <= value < len(choices) else str(value)
+            label = f"{signal.partition('.')[2]}: {name.replace('_', ' ')}"
+            yield Strip(row, spans, COLOURS[value % len(COLOURS)], label)
 
 
 def bands(

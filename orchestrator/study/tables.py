@@ -10,38 +10,31 @@ import math
 import re
 import sys
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import asdict, replace
+from dataclasses import asdict
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from ..files.pack import pack_scenario
 from ..files.scenario import Scenario, find, scenarios
-from ..system.errors import DesatError
-from .case import Options, execute
+from ..system.codes import Exit
+from ..system.errors import DesatError, RunError
 from .cells import Numbers, Row, counted, rows_of
 from .drawing import pretty_unit
+from .draws import rows_of as rows_of_runs
 from .manifest import PACKAGES
 from .meaning import words
+from .options import Options
 from .paired import differences, ratios
 from .report import number, render, write_page
-from .workers import mapped
 
 LARGEST = sys.float_info.max
 """The open end of a band in JSON."""
 
 
-def _numbers(path: str, options: Options) -> Numbers:
-    run = execute(path, replace(options, supervised=True)).or_raise(path)
-    values = {name: n["value"] for name, n in run.manifest["numbers"].items()}
-    run.results.close()
-    return values
-
-
 def rows(
     family: str, options: Options, jobs: int = 2, drawn: dict[str, Any] | None = None
 ) -> list[Row]:
-    """Pack and run every scenario of a family that a paper's table has a cell for.
+    """Run every scenario of a family that a paper's table has a cell for.
 
     `drawn`: the draws of the scenarios that have some (`stored.read` or `stored.compute`); rows of
     those that are not among them are left out, and `stored.outdated` names them.
@@ -103,10 +96,14 @@ def _paired(scenario: Scenario, drawn: dict[str, Any]) -> dict[str, Any]:
 
 
 def _single(given: list[Scenario], options: Options, jobs: int) -> dict[str, Numbers]:
-    """The numbers of a run of each scenario, packed."""
-    paths = [str(pack_scenario(s)) for s in given]
-    results = mapped(_numbers, [(path, options) for path in paths], jobs)
-    return {s.name: numbers for s, numbers in zip(given, results, strict=True)}
+    """The numbers of a run of each scenario, of which little more is recorded than these need.
+    Raises RunError for one that does not complete."""
+    made = rows_of_runs([(s.name, options, 0, None) for s in given], jobs, "runs", progress=False)
+    for scenario, row in zip(given, made, strict=True):
+        if row["status"] != "completed":
+            text = f"{scenario.name}: {row['status']}: {row['message']}"
+            raise RunError(text, Exit(row["code"]))
+    return {s.name: row["numbers"] for s, row in zip(given, made, strict=True)}
 
 
 def as_json(family: str, table: list[Row], drawn: dict[str, Any] | None = None) -> dict[str, Any]:
@@ -269,9 +266,8 @@ def write_html(
         "tables.html",
         title=f"{family}: the paper's tables beside ours",
         lead=(
-            f"{summed_up(table)} Every number of ours was computed by a run of the packed "
-            "scenario when this page was written"
-            + (f", medians of draws {origin(drawn)}." if drawn else ".")
+            f"{summed_up(table)} Every number of ours was computed by a run of the scenario when "
+            "this page was written" + (f", medians of draws {origin(drawn)}." if drawn else ".")
         ),
         tables=pages,
         numbers=NUMBERS,

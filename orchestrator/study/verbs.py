@@ -29,9 +29,6 @@ from .series import Series
 from .sources import Change, Sources
 from .verbs_coils import CoilVerbs
 
-POINTS = 600
-"""Of a line in a figure of a page, so that files stay small."""
-
 
 class Verbs(CoilVerbs):
     """Every public method is a verb; `figures` collects what they draw: file -> SVG."""
@@ -200,7 +197,7 @@ class Verbs(CoilVerbs):
     ) -> str:  # fmt: skip
         """A plot of a scenario as a figure; `place` stands before its title; with another end (s)
         of the run."""
-        spec = {"points": POINTS, **self._plot(scenario, plot)}
+        spec = self._plot(scenario, plot)
         run = self._of.run(scenario, change, stop=stop)
         image = series_plot(spec, [("", run.results, run.manifest["parameters"])])
         if image is None:

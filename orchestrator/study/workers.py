@@ -13,15 +13,27 @@ import sys
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Hashable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Hashable, Iterable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass
-from multiprocessing import get_context
+from multiprocessing import current_process, get_context
 from multiprocessing.connection import wait
 from typing import Any, Protocol, Self
 
 from ..system.codes import Exit
 from ..system.errors import RunError
+
+UNGUARDED = 78
+"""How a process ends whose script would make processes of its own while it is imported."""
+_GUARD = ('the script that asks for runs in several processes needs `if __name__ == "__main__":` '
+          "before it does: each process imports it first")  # fmt: skip
+
+
+def guarded() -> None:
+    """End a process that is importing the script of its head to begin with: it is the script that
+    asks for processes, again. Its head says so."""
+    if getattr(current_process(), "_inheriting", False):
+        sys.exit(UNGUARDED)
 
 
 @dataclass(frozen=True)
@@ -81,6 +93,7 @@ class Local:
     """
 
     def __init__(self, function: Callable[..., Any], size: int, limit: float | None = None) -> None:
+        guarded()
         self.size = size
         self._function, self._limit = function, limit
         self._waiting: deque[tuple[Hashable, tuple[Any, ...]]] = deque()
@@ -181,6 +194,8 @@ class _Worker:
             return said
         except (EOFError, OSError):
             self._process.join()
+            if self._process.exitcode == UNGUARDED and not self._ready:
+                return "raised", RunError(_GUARD, Exit.INPUT)
             return "lost", Lost(f"its process ended by {_how(self._process.exitcode or 0)}")
 
     def end(self) -> None:
@@ -224,19 +239,6 @@ def _how(code: int) -> str:
     if code < 0:
         return signal.Signals(-code).name
     return f"exit({code})"
-
-
-def mapped(function: Callable[..., Any], tasks: Sequence[tuple[Any, ...]], jobs: int) -> list[Any]:
-    """What a function gives for each task, in their order, over so many processes. Raises RunError
-    where a process dies."""
-    made: dict[Any, Any] = {}
-    workers: Workers = Here(function) if min(jobs, len(tasks)) < 2 else Local(function, jobs)
-    with workers:
-        for key, result in results(workers, iter(enumerate(tasks)), lambda key, why: None):
-            if isinstance(result, Lost):
-                raise RunError(f"{tasks[key][0]}: {result.why}", Exit.COMPONENT)
-            made[key] = result
-    return [made[key] for key in range(len(tasks))]
 
 
 def results(

@@ -46,7 +46,7 @@ def check(
     """Find what is wrong with a system before it runs, and print its schedule."""
     from ...engine.trial import refusals
     from ...files.trust import notes
-    from ...study.case import prepare
+    from ...study.prepare import prepare
     from ...system.interface import base_name
     from ...system.refusal import told
 

@@ -23,10 +23,12 @@ def list_command(
     everything: Annotated[bool, typer.Option("--all", help="Every scenario by name.")] = False,
     as_json: Json = False,
 ) -> None:
-    """List the families of scenarios, or the scenarios of one, and what is wrong with a file."""
+    """List the families of scenarios, or the scenarios of one, and what is wrong with a file; with
+    a family, --all or --json also with the systems that they describe."""
     from ...study import listing
 
-    families = [listing.family(name) for name in ([family] if family else listing.families())]
+    names, whole = [family] if family else listing.families(), bool(family or everything or as_json)
+    families = [listing.family(name, whole) for name in names]
     if as_json:
         rows = [(n, title) for f in families for n, title in f.scenarios.items()]
         print_json([{"name": name, "title": title} for name, title in rows])

@@ -19,7 +19,8 @@ def pack(
         typer.Argument(
             metavar="[NAME|FILE]...",
             autocompletion=complete_name,
-            help="Scenarios (default: all); one of a file of your own (.toml) is packed beside it.",
+            help="Scenarios (default: all that have changed since); one of a file of your own "
+            "(.toml) is packed beside it.",
         ),
     ] = None,
     fmus: Fmus = FmuKind.python,
@@ -35,7 +36,7 @@ def pack(
     ours = [find(n) for n in names if not n.endswith(".toml")] if names else scenarios().values()
     wanted = [*((own(f), f.with_suffix(".ssp")) for f in files), *((s, None) for s in ours)]
     packed = [
-        str(pack_module.pack_scenario(scenario, target, force=True, fmus=fmus.value))
+        str(pack_module.pack_scenario(scenario, target, force=bool(names), fmus=fmus.value))
         for scenario, target in wanted
     ]
     if not names:

@@ -212,15 +212,14 @@ def _new_folder(name: str) -> Path:
 def _run_twin(finished: Run, options: Options, folder: Path) -> Run | None:
     """Run the twin that the scenario names, into a folder beside, and compare."""
     from ...engine.results import MANIFEST
-    from ...files.scenario import scenarios
-    from ...study import report as report_module
+    from ...files.scenario import exists
     from ...study.case import execute
     from ...study.manifest import relate, write_json
     from ...study.resume import has_checkpoints, resume
 
     about = finished.manifest["about"]
     name = about.get("name", "").partition("/")[0] + "/" + about.get("twin", "")
-    if not about.get("twin") or name == about["name"] or name not in scenarios():
+    if not about.get("twin") or name == about["name"] or not exists(name):
         return None
     twin_folder = folder / TWIN
     if has_checkpoints(twin_folder):
@@ -229,7 +228,6 @@ def _run_twin(finished: Run, options: Options, folder: Path) -> Run | None:
         other = execute(name, replace(options, sets=[], sources=[], design=None), twin_folder)
     relate(finished.manifest, {about["twin"]: other.manifest})
     write_json(folder / MANIFEST, finished.manifest)
-    report_module.write_report(twin_folder, other)
     return other
 
 

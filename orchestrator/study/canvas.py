@@ -1,0 +1,522 @@
+"""Figures: lines, areas and points on axes with ticks and a legend, as SVG text.
+
+A figure is laid out here, in tenths of a point from its upper left corner, into shapes and texts;
+`svg` writes these, and `desat export` has matplotlib paint the same ones. That a report needs no
+plotting library takes half a second off every run.
+"""
+
+from __future__ import annotations
+
+import math
+import textwrap
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from html import escape
+from typing import Any, Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..system.errors import plain
+from . import ticks
+from .ticks import Ticks
+
+Array = NDArray[np.float64]
+Point = tuple[float, float]
+Box = tuple[float, float, float, float]
+"""left, top, width, height"""
+
+INCH = 720
+LEFT, RIGHT, TOP, BOTTOM = 0.115, 0.25, 0.08, 0.16
+"""Of all axes in their figures, shares of its width and height, so that times align."""
+GRID, INK = "#dddddd", "#222222"
+SMALL, USUAL = 80, 90
+"""Sizes of letters: of the legend, and of all else."""
+LETTER = 0.64
+"""Mean width of a letter over its size."""
+LEGEND = 21
+"""Letters in a line of a legend."""
+STRIP = 94
+"""Height of a strip under an axis."""
+LINE = 115
+"""Between the lines of a legend."""
+COLUMN = 5.0
+"""Width of a column of a line that has many points: of each its first, least, most and last are
+drawn."""
+COLUMNS = 2400
+"""Of all lines of a figure that have more points, together: a file stays below 60 kB."""
+
+DOTS = 2500
+"""Of one kind at the most."""
+
+
+class Shape(NamedTuple):
+    """A painted path in tenths of a point: several parts, each (n, 2). With `fill` it is closed."""
+
+    parts: list[Array]
+    colour: str
+    width: float = 0.0
+    dash: tuple[float, ...] = ()
+    alpha: float = 1.0
+    fill: str = ""
+    within: Box | None = None
+    """What it is cut off by."""
+
+
+class Dots(NamedTuple):
+    """Round points, (n, 2), of a width (pt)."""
+
+    at: Array
+    colour: str
+    width: float
+    alpha: float = 1.0
+
+
+class Words(NamedTuple):
+    """A text at a point; with `turned`, from bottom to top."""
+
+    at: Point
+    text: str
+    size: float = USUAL
+    anchor: Literal["start", "middle", "end"] = "start"
+    turned: bool = False
+
+
+Drawn = Shape | Dots | Words
+
+
+@dataclass
+class Mark:
+    """A line, area or points in the data's coordinates; nan parts it, inf is an axes' edge."""
+
+    x: Array
+    y: Array
+    colour: str
+    label: str = ""
+    width: float = 1.0
+    """Of the line (pt); 0: none."""
+    dash: tuple[float, ...] = ()
+    """Lengths (pt) of what is drawn and left out in turn."""
+    alpha: float = 1.0
+    filled: bool = False
+    marker: float = 0.0
+    """Width (pt) of a point."""
+    hollow: bool = False
+
+
+@dataclass
+class Strip:
+    """Coloured spans under the axis of x."""
+
+    row: int
+    spans: list[tuple[float, float]]
+    colour: str
+    label: str
+
+
+@dataclass
+class Axis:
+    """One of the two axes: what it is called, and its range where that is given."""
+
+    label: str = ""
+    low: float | None = None
+    high: float | None = None
+    log: bool = False
+    margin: float = 0.05
+    """Beyond what is drawn, a share of it."""
+    ticks: Ticks | None = None
+    most: int | None = None
+    """Ticks at the most; default: as many as there is room for."""
+
+
+@dataclass
+class Axes:
+    """A pair of axes in a figure: where they are, and what is drawn on them."""
+
+    left: float
+    top: float
+    width: float
+    height: float
+    x: Axis = field(default_factory=Axis)
+    y: Axis = field(default_factory=Axis)
+    title: str = ""
+    size: float = USUAL
+    """Of letters."""
+    legend: int = LEGEND
+    """Letters in a line of the legend; 0: no legend."""
+    marks: list[Mark] = field(default_factory=list)
+    strips: list[Strip] = field(default_factory=list)
+    right: Axes | None = None
+    """Other axes over these, of the same x, whose y stands at the right."""
+
+    def plot(self, x: Any, y: Any, colour: str, *, stepped: bool = False, **look: Any) -> None:
+        """A line, or with `width` 0 and a `marker` points; `stepped`: each value holds until the
+        next."""
+        x, y = np.asarray(x, float), np.asarray(y, float)
+        if stepped and len(x):
+            x, y = np.repeat(x, 2)[1:], np.repeat(y, 2)[:-1]
+        self.marks.append(Mark(x, y, colour, **look))
+
+    def area(self, x: Any, low: Any, high: Any, colour: str, **look: Any) -> None:
+        """What lies between two lines of the same x."""
+        x, low, high = (np.asarray(a, float) for a in np.broadcast_arrays(x, low, high))
+        known = np.isfinite(low) | np.isinf(x)
+        x, low, high = x[known], low[known], high[known]
+        there_and_back = np.concatenate([x, x[::-1]]), np.concatenate([low, high[::-1]])
+        self.marks.append(Mark(*there_and_back, colour, width=0.0, filled=True, **look))
+
+    def bars(self, begin: Any, end: Any, heights: Any, colour: str, **look: Any) -> None:
+        """Bars from zero, or on a logarithmic axis from its edge; nan where there is none."""
+        begin, end, heights = (np.asarray(a, float) for a in (begin, end, heights))
+        foot = np.full_like(heights, -np.inf if self.y.log else 0.0)
+        gap = np.full_like(heights, np.nan)
+        x = np.column_stack([begin, begin, end, end, gap]).ravel()
+        y = np.column_stack([foot, heights, heights, foot, gap]).ravel()
+        self.marks.append(Mark(x, y, colour, width=0.0, filled=True, **look))
+
+    def level(self, value: float, colour: str, **look: Any) -> None:
+        """A line across at a value of y."""
+        self.plot([-math.inf, math.inf], [value, value], colour, **look)
+
+    def upright(self, value: float, colour: str, **look: Any) -> None:
+        """A line from bottom to top at a value of x."""
+        self.plot([value, value], [-math.inf, math.inf], colour, **look)
+
+    def band(self, low: float, high: float, colour: str, **look: Any) -> None:
+        """All between two values of y."""
+        self.area([-math.inf, math.inf], low, high, colour, **look)
+
+    def y_range(self) -> Point:
+        """The lowest and highest y that is drawn, margins included."""
+        return _range(self.y, [m.y for m in self.marks])
+
+    # --- layout ---------------------------------------------------------------------------------
+
+    def shapes(self, column: float = COLUMN) -> Iterator[Drawn]:
+        """All that they consist of; lines of many points are thinned to columns so wide."""
+        others = [self.right] if self.right else []
+        spans = [np.ravel(s.spans) for s in self.strips]
+        x = _range(self.x, [*spans, *(m.x for a in (self, *others) for m in a.marks)])
+        floor = self.height - STRIP * len({s.row for s in self.strips})
+        box = (self.left, self.top, self.width, floor)
+        yield from self._grid(x, box)
+        for axes in (self, *others):
+            scales = (_Scale(axes.x, x, box[0], box[2]),
+                      _Scale(axes.y, axes.y_range(), box[1] + box[3], -box[3]))  # fmt: skip
+            for mark in axes.marks:
+                yield from _painted(mark, *scales, box, column)
+        for strip in self.strips:
+            yield self._strip(strip, _Scale(self.x, x, box[0], box[2]), box)
+        for axes in (self, *others):
+            yield from axes._ordinate(box, right=axes is not self)
+        yield from self._abscissa(x, box)
+        if self.title:
+            yield Words((self.left, self.top - 50), self.title, self.size)
+        yield from self._legend(box)
+
+    def _ticks(self, axis: Axis, ends: Point, room: float) -> Ticks:
+        """The ticks of an axis with room for so many labels."""
+        if axis.ticks is not None:
+            return axis.ticks
+        most = min(axis.most or 99, max(2, int(room)))
+        return (ticks.logarithmic if axis.log else ticks.linear)(*ends, most)
+
+    def _of_x(self, x: Point) -> Ticks:
+        return self._ticks(self.x, x, self.width / (4.6 * self.size))
+
+    def _of_y(self, y: Point) -> Ticks:
+        return self._ticks(self.y, y, min(9.0, self.height / (2.3 * self.size)))
+
+    def _grid(self, x: Point, box: Box) -> Iterator[Shape]:
+        left, top, width, height = box
+        y = self.y_range()
+        across, up = _Scale(self.x, x, left, width), _Scale(self.y, y, top + height, -height)
+        lines = [np.array([[left, v], [left + width, v]]) for v in up(self._of_y(y).values)]
+        # bars stand between given ticks
+        if self.x.ticks is None or self.x.log:
+            lines += [np.array([[v, top], [v, top + height]]) for v in across(self._of_x(x).values)]
+        yield Shape(lines, GRID, 0.6)
+
+    def _ordinate(self, box: Box, right: bool) -> Iterator[Drawn]:
+        left, top, width, height = box
+        ends = self.y_range()
+        made = self._of_y(ends)
+        scale, side = _Scale(self.y, ends, top + height, -height), 1 if right else -1
+        edge = left + width if right else left
+        lines = [np.array([[edge, top], [edge, top + height]])]
+        longest = 0
+        for value, text in zip(scale(made.values), made.labels, strict=True):
+            lines.append(np.array([[edge, value], [edge + side * (35 if text else 20), value]]))
+            yield Words((edge + side * 60, value + 0.35 * self.size), text, self.size,
+                        "start" if right else "end")  # fmt: skip
+            longest = max(longest, len(text))
+        yield Shape(lines, INK, 0.8)
+        if made.aside:
+            yield Words((edge, top - 35), made.aside, self.size, "end" if right else "start")
+        rows = self.y.label.split("\n") if self.y.label else []
+        at = edge + side * (60 + LETTER * self.size * longest + 50)
+        for i, row in enumerate(rows):
+            if right:
+                place = at + self.size + i * 1.2 * self.size
+            else:
+                place = max(at - (len(rows) - 1 - i) * 1.2 * self.size, 0.8 * self.size * (i + 1))
+            yield Words((place, top + height / 2), row, self.size, "middle", turned=True)
+
+    def _abscissa(self, x: Point, box: Box) -> Iterator[Drawn]:
+        left, top, width, height = box
+        floor, made = self.top + self.height, self._of_x(x)
+        lines = [np.array([[left, top + height], [left + width, top + height]])]
+        row = floor + 30 + self.size
+        for value, text in zip(_Scale(self.x, x, left, width)(made.values), made.labels,
+                               strict=True):  # fmt: skip
+            end = top + height + (35 if text else 20)
+            lines.append(np.array([[value, top + height], [value, end]]))
+            yield Words((value, row), text, self.size, "middle")
+        yield Shape(lines, INK, 0.8)
+        if made.aside:
+            yield Words((left + width, row + 1.2 * self.size), made.aside, self.size, "end")
+        for i, text in enumerate(self.x.label.split("\n")):
+            at = (left + width / 2, row + (1.3 + 1.2 * i) * self.size)
+            yield Words(at, text, self.size, "middle")
+
+    def _strip(self, strip: Strip, scale: _Scale, box: tuple[float, ...]) -> Shape:
+        top = box[1] + box[3] + STRIP * (strip.row + 0.15)
+        low, high = top, top + 0.8 * STRIP
+        parts = []
+        for begin, end in scale(np.array(strip.spans)):
+            parts.append(np.array([[begin, low], [end, low], [end, high], [begin, high]]))
+        return Shape(parts, "", fill=strip.colour)
+
+    def _legend(self, box: Box) -> Iterator[Drawn]:
+        """What has a label, beside the axes; long labels are wrapped."""
+        named: list[Mark | Strip] = []
+        for axes in [self, *([self.right] if self.right else [])]:
+            named += [m for m in axes.marks if m.label]
+        named += [s for s in self.strips if s.label]
+        if not named or not self.legend:
+            return
+        entries = [(m, textwrap.wrap(m.label, self.legend)) for m in named]
+        size, pitch = float(SMALL), float(LINE)
+        whole = sum(len(rows) for _, rows in entries)
+        if whole * pitch > (room := self.height + 300):  # smaller letters where there are many
+            size, pitch = size * room / (whole * pitch), room / whole
+        left = box[0] + box[2] + (560 if self.right else 80)
+        y = self.top + self.height / 2 - whole * pitch / 2 + 0.75 * pitch
+        for mark, rows in entries:
+            yield from _sample(mark, left, y - 0.35 * size)
+            for row in rows:
+                yield Words((left + 190, y), row, size)
+                y += pitch
+
+
+@dataclass
+class Figure:
+    """A figure of a width and height (in)."""
+
+    width: float
+    height: float
+    axes: list[Axes] = field(default_factory=list)
+
+    def add(self, top: float = TOP, bottom: float = BOTTOM, left: float = LEFT,
+            right: float = RIGHT) -> Axes:  # fmt: skip
+        """Axes with a free rim of these shares of the figure."""
+        width, height = INCH * self.width, INCH * self.height
+        made = Axes(left * width, top * height, (1.0 - left - right) * width,
+                    (1.0 - top - bottom) * height)  # fmt: skip
+        self.axes.append(made)
+        return made
+
+    def shapes(self) -> Iterator[Drawn]:
+        """All shapes and texts, the lowest first."""
+        all_axes = [*self.axes, *(a.right for a in self.axes if a.right)]
+        room = max((a.width for a in self.axes), default=0.0)
+        dense = sum(len(m.x) > 2.0 * room / COLUMN for a in all_axes for m in a.marks if m.width)
+        for axes in self.axes:
+            yield from axes.shapes(max(COLUMN, room * dense / COLUMNS))
+
+    def svg(self) -> str:
+        """The figure as an <svg> element, the same for the same data."""
+        width, height = round(INCH * self.width), round(INCH * self.height)
+        parts = [
+            f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width} {height}" '
+            'font-family="DejaVu Sans,Verdana,Helvetica,Arial,sans-serif" '
+            f'fill="none" stroke-linejoin="round">'
+            f'<rect width="{width}" height="{height}" fill="#fff"/>'
+        ]
+        parts += [_written(shape) for shape in self.shapes()]
+        return "\n".join([*filter(None, parts), "</svg>"])
+
+
+class _Scale:
+    """From the data's coordinates to those of the figure; inf is the edge."""
+
+    def __init__(self, axis: Axis, ends: Point, start: float, length: float) -> None:
+        self._log, self._start, self._length = axis.log, start, length
+        self._low, self._high = map(math.log10, ends) if axis.log else ends
+
+    def __call__(self, values: Any) -> Array:
+        values = np.asarray(values, float)
+        if self._log:
+            with np.errstate(divide="ignore", invalid="ignore"):
+                edge = np.isinf(values)
+                # what is not above zero has no place
+                values = np.where(edge, values, np.log10(np.where(values > 0.0, values, np.nan)))
+        share = (values - self._low) / (self._high - self._low)
+        share = np.where(values == np.inf, 1.0, np.where(values == -np.inf, 0.0, share))
+        # what is far outside is cut off anyhow
+        place: Array = self._start + self._length * np.clip(share, -9.0, 10.0)
+        return place
+
+
+def _range(axis: Axis, values: Sequence[Array]) -> Point:
+    """From where to where an axis goes that shows these values."""
+    shown = [v[np.isfinite(v) & (v > 0.0)] if axis.log else v[np.isfinite(v)] for v in values]
+    shown = [v for v in shown if len(v)]
+    low = min((float(v.min()) for v in shown), default=0.1 if axis.log else 0.0)
+    high = max((float(v.max()) for v in shown), default=1.0)
+    if axis.log:
+        rim = axis.margin * math.log10(high / low) or 0.3
+        low, high = low * 10.0**-rim, high * 10.0**rim
+    else:
+        # a constant: some of its own size about it
+        rim = axis.margin * (high - low) if high - low > 1e-12 * max(abs(low), abs(high)) else (
+            0.05 * max(abs(low), abs(high)) or 1.0)  # fmt: skip
+        low, high = low - rim, high + rim
+    return low if axis.low is None else axis.low, high if axis.high is None else axis.high
+
+
+def _painted(
+    mark: Mark, across: _Scale, up: _Scale, box: Box, column: float
+) -> Iterator[Drawn]:  # fmt: skip
+    """A mark as shapes."""
+    points = np.column_stack([across(mark.x), up(mark.y)])
+    known = np.isfinite(points.sum(axis=1))
+    if mark.filled:
+        parts = [p for p in _parts(points, known) if len(p) > 2]
+        yield Shape(parts, "", alpha=mark.alpha, fill=mark.colour, within=box)
+    elif mark.width:
+        parts = [_thinned(p, column) for p in _parts(points, known)]
+        yield Shape(parts, mark.colour, mark.width, mark.dash, mark.alpha, within=box)
+    if mark.marker:
+        yield from _dots(mark, points[known])
+
+
+def _dots(mark: Mark, points: Array) -> Iterator[Dots]:
+    """The points of a mark; of very many those on a grid."""
+    grid, at = 1.0, np.unique(np.round(points), axis=0)
+    while len(at) > DOTS:
+        grid *= 1.5
+        at = np.unique(np.round(points / grid), axis=0) * grid
+    yield Dots(at, mark.colour, mark.marker, mark.alpha)
+    if mark.hollow:
+        yield Dots(at, "#ffffff", mark.marker - 1.4)
+
+
+def _parts(points: Array, known: NDArray[np.bool_]) -> list[Array]:
+    """The stretches of points that are known."""
+    if known.all():
+        return [points] if len(points) else []
+    ends = np.flatnonzero(np.diff(np.concatenate([[0], known.astype(int), [0]])))
+    return [points[a:b] for a, b in ends.reshape(-1, 2)]
+
+
+def _thinned(points: Array, width: float) -> Array:
+    """Of each column of a line of many points its first, least, most and last; whole tenths, each
+    once."""
+    points = np.round(points)
+    starts = np.flatnonzero(np.diff(np.floor(points[:, 0] / width), prepend=-np.inf))
+    if len(points) > 4 * len(starts) and (np.diff(points[:, 0]) >= 0.0).all():
+        x, y = points.T
+        last = np.append(starts[1:], len(x)) - 1
+        times = [x[starts], x[starts], x[last], x[last]]
+        values = [y[starts], np.minimum.reduceat(y, starts), np.maximum.reduceat(y, starts),
+                  y[last]]  # fmt: skip
+        points = np.column_stack([np.stack(v, axis=1).ravel() for v in (times, values)])
+    moved: Array = points[np.append(True, (np.diff(points, axis=0) != 0.0).any(axis=1))]
+    return moved
+
+
+def _sample(mark: Mark | Strip, left: float, y: float) -> Iterator[Drawn]:
+    """What stands before a label of a legend."""
+    if isinstance(mark, Strip) or mark.filled:
+        box = np.array([[left, y - 32], [left + 130, y - 32], [left + 130, y + 32], [left, y + 32]])
+        alpha = 1.0 if isinstance(mark, Strip) else mark.alpha
+        yield Shape([box], "", alpha=alpha, fill=mark.colour)
+        return
+    if mark.width:
+        line = np.array([[left, y], [left + 130, y]])
+        yield Shape([line], mark.colour, mark.width, mark.dash, mark.alpha)
+    if mark.marker:
+        yield from _dots(replace(mark, marker=max(mark.marker, 3.0)), np.array([[left + 65, y]]))
+
+
+# --- SVG --------------------------------------------------------------------------------------
+
+
+def _written(shape: Drawn) -> str:
+    if isinstance(shape, Words):
+        return _text(shape)
+    return _path_of(shape) if isinstance(shape, Shape) else _dots_of(shape)
+
+
+def _path_of(shape: Shape) -> str:
+    """A shape as SVG; what is cut off is so by an <svg> of its own, for names of clip paths would
+    be those of the whole page."""
+    path = "".join(_path(p) + "z" * bool(shape.fill) for p in shape.parts)
+    if not path:
+        return ""
+    look = f' fill="{shape.fill}"' if shape.fill else f' stroke="{shape.colour}"'
+    if shape.width:
+        look += f' stroke-width="{10.0 * shape.width:g}"'
+    if shape.dash:
+        look += f' stroke-dasharray="{" ".join(f"{10.0 * d:g}" for d in shape.dash)}"'
+    if shape.alpha < 1.0:
+        look += f' opacity="{shape.alpha:g}"'
+    drawn = f'<path d="{path}"{look}/>'
+    if shape.within is None:
+        return drawn
+    left, top, width, height = (round(v) for v in shape.within)
+    points = np.concatenate(shape.parts) - (left, top)
+    if (points >= -5.0).all() and (points <= (width + 5.0, height + 5.0)).all():
+        return drawn  # nothing to cut off
+    return (f'<svg x="{left}" y="{top}" width="{width}" height="{height}" '
+            f'viewBox="{left} {top} {width} {height}">{drawn}</svg>')  # fmt: skip
+
+
+def _dots_of(dots: Dots) -> str:
+    """Dots as lines of no length with round ends."""
+    if not len(dots.at):
+        return ""
+    moves = np.diff(np.rint(dots.at).astype(int), axis=0, prepend=np.zeros((1, 2), int)).tolist()
+    path = "".join(f"m{x}{'' if y < 0 else ' '}{y}h0" for x, y in moves)
+    alpha = f' opacity="{dots.alpha:g}"' if dots.alpha < 1.0 else ""
+    return (f'<path d="{path}" stroke="{dots.colour}" stroke-width="{10.0 * dots.width:g}" '
+            f'stroke-linecap="round"{alpha}/>')  # fmt: skip
+
+
+def _path(points: Array) -> str:
+    """Points as a path of whole tenths of a point, each relative to the one before."""
+    whole = np.rint(points).astype(int)
+    (x, y), moves = whole[0].tolist(), np.diff(whole, axis=0).tolist()
+    parts, letter = [f"M{x} {y}"], ""
+    for dx, dy in moves:
+        if dy == 0:
+            command, text = "h", f"{dx}"
+        elif dx == 0:
+            command, text = "v", f"{dy}"
+        else:
+            command, text = "l", f"{dx}{'' if dy < 0 else ' '}{dy}"
+        joint = command if command != letter else "" if text[0] == "-" else " "
+        parts.append(joint + text)
+        letter = command
+    return "".join(parts)
+
+
+def _text(words: Words) -> str:
+    if not words.text:
+        return ""
+    x, y = (round(v) for v in words.at)
+    place = f'transform="translate({x} {y})rotate(-90)"' if words.turned else f'x="{x}" y="{y}"'
+    anchor = "" if words.anchor == "start" else f' text-anchor="{words.anchor}"'
+    text = escape(plain(words.text), quote=False)
+    return f'<text {place} font-size="{words.size:.3g}"{anchor} fill="{INK}">{text}</text>'
