@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from numbers import Real
@@ -25,6 +26,19 @@ def as_asked(told: Mapping[str, Any]) -> Options:
     given["record"] = tuple(given["record"])
     given["trusted"] = given["trusted"] and frozenset(given["trusted"])
     return Options(**given)
+
+
+def as_arguments(options: Options) -> str:
+    """What of options moves bits, as the command line has it, each after a blank; `values` as they
+    would be set."""
+    sets = [*options.sets, *(f"{k}={v}" for k, v in options.values.items())]
+    given = [("set", x) for x in sets] + [("source", x) for x in options.sources]
+    for name in ("stop", "step", "inner", "design", "checkpoint"):
+        if (value := getattr(options, name)) is not None:
+            given.append((name, f"{value:g}" if isinstance(value, float) else str(value)))
+    if options.algorithm != "conserving":
+        given.append(("algorithm", options.algorithm))
+    return "".join(f" --{name} {shlex.quote(value)}" for name, value in given)
 
 
 Fmus = Literal["native", "python"]

@@ -26,7 +26,7 @@ from jinja2 import (
 from ..files import places, scenario
 from ..system.errors import DesatError, RunError, nearest
 from .filters import FILTERS
-from .manifest import PACKAGES
+from .identity import PACKAGES
 from .report import write_page
 from .sources import Sources
 from .verbs import Verbs

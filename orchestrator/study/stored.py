@@ -10,7 +10,6 @@ name, and those that a page has asked for
 from __future__ import annotations
 
 import argparse
-import ast
 import hashlib
 import json
 import math
@@ -18,28 +17,29 @@ import os
 import platform
 from collections.abc import Collection, Iterable, Mapping
 from datetime import UTC, datetime
-from functools import cache, partial
+from functools import partial
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from desat.fmus.build import COMPONENTS, sources
+from desat.fmus import meaning
+from desat.fmus.meaning import COMPONENTS
 
 from ..files import places
 from ..files.scenario import Scenario, families, scenarios
 from ..files.text import replace_text
 from ..system.codes import Exit
 from ..system.errors import DesatError, RunError
+from ..system.resolve import resolve
+from . import identity
 from .draws import draws, spreads
-from .manifest import PACKAGES
+from .identity import PACKAGES
 from .meaning import bands_of, numbers_of_rows
 from .options import Options
 
 SEED = 1
 ROUNDING = 1e-12
 """The last bit of a solved programme (a bound) is the processor's."""
-_ASIDE = ("title", "story", "source", "twin", "plots", "paper", "labels", "requirements", "draws")
-"""What of a scenario changes no number of a draw."""
 
 
 def file_of(family: str) -> Path:
@@ -74,61 +74,34 @@ def needed(family: str) -> dict[str, set[str]]:
 
 
 def digest(scenario: Scenario) -> str:
-    """A hash of all of a scenario that a draw's numbers depend on."""
-    data = {k: v for k, v in scenario.data.items() if k not in _ASIDE}
-    return hashlib.sha256(json.dumps(data, sort_keys=True, default=str).encode()).hexdigest()
+    """The digest of all of a scenario that a draw's numbers depend on: its system, with the code of
+    its blocks, before anything is drawn; and its design, where that is made for each draw. Raises
+    DesatError where it has no system."""
+    draft = scenario.draft(blocks=True)
+    found = resolve(draft)
+    if found.system is None:
+        raise DesatError("\n".join(found.problems))
+    design = scenario.data["design"] if _each_draw(scenario) else None
+    return identity.of_system(found.system, Options(blocks=True), design, identity.JUDGED)
+
+
+def _each_draw(scenario: Scenario) -> bool:
+    return bool(scenario.data.get("design", {}).get("each_draw"))
 
 
 def code(scenario: Scenario) -> str:
-    """A hash of what defines the code that makes a scenario's draws: its blocks and all that they
-    import, the engine, the drawing and the measures; and of its kept design, where it has one. In
-    which file and order definitions stand does not count, so that files can be moved, joined and
-    split; nor do imports, comments and docstrings."""
-    draft = scenario.draft(blocks=True)
-    names = sorted({Path(c.source).stem for c in draft.components.values()})
-    files = {p for name in names for p in sources(name)}
+    """A hash of what defines the code that makes a scenario's draws, beside its blocks: the engine,
+    the drawing and the measures; and what designs, where a design is made for each draw. In which
+    file and order definitions stand does not count, so that files can be moved, joined and split;
+    nor do imports, comments and docstrings."""
     here = Path(__file__).parent
-    files |= {p for p in (here.parent / "engine").rglob("*") if p.suffix in (".py", ".c")}
+    files = {p for p in (here.parent / "engine").rglob("*") if p.suffix in (".py", ".c")}
     files |= {here / f"{n}.py" for n in ("draws", "sampling", "numbers", "derived")}
     files |= {*here.glob("meas*.py")}
-    if scenario.data.get("design", {}).get("each_draw", False):
+    if _each_draw(scenario):
         files |= {*(here.parent / "designs").rglob("*.py")}
         files |= {*(COMPONENTS / "laws").glob("*_offline.py")}
-    elif scenario.design is not None:
-        files.add(scenario.design)
-    texts = ((p.suffix, p.read_text(encoding="utf-8")) for p in files)
-    said = {x for kind, t in texts for x in (definitions(t) if kind == ".py" else {t})}
-    return hashlib.sha256("\0".join(sorted(said)).encode()).hexdigest()
-
-
-@cache
-def definitions(text: str) -> frozenset[str]:
-    """What a Python file defines: the syntax trees of its statements, without imports, comments,
-    docstrings and layout."""
-    return frozenset(_dump(x) for x in ast.parse(text).body if not _is_aside(x))
-
-
-def _dump(node: Any) -> str:
-    """A syntax tree as a text that is the same for every version of Python: unlike `ast.dump`, it
-    leaves out every field that is empty."""
-    if isinstance(node, list):
-        return f"[{','.join(_dump(x) for x in node if not _is_aside(x))}]"
-    if not isinstance(node, ast.AST):
-        return repr(node)
-    fields = ((k, v) for k, v in ast.iter_fields(node) if v is not None and v != [])
-    return f"{type(node).__name__}({','.join(f'{k}={_dump(v)}' for k, v in fields)})"
-
-
-def _is_aside(node: Any) -> bool:
-    """True for a statement that computes nothing: an import, what is for types alone, and what is
-    only a text, as a docstring."""
-    if isinstance(node, ast.If):
-        return isinstance(node.test, ast.Name) and node.test.id == "TYPE_CHECKING"
-    return isinstance(node, (ast.Import, ast.ImportFrom)) or (
-        isinstance(node, ast.Expr)
-        and isinstance(node.value, ast.Constant)
-        and isinstance(node.value.value, str)
-    )
+    return meaning.of_files(files, imports=False)
 
 
 def compute(

@@ -21,7 +21,7 @@ from ..system.errors import DesatError
 from .case import Options, execute
 from .cells import Numbers, Row, counted, rows_of
 from .drawing import pretty_unit
-from .manifest import PACKAGES
+from .identity import PACKAGES
 from .meaning import words
 from .paired import differences, ratios
 from .report import number, render, write_page
