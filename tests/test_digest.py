@@ -457,7 +457,7 @@ def test_a_run_of_before_is_read_but_does_not_go_on(tmp_path, monkeypatch, desat
             (folder / name).write_text(json.dumps(told))
     with pytest.raises(DesatError, match=(
         r"it cannot go on: the desat that it began with kept no digest .*`desat run "
-        r"nadir_day/day-dipole --set wheels.speed_limit=600.0 --stop 40 --checkpoint 10` begins"
+        r"nadir_day/day-dipole --set wheels.speed_limit=600.0 --stop 40.0 --checkpoint 10.0` begins"
     )):  # fmt: skip
         resume(folder)
     load_run(folder).results.close()

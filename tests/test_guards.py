@@ -17,11 +17,11 @@ from conftest import ROOT
 
 from desat.designs import making, origin
 from desat.engine import trial
-from desat.files import places, trust
+from desat.files import library, places, trust
 from desat.files.scenario import families, find, scenarios
 from desat.files.toml import toml
-from desat.fmus import registry
-from desat.fmus.build import sources
+from desat.fmus import meaning, registry
+from desat.fmus.meaning import sources
 from desat.fmus.slave import _name
 from desat.study import draws, stored
 from desat.study.case import Options, execute, prepare
@@ -202,14 +202,27 @@ def test_a_crash_of_the_trial_is_a_line(monkeypatch):
 
 
 def test_stored_draws_are_stale_when_their_code_changes(monkeypatch, tmp_path):
+    """That of a block, of what it imports, of the engine; not a comment."""
     name = "uosat12/starts-dct"
     kept = stored.read("uosat12")
-    kept["scenarios"][name]["code_sha256"] = stored.code(find(name))
+    kept["scenarios"][name] |= {"sha256": stored.digest(find(name)),
+                                "code_sha256": stored.code(find(name))}  # fmt: skip
     assert name not in stored.outdated(kept)
-    (tmp_path / "law.py").write_text("x = 1\n")
-    before = stored.sources
-    monkeypatch.setattr(stored, "sources", lambda n: [*before(n), tmp_path / "law.py"])
-    assert name in stored.outdated(kept)
+    shutil.copytree(ROOT / "components", tmp_path / "components")
+    monkeypatch.setattr(meaning, "COMPONENTS", tmp_path / "components")
+    for file, text, stale in (
+        ("blocks/manager_combined.py", "# a comment", False),
+        ("maths/vector.py", "# a comment", False),
+        ("maths/vector.py", "ONE_MORE = 1.0", True),
+        ("blocks/manager_combined.py", "ONE_MORE = 1.0", True),
+    ):
+        library._computed.cache_clear()
+        path = tmp_path / "components" / file
+        before = path.read_text()
+        path.write_text(f"{before}\n{text}\n")
+        assert (name in stored.outdated(kept)) is stale, (file, text)
+        path.write_text(before)
+    library._computed.cache_clear()
 
 
 CODE = """\"\"\"What it is.\"\"\"
@@ -237,7 +250,7 @@ def f(x: float) -> float:
 )
 def test_texts_and_layout_of_code_do_not_count(old, new, same):
     assert old in CODE
-    assert (stored.definitions(CODE.replace(old, new)) == stored.definitions(CODE)) is same
+    assert (meaning.definitions(CODE.replace(old, new)) == meaning.definitions(CODE)) is same
 
 
 def test_draws_are_stamped_only_if_they_come_out_again(monkeypatch, tmp_path):
@@ -255,6 +268,17 @@ def test_draws_are_stamped_only_if_they_come_out_again(monkeypatch, tmp_path):
     row["firing_time"] *= 1.0 + 1e-9
     stored.write(kept)
     assert stored.stamp("uosat12", 1, 1) == [name]
+
+
+def test_what_is_imported_counts_for_a_block_but_not_from_which_folder():
+    text = "from ..maths.vector import cross as c\n\n\ndef f(x):\n    return c(x, x)\n"
+    of = meaning.definitions
+    assert (
+        of(text) == of(text.replace("..maths.", "..elsewhere.")) != of(text.replace("cross", "dot"))
+    )
+    assert of(text) != of(text.replace("vector", "other"))
+    assert of(text, imports=False) == of(text.replace("vector", "other"), imports=False)
+    assert of(text) == of(text + "\nif TYPE_CHECKING:\n    from x import y\n")
 
 
 def test_moved_joined_and_split_files_leave_code_as_it_is(monkeypatch, tmp_path):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import shlex
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, fields
 from numbers import Real
 from pathlib import Path
 from typing import Any, Literal, get_args
@@ -29,16 +29,17 @@ def as_asked(told: Mapping[str, Any]) -> Options:
 
 
 def as_arguments(options: Options) -> str:
-    """What of options moves bits, as the command line has it, each after a blank; `values` as they
-    would be set."""
+    """What of options is not as by default, as the command line has it, each after a blank;
+    `values` as they would be set."""
     sets = [*options.sets, *(f"{k}={v}" for k, v in options.values.items())]
     given = [("set", x) for x in sets] + [("source", x) for x in options.sources]
-    for name in ("stop", "step", "inner", "design", "checkpoint"):
-        if (value := getattr(options, name)) is not None:
-            given.append((name, f"{value:g}" if isinstance(value, float) else str(value)))
-    if options.algorithm != "conserving":
-        given.append(("algorithm", options.algorithm))
-    return "".join(f" --{name} {shlex.quote(value)}" for name, value in given)
+    given += [("output-class", f"{k}={v}") for k, v in options.output_classes.items()]
+    for f in fields(options):
+        value = getattr(options, f.name)
+        if isinstance(value, (int, float, str)) and value != f.default and value is not True:
+            given.append((f.name.replace("_", "-"), str(value)))
+    flags = " --blocks" if options.blocks else ""
+    return flags + "".join(f" --{name} {shlex.quote(text)}" for name, text in given)
 
 
 Fmus = Literal["native", "python"]
