@@ -111,11 +111,12 @@ def cases(
     cluster: str | None = None,
     stop: float | None = None,
     step: float | None = None,
+    accept_versions: bool = False,
     **options: Any,
 ) -> Dataset:
     """Make the cases of a campaign that its folder has not yet, and its report; return it as `load`
     does. What `desat campaign run` does: `sets`, `stop`, `step`, `options` as for `run`; `keep`,
-    `limit` (s), `cluster` as its options; `curves`: plots by name, None the first.
+    `limit` (s), `cluster`, `accept_versions` as its options; `curves`: plots by name, None the first.
 
     The caller's script needs `if __name__ == "__main__":`, as there are processes. Raises
     DesatError for wrong input, and where the folder has another campaign.
@@ -130,7 +131,7 @@ def cases(
         str(target), count, seed=seed, sampling=sampling, options=given, curves=curves, keep=keep,
         limit=limit,
     )  # fmt: skip
-    head.run(plan, Path(folder), jobs, cluster, progress=False)
+    head.run(plan, Path(folder), jobs, cluster, False, accept_versions)
     report.write(Path(folder))
     return load(folder)
 

@@ -265,7 +265,7 @@ def test_a_worker_says_why_it_cannot_make_the_cases(own):
     cluster.keep(plan, cluster.shipped(plan.target))
     assert cluster.unfit(plan, True, here) == ""
     other = cluster.unfit(replace(plan, digest="0"), False, here)
-    assert other == f"has another {own}: scenario, parameters or builds of FMUs differ"
+    assert other == f"has another {own}: its wiring, times, content, parameters or FMUs differ"
 
 
 def test_a_packed_system_has_the_same_case_on_a_worker(own, whole, tmp_path):

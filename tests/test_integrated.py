@@ -645,7 +645,7 @@ def test_rows_of_draws_have_the_median_and_the_file_is_named(drawn, monkeypatch)
     monkeypatch.setattr(tables, "scenarios", lambda family: chosen)
     data = tables.as_json("integrated", rows("integrated", Options(), drawn=drawn),
                           stored.provenance(drawn, fresh=False))  # fmt: skip
-    assert data["run"]["file"] == "docs/papers/integrated/draws.json"
+    assert data["run"]["file"] == "docs/papers/integrated/draws.parquet"
     assert {"date", "seed", "versions"} <= set(data["run"])
     row = next(r for r in data["rows"] if r["quantity"] == "pointing")
     summary = drawn["scenarios"]["integrated/mil-nadir"]["summary"]["pointing"]

@@ -13,6 +13,7 @@ from ..analyses import analyses
 from ..files.claim import LOCK, claimed
 from ..study.case import Case, prepare
 from ..study.draws import lost, never, system_of, whole_numbers
+from ..study.identity import versions
 from ..study.manifest import write_json
 from ..study.options import Options
 from ..study.sampling import SAMPLINGS, Sampling, allowed, dispersed, drawn
@@ -21,7 +22,7 @@ from ..system.codes import Exit
 from ..system.errors import DesatError, RunError, nearest
 from . import damaged, store
 from .case import kept, plots_of, row
-from .plan import PLAN, Plan, digest_of, joined, read, versions
+from .plan import PLAN, Plan, digest_of, joined, kept_versions, read, same_versions
 from .progress import STATUS, Progressed, Shown
 
 _EACH = 2.0
@@ -115,22 +116,28 @@ def _first(target: str, options: Options, values: dict[str, Any]) -> Case:
 
 
 def run(
-    plan: Plan, folder: Path, jobs: int = 1, cluster: str | None = None, progress: bool = True
-) -> None:
+    plan: Plan, folder: Path, jobs: int = 1, cluster: str | None = None, progress: bool = True,
+    accept_versions: bool = False,
+) -> None:  # fmt: skip
     """Make the cases of a campaign that are not there yet, and keep the series of those that are
-    to be kept. What is done when it is stopped, however, is there when it goes on.
+    to be kept. What is done when it is stopped, however, is there when it goes on; with other
+    versions of what computes where these are accepted.
 
-    Raises DesatError where the folder has another campaign, or another head is at work in it.
+    Raises DesatError where the folder has another campaign, one of other versions, or where another
+    head is at work in it.
     """
     guarded()  # it cannot claim what its head has
     with claimed(folder):
-        _run(plan, folder, jobs, cluster, progress)
+        _run(plan, folder, jobs, cluster, progress, accept_versions)
 
 
-def _run(plan: Plan, folder: Path, jobs: int, cluster: str | None, progress: bool) -> None:
+def _run(
+    plan: Plan, folder: Path, jobs: int, cluster: str | None, progress: bool, accept_versions: bool
+) -> None:  # fmt: skip
     longer = False
     if (folder / PLAN).exists():
         joined(old := read(folder), plan, folder)
+        same_versions(folder, kept_versions(folder), accept_versions, "old and new cases")
         longer = plan.limit > old.limit
     elif any(p.name != LOCK for p in folder.iterdir()):
         raise DesatError(f"{folder}: it has other files, and no campaign; take another --out")

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 import warnings
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -12,6 +14,7 @@ from markupsafe import Markup
 
 from ..study.drawing import axis_label, pretty_unit
 from ..study.figures import scatter
+from ..study.identity import COMPUTING
 from ..study.manifest import write_json
 from ..study.plots import limits_of
 from ..study.prepare import prepare
@@ -73,7 +76,7 @@ def summary(folder: Path) -> dict[str, Any]:
     return {
         "target": plan.target, "seed": plan.seed, "sampling": plan.sampling, "count": plan.count,
         "done": len(cases), "completed": int(completed.sum()), "failed": failed,
-        "changed": changed(plan),
+        "changed": changed(plan), "versions": _versions(table["versions"].to_pylist()),
         "seconds": float(np.nansum(figures.flat(table["seconds"].to_pylist()))),
         "digest": store.digest(folder),
         "numbers": numbers, "unmet": unmet,
@@ -86,6 +89,18 @@ def summary(folder: Path) -> dict[str, Any]:
                             {n: v[completed & apart] for n, v in out.items()}),
         "sobol": _sobol(plan, cases, completed, out),
     }  # fmt: skip
+
+
+def _versions(rows: Sequence[str]) -> list[dict[str, Any]]:
+    """The sets of versions that cases were made with: how many `cases`, the `versions`, and in
+    words what of them is not the same for all that there are."""
+    sets = [(json.loads(text), n) for text, n in sorted(Counter(rows).items())]
+    various = [n for n in COMPUTING if len({one.get(n) for one, _ in sets}) > 1]
+    return [
+        {"cases": n, "versions": one,
+         "text": f"{n} with {', '.join(f'{k} {one.get(k)}' for k in various)}" if various else ""}
+        for one, n in sets
+    ]  # fmt: skip
 
 
 def _apart(plan: Plan, cases: Any) -> Any:

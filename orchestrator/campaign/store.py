@@ -272,6 +272,15 @@ def read(folder: Path, kind: str = CASES, columns: Sequence[str] | None = None) 
     return pa.concat_tables(tables, promote_options="permissive")
 
 
+def versions_of(folder: Path, case: int) -> dict[str, str] | None:
+    """The versions that a case was made with; None where it is not there."""
+    path = _part(folder, CASES, case // BLOCK)
+    rows = damaged.rows(path, ["case", "versions"]).to_pylist() if path.exists() else ()
+    found = [r["versions"] for r in rows or _journal(folder) if r["case"] == case]
+    told: dict[str, str] | None = json.loads(found[-1]) if found else None
+    return told
+
+
 def schema(folder: Path) -> pa.Schema:
     """The columns of the cases that are there. Raises DesatError where there is none."""
     parts = [damaged.columns(_part(folder, CASES, b)) for b in sorted(_parts(folder))]

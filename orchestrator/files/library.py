@@ -4,18 +4,20 @@ from __future__ import annotations
 
 import atexit
 import hashlib
+import json
 import os
 import re
 import shutil
 import tempfile
 import time
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, lru_cache
 from pathlib import Path
+from typing import Any
 
 from filelock import FileLock, Timeout
 
-from desat.fmus import registry
+from desat.fmus import meaning, registry
 
 from ..system.draft import Draft, DraftComponent
 from ..system.errors import DesatError, nearest
@@ -179,6 +181,42 @@ def load(path: Path) -> Fmu:
         return Fmu(path, path, digest.hexdigest(), of_fmu(path))
     folder = extract(path)
     return Fmu(path, folder, sha256(path), of_fmu(folder))
+
+
+def computes(name: str, fmu: Path | None) -> str:
+    """What computes a component: of a foreign FMU, or of one of ours that is not of those built
+    here, the sha256 of its file; of a block of ours (`fmu` None: the bare one of this name) the
+    hash of its Python, the same for its native FMU, for that of Python and for the bare block."""
+    if fmu is not None:
+        digest = load(fmu).sha256
+        entry = index().get(digest, {})
+        return f"block {entry['computes']}" if "computes" in entry else f"file {digest}"
+    for entry in index().values():
+        if entry["name"] == name and entry["kind"] == "python" and meaning.is_as(entry):
+            return f"block {entry['computes']}"
+    return f"block {_computed(name)}"
+
+
+@cache
+def _computed(name: str) -> str:
+    return str(meaning.computed(name)["computes"])
+
+
+def index() -> dict[str, dict[str, Any]]:
+    """What is said of our built FMUs, by the sha256 of their files; empty where there are none."""
+    if not places.built():
+        return {}
+    file = places.fmus() / "index.json"
+    try:
+        stat = file.stat()
+        return _read(file, stat.st_mtime_ns, stat.st_size)
+    except OSError:
+        return {}
+
+
+@lru_cache(maxsize=4)
+def _read(file: Path, *_: int) -> dict[str, dict[str, Any]]:
+    return {e["sha256"]: e for e in json.loads(file.read_text(encoding="utf-8"))}
 
 
 def load_interfaces(draft: Draft, blocks: bool = False) -> None:

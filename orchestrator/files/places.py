@@ -37,6 +37,11 @@ def fmus() -> Path:
     return _built() if INSTALLED else PACKAGE.parent / "fmus" / "dist"
 
 
+def built() -> bool:
+    """Whether `fmus` is there without being built now."""
+    return not INSTALLED or (_cache() / "fmus").is_dir()
+
+
 def packed() -> Path:
     """The folder where `desat pack` puts its .ssp files."""
     return _cache() / "ssp" if INSTALLED else SCENARIOS / "dist"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import shlex
 import shutil
 import signal
 import time
@@ -24,7 +25,7 @@ from ..system.errors import DesatError, RunError
 from ..system.model import System
 from . import stopping, supervise
 from .manifest import describe, end_manifest, gone_on, numbers, read_manifest
-from .options import Options
+from .options import Options, as_arguments
 from .prepare import Case, load, prepare
 from .stepped import Outcome, stepped
 
@@ -91,7 +92,8 @@ def simulate(
     manifest.update(started=began.isoformat(timespec="seconds"), steps=system.steps,
                     status="running", warnings=case.checked.warnings)  # fmt: skip
     if checkpoint is not None:
-        manifest = gone_on(manifest, checkpoint.told["manifest"], str(folder))
+        again = f"desat run {shlex.quote(case.target)}{as_arguments(options)}"
+        manifest = gone_on(manifest, checkpoint.told["manifest"], str(folder), again)
     if folder is not None:
         folder = folder.absolute()  # a component may change the working directory
     elif options.checkpoint is not None:

@@ -6,8 +6,6 @@ import json
 import platform
 from collections.abc import Mapping
 from datetime import UTC, datetime, timedelta
-from functools import cache
-from importlib.metadata import version
 from math import inf
 from pathlib import Path
 from typing import Any
@@ -17,25 +15,20 @@ from ..engine.results import MANIFEST, Results
 from ..files import library
 from ..files.contents import contents
 from ..files.text import replace_text
+from ..system.digest import comparable, wiring
 from ..system.errors import DesatError
 from ..system.expression import Table
 from ..system.model import System
 from ..system.parameters import table
+from .identity import of_system, versions
 from .numbers import OPEN_END, evaluate, signals_of
 from .options import Options
 from .relation import related
 
 _J2000 = datetime(2000, 1, 1, 12, tzinfo=UTC)
-PACKAGES = ("desat", "fmpy", "pythonfmu", "numpy", "scipy", "h5py")
 
 _ROOM = 64_000
 """Bytes that the manifest of a run under way is longer than it needs."""
-
-
-@cache
-def versions() -> dict[str, str]:
-    """The packages that a run depends on."""
-    return {name: version(name) for name in PACKAGES}
 
 
 def attributes(manifest: Mapping[str, Any]) -> dict[str, str]:
@@ -64,7 +57,8 @@ def describe(system: System, options: Options, target: str) -> dict[str, Any]:
         "inner": system.inner,
         "decimation": {c.name: c.decimation for c in system.components.values()},
         "output_classes": system.output_classes,
-        "versions": {**versions(), "python": platform.python_version()},
+        "connections": wiring(system.connections),
+        "versions": versions(),
         "platform": platform.platform(),
         "ssp": {"file": path.name, "sha256": library.sha256(path)}
         if path.suffix == ".ssp" else None,
@@ -79,15 +73,22 @@ def describe(system: System, options: Options, target: str) -> dict[str, Any]:
             for s in c.interface.of("output") if s.choices
         },
         "parameters": table(system.components.values()),
+        "digest": of_system(system, options),
     }  # fmt: skip
 
 
-def gone_on(now: dict[str, Any], before: dict[str, Any], folder: str) -> dict[str, Any]:
+def gone_on(now: dict[str, Any], before: dict[str, Any], folder: str, again: str) -> dict[str, Any]:
     """The manifest of a run that goes on, which is the one that it had. Raises DesatError where
-    the target, an FMU, a package or this machine is not what it was."""
-    for key in now.keys() - {"started", "warnings"}:
+    the target, its wiring, an FMU, a package or this machine is not what it was, or where that
+    cannot be told; `again`: the command that begins anew."""
+    if not comparable(before.get("digest", "")):
+        raise DesatError(
+            f"{folder}: it cannot go on: the desat that it began with kept no digest "
+            f"of the system that this one can compare; `{again}` begins anew"
+        )
+    for key in now:
         is_now, was = (json.loads(json.dumps(x.get(key))) for x in (now, before))
-        if is_now != was:
+        if is_now != was and key not in ("started", "warnings"):
             if isinstance(was, dict) and isinstance(is_now, dict):
                 names = sorted(was.keys() | is_now.keys())
                 name = next(n for n in names if was.get(n) != is_now.get(n))

@@ -90,7 +90,7 @@ def _rows(data: dict[str, Any]) -> Iterator[tuple[Path, str]]:
     for row, name in numbers_of_rows(data).items():
         entry = data["paper"][row]
         named = [("number" if "number" in entry else "quantity", name)]
-        named += [("tolerance", other) for other in _bands_of(entry.get("tolerance"))]
+        named += [("tolerance", other) for other in bands_of(entry.get("tolerance"))]
         for key, number in named:
             if number in numbers:
                 continue
@@ -99,13 +99,13 @@ def _rows(data: dict[str, Any]) -> Iterator[tuple[Path, str]]:
                 yield ("paper", row, key), f"no number {number}{nearest(number, known)}"
 
 
-def _bands_of(tolerance: Any) -> Iterator[str]:
+def bands_of(tolerance: Any) -> Iterator[str]:
     """The other numbers that bands are given by."""
     if isinstance(tolerance, dict) and isinstance(tolerance.get("of"), str):
         yield tolerance["of"]
     elif isinstance(tolerance, (dict, list)):
         for each in tolerance.values() if isinstance(tolerance, dict) else tolerance:
-            yield from _bands_of(each)
+            yield from bands_of(each)
 
 
 def numbers_of_rows(data: dict[str, Any]) -> dict[str, str]:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, fields
 from numbers import Real
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, get_args
@@ -27,6 +28,20 @@ def as_asked(told: Mapping[str, Any]) -> Options:
     given["record"] = tuple(given["record"])
     given["trusted"] = given["trusted"] and frozenset(given["trusted"])
     return Options(**given)
+
+
+def as_arguments(options: Options) -> str:
+    """What of options is not as by default, as the command line has it, each after a blank;
+    `values` as they would be set."""
+    sets = [*options.sets, *(f"{k}={v}" for k, v in options.values.items())]
+    given = [("set", x) for x in sets] + [("source", x) for x in options.sources]
+    given += [("output-class", f"{k}={v}") for k, v in options.output_classes.items()]
+    for f in fields(options):
+        value = getattr(options, f.name)
+        if isinstance(value, (int, float, str)) and value != f.default and value is not True:
+            given.append((f.name.replace("_", "-"), str(value)))
+    flags = " --blocks" if options.blocks else ""
+    return flags + "".join(f" --{name} {shlex.quote(text)}" for name, text in given)
 
 
 Fmus = Literal["native", "python"]

@@ -23,7 +23,7 @@ from jinja2.sandbox import SandboxedEnvironment
 from ..files import places, scenario
 from ..system.errors import DesatError, RunError, nearest
 from .filters import FILTERS
-from .manifest import PACKAGES
+from .identity import PACKAGES
 from .report import write_page
 from .sources import Sources
 from .verbs import Verbs

@@ -18,6 +18,7 @@ from ..system.errors import DesatError
 from ..system.interface import base_name
 from ..system.model import System
 from ..system.parameters import table
+from ..system.resolve import resolve
 from ..system.schedule import Schedule
 from . import isolation, meaning, recorded, stopping
 from .modify import modify
@@ -77,6 +78,19 @@ def prepare(target: str, options: Options) -> Case:
         if checked.schedule is not None:
             _check_wishes(checked, checked.system, checked.schedule, described, options)
     return Case(target, options, draft.where, checked)
+
+
+def resolved(target: str, options: Options) -> tuple[System, Any]:
+    """The system of a target with the options applied, unchecked; and, where its design is made for
+    the values of each draw, what its scenario says of it. Raises DesatError where it cannot be had.
+    """
+    described = _scenario_of(target)
+    draft = _draft(target, described, options.blocks, designed=options.design is None)
+    _modify(draft, described, options)
+    found = resolve(draft)
+    if found.system is None:
+        raise DesatError("\n".join(found.problems))
+    return found.system, described and described.data["design"] if _each_draw(described) else None
 
 
 def _modify(draft: Draft, described: Scenario | None, options: Options) -> None:

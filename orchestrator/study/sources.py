@@ -80,18 +80,33 @@ class Sources:
     @cached_property
     def draws(self) -> dict[str, Any]:
         """The family's draws: those that are outdated are made now, but not for a draft."""
-        if self.draft is not None:
-            return stored.read(self.family)
-        made = stored.renew(self.family, self.jobs, progress=sys.stderr.isatty())
+        return stored.read(self.family) if self.draft is not None else self._renewed({})
+
+    def _renewed(self, also: dict[str, set[str]]) -> dict[str, Any]:
+        made = stored.renew(self.family, self.jobs, sys.stderr.isatty(), also)
         stored.write(made)
         return made
 
-    def draws_of(self, scenario: str) -> dict[str, Any]:
-        """The draws of a scenario. Raises DesatError where it has none."""
-        kept: dict[str, Any] = self.draws["scenarios"]
-        if (name := self.name_of(scenario)) not in kept:
+    def draws_of(self, scenario: str, number: str = "") -> dict[str, Any]:
+        """The draws of a scenario, and of these a number that has not been stored yet, for which
+        they are made anew. Raises DesatError where it has none, and in a draft for such a number.
+        """
+        name, kept = self.name_of(scenario), self.draws["scenarios"]
+        if name not in kept:
             raise DesatError(f"{scenario} has no draws{nearest(name, kept)}")
-        draws: dict[str, Any] = kept[name]
+        if number and number not in kept[name]["units"]:
+            known = {n for a in analyses() for n in a.NUMBERS}
+            known |= find(name).data.get("numbers", {}).keys()
+            if number not in known:
+                hint = nearest(number, known)
+                raise DesatError(f"{scenario}: draws have no number {number}{hint}")
+            if self.draft is not None:
+                raise DesatError(f"{scenario}: {number} of its draws is not stored; without "
+                                 "--draft they are made anew")  # fmt: skip
+            self.draws = self._renewed({name: {number}})
+        draws: dict[str, Any] = self.draws["scenarios"][name]
+        if number and number not in draws["units"]:
+            raise DesatError(f"{scenario}: no draw has a number {number}")
         return draws
 
     @cached_property

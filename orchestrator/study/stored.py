@@ -1,46 +1,55 @@
 """Draws that take long: computed once by `make papers`, kept under docs/papers, read by `tables`.
 
-docs/papers/FAMILY/draws.json: date, seed, versions, and of each scenario with `draws`, a line, its
-rows, by columns, and of every number median, least and largest
+docs/papers/FAMILY/draws.parquet: a row a draw, sorted by scenario and draw, a column a number; null
+where the draw does not reach it, or where the scenario does not keep it
+docs/papers/draws.json: of each family seed, versions and the sha256 of that file, and of each
+scenario, a line, its stamps and the units of the numbers that it keeps: those that rows of papers
+name, and those that a page has asked for
 """
 
 from __future__ import annotations
 
 import argparse
-import ast
 import hashlib
 import json
 import math
 import os
 import platform
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable, Mapping
 from datetime import UTC, datetime
-from functools import cache, partial
+from functools import partial
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from desat.fmus.build import COMPONENTS, sources
+from desat.fmus import meaning
+from desat.fmus.meaning import COMPONENTS
 
 from ..files import places
 from ..files.scenario import Scenario, families, scenarios
 from ..files.text import replace_text
 from ..system.codes import Exit
 from ..system.errors import DesatError, RunError
+from ..system.resolve import resolve
+from . import identity
 from .draws import draws, spreads
-from .manifest import PACKAGES
+from .identity import PACKAGES
+from .meaning import bands_of, numbers_of_rows
 from .options import Options
 
 SEED = 1
 ROUNDING = 1e-12
 """The last bit of a solved programme (a bound) is the processor's."""
-_ASIDE = ("title", "story", "source", "twin", "plots", "paper", "labels", "requirements", "draws")
-"""What of a scenario changes no number of a draw."""
 
 
 def file_of(family: str) -> Path:
     """Where the draws of a family are stored."""
-    return places.DRAWS / family / "draws.json"
+    return places.DRAWS / family / "draws.parquet"
+
+
+def stamps_file() -> Path:
+    """Where it is said which code and scenarios the stored draws of all families are of."""
+    return places.DRAWS / "draws.json"
 
 
 def with_draws(family: str) -> dict[str, Scenario]:
@@ -48,59 +57,51 @@ def with_draws(family: str) -> dict[str, Scenario]:
     return {n: s for n, s in scenarios(family).items() if s.data.get("draws")}
 
 
+def needed(family: str) -> dict[str, set[str]]:
+    """Of each scenario with draws the numbers that rows of the family's paper are made of, its own
+    rows and those that compare another one with it. Pages ask for more (`Sources.draws_of`)."""
+    found: dict[str, set[str]] = {name: set() for name in with_draws(family)}
+    for name, scenario in scenarios(family).items():
+        numbers, paper = scenario.data.get("numbers", {}), scenario.data.get("paper", {})
+        for row, number in numbers_of_rows(scenario.data, scenario.cell).items():
+            for made in (number, *bands_of(paper[row].get("tolerance"))):
+                entry = numbers.get(made, {})
+                found.setdefault(name, set()).add(entry["of"] if "reference" in entry else made)
+                if "reference" in entry:
+                    other = f"{family}/{entry['reference']}"
+                    found.setdefault(other, set()).add(entry["of"])
+    return found
+
+
 def digest(scenario: Scenario) -> str:
-    """A hash of all of a scenario that a draw's numbers depend on."""
-    data = {k: v for k, v in scenario.data.items() if k not in _ASIDE}
-    return hashlib.sha256(json.dumps(data, sort_keys=True, default=str).encode()).hexdigest()
+    """The digest of all of a scenario that a draw's numbers depend on: its system, with the code of
+    its blocks, before anything is drawn; and its design, where that is made for each draw. Raises
+    DesatError where it has no system."""
+    draft = scenario.draft(blocks=True)
+    found = resolve(draft)
+    if found.system is None:
+        raise DesatError("\n".join(found.problems))
+    design = scenario.data["design"] if _each_draw(scenario) else None
+    return identity.of_system(found.system, Options(blocks=True), design, identity.JUDGED)
+
+
+def _each_draw(scenario: Scenario) -> bool:
+    return bool(scenario.data.get("design", {}).get("each_draw"))
 
 
 def code(scenario: Scenario) -> str:
-    """A hash of the code that makes a scenario's draws: its blocks and all that they import, the
-    engine, the drawing and the measures; and of its kept design, where it has one. Comments and
-    docstrings do not count."""
-    draft = scenario.draft(blocks=True)
-    names = sorted({Path(c.source).stem for c in draft.components.values()})
-    files = {p for name in names for p in sources(name)}
+    """A hash of what defines the code that makes a scenario's draws, beside its blocks: the engine,
+    the drawing and the measures; and what designs, where a design is made for each draw. In which
+    file and order definitions stand does not count, so that files can be moved, joined and split;
+    nor do imports, comments and docstrings."""
     here = Path(__file__).parent
-    files |= {p for p in (here.parent / "engine").iterdir() if p.suffix in (".py", ".c")}
+    files = {p for p in (here.parent / "engine").rglob("*") if p.suffix in (".py", ".c")}
     files |= {here / f"{n}.py" for n in ("draws", "sampling", "numbers", "derived")}
     files |= {*here.glob("meas*.py")}
-    if scenario.data.get("design", {}).get("each_draw", False):
-        files |= {*(here.parent / "designs").glob("*.py")}
+    if _each_draw(scenario):
+        files |= {*(here.parent / "designs").rglob("*.py")}
         files |= {*(COMPONENTS / "laws").glob("*_offline.py")}
-    elif scenario.design is not None:
-        files.add(scenario.design)
-    made = hashlib.sha256()
-    for path in sorted(files):
-        text = path.read_text(encoding="utf-8")
-        made.update(f"{path.name}\0{meaning(text) if path.suffix == '.py' else text}\0".encode())
-    return made.hexdigest()
-
-
-@cache
-def meaning(text: str) -> str:
-    """What a Python file says: its syntax tree without comments, docstrings and layout."""
-    return _dump(ast.parse(text))
-
-
-def _dump(node: Any) -> str:
-    """A syntax tree as a text that is the same for every version of Python: unlike `ast.dump`, it
-    leaves out every field that is empty."""
-    if isinstance(node, list):
-        return f"[{','.join(_dump(x) for x in node if not _is_text(x))}]"
-    if not isinstance(node, ast.AST):
-        return repr(node)
-    fields = ((k, v) for k, v in ast.iter_fields(node) if v is not None and v != [])
-    return f"{type(node).__name__}({','.join(f'{k}={_dump(v)}' for k, v in fields)})"
-
-
-def _is_text(node: Any) -> bool:
-    """True for a statement that is only a text: a docstring."""
-    return (
-        isinstance(node, ast.Expr)
-        and isinstance(node.value, ast.Constant)
-        and isinstance(node.value.value, str)
-    )
+    return meaning.of_files(files, imports=False)
 
 
 def compute(
@@ -109,15 +110,17 @@ def compute(
     progress: bool = False,
     known: dict[str, Any] | None = None,
     names: Iterable[str] | None = None,
+    also: Mapping[str, Collection[str]] | None = None,
 ) -> dict[str, Any]:
     """Run the draws of a family (or of the scenarios named) by its FMUs. Raises DesatError where
     a draw fails.
 
     What `known` (an older result) has for the other scenarios is kept, and so are those of its
-    draws that this code would make again.
+    draws that this code would make again. Kept are the numbers that are `needed`, those that
+    `known` has, and those that `also` names by scenario.
     """
     kept = dict((known or {}).get("scenarios", {}))
-    made = {}
+    made, of_rows = {}, needed(family)
     for name, scenario in with_draws(family).items():
         old = kept.get(name)
         if names is not None and name not in names:
@@ -125,19 +128,26 @@ def compute(
                 made[name] = old
             continue
         count = scenario.data["draws"]
-        rows = old["draws"][:count] if old and _is_current(old, scenario) else []
+        wanted = {*of_rows[name], *(old["units"] if old else ()), *(also or {}).get(name, ())}
+        rows = []
+        if old and wanted <= old["units"].keys() and _is_current(old, scenario):
+            rows = old["draws"][:count]
         result = draws(name, count, SEED, Options(), jobs, progress, first=len(rows))
         if failed := [r for r in result["draws"] if r["status"] != "completed"]:
             worst = failed[0]
             text = f"{name}: draw {worst['draw']}: {worst['message']}"
             raise RunError(text, Exit(worst["code"]))
-        rows += [{"draw": r["draw"], "numbers": r["numbers"]} for r in result["draws"]]
+        rows += [
+            {"draw": r["draw"], "numbers": {n: x for n, x in r["numbers"].items() if n in wanted}}
+            for r in result["draws"]
+        ]
         summed = result["summary"] or (old or {})["summary"]
-        units = {n: s["unit"] for n, s in summed.items()}
+        units = {n: summed[n]["unit"] for n in sorted(wanted & summed.keys())}
         made[name] = {
             "sha256": digest(scenario),
             "code_sha256": code(scenario),
             "date": f"{datetime.now(UTC):%Y-%m-%d}",
+            "units": units,
             "summary": spreads(rows, units),
             "draws": rows,
         }
@@ -152,60 +162,97 @@ def compute(
 
 
 def write(result: dict[str, Any]) -> Path:
-    """Store the draws of a family."""
-    path, pack = file_of(result["family"]), partial(json.dumps, separators=(",", ":"))
-    head = {key: value for key, value in result.items() if key != "scenarios"}
-    lines = (
-        f"{pack(name)}:{pack({**kept, 'draws': _by_column(kept['draws'])})}"
-        for name, kept in result["scenarios"].items()
-    )
-    scenarios = ",\n".join(lines)
-    replace_text(path, f'{pack(head)[:-1]},"scenarios":{{\n{scenarios}\n}}}}\n')
+    """Store the draws of a family, and its stamps beside those of the others. The same draws give
+    the same bytes."""
+    path = file_of(result["family"])
+    data = _packed(result["scenarios"])
+    replace_text(path, data)
+    head = {k: v for k, v in result.items() if k not in ("family", "scenarios")}
+    head["draws_sha256"] = hashlib.sha256(data).hexdigest()
+    stamps = {
+        name: {k: v for k, v in kept.items() if k not in ("summary", "draws")}
+        for name, kept in sorted(result["scenarios"].items())
+    }
+    families = {**_stamps(), result["family"]: {**head, "scenarios": stamps}}
+    pack = partial(json.dumps, separators=(",", ":"))
+    texts = []
+    for family, told in sorted(families.items()):
+        lines = ",\n".join(f"{pack(n)}:{pack(x)}" for n, x in told["scenarios"].items())
+        said = pack({k: v for k, v in told.items() if k != "scenarios"})
+        texts.append(f'{pack(family)}:{said[:-1]},"scenarios":{{\n{lines}\n}}}}')
+    replace_text(stamps_file(), "{\n" + ",\n".join(texts) + "\n}\n")
     return path
 
 
-def _by_column(rows: list[dict[str, Any]]) -> dict[str, Any]:
-    """Draws and their numbers, a list each: less than half of what the rows take. A number that a
-    draw has not is None."""
-    names = dict.fromkeys(name for row in rows for name in row["numbers"])
-    return {
-        "draw": [row["draw"] for row in rows],
-        "numbers": {name: [row["numbers"].get(name) for row in rows] for name in names},
+def _stamps() -> dict[str, Any]:
+    """What is said of all families' draws; empty where nothing is."""
+    try:
+        told: dict[str, Any] = json.loads(stamps_file().read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        return {}
+    return told
+
+
+def _packed(scenarios: dict[str, Any]) -> bytes:
+    """The draws of scenarios as the bytes of a Parquet file; numbers keep all their bits."""
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    rows = [(name, r) for name, kept in sorted(scenarios.items()) for r in kept["draws"]]
+    names = sorted({n for kept in scenarios.values() for n in kept["units"]})
+    columns = {
+        "scenario": pa.array([name for name, _ in rows], pa.string()),
+        "draw": pa.array([r["draw"] for _, r in rows], pa.int32()),
+        **{n: pa.array([r["numbers"].get(n) for _, r in rows], pa.float64()) for n in names},
     }
-
-
-def _by_row(columns: dict[str, Any]) -> list[dict[str, Any]]:
-    """What `_by_column` was made of."""
-    numbers = columns["numbers"]
-    return [
-        {"draw": draw, "numbers": {name: numbers[name][i] for name in numbers}}
-        for i, draw in enumerate(columns["draw"])
-    ]
+    sink = pa.BufferOutputStream()
+    pq.write_table(
+        pa.table(columns), sink, compression="zstd", compression_level=19, store_schema=False,
+        write_statistics=False, use_dictionary=["scenario"],
+        column_encoding={"draw": "DELTA_BINARY_PACKED"} | dict.fromkeys(names, "BYTE_STREAM_SPLIT"),
+    )  # fmt: skip
+    data: bytes = sink.getvalue().to_pybytes()
+    return data
 
 
 def read(family: str) -> dict[str, Any]:
-    """The stored draws of a family. Raises DesatError where there are none."""
-    path = file_of(family)
-    try:
-        result: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
-    except FileNotFoundError as error:
-        raise DesatError(
-            f"{places.shown(path)}: no such file; `desat tables {family} --fresh` "
-            "computes the draws now"
-        ) from error
-    for kept in result["scenarios"].values():
-        kept["draws"] = _by_row(kept["draws"])
+    """The stored draws of a family: of each scenario its stamps, `units` and `summary` of its
+    numbers, and `draws`, a row each. Raises DesatError where there are none."""
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    path, told = file_of(family), _stamps()
+    if family not in told or not path.exists():
+        missing = path if family in told else stamps_file()
+        raise DesatError(f"{places.shown(missing)}: no draws of {family} there; `desat tables "
+                         f"{family} --fresh` computes the draws now")  # fmt: skip
+    data = path.read_bytes()
+    result = {"family": family, **told[family]}
+    if hashlib.sha256(data).hexdigest() != result.pop("draws_sha256"):
+        raise DesatError(f"{places.shown(path)}: not the file that {places.shown(stamps_file())} "
+                         "is of: its sha256 is another one")  # fmt: skip
+    columns = pq.read_table(pa.BufferReader(data)).to_pydict()
+    places_of: dict[str, list[int]] = {}
+    for i, name in enumerate(columns["scenario"]):
+        places_of.setdefault(name, []).append(i)
+    for name, kept in result["scenarios"].items():
+        kept["draws"] = [
+            {"draw": columns["draw"][i], "numbers": {n: columns[n][i] for n in kept["units"]}}
+            for i in places_of.get(name, ())
+        ]
+        kept["summary"] = spreads(kept["draws"], kept["units"])
     return result
 
 
 def outdated(stored: dict[str, Any]) -> list[str]:
-    """The scenarios whose stored draws are missing, fewer or more than it says, or of another
-    version of it or of the code that makes them."""
-    kept = stored["scenarios"]
+    """The scenarios whose stored draws are missing, fewer or more than it says, without a number
+    that is needed, or of another version of it or of the code that makes them."""
+    kept, of_rows = stored["scenarios"], needed(stored["family"])
     return [
         name for name, scenario in with_draws(stored["family"]).items()
         if name not in kept
         or len(kept[name]["draws"]) != scenario.data["draws"]
+        or not of_rows[name] <= kept[name]["units"].keys()
         or not _is_current(kept[name], scenario)
     ]  # fmt: skip
 
@@ -215,13 +262,18 @@ def _is_current(kept: dict[str, Any], scenario: Scenario) -> bool:
     return kept["sha256"] == digest(scenario) and kept.get("code_sha256") == code(scenario)
 
 
-def renew(family: str, jobs: int, progress: bool = False) -> dict[str, Any]:
-    """The family's draws, of which only those that are outdated are made now."""
+def renew(
+    family: str, jobs: int, progress: bool = False,
+    also: Mapping[str, Collection[str]] | None = None,
+) -> dict[str, Any]:  # fmt: skip
+    """The family's draws, of which only those are made now that are outdated, or have not kept a
+    number that `also` names by scenario."""
     if not file_of(family).exists():
-        return compute(family, jobs, progress)
+        return compute(family, jobs, progress, also=also)
     known = read(family)
-    old = outdated(known)
-    return compute(family, jobs, progress, known, old) if old else known
+    lacking = [n for n, x in (also or {}).items() if not known["scenarios"][n]["units"].keys() >= x]
+    old = {*outdated(known), *lacking}
+    return compute(family, jobs, progress, known, old, also) if old else known
 
 
 def stamp(family: str, count: int, jobs: int) -> list[str]:

@@ -21,7 +21,7 @@ from ..system.errors import DesatError, RunError
 from .cells import Numbers, Row, counted, rows_of
 from .drawing import pretty_unit
 from .draws import rows_of as rows_of_runs
-from .manifest import PACKAGES
+from .identity import PACKAGES
 from .meaning import words
 from .options import Options
 from .paired import differences, ratios

@@ -87,10 +87,7 @@ class Verbs(CoilVerbs):
 
     def drawn(self, scenario: str, number: str) -> list[float]:
         """A number of each draw, in their order."""
-        rows = self._of.draws_of(scenario)["draws"]
-        if number not in rows[0]["numbers"]:
-            hint = nearest(number, rows[0]["numbers"])
-            raise DesatError(f"{scenario}: draws have no number {number}{hint}")
+        rows = self._of.draws_of(scenario, number)["draws"]
         return [row["numbers"][number] for row in rows]
 
     def spread(self, scenario: str, number: str, digits: int = 1) -> str:
@@ -150,7 +147,7 @@ class Verbs(CoilVerbs):
     def share(self, scenario: str, number: str, **limits: float) -> str:
         """The share of draws whose number is within limits (`least`, `most`), with its interval:
         `7 of 20 (of all 15 to 59 %)`."""
-        share = cells.share_of(self._of.draws_of(scenario)["draws"], number, **limits)
+        share = cells.share_of(self._of.draws_of(scenario, number)["draws"], number, **limits)
         low, high = share["interval"]
         return f"{share['count']} of {share['n']} (of all {low:.0f} to {high:.0f} %)"
 

@@ -49,6 +49,10 @@ campaigns = typer.Typer(
 )  # fmt: skip
 app.add_typer(campaigns, name="campaign")
 
+Accept = Annotated[
+    bool,
+    typer.Option("--accept-versions", help="Go on with another desat, numpy, platform, libm, ..."),
+]
 Folder = Annotated[Path, typer.Argument(metavar="FOLDER", help="A campaign's folder.")]
 
 
@@ -93,6 +97,7 @@ def run(
         typer.Option(metavar="ADDRESS|FILE|local:N",
                      help="A Dask scheduler's address or file, or N Dask workers here."),
     ] = None,
+    accept_versions: Accept = False,
     as_json: Json = False,
 ) -> None:  # fmt: skip
     """Make the cases of a campaign, or those of it that are missing, and its report."""
@@ -110,7 +115,7 @@ def run(
     )  # fmt: skip
     warn(warnings)
     where = folder or Path("runs") / f"campaign-{name_of(target)}"
-    head.run(plan, where, jobs, cluster, progress=not as_json)
+    head.run(plan, where, jobs, cluster, not as_json, accept_versions)
     warn(head.unreached(plan, where))
     _report(where, as_json)
 
@@ -146,18 +151,22 @@ def case(
         typer.Option("--out", help="Its run folder (default: FOLDER/kept/NUMBER).",
                      show_default=False),
     ] = None,
+    accept_versions: Accept = False,
 ) -> None:  # fmt: skip
     """Make a case again, with its series and report: the same bits."""
     from ...campaign import head
     from ...campaign.case import kept
-    from ...campaign.plan import changed, read
+    from ...campaign.plan import anew, changed, read, same_versions
+    from ...campaign.store import versions_of
     from ...system.errors import DesatError
 
     plan = read(folder)
     if number >= plan.count:
         raise DesatError(f"{folder}: case {number}: there are 0 to {plan.count - 1}")
     if text := changed(plan):
-        raise DesatError(f"{folder}: case {number}: {text} differ, and so would the case")
+        raise DesatError(f"{folder}: case {number}: {text}: the case would differ; {anew(plan)}")
+    if row := versions_of(folder, number):
+        same_versions(folder, row, accept_versions, f"case {number} and its row")
     where = into or head.kept_in(folder, number)
     made = kept(plan, number, where)
     out.print(f"{where / 'report.html'}", highlight=False, markup=False)
@@ -214,7 +223,9 @@ def _report(folder: Path, as_json: bool) -> None:
 
     path, told = of.write(folder)
     if told["changed"]:
-        warn([f"{told['changed']} differ: limits and titles are those of now"])
+        warn([f"{told['changed']}: limits and titles are those of now"])
+    if mixed := [v["text"] for v in told["versions"] if v["text"]]:
+        warn([f"cases were made with different versions: {'; '.join(mixed)}"])
     for f in told["failed"][:_REASONS]:
         err.print(f"case {f['case']}: {f['message']}", highlight=False, markup=False)
     if as_json:

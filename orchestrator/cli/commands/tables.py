@@ -45,7 +45,7 @@ def tables(
 ) -> None:
     """Run a family's scenarios and print the paper's tables beside ours.
 
-    Scenarios with draws give their median; these are read from docs/papers/FAMILY/draws.json.
+    Scenarios with draws give their median; these are read from docs/papers/FAMILY/draws.parquet.
     """
     from rich.markup import escape
     from rich.text import Text
