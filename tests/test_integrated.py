@@ -281,7 +281,8 @@ def test_settling_is_for_good():
     h = np.array([[5.0], [1.0], [4.0], [1.0], [-1.0], [0.5]])
     assert measures.until_below(times, h, limit=2.0) == 3.0
     assert measures.until_below(times, h, limit=9.0) == 0.0
-    assert measures.until_below(times, h, limit=0.1) == 5.0
+    assert measures.until_below(times, h, limit=1.0) == 5.0, "with its last row"
+    assert math.isnan(measures.until_below(times, h, limit=0.1))
     assert measures.first_reached(times, h, limit=4.0) == 0.0
     assert measures.first_reached(times, np.hstack([h[::-1], h[::-1]]), limit=4.0, count=2) == 3.0
     assert measures.sign_changes(times, h) == 2.0
@@ -477,9 +478,13 @@ def test_intervals_of_shares():
     low, high = cells.clopper_pearson(30, 100)
     assert low < 30.0 < high
     draws = [{"numbers": {"x": value}} for value in (1.0, 2.0, 3.0, None)]
-    assert cells.share_of(draws, "x", least=2.0)["count"] == 2
-    assert cells.share_of(draws, "x", most=1.0)["count"] == 1
-    assert cells.share_of(draws, "x")["n"] == 4
+    values = cells.values_of(draws, "x", {})
+    assert cells.share_of(values, least=2.0)["count"] == 2
+    assert cells.share_of(values, most=1.0)["count"] == 1
+    assert cells.share_of(values)["n"] == 4
+    late = cells.values_of(draws, "x", {"numbers": {"x": {"measure": "until_below"}}})
+    assert cells.share_of(late, least=2.0)["count"] == 3, "one that is not reached is later"
+    assert cells.share_of(late, most=9e9)["count"] == 3
 
 
 def test_a_row_of_a_share_says_its_interval_and_is_held_against_its_band():

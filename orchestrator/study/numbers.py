@@ -25,7 +25,7 @@ from __future__ import annotations
 
 import inspect
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -36,7 +36,7 @@ from desat.components.contract.units import Unit
 from ..system.errors import DesatError, nearest
 from ..system.expression import Table, factor, product, unit_of
 from . import derived
-from .measures import MEASURES, OWN_UNIT
+from .measures import LATE, MEASURES, OWN_UNIT
 
 if TYPE_CHECKING:
     from ..engine.results import Results
@@ -75,6 +75,20 @@ def signals_of(number: dict[str, Any]) -> list[str]:
     """The series that a number is made of."""
     signals = number.get("signal", [])
     return [signals] if isinstance(signals, str) else list(signals)
+
+
+def late(about: Mapping[str, Any]) -> set[str]:
+    """A scenario's numbers that are times at which something is reached: over several runs, one
+    that does not reach it is later than all that do. Not those with `only_done`."""
+    return {
+        name for name, number in about.get("numbers", {}).items()
+        if number.get("measure") in LATE and not number.get("options", {}).get("only_done")
+    }  # fmt: skip
+
+
+def ranked(values: Sequence[float | None], is_late: bool) -> list[Any]:
+    """A number over several runs, as it is ranked: a time that is not reached is infinite."""
+    return [math.inf if x is None and is_late else x for x in values]
 
 
 def _columns(number: dict[str, Any], results: Results) -> list[derived.Array]:

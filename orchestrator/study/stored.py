@@ -29,6 +29,7 @@ from ..system.codes import Exit
 from ..system.errors import DesatError, RunError
 from .draws import draws, spreads
 from .manifest import PACKAGES
+from .numbers import late
 from .options import Options
 
 SEED = 1
@@ -138,7 +139,7 @@ def compute(
             "sha256": digest(scenario),
             "code_sha256": code(scenario),
             "date": f"{datetime.now(UTC):%Y-%m-%d}",
-            "summary": spreads(rows, units),
+            "summary": spreads(rows, units, late(scenario.data)),
             "draws": rows,
         }
     return {
