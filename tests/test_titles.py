@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from desat.analyses import management
 from desat.files.scenario import scenarios
 from desat.study.case import Options, execute
 from desat.study.plots import lines_of
@@ -668,6 +669,41 @@ def test_a_number_at_a_time_is_of_that_time_alone():
             assert begin == end, f"{where[0][0]}: {number['title']}"
 
 
+def standard(f: Flight) -> dict[str, Any]:
+    """The standard numbers of a managed run (analyses/management.py), from their titles."""
+    stored, h = size(f.momentum("spacecraft.h_copy_wheel")), f["spacecraft.h_copy_wheel"]
+    axes, there = f.axes("spacecraft"), f.there()
+    # what adds up to nothing: h less the least h of the same sum
+    idle = [x - np.linalg.lstsq(axes[:, there], axes[:, there] @ x, rcond=None)[0]
+            for x in h[:, there]]  # fmt: skip
+    coils = np.abs(f["torquers.m_mean_body"])  # three, along the body's axes
+    most = float(f.p("torquers.m_limit"))
+    speed, steps_ = f["wheels.speed_wheel"][:, there], np.diff(f.t)
+    # speeds are recorded with the body's rate of a step's begin, and limited with that within
+    limited = [np.abs(speed) >= f.p("wheels.speed_limit") * (1.0 - x) for x in (0.0, 1e-4)]
+    return {
+        "sum_rms": rms(stored),
+        "sum_largest": stored.max(),
+        "null_rms": rms(np.abs(idle).max(axis=1)),
+        "coil_duty": 100.0 * coils.mean() / most,
+        "coil_limit_share": share((coils >= 0.999 * most).any(axis=1)),
+        "momentum_margin": 100.0 - 100.0 * (np.abs(h[:, there]) / f.capacity()).max(),
+        "limit_time": tuple(steps_ @ x.any(axis=1) for x in limited),
+        "crossings": changes(speed),
+    }
+
+
+@pytest.mark.parametrize("scenario", ["integrated/mil-unmanaged-extra", "nadir_day/day-dipole"])
+def test_the_standard_numbers_are_what_their_titles_say(scenario):
+    f = flown(scenario)
+    found = standard(f)
+    assert found.keys() == set(management.NUMBERS)
+    for name, value in found.items():
+        said = f.run.manifest["numbers"][name]["value"]
+        low, high = value if isinstance(value, tuple) else (value, value)
+        assert low - 1e-9 * abs(low) - 1e-12 <= said <= high + 1e-9 * abs(high) + 1e-12, name
+
+
 FORMS = {
     "saving": r"\bsaved\b",
     "ratio": r"= 1\b|\bover that\b",
@@ -819,3 +855,20 @@ def test_a_plot_is_what_its_title_says(scenario, name, plot):
         n = min(len(values), len(line.values))
         assert n > len(values) - 2
         np.testing.assert_allclose(line.values[:n], values[:n], rtol=0.0, atol=2e-6 * scale)
+
+
+@pytest.mark.parametrize(
+    ("text", "line"),
+    [
+        ('[plots.momentum]\nsignals = ["wheels.h_wheel"]\nderive = "in_body"',
+         "plots.momentum.derive: in_body is of numbers only"),
+        ('[numbers.momentum]\nsignal = "torquers.m_coil"\nunit = "A.m2"',
+         "numbers.momentum: torquers has no parameter axes_wheel"),
+    ],
+)  # fmt: skip
+def test_a_vector_of_the_wheels_needs_their_axes(desat, tmp_path, text, line):
+    file = tmp_path / "own.toml"
+    file.write_text(f'extends = "nadir_day/day-dipole"\nstop = 10.0\n{text}\n')
+    said = desat("check", str(file))
+    assert said.returncode == 1
+    assert line in " ".join((said.stdout + said.stderr).split())
