@@ -92,7 +92,7 @@ def takes_parameters(name: str) -> bool:
 def in_body(h: Array, axes_wheel: Sequence[float]) -> Array:
     """The sum of the wheels' momenta as a vector in body (rows, 3): of h_i along each axis, the
     columns of axes_wheel (3, 4) row by row. Of numbers only: plots know no parameters."""
-    return h @ np.reshape(axes_wheel, (3, -1)).T
+    return np.asarray(h @ np.reshape(axes_wheel, (3, -1)).T)
 
 
 def cross(a: ArrayLike, b: ArrayLike) -> Array:
