@@ -555,7 +555,7 @@ def test_ours_detumbles_and_momentum_is_accounted_for(ours):
 
 
 def test_the_least_time_s_plant_is_that_of_the_run_and_its_search_gets_below_the_law():
-    """From a tenth of the rate, so that the law is done soon."""
+    """From a tenth of the rate, at which the law is not done in 3 min, and the search is."""
     actuators = ("torquers.m_mean_body", "wheels.tau_mean_wheel")
     slow = "spacecraft.omega_start_body=[0.01,-0.01,0.01]"
     record = (*least_time.SIGNALS, *actuators)
@@ -570,9 +570,9 @@ def test_the_least_time_s_plant_is_that_of_the_run_and_its_search_gets_below_the
     omega, h = values("spacecraft.omega_bi_body"), values("wheels.h_wheel")
     assert plant.rates(y) == pytest.approx(omega[40], abs=1e-6)
     assert y[7] == pytest.approx(h[40, 0], abs=1e-12)
-    law = 60.0 * found.manifest["numbers"]["detumbled"]["value"]
-    times = least_time.of_run(found.manifest, found.results, law, 60.0, rounds=2)
-    assert times.floor < times.found < law
+    assert found.manifest["numbers"]["detumbled"]["value"] is None
+    times = least_time.of_run(found.manifest, found.results, 180.0, 60.0, rounds=2)
+    assert times.floor < times.found < 180.0
     with pytest.raises(DesatError, match=r"detumbling-ours: .*r_eci is not recorded; the least"):
         least_time.plant_of(found.manifest, run("detumbling-ours", stop=2.0,
                             record=("spacecraft.*", "environment.b_eci")).results)  # fmt: skip

@@ -533,7 +533,7 @@ def test_a_band_may_be_open_at_one_end():
     scenario = find("integrated/mil-jitter-as-they-are")
     [name] = [n for n, row in scenario.data["paper"].items() if row.get("tolerance") == [1.1, inf]]
     entry = cells.Entry(scenario.data["paper"][name], "", "")
-    draws = {"n": 2, "min": 1.05, "max": 9e9, "band": [1.0, inf]}
+    draws = {"n": 2, "not_reached": 0, "min": 1.05, "max": 9e9, "band": [1.0, inf]}
     row = cells._row(scenario, entry, "x", 9e9, {}, draws)
     assert row.within
     told = tables.shown(row)
