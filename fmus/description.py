@@ -126,13 +126,15 @@ def _scalar_variable(parent: Any, v: Variable, name: str, reference: int, start:
             value.set(key, repr(bound))
     if v.causality != "output":
         value.set("start", str(start).lower() if v.type == "Boolean" else repr(start))
-    if v.choices or v.shared or v.needed_by or v.mean or v.initial:
+    if v.choices or v.shared or v.needed_by or v.mean or v.initial or v.follows:
         tool = etree.SubElement(etree.SubElement(element, "Annotations"), "Tool", name=TOOL)
         note = etree.SubElement(tool, "Variable")
         if v.choices:
             note.set("choices", " ".join(v.choices))
         if v.shared:
             note.set("shared", "true")
+        if v.follows:
+            note.set("follows", v.follows)
         if v.initial:
             note.set("initial", "true")
         if v.mean:

@@ -514,6 +514,7 @@ def test_measures_of_settling_and_growth():
     options = {"limits": [2.5, 8.0], "since": 10.0, "period": 10.0}
     assert measures.settled_within(times, angles, **options) == 3.0
     assert measures.settled_within(times[:3], angles[:3] * 0.1, **options) == 0.0
+    assert math.isnan(measures.settled_within(times[:4], angles[:4], **options))
     assert measures.mean_rate(times, angles[:, :1] + 2.0 * times[:, None]) == 2.0
 
 

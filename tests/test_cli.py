@@ -163,6 +163,7 @@ def test_draws_do_not_depend_on_count_or_processes(desat):
     times = sorted(d["numbers"]["firing_time"] for d in three["draws"])
     assert three["summary"]["firing_time"] == {
         "unit": "s", "median": times[1], "min": times[0], "max": times[2], "n": 3,
+        "not_reached": 0,
     }  # fmt: skip
     assert len({d["values"]["magnetometer.seed"] for d in four["draws"]}) == 4
 

@@ -282,7 +282,8 @@ def test_settling_is_for_good():
     h = np.array([[5.0], [1.0], [4.0], [1.0], [-1.0], [0.5]])
     assert measures.until_below(times, h, limit=2.0) == 3.0
     assert measures.until_below(times, h, limit=9.0) == 0.0
-    assert measures.until_below(times, h, limit=0.1) == 5.0
+    assert measures.until_below(times, h, limit=1.0) == 5.0, "with its last row"
+    assert math.isnan(measures.until_below(times, h, limit=0.1))
     assert measures.first_reached(times, h, limit=4.0) == 0.0
     assert measures.first_reached(times, np.hstack([h[::-1], h[::-1]]), limit=4.0, count=2) == 3.0
     assert measures.sign_changes(times, h) == 2.0
@@ -414,9 +415,12 @@ def test_the_stored_draws_say_where_they_are_from(drawn):
     for found in drawn["scenarios"].values():
         assert len(found["draws"]) >= 20
         for name, s in found["summary"].items():
-            values = [d["numbers"][name] for d in found["draws"]]
-            assert (s["min"], s["max"], s["n"]) == (min(values), max(values), len(values))
-            assert s["median"] == np.median(values)
+            given = [d["numbers"][name] for d in found["draws"]]
+            values = [math.inf if x is None else x for x in given]  # a time not reached: later
+            assert s["n"] == len(values) - given.count(None)
+            assert s["min"] == min(values)
+            for key, value in (("max", max(values)), ("median", np.median(values))):
+                assert (math.inf if s[key] is None else s[key]) == value
 
 
 AGAINST = {
@@ -478,9 +482,13 @@ def test_intervals_of_shares():
     low, high = cells.clopper_pearson(30, 100)
     assert low < 30.0 < high
     draws = [{"numbers": {"x": value}} for value in (1.0, 2.0, 3.0, None)]
-    assert cells.share_of(draws, "x", least=2.0)["count"] == 2
-    assert cells.share_of(draws, "x", most=1.0)["count"] == 1
-    assert cells.share_of(draws, "x")["n"] == 4
+    values = cells.values_of(draws, "x", {})
+    assert cells.share_of(values, least=2.0)["count"] == 2
+    assert cells.share_of(values, most=1.0)["count"] == 1
+    assert cells.share_of(values)["n"] == 4
+    late = cells.values_of(draws, "x", {"numbers": {"x": {"measure": "until_below"}}})
+    assert cells.share_of(late, least=2.0)["count"] == 3, "one that is not reached is later"
+    assert cells.share_of(late, most=9e9)["count"] == 3
 
 
 def test_a_row_of_a_share_says_its_interval_and_is_held_against_its_band():
@@ -526,7 +534,7 @@ def test_a_band_may_be_open_at_one_end():
     scenario = find("integrated/mil-jitter-as-they-are")
     [name] = [n for n, row in scenario.data["paper"].items() if row.get("tolerance") == [1.1, inf]]
     entry = scenario.data["paper"][name]
-    draws = {"n": 2, "min": 1.05, "max": 9e9, "band": [1.0, inf]}
+    draws = {"n": 2, "not_reached": 0, "min": 1.05, "max": 9e9, "band": [1.0, inf]}
     row = cells._row(scenario, entry, "x", 9e9, {}, draws)
     assert row.within
     told = tables.shown(row)

@@ -51,11 +51,13 @@ class Acquisition(Manager, WheelAxes):
         "1", "columns: the wheels' axes, body; one along +y or -y, the others zero",
         start=(0.0, 0.0, 0.0, 0.0, -1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0), shared=True,
     )  # fmt: skip
-    m_limit: float = Parameter("A.m2", "largest dipole of each axis", start=2.0, min=0.0)
+    m_limit: float = Parameter("A.m2", "largest dipole of each axis", start=2.0, min=0.0,
+                               follows="torquers.m_limit")  # fmt: skip
     torque_limit: float = Parameter("N.m", "largest torque command to the wheel", start=5e-3,
-                                    min=0.0)  # fmt: skip
+                                    min=0.0, follows="wheels.torque_limit")  # fmt: skip
     h_limit: float = Parameter("N.m.s", "momentum beyond which the wheel is not driven",
-                               start=0.18, min=1e-9)  # fmt: skip
+                               start=0.18, min=1e-9,
+                               follows="wheels.inertia_wheel * wheels.speed_limit")  # fmt: skip
     h_nominal: float = Parameter("N.m.s", "wanted momentum of the wheel, along -y", start=0.09,
                                  min=0.0)  # fmt: skip
     field_rate: int = Parameter("1", "how the field's rate is formed",

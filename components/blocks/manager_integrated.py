@@ -69,8 +69,10 @@ class ManagerIntegrated(WheelManager):
     torque_limit: float = Parameter(
         "N.m", "largest t_DES; the coils see k of it; 0: no limit", start=1.2e-5, min=0.0
     )
-    m_limit: float = Parameter("A.m2", "largest dipole of each axis", start=0.3, min=0.0)
-    h_limit: float = Parameter("N.m.s", "momentum capacity of a wheel", start=0.02, min=1e-9)
+    m_limit: float = Parameter("A.m2", "largest dipole of each axis", start=0.3, min=0.0,
+                               follows="torquers.m_limit")  # fmt: skip
+    h_limit: float = Parameter("N.m.s", "momentum capacity of a wheel", start=0.02, min=1e-9,
+                               follows="wheels.inertia_wheel * wheels.speed_limit")  # fmt: skip
     threshold_off: float = Parameter(
         "1", "share of h_limit below which a wheel is not unloaded", start=0.1, min=0.0, max=1.0
     )

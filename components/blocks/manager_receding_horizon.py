@@ -59,7 +59,8 @@ class ManagerRecedingHorizon(ThrusterDumping, EarthField):
         "s", "when the momentum shall be h_target_body, after the start; to the nearest sample",
         start=600.0, min=1.0, needs=("r_eci", "v_eci", "h_wheel", "b_body"),
     )  # fmt: skip
-    tau_level: Vec3 = Parameter("N.m", "torque of each axis while it fires", start=0.04, min=1e-9)
+    tau_level: Vec3 = Parameter("N.m", "torque of each axis while it fires", start=0.04, min=1e-9,
+                                follows="thrusters.tau_level")  # fmt: skip
     thruster_duty: float = Parameter(
         "1", "largest share of the period that the thrusters of an axis may be on", start=1.0,
         min=0.0, max=1.0,
@@ -71,7 +72,11 @@ class ManagerRecedingHorizon(ThrusterDumping, EarthField):
         "s", "how much more firing a plan may need to leave it free", start=0.5, min=0.0
     )
     least_pulse: float = Parameter(
-        "s", "on-times that the thrusters make are multiples of it", start=0.05, min=1e-6
+        "s",
+        "on-times that the thrusters make are multiples of it",
+        start=0.05,
+        min=1e-6,
+        follows="thrusters.least_pulse",
     )
     g_rate: float = Parameter("1/s", "closed-loop rate of the fallback", start=0.0077, min=0.0)
     q_bo: Vec4 = Parameter(

@@ -82,6 +82,7 @@ class Variable:
     initial: bool = False
     needs: tuple[str, ...] = ()
     needed_by: tuple[str, ...] = ()
+    follows: str = ""
 
     @property
     def size(self) -> int:
@@ -191,16 +192,19 @@ def Output(unit: str, description: str, *, interval: bool = False, mean: bool = 
 def Parameter(unit: str, description: str, *, start: Any = None, min: float | None = None,
               max: float | None = None, choices: tuple[str, ...] = (),
               shape: tuple[int, ...] | None = None, shared: bool = False,
-              needs: tuple[str, ...] = ()) -> Any:  # fmt: skip
+              needs: tuple[str, ...] = (), follows: str = "") -> Any:  # fmt: skip
     """Declare a parameter, fixed once the simulation runs.
 
     `choices` names its integer values; `shared`: all blocks of a system that have a parameter of
     this name must have the same value. `needs` names the block's inputs that must be wired or
     given, and the outputs that must reach somebody, unless the parameter is off: 0, false, its
-    first choice, or all elements so. `desat check` holds a system to that.
+    first choice, or all elements so. `desat check` holds a system to that. `follows`: what of the
+    craft it usually is, a product of parameters (`role.parameter`) as a scenario may give it; where
+    it differs, a check warns that it may be another craft's.
     """
     return _Declaration("parameter", unit, description, start=start, minimum=min, maximum=max,
-                        choices=choices, shape=shape, shared=shared, needs=needs)  # fmt: skip
+                        choices=choices, shape=shape, shared=shared, needs=needs,
+                        follows=follows)  # fmt: skip
 
 
 class Access:

@@ -132,6 +132,7 @@ def _signal(
         mean=note.get("mean") == "true",
         slope=note.get("slope", ""),
         shared=note.get("shared") == "true",
+        follows=note.get("follows", ""),
         needed_by=tuple(note.get("neededBy", "").split()),
     )
 

@@ -9,7 +9,8 @@ from typing import Any
 from ..files.scenario import Scenario
 from ..system.errors import DesatError
 from .meaning import numbers_of_rows
-from .numbers import defined
+from .measures import LATE
+from .numbers import defined, late, ranked
 from .relation import related
 
 Numbers = dict[str, Any]
@@ -29,7 +30,8 @@ class Row:
     unit: str
     paper: float | None
     ours: float | None
-    """None: no run decides what the paper says, and `remark` says why."""
+    """None: no run decides what the paper says, and `remark` says why; infinite: a time that is not
+    reached."""
     band: tuple[float, float] | None
     within: bool | None
     paper_within: bool | None
@@ -45,8 +47,9 @@ class Row:
     remark: str
     scenario: str
     draws: dict[str, Any] | None = None
-    """Where `ours` is of draws: how many `n`, and of a median `min`, `max` and the `band` of each
-    draw, of a share the `count` and its `interval` (%, Clopper-Pearson, 95 %)."""
+    """Where `ours` is of draws: how many `n` have it, and of a median `min`, `max`, the `band` of
+    each draw and how many do not reach a time, of a share the `count` and its `interval` (%,
+    Clopper-Pearson, 95 %)."""
 
 
 def band_of(entry: dict[str, Any], values: Numbers) -> tuple[float, float] | None:
@@ -95,29 +98,37 @@ def rows_of(
             if drawn is None:
                 where = scenario.where(("paper", row))
                 raise DesatError(f"{where}: a share of draws, and {scenario.name} has none")
-            counts = told = share_of(drawn["draws"], name, **entry["share"])
+            values_drawn = values_of(drawn["draws"], name, scenario.data)
+            counts = told = share_of(values_drawn, **entry["share"])
             ours = 100.0 * counts["count"] / counts["n"]
         else:
             ours = _value(scenario, row, name, values, everything)
-            told = _spread(entry, drawn["summary"].get(name) if drawn else None)
+            told = _spread(entry, drawn, name, scenario.data) if drawn else None
         rows.append(_row(scenario, entry, name, ours, values, told))
     undecided = (e for e in scenario.data["paper"].values() if "not_judged" in e)
     return [*rows, *(_row(scenario, e, "", None, values, None) for e in undecided)]
 
 
-def _spread(entry: dict[str, Any], summary: dict[str, Any] | None) -> dict[str, Any] | None:
-    if summary is None:
+def _spread(
+    entry: dict[str, Any], drawn: dict[str, Any], name: str, about: dict[str, Any]
+) -> dict[str, Any] | None:  # fmt: skip
+    if (summary := drawn["summary"].get(name)) is None:
         return None
-    return {**{k: summary[k] for k in ("n", "min", "max")}, "band": entry.get("each")}
+    is_time = about["numbers"].get(name, {}).get("measure") in LATE
+    return {**{k: summary[k] for k in ("n", "min", "max")}, "band": entry.get("each"),
+            "not_reached": len(drawn["draws"]) - summary["n"] if is_time else 0}  # fmt: skip
+
+
+def values_of(draws: list[dict[str, Any]], name: str, about: dict[str, Any]) -> list[Any]:
+    """A number of each draw of a scenario, as `ranked` has it."""
+    return ranked([d["numbers"].get(name) for d in draws], name in late(about))
 
 
 def share_of(
-    draws: list[dict[str, Any]], name: str, least: float = -math.inf, most: float = math.inf
-) -> dict[str, Any]:
-    """Of `n` draws the `count` of those whose number is within [least, most], and the `interval`
-    (%) in which the share of all possible draws lies with 95 %. A number that is not reached is not
-    within."""
-    values = [d["numbers"].get(name) for d in draws]
+    values: list[Any], least: float = -math.inf, most: float = math.inf
+) -> dict[str, Any]:  # fmt: skip
+    """Of `n` values (`values_of`) the `count` of those within [least, most], and the `interval` (%)
+    in which the share of all possible draws lies with 95 %. What a draw has not is not within."""
     count = sum(x is not None and least <= x <= most for x in values)
     return {"n": len(values), "count": count, "interval": clopper_pearson(count, len(values))}
 
@@ -139,7 +150,10 @@ def _row(
     band, paper = band_of(entry, values), entry.get("values")
     within = None if band is None or ours is None else band[0] <= ours <= band[1]
     if draws is not None and (each := draws.get("band")) is not None:
-        within = within is not False and each[0] <= draws["min"] and draws["max"] <= each[1]
+        reached = draws["min"] is not None and draws["max"] is not None
+        within = (
+            within is not False and reached and each[0] <= draws["min"] <= draws["max"] <= each[1]
+        )
     tuned, seen = bool(entry.get("tuned")), bool(entry.get("in_sample"))
     labels = scenario.data["labels"]
     in_columns = scenario.cell.keys() & {"method", "case"}
@@ -202,6 +216,8 @@ def _value(
         raise DesatError(f"{scenario.where(('numbers', name))}: no run gives it")
     else:
         value = values[name]
+    if value is None and name in late(scenario.data):
+        return math.inf
     if value is None:
         where = scenario.where(("paper", row))
         raise DesatError(f"{where}: {scenario.name} does not reach {name}, and a table has it")

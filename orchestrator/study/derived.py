@@ -30,12 +30,15 @@ class Quantity:
     function: Callable[..., Array]
     names: tuple[str, ...]
     unit: str
+    own: tuple[str, ...] = ()
+    """Parameters that it takes, of the component that its first series is of."""
 
     @property
     def series(self) -> list[str]:
         """The series that it takes."""
         given = inspect.signature(self.function).parameters.values()
-        return [p.name for p in given if p.default is p.empty and p.name != "times"]
+        other = ("times", *self.own)
+        return [p.name for p in given if p.default is p.empty and p.name not in other]
 
     def rows(self, times: Array, series: Sequence[Array], options: dict[str, Any]) -> Array:
         """Its rows (rows, elements); series of other lengths end with the shortest."""
@@ -50,11 +53,13 @@ class Quantity:
 QUANTITIES: dict[str, Quantity] = {}
 
 
-def quantity(*names: str, unit: str) -> Callable[[Derive], Derive]:
-    """Make a function known by its name: its elements, and its unit."""
+def quantity(
+    *names: str, unit: str, own: tuple[str, ...] = ()
+) -> Callable[[Derive], Derive]:  # fmt: skip
+    """Make a function known by its name: its elements, its unit, the parameters that it takes."""
 
     def known(function: Derive) -> Derive:
-        QUANTITIES[function.__name__] = Quantity(function, names, unit)
+        QUANTITIES[function.__name__] = Quantity(function, names, unit, own)
         return function
 
     return known
@@ -76,6 +81,18 @@ def of_entry(entry: dict[str, Any]) -> tuple[Quantity, dict[str, Any]] | None:
             f"{name} takes {len(quantity.series)} signals, {', '.join(quantity.series)}"
         )
     return quantity, {"sequence": entry["sequence"]} if "sequence" in entry else {}
+
+
+def takes_parameters(name: str) -> bool:
+    """Whether there is such a quantity, and it takes parameters."""
+    return name in QUANTITIES and bool(QUANTITIES[name].own)
+
+
+@quantity("x", "y", "z", unit="", own=("axes_wheel",))
+def in_body(h: Array, axes_wheel: Sequence[float]) -> Array:
+    """The sum of the wheels' momenta as a vector in body (rows, 3): of h_i along each axis, the
+    columns of axes_wheel (3, 4) row by row. Of numbers only: plots know no parameters."""
+    return np.asarray(h @ np.reshape(axes_wheel, (3, -1)).T)
 
 
 def cross(a: ArrayLike, b: ArrayLike) -> Array:

@@ -3,8 +3,9 @@ a draw."""
 
 from __future__ import annotations
 
+import math
 import statistics
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import replace
 from types import ModuleType
 from typing import Any
@@ -17,6 +18,7 @@ from ..system.codes import Exit
 from ..system.draft import Draft
 from ..system.errors import DesatError, RunError
 from .case import Options, Run, load, prepare, simulate
+from .numbers import late, ranked
 from .sampling import drawn, overridden
 from .workers import Here, Local, Lost, Workers, results
 
@@ -165,7 +167,7 @@ def draws(
     warnings += never(system, options)
     tasks = [(target, options, seed, draw) for draw in range(first, count)]
     rows = rows_of(tasks, jobs, target, progress)
-    summed = summary(rows)
+    summed = summary(rows, late(system.about))
     for row in rows:
         row.pop("described", None)
     stopped = sum(r["stopped_when"] is not None for r in rows)
@@ -182,25 +184,31 @@ def whole_numbers(target: str, **given: tuple[Any, int]) -> None:
             raise DesatError(f"{target}: {name} = {value!r}: an integer from {least} on is needed")
 
 
-def summary(rows: list[dict[str, Any]]) -> dict[str, dict[str, Any]]:
-    """Of each number of the draws that completed: unit, median, least, largest, and how many draws
-    have reached it."""
+def summary(rows: list[dict[str, Any]], late: Collection[str]) -> dict[str, dict[str, Any]]:
+    """`spreads` of each number of the draws that completed."""
     whole = [r for r in rows if r["status"] == "completed"]
     described = whole[0]["described"] if whole else {}
-    return spreads(whole, {name: d["unit"] for name, d in described.items()})
+    return spreads(whole, {name: d["unit"] for name, d in described.items()}, late)
 
 
-def spreads(rows: list[dict[str, Any]], units: Mapping[str, str]) -> dict[str, dict[str, Any]]:
-    """Of each number that has a unit here: unit, median, least, largest, and how many rows have
-    reached it."""
+def spreads(
+    rows: list[dict[str, Any]], units: Mapping[str, str], late: Collection[str]
+) -> dict[str, dict[str, Any]]:  # fmt: skip
+    """Of each number that has a unit here: unit, median, least, largest, how many rows `n` have
+    reached it and how many have not. Of those in `late` (`numbers.late`) median and largest are of
+    all rows, None where they are not reached; of others of the rows that have them."""
     numbers = {}
     for name, unit in units.items():
-        values = [x for r in rows if (x := r["numbers"].get(name)) is not None]
+        given = [r["numbers"].get(name) for r in rows]
+        values = [x for x in ranked(given, name in late) if x is not None]
+        middle = statistics.median(values) if values else None
+        ends = middle, min(values, default=None), max(values, default=None)
+        there = sum(x is not None for x in given)
         numbers[name] = {
             "unit": unit,
-            "median": statistics.median(values) if values else None,
-            "min": min(values, default=None),
-            "max": max(values, default=None),
-            "n": len(values),
-        }
+            **{key: None if name in late and x == math.inf else x
+               for key, x in zip(("median", "min", "max"), ends, strict=True)},
+            "n": there,
+            "not_reached": len(rows) - there,
+        }  # fmt: skip
     return numbers

@@ -13,7 +13,7 @@ from ..files.scenario import Scenario
 from ..system.errors import DesatError, nearest
 from ..system.resolve import resolve
 from . import meaning
-from .measures import MEASURES
+from .measures import LATE, MEASURES
 
 
 def readable(
@@ -129,6 +129,7 @@ def measures() -> list[dict[str, str]]:
         series, options = meaning.options_of(name)
         texts = [o if d is inspect.Parameter.empty else f"{o} = {d}" for o, d in options.items()]
         what = " ".join((MEASURES[name].__doc__ or "").split())
+        what += " If never, it is not reached." if name in LATE else ""
         rows.append({"measure": name, "series": ", ".join(series), "options": ", ".join(texts),
                      "what": what})  # fmt: skip
     return rows

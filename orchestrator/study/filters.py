@@ -14,8 +14,8 @@ from .report import number as text_of
 
 
 def fixed(value: float, digits: int = 0) -> str:
-    """A number with so many digits after the point."""
-    return f"{value:.{digits}f}"
+    """A number with so many digits after the point; a time that is infinite is not reached."""
+    return text_of(None) if value == math.inf else f"{value:.{digits}f}"
 
 
 def plain(value: float) -> str:

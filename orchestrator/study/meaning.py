@@ -46,6 +46,8 @@ def _words(data: dict[str, Any]) -> Iterator[tuple[Path, str]]:
     for table in ("numbers", "plots"):
         for name, entry in data.get(table, {}).items():
             yield from (((table, name, key), text) for key, text in _derived(entry))
+            if table == "plots" and "derive" in entry and derived.takes_parameters(entry["derive"]):
+                yield (table, name, "derive"), f"{entry['derive']} is of numbers only"
 
 
 def _compared(number: dict[str, Any], numbers: dict[str, Any]) -> Iterator[tuple[Path, str]]:

@@ -9,11 +9,22 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
+from numpy.typing import NDArray
 
 from . import measures_pointing  # noqa: F401  which makes its own known
-from .measuring import MEASURES, OWN_UNIT, Array, Measure, in_unit, measure, per_second, settled
+from .measuring import (
+    LATE,
+    MEASURES,
+    OWN_UNIT,
+    Array,
+    Measure,
+    in_unit,
+    measure,
+    per_second,
+    settled,
+)
 
-__all__ = ["MEASURES", "OWN_UNIT", "Measure"]
+__all__ = ["LATE", "MEASURES", "OWN_UNIT", "Measure"]
 
 
 SCALARS = (None, "last", "growth_in", "mean_rate")
@@ -110,21 +121,20 @@ def largest_mean(times: Array, values: Array) -> float:
 
 @measure
 def load_until_below(times: Array, values: Array, stored: Array, limit: float) -> float:
-    """`largest_mean` of the values until the mean size of `stored` is below a limit to stay."""
-    end = until_below(times, stored, limit)
+    """`largest_mean` of the values until the mean size of `stored` is below a limit to stay; of all
+    where it never is."""
+    end = np.fmin(until_below(times, stored, limit), times[-1])
     return largest_mean(times, values[: max(1, int(np.searchsorted(times, end)))])
 
 
-@in_unit("1")
+@in_unit("1", late=True)
 def settled_within(
     times: Array, values: Array, limits: list[float], since: float, period: float
 ) -> float:
     """After how many periods from `since` (s) on every element is within its limit to stay; 0: it
-    never was outside. The periods to the end where it does not settle."""
-    bad = np.flatnonzero((np.abs(values) > np.array(limits)).any(axis=1))
-    if not len(bad):
-        return 0.0
-    return float((times[min(bad[-1] + 1, len(times) - 1)] - since) / period)
+    never was outside."""
+    good = np.asarray((np.abs(values) <= np.array(limits)).all(axis=1))
+    return 0.0 if good.all() else (settled(times, good) - since) / period
 
 
 @measure
@@ -141,27 +151,26 @@ def above(times: Array, values: Array, direction: list[float], floor: float) -> 
     return mean_size_last(times, values) - max(along(times, values, direction), floor)
 
 
-@in_unit("s")
+@in_unit("s", late=True)
 def until_below(times: Array, values: Array, limit: float, kind: str = "mean") -> float:
     """When the values have come below a limit to stay (s): the mean size of the elements, the
-    largest, or the vector's (`norm`). The end of the run where they do not."""
+    largest, or the vector's (`norm`)."""
     return settled(times, SIZES[kind](values) < limit)
 
 
-@in_unit("s")
+@in_unit("s", late=True)
 def first_reached(times: Array, values: Array, limit: float, count: int = 1) -> float:
-    """When `count` elements at once have first reached a limit (s); the end of the run if never."""
-    reached = np.flatnonzero((np.abs(values) >= limit).sum(axis=1) >= count)
-    return float(times[reached[0]] if len(reached) else times[-1])
+    """When `count` elements at once have first reached a limit (s)."""
+    return _first(times, (np.abs(values) >= limit).sum(axis=1) >= count)
 
 
-@in_unit("s")
+@in_unit("s", late=True)
 def first_below(
     times: Array, values: Array, limit: float, held: float = 0.0, only_done: int = 0
 ) -> float:
     """When the sizes of all elements at once have first come below a limit and stayed there for
-    `held` seconds (s: the beginning of that time); if never, the end of the run, or with
-    `only_done` 1 not reached."""
+    `held` seconds (s: the beginning of that time); with `only_done` 1 median and largest of several
+    runs are of those that reach it."""
     good = (np.abs(values) < limit).all(axis=1)
     begins = np.flatnonzero(np.diff(good.astype(int), prepend=0) == 1)
     bad = np.flatnonzero(~good)
@@ -170,12 +179,12 @@ def first_below(
         end = later[0] if len(later) else len(times) - 1
         if times[end] - times[begin] >= held - 1e-9:
             return float(times[begin])
-    return float("nan") if only_done else float(times[-1])
+    return float("nan")
 
 
-@in_unit("s")
+@in_unit("s", late=True)
 def until_above(times: Array, values: Array, limit: float) -> float:
-    """When all values have come to a limit or above to stay (s); the end of the run if never."""
+    """When all values have come to a limit or above to stay (s)."""
     return settled(times, np.asarray(values.min(axis=1) >= limit))
 
 
@@ -198,12 +207,15 @@ def drive_energy(times: Array, values: Array, power: float, nominal: float) -> f
     return float(power / nominal * np.trapezoid(speed, times))
 
 
-@in_unit("s")
+@in_unit("s", late=True)
 def time_of(times: Array, values: Array, value: int) -> float:
-    """When a whole-number signal, such as a mode, first has a value (s); the end of the run if
-    never."""
-    reached = np.flatnonzero((values == value).all(axis=1))
-    return float(times[reached[0]] if len(reached) else times[-1])
+    """When a whole-number signal, such as a mode, first has a value (s)."""
+    return _first(times, (values == value).all(axis=1))
+
+
+def _first(times: Array, there: NDArray[np.bool_]) -> float:
+    """The time of the first row that is there (s); nan where none is."""
+    return float(times[np.argmax(there)]) if there.any() else float("nan")
 
 
 @in_unit("%")

@@ -32,9 +32,9 @@ def pointing_mean(times: Array, q: Array, q_ref: Array) -> float:
     return float(pointing(q, q_ref).mean())
 
 
-@in_unit("s")
+@in_unit("s", late=True)
 def pointing_until_below(times: Array, q: Array, q_ref: Array, limit: float) -> float:
-    """When the angle has come below a limit (deg) to stay (s); the end of the run if never."""
+    """When the angle has come below a limit (deg) to stay (s)."""
     return settled(times, pointing(q, q_ref) < limit)
 
 

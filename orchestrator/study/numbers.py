@@ -25,7 +25,7 @@ from __future__ import annotations
 
 import inspect
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -34,9 +34,9 @@ import numpy as np
 from desat.components.contract.units import Unit
 
 from ..system.errors import DesatError, nearest
-from ..system.expression import Table, factor, product, unit_of
+from ..system.expression import Table, entry, factor, product, unit_of
 from . import derived
-from .measures import MEASURES, OWN_UNIT
+from .measures import LATE, MEASURES, OWN_UNIT
 
 if TYPE_CHECKING:
     from ..engine.results import Results
@@ -56,7 +56,7 @@ def evaluate(number: dict[str, Any], results: Results, parameters: Table) -> flo
     units = _units(number, [results.attribute(s, "unit") for s in names])
     conversion = _conversion(number, units, parameters)
     options = _options(number, units, parameters)
-    columns = _columns(number, results)
+    columns = _columns(number, results, parameters)
     rows = min(len(c) for c in columns)
     times = results.times()[:rows]
     if "window" in number:
@@ -77,7 +77,23 @@ def signals_of(number: dict[str, Any]) -> list[str]:
     return [signals] if isinstance(signals, str) else list(signals)
 
 
-def _columns(number: dict[str, Any], results: Results) -> list[derived.Array]:
+def late(about: Mapping[str, Any]) -> set[str]:
+    """A scenario's numbers that are times at which something is reached: over several runs, one
+    that does not reach it is later than all that do. Not those with `only_done`."""
+    return {
+        name for name, number in about.get("numbers", {}).items()
+        if number.get("measure") in LATE and not number.get("options", {}).get("only_done")
+    }  # fmt: skip
+
+
+def ranked(values: Sequence[float | None], is_late: bool) -> list[Any]:
+    """A number over several runs, as it is ranked: a time that is not reached is infinite."""
+    return [math.inf if x is None and is_late else x for x in values]
+
+
+def _columns(
+    number: dict[str, Any], results: Results, parameters: Table
+) -> list[derived.Array]:  # fmt: skip
     """What is measured, (rows, elements) each: the series, or what is derived of them. Several
     numbers measure the same."""
 
@@ -90,6 +106,7 @@ def _columns(number: dict[str, Any], results: Results) -> list[derived.Array]:
     if derivation := derived.of_entry(number):
         quantity, options = derivation
         key = (number["derive"], *names, *options.items())
+        options = {**options, **_own(number, quantity, parameters)}
         make = partial(quantity.rows, results.times(), columns, options)
         columns = [results.recent(key, make)]
     if "element" in number:
@@ -98,6 +115,14 @@ def _columns(number: dict[str, Any], results: Results) -> list[derived.Array]:
             raise DesatError(f"element {element}: there are {columns[0].shape[1]}")
         columns[0] = columns[0][:, element - 1 : element]
     return columns
+
+
+def _own(
+    number: dict[str, Any], quantity: derived.Quantity, parameters: Table
+) -> dict[str, Any]:  # fmt: skip
+    """The parameters that a derived quantity takes. Raises DesatError where there are none."""
+    owner = signals_of(number)[0].partition(".")[0]
+    return {name: entry(f"{owner}.{name}", parameters)[0] for name in quantity.own}
 
 
 def _units(number: dict[str, Any], signals: list[str]) -> list[Unit]:
@@ -187,6 +212,8 @@ def problems(about: dict[str, Any], units: dict[str, str], parameters: Table) ->
                 known = _units(number, [units[s] for s in signals_of(number)])
                 _conversion(number, known, parameters)
                 _options(number, known, parameters)
+                if derivation := derived.of_entry(number):
+                    _own(number, derivation[0], parameters)
         except DesatError as error:
             wrong.append(f"numbers.{name}: {error}")
     return wrong

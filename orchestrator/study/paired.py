@@ -87,7 +87,7 @@ def differences(ours: dict[str, Any], theirs: dict[str, Any]) -> dict[str, dict[
     """Of each number that two results of the same draws (as `draws` gives them, or stored ones)
     have by name and unit: ours less theirs of each draw, its median, least and largest, and in how
     many draws ours is lower, higher or equal. Draws where one has not reached it count nowhere:
-    `n` is how many there are of the others.
+    `n` is how many there are of the others, `not_reached` how many of these.
     """
     other = {row["draw"]: row["numbers"] for row in theirs["draws"]}
     compared = {}
@@ -96,7 +96,7 @@ def differences(ours: dict[str, Any], theirs: dict[str, Any]) -> dict[str, dict[
             continue
         pairs = {
             row["draw"]: (row["numbers"].get(name), other[row["draw"]].get(name))
-            for row in ours["draws"] if row["draw"] in other
+            for row in ours["draws"] if row["numbers"] and other.get(row["draw"])
         }  # fmt: skip
         each = {
             draw: difference(a, b)
@@ -105,6 +105,7 @@ def differences(ours: dict[str, Any], theirs: dict[str, Any]) -> dict[str, dict[
         compared[name] = {
             "unit": entry["unit"],
             **spread(list(each.values())),
+            "not_reached": len(pairs) - len(each),
             "each": [{"draw": draw, "difference": x} for draw, x in each.items()],
         }
     return compared

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -43,6 +44,13 @@ def number(x: Any) -> str:
     if x != 0.0 and not 1e-3 <= abs(x) < 1e9:
         return f"{x:.3e}"
     return f"{x:.4g}" if abs(x) < 1000 else f"{x:,.0f}"
+
+
+def not_reached(entry: Mapping[str, Any]) -> str:
+    """Of a number over several runs, in how many it is not reached: `3 of 20 (15 %)`; empty where
+    there is none."""
+    missing, count = entry["not_reached"], entry["n"] + entry["not_reached"]
+    return f"{missing} of {count} ({100.0 * missing / count:.3g} %)" if missing else ""
 
 
 def title_of(number: dict[str, Any]) -> str:

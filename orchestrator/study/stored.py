@@ -35,6 +35,7 @@ from . import identity
 from .draws import draws, spreads
 from .identity import PACKAGES
 from .meaning import bands_of, numbers_of_rows
+from .numbers import late
 from .options import Options
 
 SEED = 1
@@ -63,7 +64,7 @@ def needed(family: str) -> dict[str, set[str]]:
     found: dict[str, set[str]] = {name: set() for name in with_draws(family)}
     for name, scenario in scenarios(family).items():
         numbers, paper = scenario.data.get("numbers", {}), scenario.data.get("paper", {})
-        for row, number in numbers_of_rows(scenario.data, scenario.cell).items():
+        for row, number in numbers_of_rows(scenario.data).items():
             for made in (number, *bands_of(paper[row].get("tolerance"))):
                 entry = numbers.get(made, {})
                 found.setdefault(name, set()).add(entry["of"] if "reference" in entry else made)
@@ -148,7 +149,7 @@ def compute(
             "code_sha256": code(scenario),
             "date": f"{datetime.now(UTC):%Y-%m-%d}",
             "units": units,
-            "summary": spreads(rows, units),
+            "summary": spreads(rows, units, late(scenario.data)),
             "draws": rows,
         }
     return {
@@ -233,6 +234,7 @@ def read(family: str) -> dict[str, Any]:
                          "is of: its sha256 is another one")  # fmt: skip
     columns = pq.read_table(pa.BufferReader(data)).to_pydict()
     places_of: dict[str, list[int]] = {}
+    known = scenarios(family)
     for i, name in enumerate(columns["scenario"]):
         places_of.setdefault(name, []).append(i)
     for name, kept in result["scenarios"].items():
@@ -240,7 +242,8 @@ def read(family: str) -> dict[str, Any]:
             {"draw": columns["draw"][i], "numbers": {n: columns[n][i] for n in kept["units"]}}
             for i in places_of.get(name, ())
         ]
-        kept["summary"] = spreads(kept["draws"], kept["units"])
+        of = known[name].data if name in known else {}
+        kept["summary"] = spreads(kept["draws"], kept["units"], late(of))
     return result
 
 

@@ -11,6 +11,7 @@ from ..system.errors import DesatError
 from ..system.parameters import parse_assignment
 from .case import Options, prepare
 from .draws import rows_of, summary, system_of
+from .numbers import late
 from .sampling import overridden
 
 
@@ -55,11 +56,11 @@ def sweep(
     ]  # fmt: skip
     rows = rows_of(tasks, jobs, target, progress)
     count = max(draws, 1)
-    made = []
+    made, times = [], late(system.about)
     for i, point in enumerate(points):
         own = rows[i * count : (i + 1) * count]
         worst = max(own, key=lambda row: row["code"])
-        of_draws = summary(own)
+        of_draws = summary(own, times)
         made.append({
             "values": point,
             "numbers": {name: entry["median"] for name, entry in of_draws.items()},
@@ -69,7 +70,7 @@ def sweep(
             if worst["message"] and draws else worst["message"],
             **({"summary": of_draws} if draws else {}),
         })  # fmt: skip
-    units = {n: e["unit"] for n, e in summary(rows).items()}
+    units = {n: e["unit"] for n, e in summary(rows, times).items()}
     return {
         "scenario": target, "axes": {name: list(values) for name, values in axes.items()},
         "draws": draws, "seed": seed if draws else None, "units": units, "points": made,

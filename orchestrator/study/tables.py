@@ -10,7 +10,7 @@ import math
 import re
 import sys
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -108,8 +108,9 @@ def _single(given: list[Scenario], options: Options, jobs: int) -> dict[str, Num
 
 def as_json(family: str, table: list[Row], drawn: dict[str, Any] | None = None) -> dict[str, Any]:
     """What `--json` prints; where a band has no bound, the largest number that there is, for JSON
-    has no infinity. `drawn`: which run the draws are from (`stored.provenance`)."""
-    made = [asdict(row) for row in table]
+    has no infinity, and null for a time that is not reached. `drawn`: which run the draws are from
+    (`stored.provenance`)."""
+    made = [asdict(replace(row, ours=None) if row.ours == math.inf else row) for row in table]
     for banded in (*made, *(row["draws"] for row in made if row["draws"])):
         if banded.get("band"):
             banded["band"] = [min(max(x, -LARGEST), LARGEST) for x in banded["band"]]
@@ -121,7 +122,7 @@ def shown(row: Row) -> dict[str, str]:
     """A row as texts for people."""
     digits = 2 if row.unit in ("s", "%") else 3
     difference = ""
-    if row.paper is not None and row.ours is not None:
+    if row.paper is not None and row.ours is not None and row.ours != math.inf:
         delta = row.ours - row.paper
         difference = _signed(delta, digits)
         if row.paper and row.unit == "s":
@@ -165,7 +166,9 @@ def _of_paper(value: float) -> int:
     return 3 if 0.0 < abs(value) < 0.005 else 2
 
 
-def _value(value: float, digits: int, flag: bool = False) -> str:
+def _value(value: float | None, digits: int, flag: bool = False) -> str:
+    if value is None or value == math.inf:
+        return number(None)
     if flag and value in (0.0, 1.0):
         return "yes" if value else "no"
     return number(value) if abs(value) >= 1e5 else f"{value:.{digits}f}"
@@ -193,7 +196,9 @@ def _of_draws(draws: dict[str, Any], digits: int, flag: bool = False) -> str:
     if flag and draws["min"] == draws["max"]:
         return f"{_value(draws['min'], 0, flag)} in all {draws['n']}"
     least, most = (_value(draws[k], digits) for k in ("min", "max"))
-    text = f"{least} to {most} of {draws['n']}"
+    missing, count = draws["not_reached"], draws["n"] + draws["not_reached"]
+    text = f"{least} to {most} of {count}" if draws["n"] else f"of {count}"
+    text += f", not reached by {missing}" if missing else ""
     if draws["band"]:
         text += f" (each: {_within(draws['band'], '{:g}'.format)})"
     return text

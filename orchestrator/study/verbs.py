@@ -10,7 +10,6 @@ import importlib
 import inspect
 import json
 import math
-import statistics
 import tomllib
 from collections.abc import Callable, Sequence
 from dataclasses import asdict
@@ -21,9 +20,10 @@ from ..files import places
 from ..files.scenario import find
 from ..system.errors import DesatError, nearest
 from ..system.expression import factor, product
-from . import cells, draws, figures, sampling, stored, tables
+from . import cells, draws, figures, filters, sampling, stored, tables
 from .case import Options, prepare
 from .drawing import pretty_unit
+from .numbers import late
 from .plots import lines_of, series_plot
 from .series import Series
 from .sources import Change, Sources
@@ -51,11 +51,15 @@ class Verbs(CoilVerbs):
     # --- values -------------------------------------------------------------------------------
 
     def value(self, scenario: str, number: str, change: Change | None = None) -> float:
-        """A number of a run. Raises DesatError where the run has none or does not reach it."""
-        numbers = self._of.run(scenario, change).manifest["numbers"]
+        """A number of a run; a time that it does not reach is infinite. Raises DesatError where the
+        run has none, or nothing to measure."""
+        run = self._of.run(scenario, change).manifest
+        numbers = run["numbers"]
         if number not in numbers:
             raise DesatError(f"{scenario} has no number {number}{nearest(number, numbers)}")
         value = numbers[number]["value"]
+        if value is None and number in late(run["about"]):
+            return math.inf
         if value is None and self._of.draft is None:
             raise DesatError(f"{scenario}: {number} is not reached")
         return math.nan if value is None else float(value)
@@ -86,20 +90,20 @@ class Verbs(CoilVerbs):
     # --- draws --------------------------------------------------------------------------------
 
     def drawn(self, scenario: str, number: str) -> list[float]:
-        """A number of each draw, in their order."""
+        """A number of each draw, in their order; a time that one does not reach is infinite."""
         rows = self._of.draws_of(scenario, number)["draws"]
-        return [row["numbers"][number] for row in rows]
+        return cells.values_of(rows, number, find(self._of.name_of(scenario)).data)
 
     def spread(self, scenario: str, number: str, digits: int = 1) -> str:
-        """A number over the draws as `median [least, most]`; of those that have it, and how many
-        these are, where some have not."""
+        """A number over the draws as `median [least, most]`, and how many have it, where some have
+        not; of those that have it, a time (`drawn`) of all."""
         drawn = self.drawn(scenario, number)
         values = [x for x in drawn if x is not None]
-        if not values:
+        there = sum(math.isfinite(x) for x in values)
+        if not there:
             return f"none of {len(drawn)}"
-        middle, low, high = statistics.median(values), min(values), max(values)
-        of = f", {len(values)} of {len(drawn)}" if len(values) < len(drawn) else ""
-        return f"{middle:.{digits}f} [{low:.{digits}f}, {high:.{digits}f}]{of}"
+        middle, low, high = filters.three(values, digits)
+        return f"{middle} [{low}, {high}]" + (f", {there} of {len(drawn)}" * (there < len(drawn)))
 
     def middle_draw(self, scenario: str, number: str) -> int:
         """The draw whose number is the (lower) median of all: a typical one."""
@@ -147,7 +151,7 @@ class Verbs(CoilVerbs):
     def share(self, scenario: str, number: str, **limits: float) -> str:
         """The share of draws whose number is within limits (`least`, `most`), with its interval:
         `7 of 20 (of all 15 to 59 %)`."""
-        share = cells.share_of(self._of.draws_of(scenario, number)["draws"], number, **limits)
+        share = cells.share_of(self.drawn(scenario, number), **limits)
         low, high = share["interval"]
         return f"{share['count']} of {share['n']} (of all {low:.0f} to {high:.0f} %)"
 

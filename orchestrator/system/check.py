@@ -10,7 +10,8 @@ from .draft import Draft
 from .errors import DesatError, nearest
 from .interface import base_name
 from .model import System
-from .parameters import value_of
+from .parameters import table, value_of
+from .references import named, values_of
 from .resolve import resolve
 from .schedule import Schedule, schedule
 from .unwired import Unwired, unwired, without_effect
@@ -52,6 +53,7 @@ def check(draft: Draft) -> Checked:
     checked.notes += filter(None, (ends.text(n) for n, ends in checked.unwired.items()))
     if not checked.problems:
         checked.warnings += _undeclared(system)
+        checked.warnings += _follows(system, draft)
         try:
             checked.schedule = schedule(system)
             checked.warnings += checked.schedule.warnings
@@ -93,6 +95,47 @@ def _shared(system: System) -> Iterator[str]:
             if value != other:
                 yield (f"{system.where}: {c.name}.{signal.name} = {value}, but {owner}."
                        f"{signal.name} = {other}: the two must be equal")  # fmt: skip
+
+
+def _follows(system: System, draft: Draft) -> Iterator[str]:
+    """Parameters that differ from what of the craft they usually are, as their blocks declare it
+    (`follows`): where a scenario extends another craft's they may be that one's.
+
+    Silent where the scenario gives a product of parameters, where it gives neither side, and of
+    what is of no craft: 0 (off), and a matrix that is a multiple of the identity.
+    """
+    known = table(system.components.values())
+    known |= {c.interface.role: known[c.name] for c in system.components.values()
+              if c.name in known and c.interface.role not in known}  # fmt: skip
+    for c in system.components.values():
+        for name, text in {base_name(s.name): s.follows for s in c.interface.of("parameter")
+                           if s.follows}.items():  # fmt: skip
+            if name in draft.components[c.name].references:
+                continue
+            try:
+                usual = [float(x) for x in values_of(c, name, text, known).values()]
+            except DesatError:  # that craft has none, or several that differ
+                continue
+            signals = c.interface.elements(name)
+            own = [float(str(value_of(c, s.name))) for s in signals]
+            ends = [known[owner][p] for owner, _, p in (n.partition(".") for n in named(text))]
+            given = any(s.name in c.parameters for s in signals) or any(e["given"] for e in ends)
+            least = 1e-9 * max(map(abs, usual))
+            apart = [i for i, x in enumerate(own) if abs(x - usual[i]) > least]
+            if not (given and apart) or _of_no_craft(own):
+                continue
+            i, unit = apart[0], signals[0].unit_name
+            where = c.given.get(name, f"{system.where}: default")
+            unit = f" {unit}" if unit not in ("", "1") else ""
+            yield (f"{where}: {c.name}.{signals[i].name} = {own[i]:g}{unit}, where {text} is "
+                   f"{usual[i]:g}{unit}: is it another craft's? Given as \"{text}\", or a "
+                   "multiple, it follows")  # fmt: skip
+
+
+def _of_no_craft(values: list[float]) -> bool:
+    """Whether all are 0, or they are a multiple of the identity (3, 3)."""
+    matrix = len(values) == 9 and [values[0] * (i % 4 == 0) for i in range(9)]
+    return not any(values) or values == matrix
 
 
 def _samples(system: System) -> Iterator[str]:

@@ -88,17 +88,19 @@ def draws(
 
 def _print_draws(result: dict[str, Any]) -> None:
     from ...study.drawing import pretty_unit
-    from ...study.report import number
+    from ...study.report import not_reached, number
 
     table = Table("number", box=None, header_style="bold", pad_edge=False)
     shared = ("median", "min", "max")
     for column in (*shared, *(f"draw {row['draw']}" for row in result["draws"])):
         table.add_column(column, justify="right")
     table.add_column("unit")
+    table.add_column("not reached", justify="right")
     for name, entry in result["summary"].items():
         values = [entry[key] for key in shared]
         values += [row["numbers"].get(name) for row in result["draws"]]
-        table.add_row(name, *map(number, values), pretty_unit(entry["unit"]))
+        share = not_reached(entry)
+        table.add_row(name, *map(number, values), pretty_unit(entry["unit"]), share)
     print_numbers(table)
     conditions = {r["stopped_when"]["condition"] for r in result["draws"] if r["stopped_when"]}
     if conditions:
@@ -108,16 +110,17 @@ def _print_draws(result: dict[str, Any]) -> None:
 
 def _print_differences(result: dict[str, Any]) -> None:
     from ...study.drawing import pretty_unit
-    from ...study.report import number
+    from ...study.report import not_reached, number
 
     table = Table("number", box=None, header_style="bold", pad_edge=False)
     columns = ("median", "min", "max", "lower", "higher", "equal")
     for column in columns:
         table.add_column(column, justify="right")
     table.add_column("unit")
+    table.add_column("not reached in both", justify="right")
     for name, entry in result["differences"].items():
         cells = [number(entry[column]) for column in columns]
-        table.add_row(name, *cells, pretty_unit(entry["unit"]))
+        table.add_row(name, *cells, pretty_unit(entry["unit"]), not_reached(entry))
     out.print(f"{result['scenario']} less {result['against']}, draw by draw:", highlight=False,
               markup=False)  # fmt: skip
     print_numbers(table)

@@ -76,12 +76,16 @@ def sweep(
 
 def _print(result: dict[str, Any]) -> None:
     from ...study.drawing import pretty_unit
-    from ...study.report import number
+    from ...study.report import not_reached, number
+
+    def cell(point: dict[str, Any], name: str) -> str:
+        share = not_reached(point["summary"][name]) if name in point.get("summary", {}) else ""
+        return number(point["numbers"].get(name)) + (f" (not reached: {share})" if share else "")
 
     points, units = result["points"], result["units"]
     rows = [[*result["axes"], *units]]
     rows += [
-        [*map(_shown, p["values"].values()), *(number(p["numbers"].get(n)) for n in units)]
+        [*map(_shown, p["values"].values()), *(cell(p, n) for n in units)]
         for p in points
     ]  # fmt: skip
     rows.append([*("" for _ in result["axes"]), *map(pretty_unit, units.values())])
