@@ -131,7 +131,7 @@ def digest_of(target: str, options: Options) -> str:
     modify(drafted, options)
     described = {
         "about": drafted.about, "start": drafted.start, "stop": drafted.stop,
-        "step": drafted.step, "inner": drafted.inner,
+        "step": drafted.step, "inner": drafted.inner, "accuracy": drafted.accuracy,
         "components": {
             c.name: [c.parameters, c.references, c.decimation,
                      library.load(c.fmu).sha256 if c.fmu else c.source]

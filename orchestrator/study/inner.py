@@ -1,0 +1,320 @@
+"""How many inner steps a run makes that chooses them itself: `inner = "auto"`.
+
+The system flies beforehand, unrecorded, with 1, 2, 4, ... inner steps on the FMUs and the loop of
+the run. Of two such flights the coarse one errs by about their difference (its error falls with the
+third power of the inner steps, where an event hides inside a step with the first); FACTOR times
+that is the estimate, and the first count whose estimate is below the system's `accuracy` is taken.
+
+A flight covers the whole run as long as FREE inner steps are enough for it. Where they are not, the
+estimate is carried on: in the proportion in which that of fewer inner steps has grown from there to
+the run's end, or, where none has seen that, with the power of time by which it has grown so far.
+Such a run is looked at again when it is over: where its body turned faster, was pushed harder, or
+its torques changed more than in the flights, these are made again from the state recorded there,
+and where they want more inner steps, the run is made again from its start.
+
+Nothing of it depends on a clock: the same system chooses alike everywhere.
+"""
+
+from __future__ import annotations
+
+import time
+from dataclasses import asdict, dataclass, field, replace
+from itertools import pairwise
+from math import inf, isfinite, log2
+from typing import Any
+
+import numpy as np
+from fmpy import read_model_description
+
+from desat.components.contract.block import Scalar
+
+from ..analyses import coverage, residual
+from ..analyses.coverage import Array, Body, Reached, body_of, reached
+from ..engine.ending import NEVER
+from ..engine.instances import ComponentError
+from ..engine.loop import stepping
+from ..engine.master import Master
+from ..engine.results import Results
+from ..files import library
+from ..system.errors import DesatError
+from ..system.interface import base_name
+from ..system.model import AUTO, MOST_INNER, Component, System
+from ..system.schedule import schedule
+from .derived import pointing
+from .isolation import isolated, wanted
+from .options import Options
+
+FACTOR = 3.0
+"""Estimate over difference: what a flight errs is 1 to 2 times its difference from the next, and an
+estimate is to be no less than the error."""
+LEVELS = tuple(2**i for i in range(10))
+"""Counts to choose from; the last differs from a flight with twice as many."""
+FREE = 24_000
+"""Inner steps that a flight may take."""
+GAIN = 1.2
+"""Beyond so many times what the flights have seen, a run has left their range."""
+AGAIN = 3
+"""A run is made so many times at most."""
+STEEPEST = 3.0
+"""Of the powers of time by which an estimate is carried on."""
+
+
+@dataclass(frozen=True)
+class Choice:
+    """The inner steps of a run, and how it came to them."""
+
+    inner: int
+    accuracy: float
+    """rad"""
+    estimate: float | None = None
+    """Largest error of the attitude (rad); None: not known"""
+    why: str = ""
+    """Why nothing was estimated."""
+    steps: int = 0
+    """So many steps of the run, from its start, were flown with the count that was taken."""
+    tried: dict[int, float] = field(default_factory=dict)
+    """Count -> estimate (rad)."""
+    reached: tuple[float, float, float] | None = None
+    """Of the flights that did not see the whole run: largest turning (rad/s), acceleration by
+    actuators and change of that (rad/s2)."""
+    again: list[str] = field(default_factory=list)
+    """Why the run was made again, each time."""
+    seconds: float = 0.0
+    """CPU time that choosing took"""
+
+    def told(self) -> dict[str, Any]:
+        """As the manifest has it."""
+        return {**asdict(self), "tried": {str(n): e for n, e in self.tried.items()}}
+
+    @classmethod
+    def of(cls, told: dict[str, Any]) -> Choice:
+        """From a manifest."""
+        seen = told["reached"]
+        tried = {int(n): e for n, e in told["tried"].items()}
+        return cls(**{**told, "tried": tried, "reached": seen and tuple(seen)})
+
+
+def chosen(target: str, system: System, options: Options) -> Choice | None:
+    """The choice of a checked system; None of one whose inner steps are given.
+
+    Raises DesatError, with the reason, where no count of LEVELS is accurate enough.
+    """
+    if system.inner != AUTO:
+        return None
+    began = time.process_time()
+    if why := _not_flown(system, options):
+        return Choice(1, system.accuracy, why=why)
+    try:
+        choice = _Flights(system, options).choice(target)
+    except ComponentError as error:
+        choice = Choice(1, system.accuracy, why=f"a flight beforehand failed: {error}")
+    return replace(choice, seconds=time.process_time() - began)
+
+
+def looked_at_again(
+    target: str, system: System, options: Options, choice: Choice, results: Results
+) -> Choice | None:  # fmt: skip
+    """Another choice for a run that has left the range of its flights, and is to be made again;
+    None where it has not, or where they want no more inner steps. `system` is as before the choice.
+
+    Raises DesatError as `chosen` does.
+    """
+    parts = coverage.applies(system)
+    if choice.reached is None or parts is None:
+        return None
+    began = time.process_time()
+    found = coverage.of_run({coverage.KEY: parts}, results)
+    if found is None:
+        return None
+    more = choice
+    for k, text in _left(found, choice.reached):
+        state = [results.values(name)[max(0, k - 2)] for name in parts["series"][:3]]
+        at = _from(system, float(found.times[max(0, k - 2)]), state)
+        flights = _Flights(at, options, least=more.inner)
+        try:
+            there = flights.choice(target)
+        except ComponentError:
+            continue
+        share = max(more.estimate or 0.0, there.estimate or 0.0)
+        again = [*choice.again, text] if there.inner > choice.inner else more.again
+        seen = tuple(map(max, more.reached or choice.reached, found.largest()))
+        more = replace(more, inner=there.inner, estimate=share, again=again, reached=seen)  # type: ignore[arg-type]
+    spent = choice.seconds + time.process_time() - began
+    return None if more is choice else replace(more, seconds=spent)
+
+
+def _left(found: Reached, seen: tuple[float, float, float]) -> list[tuple[int, str]]:
+    """Rows of a run where it went furthest beyond what its flights had seen, and how."""
+    rows = []
+    looks = (
+        ("turns at {:.3g} rad/s", found.turning),
+        ("is accelerated by {:.3g} rad/s2", found.pushed),
+        ("has its acceleration changed by {:.3g} rad/s2", found.changed),
+    )
+    for (text, values), most in zip(looks, seen, strict=True):
+        k = int(values.argmax()) if len(values) else 0
+        if len(values) and values[k] > GAIN * most + 1e-12:
+            how = text.format(float(values[k]))
+            rows.append((k, f"at t = {found.times[k]:g} s the body {how}, by {most:.3g} at most in "
+                            "the flights beforehand"))  # fmt: skip
+    return rows
+
+
+def _from(system: System, t: float, state: list[Array]) -> System:
+    """A system that begins at t (s) with a body in that state: attitude, rate, wheels' momenta."""
+    parts = residual.applies(system)
+    assert parts is not None
+    q, omega, h = (x.tolist() for x in state)
+    body = system.components[parts["spacecraft"]]
+    wheels = system.components[parts["wheels"].partition(".")[0]]
+    given = {"q_start_bi": q, "omega_start_body": omega, "start_frame": [0]}
+    changed = {
+        body.name: _with(body, given), wheels.name: _with(wheels, {"h_start_wheel": h})
+    }  # fmt: skip
+    return replace(system, start=t, components={**system.components, **changed})
+
+
+def _with(component: Component, given: dict[str, list[Scalar]]) -> Component:
+    values = dict(component.parameters)
+    for name, elements in given.items():
+        signals = component.interface.elements(name)
+        values |= {s.name: x for s, x in zip(signals, elements, strict=bool(signals))}
+    return replace(component, parameters=values)
+
+
+def _not_flown(system: System, options: Options) -> str:
+    """Why a system makes one inner step, where there is nothing to choose by; else nothing."""
+    if options.algorithm == "jacobi":
+        return "jacobi takes no inner steps"
+    if residual.applies(system) is None:
+        return "there is no rigid body with wheels to judge by"
+    try:
+        every = schedule(replace(system, inner=2)).rates.every
+    except DesatError as error:
+        return str(error).splitlines()[0]
+    for name in sorted(wanted(system, replace(options, isolate="all"))):
+        component = system.components[name]
+        assert component.fmu is not None
+        if component.interface.role and library.of_kind(component.fmu, "native"):
+            continue
+        if name not in isolated(system, options):
+            return f"{name} is a foreign FMU without a process of its own: it is not run twice"
+        of = read_model_description(library.load(component.fmu).folder).coSimulation
+        if every[name] == 1 and not of.canHandleVariableCommunicationStepSize:
+            return (f"{name}: {component.fmu.name} takes steps of one length only "
+                    "(canHandleVariableCommunicationStepSize)")  # fmt: skip
+    return ""
+
+
+@dataclass(frozen=True)
+class _Flight:
+    """States after each step: times (n,; s), attitude (n, 4), rate (n, 3; rad/s), momenta of the
+    wheels (n, 4; N m s), external impulse (n, 3; N m s, eci)."""
+
+    times: Array
+    q: Array
+    omega: Array
+    h: Array
+    impulse: Array
+
+
+class _Flights:
+    """Flights of a system with more and more inner steps, from `least` on."""
+
+    def __init__(self, system: System, options: Options, least: int = 1) -> None:
+        self._system, self._options = _on_natives(system), options
+        self._levels = [n for n in LEVELS if n >= least]
+        parts, body = coverage.applies(system), body_of(system)
+        assert parts is not None
+        assert body is not None
+        self._series: list[str] = parts["series"]
+        self._body: Body = body
+
+    def choice(self, target: str) -> Choice:
+        """The first count that is accurate enough. Raises DesatError, with the reason."""
+        tried: dict[int, float] = {}
+        growth: tuple[Array, int] | None = None
+        coarse = self._flown(self._levels[0])
+        for n in self._levels:
+            fine = self._flown(2 * n)
+            many = len(fine.q)
+            error = np.maximum.accumulate(np.radians(pointing(coarse.q[:many], fine.q)))
+            if growth is None or many == self._system.steps + 1:
+                growth = error, n
+            tried[n] = FACTOR * self._carried(error, growth[0])
+            if tried[n] <= self._system.accuracy:
+                seen = None
+                if many <= self._system.steps:
+                    f = [x[:many] for x in (coarse.times, coarse.q, coarse.omega, coarse.h,
+                                            coarse.impulse)]  # fmt: skip
+                    seen = reached(self._body, *f).largest()
+                return Choice(
+                    n, self._system.accuracy, tried[n], steps=many - 1, tried=tried, reached=seen
+                )
+            coarse = fine
+        raise DesatError(f"{target}: inner = auto: {self._reason(tried, error)}; take a larger "
+                         "--accuracy, or a shorter --step")  # fmt: skip
+
+    def _flown(self, inner: int) -> _Flight:
+        """A flight as long as FREE inner steps last."""
+        steps = max(min(self._system.steps, FREE // inner), min(self._system.steps, 8))
+        system = replace(self._system, inner=inner)
+        columns = {tuple(name.rsplit(".", 1)) for name in self._series}
+        master = Master(
+            system, schedule(system), watched=lambda c, s: (c, base_name(s.name)) in columns,
+            isolated=isolated(system, self._options), limit=self._options.call_limit,
+        )  # fmt: skip
+        with master:
+            master.initialise()
+            index = [
+                slot.index for name in self._series for slot in master.slots
+                if f"{slot.component}.{base_name(slot.signal.name)}" == name
+            ]  # fmt: skip
+            loop, live = stepping(master, None, NEVER, self._options.loop), master.live["Real"]
+            rows = np.empty((steps + 1, len(index)))
+            rows[0] = live[index]
+            while (k := master.k) < steps:
+                loop.some(1)
+                if master.k > k:
+                    rows[master.k] = live[index]
+        times = system.start + system.step * np.arange(steps + 1)
+        return _Flight(times, *np.split(rows, [4, 7, 11], axis=1))
+
+    def _carried(self, error: Array, whole: Array) -> float:
+        """The largest error at the run's end, of a flight that may not have come so far."""
+        here, steps = float(error[-1]), self._system.steps
+        if len(error) == steps + 1 or here == 0.0:
+            return here
+        if len(whole) > len(error):
+            here *= float(whole[-1]) / max(float(whole[len(error) - 1]), 1e-300)
+            error = whole
+        if (last := len(error) - 1) == steps:
+            return here
+        half = float(error[last // 2])
+        power = log2(float(error[-1]) / half) if half > 0.0 else STEEPEST
+        return float(here * (steps / last) ** min(max(power, 0.0), STEEPEST))
+
+    def _reason(self, tried: dict[int, float], error: Array) -> str:
+        """Why no count was accurate enough."""
+        last = max(tried)
+        text = (f"with {last} inner steps, of {MOST_INNER} at most, the attitude would still err "
+                f"by {tried[last]:.1e} rad, accuracy is {self._system.accuracy:g} rad")  # fmt: skip
+        risen = float(error[-1]) / max(float(error[len(error) // 2]), 1e-15)
+        if not isfinite(tried[last]):
+            return f"{text}: its states are not finite"
+        if risen > 100.0:
+            return f"{text}: the motion amplifies any error, {risen:.0e} times in its second half"
+        ratios = [a / b for a, b in pairwise(list(tried.values())[-4:]) if b > 0.0]
+        bound = coverage.bound(replace(self._system, inner=last)) or coverage.Bound(0.0, 0.0)
+        return (f"{text}; twice the inner steps divide that by {min(ratios, default=inf):.2g} only "
+                f"(in one: turn {bound.turn:.2g} rad, kick {bound.kick:.2g} rad)")  # fmt: skip
+
+
+def _on_natives(system: System) -> System:
+    """The system on native FMUs in place of Python FMUs and bare blocks of ours, which make the
+    same bits."""
+    components = {}
+    for name, c in system.components.items():
+        fmu = library.built(c.source) if c.fmu is None else library.of_kind(c.fmu, "native")
+        components[name] = replace(c, fmu=fmu)
+    return replace(system, components=components)
