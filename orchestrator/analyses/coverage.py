@@ -17,8 +17,8 @@ jet may spin up a craft that begins at rest. `tests/test_convergence.py` holds t
 largest that the scenarios of `ssp/gyrostat` reach, which err by 2e-5 rad at most.
 
 Beside them, what is handed on with less than mean and slope: the jitter of unbalanced wheels, of
-which the body gets the mean alone. Inside a step it turns with the wheel, so it leaves at every
-step up to unbalance Omega H / J of attitude.
+which the body gets the mean alone. Inside a step it turns with the wheel, so at every step it
+leaves up to unbalance Omega H / J of attitude.
 """
 
 from __future__ import annotations
@@ -43,6 +43,9 @@ NUMBERS = ("inner_steps", "estimated_attitude_error")
 CHOICE = "inner_choice"
 """Of the manifest: how a run came to its inner steps (`study/inner.py`)."""
 
+DECIMATED = "decimated"
+"""Of the manifest: what components cost that do not step at every step."""
+
 
 @dataclass(frozen=True)
 class Bound:
@@ -55,7 +58,7 @@ class Bound:
 LIMITS = Bound(turn=0.46, kick=0.0076)
 """Reached by heavy-wheels with its inner steps (1e-6 rad) and by saturating without (4e-6 rad)."""
 JITTER = 1e-6
-"""Attitude (rad) that jitter may leave at a step without a word."""
+"""Attitude error (rad) that jitter may leave without a word."""
 FIELD = 6e-5
 """The largest field (T) that coils meet, near a pole in low orbit."""
 TEXTS = {
@@ -147,18 +150,18 @@ def _torques(system: System, name: str, body: Body) -> Iterator[Any]:
         yield from np.cross(place, along) * _values(component, "thrust")[:, None]
 
 
-def jitter(system: System, h: Array | None = None) -> float:
-    """The attitude (rad) that jitter may leave at a step: of wheels with momentum h (4,; N m s),
-    those at the start where it is None."""
+def jitter(system: System) -> float:
+    """The attitude error (rad) that jitter leaves, which the body gets as a mean alone: about three
+    of the steps' own, unbalance Omega H / J, and less where a step is short to a wheel's turn."""
     body, parts = body_of(system), residual.applies(system)
     if body is None or parts is None:
         return 0.0
-    wheels = system.components[parts["wheels"].partition(".")[0]]
+    wheels, step = system.components[parts["wheels"].partition(".")[0]], system.step / system.parts
     spin = _values(wheels, "inertia_wheel")
-    momentum = body.h_start if h is None else h
-    speeds = np.abs(momentum[spin > 0.0] / spin[spin > 0.0])
-    across = float(np.max(_values(wheels, "unbalance"))) * float(speeds.sum())
-    return across * system.step / system.parts / float(np.linalg.eigvalsh(body.carrier)[0])
+    speeds = np.abs(body.h_start[spin > 0.0] / spin[spin > 0.0])
+    left = float(np.max(_values(wheels, "unbalance")) * (speeds * np.minimum(1.0, speeds * step
+                 )).sum())  # fmt: skip
+    return 3.0 * left * step / float(np.linalg.eigvalsh(body.carrier)[0])
 
 
 def warnings(system: System) -> list[str]:
@@ -177,8 +180,10 @@ def warnings(system: System) -> list[str]:
 
 
 def _of_jitter(left: float) -> str:
-    return (f"the jitter of unbalanced wheels is handed on as a mean over the inner step: it "
-            f"leaves up to {left:.2g} rad of attitude at each")  # fmt: skip
+    return (
+        f"the jitter of unbalanced wheels is handed on as a mean over the inner step: the "
+        f"attitude errs by about {left:.1e} rad, at the speeds of the start; {REMEDY}"
+    )
 
 
 def _beyond(numbers: Bound) -> Iterator[tuple[str, float]]:

@@ -14,7 +14,7 @@ from types import ModuleType
 from typing import Any
 
 from ..analyses import analyses, coverage
-from ..analyses.coverage import CHOICE
+from ..analyses.coverage import CHOICE, DECIMATED
 from ..engine.checkpoint import Checkpoint, remove
 from ..engine.host import no_space
 from ..engine.results import MANIFEST, SERIES, Results
@@ -140,8 +140,16 @@ def _simulated(
     manifest = describe(system, options, case.target)
     if choice is not None:
         manifest[CHOICE] = choice.told()
+    warned = list(case.checked.warnings)
+    if checkpoint is None and (slow := inner.decimated(system, options)):
+        manifest[DECIMATED] = slow
+        warned.append(
+            f"{slow['of']}: slower than the step (decimation): the attitude errs by about "
+            f"{slow['attitude']:.1e} rad and a wheel's momentum by {slow['momentum']:.1e} N m s, "
+            f"until {slow['until']:g} s"
+        )
     manifest.update(started=began.isoformat(timespec="seconds"), steps=system.steps,
-                    status="running", warnings=case.checked.warnings)  # fmt: skip
+                    status="running", warnings=warned)  # fmt: skip
     if checkpoint is not None:
         manifest = gone_on(manifest, checkpoint.told["manifest"], str(folder))
     if folder is not None:

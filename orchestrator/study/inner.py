@@ -5,12 +5,12 @@ the run. Of two such flights the coarse one errs by about their difference (its 
 third power of the inner steps, where an event hides inside a step with the first); FACTOR times
 that is the estimate, and the first count whose estimate is below the system's `accuracy` is taken.
 
-A flight covers the whole run as long as FREE inner steps are enough for it. Where they are not, the
-estimate is carried on: in the proportion in which that of fewer inner steps has grown from there to
-the run's end, or, where none has seen that, with the power of time by which it has grown so far.
-Such a run is looked at again when it is over: where its body turned faster, was pushed harder, or
-its torques changed more than in the flights, these are made again from the state recorded there,
-and where they want more inner steps, the run is made again from its start.
+A flight covers the whole run as long as LONGEST steps, and FREE inner ones, are enough. Where they
+are not, the estimate is carried on: in the proportion in which that of fewer inner steps has grown
+from there to the run's end, or, where none has seen that, with the power of time by which it has
+grown so far. Such a run is looked at again when it is over: where its body turned faster, was
+pushed harder, or its torques changed more than in the flights, these are made again from the state
+recorded there, and where they want more inner steps, the run is made again from its start.
 
 Nothing of it depends on a clock: the same system chooses alike everywhere.
 """
@@ -18,9 +18,10 @@ Nothing of it depends on a clock: the same system chooses alike everywhere.
 from __future__ import annotations
 
 import time
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, replace
 from itertools import pairwise
-from math import inf, isfinite, log2
+from math import inf, isfinite, lcm, log2
 from typing import Any
 
 import numpy as np
@@ -47,10 +48,17 @@ from .options import Options
 FACTOR = 3.0
 """Estimate over difference: what a flight errs is 1 to 2 times its difference from the next, and an
 estimate is to be no less than the error."""
+FALL = 20.0
+"""Twice the inner steps are trusted to take an error down so far at most: where two flights differ
+by less, an event may have fallen alike in both."""
 LEVELS = tuple(2**i for i in range(10))
 """Counts to choose from; the last differs from a flight with twice as many."""
-FREE = 24_000
-"""Inner steps that a flight may take."""
+FREE, LONGEST = 24_000, 6_000
+"""Inner steps, and steps, that a flight may take."""
+CARRIED = 2.0
+"""Times an estimate that is carried on beyond its flight."""
+ROUGH = 1.5
+"""Estimate over difference, where one of two flights is much finer."""
 GAIN = 1.2
 """Beyond so many times what the flights have seen, a run has left their range."""
 AGAIN = 3
@@ -111,6 +119,13 @@ def chosen(target: str, system: System, options: Options) -> Choice | None:
     return replace(choice, seconds=time.process_time() - began)
 
 
+def settled(target: str, system: System) -> System:
+    """A checked system with the inner steps that a run of it begins with. Raises DesatError as
+    `chosen` does."""
+    choice = chosen(target, system, Options())
+    return system if choice is None else replace(system, inner=choice.inner)
+
+
 def looked_at_again(
     target: str, system: System, options: Options, choice: Choice, results: Results
 ) -> Choice | None:  # fmt: skip
@@ -135,12 +150,48 @@ def looked_at_again(
             there = flights.choice(target)
         except ComponentError:
             continue
-        share = max(more.estimate or 0.0, there.estimate or 0.0)
+        # what the flights before would have come to with as many, by the second power to be safe
+        share = (more.estimate or 0.0) * (more.inner / there.inner) ** 2
+        share = max(share, there.estimate or 0.0)
         again = [*choice.again, text] if there.inner > choice.inner else more.again
         seen = tuple(map(max, more.reached or choice.reached, found.largest()))
         more = replace(more, inner=there.inner, estimate=share, again=again, reached=seen)  # type: ignore[arg-type]
     spent = choice.seconds + time.process_time() - began
     return None if more is choice else replace(more, seconds=spent)
+
+
+def decimated(system: System, options: Options) -> dict[str, Any] | None:
+    """How much a system errs as components that hand means on, or feed what does, do not step at
+    every step: attitude (rad) and a wheel's momentum (N m s), the largest over the first LONGEST
+    steps. None where all do, or where nothing can be told. `system` has its inner steps.
+
+    As many flights, one of them without these decimations, and ROUGH times their difference.
+    """
+    names = system.components
+    whole = replace(system, inner=2, components={
+        name: replace(c, decimation=1) for name, c in names.items()
+    })  # fmt: skip
+    if options.algorithm == "jacobi" or residual.applies(system) is None:
+        return None
+    if all(c.decimation == 1 for c in names.values()):
+        return None
+    try:
+        every = schedule(whole).rates.every
+        slow = [n for n, c in names.items() if c.decimation > 1 and every[n] == 1]
+        if not slow or _foreign(system, options, every):
+            return None
+        quick = {n: replace(c, decimation=1) if n in slow else c for n, c in names.items()}
+        flights = _Flights(system, options), _Flights(replace(system, components=quick), options)
+        coarse, fine = (f.flown(system.parts) for f in flights)
+    except (ComponentError, DesatError):
+        return None
+    # where a slow body's states are held, they are those of its own steps
+    rows = slice(None, None, lcm(*(names[n].decimation for n in slow)))
+    angle, gap = pointing(coarse.q[rows], fine.q[rows]), np.abs(coarse.h - fine.h)[rows]
+    return {
+        "attitude": ROUGH * float(np.radians(angle).max()), "momentum": ROUGH * float(gap.max()),
+        "until": float(coarse.times[-1]), "of": ", ".join(sorted(slow)),
+    }  # fmt: skip
 
 
 def _left(found: Reached, seen: tuple[float, float, float]) -> list[tuple[int, str]]:
@@ -192,11 +243,14 @@ def _not_flown(system: System, options: Options) -> str:
         every = schedule(replace(system, inner=2)).rates.every
     except DesatError as error:
         return str(error).splitlines()[0]
-    for name in sorted(wanted(system, replace(options, isolate="all"))):
+    return _foreign(system, options, every)
+
+
+def _foreign(system: System, options: Options, every: Mapping[str, int]) -> str:
+    """Why a system with foreign FMUs is not flown beforehand; `every` as in `Rates`."""
+    for name in sorted(wanted(system, replace(options, isolate="foreign"))):
         component = system.components[name]
         assert component.fmu is not None
-        if component.interface.role and library.of_kind(component.fmu, "native"):
-            continue
         if name not in isolated(system, options):
             return f"{name} is a foreign FMU without a process of its own: it is not run twice"
         of = read_model_description(library.load(component.fmu).folder).coSimulation
@@ -233,15 +287,17 @@ class _Flights:
     def choice(self, target: str) -> Choice:
         """The first count that is accurate enough. Raises DesatError, with the reason."""
         tried: dict[int, float] = {}
+        before = 0.0
         growth: tuple[Array, int] | None = None
-        coarse = self._flown(self._levels[0])
+        coarse = self.flown(self._levels[0])
         for n in self._levels:
-            fine = self._flown(2 * n)
+            fine = self.flown(2 * n)
             many = len(fine.q)
             error = np.maximum.accumulate(np.radians(pointing(coarse.q[:many], fine.q)))
             if growth is None or many == self._system.steps + 1:
                 growth = error, n
-            tried[n] = FACTOR * self._carried(error, growth[0])
+            differs = self._carried(error, growth[0])
+            tried[n], before = FACTOR * max(differs, before / FALL), differs
             if tried[n] <= self._system.accuracy:
                 seen = None
                 if many <= self._system.steps:
@@ -255,9 +311,9 @@ class _Flights:
         raise DesatError(f"{target}: inner = auto: {self._reason(tried, error)}; take a larger "
                          "--accuracy, or a shorter --step")  # fmt: skip
 
-    def _flown(self, inner: int) -> _Flight:
+    def flown(self, inner: int) -> _Flight:
         """A flight as long as FREE inner steps last."""
-        steps = max(min(self._system.steps, FREE // inner), min(self._system.steps, 8))
+        steps = min(self._system.steps, max(8, min(FREE // inner, LONGEST)))
         system = replace(self._system, inner=inner)
         columns = {tuple(name.rsplit(".", 1)) for name in self._series}
         master = Master(
@@ -288,6 +344,7 @@ class _Flights:
         if len(whole) > len(error):
             here *= float(whole[-1]) / max(float(whole[len(error) - 1]), 1e-300)
             error = whole
+        here *= CARRIED
         if (last := len(error) - 1) == steps:
             return here
         half = float(error[last // 2])
