@@ -291,7 +291,9 @@ def numbers(manifest: dict[str, Any], results: Results) -> dict[str, dict[str, A
 
 def remarks(manifest: dict[str, Any], results: Results) -> list[str]:
     """Where a run with given inner steps has left the range, a line each."""
-    if manifest.get(CHOICE) is not None or manifest["algorithm"] != "conserving":
+    choice = manifest.get(CHOICE)
+    looked = choice is not None and choice["estimate"] is not None
+    if looked or manifest["algorithm"] != "conserving":
         return []
     found = of_run(manifest, results)
     if found is None:

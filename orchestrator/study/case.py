@@ -141,6 +141,8 @@ def _simulated(
     if choice is not None:
         manifest[CHOICE] = choice.told()
     warned = list(case.checked.warnings)
+    if choice is not None and choice.estimate is None:
+        warned += coverage.warnings(system)
     if checkpoint is None and (slow := inner.decimated(system, options)):
         manifest[DECIMATED] = slow
         warned.append(

@@ -3,7 +3,9 @@
 The system flies beforehand, unrecorded, with 1, 2, 4, ... inner steps on the FMUs and the loop of
 the run. Of two such flights the coarse one errs by about their difference (its error falls with the
 third power of the inner steps, where an event hides inside a step with the first); FACTOR times
-that is the estimate, and the first count whose estimate is below the system's `accuracy` is taken.
+that is the estimate. The first count whose estimate is below the system's `accuracy` is held
+against a flight with FAR times as many too, for two may err alike (a wheel's friction is integrated
+in parts of its own); where that bears it out, it is taken.
 
 A flight covers the whole run as long as LONGEST steps, and FREE inner ones, are enough. Where they
 are not, the estimate is carried on: in the proportion in which that of fewer inner steps has grown
@@ -19,7 +21,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, astuple, dataclass, field, replace
 from itertools import pairwise
 from math import inf, isfinite, lcm, log2
 from typing import Any
@@ -45,16 +47,19 @@ from .derived import pointing
 from .isolation import isolated, wanted
 from .options import Options
 
-FACTOR = 3.0
-"""Estimate over difference: what a flight errs is 1 to 2 times its difference from the next, and an
-estimate is to be no less than the error."""
-FALL = 20.0
-"""Twice the inner steps are trusted to take an error down so far at most: where two flights differ
-by less, an event may have fallen alike in both."""
+FACTOR = 2.0
+"""Estimate over difference: an estimate is to be no less than the error, and that of a flight is
+once to twice its difference from the next."""
 LEVELS = tuple(2**i for i in range(10))
-"""Counts to choose from; the last differs from a flight with twice as many."""
-FREE, LONGEST = 24_000, 6_000
+"""Counts to choose from."""
+FAR, FARTHEST = 4, 2 * LEVELS[-1]
+LEAST_FAR = 16
+"""Times as many inner steps, at least so many and at most so many, that the flight makes by which a
+count is judged in the end."""
+FREE, LONGEST = 120_000, 6_000
 """Inner steps, and steps, that a flight may take."""
+LOOK = 1_000
+"""Steps that one may take when a run is looked at again."""
 CARRIED = 2.0
 """Times an estimate that is carried on beyond its flight."""
 ROUGH = 1.5
@@ -145,7 +150,7 @@ def looked_at_again(
     for k, text in _left(found, choice.reached):
         state = [results.values(name)[max(0, k - 2)] for name in parts["series"][:3]]
         at = _from(system, float(found.times[max(0, k - 2)]), state)
-        flights = _Flights(at, options, least=more.inner)
+        flights = _Flights(at, options, more.inner, LOOK)
         try:
             there = flights.choice(target)
         except ComponentError:
@@ -275,35 +280,34 @@ class _Flight:
 class _Flights:
     """Flights of a system with more and more inner steps, from `least` on."""
 
-    def __init__(self, system: System, options: Options, least: int = 1) -> None:
-        self._system, self._options = _on_natives(system), options
+    def __init__(
+        self, system: System, options: Options, least: int = 1, longest: int = LONGEST
+    ) -> None:
+        self._system, self._options, self._longest = _on_natives(system), options, longest
         self._levels = [n for n in LEVELS if n >= least]
         parts, body = coverage.applies(system), body_of(system)
         assert parts is not None
         assert body is not None
         self._series: list[str] = parts["series"]
         self._body: Body = body
+        self._longest_error: Array | None = None
 
     def choice(self, target: str) -> Choice:
         """The first count that is accurate enough. Raises DesatError, with the reason."""
         tried: dict[int, float] = {}
-        before = 0.0
-        growth: tuple[Array, int] | None = None
         coarse = self.flown(self._levels[0])
         for n in self._levels:
             fine = self.flown(2 * n)
-            many = len(fine.q)
-            error = np.maximum.accumulate(np.radians(pointing(coarse.q[:many], fine.q)))
-            if growth is None or many == self._system.steps + 1:
-                growth = error, n
-            differs = self._carried(error, growth[0])
-            tried[n], before = FACTOR * max(differs, before / FALL), differs
+            tried[n], error = self._estimate(coarse, fine)
+            far = min(max(FAR * n, LEAST_FAR), FARTHEST)
+            if tried[n] <= self._system.accuracy and far > 2 * n:
+                sure, seen_far = self._estimate(coarse, self.flown(far, FREE // 3))
+                short = len(seen_far) < len(error)
+                tried[n] = max(tried[n], sure) if short else sure
             if tried[n] <= self._system.accuracy:
-                seen = None
+                seen, many = None, len(error)
                 if many <= self._system.steps:
-                    f = [x[:many] for x in (coarse.times, coarse.q, coarse.omega, coarse.h,
-                                            coarse.impulse)]  # fmt: skip
-                    seen = reached(self._body, *f).largest()
+                    seen = reached(self._body, *(x[:many] for x in astuple(coarse))).largest()
                 return Choice(
                     n, self._system.accuracy, tried[n], steps=many - 1, tried=tried, reached=seen
                 )
@@ -311,9 +315,9 @@ class _Flights:
         raise DesatError(f"{target}: inner = auto: {self._reason(tried, error)}; take a larger "
                          "--accuracy, or a shorter --step")  # fmt: skip
 
-    def flown(self, inner: int) -> _Flight:
-        """A flight as long as FREE inner steps last."""
-        steps = min(self._system.steps, max(8, min(FREE // inner, LONGEST)))
+    def flown(self, inner: int, free: int = FREE) -> _Flight:
+        """A flight as long as so many inner steps last."""
+        steps = min(self._system.steps, max(8, min(free // inner, self._longest)))
         system = replace(self._system, inner=inner)
         columns = {tuple(name.rsplit(".", 1)) for name in self._series}
         master = Master(
@@ -336,6 +340,15 @@ class _Flights:
         times = system.start + system.step * np.arange(steps + 1)
         return _Flight(times, *np.split(rows, [4, 7, 11], axis=1))
 
+    def _estimate(self, coarse: _Flight, fine: _Flight) -> tuple[float, Array]:
+        """What a flight errs (rad) at the run's end, by one with more inner steps; and the largest
+        difference until each of the rows that both have (rad)."""
+        many = min(len(coarse.q), len(fine.q))
+        error = np.maximum.accumulate(np.radians(pointing(coarse.q[:many], fine.q[:many])))
+        if self._longest_error is None or many == self._system.steps + 1:
+            self._longest_error = error
+        return FACTOR * self._carried(error, self._longest_error), error
+
     def _carried(self, error: Array, whole: Array) -> float:
         """The largest error at the run's end, of a flight that may not have come so far."""
         here, steps = float(error[-1]), self._system.steps
@@ -355,7 +368,7 @@ class _Flights:
         """Why no count was accurate enough."""
         last = max(tried)
         text = (f"with {last} inner steps, of {MOST_INNER} at most, the attitude would still err "
-                f"by {tried[last]:.1e} rad, accuracy is {self._system.accuracy:g} rad")  # fmt: skip
+                f"by {tried[last]:.2e} rad, accuracy is {self._system.accuracy:g} rad")  # fmt: skip
         risen = float(error[-1]) / max(float(error[len(error) // 2]), 1e-15)
         if not isfinite(tried[last]):
             return f"{text}: its states are not finite"
