@@ -57,6 +57,8 @@ class Bound:
 
 LIMITS = Bound(turn=0.46, kick=0.0076)
 """Reached by heavy-wheels with its inner steps (1e-6 rad) and by saturating without (4e-6 rad)."""
+TOGETHER = 0.0103
+"""The limit of `kick` after a run, when it is that of all actuators together (rad): saturating."""
 JITTER = 1e-6
 """Attitude error (rad) that jitter may leave without a word."""
 FIELD = 6e-5
@@ -173,7 +175,10 @@ def warnings(system: System) -> list[str]:
         return []
     kicks = dict(_kicks(system, body, system.step / system.parts))
     who = max(kicks, key=lambda name: kicks[name], default="")
-    lines = [_line(name, value, TEXTS[name].format(who)) for name, value in _beyond(numbers)]
+    lines = [
+        _line(TEXTS[name].format(who), value, getattr(LIMITS, name))
+        for name, value in _beyond(numbers)
+    ]
     if (left := jitter(system)) > JITTER:
         lines.append(_of_jitter(left))
     return lines
@@ -192,9 +197,8 @@ def _beyond(numbers: Bound) -> Iterator[tuple[str, float]]:
             yield f.name, value
 
 
-def _line(name: str, value: float, what: str) -> str:
-    return (f"{what}: {value:.3g} rad, accuracy is shown up to {getattr(LIMITS, name):g} rad only: "
-            f"{REMEDY}")  # fmt: skip
+def _line(what: str, value: float, limit: float) -> str:
+    return f"{what}: {value:.3g} rad, accuracy is shown up to {limit:g} rad only: {REMEDY}"
 
 
 def _has(component: Component, name: str) -> bool:
@@ -256,11 +260,6 @@ def signals(parts: dict[str, Any]) -> list[str]:
     return []
 
 
-def balanced(parts: dict[str, Any]) -> list[str]:
-    """None beyond."""
-    return []
-
-
 def of_run(manifest: dict[str, Any], results: Results) -> Reached | None:
     """Of a run; None where there is no such body, or not all of it is recorded."""
     parts = manifest.get(KEY)
@@ -299,13 +298,15 @@ def remarks(manifest: dict[str, Any], results: Results) -> list[str]:
     if found is None:
         return []
     step = manifest["step"] / manifest["inner"]
-    rows = {"turn": step * found.turning, "kick": step**2 * found.pushed}
+    rows = (
+        ("turn", step * found.turning, LIMITS.turn), ("kick", step**2 * found.pushed, TOGETHER)
+    )  # fmt: skip
     lines = []
-    for name, values in rows.items():
+    for name, values, limit in rows:
         k = int(values.argmax())
-        if values[k] > getattr(LIMITS, name) * (1.0 + 1e-9):
+        if values[k] > limit * (1.0 + 1e-9):
             at = f"at t = {found.times[k]:g} s, {TEXTS[name].format('all actuators')}"
-            lines.append(_line(name, float(values[k]), at))
+            lines.append(_line(at, float(values[k]), limit))
     return lines
 
 

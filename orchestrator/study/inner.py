@@ -118,7 +118,7 @@ def chosen(target: str, system: System, options: Options) -> Choice | None:
     if why := _not_flown(system, options):
         return Choice(1, system.accuracy, why=why)
     try:
-        choice = _Flights(system, options).choice(target)
+        choice = _Flights(system, options, 1, LONGEST).choice(target)
     except ComponentError as error:
         choice = Choice(1, system.accuracy, why=f"a flight beforehand failed: {error}")
     return replace(choice, seconds=time.process_time() - began)
@@ -186,8 +186,10 @@ def decimated(system: System, options: Options) -> dict[str, Any] | None:
         if not slow or _foreign(system, options, every):
             return None
         quick = {n: replace(c, decimation=1) if n in slow else c for n, c in names.items()}
-        flights = _Flights(system, options), _Flights(replace(system, components=quick), options)
-        coarse, fine = (f.flown(system.parts) for f in flights)
+        coarse, fine = (
+            _Flights(replace(system, components=of), options, 1, LONGEST).flown(system.parts)
+            for of in (names, quick)
+        )
     except (ComponentError, DesatError):
         return None
     # where a slow body's states are held, they are those of its own steps
@@ -278,11 +280,10 @@ class _Flight:
 
 
 class _Flights:
-    """Flights of a system with more and more inner steps, from `least` on."""
+    """Flights of a system with more and more inner steps, from `least` on, of `longest` steps at
+    most."""
 
-    def __init__(
-        self, system: System, options: Options, least: int = 1, longest: int = LONGEST
-    ) -> None:
+    def __init__(self, system: System, options: Options, least: int, longest: int) -> None:
         self._system, self._options, self._longest = _on_natives(system), options, longest
         self._levels = [n for n in LEVELS if n >= least]
         parts, body = coverage.applies(system), body_of(system)
