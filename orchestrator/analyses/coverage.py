@@ -31,7 +31,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..engine.results import Results
-from ..system.interface import base_name
 from ..system.model import AUTO, Component, System
 from ..system.parameters import value_of
 from . import residual
@@ -141,29 +140,22 @@ def _torques(system: System, name: str, body: Body) -> Iterator[Any]:
         torque = _values(component, "schedule_tau_body").reshape(-1, 3)
         for t in begin[long > 0.0]:
             yield torque[(long > 0.0) & (begin <= t) & (t < begin + long)].sum(axis=0)
-    if not any(c.target == name and base_name(c.input) == "tau_cmd_thruster_body"
-               for c in system.connections):  # fmt: skip
-        return
-    if _has(component, "tau_level"):
-        yield from np.diag(_values(component, "tau_level"))
-    if _has(component, "position_nozzle"):
-        place, along = (_values(component, f"{n}_nozzle").reshape(-1, 3)
-                        for n in ("position", "direction"))  # fmt: skip
-        yield from np.cross(place, along) * _values(component, "thrust")[:, None]
 
 
-def jitter(system: System) -> float:
-    """The attitude error (rad) that jitter leaves, which the body gets as a mean alone: about three
-    of the steps' own, unbalance Omega H / J, and less where a step is short to a wheel's turn."""
-    body, parts = body_of(system), residual.applies(system)
-    if body is None or parts is None:
-        return 0.0
-    wheels, step = system.components[parts["wheels"].partition(".")[0]], system.step / system.parts
-    spin = _values(wheels, "inertia_wheel")
-    speeds = np.abs(body.h_start[spin > 0.0] / spin[spin > 0.0])
-    left = float(np.max(_values(wheels, "unbalance")) * (speeds * np.minimum(1.0, speeds * step
-                 )).sum())  # fmt: skip
-    return 3.0 * left * step / float(np.linalg.eigvalsh(body.carrier)[0])
+def jitter(parts: dict[str, Any], speeds: Array, step: float) -> float:
+    """The attitude error (rad) that jitter leaves with wheels at such speeds (n, 4; rad/s), which
+    the body gets as a mean over an inner step (s): about three of the steps' own, unbalance Omega H
+    / J, and less where a step is short to a wheel's turn. `parts` as of `applies`."""
+    fast = np.abs(speeds)
+    turned = (fast * np.minimum(1.0, fast * step)).sum(axis=1).max(initial=0.0)
+    least = float(np.linalg.eigvalsh(np.array(parts["carrier"]))[0])
+    return float(3.0 * parts["unbalance"] * turned * step / least)
+
+
+def _speeds(parts: dict[str, Any], h: Array) -> Array:
+    """Of wheels with momenta h (n, 4; N m s), rad/s; the body's rate is small beside."""
+    spin = np.array(parts["inertia_wheel"])
+    return np.asarray(np.divide(h, spin, out=np.zeros_like(h), where=spin > 0.0))
 
 
 def warnings(system: System) -> list[str]:
@@ -179,16 +171,17 @@ def warnings(system: System) -> list[str]:
         _line(TEXTS[name].format(who), value, getattr(LIMITS, name))
         for name, value in _beyond(numbers)
     ]
-    if (left := jitter(system)) > JITTER:
-        lines.append(_of_jitter(left))
-    return lines
+    parts = applies(system) or {}
+    left = jitter(parts, _speeds(parts, body.h_start[None]), system.step / system.parts)
+    return lines + _of_jitter(left, "at the speeds of the start")
 
 
-def _of_jitter(left: float) -> str:
-    return (
-        f"the jitter of unbalanced wheels is handed on as a mean over the inner step: the "
-        f"attitude errs by about {left:.1e} rad, at the speeds of the start; {REMEDY}"
-    )
+def _of_jitter(left: float, when: str) -> list[str]:
+    """A line where it is worth one."""
+    if left <= JITTER:
+        return []
+    return [f"the jitter of unbalanced wheels is handed on as a mean over the inner step: the "
+            f"attitude errs by about {left:.1e} rad, {when}; {REMEDY}"]  # fmt: skip
 
 
 def _beyond(numbers: Bound) -> Iterator[tuple[str, float]]:
@@ -250,8 +243,11 @@ def applies(system: System) -> dict[str, Any] | None:
         return None
     craft = parts["spacecraft"]
     series = [f"{craft}.q_bi", f"{craft}.omega_bi_body", parts["wheels"], f"{craft}.impulse_eci"]
+    wheels = system.components[parts["wheels"].partition(".")[0]]
     return {
         "series": series, "axes_wheel": body.axes.tolist(), "carrier": body.carrier.tolist(),
+        "inertia_wheel": _values(system.components[craft], "inertia_wheel").tolist(),
+        "unbalance": float(_values(wheels, "unbalance").max()),
     }  # fmt: skip
 
 
@@ -307,7 +303,9 @@ def remarks(manifest: dict[str, Any], results: Results) -> list[str]:
         if values[k] > limit * (1.0 + 1e-9):
             at = f"at t = {found.times[k]:g} s, {TEXTS[name].format('all actuators')}"
             lines.append(_line(at, float(values[k]), limit))
-    return lines
+    parts = manifest[KEY]
+    h = results.values(parts["series"][2])
+    return lines + _of_jitter(jitter(parts, _speeds(parts, h), step), "at their largest speeds")
 
 
 def unmet(manifest: dict[str, Any], results: Results) -> list[str]:
