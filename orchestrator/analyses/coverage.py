@@ -58,6 +58,8 @@ LIMITS = Bound(turn=0.46, kick=0.0076)
 """Reached by heavy-wheels with its inner steps (1e-6 rad) and by saturating without (4e-6 rad)."""
 TOGETHER = 0.0103
 """The limit of `kick` after a run, when it is that of all actuators together (rad): saturating."""
+AT_RANDOM = 8.0
+"""What steps leave of jitter adds up, in this way and that, to about so many of the largest."""
 JITTER = 1e-6
 """Attitude error (rad) that jitter may leave without a word."""
 FIELD = 6e-5
@@ -144,12 +146,12 @@ def _torques(system: System, name: str, body: Body) -> Iterator[Any]:
 
 def jitter(parts: dict[str, Any], speeds: Array, step: float) -> float:
     """The attitude error (rad) that jitter leaves with wheels at such speeds (n, 4; rad/s), which
-    the body gets as a mean over an inner step (s): about three of the steps' own, unbalance Omega H
+    the body gets as a mean over an inner step (s): AT_RANDOM of the steps' own, unbalance Omega H
     / J, and less where a step is short to a wheel's turn. `parts` as of `applies`."""
     fast = np.abs(speeds)
     turned = (fast * np.minimum(1.0, fast * step)).sum(axis=1).max(initial=0.0)
     least = float(np.linalg.eigvalsh(np.array(parts["carrier"]))[0])
-    return float(3.0 * parts["unbalance"] * turned * step / least)
+    return float(AT_RANDOM * parts["unbalance"] * turned * step / least)
 
 
 def _speeds(parts: dict[str, Any], h: Array) -> Array:

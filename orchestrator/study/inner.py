@@ -90,6 +90,8 @@ class Choice:
     reached: tuple[float, float, float] | None = None
     """Of the flights that did not see the whole run: largest turning (rad/s), acceleration by
     actuators and change of that (rad/s2)."""
+    flown: int = 0
+    """Inner steps of all flights"""
     again: list[str] = field(default_factory=list)
     """Why the run was made again, each time."""
     seconds: float = 0.0
@@ -160,7 +162,10 @@ def looked_at_again(
         share = max(share, there.estimate or 0.0)
         again = [*choice.again, text] if there.inner > choice.inner else more.again
         seen = tuple(map(max, more.reached or choice.reached, found.largest()))
-        more = replace(more, inner=there.inner, estimate=share, again=again, reached=seen)  # type: ignore[arg-type]
+        more = replace(
+            more, inner=there.inner, estimate=share, again=again, reached=seen,  # type: ignore[arg-type]
+            flown=more.flown + there.flown,
+        )  # fmt: skip
     spent = choice.seconds + time.process_time() - began
     return None if more is choice else replace(more, seconds=spent)
 
@@ -292,6 +297,7 @@ class _Flights:
         self._series: list[str] = parts["series"]
         self._body: Body = body
         self._longest_error: Array | None = None
+        self._steps = 0
 
     def choice(self, target: str) -> Choice:
         """The first count that is accurate enough. Raises DesatError, with the reason."""
@@ -310,8 +316,9 @@ class _Flights:
                 if many <= self._system.steps:
                     seen = reached(self._body, *(x[:many] for x in astuple(coarse))).largest()
                 return Choice(
-                    n, self._system.accuracy, tried[n], steps=many - 1, tried=tried, reached=seen
-                )
+                    n, self._system.accuracy, tried[n], steps=many - 1, tried=tried, reached=seen,
+                    flown=self._steps,
+                )  # fmt: skip
             coarse = fine
         raise DesatError(f"{target}: inner = auto: {self._reason(tried, error)}; take a larger "
                          "--accuracy, or a shorter --step")  # fmt: skip
@@ -319,6 +326,7 @@ class _Flights:
     def flown(self, inner: int, free: int = FREE) -> _Flight:
         """A flight as long as so many inner steps last."""
         steps = min(self._system.steps, max(8, min(free // inner, self._longest)))
+        self._steps += steps * inner
         system = replace(self._system, inner=inner)
         columns = {tuple(name.rsplit(".", 1)) for name in self._series}
         master = Master(
