@@ -116,7 +116,8 @@ def cases(
 ) -> Dataset:
     """Make the cases of a campaign that its folder has not yet, and its report; return it as `load`
     does. What `desat campaign run` does: `sets`, `stop`, `step`, `options` as for `run`; `keep`,
-    `limit` (s), `cluster`, `accept_versions` as its options; `curves`: plots by name, None the first.
+    `limit` (s), `cluster`, `accept_versions` as its options; `curves`: plots by name, None the
+    first.
 
     The caller's script needs `if __name__ == "__main__":`, as there are processes. Raises
     DesatError for wrong input, and where the folder has another campaign.

@@ -86,7 +86,7 @@ def test_runs_do_not_overwrite(desat, tmp_path):
         (("run", NAME, "--set", "manager.duty=x"), "--set manager.duty=x: manager.duty: "),
         (("run", NAME, "--step", "7"), "--step 7: 600 s is not a multiple of the step 7 s"),
         (("run", NAME, "--stop", "1e300"), "steps of 10 s; at most 1e+12 are made"),
-        (("run", NAME, "--inner", "0"), "desat run: Invalid value for '--inner': Input should be"),
+        (("run", NAME, "--inner", "0"), "inner = 0: auto is needed, or an integer from 1 to 1000"),
         (("run", NAME, "--step", "-1"), "a positive number is needed"),
         (("run", NAME, "--set", "torquers.duty_max=0.95"), "pulse_delay + duty_max * sample_time"),
         (("tables", "uosat13"), "no family uosat13; did you mean uosat12?"),

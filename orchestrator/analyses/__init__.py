@@ -10,6 +10,7 @@ A module of this folder that has `applies` is an analysis:
     def balanced(parts) -> list of series           # more, where BOUND_KEY or a requirement asks
     def unmet(manifest, results) -> list of lines   # what of it is not as it ought to be
     def figures(manifest, results) -> [(caption, svg)]
+    def remarks(manifest, results) -> list of lines # what to beware of, if it has any
 
 and one that has `warnings(system) -> [line]` says what to beware of in a checked system.
 """

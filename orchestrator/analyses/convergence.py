@@ -14,6 +14,7 @@ from ..study.case import Options, prepare, simulate
 from ..study.drawing import COLOURS, DASHED, figure
 from ..study.ticks import Ticks
 from ..system.errors import DesatError
+from .coverage import CHOICE
 from .estimate import companion, difference, estimate
 from .reference import Gyrostat, Trajectory
 
@@ -52,6 +53,8 @@ class Flown:
     residual: float
     delayed: Trajectory | None = None
     note: str = ""
+    choice: dict[str, Any] | None = None
+    """How it came to its inner steps, where it chose them."""
 
 
 def fly(target: str, options: Options) -> Flown:
@@ -66,6 +69,7 @@ def fly(target: str, options: Options) -> Flown:
         run.results.values("wheels.h_wheel")[::every],
         run.manifest["numbers"]["momentum_residual"]["value"],
     )
+    flown.choice = run.manifest.get(CHOICE)
     run.results.close()
     if options.algorithm == "jacobi":
         try:
@@ -94,7 +98,9 @@ def study(
     algorithms: tuple[Algorithm, ...] = ALGORITHMS, jobs: int = 2, progress: bool = False,
 ) -> dict[str, Any]:  # fmt: skip
     """Rows for every algorithm and step (s; default: the scenario's and three finer ones), and the
-    observed order of the conserving master."""
+    observed order of the conserving master; `inner = "auto"` is one here, for what it chooses
+    depends on the step."""
+    options = replace(options, inner=prepare(target, options).or_raise()[0].parts)
     if steps is None:
         own = prepare(target, options).or_raise()[0].step
         steps = tuple(own * share for share in STEPS)

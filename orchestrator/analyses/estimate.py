@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..study.case import Run, execute, prepare
+from ..study.case import Run, execute
 from ..study.derived import pointing
 from ..study.options import Options
 from ..system.errors import DesatError
@@ -48,7 +48,7 @@ def estimate(q: Array, h: Array, q_finer: Array, h_finer: Array) -> tuple[float,
 
 def companion(system: System, options: Options) -> Options:
     """The options of a checked system's companion; `options` are those of its run."""
-    return replace(options, inner=FINER * system.inner)
+    return replace(options, inner=FINER * system.parts)
 
 
 def add(run: Run, target: str, options: Options) -> None:
@@ -62,7 +62,7 @@ def add(run: Run, target: str, options: Options) -> None:
     names = (f"{body['spacecraft']}.q_bi", body["wheels"])
     if missing := set(names) - set(run.results.names()):
         raise DesatError(f"--estimate: not recorded: {', '.join(sorted(missing))}")
-    finer = replace(companion(prepare(target, options).or_raise()[0], options), record=names)
+    finer = replace(options, inner=FINER * run.manifest["inner"], record=names)
     other = execute(target, finer).or_raise(f"{target}, companion run")
     same = np.searchsorted(other.results.times(names[0]), run.results.times(names[0]) - 1e-9)
     values = estimate(

@@ -17,7 +17,7 @@ from rich.table import Table
 from rich.text import Text
 
 from ..system.codes import Exit
-from ..system.errors import plain
+from ..system.errors import DesatError, plain
 
 if TYPE_CHECKING:
     from ..engine.master import Algorithm
@@ -154,10 +154,15 @@ Sources = Annotated[
 Stop = Annotated[float | None, typer.Option(help="Stop time, s.")]
 Step = Annotated[float | None, typer.Option(help="Step, s.")]
 Inner = Annotated[
-    int | None,
-    typer.Option(min=1, max=1000,
+    str | None,
+    typer.Option(metavar="N|auto",
                  help="Inner steps, within each step, of actuators and body: more of them exchange "
-                 "torques more exactly."),
+                 "torques more exactly; auto: as many as --accuracy needs."),
+]  # fmt: skip
+Accuracy = Annotated[
+    float | None,
+    typer.Option(metavar="RAD",
+                 help="Attitude error, as the run estimates it, that --inner auto keeps below."),
 ]  # fmt: skip
 Alg = Annotated[
     Semantics,
@@ -217,11 +222,20 @@ def options_of(
         from ..files.trust import hashes
 
         more["trusted"] = hashes(trust)
+    if (inner := more.get("inner")) is not None:
+        more["inner"] = inner if inner == "auto" else _whole(f"--inner {inner}", inner)
     name: Algorithm = "jacobi" if algorithm is Semantics.jacobi else "conserving"
     return Options(
         sets=list(sets or []), sources=list(sources or []), stop=stop, step=step, algorithm=name,
         blocks=blocks, output_classes=overrides, **more,
     )  # fmt: skip
+
+
+def _whole(where: str, text: str) -> int:
+    try:
+        return int(text)
+    except ValueError:
+        raise DesatError(f"{where}: an integer or auto is needed") from None
 
 
 def warn(texts: list[str]) -> None:

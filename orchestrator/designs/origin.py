@@ -55,7 +55,7 @@ def made_of(
         "start": draft.start,
         "stop": draft.stop,
         "step": draft.step,
-        **({"inner": draft.inner} if draft.inner > 1 else {}),
+        **({"inner": draft.inner} if draft.inner != 1 else {}),
         "wiring": _digest(wiring),
         **{f"design.{k}": v for k, v in scenario.data["design"].items() if k != "assume"},
     }

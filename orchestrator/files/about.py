@@ -10,7 +10,7 @@ from ..system.errors import DesatError, nearest
 from .contents import contents
 
 KEYS = ("title", "story", "source", "twin", "numbers", "plots", "output_classes", "labels",
-        "dispersions", "requirements", "inner", "stop_when", "residual_bound",
+        "dispersions", "requirements", "inner", "accuracy", "stop_when", "residual_bound",
         "impulse_bound")  # fmt: skip
 _OWN = ("name", "cell", "labels")
 """Keys beside those of the language."""

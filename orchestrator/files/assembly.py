@@ -28,7 +28,8 @@ def draft(
         if key in data:
             setattr(made, key, float(data[key]))
             made.given[key] = ": ".join(given((key,)))
-    made.inner = data.get("inner", 1)
+    made.inner = data.get("inner", made.inner)
+    made.accuracy = float(data.get("accuracy", made.accuracy))
     for output, of in data.get("output_classes", {}).items():
         made.output_classes[output] = of
         made.given[output] = ": ".join(given(("output_classes", output)))

@@ -12,6 +12,7 @@ from typing import Annotated, Any, ClassVar, Literal, Self
 
 from pydantic import AfterValidator, Field, FiniteFloat, model_validator
 
+from ..system.model import ACCURACY, MOST_INNER
 from .language_paper import PaperRow
 from .vocabulary import (
     MeanAndDeviation,
@@ -244,8 +245,13 @@ class Scenario(Table):
     ssd: Text = key("the wiring as an SSD kept by hand, in place of a craft file")
     start: FiniteFloat = key("start time", "s")
     step: FiniteFloat = key("the master's step", "s")
-    inner: Annotated[int, Field(ge=1, le=1000)] = key(
-        "inner steps, within each step, of what hands means over the step on (actuators and body)"
+    inner: Annotated[int, Field(ge=1, le=MOST_INNER)] | Literal["auto"] = key(
+        "inner steps, within each step, of what hands means over the step on (actuators and body); "
+        "auto, the default: a run chooses them by `accuracy`"
+    )
+    accuracy: Annotated[FiniteFloat, Field(gt=0.0)] = key(
+        f"attitude error that `inner = auto` keeps below, as the run estimates it; {ACCURACY:g}",
+        "rad",
     )
     stop: FiniteFloat = key("stop time", "s")
     residual_bound: Annotated[FiniteFloat, Field(gt=0.0)] = key(

@@ -11,6 +11,7 @@ import io
 import json
 import os
 import zipfile
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -25,10 +26,12 @@ from .ssp import ABOUT, FILE, OMS, OSP, SSC, SSD, SSV
 
 
 def pack_scenario(
-    scenario: Scenario, target: Path | None = None, force: bool = False, fmus: str = "python"
-) -> Path:
+    scenario: Scenario, target: Path | None = None, force: bool = False, fmus: str = "python",
+    choose: Callable[[System], System] | None = None,
+) -> Path:  # fmt: skip
     """Check a scenario, write its .ssp (default: among the packed ones) unless it is newer than
-    all that it is made of, and return its path.
+    all that it is made of, and return its path. `choose` gives a system with `inner = "auto"` the
+    inner steps that a run of it takes; without it a run of the archive chooses.
 
     Raises DesatError with every problem of the scenario.
     """
@@ -42,7 +45,7 @@ def pack_scenario(
     if not force and path.exists() and path.stat().st_mtime_ns > newest:
         return path
     system, _ = check(scenario.draft()).or_raise()
-    pack(system, path, fmus)
+    pack(choose(system) if choose is not None else system, path, fmus)
     return path
 
 
@@ -108,8 +111,9 @@ def pack(system: System, target: Path, fmus: str = "python") -> None:
     _annotate_for_omsimulator(top, system)
     _default_experiment(root, system)
     members[FILE] = _text(root)
-    if system.about:
-        members[ABOUT] = json.dumps(system.about, indent=1, sort_keys=True).encode()
+    if system.about or system.parts > 1:
+        about = {**system.about, "inner": system.inner}
+        members[ABOUT] = json.dumps(about, indent=1, sort_keys=True).encode()
     _write_archive(members, target)
 
 

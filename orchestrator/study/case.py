@@ -8,14 +8,15 @@ import shutil
 import signal
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-from ..analyses import analyses
-from ..engine.checkpoint import Checkpoint
+from ..analyses import analyses, coverage
+from ..analyses.coverage import CHOICE, DECIMATED
+from ..engine.checkpoint import Checkpoint, remove
 from ..engine.host import no_space
 from ..engine.results import MANIFEST, SERIES, Results
 from ..engine.unwritten import Layout, Unwritten, recover
@@ -23,7 +24,8 @@ from ..files import library
 from ..system.codes import Exit
 from ..system.errors import DesatError, RunError
 from ..system.model import System
-from . import stopping, supervise
+from ..system.schedule import schedule
+from . import inner, stopping, supervise
 from .manifest import describe, end_manifest, gone_on, numbers, read_manifest
 from .options import Options, as_arguments
 from .prepare import Case, load, prepare
@@ -86,11 +88,71 @@ def simulate(
     KeyboardInterrupt or SystemExit where a signal stops it before it has begun.
     """
     system, _ = case.or_raise()
+    choice = inner.chosen(case.target, system, case.options) if checkpoint is None else None
+    if checkpoint is not None and (told := checkpoint.told["manifest"].get(CHOICE)):
+        choice = inner.Choice.of(told)
+    for left in reversed(range(inner.AGAIN)):
+        run = _simulated(_with_inner(case, choice), choice, folder, progress, checkpoint)
+        if choice is None or not run.ok:
+            break
+        more = inner.looked_at_again(case.target, system, case.options, choice, run.results)
+        if more is None:
+            break
+        if more.inner == choice.inner or not left:
+            _tell(run, more, folder)
+            break
+        run.results.close()
+        if folder is not None:
+            remove(folder)
+        choice, checkpoint = more, None
+    return run
+
+
+def _with_inner(case: Case, choice: inner.Choice | None) -> Case:
+    """A case with the inner steps that were chosen."""
+    if choice is None or case.checked.system is None:
+        return case
+    system = replace(case.checked.system, inner=choice.inner)
+    checked = replace(case.checked, system=system, schedule=schedule(system))
+    return replace(case, checked=checked)
+
+
+def _tell(run: Run, choice: inner.Choice, folder: Path | None) -> None:
+    """Put what a second look has given into a run's manifest."""
+    run.manifest[CHOICE] = choice.told()
+    run.manifest["numbers"].update(coverage.numbers(run.manifest, run.results))
+    if choice.inner != run.manifest["inner"]:
+        run.manifest["warnings"].append(
+            f"made {inner.AGAIN} times, it would want {choice.inner} inner steps still: "
+            f"{choice.again[-1]}"
+        )
+    if folder is not None:
+        end_manifest(folder, run.manifest)
+
+
+def _simulated(
+    case: Case, choice: inner.Choice | None, folder: Path | None, progress: bool,
+    checkpoint: Checkpoint | None,
+) -> Run:  # fmt: skip
+    """A run of a case whose inner steps are known."""
+    system, _ = case.or_raise()
     options, clock = case.options, time.perf_counter()
     began = datetime.now(UTC)
     manifest = describe(system, options, case.target)
+    if choice is not None:
+        manifest[CHOICE] = choice.told()
+    warned = list(case.checked.warnings)
+    if choice is not None and choice.estimate is None:
+        warned += coverage.warnings(system)
+    if checkpoint is None and (slow := inner.decimated(system, options)):
+        manifest[DECIMATED] = slow
+        warned.append(
+            f"{slow['of']}: slower than the step (decimation): the attitude errs by about "
+            f"{slow['attitude']:.1e} rad and a wheel's momentum by {slow['momentum']:.1e} N m s, "
+            f"until {slow['until']:g} s"
+        )
     manifest.update(started=began.isoformat(timespec="seconds"), steps=system.steps,
-                    status="running", warnings=case.checked.warnings)  # fmt: skip
+                    status="running", warnings=warned)  # fmt: skip
     if checkpoint is not None:
         again = f"desat run {shlex.quote(case.target)}{as_arguments(options)}"
         manifest = gone_on(manifest, checkpoint.told["manifest"], str(folder), again)
@@ -136,6 +198,8 @@ def _measure(manifest: dict[str, Any], system: System, results: Results) -> None
         if manifest[analysis.KEY] is not None:
             manifest["numbers"].update(analysis.numbers(manifest, results))
             manifest["unmet"] += analysis.unmet(manifest, results)
+            if hasattr(analysis, "remarks"):
+                manifest["warnings"] += analysis.remarks(manifest, results)
 
 
 def _supervised(

@@ -13,10 +13,11 @@ from typing import Any
 from rich.console import Console
 from rich.progress import track
 
-from ..analyses import analyses
+from ..analyses import analyses, coverage
 from ..system.codes import Exit
 from ..system.draft import Draft
 from ..system.errors import DesatError, RunError
+from ..system.model import AUTO
 from .case import Options, Run, load, prepare, simulate
 from .numbers import late, ranked
 from .sampling import drawn, overridden
@@ -50,6 +51,8 @@ def ran(
     system, _ = case.or_raise()
     if options.record == ("*",):
         needed = (*needed_signals(system.about), *also)
+        if system.inner == AUTO and (parts := coverage.applies(system)):
+            needed += tuple(parts["series"])  # it looks at them again
         for analysis in analyses():
             if parts := analysis.applies(system):
                 needed += tuple(analysis.signals(parts))

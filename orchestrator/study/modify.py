@@ -29,6 +29,8 @@ def modify(
         draft.step, draft.given["step"] = options.step, f"--step {options.step:g}"
     if options.inner is not None:
         draft.inner = options.inner
+    if options.accuracy is not None:
+        draft.accuracy = options.accuracy
     for output, of in options.output_classes.items():
         draft.output_classes[output] = of
         draft.given[output] = f"--output-class {output}={of}"

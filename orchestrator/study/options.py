@@ -5,12 +5,14 @@ from __future__ import annotations
 import shlex
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, fields
+from math import inf
 from numbers import Real
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, get_args
 
 from ..engine.ending import Loop
 from ..system.errors import DesatError
+from ..system.model import AUTO, MOST_INNER, Inner
 
 if TYPE_CHECKING:  # what `check` does without
     from ..engine.master import Algorithm
@@ -59,8 +61,10 @@ class Options:
     """`component=FMU`: a file, or one of ours by its name, in a component's place"""
     stop: float | None = None
     step: float | None = None
-    inner: int | None = None
-    """Inner steps within each step (`system/rates.py`)."""
+    inner: Inner | None = None
+    """Inner steps within each step (`system/rates.py`); `auto`: the run chooses them."""
+    accuracy: float | None = None
+    """Attitude error (rad) that `auto` keeps below."""
     algorithm: Algorithm = "conserving"
     blocks: bool = False
     fmus: Fmus = "native"
@@ -98,3 +102,10 @@ class Options:
             value = getattr(self, name)
             if value is not None and (not isinstance(value, Real) or isinstance(value, bool)):
                 raise DesatError(f"{name} = {value!r}: a time in s is needed")
+        whole = isinstance(self.inner, int) and not isinstance(self.inner, bool)
+        if self.inner not in (None, AUTO) and not (whole and 1 <= self.inner <= MOST_INNER):
+            raise DesatError(f"inner = {self.inner!r}: {AUTO} is needed, or an integer from 1 to "
+                             f"{MOST_INNER}")  # fmt: skip
+        small = isinstance(self.accuracy, Real) and 0.0 < float(self.accuracy) < inf
+        if self.accuracy is not None and not small:
+            raise DesatError(f"accuracy = {self.accuracy!r}: an angle above 0 rad is needed")

@@ -142,7 +142,7 @@ def _check_wishes(
 
 def _under_jacobi(system: System, schedule: Schedule) -> Iterator[str]:
     """What the other masters' semantics leaves out."""
-    if system.inner > 1:
+    if system.parts > 1:
         yield f"jacobi takes no inner steps: inner = {system.inner} has no effect"
     if any(text.startswith(("mean of", "its part of")) for _, text in schedule.timing):
         yield "jacobi hands on one mean of several where rates differ: momentum is not conserved"

@@ -20,6 +20,7 @@ from ..files import places
 from ..files.scenario import find
 from ..system.errors import DesatError, nearest
 from ..system.expression import factor, product
+from ..system.model import AUTO
 from . import cells, draws, figures, filters, sampling, stored, tables
 from .case import Options, prepare
 from .drawing import pretty_unit
@@ -281,8 +282,25 @@ class Verbs(CoilVerbs):
         bound = coverage.bound(prepare(name, options).or_raise()[0])
         return {**study["rows"][0], **(asdict(bound) if bound else {})}
 
+    def chosen(self, scenario: str) -> dict[str, Any]:
+        """A scenario whose run chooses its inner steps, against its reference: the error with one
+        (`once`), with those that it takes, its own estimate (rad), their number, and how many it
+        has flown beforehand for each of the run's."""
+        from ..analyses import convergence
+        from ..analyses.estimate import difference
+        from ..analyses.reference import Gyrostat
+
+        name, stop = self._of.name_of(scenario), self._of.end_of(scenario, None)
+        system, _ = prepare(name, Options(stop=stop)).or_raise()
+        ideal = Gyrostat(system).ideal()
+        once, run = (convergence.fly(name, Options(stop=stop, inner=n)) for n in (1, AUTO))
+        errors = [difference(f.q, f.h, ideal.q, ideal.h)[0] for f in (once, run)]
+        choice = run.choice or {}
+        share = choice["flown"] / (choice["inner"] * system.steps)
+        return {**choice, "once": errors[0], "error": errors[1], "flown_share": share}
+
     def covered(self) -> dict[str, float]:
-        """Up to where the exchange is shown to be exact: `turn`, `kick`, `transient`."""
+        """Up to where the exchange is shown to be exact: `turn`, `kick`."""
         from ..analyses import coverage
 
         return asdict(coverage.LIMITS)

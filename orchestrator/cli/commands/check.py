@@ -9,6 +9,7 @@ from rich.table import Table
 
 from ...system.codes import Exit
 from ..common import (
+    Accuracy,
     Blocks,
     Classes,
     DesignOption,
@@ -37,6 +38,7 @@ def check(
     stop: Stop = None,
     step: Step = None,
     inner: Inner = None,
+    accuracy: Accuracy = None,
     blocks: Blocks = False,
     design: DesignOption = None,
     classes: Classes = None,
@@ -51,7 +53,7 @@ def check(
     from ...system.refusal import told
 
     options = options_of(sets, stop, step, Semantics.conserving, blocks, classes, sources,
-                         inner=inner, design=design, trust=trust)  # fmt: skip
+                         inner=inner, accuracy=accuracy, design=design, trust=trust)  # fmt: skip
     case = prepare(target, options)
     checked, schedule = case.checked, case.checked.schedule
     if checked.system is not None and schedule is not None:

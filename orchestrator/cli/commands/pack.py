@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import time
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -31,12 +32,21 @@ def pack(
     from ...files import pack as pack_module
     from ...files import places
     from ...files.scenario import find, own, scenarios
+    from ...study.inner import settled
 
     files = [Path(n) for n in names or () if n.endswith(".toml")]
     ours = [find(n) for n in names if not n.endswith(".toml")] if names else scenarios().values()
     wanted = [*((own(f), f.with_suffix(".ssp")) for f in files), *((s, None) for s in ours)]
     packed = [
-        str(pack_module.pack_scenario(scenario, target, force=bool(names), fmus=fmus.value))
+        str(
+            pack_module.pack_scenario(
+                scenario,
+                target,
+                force=bool(names),
+                fmus=fmus.value,
+                choose=partial(settled, scenario.name),
+            )
+        )
         for scenario, target in wanted
     ]
     if not names:

@@ -16,6 +16,7 @@ from ...files import claim
 from ...system.codes import Exit
 from ...system.errors import DesatError, RunError
 from ..common import (
+    Accuracy,
     Alg,
     Blocks,
     Classes,
@@ -59,6 +60,7 @@ def run(
     stop: Stop = None,
     step: Step = None,
     inner: Inner = None,
+    accuracy: Accuracy = None,
     algorithm: Alg = Semantics.conserving,
     blocks: Blocks = False,
     fmus: Fmus = FmuKind.native,
@@ -119,7 +121,7 @@ def run(
 
     options = options_of(
         sets, stop, step, algorithm, blocks, classes, sources, record=tuple(record or ("*",)),
-        every=every, design=design, inner=inner,
+        every=every, design=design, inner=inner, accuracy=accuracy,
         time_limit=time_limit, loop=loop.value, fmus=fmus.value, trust=trust, supervised=True,
         call_limit=call_limit, checkpoint=checkpoint, halvings=halve, isolate=isolate.value,
     )  # fmt: skip
