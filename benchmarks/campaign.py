@@ -29,7 +29,7 @@ def one(folder: str, cases: str, how: str, stop: str) -> dict[str, Any]:
     """A campaign of cases until `stop` (s): wall seconds, those within cases, the head's own, and
     peaks of memory (MB)."""
     from desat.campaign import head, store
-    from desat.study.options import Options
+    from desat.system.options import Options
 
     where, kind, size = Path(folder), *how.split(":")
     plan, _ = head.planned(NAME, int(cases), options=Options(stop=float(stop)), curves=())

@@ -27,7 +27,7 @@ from typing import Any
 
 from rich.progress import track
 
-from desat.engine.ending import NEVER, Loop
+from desat.engine.ending import NEVER
 from desat.engine.loop import run, stepping
 from desat.engine.master import Master
 from desat.engine.operations import Call
@@ -38,6 +38,7 @@ from desat.files.pack import pack_scenario
 from desat.files.scenario import find
 from desat.study.case import Options, prepare
 from desat.system.interface import KINDS
+from desat.system.options import Loop
 
 from . import campaign, commands, plants, scaling
 

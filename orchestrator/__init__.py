@@ -64,10 +64,14 @@ def load(folder: str | PathLike[str]) -> Dataset:
     """
     from pathlib import Path
 
-    from .study import dataset
-
     where = Path(folder)
-    return (dataset.of_campaign if (where / "campaign.json").exists() else dataset.of_run)(where)
+    if (where / "campaign.json").exists():
+        from .campaign.dataset import of_campaign
+
+        return of_campaign(where)
+    from .study.dataset import of_run
+
+    return of_run(where)
 
 
 def draws(

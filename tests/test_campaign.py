@@ -28,11 +28,11 @@ from desat.campaign import head, judged, progress, report, store
 from desat.campaign.compare import compare
 from desat.study import sampling
 from desat.study.draws import system_of
-from desat.study.options import Options
 from desat.study.sampling import axes, drawn
 from desat.study.workers import Local, Lost, results
 from desat.system.codes import Exit
 from desat.system.errors import DesatError
+from desat.system.options import Options
 
 COUNT = 200
 RATE = """

@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..engine.master import ALGORITHMS, Algorithm
 from ..study.case import Options, prepare, simulate
 from ..study.drawing import COLOURS, DASHED, figure
 from ..study.ticks import Ticks
 from ..system.errors import DesatError
+from ..system.options import ALGORITHMS, Algorithm
 from .coverage import CHOICE
 from .estimate import companion, difference, estimate
 from .reference import Gyrostat, Trajectory

@@ -17,9 +17,9 @@ from numpy.typing import NDArray
 
 from ..study.case import Run, execute
 from ..study.derived import pointing
-from ..study.options import Options
 from ..system.errors import DesatError
 from ..system.model import System
+from ..system.options import Options
 from .residual import KEY as RIGID_BODY
 
 Array = NDArray[Any]

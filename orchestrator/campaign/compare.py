@@ -6,7 +6,7 @@ import math
 from pathlib import Path
 from typing import Any
 
-from ..study.cells import clopper_pearson
+from ..numbers.statistics import clopper_pearson
 from ..study.paired import difference, spread
 from ..system.errors import DesatError
 from . import store

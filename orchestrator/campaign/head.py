@@ -15,11 +15,12 @@ from ..study.case import Case, prepare
 from ..study.draws import lost, never, system_of, whole_numbers
 from ..study.identity import versions
 from ..study.manifest import write_json
-from ..study.options import Options
-from ..study.sampling import SAMPLINGS, Sampling, allowed, dispersed, drawn
+from ..study.sampling import SAMPLINGS, Sampling, allowed, drawn
 from ..study.workers import Local, Lost, Workers, guarded, results
 from ..system.codes import Exit
+from ..system.dispersions import dispersed
 from ..system.errors import DesatError, RunError, nearest
+from ..system.options import Options
 from . import damaged, store
 from .case import kept, plots_of, row
 from .plan import PLAN, Plan, digest_of, joined, kept_versions, read, same_versions

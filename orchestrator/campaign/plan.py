@@ -13,12 +13,12 @@ from typing import Any
 from ..study.draws import system_of
 from ..study.identity import of_system, other, versions
 from ..study.manifest import write_json
-from ..study.options import Options, as_arguments
 from ..study.prepare import resolved
 from ..study.sampling import FIXED, Sampling, drawn
 from ..system.digest import comparable
 from ..system.draft import Draft
 from ..system.errors import DesatError
+from ..system.options import Options, as_arguments
 
 PLAN = "campaign.json"
 GROWS = ("count", "keep", "limit")

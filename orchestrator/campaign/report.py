@@ -12,6 +12,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from markupsafe import Markup
 
+from ..numbers.text import not_reached
+from ..numbers.text import number as shown
 from ..study.drawing import axis_label, pretty_unit
 from ..study.figures import scatter
 from ..study.identity import COMPUTING
@@ -19,9 +21,9 @@ from ..study.manifest import write_json
 from ..study.numbers import late
 from ..study.plots import limits_of
 from ..study.prepare import prepare
-from ..study.report import not_reached, render, write_page
-from ..study.report import number as shown
-from ..study.sampling import axes, dispersed, sensitivity, unit_cube
+from ..study.report import render, write_page
+from ..study.sampling import axes, sensitivity, unit_cube
+from ..system.dispersions import dispersed
 from ..system.errors import DesatError
 from ..system.parameters import table as parameters_of
 from . import figures, store

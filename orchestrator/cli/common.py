@@ -20,8 +20,7 @@ from ..system.codes import Exit
 from ..system.errors import DesatError, plain
 
 if TYPE_CHECKING:
-    from ..engine.master import Algorithm
-    from ..study.options import Options
+    from ..system.options import Algorithm, Options
 
 # a stream that is closed would be given to the next file that is opened, and written into
 for _number, _name in ((1, "stdout"), (2, "stderr")):
@@ -212,7 +211,7 @@ def options_of(
     blocks: bool, classes: list[str] | None = None, sources: list[str] | None = None, **more: Any,
 ) -> Options:  # fmt: skip
     """What the options of a command say."""
-    from ..study.options import Options
+    from ..system.options import Options
 
     overrides: dict[str, str] = {}
     for text in classes or []:

@@ -16,10 +16,10 @@ from typing import Any
 from ..files.refuse import design
 from ..files.scenario import Scenario, find
 from ..study.modify import modify
-from ..study.options import Options
 from ..system.draft import Draft
 from ..system.interface import base_name
 from ..system.model import Connection
+from ..system.options import Options
 from ..system.parameters import parse_assignment, table
 from ..system.resolve import resolve
 

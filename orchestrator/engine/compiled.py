@@ -22,8 +22,9 @@ from desat.fmus.compiler import NoCompilerError, compiler
 
 from ..files import places
 from ..system.interface import KINDS
+from ..system.options import Loop
 from . import last_call
-from .ending import Ending, Loop
+from .ending import Ending
 from .master import Master
 from .operations import Call
 from .program import NotCompiledError, Program

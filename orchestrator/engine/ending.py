@@ -8,7 +8,6 @@ from typing import Any, Literal
 
 from .member import Slot
 
-Loop = Literal["compiled", "python"]
 How = Literal["never", "below", "above", "reaches", "always"]
 
 

@@ -24,10 +24,10 @@ from ..files import library
 from ..system.codes import Exit
 from ..system.errors import DesatError, RunError
 from ..system.model import System
+from ..system.options import Options, as_arguments
 from ..system.schedule import schedule
 from . import inner, stopping, supervise
 from .manifest import describe, end_manifest, gone_on, numbers, read_manifest
-from .options import Options, as_arguments
 from .prepare import Case, load, prepare
 from .stepped import Outcome, stepped
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from ..files.scenario import Scenario
+from ..numbers.statistics import clopper_pearson
 from ..system.errors import DesatError
 from .meaning import numbers_of_rows
 from .measures import LATE
@@ -131,16 +132,6 @@ def share_of(
     in which the share of all possible draws lies with 95 %. What a draw has not is not within."""
     count = sum(x is not None and least <= x <= most for x in values)
     return {"n": len(values), "count": count, "interval": clopper_pearson(count, len(values))}
-
-
-def clopper_pearson(count: int, n: int, level: float = 0.95) -> list[float]:
-    """The exact interval (%) of a binomial share: Clopper & Pearson, Biometrika 26 (1934) 404."""
-    from scipy.special import betaincinv  # the quantile of the beta distribution
-
-    tail = (1.0 - level) / 2.0
-    low = betaincinv(count, n - count + 1, tail) if count else 0.0
-    high = betaincinv(count + 1, n - count, 1.0 - tail) if count < n else 1.0
-    return [100.0 * float(low), 100.0 * float(high)]
 
 
 def _row(

@@ -3,8 +3,6 @@
 Of a run: a variable `component.variable` each, over `time` (states, at t_k) or `interval` (outputs
 that hold over [t_k, t_k+1), which have no last row), and over its elements. Units, frames,
 descriptions and choices are its attributes; scenario, epoch, versions those of the set.
-
-Of a campaign: `in.*` what was drawn and `out.*` the numbers over `case`, and the envelopes.
 """
 
 from __future__ import annotations
@@ -20,12 +18,11 @@ from xarray.backends import BackendArray
 from xarray.core import indexing
 
 from ..engine.results import Results
-from ..system.errors import DesatError
 from .case import load_run
 from .manifest import attributes
 
 
-class _Lazy(BackendArray):
+class Lazy(BackendArray):
     """An array that is read where it is indexed."""
 
     def __init__(self, shape: tuple[int, ...], dtype: Any, read: Callable[[Any], Any]) -> None:
@@ -65,7 +62,7 @@ def of_run(folder: Path) -> xr.Dataset:
     return xr.Dataset(variables, coordinates, told)
 
 
-def _series(results: Results, name: str) -> tuple[_Lazy, tuple[str, ...]]:
+def _series(results: Results, name: str) -> tuple[Lazy, tuple[str, ...]]:
     first = results.values(name, slice(0, 1))
     rows = results.count(name)
     along = "interval" if results.attribute(name, "class") == "interval" else "time"
@@ -86,7 +83,7 @@ def _series(results: Results, name: str) -> tuple[_Lazy, tuple[str, ...]]:
             return values[tuple(rest)] if rest else values
         return values[(slice(None), *rest)]
 
-    return _Lazy(shape, first.dtype, read), dims
+    return Lazy(shape, first.dtype, read), dims
 
 
 def _attributes(results: Results, name: str) -> dict[str, Any]:
@@ -97,71 +94,3 @@ def _attributes(results: Results, name: str) -> dict[str, Any]:
         "class": results.attribute(name, "class"),
     }  # fmt: skip
     return told | ({"choices": list(choices)} if choices else {})
-
-
-def of_campaign(folder: Path) -> xr.Dataset:
-    """The cases of a campaign, a column each, and of each curve the envelopes (case, part). Raises
-    DesatError where no case is there yet."""
-    from ..campaign import store
-    from ..campaign.case import POINTS
-    from ..campaign.plan import read
-
-    plan = read(folder)
-    cases = store.read(folder, columns=["case"])["case"].to_numpy()
-    described = store.described(folder)
-    variables: dict[str, xr.Variable] = {}
-    for field in store.schema(folder):
-        if field.name == "case":
-            continue
-        lazy = _Lazy((len(cases),), _dtype(field.type), _column(folder, field.name, cases))
-        # what is drawn is told of as a whole, and has a column an element
-        told = described.get(field.name.removeprefix("out.").partition("[")[0], {})
-        variables[field.name] = lazy.variable(
-            ("case",), {"long_name": told.get("title", ""), "units": told.get("unit", "")}
-        )
-    for name in plan.curves:
-        lazy = _Lazy((len(cases), POINTS), float, _envelopes(folder, name, cases))
-        told = described.get(f"curve.{name}", {})
-        variables[f"curve.{name}"] = lazy.variable(
-            ("case", "part"),
-            {"long_name": f"{told.get('title', name)}: largest size in each part of the run",
-             "units": told.get("unit", "")},
-        )  # fmt: skip
-    attributes = {"target": plan.target, "seed": plan.seed, "sampling": plan.sampling,
-                  "count": plan.count}  # fmt: skip
-    return xr.Dataset(variables, {"case": cases}, attributes)
-
-
-def _dtype(kind: Any) -> Any:
-    return np.dtype({"double": "f8", "int64": "i8", "int32": "i4"}.get(str(kind), "O"))
-
-
-def _column(folder: Path, name: str, cases: Any) -> Callable[[Any], Any]:
-    """Of these cases, in their order: others may have come since."""
-
-    def read(key: tuple[Any, ...]) -> Any:
-        from ..campaign import store
-
-        table = store.read(folder, columns=["case", name])
-        if name not in table.column_names:
-            return np.full(len(cases), np.nan)[key]
-        there = {case: row for row, case in enumerate(table["case"].to_pylist())}
-        if lost := [int(case) for case in cases if int(case) not in there]:
-            raise DesatError(f"{folder}: case {lost[0]} is not there any more: load it again")
-        return table[name].to_pandas().to_numpy()[[there[int(case)] for case in cases]][key]
-
-    return read
-
-
-def _envelopes(folder: Path, name: str, cases: Any) -> Callable[[Any], Any]:
-    def read(key: tuple[Any, ...]) -> Any:
-        from ..campaign import store
-        from ..campaign.case import POINTS
-
-        table = store.read(folder, store.CURVES)
-        known = table[name].to_pylist() if name in table.column_names else [None] * table.num_rows
-        rows = dict(zip(table["case"].to_pylist(), known, strict=True))
-        blank = [np.nan] * POINTS
-        return np.array([rows.get(int(c)) or blank for c in cases], dtype=float)[key]
-
-    return read

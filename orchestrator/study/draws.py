@@ -15,12 +15,13 @@ from rich.progress import track
 
 from ..analyses import analyses, coverage
 from ..system.codes import Exit
+from ..system.dispersions import overridden
 from ..system.draft import Draft
 from ..system.errors import DesatError, RunError
 from ..system.model import AUTO
 from .case import Options, Run, load, prepare, simulate
 from .numbers import late, ranked
-from .sampling import drawn, overridden
+from .sampling import drawn
 from .workers import Here, Local, Lost, Workers, results
 
 STOPPED = 128

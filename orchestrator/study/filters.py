@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from .report import number as text_of
+from ..numbers.text import number as text_of
 
 
 def fixed(value: float, digits: int = 0) -> str:

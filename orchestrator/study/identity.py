@@ -14,7 +14,7 @@ from typing import Any
 from ..files import library
 from ..system.digest import digest
 from ..system.model import System
-from .options import Options
+from ..system.options import Options
 
 PACKAGES = ("desat", "fmpy", "pythonfmu", "numpy", "scipy", "h5py")
 COMPUTING = ("desat", "numpy", "scipy", "python", "platform", "libm", "compiler")

@@ -42,10 +42,10 @@ from ..files import library
 from ..system.errors import DesatError
 from ..system.interface import base_name
 from ..system.model import AUTO, MOST_INNER, Component, System
+from ..system.options import Options
 from ..system.schedule import schedule
 from .derived import pointing
 from .isolation import isolated, wanted
-from .options import Options
 
 FACTOR = 2.0
 """Estimate over difference: an estimate is to be no less than the error, and that of a flight is

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from ..engine.isolated import CAN
 from ..files import trust
 from ..system.model import System
-from .options import Options
+from ..system.options import Options
 
 
 def wanted(system: System, options: Options) -> frozenset[str]:

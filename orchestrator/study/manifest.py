@@ -19,10 +19,10 @@ from ..system.digest import comparable, wiring
 from ..system.errors import DesatError
 from ..system.expression import Table
 from ..system.model import System
+from ..system.options import Options
 from ..system.parameters import table
 from .identity import of_system, versions
 from .numbers import OPEN_END, evaluate, signals_of
-from .options import Options
 from .relation import related
 
 _J2000 = datetime(2000, 1, 1, 12, tzinfo=UTC)

@@ -10,6 +10,7 @@ from typing import Any
 
 from ..analyses import analyses
 from ..files.scenario import Scenario
+from ..system.dispersions import kind_of
 from ..system.draft import Draft
 from ..system.errors import DesatError, nearest
 from ..system.interface import Signal, base_name
@@ -18,7 +19,6 @@ from ..system.parameters import expand
 from . import derived, requirements, stopping
 from .measures import MEASURES, OWN_UNIT, SCALARS, SIZES
 from .numbers import scale
-from .sampling import kind_of
 
 Path = tuple[str, ...]
 

@@ -10,9 +10,9 @@ from ..files import library
 from ..system.draft import Draft, DraftComponent
 from ..system.errors import DesatError
 from ..system.interface import Interface, base_name
+from ..system.options import Options
 from ..system.parameters import parse_assignment
 from ..system.replace import drop_unwanted
-from .options import Options
 
 
 def modify(

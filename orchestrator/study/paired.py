@@ -12,10 +12,11 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
+from ..system.dispersions import dispersed
 from ..system.errors import DesatError
 from .case import Options
 from .draws import draws, system_of
-from .sampling import dispersed, drawn
+from .sampling import drawn
 
 EQUAL = 1e-12
 """Relative difference up to which two numbers are equal."""

@@ -13,18 +13,18 @@ from ..designs import problems as design_problems
 from ..files import about, library, scenario, ssp, trust
 from ..files.scenario import Scenario
 from ..system.check import Checked, check
+from ..system.dispersions import dispersed
 from ..system.draft import Draft
 from ..system.errors import DesatError
 from ..system.interface import base_name
 from ..system.model import System
+from ..system.options import Options
 from ..system.parameters import table
 from ..system.resolve import resolve
 from ..system.schedule import Schedule
 from . import isolation, meaning, recorded, stopping
 from .modify import modify
 from .numbers import problems
-from .options import Options
-from .sampling import dispersed
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,7 @@ from ..files import library
 from ..system.errors import nearest
 from ..system.interface import KINDS, base_name
 from ..system.model import System
-from .options import Options
+from ..system.options import Options
 
 _BYTES = {"Real": 8, "Integer": 4, "Boolean": 4}
 

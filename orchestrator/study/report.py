@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +10,7 @@ from markupsafe import Markup
 from ..analyses import analyses
 from ..engine.results import Results
 from ..files.text import replace_text
+from ..numbers.text import number, title_of
 from .case import Run
 from .drawing import pretty_unit
 from .plots import series_plot
@@ -33,29 +33,6 @@ def write_page(path: Path, text: str) -> Path:
     """Write a page under a temporary name, then rename."""
     replace_text(path, text)
     return path
-
-
-def number(x: Any) -> str:
-    """A number for people: four significant digits, thousands apart."""
-    if x is None:
-        return "not reached"
-    if isinstance(x, bool) or not isinstance(x, (int, float)):
-        return str(x)
-    if x != 0.0 and not 1e-3 <= abs(x) < 1e9:
-        return f"{x:.3e}"
-    return f"{x:.4g}" if abs(x) < 1000 else f"{x:,.0f}"
-
-
-def not_reached(entry: Mapping[str, Any]) -> str:
-    """Of a number over several runs, in how many it is not reached: `3 of 20 (15 %)`; empty where
-    there is none."""
-    missing, count = entry["not_reached"], entry["n"] + entry["not_reached"]
-    return f"{missing} of {count} ({100.0 * missing / count:.3g} %)" if missing else ""
-
-
-def title_of(number: dict[str, Any]) -> str:
-    """A number's title, with what there is to say of it."""
-    return f"{number['title']} ({number['note']})" if "note" in number else str(number["title"])
 
 
 def label_of(manifest: dict[str, Any]) -> str:

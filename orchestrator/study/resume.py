@@ -11,9 +11,9 @@ from pathlib import Path
 from ..engine.checkpoint import FOLDER, Checkpoint, newest
 from ..engine.results import MANIFEST
 from ..system.errors import DesatError
+from ..system.options import Options, as_asked
 from .case import Run, load_run, prepare, simulate
 from .manifest import read_manifest
-from .options import Options, as_asked
 
 
 def has_checkpoints(folder: Path) -> bool:

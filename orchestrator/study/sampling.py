@@ -26,37 +26,17 @@ from typing import Any, Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
+from ..system.dispersions import KINDS, dispersed, kind_of
 from ..system.draft import Draft
 from ..system.errors import DesatError, nearest
 from ..system.interface import base_name
 
-KINDS = ("normal", "uniform", "direction", "attitude", "signs", "one_of", "seed")
 Sampling = Literal["random", "latin-hypercube", "sobol", "saltelli"]
 SAMPLINGS: tuple[str, ...] = get_args(Sampling)
 FIXED: tuple[str, ...] = ("latin-hypercube", "saltelli")
 """Samplings whose points depend on their number."""
 MOST = 10_000_000
 """Points of these, which lie in memory all at once."""
-
-
-def dispersed(system: Draft) -> dict[str, dict[str, Any]]:
-    """`component.variable` -> how it is drawn."""
-    spread: dict[str, dict[str, Any]] = {}
-    for key, spec in system.about.get("dispersions", {}).items():
-        owner, _, variable = key.partition(".")
-        owners = [c.name for c in system.having(variable)] if owner == "*" else [owner]
-        spread |= {f"{name}.{variable}": spec for name in owners}
-    return spread
-
-
-def overridden(system: Draft, name: str) -> list[str]:
-    """What is drawn of the parameters that a name gives a value: `component.parameter`, an element
-    of it, or `shared.parameter`."""
-    owner, variable = (part.strip() for part in base_name(name.strip()).split(".", 1))
-    wanted = {f"{owner}.{variable}"}
-    if owner == "shared" and owner not in system.components:
-        wanted = {f"{c.name}.{variable}" for c in system.having(variable)}
-    return sorted(wanted & dispersed(system).keys())
 
 
 def drawn(
@@ -76,12 +56,6 @@ def drawn(
         name: values[name] if name in values else _random(system, name, spec, seed, draw)
         for name, spec in dispersed(system).items()
     }
-
-
-def kind_of(spec: Mapping[str, Any]) -> str:
-    """How something is drawn: one of KINDS, or none ("") where not exactly one is given."""
-    found = [key for key in spec if key in KINDS]
-    return found[0] if len(found) == 1 and spec.keys() <= {found[0], "within"} else ""
 
 
 def axes(system: Draft) -> tuple[list[str], list[int]]:

@@ -17,11 +17,11 @@ from ..engine.recorder import Recorder
 from ..engine.results import SERIES, Results, selects
 from ..engine.unwritten import Unwritten
 from ..system.codes import Exit
+from ..system.options import asked
 from ..system.refusal import told as refused
 from . import stopping
 from .isolation import isolated
 from .manifest import attributes, begin_manifest
-from .options import asked
 from .prepare import Case
 
 

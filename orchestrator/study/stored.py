@@ -30,13 +30,13 @@ from ..files.scenario import Scenario, families, scenarios
 from ..files.text import replace_text
 from ..system.codes import Exit
 from ..system.errors import DesatError, RunError
+from ..system.options import Options
 from ..system.resolve import resolve
 from . import identity
 from .draws import draws, spreads
 from .identity import PACKAGES
 from .meaning import bands_of, numbers_of_rows
 from .numbers import late
-from .options import Options
 
 SEED = 1
 ROUNDING = 1e-12

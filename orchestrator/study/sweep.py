@@ -7,12 +7,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
+from ..system.dispersions import overridden
 from ..system.errors import DesatError
 from ..system.parameters import parse_assignment
 from .case import Options, prepare
 from .draws import rows_of, summary, system_of
 from .numbers import late
-from .sampling import overridden
 
 
 def axes_of(texts: Sequence[str]) -> dict[str, list[Any]]:

@@ -16,16 +16,17 @@ from pathlib import Path
 from typing import Any
 
 from ..files.scenario import Scenario, find, scenarios
+from ..numbers.text import number
 from ..system.codes import Exit
 from ..system.errors import DesatError, RunError
+from ..system.options import Options
 from .cells import Numbers, Row, counted, rows_of
 from .drawing import pretty_unit
 from .draws import rows_of as rows_of_runs
 from .identity import PACKAGES
 from .meaning import words
-from .options import Options
 from .paired import differences, ratios
-from .report import number, render, write_page
+from .report import render, write_page
 
 LARGEST = sys.float_info.max
 """The open end of a band in JSON."""

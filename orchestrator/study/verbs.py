@@ -18,6 +18,7 @@ from typing import Any
 
 from ..files import places
 from ..files.scenario import find
+from ..numbers.statistics import clopper_pearson
 from ..system.errors import DesatError, nearest
 from ..system.expression import factor, product
 from ..system.model import AUTO
@@ -160,7 +161,7 @@ class Verbs(CoilVerbs):
         """The share of draws whose number is above that of another scenario's same draw."""
         pairs = list(zip(self.drawn(scenario, number), self.drawn(other, number), strict=False))
         count = sum(a > b for a, b in pairs)
-        low, high = cells.clopper_pearson(count, len(pairs))
+        low, high = clopper_pearson(count, len(pairs))
         return f"{count} of {len(pairs)} (of all {low:.0f} to {high:.0f} %)"
 
     def missed(self) -> list[dict[str, Any]]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -24,7 +25,7 @@ def bound(
     from ...analyses import coil_bound
     from ...study.case import run_or_load
 
-    coils = coil_bound.fits(target)
+    coils = _by_coils(target)
     finished = run_or_load(target, None if coils else bound_module)
     manifest = finished.manifest
     with finished.results as results:
@@ -43,3 +44,16 @@ def bound(
         digits = ".4g" if abs(n["value"]) >= 1e5 else ".2f"
         table.add_row(n["title"], f"{n['value']:{digits}}", n["unit"])
     out.print(table)
+
+
+def _by_coils(target: str) -> bool:
+    """True for a scenario, .ssp or run folder whose manager knows the coils one by one: a law of
+    momentum management by coils."""
+    from ...study.case import Options, load_run, prepare
+
+    if any((Path(target) / name).exists() for name in ("manifest.json", "manifest.json.part")):
+        with (run := load_run(Path(target))).results:
+            return "axes_coil" in run.manifest["parameters"].get("manager", {})
+    system, _ = prepare(target, Options()).or_raise()
+    manager = system.components.get("manager")
+    return manager is not None and bool(manager.interface.elements("axes_coil"))

@@ -188,8 +188,8 @@ def compare(
     from rich.table import Table
 
     from ...campaign.compare import compare as of
+    from ...numbers.text import number
     from ...study.drawing import pretty_unit
-    from ...study.report import number
 
     told = of(first, second)
     warn(told["warnings"])
@@ -219,7 +219,7 @@ _REASONS = 3
 
 def _report(folder: Path, as_json: bool) -> None:
     from ...campaign import report as of
-    from ...study.report import number
+    from ...numbers.text import number
 
     path, told = of.write(folder)
     if told["changed"]:

@@ -27,7 +27,7 @@ from ..common import (
 )
 
 if TYPE_CHECKING:
-    from ...engine.master import Algorithm
+    from ...system.options import Algorithm
 
 
 @app.command()

@@ -87,8 +87,8 @@ def draws(
 
 
 def _print_draws(result: dict[str, Any]) -> None:
+    from ...numbers.text import not_reached, number
     from ...study.drawing import pretty_unit
-    from ...study.report import not_reached, number
 
     table = Table("number", box=None, header_style="bold", pad_edge=False)
     shared = ("median", "min", "max")
@@ -109,8 +109,8 @@ def _print_draws(result: dict[str, Any]) -> None:
 
 
 def _print_differences(result: dict[str, Any]) -> None:
+    from ...numbers.text import not_reached, number
     from ...study.drawing import pretty_unit
-    from ...study.report import not_reached, number
 
     table = Table("number", box=None, header_style="bold", pad_edge=False)
     columns = ("median", "min", "max", "lower", "higher", "equal")

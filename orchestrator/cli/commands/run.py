@@ -237,8 +237,8 @@ def _report_run(
     finished: Run, other: Run | None, folder: Path, page: Path | None, as_json: bool
 ) -> None:
     from ...engine.results import SERIES
+    from ...numbers.text import number, title_of
     from ...study.drawing import pretty_unit
-    from ...study.report import number, title_of
 
     manifest = finished.manifest
     if as_json:

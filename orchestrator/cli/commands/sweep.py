@@ -75,8 +75,8 @@ def sweep(
 
 
 def _print(result: dict[str, Any]) -> None:
+    from ...numbers.text import not_reached, number
     from ...study.drawing import pretty_unit
-    from ...study.report import not_reached, number
 
     def cell(point: dict[str, Any], name: str) -> str:
         share = not_reached(point["summary"][name]) if name in point.get("summary", {}) else ""

@@ -8,14 +8,10 @@ from dataclasses import asdict, dataclass, field, fields
 from math import inf
 from numbers import Real
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, get_args
+from typing import Any, Literal, get_args
 
-from ..engine.ending import Loop
-from ..system.errors import DesatError
-from ..system.model import AUTO, MOST_INNER, Inner
-
-if TYPE_CHECKING:  # what `check` does without
-    from ..engine.master import Algorithm
+from .errors import DesatError
+from .model import AUTO, MOST_INNER, Inner
 
 
 def asked(target: str, options: Options) -> dict[str, Any]:
@@ -46,6 +42,9 @@ def as_arguments(options: Options) -> str:
     return flags + "".join(f" --{name} {shlex.quote(text)}" for name, text in given)
 
 
+Algorithm = Literal["conserving", "jacobi"]
+ALGORITHMS: tuple[Algorithm, ...] = get_args(Algorithm)
+Loop = Literal["compiled", "python"]
 Fmus = Literal["native", "python"]
 Isolate = Literal["all", "foreign", "none"]
 _CHOICES = {"fmus": Fmus, "loop": Loop, "isolate": Isolate}
