@@ -18,9 +18,9 @@ from rich.table import Table
 from typer.main import get_command
 
 from desat import cli
-from desat.cli.common import print_numbers
-from desat.engine.results import Results
-from desat.files import places
+from desat.cli.console import print_numbers
+from desat.engine.recording.results import Results
+from desat.files import paths
 from desat.files.scenario import families, scenarios, summary
 from desat.system.codes import Exit
 
@@ -115,7 +115,7 @@ def test_bad_input_is_a_line(desat, tmp_path, arguments, message):
 def test_another_fmu_in_a_components_place(desat, tmp_path):
     """By name or file; what both managers declare alike stays, and what is lost is said."""
     fmu = tmp_path / "theirs.fmu"
-    shutil.copy(places.fmus() / "native" / "manager_receding_horizon.fmu", fmu)
+    shutil.copy(paths.fmus() / "native" / "manager_receding_horizon.fmu", fmu)
     found = []
     for number, source in enumerate(("manager_receding_horizon", str(fmu))):
         result = desat("run", NAME, "--source", f"manager={source}", "--set",
@@ -268,8 +268,8 @@ def test_a_run_and_its_report_load_neither_matplotlib_nor_scipy(tmp_path):
     code = """
 import sys
 from pathlib import Path
-from desat.study.case import Options, execute
-from desat.study.report import write_report
+from desat.runs.run import Options, execute
+from desat.report.report import write_report
 for name in sys.argv[2:]:
     place = Path(sys.argv[1]) / name
     run = execute(name, Options(stop=20.0), place)

@@ -12,13 +12,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from desat.analyses import convergence, coverage, estimate
-from desat.analyses.reference import Gyrostat
-from desat.analyses.reference_events import advance
-from desat.analyses.reference_plant import STANDING, H, Held, L, Q
+from desat.analyses import coverage
 from desat.components.maths import attitude
 from desat.components.physics.rotor import friction
-from desat.study.case import Options, prepare
+from desat.runs.run import Options, prepare
+from desat.studies import convergence, estimate
+from desat.studies.reference import Gyrostat
+from desat.studies.reference_events import advance
+from desat.studies.reference_plant import STANDING, H, Held, L, Q
 from desat.system.errors import DesatError
 
 # attitude error (rad): as it was with one exchange a step, and what is promised with the scenario's

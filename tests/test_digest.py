@@ -18,15 +18,15 @@ from test_check import write_altitude
 from test_checkpoint import broken
 
 import desat as api
-from desat.campaign import cluster, head, plan, report, store
+from desat.campaign import cluster, coordinator, plan, report, store
 from desat.designs import origin
 from desat.engine import checkpoint
-from desat.files import library
+from desat.files import identity, library
 from desat.files.scenario import find, scenarios
-from desat.study import identity, stored
-from desat.study.case import Options, load_run, prepare, simulate
-from desat.study.prepare import resolved
-from desat.study.resume import resume
+from desat.papers import stored
+from desat.runs.prepare import resolved
+from desat.runs.resume import resume
+from desat.runs.run import Options, load_run, prepare, simulate
 from desat.system.codes import Exit
 from desat.system.digest import ASIDE, comparable, digest
 from desat.system.errors import DesatError
@@ -172,7 +172,7 @@ def test_native_and_python_fmus_and_bare_blocks_are_one(name):
 
 
 def test_a_packed_system_has_the_digest_of_its_scenario(tmp_path):
-    from desat.files.pack import pack_scenario
+    from desat.files.ssp_write import pack_scenario
 
     file = pack_scenario(find("nadir_day/day-dipole"), tmp_path / "a.ssp", force=True,
                          fmus="native")  # fmt: skip
@@ -258,7 +258,7 @@ def test_a_campaign_does_not_go_on_with_another_wiring(mine, tmp_path, desat):
 
 
 def test_a_worker_with_another_wiring_makes_no_case(mine):
-    made, _ = head.planned(str(mine), 4)
+    made, _ = coordinator.planned(str(mine), 4)
     cluster._compared.clear()
     assert cluster.unfit(made, False, identity.versions()) == ""
     cluster._compared.clear()
@@ -368,7 +368,7 @@ def test_other_versions_are_refused_or_accepted(mine, tmp_path, desat, monkeypat
     for name in ("desat", "numpy", "platform", "libm"):
         now = {**here, name: "0.1-other"}
         with monkeypatch.context() as patch:
-            for module in (plan, head):
+            for module in (plan, coordinator):
                 patch.setattr(module, "versions", lambda now=now: now)
             said = desat(*begun, "4")
             assert said.returncode == Exit.INPUT
@@ -381,7 +381,7 @@ def test_other_versions_are_refused_or_accepted(mine, tmp_path, desat, monkeypat
     assert store.read(folder).num_rows == 2
     before = store.read(folder).to_pylist()
     with monkeypatch.context() as patch:
-        for module in (plan, head):
+        for module in (plan, coordinator):
             patch.setattr(module, "versions", lambda: {**here, "numpy": "0.1-other"})
         said = desat(*begun, "4", "--accept-versions")
     assert said.returncode in (0, 1), said.stderr
@@ -395,7 +395,7 @@ def test_other_versions_are_refused_or_accepted(mine, tmp_path, desat, monkeypat
 
 
 def test_a_worker_with_another_libm_makes_no_case(mine):
-    made, _ = head.planned(str(mine), 4)
+    made, _ = coordinator.planned(str(mine), 4)
     here = identity.versions()
     for name in ("desat", "numpy", "platform", "libm"):
         said = cluster.unfit(made, False, {**here, name: "0.1-other"})

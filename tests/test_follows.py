@@ -11,7 +11,7 @@ from desat.components.contract.units import unit_of
 from desat.files import library
 from desat.files.scenario import scenarios
 from desat.fmus import registry
-from desat.study.case import Options, execute, prepare
+from desat.runs.run import Options, execute, prepare
 from desat.system.parameters import table
 from desat.system.references import named
 

@@ -16,18 +16,19 @@ from pathlib import Path
 import pytest
 from conftest import ROOT
 
+from desat.campaign import draws
 from desat.designs import making, origin
-from desat.engine import trial
-from desat.files import library, places, trust
+from desat.engine import trial_initialisation
+from desat.files import library, paths, trust
 from desat.files.scenario import families, find, scenarios
 from desat.files.toml import toml
 from desat.fmus import meaning, registry
 from desat.fmus.meaning import sources
 from desat.fmus.slave import _name
-from desat.study import draws, stored
-from desat.study.case import Options, execute, prepare
-from desat.study.sources import Sources
-from desat.study.verbs import Verbs
+from desat.papers import stored
+from desat.papers.functions import Verbs
+from desat.papers.session import Sources
+from desat.runs.run import Options, execute, prepare
 from desat.system.errors import DesatError
 
 MEC = "uosat12/fig2-mec-1"
@@ -167,7 +168,9 @@ def test_all_failing_components_are_collected():
     for name in ("torquers", "magnetometer"):
         parameters = {**components[name].parameters, "sample_time": float("nan")}
         components[name] = replace(components[name], parameters=parameters)
-    problems, warnings = trial.refusals(replace(system, components=components), schedule)
+    problems, warnings = trial_initialisation.refusals(
+        replace(system, components=components), schedule
+    )
     assert {p.partition(":")[0] for p in problems} == {"torquers", "magnetometer"}
     assert warnings == []
 
@@ -176,7 +179,7 @@ def test_of_a_foreign_fmu_only_the_description_is_read(tmp_path):
     """One that says that another tool made it, and whose library would end the process."""
     fmu = tmp_path / "theirs.fmu"
     with (
-        zipfile.ZipFile(places.fmus() / "magnetometer.fmu") as ours,
+        zipfile.ZipFile(paths.fmus() / "magnetometer.fmu") as ours,
         zipfile.ZipFile(fmu, "w") as theirs,
     ):
         for name in ours.namelist():
@@ -185,7 +188,7 @@ def test_of_a_foreign_fmu_only_the_description_is_read(tmp_path):
                 data = data.replace(b"desat with PythonFMU", b"another tool")
             theirs.writestr(name, b"no library" if name.startswith("binaries/") else data)
     options = Options(sources=[f"magnetometer={fmu}"], sets=["torquers.quiet_time=9"])
-    problems, warnings = trial.refusals(*prepare(COMBINED, options).or_raise())
+    problems, warnings = trial_initialisation.refusals(*prepare(COMBINED, options).or_raise())
     assert not trust.is_ours(fmu)
     assert [p.partition(":")[0] for p in problems + warnings] == ["torquers"]
     assert "quiet_time" in (problems + warnings)[0]
@@ -198,12 +201,14 @@ def test_a_crash_of_the_trial_is_a_line(monkeypatch):
         os.write(2, b"what the FMU said\nat last\n")
         os.abort()
 
-    monkeypatch.setattr(trial, "_initialised", crash)
-    (line,), _ = trial.refusals(system, schedule)
+    monkeypatch.setattr(trial_initialisation, "_initialised", crash)
+    (line,), _ = trial_initialisation.refusals(system, schedule)
     assert line.endswith("crashed (signal 6): at last")
-    monkeypatch.setattr(trial, "_initialised", lambda system, schedule: time.sleep(60.0))
-    monkeypatch.setattr(trial, "TIMEOUT", 0.2)
-    (line,), _ = trial.refusals(system, schedule)
+    monkeypatch.setattr(
+        trial_initialisation, "_initialised", lambda system, schedule: time.sleep(60.0)
+    )
+    monkeypatch.setattr(trial_initialisation, "TIMEOUT", 0.2)
+    (line,), _ = trial_initialisation.refusals(system, schedule)
     assert line.endswith("takes longer than 0.2 s")
 
 
@@ -266,7 +271,7 @@ def test_draws_are_stamped_only_if_they_come_out_again(monkeypatch, tmp_path):
     name = "uosat12/starts-dct"
     kept = stored.read("uosat12")
     monkeypatch.setattr(stored, "with_draws", lambda family: {name: find(name)})
-    monkeypatch.setattr(places, "DRAWS", tmp_path)
+    monkeypatch.setattr(paths, "DRAWS", tmp_path)
     kept["scenarios"] = {name: kept["scenarios"][name]}
     kept["scenarios"][name].pop("code_sha256", None)
     stored.write(kept)
@@ -316,7 +321,7 @@ def test_moved_joined_and_split_files_leave_code_as_it_is(monkeypatch, tmp_path)
 def test_stored_draws_come_back(monkeypatch, tmp_path):
     """All bits, and the same bytes again; a line of stamps a scenario; a number that a draw has not
     is None; a family leaves the others as they are."""
-    monkeypatch.setattr(places, "DRAWS", tmp_path)
+    monkeypatch.setattr(paths, "DRAWS", tmp_path)
     rows = [{"draw": 0, "numbers": {"a": 0.1, "b": None}},
             {"draw": 2, "numbers": {"a": None, "b": 1e-300}}]  # fmt: skip
     units = {"a": "s", "b": "1"}
@@ -340,7 +345,7 @@ def test_stored_draws_come_back(monkeypatch, tmp_path):
 
 
 def test_stored_draws_are_small_and_have_what_rows_are_made_of():
-    files = [*places.DRAWS.rglob("draws.*")]
+    files = [*paths.DRAWS.rglob("draws.*")]
     assert {p.name for p in files} == {"draws.json", "draws.parquet"}
     assert sum(p.stat().st_size for p in files) < 2_000_000
     for family in filter(stored.with_draws, families()):
@@ -355,7 +360,7 @@ def test_a_page_has_draws_made_anew_for_a_number_that_is_not_stored(monkeypatch,
     kept = stored.read("uosat12")
     assert "null_rms" not in kept["scenarios"][name]["units"]
     monkeypatch.setattr(stored, "with_draws", lambda family: {name: find(name)})
-    monkeypatch.setattr(places, "DRAWS", tmp_path)
+    monkeypatch.setattr(paths, "DRAWS", tmp_path)
     kept["scenarios"] = {name: kept["scenarios"][name]}
     stored.write(kept)
     asked = []
@@ -393,7 +398,7 @@ def test_more_draws_are_flown_after_those_that_are_kept(monkeypatch, tmp_path):
     whole = kept["scenarios"][name]
     whole["sha256"], whole["code_sha256"] = stored.digest(scenario), stored.code(scenario)
     monkeypatch.setattr(stored, "with_draws", lambda family: {name: scenario})
-    monkeypatch.setattr(places, "DRAWS", tmp_path)
+    monkeypatch.setattr(paths, "DRAWS", tmp_path)
     shown = whole["draws"][0]["numbers"]["firing_time"]
     first = whole["draws"][:-1]
     first[0] = {"draw": 0, "numbers": dict.fromkeys(first[0]["numbers"], 1.0)}

@@ -16,18 +16,19 @@ from test_witness import ECOS, LIBCOSIM, real_outputs
 from test_witness import rows_of as rows_printed
 
 from benchmarks import detumbling
-from desat.analyses import least_time
+from desat.analyses.papers import least_time
 from desat.components.contract.block import BlockError
 from desat.components.laws import acquisition as laws
 from desat.components.laws import field_rate, rate_observer
 from desat.components.maths.vector import cross, dot, norm, sub
-from desat.engine import trial
-from desat.files.pack import pack_scenario
+from desat.engine import trial_initialisation
 from desat.files.scenario import find, scenarios
-from desat.study import derived, measures, stored, tables
-from desat.study.case import Options, execute, prepare
-from desat.study.cells import rows_of
-from desat.study.meaning import numbers_of_rows
+from desat.files.ssp_write import pack_scenario
+from desat.numbers import derived, measures
+from desat.papers import stored, tables
+from desat.papers.comparison import rows_of
+from desat.runs.run import Options, execute, prepare
+from desat.runs.validation import numbers_of_rows
 from desat.system.errors import DesatError
 from desat.system.refusal import told
 
@@ -494,7 +495,7 @@ def test_a_refusal_names_file_component_variable_got_and_allowed(
     file = tmp_path / "mine.toml"
     file.write_text(f'extends = "hausat2/detumbling-wheel"\n{given}\n')
     system, schedule = prepare(str(file), Options(blocks=True)).or_raise()
-    (line,) = told(system, "\n".join(trial.refusals(system, schedule)[0]))
+    (line,) = told(system, "\n".join(trial_initialisation.refusals(system, schedule)[0]))
     line = line.replace("0.17999999995879792", "0.18")
     assert line.startswith(f"{file}: {key}: ")
     assert got in line

@@ -17,16 +17,16 @@ import pytest
 from test_checkpoint import broken
 
 from desat.analyses import coverage
-from desat.analyses.estimate import difference
-from desat.analyses.reference import Gyrostat
 from desat.campaign.case import row
 from desat.campaign.plan import Plan, digest_of
 from desat.files import scenario
-from desat.files.pack import pack_scenario
-from desat.study import inner
-from desat.study.case import Options, prepare, simulate
-from desat.study.derived import pointing
-from desat.study.resume import resume
+from desat.files.ssp_write import pack_scenario
+from desat.numbers.derived import pointing
+from desat.runs import inner_choice
+from desat.runs.resume import resume
+from desat.runs.run import Options, prepare, simulate
+from desat.studies.estimate import difference
+from desat.studies.reference import Gyrostat
 from desat.system.errors import DesatError
 from desat.system.model import AUTO
 
@@ -136,7 +136,7 @@ def test_auto_on_random_craft():
         name, values = random_craft(seed)
         case = prepare(name, Options(inner=AUTO, stop=200.0, values=values))
         try:
-            inner.chosen(name, case.or_raise()[0], case.options)
+            inner_choice.chosen(name, case.or_raise()[0], case.options)
         except DesatError:
             with pytest.raises(DesatError, match="the attitude would still err by"):
                 simulate(case)
@@ -316,14 +316,14 @@ def test_what_no_count_makes_exact_is_refused_with_the_reason(tmp_path):
 
 def test_a_run_that_leaves_the_range_of_its_flights_is_made_again(monkeypatch):
     """A strong jet after what the flights see; and one that they see needs no second run."""
-    monkeypatch.setattr(inner, "LONGEST", 200)
+    monkeypatch.setattr(inner_choice, "LONGEST", 200)
     light = LIGHT | {"wheels.h_start_wheel": [0.02, -0.01, 0.03, 0.0]}
     values = light | jets((0.2, 0.1, 0.0), begin=350.3, long=4.4)
     options = Options(inner=AUTO, values=values, stop=400.0, record=("spacecraft.*", "wheels.*"))
     run = simulate(prepare("gyrostat/pulses", options))
     choice = run.manifest["inner_choice"]
     quiet = prepare("gyrostat/pulses", replace(options, values=light | jets()))
-    first = inner.chosen("quiet", quiet.or_raise()[0], quiet.options)
+    first = inner_choice.chosen("quiet", quiet.or_raise()[0], quiet.options)
     assert first is not None
     assert len(choice["again"]) >= 1
     assert choice["again"][0].startswith(("at t = 349 s", "at t = 35"))
@@ -353,7 +353,7 @@ def test_a_packed_scenario_has_what_its_run_chose(tmp_path):
     target = Path(own(tmp_path, "stop = 60"))
     run = simulate(prepare(str(target), Options()))
     path = pack_scenario(
-        scenario.own(target), tmp_path / "own.ssp", choose=lambda s: inner.settled("own", s)
+        scenario.own(target), tmp_path / "own.ssp", choose=lambda s: inner_choice.settled("own", s)
     )
     packed = simulate(prepare(str(path), Options(fmus="native")))
     assert "inner_choice" not in packed.manifest
@@ -364,7 +364,7 @@ def test_a_resumed_run_keeps_its_choice(tmp_path, monkeypatch):
     target = own(tmp_path, "stop = 200")
     whole = simulate(prepare(target, Options()), tmp_path / "whole").manifest
     broken(target, Options(checkpoint=10.0), tmp_path / "cut", monkeypatch, 100)
-    monkeypatch.setattr(inner, "chosen", None)  # it is not made anew
+    monkeypatch.setattr(inner_choice, "chosen", None)  # it is not made anew
     cut = resume(tmp_path / "cut").manifest
     assert cut["status"] == "completed"
     assert cut["inner"] == whole["inner"] > 1

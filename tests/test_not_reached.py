@@ -10,12 +10,13 @@ import numpy as np
 import pytest
 
 from desat.campaign import report
+from desat.campaign.draws import spreads
 from desat.files.scenario import find
-from desat.study import cells, measures, stored, verbs
-from desat.study.case import Options, execute
-from desat.study.draws import spreads
-from desat.study.numbers import late
-from desat.study.sources import Sources
+from desat.numbers import measures
+from desat.numbers.numbers import late
+from desat.papers import comparison, functions, stored
+from desat.papers.session import Sources
+from desat.runs.run import Options, execute
 
 COMMON = """
 extends = "hausat2/detumbling-b-dot"
@@ -115,7 +116,7 @@ def test_a_row_of_a_table_is_not_within_where_a_draw_never_gets_there():
     scenario = find("integrated/mil-fast")
     drawn = stored.read("integrated")["scenarios"][scenario.name]
     values = {name: entry["median"] for name, entry in drawn["summary"].items()}
-    rows = {r.quantity: r for r in cells.rows_of(scenario, values, {}, drawn)}
+    rows = {r.quantity: r for r in comparison.rows_of(scenario, values, {}, drawn)}
     row = rows["time_to_dump_build_up"]
     never = sum(d["numbers"]["dumped"] is None for d in drawn["draws"])
     assert never == 88
@@ -139,7 +140,7 @@ def test_stored_draws_have_no_end_of_a_run_for_a_time():
 
 
 def test_pages_say_not_reached():
-    of = verbs.Verbs(Sources("hausat2", [], 1, draft=60.0))
+    of = functions.Verbs(Sources("hausat2", [], 1, draft=60.0))
     assert of.spread("along-field", "detumbled").startswith("not reached [")
     assert of.spread("along-field", "detumbled").endswith("], 19 of 200")
     assert of.spread("sample-time-10-wheel", "detumbled") == "none of 200"

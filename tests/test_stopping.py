@@ -8,9 +8,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from desat.study import stopping
-from desat.study.case import Options, execute, prepare
-from desat.study.draws import draws
+from desat.campaign.draws import draws
+from desat.runs import stopping
+from desat.runs.run import Options, execute, prepare
 from desat.system.codes import Exit
 from desat.system.errors import DesatError
 

@@ -23,9 +23,9 @@ from desat.components.laws import (
 from desat.components.laws import magnetic_offline as offline
 from desat.components.maths import attitude, moments
 from desat.components.physics import averaging, gyrostat, orbit, rotor, torques, wheel_array
+from desat.figures import plots
 from desat.fmus import registry
-from desat.study import plots
-from desat.study.case import Options, execute, load
+from desat.runs.run import Options, execute, load
 from desat.system.check import check
 from desat.system.errors import DesatError
 
@@ -173,8 +173,8 @@ CLIFF = [("robust-model", "b_y_3", 10), ("robust", "yaw", 19)]
 def test_a_wrong_model_costs_little_once_it_is_learnt(file, case, draw):
     """The draws that cost 23 and 30 % more while the plan trusted its model and kept its reserve at
     any price."""
-    from desat.study.draws import system_of
-    from desat.study.sampling import drawn
+    from desat.campaign.draws import system_of
+    from desat.campaign.sampling import drawn
 
     name = f"uosat12/{file}-receding_horizon-{case}"
     start = drawn(system_of(name, Options(blocks=True)), 1, draw)

@@ -20,9 +20,9 @@ import numpy as np
 import pytest
 
 from desat.analyses import management
+from desat.figures.plots import lines_of
 from desat.files.scenario import scenarios
-from desat.study.case import Options, execute
-from desat.study.plots import lines_of
+from desat.runs.run import Options, execute
 
 RPM = 30.0 / math.pi
 NADIR_PERIOD = 6128.457503878951

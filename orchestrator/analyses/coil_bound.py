@@ -18,8 +18,8 @@ import numpy as np
 from desat.components.laws import momentum_management as laws
 from desat.components.laws import momentum_offline as offline
 
-from ..engine.results import Results
-from ..study.derived import rotate_back
+from ..engine.recording.results import Results
+from ..numbers.derived import rotate_back
 from ..system.errors import DesatError
 from . import titled
 

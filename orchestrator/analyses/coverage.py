@@ -30,7 +30,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..engine.results import Results
+from ..engine.recording.results import Results
 from ..system.model import AUTO, Component, System
 from ..system.parameters import value_of
 from . import residual
@@ -40,7 +40,7 @@ Array = NDArray[Any]
 KEY = "exchange"
 NUMBERS = ("inner_steps", "estimated_attitude_error")
 CHOICE = "inner_choice"
-"""Of the manifest: how a run came to its inner steps (`study/inner.py`)."""
+"""Of the manifest: how a run came to its inner steps (`runs/inner_choice.py`)."""
 
 DECIMATED = "decimated"
 """Of the manifest: what components cost that do not step at every step."""

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..study.derived import cross, rotate_back
+from ..numbers.derived import cross, rotate_back
 
 Array = NDArray[np.float64]
 

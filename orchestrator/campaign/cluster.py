@@ -16,12 +16,12 @@ from pathlib import Path
 from typing import Any, Self
 
 from ..files import library
-from ..study.identity import versions
-from ..study.workers import Lost
+from ..files.identity import versions
 from ..system.codes import Exit
 from ..system.errors import DesatError, RunError
 from .case import row
 from .plan import Plan, digest_of
+from .workers import Lost
 
 WAIT = "15s"
 """How long a cluster has to answer."""

@@ -7,10 +7,10 @@ from pathlib import Path
 from typing import Any
 
 from ..numbers.statistics import clopper_pearson
-from ..study.paired import difference, spread
 from ..system.errors import DesatError
 from . import store
 from .figures import flat
+from .pairs import difference, spread
 from .plan import Plan, read, system
 
 

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from ..study.dataset import Lazy
+from ..report.dataset import Lazy
 from ..system.errors import DesatError
 from . import store
 from .case import POINTS

@@ -10,15 +10,15 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
-from ..study.draws import system_of
-from ..study.identity import of_system, other, versions
-from ..study.manifest import write_json
-from ..study.prepare import resolved
-from ..study.sampling import FIXED, Sampling, drawn
+from ..files.identity import of_system, other, versions
+from ..runs.manifest import write_json
+from ..runs.prepare import resolved
 from ..system.digest import comparable
 from ..system.draft import Draft
 from ..system.errors import DesatError
 from ..system.options import Options, as_arguments
+from .draws import system_of
+from .sampling import FIXED, Sampling, drawn
 
 PLAN = "campaign.json"
 GROWS = ("count", "keep", "limit")

@@ -12,17 +12,16 @@ from typing import Any, NamedTuple
 import numpy as np
 from markupsafe import Markup
 
+from ..figures.charts import scatter
+from ..figures.plots import limits_of
+from ..figures.style import axis_label, pretty_unit
+from ..files.identity import COMPUTING
+from ..numbers.numbers import late
 from ..numbers.text import not_reached
 from ..numbers.text import number as shown
-from ..study.drawing import axis_label, pretty_unit
-from ..study.figures import scatter
-from ..study.identity import COMPUTING
-from ..study.manifest import write_json
-from ..study.numbers import late
-from ..study.plots import limits_of
-from ..study.prepare import prepare
-from ..study.report import render, write_page
-from ..study.sampling import axes, sensitivity, unit_cube
+from ..report.report import render, write_page
+from ..runs.manifest import write_json
+from ..runs.prepare import prepare
 from ..system.dispersions import dispersed
 from ..system.errors import DesatError
 from ..system.parameters import table as parameters_of
@@ -30,6 +29,7 @@ from . import figures, store
 from .case import POINTS, plots_of
 from .judged import requirement, rerun
 from .plan import Plan, changed, read, system
+from .sampling import axes, sensitivity, unit_cube
 
 STRONG = 0.2
 """Rank correlations from this size on are shown."""

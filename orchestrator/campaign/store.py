@@ -26,7 +26,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from ..files.text import naming
-from ..study.manifest import write_json
+from ..runs.manifest import write_json
 from ..system.errors import DesatError
 from . import damaged
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ..files.refuse import design as read_design
+from ..files.reader import design as read_design
 from ..files.scenario import ROOT, Scenario, find, scenarios
 from ..files.text import replace_text
 from ..system.check import check

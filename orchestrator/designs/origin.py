@@ -13,9 +13,9 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from ..files.refuse import design
+from ..files.modify import modify
+from ..files.reader import design
 from ..files.scenario import Scenario, find
-from ..study.modify import modify
 from ..system.draft import Draft
 from ..system.interface import base_name
 from ..system.model import Connection

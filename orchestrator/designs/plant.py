@@ -24,7 +24,7 @@ from desat.fmus.registry import block_class
 
 from ..engine.loop import run, stepping
 from ..engine.master import Master
-from ..engine.recorder import Recorder
+from ..engine.recording.recorder import Recorder
 from ..files.scenario import Scenario
 from ..system.check import check
 from ..system.errors import DesatError, nearest

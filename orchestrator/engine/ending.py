@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
-from .member import Slot
+from .node import Slot
 
 How = Literal["never", "below", "above", "reaches", "always"]
 

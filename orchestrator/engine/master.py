@@ -36,12 +36,12 @@ from ..system.options import ALGORITHMS, Algorithm
 from ..system.parameters import value_of
 from ..system.rates import Rates, graded
 from ..system.schedule import Schedule
-from .block_instance import BlockInstance
-from .fmu_instance import FmuInstance
-from .instances import Array, ComponentError, EndedError, Instance, each
-from .isolated import IsolatedInstance
-from .last_call import ENTER, EXIT, FREE, INSTANTIATE, PLACE, PULL, PUSH, time, word
-from .member import Member, Outputs, Slot
+from .current_call import ENTER, EXIT, FREE, INSTANTIATE, PLACE, PULL, PUSH, time, word
+from .instances.base import Array, ComponentError, EndedError, Instance, each
+from .instances.block import BlockInstance
+from .instances.fmu import FmuInstance
+from .instances.isolated import IsolatedInstance
+from .node import Member, Outputs, Slot
 from .plan import Plan
 
 Rows = Callable[[int, dict[Kind, Array]], None]

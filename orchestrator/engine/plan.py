@@ -8,10 +8,10 @@ from typing import Literal
 import numpy as np
 
 from ..system.rates import Rates
-from .instances import Array, Clock
-from .member import Member, Outputs, Slot, Window, means
+from .averaging import Part, Whole
+from .instances.base import Array, Clock
+from .node import Member, Outputs, Slot, Window, means
 from .operations import Call, Cut, Gather, Join, Length, Operation, Show, Step, Tick
-from .windows import Part, Whole
 
 
 class Plan:

@@ -53,7 +53,7 @@ def read(path: Path, where: str) -> dict[str, Any]:
 
 
 def _problems(about: Any) -> list[str]:
-    from .refuse import problems  # pydantic, only where there is something to check
+    from .reader import problems  # pydantic, only where there is something to check
 
     if not isinstance(about, dict):
         return ["a table is needed"]

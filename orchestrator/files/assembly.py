@@ -10,7 +10,7 @@ from typing import Any
 from ..system.draft import Draft
 from ..system.errors import DesatError
 from ..system.replace import drop_unwanted
-from . import craft, library, places, ssp
+from . import craft, library, paths, ssp
 from .merge import Keys
 
 
@@ -65,7 +65,7 @@ def _wired(
         if (folder / name).exists():
             return read(folder / name)
     raise DesatError(f"{where}: nothing says what is wired: extends, craft or ssd is needed, or "
-                     f"{craft.FILE} or {ssp.FILE} in {places.shown(folder)}")  # fmt: skip
+                     f"{craft.FILE} or {ssp.FILE} in {paths.shown(folder)}")  # fmt: skip
 
 
 def _named(
@@ -75,7 +75,7 @@ def _named(
     file: Path = folder / data[key]
     if not file.exists():
         at = ": ".join(given((key,)))
-        raise DesatError(f"{at} = {data[key]!r}: no such file in {places.shown(folder)}")
+        raise DesatError(f"{at} = {data[key]!r}: no such file in {paths.shown(folder)}")
     return file
 
 

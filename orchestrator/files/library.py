@@ -22,7 +22,7 @@ from desat.fmus import meaning, registry
 from ..system.draft import Draft, DraftComponent
 from ..system.errors import DesatError, nearest
 from ..system.interface import Interface, of_block
-from . import archive, places
+from . import archive, paths
 from .contents import contents, regular
 from .fmu import of_fmu
 
@@ -84,7 +84,7 @@ def _sweep(folder: Path) -> None:
     of one that it was removing when it was killed."""
     lock = folder / _LOCK
     try:
-        if folder.stat().st_uid != places.user() or not folder.is_dir():
+        if folder.stat().st_uid != paths.user() or not folder.is_dir():
             return
         if not lock.exists():
             old = time.time() - folder.stat().st_mtime > _LEFT
@@ -152,21 +152,21 @@ def find(source: str, folder: Path) -> Path | None:
     beside = folder / source
     if beside.exists():
         return beside
-    return built(source) if folder.resolve().is_relative_to(places.SCENARIOS) else None
+    return built(source) if folder.resolve().is_relative_to(paths.SCENARIOS) else None
 
 
 def built(source: str, kind: str = "native") -> Path | None:
     """Our built FMU of a name (`resources/NAME.fmu`, `NAME.fmu`): the native one, where there is
     none, or for `kind` python, the one of Python; None where there is neither."""
     name = Path(source).name
-    folders = [places.fmus() / "native"] if kind == "native" else []
-    candidates = (folder / name for folder in (*folders, places.fmus()))
+    folders = [paths.fmus() / "native"] if kind == "native" else []
+    candidates = (folder / name for folder in (*folders, paths.fmus()))
     return next((path for path in candidates if path.exists()), None)
 
 
 def of_kind(path: Path, kind: str) -> Path:
     """One of our built FMUs as native or as Python one; any other as it is."""
-    ours = path.parent in (places.fmus(), places.fmus() / "native")
+    ours = path.parent in (paths.fmus(), paths.fmus() / "native")
     return (built(path.name, kind) or path) if ours else path
 
 
@@ -204,9 +204,9 @@ def _computed(name: str) -> str:
 
 def index() -> dict[str, dict[str, Any]]:
     """What is said of our built FMUs, by the sha256 of their files; empty where there are none."""
-    if not places.built():
+    if not paths.built():
         return {}
-    file = places.fmus() / "index.json"
+    file = paths.fmus() / "index.json"
     try:
         stat = file.stat()
         return _read(file, stat.st_mtime_ns, stat.st_size)
@@ -255,7 +255,7 @@ def _interface(c: DraftComponent, blocks: bool) -> Interface:
             raise DesatError(f"no block {name}{nearest(name, registry.names())}")
         return interface_of_block(name)
     if c.fmu is None:
-        known = {p.name for p in places.fmus().glob("*.fmu")}
+        known = {p.name for p in paths.fmus().glob("*.fmu")}
         hint = nearest(f"{name}.fmu", known) or "; run `make fmus`"
         hint = hint if f"{name}.fmu" not in known else ""  # a system of others does not run ours
         raise DesatError(f"FMU {c.source} is missing{hint}")

@@ -10,7 +10,7 @@ agree. It is the hash of what an FMU was built of, not of the sources beside it.
 variables' own units, which are in the digest, too: SI for all of ours; what a file gives in another
 unit has been converted when a system is resolved.
 
-Versions, compiler and libm stand beside it (`study/identity.py`, `versions`).
+Versions, compiler and libm stand beside it (`files/identity.py`, `versions`).
 """
 
 from __future__ import annotations

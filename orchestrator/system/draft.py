@@ -1,6 +1,6 @@
 """A system as it is read, before it is resolved: interfaces, values and times may be missing.
 
-Files (`files/`) write it, options of a command change it (`study/modify.py`), and `resolve.py`
+Files (`files/`) write it, options of a command change it (`files/modify.py`), and `resolve.py`
 makes a `System` of it.
 """
 

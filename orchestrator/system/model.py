@@ -16,7 +16,7 @@ from .interface import Interface, OutputClass
 
 AUTO: Literal["auto"] = "auto"
 Inner = int | Literal["auto"]
-"""Inner steps within a step; `auto`: a run chooses them (`study/inner.py`)."""
+"""Inner steps within a step; `auto`: a run chooses them (`runs/inner_choice.py`)."""
 MOST_INNER = 1000
 ACCURACY = 1e-7
 """Attitude error (rad) that a run which chooses its inner steps keeps below, where none is given.

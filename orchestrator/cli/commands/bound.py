@@ -8,22 +8,23 @@ from typing import Annotated
 import typer
 from rich.table import Table
 
-from ..common import Json, app, complete_name, err, out, print_json
+from .. import options as o
+from ..console import app, err, out, print_json
 
 
 @app.command()
 def bound(
     target: Annotated[
         str, typer.Argument(metavar="NAME|RUN|FILE.ssp", help="A scenario, or a run's folder.",
-                            show_default=False, autocompletion=complete_name)
+                            show_default=False, autocompletion=o.complete_name)
     ],
-    as_json: Json = False,
+    as_json: o.Json = False,
 ) -> None:  # fmt: skip
     """Compute the least thruster seconds that a dumping run could have done with; of momentum
     management by coils the least energy for the largest momentum of a wheel."""
     from ...analyses import bound as bound_module
     from ...analyses import coil_bound
-    from ...study.case import run_or_load
+    from ...runs.run import run_or_load
 
     coils = _by_coils(target)
     finished = run_or_load(target, None if coils else bound_module)
@@ -49,7 +50,7 @@ def bound(
 def _by_coils(target: str) -> bool:
     """True for a scenario, .ssp or run folder whose manager knows the coils one by one: a law of
     momentum management by coils."""
-    from ...study.case import Options, load_run, prepare
+    from ...runs.run import Options, load_run, prepare
 
     if any((Path(target) / name).exists() for name in ("manifest.json", "manifest.json.part")):
         with (run := load_run(Path(target))).results:

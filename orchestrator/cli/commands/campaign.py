@@ -9,28 +9,8 @@ import typer
 from typer.core import TyperGroup
 
 from ...system.codes import Exit
-from ..common import (
-    CPUS,
-    Alg,
-    Blocks,
-    FmuKind,
-    Fmus,
-    Jobs,
-    Json,
-    Semantics,
-    Sets,
-    Sources,
-    Step,
-    Stop,
-    Target,
-    app,
-    err,
-    name_of,
-    options_of,
-    out,
-    print_json,
-    warn,
-)
+from .. import options as o
+from ..console import app, err, name_of, out, print_json, warn
 
 
 class _WithDefault(TyperGroup):
@@ -58,7 +38,7 @@ Folder = Annotated[Path, typer.Argument(metavar="FOLDER", help="A campaign's fol
 
 @campaigns.command()
 def run(
-    target: Target,
+    target: o.Target,
     count: Annotated[int, typer.Option("-n", "--count", help="Cases.", min=1)] = 1000,
     sampling: Annotated[
         str,
@@ -69,13 +49,13 @@ def run(
         Path | None,
         typer.Option("--out", help="Its folder (default: runs/campaign-NAME).", show_default=False),
     ] = None,
-    sets: Sets = None,
-    sources: Sources = None,
-    stop: Stop = None,
-    step: Step = None,
-    algorithm: Alg = Semantics.conserving,
-    blocks: Blocks = False,
-    fmus: Fmus = FmuKind.native,
+    sets: o.Sets = None,
+    sources: o.Sources = None,
+    stop: o.Stop = None,
+    step: o.Step = None,
+    algorithm: o.Alg = o.Semantics.conserving,
+    blocks: o.Blocks = False,
+    fmus: o.Fmus = o.FmuKind.native,
     keep: Annotated[
         list[str] | None,
         typer.Option(help="Cases whose series and report are kept: worst:N (with --by), "
@@ -91,37 +71,37 @@ def run(
         float, typer.Option("--case-limit", metavar="SECONDS", min=0.1, max=1e7,
                             help="Wall time of a case."),
     ] = 600.0,
-    jobs: Jobs = CPUS,
+    jobs: o.Jobs = o.CPUS,
     cluster: Annotated[
         str | None,
         typer.Option(metavar="ADDRESS|FILE|local:N",
                      help="A Dask scheduler's address or file, or N Dask workers here."),
     ] = None,
     accept_versions: Accept = False,
-    as_json: Json = False,
+    as_json: o.Json = False,
 ) -> None:  # fmt: skip
     """Make the cases of a campaign, or those of it that are missing, and its report."""
-    from ...campaign import head
+    from ...campaign import coordinator
     from ...system.errors import DesatError
 
     if by and not any(k.startswith("worst") and k.count(":") == 1 for k in keep or []):
         raise DesatError(f"--by {by}: it goes with --keep worst:N")
     kept = [f"{k}:{by}" if k.startswith("worst") and k.count(":") == 1 and by else k
             for k in keep or []]  # fmt: skip
-    plan, warnings = head.planned(
+    plan, warnings = coordinator.planned(
         target, count, seed=seed, sampling=sampling,  # type: ignore[arg-type]
-        options=options_of(sets, stop, step, algorithm, blocks, sources=sources, fmus=fmus.value),
+        options=o.options_of(sets, stop, step, algorithm, blocks, sources=sources, fmus=fmus.value),
         curves=curve, keep=kept, limit=limit,
     )  # fmt: skip
     warn(warnings)
     where = folder or Path("runs") / f"campaign-{name_of(target)}"
-    head.run(plan, where, jobs, cluster, not as_json, accept_versions)
-    warn(head.unreached(plan, where))
+    coordinator.run(plan, where, jobs, cluster, not as_json, accept_versions)
+    warn(coordinator.unreached(plan, where))
     _report(where, as_json)
 
 
 @campaigns.command()
-def status(folder: Folder, as_json: Json = False) -> None:
+def status(folder: Folder, as_json: o.Json = False) -> None:
     """How far a campaign is, also from elsewhere."""
     from ...campaign import progress
 
@@ -136,7 +116,7 @@ def status(folder: Folder, as_json: Json = False) -> None:
 
 
 @campaigns.command()
-def report(folder: Folder, as_json: Json = False) -> None:
+def report(folder: Folder, as_json: o.Json = False) -> None:
     """Write report.html and report.json of what is there; ends with 1 where a requirement is not
     shown to be met."""
     _report(folder, as_json)
@@ -154,7 +134,7 @@ def case(
     accept_versions: Accept = False,
 ) -> None:  # fmt: skip
     """Make a case again, with its series and report: the same bits."""
-    from ...campaign import head
+    from ...campaign import coordinator
     from ...campaign.case import kept
     from ...campaign.plan import anew, changed, read, same_versions
     from ...campaign.store import versions_of
@@ -167,7 +147,7 @@ def case(
         raise DesatError(f"{folder}: case {number}: {text}: the case would differ; {anew(plan)}")
     if row := versions_of(folder, number):
         same_versions(folder, row, accept_versions, f"case {number} and its row")
-    where = into or head.kept_in(folder, number)
+    where = into or coordinator.kept_in(folder, number)
     made = kept(plan, number, where)
     out.print(f"{where / 'report.html'}", highlight=False, markup=False)
     if not made.ok:
@@ -182,14 +162,14 @@ def case(
 def compare(
     first: Folder,
     second: Annotated[Path, typer.Argument(metavar="OTHER", help="Another's folder.")],
-    as_json: Json = False,
+    as_json: o.Json = False,
 ) -> None:
     """Two campaigns over the same cases, in pairs: the first's numbers less the second's."""
     from rich.table import Table
 
     from ...campaign.compare import compare as of
+    from ...figures.style import pretty_unit
     from ...numbers.text import number
-    from ...study.drawing import pretty_unit
 
     told = of(first, second)
     warn(told["warnings"])
