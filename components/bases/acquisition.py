@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 
-from ..contract.block import Mat34, Output, Parameter, Table, Vec3
+from ..contract.block import SPIN, TURN, Mat34, Output, Parameter, Table, Vec3
 from ..contract.roles import Manager, WheelAxes
 from ..laws import field_rate
 from ..laws.acquisition import PITCH_BIAS, within
@@ -63,16 +63,22 @@ class Acquisition(Manager, WheelAxes):
     field_rate: int = Parameter("1", "how the field's rate is formed",
                                 choices=("difference", "filtered"), start="difference")  # fmt: skip
     cut_off: float = Parameter("rad/s", "filtered: of the low-pass", start=0.5, min=1e-6)
-    rate_limit: float = Parameter("rad/s", "detumbled: every rate below", start=3e-3, min=1e-9)
+    rate_limit: float = Parameter(
+        "rad/s", "detumbled: every rate below", start=3e-3, min=1e-9, usual=SPIN
+    )
     hold_time: float = Parameter("s", "so long, before detumbling or three_axis ends", min=0.0)
-    spin_target: float = Parameter("rad/s", "pitch rate of the spin", start=-0.31)
-    spin_error: float = Parameter("rad/s", "pitch spin: error of the rate", start=3e-3, min=1e-9)
+    spin_target: float = Parameter("rad/s", "pitch rate of the spin", start=-0.31, usual=SPIN)
+    spin_error: float = Parameter(
+        "rad/s", "pitch spin: error of the rate", start=3e-3, min=1e-9, usual=SPIN
+    )
     momentum_share: float = Parameter("1", "of h_nominal, at which a wheel phase ends",
                                       start=0.995, min=0.0)  # fmt: skip
     pointing_limit: float = Parameter(
-        "rad", "three_axis: pointing error below", start=0.17453292519943295, min=1e-6
+        "rad", "three_axis: pointing error below", start=0.17453292519943295, min=1e-6, usual=TURN
     )
-    rate_lost: float = Parameter("rad/s", "lost: a rate above; 0: never", start=0.15, min=0.0)
+    rate_lost: float = Parameter(
+        "rad/s", "lost: a rate above; 0: never", start=0.15, min=0.0, usual=SPIN
+    )
     time_limit: Table = Parameter("s", "of detumbling, pitch_spin, wheel_ramp, momentum_dump, "
                                   "three_axis; 0: none", shape=(5,), min=0.0)  # fmt: skip
     experiment: bool = Parameter("1", "true: a sample time at which the laws fail is accepted")
