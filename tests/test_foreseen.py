@@ -131,6 +131,64 @@ def test_a_law_that_needs_thrusters_is_refused_without(manager):
     assert "needs tau_cmd_thruster_body, an output that reaches nobody" in line
 
 
+def unwired(tmp_path, *inputs, family, name):
+    """A scenario whose craft lacks what feeds these inputs."""
+    folder = ROOT / "ssp" / family
+    craft = (folder / "craft.toml").read_text(encoding="utf-8")
+    lines = "".join(f'"{x}" = false\n' for x in inputs)
+    assert craft.count("[wiring]") <= 1
+    craft = craft.replace("[wiring]\n", f"[wiring]\n{lines}") if "[wiring]" in craft else craft
+    craft += "" if "[wiring]" in craft else f"\n[wiring]\n{lines}"
+    (tmp_path / "craft.toml").write_text(craft, encoding="utf-8")
+    return own(tmp_path, 'craft = "craft.toml"', f"{family}/{name}")
+
+
+def test_a_controllers_torque_that_reaches_no_wheel_is_refused(tmp_path):
+    file = unwired(tmp_path, "wheels.tau_cmd_wheel", family="integrated", name="mil-nadir")
+    (line,) = [p for p in checked(file).problems if "tau_ctrl_body" in p]
+    assert "manager.tau_ctrl_body is wired and needs tau_cmd_wheel, an output that" in line
+
+
+def test_a_controller_without_guidance_is_told(tmp_path):
+    file = unwired(tmp_path, "controller.q_ref_bi", family="integrated", name="mil-nadir")
+    (line,) = [w for w in checked(file).warnings if "q_ref_bi" in w]
+    assert "controller: q_ref_bi is neither wired nor given: the axes of eci are held" in line
+    fixed = file.replace("own", "fixed")
+    text = 'extends = "own"\nparameters.controller.q_ref_bi = [0, 0, 0, 1]\n'
+    (tmp_path / "fixed.toml").write_text(text, encoding="utf-8")
+    assert not [w for w in checked(fixed).warnings if "q_ref_bi" in w]
+
+
+@pytest.mark.parametrize(
+    ("procedure", "lacks", "law"),
+    [
+        (2, "q_ref_bi", "the start-up"),
+        (1, "omega_bi_body", "the start-up"),
+        (0, "omega_bi_body", "detumbling"),
+    ],
+)
+def test_what_phases_need_is_told(procedure, lacks, law):
+    """A rate that nobody measures is zero: detumbling would be over at once."""
+    block = block_class("manager_start_up")()
+    block.procedure = procedure
+    block.start()
+    inputs = frozenset(v.name for v in block.variables)
+    assert list(block.foresee(0.0, 1.0, inputs)) == []
+    (line,) = block.foresee(0.0, 1.0, inputs - {lacks})
+    assert line == f"{lacks} is not wired: the law of {law} is of no use without it"
+
+
+@pytest.mark.parametrize(
+    ("rate_from", "lacks"), [(0, ["omega_bi_body"]), (1, []), (2, ["h_wheel"])]
+)
+def test_what_detumbling_needs_follows_from_where_its_rate_is_from(rate_from, lacks):
+    block = block_class("manager_detumbling_optimal")()
+    block.rate_from = rate_from
+    block.start()
+    found = block.foresee(0.0, 1.0, frozenset({"b_body"}))
+    assert [line.partition(" ")[0] for line in found] == lacks
+
+
 def test_nozzles_without_torque_about_an_axis_are_told():
     source = ["thrusters=thrusters_nozzles"]
     assert not [w for w in told(COMBINED, sources=source) if "no torque" in w]

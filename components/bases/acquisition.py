@@ -4,6 +4,7 @@ and why they change, the field's rate, what is not valid, the limits of the comm
 from __future__ import annotations
 
 from abc import abstractmethod
+from collections.abc import Iterator
 
 from ..contract.block import SPIN, TURN, Mat34, Output, Parameter, Table, Vec3
 from ..contract.roles import Manager, WheelAxes
@@ -109,6 +110,16 @@ class Acquisition(Manager, WheelAxes):
         self.coil_saturated = False
         self.mode = IDLE
 
+    def foresee(self, begin: float, end: float, wired: frozenset[str]) -> Iterator[str]:
+        later = ("q_bi", "q_ref_bi", "h_wheel", "tau_cmd_wheel") if len(self._sequence) > 2 else ()
+        for name in dict.fromkeys((*self.for_rate(), *later)):
+            if name not in wired:
+                yield f"{name} is not wired: the law of {self._phases()} is of no use without it"
+        yield from super().foresee(begin, end, wired)
+
+    def _phases(self) -> str:
+        return "detumbling" if len(self._sequence) <= 2 else "the start-up"
+
     def _check(self) -> None:
         if not 0.0 < self.sample_time <= LONGEST_SAMPLE_TIME and not self.experiment:
             self.fail(
@@ -148,6 +159,10 @@ class Acquisition(Manager, WheelAxes):
     @abstractmethod
     def rate(self) -> Vec3 | None:
         """The body's rate (rad/s, body) that the conditions look at; None where it is not known."""
+
+    def for_rate(self) -> tuple[str, ...]:
+        """The inputs that detumbling and the rate need, beside the field's."""
+        return ("omega_bi_body",)
 
     def sense(self, t: float) -> None:
         """What a block makes of the measurements at a sample, before the phase is looked at."""

@@ -132,6 +132,10 @@ class ManagerDetumblingOptimal(Acquisition):
     def rate(self) -> Vec3 | None:
         return None if self.rate_from == GYRO and not self.valid_omega else self._omega
 
+    def for_rate(self) -> tuple[str, ...]:
+        inputs = (("omega_bi_body",), (), ("h_wheel",))[self.rate_from]
+        return (*inputs, "q_bi", "r_eci", "v_eci") if self.law == LOOK_AHEAD else inputs
+
     def sense(self, t: float) -> None:
         """The rate at this sample, None where nothing is known of it."""
         if self.rate_from == GYRO and self.valid_omega:

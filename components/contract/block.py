@@ -152,9 +152,9 @@ class _Declaration:
             value = tuple(cast(x) for x in flat)
         else:
             value = cast(start if start is not None else 0)
-        if usual := options.get("usual"):
-            if not all(usual[0] <= x <= usual[1] for x in _flatten(value)):
-                raise TypeError(f"{where}: its start value is not within what is usual")
+        usual = options.get("usual")
+        if usual and not all(usual[0] <= x <= usual[1] for x in _flatten(value)):
+            raise TypeError(f"{where}: its start value is not within what is usual")
         return Variable(
             name, self.causality, kind, shape, self.unit, self.description, value,
             choices=choices, **options,

@@ -7,7 +7,7 @@ range in which its model holds, and what it lacks to be of use. Another FMU says
 from __future__ import annotations
 
 from collections.abc import Iterator
-from functools import lru_cache
+from functools import cache, lru_cache
 
 from desat.components.contract.block import Block, BlockError, Scalar
 from desat.fmus.registry import block_class, names
@@ -57,7 +57,12 @@ def _foresees(c: Component) -> bool:
     model = c.interface.model
     if model not in names() or block_class(model).foresee is Block.foresee:
         return False
-    return c.interface.signals.keys() == of_block(model, block_class(model)).signals.keys()
+    return c.interface.signals.keys() == _variables(model)
+
+
+@cache
+def _variables(model: str) -> frozenset[str]:
+    return frozenset(of_block(model, block_class(model)).signals)
 
 
 @lru_cache(maxsize=256)
