@@ -61,7 +61,7 @@ def test_a_design_for_other_values_is_said(options, what):
 
 
 def test_what_cannot_matter_to_a_design_is_not_said():
-    same = Options(sets=["spacecraft.h_start_body=1,2,-1", "manager.costate=0,0,0"], stop=3000.0)
+    same = Options(sets=["spacecraft.h_start_body=1,2,-1", "manager.costate=1,0,0"], stop=3000.0)
     assert prepare(MEC, same).checked.warnings == []
     blind = find("uosat12/fig2-offnadir-mec-blind")
     ((name, table),) = blind.data["design"]["assume"].items()

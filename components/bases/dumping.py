@@ -95,7 +95,8 @@ class TorquerDumping(MomentumDumping):
 
     saturation: bool = Parameter("1", "true: the dipole is limited to m_limit", start=True)
     m_limit: float = Parameter("A.m2", "largest dipole of each axis", start=20.0, min=0.0,
-                               needs=("b_body",), follows="torquers.m_limit")  # fmt: skip
+                               needs=("b_body", "m_cmd_body"),
+                               follows="torquers.m_limit")  # fmt: skip
 
     @abstractmethod
     def dipole(self, elapsed: float, h: Vec3) -> Vec3 | None:

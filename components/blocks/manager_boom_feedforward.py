@@ -1,7 +1,7 @@
 from __future__ import annotations
 
 from ..bases.boom import NOTHING, X_AXIS, Y_AXIS, Z_AXIS, Boom
-from ..contract.block import Mat33, Output, Parameter, Table, Vec3, Vec4
+from ..contract.block import SMALL_ANGLE, Mat33, Output, Parameter, Table, Vec3, Vec4
 from ..laws import firing
 from ..laws import gravity_gradient as laws
 from ..maths.attitude import IDENTITY_Q, inverse, matrix, product, propagated, rotate
@@ -104,7 +104,9 @@ class ManagerBoomFeedforward(Boom):
                                   min=0.0)  # fmt: skip
     deadband: float = Parameter("A.m2", "no dipole up to this |e|", start=0.3, min=0.0)
     gain_lean: float = Parameter("rad/(N.m.s)", "of the lean", start=0.5, min=0.0)
-    lean_limit: float = Parameter("rad", "largest lean of each axis", start=4.4e-3, min=0.0)
+    lean_limit: float = Parameter(
+        "rad", "largest lean of each axis", start=4.4e-3, min=0.0, usual=SMALL_ANGLE
+    )
     m_limit: float = Parameter("A.m2", "dipole of each coil", start=3.604, min=1e-6,
                                follows="torquers.m_limit")  # fmt: skip
     duty_max: float = Parameter("1", "largest share of the period", start=0.8, min=0.0, max=1.0,

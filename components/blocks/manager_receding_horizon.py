@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+from collections.abc import Iterator
 from math import copysign
 
 from ..bases.dumping import FALLBACK, IDLE, RECEDING_HORIZON, ThrusterDumping
@@ -57,7 +58,8 @@ class ManagerRecedingHorizon(ThrusterDumping, EarthField):
     )  # fmt: skip
     horizon: float = Parameter(
         "s", "when the momentum shall be h_target_body, after the start; to the nearest sample",
-        start=600.0, min=1.0, needs=("r_eci", "v_eci", "h_wheel", "b_body"),
+        start=600.0, min=1.0,
+        needs=("r_eci", "v_eci", "h_wheel", "b_body", "tau_cmd_thruster_body"),
     )  # fmt: skip
     tau_level: Vec3 = Parameter("N.m", "torque of each axis while it fires", start=0.04, min=1e-9,
                                 follows="thrusters.tau_level")  # fmt: skip
@@ -115,6 +117,10 @@ class ManagerRecedingHorizon(ThrusterDumping, EarthField):
         self._q_bo = normalised(self.q_bo)
         self._fit = receding_horizon.NO_FIT
         self.start_field(igrf=self.field_model == IGRF)
+
+    def foresee(self, begin: float, end: float, wired: frozenset[str]) -> Iterator[str]:
+        self.covered(begin, begin + self.horizon, self.field_model == IGRF)
+        yield from super().foresee(begin, end, wired)
 
     def dump(self, t: float, elapsed: float, h: Vec3) -> tuple[Vec3, blending.Split]:
         samples = int((self.horizon - elapsed) / self.sample_time + 0.5)

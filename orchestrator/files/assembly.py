@@ -9,7 +9,7 @@ from typing import Any
 
 from ..system.draft import Draft
 from ..system.errors import DesatError
-from ..system.replace import drop_unwanted
+from ..system.replace import adopt_shared, drop_unwanted
 from . import craft, library, paths, ssp
 from .merge import Keys
 
@@ -48,6 +48,8 @@ def draft(
         for parameter, value in values.items():
             at = given(("parameters", name, parameter))
             made.try_to_assign(component, parameter, value, *at)
+    for name in data.get("sources", {}):
+        adopt_shared(made, made.components[name])
     return made
 
 

@@ -11,7 +11,7 @@ from ..system.errors import DesatError
 from ..system.interface import Interface, base_name
 from ..system.options import Options
 from ..system.parameters import parse_assignment
-from ..system.replace import drop_unwanted
+from ..system.replace import adopt_shared, drop_unwanted
 from . import library
 
 
@@ -99,6 +99,7 @@ def _replace(draft: Draft, text: str, blocks: bool) -> None:
         draft.warnings.append(
             f"{name}: {source} does not take {', '.join(lost)} of the FMU that it replaces"
         )
+    adopt_shared(draft, component)
 
 
 def _keep_alike(component: DraftComponent, old: Interface | None) -> list[str]:

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 
 from .draft import Draft
 from .errors import DesatError, nearest
+from .foreseen import foreseen
 from .interface import base_name
 from .model import System
 from .parameters import table, value_of
@@ -15,6 +16,7 @@ from .references import named, values_of
 from .resolve import resolve
 from .schedule import Schedule, schedule
 from .unwired import Unwired, unwired, without_effect
+from .wiring import computers
 
 
 @dataclass
@@ -45,11 +47,14 @@ def check(draft: Draft) -> Checked:
     if system is None:
         return checked
     checked.problems += _inputs(system)
-    checked.problems += _shared(system)
+    _shared(system, checked)
     checked.problems += _samples(system)
     checked.problems += _overrides(system, draft.given)
     checked.unwired = unwired(system)
     checked.problems += without_effect(system, checked.unwired)
+    problems, warnings = foreseen(system, checked.unwired)
+    checked.problems += problems
+    checked.warnings += warnings
     checked.notes += filter(None, (ends.text(n) for n, ends in checked.unwired.items()))
     if not checked.problems:
         checked.warnings += _undeclared(system)
@@ -83,18 +88,27 @@ def _inputs(system: System) -> Iterator[str]:
                        f"{', '.join(missing)} has neither a connection nor a value")  # fmt: skip
 
 
-def _shared(system: System) -> Iterator[str]:
-    """A parameter that a block declares as shared must be equal wherever the name stands."""
+def _shared(system: System, checked: Checked) -> None:
+    """A parameter that a block declares as shared must be equal wherever the name stands; where a
+    flight computer knows it otherwise, its model errs, which a warning says."""
     values: dict[str, tuple[str, object]] = {}
-    for c in system.components.values():
+    err: dict[tuple[str, str], str] = {}
+    # the craft first: a computer's model is of it
+    for c in sorted(system.components.values(), key=lambda c: c.interface.role in computers()):
         for signal in c.interface.of("parameter"):
             if not signal.shared:
                 continue
-            value = value_of(c, signal.name)
+            value, name = value_of(c, signal.name), base_name(signal.name)
             owner, other = values.setdefault(signal.name, (c.name, value))
-            if value != other:
-                yield (f"{system.where}: {c.name}.{signal.name} = {value}, but {owner}."
-                       f"{signal.name} = {other}: the two must be equal")  # fmt: skip
+            if value == other:
+                continue
+            text = f"{c.name}.{signal.name} = {value}, but {owner}.{signal.name} = {other}"
+            if c.interface.role in computers():
+                where = c.given.get(name, f"{system.where}: default")
+                err.setdefault((c.name, name), f"{where}: {text}: what runs onboard errs about it")
+            else:
+                checked.problems.append(f"{system.where}: {text}: the two must be equal")
+    checked.warnings += err.values()
 
 
 def _follows(system: System, draft: Draft) -> Iterator[str]:

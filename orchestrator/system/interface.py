@@ -48,6 +48,8 @@ class Signal:
     needed_by: tuple[str, ...] = ()
     """The component's parameters and inputs that have no effect where this input is neither wired
     nor given, or where this output reaches nobody."""
+    usual: tuple[float, float] | None = None
+    """The range outside of which a value is more likely a slip, in the variable's own unit."""
 
     def named(self, value: Any) -> Any:
         """The name of a value, where it is a choice; else the value."""
@@ -118,5 +120,6 @@ def of_block(name: str, block: type[Block]) -> Interface:
                 shared=v.shared,
                 follows=v.follows,
                 needed_by=v.needed_by,
+                usual=v.usual,
             )
     return Interface(name, title(block), signals, block.role)
