@@ -7,8 +7,10 @@ A module of this folder that has `applies` is an analysis:
     def applies(system) -> parts or None            # which component is what; None: not this system
     def signals(parts) -> list of series            # what a run of which little is kept must record
     def numbers(manifest, results) -> numbers       # as a manifest has them, {} where there is none
-    def balanced(parts) -> list of series           # more, where BOUND_KEY or a requirement asks
+    def balanced(parts) -> list of series           # more, where a bound or a requirement asks
+    BOUND_KEYS = ("residual_bound",)                # the scenario keys of these bounds
     def unmet(manifest, results) -> list of lines   # what of it is not as it ought to be
+    def unchecked(manifest, results) -> {name: why} # which of NUMBERS could not be made of a run
     def figures(manifest, results) -> [(caption, svg)]
 
 and one that has `warnings(system) -> [line]` says what to beware of in a checked system.

@@ -43,7 +43,8 @@ def _turned(q: Array, omega: Array) -> Array:
 class Steps:
     """All steps of a run at once; arrays have a row a step, or one more where they say so."""
 
-    dt: float
+    dt: float | Array
+    """s; of each step its own as (steps, 1)"""
     carrier: Array
     """J_r (3, 3), kg m2"""
     axes: Array
@@ -68,10 +69,13 @@ class Steps:
         self.gained = np.diff(self.impulse, axis=0)
         spin = self.omega @ self.carrier.T + self.h @ self.axes.T
         self.momentum = rotate_back(self.q, spin)
+        self.ends = self.torque(0.0, self.q[:-1]), self.torque(1.0, self.q[1:])
+        """The external torque (N m, body) at the start and at the end of every step."""
         self._start = self._edge(0, self.q[:-1], self.omega[:-1], spin[:-1])
         self._end = self._edge(1, self.q[1:], self.omega[1:], spin[1:])
-        ends = [rotate_back(q, self.torque(e, q)) for e, q in ((0, self.q[:-1]), (1, self.q[1:]))]
-        self._bend = self.dt * (ends[1] - ends[0])
+        turned = [rotate_back(q, t) for q, t in zip((self.q[:-1], self.q[1:]), self.ends,
+                                                    strict=True)]  # fmt: skip
+        self._bend = self.dt * (turned[1] - turned[0])
 
     def torque(self, e: float, q: Array) -> Array:
         """The external torque (N m, body) at the share e of every step."""
@@ -81,9 +85,9 @@ class Steps:
         """What the wheels' rotors take from the body (N m, body)."""
         return np.asarray((self.mean + (e - 0.5) * self.slope) @ self.axes.T)
 
-    def _edge(self, e: float, q: Array, omega: Array, spin: Array) -> tuple[Array, Array, Array]:
+    def _edge(self, e: int, q: Array, omega: Array, spin: Array) -> tuple[Array, Array, Array]:
         """q and its first and second derivative by the share of the step."""
-        torque = self.torque(e, q) - self.motors(e) - cross(omega, spin)
+        torque = self.ends[e] - self.motors(e) - cross(omega, spin)
         first = _turned(q, omega)
         second = _turned(q, torque @ self.inverse.T) + _turned(first, omega)
         return q, self.dt * first, self.dt**2 * second

@@ -39,6 +39,7 @@ from .block_instance import BlockInstance
 from .fmu_instance import FmuInstance
 from .instances import Array, ComponentError, EndedError, Instance, each
 from .isolated import IsolatedInstance
+from .kept import Kept
 from .last_call import ENTER, EXIT, FREE, INSTANTIATE, PLACE, PULL, PUSH, time, word
 from .member import Member, Outputs, Slot
 from .plan import Plan
@@ -60,7 +61,8 @@ class Master:
     `watched` chooses the outputs that are read although nothing is connected to them:
     a function of component name and signal; default all. `halvings`: a step that a foreign FMU
     discards is made in halves, quarters and so on, so many times at most. `isolated`: the FMUs
-    that run in processes of their own, each call of which may take `limit` s.
+    that run in processes of their own, each call of which may take `limit` s. `kept` keeps what
+    reaches a component; its outputs must be watched.
     """
 
     def __init__(
@@ -73,6 +75,7 @@ class Master:
         halvings: int = 0,
         isolated: Collection[str] = (),
         limit: float = inf,
+        kept: Kept | None = None,
     ) -> None:
         if algorithm not in ALGORITHMS:
             raise DesatError(f"algorithm {algorithm}: there is {', '.join(ALGORITHMS)}")
@@ -111,6 +114,10 @@ class Master:
             self.close()
             raise
         self.slots, self.live = self._outputs.slots, self._outputs.live
+        self._kept = kept
+        if kept is not None:
+            by_name = {(s.component, s.signal.name): s for s in self.slots}
+            kept.wire(self.members, by_name, self.live["Real"], len(self._rates.parts))
         self._zeros = np.zeros(len(self.live["Real"]))
 
     def __enter__(self) -> Self:
@@ -216,7 +223,7 @@ class Master:
             self._pull(member)
         self.check_finite()
         word[0] = 0
-        self.cycle = self._plan.cycle()
+        self.cycle = self._plan.cycle(self._kept)
         self.row = self._plan.row.values
 
     def _within(self, member: Member, verb: int, call: Callable[[], None]) -> Callable[[], None]:

@@ -112,6 +112,8 @@ def simulate(
         us_per_step=round(1e6 * outcome.seconds / max(outcome.steps, 1), 3),
         numbers={},
         unmet=[],
+        not_checked={},
+        balance=outcome.balance,
     )
     if outcome.rows is not None:
         manifest["rows"] = outcome.rows
@@ -134,6 +136,17 @@ def _measure(manifest: dict[str, Any], system: System, results: Results) -> None
         if manifest[analysis.KEY] is not None:
             manifest["numbers"].update(analysis.numbers(manifest, results))
             manifest["unmet"] += analysis.unmet(manifest, results)
+            if hasattr(analysis, "unchecked"):
+                manifest["not_checked"].update(analysis.unchecked(manifest, results))
+    manifest["warnings"] = [*manifest["warnings"], *_not_checked(manifest["not_checked"])]
+
+
+def _not_checked(reasons: dict[str, str]) -> list[str]:
+    """A line for each reason why numbers could not be made that a run is held against."""
+    named: dict[str, list[str]] = {}
+    for name, why in reasons.items():
+        named.setdefault(why, []).append(name)
+    return [f"not checked: {', '.join(names)}: {why}" for why, names in named.items()]
 
 
 def _supervised(
