@@ -52,3 +52,12 @@ def warnings(system: System) -> list[str]:
     """What to beware of in a checked system, a line each."""
     modules = (m for m in _modules() if hasattr(m, "warnings"))
     return [line for m in modules for line in m.warnings(system)]
+
+
+def not_checked(reasons: Mapping[str, str]) -> list[str]:
+    """A line for each reason why numbers cannot be made that a run is held against; `reasons` by
+    the numbers' names."""
+    named: dict[str, list[str]] = {}
+    for name, why in reasons.items():
+        named.setdefault(why, []).append(name)
+    return [f"not checked: {', '.join(names)}: {why}" for why, names in named.items()]

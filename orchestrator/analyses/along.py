@@ -1,8 +1,9 @@
-"""The balances of `energy.py` made while a run goes on, where its rows do not have every step of the
-body: with inner steps, decimation, rows left out.
+"""The balances of `energy.py` made while a run goes on.
 
-They need what reaches the body at each of its own steps, which `engine/kept.py` keeps for some
-thousands of them at a time: so they take no more memory however long the run is.
+So where its rows do not have every step of the body: with inner steps, decimation, rows left out.
+
+The balances need what reaches the body at each of its own steps, which `engine/kept.py` keeps for
+some thousands of them at a time: so they take no more memory however long the run is.
 """
 
 from __future__ import annotations
@@ -79,11 +80,12 @@ class Along:
             elements = [s.name for s in self._body.interface.elements(name)]
             if self._body.interface.signals[elements[0]].kind != "Real":
                 continue
-            made[name] = np.column_stack([
+            columns_of_it = [
                 given[:, columns[e]] if e in columns
-                else np.full(len(given), float(value_of(self._body, e)))
+                else np.full(len(given), value_of(self._body, e), float)
                 for e in elements
-            ])  # fmt: skip
+            ]  # fmt: skip
+            made[name] = np.column_stack(columns_of_it)
         return made
 
     def _lengths(self, n: int) -> Array:

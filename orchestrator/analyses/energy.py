@@ -40,7 +40,7 @@ from ..study.derived import rotate_back
 from ..study.drawing import COLOURS, figure, time_axis
 from ..study.strips import timeline
 from ..system.model import System
-from . import outside, residual
+from . import not_checked, outside, residual
 from .within import NODES, WEIGHTS, Array, Steps
 
 KEY = "energy"
@@ -49,7 +49,7 @@ BESIDE = "balance"
 BOUND = 1e-6
 """Of the impulse's mismatch, as a share of the largest momentum, where a scenario has no
 `impulse_bound`."""
-ENERGY_BOUND = 1e-8
+ENERGY_BOUND = 2e-8
 """Of the hidden work, where a scenario has no `energy_bound`."""
 NUMBERS = ("energy_mismatch", "hidden_work", "impulse_mismatch")
 BOUND_KEYS = ("impulse_bound", "energy_bound")
@@ -84,9 +84,20 @@ def applies(system: System) -> dict[str, Any] | None:
     return {**parts, "feeds": fed, "rows": rows, "why": why}
 
 
-def by_rows(manifest: dict[str, Any]) -> bool:
-    """Whether the rows of a run have all that the balances need."""
-    return bool(manifest[KEY]["rows"])
+def warnings(system: System) -> list[str]:
+    """Which balances no run of a system can make, and why: a line a reason."""
+    parts = applies(system)
+    if parts is None:
+        return []
+    if parts["why"]:
+        return not_checked(dict.fromkeys(NUMBERS, parts["why"]))
+    if outside.known(system, parts["spacecraft"]):
+        return []
+    return not_checked({"impulse_mismatch": _foreign(parts)})
+
+
+def _foreign(parts: dict[str, Any]) -> str:
+    return f"what torques act on {parts['spacecraft']} is known of our {outside.BLOCK} alone"
 
 
 def blocks_of(manifest: dict[str, Any], results: Results) -> Iterator[Steps]:
@@ -118,16 +129,14 @@ def _not_of_rows(manifest: dict[str, Any], results: Results) -> str:
         return f"under {manifest['algorithm']} torques act a step late"
     if parts["why"]:
         return str(parts["why"])
-    states, pair = residual.balanced(parts), [parts[n] for n in PAIR]
-    if lacking := residual.missing([*states, *pair], results):
+    if lacking := residual.missing(of_work(parts), results):
         return lacking
-    times = results.times(states[0])
+    states, pair = residual.balanced(parts), [parts[n] for n in PAIR]
     if min(results.count(pair[0]), results.count(states[0]) - 1) < 1:
         return "there is no whole step"
-    if abs(times[1] - times[0] - manifest["step"]) > 1e-9 * manifest["step"]:
-        return "rows are left out"
-    if not parts["rows"]:
-        return "a row has several steps of the body, or a part of one"
+    times = results.times(states[0])
+    if not parts["rows"] or abs(times[1] - times[0] - manifest["step"]) > 1e-9 * manifest["step"]:
+        return "its rows do not have each step of the body, and it ended before it could say more"
     return ""
 
 
@@ -237,11 +246,18 @@ def signals(parts: dict[str, str]) -> list[str]:
     return []
 
 
+def of_work(parts: dict[str, Any]) -> list[str]:
+    """The series without which there is no work, and so no balance."""
+    return [*residual.balanced(parts), *(parts[n] for n in PAIR)]
+
+
 def balanced(parts: dict[str, Any]) -> list[str]:
     """The series that the balance is made of."""
+    if parts["why"]:
+        return residual.balanced(parts)
     fed = parts["feeds"] or {}
     outer = [x for x in fed.values() if isinstance(x, str)]
-    return [*residual.balanced(parts), *(parts[n] for n in PAIR if n in parts), *outer]
+    return [*of_work(parts), *outer]
 
 
 def numbers(manifest: dict[str, Any], results: Results) -> dict[str, dict[str, Any]]:
@@ -283,8 +299,7 @@ def unchecked(manifest: dict[str, Any], results: Results) -> dict[str, str]:
     if totals.impulse is not None:
         return {}
     lacking = parts["feeds"] and residual.missing(balanced(parts), results)
-    return {"impulse_mismatch": lacking or f"the external torque on {parts['spacecraft']} is known "
-                                           f"of our {outside.BLOCK} alone"}  # fmt: skip
+    return {"impulse_mismatch": lacking or _foreign(parts)}
 
 
 def unmet(manifest: dict[str, Any], results: Results) -> list[str]:
@@ -294,7 +309,7 @@ def unmet(manifest: dict[str, Any], results: Results) -> list[str]:
     bound = manifest["about"].get("energy_bound", ENERGY_BOUND)
     if "hidden_work" in told and told["hidden_work"]["value"] > bound:
         lines.append(
-            f"hidden_work = {told['hidden_work']['value']:.2g}: above energy_bound = {bound:g}: the "
+            f"hidden_work = {told['hidden_work']['value']:.2g}: above energy_bound = {bound:g}: "
             "torques bend too much within a step for their mean and slope: take more inner steps "
             "(--inner)"
         )

@@ -22,7 +22,12 @@ from .within import Array, Torque, rotate
 Feeds = dict[str, str | list[Any]]
 """Of each input the series that feeds it, or its values where none does."""
 
-BLOCK = "spacecraft_rigid"
+BLOCK, FIXED = "spacecraft_rigid", "spacecraft_fixed_attitude"
+_ALWAYS: dict[str, Any] = {
+    "residual_dipole_body": [0.0, 0.0, 0.0], "gravity_gradient": True, "plates": [],
+    "aerodynamics": "none", "radiation": "none",
+}  # fmt: skip
+"""Of a body that has no such parameter."""
 INPUTS = (
     "r_eci", "v_eci", "b_eci", "b_rate_eci", "b_accel_eci", "sun_eci", "sunlight", "density",
     "m_mean_body", "m_slope_body", "tau_mean_thruster_body", "tau_slope_thruster_body",
@@ -33,7 +38,7 @@ INPUTS = (
 def known(system: System, body: str) -> bool:
     """Whether a body is ours, whose torques are known."""
     interface = system.components[body].interface
-    return interface is not None and interface.model == BLOCK
+    return interface is not None and interface.model in (BLOCK, FIXED)
 
 
 def feeds(system: System, body: str) -> Feeds | None:
@@ -81,7 +86,7 @@ def recorded(results: Results, fed: Feeds, rows: slice) -> dict[str, Array] | No
 def torque(parameters: dict[str, Any], x: dict[str, Array], dt: float | Array) -> Torque:
     """The torque in steps of dt (s) on a body of these parameters (as a manifest has them), its
     inputs at each being x."""
-    given = {k: v["value"] for k, v in parameters.items()}
+    given = _ALWAYS | {k: v["value"] for k, v in parameters.items()}
     inertia = np.reshape(given["inertia"], (3, 3))
     fall = -MU * x["r_eci"] / np.linalg.norm(x["r_eci"], axis=1, keepdims=True) ** 3
     plates = np.reshape(given["plates"], (-1, PLATE_COLUMNS))

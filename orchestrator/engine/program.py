@@ -14,7 +14,8 @@ from .isolated import IsolatedInstance
 from .operations import Call, Cut, Gather, Join, Keep, Length, Operation, Show, Step, Tick
 
 CODES = ("TICK", "LENGTH", "TAKE_8", "TAKE_4", "CONVERT", "TRANSFER", "STEP", "COPY", "CLEAR",
-          "JOIN", "CUT", "PUT_R", "PUT_I", "PUT_B", "FETCH_R", "FETCH_I", "FETCH_B", "KEEP")  # fmt: skip
+          "JOIN", "CUT", "PUT_R", "PUT_I", "PUT_B", "FETCH_R", "FETCH_I", "FETCH_B",
+          "KEEP")  # fmt: skip
 _CODE = {name: i for i, name in enumerate(CODES)}
 
 

@@ -256,7 +256,7 @@ class Scenario(Table):
     )
     energy_bound: Annotated[FiniteFloat, Field(gt=0.0)] = key(
         "largest work in a step that its ends and middle do not show, over the energy of a turn of "
-        "1 rad in it: above it a run ends with 1; 1e-8"
+        "1 rad in it: above it a run ends with 1; 2e-8"
     )
     stop_when: StopWhen = key("a condition that ends it before")
     epoch: Annotated[datetime, AfterValidator(utc)] = key("UTC of t = 0")

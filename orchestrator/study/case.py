@@ -13,7 +13,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-from ..analyses import analyses
+from ..analyses import analyses, not_checked
 from ..engine.checkpoint import Checkpoint
 from ..engine.host import no_space
 from ..engine.results import MANIFEST, SERIES, Results
@@ -138,15 +138,8 @@ def _measure(manifest: dict[str, Any], system: System, results: Results) -> None
             manifest["unmet"] += analysis.unmet(manifest, results)
             if hasattr(analysis, "unchecked"):
                 manifest["not_checked"].update(analysis.unchecked(manifest, results))
-    manifest["warnings"] = [*manifest["warnings"], *_not_checked(manifest["not_checked"])]
-
-
-def _not_checked(reasons: dict[str, str]) -> list[str]:
-    """A line for each reason why numbers could not be made that a run is held against."""
-    named: dict[str, list[str]] = {}
-    for name, why in reasons.items():
-        named.setdefault(why, []).append(name)
-    return [f"not checked: {', '.join(names)}: {why}" for why, names in named.items()]
+    lines = not_checked(manifest["not_checked"])
+    manifest["warnings"] = list(dict.fromkeys([*manifest["warnings"], *lines]))
 
 
 def _supervised(

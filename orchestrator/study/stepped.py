@@ -76,7 +76,7 @@ def stepped(
             halvings=options.halvings,
             isolated=isolated(system, options),
             limit=min(options.call_limit, options.time_limit or math.inf),
-            kept=along and along.kept,
+            kept=None if along is None else along.kept,
         ) as master,
     ):
         try:
@@ -127,7 +127,14 @@ def stepped(
                     checkpoints.save()
             with interruptible() as interrupted, bar(system.name, system.steps, progress) as report:
                 reason = run(
-                    master, steps, system.steps, recorder, ending, interrupted, report, checkpoints,
+                    master,
+                    steps,
+                    system.steps,
+                    recorder,
+                    ending,
+                    interrupted,
+                    report,
+                    checkpoints,
                     along,
                 )
             if number := interrupted():
@@ -166,13 +173,13 @@ def stepped(
 
 def _along(case: Case, manifest: Mapping[str, Any]) -> Along | None:
     """What makes the balances of a rigid body while the run goes on; None where its rows will do,
-    or where they are not made at all: the same that rows would need must be recorded."""
+    or where they are not made at all: what rows would need for the work must be recorded."""
     (system, _), options, parts = case.or_raise(), case.options, manifest[energy.KEY]
     if parts is None or parts["why"] or options.algorithm != "conserving":
         return None
     if parts["rows"] and options.every == 1:
         return None
-    wanted = [name.partition(".") for name in energy.balanced(parts)]
+    wanted = [name.partition(".") for name in energy.of_work(parts)]
     all_of_it = all(
         selects(options.record, owner, signal)
         for owner, _, name in wanted
