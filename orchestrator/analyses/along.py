@@ -58,10 +58,11 @@ class Along:
         return self.kept.room
 
     def look(self) -> None:
-        """Add the steps that were made."""
-        starts, given = self.kept.take()
-        if not len(given):
-            return
+        """Add the steps that were made, as far as they fill a piece."""
+        while piece := self.kept.take():
+            self._add(*piece)
+
+    def _add(self, starts: Array, given: Array) -> None:
         q, omega, impulse, h = np.split(starts, (4, 7, 10), axis=1)
         x = self._inputs(given)
         dt = self._lengths(len(given))
@@ -100,13 +101,14 @@ class Along:
         """The totals at the end of a run; None where it has not made a step of the body."""
         self.kept.end(master.k)
         self.look()
+        if rest := self.kept.take(rest=True):
+            self._add(*rest)
         return None if self._totals.start is None else asdict(self._totals)
 
     def state(self) -> dict[str, Any]:
-        """All that goes on from here depends on, as JSON."""
-        return {"totals": asdict(self._totals), "steps": self._steps, "kept": self.kept.state()}
+        """As JSON what goes on from here, beside what is kept, depends on."""
+        return {"totals": asdict(self._totals), "steps": self._steps}
 
     def restore(self, state: Mapping[str, Any]) -> None:
         """Go on from there."""
         self._totals, self._steps = energy.Totals(**state["totals"]), state["steps"]
-        self.kept.restore(state["kept"])

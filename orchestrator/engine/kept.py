@@ -15,8 +15,10 @@ from .instances import Array
 from .member import Member, Slot
 from .operations import Keep
 
-ROOM = 8192
-"""Steps of the component that are kept at once."""
+PIECE = 1024
+"""Steps of the component that are taken at once: always the same ones together, whenever that is,
+so that what is made of them has the same bits."""
+_ROOM = 2 * PIECE
 
 
 class Kept:
@@ -36,7 +38,7 @@ class Kept:
         self.inputs = [c.input for _, c in member.incoming.get("Real", ())]
         given = member.instance.inputs.get("Real", np.zeros(0))
         self.every, self._inner = member.every, inner
-        room = ROOM + 2 + inner
+        room = _ROOM + 2 + inner
         index = np.array([slots[name].index for name in self.outputs], np.intp)
         self.starts = np.zeros((room, len(index)))
         """(room, outputs)"""
@@ -57,31 +59,27 @@ class Kept:
     @property
     def room(self) -> int:
         """The steps of the master that there is room for."""
-        return int((ROOM - self._taken[0]) * self.every // self._inner)
+        return int((_ROOM - self._taken[0]) * self.every // self._inner)
 
     def end(self, k: int) -> None:
         """Take the start of the step that would begin with step k of the master, if one would."""
         if k * self._inner % self.every == 0:
             self._start()
 
-    def take(self) -> tuple[Array, Array]:
-        """Starts (n + 1, outputs) and inputs (n, inputs) of the steps that are whole, which are
-        kept no longer; those of the last, which is not, stay."""
+    def take(self, rest: bool = False) -> tuple[Array, Array] | None:
+        """Starts (n + 1, outputs) and inputs (n, inputs) of the next PIECE steps, which are kept no
+        longer; None where there are not so many. `rest`: of those that there are, if any."""
         starts, given = self._taken.tolist()
-        n = max(0, min(starts - 1, given))
+        n = min(starts - 1, given, PIECE)
+        if n < (1 if rest else PIECE):
+            return None
         taken = self.starts[: n + 1].copy(), self.given[:n].copy()
         for rows, count in ((self.starts, starts), (self.given, given)):
             rows[: count - n] = rows[n:count].copy()
         self._taken -= n
         return taken
 
-    def state(self) -> list[list[list[float]]]:
-        """What is kept, for a checkpoint."""
-        pairs = zip((self.starts, self.given), self._taken.tolist(), strict=True)
-        return [rows[:n].tolist() for rows, n in pairs]
-
-    def restore(self, state: list[list[list[float]]]) -> None:
-        """Put back what `state` gave."""
-        for rows, values in zip((self.starts, self.given), state, strict=True):
-            rows[: len(values)] = np.reshape(values, (len(values), rows.shape[1]))
-        self._taken[:] = [len(values) for values in state]
+    def memory(self) -> dict[str, Array]:
+        """All that it keeps, by name: it may be saved, and put back."""
+        return {"kept starts": self.starts, "kept given": self.given,
+                "kept taken": self._taken}  # fmt: skip

@@ -286,7 +286,7 @@ class Master:
     def memory(self) -> dict[str, Array]:
         """All arrays that the next step of an initialised master depends on, by name: what is in
         them may be saved, and put back. The states of the components come beside."""
-        kept = self._plan.memory()
+        kept = self._plan.memory() | ({} if self._kept is None else self._kept.memory())
         for kind in KINDS:
             kept[f"live {kind}"] = self.live[kind]
             kept[f"fresh {kind}"] = self._outputs.fresh[kind]
