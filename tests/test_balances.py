@@ -71,7 +71,7 @@ def test_every_loop_makes_the_same_bits_of_them(options):
     assert made("gyrostat/pulses", stop=300.0, **options)[0] == whole
 
 
-@pytest.mark.parametrize("piece", [1024, 100])
+@pytest.mark.parametrize("piece", [4096, 100])
 def test_they_go_on_from_a_checkpoint(tmp_path, monkeypatch, piece):
     monkeypatch.setattr(kept, "PIECE", piece)
     whole, _ = made("gyrostat/pulses", stop=80.0)

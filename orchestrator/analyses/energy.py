@@ -153,22 +153,22 @@ class Block(NamedTuple):
 def sums(steps: Steps) -> Block:
     """Both integrals over each step, and what Simpson's rule leaves of the first."""
     dt = np.broadcast_to(np.reshape(steps.dt, (-1, 1)), (len(steps.mean), 1))
-    ends = [(omega * (torque - steps.motors(e))).sum(axis=1)
-            for e, omega, torque in zip((0.0, 1.0), (steps.omega[:-1], steps.omega[1:]),
-                                        steps.ends, strict=True)]  # fmt: skip
-    work, turned = np.zeros(len(dt)), np.zeros((len(dt), 3))
-    simpson = ends[0] + ends[1]
-    for e, weight in zip(NODES.tolist(), WEIGHTS.tolist(), strict=True):
+    ends = sum((omega * (torque - steps.motors(e))).sum(axis=1)
+               for e, omega, torque in zip((0.0, 1.0), (steps.omega[:-1], steps.omega[1:]),
+                                           steps.ends, strict=True))  # fmt: skip
+    work, turned = WEIGHTS[0] * ends, WEIGHTS[0] * (steps.turned[0] + steps.turned[1])
+    simpson = ends / 6.0
+    for e, weight in zip(NODES[1:-1], WEIGHTS[1:-1], strict=True):
         q = steps.attitude(e)
         torque = steps.torque(e, q)
         power = (steps.rate(e, q) * (torque - steps.motors(e))).sum(axis=1)
-        work += weight * dt[:, 0] * power
-        turned += weight * dt * rotate_back(q, torque)
-        simpson += 4.0 * power if e == 0.5 else 0.0
+        work = work + weight * power
+        turned = turned + weight * rotate_back(q, torque)
+        simpson = simpson + 2.0 / 3.0 * power if e == 0.5 else simpson
     energy = 0.5 * np.einsum("ij,jk,ik->i", steps.omega, steps.carrier, steps.omega)
-    hidden = np.abs(np.diff(energy) - dt[:, 0] / 6.0 * simpson)
+    hidden = np.abs(np.diff(energy) - dt[:, 0] * simpson)
     hidden *= dt[:, 0] ** 2 / (np.trace(steps.carrier) / 3.0)
-    return Block(energy, work, turned, hidden)
+    return Block(energy, dt[:, 0] * work, dt * turned, hidden)
 
 
 @dataclass

@@ -93,7 +93,7 @@ def _mismatch(manifest: dict[str, Any], results: Results) -> tuple[float, float]
     assert reach is not None
     torque = outside.torque(parameters, reach, dt)
     given = np.zeros((len(q) - 1, 3))
-    for e, weight in zip(NODES.tolist(), WEIGHTS.tolist(), strict=True):
+    for e, weight in zip(NODES, WEIGHTS, strict=True):
         turned = _turned(q[rows], omega[0], e * dt)
         given += weight * dt * rotate_back(turned, torque(e, turned))
     off = total[1:] - total[0] - np.cumsum(given, axis=0)

@@ -15,7 +15,7 @@ from .instances import Array
 from .member import Member, Slot
 from .operations import Keep
 
-PIECE = 1024
+PIECE = 4096
 """Steps of the component that are taken at once: always the same ones together, whenever that is,
 so that what is made of them has the same bits."""
 _ROOM = 2 * PIECE
