@@ -64,7 +64,8 @@ def test_made_while_it_runs_they_have_the_values_of_the_rows():
         assert along[name] == pytest.approx(rows[name], rel=1e-12, abs=0.0)
 
 
-@pytest.mark.parametrize("options", [{"loop": "python"}, {"blocks": True}, {"supervised": True}],
+@pytest.mark.parametrize("options", [{"loop": "python"}, {"blocks": True}, {"supervised": True},
+                                     {"isolate": "all"}],
                          ids=str)  # fmt: skip
 def test_every_loop_makes_the_same_bits_of_them(options):
     whole = made("gyrostat/pulses", stop=300.0)[0]
@@ -90,6 +91,25 @@ def test_they_go_on_from_a_checkpoint(tmp_path, monkeypatch, piece):
     gone_on = resume((tmp_path / "run").absolute())
     assert gone_on.ok
     assert {k: gone_on.manifest["numbers"][k]["value"] for k in whole} == whole
+
+
+def test_a_run_that_fails_within_a_step_has_those_before(monkeypatch):
+    from desat.components.blocks import torquers
+
+    advance = torquers.Torquers.advance
+
+    def failing(block: torquers.Torquers, t: float, dt: float) -> None:
+        if t > 30.5:
+            block.fail("it breaks")
+        advance(block, t, dt)
+
+    monkeypatch.setattr(torquers.Torquers, "advance", failing)
+    run = execute("gyrostat/light", Options(inner=4, blocks=True))
+    assert run.manifest["status"] == "failed"
+    found = {k: n["value"] for k, n in run.manifest["numbers"].items() if k in MADE}
+    assert set(found) == MADE
+    assert found["energy_mismatch"] < 1e-8
+    assert found["impulse_mismatch"] < 1e-12
 
 
 @pytest.mark.parametrize("slow", [{"spacecraft": 5}, {"spacecraft": 5, "wheels": 5},

@@ -97,9 +97,11 @@ class Along:
         parts = np.array([w * step for _, w in graded(inner)])
         return parts[(self._steps + np.arange(n)) % inner][:, None]
 
-    def finish(self, master: Master) -> dict[str, Any] | None:
-        """The totals at the end of a run; None where it has not made a step of the body."""
-        self.kept.end(master.k)
+    def finish(self, master: Master, failed: bool) -> dict[str, Any] | None:
+        """The totals at the end of a run, which `failed` within a step or ended after one; None
+        where it has not made a step of the body."""
+        if not failed:
+            self.kept.end(master.k)
         self.look()
         if rest := self.kept.take(rest=True):
             self._add(*rest)

@@ -158,7 +158,7 @@ def stepped(
         outcome.seconds = before + steps.seconds
         outcome.steps = master.k
         if along is not None:
-            outcome.balance = along.finish(master)
+            outcome.balance = along.finish(master, outcome.status == "failed")
         _add(outcome.warnings, [*changes("while it ran"), *master.messages()])
         # a day's series take seconds to compress; then it is told how it ended
         with interruptible():
