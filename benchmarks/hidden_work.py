@@ -3,7 +3,7 @@ is the attitude off, and how much work do steps hide (`analyses/energy.py`)?
 
     python -m benchmarks.hidden_work [FAMILY ...]
 
-writes docs/papers/gyrostat/hidden_work.json after each scenario, which the page of `gyrostat` reads.
+writes docs/papers/gyrostat/hidden_work.json after each scenario; the page of `gyrostat` reads it.
 What was flown on the day of the file already is kept, so that it may be stopped and go on.
 """
 

@@ -23,7 +23,7 @@ _SIGNALS = ("spacecraft.q_bi", "wheels.h_wheel")
 _PYRAMID = [0.6, -0.48, -0.6, 0.48, 0.48, 0.6, -0.36, -0.64, 0.64, 0.64, 0.7144228439796701, 0.6]
 _THREE = [1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0]
 
-JETS = {
+_STRONG: dict[str, Any] = {
     "shared.inertia_wheel": [8e-4, 8e-4, 8e-4, 0.0],
     "spacecraft.inertia": [1.7, 0.05, -0.03, 0.05, 1.5, 0.04, -0.03, 0.04, 1.6],
     "wheels.h_start_wheel": [0.2, -0.25, 0.2, 0.0],
@@ -32,7 +32,16 @@ JETS = {
         [0.0, 0.4, 0.0], [0.0, 0.0, -0.4], [0.4, 0.4, 0.0], [0.0, -0.4, 0.4],
     ],
 }  # fmt: skip
-"""On gyrostat/pulses: strong jets on a light craft."""
+JETS: dict[str, dict[str, Any]] = {
+    "strong jets on 1.7 kg m2": _STRONG,
+    "a jet from rest to 0.9 rad/s": {
+        **_STRONG,
+        "spacecraft.omega_start_body": [0.0, 0.0, 0.0],
+        "thrusters.schedule_duration": [2.0] + 7 * [0.0],
+        "thrusters.schedule_tau_body": [[0.765, 0.23, 0.153]] + 7 * [[0.0, 0.0, 0.0]],
+    },
+}
+"""Values for gyrostat/pulses that make other craft of it, by what they are."""
 
 
 class Row(NamedTuple):

@@ -286,16 +286,15 @@ class Verbs(CoilVerbs):
 
         return asdict(coverage.LIMITS)
 
-    def hidden_work(self, scenario: str, inner: int, jets: bool = False) -> dict[str, Any]:
-        """The error of a run against one with 64 inner steps, and the work that its steps hide;
-        of the craft with strong `jets` in the place of its own."""
+    def hidden_work(self, scenario: str, inner: int) -> dict[str, Any]:
+        """The error of a run against one with 64 inner steps, and the work that its steps hide; of
+        a scenario, or of a craft of `separation.JETS`."""
         from ..analyses import separation
 
-        (row,) = separation.held(
-            scenario, self._of.name_of(scenario), (inner,), separation.JETS if jets else None,
-            self._of.end_of(scenario, None),
-        )  # fmt: skip
-        return row._asdict()
+        values = separation.JETS.get(scenario)
+        name = self._of.name_of("pulses" if values else scenario)
+        stop = self._of.end_of("pulses" if values else scenario, None)
+        return separation.held(scenario, name, (inner,), values, stop)[0]._asdict()
 
     def told_apart(self, first: int, count: int) -> dict[str, Any]:
         """So many craft made at random, from this seed on: `rows`, and what they sum up to."""
