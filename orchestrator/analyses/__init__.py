@@ -8,8 +8,10 @@ A module of this folder that has `applies` is an analysis:
     def applies(system) -> parts or None            # which component is what; None: not this system
     def signals(parts) -> list of series            # what a run of which little is kept must record
     def numbers(manifest, results) -> numbers       # as a manifest has them, {} where there is none
-    def balanced(parts) -> list of series           # more, where BOUND_KEY or a requirement asks
+    def balanced(parts) -> list of series           # more, where a bound or a requirement asks
+    BOUND_KEYS = ("residual_bound",)                # the scenario keys of these bounds
     def unmet(manifest, results) -> list of lines   # what of it is not as it ought to be
+    def unchecked(manifest, results) -> {name: why} # which of NUMBERS could not be made of a run
     def figures(manifest, results) -> [(caption, svg)]
     def remarks(manifest, results) -> list of lines # what to beware of, if it has any
 
@@ -54,3 +56,12 @@ def warnings(system: System) -> list[str]:
     """What to beware of in a checked system, a line each."""
     modules = (m for m in _modules() if hasattr(m, "warnings"))
     return [line for m in modules for line in m.warnings(system)]
+
+
+def not_checked(reasons: Mapping[str, str]) -> list[str]:
+    """A line for each reason why numbers cannot be made that a run is held against; `reasons` by
+    the numbers' names."""
+    named: dict[str, list[str]] = {}
+    for name, why in reasons.items():
+        named.setdefault(why, []).append(name)
+    return [f"not checked: {', '.join(names)}: {why}" for why, names in named.items()]

@@ -2,24 +2,36 @@
 
 The kinetic energy of the body without the wheels' axial part, E = 1/2 omega . J_r omega, changes by
 
-    dE/dt = omega . (tau_ext - A tau_wheel)
+    dE/dt = P = omega . (tau_ext - A tau_wheel)
 
 (the wheels' own, h^2 / 2 J_s, changes by tau_wheel . h / J_s, which the momentum of each wheel
 fulfils by itself; the sum of both is tau_ext . omega + tau_wheel . Omega). Both integrals, of work
-and of impulse, are taken over each step from the rows (`within.py`), with the external torque as
-the body's neighbours recorded it (`outside.py`): exact but for terms of order 6 in nutation times
-step. Where that torque is not known, its mean by the body's own impulse serves for the work, which
-then errs by order 2 where the torque changes within a step.
+and of impulse, are taken over each of the body's own steps: from the rows where these have them one
+by one, else while it runs (`along.py`). Between the ends of a step `within.py` knows the body, and
+`outside.py` the external torque from what reaches it: exact but for terms of order 6 in nutation
+times step. Where that torque is not known, its mean by the body's own impulse serves for the work,
+which then errs by order 2 where the torque changes within a step.
 
-What stays of the energy is what the integrator or the exchange takes or makes; what stays of the
-impulse is a torque that the body has computed otherwise.
+What stays of the energy is what the integrator takes or makes; what stays of the impulse is a
+torque that the body has computed otherwise.
+
+Neither sees what the exchange leaves out, for it compares the body with the torques that it was
+given. How much work a step hides does: dE less Simpson's rule for P, from the two ends of a step
+and its middle, is what bends in it, of order 5 in its length. So is the curvature of the motors'
+torque that mean and slope do not carry, and an attitude errs as this goes:
+
+    hidden work = max over steps of  dt^2 |dE - dt/6 (P_0 + 4 P_1/2 + P_1)| / (tr J_r / 3)
+
+in units of the energy that a turn of 1 rad in the step would take. It does not grow with a run's
+length, and is the same for a craft that is as much heavier or slower as its torques and steps are.
+The page of `ssp/gyrostat` shows what it tells apart.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -28,119 +40,205 @@ from ..figures.mode_bands import timeline
 from ..figures.style import COLOURS, figure, time_axis
 from ..numbers.derived import rotate_back
 from ..system.model import System
-from . import outside, residual
+from . import not_checked, outside, residual
 from .within import NODES, WEIGHTS, Array, Steps
 
 KEY = "energy"
+BESIDE = "balance"
+"""The place in a manifest of what was computed while it ran."""
 BOUND = 1e-6
 """Of the impulse's mismatch, as a share of the largest momentum, where a scenario has no
 `impulse_bound`."""
-NUMBERS = ("energy_mismatch", "impulse_mismatch")
-BOUND_KEY = "impulse_bound"
+ENERGY_BOUND = 2e-8
+"""Of the hidden work, where a scenario has no `energy_bound`."""
+NUMBERS = ("energy_mismatch", "hidden_work", "impulse_mismatch")
+BOUND_KEYS = ("impulse_bound", "energy_bound")
 BLOCK = 8192
 """Steps that are computed at once: what comes between fits the processor's cache."""
-_PAIR = ("tau_mean_wheel", "tau_slope_wheel")
+PAIR = ("tau_mean_wheel", "tau_slope_wheel")
 
 
 def applies(system: System) -> dict[str, Any] | None:
-    """As for the momentum residual, and where the wheels' torques come from; None where they do
-    not reach the body or are not stepped with it."""
-    parts = residual.applies(system)
+    """As for the momentum residual, and where the wheels' torques come from; `rows`: whether a
+    row holds one step of the body and all that reaches it, `why`: why there is no balance."""
+    parts: dict[str, Any] | None = residual.applies(system)
     if parts is None:
         return None
-    body = parts["spacecraft"]
-    for name in _PAIR:
-        feeds = [c for c in system.connections if c.target == body and c.input == f"{name}[1]"]
-        if not feeds:
-            return None
-        feed = feeds[0]
-        if (
-            system.components[body].decimation != 1
-            or system.components[feed.source].decimation != 1
-        ):
-            return None
-        parts[name] = f"{feed.source}.{feed.output.partition('[')[0]}"
-    return {**parts, "feeds": outside.feeds(system, body)}
+    body = system.components[parts["spacecraft"]]
+    wheels = system.components[parts["wheels"].partition(".")[0]]
+    rows, why = system.parts == 1 and body.decimation == 1, ""
+    for name in PAIR:
+        feeds = [c for c in system.connections if c.target == body.name
+                 and c.input.partition("[")[0] == name]  # fmt: skip
+        series = {f"{c.source}.{c.output.partition('[')[0]}" for c in feeds}
+        if len(series) != 1 or len(feeds) != len(body.interface.elements(name)):
+            why = why or f"{body.name}.{name} does not come from one component"
+            continue
+        parts[name] = series.pop()
+        same = all((c.factor, c.offset) == (1.0, 0.0) for c in feeds)
+        rows = rows and same and system.components[feeds[0].source].decimation == 1
+    if body.decimation % wheels.decimation:
+        why = why or f"{wheels.name} is slower than {body.name}: its momentum is not known there"
+    fed = outside.feeds(system, body.name)
+    rows = rows and (fed is not None or not outside.known(system, body.name))
+    return {**parts, "feeds": fed, "rows": rows, "why": why}
+
+
+def warnings(system: System) -> list[str]:
+    """Which balances no run of a system can make, and why: a line a reason."""
+    parts = applies(system)
+    if parts is None:
+        return []
+    if parts["why"]:
+        return not_checked(dict.fromkeys(NUMBERS, parts["why"]))
+    if outside.known(system, parts["spacecraft"]):
+        return []
+    return not_checked({"impulse_mismatch": _foreign(parts)})
+
+
+def _foreign(parts: dict[str, Any]) -> str:
+    return f"what torques act on {parts['spacecraft']} is known of our {outside.BLOCK} alone"
 
 
 def blocks_of(manifest: dict[str, Any], results: Results) -> Iterator[Steps]:
-    """The steps of a run, a block at a time; none where not every row of what is needed is
-    recorded, where a torque reaches the body a step late, and where a row has the mean of several
-    inner steps."""
-    parts = manifest.get(KEY)
-    if parts is None or manifest["algorithm"] != "conserving" or manifest["inner"] > 1:
+    """The steps of a run, a block at a time; none where the rows do not have them one by one:
+    `why_not`."""
+    if manifest.get(KEY) is None or _not_of_rows(manifest, results):
         return
+    parts = manifest[KEY]
     name = parts["spacecraft"]
     states = residual.balanced(parts)
-    pair = [parts[n] for n in _PAIR]
-    if not {*states, *pair} <= set(results.names()):
-        return
-    times = results.times(states[0])
+    pair = [parts[n] for n in PAIR]
     n = min(results.count(pair[0]), results.count(states[0]) - 1)
-    if n < 1 or abs(times[1] - times[0] - manifest["step"]) > 1e-9 * manifest["step"]:
-        return
     carrier, axes = residual.carrier_of(manifest, name)
+    dt = float(manifest["step"])
     for first in range(0, n, BLOCK):
         rows = slice(first, min(first + BLOCK, n))
         ends = slice(first, rows.stop + 1)
         q, omega, impulse, h = (results.values(s, ends) for s in states)
         mean, slope = (results.values(s, rows) for s in pair)
-        yield Steps(
-            float(manifest["step"]), carrier, axes, q, omega, impulse, h, mean, slope,
-            parts["feeds"] and outside.torque(manifest, results, name, parts["feeds"], rows),
-        )  # fmt: skip
+        reach = parts["feeds"] and outside.recorded(results, parts["feeds"], rows)
+        torque = reach and outside.torque(manifest["parameters"][name], reach, dt)
+        yield Steps(dt, carrier, axes, q, omega, impulse, h, mean, slope, torque or None)
+
+
+def _not_of_rows(manifest: dict[str, Any], results: Results) -> str:
+    """Why the rows of a run do not have its steps; empty: they do."""
+    parts = manifest[KEY]
+    if manifest["algorithm"] != "conserving":
+        return f"under {manifest['algorithm']} torques act a step late"
+    if parts["why"]:
+        return str(parts["why"])
+    if lacking := residual.missing(of_work(parts), results):
+        return lacking
+    states, pair = residual.balanced(parts), [parts[n] for n in PAIR]
+    if min(results.count(pair[0]), results.count(states[0]) - 1) < 1:
+        return "there is no whole step"
+    times = results.times(states[0])
+    if not parts["rows"] or abs(times[1] - times[0] - manifest["step"]) > 1e-9 * manifest["step"]:
+        return "its rows do not have each step of the body, and it ended before it could say more"
+    return ""
+
+
+class Block(NamedTuple):
+    """Of so many steps: energy (J) at their ends (steps + 1,), in each the work (J) and the impulse
+    (N m s, eci) of the torques, and the hidden work."""
+
+    energy: Array
+    work: Array
+    impulse: Array
+    hidden: Array
+
+
+def sums(steps: Steps) -> Block:
+    """Both integrals over each step, and what Simpson's rule leaves of the first."""
+    dt = np.broadcast_to(np.reshape(steps.dt, (-1, 1)), (len(steps.mean), 1))
+    ends = sum((omega * (torque - steps.motors(e))).sum(axis=1)
+               for e, omega, torque in zip((0.0, 1.0), (steps.omega[:-1], steps.omega[1:]),
+                                           steps.ends, strict=True))  # fmt: skip
+    work, turned = WEIGHTS[0] * ends, WEIGHTS[0] * (steps.turned[0] + steps.turned[1])
+    simpson = ends / 6.0
+    for e, weight in zip(NODES[1:-1], WEIGHTS[1:-1], strict=True):
+        q = steps.attitude(e)
+        torque = steps.torque(e, q)
+        power = (steps.rate(e, q) * (torque - steps.motors(e))).sum(axis=1)
+        work = work + weight * power
+        turned = turned + weight * rotate_back(q, torque)
+        simpson = simpson + 2.0 / 3.0 * power if e == 0.5 else simpson
+    energy = 0.5 * np.einsum("ij,jk,ik->i", steps.omega, steps.carrier, steps.omega)
+    hidden = np.abs(np.diff(energy) - dt[:, 0] * simpson)
+    hidden *= dt[:, 0] ** 2 / (np.trace(steps.carrier) / 3.0)
+    return Block(energy, dt[:, 0] * work, dt * turned, hidden)
 
 
 @dataclass
-class Balance:
-    """At the rows of a run: times (s), the body's energy and what torques have done to it (J), the
-    impulse by its own account less that computed outside (N m s, eci; None: not known)."""
+class Totals:
+    """What a run comes to, block by block: energies and work (J), impulses (N m s, eci), hidden
+    work. All of it is JSON."""
+
+    start: float | None = None
+    work: float = 0.0
+    given: tuple[float, ...] = (0.0, 0.0, 0.0)
+    began: tuple[float, ...] = (0.0, 0.0, 0.0)
+    """The body's own impulse at the start."""
+    energy: float = 0.0
+    """The largest; so are those below."""
+    worked: float = 0.0
+    mismatch: float = 0.0
+    hidden: float = 0.0
+    impulse: float | None = None
+    """None: the external torque is not known."""
+
+    def add(self, steps: Steps) -> tuple[Array, Array]:
+        """Further steps; of each their energy's mismatch (J) and its end's energy (J)."""
+        block = sums(steps)
+        if self.start is None:
+            self.start = self.energy = float(block.energy[0])
+            self.began = tuple(steps.impulse[0].tolist())
+            self.impulse = None if steps.outer is None else 0.0
+        work = np.cumsum([self.work, *block.work])[1:]
+        given = np.cumsum([self.given, *block.impulse], axis=0)[1:]
+        mismatch = block.energy[1:] - self.start - work
+        self.work, self.given = float(work[-1]), tuple(given[-1].tolist())
+        self.energy = max(self.energy, float(block.energy.max()))
+        self.worked = max(self.worked, float(np.abs(work).max()))
+        self.mismatch = max(self.mismatch, float(np.abs(mismatch).max()))
+        self.hidden = max(self.hidden, float(block.hidden.max()))
+        if self.impulse is not None:
+            off = np.linalg.norm(steps.impulse[1:] - self.began - given, axis=1)
+            self.impulse = max(self.impulse, float(off.max()))
+        return mismatch, block.energy[1:]
+
+
+class Balance(NamedTuple):
+    """Of the rows of a run: times (s), energy gained beyond the work (J), the totals."""
 
     times: Array
-    energy: Array
-    work: Array
-    impulse: Array | None
-
-    @property
-    def mismatch(self) -> Array:
-        """Energy gained beyond the work (J)."""
-        return np.asarray(self.energy - self.energy[0] - self.work)
+    mismatch: Array
+    totals: Totals
 
 
 def balance(manifest: dict[str, Any], results: Results) -> Balance | None:
-    """Of a run; None as for `blocks_of`."""
+    """Of a run by its rows; None as for `blocks_of`."""
     return results.once(KEY, lambda: _balance(manifest, results))
 
 
 def _balance(manifest: dict[str, Any], results: Results) -> Balance | None:
-    work: list[Array] = []
-    given: list[Array] = []
-    energy: list[Array] = []
-    own: list[Array] = []
-    outer = False
+    totals, mismatch = Totals(), [np.zeros(1)]
     for steps in blocks_of(manifest, results):
-        done, turned = np.zeros(len(steps.mean)), np.zeros((len(steps.mean), 3))
-        for e, weight in zip(NODES.tolist(), WEIGHTS.tolist(), strict=True):
-            q = steps.attitude(e)
-            torque = steps.torque(e, q)
-            done += weight * steps.dt * (steps.rate(e, q) * (torque - steps.motors(e))).sum(axis=1)
-            turned += weight * steps.dt * rotate_back(q, torque)
-        work.append(done)
-        given.append(turned)
-        held = slice(1 if energy else 0, None)  # the first row is the last of the block before
-        energy.append(0.5 * np.einsum("ij,jk,ik->i", steps.omega, steps.carrier, steps.omega)[held])
-        own.append(steps.impulse[held])
-        outer = steps.outer is not None
-    if not work:
+        mismatch.append(totals.add(steps)[0])
+    if totals.start is None:
         return None
-    gained = np.concatenate(own)
-    impulse = np.vstack([np.zeros(3), np.cumsum(np.concatenate(given), axis=0)])
-    return Balance(
-        times=manifest["start"] + manifest["step"] * np.arange(len(gained)),
-        energy=np.concatenate(energy),
-        work=np.concatenate([[0.0], np.cumsum(np.concatenate(work))]),
-        impulse=gained - gained[0] - impulse if outer else None,
-    )
+    rows = np.concatenate(mismatch)
+    return Balance(manifest["start"] + manifest["step"] * np.arange(len(rows)), rows, totals)
+
+
+def totals_of(manifest: dict[str, Any], results: Results) -> Totals | None:
+    """Of a run, by its rows or as it was computed while it ran; None where neither is."""
+    if told := manifest.get(BESIDE):
+        return Totals(**told)
+    made = balance(manifest, results)
+    return made and made.totals
 
 
 def signals(parts: dict[str, str]) -> list[str]:
@@ -148,45 +246,81 @@ def signals(parts: dict[str, str]) -> list[str]:
     return []
 
 
+def of_work(parts: dict[str, Any]) -> list[str]:
+    """The series without which there is no work, and so no balance."""
+    return [*residual.balanced(parts), *(parts[n] for n in PAIR)]
+
+
 def balanced(parts: dict[str, Any]) -> list[str]:
     """The series that the balance is made of."""
+    if parts["why"]:
+        return residual.balanced(parts)
     fed = parts["feeds"] or {}
     outer = [x for x in fed.values() if isinstance(x, str)]
-    return [*residual.balanced(parts), *(parts[n] for n in _PAIR), *outer]
+    return [*of_work(parts), *outer]
 
 
 def numbers(manifest: dict[str, Any], results: Results) -> dict[str, dict[str, Any]]:
     """The largest mismatch of energy, as a share of the largest energy that the body had or got,
-    and the largest one of impulse (N m s)."""
-    balanced = balance(manifest, results)
-    if balanced is None:
+    the hidden work, and the largest mismatch of impulse (N m s)."""
+    totals = totals_of(manifest, results)
+    if totals is None:
         return {}
     rows: dict[str, dict[str, Any]] = {}
-    scale = max(balanced.energy.max(), np.abs(balanced.work).max())
-    if scale > 0.0:
+    if (scale := max(totals.energy, totals.worked)) > 0.0:
         rows["energy_mismatch"] = {
             "title": "Energy mismatch, largest",
-            "value": float(np.abs(balanced.mismatch).max() / scale),
+            "value": totals.mismatch / scale,
             "unit": "1",
             "note": "of the body's largest energy or work",
         }
-    if balanced.impulse is not None:
+    rows["hidden_work"] = {
+        "title": "Work that the ends and the middle of a step do not show, largest",
+        "value": totals.hidden,
+        "unit": "1",
+        "note": "of the energy of a turn of 1 rad in it",
+    }
+    if totals.impulse is not None:
         rows["impulse_mismatch"] = {
             "title": "External impulse, the body's own less that computed outside, largest",
-            "value": float(np.linalg.norm(balanced.impulse, axis=1).max()),
+            "value": totals.impulse,
             "unit": "N.m.s",
         }
     return rows
 
 
+def unchecked(manifest: dict[str, Any], results: Results) -> dict[str, str]:
+    """Why there is no balance, by the number's name."""
+    totals = totals_of(manifest, results)
+    parts = manifest[KEY]
+    if totals is None:
+        why = _not_of_rows(manifest, results)
+        return dict.fromkeys(NUMBERS, why)
+    if totals.impulse is not None:
+        return {}
+    lacking = parts["feeds"] and residual.missing(balanced(parts), results)
+    return {"impulse_mismatch": lacking or _foreign(parts)}
+
+
 def unmet(manifest: dict[str, Any], results: Results) -> list[str]:
-    """An external impulse that is not the one of the torques from outside the body."""
-    mismatch = manifest["numbers"].get("impulse_mismatch")
+    """An external impulse that is not the one of the torques from outside the body; work that is
+    hidden in a step."""
+    told, lines = manifest["numbers"], []
+    bound = manifest["about"].get("energy_bound", ENERGY_BOUND)
+    if "hidden_work" in told and told["hidden_work"]["value"] > bound:
+        lines.append(
+            f"hidden_work = {told['hidden_work']['value']:.2g}: above energy_bound = {bound:g}: "
+            "torques bend too much within a step for their mean and slope: take more inner steps "
+            "(--inner)"
+        )
+    mismatch = told.get("impulse_mismatch")
     series = residual.momentum(manifest, results)
-    if mismatch is None or series is None:
-        return []
-    bound = manifest["about"].get("impulse_bound", BOUND)
-    return residual.beyond("impulse_mismatch", mismatch, "impulse_bound", bound, series.largest)
+    if mismatch is not None and series is not None:
+        bound = manifest["about"].get("impulse_bound", BOUND)
+        lines += residual.beyond(
+            "impulse_mismatch", mismatch, "impulse_bound", bound, series.largest
+        )
+    return lines
 
 
 def figures(manifest: dict[str, Any], results: Results) -> list[tuple[str, str]]:

@@ -22,7 +22,12 @@ from .within import Array, Torque, rotate
 Feeds = dict[str, str | list[Any]]
 """Of each input the series that feeds it, or its values where none does."""
 
-BLOCK = "spacecraft_rigid"
+BLOCK, FIXED = "spacecraft_rigid", "spacecraft_fixed_attitude"
+_ALWAYS: dict[str, Any] = {
+    "residual_dipole_body": [0.0, 0.0, 0.0], "gravity_gradient": True, "plates": [],
+    "aerodynamics": "none", "radiation": "none",
+}  # fmt: skip
+"""Of a body that has no such parameter."""
 INPUTS = (
     "r_eci", "v_eci", "b_eci", "b_rate_eci", "b_accel_eci", "sun_eci", "sunlight", "density",
     "m_mean_body", "m_slope_body", "tau_mean_thruster_body", "tau_slope_thruster_body",
@@ -30,12 +35,18 @@ INPUTS = (
 )  # fmt: skip
 
 
+def known(system: System, body: str) -> bool:
+    """Whether a body is ours, whose torques are known."""
+    interface = system.components[body].interface
+    return interface is not None and interface.model in (BLOCK, FIXED)
+
+
 def feeds(system: System, body: str) -> Feeds | None:
     """What feeds the inputs of a body; None for another block than ours, and for an input that
     comes changed (factor, unit) or not at every step."""
     component = system.components[body]
     interface = component.interface
-    if interface is None or interface.model != BLOCK:
+    if not known(system, body):
         return None
     fed: Feeds = {}
     for name in INPUTS:
@@ -47,32 +58,35 @@ def feeds(system: System, body: str) -> Feeds | None:
         wire = wires[0]
         source = system.components[wire.source]
         series = {f"{c.source}.{base_name(c.output)}" for c in wires}
-        known = source.interface.signals.get(wire.output) if source.interface else None
+        signal = source.interface.signals.get(wire.output) if source.interface else None
         same = all(c.factor == 1.0 and c.offset == 0.0 for c in wires)
         if not (
-            same and known and len(series) == 1 and len(wires) == len(signals)
-            and source.decimation == 1 and known.unit_name == signals[0].unit_name
+            same and signal and len(series) == 1 and len(wires) == len(signals)
+            and source.decimation == 1 and signal.unit_name == signals[0].unit_name
         ):  # fmt: skip
             return None
         fed[name] = series.pop()
     return fed
 
 
-def torque(
-    manifest: dict[str, Any], results: Results, body: str, fed: Feeds, rows: slice
-) -> Torque | None:
-    """The torque in these steps of a run; None where a series is not recorded."""
+def recorded(results: Results, fed: Feeds, rows: slice) -> dict[str, Array] | None:
+    """The inputs of a body in these steps of a run, (steps, elements) each; None where a series is
+    not recorded."""
     n = rows.stop - rows.start
-    recorded = set(results.names())
-    if not {x for x in fed.values() if isinstance(x, str)} <= recorded:
+    known = set(results.names())
+    if not {x for x in fed.values() if isinstance(x, str)} <= known:
         return None
-    x = {
+    return {
         name: np.reshape(results.values(f, rows), (n, -1)) if isinstance(f, str)
         else np.broadcast_to(np.array(f, dtype=float), (n, len(f)))
         for name, f in fed.items()
     }  # fmt: skip
-    given = {k: v["value"] for k, v in manifest["parameters"][body].items()}
-    dt = float(manifest["step"])
+
+
+def torque(parameters: dict[str, Any], x: dict[str, Array], dt: float | Array) -> Torque:
+    """The torque in steps of dt (s) on a body of these parameters (as a manifest has them), its
+    inputs at each being x."""
+    given = _ALWAYS | {k: v["value"] for k, v in parameters.items()}
     inertia = np.reshape(given["inertia"], (3, 3))
     fall = -MU * x["r_eci"] / np.linalg.norm(x["r_eci"], axis=1, keepdims=True) ** 3
     plates = np.reshape(given["plates"], (-1, PLATE_COLUMNS))

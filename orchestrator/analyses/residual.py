@@ -22,7 +22,7 @@ from ..system.model import System
 Array = NDArray[np.float64]
 KEY = "rigid_body"
 NUMBERS = ("momentum_residual",)
-BOUND_KEY = "residual_bound"
+BOUND_KEYS = ("residual_bound",)
 BOUND = 1e-9
 """Of the residual, as a share of the largest momentum, where a scenario has no `residual_bound`."""
 _NEEDED = ("inertia", "axes_wheel", "inertia_wheel", "q_bi", "omega_bi_body", "impulse_eci")
@@ -106,6 +106,19 @@ def numbers(manifest: dict[str, Any], results: Results) -> dict[str, dict[str, A
             "unit": "N.m.s",
         }
     }
+
+
+def unchecked(manifest: dict[str, Any], results: Results) -> dict[str, str]:
+    """Why there is no residual, by the number's name."""
+    if momentum(manifest, results) is not None:
+        return {}
+    return {"momentum_residual": missing(balanced(manifest[KEY]), results) or "there are no rows"}
+
+
+def missing(series: list[str], results: Results) -> str:
+    """Which of these series are not recorded, for people; empty: none."""
+    lacking = [s for s in dict.fromkeys(series) if s not in set(results.names())]
+    return f"not recorded: {', '.join(lacking)}" if lacking else ""
 
 
 def unmet(manifest: dict[str, Any], results: Results) -> list[str]:

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from math import sqrt
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,9 +22,9 @@ Array = NDArray[np.float64]
 Torque = Callable[[float, Array], Array]
 """f(e, q): N m, body (steps, 3), at the share e of every step, where the attitudes are q."""
 
-NODES, WEIGHTS = np.polynomial.legendre.leggauss(5)
-NODES, WEIGHTS = 0.5 * (NODES + 1.0), 0.5 * WEIGHTS
-"""Of Gauss' quadrature over a step, as shares of it."""
+NODES = (0.0, 0.5 - 0.5 * sqrt(3.0 / 7.0), 0.5, 0.5 + 0.5 * sqrt(3.0 / 7.0), 1.0)
+WEIGHTS = (1.0 / 20.0, 49.0 / 180.0, 16.0 / 45.0, 49.0 / 180.0, 1.0 / 20.0)
+"""Of Lobatto's quadrature of order 8 over a step, as shares of it: at both ends all is known."""
 
 
 def rotate(q: Array, v: Array) -> Array:
@@ -43,7 +44,8 @@ def _turned(q: Array, omega: Array) -> Array:
 class Steps:
     """All steps of a run at once; arrays have a row a step, or one more where they say so."""
 
-    dt: float
+    dt: float | Array
+    """s; of each step its own as (steps, 1)"""
     carrier: Array
     """J_r (3, 3), kg m2"""
     axes: Array
@@ -68,10 +70,14 @@ class Steps:
         self.gained = np.diff(self.impulse, axis=0)
         spin = self.omega @ self.carrier.T + self.h @ self.axes.T
         self.momentum = rotate_back(self.q, spin)
+        self.ends = self.torque(0.0, self.q[:-1]), self.torque(1.0, self.q[1:])
+        """The external torque (N m, body) at the start and at the end of every step."""
         self._start = self._edge(0, self.q[:-1], self.omega[:-1], spin[:-1])
         self._end = self._edge(1, self.q[1:], self.omega[1:], spin[1:])
-        ends = [rotate_back(q, self.torque(e, q)) for e, q in ((0, self.q[:-1]), (1, self.q[1:]))]
-        self._bend = self.dt * (ends[1] - ends[0])
+        self.turned = (rotate_back(self.q[:-1], self.ends[0]),
+                       rotate_back(self.q[1:], self.ends[1]))  # fmt: skip
+        """The same in eci."""
+        self._bend = self.dt * (self.turned[1] - self.turned[0])
 
     def torque(self, e: float, q: Array) -> Array:
         """The external torque (N m, body) at the share e of every step."""
@@ -81,9 +87,9 @@ class Steps:
         """What the wheels' rotors take from the body (N m, body)."""
         return np.asarray((self.mean + (e - 0.5) * self.slope) @ self.axes.T)
 
-    def _edge(self, e: float, q: Array, omega: Array, spin: Array) -> tuple[Array, Array, Array]:
+    def _edge(self, e: int, q: Array, omega: Array, spin: Array) -> tuple[Array, Array, Array]:
         """q and its first and second derivative by the share of the step."""
-        torque = self.torque(e, q) - self.motors(e) - cross(omega, spin)
+        torque = self.ends[e] - self.motors(e) - cross(omega, spin)
         first = _turned(q, omega)
         second = _turned(q, torque @ self.inverse.T) + _turned(first, omega)
         return q, self.dt * first, self.dt**2 * second

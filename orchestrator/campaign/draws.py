@@ -86,7 +86,7 @@ def _asked(about: Mapping[str, Any], analysis: ModuleType) -> bool:
     its bound, or a requirement on one of its numbers."""
     wanted = {r["number"] for r in about.get("requirements", {}).values()}
     return hasattr(analysis, "balanced") and bool(
-        analysis.BOUND_KEY in about or wanted & set(analysis.NUMBERS)
+        set(analysis.BOUND_KEYS) & set(about) or wanted & set(analysis.NUMBERS)
     )
 
 

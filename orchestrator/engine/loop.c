@@ -11,7 +11,7 @@
 #include <string.h>
 
 enum code { TICK, LENGTH, TAKE_8, TAKE_4, CONVERT, TRANSFER, STEP, COPY, CLEAR, JOIN, CUT,
-            PUT_R, PUT_I, PUT_B, FETCH_R, FETCH_I, FETCH_B };
+            PUT_R, PUT_I, PUT_B, FETCH_R, FETCH_I, FETCH_B, KEEP };
 
 /* p and x by code:
  *   TICK      *p0 = start + (k + x0) step
@@ -26,6 +26,7 @@ enum code { TICK, LENGTH, TAKE_8, TAKE_4, CONVERT, TRANSFER, STEP, COPY, CLEAR, 
  *   JOIN      of values p0 with means at p1 and slopes at p2: p3[i] += x0 mean,
  *             p4[i] += x1 mean + x2 slope
  *   CUT       the same places: p0[p3[i]] = mean + x0 slope, p0[p4[i]] = x1 slope
+ *   KEEP      of rows p0 of n values the one of number p1, which rises by one, is p2[p3[i]]
  * A place below 0 is none: its value is 0, and nothing is put there. */
 struct operation {
     int32_t code;
@@ -149,6 +150,13 @@ static unsigned perform(struct loop *loop, const struct operation *o)
             if (slopes[i] >= 0)
                 target[slopes[i]] = o->x[1] * s;
         }
+        return 0;
+    }
+    case KEEP: {
+        double *row = target + *(int64_t *)o->p[1] * o->n;
+        for (i = 0; i < o->n; i++)
+            row[i] = ((const double *)o->p[2])[index[i]];
+        ++*(int64_t *)o->p[1];
         return 0;
     }
     }

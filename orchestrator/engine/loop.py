@@ -40,6 +40,17 @@ class Steps(Protocol):
         """Make so many steps, or fewer, so that a run may end there."""
 
 
+class Beside(Protocol):
+    """What looks at a run's steps while it runs, some at a time."""
+
+    @property
+    def room(self) -> int:
+        """So many steps may be made before it has to look again."""
+
+    def look(self) -> None:
+        """Look at those that were made."""
+
+
 class PythonSteps:
     """Steps of an initialised master, one by one."""
 
@@ -70,7 +81,7 @@ def stepping(
 def run(
     master: Master, steps: Steps, until: int, recorder: Recorder, ending: Ending = NEVER,
     interrupted: Callable[[], int] = lambda: 0, report: Callable[[int], None] = lambda k: None,
-    checkpoints: Checkpoints | None = None,
+    checkpoints: Checkpoints | None = None, beside: Beside | None = None,
 ) -> str:  # fmt: skip
     """Step until step `until`, the first signal to stop, or an ending, whose reason is returned;
     look at the clock twenty times a second."""
@@ -80,6 +91,10 @@ def run(
         if checkpoints is not None:
             edge = min(edge, checkpoints.next(master.k))
         try:
+            if beside is not None:
+                if beside.room < edge - master.k:
+                    beside.look()
+                edge = min(edge, master.k + max(1, beside.room))
             while master.k < edge and not interrupted():
                 steps.some(edge - master.k)
                 if reason := ending.reason():

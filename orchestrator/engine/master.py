@@ -41,6 +41,7 @@ from .instances.base import Array, ComponentError, EndedError, Instance, each
 from .instances.block import BlockInstance
 from .instances.fmu import FmuInstance
 from .instances.isolated import IsolatedInstance
+from .kept import Kept
 from .node import Member, Outputs, Slot
 from .plan import Plan
 
@@ -59,7 +60,8 @@ class Master:
     `watched` chooses the outputs that are read although nothing is connected to them:
     a function of component name and signal; default all. `halvings`: a step that a foreign FMU
     discards is made in halves, quarters and so on, so many times at most. `isolated`: the FMUs
-    that run in processes of their own, each call of which may take `limit` s.
+    that run in processes of their own, each call of which may take `limit` s. `kept` keeps what
+    reaches a component; its outputs must be watched.
     """
 
     def __init__(
@@ -72,6 +74,7 @@ class Master:
         halvings: int = 0,
         isolated: Collection[str] = (),
         limit: float = inf,
+        kept: Kept | None = None,
     ) -> None:
         if algorithm not in ALGORITHMS:
             raise DesatError(f"algorithm {algorithm}: there is {', '.join(ALGORITHMS)}")
@@ -110,6 +113,10 @@ class Master:
             self.close()
             raise
         self.slots, self.live = self._outputs.slots, self._outputs.live
+        self._kept = kept
+        if kept is not None:
+            by_name = {(s.component, s.signal.name): s for s in self.slots}
+            kept.wire(self.members, by_name, self.live["Real"], len(self._rates.parts))
         self._zeros = np.zeros(len(self.live["Real"]))
 
     def __enter__(self) -> Self:
@@ -215,7 +222,7 @@ class Master:
             self._pull(member)
         self.check_finite()
         word[0] = 0
-        self.cycle = self._plan.cycle()
+        self.cycle = self._plan.cycle(self._kept)
         self.row = self._plan.row.values
 
     def _within(self, member: Member, verb: int, call: Callable[[], None]) -> Callable[[], None]:
@@ -278,7 +285,7 @@ class Master:
     def memory(self) -> dict[str, Array]:
         """All arrays that the next step of an initialised master depends on, by name: what is in
         them may be saved, and put back. The states of the components come beside."""
-        kept = self._plan.memory()
+        kept = self._plan.memory() | ({} if self._kept is None else self._kept.memory())
         for kind in KINDS:
             kept[f"live {kind}"] = self.live[kind]
             kept[f"fresh {kind}"] = self._outputs.fresh[kind]

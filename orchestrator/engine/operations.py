@@ -148,6 +148,22 @@ class Cut:
         self.part(self.i)
 
 
+@dataclass(frozen=True, slots=True)
+class Keep:
+    """A further row of values, which are those at `index` of `source`."""
+
+    source: Array
+    index: NDArray[np.intp]
+    rows: Array
+    """(room, values)"""
+    taken: NDArray[np.int64]
+    """(1,) so many rows are there."""
+
+    def __call__(self, k: int = 0) -> None:
+        self.rows[self.taken[0]] = self.source[self.index]
+        self.taken[0] += 1
+
+
 class Step(NamedTuple):
     """A step of a cycle: what is done before its row is taken, and after."""
 

@@ -10,6 +10,7 @@ import numpy as np
 from ..system.rates import Rates
 from .averaging import Part, Whole
 from .instances.base import Array, Clock
+from .kept import Kept
 from .node import Member, Outputs, Slot, Window, means
 from .operations import Call, Cut, Gather, Join, Length, Operation, Show, Step, Tick
 
@@ -51,9 +52,10 @@ class Plan:
                     member.windows.append(Window(name, places))
         self._outputs.make_room(w for m in self._members.values() for w in m.windows)
 
-    def cycle(self) -> list[Step]:
-        """What is done in each step of a cycle."""
+    def cycle(self, kept: Kept | None = None) -> list[Step]:
+        """What is done in each step of a cycle; with `kept`, who keeps what reaches a component."""
         inner = len(self._rates.parts)
+        self._kept = kept
         self._whole = {
             (m.name, w.source): Whole(
                 self._live, w.places, self._live, w.target,
@@ -84,7 +86,11 @@ class Plan:
         """The step that consists of so many parts, from this one on."""
         before, after = self.row.begin(), list[Operation]()
         for i in range(inner):
-            before += [*self._moves(first + i), *self.row.add(i)]
+            moves = self._moves(first + i)
+            if self._kept is not None:
+                moves[:0] = self._kept.at_start(first + i)
+                moves += self._kept.when_given(first + i)
+            before += [*moves, *self.row.add(i)]
             (after if i == inner - 1 and self._conserving else before).extend(self._ends(first + i))
         return Step(before, after)
 

@@ -11,10 +11,11 @@ import numpy as np
 
 from .instances.fmu import FmuInstance
 from .instances.isolated import IsolatedInstance
-from .operations import Call, Cut, Gather, Join, Length, Operation, Show, Step, Tick
+from .operations import Call, Cut, Gather, Join, Keep, Length, Operation, Show, Step, Tick
 
 CODES = ("TICK", "LENGTH", "TAKE_8", "TAKE_4", "CONVERT", "TRANSFER", "STEP", "COPY", "CLEAR",
-          "JOIN", "CUT", "PUT_R", "PUT_I", "PUT_B", "FETCH_R", "FETCH_I", "FETCH_B")  # fmt: skip
+          "JOIN", "CUT", "PUT_R", "PUT_I", "PUT_B", "FETCH_R", "FETCH_I", "FETCH_B",
+          "KEEP")  # fmt: skip
 _CODE = {name: i for i, name in enumerate(CODES)}
 
 
@@ -102,6 +103,8 @@ def _rows(operation: Operation) -> Iterator[_Row]:
             source, target = part.source, part.target
             places = (source.means, source.slopes, target.means, target.slopes)
             yield "CUT", len(source.means), (part.live, *places), part.weights[i]
+        case Keep(source, index, rows, taken):
+            yield "KEEP", len(index), (rows, taken, source, index), ()
         case _:
             raise NotCompiledError(f"{type(operation).__name__} is not compiled")
 

@@ -11,7 +11,7 @@ from .contents import contents
 
 KEYS = ("title", "story", "source", "twin", "numbers", "plots", "output_classes", "labels",
         "dispersions", "requirements", "inner", "accuracy", "stop_when", "residual_bound",
-        "impulse_bound")  # fmt: skip
+        "impulse_bound", "energy_bound")  # fmt: skip
 _OWN = ("name", "cell", "labels")
 """Keys beside those of the language."""
 

@@ -260,6 +260,10 @@ class Scenario(Table):
     impulse_bound: Annotated[FiniteFloat, Field(gt=0.0)] = key(
         "the same for the external impulse against one computed outside the body; 1e-6"
     )
+    energy_bound: Annotated[FiniteFloat, Field(gt=0.0)] = key(
+        "largest work in a step that its ends and middle do not show, over the energy of a turn of "
+        "1 rad in it: above it a run ends with 1; 2e-8"
+    )
     stop_when: StopWhen = key("a condition that ends it before")
     epoch: Annotated[datetime, AfterValidator(utc)] = key("UTC of t = 0")
     sources: dict[str, Text] = key("another FMU for a component")

@@ -310,6 +310,36 @@ class Verbs(CoilVerbs):
 
         return asdict(coverage.LIMITS)
 
+    def hidden_work(self, scenario: str, inner: int) -> dict[str, Any]:
+        """The error of a run against one with 64 inner steps, and the work that its steps hide; of
+        a scenario, or of a craft of `separation.JETS`."""
+        from ..studies import separation
+
+        values = separation.JETS.get(scenario)
+        name = self._of.name_of("pulses" if values else scenario)
+        stop = self._of.end_of("pulses" if values else scenario, None)
+        return separation.held(scenario, name, (inner,), values, stop)[0]._asdict()
+
+    def told_apart(self, first: int, count: int) -> dict[str, Any]:
+        """So many craft made at random, from this seed on: `rows`, and what they sum up to."""
+        from ..studies import separation
+
+        short = {} if self._of.draft is None else {"stop": self._of.draft}
+        rows = separation.at_random(range(first, first + count), **short)
+        return {**separation.summed(rows), "rows": [r._asdict() for r in rows]}
+
+    def summed(self, rows: Sequence[dict[str, Any]]) -> dict[str, Any]:
+        """The same sums of rows from elsewhere."""
+        from ..studies import separation
+
+        return separation.summed(separation.Row(**r) for r in rows)
+
+    def energy_bound(self) -> float:
+        """Of the hidden work, where a scenario gives no other."""
+        from ..analyses import energy
+
+        return energy.ENERGY_BOUND
+
     def convergence_plot(
         self, file: str, caption: str, study: dict[str, Any], key: str, unit: str
     ) -> str:

@@ -14,7 +14,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-from ..analyses import analyses, coverage
+from ..analyses import analyses, coverage, not_checked
 from ..analyses.coverage import CHOICE, DECIMATED
 from ..engine.checkpoint import Checkpoint, remove
 from ..engine.process_state import no_space
@@ -176,6 +176,8 @@ def _simulated(
         us_per_step=round(1e6 * outcome.seconds / max(outcome.steps, 1), 3),
         numbers={},
         unmet=[],
+        not_checked={},
+        balance=outcome.balance,
     )
     if outcome.rows is not None:
         manifest["rows"] = outcome.rows
@@ -200,6 +202,10 @@ def _measure(manifest: dict[str, Any], system: System, results: Results) -> None
             manifest["unmet"] += analysis.unmet(manifest, results)
             if hasattr(analysis, "remarks"):
                 manifest["warnings"] += analysis.remarks(manifest, results)
+            if hasattr(analysis, "unchecked"):
+                manifest["not_checked"].update(analysis.unchecked(manifest, results))
+    lines = not_checked(manifest["not_checked"])
+    manifest["warnings"] = list(dict.fromkeys([*manifest["warnings"], *lines]))
 
 
 def _supervised(

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from ..analyses import energy
+from ..analyses.along import Along
 from ..engine.checkpoint import Checkpoint, Checkpoints
 from ..engine.instances.base import ComponentError, EndedError
 from ..engine.loop import bar, interruptible, run, stepping
@@ -43,6 +45,8 @@ class Outcome:
     warnings: list[str] = field(default_factory=list)
     rows: int | None = None
     """The rows that hold values, where the file has others too."""
+    balance: dict[str, Any] | None = None
+    """The balances of its rigid body that were made while it ran (`analyses/along.py`)."""
 
 
 def stepped(
@@ -58,9 +62,10 @@ def stepped(
 
     def watched(component: str, signal: Any) -> bool:
         ends_it = ends is not None and ends.reads(component, signal)
-        return ends_it or selects(options.record, component, signal)
+        balanced = along is not None and along.needs(component, signal)
+        return ends_it or balanced or selects(options.record, component, signal)
 
-    ends = stopping.condition(system)
+    ends, along = stopping.condition(system), _along(case, manifest)
     with (
         kept() as changes,
         Master(
@@ -71,6 +76,7 @@ def stepped(
             halvings=options.halvings,
             isolated=isolated(system, options),
             limit=min(options.call_limit, options.time_limit or math.inf),
+            kept=None if along is None else along.kept,
         ) as master,
     ):
         try:
@@ -85,6 +91,8 @@ def stepped(
             checkpoint.restore(master, ending)
             outcome.warnings[:] = checkpoint.told["warnings"]
             before = checkpoint.told["seconds"]
+            if along is not None:
+                along.restore(checkpoint.told["balance"])
         recorder = Recorder(
             folder and folder / SERIES,
             master,
@@ -106,7 +114,8 @@ def stepped(
             """What a checkpoint has of all this; what components have changed is put back, as it
             will be where the run goes on."""
             _add(outcome.warnings, changes("while it ran", handlers=False))
-            state = {"warnings": outcome.warnings, "manifest": manifest}
+            state = {"warnings": outcome.warnings, "manifest": manifest,
+                     "balance": None if along is None else along.state()}  # fmt: skip
             return {**state, "seconds": before + steps.seconds, **wanted}
 
         checkpoints = None
@@ -118,7 +127,15 @@ def stepped(
                     checkpoints.save()
             with interruptible() as interrupted, bar(system.name, system.steps, progress) as report:
                 reason = run(
-                    master, steps, system.steps, recorder, ending, interrupted, report, checkpoints
+                    master,
+                    steps,
+                    system.steps,
+                    recorder,
+                    ending,
+                    interrupted,
+                    report,
+                    checkpoints,
+                    along,
                 )
             if number := interrupted():
                 outcome.status = "interrupted"
@@ -140,6 +157,8 @@ def stepped(
                 outcome.status = stopping.LATE if error.code == Exit.TIMEOUT else "failed"
         outcome.seconds = before + steps.seconds
         outcome.steps = master.k
+        if along is not None:
+            outcome.balance = along.finish(master, outcome.status == "failed")
         _add(outcome.warnings, [*changes("while it ran"), *master.messages()])
         # a day's series take seconds to compress; then it is told how it ended
         with interruptible():
@@ -150,6 +169,23 @@ def stepped(
         outcome.code = int(master.unfreed[0].code)
         tell("outcome", outcome)
     return outcome, results
+
+
+def _along(case: Case, manifest: Mapping[str, Any]) -> Along | None:
+    """What makes the balances of a rigid body while the run goes on; None where its rows will do,
+    or where they are not made at all: what rows would need for the work must be recorded."""
+    (system, _), options, parts = case.or_raise(), case.options, manifest[energy.KEY]
+    if parts is None or parts["why"] or options.algorithm != "conserving":
+        return None
+    if parts["rows"] and options.every == 1:
+        return None
+    wanted = [name.partition(".") for name in energy.of_work(parts)]
+    all_of_it = all(
+        selects(options.record, owner, signal)
+        for owner, _, name in wanted
+        for signal in system.components[owner].interface.elements(name)
+    )
+    return Along(system, parts, manifest["parameters"]) if all_of_it else None
 
 
 def _add(lines: list[str], more: list[str]) -> None:

@@ -232,7 +232,9 @@ def _report_run(
             theirs = other.manifest["numbers"].get(name)
             row.append(number(theirs["value"]) if theirs else "")
         table.add_row(*row, pretty_unit(n["unit"]))
-    if manifest["numbers"]:
+    for name, why in manifest["not_checked"].items():
+        table.add_row(name, "not checked", *([""] if other else []), why)
+    if table.row_count:
         out.print(table)
     report = f"\nreport: {page.resolve()}" if page else ""
     out.print(

@@ -1,0 +1,135 @@
+"""The balance of a craft whose attitude is given: does the momentum of its wheels add up?
+
+They are inside the body and take every torque, so its momentum C'(J omega + h), from the momentum
+that it shows, ought to change by the impulse of the torques that reach it, computed outside it
+(`outside.py`). There is no energy to hold against anything: the body turns as it is told to.
+"""
+
+from __future__ import annotations
+
+from math import cos, sin
+from typing import Any
+
+import numpy as np
+
+from ..engine.recording.results import Results
+from ..numbers.derived import cross, rotate_back
+from ..system.model import System
+from . import not_checked, outside, residual
+from .energy import BOUND
+from .within import NODES, WEIGHTS, Array
+
+KEY = "fixed_attitude"
+NUMBERS = ("impulse_mismatch",)
+BOUND_KEYS = ("impulse_bound",)
+_OWN = ("q_bi", "omega_bi_body", "h_copy_wheel")
+
+
+def applies(system: System) -> dict[str, Any] | None:
+    """Which component it is, what feeds it, and why its momentum is not checked; None: there is
+    no such component."""
+    for c in system.components.values():
+        if c.interface.model == outside.FIXED:
+            fed, why = outside.feeds(system, c.name), ""
+            if system.parts > 1 or c.decimation > 1:
+                why = f"a row has several steps of {c.name}, or a part of one"
+            elif fed is None:
+                why = f"what reaches {c.name} is converted, or does not come at every step"
+            return {"spacecraft": c.name, "feeds": fed, "why": why}
+    return None
+
+
+def warnings(system: System) -> list[str]:
+    """Why no run of a system can be checked."""
+    parts = applies(system)
+    return not_checked({NUMBERS[0]: parts["why"]}) if parts and parts["why"] else []
+
+
+def signals(parts: dict[str, Any]) -> list[str]:
+    """None: the balance is made where its series are recorded anyhow, or asked for."""
+    return []
+
+
+def balanced(parts: dict[str, Any]) -> list[str]:
+    """The series that the balance is made of."""
+    outer = [x for x in (parts["feeds"] or {}).values() if isinstance(x, str)]
+    return [*(f"{parts['spacecraft']}.{n}" for n in _OWN), *outer]
+
+
+def unchecked(manifest: dict[str, Any], results: Results) -> dict[str, str]:
+    """Why there is no balance, by the number's name."""
+    why = _why_not(manifest, results)
+    return {"impulse_mismatch": why} if why else {}
+
+
+def _why_not(manifest: dict[str, Any], results: Results) -> str:
+    parts = manifest[KEY]
+    if manifest["algorithm"] != "conserving":
+        return f"under {manifest['algorithm']} torques act a step late"
+    if why := parts["why"] or residual.missing(balanced(parts), results):
+        return str(why)
+    times = results.times(f"{parts['spacecraft']}.q_bi")
+    if len(times) < 2:
+        return "there is no whole step"
+    late = abs(times[1] - times[0] - manifest["step"]) > 1e-9 * manifest["step"]
+    return "rows are left out" if late else ""
+
+
+def mismatch(manifest: dict[str, Any], results: Results) -> tuple[float, float] | None:
+    """The largest mismatch of the impulse and the largest momentum (N m s); None: not checked."""
+    return results.once(KEY, lambda: _mismatch(manifest, results))
+
+
+def _mismatch(manifest: dict[str, Any], results: Results) -> tuple[float, float] | None:
+    if _why_not(manifest, results):
+        return None
+    name, dt = manifest[KEY]["spacecraft"], float(manifest["step"])
+    parameters = manifest["parameters"][name]
+    inertia = np.reshape(parameters["inertia"]["value"], (3, 3))
+    q, omega, h = (results.values(f"{name}.{n}") for n in _OWN)
+    total = rotate_back(q, omega @ inertia.T + h[:, :3])
+    rows = slice(0, len(q) - 1)
+    reach = outside.recorded(results, manifest[KEY]["feeds"], rows)
+    assert reach is not None
+    torque = outside.torque(parameters, reach, dt)
+    given = np.zeros((len(q) - 1, 3))
+    for e, weight in zip(NODES, WEIGHTS, strict=True):
+        turned = _turned(q[rows], omega[0], e * dt)
+        given += weight * dt * rotate_back(turned, torque(e, turned))
+    off = total[1:] - total[0] - np.cumsum(given, axis=0)
+    return float(np.linalg.norm(off, axis=1).max()), float(np.linalg.norm(total, axis=1).max())
+
+
+def _turned(q: Array, omega: Array, t: float) -> Array:
+    """q (rows, 4) after t (s) at a constant rate (rad/s, body)."""
+    rate = float(np.linalg.norm(omega))
+    vector = omega * (sin(0.5 * rate * t) / rate) if rate else np.zeros(3)
+    scalar = cos(0.5 * rate * t)
+    return np.hstack([
+        scalar * q[:, :3] + q[:, 3:] * vector - cross(vector, q[:, :3]),
+        scalar * q[:, 3:] - (q[:, :3] @ vector)[:, None],
+    ])  # fmt: skip
+
+
+def numbers(manifest: dict[str, Any], results: Results) -> dict[str, dict[str, Any]]:
+    """The largest mismatch of the impulse (N m s)."""
+    made = mismatch(manifest, results)
+    if made is None:
+        return {}
+    title = "Momentum of body and wheels, less the impulse computed outside, largest"
+    return {"impulse_mismatch": {"title": title, "value": made[0], "unit": "N.m.s"}}
+
+
+def unmet(manifest: dict[str, Any], results: Results) -> list[str]:
+    """A momentum that is not what the torques from outside have made it."""
+    made = mismatch(manifest, results)
+    if made is None:
+        return []
+    bound = manifest["about"].get("impulse_bound", BOUND)
+    number = manifest["numbers"]["impulse_mismatch"]
+    return residual.beyond("impulse_mismatch", number, "impulse_bound", bound, made[1])
+
+
+def figures(manifest: dict[str, Any], results: Results) -> list[tuple[str, str]]:
+    """None."""
+    return []

@@ -1,0 +1,254 @@
+"""No balance is left out without a word: every `inner`, every rate, and what is not checked."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from test_campaign_doubts import flown
+from typer.testing import CliRunner
+
+from desat.analyses import energy
+from desat.campaign import report
+from desat.campaign.draws import draws
+from desat.cli import app
+from desat.engine import kept
+from desat.engine.instances.base import ComponentError
+from desat.engine.master import Master
+from desat.runs.resume import resume
+from desat.runs.run import Options, execute
+from desat.studies import separation
+from desat.system.codes import Exit
+
+MADE = set(energy.NUMBERS)
+
+
+def made(target: str, **options: object):
+    run = execute(target, Options(**options))
+    assert run.ok, run.manifest["message"]
+    return {k: n["value"] for k, n in run.manifest["numbers"].items() if k in MADE}, run
+
+
+def mine(folder: Path, text: str, base: str = "gyrostat/light") -> str:
+    file = folder / "mine.toml"
+    file.write_text(f'extends = "{base}"\n{text}', encoding="utf-8")
+    return str(file)
+
+
+@pytest.mark.parametrize("inner", [1, 2])
+def test_strong_jets_are_not_met_at_any_inner_as_long_as_they_are_wrong(inner):
+    name = "strong jets on 1.7 kg m2"
+    (row,) = separation.held(name, "gyrostat/pulses", (inner,), separation.JETS[name])
+    assert row.error > separation.BAD
+    assert row.refused
+
+
+def test_a_jet_that_spins_a_craft_up_is_not_met_until_it_errs_little():
+    name = "a jet from rest to 0.9 rad/s"
+    wrong, right = separation.held(name, "gyrostat/pulses", (1, 8), separation.JETS[name])
+    assert wrong.error > separation.BAD
+    assert wrong.refused
+    assert right.error < separation.GOOD
+    assert not right.refused
+
+
+@pytest.mark.parametrize("options", [{"inner": 2}, {"inner": 8}, {"every": 3, "inner": 1}],
+                         ids=str)  # fmt: skip
+def test_balances_are_made_for_every_inner_and_for_rows_left_out(options):
+    found, run = made("gyrostat/light", stop=100.0, **options)
+    assert set(found) == MADE
+    assert found["energy_mismatch"] < 1e-8
+    assert found["impulse_mismatch"] < 1e-12
+    assert run.manifest["unmet"] == []
+    assert run.manifest["not_checked"] == {}
+
+
+def test_made_while_it_runs_they_have_the_values_of_the_rows():
+    """Every second row is kept, so that rows cannot serve, but each step is there."""
+    rows, run = made("gyrostat/pulses", inner=1, stop=100.0)
+    assert run.manifest["balance"] is None
+    along, run = made("gyrostat/pulses", inner=1, stop=100.0, every=2)
+    assert run.manifest["balance"] is not None
+    for name in MADE:
+        assert along[name] == pytest.approx(rows[name], rel=1e-12, abs=0.0)
+
+
+@pytest.mark.parametrize("options", [{"loop": "python"}, {"blocks": True}, {"supervised": True},
+                                     {"isolate": "all"}],
+                         ids=str)  # fmt: skip
+def test_every_loop_makes_the_same_bits_of_them(options):
+    whole = made("gyrostat/pulses", stop=300.0)[0]
+    assert made("gyrostat/pulses", stop=300.0, **options)[0] == whole
+
+
+@pytest.mark.parametrize("piece", [4096, 100])
+def test_they_go_on_from_a_checkpoint(tmp_path, monkeypatch, piece):
+    monkeypatch.setattr(kept, "PIECE", piece)
+    whole, _ = made("gyrostat/pulses", stop=80.0)
+    monkeypatch.chdir(tmp_path)
+    advance = Master.advance
+
+    def ended(master: Master, record: object = None) -> None:
+        advance(master, record)
+        if master.k == 53:
+            raise ComponentError("ended")
+
+    options = Options(stop=80.0, checkpoint=20.0, loop="python")
+    with monkeypatch.context() as patch:
+        patch.setattr(Master, "advance", ended)
+        assert not execute("gyrostat/pulses", options, tmp_path / "run").ok
+    gone_on = resume((tmp_path / "run").absolute())
+    assert gone_on.ok
+    assert {k: gone_on.manifest["numbers"][k]["value"] for k in whole} == whole
+
+
+def test_a_run_that_fails_within_a_step_has_those_before(monkeypatch):
+    from desat.components.blocks import torquers
+
+    advance = torquers.Torquers.advance
+
+    def failing(block: torquers.Torquers, t: float, dt: float) -> None:
+        if t > 30.5:
+            block.fail("it breaks")
+        advance(block, t, dt)
+
+    monkeypatch.setattr(torquers.Torquers, "advance", failing)
+    run = execute("gyrostat/light", Options(inner=4, blocks=True))
+    assert run.manifest["status"] == "failed"
+    found = {k: n["value"] for k, n in run.manifest["numbers"].items() if k in MADE}
+    assert set(found) == MADE
+    assert found["energy_mismatch"] < 1e-8
+    assert found["impulse_mismatch"] < 1e-12
+
+
+@pytest.mark.parametrize("slow", [{"spacecraft": 5}, {"spacecraft": 5, "wheels": 5},
+                                  {"environment": 5}, {"torquers": 5}], ids=str)  # fmt: skip
+def test_they_are_made_where_components_are_slow(tmp_path, slow):
+    text = "step = 0.2\nstop = 60.0\n[decimation]\n" + "\n".join(
+        f"{k} = {n}" for k, n in slow.items()
+    )
+    found, run = made(mine(tmp_path, text, "gyrostat/full"), blocks=True)
+    assert set(found) == MADE
+    assert found["impulse_mismatch"] < 1e-12
+    assert found["energy_mismatch"] < 1e-6
+    assert run.manifest["not_checked"] == {}
+
+
+def test_a_torque_that_a_body_computes_otherwise_shows_at_every_inner(monkeypatch):
+    from desat.components.physics import rigid_body
+
+    monkeypatch.setattr(rigid_body, "MU", 1.001 * rigid_body.MU)
+    found, run = made("gyrostat/full", inner=4, blocks=True, stop=300.0)
+    assert found["impulse_mismatch"] > 1e-7
+    monkeypatch.undo()
+    assert made("gyrostat/full", inner=4, blocks=True, stop=300.0)[0]["impulse_mismatch"] < 1e-12
+    assert run.manifest["numbers"]["momentum_residual"]["value"] < 1e-14
+
+
+@pytest.mark.parametrize(
+    ("options", "why", "names"),
+    [
+        ({"algorithm": "jacobi"}, "under jacobi torques act a step late", MADE),
+        ({"record": ("spacecraft.*",)}, "not recorded: wheels.h_wheel",
+         MADE | {"momentum_residual"}),
+        ({"record": ("spacecraft.*", "wheels.*")}, "not recorded: environment",
+         {"impulse_mismatch"}),
+    ],
+    ids=lambda o: str(o)[:30],
+)  # fmt: skip
+@pytest.mark.parametrize("inner", [1, 2])
+def test_what_is_not_checked_is_said_with_why(options, why, names, inner):
+    found, run = made("gyrostat/light", stop=5.0, inner=inner, **options)
+    told = run.manifest["not_checked"]
+    if inner == 2 and "wheels.*" in str(options):  # made while it runs: it needs no series for it
+        names = set()
+    assert set(told) == names
+    assert not names & set(found)
+    assert all(why in text for text in told.values())
+    lines = [w for w in run.manifest["warnings"] if w.startswith("not checked: ")]
+    assert all(any(n in line and why in line for line in lines) for n in names)
+
+
+def test_the_command_says_what_is_not_checked(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    command = ["run", "gyrostat/light", "--stop", "5", "--inner", "2", "--record", "spacecraft.*"]
+    done = CliRunner().invoke(app, command, env={"COLUMNS": "300"})
+    assert done.exit_code == 0, done.output
+    assert "warning: not checked: " in done.output
+    assert any(line.startswith("hidden_work") and "not checked" in line
+               for line in done.output.splitlines())  # fmt: skip
+    page = (tmp_path / "runs/gyrostat-light/report.html").read_text()
+    assert '<tr><td>hidden_work<td class="n">not checked' in page
+
+
+def test_slow_wheels_are_said_before_the_run(tmp_path):
+    target = mine(tmp_path, "step = 0.1\nstop = 5.0\n[decimation]\nwheels = 10\n", "gyrostat/full")
+    _, run = made(target, blocks=True)
+    line = "not checked: energy_mismatch, hidden_work, impulse_mismatch: wheels is slower than"
+    assert sum(w.startswith(line) for w in run.manifest["warnings"]) == 1
+    done = CliRunner().invoke(app, ["check", target], env={"COLUMNS": "300"})
+    assert line in done.output.replace("\n", " ")
+
+
+def test_a_fixed_attitude_has_its_balance():
+    run = execute("uosat12/table3-ocdc-ilqr-1", Options(stop=1200.0, blocks=True))
+    found = run.manifest["numbers"]["impulse_mismatch"]["value"]
+    impulse = np.linalg.norm(run.results.values("spacecraft.impulse_eci"), axis=1).max()
+    assert impulse > 1e-2
+    assert found < 1e-6 * impulse
+    assert run.manifest["unmet"] == []
+
+
+def test_a_fixed_attitude_that_computes_a_torque_otherwise_is_not_met(monkeypatch):
+    from desat.components.blocks import spacecraft_fixed_attitude as block
+
+    monkeypatch.setattr(block, "MU", 1.01 * block.MU)
+    run = execute("uosat12/fig2-offnadir-ilqr-blind", Options(stop=3000.0, blocks=True))
+    assert any("impulse_mismatch" in line for line in run.manifest["unmet"])
+    assert run.code == Exit.UNMET
+
+
+def test_heavy_wheels_at_one_exchange_are_not_met(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    done = CliRunner().invoke(app, ["run", "gyrostat/heavy-wheels", "--inner", "1"])
+    assert done.exit_code == Exit.UNMET
+    assert "hidden_work" in done.output
+    assert "energy_bound = 2e-08" in done.output
+    assert CliRunner().invoke(app, ["run", "gyrostat/heavy-wheels"]).exit_code == Exit.COMPLETED
+
+
+JUDGED = range(500, 580)
+"""Seeds that no bound was chosen with."""
+
+
+def test_the_bound_tells_craft_apart_that_it_has_not_seen():
+    rows = separation.at_random(JUDGED)
+    told = separation.summed(rows)
+    assert told["good"] >= 30
+    assert told["bad"] >= 10
+    assert told["false_alarms"] == told["missed"] == 0
+    assert all(r.refused for r in rows if r.error > separation.BAD)
+
+
+def test_a_scenario_has_its_own_bound_in_campaigns_too(tmp_path):
+    text = """stop = 20.0
+inner = 2
+energy_bound = 1e-30
+[dispersions]
+"spacecraft.omega_start_body" = { normal = [0.0, 1e-3] }
+[numbers.rate]
+title = "Rate"
+signal = "spacecraft.omega_bi_body"
+measure = "norm_last"
+unit = "rad/s"
+"""
+    target = mine(tmp_path, text)
+    assert "energy_bound = 1e-30" in execute(target, Options()).manifest["unmet"][0]
+    told = report.summary(flown(target, tmp_path / "campaign"))
+    assert told["unmet"]
+    assert all("hidden_work" in line for line in told["unmet"])
+    rows = draws(target, 2, 1, Options(), jobs=1)["draws"]
+    assert all(len(r["unmet"]) == 1 for r in rows)
+    assert json.dumps(rows)
