@@ -11,7 +11,7 @@ from desat.components.maths.allocation import gives
 from desat.components.physics import atmosphere, earth, igrf14
 from desat.files.scenario import scenarios
 from desat.fmus.registry import block_class, names
-from desat.study.case import Options, prepare
+from desat.runs.run import Options, prepare
 from desat.system.codes import Exit
 
 DAY, NADIR, COMBINED = "nadir_day/day-igrf", "integrated/mil-nadir", "uosat12/table3-ocdc-ilqr-1"
