@@ -300,7 +300,8 @@ def test_another_manager_of_a_scenario_keeps_them_too(tmp_path):
 
 def test_a_model_onboard_may_err():
     name = next(n for n in scenarios("space_telescope") if not checked(n).problems)
-    (line,) = [w for w in told(name, "manager.inertia=50,0,0,0,60,0,0,0,70") if "what runs onboard errs" in w]
+    found = told(name, "manager.inertia=50,0,0,0,60,0,0,0,70")
+    (line,) = [w for w in found if "what runs onboard errs" in w]
     assert line.startswith("--set manager.inertia=50,0,0,0,60,0,0,0,70: manager.inertia[1,1] = 50.0"
                            ", but spacecraft.inertia[1,1] = ")  # fmt: skip
     assert line.endswith("what runs onboard errs about it")
