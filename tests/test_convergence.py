@@ -330,6 +330,12 @@ def test_the_limits_are_what_the_cases_reach():
         assert 0.9 * limit <= max(getattr(b, f.name) for b in reached) <= limit
 
 
+def of_range(options):
+    """The warnings of a run, but for a speed limit that is not usual."""
+    found = prepare("gyrostat/full", options).checked.warnings
+    return [w for w in found if "wheels.speed_limit = 30000 rad/s: usual is" not in w]
+
+
 def test_a_run_beyond_the_cases_warns():
     for values, text in (
         ({"wheels.h_start_wheel": [200.0, 0.0, 0.0, 0.0], "wheels.speed_limit": 3e4},
@@ -338,11 +344,11 @@ def test_a_run_beyond_the_cases_warns():
         ({"torquers.m_limit": 1e4}, "turn by the largest torque of torquers in an inner step: "),
     ):  # fmt: skip
         options = Options(blocks=True, values=values)
-        (warning,) = prepare("gyrostat/full", options).checked.warnings
+        (warning,) = of_range(options)
         assert warning.startswith(text), warning
         assert "--inner auto takes as many as it needs" in warning
         for inner in (64, "auto"):
-            assert not prepare("gyrostat/full", replace(options, inner=inner)).checked.warnings
+            assert not of_range(replace(options, inner=inner))
 
 
 @pytest.mark.parametrize(

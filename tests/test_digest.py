@@ -41,7 +41,7 @@ MOVES_NO_BIT = {
     "Connection": {"line", "converts"},
     "Interface": {"title"},
     "Signal": {"description", "unit_name", "reference", "choices", "minimum", "maximum", "shared",
-               "needed_by"},
+               "needed_by", "usual"},
 }  # fmt: skip
 
 

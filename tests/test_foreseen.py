@@ -260,7 +260,7 @@ def test_what_is_usual_is_in_the_fmu():
 def test_another_manager_keeps_the_crafts_shared_values(manager):
     found = checked(NADIR, sources=[f"manager=manager_{manager}"])
     assert not [p for p in found.problems if "tables are missing" not in p]
-    assert not [w for w in found.warnings if "errs" in w]
+    assert not [w for w in found.warnings if "what runs onboard errs" in w]
     if found.problems:  # it needs tables that the craft has not: said, and all there is
         assert manager != "closed_loop"
     components = found.system.components
@@ -295,12 +295,13 @@ def test_another_manager_of_a_scenario_keeps_them_too(tmp_path):
         found = checked(str(file))
         assert found.problems == []
         assert found.system.components["manager"].parameters["inertia[3,3]"] == known
-        assert len([w for w in found.warnings if "errs" in w]) == (known == 3.0)
+        assert len([w for w in found.warnings if "what runs onboard errs" in w]) == (known == 3.0)
 
 
 def test_a_model_onboard_may_err():
     name = next(n for n in scenarios("space_telescope") if not checked(n).problems)
-    (line,) = [w for w in told(name, "manager.inertia=50,0,0,0,60,0,0,0,70") if "errs" in w]
+    found = told(name, "manager.inertia=50,0,0,0,60,0,0,0,70")
+    (line,) = [w for w in found if "what runs onboard errs" in w]
     assert line.startswith("--set manager.inertia=50,0,0,0,60,0,0,0,70: manager.inertia[1,1] = 50.0"
                            ", but spacecraft.inertia[1,1] = ")  # fmt: skip
     assert line.endswith("what runs onboard errs about it")

@@ -56,7 +56,8 @@ ASIDE: Mapping[str, Mapping[str, str]] = {
         "choices": "names of values, which are resolved",
         "minimum": "a value beyond it is refused",
         "maximum": "a value beyond it is refused",
-        "shared": "values that differ are refused",
+        "shared": "values that differ are refused, or said",
+        "usual": "a value outside of it is said",
         "needed_by": "what is missing is refused",
     },
     "Options": {
