@@ -22,6 +22,7 @@ from typing import Any, Protocol, Self
 
 from ..system.codes import Exit
 from ..system.errors import RunError
+from . import orphans
 
 UNGUARDED = 78
 """How a process ends whose script would make processes of its own while it is imported."""
@@ -212,6 +213,7 @@ class _Worker:
 def _serve(pipe: Any, function: Callable[..., Any], head: int) -> None:
     """A worker's life. It leaves Ctrl-C to its head, and dies with it."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    orphans.adopt()
     threading.Thread(target=_die_with, args=(head,), daemon=True).start()
     with suppress(EOFError, OSError):
         pipe.send(("ready", None))
@@ -221,6 +223,7 @@ def _serve(pipe: Any, function: Callable[..., Any], head: int) -> None:
                 said = ("result", function(*arguments))
             except Exception as error:
                 said = ("raised", error)
+            orphans.end()
             try:
                 pipe.send(said)
             except (TypeError, AttributeError, pickle.PicklingError) as error:
