@@ -20,7 +20,8 @@ static char name[64];
 
 enum { NOTHING, SEGFAULT, ABORT, KILL, EXIT_0, EXIT_3, HANG, OVERFLOW, IN_FREE, IN_START, IN_EXIT,
        CHDIR, ROUNDING, LOCALE, HANDLER, PRINT, LOG, STEP_ERROR, SLOW, DISCARD, NOT_FINITE,
-       NEGATIVE, FORK, LEAVE, TRAPS, UMASK, ROUNDED, SCRIBBLE, KILL_GROUP, DAEMON };
+       NEGATIVE, FORK, LEAVE, TRAPS, UMASK, ROUNDED, SCRIBBLE, KILL_GROUP, DAEMON,
+       SCRIBBLE_EARLY, DOT };
 
 static int recurse(int n) { volatile char big[65536]; big[n & 65535] = 1; return recurse(n + 1) + big[0]; }
 
@@ -61,7 +62,14 @@ int fmi2SetupExperiment(component c, int a, double b, double t, int d, double e)
     me.t = t;
     return 0;
 }
-int fmi2EnterInitializationMode(component c) { (void)c; if (me.how == IN_START) ruin(SEGFAULT); return 0; }
+static void into_all(const char *text, size_t n) { for (int i = 3; i < 4096; i++) write(i, text, n); }
+int fmi2EnterInitializationMode(component c)
+{
+    (void)c;
+    if (me.how == IN_START) ruin(SEGFAULT);
+    if (me.how == SCRIBBLE_EARLY) into_all("\0\0\0\4abcd", 8); /* a message of four letters */
+    return 0;
+}
 int fmi2ExitInitializationMode(component c) { (void)c; if (me.how == IN_EXIT) ruin(EXIT_0); return 0; }
 int fmi2SetInteger(component c, const unsigned *r, size_t n, const int *v)
 {
@@ -88,8 +96,8 @@ int fmi2DoStep(component c, double t, double dt, int no)
     if (me.how == FORK && t < 3.5) fork();
     if (me.how == LEAVE && !fork()) sleep(2), _exit(0);
     if (me.how == LEAVE) ruin(SEGFAULT);
-    if (me.how == SCRIBBLE)  // into all that is open: what it finds is not its own
-        for (int i = 3; i < 4096; i++) write(i, "scribble", 8);
+    if (me.how == SCRIBBLE) into_all("scribble", 8);  // what it finds open is not its own
+    if (me.how == DOT) into_all(".", 1), usleep(50000);  // what says that a step is made
     if (me.how == KILL_GROUP) kill(0, SIGKILL);
     if (me.how == DAEMON && t < 3.5 && !fork()) {
         setsid();

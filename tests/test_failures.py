@@ -206,7 +206,7 @@ WROTE = "bad: at t = 3 s it wrote into a file that is not its own; it was ended"
 
 @pytest.mark.parametrize(
     ("how", "text"),
-    [("SCRIBBLE", WROTE), ("KILL_GROUP", f"{ALONE}SIGKILL"), ("DAEMON", "")],
+    [("SCRIBBLE", WROTE), ("DOT", WROTE), ("KILL_GROUP", f"{ALONE}SIGKILL"), ("DAEMON", "")],
 )
 def test_an_isolated_component_has_nothing_of_the_heads(system, apart, how, text):
     """What it finds open, its process group and what it leaves behind are its own: it wrote into
@@ -220,6 +220,14 @@ def test_an_isolated_component_has_nothing_of_the_heads(system, apart, how, text
         assert results.times().tolist() == [float(k) for k in range(4 if text else 11)]
         assert results.values("bad.y").tolist() == results.times().tolist()
     assert [p for p in psutil.process_iter(["name"]) if p.info["name"] == "desat_daemon"] == []
+
+
+def test_what_an_isolated_component_writes_is_no_answer(system, tmp_path):
+    """In a call that is no step: it was a bug of ours."""
+    with pytest.raises(RunError) as error:
+        simulate(prepare(str(system), options("SCRIBBLE_EARLY", isolate="foreign")), tmp_path / "o")
+    told = "bad: entering initialisation wrote into a file that is not its own; it was ended"
+    assert (str(error.value), error.value.code) == (told, Exit.COMPONENT)
 
 
 def test_what_refuses_to_be_instantiated_is_heard(system, tmp_path):

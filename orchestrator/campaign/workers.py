@@ -20,6 +20,7 @@ from multiprocessing import current_process, get_context
 from multiprocessing.connection import wait
 from typing import Any, Protocol, Self
 
+from ..engine import orphans
 from ..system.codes import Exit
 from ..system.errors import RunError
 
@@ -212,6 +213,7 @@ class _Worker:
 def _serve(pipe: Any, function: Callable[..., Any], head: int) -> None:
     """A worker's life. It leaves Ctrl-C to its head, and dies with it."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    orphans.adopt()
     threading.Thread(target=_die_with, args=(head,), daemon=True).start()
     with suppress(EOFError, OSError):
         pipe.send(("ready", None))
@@ -221,6 +223,7 @@ def _serve(pipe: Any, function: Callable[..., Any], head: int) -> None:
                 said = ("result", function(*arguments))
             except Exception as error:
                 said = ("raised", error)
+            orphans.end()
             try:
                 pipe.send(said)
             except (TypeError, AttributeError, pickle.PicklingError) as error:

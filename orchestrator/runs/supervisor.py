@@ -19,10 +19,9 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from multiprocessing.connection import Connection, Pipe
-from pathlib import Path
 from typing import Any, NoReturn
 
-from ..engine import current_call
+from ..engine import current_call, orphans
 from ..engine.recording.row_buffer import Layout, Unwritten
 from ..system.errors import DesatError
 
@@ -107,7 +106,7 @@ def _work(
     try:
         faulthandler.disable()
         _die_with(parent)
-        _adopt()
+        orphans.adopt()
         os.dup2(2, 1)  # what an FMU prints is no result
         try:
             work(tell, unwritten)
@@ -124,31 +123,11 @@ def _work(
                 tell("system", (error.errno, error.strerror, error.filename))
             tell("bug", f"{type(error).__name__}: {error}")
             tell("done", True)
-            _end_children()
+            orphans.end()
             os._exit(0)  # while `error` holds all: files that are full cannot be closed
     finally:
-        _end_children()
+        orphans.end()
         os._exit(0)
-
-
-def _adopt() -> None:
-    """Orphans of this process' children come to it, not to the system (Linux): daemons of FMUs."""
-    if sys.platform == "linux":
-        ctypes.CDLL(None).prctl(36, 1)  # PR_SET_CHILD_SUBREAPER
-
-
-def _end_children() -> None:
-    """End all that components have started and left behind; none of them is ours by now."""
-    until = time.monotonic() + _LATER
-    while time.monotonic() < until:
-        files = Path("/proc/self/task").glob("*/children")
-        with suppress(OSError):
-            if not (left := [int(n) for file in files for n in file.read_text().split()]):
-                return
-            for process in left:
-                os.kill(process, signal.SIGKILL)
-            for process in left:  # theirs come next
-                os.waitpid(process, 0)
 
 
 def _die_with(parent: int) -> None:

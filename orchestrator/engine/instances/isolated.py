@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import math
 import os
+import pickle
 import signal
 import socket
 import struct
@@ -38,6 +39,7 @@ from .isolated_server import (
     DONE,
     DUE,
     MADE,
+    OPEN,
     OUTPUTS,
     RAISED,
     READ,
@@ -127,6 +129,7 @@ class IsolatedInstance:
         """Have the inputs set where they are due, a step made or not, the outputs read."""
         if self._ended:
             raise ComponentError(self._ended)
+        self._words[OPEN] = 1
         try:
             os.write(self._file, what)
             done = os.read(self._file, 1)
@@ -134,8 +137,8 @@ class IsolatedInstance:
             self._lost(hung=True)
         except OSError:
             self._lost()
-        if done != DONE:
-            self._lost(garbled=bool(done))
+        if done != DONE or self._words[OPEN]:
+            self._lost(garbled=f"at t = {self._time[0]:g} s it wrote" if done else "")
         if self._words[SAID] > self._heard:
             self._hear("messages")
         if (status := self._words[SET]) > 1:
@@ -184,11 +187,15 @@ class IsolatedInstance:
     def _answer(self) -> Any:
         assert self._socket is not None
         try:
-            said, error, what = self._socket.recv()
+            octets = self._socket.recv_bytes()
         except BlockingIOError:
             self._lost(hung=True)
         except (EOFError, OSError):
             self._lost()
+        try:
+            said, error, what = pickle.loads(octets)
+        except Exception:  # what the component has written itself
+            self._lost(garbled=f"{last_call.told(self._words[DOING])} wrote")
         self._take(said)
         if error is not None:
             raise error(*what)
@@ -204,9 +211,9 @@ class IsolatedInstance:
 
     # --- its end ------------------------------------------------------------------------------
 
-    def _lost(self, hung: bool = False, garbled: bool = False) -> NoReturn:
-        """The process there has ended, or is ended here: say how. `garbled`: it has answered what
-        our side of it does not."""
+    def _lost(self, hung: bool = False, garbled: str = "") -> NoReturn:
+        """The process there has ended, or is ended here: say how. `garbled`: when it has answered
+        what our side of it does not."""
         call = current_call.told(self._words[DOING])
         if hung and (status := current_call.status_of(self._process)) is not None:
             hung = False  # what it has forked keeps its socket open
@@ -216,10 +223,7 @@ class IsolatedInstance:
         elif garbled:
             os.kill(self._process, signal.SIGKILL)
             self._reap()
-            when = f"at t = {self._time[0]:g} s"
-            self._ended = (
-                f"{self.name}: {when} it wrote into a file that is not its own; it was ended"
-            )
+            self._ended = f"{self.name}: {garbled} into a file that is not its own; it was ended"
         elif hung:
             os.kill(self._process, signal.SIGKILL)
             self._reap()

@@ -30,14 +30,15 @@ from .base import DTYPE, Array, Clock, ComponentError
 from .fmu import FmuInstance
 
 _VERBS = {"enter": ENTER, "exit": EXIT, "save": SAVE, "restore": RESTORE, "close": FREE}
-DOING, DUE, SET, MADE, READ, SAID = range(6)
+DOING, DUE, SET, MADE, READ, SAID, OPEN = range(7)
 """The shared words: the verb that the process is in; whether inputs are to be set; the statuses of
-setting them, of the step and of reading outputs; how many messages there are."""
+setting them, of the step and of reading outputs; how many messages there are; whether a turn is
+asked for and not yet made, whatever comes over the socket."""
 RAISED = -1
 """Instead of a status: an error was raised, and is to be asked for."""
 A_STEP, OUTPUTS, A_CALL, DONE = b"s", b"p", b"c", b"."
 """What is due, and that it is done, over the socket."""
-_HEAD = 64
+_HEAD = 72
 
 
 class Shared:
@@ -49,8 +50,8 @@ class Shared:
         # anonymous: a process that is forked has the same
         self._memory = mmap.mmap(-1, _HEAD + 2 * sum(self._sizes.values()))
         _inherited.add(self._memory)  # of those that are forked after its own
-        self.words = memoryview(self._memory)[:48].cast("q")
-        self.clock = memoryview(self._memory)[48:_HEAD].cast("d")
+        self.words = memoryview(self._memory)[:56].cast("q")
+        self.clock = memoryview(self._memory)[56:_HEAD].cast("d")
 
     def arrays(self, signals: Mapping[Kind, list[Signal]], at: int) -> dict[Kind, Array]:
         """The inputs (at 0) or the outputs (at 1) that are moved, an array a type."""
@@ -111,6 +112,7 @@ class _There:
             words[DOING] = PULL
             words[READ] = instance.pull()
         words[SAID] = len(instance.messages)
+        words[OPEN] = 0  # the last that it does
 
     def push(self) -> None:
         """Set the inputs where they are due."""
