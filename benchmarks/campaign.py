@@ -28,14 +28,14 @@ BASILISK = Path(__file__).parent.parent / ".venv-basilisk" / "bin" / "python"
 def one(folder: str, cases: str, how: str, stop: str) -> dict[str, Any]:
     """A campaign of cases until `stop` (s): wall seconds, those within cases, the head's own, and
     peaks of memory (MB)."""
-    from desat.campaign import head, store
-    from desat.study.options import Options
+    from desat.campaign import coordinator, store
+    from desat.system.options import Options
 
     where, kind, size = Path(folder), *how.split(":")
-    plan, _ = head.planned(NAME, int(cases), options=Options(stop=float(stop)), curves=())
+    plan, _ = coordinator.planned(NAME, int(cases), options=Options(stop=float(stop)), curves=())
     began, cpu = time.perf_counter(), time.process_time()
     cluster = how if kind == "local" else None
-    head.run(plan, where, int(size), cluster, progress=False)
+    coordinator.run(plan, where, int(size), cluster, progress=False)
     seconds, cpu = time.perf_counter() - began, time.process_time() - cpu
     rows = store.read(where)
     own = [s for s in rows["seconds"].to_pylist() if s is not None]

@@ -294,8 +294,9 @@ def cases() -> dict[str, tuple[float, float]]:
 
 def page_s_draws() -> tuple[Starts, dict[str, list[float | None]]]:
     """The values drawn for the page and, of each scenario, its stored minutes."""
-    from desat.study import draws, sampling, stored
-    from desat.study.options import Options
+    from desat.campaign import draws, sampling
+    from desat.papers import stored
+    from desat.system.options import Options
 
     kept = stored.read("hausat2")
     times = {

@@ -20,13 +20,14 @@ from typing import Any, Literal
 
 import numpy as np
 
-from desat.engine.ending import NEVER, Loop
-from desat.engine.instances import ComponentError
+from desat.engine.ending import NEVER
+from desat.engine.instances.base import ComponentError
 from desat.engine.loop import run, stepping
 from desat.engine.master import Master
-from desat.engine.recorder import Recorder
+from desat.engine.recording.recorder import Recorder
 from desat.files.scenario import families, scenarios
-from desat.study.case import Options, prepare
+from desat.runs.run import Options, prepare
+from desat.system.options import Loop
 
 STEPS = 600
 STORE = Path(__file__).with_name("equality.json")

@@ -15,10 +15,11 @@ from datetime import UTC, datetime
 from importlib.metadata import version
 from typing import Any
 
-from desat.analyses import energy, separation
-from desat.files import places
+from desat.analyses import energy
+from desat.files import paths
 from desat.files.scenario import families, scenarios
-from desat.study.case import Options, prepare
+from desat.runs.run import Options, prepare
+from desat.studies import separation
 
 STEPS = 6000
 
@@ -37,7 +38,7 @@ def of(name: str) -> dict[str, Any] | None:
 
 def main() -> int:
     """Fly them and write."""
-    file = places.DRAWS / "gyrostat" / "hidden_work.json"
+    file = paths.DRAWS / "gyrostat" / "hidden_work.json"
     today = f"{datetime.now(UTC):%Y-%m-%d}"
     data = json.loads(file.read_text(encoding="utf-8")) if file.exists() else {}
     runs = data["runs"] if data.get("date") == today else []

@@ -22,7 +22,7 @@ from desat.components.blocks.environment_kepler import EnvironmentKepler
 from desat.components.maths.moments import lag as lag_moments
 from desat.components.physics.orbit import EARTH_RATE, MU
 from desat.components.physics.torques import SOLAR_PRESSURE
-from desat.study.case import Options, execute, prepare
+from desat.runs.run import Options, execute, prepare
 from desat.system.parameters import table
 
 Array = NDArray[np.float64]

@@ -17,7 +17,7 @@ import tempfile
 from pathlib import Path
 from typing import Any
 
-from desat.engine.results import Results
+from desat.engine.recording.results import Results
 
 from . import seen
 

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from desat.components.blocks.environment_kepler import EnvironmentKepler
 from desat.engine.loop import stepping
 from desat.engine.master import Master
-from desat.study.case import Options, prepare
+from desat.runs.run import Options, prepare
 from desat.system.parameters import table
 
 AUTHORITIES = Path(__file__).parent.parent / "tests" / "authorities"

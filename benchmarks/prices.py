@@ -14,7 +14,7 @@ import tempfile
 import time
 from pathlib import Path
 
-from desat.study.case import Options, execute
+from desat.runs.run import Options, execute
 
 from . import seen
 

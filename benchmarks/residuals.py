@@ -19,9 +19,9 @@ from typing import Any
 import numpy as np
 
 from desat.analyses import residual
-from desat.files import places
+from desat.files import paths
 from desat.files.scenario import scenarios
-from desat.study.case import Options, execute
+from desat.runs.run import Options, execute
 
 RECORDED = (
     "spacecraft.q_bi", "spacecraft.omega_bi_body", "spacecraft.impulse_eci", "wheels.h_wheel",
@@ -42,7 +42,7 @@ def of(name: str) -> dict[str, Any]:
 
 def measure(family: str) -> None:
     """Write the file of a family, after each scenario."""
-    file = places.DRAWS / family / "residuals.json"
+    file = paths.DRAWS / family / "residuals.json"
     today = f"{datetime.now(UTC):%Y-%m-%d}"
     data = json.loads(file.read_text(encoding="utf-8")) if file.exists() else {}
     kept = data.get("runs", {}) if data.get("date") == today else {}

@@ -27,17 +27,18 @@ from typing import Any
 
 from rich.progress import track
 
-from desat.engine.ending import NEVER, Loop
+from desat.engine.ending import NEVER
 from desat.engine.loop import run, stepping
 from desat.engine.master import Master
 from desat.engine.operations import Call
-from desat.engine.recorder import Recorder
-from desat.engine.results import SERIES
-from desat.files import library, places
-from desat.files.pack import pack_scenario
+from desat.engine.recording.recorder import Recorder
+from desat.engine.recording.results import SERIES
+from desat.files import library, paths
 from desat.files.scenario import find
-from desat.study.case import Options, prepare
+from desat.files.ssp_write import pack_scenario
+from desat.runs.run import Options, prepare
 from desat.system.interface import KINDS
+from desat.system.options import Loop
 
 from . import campaign, commands, plants, scaling
 
@@ -354,7 +355,7 @@ def _result(command: list[str]) -> dict[str, Any]:
 
 def packed(scenario: str, fmus: str = "python") -> str:
     """The path of a scenario's .ssp, packed now if needed; of native FMUs beside that of others."""
-    target = places.packed() / f"{scenario}.native.ssp" if fmus == "native" else None
+    target = paths.packed() / f"{scenario}.native.ssp" if fmus == "native" else None
     return str(pack_scenario(find(scenario), target, fmus=fmus))
 
 

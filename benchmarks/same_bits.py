@@ -21,10 +21,10 @@ from typing import Any
 
 import numpy as np
 
-from desat.files.pack import pack_scenario
+from desat.files.modify import modify
 from desat.files.scenario import find
-from desat.study.case import Case, Options, load, prepare, simulate
-from desat.study.modify import modify
+from desat.files.ssp_write import pack_scenario
+from desat.runs.run import Case, Options, load, prepare, simulate
 from desat.system.check import check
 
 from . import seen

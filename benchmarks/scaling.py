@@ -17,11 +17,11 @@ import numpy as np
 
 from desat.engine.loop import run, stepping
 from desat.engine.master import Master
-from desat.engine.recorder import Recorder
-from desat.engine.results import SERIES
-from desat.files import library, places
-from desat.study.canvas import Figure
-from desat.study.drawing import COLOURS
+from desat.engine.recording.recorder import Recorder
+from desat.engine.recording.results import SERIES
+from desat.figures.canvas import Figure
+from desat.figures.style import COLOURS
+from desat.files import library, paths
 from desat.system.check import check
 from desat.system.draft import Draft, DraftComponent
 from desat.system.model import Connection
@@ -36,8 +36,8 @@ CHAIN = 32
 def _master(components: int, wired: int | None = None) -> Master:
     """A chain: the field that a magnetometer measures is the field of the next one, for so many of
     them (default: all)."""
-    native = places.fmus() / "native" / "magnetometer.fmu"
-    file = native if native.exists() else places.fmus() / "magnetometer.fmu"
+    native = paths.fmus() / "native" / "magnetometer.fmu"
+    file = native if native.exists() else paths.fmus() / "magnetometer.fmu"
     interface = library.load(file).interface
     names = [f"m{i:04}" for i in range(components)]
     parts = {n: DraftComponent(n, file.name, fmu=file, interface=interface) for n in names}

@@ -18,7 +18,7 @@ from typing import Any
 
 from filelock import FileLock
 
-from desat.study.manifest import write_json
+from desat.runs.manifest import write_json
 
 FILE = Path(__file__).with_name("seen.json")
 PAGE = Path(__file__).parents[1] / "docs" / "failures.md"

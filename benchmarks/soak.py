@@ -24,9 +24,9 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, Literal, cast
 
-from desat.engine.results import Results
+from desat.engine.recording.results import Results
 from desat.files import library
-from desat.study.case import Options, execute
+from desat.runs.run import Options, execute
 
 from . import seen
 

@@ -12,7 +12,6 @@ again.
 from __future__ import annotations
 
 import argparse
-import ast
 import contextlib
 import hashlib
 import inspect
@@ -26,7 +25,6 @@ import uuid
 import zipfile
 from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor
-from functools import cache
 from importlib.metadata import version
 from multiprocessing import get_context
 from pathlib import Path
@@ -35,14 +33,14 @@ from typing import Any
 import pythonfmu
 from rich.progress import track
 
-from . import interfaces, native
+from . import interfaces, meaning, native
 from .compiler import NoCompilerError, compiler
 from .description import DATE, documentation, model_description
+from .meaning import COMPONENTS, sources
 from .registry import block_class, names
 
 HERE = Path(__file__).parent
 DIST = HERE / "dist"
-COMPONENTS = HERE.parent / "components"
 INDEX = "index.json"
 
 ENTRY = '''"""Entry of the FMU {name}: the block behind the adapter, both from {package}.
@@ -66,33 +64,6 @@ except NameError:
         def model_identifier(self):
             return "{name}"
 '''
-
-
-def sources(name: str) -> list[Path]:
-    """The files that the block `name` needs, itself first, found through its imports."""
-    todo, found = [COMPONENTS / "blocks" / f"{name}.py"], list[Path]()
-    while todo:
-        path = todo.pop()
-        if path in found:
-            continue
-        found.append(path)
-        if (initial := path.parent / "__init__.py").exists():
-            todo.append(initial)
-        todo += _imported(path, path.read_text(encoding="utf-8"))
-    data = [p.with_suffix(".json") for p in found if p.with_suffix(".json").is_file()]
-    return found + data
-
-
-@cache
-def _imported(path: Path, text: str) -> list[Path]:
-    """The files that a file with this text imports of its own package."""
-    found = []
-    for node in ast.walk(ast.parse(text)):
-        if isinstance(node, ast.ImportFrom) and node.level:
-            base = path.parents[node.level - 1].joinpath(*(node.module or "").split("."))
-            candidates = (base, *(base / alias.name for alias in node.names))
-            found += [c.with_suffix(".py") for c in candidates if c.with_suffix(".py").is_file()]
-    return found
 
 
 def contents(name: str) -> dict[str, bytes]:
@@ -241,14 +212,21 @@ def update(wanted: tuple[str, ...], dist: Path) -> list[dict[str, Any]]:
                      and not is_current("native", n, both[n]))  # fmt: skip
         why = {**refused, **(build_native(todo, dist) if todo else {})}
     for name in wanted:
+        old_entry = kept.get(("python", name), {})
+        told = {k: old_entry[k] for k in ("computes", "files", "files_sha256")} if (
+            meaning.is_as(old_entry)) else meaning.computed(name)  # fmt: skip
         kept["python", name] = {
             **_entry("python", name, dist, made[name], why.get(name, "")), "with": both[name],
+            **told,
         }  # fmt: skip
         if name in why:
             kept.pop(("native", name), None)
             (dist / "native" / f"{name}.fmu").unlink(missing_ok=True)
         else:
-            kept["native", name] = _entry("native", name, dist, both[name], "")
+            kept["native", name] = {
+                **_entry("native", name, dist, both[name], ""), "computes": told["computes"],
+                "compiler": native.compiler_version(),
+            }  # fmt: skip
     return _write(kept, dist)
 
 

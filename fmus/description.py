@@ -15,8 +15,9 @@ from desat.components.contract.units import unit_of
 BASE_UNIT_EXPONENTS = ("kg", "m", "s", "A", "K", "rad")
 TOOL = "desat"
 """Name of our annotations: a block's role, the names of a mode's values, shared parameters, which
-parameters (or inputs) have no effect without an input or output, which output is the mean over a
-step of a quantity whose integral counts, with its slope, and which input is read at the start."""
+parameters (or inputs) have no effect without an input or output, the range of usual values, which
+output is the mean over a step of a quantity whose integral counts, with its slope, and which input
+is read at the start."""
 GENERATION_TOOL, NATIVE_TOOL = "desat with PythonFMU", "desat"
 """What an FMU of ours says of who made it: of Python, or native."""
 DATE = "1980-01-01T00:00:00Z"
@@ -126,13 +127,16 @@ def _scalar_variable(parent: Any, v: Variable, name: str, reference: int, start:
             value.set(key, repr(bound))
     if v.causality != "output":
         value.set("start", str(start).lower() if v.type == "Boolean" else repr(start))
-    if v.choices or v.shared or v.needed_by or v.mean or v.initial:
+    noted = v.choices or v.shared or v.needed_by or v.mean or v.initial or v.follows or v.usual
+    if noted:
         tool = etree.SubElement(etree.SubElement(element, "Annotations"), "Tool", name=TOOL)
         note = etree.SubElement(tool, "Variable")
         if v.choices:
             note.set("choices", " ".join(v.choices))
         if v.shared:
             note.set("shared", "true")
+        if v.follows:
+            note.set("follows", v.follows)
         if v.initial:
             note.set("initial", "true")
         if v.mean:
@@ -141,6 +145,8 @@ def _scalar_variable(parent: Any, v: Variable, name: str, reference: int, start:
             note.set("slope", name.replace(v.name, v.slope, 1))
         if v.needed_by:
             note.set("neededBy", " ".join(v.needed_by))
+        if v.usual:
+            note.set("usual", " ".join(map(repr, v.usual)))
 
 
 def describe(v: Variable) -> str:
@@ -215,6 +221,8 @@ def _row(v: Variable) -> dict[str, str]:
         low = "-inf" if v.minimum is None else f"{v.minimum:g}"
         high = "inf" if v.maximum is None else f"{v.maximum:g}"
         bounds = f"{low} to {high}"
+    if v.usual:
+        bounds += f"{', ' if bounds else ''}usually {v.usual[0]:g} to {v.usual[1]:g}"
     kind = ", interval" if v.interval else ", state" if v.causality == "output" else ""
     return {
         "name": v.name,

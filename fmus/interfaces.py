@@ -58,7 +58,8 @@ def _table(variables: list[Variable]) -> list[str]:
         name = f"`{v.name}`" + (f" [{size}]" if size else "")
         start = "" if v.causality == "output" else start_text(v)
         needs = "; needs " + ", ".join(f"`{n}`" for n in v.needs) if v.needs else ""
-        rows.append(f"| {name} | {kind} | {v.unit} | {start} | {describe(v)}{needs} |")
+        usual = f"; usually {v.usual[0]:g} to {v.usual[1]:g}" if v.usual else ""
+        rows.append(f"| {name} | {kind} | {v.unit} | {start} | {describe(v)}{usual}{needs} |")
     return rows
 
 

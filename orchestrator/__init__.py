@@ -1,6 +1,7 @@
 """Runs systems of FMUs: scenarios, SSP, check, master, results, command line.
 
-`run`, `load`, `draws`, `cases` and `tables` are what programs need of it; what they import is
+`run`, `load`, `draws`, `cases` and `tables` are what programs need of it, and `prepare`,
+`simulate`, `Options`, `Case` and `Run` what they are made of; what they import is
 imported when they are called. Bad input raises `desat.system.errors.DesatError` with one line for
 people.
 """
@@ -14,11 +15,28 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from xarray import Dataset
 
-    from .study.case import Run
-    from .study.cells import Row
-    from .study.sampling import Sampling
+    from .campaign.sampling import Sampling
+    from .papers.comparison import Row
+    from .runs.prepare import Case, prepare
+    from .runs.run import Run, simulate
+    from .system.options import Options
 
-__all__ = ["cases", "draws", "load", "run", "tables"]
+__all__ = ["Case", "Options", "Run", "cases", "draws", "load", "prepare", "run", "simulate",
+           "tables"]  # fmt: skip
+_AT = {
+    "Case": "runs.prepare", "prepare": "runs.prepare", "Run": "runs.run", "simulate": "runs.run",
+    "Options": "system.options",
+}  # fmt: skip
+"""Where a public name is, which is imported when it is asked for."""
+
+
+def __getattr__(name: str) -> Any:
+    """A public name that is not here."""
+    if name not in _AT:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    from importlib import import_module
+
+    return getattr(import_module(f".{_AT[name]}", __name__), name)
 
 
 def run(
@@ -35,7 +53,7 @@ def run(
     `target`: a scenario's name, a scenario file (.toml), an .ssp, an .ssd or a folder with one.
     `sets`: "component.variable" -> value in SI: a number, a choice's name, a list (an array, rows
     in lists). `stop`, `step`: seconds. `folder`: where manifest and series are written; None keeps
-    the series in memory. `options`: further fields of `desat.study.case.Options`.
+    the series in memory. `options`: further fields of `desat.Options`.
 
     `.manifest["numbers"]` has the scenario's numbers with their units; `.results.values(
     "component.output")` an array (rows,) or (rows, n), row k at `start + k step`.
@@ -45,7 +63,7 @@ def run(
     """
     from pathlib import Path
 
-    from .study.case import Options, execute
+    from .runs.run import Options, execute
 
     given = Options(stop=stop, step=step, values=dict(sets or {}), **options)
     return execute(str(target), given, None if folder is None else Path(folder))
@@ -64,10 +82,14 @@ def load(folder: str | PathLike[str]) -> Dataset:
     """
     from pathlib import Path
 
-    from .study import dataset
-
     where = Path(folder)
-    return (dataset.of_campaign if (where / "campaign.json").exists() else dataset.of_run)(where)
+    if (where / "campaign.json").exists():
+        from .campaign.dataset import of_campaign
+
+        return of_campaign(where)
+    from .report.dataset import of_run
+
+    return of_run(where)
 
 
 def draws(
@@ -89,8 +111,8 @@ def draws(
 
     Raises DesatError for wrong input, and where there are no dispersions.
     """
-    from .study import draws as study
-    from .study.case import Options
+    from .campaign import draws as study
+    from .runs.run import Options
 
     given = Options(stop=stop, step=step, values=dict(sets or {}), **options)
     return study.draws(str(target), count, seed, given, jobs)
@@ -111,26 +133,28 @@ def cases(
     cluster: str | None = None,
     stop: float | None = None,
     step: float | None = None,
+    accept_versions: bool = False,
     **options: Any,
 ) -> Dataset:
     """Make the cases of a campaign that its folder has not yet, and its report; return it as `load`
     does. What `desat campaign run` does: `sets`, `stop`, `step`, `options` as for `run`; `keep`,
-    `limit` (s), `cluster` as its options; `curves`: plots by name, None the first.
+    `limit` (s), `cluster`, `accept_versions` as its options; `curves`: plots by name, None the
+    first.
 
     The caller's script needs `if __name__ == "__main__":`, as there are processes. Raises
     DesatError for wrong input, and where the folder has another campaign.
     """
     from pathlib import Path
 
-    from .campaign import head, report
-    from .study.case import Options
+    from .campaign import coordinator, report
+    from .runs.run import Options
 
     given = Options(stop=stop, step=step, values=dict(sets or {}), **options)
-    plan, _ = head.planned(
+    plan, _ = coordinator.planned(
         str(target), count, seed=seed, sampling=sampling, options=given, curves=curves, keep=keep,
         limit=limit,
     )  # fmt: skip
-    head.run(plan, Path(folder), jobs, cluster, progress=False)
+    coordinator.run(plan, Path(folder), jobs, cluster, False, accept_versions)
     report.write(Path(folder))
     return load(folder)
 
@@ -138,13 +162,13 @@ def cases(
 def tables(family: str, *, jobs: int = 1, **options: Any) -> list[Row]:
     """Run a family's scenarios and return the cells of its paper's tables: each the paper's value,
     ours, unit and band. Medians of draws are the stored ones. `jobs` as for `draws`; `options`:
-    fields of `desat.study.case.Options`.
+    fields of `desat.Options`.
 
     Raises DesatError for an unknown family, and RunError where a run does not complete.
     """
-    from .study import stored
-    from .study import tables as study
-    from .study.case import Options
+    from .papers import stored
+    from .papers import tables as study
+    from .runs.run import Options
 
     drawn = stored.read(family) if stored.with_draws(family) else None
     return study.rows(family, Options(**options), jobs, drawn)

@@ -20,10 +20,10 @@ from pathlib import Path
 import test_native
 
 from desat.engine import compiled
-from desat.files import places
+from desat.files import paths
 from desat.fmus import native
 from desat.fmus.compiler import compiler
-from desat.study.case import Options, execute, prepare
+from desat.runs.run import Options, execute, prepare
 
 SCENARIOS = (
     "nadir_day/day-igrf", "integrated/mil-nadir", "uosat12/flight-receding_horizon-1",
@@ -75,14 +75,14 @@ def same_run(scenario: str, folder: Path) -> int:
     """Series of the first 600 steps, equal in every bit with both builds; their number."""
     step = prepare(scenario, Options()).or_raise()[0].step
     assert step is not None
-    usual, series, built = places.fmus, [], []
+    usual, series, built = paths.fmus, [], []
     for dist in (usual(), folder):
-        places.fmus = lambda dist=dist: dist
+        paths.fmus = lambda dist=dist: dist
         run = execute(scenario, Options(stop=600 * step, fmus="native"))
         names = run.results.names()
         series.append({name: run.results.values(name).tobytes() for name in names})
         built.append({c["sha256"] for c in run.manifest["fmus"].values()})
-    places.fmus = usual
+    paths.fmus = usual
     if built[0] == built[1]:
         raise SystemExit(f"{scenario}: both runs took the same FMUs")
     different = [name for name in series[0] if series[0][name] != series[1].get(name)]
@@ -98,7 +98,7 @@ def main(kind: str, *scenarios: str) -> int:
     with tempfile.TemporaryDirectory() as temporary:
         folder = Path(temporary)
         build_all(names, folder)
-        for path in places.fmus().glob("*.fmu"):
+        for path in paths.fmus().glob("*.fmu"):
             (folder / path.name).symlink_to(path)
         usual = test_native.path
 

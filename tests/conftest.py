@@ -13,7 +13,7 @@ import pytest
 from hypothesis import settings
 
 from desat import cli
-from desat.files import places
+from desat.files import paths
 from desat.files.scenario import scenarios
 from desat.fmus import registry
 
@@ -25,7 +25,7 @@ ROOT = Path(__file__).resolve().parent.parent
 
 @pytest.fixture(scope="session", autouse=True)
 def _fmus_are_built() -> None:
-    missing = [n for n in registry.names() if not (places.fmus() / f"{n}.fmu").exists()]
+    missing = [n for n in registry.names() if not (paths.fmus() / f"{n}.fmu").exists()]
     assert not missing, f"run `make fmus` first: {missing}"
 
 

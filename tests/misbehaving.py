@@ -19,8 +19,8 @@ sys.path[:0] = [str(ROOT), str(ROOT / "tests")]
 from test_failures import HOW, compiled, drawn_to_fail  # noqa: E402
 
 from benchmarks import seen  # noqa: E402
-from desat.campaign import head, store  # noqa: E402
-from desat.study.case import Options  # noqa: E402
+from desat.campaign import coordinator, store  # noqa: E402
+from desat.runs.run import Options  # noqa: E402
 
 WAYS = ["NOTHING"] * 989 + ["SEGFAULT"] * 10 + ["HANG"]
 LIMIT = 2.0
@@ -31,9 +31,9 @@ SAID = {"SEGFAULT": "ended its process: SIGSEGV", "HANG": f"did not return withi
 def flown(folder: Path, cases: int) -> dict[str, object]:
     """Make the campaign; what became of its cases."""
     system = drawn_to_fail(folder / "s", compiled(folder), WAYS)
-    plan, _ = head.planned(system, cases, options=Options(step=1.0), limit=LIMIT)
+    plan, _ = coordinator.planned(system, cases, options=Options(step=1.0), limit=LIMIT)
     began = time.monotonic()
-    head.run(plan, folder / "campaign", 2, progress=False)
+    coordinator.run(plan, folder / "campaign", 2, progress=False)
     seconds = time.monotonic() - began
     rows = store.read(folder / "campaign").to_pylist()
     drawn = Counter(HOW[r["in.bad.how"]] for r in rows)

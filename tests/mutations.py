@@ -347,7 +347,7 @@ def score(result: dict[str, Any]) -> dict[str, Any]:
 
 def page(result: dict[str, Any]) -> str:
     """docs/mutations.md."""
-    from desat.study.cells import clopper_pearson
+    from desat.numbers.statistics import clopper_pearson
 
     n = score(result)
     real = n["ran"] - n["equivalent"]

@@ -31,10 +31,10 @@ from test_failures import HOW, compiled, fmu, ssd  # noqa: E402
 
 from benchmarks import seen  # noqa: E402
 from benchmarks.seen import FAILURES  # noqa: E402
-from desat.engine.last_call import how  # noqa: E402
-from desat.engine.results import Results  # noqa: E402
-from desat.files.pack import pack  # noqa: E402
-from desat.study.case import Options, prepare  # noqa: E402
+from desat.engine.current_call import how  # noqa: E402
+from desat.engine.recording.results import Results  # noqa: E402
+from desat.files.ssp_write import pack  # noqa: E402
+from desat.runs.run import Options, prepare  # noqa: E402
 
 PATIENCE = 10.0
 """A process that has not ended after so long (s) is killed."""

@@ -20,12 +20,13 @@ from desat.components.maths.attitude import matrix, product, propagated, rotate
 from desat.components.maths.vector import cross, dot, mat_vec, norm
 from desat.components.physics import geomagnetic
 from desat.components.physics.gyrostat import check_inertia
-from desat.engine import trial
-from desat.files.pack import pack_scenario
+from desat.engine import trial_initialisation
+from desat.figures.plots import lines_of
 from desat.files.scenario import find, scenarios
-from desat.study import derived, measures, stored
-from desat.study.case import Options, execute, prepare
-from desat.study.plots import lines_of
+from desat.files.ssp_write import pack_scenario
+from desat.numbers import derived, measures
+from desat.papers import stored
+from desat.runs.run import Options, execute, prepare
 from desat.system.refusal import told
 
 N = 0.0010252474302388003
@@ -456,7 +457,7 @@ def test_table_5_as_printed_is_refused_by_name_and_the_resolved_one_is_named(tmp
     file = tmp_path / "mine.toml"
     file.write_text(f'extends = "alsat1/firing-z-wheel"\n[shared]\ninertia = {rows}\n')
     system, schedule = prepare(str(file), Options(blocks=True)).or_raise()
-    (line,) = told(system, "\n".join(trial.refusals(system, schedule)[0]))
+    (line,) = told(system, "\n".join(trial_initialisation.refusals(system, schedule)[0]))
     text = "inertia[1,2] = 0 and inertia[2,1] = -0.25 kg m2: they must be equal"
     assert line.startswith(f"{file}: shared.inertia: spacecraft: {text}")
     flown = find("alsat1/open-loop-z-products").data
@@ -514,6 +515,7 @@ def test_measures_of_settling_and_growth():
     options = {"limits": [2.5, 8.0], "since": 10.0, "period": 10.0}
     assert measures.settled_within(times, angles, **options) == 3.0
     assert measures.settled_within(times[:3], angles[:3] * 0.1, **options) == 0.0
+    assert math.isnan(measures.settled_within(times[:4], angles[:4], **options))
     assert measures.mean_rate(times, angles[:, :1] + 2.0 * times[:, None]) == 2.0
 
 

@@ -10,15 +10,16 @@ import pytest
 from test_campaign_doubts import flown
 from typer.testing import CliRunner
 
-from desat.analyses import energy, separation
+from desat.analyses import energy
 from desat.campaign import report
+from desat.campaign.draws import draws
 from desat.cli import app
 from desat.engine import kept
-from desat.engine.instances import ComponentError
+from desat.engine.instances.base import ComponentError
 from desat.engine.master import Master
-from desat.study.case import Options, execute
-from desat.study.draws import draws
-from desat.study.resume import resume
+from desat.runs.resume import resume
+from desat.runs.run import Options, execute
+from desat.studies import separation
 from desat.system.codes import Exit
 
 MADE = set(energy.NUMBERS)

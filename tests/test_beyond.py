@@ -19,7 +19,7 @@ from desat.components.maths import vector
 from desat.components.maths.attitude import rotate
 from desat.components.maths.least_effort import least_effort
 from desat.fmus.registry import block_class
-from desat.study.case import Options, execute
+from desat.runs.run import Options, execute
 from desat.system.errors import DesatError
 
 number = st.floats(-1, 1, allow_nan=False)
@@ -227,7 +227,7 @@ def test_a_pulsed_coil_is_bounded_by_its_duty_and_an_ideal_one_not():
 def test_nozzles_as_the_axis_pairs_have_the_same_bound():
     """The default nozzles are one each way about every axis."""
     from desat.files.library import load_interfaces
-    from desat.study.case import load
+    from desat.runs.run import load
     from desat.system.check import check
 
     pairs = execute("uosat12/table3-dct-ilqr-2", Options(blocks=True))

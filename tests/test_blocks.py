@@ -21,8 +21,8 @@ from desat.components.contract.block import (
 )
 from desat.fmus import registry
 from desat.fmus.description import title
-from desat.study.case import Options, execute
-from desat.study.derived import pointing
+from desat.numbers.derived import pointing
+from desat.runs.run import Options, execute
 
 BLOCKS = registry.names()
 

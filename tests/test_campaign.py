@@ -24,15 +24,14 @@ from test_failures import HOW, binary, drawn_to_fail  # noqa: F401
 
 import desat
 from desat.campaign import compare as comparing
-from desat.campaign import head, judged, progress, report, store
+from desat.campaign import coordinator, judged, progress, report, sampling, store
 from desat.campaign.compare import compare
-from desat.study import sampling
-from desat.study.draws import system_of
-from desat.study.options import Options
-from desat.study.sampling import axes, drawn
-from desat.study.workers import Local, Lost, results
+from desat.campaign.draws import system_of
+from desat.campaign.sampling import axes, drawn
+from desat.campaign.workers import Local, Lost, results
 from desat.system.codes import Exit
 from desat.system.errors import DesatError
+from desat.system.options import Options
 
 COUNT = 200
 RATE = """
@@ -141,7 +140,7 @@ def test_a_cut_normal_stays_within_and_leaves_the_other_draws_as_they_were(syste
 
 def test_saltelli_has_its_own_counts():
     with pytest.raises(DesatError, match=r"saltelli: -n 100: with .* a power of two times"):
-        head.planned("integrated/mil-nadir", 100, sampling="saltelli")
+        coordinator.planned("integrated/mil-nadir", 100, sampling="saltelli")
 
 
 # --- rows -----------------------------------------------------------------------------------------
@@ -160,7 +159,7 @@ def test_a_campaign_of_two_hundred(whole):
 
 
 def test_a_case_is_the_draw_of_the_same_number(whole, own, tmp_path):
-    from desat.study.draws import one
+    from desat.campaign.draws import one
 
     with pytest.raises(DesatError, match=r"mean_anomaly: it is drawn, and so never has this value"):
         desat.cases(own, 2, tmp_path / "c", {"environment.mean_anomaly": 1.0})
@@ -171,9 +170,9 @@ def test_a_case_is_the_draw_of_the_same_number(whole, own, tmp_path):
 
 
 def test_kept_cases_have_their_series(whole):
-    wanted = {0, 150, *head.worst(whole, "coil_load", 1)}
+    wanted = {0, 150, *coordinator.worst(whole, "coil_load", 1)}
     assert {int(p.name) for p in (whole / "kept").iterdir()} == wanted
-    folder = head.kept_in(whole, 150)
+    folder = coordinator.kept_in(whole, 150)
     assert (folder / "report.html").exists()
     kept = json.loads((folder / "manifest.json").read_text())["numbers"]["coil_load"]["value"]
     assert kept == store.read(whole)["out.coil_load"][150].as_py()
@@ -229,7 +228,7 @@ def _there(pid: int) -> bool:
 def test_a_dask_cluster_gives_the_same(whole, own, tmp_path):
     pytest.importorskip("distributed", reason="Dask is not installed")
     folder = tmp_path / "campaign"
-    script = (f"from desat.campaign import head\nfrom pathlib import Path\n"
+    script = (f"from desat.campaign import coordinator as head\nfrom pathlib import Path\n"
               f"if __name__ == '__main__':\n"
               f"    plan, _ = head.planned({str(own)!r}, 40)\n"
               f"    where = Path({str(folder)!r})\n"
@@ -256,7 +255,7 @@ main(sys.argv[3:])
 def test_a_worker_says_why_it_cannot_make_the_cases(own):
     from desat.campaign import cluster
 
-    plan, _ = head.planned(str(own), 4)
+    plan, _ = coordinator.planned(str(own), 4)
     here = cluster.versions()
     assert cluster.unfit(plan, False, here) == ""
     numpy = f"has numpy {here['numpy']}, here it is 0.1; the same is needed"
@@ -265,16 +264,16 @@ def test_a_worker_says_why_it_cannot_make_the_cases(own):
     cluster.keep(plan, cluster.shipped(plan.target))
     assert cluster.unfit(plan, True, here) == ""
     other = cluster.unfit(replace(plan, digest="0"), False, here)
-    assert other == f"has another {own}: scenario, parameters or builds of FMUs differ"
+    assert other == f"has another {own}: its wiring, times, content, parameters or FMUs differ"
 
 
 def test_a_packed_system_has_the_same_case_on_a_worker(own, whole, tmp_path):
     from desat.campaign import cluster
-    from desat.files.pack import pack_scenario
     from desat.files.scenario import own as scenario
+    from desat.files.ssp_write import pack_scenario
 
     file = pack_scenario(scenario(own), tmp_path / "mine.ssp", force=True, fmus="native")
-    plan, _ = head.planned(str(file), 4)
+    plan, _ = coordinator.planned(str(file), 4)
     cluster.keep(plan, cluster.shipped(plan.target))
     file.unlink()
     made = cluster.on_worker(plan, True, cluster.versions(), 3, False)
@@ -288,13 +287,13 @@ def test_clusters_that_do_not_serve(own, whole, tmp_path, monkeypatch, capfd):
     pytest.importorskip("distributed", reason="Dask is not installed")
     from desat.campaign import cluster
 
-    plan, _ = head.planned(str(own), 20)
+    plan, _ = coordinator.planned(str(own), 20)
     monkeypatch.setitem(cluster.SETTINGS, "distributed.comm.timeouts.connect", "4s")
     with monkeypatch.context() as patch:
         patch.setattr(cluster, "WAIT", "1s")
         text = r"--cluster tcp://127\.0\.0\.1:9: no scheduler answers"
         with pytest.raises(DesatError, match=text):
-            head.run(plan, tmp_path / "a", cluster="tcp://127.0.0.1:9", progress=False)
+            coordinator.run(plan, tmp_path / "a", cluster="tcp://127.0.0.1:9", progress=False)
     (tmp_path / "worker.py").write_text(WORKER)
     file, early, good, late = (tmp_path / n for n in ("scheduler.json", "early", "good", "late"))
     of = ["--scheduler-file", file, "--no-dashboard"]
@@ -310,14 +309,14 @@ def test_clusters_that_do_not_serve(own, whole, tmp_path, monkeypatch, capfd):
     ):  # fmt: skip
         _until(file.exists)
         with pytest.raises(DesatError, match="it has no workers"):
-            head.run(plan, tmp_path / "b", cluster=str(file), progress=False)
+            coordinator.run(plan, tmp_path / "b", cluster=str(file), progress=False)
         from distributed import Client
 
         with Client(scheduler_file=str(file)) as client:
             early.touch()
             client.wait_for_workers(1, timeout=60)
             with pytest.raises(DesatError, match=r"has desat 0\.0\.9, here it is .*the same"):
-                head.run(plan, tmp_path / "c", cluster=str(file), progress=False)
+                coordinator.run(plan, tmp_path / "c", cluster=str(file), progress=False)
             first.kill()
             _until(lambda: not client.nthreads())
             good.touch()
@@ -334,11 +333,11 @@ def test_clusters_that_do_not_serve(own, whole, tmp_path, monkeypatch, capfd):
                     scheduler.kill()
 
             monkeypatch.setattr(store.Store, "add", later)
-            head.run(plan, tmp_path / "c", cluster=str(file), progress=False)
+            coordinator.run(plan, tmp_path / "c", cluster=str(file), progress=False)
             older.wait(60)
-            plan, _ = head.planned(str(own), 40)
+            plan, _ = coordinator.planned(str(own), 40)
             with pytest.raises(DesatError, match="the scheduler is gone; the same command"):
-                head.run(plan, tmp_path / "c", cluster=str(file), progress=False)
+                coordinator.run(plan, tmp_path / "c", cluster=str(file), progress=False)
     assert capfd.readouterr().err.count("has desat 0.0.9") == 1
     _first_alike(tmp_path / "c", whole, 20)
     assert store.read(tmp_path / "c")["attempts"].to_pylist() == [1] * 20
@@ -366,9 +365,9 @@ def _first_alike(folder: Path, whole: Path, count: int) -> None:
 def test_crashes_and_hangs_leave_a_complete_dataset(tmp_path, binary):  # noqa: F811
     ways = ["NOTHING"] * 7 + ["SEGFAULT", "EXIT_0", "HANG", "STEP_ERROR"]
     system = drawn_to_fail(tmp_path / "s", binary, ways)
-    plan, _ = head.planned(system, 30, options=Options(step=1.0), limit=1.5)
+    plan, _ = coordinator.planned(system, 30, options=Options(step=1.0), limit=1.5)
     folder = tmp_path / "campaign"
-    head.run(plan, folder, 2, progress=False)
+    coordinator.run(plan, folder, 2, progress=False)
     rows = store.read(folder).to_pylist()
     assert [r["case"] for r in rows] == list(range(30))
     by = {HOW[r["in.bad.how"]]: r for r in rows}
@@ -448,7 +447,7 @@ def test_sobol_indices_of_a_linear_function(system):
     """Of y = 2 u + v, u and v even over (0, 1): 4/5 and 1/5 of its variance, the others none."""
     names, sizes = axes(system)
     count = 256 * (sum(sizes) + 2)
-    plan, _ = head.planned("integrated/mil-nadir", count, sampling="saltelli")
+    plan, _ = coordinator.planned("integrated/mil-nadir", count, sampling="saltelli")
     points = sampling._points("saltelli", plan.seed, count, tuple(names), tuple(sizes))
     y = np.array([2.0 * points(i)[0] + points(i)[1] for i in range(count)])
     every = np.ones(count, bool)
@@ -471,23 +470,23 @@ def test_campaigns_are_compared_case_by_case(whole, own, tmp_path):
     other = own.with_name("other.toml")
     other.write_text(f'extends = "{own.stem}"\nparameters.manager.torque_limit = 2e-5\n')
     folder = tmp_path / "campaign"
-    plan, _ = head.planned(str(other), 30)
-    head.run(plan, folder, 2, progress=False)
+    plan, _ = coordinator.planned(str(other), 30)
+    coordinator.run(plan, folder, 2, progress=False)
     told = compare(whole, folder)
     entry = told["numbers"]["coil_load"]
     assert told["pairs"] == entry["n"] <= 30
     assert told["warnings"] == []
-    longer = replace(head.read(whole), options={"stop": 40.0})
+    longer = replace(coordinator.read(whole), options={"stop": 40.0})
     text = "the first runs until 40 s, the second until 20 s"
-    assert comparing._warnings(longer, head.read(folder)) == [text]
+    assert comparing._warnings(longer, coordinator.read(folder)) == [text]
     assert entry["unit"] == "%"
     assert entry["lower"] + entry["higher"] + entry["equal"] == entry["n"]
     assert entry["interval"][0] <= entry["median"] <= entry["interval"][1]
     a, b = (store.read(f)["out.coil_load"].to_pylist()[:30] for f in (whole, folder))
     differences = [x - y for x, y in zip(a, b, strict=True) if x is not None and y is not None]
     assert entry["median"] == pytest.approx(float(np.median(differences)), rel=1e-9)
-    plan, _ = head.planned(str(other), 3, seed=2)
-    head.run(plan, tmp_path / "seed", 1, progress=False)
+    plan, _ = coordinator.planned(str(other), 3, seed=2)
+    coordinator.run(plan, tmp_path / "seed", 1, progress=False)
     with pytest.raises(DesatError, match="seed is 1 and 2; pairs need the same"):
         compare(whole, tmp_path / "seed")
     path = folder / store.NUMBERS
@@ -518,18 +517,18 @@ def test_what_nothing_can_meet_or_draw(tmp_path, more, text):
     path = tmp_path / "mine.toml"
     path.write_text(f'extends = "integrated/mil-nadir"\n{more}\n')
     with pytest.raises(DesatError) as error:
-        head.planned(str(path), 5)
+        coordinator.planned(str(path), 5)
     assert text in str(error.value)
     assert str(error.value).startswith(str(path))
 
 
 def test_a_folder_has_one_campaign(whole, own, tmp_path):
-    plan, _ = head.planned(str(own), COUNT, seed=7)
+    plan, _ = coordinator.planned(str(own), COUNT, seed=7)
     with pytest.raises(DesatError, match="another campaign: seed is 1 there, 7 here"):
-        head.run(plan, whole, 1, progress=False)
+        coordinator.run(plan, whole, 1, progress=False)
     (tmp_path / "letter.txt").write_text("x")
     with pytest.raises(DesatError, match="it has other files, and no campaign"):
-        head.run(plan, tmp_path, 1, progress=False)
+        coordinator.run(plan, tmp_path, 1, progress=False)
     assert progress.status(whole)["done"] == COUNT
 
 
@@ -563,7 +562,7 @@ def test_damaged_files_and_a_changed_system_are_said(whole, own, tmp_path, desat
     (folder / "campaign.json").write_text(json.dumps(plan | {"count": "200"}))
     assert "damaged (count is '200')" in desat("campaign", "status", str(folder)).stderr
     (folder / "campaign.json").write_text(json.dumps(plan | {"keep": ["worst:3:bound"]}))
-    lines = head.unreached(head.read(folder), folder)
+    lines = coordinator.unreached(coordinator.read(folder), folder)
     assert lines == ["--keep worst:3:bound: no case has a number bound: nothing is kept by it"]
 
 
@@ -583,7 +582,8 @@ def test_wrong_words_are_one_line(desat, tmp_path, arguments, text):
     result = desat("campaign", *arguments, "-n", "4", "--out", str(tmp_path / "c"))
     assert result.returncode == Exit.INPUT
     assert text in result.stderr
-    assert result.stderr.count("\n") == 1, result.stderr
+    lines = [x for x in result.stderr.splitlines() if not x.startswith("warning: ")]  # of jitter
+    assert len(lines) == 1, result.stderr
 
 
 def test_a_campaign_is_a_data_set(whole):

@@ -15,11 +15,11 @@ from scipy.stats import beta
 from test_campaign import RATE as OWN
 
 import desat
-from desat.campaign import case, compare, damaged, head, judged, report, store
+from desat.campaign import case, compare, coordinator, damaged, judged, report, store
+from desat.campaign.draws import draws
 from desat.campaign.plan import joined
-from desat.study.case import Options, execute
-from desat.study.draws import draws
-from desat.study.sweep import sweep
+from desat.campaign.sweep import sweep
+from desat.runs.run import Options, execute
 from desat.system.codes import Exit
 from desat.system.errors import DesatError, RunError
 
@@ -38,8 +38,8 @@ def own(tmp_path_factory) -> str:
 
 
 def flown(target: str, folder: Path, count: int = 3, **more: object) -> Path:
-    plan, _ = head.planned(target, count, **more)
-    head.run(plan, folder, 1, progress=False)
+    plan, _ = coordinator.planned(target, count, **more)
+    coordinator.run(plan, folder, 1, progress=False)
     return folder
 
 
@@ -74,7 +74,7 @@ def test_a_data_set_stays_with_its_cases(own, three, tmp_path):
 def test_what_is_drawn_has_no_other_value(own, name):
     value = "0.001" if "[" in name else "0.001,0,0,0"
     with pytest.raises(DesatError, match="is drawn, and so never has this value"):
-        head.planned(own, 3, options=Options(sets=[f"{name}={value}"]))
+        coordinator.planned(own, 3, options=Options(sets=[f"{name}={value}"]))
     if "wheels" in name:
         with pytest.raises(DesatError, match="is drawn, and so cannot be an axis of draws"):
             sweep(own, {name.strip(): [0.0]}, draws=2)
@@ -88,7 +88,7 @@ def test_an_input_that_is_fed_takes_no_value(tmp_path):
         sweep("integrated/mil-nadir", {"wheels.tau_cmd_wheel": [[1.0] * 4]}, Options(stop=1.0))
     more = '[dispersions]\n"wheels.tau_cmd_wheel" = { normal = [0.0, 1e-3] }\n'
     with pytest.raises(DesatError, match=line):
-        head.planned(scenario(tmp_path, more), 3)
+        coordinator.planned(scenario(tmp_path, more), 3)
 
 
 def test_bounds_and_requirements_of_the_balances_are_looked_at(tmp_path):
@@ -137,10 +137,10 @@ def test_how_many_more_cases_show_it_for_good():
 
 def test_what_no_run_can_miss_is_said(own):
     """mil-nadir is to be dumped after 7200 s; these runs end after 20 s."""
-    _, warnings = head.planned(own, 3)
+    _, warnings = coordinator.planned(own, 3)
     (line,) = [w for w in warnings if "requirements.dumped" in w]
     assert line.endswith("max = 7200 s is not before the end of a run, 20 s: no case can be above")
-    _, warnings = head.planned("integrated/mil-nadir", 3)
+    _, warnings = coordinator.planned("integrated/mil-nadir", 3)
     assert not any("requirements" in w for w in warnings)
 
 
@@ -151,7 +151,7 @@ def test_a_worker_that_is_told_to_end_gives_no_row(own, monkeypatch):
         raise RunError("interrupted", Exit.TERMINATED)
 
     monkeypatch.setattr(case, "ran", stopped)
-    plan, _ = head.planned(own, 3)
+    plan, _ = coordinator.planned(own, 3)
     with pytest.raises(SystemExit):
         case.row(plan, 1)
 
@@ -262,12 +262,12 @@ def test_few_pairs_have_no_interval(three, own, tmp_path, desat):
 def test_the_last_value_of_several_is_refused(tmp_path):
     more = '[numbers.q]\ntitle = "q"\nsignal = "wheels.h_wheel"\n'
     with pytest.raises(DesatError, match=r"numbers\.q\.element: last takes one element; there are"):
-        head.planned(scenario(tmp_path, more), 3)
+        coordinator.planned(scenario(tmp_path, more), 3)
 
 
 def test_a_case_that_was_cut_short_is_kept_again(own, tmp_path):
     folder = flown(own, tmp_path / "campaign", keep=["every:2"])
-    manifest = head.kept_in(folder, 2) / "manifest.json"
+    manifest = coordinator.kept_in(folder, 2) / "manifest.json"
     told = json.loads(manifest.read_text())
     manifest.write_text(json.dumps({**told, "status": "no space"}))
     flown(own, folder, keep=["every:2"])
@@ -289,29 +289,29 @@ def test_what_was_timed_out_is_made_again_with_more_time(own, tmp_path):
 def test_options_as_programs_give_them(own, tmp_path):
     """Tuples come back as lists; what is no integer is no count and no seed."""
     options = Options(stop=5.0, record=("wheels.*",))
-    plan, _ = head.planned(own, 3, options=options)
+    plan, _ = coordinator.planned(own, 3, options=options)
     plan.write(tmp_path)
-    joined(head.read(tmp_path), plan, tmp_path)
+    joined(coordinator.read(tmp_path), plan, tmp_path)
     for wrong in ({"count": 2.5}, {"count": 0}, {"seed": -1}, {"seed": 0.5}):
         given = {"count": 3, "seed": 1, **wrong}
         (name,) = wrong
         with pytest.raises(DesatError, match=f"{name} = .*: an integer from"):
-            head.planned(own, given.pop("count"), **given)
+            coordinator.planned(own, given.pop("count"), **given)
         with pytest.raises(DesatError, match=f"{name} = .*: an integer from"):
             draws(own, {"count": 3, **wrong}["count"], {"seed": 1, **wrong}["seed"], Options())
     with pytest.raises(DesatError, match="at most 10000000"):
-        head.planned(own, 10**13, sampling="latin-hypercube")
+        coordinator.planned(own, 10**13, sampling="latin-hypercube")
 
 
 def test_an_element_is_not_drawn_alone(tmp_path):
     more = f'[dispersions]\n"{DRAWN}[2]" = {{ normal = [0.0, 1e-3] }}\n'
     with pytest.raises(DesatError, match=r"h_start_wheel\[2\]"):
-        head.planned(scenario(tmp_path, more), 3)
+        coordinator.planned(scenario(tmp_path, more), 3)
 
 
 def test_numbers_that_differ_by_rounding_have_no_figure(three):
     """Nor are they an error of the histogram's."""
-    plan, told = head.read(three), report.summary(three)
+    plan, told = coordinator.read(three), report.summary(three)
     names = list(told["numbers"])
     assert len(report._figures(three, plan, told)) <= len(names) + 1
     close = 1.0 + np.array([0.0, 2e-16, 4e-16])

@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 from conftest import ROOT
 
-from desat.files import places
-from desat.study.case import Options, load, prepare
+from desat.files import paths
+from desat.runs.run import Options, load, prepare
 from desat.system.check import check
 from desat.system.errors import DesatError
 
@@ -28,7 +28,7 @@ def broken(tmp_path):
             text = text.replace(old, new, 1)
         (tmp_path / "SystemStructure.ssd").write_text(text, encoding="utf-8")
         if not (tmp_path / "resources").exists():
-            (tmp_path / "resources").symlink_to(places.fmus())
+            (tmp_path / "resources").symlink_to(paths.fmus())
         try:
             case = prepare(str(tmp_path), Options(sets=list(sets), step=step, stop=600.0))
         except DesatError as error:
@@ -223,7 +223,7 @@ def test_everything_at_once(broken):
 
 def test_command(desat, tmp_path):
     shutil.copy(SSD, tmp_path / "SystemStructure.ssd")
-    (tmp_path / "resources").symlink_to(places.fmus())
+    (tmp_path / "resources").symlink_to(paths.fmus())
     good = desat("check", str(tmp_path), "--step", "10")
     assert good.returncode == 0
     assert "steps in this order: environment, magnetometer, tachometers, manager" in good.stdout
@@ -237,7 +237,7 @@ def test_command(desat, tmp_path):
 def test_command_exit_code(desat, tmp_path):
     text = SSD.read_text(encoding="utf-8").replace(CONNECTION, "", 1)
     (tmp_path / "SystemStructure.ssd").write_text(text, encoding="utf-8")
-    (tmp_path / "resources").symlink_to(places.fmus())
+    (tmp_path / "resources").symlink_to(paths.fmus())
     result = desat("check", str(tmp_path), "--step", "10")
     assert result.returncode == 1
     assert result.stderr.splitlines()[-1].startswith("2 problem(s) in ")
@@ -272,7 +272,7 @@ def write_altitude(tmp_path: Path, unit: str | None) -> None:
     (tmp_path / "e.ssv").write_text(
         SET.replace(' unit="UNIT"', f' unit="{unit}"' if unit else ""), encoding="utf-8"
     )
-    (tmp_path / "resources").symlink_to(places.fmus())
+    (tmp_path / "resources").symlink_to(paths.fmus())
 
 
 @pytest.mark.parametrize(("unit", "value"), [

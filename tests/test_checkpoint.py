@@ -16,10 +16,11 @@ from test_failures import DESCRIPTION, binary, fmu, options, system
 from test_rates import scenario
 
 from benchmarks.killed import differences, trials
-from desat.engine import checkpoint, wide
-from desat.files.claim import claimed
-from desat.study.case import Options, prepare, simulate
-from desat.study.resume import resume
+from desat.engine import checkpoint
+from desat.engine.recording import shared_tables
+from desat.files.lock import claimed
+from desat.runs.resume import resume
+from desat.runs.run import Options, prepare, simulate
 from desat.system.codes import Exit
 from desat.system.errors import DesatError
 
@@ -57,7 +58,7 @@ HELD = "signal = 'manager.mode'\nreaches = 1\nheld = 7.0"
 def test_it_goes_on_with_the_same_bits(tmp_path, monkeypatch, more):
     """Both loops, both kinds of FMUs and bare blocks, both semantics, several rates."""
     if "algorithm" in more:
-        monkeypatch.setattr(wide, "MANY", 3)  # series that share tables
+        monkeypatch.setattr(shared_tables, "MANY", 3)  # series that share tables
     slow = {"manager": 5} if "inner" in more else {"spacecraft": 10, "wheels": 2, "manager": 5}
     file = scenario(tmp_path, step=0.1, decimation=slow)
     given = Options(stop=14.0, **more)

@@ -9,8 +9,8 @@ import pytest
 from conftest import ROOT
 
 from desat.components.contract import roles
-from desat.files import craft, craft_ssd, places, scenario, ssp
-from desat.study.case import Options, execute
+from desat.files import craft, craft_ssd, paths, scenario, ssp
+from desat.runs.run import Options, execute
 from desat.system.errors import DesatError
 from desat.system.interface import of_block
 from desat.system.wiring import elements, misfit, usual_sources
@@ -130,7 +130,7 @@ def test_what_a_craft_says_goes_before_the_usual(tmp_path):
     file, written = craft_ssd.write(tmp_path / "mine.toml")
     assert (file.name, written) == ("mine.ssd", True)
     assert craft_ssd.write(tmp_path / "mine.toml") == (file, False)
-    (tmp_path / "resources").symlink_to(places.fmus())
+    (tmp_path / "resources").symlink_to(paths.fmus())
     again = ssp.read(file)
     assert again.problems == []
     same_system(again, system)
@@ -141,7 +141,7 @@ def test_an_fmu_stands_beside_the_craft_file(tmp_path):
     with pytest.raises(DesatError, match=r"components.manager = fmus/other.fmu: no such file"):
         made(tmp_path, text)
     (tmp_path / "fmus").mkdir()
-    shutil.copy(places.fmus() / "manager_combined.fmu", tmp_path / "fmus" / "other.fmu")
+    shutil.copy(paths.fmus() / "manager_combined.fmu", tmp_path / "fmus" / "other.fmu")
     system = made(tmp_path, text)
     assert system.components["manager"].fmu == tmp_path / "fmus" / "other.fmu"
     assert wires(system) == wires(made(tmp_path))
@@ -233,7 +233,7 @@ def family(tmp_path, monkeypatch):
         '[sources]\nenvironment = "environment_kepler"\n', encoding="utf-8",
     )  # fmt: skip
     monkeypatch.setattr(scenario, "ROOT", tmp_path / "ssp")
-    monkeypatch.setattr(places, "SCENARIOS", tmp_path / "ssp")
+    monkeypatch.setattr(paths, "SCENARIOS", tmp_path / "ssp")
     scenario.families.cache_clear()
     scenario.cells.cache_clear()
     scenario.survey.cache_clear()
@@ -273,7 +273,7 @@ def test_a_scenario_names_its_craft_or_its_ssd(family):
     )  # fmt: skip
     assert list(system('craft = "small.craft.toml"\n').components) == ["environment", "spacecraft"]
     craft_ssd.write(family / "craft.toml")
-    (family / "resources").symlink_to(places.fmus())
+    (family / "resources").symlink_to(paths.fmus())
     from_ssd = system('ssd = "SystemStructure.ssd"\n')
     assert from_ssd.where.endswith("SystemStructure.ssd")
     same_system(from_ssd, system(""))

@@ -9,7 +9,7 @@ from desat.analyses import energy
 from desat.analyses.within import Steps
 from desat.components.blocks import spacecraft_rigid
 from desat.components.physics import rigid_body
-from desat.study.case import Options, execute
+from desat.runs.run import Options, execute
 
 
 def numbers(name: str, **options):

@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from desat.study.case import Options, execute, prepare
+from desat.runs.run import Options, execute, prepare
 from desat.system.errors import DesatError
 from desat.system.expression import entry, factor, product, times, unit_of
 

@@ -24,18 +24,19 @@ from conftest import ROOT
 
 from benchmarks import seen, soak
 from desat import cli
-from desat.cli.common import plain_console
-from desat.engine.packed import Packing
-from desat.engine.recorder import Recorder
-from desat.engine.results import Results
-from desat.engine.unwritten import Half
+from desat.campaign.sweep import sweep
+from desat.cli.console import plain_console
+from desat.engine.recording.recorder import Recorder
+from desat.engine.recording.results import Results
+from desat.engine.recording.row_buffer import Half
+from desat.engine.recording.series_file import Packing
 from desat.files import archive, library, trust
-from desat.files.pack import pack
-from desat.study import case, isolation, supervise
-from desat.study.case import Options, load_run, prepare, simulate
-from desat.study.report import write_report
-from desat.study.sources import Sources
-from desat.study.sweep import sweep
+from desat.files.ssp_write import pack
+from desat.papers.session import Sources
+from desat.report.report import write_report
+from desat.runs import isolation, supervisor
+from desat.runs import run as case
+from desat.runs.run import Options, load_run, prepare, simulate
 from desat.system.codes import Exit
 from desat.system.errors import DesatError, RunError
 
@@ -523,12 +524,12 @@ def test_a_call_that_was_stopped_has_its_whole_limit(monkeypatch, limit, stopped
             clock[0] += seconds + (stop.pop() if stop else 0.0)
             return False
 
-    monkeypatch.setattr(supervise.time, "monotonic", lambda: clock[0])
-    monkeypatch.setattr(supervise.last_call, "now", lambda: (21, 9.0))
-    monkeypatch.setattr(supervise.last_call, "status_of", lambda child: 9 if killed else None)
-    monkeypatch.setattr(supervise.os, "kill", lambda child, number: killed.append(clock[0]))
-    ended = supervise.Ended()
-    assert supervise._wait(1, Pipe(), ended, limit) == 9
+    monkeypatch.setattr(supervisor.time, "monotonic", lambda: clock[0])
+    monkeypatch.setattr(supervisor.current_call, "now", lambda: (21, 9.0))
+    monkeypatch.setattr(supervisor.current_call, "status_of", lambda child: 9 if killed else None)
+    monkeypatch.setattr(supervisor.os, "kill", lambda child, number: killed.append(clock[0]))
+    ended = supervisor.Ended()
+    assert supervisor._wait(1, Pipe(), ended, limit) == 9
     assert ended.hung == limit
     assert limit <= killed[0] - (100.0 + stopped) <= limit + 1.5
 
@@ -689,11 +690,13 @@ def test_a_full_disk(tmp_path, monkeypatch, capsys):
 
 
 def test_room_is_estimated(system):
-    from desat.study import recorded
+    from desat.runs import recording_checks
 
     case = prepare(str(system), Options(step=2.0**-29, stop=999.0))
-    assert recorded.size(case.checked.system, case.options) == 16 * (999 * 2**29 + 1)
-    assert "GB are free" in recorded.room(case.checked.system, case.options, system / "not there")
+    assert recording_checks.size(case.checked.system, case.options) == 16 * (999 * 2**29 + 1)
+    assert "GB are free" in recording_checks.room(
+        case.checked.system, case.options, system / "not there"
+    )
 
 
 def test_ten_thousand_outputs(tmp_path, binary):
@@ -943,7 +946,7 @@ def test_control_characters_do_not_reach_the_terminal(capsys):
 
 
 def test_a_report_that_fails_leaves_the_manifest(system, tmp_path, monkeypatch, capsys):
-    from desat.study import report
+    from desat.report import report
 
     monkeypatch.setattr(report, "write_report", lambda *a: 1 / 0)
     monkeypatch.setattr(

@@ -24,7 +24,7 @@ from fmpy import validation
 from fmpy.fmi2 import FMU2Slave
 from test_blocks import begin, fresh, randomise_inputs
 
-from desat.files import library, places
+from desat.files import library, paths
 from desat.files.fmu import of_fmu
 from desat.fmus import build, interfaces, registry
 from desat.system import interface
@@ -34,7 +34,7 @@ NAMES = registry.names()
 
 
 def path(name: str) -> Path:
-    return places.fmus() / f"{name}.fmu"
+    return paths.fmus() / f"{name}.fmu"
 
 
 SHAPES: set[str] = set()
@@ -141,7 +141,7 @@ def test_a_build_that_is_killed_and_started_again_gives_the_same_bytes(tmp_path)
     assert not (tmp_path / "native").exists()
     subprocess.run(command, check=True, capture_output=True)
     for file in [f"{folder}{name}.fmu" for folder in ("", "native/") for name in names]:
-        assert (tmp_path / file).read_bytes() == (places.fmus() / file).read_bytes()
+        assert (tmp_path / file).read_bytes() == (paths.fmus() / file).read_bytes()
 
 
 def test_package_name_follows_the_contents(tmp_path, monkeypatch):
@@ -378,11 +378,12 @@ def test_a_thousand_instances_in_a_row():
 TOGETHER = """
 import sys
 from pathlib import Path
-from desat.files import library, places
-from desat.engine.fmu_instance import FmuInstance
+from desat.files import library
+from desat.files import paths as places
+from desat.engine.instances.fmu import FmuInstance
 from desat.system.model import Component
 from desat.system.interface import KINDS
-from desat.engine.instances import Clock
+from desat.engine.instances.base import Clock
 clock = Clock(0.0, 1.0)
 units = []
 for round in range(2):
@@ -392,7 +393,7 @@ for round in range(2):
 for unit in units:
     outputs = {k: [s for s in unit._interface.of("output") if s.kind == k] for k in KINDS}
     import numpy as np
-    from desat.engine.instances import DTYPE
+    from desat.engine.instances.base import DTYPE
     into = {k: np.zeros(len(outputs[k]), DTYPE[k]) for k in KINDS}
     unit.wire({k: [] for k in KINDS}, outputs, into, clock)
     unit.enter(0.0, {})

@@ -6,7 +6,7 @@ import fuzz
 import pytest
 from fuzz.seeds import ABOUT, FILES, SSD, SSV, TARGETS, TOML
 
-from desat.study.prepare import prepare
+from desat.runs.prepare import prepare
 from desat.system.errors import DesatError
 
 SEED, COUNT = 1, 2000

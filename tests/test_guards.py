@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import os
 import shutil
 import subprocess
@@ -15,16 +16,20 @@ from pathlib import Path
 import pytest
 from conftest import ROOT
 
+from desat.campaign import draws
 from desat.designs import making, origin
-from desat.engine import trial
-from desat.files import places, trust
-from desat.files.scenario import find, scenarios
+from desat.engine import trial_initialisation
+from desat.files import library, paths, trust
+from desat.files.scenario import families, find, scenarios
 from desat.files.toml import toml
-from desat.fmus import registry
-from desat.fmus.build import sources
+from desat.fmus import meaning, registry
+from desat.fmus.meaning import sources
 from desat.fmus.slave import _name
-from desat.study import stored
-from desat.study.case import Options, execute, prepare
+from desat.papers import stored
+from desat.papers.functions import Verbs
+from desat.papers.session import Sources
+from desat.runs.run import Options, execute, prepare
+from desat.system.errors import DesatError
 
 MEC = "uosat12/fig2-mec-1"
 START = "spacecraft.h_start_body=2,0,0"
@@ -56,7 +61,7 @@ def test_a_design_for_other_values_is_said(options, what):
 
 
 def test_what_cannot_matter_to_a_design_is_not_said():
-    same = Options(sets=["spacecraft.h_start_body=1,2,-1", "manager.costate=0,0,0"], stop=3000.0)
+    same = Options(sets=["spacecraft.h_start_body=1,2,-1", "manager.costate=1,0,0"], stop=3000.0)
     assert prepare(MEC, same).checked.warnings == []
     blind = find("uosat12/fig2-offnadir-mec-blind")
     ((name, table),) = blind.data["design"]["assume"].items()
@@ -163,7 +168,9 @@ def test_all_failing_components_are_collected():
     for name in ("torquers", "magnetometer"):
         parameters = {**components[name].parameters, "sample_time": float("nan")}
         components[name] = replace(components[name], parameters=parameters)
-    problems, warnings = trial.refusals(replace(system, components=components), schedule)
+    problems, warnings = trial_initialisation.refusals(
+        replace(system, components=components), schedule
+    )
     assert {p.partition(":")[0] for p in problems} == {"torquers", "magnetometer"}
     assert warnings == []
 
@@ -172,7 +179,7 @@ def test_of_a_foreign_fmu_only_the_description_is_read(tmp_path):
     """One that says that another tool made it, and whose library would end the process."""
     fmu = tmp_path / "theirs.fmu"
     with (
-        zipfile.ZipFile(places.fmus() / "magnetometer.fmu") as ours,
+        zipfile.ZipFile(paths.fmus() / "magnetometer.fmu") as ours,
         zipfile.ZipFile(fmu, "w") as theirs,
     ):
         for name in ours.namelist():
@@ -181,7 +188,7 @@ def test_of_a_foreign_fmu_only_the_description_is_read(tmp_path):
                 data = data.replace(b"desat with PythonFMU", b"another tool")
             theirs.writestr(name, b"no library" if name.startswith("binaries/") else data)
     options = Options(sources=[f"magnetometer={fmu}"], sets=["torquers.quiet_time=9"])
-    problems, warnings = trial.refusals(*prepare(COMBINED, options).or_raise())
+    problems, warnings = trial_initialisation.refusals(*prepare(COMBINED, options).or_raise())
     assert not trust.is_ours(fmu)
     assert [p.partition(":")[0] for p in problems + warnings] == ["torquers"]
     assert "quiet_time" in (problems + warnings)[0]
@@ -194,12 +201,14 @@ def test_a_crash_of_the_trial_is_a_line(monkeypatch):
         os.write(2, b"what the FMU said\nat last\n")
         os.abort()
 
-    monkeypatch.setattr(trial, "_initialised", crash)
-    (line,), _ = trial.refusals(system, schedule)
+    monkeypatch.setattr(trial_initialisation, "_initialised", crash)
+    (line,), _ = trial_initialisation.refusals(system, schedule)
     assert line.endswith("crashed (signal 6): at last")
-    monkeypatch.setattr(trial, "_initialised", lambda system, schedule: time.sleep(60.0))
-    monkeypatch.setattr(trial, "TIMEOUT", 0.2)
-    (line,), _ = trial.refusals(system, schedule)
+    monkeypatch.setattr(
+        trial_initialisation, "_initialised", lambda system, schedule: time.sleep(60.0)
+    )
+    monkeypatch.setattr(trial_initialisation, "TIMEOUT", 0.2)
+    (line,), _ = trial_initialisation.refusals(system, schedule)
     assert line.endswith("takes longer than 0.2 s")
 
 
@@ -207,14 +216,27 @@ def test_a_crash_of_the_trial_is_a_line(monkeypatch):
 
 
 def test_stored_draws_are_stale_when_their_code_changes(monkeypatch, tmp_path):
+    """That of a block, of what it imports, of the engine; not a comment."""
     name = "uosat12/starts-dct"
     kept = stored.read("uosat12")
-    kept["scenarios"][name]["code_sha256"] = stored.code(find(name))
+    kept["scenarios"][name] |= {"sha256": stored.digest(find(name)),
+                                "code_sha256": stored.code(find(name))}  # fmt: skip
     assert name not in stored.outdated(kept)
-    (tmp_path / "law.py").write_text("x = 1\n")
-    before = stored.sources
-    monkeypatch.setattr(stored, "sources", lambda n: [*before(n), tmp_path / "law.py"])
-    assert name in stored.outdated(kept)
+    shutil.copytree(ROOT / "components", tmp_path / "components")
+    monkeypatch.setattr(meaning, "COMPONENTS", tmp_path / "components")
+    for file, text, stale in (
+        ("blocks/manager_combined.py", "# a comment", False),
+        ("maths/vector.py", "# a comment", False),
+        ("maths/vector.py", "ONE_MORE = 1.0", True),
+        ("blocks/manager_combined.py", "ONE_MORE = 1.0", True),
+    ):
+        library._computed.cache_clear()
+        path = tmp_path / "components" / file
+        before = path.read_text()
+        path.write_text(f"{before}\n{text}\n")
+        assert (name in stored.outdated(kept)) is stale, (file, text)
+        path.write_text(before)
+    library._computed.cache_clear()
 
 
 CODE = """\"\"\"What it is.\"\"\"
@@ -242,14 +264,14 @@ def f(x: float) -> float:
 )
 def test_texts_and_layout_of_code_do_not_count(old, new, same):
     assert old in CODE
-    assert (stored.meaning(CODE.replace(old, new)) == stored.meaning(CODE)) is same
+    assert (meaning.definitions(CODE.replace(old, new)) == meaning.definitions(CODE)) is same
 
 
 def test_draws_are_stamped_only_if_they_come_out_again(monkeypatch, tmp_path):
     name = "uosat12/starts-dct"
     kept = stored.read("uosat12")
     monkeypatch.setattr(stored, "with_draws", lambda family: {name: find(name)})
-    monkeypatch.setattr(stored, "file_of", lambda family: tmp_path / "draws.json")
+    monkeypatch.setattr(paths, "DRAWS", tmp_path)
     kept["scenarios"] = {name: kept["scenarios"][name]}
     kept["scenarios"][name].pop("code_sha256", None)
     stored.write(kept)
@@ -262,14 +284,111 @@ def test_draws_are_stamped_only_if_they_come_out_again(monkeypatch, tmp_path):
     assert stored.stamp("uosat12", 1, 1) == [name]
 
 
+def test_what_is_imported_counts_for_a_block_but_not_from_which_folder():
+    text = "from ..maths.vector import cross as c\n\n\ndef f(x):\n    return c(x, x)\n"
+    of = meaning.definitions
+    assert (
+        of(text) == of(text.replace("..maths.", "..elsewhere.")) != of(text.replace("cross", "dot"))
+    )
+    assert of(text) != of(text.replace("vector", "other"))
+    assert of(text, imports=False) == of(text.replace("vector", "other"), imports=False)
+    assert of(text) == of(text + "\nif TYPE_CHECKING:\n    from x import y\n")
+
+
+def test_moved_joined_and_split_files_leave_code_as_it_is(monkeypatch, tmp_path):
+    """The place of a definition, and what is imported to reach it, are no part of the code's hash;
+    a file in a new folder of the engine is."""
+    scenario, before = find("uosat12/starts-dct"), stored.code(find("uosat12/starts-dct"))
+    engine, study = tmp_path / "engine", tmp_path / "study"
+    shutil.copytree(ROOT / "orchestrator" / "engine", engine)
+    shutil.copytree(ROOT / "orchestrator" / "study", study)
+    monkeypatch.setattr(stored, "__file__", str(study / "stored.py"))
+    assert stored.code(scenario) == before
+    (engine / "instances").mkdir()
+    (engine / "fmu_instance.py").rename(engine / "instances" / "of_fmu.py")
+    text = (engine / "member.py").read_text()
+    (engine / "member.py").write_text(text.replace("from .memory", "from ..engine.memory"))
+    joined = (engine / "windows.py").read_text() + (engine / "wide.py").read_text().replace(
+        "from __future__ import annotations", ""
+    )
+    (engine / "windows.py").write_text(joined)
+    (engine / "wide.py").unlink()
+    assert stored.code(scenario) == before
+    (engine / "instances" / "new.py").write_text("STEP = 2.0\n")
+    assert stored.code(scenario) != before
+
+
 def test_stored_draws_come_back(monkeypatch, tmp_path):
-    """A line a scenario; a number that a draw has not is None."""
-    monkeypatch.setattr(stored, "file_of", lambda family: tmp_path / f"{family}.json")
-    rows = [{"draw": 0, "numbers": {"a": 0.1}}, {"draw": 2, "numbers": {"b": 1e-300, "a": None}}]
-    kept = {"family": "f", "scenarios": {"f/x": {"draws": rows}, "f/y": {"draws": []}}}
-    assert len(stored.write(kept).read_text().splitlines()) == 4
-    rows[0]["numbers"]["b"] = None
-    assert stored.read("f") == kept
+    """All bits, and the same bytes again; a line of stamps a scenario; a number that a draw has not
+    is None; a family leaves the others as they are."""
+    monkeypatch.setattr(paths, "DRAWS", tmp_path)
+    rows = [{"draw": 0, "numbers": {"a": 0.1, "b": None}},
+            {"draw": 2, "numbers": {"a": None, "b": 1e-300}}]  # fmt: skip
+    units = {"a": "s", "b": "1"}
+    x = {"sha256": "1", "units": units, "summary": draws.spreads(rows, units), "draws": rows}
+    y = {"sha256": "2", "units": {"a": "s"}, "draws": [{"draw": 0, "numbers": {"a": -0.0}}]}
+    y["summary"] = draws.spreads(y["draws"], y["units"])
+    for family in ("f", "e"):
+        scenarios = {f"{family}/x": x, f"{family}/y": y}
+        kept = {"family": family, "seed": 1, "scenarios": scenarios}
+        file = stored.write(kept)
+        before = file.read_bytes()
+        assert stored.write(kept).read_bytes() == before
+    assert len(stored.stamps_file().read_text().splitlines()) == 2 + 2 * 4
+    back = stored.read("e")
+    assert back == kept
+    assert math.copysign(1.0, back["scenarios"]["e/y"]["draws"][0]["numbers"]["a"]) == -1.0
+    assert stored.read("f")["scenarios"]["f/x"] == x
+    file.write_bytes(stored.file_of("f").read_bytes())
+    with pytest.raises(DesatError, match=r"e/draws.parquet: not the file that .*draws.json is of"):
+        stored.read("e")
+
+
+def test_stored_draws_are_small_and_have_what_rows_are_made_of():
+    files = [*paths.DRAWS.rglob("draws.*")]
+    assert {p.name for p in files} == {"draws.json", "draws.parquet"}
+    assert sum(p.stat().st_size for p in files) < 2_000_000
+    for family in filter(stored.with_draws, families()):
+        kept = stored.read(family)["scenarios"]
+        lacking = {n: x - kept[n]["units"].keys() for n, x in stored.needed(family).items()
+                   if n in kept}  # fmt: skip
+        assert not any(lacking.values()), lacking
+
+
+def test_a_page_has_draws_made_anew_for_a_number_that_is_not_stored(monkeypatch, tmp_path):
+    name = "uosat12/starts-dct"
+    kept = stored.read("uosat12")
+    assert "null_rms" not in kept["scenarios"][name]["units"]
+    monkeypatch.setattr(stored, "with_draws", lambda family: {name: find(name)})
+    monkeypatch.setattr(paths, "DRAWS", tmp_path)
+    kept["scenarios"] = {name: kept["scenarios"][name]}
+    stored.write(kept)
+    asked = []
+
+    def made(target, count, *rest, first=0):
+        asked.append((target, count, first))
+        had = [r["numbers"] for r in kept["scenarios"][name]["draws"]]
+        rows = [
+            {
+                "draw": i,
+                "status": "completed",
+                "numbers": {**had[i], "null_rms": float(i), "x": 1.0},
+            }
+            for i in range(first, count)
+        ]
+        units = {**kept["scenarios"][name]["units"], "null_rms": "N.m.s", "x": "1"}
+        return {"draws": rows, "summary": draws.spreads(rows, units)}
+
+    monkeypatch.setattr(stored, "draws", made)
+    with pytest.raises(DesatError, match="null_rms of its draws is not stored; without --draft"):
+        Verbs(Sources("uosat12", [], 1, 60.0)).drawn("starts-dct", "null_rms")
+    verbs = Verbs(Sources("uosat12", [], 1, None))
+    with pytest.raises(DesatError, match="draws have no number nul_rms; did you mean null_rms"):
+        verbs.drawn("starts-dct", "nul_rms")
+    assert verbs.drawn("starts-dct", "null_rms") == [float(i) for i in range(200)]
+    assert asked == [(name, 200, 0)]
+    assert "x" not in stored.read("uosat12")["scenarios"][name]["units"]
+    assert {"null_rms", "firing_time"} <= stored.read("uosat12")["scenarios"][name]["units"].keys()
 
 
 def test_more_draws_are_flown_after_those_that_are_kept(monkeypatch, tmp_path):
@@ -279,7 +398,7 @@ def test_more_draws_are_flown_after_those_that_are_kept(monkeypatch, tmp_path):
     whole = kept["scenarios"][name]
     whole["sha256"], whole["code_sha256"] = stored.digest(scenario), stored.code(scenario)
     monkeypatch.setattr(stored, "with_draws", lambda family: {name: scenario})
-    monkeypatch.setattr(stored, "file_of", lambda family: tmp_path / "draws.json")
+    monkeypatch.setattr(paths, "DRAWS", tmp_path)
     shown = whole["draws"][0]["numbers"]["firing_time"]
     first = whole["draws"][:-1]
     first[0] = {"draw": 0, "numbers": dict.fromkeys(first[0]["numbers"], 1.0)}

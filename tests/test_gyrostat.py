@@ -11,13 +11,13 @@ import numpy as np
 import pytest
 from conftest import ROOT
 
-from desat.analyses import convergence
-from desat.analyses.reference import Gyrostat
-from desat.files.pack import pack_scenario
 from desat.files.scenario import find
 from desat.files.ssp import read
-from desat.study.case import Options, execute, prepare
-from desat.study.derived import pointing
+from desat.files.ssp_write import pack_scenario
+from desat.numbers.derived import pointing
+from desat.runs.run import Options, execute, prepare
+from desat.studies import convergence
+from desat.studies.reference import Gyrostat
 from desat.system.errors import DesatError
 
 AUTHORITIES = ROOT / "tests" / "authorities"

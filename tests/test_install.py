@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 from conftest import ROOT
 
-from desat.files import places
+from desat.files import paths
 from desat.files.scenario import scenarios
 from desat.fmus import registry
 
@@ -98,7 +98,7 @@ def test_from_an_empty_folder(home, installed, tmp_path):
     built = {p.name: p.read_bytes() for p in (cache / "fmus").glob("*.fmu")}
     assert (cache / "fmus" / "index.json").is_file()
     assert set(built) == {f"{n}.fmu" for n in registry.names()}
-    assert built == {n: (places.fmus() / n).read_bytes() for n in built}  # the checkout's bytes
+    assert built == {n: (paths.fmus() / n).read_bytes() for n in built}  # the checkout's bytes
 
 
 def test_from_python(installed):

@@ -14,18 +14,21 @@ from hypothesis import given
 from hypothesis import strategies as st
 from test_blocks import begin, fresh
 
+from desat.campaign import draws
 from desat.components.laws import integrated
 from desat.components.laws.margins import pid_margins
 from desat.components.maths.vector import cross, dot, norm, sub
 from desat.components.physics.wheel_array import body_momentum, pseudo_inverse, to_wheels
-from desat.files import places
+from desat.figures import plots
+from desat.figures.style import BINS, axis_label, between
+from desat.files import paths
 from desat.files.scenario import find
-from desat.files.vocabulary import bounds
-from desat.study import cells, derived, draws, measures, measures_pointing, plots, stored, tables
-from desat.study.case import Options, execute
-from desat.study.drawing import BINS, axis_label, between
-from desat.study.meaning import numbers_of_rows
-from desat.study.tables import rows
+from desat.language.kinds import bounds
+from desat.numbers import derived, measures, measures_pointing
+from desat.papers import comparison, stored, tables
+from desat.papers.tables import rows
+from desat.runs.run import Options, execute
+from desat.runs.validation import numbers_of_rows
 from desat.system.errors import DesatError
 
 S = 1.0 / math.sqrt(3.0)
@@ -282,7 +285,8 @@ def test_settling_is_for_good():
     h = np.array([[5.0], [1.0], [4.0], [1.0], [-1.0], [0.5]])
     assert measures.until_below(times, h, limit=2.0) == 3.0
     assert measures.until_below(times, h, limit=9.0) == 0.0
-    assert measures.until_below(times, h, limit=0.1) == 5.0
+    assert measures.until_below(times, h, limit=1.0) == 5.0, "with its last row"
+    assert math.isnan(measures.until_below(times, h, limit=0.1))
     assert measures.first_reached(times, h, limit=4.0) == 0.0
     assert measures.first_reached(times, np.hstack([h[::-1], h[::-1]]), limit=4.0, count=2) == 3.0
     assert measures.sign_changes(times, h) == 2.0
@@ -414,9 +418,12 @@ def test_the_stored_draws_say_where_they_are_from(drawn):
     for found in drawn["scenarios"].values():
         assert len(found["draws"]) >= 20
         for name, s in found["summary"].items():
-            values = [d["numbers"][name] for d in found["draws"]]
-            assert (s["min"], s["max"], s["n"]) == (min(values), max(values), len(values))
-            assert s["median"] == np.median(values)
+            given = [d["numbers"][name] for d in found["draws"]]
+            values = [math.inf if x is None else x for x in given]  # a time not reached: later
+            assert s["n"] == len(values) - given.count(None)
+            assert s["min"] == min(values)
+            for key, value in (("max", max(values)), ("median", np.median(values))):
+                assert (math.inf if s[key] is None else s[key]) == value
 
 
 AGAINST = {
@@ -454,7 +461,9 @@ def test_bands_of_the_draws_are_met_but_for_those_that_are_known(current):
     for name, found in current["scenarios"].items():
         scenario, values = find(name), medians[name]
         keys = numbers_of_rows(scenario.data)
-        made = [r for r in cells.rows_of(scenario, values, medians, found) if r.ours is not None]
+        made = [
+            r for r in comparison.rows_of(scenario, values, medians, found) if r.ours is not None
+        ]
         for key, row in zip(keys, made, strict=True):
             banded += row.within is not None
             if row.within is False:
@@ -472,15 +481,19 @@ def test_bands_of_the_draws_are_met_but_for_those_that_are_known(current):
 
 def test_intervals_of_shares():
     """Clopper & Pearson: 8 of 20 is 19 to 64 %; none of 20 is up to 1 - 0.025^(1/20)."""
-    assert cells.clopper_pearson(8, 20) == pytest.approx([19.12, 63.95], abs=0.01)
-    assert cells.clopper_pearson(0, 20) == pytest.approx([0.0, 100 * (1 - 0.025**0.05)])
-    assert cells.clopper_pearson(20, 20) == pytest.approx([100 * 0.025**0.05, 100.0])
-    low, high = cells.clopper_pearson(30, 100)
+    assert comparison.clopper_pearson(8, 20) == pytest.approx([19.12, 63.95], abs=0.01)
+    assert comparison.clopper_pearson(0, 20) == pytest.approx([0.0, 100 * (1 - 0.025**0.05)])
+    assert comparison.clopper_pearson(20, 20) == pytest.approx([100 * 0.025**0.05, 100.0])
+    low, high = comparison.clopper_pearson(30, 100)
     assert low < 30.0 < high
     draws = [{"numbers": {"x": value}} for value in (1.0, 2.0, 3.0, None)]
-    assert cells.share_of(draws, "x", least=2.0)["count"] == 2
-    assert cells.share_of(draws, "x", most=1.0)["count"] == 1
-    assert cells.share_of(draws, "x")["n"] == 4
+    values = comparison.values_of(draws, "x", {})
+    assert comparison.share_of(values, least=2.0)["count"] == 2
+    assert comparison.share_of(values, most=1.0)["count"] == 1
+    assert comparison.share_of(values)["n"] == 4
+    late = comparison.values_of(draws, "x", {"numbers": {"x": {"measure": "until_below"}}})
+    assert comparison.share_of(late, least=2.0)["count"] == 3, "one that is not reached is later"
+    assert comparison.share_of(late, most=9e9)["count"] == 3
 
 
 def test_a_row_of_a_share_says_its_interval_and_is_held_against_its_band():
@@ -490,7 +503,7 @@ def test_a_row_of_a_share_says_its_interval_and_is_held_against_its_band():
             for i in range(20)]  # fmt: skip
     summary = {n: {"n": 20, "min": 1.0, "max": 1.0, "median": 1.0} for n in names}
     values = dict.fromkeys(names, 1.0)
-    found = {r.quantity: r for r in cells.rows_of(
+    found = {r.quantity: r for r in comparison.rows_of(
         scenario, values, {}, {"summary": summary, "draws": made})}  # fmt: skip
     row = found["draws_with_a_saturated_wheel"]
     assert (row.ours, row.within, row.out_of_sample) == (15.0, False, True)
@@ -501,7 +514,7 @@ def test_a_row_of_a_share_says_its_interval_and_is_held_against_its_band():
     assert not found["mean_wheel_at_3_h"].out_of_sample, "it had a part in a choice"
     assert "limit = 5.0" in found["settling_time"].definition
     assert "from 0 s to 3600 s" in found["settling_time"].definition
-    counted = cells.counted(list(found.values()))
+    counted = comparison.counted(list(found.values()))
     assert (counted["tuned"], counted["in_sample"]) == (1, 1)
     assert counted["banded"] == 6
 
@@ -509,13 +522,13 @@ def test_a_row_of_a_share_says_its_interval_and_is_held_against_its_band():
 def test_a_share_needs_draws():
     scenario = find("integrated/mil-fast")
     with pytest.raises(DesatError, match=r"never_dumped: a share of draws, and .* has none"):
-        cells.rows_of(scenario, dict.fromkeys(scenario.data["numbers"], 1.0), {}, None)
+        comparison.rows_of(scenario, dict.fromkeys(scenario.data["numbers"], 1.0), {}, None)
 
 
 def test_flags_are_yes_and_no():
     scenario = find("integrated/mil-nadir")
     entry = scenario.data["paper"]["saturated"]
-    row = cells._row(scenario, entry, "saturated", 0.0, {}, {"n": 20, "min": 0.0, "max": 0.0,
+    row = comparison._row(scenario, entry, "saturated", 0.0, {}, {"n": 20, "min": 0.0, "max": 0.0,
                                                               "band": [0.0, 0.0]})  # fmt: skip
     told = tables.shown(row)
     assert (told["paper"], told["ours"], told["band"]) == ("no", "no", "no")
@@ -526,8 +539,8 @@ def test_a_band_may_be_open_at_one_end():
     scenario = find("integrated/mil-jitter-as-they-are")
     [name] = [n for n, row in scenario.data["paper"].items() if row.get("tolerance") == [1.1, inf]]
     entry = scenario.data["paper"][name]
-    draws = {"n": 2, "min": 1.05, "max": 9e9, "band": [1.0, inf]}
-    row = cells._row(scenario, entry, "x", 9e9, {}, draws)
+    draws = {"n": 2, "not_reached": 0, "min": 1.05, "max": 9e9, "band": [1.0, inf]}
+    row = comparison._row(scenario, entry, "x", 9e9, {}, draws)
     assert row.within
     told = tables.shown(row)
     assert told["band"] == "at least 1.100"
@@ -614,8 +627,8 @@ def test_a_second_panel_shows_the_steady_state_and_an_envelope_the_extremes():
 
 def test_a_stored_draw_comes_out_again(current):
     """The first draw of the shortest scenario, bit for bit."""
-    from desat.study.case import load
-    from desat.study.sampling import drawn as values_of
+    from desat.campaign.sampling import drawn as values_of
+    from desat.runs.run import load
 
     name = "integrated/velocity-dumping"
     values = values_of(load(name, blocks=True), current["seed"], 0)
@@ -628,7 +641,7 @@ def test_tables_pack_nothing_and_record_only_what_numbers_need(monkeypatch, tmp_
     """A paper's 78 runs took 42 s, most of it for packing, extracting and recording all series."""
     name, run = "uosat12/table3-ocdc-ilqr-1", []
     monkeypatch.setattr(tables, "scenarios", lambda family: {name: find(name)})
-    monkeypatch.setattr(places, "packed", lambda: tmp_path)
+    monkeypatch.setattr(paths, "packed", lambda: tmp_path)
     simulate = draws.simulate
     monkeypatch.setattr(draws, "simulate", lambda case: run.append(case) or simulate(case))
     found = {row.quantity: row.ours for row in rows("uosat12", Options(), jobs=1)}
@@ -645,7 +658,7 @@ def test_rows_of_draws_have_the_median_and_the_file_is_named(drawn, monkeypatch)
     monkeypatch.setattr(tables, "scenarios", lambda family: chosen)
     data = tables.as_json("integrated", rows("integrated", Options(), drawn=drawn),
                           stored.provenance(drawn, fresh=False))  # fmt: skip
-    assert data["run"]["file"] == "docs/papers/integrated/draws.json"
+    assert data["run"]["file"] == "docs/papers/integrated/draws.parquet"
     assert {"date", "seed", "versions"} <= set(data["run"])
     row = next(r for r in data["rows"] if r["quantity"] == "pointing")
     summary = drawn["scenarios"]["integrated/mil-nadir"]["summary"]["pointing"]

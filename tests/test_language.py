@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import shutil
 import tomllib
 from pathlib import Path
@@ -13,14 +14,16 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from desat import cli
-from desat.files import language, language_paper, places, scenario
+from desat.campaign.sampling import drawn
+from desat.files import paths, scenario
 from desat.files.scenario import find, load, own
-from desat.study import explain, listing, meaning
-from desat.study.case import Options, execute
-from desat.study.derived import euler
-from desat.study.measures import first_below, time_of
-from desat.study.numbers import evaluate
-from desat.study.sampling import drawn
+from desat.language import paper
+from desat.language import scenario as language
+from desat.numbers.derived import euler
+from desat.numbers.measures import first_below, time_of
+from desat.numbers.numbers import evaluate
+from desat.runs import catalogue, explain, validation
+from desat.runs.run import Options, execute
 from desat.system.codes import Exit
 from desat.system.errors import DesatError
 
@@ -62,7 +65,7 @@ def family(tmp_path, monkeypatch):
     folder.mkdir(parents=True)
     shutil.copy(ROOT / "ssp/uosat12/SystemStructure.ssd", folder.parent)
     monkeypatch.setattr(scenario, "ROOT", tmp_path / "ssp")
-    monkeypatch.setattr(places, "SCENARIOS", tmp_path / "ssp")
+    monkeypatch.setattr(paths, "SCENARIOS", tmp_path / "ssp")
     monkeypatch.setenv("DESAT_CACHE", str(tmp_path / "cache"))
 
     def write(**files: str | bytes) -> None:
@@ -87,7 +90,7 @@ def checked(name: str = "f/t-a") -> str:
     try:
         found = scenario.find(name)
         draft = found.draft(blocks=True)
-        draft.problems += meaning.words(found) or meaning.names(found, draft)
+        draft.problems += validation.words(found) or validation.names(found, draft)
     except DesatError as error:
         return str(error)
     return "\n".join(draft.problems)
@@ -183,7 +186,7 @@ def test_a_broken_scenario_is_one_line_on_run_check_and_list(family, command, tm
     assert line.startswith("ssp/f/scenarios/t.toml: ")
     assert message in line
     assert "internal" not in line
-    assert listing.family("f").scenarios == {"f/sound-a": "T"}
+    assert catalogue.family("f").scenarios == {"f/sound-a": "T"}
     folder = tmp_path / "run"
     assert command("run", "f/t-a", "--blocks", "--out", str(folder)) == (Exit.INPUT, [line])
     assert not folder.exists()
@@ -199,9 +202,9 @@ def test_list_reads_again_what_has_changed(family, command, monkeypatch):
     for arguments in (["list"], ["list", "--all"]):
         assert command(*arguments) == (0, [])
         with monkeypatch.context() as patch:
-            patch.setattr(listing, "_read", None)  # would fail if it were called
+            patch.setattr(catalogue, "_read", None)  # would fail if it were called
             assert command("list") == command(*arguments) == (0, [])
-    listing._file("f").write_text("{")
+    catalogue._file("f").write_text("{")
     assert command("list") == (0, [])
     family(t=BASE.replace("step =", "stepp ="))
     assert command("list")[1] == ["ssp/f/scenarios/t.toml: stepp: unknown key; did you mean step?"]
@@ -325,10 +328,10 @@ def test_first_below_and_time_of():
     v = np.array([[2, 0], [0, 0], [2, 0], [0, -0.5], [0, 0], [0, 0]], float)
     assert first_below(t, v, 1.0) == 1.0
     assert first_below(t, v, 1.0, held=2.0) == 3.0
-    assert first_below(t, v, 1.0, held=3.0) == 5.0, "never: the end of the run"
+    assert math.isnan(first_below(t, v, 1.0, held=3.0)), "not the end of the run"
     mode = np.array([0, 0, 5, 1, 5, 5.0])[:, None]
     assert time_of(t, mode, 5) == 2.0
-    assert time_of(t, mode, 7) == 5.0
+    assert math.isnan(time_of(t, mode, 7))
 
 
 @pytest.mark.parametrize("sequence", ["321", "213", "123"])
@@ -371,7 +374,7 @@ def test_all_of_ours_are_sound():
     for name in [
         n for n in good if n.endswith(("-1", "dumping", "nadir", "cross-product", "full"))
     ]:
-        problems += meaning.names(good[name], good[name].draft(blocks=True))
+        problems += validation.names(good[name], good[name].draft(blocks=True))
     assert problems == []
 
 
@@ -387,7 +390,7 @@ def test_commands(desat):
 def test_every_table_of_the_language_is_told():
     """In `desat keys` and on the page, by the name that other keys' types have."""
     told = set(explain._tables().values())
-    for module in (language, language_paper):
+    for module in (language, paper):
         for table in vars(module).values():
             if isinstance(table, type) and table.__module__ == module.__name__:
                 whole = table in told or any(issubclass(t, table) for t in told)

@@ -16,19 +16,20 @@ import numpy as np
 import pytest
 from test_rates import scenario
 
-from desat.engine import compiled, packed
-from desat.engine import recorder as recorder_module
+from desat.engine import compiled
 from desat.engine.ending import NEVER, Ending
-from desat.engine.instances import ComponentError
+from desat.engine.instances.base import ComponentError
 from desat.engine.loop import PythonSteps, run, stepping
 from desat.engine.master import Master
 from desat.engine.program import CODES, Program
-from desat.engine.recorder import Recorder
-from desat.engine.unwritten import Layout, Unwritten
+from desat.engine.recording import recorder as recorder_module
+from desat.engine.recording import series_file
+from desat.engine.recording.recorder import Recorder
+from desat.engine.recording.row_buffer import Layout, Unwritten
 from desat.files import library
 from desat.fmus.compiler import NoCompilerError, compiler
-from desat.study import stepped
-from desat.study.case import Options, execute, prepare, simulate
+from desat.runs import step_case
+from desat.runs.run import Options, execute, prepare, simulate
 from desat.system.check import check
 from desat.system.draft import Draft, DraftComponent
 from desat.system.model import Connection
@@ -339,7 +340,9 @@ def test_a_disk_without_room_for_packed_series(probe, monkeypatch, tmp_path):
     """They stay as they were written, and whole."""
     monkeypatch.setattr(recorder_module, "ROWS", 64)
     rooms = iter([1 << 30, 0])
-    monkeypatch.setattr(packed.shutil, "disk_usage", lambda at: SimpleNamespace(free=next(rooms)))
+    monkeypatch.setattr(
+        series_file.shutil, "disk_usage", lambda at: SimpleNamespace(free=next(rooms))
+    )
     with Master(*system(probe)) as m:
         m.initialise()
         recorder = Recorder(tmp_path / "series.h5", m)
@@ -427,7 +430,7 @@ def test_the_time_of_a_step_is_that_of_stepping(monkeypatch):
     """Not of opening files and laying out rows before, nor of closing them: 60 steps of 0.8 us were
     said to take 783 us each."""
 
-    class Slow(stepped.Recorder):
+    class Slow(step_case.Recorder):
         def __init__(self, *given):
             time.sleep(0.5)
             super().__init__(*given)
@@ -436,7 +439,7 @@ def test_the_time_of_a_step_is_that_of_stepping(monkeypatch):
             time.sleep(0.5)
             return super().finish(master)
 
-    monkeypatch.setattr(stepped, "Recorder", Slow)
+    monkeypatch.setattr(step_case, "Recorder", Slow)
     told = execute("uosat12/table3-ocdc-ilqr-1", Options()).manifest
     assert told["wall_seconds"] >= 1.0
     assert 0.0 < 1e-6 * told["us_per_step"] * told["steps_done"] < 0.3

@@ -18,10 +18,10 @@ from desat import cli
 from desat.components.laws import magnetic, riccati
 from desat.components.laws import magnetic_offline as offline
 from desat.designs import making as design_module
-from desat.files.pack import pack_scenario
 from desat.files.scenario import find, scenarios
+from desat.files.ssp_write import pack_scenario
 from desat.fmus.registry import block_class
-from desat.study.case import Options, execute
+from desat.runs.run import Options, execute
 from desat.system.errors import DesatError
 
 RATE, HORIZON = 1.0715e-3, 3000.0

@@ -15,12 +15,12 @@ from benchmarks import same_bits
 from desat.components.contract.units import unit_of
 from desat.engine import master as master_module
 from desat.engine.ending import Ending
-from desat.engine.instances import ComponentError
+from desat.engine.instances.base import ComponentError
 from desat.engine.loop import run, stepping
 from desat.engine.master import Master
-from desat.engine.recorder import Recorder
+from desat.engine.recording.recorder import Recorder
 from desat.files.scenario import find, scenarios
-from desat.study.case import Options, execute, load
+from desat.runs.run import Options, execute, load
 from desat.system.check import check
 from desat.system.draft import Draft, DraftComponent
 from desat.system.errors import DesatError
@@ -336,7 +336,7 @@ def test_same_bits_again_and_from_the_packed_file():
     name = "uosat12/table3-ocdc-mec-2"
     first = execute(name, Options())
     assert bits(first) == bits(execute(name, Options()))
-    from desat.files.pack import pack_scenario
+    from desat.files.ssp_write import pack_scenario
 
     packed = execute(str(pack_scenario(find(name))), Options())
     assert bits(first) == bits(packed)

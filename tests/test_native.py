@@ -29,12 +29,12 @@ from lxml import etree
 from test_blocks import randomise_inputs
 
 from desat.components.contract.block import Block
-from desat.files import library, places
+from desat.files import library, paths
 from desat.fmus import build, native, registry, subset
 from desat.fmus.compiler import NoCompilerError, compiler
 from desat.fmus.translate import program
 from desat.fmus.translate.types import SubsetError
-from desat.study.case import Options, execute
+from desat.runs.run import Options, execute
 
 NATIVE = tuple(n for n in registry.names() if n not in native.PINNED)
 HERE = Path(__file__).parent
@@ -218,14 +218,14 @@ def test_a_saved_state_goes_on_in_another_library(name, tmp_path):
 
 
 def test_every_block_is_native_but_the_pinned_ones():
-    index = json.loads((places.fmus() / build.INDEX).read_text(encoding="utf-8"))
+    index = json.loads((paths.fmus() / build.INDEX).read_text(encoding="utf-8"))
     made = {(e["kind"], e["name"]): e for e in index}
     assert {n for kind, n in made if kind == "python"} == set(registry.names())
     assert {n for kind, n in made if kind == "native"} == set(NATIVE), [
         e["why"] for e in index if "why" in e
     ]
     for (kind, name), e in made.items():
-        data = (places.fmus() / e["file"]).read_bytes()
+        data = (paths.fmus() / e["file"]).read_bytes()
         assert e["bytes"] == len(data)
         assert e["sha256"] == hashlib.sha256(data).hexdigest()
         assert native.platform() in e["platforms"]

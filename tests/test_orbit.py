@@ -21,7 +21,7 @@ from desat.components.contract.block import Block, BlockError, Vec3
 from desat.components.maths.attitude import from_matrix, propagated, rotate, rotate_back
 from desat.components.maths.vector import cross, norm
 from desat.components.physics import averaging, earth, orbit
-from desat.study.case import Options, execute, prepare
+from desat.runs.run import Options, execute, prepare
 from desat.system.errors import DesatError
 
 DAY = 86400.0

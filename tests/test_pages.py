@@ -7,11 +7,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from desat.figures import mode_bands
+from desat.figures.plots import lines_of, series_plot
 from desat.files.scenario import families, find
-from desat.study import page, strips
-from desat.study.case import Options, execute
-from desat.study.plots import lines_of, series_plot
-from desat.study.series import Series
+from desat.numbers.series import Series
+from desat.papers import pages
+from desat.runs.run import Options, execute
 from desat.system.errors import DesatError
 
 # --- strips -----------------------------------------------------------------------------------
@@ -20,7 +21,7 @@ from desat.system.errors import DesatError
 @given(st.lists(st.integers(0, 3), min_size=1, max_size=300))
 def test_bands_cover_the_run(values):
     times = np.arange(len(values) + 1.0)
-    spans = strips.bands(times, np.array(values), columns=10**6)
+    spans = mode_bands.bands(times, np.array(values), columns=10**6)
     held = {value: sum(end - begin for begin, end in found) for value, found in spans}
     assert held == {v: pytest.approx(values.count(v)) for v in set(values)}
     for value, found in spans:
@@ -32,11 +33,11 @@ def test_a_short_mode_is_seen_and_a_chatter_is_few_spans():
     times = np.arange(100_001.0)
     values = np.arange(100_000) % 2
     values[50_000] = 4
-    spans = dict(strips.bands(times, values))
+    spans = dict(mode_bands.bands(times, values))
     ((begin, end),) = spans[4]
     assert begin == 50_000.0
-    assert end - begin == pytest.approx(100_000 / strips.COLUMNS)
-    assert all(len(found) <= strips.COLUMNS for found in spans.values())
+    assert end - begin == pytest.approx(100_000 / mode_bands.COLUMNS)
+    assert all(len(found) <= mode_bands.COLUMNS for found in spans.values())
     assert list(spans)[-1] == 4  # on top of those that hold longer
 
 
@@ -88,20 +89,20 @@ def test_a_template_reaches_nothing_but_its_verbs(tmp_path, monkeypatch, text, t
     (folder / "scenarios").mkdir(parents=True)
     (folder / "page.md").write_text(f"# A page\n\n{text}\n")
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(page, "templates", lambda family: {"README.md": folder / "page.md"})
+    monkeypatch.setattr(pages, "templates", lambda family: {"README.md": folder / "page.md"})
     with pytest.raises(DesatError, match=r"page\.md:3: ") as caught:
-        page.write("nadir_day", tmp_path / "out", draft=60.0)
+        pages.write("nadir_day", tmp_path / "out", draft=60.0)
     assert told in str(caught.value)
     assert not (tmp_path / "x").exists()
 
 
 def test_every_template_becomes_a_file_of_its_own():
-    assert page.families() == (
+    assert pages.families() == (
         "alsat1", "gyrostat", "hausat2", "integrated", "nadir_day", "space_telescope",
         "uosat12",
     )  # fmt: skip
-    assert set(page.templates("uosat12")) == {"README.md", "flight.md"}
-    assert all(page.templates(f) == {} for f in set(families()) - set(page.families()))
+    assert set(pages.templates("uosat12")) == {"README.md", "flight.md"}
+    assert all(pages.templates(f) == {} for f in set(families()) - set(pages.families()))
 
 
 @pytest.fixture
@@ -111,8 +112,8 @@ def written(monkeypatch, tmp_path):
     def write(text: str) -> str:
         file = tmp_path / "page.md"
         file.write_text(text, encoding="utf-8")
-        monkeypatch.setattr(page, "templates", lambda family: {"README.md": file})
-        (made,) = page.write("plant", tmp_path / "out", draft=20.0)
+        monkeypatch.setattr(pages, "templates", lambda family: {"README.md": file})
+        (made,) = pages.write("plant", tmp_path / "out", draft=20.0)
         return made.read_text(encoding="utf-8")
 
     return write

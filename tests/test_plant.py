@@ -15,7 +15,7 @@ from desat.components.maths.attitude import rotate, rotate_back
 from desat.components.physics import torques
 from desat.components.physics.gyrostat import carrier_inertia, inverse_inertia
 from desat.components.physics.orbit import MU
-from desat.study.case import Options, execute
+from desat.runs.run import Options, execute
 
 TRUTH = np.loadtxt(
     ROOT / "tests" / "authorities" / "plant_reference_highprec.csv", delimiter=",", skiprows=1

@@ -11,9 +11,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from desat.engine.windows import Part, Places, Whole
-from desat.files.pack import pack
-from desat.study.case import Options, execute, prepare
+from desat.engine.averaging import Part, Places, Whole
+from desat.files.ssp_write import pack
+from desat.runs.run import Options, execute, prepare
 from desat.system.codes import Exit
 from desat.system.errors import DesatError
 from desat.system.rates import Link, graded, late

@@ -23,21 +23,21 @@ from pyarrow import parquet
 from scipy.io import loadmat
 
 import desat as desat_package
-from desat.engine import packed, wide
-from desat.engine import recorder as recorder_module
-from desat.engine import results as results_module
-from desat.engine.recorder import Recorder
-from desat.engine.results import Results
-from desat.files import library, places
+from desat.engine.recording import recorder as recorder_module
+from desat.engine.recording import results as results_module
+from desat.engine.recording import series_file, shared_tables
+from desat.engine.recording.recorder import Recorder
+from desat.engine.recording.results import Results
+from desat.figures.style import pretty_unit
+from desat.files import library, paths
 from desat.fmus import registry
-from desat.study import derived
-from desat.study.case import Options, execute
-from desat.study.drawing import pretty_unit
-from desat.study.export import export, no_formula
-from desat.study.manifest import read_manifest
-from desat.study.measures import MEASURES
-from desat.study.numbers import evaluate, relative, scale
-from desat.study.relation import related
+from desat.numbers import derived
+from desat.numbers.compare import related
+from desat.numbers.measures import MEASURES
+from desat.numbers.numbers import evaluate, relative, scale
+from desat.report.export import export, no_formula
+from desat.runs.manifest import read_manifest
+from desat.runs.run import Options, execute
 from desat.system.errors import DesatError
 from desat.system.interface import of_block
 
@@ -146,8 +146,8 @@ def test_memory_does_not_grow_with_the_steps(tmp_path, monkeypatch):
 def test_many_variables_share_tables(tmp_path, monkeypatch):
     """The same names, values and attributes as with a data set each."""
     found = []
-    for many in (wide.MANY, 3):
-        monkeypatch.setattr(wide, "MANY", many)
+    for many in (shared_tables.MANY, 3):
+        monkeypatch.setattr(shared_tables, "MANY", many)
         with execute("integrated/mil-nadir", Options(stop=20.0), tmp_path / str(many)).results as r:
             found.append([
                 (n, r.values(n).tobytes(), r.values(n).shape, r.count(n), r.times(n).tolist(),
@@ -155,7 +155,7 @@ def test_many_variables_share_tables(tmp_path, monkeypatch):
                 for n in r.names()
             ])  # fmt: skip
         with h5py.File(tmp_path / str(many) / "series.h5") as file:
-            assert (wide.INDEX in file) == (many == 3)
+            assert (shared_tables.INDEX in file) == (many == 3)
     assert len(found[0]) > 20
     assert found[0] == found[1]
 
@@ -319,7 +319,7 @@ def test_modes_have_names_of_their_block(tmp_path):
         "manager_cross_product": ("idle", "dumping"),
     }
     for name, choices in own.items():
-        fmu = library.load(places.fmus() / f"{name}.fmu").interface.signals["mode"]
+        fmu = library.load(paths.fmus() / f"{name}.fmu").interface.signals["mode"]
         block = of_block(name, registry.block_class(name)).signals["mode"]
         assert fmu.choices == block.choices == choices
     run = execute("integrated/velocity-to-pointing", Options(stop=20.0), tmp_path)
@@ -395,12 +395,12 @@ def test_nothing_is_packed_by_a_thread_that_steps(tmp_path, monkeypatch):
     monkeypatch.setattr(recorder_module, "ROWS", 16)
     execute(NAME, Options(checkpoint=200.0), tmp_path / "a").results.close()
     assert len(threads) > 100
-    monkeypatch.setattr(packed.Packing, "finish", lambda packing, last: packing.drop())
+    monkeypatch.setattr(series_file.Packing, "finish", lambda packing, last: packing.drop())
     execute(NAME, Options(), tmp_path / "b").results.close()
     monkeypatch.undo()
     monkeypatch.setattr(isal_zlib, "compress", seen)
     before = len(threads)
-    packed.pack(tmp_path / "b" / "series.h5")
+    series_file.pack(tmp_path / "b" / "series.h5")
     assert len(threads) > before
     assert threading.main_thread() not in threads
 

@@ -13,7 +13,7 @@ from test_blocks import begin, fresh
 
 from desat.components.bases import sensing
 from desat.components.maths import attitude, noise
-from desat.study.case import Options, prepare
+from desat.runs.run import Options, prepare
 from desat.system.parameters import value_of
 
 Q = attitude.normalised((0.3, -0.5, 0.2, 0.8))

@@ -12,7 +12,9 @@ from hypothesis import strategies as st
 from scipy.optimize import minimize
 from test_blocks import begin, fresh
 
-from desat.analyses import coil_bound, desaturation, onboard
+from desat.analyses import coil_bound
+from desat.analyses.papers import desaturation, onboard
+from desat.campaign import pairs
 from desat.components.contract.block import BlockError
 from desat.components.laws import momentum_learning as learning
 from desat.components.laws import momentum_management as laws
@@ -21,8 +23,9 @@ from desat.components.maths.vector import IDENTITY, cross, dot, norm
 from desat.components.physics.wheel_array import pseudo_inverse, to_wheels
 from desat.designs import making, momentum_tables
 from desat.files.scenario import find, scenarios
-from desat.study import measures, paired, relation, stored, tables
-from desat.study.case import Options, execute, prepare
+from desat.numbers import compare, measures
+from desat.papers import stored, tables
+from desat.runs.run import Options, execute, prepare
 from desat.system.errors import DesatError
 
 S, C = math.sin(math.radians(35.264389682754654)), math.cos(math.radians(35.264389682754654))
@@ -634,10 +637,10 @@ def test_a_paired_ratio_is_of_the_same_draw():
     def drawn(*values):
         return {"draws": [{"draw": i, "numbers": {"e": x}} for i, x in enumerate(values)]}
 
-    found = paired.ratios(drawn(2.0, 9.0, None, 8.0), drawn(1.0, 3.0, 5.0, 0.0), "e")
+    found = pairs.ratios(drawn(2.0, 9.0, None, 8.0), drawn(1.0, 3.0, 5.0, 0.0), "e")
     assert found.pop("each") == [{"draw": 0, "ratio": 2.0}, {"draw": 1, "ratio": 3.0}]
     assert found == {"unit": "1", "median": 2.5, "min": 2.0, "max": 3.0, "n": 2}
-    assert relation.related("paired_ratio", 6.0, 4.0) == 1.5
+    assert compare.related("paired_ratio", 6.0, 4.0) == 1.5
 
 
 def test_claims_that_hold_are_within_their_bands(monkeypatch):

@@ -12,11 +12,11 @@ import pytest
 from conftest import ROOT, one_of_each_craft
 from lxml import etree
 
-from desat.files import archive, places, scenario, ssp
-from desat.files.pack import pack, pack_scenario
+from desat.files import archive, paths, scenario, ssp
 from desat.files.scenario import families, find, scenarios
+from desat.files.ssp_write import pack, pack_scenario
 from desat.files.xml import parse_bytes, validate
-from desat.study.case import Options, execute, load
+from desat.runs.run import Options, execute, load
 from desat.system.check import check
 from desat.system.errors import DesatError
 
@@ -63,7 +63,7 @@ def test_packing_is_reproducible(packed, tmp_path):
 
 
 def test_packed_file_stands_alone(packed, tmp_path, monkeypatch):
-    monkeypatch.setattr(places, "fmus", lambda: tmp_path)
+    monkeypatch.setattr(paths, "fmus", lambda: tmp_path)
     run = execute(str(packed), Options(stop=50.0))
     assert run.ok
     assert run.manifest["about"]["name"] == NAME
@@ -181,7 +181,7 @@ def test_scenario_files(tmp_path, monkeypatch, scenario_module):
         (ROOT / "ssp/uosat12/SystemStructure.ssd").read_text()
     )
     monkeypatch.setattr(scenario, "ROOT", tmp_path / "ssp")
-    monkeypatch.setattr(places, "SCENARIOS", tmp_path / "ssp")
+    monkeypatch.setattr(paths, "SCENARIOS", tmp_path / "ssp")
 
     def read(**files: str):
         for old in folder.glob("*.toml"):
@@ -238,7 +238,7 @@ def test_packing_all_leaves_what_is_current(monkeypatch, tmp_path):
     from desat.cli.commands.pack import pack as command
 
     monkeypatch.setattr(scenario, "scenarios", lambda family=None: {NAME: find(NAME)})
-    monkeypatch.setattr(places, "packed", lambda: tmp_path)
+    monkeypatch.setattr(paths, "packed", lambda: tmp_path)
     command(None)
     path = tmp_path / f"{NAME}.ssp"
     written = path.stat().st_mtime_ns

@@ -7,10 +7,10 @@ import re
 
 import pytest
 
-from desat.study.case import Options, execute
-from desat.study.draws import draws, one
-from desat.study.paired import common, differences, paired
-from desat.study.sweep import axes_of, sweep
+from desat.campaign.draws import draws, one
+from desat.campaign.pairs import common, differences, paired
+from desat.campaign.sweep import axes_of, sweep
+from desat.runs.run import Options, execute
 from desat.system.errors import DesatError
 
 NAME = "integrated/mil-nadir"
@@ -166,7 +166,7 @@ def test_commands(desat):
 
 
 def test_definitions_that_differ_in_their_twin_are_one():
-    from desat.study.tables import definitions
+    from desat.papers.tables import definitions
 
     texts = [*(f"Saved (ratio of t to that of a-{i})" for i in (1, 2)), "Time (last)"]
     assert definitions(texts) == ["Saved (ratio of t to that of a-1, a-2, row by row)", texts[2]]

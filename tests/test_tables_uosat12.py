@@ -191,9 +191,9 @@ def test_random_starts_are_stored_draws(rows):
 
 
 def test_a_stored_draw_is_what_the_fmus_give():
-    from desat.study import stored
-    from desat.study.case import Options
-    from desat.study.draws import draws
+    from desat.campaign.draws import draws
+    from desat.papers import stored
+    from desat.runs.run import Options
 
     name = "uosat12/starts-receding_horizon"
     kept = stored.read("uosat12")

@@ -121,6 +121,19 @@ def test_momentum_leaves_no_gap_when_it_saturates_within_a_step():
     assert slope[0] == pytest.approx(-0.03)
 
 
+@pytest.mark.parametrize("h_start", [-0.004, 0.004])
+@pytest.mark.parametrize("lag", [0.0, 0.3])
+def test_a_wheel_that_has_turned_round_saturates_as_any_other(h_start, lag):
+    """It kept the way that it turned at the start, and was put at rest at its limit, at once."""
+    block = wheels(torque_limit=0.02, speed_limit=100.0, h_start_wheel=(h_start, 0, 0, 0),
+                   motor_lag=lag, viscous=1e-6)  # fmt: skip
+    block.tau_cmd_wheel = (0.02, 0.0, 0.0, 0.0)
+    momenta = [h1[0] for _, _, _, h1 in run(block, 60, 1.0)]
+    assert np.abs(np.diff([h_start, *momenta])).max() <= 0.02, "no more than the motor gives"
+    assert momenta[-1] == pytest.approx(0.8)
+    assert block.saturated_wheel[0]
+
+
 def test_friction_brings_a_wheel_to_rest():
     block = wheels(viscous=2e-5, coulomb=5e-4, stiction=6e-4, h_start_wheel=(0.4, 0, 0, 0))
     run(block, 2000, 1.0)

@@ -12,10 +12,10 @@ from conftest import python
 
 from benchmarks import seen
 from desat.files.library import load_interfaces
-from desat.files.pack import pack, pack_scenario
 from desat.files.scenario import find, own
 from desat.files.ssp import read
-from desat.study.case import Options, execute
+from desat.files.ssp_write import pack, pack_scenario
+from desat.runs.run import Options, execute
 from desat.system.check import check
 
 STEPS = 60

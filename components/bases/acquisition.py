@@ -4,8 +4,9 @@ and why they change, the field's rate, what is not valid, the limits of the comm
 from __future__ import annotations
 
 from abc import abstractmethod
+from collections.abc import Iterator
 
-from ..contract.block import Mat34, Output, Parameter, Table, Vec3
+from ..contract.block import SPIN, TURN, Mat34, Output, Parameter, Table, Vec3
 from ..contract.roles import Manager, WheelAxes
 from ..laws import field_rate
 from ..laws.acquisition import PITCH_BIAS, within
@@ -51,26 +52,34 @@ class Acquisition(Manager, WheelAxes):
         "1", "columns: the wheels' axes, body; one along +y or -y, the others zero",
         start=(0.0, 0.0, 0.0, 0.0, -1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0), shared=True,
     )  # fmt: skip
-    m_limit: float = Parameter("A.m2", "largest dipole of each axis", start=2.0, min=0.0)
+    m_limit: float = Parameter("A.m2", "largest dipole of each axis", start=2.0, min=0.0,
+                               follows="torquers.m_limit")  # fmt: skip
     torque_limit: float = Parameter("N.m", "largest torque command to the wheel", start=5e-3,
-                                    min=0.0)  # fmt: skip
+                                    min=0.0, follows="wheels.torque_limit")  # fmt: skip
     h_limit: float = Parameter("N.m.s", "momentum beyond which the wheel is not driven",
-                               start=0.18, min=1e-9)  # fmt: skip
+                               start=0.18, min=1e-9,
+                               follows="wheels.inertia_wheel * wheels.speed_limit")  # fmt: skip
     h_nominal: float = Parameter("N.m.s", "wanted momentum of the wheel, along -y", start=0.09,
                                  min=0.0)  # fmt: skip
     field_rate: int = Parameter("1", "how the field's rate is formed",
                                 choices=("difference", "filtered"), start="difference")  # fmt: skip
     cut_off: float = Parameter("rad/s", "filtered: of the low-pass", start=0.5, min=1e-6)
-    rate_limit: float = Parameter("rad/s", "detumbled: every rate below", start=3e-3, min=1e-9)
+    rate_limit: float = Parameter(
+        "rad/s", "detumbled: every rate below", start=3e-3, min=1e-9, usual=SPIN
+    )
     hold_time: float = Parameter("s", "so long, before detumbling or three_axis ends", min=0.0)
-    spin_target: float = Parameter("rad/s", "pitch rate of the spin", start=-0.31)
-    spin_error: float = Parameter("rad/s", "pitch spin: error of the rate", start=3e-3, min=1e-9)
+    spin_target: float = Parameter("rad/s", "pitch rate of the spin", start=-0.31, usual=SPIN)
+    spin_error: float = Parameter(
+        "rad/s", "pitch spin: error of the rate", start=3e-3, min=1e-9, usual=SPIN
+    )
     momentum_share: float = Parameter("1", "of h_nominal, at which a wheel phase ends",
                                       start=0.995, min=0.0)  # fmt: skip
     pointing_limit: float = Parameter(
-        "rad", "three_axis: pointing error below", start=0.17453292519943295, min=1e-6
+        "rad", "three_axis: pointing error below", start=0.17453292519943295, min=1e-6, usual=TURN
     )
-    rate_lost: float = Parameter("rad/s", "lost: a rate above; 0: never", start=0.15, min=0.0)
+    rate_lost: float = Parameter(
+        "rad/s", "lost: a rate above; 0: never", start=0.15, min=0.0, usual=SPIN
+    )
     time_limit: Table = Parameter("s", "of detumbling, pitch_spin, wheel_ramp, momentum_dump, "
                                   "three_axis; 0: none", shape=(5,), min=0.0)  # fmt: skip
     experiment: bool = Parameter("1", "true: a sample time at which the laws fail is accepted")
@@ -100,6 +109,16 @@ class Acquisition(Manager, WheelAxes):
         self.m_cmd_body = self.tau_cmd_thruster_body = ZERO
         self.coil_saturated = False
         self.mode = IDLE
+
+    def foresee(self, begin: float, end: float, wired: frozenset[str]) -> Iterator[str]:
+        later = ("q_bi", "q_ref_bi", "h_wheel", "tau_cmd_wheel") if len(self._sequence) > 2 else ()
+        for name in dict.fromkeys((*self.for_rate(), *later)):
+            if name not in wired:
+                yield f"{name} is not wired: the law of {self._phases()} is of no use without it"
+        yield from super().foresee(begin, end, wired)
+
+    def _phases(self) -> str:
+        return "detumbling" if len(self._sequence) <= 2 else "the start-up"
 
     def _check(self) -> None:
         if not 0.0 < self.sample_time <= LONGEST_SAMPLE_TIME and not self.experiment:
@@ -140,6 +159,10 @@ class Acquisition(Manager, WheelAxes):
     @abstractmethod
     def rate(self) -> Vec3 | None:
         """The body's rate (rad/s, body) that the conditions look at; None where it is not known."""
+
+    def for_rate(self) -> tuple[str, ...]:
+        """The inputs that detumbling and the rate need, beside the field's."""
+        return ("omega_bi_body",)
 
     def sense(self, t: float) -> None:
         """What a block makes of the measurements at a sample, before the phase is looked at."""

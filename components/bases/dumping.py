@@ -95,7 +95,8 @@ class TorquerDumping(MomentumDumping):
 
     saturation: bool = Parameter("1", "true: the dipole is limited to m_limit", start=True)
     m_limit: float = Parameter("A.m2", "largest dipole of each axis", start=20.0, min=0.0,
-                               needs=("b_body",))  # fmt: skip
+                               needs=("b_body", "m_cmd_body"),
+                               follows="torquers.m_limit")  # fmt: skip
 
     @abstractmethod
     def dipole(self, elapsed: float, h: Vec3) -> Vec3 | None:
@@ -116,9 +117,10 @@ class TorquerDumping(MomentumDumping):
 class ThrusterDumping(MomentumDumping):
     """Base of managers that dump by thrusters and magnetic torquers together."""
 
-    m_limit: float = Parameter("A.m2", "largest dipole of each coil", start=40.0, min=0.0)
+    m_limit: float = Parameter("A.m2", "largest dipole of each coil", start=40.0, min=0.0,
+                               follows="torquers.m_limit")  # fmt: skip
     duty: float = Parameter("1", "share of the period that coils may be on", start=0.9, min=0.0,
-                            max=1.0)  # fmt: skip
+                            max=1.0, follows="torquers.duty_max")  # fmt: skip
     dead_axis: int = Parameter(
         "1", "axis whose coil is known to be dead", choices=("none", "x", "y", "z"), start="none"
     )

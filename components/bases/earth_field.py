@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from math import cos, sin
 
-from ..contract.block import Block, BlockError, Parameter, Vec3
+from ..contract.block import TURN, Block, BlockError, Parameter, Vec3
 from ..maths.vector import IDENTITY, mat_t_vec, mat_vec, scale
 from ..physics import earth, geomagnetic, igrf14
 from ..physics.igrf14 import DEGREE
@@ -44,7 +44,9 @@ class EarthField(Block):
         start="epoch",
     )  # fmt: skip
     earth_angle_start: float = Parameter(
-        "rad", "if given: angle at t = 0 from the equinox of date to the meridian of Greenwich"
+        "rad",
+        "if given: angle at t = 0 from the equinox of date to the meridian of Greenwich",
+        usual=TURN,
     )
 
     def start_field(self, igrf: bool) -> None:
@@ -54,11 +56,16 @@ class EarthField(Block):
         self._angle = self.earth_angle_start if given else earth.earth_angle(self.epoch_j2000)
         of_date = self.eci_frame == EQUATOR_OF_DATE
         self._precession = IDENTITY if of_date else earth.precession(self.epoch_j2000)
-        if igrf:
+        self.covered(0.0, 0.0, igrf)
+
+    def covered(self, begin: float, end: float, igrf: bool) -> None:
+        """Raises BlockError where IGRF-14 is wanted from begin to end (s) and does not cover it."""
+        for name, t in (("", begin), (f", at t = {end:.10g} s", end)):
             try:
-                igrf14.model_of(earth.decimal_year(self.epoch_j2000))
+                if igrf:
+                    igrf14.model_of(earth.decimal_year(self.epoch_j2000 + t))
             except BlockError as error:
-                self.fail(f"epoch_j2000 = {self.epoch_j2000:.10g} s: {error}")
+                self.fail(f"epoch_j2000 = {self.epoch_j2000:.10g} s{name}: {error}")
 
     def to_eci(self, v_date: Vec3) -> Vec3:
         """A vector of the mean equator and equinox of date in eci."""

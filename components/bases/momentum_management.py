@@ -47,7 +47,7 @@ class MomentumManagement(MomentumDumping):
     )  # fmt: skip
     m_limit: float = Parameter(
         "A.m2", "largest dipole of each coil", start=4000.0, min=0.0,
-        needs=("b_body", "q_bi", "r_eci", "h_wheel", "m_cmd_body"),
+        needs=("b_body", "q_bi", "r_eci", "h_wheel", "m_cmd_body"), follows="torquers.m_limit",
     )  # fmt: skip
     dead_coil: int = Parameter(
         "1", "which coil is known to be dead", choices=("none", "1", "2", "3", "4"), start="none"

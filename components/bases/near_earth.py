@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import inspect
 from abc import abstractmethod
+from collections.abc import Iterator
 from math import floor
 from typing import Annotated
 
@@ -80,7 +81,7 @@ class NearEarth(Environment, EarthField):
     )  # fmt: skip
     f107: float = Parameter(
         "1", "given: solar flux at 10.7 cm, of the day and in the mean, 1e-22 W/(m2 Hz)",
-        start=140.0, min=0.0, max=500.0,
+        start=140.0, min=0.0, max=500.0, usual=(60.0, 400.0)
     )  # fmt: skip
     ap: float = Parameter("1", "given: geomagnetic index Ap", start=15.0, min=0.0, max=400.0)
     density_base: float = Parameter(
@@ -100,12 +101,36 @@ class NearEarth(Environment, EarthField):
     def motion(self, t: float) -> tuple[Vec3, Vec3]:
         """Position (m) and velocity (m/s) at t (s), mean equator and equinox of date."""
 
+    @abstractmethod
+    def size(self) -> tuple[float, float]:
+        """Semi-major axis (m) and eccentricity at the start, as they are given."""
+
     def start(self) -> None:
         self.start_field(igrf=self.field == _IGRF)
         given = self.solar_activity == len(atmosphere.ACTIVITY)
         f107, ap = (self.f107, self.ap) if given else atmosphere.ACTIVITY[self.solar_activity]
         self._coldest, self._kp = atmosphere.coldest_temperature(f107), atmosphere.kp_of_ap(ap)
         self._piece: _Piece | None = None
+
+    def foresee(self, begin: float, end: float, wired: frozenset[str]) -> Iterator[str]:
+        # the polynomials of the last step go on beyond it
+        self.covered(begin, end + NODE_TIME * (NODES // 2), self.field == _IGRF)
+        years = tuple(earth.decimal_year(self.epoch_j2000 + t) for t in (begin, end))
+        first, last = earth.SUN_YEARS
+        if wired & {"sun_eci", "sunlight"} and not first <= min(years) <= max(years) <= last:
+            yield (
+                f"epoch_j2000 = {self.epoch_j2000:.10g} s: the year {max(years):.2f} is outside "
+                f"[{first:.0f}, {last:.0f}], in which the Sun's direction is good to 0.01 deg"
+            )
+        if self.atmosphere not in (NO_AIR, _AIR_EXPONENTIAL) and "density" in wired:
+            a, e = self.size()
+            low, high = a * (1.0 - e) - EARTH_RADIUS, a * (1.0 + e) - EARTH_RADIUS
+            least, most = atmosphere.HEIGHTS
+            if not least <= low <= high <= most:
+                name = ("none", "table", "exponential", "activity")[self.atmosphere]
+                yield (f"atmosphere = {name}: its density is good from {1e-3 * least:.0f} to "
+                       f"{1e-3 * most:.0f} km, the orbit is {1e-3 * low:.0f} to {1e-3 * high:.0f} "
+                       "km high: it is extrapolated")  # fmt: skip
 
     def output(self, t: float) -> None:
         interval = floor(t / NODE_TIME)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from ..contract.block import Block, Parameter, Vec3
+from ..contract.block import TURN, Block, Parameter, Vec3
 from ..maths.vector import mat_vec
 from ..physics import averaging, earth
 from ..physics.orbit import EARTH_RADIUS, MU, Elements, elements_from_state, turned
@@ -28,9 +28,9 @@ class OrbitStart(Block):
     semi_major_axis: float = Parameter("m", "semi-major axis a", start=6928137.0, min=6.4e6)
     eccentricity: float = Parameter("1", "eccentricity e", start=0.0, min=0.0, max=0.95)
     inclination: float = Parameter("rad", "inclination i", start=1.7033, min=0.0, max=3.1415926536)
-    raan: float = Parameter("rad", "right ascension of the ascending node at t = 0")
-    argument_of_perigee: float = Parameter("rad", "argument of perigee at t = 0")
-    mean_anomaly: float = Parameter("rad", "mean anomaly at t = 0")
+    raan: float = Parameter("rad", "right ascension of the ascending node at t = 0", usual=TURN)
+    argument_of_perigee: float = Parameter("rad", "argument of perigee at t = 0", usual=TURN)
+    mean_anomaly: float = Parameter("rad", "mean anomaly at t = 0", usual=TURN)
     r_start: Vec3 = Parameter("m", "state: position at t = 0", start=(6928137.0, 0.0, 0.0))
     v_start: Vec3 = Parameter("m/s", "state: velocity at t = 0", start=(0.0, 0.0, 7585.1))
     mu: float = Parameter("m3/s2", "gravitational parameter of the Earth", start=MU, min=1e14)
@@ -73,6 +73,11 @@ class OrbitStart(Block):
             )
         convert = averaging.mean_elements if wanted == MEAN else averaging.osculating_elements
         return convert(elements, degree, self.mu)
+
+    def start_size(self) -> tuple[float, float]:
+        """Semi-major axis (m) and eccentricity at t = 0, as they are given."""
+        elements = self.start_elements(1, OSCULATING)
+        return elements.semi_major_axis, elements.eccentricity
 
     def start_state(self) -> tuple[Vec3, Vec3]:
         """r_start (m) and v_start (m/s) in the mean equator and equinox of date."""

@@ -3,7 +3,7 @@ from __future__ import annotations
 from math import exp
 
 from ..bases.sensing import Sensor, gauss_markov
-from ..contract.block import Parameter, Vec3
+from ..contract.block import SMALL_ANGLE, Parameter, Vec3
 from ..contract.roles import AttitudeDetermination as Role
 from ..maths.attitude import propagated
 from ..maths.noise import normal3, normal6, stream
@@ -33,17 +33,27 @@ class AttitudeDetermination(Role, Sensor):
     Source: paper 004, sec. 3; Gelb, Applied Optimal Estimation (1974), ch. 3.
     """
 
-    misalignment_body: Vec3 = Parameter("rad", "constant error, a rotation vector, body")
+    misalignment_body: Vec3 = Parameter(
+        "rad", "constant error, a rotation vector, body", usual=SMALL_ANGLE
+    )
     misalignment_norm: float = Parameter(
-        "rad", "size of a further constant error, its direction drawn from the seed", min=0.0
+        "rad",
+        "size of a further constant error, its direction drawn from the seed",
+        min=0.0,
+        usual=SMALL_ANGLE,
     )
     markov_sigma: float = Parameter(
-        "rad", "standard deviation of the Gauss-Markov error of each axis", min=0.0
+        "rad",
+        "standard deviation of the Gauss-Markov error of each axis",
+        min=0.0,
+        usual=SMALL_ANGLE,
     )
     correlation_time: float = Parameter(
         "s", "correlation time of the Gauss-Markov error; 0: white", start=100.0, min=0.0
     )
-    noise: float = Parameter("rad", "standard deviation of the white error of each axis", min=0.0)
+    noise: float = Parameter(
+        "rad", "standard deviation of the white error of each axis", min=0.0, usual=SMALL_ANGLE
+    )
 
     def start(self) -> None:
         self._noise = stream(self.instance, "q_meas_bi", self.seed)

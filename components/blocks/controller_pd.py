@@ -26,7 +26,10 @@ class ControllerPd(Controller):
     kd: float = Parameter("N.m.s", "gain on delta omega; 1/s where G is", start=0.1, min=0.0,
                           needs=("omega_bi_body", "tau_ctrl_body"))  # fmt: skip
     gain_matrix: Mat33 = Parameter(
-        "1", "G, body: the identity, or the inertia matrix in kg.m2 (eq. 11)", start=IDENTITY
+        "1",
+        "G, body: the identity, or the inertia matrix in kg.m2 (eq. 11)",
+        start=IDENTITY,
+        follows="spacecraft.inertia",
     )
     torque_limit: float = Parameter("N.m", "largest torque of each axis; 0: no limit", min=0.0)
 

@@ -35,7 +35,10 @@ class ControllerPid(Controller):
                           needs=("omega_bi_body", "tau_ctrl_body"))  # fmt: skip
     ki: float = Parameter("N.m/s", "gain on xi; 1/s3 where G is", start=2e-5, min=0.0)
     gain_matrix: Mat33 = Parameter(
-        "1", "G, body: the identity, or the inertia matrix in kg.m2 (eq. 11)", start=IDENTITY
+        "1",
+        "G, body: the identity, or the inertia matrix in kg.m2 (eq. 11)",
+        start=IDENTITY,
+        follows="spacecraft.inertia",
     )
     integral_limit: float = Parameter(
         "s", "largest magnitude of each component of xi; 0: no limit", min=0.0

@@ -50,6 +50,9 @@ class EnvironmentKepler(NearEarth, OrbitStart):
         self._to_perigee, self._ahead = perifocal_axes(i, raan, perigee)
         self._drift = tuple(j2_drift(a, e, i, self.mu))
 
+    def size(self) -> tuple[float, float]:
+        return self.start_size()
+
     def motion(self, t: float) -> tuple[Vec3, Vec3]:
         if self.j2:
             return drifting_state(Elements(*self._elements), Drift(*self._drift), t, self.mu)

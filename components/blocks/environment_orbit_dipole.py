@@ -2,7 +2,7 @@ from __future__ import annotations
 
 from math import cos, sin
 
-from ..contract.block import Parameter
+from ..contract.block import TURN, Parameter
 from ..contract.roles import Environment
 from ..maths.vector import add, scale
 from ..physics.orbit import EARTH_RADIUS, mean_motion, orbit_plane
@@ -22,10 +22,12 @@ class EnvironmentOrbitDipole(Environment):
     Earth-Pointing Satellites", eq. 30.
     """
 
-    altitude: float = Parameter("m", "height of the orbit above 6378137 m", start=650e3, min=100e3)
+    altitude: float = Parameter(
+        "m", "height of the orbit above 6378137 m", start=650e3, min=100e3, usual=(200e3, 2000e3)
+    )
     inclination: float = Parameter("rad", "inclination", start=1.7104, min=0.0, max=3.1415926536)
-    raan: float = Parameter("rad", "right ascension of the ascending node", start=0.0)
-    phase: float = Parameter("rad", "argument of latitude at t = 0", start=0.0)
+    raan: float = Parameter("rad", "right ascension of the ascending node", start=0.0, usual=TURN)
+    phase: float = Parameter("rad", "argument of latitude at t = 0", start=0.0, usual=TURN)
     b_x: float = Parameter("T", "eq. 30, amplitude along the velocity", start=23e-6)
     b_z: float = Parameter("T", "eq. 30, amplitude to nadir", start=46e-6)
     paper_b_y: float = Parameter(

@@ -67,6 +67,9 @@ class EnvironmentPropagated(NearEarth, OrbitStart):
             r, v = self.start_state()
         self._new_arc(0.0, (*r, *v, 0.0))
 
+    def size(self) -> tuple[float, float]:
+        return self.start_size()
+
     def motion(self, t: float) -> tuple[Vec3, Vec3]:
         interval = floor(t / NODE_TIME)
         s = t - NODE_TIME * interval

@@ -1,7 +1,8 @@
 from __future__ import annotations
 
 from ..bases.near_earth import NearEarth
-from ..contract.block import Parameter, Vec3
+from ..contract.block import TURN, Parameter, Vec3
+from ..physics.orbit import MU
 from ..physics.tle import teme_state
 
 
@@ -36,18 +37,21 @@ class EnvironmentTle(NearEarth):
     bstar: float = Parameter("1", "drag term B*, per Earth radius", start=3.8792e-5)
     eccentricity: float = Parameter("1", "mean eccentricity", start=7.417e-4, min=0.0, max=0.99)
     argument_of_perigee: float = Parameter(
-        "rad", "mean argument of perigee", start=0.3083420829620822
+        "rad", "mean argument of perigee", start=0.3083420829620822, usual=TURN
     )
     inclination: float = Parameter(
         "rad", "mean inclination", start=0.9013560935706996, min=0.0, max=3.1415926536
     )
-    mean_anomaly: float = Parameter("rad", "mean anomaly", start=1.4946964807494398)
+    mean_anomaly: float = Parameter("rad", "mean anomaly", start=1.4946964807494398, usual=TURN)
     mean_motion: float = Parameter(
         "rad/s", "mean motion (Kozai)", start=0.0011272670555414889, min=1e-6, max=2e-3
     )
     raan: float = Parameter(
-        "rad", "mean right ascension of the ascending node", start=3.686137125541276
+        "rad", "mean right ascension of the ascending node", start=3.686137125541276, usual=TURN
     )
+
+    def size(self) -> tuple[float, float]:
+        return (MU / self.mean_motion**2) ** (1.0 / 3.0), self.eccentricity
 
     def motion(self, t: float) -> tuple[Vec3, Vec3]:
         elements = (

@@ -1,6 +1,6 @@
 from __future__ import annotations
 
-from ..contract.block import Parameter, Vec3, Vec4
+from ..contract.block import TURN, Parameter, Vec3, Vec4
 from ..contract.roles import UPRIGHT, Guidance
 from ..laws.attitude_control import eigenaxis, rest_to_rest
 from ..maths.attitude import normalised, propagated
@@ -29,7 +29,9 @@ class GuidanceSlew(Guidance):
         "1", "attitude after: body from eci, scalar last; normalised", start=UPRIGHT
     )
     slew_body: Vec3 = Parameter(
-        "rad", "the slew as a rotation vector, body, in place of q_end_bi; 0: q_end_bi counts"
+        "rad",
+        "the slew as a rotation vector, body, in place of q_end_bi; 0: q_end_bi counts",
+        usual=TURN,
     )
     t_begin: float = Parameter("s", "time at which the slew begins")
     t_end: float = Parameter("s", "time at which it ends, after t_begin", start=5400.0)

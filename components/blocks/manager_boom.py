@@ -1,7 +1,7 @@
 from __future__ import annotations
 
 from ..bases.boom import Y_AXIS, Z_AXIS, Boom
-from ..contract.block import Output, Parameter, Vec3
+from ..contract.block import SPIN, Output, Parameter, Vec3
 from ..laws import gravity_gradient as laws
 from ..maths.vector import ZERO, norm, scale
 
@@ -54,7 +54,7 @@ class ManagerBoom(Boom):
         min=1e-6,
     )  # fmt: skip
     recovery_rate: float = Parameter(
-        "rad/s", "recovery ends below this rate through upright", start=1e-3, min=0.0
+        "rad/s", "recovery ends below this rate through upright", start=1e-3, min=0.0, usual=SPIN
     )
     recovery_torque: float = Parameter("N.m", "largest torque of it", start=5e-3, min=1e-9)
     deadband: float = Parameter("A.m2", "no dipole up to this size of e", min=0.0)

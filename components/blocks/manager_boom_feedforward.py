@@ -1,7 +1,7 @@
 from __future__ import annotations
 
 from ..bases.boom import NOTHING, X_AXIS, Y_AXIS, Z_AXIS, Boom
-from ..contract.block import Mat33, Output, Parameter, Table, Vec3, Vec4
+from ..contract.block import SMALL_ANGLE, Mat33, Output, Parameter, Table, Vec3, Vec4
 from ..laws import firing
 from ..laws import gravity_gradient as laws
 from ..maths.attitude import IDENTITY_Q, inverse, matrix, product, propagated, rotate
@@ -94,7 +94,8 @@ class ManagerBoomFeedforward(Boom):
     )  # fmt: skip
     bandwidth: Vec3 = Parameter("rad/s", "wn of each axis", start=(0.02, 0.02, 0.04), min=0.0)
     damping: float = Parameter("1", "damping of the wheels' law", start=1.0, min=0.0)
-    torque_limit: float = Parameter("N.m", "of the wheels, each axis", start=5e-3, min=1e-9)
+    torque_limit: float = Parameter("N.m", "of the wheels, each axis", start=5e-3, min=1e-9,
+                                    follows="wheels.torque_limit")  # fmt: skip
     gain_tilt: float = Parameter("A.m2/rad", "of the tilt, without a wheel", start=25.0, min=0.0,
                                  needs=("b_body", "m_cmd_body"))  # fmt: skip
     gain_rate: float = Parameter("A.m2.s/rad", "of its rate", start=8e4, min=0.0)
@@ -103,10 +104,15 @@ class ManagerBoomFeedforward(Boom):
                                   min=0.0)  # fmt: skip
     deadband: float = Parameter("A.m2", "no dipole up to this |e|", start=0.3, min=0.0)
     gain_lean: float = Parameter("rad/(N.m.s)", "of the lean", start=0.5, min=0.0)
-    lean_limit: float = Parameter("rad", "largest lean of each axis", start=4.4e-3, min=0.0)
-    m_limit: float = Parameter("A.m2", "dipole of each coil", start=3.604, min=1e-6)
-    duty_max: float = Parameter("1", "largest share of the period", start=0.8, min=0.0, max=1.0)
-    least_pulse: float = Parameter("s", "length of one pulse", start=0.2, min=1e-6)
+    lean_limit: float = Parameter(
+        "rad", "largest lean of each axis", start=4.4e-3, min=0.0, usual=SMALL_ANGLE
+    )
+    m_limit: float = Parameter("A.m2", "dipole of each coil", start=3.604, min=1e-6,
+                               follows="torquers.m_limit")  # fmt: skip
+    duty_max: float = Parameter("1", "largest share of the period", start=0.8, min=0.0, max=1.0,
+                                follows="torquers.duty_max")  # fmt: skip
+    least_pulse: float = Parameter("s", "length of one pulse", start=0.2, min=1e-6,
+                                   follows="torquers.least_pulse")  # fmt: skip
     mode: int = Output("1", "what the manager does", interval=True,
                        choices=("idle", "controlling", "firing"))  # fmt: skip
     reason: int = Output(

@@ -51,7 +51,7 @@ class ManagerCombined(ThrusterDumping):
     saturation: bool = Parameter("1", "true: bounded dipole, eq. 34", start=True)
     g_rate: float = Parameter(
         "1/s", "sqrt(F/R): closed-loop rate of ilqr and lqr", start=0.0077, min=0.0,
-        needs=("h_wheel",),
+        needs=("h_wheel", "tau_cmd_thruster_body"),
     )  # fmt: skip
     horizon: float = Parameter(
         "s", "final time of lqr and mec after the start", start=600.0, min=1.0

@@ -14,7 +14,7 @@ from ..bases.acquisition import (
     THREE_AXIS,
     Acquisition,
 )
-from ..contract.block import Mat33, Output, Parameter, Vec3, Vec4
+from ..contract.block import SPIN, TURN, Mat33, Output, Parameter, Vec3, Vec4
 from ..laws import acquisition as laws
 from ..laws import rate_observer
 from ..laws.field_rate import rate_across
@@ -87,7 +87,11 @@ class ManagerDetumblingOptimal(Acquisition):
     gain_wheel: float = Parameter("N.m.s", "of the wheel's rate law", start=1e-2, min=0.0)
     orbit_rate: float = Parameter("rad/s", "even_decay: n", start=1.0716e-3, min=0.0)
     field_inclination: float = Parameter(
-        "rad", "even_decay: xi, of the orbit to the geomagnetic equator", start=1.4, min=0.0
+        "rad",
+        "even_decay: xi, of the orbit to the geomagnetic equator",
+        start=1.4,
+        min=0.0,
+        usual=TURN,
     )
     gain_ahead: float = Parameter("1/(T.s)", "look_ahead: of the dipole", start=1e4, min=0.0)
     horizon: float = Parameter("s", "look_ahead: how far", start=600.0, min=0.0)
@@ -97,8 +101,12 @@ class ManagerDetumblingOptimal(Acquisition):
                             min=0.0)  # fmt: skip
     gamma: float = Parameter("1", "of start-up: weight of the axis' angle to the orbit normal",
                              start=0.3, min=0.0)  # fmt: skip
-    upright_angle: float = Parameter("rad", "eq. 10 below this angle", start=0.6435, min=0.0)
-    upright_rate: float = Parameter("rad/s", "eq. 10 below these rates", start=0.01, min=0.0)
+    upright_angle: float = Parameter(
+        "rad", "eq. 10 below this angle", start=0.6435, min=0.0, usual=TURN
+    )
+    upright_rate: float = Parameter(
+        "rad/s", "eq. 10 below these rates", start=0.01, min=0.0, usual=SPIN
+    )
     kp: float = Parameter("N.m", "K_p of eq. 10", start=9.1708e-4, min=0.0)
     kd: float = Parameter("N.m.s", "K_d of eq. 10", start=2.292e-2, min=0.0)
     bandwidth: float = Parameter("rad/s", "of the observer", start=0.1, min=1e-6)
@@ -123,6 +131,10 @@ class ManagerDetumblingOptimal(Acquisition):
 
     def rate(self) -> Vec3 | None:
         return None if self.rate_from == GYRO and not self.valid_omega else self._omega
+
+    def for_rate(self) -> tuple[str, ...]:
+        inputs = (("omega_bi_body",), (), ("h_wheel",))[self.rate_from]
+        return (*inputs, "q_bi", "r_eci", "v_eci") if self.law == LOOK_AHEAD else inputs
 
     def sense(self, t: float) -> None:
         """The rate at this sample, None where nothing is known of it."""

@@ -2,7 +2,7 @@ from __future__ import annotations
 
 from math import inf
 
-from ..contract.block import Output, Parameter, Vec3, Vec4
+from ..contract.block import SPIN, Output, Parameter, Vec3, Vec4
 from ..contract.roles import WheelManager
 from ..laws import integrated
 from ..maths.vector import ZERO, norm, scale
@@ -69,8 +69,10 @@ class ManagerIntegrated(WheelManager):
     torque_limit: float = Parameter(
         "N.m", "largest t_DES; the coils see k of it; 0: no limit", start=1.2e-5, min=0.0
     )
-    m_limit: float = Parameter("A.m2", "largest dipole of each axis", start=0.3, min=0.0)
-    h_limit: float = Parameter("N.m.s", "momentum capacity of a wheel", start=0.02, min=1e-9)
+    m_limit: float = Parameter("A.m2", "largest dipole of each axis", start=0.3, min=0.0,
+                               follows="torquers.m_limit")  # fmt: skip
+    h_limit: float = Parameter("N.m.s", "momentum capacity of a wheel", start=0.02, min=1e-9,
+                               follows="wheels.inertia_wheel * wheels.speed_limit")  # fmt: skip
     threshold_off: float = Parameter(
         "1", "share of h_limit below which a wheel is not unloaded", start=0.1, min=0.0, max=1.0
     )
@@ -88,8 +90,10 @@ class ManagerIntegrated(WheelManager):
     velocity_dumping: bool = Parameter("1", "true: velocity dumping above the rates below",
                                        needs=("omega_bi_body",))  # fmt: skip
     gain_rate: float = Parameter("N.m.s", "k_DMP of eq. 24", start=2e-3, min=0.0)
-    rate_on: float = Parameter("rad/s", "velocity dumping begins from this rate on", min=0.0)
-    rate_off: float = Parameter("rad/s", "and ends below this one", min=0.0)
+    rate_on: float = Parameter(
+        "rad/s", "velocity dumping begins from this rate on", min=0.0, usual=SPIN
+    )
+    rate_off: float = Parameter("rad/s", "and ends below this one", min=0.0, usual=SPIN)
     null_gain: float = Parameter("1/s", "rate at which null-space momentum decays", min=0.0,
                                  needs=("h_wheel",))  # fmt: skip
     null_torque_limit: float = Parameter(

@@ -1,7 +1,9 @@
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 from ..bases.dumping import TorquerDumping
-from ..contract.block import Parameter, Table, Vec3
+from ..contract.block import SPIN, Parameter, Table, Vec3
 from ..laws import magnetic
 
 CAPACITY = 64
@@ -38,7 +40,15 @@ class ManagerMagnetic(TorquerDumping):
     )  # fmt: skip
     offset_table: Table = Parameter("A.m2/T", "lqr: a row a node: g", shape=(CAPACITY, 3))
     costate: Vec3 = Parameter("A.m2/T", "mec: p at the start, body")
-    omega_nominal_body: Vec3 = Parameter("rad/s", "mec: rate that the costate was computed for")
+    omega_nominal_body: Vec3 = Parameter(
+        "rad/s", "mec: rate that the costate was computed for", usual=SPIN
+    )
+
+    def foresee(self, begin: float, end: float, wired: frozenset[str]) -> Iterator[str]:
+        law, name = ("mec", "costate") if self.law == MEC else ("lqr", "gain_table")
+        if not any(getattr(self, name)):
+            yield f"{name} = 0: law = {law} commands no dipole without it; `desat design` makes it"
+        yield from super().foresee(begin, end, wired)
 
     def dipole(self, elapsed: float, h: Vec3) -> Vec3 | None:
         if elapsed >= self.horizon:

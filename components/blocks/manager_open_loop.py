@@ -1,11 +1,12 @@
 from __future__ import annotations
 
+from collections.abc import Iterator
 from math import floor
 
 from ..bases.dumping import FALLBACK
 from ..bases.earth_field import EarthField
 from ..bases.momentum_management import MomentumManagement, NominalProfile
-from ..contract.block import Mat33, Output, Parameter, Vec3, Vec4
+from ..contract.block import TURN, Mat33, Output, Parameter, Vec3, Vec4
 from ..contract.roles import UPRIGHT
 from ..laws import momentum_management as laws
 from ..laws.attitude_control import eigenaxis, rest_to_rest
@@ -83,7 +84,9 @@ class ManagerOpenLoop(MomentumManagement, NominalProfile, EarthField):
     manoeuvre: bool = Parameter("1", "true: the slew below is planned for")
     q_begin_bi: Vec4 = Parameter("1", "attitude before the slew", start=UPRIGHT)
     q_end_bi: Vec4 = Parameter("1", "attitude after the slew", start=UPRIGHT)
-    slew_body: Vec3 = Parameter("rad", "the slew as a rotation vector, body; 0: q_end_bi counts")
+    slew_body: Vec3 = Parameter(
+        "rad", "the slew as a rotation vector, body; 0: q_end_bi counts", usual=TURN
+    )
     t_begin: float = Parameter("s", "when the slew begins")
     t_end: float = Parameter("s", "when it ends", start=5400.0)
     lead_time: float = Parameter("s", "from the period's begin to the slew's", start=600.0, min=0.0)
@@ -110,6 +113,12 @@ class ManagerOpenLoop(MomentumManagement, NominalProfile, EarthField):
         self._solved = False
         self._next = -1.0
         self.condition = self.miss_predicted = 0.0
+
+    def foresee(self, begin: float, end: float, wired: frozenset[str]) -> Iterator[str]:
+        planned = self.t_end + self.lag_time if self.manoeuvre else end
+        last = max(end + self.desaturation_period, planned)
+        self.covered(begin, last, self.field_model == IGRF and self.field_tilt)
+        yield from super().foresee(begin, end, wired)
 
     def _forget(self) -> None:
         """A measurement is lost: what was planned is not what happens, so plan anew after it."""

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+from collections.abc import Iterator
 from math import copysign
 
 from ..bases.dumping import FALLBACK, IDLE, RECEDING_HORIZON, ThrusterDumping
@@ -57,9 +58,11 @@ class ManagerRecedingHorizon(ThrusterDumping, EarthField):
     )  # fmt: skip
     horizon: float = Parameter(
         "s", "when the momentum shall be h_target_body, after the start; to the nearest sample",
-        start=600.0, min=1.0, needs=("r_eci", "v_eci", "h_wheel", "b_body"),
+        start=600.0, min=1.0,
+        needs=("r_eci", "v_eci", "h_wheel", "b_body", "tau_cmd_thruster_body"),
     )  # fmt: skip
-    tau_level: Vec3 = Parameter("N.m", "torque of each axis while it fires", start=0.04, min=1e-9)
+    tau_level: Vec3 = Parameter("N.m", "torque of each axis while it fires", start=0.04, min=1e-9,
+                                follows="thrusters.tau_level")  # fmt: skip
     thruster_duty: float = Parameter(
         "1", "largest share of the period that the thrusters of an axis may be on", start=1.0,
         min=0.0, max=1.0,
@@ -71,7 +74,11 @@ class ManagerRecedingHorizon(ThrusterDumping, EarthField):
         "s", "how much more firing a plan may need to leave it free", start=0.5, min=0.0
     )
     least_pulse: float = Parameter(
-        "s", "on-times that the thrusters make are multiples of it", start=0.05, min=1e-6
+        "s",
+        "on-times that the thrusters make are multiples of it",
+        start=0.05,
+        min=1e-6,
+        follows="thrusters.least_pulse",
     )
     g_rate: float = Parameter("1/s", "closed-loop rate of the fallback", start=0.0077, min=0.0)
     q_bo: Vec4 = Parameter(
@@ -110,6 +117,10 @@ class ManagerRecedingHorizon(ThrusterDumping, EarthField):
         self._q_bo = normalised(self.q_bo)
         self._fit = receding_horizon.NO_FIT
         self.start_field(igrf=self.field_model == IGRF)
+
+    def foresee(self, begin: float, end: float, wired: frozenset[str]) -> Iterator[str]:
+        self.covered(begin, begin + self.horizon, self.field_model == IGRF)
+        yield from super().foresee(begin, end, wired)
 
     def dump(self, t: float, elapsed: float, h: Vec3) -> tuple[Vec3, blending.Split]:
         samples = int((self.horizon - elapsed) / self.sample_time + 0.5)

@@ -2,7 +2,7 @@ from __future__ import annotations
 
 from math import pi, sin
 
-from ..contract.block import Output, Parameter, Vec4
+from ..contract.block import TURN, Output, Parameter, Vec4
 from ..contract.roles import Manager
 from ..maths.vector import ZERO
 
@@ -18,7 +18,7 @@ class ManagerTestSignal(Manager):
     bias: Vec4 = Parameter("N.m", "constant part for each wheel")
     amplitude: Vec4 = Parameter("N.m", "amplitude for each wheel")
     period: Vec4 = Parameter("s", "period for each wheel", start=600.0, min=1e-3)
-    phase: Vec4 = Parameter("rad", "phase for each wheel")
+    phase: Vec4 = Parameter("rad", "phase for each wheel", usual=TURN)
     mode: int = Output(
         "1", "what the manager does", interval=True,
         choices=("idle",),

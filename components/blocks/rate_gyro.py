@@ -3,7 +3,7 @@ from __future__ import annotations
 from math import sqrt
 
 from ..bases.sensing import Sensor, digital3
-from ..contract.block import Parameter, Vec3
+from ..contract.block import SPIN, Parameter, Vec3
 from ..contract.roles import RateGyro as Role
 from ..maths.noise import normal6, stream
 from ..maths.vector import ZERO, add, scale
@@ -29,14 +29,17 @@ class RateGyro(Role, Sensor):
     the mean since the last one.
     """
 
-    bias_body: Vec3 = Parameter("rad/s", "bias at the start, body")
+    bias_body: Vec3 = Parameter("rad/s", "bias at the start, body", usual=SPIN)
     bias_walk: float = Parameter(
         "rad/s",
         "random walk of the bias: standard deviation of its change in 1 s, each axis",
         min=0.0,
     )
     noise: float = Parameter(
-        "rad/s", "standard deviation of the noise of each axis, whatever the sample time", min=0.0
+        "rad/s",
+        "standard deviation of the noise of each axis, whatever the sample time",
+        min=0.0,
+        usual=SPIN,
     )
     angle_random_walk: float = Parameter(
         "rad",

@@ -2,7 +2,7 @@ from __future__ import annotations
 
 from math import ceil, isfinite
 
-from ..contract.block import Mat33, Parameter, Table, Vec3, Vec4
+from ..contract.block import SPIN, Mat33, Parameter, Table, Vec3, Vec4
 from ..contract.roles import Spacecraft, WheelInertias
 from ..maths.attitude import normalised, product, rotate, rotate_back
 from ..maths.runge_kutta import step4, step6, step8
@@ -80,7 +80,7 @@ class SpacecraftRigid(Spacecraft, WheelInertias):
         "1", "attitude at the start: body from eci, scalar last; normalised",
         start=(0.0, 0.0, 0.0, 1.0),
     )  # fmt: skip
-    omega_start_body: Vec3 = Parameter("rad/s", "angular rate at the start, body")
+    omega_start_body: Vec3 = Parameter("rad/s", "angular rate at the start, body", usual=SPIN)
     start_frame: int = Parameter(
         "1", "what q_start_bi and omega_start_body are relative to", choices=("eci", "lvlh"),
         start="eci", needs=("r_eci", "v_eci"),

@@ -3,7 +3,7 @@ from __future__ import annotations
 from math import cos, pi
 
 from ..bases.sensing import Sensor
-from ..contract.block import Parameter, Vec3
+from ..contract.block import SMALL_ANGLE, Parameter, Vec3
 from ..contract.roles import SunSensor as Role
 from ..maths.attitude import rotate
 from ..maths.noise import normal3, stream
@@ -32,7 +32,7 @@ class SunSensor(Role, Sensor):
         start=0.5, min=0.0, max=0.96,
     )  # fmt: skip
     noise: float = Parameter(
-        "rad", "standard deviation of the direction, each of two axes", min=0.0
+        "rad", "standard deviation of the direction, each of two axes", min=0.0, usual=SMALL_ANGLE
     )
 
     def start(self) -> None:

@@ -1,7 +1,7 @@
 from __future__ import annotations
 
 from ..bases.pulses import ENTRIES, Jet
-from ..contract.block import Parameter, Table, Vec3
+from ..contract.block import TURN, Parameter, Table, Vec3
 from ..laws.firing import overlap
 from ..maths.vector import mat_vec, rotation_about, scale
 from .thrusters import Thrusters
@@ -36,7 +36,9 @@ class ThrustersMisaligned(Thrusters):
     scale_error: float = Parameter("1", "of all scheduled firings: true over known torque, less 1",
                                    min=-1.0)  # fmt: skip
     turn_body: Vec3 = Parameter(
-        "rad", "of all scheduled firings: rotation from the known to the true torque, body"
+        "rad",
+        "of all scheduled firings: rotation from the known to the true torque, body",
+        usual=TURN,
     )
     schedule_scale_error: Table = Parameter(
         "1", "of each beyond that: true over known torque, less 1", shape=(ENTRIES,), min=-1.0

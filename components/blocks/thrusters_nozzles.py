@@ -1,13 +1,17 @@
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 
 from ..bases.pulses import ENTRIES, Jet, PulsedThrusters
 from ..contract.block import Output, Parameter, Table
-from ..maths.allocation import least_on_times
+from ..maths.allocation import gives, least_on_times
 from ..maths.vector import ZERO, add, cross, norm, scale
 
 NOZZLES = 8
+SIDES = (
+    ("+x", (1.0, 0.0, 0.0)), ("-x", (-1.0, 0.0, 0.0)), ("+y", (0.0, 1.0, 0.0)),
+    ("-y", (0.0, -1.0, 0.0)), ("+z", (0.0, 0.0, 1.0)), ("-z", (0.0, 0.0, -1.0)),
+)  # fmt: skip
 
 
 class ThrustersNozzles(PulsedThrusters):
@@ -69,6 +73,14 @@ class ThrustersNozzles(PulsedThrusters):
         self._jets = tuple(self._jet(i) for i in range(NOZZLES))
         self._open = (0.0,) * NOZZLES
         super().start()
+
+    def foresee(self, begin: float, end: float, wired: frozenset[str]) -> Iterator[str]:
+        torques = tuple(jet[0] for jet in self._jets)
+        lost = [name for name, side in SIDES if not gives(torques, side)]
+        if lost and "tau_cmd_thruster_body" in wired:
+            yield (f"thrust, position_nozzle and direction_nozzle give no torque about "
+                   f"{', '.join(lost)} alone: what is commanded there is not given")  # fmt: skip
+        yield from super().foresee(begin, end, wired)
 
     def output(self, t: float) -> None:
         super().output(t)

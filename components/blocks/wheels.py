@@ -66,7 +66,7 @@ class Wheels(Role, WheelInertias):
     )  # fmt: skip
     torque_limit: float = Parameter("N.m", "largest motor torque of a wheel", start=0.02, min=0.0)
     speed_limit: float = Parameter(
-        "rad/s", "speed at which a wheel is saturated", start=600.0, min=1e-3
+        "rad/s", "speed at which a wheel is saturated", start=600.0, min=1e-3, usual=(1.0, 1100.0)
     )
     speed_gain: float = Parameter("1/s", "speed mode: bandwidth of the loop", start=0.5, min=0.0)
     speed_sample_time: float = Parameter(

@@ -26,11 +26,18 @@ None, tuples of these), so that a copy of its `__dict__` is its whole state.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar, Literal, NoReturn
 
 from .units import unit_of
+
+TURN = (-6.2832, 6.2832)
+"""Usual of an angle: a whole turn either way (rad)."""
+SPIN = (-3.1416, 3.1416)
+"""Usual of a craft's rate: half a turn a second (rad/s)."""
+SMALL_ANGLE = (-0.35, 0.35)
+"""Usual of an error in angle: 20 deg (rad)."""
 
 Vec3 = tuple[float, float, float]
 Vec4 = tuple[float, float, float, float]
@@ -82,6 +89,8 @@ class Variable:
     initial: bool = False
     needs: tuple[str, ...] = ()
     needed_by: tuple[str, ...] = ()
+    follows: str = ""
+    usual: tuple[float, float] | None = None
 
     @property
     def size(self) -> int:
@@ -143,6 +152,9 @@ class _Declaration:
             value = tuple(cast(x) for x in flat)
         else:
             value = cast(start if start is not None else 0)
+        usual = options.get("usual")
+        if usual and not all(usual[0] <= x <= usual[1] for x in _flatten(value)):
+            raise TypeError(f"{where}: its start value is not within what is usual")
         return Variable(
             name, self.causality, kind, shape, self.unit, self.description, value,
             choices=choices, **options,
@@ -191,16 +203,22 @@ def Output(unit: str, description: str, *, interval: bool = False, mean: bool = 
 def Parameter(unit: str, description: str, *, start: Any = None, min: float | None = None,
               max: float | None = None, choices: tuple[str, ...] = (),
               shape: tuple[int, ...] | None = None, shared: bool = False,
-              needs: tuple[str, ...] = ()) -> Any:  # fmt: skip
+              needs: tuple[str, ...] = (), follows: str = "",
+              usual: tuple[float, float] | None = None) -> Any:  # fmt: skip
     """Declare a parameter, fixed once the simulation runs.
 
     `choices` names its integer values; `shared`: all blocks of a system that have a parameter of
-    this name must have the same value. `needs` names the block's inputs that must be wired or
-    given, and the outputs that must reach somebody, unless the parameter is off: 0, false, its
-    first choice, or all elements so. `desat check` holds a system to that.
+    this name must have the same value; a flight computer's may err. `needs` names the block's
+    inputs that must be wired or given, and the outputs that must reach somebody, unless the
+    parameter is off: 0, false, its first choice, or all elements so. `desat check` holds a system
+    to that. `follows`: what of the craft it usually is, a product of parameters
+    (`role.parameter`) as a scenario may give it; where it differs, a check warns that it may be
+    another craft's. `usual`: the range outside of which a value is allowed, but more likely a
+    slip, of units for instance: a warning.
     """
     return _Declaration("parameter", unit, description, start=start, minimum=min, maximum=max,
-                        choices=choices, shape=shape, shared=shared, needs=needs)  # fmt: skip
+                        choices=choices, shape=shape, shared=shared, needs=needs,
+                        follows=follows, usual=usual)  # fmt: skip
 
 
 class Access:
@@ -320,6 +338,16 @@ class Block:
     def fail(self, text: str) -> NoReturn:
         """Raise BlockError: these parameters or inputs make no sense."""
         raise BlockError(text)
+
+    def foresee(self, begin: float, end: float, wired: frozenset[str]) -> Iterator[str]:
+        """What is known before a run from begin to end (s) that makes its results doubtful or this
+        block useless, a line each, which begins with the variable that it is about. Raises
+        BlockError where the run would fail on the way.
+
+        `desat check` asks a block that has its parameters and has started; no host does. `wired`:
+        the inputs that something feeds or gives, and the outputs that somebody reads.
+        """
+        yield from ()
 
     def start(self) -> None:
         """Put the state to its start values. May be called again."""

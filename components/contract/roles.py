@@ -7,6 +7,7 @@ swapping one block for another changes one `source` and its parameters.
 from __future__ import annotations
 
 from abc import abstractmethod
+from collections.abc import Iterator
 from math import floor
 from typing import Annotated
 
@@ -344,6 +345,11 @@ class Controller(Computer):
     )
     tau_ctrl_body: Vec3 = Output("N.m", "torque wanted on the body, body", interval=True)
 
+    def foresee(self, begin: float, end: float, wired: frozenset[str]) -> Iterator[str]:
+        if "q_ref_bi" not in wired:
+            yield "q_ref_bi is neither wired nor given: the axes of eci are held"
+        yield from super().foresee(begin, end, wired)
+
     def commands(self) -> tuple[float, ...]:
         return self.tau_ctrl_body
 
@@ -381,6 +387,7 @@ class Manager(Computer):
         "N.m",
         "torque wanted on the body by the attitude controller",
         source="controller.tau_ctrl_body",
+        needs=("tau_cmd_wheel",),
     )
     q_ref_bi: Vec4 = Input(
         "1",

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from ..contract.block import Vec3
 from .simplex import least_cost
-from .vector import scale
+from .vector import norm, scale, sub
 
 # An error costs so much that a nozzle which gives less than 1e-5 of the strongest one's torque
 # about an axis is not worth firing.
@@ -28,3 +28,13 @@ def least_on_times(torques: tuple[Vec3, ...], impulse: Vec3, longest: float) -> 
     columns = tuple(scale(1.0 / strongest, torque) for torque in torques)
     goal = scale(1.0 / strongest, impulse)
     return least_cost(columns, (1.0,) * n, (longest,) * n, goal, _ERROR_COST)
+
+
+def gives(torques: tuple[Vec3, ...], direction: Vec3) -> bool:
+    """Whether nozzles of these torques (N m) can give one along a unit vector, and none across."""
+    strongest = max((abs(c) for torque in torques for c in torque), default=0.0)
+    wanted = scale(1e-3 * strongest, direction)
+    left = wanted
+    for on_time, torque in zip(least_on_times(torques, wanted, 1.0), torques, strict=True):
+        left = sub(left, scale(on_time, torque))
+    return norm(left) < 1e-3 * norm(wanted)

@@ -7,6 +7,10 @@ from math import asin, atan2, copysign, cos, exp, pi, radians, remainder, sin, s
 
 from ..contract.block import Vec3
 
+HEIGHTS = (100e3, 1000e3)
+"""Between which the densities of `table` and `by_activity` are those of an orbit (m): below, the
+air is no free flow of molecules; above, the outermost layer goes on."""
+
 # base altitude (km), nominal density (kg/m3), scale height (km)
 _LAYERS = (
     (0.0, 1.225, 7.249),

@@ -22,6 +22,9 @@ ASTRONOMICAL_UNIT = 1.495978707e11
 FLATTENING = 1.0 / 298.257223563
 """Of the WGS-84 ellipsoid."""
 
+SUN_YEARS = (1950.0, 2050.0)
+"""For which `sun` is good to 0.01 deg."""
+
 _DAY = 86400.0
 
 

@@ -217,7 +217,9 @@ def _moving(
 def _has_ended(motor: Motor, rotor: Rotor, axial: Axial, t: float, fastest: float) -> bool:
     """True when the rotor, t (s) after `axial`, is beyond its limit or turns the other way."""
     omega = rotor[0] / motor[0] - axial[0] - axial[1] * t
-    return abs(omega) > fastest * (1.0 + AT_LIMIT) or omega * rotor[3] < 0.0
+    # without stiction no state follows where the speed turns, and `way` is that of the start
+    stops = motor[6] > 0.0 and omega * rotor[3] < 0.0
+    return abs(omega) > fastest * (1.0 + AT_LIMIT) or stops
 
 
 def _to_its_end(
@@ -237,7 +239,7 @@ def _to_its_end(
     (h, torque, learnt, way), integral = _part(motor, rotor, command, axial, lasted)
     rate += change * lasted
     omega = h / j - rate
-    if omega * way < 0.0:
+    if motor[6] > 0.0 and omega * way < 0.0:
         return (j * rate, torque, 0.0, 0.0), lasted, integral
     return (j * (copysign(fastest, omega) + rate), torque, learnt, way), lasted, integral
 

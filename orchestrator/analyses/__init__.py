@@ -1,4 +1,5 @@
-"""What is computed of a run beyond its numbers: a file an analysis, found by the folder.
+"""What is computed of a run beyond its numbers: a file an analysis, found by the folder;
+in `papers/` those of one family.
 
 A module of this folder that has `applies` is an analysis:
 
@@ -12,6 +13,7 @@ A module of this folder that has `applies` is an analysis:
     def unmet(manifest, results) -> list of lines   # what of it is not as it ought to be
     def unchecked(manifest, results) -> {name: why} # which of NUMBERS could not be made of a run
     def figures(manifest, results) -> [(caption, svg)]
+    def remarks(manifest, results) -> list of lines # what to beware of, if it has any
 
 and one that has `warnings(system) -> [line]` says what to beware of in a checked system.
 """
@@ -30,8 +32,10 @@ from ..system.model import System
 
 @cache
 def _modules() -> tuple[ModuleType, ...]:
-    names = sorted(m.name for m in pkgutil.iter_modules(__path__))
-    return tuple(importlib.import_module(f"{__name__}.{name}") for name in names)
+    found = (m.name for m in pkgutil.walk_packages(__path__, f"{__name__}."))
+    return tuple(
+        importlib.import_module(name) for name in sorted(found, key=lambda n: n.split(".")[::-1])
+    )
 
 
 @cache

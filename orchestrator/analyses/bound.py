@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..engine.results import Results
+from ..engine.recording.results import Results
 from ..system.errors import DesatError
 from ..system.model import System
 from . import titled

@@ -11,7 +11,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -19,8 +18,8 @@ import numpy as np
 from desat.components.laws import momentum_management as laws
 from desat.components.laws import momentum_offline as offline
 
-from ..engine.results import Results
-from ..study.derived import rotate_back
+from ..engine.recording.results import Results
+from ..numbers.derived import rotate_back
 from ..system.errors import DesatError
 from . import titled
 
@@ -56,19 +55,6 @@ class CoilBound:
     def as_json(self) -> dict[str, Any]:
         """What `--json` prints."""
         return asdict(self)
-
-
-def fits(target: str) -> bool:
-    """True for a scenario, .ssp or run folder whose manager knows the coils one by one: a law of
-    momentum management by coils."""
-    from ..study.case import Options, load_run, prepare
-
-    if any((Path(target) / name).exists() for name in ("manifest.json", "manifest.json.part")):
-        with (run := load_run(Path(target))).results:
-            return "axes_coil" in run.manifest["parameters"].get("manager", {})
-    system, _ = prepare(target, Options()).or_raise()
-    manager = system.components.get("manager")
-    return manager is not None and bool(manager.interface.elements("axes_coil"))
 
 
 def of_run(manifest: dict[str, Any], results: Results) -> CoilBound:

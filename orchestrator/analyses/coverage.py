@@ -1,96 +1,203 @@
-"""The range in which the exchange is shown to be exact: three numbers of a rigid craft with wheels.
+"""The range in which the exchange is shown to be exact: two numbers of a rigid craft with wheels.
 
 Over an inner step H (`system/rates.py`) components exchange means and slopes; what a torque does
 beside, curvature c inside it, leaves an error of the rate of about
-H^3 / 60 |omega x J_r^-1 c + J_r^-1 (J_r^-1 c x L)|. So it depends, with the state at the start and
-L the body's total momentum, on
+H^3 / 60 |omega x J_r^-1 c + J_r^-1 (J_r^-1 c x L)|. So it depends, with L the body's total
+momentum, on
 
 - `turn`: H (|omega| + nutation), nutation = sqrt(L . J_r L / det J_r); rad
-- `kick`: H^2 times the largest acceleration that the wheels' torque limit gives the body; rad
-- `transient`: H over the motors' or the coils' lag, the longer ratio; 0 without lag
+- `kick`: H^2 times the largest acceleration that wheels, coils or thrusters give the body; rad
 
-H is the mean of a step's inner steps. `tests/test_convergence.py` holds the limits below at the
+How fast a motor or coil follows is none of them: after a command the curvature of 1 - exp(-t / lag)
+is largest where the lag is a third of H, and falls with the lag below.
+
+H is the mean of a step's inner steps. Before a run the numbers are those of the state at the start
+and of what each actuator may give at most; after it those of what was recorded (`remarks`), for a
+jet may spin up a craft that begins at rest. `tests/test_convergence.py` holds the limits at the
 largest that the scenarios of `ssp/gyrostat` reach, which err by 2e-5 rad at most.
+
+Beside them, what is handed on with less than mean and slope: the jitter of unbalanced wheels, of
+which the body gets the mean alone. Inside a step it turns with the wheel, so at every step it
+leaves up to unbalance Omega H / J of attitude.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, fields
-from math import ceil
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from ..system.model import Component, System
+from ..engine.recording.results import Results
+from ..system.model import AUTO, Component, System
 from ..system.parameters import value_of
 from . import residual
+from .within import rotate
+
+Array = NDArray[Any]
+KEY = "exchange"
+NUMBERS = ("inner_steps", "estimated_attitude_error")
+CHOICE = "inner_choice"
+"""Of the manifest: how a run came to its inner steps (`runs/inner_choice.py`)."""
+
+DECIMATED = "decimated"
+"""Of the manifest: what components cost that do not step at every step."""
 
 
 @dataclass(frozen=True)
 class Bound:
-    """The three numbers, as the module's text has them."""
+    """The two numbers, as the module's text has them."""
 
     turn: float
     kick: float
-    transient: float
 
 
-LIMITS = Bound(turn=0.46, kick=0.0076, transient=20.0)
-"""Reached by heavy-wheels with its inner steps (1e-6 rad), by saturating without (4e-6 rad), and by
-stress (2e-6 rad)."""
+LIMITS = Bound(turn=0.46, kick=0.0076)
+"""Reached by heavy-wheels with its inner steps (1e-6 rad) and by saturating without (4e-6 rad)."""
+TOGETHER = 0.0103
+"""The limit of `kick` after a run, when it is that of all actuators together (rad): saturating."""
+AT_RANDOM = 8.0
+"""What steps leave of jitter adds up, in this way and that, to about so many of the largest."""
+JITTER = 1e-6
+"""Attitude error (rad) that jitter may leave without a word."""
+FIELD = 6e-5
+"""The largest field (T) that coils meet, near a pole in low orbit."""
 TEXTS = {
-    "turn": ("turn and nutation in an inner step", " rad"),
-    "kick": ("turn by the wheels' largest torque in an inner step", " rad"),
-    "transient": ("inner step over the lag of motors or coils", ""),
+    "turn": "turn and nutation in an inner step",
+    "kick": "turn by the largest torque of {} in an inner step",
 }
+REMEDY = "--inner auto takes as many as it needs, --estimate says how much it errs"
+
+
+@dataclass(frozen=True)
+class Body:
+    """A rigid body: inertia without the wheels' axial part (3, 3; kg m2), the wheels' axes (3, 4)
+    and the momentum that they have at the start (4,; N m s)."""
+
+    carrier: Array
+    axes: Array
+    h_start: Array
+
+    def turning(self, omega: Array, h: Array) -> Array:
+        """|omega| + nutation (rad/s), of states (n, 3) in rad/s and (n, 4) in N m s."""
+        momentum = omega @ self.carrier.T + h @ self.axes.T
+        nutation = np.einsum("ij,jk,ik->i", momentum, self.carrier, momentum)
+        nutation = np.sqrt(nutation / np.linalg.det(self.carrier))
+        return np.asarray(np.linalg.norm(omega, axis=1) + nutation)
+
+    def pushed(self, torque: Array) -> Array:
+        """The size of the acceleration (rad/s2) that torques (n, 3), N m, give."""
+        return np.asarray(np.linalg.norm(np.linalg.solve(self.carrier, torque.T), axis=0))
+
+
+def body_of(system: System) -> Body | None:
+    """Of a checked system; None where there is no rigid body with wheels."""
+    parts = residual.applies(system)
+    if parts is None:
+        return None
+    craft = system.components[parts["spacecraft"]]
+    axes = _values(craft, "axes_wheel").reshape(3, 4)
+    spin = _values(craft, "inertia_wheel")
+    inertia = _values(craft, "inertia").reshape(3, 3)
+    wheels = system.components[parts["wheels"].partition(".")[0]]
+    return Body(inertia - (axes * spin) @ axes.T, axes, _values(wheels, "h_start_wheel"))
 
 
 def bound(system: System) -> Bound | None:
-    """The three numbers of a checked system; None where there is no rigid body with wheels."""
-    body = residual.applies(system)
+    """The two numbers of a checked system before it runs; None where there is no rigid body with
+    wheels."""
+    body = body_of(system)
     if body is None:
         return None
-    craft = system.components[body["spacecraft"]]
-    wheels = system.components[body["wheels"].partition(".")[0]]
-    axes = _values(craft, "axes_wheel").reshape(3, 4)
-    spin = _values(craft, "inertia_wheel")
-    carrier = _values(craft, "inertia").reshape(3, 3) - (axes * spin) @ axes.T
-    omega = _values(craft, "omega_start_body")
-    momentum = carrier @ omega + axes @ _values(wheels, "h_start_wheel")
-    nutation = np.sqrt(momentum @ carrier @ momentum / np.linalg.det(carrier))
-    pushes = np.linalg.inv(carrier) @ axes * _values(wheels, "torque_limit")
-    lags = [
-        float(_values(c, name)[0]) for c in system.components.values()
-        for name in ("motor_lag", "lag") if _has(c, name)
-    ]  # fmt: skip
-    step = system.step / system.inner
-    return Bound(
-        turn=step * float(np.linalg.norm(omega) + nutation),
-        kick=step**2 * float(np.linalg.norm(pushes, axis=0).max()),
-        transient=max((step / lag for lag in lags if lag > 0.0), default=0.0),
-    )
+    parts = residual.applies(system)
+    assert parts is not None
+    omega = _values(system.components[parts["spacecraft"]], "omega_start_body")
+    step = system.step / system.parts
+    turn = step * float(body.turning(omega[None], body.h_start[None])[0])
+    return Bound(turn, max((kick for _, kick in _kicks(system, body, step)), default=0.0))
+
+
+def _kicks(system: System, body: Body, step: float) -> Iterator[tuple[str, float]]:
+    """What each actuator that the body feels may turn it in a step (rad), and its name."""
+    target = (residual.applies(system) or {})["spacecraft"]
+    for name in sorted({c.source for c in system.connections if c.target == target}):
+        torques = np.array(list(_torques(system, name, body)), dtype=float).reshape(-1, 3)
+        if len(torques):
+            yield name, step**2 * float(body.pushed(torques).max())
+
+
+def _torques(system: System, name: str, body: Body) -> Iterator[Any]:
+    """The largest torques (3,; N m, body) that a component may give."""
+    component = system.components[name]
+    if _has(component, "inertia_wheel") and _has(component, "torque_limit"):
+        spin = _values(component, "inertia_wheel") > 0.0
+        yield from (body.axes * spin * _values(component, "torque_limit")).T
+    if _has(component, "m_mean_body") and _has(component, "m_limit"):
+        weakest = np.linalg.eigh(body.carrier)[1][:, 0]
+        yield weakest * FIELD * float(np.abs(_values(component, "m_limit")).max())
+    if _has(component, "schedule_tau_body"):
+        begin, long = (_values(component, f"schedule_{n}") for n in ("start", "duration"))
+        torque = _values(component, "schedule_tau_body").reshape(-1, 3)
+        for t in begin[long > 0.0]:
+            yield torque[(long > 0.0) & (begin <= t) & (t < begin + long)].sum(axis=0)
+
+
+def jitter(parts: dict[str, Any], speeds: Array, step: float) -> float:
+    """The attitude error (rad) that jitter leaves with wheels at such speeds (n, 4; rad/s), which
+    the body gets as a mean over an inner step (s): AT_RANDOM of the steps' own, unbalance Omega H
+    / J, and less where a step is short to a wheel's turn. `parts` as of `applies`."""
+    fast = np.abs(speeds)
+    turned = (fast * np.minimum(1.0, fast * step)).sum(axis=1).max(initial=0.0)
+    least = float(np.linalg.eigvalsh(np.array(parts["carrier"]))[0])
+    return float(AT_RANDOM * parts["unbalance"] * turned * step / least)
+
+
+def _speeds(parts: dict[str, Any], h: Array) -> Array:
+    """Of wheels with momenta h (n, 4; N m s), rad/s; the body's rate is small beside."""
+    spin = np.array(parts["inertia_wheel"])
+    return np.asarray(np.divide(h, spin, out=np.zeros_like(h), where=spin > 0.0))
 
 
 def warnings(system: System) -> list[str]:
-    """What leaves the range that the cases cover, a line each, with the remedy."""
-    numbers = bound(system)
-    if numbers is None:
+    """What leaves the range that the cases cover, a line each; none of a run that chooses its inner
+    steps, which looks itself."""
+    body = body_of(system)
+    numbers = None if system.inner == AUTO else bound(system)
+    if body is None or numbers is None:
         return []
-    lines = []
+    kicks = dict(_kicks(system, body, system.step / system.parts))
+    who = max(kicks, key=lambda name: kicks[name], default="")
+    lines = [
+        _line(TEXTS[name].format(who), value, getattr(LIMITS, name))
+        for name, value in _beyond(numbers)
+    ]
+    parts = applies(system) or {}
+    left = jitter(parts, _speeds(parts, body.h_start[None]), system.step / system.parts)
+    return lines + _of_jitter(left, "at the speeds of the start")
+
+
+def _of_jitter(left: float, when: str) -> list[str]:
+    """A line where it is worth one."""
+    if left <= JITTER:
+        return []
+    return [f"the jitter of unbalanced wheels is handed on as a mean over the inner step: the "
+            f"attitude errs by about {left:.1e} rad, {when}; {REMEDY}"]  # fmt: skip
+
+
+def _beyond(numbers: Bound) -> Iterator[tuple[str, float]]:
     for f in fields(Bound):
-        value, limit = getattr(numbers, f.name), getattr(LIMITS, f.name)
-        if value > limit * (1.0 + 1e-9):
-            what, unit = TEXTS[f.name]
-            inner = ceil(system.inner * (value / limit) ** (0.5 if f.name == "kick" else 1.0))
-            lines.append(
-                f"{what}: {value:.3g}{unit}, accuracy is shown up to {limit:g}{unit} only: "
-                f"take inner = {inner} (--inner), or look at --estimate"
-            )
-    return lines
+        if (value := getattr(numbers, f.name)) > getattr(LIMITS, f.name) * (1.0 + 1e-9):
+            yield f.name, value
+
+
+def _line(what: str, value: float, limit: float) -> str:
+    return f"{what}: {value:.3g} rad, accuracy is shown up to {limit:g} rad only: {REMEDY}"
 
 
 def _has(component: Component, name: str) -> bool:
-    return name in component.interface.signals
+    return bool(component.interface.elements(name))
 
 
 def _values(component: Component, name: str) -> Any:
@@ -98,3 +205,117 @@ def _values(component: Component, name: str) -> Any:
     signals = component.interface.elements(name)
     values: list[Any] = [value_of(component, s.name) for s in signals]
     return np.array(values if values else [0.0] * 4, dtype=float)
+
+
+# --- after a run ----------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Reached:
+    """What a body came to at its rows: its turning (n,; rad/s), by how much actuators have
+    accelerated it from each to the next (n - 1,; rad/s2), and how much that has changed from each
+    pair to the next (n - 2,; rad/s2)."""
+
+    times: Array
+    turning: Array
+    pushed: Array
+    changed: Array
+
+    def largest(self) -> tuple[float, float, float]:
+        """Of the three."""
+        return (float(self.turning.max(initial=0.0)), float(self.pushed.max(initial=0.0)),
+                float(self.changed.max(initial=0.0)))  # fmt: skip
+
+
+def reached(body: Body, times: Array, q: Array, omega: Array, h: Array, impulse: Array) -> Reached:
+    """Of states at times (n,; s): attitude (n, 4), rate (n, 3; rad/s), momenta of the wheels (n, 4;
+    N m s), external impulse until then (n, 3; N m s, eci)."""
+    seconds = np.diff(times)[:, None]
+    torque = rotate(q[:-1], np.diff(impulse, axis=0) / seconds)
+    torque = torque - np.diff(h, axis=0) / seconds @ body.axes.T
+    return Reached(
+        times, body.turning(omega, h), body.pushed(torque), body.pushed(np.diff(torque, axis=0))
+    )
+
+
+def applies(system: System) -> dict[str, Any] | None:
+    """As for the momentum residual, with what is looked at after a run, and the body."""
+    parts, body = residual.applies(system), body_of(system)
+    if parts is None or body is None:
+        return None
+    craft = parts["spacecraft"]
+    series = [f"{craft}.q_bi", f"{craft}.omega_bi_body", parts["wheels"], f"{craft}.impulse_eci"]
+    wheels = system.components[parts["wheels"].partition(".")[0]]
+    return {
+        "series": series, "axes_wheel": body.axes.tolist(), "carrier": body.carrier.tolist(),
+        "inertia_wheel": _values(system.components[craft], "inertia_wheel").tolist(),
+        "unbalance": float(_values(wheels, "unbalance").max()),
+    }  # fmt: skip
+
+
+def signals(parts: dict[str, Any]) -> list[str]:
+    """None: what is recorded anyhow is looked at."""
+    return []
+
+
+def of_run(manifest: dict[str, Any], results: Results) -> Reached | None:
+    """Of a run; None where there is no such body, or not all of it is recorded."""
+    parts = manifest.get(KEY)
+    if parts is None or not set(parts["series"]) <= set(results.names()):
+        return None
+    times = results.times(parts["series"][0])
+    if len(times) < 3:
+        return None
+    body = Body(np.array(parts["carrier"]), np.array(parts["axes_wheel"]), np.zeros(4))
+    q, omega, h, impulse = (results.values(name) for name in parts["series"])
+    return reached(body, times, q, omega, h, impulse)
+
+
+def numbers(manifest: dict[str, Any], results: Results) -> dict[str, dict[str, Any]]:
+    """Of a run that has chosen its inner steps: how many, and the error that it expects (rad)."""
+    choice = manifest.get(CHOICE)
+    if choice is None:
+        return {}
+    rows = {"inner_steps": {"title": "Inner steps, chosen", "value": manifest["inner"],
+                            "unit": "1"}}  # fmt: skip
+    if choice["estimate"] is not None:
+        rows["estimated_attitude_error"] = {
+            "title": "Attitude error, largest, estimated as the inner steps were chosen",
+            "value": choice["estimate"], "unit": "rad",
+        }  # fmt: skip
+    return rows
+
+
+def remarks(manifest: dict[str, Any], results: Results) -> list[str]:
+    """Where a run with given inner steps has left the range, a line each."""
+    choice = manifest.get(CHOICE)
+    looked = choice is not None and choice["estimate"] is not None
+    if looked or manifest["algorithm"] != "conserving":
+        return []
+    found = of_run(manifest, results)
+    if found is None:
+        return []
+    step = manifest["step"] / manifest["inner"]
+    rows = (
+        ("turn", step * found.turning, LIMITS.turn), ("kick", step**2 * found.pushed, TOGETHER)
+    )  # fmt: skip
+    lines = []
+    for name, values, limit in rows:
+        k = int(values.argmax())
+        if values[k] > limit * (1.0 + 1e-9):
+            at = f"at t = {found.times[k]:g} s, {TEXTS[name].format('all actuators')}"
+            lines.append(_line(at, float(values[k]), limit))
+    parts = manifest[KEY]
+    speeds = _speeds(parts, results.values(parts["series"][2]))
+    left, told = (jitter(parts, of, step) for of in (speeds, speeds[:1]))
+    return lines + (_of_jitter(left, "at their largest speeds") if left > 2.0 * told else [])
+
+
+def unmet(manifest: dict[str, Any], results: Results) -> list[str]:
+    """None."""
+    return []
+
+
+def figures(manifest: dict[str, Any], results: Results) -> list[tuple[str, str]]:
+    """None."""
+    return []

@@ -35,10 +35,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..engine.results import Results
-from ..study.derived import rotate_back
-from ..study.drawing import COLOURS, figure, time_axis
-from ..study.strips import timeline
+from ..engine.recording.results import Results
+from ..figures.mode_bands import timeline
+from ..figures.style import COLOURS, figure, time_axis
+from ..numbers.derived import rotate_back
 from ..system.model import System
 from . import not_checked, outside, residual
 from .within import NODES, WEIGHTS, Array, Steps

@@ -12,8 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from ..engine.results import Results
-from ..study.derived import cross, rotate_back
+from ..engine.recording.results import Results
+from ..numbers.derived import cross, rotate_back
 from ..system.model import System
 from . import not_checked, outside, residual
 from .energy import BOUND
@@ -31,7 +31,7 @@ def applies(system: System) -> dict[str, Any] | None:
     for c in system.components.values():
         if c.interface.model == outside.FIXED:
             fed, why = outside.feeds(system, c.name), ""
-            if system.inner > 1 or c.decimation > 1:
+            if system.inner != 1 or c.decimation > 1:
                 why = f"a row has several steps of {c.name}, or a part of one"
             elif fed is None:
                 why = f"what reaches {c.name} is converted, or does not come at every step"

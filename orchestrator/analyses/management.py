@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from ..engine.results import Results
+from ..engine.recording.results import Results
 from ..system.model import System
 from . import titled
 

@@ -12,8 +12,8 @@ import numpy as np
 from desat.components.physics.orbit import EARTH_RATE, MU
 from desat.components.physics.torques import PLATE_COLUMNS, SOLAR_PRESSURE
 
-from ..engine.results import Results
-from ..study.derived import cross
+from ..engine.recording.results import Results
+from ..numbers.derived import cross
 from ..system.interface import base_name
 from ..system.model import System
 from ..system.parameters import value_of

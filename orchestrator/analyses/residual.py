@@ -13,10 +13,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..engine.results import Results
-from ..study.derived import rotate_back
-from ..study.drawing import COLOURS, figure, time_axis
-from ..study.strips import timeline
+from ..engine.recording.results import Results
+from ..figures.mode_bands import timeline
+from ..figures.style import COLOURS, figure, time_axis
+from ..numbers.derived import rotate_back
 from ..system.model import System
 
 Array = NDArray[np.float64]

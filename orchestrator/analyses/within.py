@@ -15,7 +15,7 @@ from math import sqrt
 import numpy as np
 from numpy.typing import NDArray
 
-from ..study.derived import cross, rotate_back
+from ..numbers.derived import cross, rotate_back
 
 Array = NDArray[np.float64]
 

@@ -13,12 +13,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..study.case import Run, execute
-from ..study.draws import STOPPED, ran
-from ..study.plots import lines_of, unit_of
-from ..study.report import write_report
+from ..figures.plots import lines_of, unit_of
+from ..report.report import write_report
+from ..runs.run import Run, execute
 from ..system.codes import Exit
 from ..system.errors import DesatError
+from .draws import STOPPED, ran
 from .plan import Plan, system
 
 POINTS = 200

@@ -16,11 +16,12 @@ from pathlib import Path
 from typing import Any, Self
 
 from ..files import library
-from ..study.workers import Lost
+from ..files.identity import versions
 from ..system.codes import Exit
 from ..system.errors import DesatError, RunError
 from .case import row
-from .plan import Plan, digest_of, versions
+from .plan import Plan, digest_of
+from .workers import Lost
 
 WAIT = "15s"
 """How long a cluster has to answer."""
@@ -124,7 +125,7 @@ def _compared_with(plan: Plan) -> str:
     except DesatError as error:
         return f"cannot have the system: {error}"
     return "" if there == plan.digest else (
-        f"has another {plan.target}: scenario, parameters or builds of FMUs differ"
+        f"has another {plan.target}: its wiring, times, content, parameters or FMUs differ"
     )  # fmt: skip
 
 

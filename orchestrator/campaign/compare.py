@@ -6,11 +6,11 @@ import math
 from pathlib import Path
 from typing import Any
 
-from ..study.cells import clopper_pearson
-from ..study.paired import difference, spread
+from ..numbers.statistics import clopper_pearson
 from ..system.errors import DesatError
 from . import store
 from .figures import flat
+from .pairs import difference, spread
 from .plan import Plan, read, system
 
 

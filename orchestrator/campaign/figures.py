@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..study.canvas import Axes, Figure
-from ..study.drawing import COLOURS, DASHED, DOTTED, LIMIT, WIDTH, axis_label, figure, time_axis
+from ..figures.canvas import Axes, Figure
+from ..figures.style import COLOURS, DASHED, DOTTED, LIMIT, WIDTH, axis_label, figure, time_axis
 
 Array = NDArray[np.float64]
 LEVELS = (5.0, 50.0, 95.0, 99.0)

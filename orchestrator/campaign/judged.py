@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from ..study.cells import clopper_pearson
+from ..numbers.statistics import clopper_pearson
 
 
 def requirement(

@@ -2,24 +2,23 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
-import platform
+import shlex
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, fields
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
-from ..files import library
-from ..study import manifest
-from ..study.draws import system_of
-from ..study.manifest import write_json
-from ..study.modify import modify
-from ..study.options import Options
-from ..study.prepare import load
-from ..study.sampling import FIXED, Sampling, drawn
+from ..files.identity import of_system, other, versions
+from ..runs.manifest import write_json
+from ..runs.prepare import resolved
+from ..system.digest import comparable
 from ..system.draft import Draft
 from ..system.errors import DesatError
+from ..system.options import Options, as_arguments
+from .draws import system_of
+from .sampling import FIXED, Sampling, drawn
 
 PLAN = "campaign.json"
 GROWS = ("count", "keep", "limit")
@@ -34,7 +33,7 @@ class Plan:
     target: str
     """A scenario's name, or a file."""
     digest: str
-    """sha256 of the system as it is before anything is drawn (`digest_of`)."""
+    """Of the system as it is before anything is drawn (`digest_of`)."""
     count: int
     seed: int = 1
     sampling: Sampling = "random"
@@ -87,21 +86,52 @@ _KINDS: dict[str, Any] = {"target": str, "digest": str, "count": int, "seed": in
 
 
 def changed(plan: Plan) -> str:
-    """What is to be said where the system is not any more that of the campaign; "" where it is.
-    Raises DesatError where it cannot be had."""
+    """What is to be said where the system is not any more that of the campaign, or where that
+    cannot be told; "" where it is. Raises DesatError where it cannot be had."""
+    if not comparable(plan.digest):
+        return (f"{plan.target}: the desat that the campaign began with kept no digest of it that "
+                "this one can compare")  # fmt: skip
     if digest_of(plan.target, plan.run_options()) == plan.digest:
         return ""
-    return f"{plan.target} is not what it was when the campaign began: scenario, parameters or FMUs"
+    return (f"{plan.target} is not what it was when the campaign began: wiring, times, content, "
+            "parameters or FMUs differ")  # fmt: skip
+
+
+def anew(plan: Plan) -> str:
+    """What to say of the command that makes a campaign anew."""
+    sampling = "" if plan.sampling == "random" else f" --sampling {plan.sampling}"
+    return (f"`desat campaign {shlex.quote(plan.target)} -n {plan.count} --seed {plan.seed}"
+            f"{sampling}{as_arguments(plan.run_options())} --out ANOTHER` begins anew")  # fmt: skip
+
+
+def kept_versions(folder: Path) -> dict[str, str]:
+    """With which versions a campaign was last gone on with."""
+    told: dict[str, str] = json.loads((folder / PLAN).read_text(encoding="utf-8")).get("versions")
+    return told or {}
+
+
+def same_versions(folder: Path, before: Mapping[str, str], accepted: bool, what: str) -> None:
+    """Raises DesatError where what computes is of other versions than before, and none are
+    accepted; `what`: what they would mix in."""
+    if not accepted and (text := other(before, versions())):
+        raise DesatError(f"{folder}: {text}: {what} may differ in their bits; --accept-versions "
+                         "goes on, and each case says its own")  # fmt: skip
 
 
 def joined(old: Plan, new: Plan, folder: Path) -> None:
     """Raises DesatError where a folder's campaign is not the one that is to go on in it."""
+    if not comparable(old.digest):
+        raise DesatError(f"{folder}: it cannot go on: {changed(old)}; {anew(new)}")
     wanted = json.loads(json.dumps(asdict(new)))  # tuples as the file has them
     for key, before in json.loads(json.dumps(asdict(old))).items():
         now = wanted[key]
         grows = key == "count" and now >= before and old.sampling not in FIXED
         if before == now or grows or key in GROWS[1:]:
             continue
+        if key == "digest" and old.options != new.options:
+            continue  # which is the reason, and said
+        if key == "digest":
+            raise DesatError(f"{folder}: another campaign: {changed(old)}; {anew(new)}")
         fixed = f", of which the points of {old.sampling} depend" if key == "count" and (
             old.sampling in FIXED) else ""  # fmt: skip
         raise DesatError(f"{folder}: another campaign: {key} is {_short(before)} there, "
@@ -119,24 +149,8 @@ def system(target: str, blocks: bool) -> Draft:
     return system_of(target, Options(blocks=blocks))
 
 
-def versions() -> dict[str, str]:
-    """What a row depends on beside its plan."""
-    return {**manifest.versions(), "python": platform.python_version()}
-
-
 def digest_of(target: str, options: Options) -> str:
-    """sha256 of a system: scenario, parameters, FMUs, times. Raises DesatError where it cannot be
-    had."""
-    drafted = load(target, options.blocks)
-    modify(drafted, options)
-    described = {
-        "about": drafted.about, "start": drafted.start, "stop": drafted.stop,
-        "step": drafted.step, "inner": drafted.inner,
-        "components": {
-            c.name: [c.parameters, c.references, c.decimation,
-                     library.load(c.fmu).sha256 if c.fmu else c.source]
-            for c in drafted.components.values()
-        },
-    }  # fmt: skip
-    text = json.dumps(described, sort_keys=True, default=str)
-    return hashlib.sha256(text.encode()).hexdigest()
+    """The digest of a system before anything is drawn: of all that a row depends on beside seed,
+    number and sampling. Raises DesatError where it cannot be had."""
+    system, design = resolved(target, options)
+    return of_system(system, options, design)

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 import warnings
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -10,20 +12,24 @@ from typing import Any, NamedTuple
 import numpy as np
 from markupsafe import Markup
 
-from ..study.drawing import axis_label, pretty_unit
-from ..study.figures import scatter
-from ..study.manifest import write_json
-from ..study.plots import limits_of
-from ..study.prepare import prepare
-from ..study.report import number as shown
-from ..study.report import render, write_page
-from ..study.sampling import axes, dispersed, sensitivity, unit_cube
+from ..figures.charts import scatter
+from ..figures.plots import limits_of
+from ..figures.style import axis_label, pretty_unit
+from ..files.identity import COMPUTING
+from ..numbers.numbers import late
+from ..numbers.text import not_reached
+from ..numbers.text import number as shown
+from ..report.report import render, write_page
+from ..runs.manifest import write_json
+from ..runs.prepare import prepare
+from ..system.dispersions import dispersed
 from ..system.errors import DesatError
 from ..system.parameters import table as parameters_of
 from . import figures, store
 from .case import POINTS, plots_of
 from .judged import requirement, rerun
 from .plan import Plan, changed, read, system
+from .sampling import axes, sensitivity, unit_cube
 
 STRONG = 0.2
 """Rank correlations from this size on are shown."""
@@ -33,6 +39,7 @@ BASE = 64
 """Groups of cases from which on Sobol indices are told: of a few, SALib's intervals, which are made
 of the same cases, say nothing."""
 _WORST, _SCATTERS = 3, 4
+_NEVER = 1e300
 
 
 def summary(folder: Path) -> dict[str, Any]:
@@ -52,8 +59,9 @@ def summary(folder: Path) -> dict[str, Any]:
         n[3:]: figures.flat(table[n].to_pylist()) for n in table.column_names
         if n.startswith("in.") and not n.endswith(".seed") and _is_number(table[n])
     }  # fmt: skip
+    times = late(about)
     numbers = {
-        name: _number(name, told.get(name, {}), values[completed], cases[completed])
+        name: _number(name, told.get(name, {}), values[completed], cases[completed], name in times)
         for name, values in out.items()
     }
     failed = [
@@ -73,7 +81,7 @@ def summary(folder: Path) -> dict[str, Any]:
     return {
         "target": plan.target, "seed": plan.seed, "sampling": plan.sampling, "count": plan.count,
         "done": len(cases), "completed": int(completed.sum()), "failed": failed,
-        "changed": changed(plan),
+        "changed": changed(plan), "versions": _versions(table["versions"].to_pylist()),
         "seconds": float(np.nansum(figures.flat(table["seconds"].to_pylist()))),
         "digest": store.digest(folder),
         "numbers": numbers, "unmet": unmet,
@@ -86,6 +94,18 @@ def summary(folder: Path) -> dict[str, Any]:
                             {n: v[completed & apart] for n, v in out.items()}),
         "sobol": _sobol(plan, cases, completed, out),
     }  # fmt: skip
+
+
+def _versions(rows: Sequence[str]) -> list[dict[str, Any]]:
+    """The sets of versions that cases were made with: how many `cases`, the `versions`, and in
+    words what of them is not the same for all that there are."""
+    sets = [(json.loads(text), n) for text, n in sorted(Counter(rows).items())]
+    various = [n for n in COMPUTING if len({one.get(n) for one, _ in sets}) > 1]
+    return [
+        {"cases": n, "versions": one,
+         "text": f"{n} with {', '.join(f'{k} {one.get(k)}' for k in various)}" if various else ""}
+        for one, n in sets
+    ]  # fmt: skip
 
 
 def _apart(plan: Plan, cases: Any) -> Any:
@@ -102,18 +122,28 @@ def _is_number(column: Any) -> bool:
     return all(isinstance(v, (int, float)) or v is None for v in column.slice(0, 50).to_pylist())
 
 
-def _number(name: str, entry: Mapping[str, str], values: Any, cases: Any) -> dict[str, Any]:
-    """A number over all completed cases that have it."""
+def _number(
+    name: str, entry: Mapping[str, str], values: Any, cases: Any, is_late: bool = False
+) -> dict[str, Any]:
+    """A number over all completed cases that have it; a time over all completed cases, those that
+    do not reach it last, and None where it is one of theirs."""
     there = np.isfinite(values)
     told: dict[str, Any] = {"title": entry.get("title", name), "unit": entry.get("unit", ""),
                              "n": int(there.sum()), "not_reached": int(np.isnan(values).sum()),
                              "infinite": int(np.isinf(values).sum())}  # fmt: skip
     if there.any():
-        levels = np.percentile(values[there], (5.0, 50.0, 95.0, 99.0))
-        told |= dict(zip(("p5", "median", "p95", "p99"), map(float, levels), strict=True))
-        for key, pick in (("min", np.argmin), ("max", np.argmax)):
-            i = int(pick(values[there]))
-            told |= {key: float(values[there][i]), f"{key}_case": int(cases[there][i])}
+        last = values[there].max()
+        counted = np.isfinite(values) | (np.isnan(values) if is_late else False)
+        # in place of nan a number that every percentile between it and others shows
+        values, cases = np.nan_to_num(values[counted], nan=_NEVER), cases[counted]
+        ends = [(key, int(pick(values))) for key, pick in (("min", np.argmin), ("max", np.argmax))]
+        levels = {
+            **dict(zip(("p5", "median", "p95", "p99"),
+                       np.percentile(values, (5.0, 50.0, 95.0, 99.0)), strict=True)),
+            **{key: values[i] for key, i in ends},
+        }  # fmt: skip
+        told |= {key: float(x) if x <= last else None for key, x in levels.items()}
+        told |= {f"{key}_case": int(cases[i]) for key, i in ends}
     return told
 
 
@@ -178,7 +208,8 @@ def write(folder: Path) -> tuple[Path, dict[str, Any]]:
     text = render(
         "campaign.html", told=told, plan=plan, title=f"Campaign of {told['target']}",
         figures=_figures(folder, plan, told),
-        number=shown, unit=pretty_unit, kept=sorted(p.name for p in (folder / "kept").glob("*")),
+        number=shown, not_reached=not_reached, unit=pretty_unit,
+        kept=sorted(p.name for p in (folder / "kept").glob("*")),
     )  # fmt: skip
     return write_page(folder / "report.html", text), told
 

@@ -26,7 +26,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from ..files.text import naming
-from ..study.manifest import write_json
+from ..runs.manifest import write_json
 from ..system.errors import DesatError
 from . import damaged
 
@@ -270,6 +270,15 @@ def read(folder: Path, kind: str = CASES, columns: Sequence[str] | None = None) 
             return pa.table({"case": pa.array([], pa.int64())})
         raise DesatError(f"{folder}: no case is there yet")
     return pa.concat_tables(tables, promote_options="permissive")
+
+
+def versions_of(folder: Path, case: int) -> dict[str, str] | None:
+    """The versions that a case was made with; None where it is not there."""
+    path = _part(folder, CASES, case // BLOCK)
+    rows = damaged.rows(path, ["case", "versions"]).to_pylist() if path.exists() else ()
+    found = [r["versions"] for r in rows or _journal(folder) if r["case"] == case]
+    told: dict[str, str] | None = json.loads(found[-1]) if found else None
+    return told
 
 
 def schema(folder: Path) -> pa.Schema:

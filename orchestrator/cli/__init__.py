@@ -17,7 +17,7 @@ from typer.main import get_command
 from ..system.codes import Exit
 from ..system.errors import DesatError
 from . import commands
-from .common import app, err, out
+from .console import app, err, out
 from .spare import spare
 
 for _module in sorted(m.name for m in pkgutil.iter_modules(commands.__path__)):

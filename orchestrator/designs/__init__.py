@@ -8,7 +8,7 @@
 
 and what the kind takes. A module of this folder that has `applies` is a kind of design:
 
-    KEYS                              # which keys of [design] (files/language.py) it takes
+    KEYS                              # which keys of [design] (language/scenario.py) it takes
     def applies(system) -> bool       # whether it is the one for this system
     def make(scenario, options) -> Design
     def problems(system) -> texts     # if it has this: what of a system does not fit its design

@@ -7,8 +7,8 @@ final_momentum = 0.05         # N m s: the gain is tuned to this |h_f|
 from __future__ import annotations
 
 from ..files.scenario import Scenario
-from ..study.options import Options
 from ..system.model import System
+from ..system.options import Options
 from . import Design
 from .plant import Plant
 from .tuning import GAIN_UNIT, flies, tuned

@@ -12,8 +12,8 @@ from typing import Any
 from desat.components.maths.vector import norm
 
 from ..files.scenario import Scenario
-from ..study.options import Options
 from ..system.model import System
+from ..system.options import Options
 from . import Design
 from .plant import Plant
 from .tuning import flies, shape, with_weight

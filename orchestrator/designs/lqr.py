@@ -16,9 +16,9 @@ from desat.components.blocks.manager_magnetic import CAPACITY
 from desat.components.laws import magnetic_offline as offline
 
 from ..files.scenario import Scenario
-from ..study.options import Options
 from ..system.errors import DesatError
 from ..system.model import System
+from ..system.options import Options
 from . import Design
 from .plant import Array, Plant
 from .tuning import flies, shape, with_weight

@@ -8,13 +8,13 @@ from typing import Any
 
 import numpy as np
 
-from ..files.refuse import design as read_design
+from ..files.reader import design as read_design
 from ..files.scenario import ROOT, Scenario, find, scenarios
 from ..files.text import replace_text
-from ..study.options import Options
 from ..system.check import check
 from ..system.errors import DesatError
 from ..system.model import System
+from ..system.options import Options
 from ..system.parameters import choice_of
 from . import Design, kinds
 from .origin import TABLE, computed, draft_of, made_of, owner

@@ -13,9 +13,9 @@ import numpy as np
 from desat.components.laws import magnetic_offline as offline
 
 from ..files.scenario import Scenario, find
-from ..study.options import Options
 from ..system.errors import DesatError
 from ..system.model import System
+from ..system.options import Options
 from . import Design
 from .plant import Array, Flight, Plant
 from .tuning import flies, needless, of_flight

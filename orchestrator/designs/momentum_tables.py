@@ -37,11 +37,11 @@ from desat.components.physics.torques import gravity_gradient
 from desat.fmus.registry import block_class
 
 from ..files.scenario import Scenario
-from ..study.options import Options
 from ..system.check import check
 from ..system.errors import DesatError
 from ..system.interface import base_name
 from ..system.model import Component, System
+from ..system.options import Options
 from ..system.parameters import choice_of, value_of
 from . import Design
 from .origin import draft_of

@@ -13,12 +13,13 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from ..files.refuse import design
+from ..files.modify import modify
+from ..files.reader import design
 from ..files.scenario import Scenario, find
-from ..study.modify import modify
-from ..study.options import Options
 from ..system.draft import Draft
 from ..system.interface import base_name
+from ..system.model import Connection
+from ..system.options import Options
 from ..system.parameters import parse_assignment, table
 from ..system.resolve import resolve
 
@@ -48,12 +49,13 @@ def made_of(
     parameters that it computes. A choice stands by its name. With `known`, parameters that are
     neither in it nor given by anybody are left out: a block has got them since."""
     draft = draft_of(scenario, replace(options, sources=[]))
-    wiring = sorted(str(c) for c in draft.connections)
+    found = resolve(draft)
+    wiring = sorted(map(_wire, found.system.connections if found.system else draft.connections))
     values: dict[str, Any] = {
         "start": draft.start,
         "stop": draft.stop,
         "step": draft.step,
-        **({"inner": draft.inner} if draft.inner > 1 else {}),
+        **({"inner": draft.inner} if draft.inner != 1 else {}),
         "wiring": _digest(wiring),
         **{f"design.{k}": v for k, v in scenario.data["design"].items() if k != "assume"},
     }
@@ -68,11 +70,17 @@ def made_of(
     for text in options.sources:
         name, _, source = text.partition("=")
         values[f"source.{name}"] = Path(source).stem
-    for name, rows in table(resolve(draft).components.values()).items():
+    for name, rows in table(found.components.values()).items():
         for k, entry in rows.items():
             if known is None or entry["given"] or f"{name}.{k}" in known:
                 values[f"{name}.{k}"] = _kept(entry["value"])
     return {k: v for k, v in values.items() if k not in without and v is not None}
+
+
+def _wire(c: Connection) -> str:
+    """A connection with its transformation, where it has one."""
+    same = (c.factor, c.offset) == (1.0, 0.0)
+    return str(c) if same else f"{c}: {c.factor!r}, {c.offset!r}"
 
 
 def _kept(value: Any) -> Any:

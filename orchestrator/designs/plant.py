@@ -24,12 +24,12 @@ from desat.fmus.registry import block_class
 
 from ..engine.loop import run, stepping
 from ..engine.master import Master
-from ..engine.recorder import Recorder
+from ..engine.recording.recorder import Recorder
 from ..files.scenario import Scenario
-from ..study.options import Options
 from ..system.check import check
 from ..system.errors import DesatError, nearest
 from ..system.model import Component
+from ..system.options import Options
 from ..system.parameters import choice_of, expand, value_of
 from .origin import draft_of
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from scipy.optimize import brentq
 
-from ..engine.instances import ComponentError
+from ..engine.instances.base import ComponentError
 from ..system.errors import DesatError
 from ..system.model import System
 from ..system.parameters import choice_of

@@ -20,11 +20,11 @@ from typing import Any
 import numpy as np
 
 from ..system.errors import DesatError
+from .current_call import RESTORE, SAVE, time, word
 from .ending import Ending
-from .instances import Array
-from .last_call import RESTORE, SAVE, time, word
+from .instances.base import Array
 from .master import Master
-from .recorder import Recorder
+from .recording.recorder import Recorder
 
 FOLDER = "checkpoints"
 KEPT = 2

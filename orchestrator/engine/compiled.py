@@ -20,15 +20,16 @@ import numpy as np
 
 from desat.fmus.compiler import NoCompilerError, compiler
 
-from ..files import places
+from ..files import paths
 from ..system.interface import KINDS
-from . import last_call
-from .ending import Ending, Loop
+from ..system.options import Loop
+from . import current_call
+from .ending import Ending
 from .master import Master
 from .operations import Call
 from .program import NotCompiledError, Program
-from .recorder import Recorder
-from .unwritten import Half
+from .recording.recorder import Recorder
+from .recording.row_buffer import Half
 
 SOURCE = Path(__file__).with_name("loop.c")
 FLAGS = ("-std=c11", "-O3", "-ffp-contract=off", "-fPIC", "-shared")
@@ -70,7 +71,8 @@ class CompiledSteps:
         self._program = Program(master.cycle)
         real = master.live["Real"]
         self._loop = _Loop(
-            word=last_call.address(last_call.word), time=last_call.address(last_call.time),
+            word=current_call.address(current_call.word),
+            time=current_call.address(current_call.time),
             start=master.start, step=master.step_size, steps=len(master.cycle),
             edges=self._program.edges.ctypes.data,
             operations=ctypes.addressof(self._program.operations),
@@ -135,7 +137,7 @@ def _library() -> Any:
     state = made.stat()
     key = [*command, *FLAGS, platform.machine(), str(made), state.st_size, state.st_mtime_ns]
     digest = hashlib.sha256(repr(key).encode() + SOURCE.read_bytes()).hexdigest()[:20]
-    library = places.cache() / "loop" / f"{digest}.so"
+    library = paths.cache() / "loop" / f"{digest}.so"
     try:
         if not library.exists():
             _build(command, library)

@@ -6,9 +6,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
-from .member import Slot
+from .node import Slot
 
-Loop = Literal["compiled", "python"]
 How = Literal["never", "below", "above", "reaches", "always"]
 
 

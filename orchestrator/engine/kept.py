@@ -11,8 +11,8 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from .instances import Array
-from .member import Member, Slot
+from .instances.base import Array
+from .node import Member, Slot
 from .operations import Keep
 
 PIECE = 4096

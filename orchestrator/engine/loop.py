@@ -10,12 +10,13 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any, Protocol
 
+from ..system.options import Loop
 from .checkpoint import Checkpoints
 from .compiled import CompiledSteps
-from .ending import NEVER, Ending, Loop
+from .ending import NEVER, Ending
 from .master import Master
 from .program import NotCompiledError
-from .recorder import Recorder
+from .recording.recorder import Recorder
 
 AGAIN = 0.3
 """A signal so soon after the first (s) is the same one: a terminal and a parent both send it."""

@@ -24,7 +24,7 @@ from collections.abc import Callable, Collection, Mapping
 from functools import partial
 from math import inf
 from types import TracebackType
-from typing import Any, Literal, Self
+from typing import Any, Self
 
 import numpy as np
 
@@ -32,20 +32,19 @@ from ..files import library
 from ..system.errors import DesatError
 from ..system.interface import KINDS, Kind, Signal
 from ..system.model import Component, Connection, System
+from ..system.options import ALGORITHMS, Algorithm
 from ..system.parameters import value_of
 from ..system.rates import Rates, graded
 from ..system.schedule import Schedule
-from .block_instance import BlockInstance
-from .fmu_instance import FmuInstance
-from .instances import Array, ComponentError, EndedError, Instance, each
-from .isolated import IsolatedInstance
+from .current_call import ENTER, EXIT, FREE, INSTANTIATE, PLACE, PULL, PUSH, time, word
+from .instances.base import Array, ComponentError, EndedError, Instance, each
+from .instances.block import BlockInstance
+from .instances.fmu import FmuInstance
+from .instances.isolated import IsolatedInstance
 from .kept import Kept
-from .last_call import ENTER, EXIT, FREE, INSTANTIATE, PLACE, PULL, PUSH, time, word
-from .member import Member, Outputs, Slot
+from .node import Member, Outputs, Slot
 from .plan import Plan
 
-Algorithm = Literal["conserving", "jacobi"]
-ALGORITHMS: tuple[Algorithm, ...] = ("conserving", "jacobi")
 Rows = Callable[[int, dict[Kind, Array]], None]
 
 

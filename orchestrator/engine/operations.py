@@ -15,9 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..system.interface import Kind
-from .instances import Array, ComponentError, Instance
-from .last_call import PULL, PUSH, STEP, time, word
-from .windows import Part, Whole
+from .averaging import Part, Whole
+from .current_call import PULL, PUSH, STEP, time, word
+from .instances.base import Array, ComponentError, Instance
 
 Verb = Literal["push", "step", "pull"]
 _DOING: dict[Verb, str] = {

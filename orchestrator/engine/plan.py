@@ -8,11 +8,11 @@ from typing import Literal
 import numpy as np
 
 from ..system.rates import Rates
-from .instances import Array, Clock
+from .averaging import Part, Whole
+from .instances.base import Array, Clock
 from .kept import Kept
-from .member import Member, Outputs, Slot, Window, means
+from .node import Member, Outputs, Slot, Window, means
 from .operations import Call, Cut, Gather, Join, Length, Operation, Show, Step, Tick
-from .windows import Part, Whole
 
 
 class Plan:

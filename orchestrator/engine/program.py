@@ -9,8 +9,8 @@ from typing import Any, cast
 
 import numpy as np
 
-from .fmu_instance import FmuInstance
-from .isolated import IsolatedInstance
+from .instances.fmu import FmuInstance
+from .instances.isolated import IsolatedInstance
 from .operations import Call, Cut, Gather, Join, Keep, Length, Operation, Show, Step, Tick
 
 CODES = ("TICK", "LENGTH", "TAKE_8", "TAKE_4", "CONVERT", "TRANSFER", "STEP", "COPY", "CLEAR",

@@ -10,7 +10,7 @@ from ..system.errors import DesatError, nearest
 from .contents import contents
 
 KEYS = ("title", "story", "source", "twin", "numbers", "plots", "output_classes", "labels",
-        "dispersions", "requirements", "inner", "stop_when", "residual_bound",
+        "dispersions", "requirements", "inner", "accuracy", "stop_when", "residual_bound",
         "impulse_bound", "energy_bound")  # fmt: skip
 _OWN = ("name", "cell", "labels")
 """Keys beside those of the language."""
@@ -53,7 +53,7 @@ def read(path: Path, where: str) -> dict[str, Any]:
 
 
 def _problems(about: Any) -> list[str]:
-    from .refuse import problems  # pydantic, only where there is something to check
+    from .reader import problems  # pydantic, only where there is something to check
 
     if not isinstance(about, dict):
         return ["a table is needed"]

@@ -10,7 +10,7 @@ from pathlib import Path, PurePosixPath
 
 from ..system.codes import Exit
 from ..system.errors import DesatError, RunError
-from . import places
+from . import paths
 
 ENTRIES = 20_000
 """The most entries of an archive."""
@@ -49,7 +49,7 @@ def extract(path: Path, folder: Path) -> None:
         raise
     except Exception as error:  # zipfile raises many kinds
         shutil.rmtree(folder, ignore_errors=True)
-        raise DesatError(f"{places.shown(path)}: not a readable archive ({error})") from error
+        raise DesatError(f"{paths.shown(path)}: not a readable archive ({error})") from error
 
 
 def _check(name: str, file_size: int, entries: list[zipfile.ZipInfo]) -> int:

@@ -9,8 +9,8 @@ from typing import Any
 
 from ..system.draft import Draft
 from ..system.errors import DesatError
-from ..system.replace import drop_unwanted
-from . import craft, library, places, ssp
+from ..system.replace import adopt_shared, drop_unwanted
+from . import craft, library, paths, ssp
 from .merge import Keys
 
 
@@ -28,7 +28,8 @@ def draft(
         if key in data:
             setattr(made, key, float(data[key]))
             made.given[key] = ": ".join(given((key,)))
-    made.inner = data.get("inner", 1)
+    made.inner = data.get("inner", made.inner)
+    made.accuracy = float(data.get("accuracy", made.accuracy))
     for output, of in data.get("output_classes", {}).items():
         made.output_classes[output] = of
         made.given[output] = ": ".join(given(("output_classes", output)))
@@ -47,6 +48,8 @@ def draft(
         for parameter, value in values.items():
             at = given(("parameters", name, parameter))
             made.try_to_assign(component, parameter, value, *at)
+    for name in data.get("sources", {}):
+        adopt_shared(made, made.components[name])
     return made
 
 
@@ -64,7 +67,7 @@ def _wired(
         if (folder / name).exists():
             return read(folder / name)
     raise DesatError(f"{where}: nothing says what is wired: extends, craft or ssd is needed, or "
-                     f"{craft.FILE} or {ssp.FILE} in {places.shown(folder)}")  # fmt: skip
+                     f"{craft.FILE} or {ssp.FILE} in {paths.shown(folder)}")  # fmt: skip
 
 
 def _named(
@@ -74,7 +77,7 @@ def _named(
     file: Path = folder / data[key]
     if not file.exists():
         at = ": ".join(given((key,)))
-        raise DesatError(f"{at} = {data[key]!r}: no such file in {places.shown(folder)}")
+        raise DesatError(f"{at} = {data[key]!r}: no such file in {paths.shown(folder)}")
     return file
 
 

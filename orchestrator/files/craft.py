@@ -36,7 +36,7 @@ from ..system.interface import Interface
 from ..system.model import Connection, Connector
 from ..system.parameters import expand
 from ..system.wiring import elements, misfit, names, usual_sources
-from . import library, places
+from . import library, paths
 from .toml import lines, parsed, text
 
 FILE = "craft.toml"
@@ -68,7 +68,7 @@ def stem(path: Path) -> str:
 class _Reader:
     def __init__(self, path: Path) -> None:
         self.folder = path.parent
-        self.where = places.shown(path)
+        self.where = paths.shown(path)
         self.problems: list[str] = []
         source = text(path, self.where)
         self.data = parsed(source, self.where)

@@ -132,8 +132,18 @@ def _signal(
         mean=note.get("mean") == "true",
         slope=note.get("slope", ""),
         shared=note.get("shared") == "true",
+        follows=note.get("follows", ""),
         needed_by=tuple(note.get("neededBy", "").split()),
+        usual=_range(note.get("usual", "")),
     )
+
+
+def _range(text: str) -> tuple[float, float] | None:
+    try:
+        low, high = map(float, text.split())
+    except ValueError:  # none, or of somebody who writes it otherwise
+        return None
+    return low, high
 
 
 def _value(kind: str, text: str | None) -> Scalar | str | None:

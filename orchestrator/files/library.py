@@ -4,23 +4,25 @@ from __future__ import annotations
 
 import atexit
 import hashlib
+import json
 import os
 import re
 import shutil
 import tempfile
 import time
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, lru_cache
 from pathlib import Path
+from typing import Any
 
 from filelock import FileLock, Timeout
 
-from desat.fmus import registry
+from desat.fmus import meaning, registry
 
 from ..system.draft import Draft, DraftComponent
 from ..system.errors import DesatError, nearest
 from ..system.interface import Interface, of_block
-from . import archive, places
+from . import archive, paths
 from .contents import contents, regular
 from .fmu import of_fmu
 
@@ -82,7 +84,7 @@ def _sweep(folder: Path) -> None:
     of one that it was removing when it was killed."""
     lock = folder / _LOCK
     try:
-        if folder.stat().st_uid != places.user() or not folder.is_dir():
+        if folder.stat().st_uid != paths.user() or not folder.is_dir():
             return
         if not lock.exists():
             old = time.time() - folder.stat().st_mtime > _LEFT
@@ -150,21 +152,21 @@ def find(source: str, folder: Path) -> Path | None:
     beside = folder / source
     if beside.exists():
         return beside
-    return built(source) if folder.resolve().is_relative_to(places.SCENARIOS) else None
+    return built(source) if folder.resolve().is_relative_to(paths.SCENARIOS) else None
 
 
 def built(source: str, kind: str = "native") -> Path | None:
     """Our built FMU of a name (`resources/NAME.fmu`, `NAME.fmu`): the native one, where there is
     none, or for `kind` python, the one of Python; None where there is neither."""
     name = Path(source).name
-    folders = [places.fmus() / "native"] if kind == "native" else []
-    candidates = (folder / name for folder in (*folders, places.fmus()))
+    folders = [paths.fmus() / "native"] if kind == "native" else []
+    candidates = (folder / name for folder in (*folders, paths.fmus()))
     return next((path for path in candidates if path.exists()), None)
 
 
 def of_kind(path: Path, kind: str) -> Path:
     """One of our built FMUs as native or as Python one; any other as it is."""
-    ours = path.parent in (places.fmus(), places.fmus() / "native")
+    ours = path.parent in (paths.fmus(), paths.fmus() / "native")
     return (built(path.name, kind) or path) if ours else path
 
 
@@ -179,6 +181,42 @@ def load(path: Path) -> Fmu:
         return Fmu(path, path, digest.hexdigest(), of_fmu(path))
     folder = extract(path)
     return Fmu(path, folder, sha256(path), of_fmu(folder))
+
+
+def computes(name: str, fmu: Path | None) -> str:
+    """What computes a component: of a foreign FMU, or of one of ours that is not of those built
+    here, the sha256 of its file; of a block of ours (`fmu` None: the bare one of this name) the
+    hash of its Python, the same for its native FMU, for that of Python and for the bare block."""
+    if fmu is not None:
+        digest = load(fmu).sha256
+        entry = index().get(digest, {})
+        return f"block {entry['computes']}" if "computes" in entry else f"file {digest}"
+    for entry in index().values():
+        if entry["name"] == name and entry["kind"] == "python" and meaning.is_as(entry):
+            return f"block {entry['computes']}"
+    return f"block {_computed(name)}"
+
+
+@cache
+def _computed(name: str) -> str:
+    return str(meaning.computed(name)["computes"])
+
+
+def index() -> dict[str, dict[str, Any]]:
+    """What is said of our built FMUs, by the sha256 of their files; empty where there are none."""
+    if not paths.built():
+        return {}
+    file = paths.fmus() / "index.json"
+    try:
+        stat = file.stat()
+        return _read(file, stat.st_mtime_ns, stat.st_size)
+    except OSError:
+        return {}
+
+
+@lru_cache(maxsize=4)
+def _read(file: Path, *_: int) -> dict[str, dict[str, Any]]:
+    return {e["sha256"]: e for e in json.loads(file.read_text(encoding="utf-8"))}
 
 
 def load_interfaces(draft: Draft, blocks: bool = False) -> None:
@@ -217,7 +255,7 @@ def _interface(c: DraftComponent, blocks: bool) -> Interface:
             raise DesatError(f"no block {name}{nearest(name, registry.names())}")
         return interface_of_block(name)
     if c.fmu is None:
-        known = {p.name for p in places.fmus().glob("*.fmu")}
+        known = {p.name for p in paths.fmus().glob("*.fmu")}
         hint = nearest(f"{name}.fmu", known) or "; run `make fmus`"
         hint = hint if f"{name}.fmu" not in known else ""  # a system of others does not run ours
         raise DesatError(f"FMU {c.source} is missing{hint}")

@@ -20,14 +20,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..system.errors import DesatError, nearest
-from . import places
+from . import paths
 from .merge import Origins, copy, fill, leave_out, merge, origin
 from .toml import toml
 
 if TYPE_CHECKING:  # what a list of scenarios does without, and loads slowly
     from ..system.draft import Draft
 
-ROOT = places.SCENARIOS
+ROOT = paths.SCENARIOS
 
 
 @dataclass(frozen=True)
@@ -56,8 +56,8 @@ class Scenario:
         for key in path:
             own = own.get(key, {}) if isinstance(own, dict) else {}
         if own == {} and path[0] == "parameters" and self.design is not None:
-            file, cell = places.shown(self.design), ""
-        return file or places.shown(self.file), f"{cell}{'.'.join(path)}"
+            file, cell = paths.shown(self.design), ""
+        return file or paths.shown(self.file), f"{cell}{'.'.join(path)}"
 
     @property
     def family(self) -> str:
@@ -86,7 +86,7 @@ class Scenario:
             if not self.design.exists():
                 name = f"{self.family}/{self.design.stem}"
                 raise DesatError(f"{self.name} has no design yet; run `desat design {name}`")
-            from .refuse import design
+            from .reader import design
 
             merged = copy(design(self.design)["parameters"])
         merge(merged, self.data.get("parameters", {}), {}, ("", ""))
@@ -97,7 +97,7 @@ class Scenario:
         its design out."""
         from . import about, assembly
 
-        where, parameters = places.shown(self.file), self.parameters(designed)
+        where, parameters = paths.shown(self.file), self.parameters(designed)
         draft = assembly.draft(self.data, parameters, self.folder, where, blocks, self.given)
         draft.name = self.name
         draft.about = {"name": self.name, **about.of(self.data), "cell": self.cell}
@@ -229,7 +229,7 @@ def own(file: Path) -> Scenario:
 
     Raises DesatError, which names the file, for what is wrong with it.
     """
-    where = places.shown(file)
+    where = paths.shown(file)
     made = _read(file, "")
     if len(made) != 1:
         what = "is abstract" if not made else f"has axes, and so is {len(made)} scenarios"
@@ -247,9 +247,9 @@ def own(file: Path) -> Scenario:
 
 def load(file: Path, origins: Origins, seen: tuple[Path, ...] = ()) -> dict[str, Any]:
     """The data of a file merged over that of its bases. Raises DesatError, a line a problem."""
-    from .refuse import problems  # pydantic, only where a scenario is read
+    from .reader import problems  # pydantic, only where a scenario is read
 
-    where = places.shown(file)
+    where = paths.shown(file)
     data = toml(file)
     if wrong := [f"{where}: {'.'.join(p)}: {text}" for p, text in problems(data, part=True)]:
         raise DesatError("\n".join(wrong))
@@ -261,7 +261,7 @@ def load(file: Path, origins: Origins, seen: tuple[Path, ...] = ()) -> dict[str,
     known = [f.stem for f in file.parent.glob("*.toml")]
     for base in [bases] if isinstance(bases, str) else bases:
         below: Origins = {}
-        if "/" in base and not file.is_relative_to(places.SCENARIOS):
+        if "/" in base and not file.is_relative_to(paths.SCENARIOS):
             table = _ours(base, where, below, (*seen, file))
         elif base in known:
             table = load(file.with_name(f"{base}.toml"), below, (*seen, file))
@@ -280,7 +280,7 @@ def _ours(name: str, where: str, origins: Origins, seen: tuple[Path, ...]) -> di
     family, _, stem = name.partition("/")
     if family not in families():
         raise DesatError(f"{where}: extends: no family {family}{nearest(family, families())}")
-    file = places.SCENARIOS / family / "scenarios" / f"{stem}.toml"
+    file = paths.SCENARIOS / family / "scenarios" / f"{stem}.toml"
     if not file.is_file() or "axes" in (data := load(file, origins, seen)):
         try:
             scenario = find(name)
@@ -296,7 +296,7 @@ def _ours(name: str, where: str, origins: Origins, seen: tuple[Path, ...]) -> di
 
 def _read(file: Path, family: str) -> list[Scenario]:
     given: Origins = {}
-    where = places.shown(file)
+    where = paths.shown(file)
     data = load(file, given)
     home = data.pop("family", family)
     abstract = data.pop("abstract", False)
@@ -328,7 +328,7 @@ def _read(file: Path, family: str) -> list[Scenario]:
 def _settle(scenario: Scenario, axes: dict[str, Any]) -> None:
     """Raise DesatError with what is wrong with the merged data of a scenario; of a paper's rows,
     keep those of its cell."""
-    from .refuse import paper_problems, problems, rows_of_cell
+    from .reader import paper_problems, problems, rows_of_cell
 
     wrong = [*problems(scenario.data, part=False)]
     if wrong := wrong or [*paper_problems(scenario.data, scenario.cell, axes)]:

@@ -52,7 +52,8 @@ def read(path: Path) -> Draft:
     if file.exists():
         draft.about = about.read(file, f"{where}{ABOUT}")
         draft.output_classes.update(draft.about.get("output_classes", {}))
-        draft.inner = draft.about.get("inner", 1)
+        draft.inner = draft.about.get("inner", 1)  # what says none was packed before it was said
+        draft.accuracy = float(draft.about.get("accuracy", draft.accuracy))
     draft.problems = reader.problems
     return draft
 

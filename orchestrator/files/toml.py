@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from ..system.errors import DesatError
-from . import places
+from . import paths
 from .contents import contents
 
 LARGEST = 2 << 20
@@ -17,7 +17,7 @@ LARGEST = 2 << 20
 
 def toml(file: Path) -> dict[str, Any]:
     """The data of a TOML file. Raises DesatError where there is none or it cannot be read."""
-    where = places.shown(file)
+    where = paths.shown(file)
     return parsed(text(file, where), where)
 
 

@@ -15,7 +15,7 @@ import fmpy
 
 from ..system.errors import DesatError
 from ..system.model import Component
-from . import library, places
+from . import library, paths
 from .toml import text
 
 _LINE = re.compile(r"([0-9a-fA-F]{64})(\s+\*?.*)?")
@@ -49,7 +49,7 @@ def _size(path: Path) -> int:
 def _ours() -> dict[int, list[Path]]:
     """Our FMUs by their size, so that few need be hashed."""
     by_size: dict[int, list[Path]] = {}
-    for path in places.fmus().rglob("*.fmu"):
+    for path in paths.fmus().rglob("*.fmu"):
         by_size.setdefault(_size(path), []).append(path)
     return by_size
 

@@ -1,1 +1,1 @@
-"""Cases and what is made of them: numbers, draws, tables, plots, reports."""
+"""The old name of what `desat` itself has; it goes with the next release."""

@@ -8,12 +8,15 @@ from dataclasses import dataclass, field
 
 from .draft import Draft
 from .errors import DesatError, nearest
+from .foreseen import foreseen
 from .interface import base_name
 from .model import System
-from .parameters import value_of
+from .parameters import table, value_of
+from .references import named, values_of
 from .resolve import resolve
 from .schedule import Schedule, schedule
 from .unwired import Unwired, unwired, without_effect
+from .wiring import computers
 
 
 @dataclass
@@ -44,14 +47,18 @@ def check(draft: Draft) -> Checked:
     if system is None:
         return checked
     checked.problems += _inputs(system)
-    checked.problems += _shared(system)
+    _shared(system, checked)
     checked.problems += _samples(system)
     checked.problems += _overrides(system, draft.given)
     checked.unwired = unwired(system)
     checked.problems += without_effect(system, checked.unwired)
+    problems, warnings = foreseen(system, checked.unwired)
+    checked.problems += problems
+    checked.warnings += warnings
     checked.notes += filter(None, (ends.text(n) for n, ends in checked.unwired.items()))
     if not checked.problems:
         checked.warnings += _undeclared(system)
+        checked.warnings += _follows(system, draft)
         try:
             checked.schedule = schedule(system)
             checked.warnings += checked.schedule.warnings
@@ -81,18 +88,68 @@ def _inputs(system: System) -> Iterator[str]:
                        f"{', '.join(missing)} has neither a connection nor a value")  # fmt: skip
 
 
-def _shared(system: System) -> Iterator[str]:
-    """A parameter that a block declares as shared must be equal wherever the name stands."""
+def _shared(system: System, checked: Checked) -> None:
+    """A parameter that a block declares as shared must be equal wherever the name stands; where a
+    flight computer knows it otherwise, its model errs, which a warning says."""
     values: dict[str, tuple[str, object]] = {}
-    for c in system.components.values():
+    err: dict[tuple[str, str], str] = {}
+    # the craft first: a computer's model is of it
+    for c in sorted(system.components.values(), key=lambda c: c.interface.role in computers()):
         for signal in c.interface.of("parameter"):
             if not signal.shared:
                 continue
-            value = value_of(c, signal.name)
+            value, name = value_of(c, signal.name), base_name(signal.name)
             owner, other = values.setdefault(signal.name, (c.name, value))
-            if value != other:
-                yield (f"{system.where}: {c.name}.{signal.name} = {value}, but {owner}."
-                       f"{signal.name} = {other}: the two must be equal")  # fmt: skip
+            if value == other:
+                continue
+            text = f"{c.name}.{signal.name} = {value}, but {owner}.{signal.name} = {other}"
+            if c.interface.role in computers():
+                where = c.given.get(name, f"{system.where}: default")
+                err.setdefault((c.name, name), f"{where}: {text}: what runs onboard errs about it")
+            else:
+                checked.problems.append(f"{system.where}: {text}: the two must be equal")
+    checked.warnings += err.values()
+
+
+def _follows(system: System, draft: Draft) -> Iterator[str]:
+    """Parameters that differ from what of the craft they usually are, as their blocks declare it
+    (`follows`): where a scenario extends another craft's they may be that one's.
+
+    Silent where the scenario gives a product of parameters, where it gives neither side, and of
+    what is of no craft: 0 (off), and a matrix that is a multiple of the identity.
+    """
+    known = table(system.components.values())
+    known |= {c.interface.role: known[c.name] for c in system.components.values()
+              if c.name in known and c.interface.role not in known}  # fmt: skip
+    for c in system.components.values():
+        for name, text in {base_name(s.name): s.follows for s in c.interface.of("parameter")
+                           if s.follows}.items():  # fmt: skip
+            if name in draft.components[c.name].references:
+                continue
+            try:
+                usual = [float(x) for x in values_of(c, name, text, known).values()]
+            except DesatError:  # that craft has none, or several that differ
+                continue
+            signals = c.interface.elements(name)
+            own = [float(str(value_of(c, s.name))) for s in signals]
+            ends = [known[owner][p] for owner, _, p in (n.partition(".") for n in named(text))]
+            given = any(s.name in c.parameters for s in signals) or any(e["given"] for e in ends)
+            least = 1e-9 * max(map(abs, usual))
+            apart = [i for i, x in enumerate(own) if abs(x - usual[i]) > least]
+            if not (given and apart) or _of_no_craft(own):
+                continue
+            i, unit = apart[0], signals[0].unit_name
+            where = c.given.get(name, f"{system.where}: default")
+            unit = f" {unit}" if unit not in ("", "1") else ""
+            yield (f"{where}: {c.name}.{signals[i].name} = {own[i]:g}{unit}, where {text} is "
+                   f"{usual[i]:g}{unit}: is it another craft's? Given as \"{text}\", or a "
+                   "multiple, it follows")  # fmt: skip
+
+
+def _of_no_craft(values: list[float]) -> bool:
+    """Whether all are 0, or they are a multiple of the identity (3, 3)."""
+    matrix = len(values) == 9 and [values[0] * (i % 4 == 0) for i in range(9)]
+    return not any(values) or values == matrix
 
 
 def _samples(system: System) -> Iterator[str]:

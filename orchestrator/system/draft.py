@@ -1,6 +1,6 @@
 """A system as it is read, before it is resolved: interfaces, values and times may be missing.
 
-Files (`files/`) write it, options of a command change it (`study/modify.py`), and `resolve.py`
+Files (`files/`) write it, options of a command change it (`files/modify.py`), and `resolve.py`
 makes a `System` of it.
 """
 
@@ -16,7 +16,7 @@ from desat.components.contract.units import Unit
 
 from .errors import DesatError, nearest
 from .interface import Interface, OutputClass, base_name
-from .model import Connection, Connector
+from .model import ACCURACY, AUTO, Connection, Connector, Inner
 from .parameters import expand
 
 
@@ -80,7 +80,8 @@ class Draft:
     start: float = 0.0
     stop: float | None = None
     step: float | None = None
-    inner: int = 1
+    inner: Inner = AUTO
+    accuracy: float = ACCURACY
     output_classes: dict[str, OutputClass] = field(default_factory=dict)
     given: dict[str, str] = field(default_factory=dict)
     """Who gave a time, or the class of an output: its key -> file and key, or option."""

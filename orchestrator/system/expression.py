@@ -5,7 +5,8 @@
 
 A text is a product or quotient of numbers and parameters, from left to right. A parameter is
 `component.name`, `component.name[i]`, or `shared.name` for one that several components have with
-the same value. Its unit counts: N m / N m s is 1/s.
+the same value (the craft's, where a flight computer's model errs). Its unit counts: N m / N m s
+is 1/s.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ from desat.components.contract import units
 from desat.components.contract.units import Unit, conversion, times
 
 from .errors import DesatError, nearest
+from .wiring import computers
 
 Table = dict[str, dict[str, dict[str, Any]]]
 """Component -> parameter -> `value` (a number, a text, a list) and `unit`, as in a manifest."""
@@ -114,9 +116,12 @@ def _owner_of_shared(parameter: str, table: Table) -> str:
     owners = sorted(c for c, parameters in table.items() if parameter in parameters)
     if not owners:
         raise DesatError(f"no component has a parameter {parameter}")
-    if any(table[c][parameter]["value"] != table[owners[0]][parameter]["value"] for c in owners):
+    # where a flight computer's model errs, the craft's own value counts: they are named by role
+    of_craft = [c for c in owners if not c.startswith(tuple(computers()))] or owners
+    value = table[of_craft[0]][parameter]["value"]
+    if any(table[c][parameter]["value"] != value for c in of_craft):
         raise DesatError(f"{parameter} differs between {', '.join(owners)}; name one of them")
-    return owners[0]
+    return of_craft[0]
 
 
 def _scalar(name: str, table: Table) -> tuple[float, Unit]:

@@ -43,9 +43,13 @@ class Signal:
     """The output with the slope of this mean; empty where there is none."""
     shared: bool = False
     """All components of a system that have a parameter of this name must agree on it."""
+    follows: str = ""
+    """The product of the craft's parameters that it usually is; empty for most."""
     needed_by: tuple[str, ...] = ()
     """The component's parameters and inputs that have no effect where this input is neither wired
     nor given, or where this output reaches nobody."""
+    usual: tuple[float, float] | None = None
+    """The range outside of which a value is more likely a slip, in the variable's own unit."""
 
     def named(self, value: Any) -> Any:
         """The name of a value, where it is a choice; else the value."""
@@ -114,6 +118,8 @@ def of_block(name: str, block: type[Block]) -> Interface:
                 mean=v.mean,
                 slope=element.replace(v.name, v.slope, 1) if v.slope else "",
                 shared=v.shared,
+                follows=v.follows,
                 needed_by=v.needed_by,
+                usual=v.usual,
             )
     return Interface(name, title(block), signals, block.role)

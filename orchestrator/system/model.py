@@ -8,11 +8,19 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 from desat.components.contract.block import Scalar
 
 from .interface import Interface, OutputClass
+
+AUTO: Literal["auto"] = "auto"
+Inner = int | Literal["auto"]
+"""Inner steps within a step; `auto`: a run chooses them (`runs/inner_choice.py`)."""
+MOST_INNER = 1000
+ACCURACY = 1e-7
+"""Attitude error (rad) that a run which chooses its inner steps keeps below, where none is given.
+"""
 
 
 @dataclass(frozen=True)
@@ -76,12 +84,19 @@ class System:
     """s; `stop` is a whole number of them after `start`"""
     stop: float
     start: float = 0.0
-    inner: int = 1
+    inner: Inner = 1
     """So many steps within a step, of those that hand means on to each other (`rates.py`)."""
+    accuracy: float = ACCURACY
+    """Attitude error (rad) that `inner = "auto"` is to keep below."""
     output_classes: Mapping[str, OutputClass] = field(default_factory=dict)
     """Overrides: `component.variable` -> class."""
     about: Mapping[str, Any] = field(default_factory=dict)
     """The scenario as data (story, numbers, plots, paper); empty for a foreign system."""
+
+    @property
+    def parts(self) -> int:
+        """The inner steps of a step; one as long as they are not chosen."""
+        return 1 if self.inner == AUTO else self.inner
 
     @property
     def steps(self) -> int:

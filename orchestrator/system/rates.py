@@ -72,7 +72,7 @@ class Link:
 
 def rates(system: System, links: Sequence[Link]) -> tuple[Rates, list[str]]:
     """How often the components of a system step, and what cannot be done, a line each."""
-    inner = system.inner
+    inner = system.parts
     decimation = {name: c.decimation for name, c in system.components.items()}
     if inner == 1:
         slow, problems = late(links, decimation)

@@ -29,7 +29,7 @@ def evaluate(
     result, waiting = dict(components), dict(references)
     problems: list[str] = []
     while waiting:
-        ready = [key for key, text in waiting.items() if not _named(text) & _names(waiting)]
+        ready = [key for key, text in waiting.items() if not named(text) & _names(waiting)]
         if not ready:
             chain = ", ".join(f'{c}.{n} = "{text}"' for (c, n), text in waiting.items())
             return result, [*problems, f"{where}: parameters name each other in a circle: {chain}"]
@@ -37,7 +37,7 @@ def evaluate(
         for owner, name in ready:
             text, component = waiting.pop((owner, name)), result[owner]
             try:
-                values = {**component.parameters, **_value(component, name, text, known)}
+                values = {**component.parameters, **values_of(component, name, text, known)}
                 result[owner] = replace(component, parameters=values)
             except DesatError as error:
                 by = component.given.get(base_name(name), where)
@@ -45,7 +45,7 @@ def evaluate(
     return result, problems
 
 
-def _named(text: str) -> set[str]:
+def named(text: str) -> set[str]:
     """The parameters that a product names, without their elements."""
     return {base_name(word) for word in text.replace("*", " ").replace("/", " ").split()}
 
@@ -55,7 +55,7 @@ def _names(waiting: Iterable[tuple[str, str]]) -> set[str]:
     return {f"{owner}.{name}" for c, name in waiting for owner in (c, "shared")}
 
 
-def _value(component: Component, name: str, text: str, known: Table) -> dict[str, Scalar]:
+def values_of(component: Component, name: str, text: str, known: Table) -> dict[str, Scalar]:
     """The scalars that a text gives to a parameter. Raises DesatError where it does not fit."""
     signals = component.interface.elements(name)
     value: Any

@@ -1,4 +1,5 @@
-"""Another FMU in a component's place: what of the old one's wiring it does not want."""
+"""Another FMU in a component's place: what of the old one's wiring it does not want, and what of
+the craft's values it takes."""
 
 from __future__ import annotations
 
@@ -31,3 +32,34 @@ def drop_unwanted(draft: Draft, component: DraftComponent) -> None:
     component.connectors = {
         key: c for key, c in component.connectors.items() if key in signals or key in read
     }
+
+
+def adopt_shared(draft: Draft, component: DraftComponent) -> None:
+    """Give a replaced component the craft's values of the shared parameters that nobody gave it,
+    in place of its own defaults, which are another craft's."""
+    shared = {
+        base_name(s.name) for s in component.interface.of("parameter") if s.shared
+    } if component.interface else set()  # fmt: skip
+    given = {base_name(name) for name in component.parameters} | component.references.keys()
+    for name in sorted(shared - given):
+        wanted = component.elements(name)
+        owners = (
+            c for c in draft.components.values()
+            if c is not component and c.interface is not None and c.elements(name) == wanted
+            and c.interface.signals[wanted[0]].shared
+        )  # fmt: skip
+        if (owner := next(owners, None)) is None or owner.interface is None:
+            continue
+        where = owner.given.get(name, "")
+        if name in owner.references:
+            component.references[name] = owner.references[name]
+        else:
+            for element in wanted:
+                start = owner.interface.signals[element].start
+                value = owner.parameters.get(element, start)
+                if value is not None and not isinstance(value, str):
+                    component.parameters[element] = value
+                if unit := owner.units.get(element):
+                    component.units[element] = unit
+        if where:
+            component.given[name] = where

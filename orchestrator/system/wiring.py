@@ -21,6 +21,15 @@ def usual_sources() -> dict[str, dict[str, tuple[str, ...]]]:
     }
 
 
+@cache
+def computers() -> frozenset[str]:
+    """The roles of flight computers, which know the craft by a model of it."""
+    return frozenset(
+        c.role for c in vars(roles).values()
+        if isinstance(c, type) and issubclass(c, roles.Computer) and c.role
+    )  # fmt: skip
+
+
 def names(interface: Interface, causality: str) -> dict[str, None]:
     """The variables of one causality, arrays by their names."""
     return dict.fromkeys(base_name(s.name) for s in interface.of(causality))

@@ -22,9 +22,9 @@ from pathlib import Path
 from types import CodeType
 
 from desat.files import archive, library
-from desat.study.options import Options
-from desat.study.prepare import prepare
+from desat.runs.prepare import prepare
 from desat.system.errors import DesatError
+from desat.system.options import Options
 from fuzz.mutations import mutated
 from fuzz.seeds import FILES, TARGETS, seeds
 

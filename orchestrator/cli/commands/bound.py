@@ -2,29 +2,31 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Annotated
 
 import typer
 from rich.table import Table
 
-from ..common import Json, app, complete_name, err, out, print_json
+from .. import options as o
+from ..console import app, err, out, print_json
 
 
 @app.command()
 def bound(
     target: Annotated[
         str, typer.Argument(metavar="NAME|RUN|FILE.ssp", help="A scenario, or a run's folder.",
-                            show_default=False, autocompletion=complete_name)
+                            show_default=False, autocompletion=o.complete_name)
     ],
-    as_json: Json = False,
+    as_json: o.Json = False,
 ) -> None:  # fmt: skip
     """Compute the least thruster seconds that a dumping run could have done with; of momentum
     management by coils the least energy for the largest momentum of a wheel."""
     from ...analyses import bound as bound_module
     from ...analyses import coil_bound
-    from ...study.case import run_or_load
+    from ...runs.run import run_or_load
 
-    coils = coil_bound.fits(target)
+    coils = _by_coils(target)
     finished = run_or_load(target, None if coils else bound_module)
     manifest = finished.manifest
     with finished.results as results:
@@ -43,3 +45,16 @@ def bound(
         digits = ".4g" if abs(n["value"]) >= 1e5 else ".2f"
         table.add_row(n["title"], f"{n['value']:{digits}}", n["unit"])
     out.print(table)
+
+
+def _by_coils(target: str) -> bool:
+    """True for a scenario, .ssp or run folder whose manager knows the coils one by one: a law of
+    momentum management by coils."""
+    from ...runs.run import Options, load_run, prepare
+
+    if any((Path(target) / name).exists() for name in ("manifest.json", "manifest.json.part")):
+        with (run := load_run(Path(target))).results:
+            return "axes_coil" in run.manifest["parameters"].get("manager", {})
+    system, _ = prepare(target, Options()).or_raise()
+    manager = system.components.get("manager")
+    return manager is not None and bool(manager.interface.elements("axes_coil"))

@@ -9,28 +9,8 @@ import typer
 from typer.core import TyperGroup
 
 from ...system.codes import Exit
-from ..common import (
-    CPUS,
-    Alg,
-    Blocks,
-    FmuKind,
-    Fmus,
-    Jobs,
-    Json,
-    Semantics,
-    Sets,
-    Sources,
-    Step,
-    Stop,
-    Target,
-    app,
-    err,
-    name_of,
-    options_of,
-    out,
-    print_json,
-    warn,
-)
+from .. import options as o
+from ..console import app, err, name_of, out, print_json, warn
 
 
 class _WithDefault(TyperGroup):
@@ -49,12 +29,16 @@ campaigns = typer.Typer(
 )  # fmt: skip
 app.add_typer(campaigns, name="campaign")
 
+Accept = Annotated[
+    bool,
+    typer.Option("--accept-versions", help="Go on with another desat, numpy, platform, libm, ..."),
+]
 Folder = Annotated[Path, typer.Argument(metavar="FOLDER", help="A campaign's folder.")]
 
 
 @campaigns.command()
 def run(
-    target: Target,
+    target: o.Target,
     count: Annotated[int, typer.Option("-n", "--count", help="Cases.", min=1)] = 1000,
     sampling: Annotated[
         str,
@@ -65,13 +49,13 @@ def run(
         Path | None,
         typer.Option("--out", help="Its folder (default: runs/campaign-NAME).", show_default=False),
     ] = None,
-    sets: Sets = None,
-    sources: Sources = None,
-    stop: Stop = None,
-    step: Step = None,
-    algorithm: Alg = Semantics.conserving,
-    blocks: Blocks = False,
-    fmus: Fmus = FmuKind.native,
+    sets: o.Sets = None,
+    sources: o.Sources = None,
+    stop: o.Stop = None,
+    step: o.Step = None,
+    algorithm: o.Alg = o.Semantics.conserving,
+    blocks: o.Blocks = False,
+    fmus: o.Fmus = o.FmuKind.native,
     keep: Annotated[
         list[str] | None,
         typer.Option(help="Cases whose series and report are kept: worst:N (with --by), "
@@ -87,36 +71,37 @@ def run(
         float, typer.Option("--case-limit", metavar="SECONDS", min=0.1, max=1e7,
                             help="Wall time of a case."),
     ] = 600.0,
-    jobs: Jobs = CPUS,
+    jobs: o.Jobs = o.CPUS,
     cluster: Annotated[
         str | None,
         typer.Option(metavar="ADDRESS|FILE|local:N",
                      help="A Dask scheduler's address or file, or N Dask workers here."),
     ] = None,
-    as_json: Json = False,
+    accept_versions: Accept = False,
+    as_json: o.Json = False,
 ) -> None:  # fmt: skip
     """Make the cases of a campaign, or those of it that are missing, and its report."""
-    from ...campaign import head
+    from ...campaign import coordinator
     from ...system.errors import DesatError
 
     if by and not any(k.startswith("worst") and k.count(":") == 1 for k in keep or []):
         raise DesatError(f"--by {by}: it goes with --keep worst:N")
     kept = [f"{k}:{by}" if k.startswith("worst") and k.count(":") == 1 and by else k
             for k in keep or []]  # fmt: skip
-    plan, warnings = head.planned(
+    plan, warnings = coordinator.planned(
         target, count, seed=seed, sampling=sampling,  # type: ignore[arg-type]
-        options=options_of(sets, stop, step, algorithm, blocks, sources=sources, fmus=fmus.value),
+        options=o.options_of(sets, stop, step, algorithm, blocks, sources=sources, fmus=fmus.value),
         curves=curve, keep=kept, limit=limit,
     )  # fmt: skip
     warn(warnings)
     where = folder or Path("runs") / f"campaign-{name_of(target)}"
-    head.run(plan, where, jobs, cluster, progress=not as_json)
-    warn(head.unreached(plan, where))
+    coordinator.run(plan, where, jobs, cluster, not as_json, accept_versions)
+    warn(coordinator.unreached(plan, where))
     _report(where, as_json)
 
 
 @campaigns.command()
-def status(folder: Folder, as_json: Json = False) -> None:
+def status(folder: Folder, as_json: o.Json = False) -> None:
     """How far a campaign is, also from elsewhere."""
     from ...campaign import progress
 
@@ -131,7 +116,7 @@ def status(folder: Folder, as_json: Json = False) -> None:
 
 
 @campaigns.command()
-def report(folder: Folder, as_json: Json = False) -> None:
+def report(folder: Folder, as_json: o.Json = False) -> None:
     """Write report.html and report.json of what is there; ends with 1 where a requirement is not
     shown to be met."""
     _report(folder, as_json)
@@ -146,19 +131,23 @@ def case(
         typer.Option("--out", help="Its run folder (default: FOLDER/kept/NUMBER).",
                      show_default=False),
     ] = None,
+    accept_versions: Accept = False,
 ) -> None:  # fmt: skip
     """Make a case again, with its series and report: the same bits."""
-    from ...campaign import head
+    from ...campaign import coordinator
     from ...campaign.case import kept
-    from ...campaign.plan import changed, read
+    from ...campaign.plan import anew, changed, read, same_versions
+    from ...campaign.store import versions_of
     from ...system.errors import DesatError
 
     plan = read(folder)
     if number >= plan.count:
         raise DesatError(f"{folder}: case {number}: there are 0 to {plan.count - 1}")
     if text := changed(plan):
-        raise DesatError(f"{folder}: case {number}: {text} differ, and so would the case")
-    where = into or head.kept_in(folder, number)
+        raise DesatError(f"{folder}: case {number}: {text}: the case would differ; {anew(plan)}")
+    if row := versions_of(folder, number):
+        same_versions(folder, row, accept_versions, f"case {number} and its row")
+    where = into or coordinator.kept_in(folder, number)
     made = kept(plan, number, where)
     out.print(f"{where / 'report.html'}", highlight=False, markup=False)
     if not made.ok:
@@ -173,14 +162,14 @@ def case(
 def compare(
     first: Folder,
     second: Annotated[Path, typer.Argument(metavar="OTHER", help="Another's folder.")],
-    as_json: Json = False,
+    as_json: o.Json = False,
 ) -> None:
     """Two campaigns over the same cases, in pairs: the first's numbers less the second's."""
     from rich.table import Table
 
     from ...campaign.compare import compare as of
-    from ...study.drawing import pretty_unit
-    from ...study.report import number
+    from ...figures.style import pretty_unit
+    from ...numbers.text import number
 
     told = of(first, second)
     warn(told["warnings"])
@@ -210,11 +199,13 @@ _REASONS = 3
 
 def _report(folder: Path, as_json: bool) -> None:
     from ...campaign import report as of
-    from ...study.report import number
+    from ...numbers.text import number
 
     path, told = of.write(folder)
     if told["changed"]:
-        warn([f"{told['changed']} differ: limits and titles are those of now"])
+        warn([f"{told['changed']}: limits and titles are those of now"])
+    if mixed := [v["text"] for v in told["versions"] if v["text"]]:
+        warn([f"cases were made with different versions: {'; '.join(mixed)}"])
     for f in told["failed"][:_REASONS]:
         err.print(f"case {f['case']}: {f['message']}", highlight=False, markup=False)
     if as_json:

@@ -8,50 +8,34 @@ import typer
 from rich.table import Table
 
 from ...system.codes import Exit
-from ..common import (
-    Blocks,
-    Classes,
-    DesignOption,
-    Inner,
-    Json,
-    Semantics,
-    Sets,
-    Sources,
-    Step,
-    Stop,
-    Target,
-    Trust,
-    app,
-    err,
-    options_of,
-    out,
-    print_json,
-)
+from .. import options as o
+from ..console import app, err, out, print_json
 
 
 @app.command()
 def check(
-    target: Target,
-    sets: Sets = None,
-    sources: Sources = None,
-    stop: Stop = None,
-    step: Step = None,
-    inner: Inner = None,
-    blocks: Blocks = False,
-    design: DesignOption = None,
-    classes: Classes = None,
-    trust: Trust = None,
-    as_json: Json = False,
+    target: o.Target,
+    sets: o.Sets = None,
+    sources: o.Sources = None,
+    stop: o.Stop = None,
+    step: o.Step = None,
+    inner: o.Inner = None,
+    accuracy: o.Accuracy = None,
+    blocks: o.Blocks = False,
+    design: o.DesignOption = None,
+    classes: o.Classes = None,
+    trust: o.Trust = None,
+    as_json: o.Json = False,
 ) -> None:
     """Find what is wrong with a system before it runs, and print its schedule."""
-    from ...engine.trial import refusals
+    from ...engine.trial_initialisation import refusals
     from ...files.trust import notes
-    from ...study.prepare import prepare
+    from ...runs.prepare import prepare
     from ...system.interface import base_name
     from ...system.refusal import told
 
-    options = options_of(sets, stop, step, Semantics.conserving, blocks, classes, sources,
-                         inner=inner, design=design, trust=trust)  # fmt: skip
+    options = o.options_of(sets, stop, step, o.Semantics.conserving, blocks, classes, sources,
+                         inner=inner, accuracy=accuracy, design=design, trust=trust)  # fmt: skip
     case = prepare(target, options)
     checked, schedule = case.checked, case.checked.schedule
     if checked.system is not None and schedule is not None:

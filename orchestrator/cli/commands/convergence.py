@@ -9,30 +9,16 @@ import typer
 from rich.table import Table
 
 from ...system.errors import DesatError
-from ..common import (
-    CPUS,
-    Blocks,
-    Inner,
-    Jobs,
-    Json,
-    Semantics,
-    Sets,
-    Stop,
-    Target,
-    app,
-    name_of,
-    options_of,
-    out,
-    print_json,
-)
+from .. import options as o
+from ..console import app, name_of, out, print_json
 
 if TYPE_CHECKING:
-    from ...engine.master import Algorithm
+    from ...system.options import Algorithm
 
 
 @app.command()
 def convergence(
-    target: Target,
+    target: o.Target,
     steps: Annotated[
         str | None,
         typer.Option(
@@ -40,30 +26,30 @@ def convergence(
         ),
     ] = None,
     algorithm: Annotated[
-        list[Semantics] | None, typer.Option(help="Only this one (default: both).")
+        list[o.Semantics] | None, typer.Option(help="Only this one (default: both).")
     ] = None,
-    sets: Sets = None,
-    stop: Stop = None,
-    inner: Inner = None,
-    blocks: Blocks = False,
-    jobs: Jobs = CPUS,
+    sets: o.Sets = None,
+    stop: o.Stop = None,
+    inner: o.Inner = None,
+    blocks: o.Blocks = False,
+    jobs: o.Jobs = o.CPUS,
     html: Annotated[
         Path | None, typer.Option(help="Where the page goes (default: runs/convergence-NAME.html).")
     ] = None,
-    as_json: Json = False,
+    as_json: o.Json = False,
 ) -> None:
     """Hold a gyrostat scenario at several steps against its monolithic reference."""
-    from ...analyses import convergence as convergence_module
+    from ...studies import convergence as convergence_module
     from ...system.parameters import parse_value
 
-    options = options_of(sets, stop, None, Semantics.conserving, blocks, inner=inner)
+    options = o.options_of(sets, stop, None, o.Semantics.conserving, blocks, inner=inner)
     sizes: tuple[float, ...] | None = None
     if steps is not None:
         given = parse_value(steps)
         sizes = tuple(given if isinstance(given, list) else [given])
         if not all(isinstance(s, (int, float)) for s in sizes):
             raise DesatError(f"--steps {steps}: positive numbers are needed, as 1,0.5,0.25")
-    wanted: tuple[Algorithm, ...] = tuple(a.value for a in algorithm or list(Semantics))
+    wanted: tuple[Algorithm, ...] = tuple(a.value for a in algorithm or list(o.Semantics))
     result = convergence_module.study(
         target, options, sizes and tuple(float(s) for s in sizes), wanted, jobs, not as_json
     )

@@ -7,7 +7,8 @@ from typing import Annotated
 
 import typer
 
-from ..common import Json, app, out, print_json
+from .. import options as o
+from ..console import app, out, print_json
 
 
 @app.command()
@@ -16,12 +17,12 @@ def craft(
         list[str] | None,
         typer.Argument(metavar="[FAMILY|FILE.toml]...", help="Crafts (default: all of ssp/)."),
     ] = None,
-    as_json: Json = False,
+    as_json: o.Json = False,
 ) -> None:
     """Write the standard SSD of every craft file beside it."""
-    from ...files import craft_ssd, places
+    from ...files import craft_ssd, paths
 
-    places.writable("`desat craft`")
+    paths.writable("`desat craft`")
     written = {}
     for file in craft_ssd.craft_files(families or []):
         path, changed = craft_ssd.write(file)

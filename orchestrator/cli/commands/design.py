@@ -10,7 +10,8 @@ import typer
 from rich.table import Table
 
 from ...system.errors import DesatError
-from ..common import Json, Semantics, Sets, Step, Stop, app, err, options_of, out, print_json
+from .. import options as o
+from ..console import app, err, out, print_json
 
 
 @app.command()
@@ -20,26 +21,26 @@ def design(
         typer.Argument(metavar="[NAME]...",
                        help="Scenarios (default: all with a design; takes minutes)."),
     ] = None,
-    sets: Sets = None,
-    stop: Stop = None,
-    step: Step = None,
+    sets: o.Sets = None,
+    stop: o.Stop = None,
+    step: o.Step = None,
     file: Annotated[
         Path | None,
         typer.Option("--out", help="Another file than the scenario's own; needed with other "
                      "values, for `desat run NAME --set ... --design FILE`."),
     ] = None,
-    as_json: Json = False,
+    as_json: o.Json = False,
 ) -> None:  # fmt: skip
     """Compute what laws need beforehand (gain tables, costates) into ssp/FAMILY/design/."""
     from rich.progress import track
 
     from ...designs import making as design_module
-    from ...files import places
-    from ...study.drawing import pretty_unit
+    from ...figures.style import pretty_unit
+    from ...files import paths
 
     if file is None:
-        places.writable("`desat design`", "--out FILE")
-    options = options_of(sets, stop, step, Semantics.conserving, True)
+        paths.writable("`desat design`", "--out FILE")
+    options = o.options_of(sets, stop, step, o.Semantics.conserving, True)
     wanted = design_module.designable(names or [])
     if file is not None and len(wanted) != 1:
         raise DesatError(f"--out {file}: one scenario is needed")

@@ -7,64 +7,42 @@ from typing import Annotated, Any
 import typer
 from rich.table import Table
 
-from ..common import (
-    CPUS,
-    Alg,
-    Blocks,
-    DesignOption,
-    FmuKind,
-    Fmus,
-    Jobs,
-    Json,
-    Semantics,
-    Sets,
-    Step,
-    Stop,
-    Target,
-    TimeLimit,
-    app,
-    complete_name,
-    err,
-    options_of,
-    out,
-    print_json,
-    print_numbers,
-    warn,
-)
+from .. import options as o
+from ..console import app, err, out, print_json, print_numbers, warn
 
 
 @app.command()
 def draws(
-    target: Target,
+    target: o.Target,
     count: Annotated[int, typer.Option("-n", "--count", help="Number of draws.", min=1)] = 20,
     seed: Annotated[int, typer.Option(help="Seed of the draws.", min=0)] = 1,
     against: Annotated[
         str | None,
-        typer.Option(metavar="OTHER", autocompletion=complete_name,
+        typer.Option(metavar="OTHER", autocompletion=o.complete_name,
                      help="Run OTHER in the same draws, and print the paired differences; --set, "
                      "--source and --design are of NAME alone."),
     ] = None,
-    sets: Sets = None,
-    stop: Stop = None,
-    step: Step = None,
-    algorithm: Alg = Semantics.conserving,
-    blocks: Blocks = False,
-    fmus: Fmus = FmuKind.native,
-    design: DesignOption = None,
-    time_limit: TimeLimit = None,
-    jobs: Jobs = CPUS,
-    as_json: Json = False,
+    sets: o.Sets = None,
+    stop: o.Stop = None,
+    step: o.Step = None,
+    algorithm: o.Alg = o.Semantics.conserving,
+    blocks: o.Blocks = False,
+    fmus: o.Fmus = o.FmuKind.native,
+    design: o.DesignOption = None,
+    time_limit: o.TimeLimit = None,
+    jobs: o.Jobs = o.CPUS,
+    as_json: o.Json = False,
 ) -> None:  # fmt: skip
     """Run seeded draws of a scenario's dispersions."""
-    from ...study import draws as study
+    from ...campaign import draws as study
 
-    options = options_of(sets, stop, step, algorithm, blocks, design=design,
+    options = o.options_of(sets, stop, step, algorithm, blocks, design=design,
                          time_limit=time_limit, fmus=fmus.value)  # fmt: skip
     if against is None:
         result = study.draws(target, count, seed, options, jobs, progress=not as_json)
         results = [result]
     else:
-        from ...study.paired import paired
+        from ...campaign.pairs import paired
 
         result = paired(target, against, count, seed, options, jobs, progress=not as_json)
         results = result["draws"]
@@ -87,18 +65,20 @@ def draws(
 
 
 def _print_draws(result: dict[str, Any]) -> None:
-    from ...study.drawing import pretty_unit
-    from ...study.report import number
+    from ...figures.style import pretty_unit
+    from ...numbers.text import not_reached, number
 
     table = Table("number", box=None, header_style="bold", pad_edge=False)
     shared = ("median", "min", "max")
     for column in (*shared, *(f"draw {row['draw']}" for row in result["draws"])):
         table.add_column(column, justify="right")
     table.add_column("unit")
+    table.add_column("not reached", justify="right")
     for name, entry in result["summary"].items():
         values = [entry[key] for key in shared]
         values += [row["numbers"].get(name) for row in result["draws"]]
-        table.add_row(name, *map(number, values), pretty_unit(entry["unit"]))
+        share = not_reached(entry)
+        table.add_row(name, *map(number, values), pretty_unit(entry["unit"]), share)
     print_numbers(table)
     conditions = {r["stopped_when"]["condition"] for r in result["draws"] if r["stopped_when"]}
     if conditions:
@@ -107,17 +87,18 @@ def _print_draws(result: dict[str, Any]) -> None:
 
 
 def _print_differences(result: dict[str, Any]) -> None:
-    from ...study.drawing import pretty_unit
-    from ...study.report import number
+    from ...figures.style import pretty_unit
+    from ...numbers.text import not_reached, number
 
     table = Table("number", box=None, header_style="bold", pad_edge=False)
     columns = ("median", "min", "max", "lower", "higher", "equal")
     for column in columns:
         table.add_column(column, justify="right")
     table.add_column("unit")
+    table.add_column("not reached in both", justify="right")
     for name, entry in result["differences"].items():
         cells = [number(entry[column]) for column in columns]
-        table.add_row(name, *cells, pretty_unit(entry["unit"]))
+        table.add_row(name, *cells, pretty_unit(entry["unit"]), not_reached(entry))
     out.print(f"{result['scenario']} less {result['against']}, draw by draw:", highlight=False,
               markup=False)  # fmt: skip
     print_numbers(table)

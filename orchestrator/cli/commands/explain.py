@@ -8,7 +8,8 @@ import typer
 from rich.markup import escape
 from rich.table import Table
 
-from ..common import Json, app, complete_name, out, print_json
+from .. import options as o
+from ..console import app, out, print_json
 
 
 @app.command()
@@ -18,10 +19,10 @@ def keys(
     markdown: Annotated[
         bool, typer.Option("--markdown", help="The whole language as a page.")
     ] = False,
-    as_json: Json = False,
+    as_json: o.Json = False,
 ) -> None:
     """Print the keys of a scenario's file: type, unit and what they say."""
-    from ...study import explain
+    from ...runs import explain
 
     if schema:
         print_json(explain.schema())
@@ -33,9 +34,9 @@ def keys(
 
 
 @app.command()
-def measures(as_json: Json = False) -> None:
+def measures(as_json: o.Json = False) -> None:
     """Print the measures that a number may name, and their options."""
-    from ...study import explain
+    from ...runs import explain
 
     _print_rows(explain.measures(), as_json)
 
@@ -46,12 +47,12 @@ def show(
         str,
         typer.Argument(metavar="NAME|FILE", help="A scenario, as uosat12/table2-ocdc-ilqr-1, or a "
                        "scenario file of your own (.toml).",
-                       autocompletion=complete_name),
+                       autocompletion=o.complete_name),
     ],
-    as_json: Json = False,
+    as_json: o.Json = False,
 ) -> None:  # fmt: skip
     """Print a scenario as merged, and where each value comes from."""
-    from ...study import explain
+    from ...runs import explain
 
     _print_rows(explain.show(name), as_json)
 

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from ..common import app, err, out
+from ..console import app, err, out
 
 
 @app.command()
@@ -22,7 +22,7 @@ def export(
     ] = None,
 ) -> None:
     """Write a run's series or plots for other programs."""
-    from ...study.export import export as write
+    from ...report.export import export as write
 
     paths, note = write(folder, form, into)
     for path in paths:

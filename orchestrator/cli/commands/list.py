@@ -8,27 +8,31 @@ import typer
 from rich.table import Table
 
 from ...system.errors import DesatError
-from ..common import Json, app, complete_family, out, print_json
+from .. import options as o
+from ..console import app, out, print_json
 
 if TYPE_CHECKING:
-    from ...study.listing import Family
+    from ...runs.catalogue import Family
 
 
 @app.command("list")
 def list_command(
     family: Annotated[
         str | None,
-        typer.Argument(help="Only this family, by name.", autocompletion=complete_family),
+        typer.Argument(help="Only this family, by name.", autocompletion=o.complete_family),
     ] = None,
     everything: Annotated[bool, typer.Option("--all", help="Every scenario by name.")] = False,
-    as_json: Json = False,
+    as_json: o.Json = False,
 ) -> None:
     """List the families of scenarios, or the scenarios of one, and what is wrong with a file; with
     a family, --all or --json also with the systems that they describe."""
-    from ...study import listing
+    from ...runs import catalogue
 
-    names, whole = [family] if family else listing.families(), bool(family or everything or as_json)
-    families = [listing.family(name, whole) for name in names]
+    names, whole = (
+        [family] if family else catalogue.families(),
+        bool(family or everything or as_json),
+    )
+    families = [catalogue.family(name, whole) for name in names]
     if as_json:
         rows = [(n, title) for f in families for n, title in f.scenarios.items()]
         print_json([{"name": name, "title": title} for name, title in rows])

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import os
 import time
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from ..common import FmuKind, Fmus, Json, app, complete_name, out, print_json
+from .. import options as o
+from ..console import app, out, print_json
 
 
 @app.command()
@@ -18,29 +20,38 @@ def pack(
         list[str] | None,
         typer.Argument(
             metavar="[NAME|FILE]...",
-            autocompletion=complete_name,
+            autocompletion=o.complete_name,
             help="Scenarios (default: all that have changed since); one of a file of your own "
             "(.toml) is packed beside it.",
         ),
     ] = None,
-    fmus: Fmus = FmuKind.python,
-    as_json: Json = False,
+    fmus: o.Fmus = o.FmuKind.python,
+    as_json: o.Json = False,
 ) -> None:
     """Pack scenarios as self-contained .ssp files into ssp/dist/; with native FMUs into
     ssp/dist/native/."""
-    from ...files import pack as pack_module
-    from ...files import places
+    from ...files import paths
+    from ...files import ssp_write as pack_module
     from ...files.scenario import find, own, scenarios
+    from ...runs.inner_choice import settled
 
     files = [Path(n) for n in names or () if n.endswith(".toml")]
     ours = [find(n) for n in names if not n.endswith(".toml")] if names else scenarios().values()
     wanted = [*((own(f), f.with_suffix(".ssp")) for f in files), *((s, None) for s in ours)]
     packed = [
-        str(pack_module.pack_scenario(scenario, target, force=bool(names), fmus=fmus.value))
+        str(
+            pack_module.pack_scenario(
+                scenario,
+                target,
+                force=bool(names),
+                fmus=fmus.value,
+                choose=partial(settled, scenario.name),
+            )
+        )
         for scenario, target in wanted
     ]
     if not names:
-        for left in places.packed().rglob("*.part"):  # of a command that was killed
+        for left in paths.packed().rglob("*.part"):  # of a command that was killed
             if time.time() - left.stat().st_mtime > 60.0:
                 left.unlink(missing_ok=True)
     if as_json:

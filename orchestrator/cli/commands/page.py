@@ -8,7 +8,8 @@ from typing import Annotated
 
 import typer
 
-from ..common import CPUS, Jobs, app, complete_family, out
+from .. import options as o
+from ..console import app, out
 
 
 @app.command()
@@ -16,7 +17,7 @@ def page(
     families: Annotated[
         list[str] | None,
         typer.Argument(metavar="[FAMILY]...", help="Default: all families that have a page.",
-                       show_default=False, autocompletion=complete_family),
+                       show_default=False, autocompletion=o.complete_family),
     ] = None,
     into: Annotated[
         Path | None, typer.Option(help="Write to INTO/FAMILY (default: docs/papers/FAMILY).")
@@ -26,13 +27,13 @@ def page(
         typer.Option(metavar="SECONDS", min=1.0,
                      help="To try a template: runs end after so many seconds at the latest."),
     ] = None,
-    jobs: Jobs = CPUS,
+    jobs: o.Jobs = o.CPUS,
 ) -> None:  # fmt: skip
     """Write the pages of families from their templates, with numbers and figures of runs made now.
 
     The template is page.md beside the scenarios; draws that are outdated are made anew.
     """
-    from ...study import page as page_module
+    from ...papers import pages as page_module
 
     wanted = families or page_module.families()
     for family in wanted:

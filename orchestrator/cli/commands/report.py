@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from ..common import app, out
+from ..console import app, out
 
 
 @app.command()
@@ -15,8 +15,8 @@ def report(
     folder: Annotated[Path, typer.Argument(metavar="RUN", help="A run folder.")],
 ) -> None:
     """Write a run's report again; also for a run that was killed."""
-    from ...study.case import load_run
-    from ...study.report import write_report
+    from ...report.report import write_report
+    from ...runs.run import load_run
 
     finished = load_run(folder)
     twin = load_run(folder / "twin") if (folder / "twin").is_dir() else None

@@ -7,9 +7,10 @@ from typing import Annotated
 
 import typer
 
-from ...files.claim import claimed
+from ...files.lock import claimed
 from ...system.errors import DesatError
-from ..common import Json, app, warn
+from .. import options as o
+from ..console import app, warn
 
 WAIT = 10.0
 """The process of a run whose parent was killed ends by itself, so soon (s)."""
@@ -26,10 +27,10 @@ def resume(
     twin: Annotated[
         bool, typer.Option(help="Also run the scenario's twin, and show it beside.")
     ] = True,
-    as_json: Json = False,
+    as_json: o.Json = False,
 ) -> None:  # fmt: skip
     """Go on with a run from its newest checkpoint: the same bits as if it had never been ended."""
-    from ...study import resume as study
+    from ...runs import resume as study
     from .run import conclude
 
     if not folder.is_dir():

@@ -12,40 +12,14 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from rich.table import Table
 
-from ...files import claim
+from ...files import lock
 from ...system.codes import Exit
 from ...system.errors import DesatError, RunError
-from ..common import (
-    Alg,
-    Blocks,
-    Classes,
-    DesignOption,
-    FmuKind,
-    Fmus,
-    Inner,
-    Isolated,
-    Json,
-    LoopOption,
-    Semantics,
-    Sets,
-    Sources,
-    Step,
-    Stepping,
-    Stop,
-    Target,
-    TimeLimit,
-    Trust,
-    app,
-    err,
-    name_of,
-    options_of,
-    out,
-    print_json,
-    warn,
-)
+from .. import options as o
+from ..console import app, err, name_of, out, print_json, warn
 
 if TYPE_CHECKING:
-    from ...study.case import Options, Run
+    from ...runs.run import Options, Run
 
 TWIN = "twin"
 """Where the run of the twin lies in a run folder."""
@@ -53,16 +27,17 @@ TWIN = "twin"
 
 @app.command()
 def run(
-    target: Target,
-    sets: Sets = None,
-    sources: Sources = None,
-    stop: Stop = None,
-    step: Step = None,
-    inner: Inner = None,
-    algorithm: Alg = Semantics.conserving,
-    blocks: Blocks = False,
-    fmus: Fmus = FmuKind.native,
-    design: DesignOption = None,
+    target: o.Target,
+    sets: o.Sets = None,
+    sources: o.Sources = None,
+    stop: o.Stop = None,
+    step: o.Step = None,
+    inner: o.Inner = None,
+    accuracy: o.Accuracy = None,
+    algorithm: o.Alg = o.Semantics.conserving,
+    blocks: o.Blocks = False,
+    fmus: o.Fmus = o.FmuKind.native,
+    design: o.DesignOption = None,
     folder: Annotated[
         Path | None, typer.Option("--out", help="Run folder (default: a new one under runs/).")
     ] = None,
@@ -75,9 +50,9 @@ def run(
     twin: Annotated[
         bool, typer.Option(help="Also run the scenario's twin, and show it beside.")
     ] = True,
-    classes: Classes = None,
-    time_limit: TimeLimit = None,
-    loop: LoopOption = Stepping.compiled,
+    classes: o.Classes = None,
+    time_limit: o.TimeLimit = None,
+    loop: o.LoopOption = o.Stepping.compiled,
     call_limit: Annotated[
         float,
         typer.Option(
@@ -87,11 +62,11 @@ def run(
         ),
     ] = 300.0,
     isolate: Annotated[
-        Isolated,
+        o.Isolated,
         typer.Option(help="FMUs that run in a process each, so that one that crashes or hangs ends "
                      "no other: those that are not ours, all, or none."),
-    ] = Isolated.foreign,
-    trust: Trust = None,
+    ] = o.Isolated.foreign,
+    trust: o.Trust = None,
     estimate: Annotated[
         bool,
         typer.Option(
@@ -111,15 +86,15 @@ def run(
                      help="Save the run each time so many simulated seconds are over: `desat "
                      "resume RUN` goes on from there."),
     ] = None,
-    as_json: Json = False,
+    as_json: o.Json = False,
 ) -> None:  # fmt: skip
     """Run a scenario and write a run folder: series, manifest, report."""
-    from ...study.case import prepare, simulate
-    from ...study.recorded import room
+    from ...runs.recording_checks import room
+    from ...runs.run import prepare, simulate
 
-    options = options_of(
+    options = o.options_of(
         sets, stop, step, algorithm, blocks, classes, sources, record=tuple(record or ("*",)),
-        every=every, design=design, inner=inner,
+        every=every, design=design, inner=inner, accuracy=accuracy,
         time_limit=time_limit, loop=loop.value, fmus=fmus.value, trust=trust, supervised=True,
         call_limit=call_limit, checkpoint=checkpoint, halvings=halve, isolate=isolate.value,
     )  # fmt: skip
@@ -133,9 +108,9 @@ def run(
         finished = simulate(case, place, progress=not as_json)
         warn(finished.manifest["warnings"][len(case.checked.warnings) :])
         if estimate and finished.ok:
-            from ...analyses import estimate as estimate_module
-            from ...engine.results import MANIFEST
-            from ...study.manifest import write_json
+            from ...engine.recording.results import MANIFEST
+            from ...runs.manifest import write_json
+            from ...studies import estimate as estimate_module
 
             estimate_module.add(finished, target, options)
             write_json(place / MANIFEST, finished.manifest)
@@ -151,7 +126,7 @@ def conclude(
     other = _run_twin(finished, options, folder) if twin and finished.ok else None
     page = _report(finished, other, folder)
     if csv:
-        from ...study.export import export
+        from ...report.export import export
 
         _, note = export(folder, "csv")
         if note:
@@ -166,8 +141,8 @@ def conclude(
 
 def _report(finished: Run, other: Run | None, folder: Path) -> Path | None:
     """Write the report; None where there is no room for that of a run that did not end well."""
-    from ...engine.host import no_space
-    from ...study import report as report_module
+    from ...engine.process_state import no_space
+    from ...report import report as report_module
 
     try:
         return report_module.write_report(folder, finished, other)
@@ -183,7 +158,7 @@ def _report(finished: Run, other: Run | None, folder: Path) -> Path | None:
 def _free(folder: Path | None) -> None:
     """Raise DesatError for a folder that holds something."""
     if folder is not None and folder.exists() and (
-        not folder.is_dir() or any(p.name != claim.LOCK for p in folder.iterdir())
+        not folder.is_dir() or any(p.name != lock.LOCK for p in folder.iterdir())
     ):  # fmt: skip
         raise DesatError(f"--out {folder}: it exists already and is not an empty folder")
 
@@ -192,7 +167,7 @@ def _free(folder: Path | None) -> None:
 def _run_folder(target: str, folder: Path | None) -> Iterator[Path]:
     """Within: a folder of this run alone; without `folder` a new one under runs/."""
     place = folder or _new_folder(name_of(target))
-    with claim.claimed(place, made=folder is None):
+    with lock.claimed(place, made=folder is None):
         _free(place)
         yield place
 
@@ -211,11 +186,11 @@ def _new_folder(name: str) -> Path:
 
 def _run_twin(finished: Run, options: Options, folder: Path) -> Run | None:
     """Run the twin that the scenario names, into a folder beside, and compare."""
-    from ...engine.results import MANIFEST
+    from ...engine.recording.results import MANIFEST
     from ...files.scenario import exists
-    from ...study.case import execute
-    from ...study.manifest import relate, write_json
-    from ...study.resume import has_checkpoints, resume
+    from ...runs.manifest import relate, write_json
+    from ...runs.resume import has_checkpoints, resume
+    from ...runs.run import execute
 
     about = finished.manifest["about"]
     name = about.get("name", "").partition("/")[0] + "/" + about.get("twin", "")
@@ -234,9 +209,9 @@ def _run_twin(finished: Run, options: Options, folder: Path) -> Run | None:
 def _report_run(
     finished: Run, other: Run | None, folder: Path, page: Path | None, as_json: bool
 ) -> None:
-    from ...engine.results import SERIES
-    from ...study.drawing import pretty_unit
-    from ...study.report import number, title_of
+    from ...engine.recording.results import SERIES
+    from ...figures.style import pretty_unit
+    from ...numbers.text import number, title_of
 
     manifest = finished.manifest
     if as_json:

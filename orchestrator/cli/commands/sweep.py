@@ -7,33 +7,13 @@ from typing import Annotated, Any
 import typer
 from rich.table import Table
 
-from ..common import (
-    CPUS,
-    Alg,
-    Blocks,
-    FmuKind,
-    Fmus,
-    Jobs,
-    Json,
-    Semantics,
-    Sets,
-    Step,
-    Stop,
-    Target,
-    TimeLimit,
-    app,
-    err,
-    options_of,
-    out,
-    print_json,
-    print_numbers,
-    warn,
-)
+from .. import options as o
+from ..console import app, err, out, print_json, print_numbers, warn
 
 
 @app.command()
 def sweep(
-    target: Target,
+    target: o.Target,
     axes: Annotated[
         list[str],
         typer.Argument(metavar="COMP.VAR=A,B,C...", show_default=False,
@@ -44,20 +24,20 @@ def sweep(
         int, typer.Option(help="Medians of so many seeded draws (0: none).", min=0)
     ] = 0,
     seed: Annotated[int, typer.Option(help="Seed of the draws.", min=0)] = 1,
-    sets: Sets = None,
-    stop: Stop = None,
-    step: Step = None,
-    algorithm: Alg = Semantics.conserving,
-    blocks: Blocks = False,
-    fmus: Fmus = FmuKind.native,
-    time_limit: TimeLimit = None,
-    jobs: Jobs = CPUS,
-    as_json: Json = False,
+    sets: o.Sets = None,
+    stop: o.Stop = None,
+    step: o.Step = None,
+    algorithm: o.Alg = o.Semantics.conserving,
+    blocks: o.Blocks = False,
+    fmus: o.Fmus = o.FmuKind.native,
+    time_limit: o.TimeLimit = None,
+    jobs: o.Jobs = o.CPUS,
+    as_json: o.Json = False,
 ) -> None:  # fmt: skip
     """Run a system at several values of parameters, and print its numbers by value."""
-    from ...study import sweep as study
+    from ...campaign import sweep as study
 
-    options = options_of(sets, stop, step, algorithm, blocks, time_limit=time_limit,
+    options = o.options_of(sets, stop, step, algorithm, blocks, time_limit=time_limit,
                          fmus=fmus.value)  # fmt: skip
     result = study.sweep(target, study.axes_of(axes), options, jobs, not as_json, draws=draws,
                          seed=seed)  # fmt: skip
@@ -75,13 +55,17 @@ def sweep(
 
 
 def _print(result: dict[str, Any]) -> None:
-    from ...study.drawing import pretty_unit
-    from ...study.report import number
+    from ...figures.style import pretty_unit
+    from ...numbers.text import not_reached, number
+
+    def cell(point: dict[str, Any], name: str) -> str:
+        share = not_reached(point["summary"][name]) if name in point.get("summary", {}) else ""
+        return number(point["numbers"].get(name)) + (f" (not reached: {share})" if share else "")
 
     points, units = result["points"], result["units"]
     rows = [[*result["axes"], *units]]
     rows += [
-        [*map(_shown, p["values"].values()), *(number(p["numbers"].get(n)) for n in units)]
+        [*map(_shown, p["values"].values()), *(cell(p, n) for n in units)]
         for p in points
     ]  # fmt: skip
     rows.append([*("" for _ in result["axes"]), *map(pretty_unit, units.values())])

@@ -8,51 +8,37 @@ from typing import Annotated, Any
 import typer
 from rich.table import Table
 
-from ..common import (
-    CPUS,
-    Alg,
-    Blocks,
-    FmuKind,
-    Fmus,
-    Jobs,
-    Json,
-    Semantics,
-    app,
-    complete_family,
-    err,
-    options_of,
-    out,
-    print_json,
-)
+from .. import options as o
+from ..console import app, err, out, print_json
 
 
 @app.command()
 def tables(
     family: Annotated[
-        str, typer.Argument(help="Scenario family, as uosat12.", autocompletion=complete_family)
+        str, typer.Argument(help="Scenario family, as uosat12.", autocompletion=o.complete_family)
     ],
-    algorithm: Alg = Semantics.conserving,
-    blocks: Blocks = False,
-    fmus: Fmus = FmuKind.native,
-    jobs: Jobs = CPUS,
+    algorithm: o.Alg = o.Semantics.conserving,
+    blocks: o.Blocks = False,
+    fmus: o.Fmus = o.FmuKind.native,
+    jobs: o.Jobs = o.CPUS,
     html: Annotated[
         Path | None, typer.Option(help="Where the page goes (default: runs/tables-FAMILY.html).")
     ] = None,
     fresh: Annotated[
         bool, typer.Option("--fresh", help="Make the draws now; default: the stored ones.")
     ] = False,
-    as_json: Json = False,
+    as_json: o.Json = False,
 ) -> None:
     """Run a family's scenarios and print the paper's tables beside ours.
 
-    Scenarios with draws give their median; these are read from docs/papers/FAMILY/draws.json.
+    Scenarios with draws give their median; these are read from docs/papers/FAMILY/draws.parquet.
     """
     from rich.markup import escape
     from rich.text import Text
 
-    from ...study import tables as tables_module
+    from ...papers import tables as tables_module
 
-    options = options_of(None, None, None, algorithm, blocks, fmus=fmus.value)
+    options = o.options_of(None, None, None, algorithm, blocks, fmus=fmus.value)
     drawn, origin = _drawn(family, jobs, fresh, progress=not as_json)
     rows = tables_module.rows(family, options, jobs, drawn)
     if as_json:
@@ -85,7 +71,7 @@ def _drawn(
     family: str, jobs: int, fresh: bool, progress: bool
 ) -> tuple[dict[str, Any] | None, dict[str, Any] | None]:
     """The draws of a family that has some, stored or made now, and where they are from."""
-    from ...study import stored as stored_module
+    from ...papers import stored as stored_module
 
     if not stored_module.with_draws(family):
         return None, None

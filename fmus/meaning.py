@@ -1,0 +1,113 @@
+"""What blocks, and Python files, compute, as a hash in which texts, layout and the place of a file
+do not count."""
+
+from __future__ import annotations
+
+import ast
+import hashlib
+from collections.abc import Iterable
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+COMPONENTS = Path(__file__).parents[1] / "components"
+
+
+def sources(name: str) -> list[Path]:
+    """The files that the block `name` needs, itself first, found through its imports."""
+    todo, found = [COMPONENTS / "blocks" / f"{name}.py"], list[Path]()
+    while todo:
+        path = todo.pop()
+        if path in found:
+            continue
+        found.append(path)
+        if (initial := path.parent / "__init__.py").exists():
+            todo.append(initial)
+        todo += _imported(path, path.read_text(encoding="utf-8"))
+    data = [p.with_suffix(".json") for p in found if p.with_suffix(".json").is_file()]
+    return found + data
+
+
+@cache
+def _imported(path: Path, text: str) -> list[Path]:
+    """The files that a file with this text imports of its own package."""
+    found = []
+    for node in ast.walk(ast.parse(text)):
+        if isinstance(node, ast.ImportFrom) and node.level:
+            base = path.parents[node.level - 1].joinpath(*(node.module or "").split("."))
+            candidates = (base, *(base / alias.name for alias in node.names))
+            found += [c.with_suffix(".py") for c in candidates if c.with_suffix(".py").is_file()]
+    return found
+
+
+def computed(name: str) -> dict[str, Any]:
+    """What a block computes: `computes`, its hash; the files that it is of, and the hash of their
+    bytes, by which it is told in a moment whether they are still the same (`is_as`)."""
+    files = sources(name)
+    return {
+        "computes": of_files(files),
+        "files": [p.relative_to(COMPONENTS).as_posix() for p in files],
+        "files_sha256": _hashed(files),
+    }
+
+
+def is_as(entry: dict[str, Any]) -> bool:
+    """Whether the files of a block are as they were when an entry of the index was made."""
+    files = [COMPONENTS / file for file in entry.get("files", ())]
+    return bool(files) and all(f.is_file() for f in files) and (
+        _hashed(files) == entry["files_sha256"]
+    )  # fmt: skip
+
+
+def _hashed(files: list[Path]) -> str:
+    digest = hashlib.sha256()
+    for path in files:
+        data = path.read_bytes()
+        digest.update(f"\0{len(data)}\0".encode() + data)
+    return digest.hexdigest()
+
+
+def of_files(files: Iterable[Path], imports: bool = True) -> str:
+    """sha256 of what files define, whichever of them it is in: of Python the definitions, of others
+    (C, tables of numbers) the text."""
+    texts = ((p.suffix, p.read_text(encoding="utf-8")) for p in files)
+    said = {x for kind, t in texts for x in (definitions(t, imports) if kind == ".py" else {t})}
+    return hashlib.sha256("\0".join(sorted(said)).encode()).hexdigest()
+
+
+@cache
+def definitions(text: str, imports: bool = True) -> frozenset[str]:
+    """What a Python file defines: the syntax trees of its statements, without comments, docstrings
+    and layout. Of an import the names count, and the file's, not its folder; none without
+    `imports`, for files that are moved and renamed."""
+    tree = ast.parse(text)
+    if imports:
+        for node in ast.walk(tree):
+            if isinstance(node, ast.ImportFrom):
+                node.level, node.module = 0, (node.module or "").rpartition(".")[2]
+    kept = [x for x in tree.body if imports or not isinstance(x, (ast.Import, ast.ImportFrom))]
+    return frozenset(_dump(x, imports) for x in kept if not _is_aside(x))
+
+
+def _dump(node: Any, imports: bool) -> str:
+    """A syntax tree as a text that is the same for every version of Python: unlike `ast.dump`, it
+    leaves out every field that is empty."""
+    if isinstance(node, list):
+        kept = [x for x in node if imports or not isinstance(x, (ast.Import, ast.ImportFrom))]
+        return f"[{','.join(_dump(x, imports) for x in kept if not _is_aside(x))}]"
+    if not isinstance(node, ast.AST):
+        return repr(node)
+    fields = ((k, v) for k, v in ast.iter_fields(node) if v is not None and v != [])
+    return f"{type(node).__name__}({','.join(f'{k}={_dump(v, imports)}' for k, v in fields)})"
+
+
+def _is_aside(node: Any) -> bool:
+    """True for a statement that computes nothing: what is for types alone, and what is only a text,
+    as a docstring."""
+    if isinstance(node, ast.If):
+        return isinstance(node.test, ast.Name) and node.test.id == "TYPE_CHECKING"
+    return (
+        isinstance(node, ast.Expr)
+        and isinstance(node.value, ast.Constant)
+        and isinstance(node.value.value, str)
+    )

@@ -1,0 +1,1 @@
+"""What one family's page and tables compute of its runs."""

@@ -1,0 +1,180 @@
+"""Numbers of momentum management by coils (paper 001): what its claims are judged by.
+
+Of a run the first quarter is left out. The periodic part of a momentum is what a least-squares fit
+of cos and sin of twice the orbital rate, beside a straight line, finds in it: gravity gradient at
+an inertial attitude makes that, and a secular part.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from desat.components.physics.orbit import mean_motion
+
+from ...engine.recording.results import Results
+from ...numbers.derived import rotate_back
+from ...system.model import System
+
+KEY = "unloading"
+SPEEDS = (100, 200, 300)
+"""rpm, above which the time of the fastest wheel is counted."""
+RPM = 30.0 / np.pi
+NUMBERS = (
+    *(f"time_above_{s}" for s in SPEEDS), "moved_by_coils", "moved_by_gravity",
+    "mean_momentum", "mean_change", "amplitude_kept", "dipole_correlation", "off_profile",
+    "field_models", "end_miss",
+)  # fmt: skip
+SIGNALS = (
+    "spacecraft.q_bi", "spacecraft.impulse_eci", "environment.b_eci", "torquers.m_mean_body",
+    "manager.tau_desired_body", "wheels.speed_wheel",
+)  # fmt: skip
+
+
+def applies(system: System) -> dict[str, str] | None:
+    """Systems whose manager says its desired torque, with the components of a craft with coils."""
+    for signal in SIGNALS:
+        name, _, output = signal.partition(".")
+        component = system.components.get(name)
+        if component is None or not component.interface.elements(output):
+            return None
+    return {"manager": "manager"}
+
+
+def signals(parts: dict[str, str]) -> list[str]:
+    """The series that the numbers are made of."""
+    return list(SIGNALS)
+
+
+def numbers(manifest: dict[str, Any], results: Results) -> dict[str, dict[str, Any]]:
+    """Of a completed run of two orbits or more; none where a series is not recorded."""
+    if manifest["status"] != "completed" or not set(SIGNALS) <= set(results.names()):
+        return {}
+    given = {c: {k: p["value"] for k, p in table.items()}
+             for c, table in manifest["parameters"].items()}  # fmt: skip
+    q, impulse, field, dipole, wanted, speed = (results.values(s) for s in SIGNALS)
+    step = float(manifest["step"])
+    rate = mean_motion(float(given["environment"]["semi_major_axis"]))
+    orbit = 2.0 * np.pi / rate
+    rows = len(dipole)  # interval outputs have no row at the end
+    if rows * step < 2.0 * orbit:
+        return {}
+    first = rows // 4
+    turned = (field[:-1] + field[1:])[:rows] / 2.0
+    torque = np.cross(rotate_back(_unit(q[:-1] + q[1:])[:rows], dipole), turned)
+    moved = np.diff(impulse[: rows + 1], axis=0)
+    gravity = moved - step * torque
+    fastest = np.abs(speed[first:rows]).max(axis=1) * RPM
+    entries = {
+        f"time_above_{s}": (f"Time that the fastest wheel is above {s} rpm",
+                            100.0 * float((fastest > s).mean()), "%") for s in SPEEDS
+    }  # fmt: skip
+    count = rows - first
+    per_orbit = orbit / (count * step)
+    entries["moved_by_coils"] = (
+        "Momentum that the coils move per orbit: integral of the size of their torque",
+        per_orbit * step * float(np.linalg.norm(torque[first:], axis=1).sum()), "N.m.s",
+    )  # fmt: skip
+    entries["moved_by_gravity"] = (
+        "Momentum that gravity gradient moves per orbit, likewise",
+        per_orbit * float(np.linalg.norm(gravity[first:], axis=1).sum()), "N.m.s",
+    )  # fmt: skip
+    whole = int(orbit / step)
+    means = [impulse[k : k + whole].mean(axis=0) for k in range(first, rows - whole + 1, whole)]
+    entries["mean_change"] = (
+        "Change of the orbit's mean momentum from one to the next, mean size",
+        float(np.linalg.norm(np.diff(means, axis=0), axis=1).mean()) if means[1:] else np.nan,
+        "N.m.s",
+    )
+    entries["mean_momentum"] = (
+        "Size of the mean momentum",
+        float(np.linalg.norm(impulse[first:rows].mean(axis=0))),
+        "N.m.s",
+    )
+    times = step * np.arange(first, rows)
+    built = np.cumsum(gravity, axis=0)[first:]
+    ours, free = (_periodic(times, x, rate) for x in (impulse[first + 1 : rows + 1], built))
+    entries["amplitude_kept"] = (
+        "Periodic part of the momentum, of that which gravity gradient alone makes",
+        100.0 * float(ours / free), "%",
+    )  # fmt: skip
+    held = max(1, round(given["manager"]["sample_time"] / step))
+    part = slice(first + held // 2, rows, held)  # the middle of a hold
+    b = rotate(q[part], turned[part])
+    size, across = (np.linalg.norm(x, axis=1) for x in (dipole[part], np.cross(wanted[part], b)))
+    sine = across / np.maximum(np.linalg.norm(wanted[part], axis=1)
+                               * np.linalg.norm(b, axis=1), 1e-300)  # fmt: skip
+    if size.std() > 0.0 and sine.std() > 1e-3:
+        entries["dipole_correlation"] = (
+            "Correlation of the dipole's size with the sine of the angle of T_D to B",
+            float(np.corrcoef(size, sine)[0, 1]), "1",
+        )  # fmt: skip
+    law = given["manager"]
+    if "desaturation_period" in law:  # one for the dipole of a sample, and those of a solution
+        each = law["desaturation_period"] / law["sample_time"] / law["update_period"]
+        models = 3600.0 * (1.0 / law["sample_time"] + each)
+    else:
+        models = 0.0
+    entries["field_models"] = ("Values of a field model onboard per hour", models, "1")
+    if "profile_table" in law:
+        entries["off_profile"] = ("Momentum off H_NOM at its rows, rms of its size",
+                                  _off_profile(law, impulse[: rows + 1], step, first),
+                                  "N.m.s")  # fmt: skip
+    if "update_period" in law and law["update_period"] == law["desaturation_period"]:
+        entries["end_miss"] = ("What the ends of desaturation periods miss H_NOM by, rms, of H_D's",
+                               _end_miss(law, impulse, wanted, q, step), "%")  # fmt: skip
+    return {
+        k: {"title": t, "value": v, "unit": u}
+        for k, (t, v, u) in entries.items() if np.isfinite(v)
+    }  # fmt: skip
+
+
+def unmet(manifest: dict[str, Any], results: Results) -> list[str]:
+    """None."""
+    return []
+
+
+def figures(manifest: dict[str, Any], results: Results) -> list[tuple[str, str]]:
+    """None."""
+    return []
+
+
+def rotate(q: Any, v: Any) -> Any:
+    """Rows of v (eci) in the body's axes."""
+    return rotate_back(q * np.array([-1.0, -1.0, -1.0, 1.0]), v)
+
+
+def _periodic(times: Any, momentum: Any, rate: float) -> float:
+    """The size of the periodic part (N m s)."""
+    phase = 2.0 * rate * times
+    form = np.stack([np.ones_like(times), times, np.cos(phase), np.sin(phase)], axis=1)
+    return float(np.linalg.norm(np.linalg.lstsq(form, momentum, rcond=None)[0][2:]))
+
+
+def _off_profile(given: dict[str, Any], impulse: Any, step: float, first: int) -> float:
+    """How far the momentum (rows, 3) is off the rows of H_NOM."""
+    nodes = int(given["table_nodes"])
+    table = np.reshape(given["profile_table"], (-1, 3))[:nodes]
+    rows = np.round(given["table_spacing"] * np.arange(nodes) / step).astype(int)
+    kept = (rows >= first) & (rows < len(impulse))
+    return float(np.sqrt(((impulse[rows[kept]] - table[kept]) ** 2).sum(axis=1).mean()))
+
+
+def _end_miss(law: dict[str, Any], impulse: Any, wanted: Any, q: Any, step: float) -> float:
+    """Where a desaturation period ends: rms of |H - H_NOM| over that of |H_D|, in %; H_D is the
+    integral of the torque that is meant (eq. 3)."""
+    period = law["update_period"]
+    rows, nodes = round(period / step), round(period / law["table_spacing"])
+    if abs(nodes * law["table_spacing"] - period) > 1e-6:
+        return float("nan")
+    meant = rotate_back(q[: len(wanted)], wanted) * step
+    table = np.reshape(law["profile_table"], (-1, 3))
+    ends = range(rows, len(wanted) + 1, rows)
+    missed = [impulse[k] - table[k // rows * nodes] for k in ends]
+    dumped = [meant[k - rows : k].sum(axis=0) for k in ends]
+    return 100.0 * float(np.linalg.norm(missed) / np.linalg.norm(dumped))
+
+
+def _unit(q: Any) -> Any:
+    return q / np.linalg.norm(q, axis=1, keepdims=True)

@@ -1,0 +1,307 @@
+"""The head of a campaign: hands out cases, keeps their rows, and goes on where it was stopped."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import fields, replace
+from pathlib import Path
+from typing import Any
+
+from ..analyses import analyses
+from ..files.identity import versions
+from ..files.lock import LOCK, claimed
+from ..runs.manifest import write_json
+from ..runs.run import Case, prepare
+from ..system.codes import Exit
+from ..system.dispersions import dispersed
+from ..system.errors import DesatError, RunError, nearest
+from ..system.options import Options
+from . import damaged, store
+from .case import kept, plots_of, row
+from .draws import lost, never, system_of, whole_numbers
+from .plan import PLAN, Plan, digest_of, joined, kept_versions, read, same_versions
+from .progress import STATUS, Progressed, Shown
+from .sampling import SAMPLINGS, Sampling, allowed, drawn
+from .workers import Local, Lost, Workers, guarded, results
+
+_EACH = 2.0
+"""Seconds from one status to the next."""
+
+
+def planned(
+    target: str, count: int, *, seed: int = 1, sampling: Sampling = "random",
+    options: Options | None = None, curves: Sequence[str] | None = None, keep: Sequence[str] = (),
+    limit: float = 600.0,
+) -> tuple[Plan, list[str]]:  # fmt: skip
+    """The plan of a campaign, checked, and warnings. `curves` None: the first plot, if any.
+
+    Raises DesatError for what is wrong with the system, its dispersions, a requirement, the
+    sampling or what is kept.
+    """
+    if sampling not in SAMPLINGS:
+        raise DesatError(f"--sampling {sampling}: there are {', '.join(SAMPLINGS)}"
+                         f"{nearest(sampling, SAMPLINGS)}")  # fmt: skip
+    options = options or Options()
+    if Path(target).exists():
+        target = str(Path(target).resolve())
+    system = system_of(target, options)
+    if not system.about.get("dispersions"):
+        raise DesatError(f"{target}: it has no [dispersions], so there is nothing to draw")
+    whole_numbers(target, seed=(seed, 0), count=(count, 1))
+    for name in dispersed(system):
+        if "[" in name:
+            raise DesatError(f"{target}: dispersions: {name}: an element; what is drawn is all of "
+                             f"{name.partition('[')[0]}")  # fmt: skip
+    if limit <= 0.0:
+        raise DesatError(f"{target}: {limit:g} s for a case: more is needed")
+    if lines := never(system, options):
+        raise DesatError("\n".join(lines))
+    try:
+        allowed(sampling, count, system)
+        first = {**options.values, **drawn(system, seed, 0, sampling, count)}
+    except DesatError:
+        prepare(target, options).or_raise()  # which names file and key
+        raise
+    case = _first(target, options, first)
+    plots = plots_of(system.about)
+    if curves is None:
+        curves = list(plots)[:1]
+    if unknown := [c for c in curves if c not in plots]:
+        raise DesatError(f"--curve {unknown[0]}: no plot of that name{nearest(unknown[0], plots)}")
+    known = {f.name: getattr(Options(), f.name) for f in fields(Options)}
+    changed = {k: getattr(options, k) for k in known if getattr(options, k) != known[k]}
+    plan = Plan(target, digest_of(target, options), count, seed, sampling, changed, tuple(curves),
+                tuple(keep), limit)  # fmt: skip
+    numbers = {n for n, e in system.about.get("numbers", {}).items() if "of" not in e}
+    checked, _ = case.or_raise()
+    numbers |= {n for a in analyses() if a.applies(checked) for n in a.NUMBERS}
+    for text in keep:
+        kind, _, number = _kept_of(text)
+        if kind == "worst" and number not in numbers:
+            raise DesatError(f"--keep {text}: no number {number}{nearest(number, numbers)}; "
+                             "worst:N:NUMBER, or --by NUMBER, is needed")  # fmt: skip
+    warnings = [*case.checked.warnings, *_unmissable(system.about, checked.steps * checked.step)]
+    if sampling == "sobol" and count & (count - 1):
+        warnings.append(f"--sampling sobol: -n {count} is no power of two, as {_power(count)} is: "
+                        "its points are not quite even")  # fmt: skip
+    return plan, warnings
+
+
+def _unmissable(about: Mapping[str, Any], duration: float) -> list[str]:
+    """Requirements on a time that no run of this length (s) can be above."""
+    numbers = about.get("numbers", {})
+    return [
+        f"requirements.{name}: max = {entry['max']:g} s is not before the end of a run, "
+        f"{duration:g} s: no case can be above"
+        for name, entry in about.get("requirements", {}).items()
+        if numbers.get(entry["number"], {}).get("unit") == "s" and entry.get("max", 0.0) >= duration
+    ]
+
+
+def _power(count: int) -> int:
+    """The least power of two that is not below it."""
+    return 1 << (count - 1).bit_length()
+
+
+def _first(target: str, options: Options, values: dict[str, Any]) -> Case:
+    """The first case. Raises DesatError where it is none."""
+    case = prepare(target, replace(options, values=values))
+    try:
+        case.or_raise()
+        return case
+    except DesatError as error:
+        prepare(target, options).or_raise()  # not only of what is drawn
+        raise DesatError(f"{target}: case 0: {error}") from error
+
+
+def run(
+    plan: Plan, folder: Path, jobs: int = 1, cluster: str | None = None, progress: bool = True,
+    accept_versions: bool = False,
+) -> None:  # fmt: skip
+    """Make the cases of a campaign that are not there yet, and keep the series of those that are
+    to be kept. What is done when it is stopped, however, is there when it goes on; with other
+    versions of what computes where these are accepted.
+
+    Raises DesatError where the folder has another campaign, one of other versions, or where another
+    head is at work in it.
+    """
+    guarded()  # it cannot claim what its head has
+    with claimed(folder):
+        _run(plan, folder, jobs, cluster, progress, accept_versions)
+
+
+def _run(
+    plan: Plan, folder: Path, jobs: int, cluster: str | None, progress: bool, accept_versions: bool
+) -> None:  # fmt: skip
+    longer = False
+    if (folder / PLAN).exists():
+        joined(old := read(folder), plan, folder)
+        same_versions(folder, kept_versions(folder), accept_versions, "old and new cases")
+        longer = plan.limit > old.limit
+    elif any(p.name != LOCK for p in folder.iterdir()):
+        raise DesatError(f"{folder}: it has other files, and no campaign; take another --out")
+    plan.write(folder)
+    rows = store.Store(folder, plan.count, versions())
+    if longer:
+        rows.forget(Exit.TIMEOUT)  # they may have time enough now
+    at = Progressed(plan.count, rows.done(), rows.failed())
+    at.first = at.done
+    write_json(folder / STATUS, at.as_json("running"))
+    state = "stopped"
+    try:
+        if at.done < plan.count:
+            with _workers(plan, jobs, cluster) as workers:
+                _make(plan, workers, rows, at, folder, progress)
+        _keep(plan, folder, jobs)
+        state = "done"
+    finally:
+        rows.close()
+        write_json(folder / STATUS, at.as_json(state))
+
+
+def _workers(plan: Plan, jobs: int, cluster: str | None) -> Workers:
+    if cluster is None:
+        return Local(row, jobs, 1.25 * plan.limit + 2.0)  # a supervised case ends itself before
+    from .cluster import Cluster
+
+    return Cluster(cluster, plan)
+
+
+def _make(
+    plan: Plan, workers: Workers, rows: store.Store, at: Progressed, folder: Path, progress: bool
+) -> None:  # fmt: skip
+    attempts: dict[int, int] = {}
+    local = isinstance(workers, Local)
+
+    def arguments(number: int, supervised: bool) -> tuple[Any, ...]:
+        return (plan, number, supervised) if local else (number, supervised)
+
+    def again(number: int, reason: Lost) -> tuple[Any, ...] | None:
+        attempts[number] = attempts.get(number, 1) + 1
+        if attempts[number] > _TRIES:
+            attempts[number] = _TRIES
+            return None
+        return arguments(number, attempts[number] > 1)
+
+    tasks = ((n, arguments(n, False)) for n in rows.missing())
+    written = time.monotonic()
+    with Shown(at, progress) as show:
+        for number, result in results(workers, tasks, again):
+            made = _without_row(plan, number, result) if isinstance(result, Lost) else result
+            rows.add({**made, "attempts": attempts.pop(number, 1)})
+            at.done += 1
+            at.failed += made["status"] != "completed"
+            show()
+            if time.monotonic() - written > _EACH:
+                written = time.monotonic()
+                write_json(folder / STATUS, at.as_json("running"))
+
+
+def _without_row(plan: Plan, number: int, reason: Lost) -> dict[str, Any]:
+    """The row of a case that never gave one."""
+    return {"case": number, **lost(reason), "values": plan.values(number), "seconds": None,
+            "worker": ""}  # fmt: skip
+
+
+_TRIES = 3
+"""A case whose process dies is made again, supervised, which names the cause; one that is lost so
+often has no row of its own."""
+
+
+def _kept_of(text: str) -> tuple[str, int, str]:
+    """`worst:N:NUMBER` or `every:N` in parts. Raises DesatError for another form."""
+    kind, _, rest = text.partition(":")
+    count, _, number = rest.partition(":")
+    if kind not in ("worst", "every") or not count.isdecimal() or int(count) < 1:
+        raise DesatError(f"--keep {text}: worst:N:NUMBER or every:N is needed, N from 1 on")
+    return kind, int(count), number
+
+
+def chosen(plan: Plan, folder: Path) -> list[int]:
+    """The cases that are to be kept: the worst are those with the largest number, or with the least
+    where a requirement on it has only a `min`; those that never reach it first."""
+    from .plan import system
+
+    about = system(plan.target, plan.run_options().blocks).about
+    least = {
+        r["number"] for r in about.get("requirements", {}).values() if "max" not in r
+    }  # fmt: skip
+    cases: set[int] = set()
+    for text in plan.keep:
+        kind, count, number = _kept_of(text)
+        if kind == "every":
+            cases |= set(range(0, plan.count, count))
+        else:
+            cases |= set(worst(folder, number, count, number in least))
+    return sorted(cases)
+
+
+def unreached(plan: Plan, folder: Path) -> list[str]:
+    """What of `--keep` goes by a number that no case has, or none reaches: a line each."""
+    lines = []
+    for text in plan.keep:
+        kind, count, number = _kept_of(text)
+        if kind != "worst":
+            continue
+        table = store.read(folder, columns=["case", f"out.{number}"])
+        if f"out.{number}" not in table.column_names:
+            lines.append(f"--keep {text}: no case has a number {number}: nothing is kept by it")
+        elif table[f"out.{number}"].null_count == table.num_rows:
+            lines.append(f"--keep {text}: no case reaches {number}: kept are the first {count}")
+    return lines
+
+
+def worst(folder: Path, number: str, count: int, least: bool = False) -> list[int]:
+    """The completed cases that never reach a number, then those with its largest (or least)
+    values, worst first."""
+    table = store.read(folder, columns=["case", "status", f"out.{number}"])
+    if f"out.{number}" not in table.column_names:
+        return []
+    sign = 1.0 if least else -1.0
+    rows = [
+        (-math.inf if value is None else sign * value, case)
+        for case, status, value in zip(table["case"].to_pylist(), table["status"].to_pylist(),
+                                       table[f"out.{number}"].to_pylist(), strict=True)
+        if status == "completed"
+    ]  # fmt: skip
+    rows.sort()
+    return [case for _, case in rows[:count]]
+
+
+def _keep(plan: Plan, folder: Path, jobs: int) -> None:
+    """Make the series of the cases that are to be kept: the same bits again."""
+    todo = [n for n in chosen(plan, folder) if not _is_kept(kept_in(folder, n))]
+    if not todo:
+        return
+    tasks: Iterator[tuple[Any, tuple[Any, ...]]] = (
+        (n, (plan, n, kept_in(folder, n))) for n in todo
+    )  # fmt: skip
+    with Local(_kept, min(jobs, len(todo)), 1.25 * plan.limit) as workers:
+        for number, result in results(workers, tasks, lambda key, why: None):
+            if isinstance(result, Lost):
+                raise RunError(f"{kept_in(folder, number)}: not kept: {result.why}", Exit.COMPONENT)
+
+
+def _is_kept(folder: Path) -> bool:
+    """Whether a case was run to its own end there, and not to that of a disk or of its head."""
+    try:
+        status = str(damaged.table(folder / "manifest.json").get("status"))
+    except (FileNotFoundError, DesatError):
+        return False
+    return status not in ("no space", "interrupted") and not status.startswith("killed")
+
+
+def _kept(plan: Plan, number: int, into: Path) -> None:
+    try:
+        kept(plan, number, into).results.close()
+    except DesatError as error:
+        if getattr(error, "code", 0) == Exit.SPACE:
+            raise
+        # else it cannot begin and has no series; its row says why
+
+
+def kept_in(folder: Path, number: int) -> Path:
+    """The run folder of a case that is kept."""
+    return folder / "kept" / f"{number:06}"

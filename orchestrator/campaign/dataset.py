@@ -1,0 +1,76 @@
+"""A campaign as an xarray data set: `in.*` what was drawn and `out.*` the numbers over `case`, and
+the envelopes; read when they are looked at."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from ..report.dataset import Lazy
+from ..system.errors import DesatError
+from . import store
+from .case import POINTS
+from .plan import read
+
+
+def of_campaign(folder: Path) -> xr.Dataset:
+    """The cases of a campaign, a column each, and of each curve the envelopes (case, part). Raises
+    DesatError where no case is there yet."""
+    plan = read(folder)
+    cases = store.read(folder, columns=["case"])["case"].to_numpy()
+    described = store.described(folder)
+    variables: dict[str, xr.Variable] = {}
+    for field in store.schema(folder):
+        if field.name == "case":
+            continue
+        lazy = Lazy((len(cases),), _dtype(field.type), _column(folder, field.name, cases))
+        # what is drawn is told of as a whole, and has a column an element
+        told = described.get(field.name.removeprefix("out.").partition("[")[0], {})
+        variables[field.name] = lazy.variable(
+            ("case",), {"long_name": told.get("title", ""), "units": told.get("unit", "")}
+        )
+    for name in plan.curves:
+        lazy = Lazy((len(cases), POINTS), float, _envelopes(folder, name, cases))
+        told = described.get(f"curve.{name}", {})
+        variables[f"curve.{name}"] = lazy.variable(
+            ("case", "part"),
+            {"long_name": f"{told.get('title', name)}: largest size in each part of the run",
+             "units": told.get("unit", "")},
+        )  # fmt: skip
+    attributes = {"target": plan.target, "seed": plan.seed, "sampling": plan.sampling,
+                  "count": plan.count}  # fmt: skip
+    return xr.Dataset(variables, {"case": cases}, attributes)
+
+
+def _dtype(kind: Any) -> Any:
+    return np.dtype({"double": "f8", "int64": "i8", "int32": "i4"}.get(str(kind), "O"))
+
+
+def _column(folder: Path, name: str, cases: Any) -> Callable[[Any], Any]:
+    """Of these cases, in their order: others may have come since."""
+
+    def read(key: tuple[Any, ...]) -> Any:
+        table = store.read(folder, columns=["case", name])
+        if name not in table.column_names:
+            return np.full(len(cases), np.nan)[key]
+        there = {case: row for row, case in enumerate(table["case"].to_pylist())}
+        if lost := [int(case) for case in cases if int(case) not in there]:
+            raise DesatError(f"{folder}: case {lost[0]} is not there any more: load it again")
+        return table[name].to_pandas().to_numpy()[[there[int(case)] for case in cases]][key]
+
+    return read
+
+
+def _envelopes(folder: Path, name: str, cases: Any) -> Callable[[Any], Any]:
+    def read(key: tuple[Any, ...]) -> Any:
+        table = store.read(folder, store.CURVES)
+        known = table[name].to_pylist() if name in table.column_names else [None] * table.num_rows
+        rows = dict(zip(table["case"].to_pylist(), known, strict=True))
+        blank = [np.nan] * POINTS
+        return np.array([rows.get(int(c)) or blank for c in cases], dtype=float)[key]
+
+    return read

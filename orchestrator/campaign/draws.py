@@ -1,0 +1,218 @@
+"""`desat draws`: seeded draws of a scenario's dispersions (`sampling.py`), over processes, one row
+a draw."""
+
+from __future__ import annotations
+
+import math
+import statistics
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import replace
+from types import ModuleType
+from typing import Any
+
+from rich.console import Console
+from rich.progress import track
+
+from ..analyses import analyses, coverage
+from ..numbers.numbers import late, ranked
+from ..runs.run import Options, Run, load, prepare, simulate
+from ..system.codes import Exit
+from ..system.dispersions import overridden
+from ..system.draft import Draft
+from ..system.errors import DesatError, RunError
+from ..system.model import AUTO
+from .sampling import drawn
+from .workers import Here, Local, Lost, Workers, results
+
+STOPPED = 128
+"""Exit codes above are those of somebody who stopped the run."""
+
+
+def one(target: str, options: Options, seed: int, draw: int | None) -> dict[str, Any]:
+    """A run as a row: how it ended, its numbers, and the values drawn (`draw` None: nothing is).
+
+    Raises DesatError, which names target and draw, for one that could not begin or was stopped.
+    """
+    values = {} if draw is None else drawn(system_of(target, options), seed, draw)
+    try:
+        return {"draw": draw, **ran(target, options, values)}
+    except DesatError as error:
+        where = target if draw is None else f"{target}: draw {draw}"
+        lines = "\n".join(f"{where}: {x}" for x in str(error).splitlines())
+        raise RunError(lines, error.code) from error
+
+
+def ran(
+    target: str, options: Options, values: dict[str, Any], also: Sequence[str] = (),
+    more: Callable[[Run], dict[str, Any]] = lambda run: {},
+) -> dict[str, Any]:  # fmt: skip
+    """A run with some values: how it ended, its numbers and what they are, the values, and what
+    `more` makes of it; recorded is what the numbers are made of, and `also`."""
+    case = prepare(target, replace(options, values={**options.values, **values}))
+    system, _ = case.or_raise()
+    if options.record == ("*",):
+        needed = (*needed_signals(system.about), *also)
+        if system.inner == AUTO and (parts := coverage.applies(system)):
+            needed += tuple(parts["series"])  # it looks at them again
+        for analysis in analyses():
+            if parts := analysis.applies(system):
+                needed += tuple(analysis.signals(parts))
+                if _asked(system.about, analysis):
+                    needed += tuple(analysis.balanced(parts))
+        case = replace(case, options=replace(case.options, record=needed))
+    run = simulate(case)
+    if run.code > STOPPED:
+        run.or_raise(target)
+    row = {
+        "status": run.manifest["status"],
+        "code": int(run.code),
+        "message": run.manifest["message"],
+        "unmet": run.manifest["unmet"],
+        "stopped_when": run.manifest["stopped_when"],
+        "numbers": {name: n["value"] for name, n in run.manifest["numbers"].items()},
+        "described": {
+            name: {"title": n["title"], "unit": n["unit"]}
+            for name, n in run.manifest["numbers"].items()
+        },
+        "values": values,
+        **more(run),
+    }
+    run.results.close()
+    return row
+
+
+def _asked(about: Mapping[str, Any], analysis: ModuleType) -> bool:
+    """Whether a scenario asks for what an analysis makes of series that draws need not record: by
+    its bound, or a requirement on one of its numbers."""
+    wanted = {r["number"] for r in about.get("requirements", {}).values()}
+    return hasattr(analysis, "balanced") and bool(
+        set(analysis.BOUND_KEYS) & set(about) or wanted & set(analysis.NUMBERS)
+    )
+
+
+def never(system: Draft, options: Options) -> list[str]:
+    """What the options give a value that is drawn instead: a line each."""
+    names = [*(text.partition("=")[0] for text in options.sets), *options.values]
+    return [f"--set {name}: {'it' if name == what else what} is drawn, and so never has this value"
+            for name in names if "." in name for what in overridden(system, name)]  # fmt: skip
+
+
+def lost(reason: Lost) -> dict[str, Any]:
+    """The row of a run that never came back."""
+    code = Exit.TIMEOUT if reason.timeout else Exit.COMPONENT
+    return {"status": "failed", "code": int(code), "message": reason.why, "unmet": [],
+            "stopped_when": None, "numbers": {}, "values": {}}  # fmt: skip
+
+
+def system_of(target: str, options: Options) -> Draft:
+    """The draft of a target. Raises DesatError where something is wrong with it."""
+    draft = load(target, options.blocks)
+    if draft.problems:
+        raise DesatError("\n".join(draft.problems))
+    return draft
+
+
+def needed_signals(about: Mapping[str, Any]) -> list[str]:
+    """What a scenario's numbers are made of; the rest need not be recorded."""
+    names: list[str] = []
+    for number in about.get("numbers", {}).values():
+        signals = number.get("signal", [])
+        names += [signals] if isinstance(signals, str) else signals
+    return sorted(set(names))
+
+
+def rows_of(
+    tasks: Sequence[tuple[str, Options, int, int | None]], jobs: int, title: str, progress: bool
+) -> list[dict[str, Any]]:  # fmt: skip
+    """The row (`one`) of each task, over so many processes.
+
+    A run whose process dies is made again in a process of its own, which can say why; with one
+    process, which is this one, each is.
+    """
+    jobs, tried = max(1, min(jobs, len(tasks))), set()
+
+    def again(key: Any, reason: Lost) -> tuple[Any, ...] | None:
+        if key in tried:
+            return None
+        tried.add(key)
+        target, options, *rest = tasks[key]
+        return (target, replace(options, supervised=True), *rest)
+
+    if jobs == 1:
+        tasks = [(t, replace(o, supervised=True), seed, draw) for t, o, seed, draw in tasks]
+    rows: dict[Any, dict[str, Any]] = {}
+    console = Console(stderr=True)
+    workers: Workers = Here(one) if jobs == 1 else Local(one, jobs)
+    with workers:
+        for key, result in track(
+            results(workers, iter(enumerate(tasks)), again), title, total=len(tasks),
+            console=console, transient=True, disable=not (progress and console.is_terminal),
+        ):  # fmt: skip
+            is_lost = isinstance(result, Lost)
+            rows[key] = {"draw": tasks[key][3], **lost(result)} if is_lost else result
+    return [rows[key] for key in range(len(tasks))]
+
+
+def draws(
+    target: str, count: int, seed: int, options: Options, jobs: int = 2, progress: bool = False,
+    first: int = 0,
+) -> dict[str, Any]:  # fmt: skip
+    """Run the draws from `first` to before `count` and return rows and, for each number, median,
+    least and largest.
+
+    Draw i of a seed is the same whatever the count and the number of processes.
+    """
+    system = system_of(target, options)
+    if not system.about.get("dispersions"):
+        raise DesatError(f"{target}: it has no [dispersions], so there is nothing to draw")
+    whole_numbers(target, seed=(seed, 0), count=(count, first + 1))
+    typical = replace(options, values={**options.values, **drawn(system, seed, 0)})
+    warnings = prepare(target, typical).checked.warnings
+    warnings += never(system, options)
+    tasks = [(target, options, seed, draw) for draw in range(first, count)]
+    rows = rows_of(tasks, jobs, target, progress)
+    summed = summary(rows, late(system.about))
+    for row in rows:
+        row.pop("described", None)
+    stopped = sum(r["stopped_when"] is not None for r in rows)
+    return {
+        "scenario": target, "seed": seed, "draws": rows, "stopped": stopped,
+        "summary": summed, "warnings": warnings,
+    }  # fmt: skip
+
+
+def whole_numbers(target: str, **given: tuple[Any, int]) -> None:
+    """Raises DesatError for what is no integer, or below its least value."""
+    for name, (value, least) in given.items():
+        if not isinstance(value, int) or isinstance(value, bool) or value < least:
+            raise DesatError(f"{target}: {name} = {value!r}: an integer from {least} on is needed")
+
+
+def summary(rows: list[dict[str, Any]], late: Collection[str]) -> dict[str, dict[str, Any]]:
+    """`spreads` of each number of the draws that completed."""
+    whole = [r for r in rows if r["status"] == "completed"]
+    described = whole[0]["described"] if whole else {}
+    return spreads(whole, {name: d["unit"] for name, d in described.items()}, late)
+
+
+def spreads(
+    rows: list[dict[str, Any]], units: Mapping[str, str], late: Collection[str]
+) -> dict[str, dict[str, Any]]:  # fmt: skip
+    """Of each number that has a unit here: unit, median, least, largest, how many rows `n` have
+    reached it and how many have not. Of those in `late` (`numbers.late`) median and largest are of
+    all rows, None where they are not reached; of others of the rows that have them."""
+    numbers = {}
+    for name, unit in units.items():
+        given = [r["numbers"].get(name) for r in rows]
+        values = [x for x in ranked(given, name in late) if x is not None]
+        middle = statistics.median(values) if values else None
+        ends = middle, min(values, default=None), max(values, default=None)
+        there = sum(x is not None for x in given)
+        numbers[name] = {
+            "unit": unit,
+            **{key: None if name in late and x == math.inf else x
+               for key, x in zip(("median", "min", "max"), ends, strict=True)},
+            "n": there,
+            "not_reached": len(rows) - there,
+        }  # fmt: skip
+    return numbers

@@ -1,0 +1,207 @@
+"""What is drawn of a scenario's dispersions.
+
+    [dispersions]
+    "spacecraft.h_start_body" = { normal = [0.0, 1.3] }      # each element: mean, deviation
+    "wheels.h_start_wheel" = { normal = [0.0, 0.6], within = [-2.0, 2.0] }   # truncated
+    "environment.phase" = { uniform = [0.0, 6.283] }         # each element: low, high
+    "spacecraft.omega_start_body" = { direction = 0.17 }     # random direction, this size
+    "spacecraft.q_start_bi" = { attitude = "random" }        # uniform over all attitudes
+    "spacecraft.h_start_body" = { signs = [0.1, 0.1, 0.1] }  # each element: plus or minus this
+    "environment.phase" = { one_of = [0.0, 1.5, 3.0] }       # one of these, as likely as each other
+    "*.seed" = { seed = true }                               # every component that has a seed
+
+What is drawn depends on seed, draw and name alone, not on the order of the lines; with a sampling
+that spreads its points evenly, also on how many there are (latin-hypercube, saltelli) and on which
+names there are. Seeds are always random. An element that comes out beyond `within` is drawn again
+from the same stream, so that draws in which none does are those without a limit.
+"""
+
+from __future__ import annotations
+
+import zlib
+from collections.abc import Callable, Mapping
+from functools import lru_cache
+from typing import Any, Literal, get_args
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..system.dispersions import KINDS, dispersed, kind_of
+from ..system.draft import Draft
+from ..system.errors import DesatError, nearest
+from ..system.interface import base_name
+
+Sampling = Literal["random", "latin-hypercube", "sobol", "saltelli"]
+SAMPLINGS: tuple[str, ...] = get_args(Sampling)
+FIXED: tuple[str, ...] = ("latin-hypercube", "saltelli")
+"""Samplings whose points depend on their number."""
+MOST = 10_000_000
+"""Points of these, which lie in memory all at once."""
+
+
+def drawn(
+    system: Draft, seed: int, draw: int, sampling: Sampling = "random", count: int = 0
+) -> dict[str, Any]:
+    """`component.variable` -> value for one draw of the system's dispersions, of `count` (which
+    only the samplings of FIXED ask for)."""
+    if sampling == "random":
+        return {n: _random(system, n, spec, seed, draw) for n, spec in dispersed(system).items()}
+    names, sizes = axes(system)
+    unit = iter(_points(sampling, seed, count, tuple(names), tuple(sizes))(draw))
+    values: dict[str, Any] = {}
+    for name, size in zip(names, sizes, strict=True):
+        spec = dispersed(system)[name]
+        values[name] = _placed(spec, np.array([next(unit) for _ in range(size)]))
+    return {
+        name: values[name] if name in values else _random(system, name, spec, seed, draw)
+        for name, spec in dispersed(system).items()
+    }
+
+
+def axes(system: Draft) -> tuple[list[str], list[int]]:
+    """The names that a sampling spreads (all but seeds), sorted, and the uniform numbers that each
+    takes."""
+    spread = {n: spec for n, spec in sorted(dispersed(system).items()) if "seed" not in spec}
+    return list(spread), [1 if "one_of" in s else _size(system, n) for n, s in spread.items()]
+
+
+def _size(system: Draft, name: str) -> int:
+    """The elements of a dispersed parameter. Raises DesatError where there is none."""
+    owner, _, variable = name.partition(".")
+    component = system.component(owner, f"{system.where}: dispersions")
+    if size := len(component.elements(variable)):
+        return size
+    signals = component.interface.of("parameter") if component.interface else ()
+    raise DesatError(f"{system.where}: dispersions: {name}: no such parameter"
+                     f"{nearest(variable, {base_name(s.name) for s in signals})}")  # fmt: skip
+
+
+def _random(system: Draft, name: str, spec: dict[str, Any], seed: int, draw: int) -> Any:
+    """A value from a stream of its own."""
+    size = _size(system, name)
+    if not (kind := kind_of(spec)):
+        where = f"{system.where}: dispersions: {name}"
+        raise DesatError(f"{where}: one of {', '.join(KINDS)} is needed")
+    stream = np.random.default_rng([seed, draw, zlib.crc32(name.encode())])
+    given = spec[kind]
+    if kind == "normal":
+        low, high = spec.get("within", (-np.inf, np.inf))
+        values = stream.normal(given[0], given[1], size)
+        while (beyond := (values < low) | (values > high)).any():
+            values[beyond] = stream.normal(given[0], given[1], beyond.sum())
+        return [float(x) for x in values]
+    if kind == "uniform":
+        return [float(x) for x in stream.uniform(given[0], given[1], size)]
+    if kind == "signs":
+        return [float(x) for x in stream.choice([-1.0, 1.0], len(given)) * np.array(given)]
+    if kind == "one_of":
+        return given[int(stream.integers(len(given)))]
+    if kind == "seed":
+        return int(stream.integers(1, 2**31 - 1))
+    return _directed(kind, given, stream.normal(size=size))
+
+
+def _placed(spec: dict[str, Any], unit: NDArray[np.float64]) -> Any:
+    """A value from uniform numbers (size,) in (0, 1)."""
+    from scipy.special import ndtr, ndtri
+
+    kind = kind_of(spec)
+    given = spec[kind]
+    if kind == "normal":
+        if "within" in spec and given[1]:
+            low, high = ndtr((np.array(spec["within"]) - given[0]) / given[1])
+            unit = low + (high - low) * unit
+        return [float(given[0] + given[1] * x) for x in ndtri(unit)]
+    if kind == "uniform":
+        return [float(given[0] + (given[1] - given[0]) * x) for x in unit]
+    if kind == "signs":
+        return [float(size if x < 0.5 else -size) for size, x in zip(given, unit, strict=True)]
+    if kind == "one_of":
+        return given[min(int(unit[0] * len(given)), len(given) - 1)]
+    return _directed(kind, given, ndtri(unit))
+
+
+def _directed(kind: str, given: Any, normal: NDArray[np.float64]) -> list[float]:
+    """A random direction from normal numbers: of size 1 for an attitude."""
+    vector = normal / np.linalg.norm(normal)
+    return [float(x) for x in (vector if kind == "attitude" else given * vector)]
+
+
+def allowed(sampling: Sampling, count: int, system: Draft) -> None:
+    """Raises DesatError where a sampling has no such number of points."""
+    if sampling in FIXED and count > MOST:
+        raise DesatError(f"{sampling}: -n {count}: at most {MOST}")
+    if sampling == "sobol" and sum(axes(system)[1]) > 21201:
+        raise DesatError("sobol has at most 21201 axes")
+    if sampling != "saltelli":
+        return
+    width = sum(axes(system)[1]) + 2
+    if not width - 2:
+        raise DesatError("saltelli: nothing is drawn but seeds")
+    base = 2 ** max(0, round(np.log2(max(count, 1) / width)))
+    if count != base * width:
+        raise DesatError(f"saltelli: -n {count}: with {width - 2} numbers drawn it is a power of "
+                         f"two times {width}, such as {base * width}")  # fmt: skip
+
+
+@lru_cache(maxsize=4)
+def _points(
+    sampling: Sampling, seed: int, count: int, names: tuple[str, ...], sizes: tuple[int, ...]
+) -> Callable[[int], NDArray[np.float64]]:
+    """Draw -> its uniform numbers in (0, 1), those of all axes after each other."""
+    width = sum(sizes)
+    if sampling == "latin-hypercube":
+        keys = [(zlib.crc32(n.encode()), i) for n, k in zip(names, sizes, strict=True)
+                for i in range(k)]  # fmt: skip
+        strata = [np.random.default_rng([seed, *key]).permutation(count) for key in keys]
+
+        def point(draw: int) -> NDArray[np.float64]:
+            jitter = np.random.default_rng([seed, draw]).random(len(strata))
+            return _open((np.array([s[draw] for s in strata]) + jitter) / count)
+
+    elif sampling == "sobol":
+        from scipy.stats.qmc import Sobol
+
+        engine = Sobol(max(width, 1), scramble=True, rng=np.random.default_rng(seed))
+
+        def point(draw: int) -> NDArray[np.float64]:
+            engine.reset()
+            if draw:
+                engine.fast_forward(draw)
+            return _open(engine.random(1)[0][:width])
+
+    else:
+        table = saltelli(seed, count, width)
+
+        def point(draw: int) -> NDArray[np.float64]:
+            return _open(table[draw])
+
+    return point
+
+
+def saltelli(seed: int, count: int, width: int) -> NDArray[np.float64]:
+    """Points (count, width) in the unit cube for Sobol indices of first and total order (Saltelli
+    et al., Comput. Phys. Commun. 181 (2010) 259), by SALib. Raises DesatError without SALib."""
+    sample = sensitivity("sample")
+    made = sample(unit_cube(width), count // (width + 2), calc_second_order=False, seed=seed)
+    return np.asarray(made, dtype=float)
+
+
+def sensitivity(what: Literal["sample", "analyze"]) -> Callable[..., Any]:
+    """SALib's function for Sobol indices. Raises DesatError where it is not installed."""
+    try:
+        from SALib.analyze import sobol as analyze
+        from SALib.sample import sobol as sample
+    except ImportError as error:
+        raise DesatError("sampling saltelli needs SALib: pip install 'desat[cluster]'") from error
+    return sample.sample if what == "sample" else analyze.analyze  # type: ignore[no-any-return]
+
+
+def unit_cube(width: int) -> Mapping[str, Any]:
+    """SALib's description of the unit cube."""
+    return {"num_vars": width, "names": [str(i) for i in range(width)], "bounds": [[0, 1]] * width}
+
+
+def _open(unit: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Numbers of [0, 1] in the open interval."""
+    return np.clip(unit, 2.0**-53, 1.0 - 2.0**-53)

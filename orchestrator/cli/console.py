@@ -1,0 +1,104 @@
+"""What the commands of `desat` share: the application, and how it prints."""
+
+from __future__ import annotations
+
+import io
+import json
+import os
+import sys
+from pathlib import Path
+from typing import Any
+
+import typer
+from rich.console import Console
+from rich.measure import Measurement
+from rich.table import Table
+from rich.text import Text
+
+from ..system.codes import Exit
+from ..system.errors import plain
+
+# a stream that is closed would be given to the next file that is opened, and written into
+for _number, _name in ((1, "stdout"), (2, "stderr")):
+    if getattr(sys, _name) is None:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), _number)
+        setattr(sys, _name, open(_number, "w", encoding="utf-8", closefd=False))  # noqa: SIM115
+
+
+class _Lasting(io.FileIO):
+    """Where a stream ends. Whoever reads it may go away: the rest is for nobody, and the command
+    ends as it would have."""
+
+    def write(self, data: Any) -> int:
+        try:
+            return super().write(data)
+        except BrokenPipeError:
+            os.dup2(os.open(os.devnull, os.O_WRONLY), self.fileno())
+            return len(data)
+
+
+# a path may have characters that the locale has not
+for _name in ("stdout", "stderr"):
+    if type(_stream := getattr(sys, _name)) is io.TextIOWrapper:  # not what tests put there
+        _stream.flush()
+        _raw = _Lasting(_stream.fileno(), "w", closefd=False)
+        setattr(sys, _name, io.TextIOWrapper(
+            io.BufferedWriter(_raw), _stream.encoding, "backslashreplace",
+            line_buffering=_stream.line_buffering, write_through=_stream.write_through,
+        ))  # fmt: skip
+
+EPILOG = "Exit codes: " + "; ".join(f"{e.value} {e.meaning}" for e in Exit) + "."
+
+app = typer.Typer(
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+    # boxes take as long to load as all else: only where a person looks
+    rich_markup_mode="rich" if sys.stdout.isatty() else None,
+    context_settings={} if sys.stdout.isatty() else {"terminal_width": 120},
+    help="Spacecraft momentum management as co-simulated FMUs. Start with `desat list`, then "
+    "`desat run NAME`; every command explains itself with --help.",
+    epilog=EPILOG,
+)
+
+
+class _Plain(Console):
+    """A console that prints no control characters of names and messages that others gave."""
+
+    def render_str(self, text: str, **options: Any) -> Text:
+        return super().render_str("\n".join(plain(x) for x in text.split("\n")), **options)
+
+
+def plain_console(**options: Any) -> Console:
+    """A console for texts of anybody."""
+    return _Plain(emoji=False, **options)
+
+
+# piped output is for other programs: not folded to a terminal's width
+# no emoji: `file.ssd:100: …` is a line number
+out = plain_console(**({"soft_wrap": True} if sys.stdout.isatty() else {"width": 200}))
+err = plain_console(stderr=True, soft_wrap=True)
+
+
+def warn(texts: list[str]) -> None:
+    """Warnings, on standard error."""
+    for text in texts:
+        err.print(f"warning: {text}", highlight=False, markup=False)
+
+
+def print_json(data: Any) -> None:
+    """Data for programs, on standard output."""
+    sys.stdout.write(json.dumps(data, indent=1) + "\n")
+
+
+def print_numbers(table: Table) -> None:
+    """A table of numbers on standard output, in its whole width: one that is cut is another one."""
+    usual = out.width
+    whole = Measurement.get(out, out.options.update(max_width=10_000), table).maximum
+    out.width = max(usual, whole)  # `print` takes no greater one
+    out.print(table)
+    out.width = usual
+
+
+def name_of(target: str) -> str:
+    """The name under runs/ of what is made of a target."""
+    return Path(target).resolve().stem if Path(target).exists() else target.replace("/", "-")

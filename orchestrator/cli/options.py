@@ -1,0 +1,171 @@
+"""The options that several commands have, each declared once: `from .. import options as o`."""
+
+from __future__ import annotations
+
+import os
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from ..system.errors import DesatError
+
+if TYPE_CHECKING:
+    from ..system.options import Algorithm, Options
+
+
+class Semantics(StrEnum):
+    """How values move between components."""
+
+    conserving = "conserving"
+    jacobi = "jacobi"
+
+
+class Stepping(StrEnum):
+    """What makes the steps of a run."""
+
+    compiled = "compiled"
+    python = "python"
+
+
+class Isolated(StrEnum):
+    """Which FMUs run in processes of their own."""
+
+    all = "all"
+    foreign = "foreign"
+    none = "none"
+
+
+class FmuKind(StrEnum):
+    """Which of our FMUs run."""
+
+    native = "native"
+    python = "python"
+
+
+def complete_name(incomplete: str) -> list[str]:
+    """The scenarios that a shell offers for the beginning of a name."""
+    from ..runs import catalogue
+
+    names = (
+        name
+        for f in catalogue.families()
+        for name in catalogue.family(f, of_systems=False).scenarios
+    )
+    return [name for name in names if name.startswith(incomplete)]
+
+
+def complete_family(incomplete: str) -> list[str]:
+    """The families that a shell offers for the beginning of a name."""
+    from ..runs.catalogue import families
+
+    return [n for n in families() if n.startswith(incomplete)]
+
+
+TARGET = typer.Argument(
+    metavar="NAME|FILE|FOLDER",
+    help="A scenario (see `desat list`), a scenario file of your own (.toml), an .ssp file, or a "
+    "folder with a SystemStructure.ssd.",
+    show_default=False,
+    autocompletion=complete_name,
+)
+Target = Annotated[str, TARGET]
+Sets = Annotated[
+    list[str] | None,
+    typer.Option("--set", metavar="COMP.VAR=VALUE",
+                 help="Give a parameter (or unconnected input) another value; a choice by its "
+                 "name, an array as 1,2,3; shared.VAR in every component that has it. May be "
+                 "repeated."),
+]  # fmt: skip
+Sources = Annotated[
+    list[str] | None,
+    typer.Option("--source", metavar="COMP=FMU",
+                 help="Another FMU in a component's place: a file, or one of ours by its name. "
+                 "Parameters that both declare alike stay. May be repeated."),
+]  # fmt: skip
+Stop = Annotated[float | None, typer.Option(help="Stop time, s.")]
+Step = Annotated[float | None, typer.Option(help="Step, s.")]
+Inner = Annotated[
+    str | None,
+    typer.Option(metavar="N|auto",
+                 help="Inner steps, within each step, of actuators and body: more of them exchange "
+                 "torques more exactly; auto: as many as --accuracy needs."),
+]  # fmt: skip
+Accuracy = Annotated[
+    float | None,
+    typer.Option(metavar="RAD",
+                 help="Attitude error, as the run estimates it, that --inner auto keeps below."),
+]  # fmt: skip
+Alg = Annotated[
+    Semantics,
+    typer.Option(help="conserving: no delay in the loop; jacobi: as libcosim and Ecos do."),
+]
+LoopOption = Annotated[
+    Stepping,
+    typer.Option("--loop", help="compiled: in C, where a compiler is there and all components are "
+                 "FMUs, else python; the same bits."),
+]  # fmt: skip
+Blocks = Annotated[bool, typer.Option("--blocks", help="Bare blocks instead of FMUs.")]
+Fmus = Annotated[
+    FmuKind,
+    typer.Option("--fmus", help="Which of our FMUs: native ones where there are such, or those of "
+                 "Python; the same bits."),
+]  # fmt: skip
+Json = Annotated[bool, typer.Option("--json", help="Print JSON for programs.")]
+Classes = Annotated[
+    list[str] | None,
+    typer.Option("--output-class", metavar="COMP.OUT=CLASS",
+                 help="Class of an output: state or interval. May be repeated."),
+]  # fmt: skip
+DesignOption = Annotated[
+    str | None,
+    typer.Option("--design", metavar="now|FILE",
+                 help="Of a scenario with a design (gain tables, costates): make one now for these "
+                 "values, or take that of a file. Default: the kept one."),
+]  # fmt: skip
+TimeLimit = Annotated[
+    float | None,
+    typer.Option(metavar="SECONDS", min=0.0,
+                 help="Wall time that a run may take to step; what it has by then is kept, and the "
+                 "command ends with 5."),
+]  # fmt: skip
+Trust = Annotated[
+    Path | None,
+    typer.Option("--trust", metavar="FILE",
+                 help="A list of sha256 hashes (as of sha256sum): an FMU that is neither ours nor "
+                 "of it is refused."),
+]  # fmt: skip
+Jobs = Annotated[int, typer.Option(help="Processes.", min=1)]
+CPUS = os.cpu_count() or 1
+
+
+def options_of(
+    sets: list[str] | None, stop: float | None, step: float | None, algorithm: Semantics,
+    blocks: bool, classes: list[str] | None = None, sources: list[str] | None = None, **more: Any,
+) -> Options:  # fmt: skip
+    """What the options of a command say."""
+    from ..system.options import Options
+
+    overrides: dict[str, str] = {}
+    for text in classes or []:
+        key, _, value = text.partition("=")
+        overrides[key] = value
+    if (trust := more.pop("trust", None)) is not None:
+        from ..files.trust import hashes
+
+        more["trusted"] = hashes(trust)
+    if (inner := more.get("inner")) is not None:
+        more["inner"] = inner if inner == "auto" else _whole(f"--inner {inner}", inner)
+    name: Algorithm = "jacobi" if algorithm is Semantics.jacobi else "conserving"
+    return Options(
+        sets=list(sets or []), sources=list(sources or []), stop=stop, step=step, algorithm=name,
+        blocks=blocks, output_classes=overrides, **more,
+    )  # fmt: skip
+
+
+def _whole(where: str, text: str) -> int:
+    try:
+        return int(text)
+    except ValueError:
+        raise DesatError(f"{where}: an integer or auto is needed") from None

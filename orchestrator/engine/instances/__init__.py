@@ -1,0 +1,1 @@
+"""Instances of components: bare blocks, FMUs, and those in processes of their own."""

@@ -1,0 +1,109 @@
+"""A bare block as an instance, without FMI: for debugging, and to hold the FMUs against."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from desat.components.contract.block import Access, Scalar
+from desat.fmus.registry import block_class
+
+from ...system.interface import KINDS, Kind, Signal
+from ...system.model import Component
+from .base import DTYPE, Array, Clock, ComponentError
+
+
+class BlockInstance:
+    """A bare block, without FMI: for debugging, and to hold the FMUs against."""
+
+    def __init__(self, component: Component) -> None:
+        self.name, self.place = component.name, 0
+        self.messages: list[str] = []
+        self._interface = component.interface
+        self._block = block_class(self._interface.model)()
+        self._block.instance = self.name
+        self._initialising = self._stale = False
+        self._start = 0.0
+        self._error: ComponentError | None = None
+
+    def wire(
+        self, inputs: dict[Kind, list[Signal]], outputs: dict[Kind, list[Signal]],
+        into: dict[Kind, Array], clock: Clock,
+    ) -> None:  # fmt: skip
+        self._clock = clock
+
+        def access(signals: list[Signal]) -> Access:
+            return self._block.access([s.reference for s in signals])
+
+        self.inputs = {k: np.zeros(len(inputs[k]), DTYPE[k]) for k in KINDS if inputs[k]}
+        self._writes = [(a, access(inputs[k]), k == "Boolean") for k, a in self.inputs.items()]
+        self._reads = [(into[k], access(outputs[k])) for k in KINDS if outputs[k]]
+
+    def enter(self, start: float, parameters: Mapping[str, Scalar]) -> None:
+        for name, value in parameters.items():
+            self._block.access([self._interface.signals[name].reference]).write([value])
+        self._start, self._initialising, self._stale = start, True, True
+
+    def exit(self) -> None:
+        self._refresh()
+        self._initialising = False
+        if self._error is not None:
+            raise self._error
+
+    def _refresh(self) -> None:
+        if self._initialising and self._stale:
+            self._stale, self._error = False, None
+            try:
+                self._block.check()
+                self._block.start()
+                self._block.output(self._start)
+            except Exception as error:  # the inputs may not have settled yet
+                self._error = ComponentError(f"{self.name}: start: {type(error).__name__}: {error}")
+
+    def push(self) -> int:
+        for array, access, boolean in self._writes:
+            values = array.tolist()
+            access.write([x != 0 for x in values] if boolean else values)
+        self._stale = True
+        return 0
+
+    def pull(self) -> int:
+        self._refresh()
+        for array, access in self._reads:
+            array[:] = access.read()
+        return 0
+
+    def step(self) -> int:
+        t, dt = self._clock.t.value, self._clock.dt.value
+        try:
+            self._block.advance(t, dt)
+            self._block.output(t + dt)
+            return 0
+        except Exception as error:
+            text = f"step from t = {t} s: {type(error).__name__}: {error}"
+            raise ComponentError(f"{self.name}: {text}") from error
+
+    def failed(self, what: str, status: int) -> ComponentError:
+        return ComponentError(f"{self.name}: {what} failed")
+
+    def save(self) -> bytes:
+        return json.dumps(vars(self._block)).encode()
+
+    def restore(self, state: bytes) -> None:
+        values = vars(self._block)
+        values.clear()
+        values.update({name: _frozen(x) for name, x in json.loads(state).items()})
+
+    def look(self) -> None:
+        pass
+
+    def close(self) -> None:
+        pass
+
+
+def _frozen(value: Any) -> Any:
+    """JSON has lists where a block has tuples."""
+    return tuple(_frozen(x) for x in value) if isinstance(value, list) else value

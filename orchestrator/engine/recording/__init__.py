@@ -1,0 +1,1 @@
+"""Rows of a run on their way to its series, and the series read again."""

@@ -1,0 +1,292 @@
+"""Writes the series of a run while it runs; `results.py` says how they lie in the file.
+
+Rows are written and packed by a thread, while the compiled loop, which lets go of the interpreter,
+takes further ones; at once where FMUs are not ours.
+"""
+
+from __future__ import annotations
+
+import os
+import time
+from collections import defaultdict
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from concurrent.futures import Future, ThreadPoolExecutor
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any, TypeVar
+
+import h5py
+import numpy as np
+from numpy.typing import NDArray
+
+from ...system.errors import DesatError
+from ...system.interface import KINDS, Kind, base_name
+from ..instances.base import DTYPE
+from ..master import Master
+from ..node import Slot
+from . import memory, shared_tables
+from .results import Results, frame_of, selects
+from .row_buffer import Half, Layout, Places, Unwritten
+from .series_file import Packing, Plan
+
+T = TypeVar("T")
+ROWS = 8192
+"""As many are kept before they are written, twice, and as many make a chunk of the file."""
+FLUSH_SECONDS = 1.0
+_CACHE = 1 << 18
+"""Of chunks that are written already HDF5 would keep 8 MiB a data set (bytes)."""
+_ROOM = 64 << 20
+"""Rows that are not written yet take no more (bytes)."""
+
+
+_Place = tuple[Kind, Places, bool]
+"""The type of a data set's values, their columns among those of that type, interval or not."""
+
+
+class Recorder:
+    """Writes the outputs of a master that fit `patterns`, every `every`-th step.
+
+    `path` None keeps them in memory. On disk the file is `NAME.part` until `finish`. With `go_on`
+    the first so many rows are those of the file that is there: of a run that was ended. `about`
+    are attributes of the file.
+    """
+
+    def __init__(
+        self, path: Path | None, master: Master, patterns: Iterable[str] = ("*",), every: int = 1,
+        unwritten: Unwritten | None = None, go_on: int | None = None,
+        about: Mapping[str, str] = MappingProxyType({}),
+    ) -> None:  # fmt: skip
+        self.path, self.every = path, every
+        self._part = None if path is None else path.with_name(path.name + ".part")
+        if self._part is None:
+            self._file: Any = memory.File()
+        else:
+            self._part.parent.mkdir(parents=True, exist_ok=True)
+            new = self._part if go_on is None else self._part.with_name(self._part.name + ".new")
+            self._file = h5py.File(new, "w", libver="latest", rdcc_nbytes=_CACHE)
+            self._file.attrs.update(about)
+        self._start, self._step = master.start, master.step_size
+        live = {k: master.live[k] for k in KINDS if len(master.live[k])}
+        fit = _ROOM // (2 * (8 + sum(a.nbytes for a in live.values())))
+        self._chunk = max(1, min(ROWS, fit, master.system.steps // every + 1))
+        groups: dict[tuple[str, str], list[Slot]] = defaultdict(list)
+        for slot in master.slots:
+            if selects(patterns, slot.component, slot.signal):
+                groups[slot.component, base_name(slot.signal.name)].append(slot)
+        series = [_series(*name, slots) for name, slots in groups.items()]
+        index, sets = None, [self._own(s) for s in series]
+        if len(series) > shared_tables.MANY:
+            index, sets = self._tables(series)
+        about_time = {"unit": "s", "description": "communication points t_k"}
+        plans = [self._plan("/time", 0, np.float64, about_time), *(plan for plan, _ in sets)]
+        self._plans = plans
+        self._places = [places for _, places in sets]
+        self._sets = [self._made(plan) for plan in plans]
+        """The times, and the data sets of `_places`."""
+        if index is not None:
+            self._file.create_dataset(shared_tables.INDEX, data=index)
+        self.layout = Layout(
+            self._chunk, {k: (len(a), a.dtype.str) for k, a in live.items()},
+            tuple((plan.name, *places) for plan, places in sets),
+        )  # fmt: skip
+        self.unwritten = unwritten or Unwritten()
+        self.unwritten.lay_out(self.layout)
+        self._rooms: dict[np.dtype[Any], NDArray[Any]] = {}
+        self._conserving = master.algorithm == "conserving"
+        self._flushed = time.monotonic()
+        self._packing = None if path is None else Packing(path, plans, index, about)
+        self._writer, self._job = ThreadPoolExecutor(1), Future[None]()
+        self._job.set_result(None)
+        if path is not None and go_on is not None:
+            self._aside(self._take_over, path, go_on)
+            self._file.flush()
+        if self._part is not None:
+            self._file.swmr_mode = True  # what is flushed stays readable if we are killed
+        if path is not None and self._part is not None and go_on is not None:
+            self._synchronise()
+            new.replace(self._part)
+            path.unlink(missing_ok=True)
+        # a foreign FMU may call exit(), at which HDF5 closes its files: nobody may be writing then
+        self._at_once = path is None or not all(
+            member.component.interface.role for member in master.members.values()
+        )
+
+    def _take_over(self, path: Path, rows: int) -> None:
+        """Copy the first rows of the series that are there."""
+        with Results.open(path) as old:
+            if (there := len(old.times())) < rows:
+                raise DesatError(f"{path.parent}: the series have {there} rows of {rows}")
+            for at in range(0, rows, self._chunk):
+                block = slice(at, min(rows, at + self._chunk))
+                self._append((i, old.raw(d.name, block)) for i, d in enumerate(self._sets))
+        self.unwritten.go_on(rows)
+
+    def on_disk(self) -> int:
+        """Write all rows taken so far, so that they survive a failure of power; how many there
+        are of the run."""
+        self.flush()
+        self._synchronise()
+        return self.unwritten.written
+
+    def _synchronise(self) -> None:
+        if self._part is not None:
+            os.fsync(self._file.id.get_vfd_handle())
+
+    def _own(self, s: shared_tables.Series) -> tuple[Plan, _Place]:
+        """A data set of its own."""
+        columns = 0 if s.scalar else s.columns.stop - s.columns.start
+        plan = self._plan(f"/{s.component}/{s.variable}", columns, DTYPE[s.kind], s.attributes)
+        return plan, (s.kind, s.columns, s.interval)
+
+    def _tables(self, series: list[shared_tables.Series]) -> tuple[str, list[tuple[Plan, _Place]]]:
+        """Data sets that many share, and what says where."""
+        tables, index = shared_tables.tables(series)
+        return index, [
+            (self._plan(f"/{shared_tables.name_of(kind, interval)}", len(columns), DTYPE[kind], {}),
+             (kind, columns, interval))
+            for (kind, interval), columns in tables.items()
+        ]  # fmt: skip
+
+    def _plan(self, name: str, columns: int, dtype: Any, attributes: dict[str, str]) -> Plan:
+        tail = (columns,) if columns else ()
+        chunk = shared_tables.chunk(self._chunk, columns) if columns else (self._chunk,)
+        return Plan(name, tail, np.dtype(dtype), chunk, attributes)
+
+    def _made(self, plan: Plan) -> Any:
+        if isinstance(self._file, memory.File):
+            made = self._file.create_dataset(plan.name, plan.tail, plan.dtype, self._chunk)
+            made.attrs.update(plan.attributes)
+            return made
+        # Reals would take seven times as long to write: they are packed beside
+        return plan.make(self._file, compressed=plan.dtype != np.float64)
+
+    def record(self, k: int, live: dict[Kind, Any]) -> None:
+        """Take the row of step k."""
+        if k % self.every == 0:
+            self._take(k, live)
+            self.make_room()
+
+    def _take(self, k: int, live: dict[Kind, Any]) -> None:
+        half = self.unwritten.active
+        row = int(half.taken[0])
+        half.times[row] = self._start + k * self._step
+        for kind, rows in half.rows.items():
+            rows[row] = live[kind]
+        half.taken[0] = row + 1
+
+    def make_room(self) -> None:
+        """Have the rows written when there is no room for another one."""
+        half = self.unwritten.active
+        if half.taken[0] == len(half.times):
+            self._hand_over()
+
+    def tick(self) -> None:
+        """Have the rows written when the last were a second ago; call it now and then."""
+        if time.monotonic() - self._flushed > FLUSH_SECONDS:
+            self._hand_over()
+
+    def _hand_over(self) -> None:
+        """Have the rows taken so far written, when those before are; raises what that raised."""
+        self._job.result()
+        self._flushed = time.monotonic()
+        half = self.unwritten.swap()
+        if self._at_once:
+            self._aside(self._write, half)
+        else:
+            self._job = self._writer.submit(self._write, half)
+
+    def _aside(self, work: Callable[..., T], *given: Any) -> T:
+        """Do it now; in the thread that writes where anything is packed (`packed.aside`)."""
+        if self._packing is None:
+            return work(*given)
+        return self._writer.submit(work, *given).result()
+
+    def flush(self) -> None:
+        """Write the rows taken so far."""
+        self._job.result()
+        self._aside(self._write, self.unwritten.active)
+
+    def _write(self, half: Half, last: bool = False) -> None:
+        """Write the rows of a half, and have them packed; the `last` are not, and the final row
+        has no interval values."""
+        try:
+            if half.taken[0] and self._packing is not None:
+                self._packing.leave_room(self._file.id.get_filesize())
+            self._append(self._rows(half, last), pack=not last)
+            self._file.flush()
+        except BaseException:
+            if self._packing is not None:
+                self._packing.drop()
+            raise
+        self.unwritten.wrote(half)
+
+    def _rows(self, half: Half, last: bool) -> Iterator[tuple[int, NDArray[Any]]]:
+        """The rows of a half, if any, of each data set; those of the next take their memory."""
+        if not (n := int(half.taken[0])):
+            return
+        yield 0, half.times[:n]
+        for i, (kind, columns, interval) in enumerate(self._places, 1):
+            if many := n - (last and interval):
+                rows = half.rows[kind][:many, columns]
+                if self._packing is not None:
+                    rows = self._together(rows)
+                yield i, rows.reshape(many, *self._plans[i].tail)
+
+    def _append(self, rows_of: Iterable[tuple[int, NDArray[Any]]], pack: bool = True) -> None:
+        """Further rows of data sets."""
+        for i, rows in rows_of:
+            if self._packing is None:
+                self._sets[i].append(rows)
+            elif len(rows):
+                self._plans[i].append(self._sets[i].id, rows)
+                if pack:
+                    self._packing.take(i, rows)
+
+    def _together(self, rows: NDArray[Any]) -> NDArray[Any]:
+        """Rows side by side in memory; column by column, which takes half the time, and always in
+        the same memory, for new pages of it cost more than the values."""
+        if rows.flags.c_contiguous:
+            return rows
+        if (room := self._rooms.get(rows.dtype)) is None or len(room) < rows.size:
+            room = self._rooms[rows.dtype] = np.empty(rows.size, rows.dtype)
+        together = room[: rows.size].reshape(rows.shape)
+        for j in range(rows.shape[1]):
+            together[:, j] = rows[:, j]
+        return together
+
+    def finish(self, master: Master) -> Results:
+        """Take the last row, close the file under its final name, and open it for reading."""
+        last = self._conserving and master.k % self.every == 0
+        if last:
+            self.unwritten.ends_next()
+            self._take(master.k, master.live)
+        self._job.result()
+        half = self.unwritten.active
+        if self._part is None or self.path is None or self._packing is None:
+            self._write(half, last)
+            return Results(self._file)
+        packed = self._aside(self._packing.finish, self._rows(half, last))
+        if packed is None:
+            self._aside(self._write, half, last)
+        self._writer.shutdown()
+        self._file.close()
+        (packed or self._part).replace(self.path)
+        self._part.unlink(missing_ok=True)
+        return Results.open(self.path)
+
+
+def _series(component: str, variable: str, slots: list[Slot]) -> shared_tables.Series:
+    """A variable with what is known of it, from the slots of its elements."""
+    slots.sort(key=lambda s: s.index)
+    signal = slots[0].signal
+    attributes = {
+        "unit": signal.unit_name,
+        "frame": frame_of(variable),
+        "description": signal.description,
+        "class": "interval" if slots[0].interval else "state",
+    }
+    if signal.choices:
+        attributes["choices"] = " ".join(signal.choices)
+    columns = slice(slots[0].index, slots[-1].index + 1)
+    return shared_tables.Series(component, variable, slots[0].kind, columns, slots[0].interval,
+                       signal.name == variable, attributes)  # fmt: skip

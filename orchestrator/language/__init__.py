@@ -1,0 +1,1 @@
+"""The tables of a scenario, each key declared once: what may be said."""

@@ -1,0 +1,1 @@
+"""From series to numbers and their texts: measures, derived quantities, statistics."""

@@ -1,0 +1,198 @@
+"""Quantities that numbers and plots derive from several series, before they are measured or drawn.
+
+    derive = "euler"        # of a number or a plot whose signals are attitude and reference
+    sequence = "321"
+
+Each is a function of its series (rows, elements), and of `times` (rows,) where it asks for them.
+"""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ..system.errors import DesatError, nearest
+
+Array = NDArray[np.float64]
+Derive = Callable[..., Array]
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """A derived quantity: its function, the names of its elements, and its unit (empty: that of its
+    first series)."""
+
+    function: Callable[..., Array]
+    names: tuple[str, ...]
+    unit: str
+    own: tuple[str, ...] = ()
+    """Parameters that it takes, of the component that its first series is of."""
+
+    @property
+    def series(self) -> list[str]:
+        """The series that it takes."""
+        given = inspect.signature(self.function).parameters.values()
+        other = ("times", *self.own)
+        return [p.name for p in given if p.default is p.empty and p.name not in other]
+
+    def rows(self, times: Array, series: Sequence[Array], options: dict[str, Any]) -> Array:
+        """Its rows (rows, elements); series of other lengths end with the shortest."""
+        count = min(map(len, series))
+        given = [s[:count] for s in series]
+        if "times" in inspect.signature(self.function).parameters:
+            given.insert(0, times[:count])
+        values = self.function(*given, **options)
+        return values if values.ndim > 1 else values[:, None]
+
+
+QUANTITIES: dict[str, Quantity] = {}
+
+
+def quantity(
+    *names: str, unit: str, own: tuple[str, ...] = ()
+) -> Callable[[Derive], Derive]:  # fmt: skip
+    """Make a function known by its name: its elements, its unit, the parameters that it takes."""
+
+    def known(function: Derive) -> Derive:
+        QUANTITIES[function.__name__] = Quantity(function, names, unit, own)
+        return function
+
+    return known
+
+
+def of_entry(entry: dict[str, Any]) -> tuple[Quantity, dict[str, Any]] | None:
+    """What a number or plot derives, and its options; None where it derives nothing. Raises
+    DesatError for what there is not, and where it takes other series."""
+    if "derive" not in entry:
+        return None
+    name = entry["derive"]
+    if name not in QUANTITIES:
+        raise DesatError(f"no {name}{nearest(name, QUANTITIES)}")
+    quantity = QUANTITIES[name]
+    signals = entry.get("signals") or entry.get("signal", [])
+    count = 1 if isinstance(signals, str) else len(signals)
+    if count != len(quantity.series):
+        raise DesatError(
+            f"{name} takes {len(quantity.series)} signals, {', '.join(quantity.series)}"
+        )
+    return quantity, {"sequence": entry["sequence"]} if "sequence" in entry else {}
+
+
+def takes_parameters(name: str) -> bool:
+    """Whether there is such a quantity, and it takes parameters."""
+    return name in QUANTITIES and bool(QUANTITIES[name].own)
+
+
+@quantity("x", "y", "z", unit="", own=("axes_wheel",))
+def in_body(h: Array, axes_wheel: Sequence[float]) -> Array:
+    """The sum of the wheels' momenta as a vector in body (rows, 3): of h_i along each axis, the
+    columns of axes_wheel (3, 4) row by row. Of numbers only: plots know no parameters."""
+    return np.asarray(h @ np.reshape(axes_wheel, (3, -1)).T)
+
+
+def cross(a: ArrayLike, b: ArrayLike) -> Array:
+    """a x b, row by row, for (rows, 3) or one vector (3,) for all rows: the bits of numpy's, which
+    copies what it is given first."""
+    (ax, ay, az), (bx, by, bz) = np.asarray(a).T, np.asarray(b).T
+    return _rows(ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx)
+
+
+def rotate_back(q: Array, v: Array) -> Array:
+    """C(q)' v = v + w t + u x t with t = 2 u x v, row by row: from body to eci."""
+    (x, y, z, w), (a, b, c) = q.T, v.T
+    d, e, f = 2.0 * (y * c - z * b), 2.0 * (z * a - x * c), 2.0 * (x * b - y * a)
+    return _rows(
+        a + w * d + (y * f - z * e), b + w * e + (z * d - x * f), c + w * f + (x * e - y * d)
+    )
+
+
+def _rows(*columns: Array) -> Array:
+    """Columns (rows,) as (rows, columns)."""
+    made = np.empty((*columns[0].shape, len(columns)))
+    for i, column in enumerate(columns):
+        made[..., i] = column
+    return made
+
+
+@quantity("x", "y", "z", unit="deg")
+def error_vector(q: Array, q_ref: Array) -> Array:
+    """The rotation vectors from the reference to the attitude, body axes (deg)."""
+    x, y, z, w = q.T
+    a, b, c, d = q_ref.T
+    vector = np.array([
+        x * d - w * a - z * b + y * c,
+        y * d + z * a - w * b - x * c,
+        z * d - y * a + x * b - w * c,
+    ]).T  # fmt: skip
+    scalar = (q * q_ref).sum(axis=1)
+    sign = np.where(scalar < 0.0, -1.0, 1.0)[:, None]
+    half_sine = np.linalg.norm(vector, axis=1, keepdims=True)
+    angle = 2.0 * np.arctan2(half_sine, np.abs(scalar)[:, None])
+    direction = vector / np.where(half_sine > 0.0, half_sine, 1.0)
+    return np.asarray(np.degrees(sign * angle * direction))
+
+
+@quantity("", unit="deg")
+def pointing(q: Array, q_ref: Array) -> Array:
+    """The angle between attitudes (deg), row by row; exact for small ones."""
+    sign = np.where((q * q_ref).sum(axis=1, keepdims=True) < 0.0, -1.0, 1.0)
+    half_chord = np.linalg.norm(q - sign * q_ref, axis=1) / 2.0
+    return np.asarray(np.degrees(4.0 * np.arcsin(np.clip(half_chord, 0.0, 1.0))))
+
+
+@quantity("first", "second", "third", unit="deg")
+def euler(q: Array, q_ref: Array, sequence: str = "321") -> Array:
+    """Euler angles (rows, 3; deg) from a reference to an attitude: turns about body axes, first to
+    last as in `sequence`."""
+    from scipy.spatial.transform import Rotation
+
+    turn = Rotation.from_quat(q_ref).inv() * Rotation.from_quat(q)
+    axes = "".join("XYZ"[int(axis) - 1] for axis in sequence)
+    return np.asarray(turn.as_euler(axes, degrees=True))
+
+
+@quantity("first", "second", "third", unit="deg")
+def euler_lvlh(q: Array, r: Array, v: Array, sequence: str = "321") -> Array:
+    """Euler angles (rows, 3; deg) from lvlh, by position and velocity in eci, to an attitude: as
+    `euler`, with a reference that no guidance samples."""
+    z = -r / np.linalg.norm(r, axis=1, keepdims=True)
+    y = -np.cross(r, v)
+    y /= np.linalg.norm(y, axis=1, keepdims=True)
+    from scipy.spatial.transform import Rotation
+
+    lvlh = Rotation.from_matrix(np.stack([np.cross(y, z), y, z], axis=2)).as_quat()
+    return euler(q, lvlh, sequence)
+
+
+@quantity("x", "y", "z", unit="1")
+def nadir_body(q: Array, r: Array) -> Array:
+    """The unit vector to nadir in body (rows, 3), by the position in eci; its z is the cosine of
+    the tilt of the body's z axis."""
+    conjugate = q * np.array([-1.0, -1.0, -1.0, 1.0])
+    return rotate_back(conjugate, -r / np.linalg.norm(r, axis=1, keepdims=True))
+
+
+@quantity("", unit="deg")
+def angle_between(a: Array, b: Array) -> Array:
+    """The angle between the lines of two vectors (deg, 0 to 90), row by row."""
+    across = np.linalg.norm(cross(a, b), axis=1)
+    return np.asarray(np.degrees(np.arctan2(across, np.abs((a * b).sum(axis=1)))))
+
+
+@quantity("disturbances", "coils", "both", unit="")
+def momentum_budget(times: Array, impulse: Array, b_eci: Array, q: Array, dipole: Array) -> Array:
+    """Sizes (rows, 3) of what disturbances, coils and both have given a craft since the start, as
+    vectors in eci (N m s): the external impulse, the field and the attitude at t_k and the mean
+    dipole over each step. The coils' torque is taken at the middle of the step."""
+    n = min(len(dipole), len(b_eci) - 1)
+    b, halfway = (b_eci[:n] + b_eci[1 : n + 1]) / 2.0, q[:n] + q[1 : n + 1]
+    m_eci = rotate_back(halfway / np.linalg.norm(halfway, axis=1, keepdims=True), dipole[:n])
+    steps = np.diff(times[: n + 1])[:, None]
+    coils = np.vstack([np.zeros(3), np.cumsum(cross(m_eci, b) * steps, axis=0)])
+    parts = impulse[: n + 1] - coils, coils, impulse[: n + 1]
+    return np.array([np.linalg.norm(p, axis=1) for p in parts]).T

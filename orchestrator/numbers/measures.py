@@ -1,0 +1,243 @@
+"""The measures that a scenario's `[numbers.NAME]` may name: how series become a number.
+
+A measure takes times (rows,), values (rows, elements) and its options, and gives one number: in
+the unit of the values, or in the one that is declared with it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from . import measures_pointing  # noqa: F401  which makes its own known
+from .measuring import (
+    LATE,
+    MEASURES,
+    OWN_UNIT,
+    Array,
+    Measure,
+    in_unit,
+    measure,
+    per_second,
+    settled,
+)
+
+__all__ = ["LATE", "MEASURES", "OWN_UNIT", "Measure"]
+
+
+SCALARS = (None, "last", "growth_in", "mean_rate")
+"""Measures of one element; None: where none is named, it is the last value."""
+
+SIZES: dict[str, Callable[[Array], Array]] = {
+    "mean": lambda v: np.asarray(np.abs(v).mean(axis=1)),
+    "largest": lambda v: np.asarray(np.abs(v).max(axis=1)),
+    "norm": lambda v: np.asarray(np.linalg.norm(v, axis=1)),
+}
+"""Kinds of size of a row, for `until_below`."""
+
+
+@measure
+def last(times: Array, values: Array) -> float:
+    """The last value of a scalar."""
+    return float(values[-1, 0])
+
+
+@measure
+def norm_last(times: Array, values: Array) -> float:
+    """The size of a vector at the end."""
+    return float(np.linalg.norm(values[-1]))
+
+
+@measure
+def largest(times: Array, values: Array) -> float:
+    """The largest size of any element at any time."""
+    return float(np.abs(values).max())
+
+
+@measure
+def norm_largest(times: Array, values: Array) -> float:
+    """The largest size of a vector."""
+    return float(np.linalg.norm(values, axis=1).max())
+
+
+@measure
+def rms(times: Array, values: Array, each: int = 0) -> float:
+    """The root of the mean square size; with `each` 1 of the mean square element."""
+    return float(np.sqrt((values**2).mean() if each else (values**2).sum(axis=1).mean()))
+
+
+@measure
+def growth_in(times: Array, values: Array, time: float, multiple: float = 1.0) -> float:
+    """How much a scalar grows in `time` seconds, from first to last row, times `multiple`."""
+    return float(multiple * time * (values[-1, 0] - values[0, 0]) / (times[-1] - times[0]))
+
+
+@in_unit("%")
+def share_along(times: Array, values: Array, direction: Array) -> float:
+    """The root mean square of a vector's part along the direction of another, of that of its size
+    (%); nan where the vector is zero throughout."""
+    size = np.linalg.norm(direction, axis=1, keepdims=True)
+    part = (values * direction).sum(axis=1) / np.where(size > 0.0, size, 1.0)[:, 0]
+    whole = (values**2).sum()
+    return float(100.0 * np.sqrt((part**2).sum() / whole)) if whole > 0.0 else float("nan")
+
+
+@measure
+def norm_mean(times: Array, values: Array) -> float:
+    """The mean size of a vector."""
+    return float(np.linalg.norm(values, axis=1).mean())
+
+
+@measure
+def norm_level_while(
+    times: Array, values: Array, driver: Array, least: float, level: float
+) -> float:
+    """What the size of a vector stays below for `level` per cent of the time in which the size of
+    another is at least `least`; nan where it never is."""
+    there = np.linalg.norm(driver, axis=1) >= least
+    size = np.linalg.norm(values[there], axis=1)
+    return float(np.percentile(size, level)) if there.any() else float("nan")
+
+
+@measure
+def mean_size(times: Array, values: Array) -> float:
+    """The mean over time and elements of the elements' sizes."""
+    return float(np.abs(values).mean())
+
+
+@measure
+def mean_size_last(times: Array, values: Array) -> float:
+    """The mean of the elements' last sizes."""
+    return mean_size(times, values[-1:])
+
+
+@measure
+def largest_mean(times: Array, values: Array) -> float:
+    """The mean over time of the size of the largest element."""
+    return float(np.abs(values).max(axis=1).mean())
+
+
+@measure
+def load_until_below(times: Array, values: Array, stored: Array, limit: float) -> float:
+    """`largest_mean` of the values until the mean size of `stored` is below a limit to stay; of all
+    where it never is."""
+    end = np.fmin(until_below(times, stored, limit), times[-1])
+    return largest_mean(times, values[: max(1, int(np.searchsorted(times, end)))])
+
+
+@in_unit("1", late=True)
+def settled_within(
+    times: Array, values: Array, limits: list[float], since: float, period: float
+) -> float:
+    """After how many periods from `since` (s) on every element is within its limit to stay; 0: it
+    never was outside."""
+    good = np.asarray((np.abs(values) <= np.array(limits)).all(axis=1))
+    return 0.0 if good.all() else (settled(times, good) - since) / period
+
+
+@measure
+def along(times: Array, values: Array, direction: list[float]) -> float:
+    """The size of the last value's part along a direction, divided by the direction's length as
+    the elements have it: |x.n| / n.n (the momentum of a wheel with n_i = 1 that n alone makes)."""
+    n = np.array(direction)
+    return float(abs(values[-1] @ n) / (n @ n))
+
+
+@measure
+def above(times: Array, values: Array, direction: list[float], floor: float) -> float:
+    """The last mean size of the elements, less `along` or `floor`, whichever is larger."""
+    return mean_size_last(times, values) - max(along(times, values, direction), floor)
+
+
+@in_unit("s", late=True)
+def until_below(times: Array, values: Array, limit: float, kind: str = "mean") -> float:
+    """When the values have come below a limit to stay (s): the mean size of the elements, the
+    largest, or the vector's (`norm`)."""
+    return settled(times, SIZES[kind](values) < limit)
+
+
+@in_unit("s", late=True)
+def first_reached(times: Array, values: Array, limit: float, count: int = 1) -> float:
+    """When `count` elements at once have first reached a limit (s)."""
+    return _first(times, (np.abs(values) >= limit).sum(axis=1) >= count)
+
+
+@in_unit("s", late=True)
+def first_below(
+    times: Array, values: Array, limit: float, held: float = 0.0, only_done: int = 0
+) -> float:
+    """When the sizes of all elements at once have first come below a limit and stayed there for
+    `held` seconds (s: the beginning of that time); with `only_done` 1 median and largest of several
+    runs are of those that reach it."""
+    good = (np.abs(values) < limit).all(axis=1)
+    begins = np.flatnonzero(np.diff(good.astype(int), prepend=0) == 1)
+    bad = np.flatnonzero(~good)
+    for begin in begins:
+        later = bad[bad > begin]
+        end = later[0] if len(later) else len(times) - 1
+        if times[end] - times[begin] >= held - 1e-9:
+            return float(times[begin])
+    return float("nan")
+
+
+@in_unit("s", late=True)
+def until_above(times: Array, values: Array, limit: float) -> float:
+    """When all values have come to a limit or above to stay (s)."""
+    return settled(times, np.asarray(values.min(axis=1) >= limit))
+
+
+@measure
+def largest_while(
+    times: Array, values: Array, driver: Array, value: int, element: int = 0
+) -> float:
+    """The largest size of any element, or of one counted from 1, while a whole-number signal, such
+    as a phase, has a value; nan where it never has."""
+    there = (driver == value).all(axis=1)
+    counted = values[:, element - 1 : element] if element else values
+    return float(np.abs(counted[there]).max()) if there.any() else float("nan")
+
+
+@in_unit("J")
+def drive_energy(times: Array, values: Array, power: float, nominal: float) -> float:
+    """The energy (J) of drives that take `power` (W) at `nominal` speed, and at another speed in
+    proportion to its size."""
+    speed = np.abs(values).sum(axis=1)
+    return float(power / nominal * np.trapezoid(speed, times))
+
+
+@in_unit("s", late=True)
+def time_of(times: Array, values: Array, value: int) -> float:
+    """When a whole-number signal, such as a mode, first has a value (s)."""
+    return _first(times, (values == value).all(axis=1))
+
+
+def _first(times: Array, there: NDArray[np.bool_]) -> float:
+    """The time of the first row that is there (s); nan where none is."""
+    return float(times[np.argmax(there)]) if there.any() else float("nan")
+
+
+@in_unit("%")
+def share_below(times: Array, values: Array, limit: float) -> float:
+    """The share of time and elements whose size is below a limit (%)."""
+    return float(100.0 * (np.abs(values) < limit).mean())
+
+
+@in_unit("1")
+def sign_changes(times: Array, values: Array) -> float:
+    """How often elements change their sign."""
+    return float((np.diff(np.signbit(values), axis=0)).sum())
+
+
+@in_unit(per_second)
+def decay_rate(times: Array, values: Array) -> float:
+    """How fast the size of a vector falls, from first to last row (unit per s)."""
+    size = np.linalg.norm(values[[0, -1]], axis=1)
+    return float((size[0] - size[1]) / (times[-1] - times[0]))
+
+
+@in_unit(per_second)
+def mean_rate(times: Array, values: Array) -> float:
+    """How fast a scalar grows, from first to last row (unit per s)."""
+    return float((values[-1, 0] - values[0, 0]) / (times[-1] - times[0]))

@@ -1,0 +1,215 @@
+"""The cells of a paper's tables: what a scenario's [paper.NAME] says, and our numbers beside it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+from ..files.scenario import Scenario
+from ..numbers.compare import related
+from ..numbers.measures import LATE
+from ..numbers.numbers import defined, late, ranked
+from ..numbers.statistics import clopper_pearson
+from ..runs.validation import numbers_of_rows
+from ..system.errors import DesatError
+
+Numbers = dict[str, Any]
+"""A run's numbers by name; None: not reached."""
+
+
+@dataclass
+class Row:
+    """One cell of a table: the paper's value (None where it gives none) and ours."""
+
+    table: str
+    method: str
+    case: str
+    quantity: str
+    heading: str
+    """The quantity in words."""
+    unit: str
+    paper: float | None
+    ours: float | None
+    """None: no run decides what the paper says, and `remark` says why; infinite: a time that is not
+    reached."""
+    band: tuple[float, float] | None
+    within: bool | None
+    paper_within: bool | None
+    """Whether the paper's own value is within the band; None where there is none of them."""
+    tuned: bool
+    out_of_sample: bool
+    """True: the paper gives a value, nothing was tuned to it, it had no part in a choice, and it
+    repeats no other cell."""
+    definition: str
+    """What is measured, in a sentence."""
+    flag: bool
+    """True: 0 means no and 1 means yes."""
+    remark: str
+    scenario: str
+    draws: dict[str, Any] | None = None
+    """Where `ours` is of draws: how many `n` have it, and of a median `min`, `max`, the `band` of
+    each draw and how many do not reach a time, of a share the `count` and its `interval` (%,
+    Clopper-Pearson, 95 %)."""
+
+
+def band_of(entry: dict[str, Any], values: Numbers) -> tuple[float, float] | None:
+    """[low, high] of what counts as within a row's `tolerance`; None where anything does.
+
+    `values`: the run's, for a band that is a multiple of another number.
+    """
+    tolerance, paper = entry.get("tolerance"), entry.get("values")
+    if isinstance(tolerance, list):
+        low, high = tolerance
+        return float(low), float(high)
+    if isinstance(tolerance, dict):
+        of = values[tolerance["of"]]
+        return tolerance["from"] * of, tolerance["to"] * of
+    if not tolerance or paper is None:
+        return None
+    if tolerance.endswith("%"):
+        width = abs(paper) * float(tolerance[:-1]) / 100
+    else:
+        width = float(tolerance)
+    return paper - width, paper + width
+
+
+def _remark(entry: dict[str, Any]) -> str:
+    """What a reader should know of a row."""
+    words = {"tuned": "tuned: ", "in_sample": "in sample: ", "not_judged": "not judged: ",
+             "remark": ""}  # fmt: skip
+    return "; ".join(f"{word}{entry[key]}" for key, word in words.items() if entry.get(key))
+
+
+def rows_of(
+    scenario: Scenario, values: Numbers, everything: dict[str, Numbers],
+    drawn: dict[str, Any] | None,
+) -> list[Row]:  # fmt: skip
+    """The rows that a scenario gives. `values`: its numbers, `everything`: those of all scenarios;
+    `drawn`: its draws, where it has some: their `summary` and the `draws` themselves.
+
+    Raises DesatError where a number is not reached or is of a run that was not made, and for a
+    share of draws where there are none.
+    """
+    rows = []
+    for row, name in numbers_of_rows(scenario.data).items():
+        entry = scenario.data["paper"][row]
+        told: dict[str, Any] | None
+        if "share" in entry:
+            if drawn is None:
+                where = scenario.where(("paper", row))
+                raise DesatError(f"{where}: a share of draws, and {scenario.name} has none")
+            values_drawn = values_of(drawn["draws"], name, scenario.data)
+            counts = told = share_of(values_drawn, **entry["share"])
+            ours = 100.0 * counts["count"] / counts["n"]
+        else:
+            ours = _value(scenario, row, name, values, everything)
+            told = _spread(entry, drawn, name, scenario.data) if drawn else None
+        rows.append(_row(scenario, entry, name, ours, values, told))
+    undecided = (e for e in scenario.data["paper"].values() if "not_judged" in e)
+    return [*rows, *(_row(scenario, e, "", None, values, None) for e in undecided)]
+
+
+def _spread(
+    entry: dict[str, Any], drawn: dict[str, Any], name: str, about: dict[str, Any]
+) -> dict[str, Any] | None:  # fmt: skip
+    if (summary := drawn["summary"].get(name)) is None:
+        return None
+    is_time = about["numbers"].get(name, {}).get("measure") in LATE
+    return {**{k: summary[k] for k in ("n", "min", "max")}, "band": entry.get("each"),
+            "not_reached": len(drawn["draws"]) - summary["n"] if is_time else 0}  # fmt: skip
+
+
+def values_of(draws: list[dict[str, Any]], name: str, about: dict[str, Any]) -> list[Any]:
+    """A number of each draw of a scenario, as `ranked` has it."""
+    return ranked([d["numbers"].get(name) for d in draws], name in late(about))
+
+
+def share_of(
+    values: list[Any], least: float = -math.inf, most: float = math.inf
+) -> dict[str, Any]:  # fmt: skip
+    """Of `n` values (`values_of`) the `count` of those within [least, most], and the `interval` (%)
+    in which the share of all possible draws lies with 95 %. What a draw has not is not within."""
+    count = sum(x is not None and least <= x <= most for x in values)
+    return {"n": len(values), "count": count, "interval": clopper_pearson(count, len(values))}
+
+
+def _row(
+    scenario: Scenario, entry: dict[str, Any], name: str, ours: float | None, values: Numbers,
+    draws: dict[str, Any] | None,
+) -> Row:  # fmt: skip
+    band, paper = band_of(entry, values), entry.get("values")
+    within = None if band is None or ours is None else band[0] <= ours <= band[1]
+    if draws is not None and (each := draws.get("band")) is not None:
+        reached = draws["min"] is not None and draws["max"] is not None
+        within = (
+            within is not False and reached and each[0] <= draws["min"] <= draws["max"] <= each[1]
+        )
+    tuned, seen = bool(entry.get("tuned")), bool(entry.get("in_sample"))
+    labels = scenario.data["labels"]
+    in_columns = scenario.cell.keys() & {"method", "case"}
+    case = labels.get("case", "") if in_columns else scenario.name.partition("/")[2]
+    return Row(
+        table=entry["table"],
+        method=entry.get("label", labels.get("method", "")),
+        case=entry.get("case", case),
+        quantity=entry["quantity"],
+        heading=entry.get("heading", entry["quantity"].replace("_", " ")),
+        unit=entry["unit"],
+        paper=paper,
+        ours=ours,
+        band=band,
+        within=within,
+        paper_within=None if band is None or paper is None else band[0] <= paper <= band[1],
+        tuned=tuned,
+        out_of_sample=ours is not None and paper is not None and not tuned and not seen,
+        definition=entry.get("definition") or defined(scenario.data["numbers"].get(name)),
+        flag=bool(entry.get("flag")),
+        remark=_remark(entry),
+        scenario=scenario.name,
+        draws=draws,
+    )
+
+
+def counted(table: list[Row]) -> dict[str, int]:
+    """How many rows there are, and how many that no run decides. Of those with a band: how many are
+    within it, tuned, without a value of the paper, in sample otherwise, out of sample, and of the
+    latter within."""
+    banded = [r for r in table if r.within is not None]
+    out = [r for r in banded if r.out_of_sample]
+    return {
+        "rows": len(table),
+        "not_judged": sum(r.ours is None for r in table),
+        "banded": len(banded),
+        "within": sum(r.within is True for r in banded),
+        "tuned": sum(r.tuned for r in banded),
+        "without_paper": sum(r.paper is None and not r.tuned for r in banded),
+        "in_sample": sum(r.paper is not None and not (r.tuned or r.out_of_sample) for r in banded),
+        "out_of_sample": len(out),
+        "out_of_sample_within": sum(r.within is True for r in out),
+        "paper_outside": sum(r.paper_within is False for r in banded),
+    }
+
+
+def _value(
+    scenario: Scenario, row: str, name: str, values: Numbers, everything: dict[str, Numbers]
+) -> float:  # fmt: skip
+    """Our number of a row, from this run or in relation to another."""
+    definition = scenario.data["numbers"].get(name, {})
+    if "reference" in definition and name not in values:
+        other = everything.get(f"{scenario.family}/{definition['reference']}")
+        if other is None:
+            text = f"{scenario.name}: {name} refers to {definition['reference']}: not run"
+            raise DesatError(text)
+        of = definition["of"]
+        value = related(definition["form"], values[of], other[of])
+    elif name not in values:
+        raise DesatError(f"{scenario.where(('numbers', name))}: no run gives it")
+    else:
+        value = values[name]
+    if value is None and name in late(scenario.data):
+        return math.inf
+    if value is None:
+        where = scenario.where(("paper", row))
+        raise DesatError(f"{where}: {scenario.name} does not reach {name}, and a table has it")
+    return float(value)

@@ -1,0 +1,365 @@
+"""The verbs of pages: what a template may call.
+
+A scenario is named without its family; `change` gives parameters other values, as
+`{"manager.gain": 2.0}`.
+"""
+
+from __future__ import annotations
+
+import importlib
+import inspect
+import json
+import math
+import tomllib
+from collections.abc import Callable, Sequence
+from dataclasses import asdict
+from importlib.util import find_spec
+from typing import Any
+
+from ..campaign import draws, sampling
+from ..figures import charts
+from ..figures.plots import lines_of, series_plot
+from ..figures.style import pretty_unit
+from ..files import paths
+from ..files.scenario import find
+from ..numbers.numbers import late
+from ..numbers.series import Series
+from ..numbers.statistics import clopper_pearson
+from ..runs.run import Options, prepare
+from ..system.errors import DesatError, nearest
+from ..system.expression import factor, product
+from ..system.model import AUTO
+from . import comparison as cells
+from . import filters, stored, tables
+from .functions_coils import CoilVerbs
+from .session import Change, Sources
+
+
+class Verbs(CoilVerbs):
+    """Every public method is a verb; `figures` collects what they draw: file -> SVG."""
+
+    def __init__(self, sources: Sources) -> None:
+        self._of = sources
+        self._figures: dict[str, str] = {}
+
+    def known(self) -> dict[str, Callable[..., Any]]:
+        """The verbs by name."""
+        own = ("known", "figures")
+        names = (n for n in dir(type(self)) if not n.startswith("_") and n not in own)
+        return {name: getattr(self, name) for name in names}
+
+    @property
+    def figures(self) -> dict[str, str]:
+        """What was drawn: file name -> SVG."""
+        return self._figures
+
+    # --- values -------------------------------------------------------------------------------
+
+    def value(self, scenario: str, number: str, change: Change | None = None) -> float:
+        """A number of a run; a time that it does not reach is infinite. Raises DesatError where the
+        run has none, or nothing to measure."""
+        run = self._of.run(scenario, change).manifest
+        numbers = run["numbers"]
+        if number not in numbers:
+            raise DesatError(f"{scenario} has no number {number}{nearest(number, numbers)}")
+        value = numbers[number]["value"]
+        if value is None and number in late(run["about"]):
+            return math.inf
+        if value is None and self._of.draft is None:
+            raise DesatError(f"{scenario}: {number} is not reached")
+        return math.nan if value is None else float(value)
+
+    def about(self, scenario: str, number: str) -> dict[str, Any]:
+        """What a number is: its `title`, its `unit` as people write it."""
+        told = self._of.run(scenario).manifest["numbers"][number]
+        return {**told, "unit": pretty_unit(told["unit"])}
+
+    def parameter(self, scenario: str, text: str, unit: str = "") -> float:
+        """A parameter of a run, or a product of several, in a unit (default: its own)."""
+        value, own = product(text, self._of.run(scenario).manifest["parameters"])
+        return value * factor(own, unit, f'of "{text}"') if unit else value
+
+    def setting(self, scenario: str, key: str) -> Any:
+        """What a scenario's file says for a key at its top, such as stop."""
+        data = find(self._of.name_of(scenario)).data
+        if key not in data:
+            raise DesatError(f"{scenario} has no {key}{nearest(key, data)}")
+        return data[key]
+
+    def sweep(
+        self, scenario: str, parameter: str, values: Sequence[Any], *numbers: str
+    ) -> list[tuple[Any, ...]]:
+        """Of each value of a parameter: itself, and the numbers of its run."""
+        return [(v, *(self.value(scenario, n, {parameter: v}) for n in numbers)) for v in values]
+
+    # --- draws --------------------------------------------------------------------------------
+
+    def drawn(self, scenario: str, number: str) -> list[float]:
+        """A number of each draw, in their order; a time that one does not reach is infinite."""
+        rows = self._of.draws_of(scenario, number)["draws"]
+        return cells.values_of(rows, number, find(self._of.name_of(scenario)).data)
+
+    def spread(self, scenario: str, number: str, digits: int = 1) -> str:
+        """A number over the draws as `median [least, most]`, and how many have it, where some have
+        not; of those that have it, a time (`drawn`) of all."""
+        drawn = self.drawn(scenario, number)
+        values = [x for x in drawn if x is not None]
+        there = sum(math.isfinite(x) for x in values)
+        if not there:
+            return f"none of {len(drawn)}"
+        middle, low, high = filters.three(values, digits)
+        return f"{middle} [{low}, {high}]" + (f", {there} of {len(drawn)}" * (there < len(drawn)))
+
+    def middle_draw(self, scenario: str, number: str) -> int:
+        """The draw whose number is the (lower) median of all: a typical one."""
+        values = self.drawn(scenario, number)
+        return sorted(range(len(values)), key=lambda i: values[i])[(len(values) - 1) // 2]
+
+    def of_draw(self, scenario: str, draw: int) -> Change:
+        """What a draw of a scenario changes, for `value`, `series` and `plot`."""
+        system = draws.system_of(self._of.name_of(scenario), Options(blocks=True))
+        return sampling.drawn(system, self.seed(), draw)
+
+    def seed(self) -> int:
+        """The seed of the draws."""
+        return int(self._of.draws["seed"])
+
+    # --- the paper's tables -------------------------------------------------------------------
+
+    def paper(self, draws: bool = True) -> dict[str, list[dict[str, str]]]:
+        """The paper's cells beside ours as texts: heading -> rows; `draws` False leaves out the
+        medians of draws."""
+        return {
+            heading: [tables.shown(row) for row in group]
+            for heading, group in tables.grouped(self._of.cells(draws))
+        }
+
+    def paper_table(self, rows: list[dict[str, str]]) -> str:
+        """Rows of `paper` as a table, of the columns that have something to show."""
+        columns = tables.columns(rows)
+        head = [self.row(*columns.values()), "|" + "---|" * len(columns)]
+        return "\n".join([*head, *(self.row(*(row[c] for c in columns)) for row in rows)])
+
+    def definitions(self, rows: list[dict[str, str]]) -> list[str]:
+        """What rows of `paper` measure, each sentence once."""
+        return tables.definitions(row["definition"] for row in rows)
+
+    def within(self, draws: bool = True) -> str:
+        """How many of the cells that have a band are within it: `62 of 62`."""
+        count = cells.counted(self._of.cells(draws))
+        return f"{count['within']} of {count['banded']}"
+
+    def summed_up(self, draws: bool = True) -> str:
+        """How many cells are within their bands, and what that counts for."""
+        return tables.summed_up(self._of.cells(draws))
+
+    def share(self, scenario: str, number: str, **limits: float) -> str:
+        """The share of draws whose number is within limits (`least`, `most`), with its interval:
+        `7 of 20 (of all 15 to 59 %)`."""
+        share = cells.share_of(self.drawn(scenario, number), **limits)
+        low, high = share["interval"]
+        return f"{share['count']} of {share['n']} (of all {low:.0f} to {high:.0f} %)"
+
+    def share_worse(self, scenario: str, other: str, number: str) -> str:
+        """The share of draws whose number is above that of another scenario's same draw."""
+        pairs = list(zip(self.drawn(scenario, number), self.drawn(other, number), strict=False))
+        count = sum(a > b for a, b in pairs)
+        low, high = clopper_pearson(count, len(pairs))
+        return f"{count} of {len(pairs)} (of all {low:.0f} to {high:.0f} %)"
+
+    def missed(self) -> list[dict[str, Any]]:
+        """The paper's cells that have no band and are not tuned, but a remark: nothing reproduces
+        them."""
+        return [
+            {**tables.shown(row), "table": row.table, "quantity": row.heading}
+            for row in self._of.cells(False)
+            if row.paper is not None and row.band is None and row.remark and not row.tuned
+        ]
+
+    def origin(self) -> str:
+        """Where the draws are from."""
+        return tables.origin(stored.provenance(self._of.draws, fresh=False))
+
+    # --- series and figures -------------------------------------------------------------------
+
+    def series(
+        self, scenario: str, signal: str, change: Change | None = None, *,
+        step: float | None = None, stop: float | None = None,
+    ) -> Series:  # fmt: skip
+        """A series of a run, in its unit; with another step or end (s) of the run."""
+        results = self._of.run(scenario, change, step, stop).results
+        return Series(results.times(signal), results.values(signal).astype(float))
+
+    def line(self, scenario: str, plot: str, change: Change | None = None) -> Series:
+        """The first line of a scenario's plot, such as one that it derives."""
+        spec, results = self._plot(scenario, plot), self._of.run(scenario, change).results
+        if not (lines := lines_of(spec, results, spec.get("unit", "1"))):
+            raise DesatError(f"{scenario}: plot {plot}: not recorded")
+        return Series(lines[0].times, lines[0].values)
+
+    def plot(
+        self, file: str, scenario: str, plot: str, place: str = "",
+        change: Change | None = None, stop: float | None = None,
+    ) -> str:  # fmt: skip
+        """A plot of a scenario as a figure; `place` stands before its title; with another end (s)
+        of the run."""
+        spec = self._plot(scenario, plot)
+        run = self._of.run(scenario, change, stop=stop)
+        image = series_plot(spec, [("", run.results, run.manifest["parameters"])])
+        if image is None:
+            raise DesatError(f"{scenario}: plot {plot}: not recorded")
+        title = str(spec["title"])
+        return self._figure(file, f"{place}: {title[0].lower()}{title[1:]}" if place else title,
+                            image)  # fmt: skip
+
+    def compare(
+        self, file: str, caption: str, lines: Sequence[tuple[str, Series]], axis: str,
+        **options: Any,
+    ) -> str:  # fmt: skip
+        """Labelled series of several runs on one pair of axes; `options` of `figures.curves`."""
+        return self._figure(file, caption, charts.curves(lines, axis, **options))
+
+    def bars(
+        self,
+        file: str,
+        caption: str,
+        groups: dict[str, dict[str, float]],
+        axis: str,
+        **options: Any,
+    ) -> str:
+        """Bars: group -> label -> value."""
+        return self._figure(file, caption, charts.bars(groups, axis, **options))
+
+    def scatter(
+        self, file: str, caption: str, groups: dict[str, tuple[list[float], list[float]]],
+        x: str, y: str, **options: Any,
+    ) -> str:  # fmt: skip
+        """Points: label -> (x, y)."""
+        return self._figure(file, caption, charts.scatter(groups, x, y, **options))
+
+    def row(self, *cells: Any) -> str:
+        """A row of a table."""
+        return f"| {' | '.join(str(cell) for cell in cells)} |"
+
+    # --- from elsewhere -----------------------------------------------------------------------
+
+    def data(self, path: str) -> dict[str, Any]:
+        """A JSON or TOML file of the repository. Raises DesatError where it is not there, as in an
+        installation."""
+        home = paths.SCENARIOS.parent
+        file = (home / path).resolve()
+        if not file.is_relative_to(home.resolve()):
+            raise DesatError(f"data: {path}: it is outside {home}")
+        if not file.is_file():
+            raise DesatError(f"{path}: no such file in {home}; a page that reads it needs a "
+                             "checkout of desat")  # fmt: skip
+        text = file.read_text(encoding="utf-8")
+        data: dict[str, Any] = json.loads(text) if path.endswith(".json") else tomllib.loads(text)
+        return data
+
+    def law(self, module: str, function: str) -> Callable[..., Any]:
+        """A function of `components/laws/MODULE.py`. Raises DesatError where there is none."""
+        name = f"desat.components.laws.{module}"
+        if not module.isidentifier() or find_spec(name) is None:
+            raise DesatError(f"law: no module {module} in components/laws")
+        known = dict(inspect.getmembers(importlib.import_module(name), inspect.isfunction))
+        verb: Callable[..., Any] | None = known.get(function)
+        if verb is None or function.startswith("_") or verb.__module__ != name:
+            raise DesatError(f"law: no function {function} in components/laws/{module}.py")
+        return verb
+
+    def convergence(self, scenario: str) -> dict[str, Any]:
+        """A scenario at several steps against its monolithic reference: `rows`, `order`."""
+        from ..studies import convergence
+
+        options = Options(stop=self._of.end_of(scenario, None))
+        return convergence.study(self._of.name_of(scenario), options, jobs=self._of.jobs)
+
+    def exchange(self, scenario: str, inner: int | None = None) -> dict[str, Any]:
+        """A scenario at its own step against its reference, with other inner steps: errors, the
+        run's own estimate, and the numbers that it is covered by."""
+        from ..analyses import coverage
+        from ..studies import convergence
+
+        options = Options(stop=self._of.end_of(scenario, None), inner=inner)
+        name, step = self._of.name_of(scenario), float(self.setting(scenario, "step"))
+        study = convergence.study(name, options, (step,), ("conserving",), self._of.jobs)
+        bound = coverage.bound(prepare(name, options).or_raise()[0])
+        return {**study["rows"][0], **(asdict(bound) if bound else {})}
+
+    def chosen(self, scenario: str) -> dict[str, Any]:
+        """A scenario whose run chooses its inner steps, against its reference: the error with one
+        (`once`), with those that it takes, its own estimate (rad), their number, and how many it
+        has flown beforehand for each of the run's."""
+        from ..studies import convergence
+        from ..studies.estimate import difference
+        from ..studies.reference import Gyrostat
+
+        name, stop = self._of.name_of(scenario), self._of.end_of(scenario, None)
+        system, _ = prepare(name, Options(stop=stop)).or_raise()
+        ideal = Gyrostat(system).ideal()
+        once, run = (convergence.fly(name, Options(stop=stop, inner=n)) for n in (1, AUTO))
+        errors = [difference(f.q, f.h, ideal.q, ideal.h)[0] for f in (once, run)]
+        choice = run.choice or {}
+        share = choice["flown"] / (choice["inner"] * system.steps)
+        return {**choice, "once": errors[0], "error": errors[1], "flown_share": share}
+
+    def covered(self) -> dict[str, float]:
+        """Up to where the exchange is shown to be exact: `turn`, `kick`."""
+        from ..analyses import coverage
+
+        return asdict(coverage.LIMITS)
+
+    def hidden_work(self, scenario: str, inner: int) -> dict[str, Any]:
+        """The error of a run against one with 64 inner steps, and the work that its steps hide; of
+        a scenario, or of a craft of `separation.JETS`."""
+        from ..studies import separation
+
+        values = separation.JETS.get(scenario)
+        name = self._of.name_of("pulses" if values else scenario)
+        stop = self._of.end_of("pulses" if values else scenario, None)
+        return separation.held(scenario, name, (inner,), values, stop)[0]._asdict()
+
+    def told_apart(self, first: int, count: int) -> dict[str, Any]:
+        """So many craft made at random, from this seed on: `rows`, and what they sum up to."""
+        from ..studies import separation
+
+        short = {} if self._of.draft is None else {"stop": self._of.draft}
+        rows = separation.at_random(range(first, first + count), **short)
+        return {**separation.summed(rows), "rows": [r._asdict() for r in rows]}
+
+    def summed(self, rows: Sequence[dict[str, Any]]) -> dict[str, Any]:
+        """The same sums of rows from elsewhere."""
+        from ..studies import separation
+
+        return separation.summed(separation.Row(**r) for r in rows)
+
+    def energy_bound(self) -> float:
+        """Of the hidden work, where a scenario gives no other."""
+        from ..analyses import energy
+
+        return energy.ENERGY_BOUND
+
+    def convergence_plot(
+        self, file: str, caption: str, study: dict[str, Any], key: str, unit: str
+    ) -> str:
+        """An error of such a study over the steps."""
+        from ..studies import convergence
+
+        return self._figure(file, caption, convergence.plot(study, key, unit))
+
+    # --- how ----------------------------------------------------------------------------------
+
+    def _plot(self, scenario: str, plot: str) -> dict[str, Any]:
+        plots: dict[str, Any] = find(self._of.name_of(scenario)).data.get("plots", {})
+        if plot not in plots:
+            raise DesatError(f"{scenario} has no plot {plot}{nearest(plot, plots)}")
+        return dict(plots[plot])
+
+    def _figure(self, file: str, caption: str, svg: str) -> str:
+        """The Markdown of a figure, which is kept."""
+        name = f"{file}.svg"
+        if name in self._figures:
+            raise DesatError(f"figure {file}: it is there already")
+        self._figures[name] = svg
+        return f"\n![{caption}]({name})\n\n*{caption}*\n"

@@ -1,0 +1,119 @@
+"""What the pages of a family are made of: runs, draws, and the cells of the paper's tables."""
+
+from __future__ import annotations
+
+import math
+import re
+import sys
+from collections.abc import Sequence
+from functools import cached_property
+from typing import Any
+
+from ..analyses import analyses
+from ..campaign.draws import needed_signals
+from ..files.scenario import find
+from ..runs.run import Options, Run, execute, prepare
+from ..system.errors import DesatError, nearest
+from ..system.interface import base_name
+from . import stored, tables
+from .comparison import Row
+
+Change = dict[str, Any]
+"""`component.parameter` -> another value."""
+
+
+class Sources:
+    """Of a family whose scenarios are named without it; everything is made once, when it is asked
+    for.
+
+    Runs are made by FMUs and kept in memory: of each what its numbers and plots are made of, and
+    every series that a template names as "component.output".
+    """
+
+    def __init__(
+        self, family: str, templates: Sequence[str], jobs: int, draft: float | None
+    ) -> None:
+        self.family, self.jobs, self.draft = family, jobs, draft
+        self._named = sorted({n for t in templates for n in re.findall(r'"(\w+\.\w+)"', t)})
+        self._runs: dict[str, Run] = {}
+
+    def name_of(self, scenario: str) -> str:
+        """The full name of a scenario."""
+        return scenario if "/" in scenario else f"{self.family}/{scenario}"
+
+    def end_of(self, scenario: str, stop: float | None) -> float | None:
+        """The stop time of a run; None: that of the scenario."""
+        if self.draft is None:
+            return stop
+        own = stop or find(self.name_of(scenario)).data.get("stop", math.inf)
+        return min(own, self.draft)
+
+    def run(
+        self, scenario: str, change: Change | None = None, step: float | None = None,
+        stop: float | None = None,
+    ) -> Run:  # fmt: skip
+        """A run, made once."""
+        key = repr((scenario, change, step, stop))
+        if key not in self._runs:
+            name = self.name_of(scenario)
+            options = Options(
+                values=change or {}, step=step, stop=self.end_of(scenario, stop),
+                record=tuple(self._needed(name)), supervised=True,
+            )  # fmt: skip
+            self._runs[key] = execute(name, options).or_raise(name)
+        return self._runs[key]
+
+    def _needed(self, name: str) -> list[str]:
+        """What must be recorded of a scenario."""
+        system, _ = prepare(name, Options()).or_raise()
+        outputs = {
+            f"{c.name}.{base_name(s.name)}"
+            for c in system.components.values() for s in c.interface.of("output")
+        }  # fmt: skip
+        needed = [n for n in self._named if n in outputs] + needed_signals(system.about)
+        needed += [signal for p in system.about.get("plots", []) for signal in p["signals"]]
+        for analysis in analyses():
+            if parts := analysis.applies(system):
+                needed += analysis.signals(parts)
+        return sorted(set(needed))
+
+    @cached_property
+    def draws(self) -> dict[str, Any]:
+        """The family's draws: those that are outdated are made now, but not for a draft."""
+        return stored.read(self.family) if self.draft is not None else self._renewed({})
+
+    def _renewed(self, also: dict[str, set[str]]) -> dict[str, Any]:
+        made = stored.renew(self.family, self.jobs, sys.stderr.isatty(), also)
+        stored.write(made)
+        return made
+
+    def draws_of(self, scenario: str, number: str = "") -> dict[str, Any]:
+        """The draws of a scenario, and of these a number that has not been stored yet, for which
+        they are made anew. Raises DesatError where it has none, and in a draft for such a number.
+        """
+        name, kept = self.name_of(scenario), self.draws["scenarios"]
+        if name not in kept:
+            raise DesatError(f"{scenario} has no draws{nearest(name, kept)}")
+        if number and number not in kept[name]["units"]:
+            known = {n for a in analyses() for n in a.NUMBERS}
+            known |= find(name).data.get("numbers", {}).keys()
+            if number not in known:
+                hint = nearest(number, known)
+                raise DesatError(f"{scenario}: draws have no number {number}{hint}")
+            if self.draft is not None:
+                raise DesatError(f"{scenario}: {number} of its draws is not stored; without "
+                                 "--draft they are made anew")  # fmt: skip
+            self.draws = self._renewed({name: {number}})
+        draws: dict[str, Any] = self.draws["scenarios"][name]
+        if number and number not in draws["units"]:
+            raise DesatError(f"{scenario}: no draw has a number {number}")
+        return draws
+
+    @cached_property
+    def _table(self) -> list[Row]:
+        drawn = self.draws if stored.with_draws(self.family) else None
+        return tables.rows(self.family, Options(), self.jobs, drawn)
+
+    def cells(self, draws: bool) -> list[Row]:
+        """The cells of the paper's tables; `draws` False leaves out the medians of draws."""
+        return [row for row in self._table if draws or row.draws is None]

@@ -1,0 +1,339 @@
+"""Draws that take long: computed once by `make papers`, kept under docs/papers, read by `tables`.
+
+docs/papers/FAMILY/draws.parquet: a row a draw, sorted by scenario and draw, a column a number; null
+where the draw does not reach it, or where the scenario does not keep it
+docs/papers/draws.json: of each family seed, versions and the sha256 of that file, and of each
+scenario, a line, its stamps and the units of the numbers that it keeps: those that rows of papers
+name, and those that a page has asked for
+"""
+
+from __future__ import annotations
+
+import argparse
+import hashlib
+import json
+import math
+import os
+import platform
+from collections.abc import Collection, Iterable, Mapping
+from datetime import UTC, datetime
+from functools import partial
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+from desat.fmus import meaning
+from desat.fmus.meaning import COMPONENTS
+
+from ..campaign.draws import draws, spreads
+from ..files import identity, paths
+from ..files.identity import PACKAGES
+from ..files.scenario import Scenario, families, scenarios
+from ..files.text import replace_text
+from ..numbers.numbers import late
+from ..runs.validation import bands_of, numbers_of_rows
+from ..system.codes import Exit
+from ..system.errors import DesatError, RunError
+from ..system.options import Options
+from ..system.resolve import resolve
+
+SEED = 1
+ROUNDING = 1e-12
+"""The last bit of a solved programme (a bound) is the processor's."""
+
+
+def file_of(family: str) -> Path:
+    """Where the draws of a family are stored."""
+    return paths.DRAWS / family / "draws.parquet"
+
+
+def stamps_file() -> Path:
+    """Where it is said which code and scenarios the stored draws of all families are of."""
+    return paths.DRAWS / "draws.json"
+
+
+def with_draws(family: str) -> dict[str, Scenario]:
+    """The scenarios of a family that say `draws`."""
+    return {n: s for n, s in scenarios(family).items() if s.data.get("draws")}
+
+
+def needed(family: str) -> dict[str, set[str]]:
+    """Of each scenario with draws the numbers that rows of the family's paper are made of, its own
+    rows and those that compare another one with it. Pages ask for more (`Sources.draws_of`)."""
+    found: dict[str, set[str]] = {name: set() for name in with_draws(family)}
+    for name, scenario in scenarios(family).items():
+        numbers, paper = scenario.data.get("numbers", {}), scenario.data.get("paper", {})
+        for row, number in numbers_of_rows(scenario.data).items():
+            for made in (number, *bands_of(paper[row].get("tolerance"))):
+                entry = numbers.get(made, {})
+                found.setdefault(name, set()).add(entry["of"] if "reference" in entry else made)
+                if "reference" in entry:
+                    other = f"{family}/{entry['reference']}"
+                    found.setdefault(other, set()).add(entry["of"])
+    return found
+
+
+def digest(scenario: Scenario) -> str:
+    """The digest of all of a scenario that a draw's numbers depend on: its system, with the code of
+    its blocks, before anything is drawn; and its design, where that is made for each draw. Raises
+    DesatError where it has no system."""
+    draft = scenario.draft(blocks=True)
+    found = resolve(draft)
+    if found.system is None:
+        raise DesatError("\n".join(found.problems))
+    design = scenario.data["design"] if _each_draw(scenario) else None
+    return identity.of_system(found.system, Options(blocks=True), design, identity.JUDGED)
+
+
+def _each_draw(scenario: Scenario) -> bool:
+    return bool(scenario.data.get("design", {}).get("each_draw"))
+
+
+def code(scenario: Scenario) -> str:
+    """A hash of what defines the code that makes a scenario's draws, beside its blocks: the engine,
+    the drawing and the measures; and what designs, where a design is made for each draw. In which
+    file and order definitions stand does not count, so that files can be moved, joined and split;
+    nor do imports, comments and docstrings."""
+    home = Path(__file__).parents[1]
+    files = {p for p in (home / "engine").rglob("*") if p.suffix in (".py", ".c")}
+    files |= {*(home / "numbers").glob("*.py"), home / "campaign" / "draws.py",
+              home / "campaign" / "sampling.py", home / "system" / "dispersions.py"}  # fmt: skip
+    if _each_draw(scenario):
+        files |= {*(home / "designs").rglob("*.py")}
+        files |= {*(COMPONENTS / "laws").glob("*_offline.py")}
+    return meaning.of_files(files, imports=False)
+
+
+def compute(
+    family: str,
+    jobs: int,
+    progress: bool = False,
+    known: dict[str, Any] | None = None,
+    names: Iterable[str] | None = None,
+    also: Mapping[str, Collection[str]] | None = None,
+) -> dict[str, Any]:
+    """Run the draws of a family (or of the scenarios named) by its FMUs. Raises DesatError where
+    a draw fails.
+
+    What `known` (an older result) has for the other scenarios is kept, and so are those of its
+    draws that this code would make again. Kept are the numbers that are `needed`, those that
+    `known` has, and those that `also` names by scenario.
+    """
+    kept = dict((known or {}).get("scenarios", {}))
+    made, of_rows = {}, needed(family)
+    for name, scenario in with_draws(family).items():
+        old = kept.get(name)
+        if names is not None and name not in names:
+            if old:
+                made[name] = old
+            continue
+        count = scenario.data["draws"]
+        wanted = {*of_rows[name], *(old["units"] if old else ()), *(also or {}).get(name, ())}
+        rows = []
+        if old and wanted <= old["units"].keys() and _is_current(old, scenario):
+            rows = old["draws"][:count]
+        result = draws(name, count, SEED, Options(), jobs, progress, first=len(rows))
+        if failed := [r for r in result["draws"] if r["status"] != "completed"]:
+            worst = failed[0]
+            text = f"{name}: draw {worst['draw']}: {worst['message']}"
+            raise RunError(text, Exit(worst["code"]))
+        rows += [
+            {"draw": r["draw"], "numbers": {n: x for n, x in r["numbers"].items() if n in wanted}}
+            for r in result["draws"]
+        ]
+        summed = result["summary"] or (old or {})["summary"]
+        units = {n: summed[n]["unit"] for n in sorted(wanted & summed.keys())}
+        made[name] = {
+            "sha256": digest(scenario),
+            "code_sha256": code(scenario),
+            "date": f"{datetime.now(UTC):%Y-%m-%d}",
+            "units": units,
+            "summary": spreads(rows, units, late(scenario.data)),
+            "draws": rows,
+        }
+    return {
+        "family": family,
+        "date": f"{datetime.now(UTC):%Y-%m-%d}",
+        "seed": SEED,
+        "components_as": "FMUs",
+        "versions": {**{p: version(p) for p in PACKAGES}, "python": platform.python_version()},
+        "scenarios": made,
+    }
+
+
+def write(result: dict[str, Any]) -> Path:
+    """Store the draws of a family, and its stamps beside those of the others. The same draws give
+    the same bytes."""
+    path = file_of(result["family"])
+    data = _packed(result["scenarios"])
+    replace_text(path, data)
+    head = {k: v for k, v in result.items() if k not in ("family", "scenarios")}
+    head["draws_sha256"] = hashlib.sha256(data).hexdigest()
+    stamps = {
+        name: {k: v for k, v in kept.items() if k not in ("summary", "draws")}
+        for name, kept in sorted(result["scenarios"].items())
+    }
+    families = {**_stamps(), result["family"]: {**head, "scenarios": stamps}}
+    pack = partial(json.dumps, separators=(",", ":"))
+    texts = []
+    for family, told in sorted(families.items()):
+        lines = ",\n".join(f"{pack(n)}:{pack(x)}" for n, x in told["scenarios"].items())
+        said = pack({k: v for k, v in told.items() if k != "scenarios"})
+        texts.append(f'{pack(family)}:{said[:-1]},"scenarios":{{\n{lines}\n}}}}')
+    replace_text(stamps_file(), "{\n" + ",\n".join(texts) + "\n}\n")
+    return path
+
+
+def _stamps() -> dict[str, Any]:
+    """What is said of all families' draws; empty where nothing is."""
+    try:
+        told: dict[str, Any] = json.loads(stamps_file().read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        return {}
+    return told
+
+
+def _packed(scenarios: dict[str, Any]) -> bytes:
+    """The draws of scenarios as the bytes of a Parquet file; numbers keep all their bits."""
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    rows = [(name, r) for name, kept in sorted(scenarios.items()) for r in kept["draws"]]
+    names = sorted({n for kept in scenarios.values() for n in kept["units"]})
+    columns = {
+        "scenario": pa.array([name for name, _ in rows], pa.string()),
+        "draw": pa.array([r["draw"] for _, r in rows], pa.int32()),
+        **{n: pa.array([r["numbers"].get(n) for _, r in rows], pa.float64()) for n in names},
+    }
+    sink = pa.BufferOutputStream()
+    pq.write_table(
+        pa.table(columns), sink, compression="zstd", compression_level=19, store_schema=False,
+        write_statistics=False, use_dictionary=["scenario"],
+        column_encoding={"draw": "DELTA_BINARY_PACKED"} | dict.fromkeys(names, "BYTE_STREAM_SPLIT"),
+    )  # fmt: skip
+    data: bytes = sink.getvalue().to_pybytes()
+    return data
+
+
+def read(family: str) -> dict[str, Any]:
+    """The stored draws of a family: of each scenario its stamps, `units` and `summary` of its
+    numbers, and `draws`, a row each. Raises DesatError where there are none."""
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    path, told = file_of(family), _stamps()
+    if family not in told or not path.exists():
+        missing = path if family in told else stamps_file()
+        raise DesatError(f"{paths.shown(missing)}: no draws of {family} there; `desat tables "
+                         f"{family} --fresh` computes the draws now")  # fmt: skip
+    data = path.read_bytes()
+    result = {"family": family, **told[family]}
+    if hashlib.sha256(data).hexdigest() != result.pop("draws_sha256"):
+        raise DesatError(f"{paths.shown(path)}: not the file that {paths.shown(stamps_file())} "
+                         "is of: its sha256 is another one")  # fmt: skip
+    columns = pq.read_table(pa.BufferReader(data)).to_pydict()
+    places_of: dict[str, list[int]] = {}
+    known = scenarios(family)
+    for i, name in enumerate(columns["scenario"]):
+        places_of.setdefault(name, []).append(i)
+    for name, kept in result["scenarios"].items():
+        kept["draws"] = [
+            {"draw": columns["draw"][i], "numbers": {n: columns[n][i] for n in kept["units"]}}
+            for i in places_of.get(name, ())
+        ]
+        of = known[name].data if name in known else {}
+        kept["summary"] = spreads(kept["draws"], kept["units"], late(of))
+    return result
+
+
+def outdated(stored: dict[str, Any]) -> list[str]:
+    """The scenarios whose stored draws are missing, fewer or more than it says, without a number
+    that is needed, or of another version of it or of the code that makes them."""
+    kept, of_rows = stored["scenarios"], needed(stored["family"])
+    return [
+        name for name, scenario in with_draws(stored["family"]).items()
+        if name not in kept
+        or len(kept[name]["draws"]) != scenario.data["draws"]
+        or not of_rows[name] <= kept[name]["units"].keys()
+        or not _is_current(kept[name], scenario)
+    ]  # fmt: skip
+
+
+def _is_current(kept: dict[str, Any], scenario: Scenario) -> bool:
+    """True where stored draws are of this version of a scenario and of its code."""
+    return kept["sha256"] == digest(scenario) and kept.get("code_sha256") == code(scenario)
+
+
+def renew(
+    family: str, jobs: int, progress: bool = False,
+    also: Mapping[str, Collection[str]] | None = None,
+) -> dict[str, Any]:  # fmt: skip
+    """The family's draws, of which only those are made now that are outdated, or have not kept a
+    number that `also` names by scenario."""
+    if not file_of(family).exists():
+        return compute(family, jobs, progress, also=also)
+    known = read(family)
+    lacking = [n for n, x in (also or {}).items() if not known["scenarios"][n]["units"].keys() >= x]
+    old = {*outdated(known), *lacking}
+    return compute(family, jobs, progress, known, old, also) if old else known
+
+
+def stamp(family: str, count: int, jobs: int) -> list[str]:
+    """Make the first `count` draws of each scenario whose draws are of other code, or whose file
+    has changed, and say that they are of this where all numbers come out equal (to ROUNDING); the
+    names of the scenarios where they do not: `renew` is for these."""
+    known, failed = read(family), []
+    for name in outdated(known):
+        scenario, kept = with_draws(family)[name], known["scenarios"].get(name)
+        if kept is not None:
+            again = draws(name, count, known["seed"], Options(), jobs)["draws"]
+            numbers = [r["numbers"] for r in again]
+            if _alike(numbers, [r["numbers"] for r in kept["draws"][:count]]):
+                kept["sha256"], kept["code_sha256"] = digest(scenario), code(scenario)
+                write(known)
+                continue
+        failed.append(name)
+    return failed
+
+
+def provenance(stored: dict[str, Any], fresh: bool) -> dict[str, Any]:
+    """Which run the numbers of the draws are from."""
+    keys = ("date", "seed", "components_as", "versions")
+    file = "" if fresh else paths.shown(file_of(stored["family"]))
+    return {"file": file or "computed now", **{k: stored[k] for k in keys}}
+
+
+def _alike(now: list[dict[str, float | None]], kept: list[dict[str, float | None]]) -> bool:
+    """True where all that is kept comes out again. A number that runs have since is not in the kept
+    draws, and whatever asks for it says so."""
+    return len(now) == len(kept) and all(
+        all(_equal(a.get(k), b[k]) for k in b) for a, b in zip(now, kept, strict=True)
+    )
+
+
+def _equal(a: float | None, b: float | None) -> bool:
+    """Equal to ROUNDING, or neither reached."""
+    return a is b is None or (
+        a is not None and b is not None and math.isclose(a, b, rel_tol=ROUNDING)
+    )
+
+
+def main() -> int:
+    """`python -m desat.papers.stored [--verify N] [FAMILY ...]`: stamp stored draws that runs of
+    today's code reproduce."""
+    parser = argparse.ArgumentParser(description=stamp.__doc__)
+    parser.add_argument("families", nargs="*", metavar="FAMILY", help="default: all with draws")
+    parser.add_argument("--verify", type=int, default=2, metavar="N", help="draws to make again")
+    parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1)
+    given = parser.parse_args()
+    if given.verify < 1:
+        parser.error("--verify: a whole number from 1 on is needed")
+    wanted = given.families or [f for f in families() if with_draws(f)]
+    failed = [name for family in wanted for name in stamp(family, given.verify, given.jobs)]
+    for name in failed:
+        print(f"{name}: its draws come out otherwise; not stamped, `make papers` renews them")
+    return min(len(failed), 1)
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

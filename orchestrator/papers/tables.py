@@ -1,0 +1,288 @@
+"""`desat tables FAMILY`: a paper's tables beside ours, computed by runs made now.
+
+A scenario with `draws` gives the median of so many draws instead; these are read from the file that
+`make papers` has stored (`stored.py`), or made now.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+import sys
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import asdict, replace
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+from ..campaign.draws import rows_of as rows_of_runs
+from ..campaign.pairs import differences, ratios
+from ..figures.style import pretty_unit
+from ..files.identity import PACKAGES
+from ..files.scenario import Scenario, find, scenarios
+from ..numbers.text import number
+from ..report.report import render, write_page
+from ..runs.validation import words
+from ..system.codes import Exit
+from ..system.errors import DesatError, RunError
+from ..system.options import Options
+from .comparison import Numbers, Row, counted, rows_of
+
+LARGEST = sys.float_info.max
+"""The open end of a band in JSON."""
+
+
+def rows(
+    family: str, options: Options, jobs: int = 2, drawn: dict[str, Any] | None = None
+) -> list[Row]:
+    """Run every scenario of a family that a paper's table has a cell for.
+
+    `drawn`: the draws of the scenarios that have some (`stored.read` or `stored.compute`); rows of
+    those that are not among them are left out, and `stored.outdated` names them.
+    """
+    given = {n: s for n, s in scenarios(family).items() if s.data.get("paper")}
+    if wrong := [line for s in given.values() for line in words(s)]:
+        raise DesatError("\n".join(dict.fromkeys(wrong)))
+    if not given:
+        raise DesatError(f"{family}: no scenario has paper values")
+    kept = (drawn or {}).get("scenarios", {})
+    kept = {n: _paired(s, kept) for n, s in given.items() if s.data.get("draws") and n in kept}
+    given = {n: s for n, s in given.items() if not s.data.get("draws") or n in kept}
+    if not given:
+        raise DesatError(f"{family}: no draws; `desat tables {family} --fresh` makes them")
+    values = {n: {k: d["median"] for k, d in kept[n]["summary"].items()} for n in kept}
+    alone = {**given, **_references(given.values())}
+    values |= _single([s for n, s in alone.items() if n not in values], options, jobs)
+    # first what the paper has values for, then what is ours alone
+    ranked = sorted(given.values(), key=lambda s: not any("values" in e for e in s.rows.values()))
+    made = [
+        row for s in ranked
+        for row in rows_of(s, values[s.name], values, kept.get(s.name))
+    ]  # fmt: skip
+    entries = (e for s in ranked for e in s.rows.values())
+    quantities = list(dict.fromkeys((e["table"], e["quantity"]) for e in entries))
+    methods = list(dict.fromkeys(row.method for row in made))
+    return sorted(
+        made, key=lambda r: (quantities.index((r.table, r.quantity)), methods.index(r.method))
+    )
+
+
+def _references(given: Iterable[Scenario]) -> dict[str, Scenario]:
+    """The scenarios without draws that numbers of these are compared with."""
+    names = {
+        f"{s.family}/{number['reference']}"
+        for s in given for number in s.data.get("numbers", {}).values() if "reference" in number
+    }  # fmt: skip
+    named = {name: find(name) for name in sorted(names)}
+    return {n: s for n, s in named.items() if not s.data.get("draws")}
+
+
+def _paired(scenario: Scenario, drawn: dict[str, Any]) -> dict[str, Any]:
+    """The stored draws of a scenario, with what its numbers of form `difference` or `paired_ratio`
+    are draw by draw, and their summaries."""
+    own = drawn[scenario.name]
+    summary, draws = dict(own["summary"]), [dict(row["numbers"]) for row in own["draws"]]
+    for name, entry in scenario.data["numbers"].items():
+        theirs = drawn.get(f"{scenario.family}/{entry.get('reference', '')}")
+        if theirs is not None and entry["form"] == "difference":
+            summary[name] = differences(own, theirs)[entry["of"]]
+        elif theirs is not None and entry["form"] == "paired_ratio":
+            summary[name] = ratios(own, theirs, entry["of"])
+        else:
+            continue
+        for one in summary[name]["each"]:
+            draws[one["draw"]][name] = one[entry["form"].removeprefix("paired_")]
+    rows = [{**row, "numbers": x} for row, x in zip(own["draws"], draws, strict=True)]
+    return {**own, "summary": summary, "draws": rows}
+
+
+def _single(given: list[Scenario], options: Options, jobs: int) -> dict[str, Numbers]:
+    """The numbers of a run of each scenario, of which little more is recorded than these need.
+    Raises RunError for one that does not complete."""
+    made = rows_of_runs([(s.name, options, 0, None) for s in given], jobs, "runs", progress=False)
+    for scenario, row in zip(given, made, strict=True):
+        if row["status"] != "completed":
+            text = f"{scenario.name}: {row['status']}: {row['message']}"
+            raise RunError(text, Exit(row["code"]))
+    return {s.name: row["numbers"] for s, row in zip(given, made, strict=True)}
+
+
+def as_json(family: str, table: list[Row], drawn: dict[str, Any] | None = None) -> dict[str, Any]:
+    """What `--json` prints; where a band has no bound, the largest number that there is, for JSON
+    has no infinity, and null for a time that is not reached. `drawn`: which run the draws are from
+    (`stored.provenance`)."""
+    made = [asdict(replace(row, ours=None) if row.ours == math.inf else row) for row in table]
+    for banded in (*made, *(row["draws"] for row in made if row["draws"])):
+        if banded.get("band"):
+            banded["band"] = [min(max(x, -LARGEST), LARGEST) for x in banded["band"]]
+    data = {"family": family, "count": counted(table), "rows": made}
+    return data if drawn is None else {**data, "run": drawn}
+
+
+def shown(row: Row) -> dict[str, str]:
+    """A row as texts for people."""
+    digits = 2 if row.unit in ("s", "%") else 3
+    difference = ""
+    if row.paper is not None and row.ours is not None and row.ours != math.inf:
+        delta = row.ours - row.paper
+        difference = _signed(delta, digits)
+        if row.paper and row.unit == "s":
+            difference += f" ({_signed(100 * delta / row.paper, 1)} %)"
+    verdict = {True: "within", False: "OUTSIDE", None: ""}[row.within]
+    mark = {"within": "ok", "OUTSIDE": "bad", "": ""}[verdict]
+    if row.ours is None:
+        verdict = "not judged"
+    if row.paper_within is False:
+        verdict += "; paper outside"
+    kind = "tuned" if row.tuned else "out of sample" if row.out_of_sample else "in sample"
+    return {
+        "method": row.method,
+        "case": row.case,
+        "paper": "" if row.paper is None else _value(row.paper, _of_paper(row.paper), row.flag),
+        "ours": "" if row.ours is None else _value(row.ours, digits, row.flag),
+        "difference": "" if row.flag else difference,
+        "band": "" if row.band is None else _band(row, digits),
+        "draws": "" if row.draws is None else _of_draws(row.draws, digits, row.flag),
+        "verdict": verdict,
+        "mark": mark,
+        "sample": kind if row.paper is not None and row.ours is not None else "",
+        "definition": row.definition,
+        "remark": row.remark,
+    }
+
+
+COLUMNS = ("method", "case", "paper", "ours", "difference", "draws", "band", "verdict", "sample",
+           "remark")  # fmt: skip
+NUMBERS = ("paper", "ours", "difference")
+
+
+def columns(lines: list[dict[str, str]]) -> dict[str, str]:
+    """The columns that have something to show in these rows, and their headings."""
+    filled = (c for c in COLUMNS if any(line[c] for line in lines))
+    return {c: "" if c == "verdict" else c for c in filled}
+
+
+def _of_paper(value: float) -> int:
+    """The paper's values have two digits, unless that would show a small one as 0."""
+    return 3 if 0.0 < abs(value) < 0.005 else 2
+
+
+def _value(value: float | None, digits: int, flag: bool = False) -> str:
+    if value is None or value == math.inf:
+        return number(None)
+    if flag and value in (0.0, 1.0):
+        return "yes" if value else "no"
+    return number(value) if abs(value) >= 1e5 else f"{value:.{digits}f}"
+
+
+def _band(row: Row, digits: int) -> str:
+    assert row.band is not None
+    return _within(row.band, lambda x: _value(x, digits, row.flag))
+
+
+def _within(band: Sequence[float], text: Callable[[float], str]) -> str:
+    """A band in words; one that is open at an end has one bound."""
+    (low, high), (least, most) = band, map(text, band)
+    if math.isinf(low):
+        return f"at most {most}"
+    if math.isinf(high):
+        return f"at least {least}"
+    return least if least == most else f"{least} to {most}"
+
+
+def _of_draws(draws: dict[str, Any], digits: int, flag: bool = False) -> str:
+    if "count" in draws:
+        low, high = draws["interval"]
+        return f"{draws['count']} of {draws['n']}; of all {low:.0f} to {high:.0f} % (95 %)"
+    if flag and draws["min"] == draws["max"]:
+        return f"{_value(draws['min'], 0, flag)} in all {draws['n']}"
+    least, most = (_value(draws[k], digits) for k in ("min", "max"))
+    missing, count = draws["not_reached"], draws["n"] + draws["not_reached"]
+    text = f"{least} to {most} of {count}" if draws["n"] else f"of {count}"
+    text += f", not reached by {missing}" if missing else ""
+    if draws["band"]:
+        text += f" (each: {_within(draws['band'], '{:g}'.format)})"
+    return text
+
+
+def _signed(x: float, digits: int) -> str:
+    return f"{round(x, digits) + 0.0:+.{digits}f}"  # + 0.0: no minus before a zero
+
+
+def grouped(table: list[Row]) -> list[tuple[str, list[Row]]]:
+    """(heading, rows) for each table and quantity."""
+    groups: dict[str, list[Row]] = {}
+    for row in table:
+        unit = f" [{pretty_unit(row.unit)}]" if pretty_unit(row.unit) else ""
+        place = f"Table {row.table}" if row.table[0].isdigit() else row.table
+        heading = f"{place}: {row.heading}{unit}"
+        groups.setdefault(heading, []).append(row)
+    return list(groups.items())
+
+
+def definitions(given: Iterable[str]) -> list[str]:
+    """What the rows of a heading measure, each sentence once; those that differ in nothing but the
+    scenario that they compare with as one."""
+    texts = dict.fromkeys(text for text in given if text)
+    others: dict[str, list[str]] = {}
+    for text in texts:
+        compared = re.fullmatch(r"(.* to that of )(\S+)\)", text)
+        if compared:
+            others.setdefault(compared[1], []).append(compared[2])
+        else:
+            others[text] = []
+    return [
+        f"{text}{', '.join(names)}{', row by row' * (len(names) > 1)})" if names else text
+        for text, names in others.items()
+    ]
+
+
+def summed_up(table: list[Row]) -> str:
+    """How many cells are within their bands, and what that counts for."""
+    n = counted(table)
+    return (
+        f"{n['within']} of {n['banded']} cells with a band are within it. Of these {n['banded']}, "
+        f"{n['tuned']} are tuned, {n['without_paper']} have no value of the paper, "
+        f"{n['in_sample']} had a part in a choice of ours or repeat another cell, and "
+        f"{n['out_of_sample']} are out of sample; of the latter "
+        f"{n['out_of_sample_within']} are within. "
+        f"In {n['paper_outside']} the paper's own value is outside the band."
+        + (f" {n['not_judged']} rows no run decides; they say why." if n["not_judged"] else "")
+    )
+
+
+def origin(drawn: dict[str, Any]) -> str:
+    """Where the numbers of draws are from, for people."""
+    how = "just now" if drawn["file"] == "computed now" else f"on {drawn['date']} ({drawn['file']})"
+    return f"computed {how} with seed {drawn['seed']} by {drawn['components_as']}"
+
+
+def write_html(
+    family: str, table: list[Row], path: Path, options: Options, drawn: dict[str, Any] | None = None
+) -> Path:
+    """The tables as a self-contained page."""
+    from importlib.metadata import version
+
+    pages = []
+    for heading, group in grouped(table):
+        lines = [shown(row) for row in group]
+        said = definitions(row.definition for row in group)
+        pages.append((heading, said, lines, columns(lines)))
+    text = render(
+        "tables.html",
+        title=f"{family}: the paper's tables beside ours",
+        lead=(
+            f"{summed_up(table)} Every number of ours was computed by a run of the scenario when "
+            "this page was written" + (f", medians of draws {origin(drawn)}." if drawn else ".")
+        ),
+        tables=pages,
+        numbers=NUMBERS,
+        provenance=(
+            f"{datetime.now(UTC):%Y-%m-%d %H:%M} UTC; {options.algorithm}; "
+            + ("bare blocks" if options.blocks else "FMUs")
+            + "; "
+            + ", ".join(f"{p} {version(p)}" for p in PACKAGES)
+        ),
+    )
+    path.parent.mkdir(parents=True, exist_ok=True)
+    return write_page(path, text)

@@ -1,0 +1,1 @@
+"""A target prepared as a case, run, supervised, resumed, and told as a manifest."""

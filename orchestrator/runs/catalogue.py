@@ -1,0 +1,104 @@
+"""The families of scenarios as `desat list` shows them, and what is wrong with their files.
+
+To find that out, every scenario is read, held against the language and, where a family is asked
+for, against its system, which takes seconds. What was found is kept in the user's cache for as long
+as the family's files and our code are the same, so that nothing but this file and JSON is read
+then.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import sys
+from contextlib import suppress
+from dataclasses import asdict, dataclass
+from functools import cache
+from pathlib import Path
+
+from ..files import paths
+from ..system.errors import DesatError, nearest
+
+
+@dataclass(frozen=True)
+class Family:
+    """A family: the line about it, its sound scenarios (name -> title), and what is wrong with the
+    others, a line each."""
+
+    name: str
+    title: str
+    scenarios: dict[str, str]
+    problems: list[str]
+
+
+def families() -> list[str]:
+    """The names of all families."""
+    return sorted(p.parent.name for p in paths.SCENARIOS.glob("*/scenarios"))
+
+
+def family(name: str, of_systems: bool = True) -> Family:
+    """A family; with `of_systems` False what is wrong is said as far as files say it alone, unless
+    all is known. Raises DesatError where there is none."""
+    if name not in families():
+        raise DesatError(f"no family {name}{nearest(name, families())}")
+    digest, kept = _digest(name), _file(name)
+    with suppress(OSError, ValueError, KeyError, TypeError):
+        known = json.loads(kept.read_text(encoding="utf-8"))
+        if known.pop("digest") == digest and known.pop("of_systems") >= of_systems:
+            return Family(**known)
+    if of_systems and sys.stderr.isatty():
+        print(f"reading the scenarios of {name}, for they or desat have changed", file=sys.stderr)
+    made = _read(name, of_systems)
+    with suppress(OSError):  # no cache is no harm
+        kept.parent.mkdir(parents=True, exist_ok=True)
+        part = kept.with_name(f"{kept.name}.{os.getpid()}.part")
+        told = {"digest": digest, "of_systems": of_systems, **asdict(made)}
+        part.write_text(json.dumps(told), encoding="utf-8")
+        part.replace(kept)
+    return made
+
+
+def _read(name: str, of_systems: bool) -> Family:
+    from ..files import scenario
+
+    good, lines = scenario.readable(name)
+    if of_systems:
+        from .explain import readable
+
+        # an installation's own scenarios are sound; their systems need the FMUs, which take long
+        good, lines = readable(name, of_systems=not paths.INSTALLED)
+    titles = {n: str(s.data.get("title", "")) for n, s in good.items()}
+    return Family(name, scenario.summary(name), titles, lines)
+
+
+def _file(name: str) -> Path:
+    """Where a family of this folder is kept."""
+    where = hashlib.sha256(str(paths.SCENARIOS / name).encode()).hexdigest()[:16]
+    return paths.cache() / "lists" / f"{name}-{where}.json"
+
+
+def _digest(name: str) -> str:
+    """Of the contents of a family's files, and of which files our code is."""
+    made = hashlib.sha256(f"{sys.version}".encode())
+    folder = paths.SCENARIOS / name
+    for path in sorted(p for p in folder.rglob("*") if p.suffix in (".toml", ".ssd", ".fmu")):
+        made.update(f"\0{path.relative_to(folder)}\0".encode() + path.read_bytes())
+    made.update(_code())
+    return made.hexdigest()
+
+
+@cache
+def _code() -> bytes:
+    """Of path, size and time of change of each file of our code."""
+    made = hashlib.sha256()
+    # what a checkout maps below the package lies beside it
+    beside = [paths.PACKAGE.parent / "components", paths.PACKAGE.parent / "fmus"]
+    for root in (paths.PACKAGE, *(() if paths.INSTALLED else beside)):
+        for folder, folders, files in os.walk(root):
+            folders[:] = sorted(f for f in folders if f not in ("__pycache__", "dist", "ssp"))
+            for file in sorted(f for f in files if f.endswith(".py")):
+                path = os.path.join(folder, file)
+                stat = os.stat(path)
+                made.update(f"\0{path} {stat.st_size} {stat.st_mtime_ns}".encode())
+    return made.digest()

@@ -1,0 +1,399 @@
+"""How many inner steps a run makes that chooses them itself: `inner = "auto"`.
+
+The system flies beforehand, unrecorded, with 1, 2, 4, ... inner steps on the FMUs and the loop of
+the run. Of two such flights the coarse one errs by about their difference (its error falls with the
+third power of the inner steps, where an event hides inside a step with the first); FACTOR times
+that is the estimate. The first count whose estimate is below the system's `accuracy` is held
+against a flight with FAR times as many too, for two may err alike (a wheel's friction is integrated
+in parts of its own); where that bears it out, it is taken.
+
+A flight covers the whole run as long as LONGEST steps, and FREE inner ones, are enough. Where they
+are not, the estimate is carried on: in the proportion in which that of fewer inner steps has grown
+from there to the run's end, or, where none has seen that, with the power of time by which it has
+grown so far. Such a run is looked at again when it is over: where its body turned faster, was
+pushed harder, or its torques changed more than in the flights, these are made again from the state
+recorded there, and where they want more inner steps, the run is made again from its start.
+
+Nothing of it depends on a clock: the same system chooses alike everywhere.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+from dataclasses import asdict, astuple, dataclass, field, replace
+from itertools import pairwise
+from math import inf, isfinite, lcm, log2
+from typing import Any
+
+import numpy as np
+from fmpy import read_model_description
+
+from desat.components.contract.block import Scalar
+
+from ..analyses import coverage, residual
+from ..analyses.coverage import Array, Body, Reached, body_of, reached
+from ..engine.ending import NEVER
+from ..engine.instances.base import ComponentError
+from ..engine.loop import stepping
+from ..engine.master import Master
+from ..engine.recording.results import Results
+from ..files import library
+from ..numbers.derived import pointing
+from ..system.errors import DesatError
+from ..system.interface import base_name
+from ..system.model import AUTO, MOST_INNER, Component, System
+from ..system.options import Options
+from ..system.schedule import schedule
+from .isolation import isolated, wanted
+
+FACTOR = 2.0
+"""Estimate over difference: an estimate is to be no less than the error, and that of a flight is
+once to twice its difference from the next."""
+LEVELS = tuple(2**i for i in range(10))
+"""Counts to choose from."""
+FAR, FARTHEST = 4, 2 * LEVELS[-1]
+LEAST_FAR = 16
+"""Times as many inner steps, at least so many and at most so many, that the flight makes by which a
+count is judged in the end."""
+FREE, LONGEST = 120_000, 6_000
+"""Inner steps, and steps, that a flight may take."""
+LOOK = 1_000
+"""Steps that one may take when a run is looked at again."""
+CARRIED = 2.0
+"""Times an estimate that is carried on beyond its flight."""
+ROUGH = 1.5
+"""Estimate over difference, where one of two flights is much finer."""
+GAIN = 1.2
+"""Beyond so many times what the flights have seen, a run has left their range."""
+AGAIN = 3
+"""A run is made so many times at most."""
+STEEPEST = 3.0
+"""Of the powers of time by which an estimate is carried on."""
+
+
+@dataclass(frozen=True)
+class Choice:
+    """The inner steps of a run, and how it came to them."""
+
+    inner: int
+    accuracy: float
+    """rad"""
+    estimate: float | None = None
+    """Largest error of the attitude (rad); None: not known"""
+    why: str = ""
+    """Why nothing was estimated."""
+    steps: int = 0
+    """So many steps of the run, from its start, were flown with the count that was taken."""
+    tried: dict[int, float] = field(default_factory=dict)
+    """Count -> estimate (rad)."""
+    reached: tuple[float, float, float] | None = None
+    """Of the flights that did not see the whole run: largest turning (rad/s), acceleration by
+    actuators and change of that (rad/s2)."""
+    flown: int = 0
+    """Inner steps of all flights"""
+    again: list[str] = field(default_factory=list)
+    """Why the run was made again, each time."""
+    seconds: float = 0.0
+    """CPU time that choosing took"""
+
+    def told(self) -> dict[str, Any]:
+        """As the manifest has it."""
+        return {**asdict(self), "tried": {str(n): e for n, e in self.tried.items()}}
+
+    @classmethod
+    def of(cls, told: dict[str, Any]) -> Choice:
+        """From a manifest."""
+        seen = told["reached"]
+        tried = {int(n): e for n, e in told["tried"].items()}
+        return cls(**{**told, "tried": tried, "reached": seen and tuple(seen)})
+
+
+def chosen(target: str, system: System, options: Options) -> Choice | None:
+    """The choice of a checked system; None of one whose inner steps are given.
+
+    Raises DesatError, with the reason, where no count of LEVELS is accurate enough.
+    """
+    if system.inner != AUTO:
+        return None
+    began = time.process_time()
+    if why := _not_flown(system, options):
+        return Choice(1, system.accuracy, why=why)
+    try:
+        choice = _Flights(system, options, 1, LONGEST).choice(target)
+    except ComponentError as error:
+        choice = Choice(1, system.accuracy, why=f"a flight beforehand failed: {error}")
+    return replace(choice, seconds=time.process_time() - began)
+
+
+def settled(target: str, system: System) -> System:
+    """A checked system with the inner steps that a run of it begins with. Raises DesatError as
+    `chosen` does."""
+    choice = chosen(target, system, Options())
+    return system if choice is None else replace(system, inner=choice.inner)
+
+
+def looked_at_again(
+    target: str, system: System, options: Options, choice: Choice, results: Results
+) -> Choice | None:  # fmt: skip
+    """Another choice for a run that has left the range of its flights, and is to be made again;
+    None where it has not, or where they want no more inner steps. `system` is as before the choice.
+
+    Raises DesatError as `chosen` does.
+    """
+    parts = coverage.applies(system)
+    if choice.reached is None or parts is None:
+        return None
+    began = time.process_time()
+    found = coverage.of_run({coverage.KEY: parts}, results)
+    if found is None:
+        return None
+    more = choice
+    for k, text in _left(found, choice.reached):
+        state = [results.values(name)[max(0, k - 2)] for name in parts["series"][:3]]
+        at = _from(system, float(found.times[max(0, k - 2)]), state)
+        flights = _Flights(at, options, more.inner, LOOK)
+        try:
+            there = flights.choice(target)
+        except ComponentError:
+            continue
+        # what the flights before would have come to with as many, by the second power to be safe
+        share = (more.estimate or 0.0) * (more.inner / there.inner) ** 2
+        share = max(share, there.estimate or 0.0)
+        again = [*choice.again, text] if there.inner > choice.inner else more.again
+        seen = tuple(map(max, more.reached or choice.reached, found.largest()))
+        more = replace(
+            more, inner=there.inner, estimate=share, again=again, reached=seen,  # type: ignore[arg-type]
+            flown=more.flown + there.flown,
+        )  # fmt: skip
+    spent = choice.seconds + time.process_time() - began
+    return None if more is choice else replace(more, seconds=spent)
+
+
+def decimated(system: System, options: Options) -> dict[str, Any] | None:
+    """How much a system errs as components that hand means on, or feed what does, do not step at
+    every step: attitude (rad) and a wheel's momentum (N m s), the largest over the first LONGEST
+    steps. None where all do, or where nothing can be told. `system` has its inner steps.
+
+    As many flights, one of them without these decimations, and ROUGH times their difference.
+    """
+    names = system.components
+    whole = replace(system, inner=2, components={
+        name: replace(c, decimation=1) for name, c in names.items()
+    })  # fmt: skip
+    if options.algorithm == "jacobi" or residual.applies(system) is None:
+        return None
+    if all(c.decimation == 1 for c in names.values()):
+        return None
+    try:
+        every = schedule(whole).rates.every
+        slow = [n for n, c in names.items() if c.decimation > 1 and every[n] == 1]
+        if not slow or _foreign(system, options, every):
+            return None
+        quick = {n: replace(c, decimation=1) if n in slow else c for n, c in names.items()}
+        coarse, fine = (
+            _Flights(replace(system, components=of), options, 1, LONGEST).flown(system.parts)
+            for of in (names, quick)
+        )
+    except (ComponentError, DesatError):
+        return None
+    # where a slow body's states are held, they are those of its own steps
+    rows = slice(None, None, lcm(*(names[n].decimation for n in slow)))
+    angle, gap = pointing(coarse.q[rows], fine.q[rows]), np.abs(coarse.h - fine.h)[rows]
+    return {
+        "attitude": ROUGH * float(np.radians(angle).max()), "momentum": ROUGH * float(gap.max()),
+        "until": float(coarse.times[-1]), "of": ", ".join(sorted(slow)),
+    }  # fmt: skip
+
+
+def _left(found: Reached, seen: tuple[float, float, float]) -> list[tuple[int, str]]:
+    """Rows of a run where it went furthest beyond what its flights had seen, and how."""
+    rows = []
+    looks = (
+        ("turns at {:.3g} rad/s", found.turning),
+        ("is accelerated by {:.3g} rad/s2", found.pushed),
+        ("has its acceleration changed by {:.3g} rad/s2", found.changed),
+    )
+    for (text, values), most in zip(looks, seen, strict=True):
+        k = int(values.argmax()) if len(values) else 0
+        if len(values) and values[k] > GAIN * most + 1e-12:
+            how = text.format(float(values[k]))
+            rows.append((k, f"at t = {found.times[k]:g} s the body {how}, by {most:.3g} at most in "
+                            "the flights beforehand"))  # fmt: skip
+    return rows
+
+
+def _from(system: System, t: float, state: list[Array]) -> System:
+    """A system that begins at t (s) with a body in that state: attitude, rate, wheels' momenta."""
+    parts = residual.applies(system)
+    assert parts is not None
+    q, omega, h = (x.tolist() for x in state)
+    body = system.components[parts["spacecraft"]]
+    wheels = system.components[parts["wheels"].partition(".")[0]]
+    given = {"q_start_bi": q, "omega_start_body": omega, "start_frame": [0]}
+    changed = {
+        body.name: _with(body, given), wheels.name: _with(wheels, {"h_start_wheel": h})
+    }  # fmt: skip
+    return replace(system, start=t, components={**system.components, **changed})
+
+
+def _with(component: Component, given: dict[str, list[Scalar]]) -> Component:
+    values = dict(component.parameters)
+    for name, elements in given.items():
+        signals = component.interface.elements(name)
+        values |= {s.name: x for s, x in zip(signals, elements, strict=bool(signals))}
+    return replace(component, parameters=values)
+
+
+def _not_flown(system: System, options: Options) -> str:
+    """Why a system makes one inner step, where there is nothing to choose by; else nothing."""
+    if options.algorithm == "jacobi":
+        return "jacobi takes no inner steps"
+    if residual.applies(system) is None:
+        return "there is no rigid body with wheels to judge by"
+    try:
+        every = schedule(replace(system, inner=2)).rates.every
+    except DesatError as error:
+        return str(error).splitlines()[0]
+    return _foreign(system, options, every)
+
+
+def _foreign(system: System, options: Options, every: Mapping[str, int]) -> str:
+    """Why a system with foreign FMUs is not flown beforehand; `every` as in `Rates`."""
+    for name in sorted(wanted(system, replace(options, isolate="foreign"))):
+        component = system.components[name]
+        assert component.fmu is not None
+        if name not in isolated(system, options):
+            return f"{name} is a foreign FMU without a process of its own: it is not run twice"
+        of = read_model_description(library.load(component.fmu).folder).coSimulation
+        if every[name] == 1 and not of.canHandleVariableCommunicationStepSize:
+            return (f"{name}: {component.fmu.name} takes steps of one length only "
+                    "(canHandleVariableCommunicationStepSize)")  # fmt: skip
+    return ""
+
+
+@dataclass(frozen=True)
+class _Flight:
+    """States after each step: times (n,; s), attitude (n, 4), rate (n, 3; rad/s), momenta of the
+    wheels (n, 4; N m s), external impulse (n, 3; N m s, eci)."""
+
+    times: Array
+    q: Array
+    omega: Array
+    h: Array
+    impulse: Array
+
+
+class _Flights:
+    """Flights of a system with more and more inner steps, from `least` on, of `longest` steps at
+    most."""
+
+    def __init__(self, system: System, options: Options, least: int, longest: int) -> None:
+        self._system, self._options, self._longest = _on_natives(system), options, longest
+        self._levels = [n for n in LEVELS if n >= least]
+        parts, body = coverage.applies(system), body_of(system)
+        assert parts is not None
+        assert body is not None
+        self._series: list[str] = parts["series"]
+        self._body: Body = body
+        self._longest_error: Array | None = None
+        self._steps = 0
+
+    def choice(self, target: str) -> Choice:
+        """The first count that is accurate enough. Raises DesatError, with the reason."""
+        tried: dict[int, float] = {}
+        coarse = self.flown(self._levels[0])
+        for n in self._levels:
+            fine = self.flown(2 * n)
+            tried[n], error = self._estimate(coarse, fine)
+            far = min(max(FAR * n, LEAST_FAR), FARTHEST)
+            if tried[n] <= self._system.accuracy and far > 2 * n:
+                sure, seen_far = self._estimate(coarse, self.flown(far, FREE // 3))
+                short = len(seen_far) < len(error)
+                tried[n] = max(tried[n], sure) if short else sure
+            if tried[n] <= self._system.accuracy:
+                seen, many = None, len(error)
+                if many <= self._system.steps:
+                    seen = reached(self._body, *(x[:many] for x in astuple(coarse))).largest()
+                return Choice(
+                    n, self._system.accuracy, tried[n], steps=many - 1, tried=tried, reached=seen,
+                    flown=self._steps,
+                )  # fmt: skip
+            coarse = fine
+        raise DesatError(f"{target}: inner = auto: {self._reason(tried, error)}; take a larger "
+                         "--accuracy, or a shorter --step")  # fmt: skip
+
+    def flown(self, inner: int, free: int = FREE) -> _Flight:
+        """A flight as long as so many inner steps last."""
+        steps = min(self._system.steps, max(8, min(free // inner, self._longest)))
+        self._steps += steps * inner
+        system = replace(self._system, inner=inner)
+        columns = {tuple(name.rsplit(".", 1)) for name in self._series}
+        master = Master(
+            system, schedule(system), watched=lambda c, s: (c, base_name(s.name)) in columns,
+            isolated=isolated(system, self._options), limit=self._options.call_limit,
+        )  # fmt: skip
+        with master:
+            master.initialise()
+            index = [
+                slot.index for name in self._series for slot in master.slots
+                if f"{slot.component}.{base_name(slot.signal.name)}" == name
+            ]  # fmt: skip
+            loop, live = stepping(master, None, NEVER, self._options.loop), master.live["Real"]
+            rows = np.empty((steps + 1, len(index)))
+            rows[0] = live[index]
+            while (k := master.k) < steps:
+                loop.some(1)
+                if master.k > k:
+                    rows[master.k] = live[index]
+        times = system.start + system.step * np.arange(steps + 1)
+        return _Flight(times, *np.split(rows, [4, 7, 11], axis=1))
+
+    def _estimate(self, coarse: _Flight, fine: _Flight) -> tuple[float, Array]:
+        """What a flight errs (rad) at the run's end, by one with more inner steps; and the largest
+        difference until each of the rows that both have (rad)."""
+        many = min(len(coarse.q), len(fine.q))
+        error = np.maximum.accumulate(np.radians(pointing(coarse.q[:many], fine.q[:many])))
+        if self._longest_error is None or many == self._system.steps + 1:
+            self._longest_error = error
+        return FACTOR * self._carried(error, self._longest_error), error
+
+    def _carried(self, error: Array, whole: Array) -> float:
+        """The largest error at the run's end, of a flight that may not have come so far."""
+        here, steps = float(error[-1]), self._system.steps
+        if len(error) == steps + 1 or here == 0.0:
+            return here
+        if len(whole) > len(error):
+            here *= float(whole[-1]) / max(float(whole[len(error) - 1]), 1e-300)
+            error = whole
+        here *= CARRIED
+        if (last := len(error) - 1) == steps:
+            return here
+        half = float(error[last // 2])
+        power = log2(float(error[-1]) / half) if half > 0.0 else STEEPEST
+        return float(here * (steps / last) ** min(max(power, 0.0), STEEPEST))
+
+    def _reason(self, tried: dict[int, float], error: Array) -> str:
+        """Why no count was accurate enough."""
+        last = max(tried)
+        text = (f"with {last} inner steps, of {MOST_INNER} at most, the attitude would still err "
+                f"by {tried[last]:.2e} rad, accuracy is {self._system.accuracy:g} rad")  # fmt: skip
+        risen = float(error[-1]) / max(float(error[len(error) // 2]), 1e-15)
+        if not isfinite(tried[last]):
+            return f"{text}: its states are not finite"
+        if risen > 100.0:
+            return f"{text}: the motion amplifies any error, {risen:.0e} times in its second half"
+        ratios = [a / b for a, b in pairwise(list(tried.values())[-4:]) if b > 0.0]
+        bound = coverage.bound(replace(self._system, inner=last)) or coverage.Bound(0.0, 0.0)
+        return (f"{text}; twice the inner steps divide that by {min(ratios, default=inf):.2g} only "
+                f"(in one: turn {bound.turn:.2g} rad, kick {bound.kick:.2g} rad)")  # fmt: skip
+
+
+def _on_natives(system: System) -> System:
+    """The system on native FMUs in place of Python FMUs and bare blocks of ours, which make the
+    same bits."""
+    components = {}
+    for name, c in system.components.items():
+        fmu = library.built(c.source) if c.fmu is None else library.of_kind(c.fmu, "native")
+        components[name] = replace(c, fmu=fmu)
+    return replace(system, components=components)

@@ -1,0 +1,214 @@
+"""Before a run: a target found, read, changed by the options, and checked."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from ..analyses import warnings
+from ..designs import making, origin
+from ..designs import problems as design_problems
+from ..files import about, library, scenario, ssp, trust
+from ..files.modify import modify
+from ..files.scenario import Scenario
+from ..numbers.numbers import problems
+from ..system.check import Checked, check
+from ..system.dispersions import dispersed
+from ..system.draft import Draft
+from ..system.errors import DesatError
+from ..system.interface import base_name
+from ..system.model import System
+from ..system.options import Options
+from ..system.parameters import table
+from ..system.resolve import resolve
+from ..system.schedule import Schedule
+from . import isolation, recording_checks, stopping, validation
+
+
+@dataclass(frozen=True)
+class Case:
+    """A target with options, checked: what a run needs, or what is wrong with it."""
+
+    target: str
+    options: Options
+    where: str
+    """The file that its system was read from, for messages."""
+    checked: Checked
+
+    def or_raise(self) -> tuple[System, Schedule]:
+        """The system and its schedule; raises DesatError with every problem, a line each."""
+        return self.checked.or_raise()
+
+
+def load(target: str, blocks: bool = False) -> Draft:
+    """The system of a scenario name, a scenario file, a .ssp, an .ssd or a folder, with its
+    problems so far. Raises DesatError where there is nothing to go on with."""
+    described = _scenario_of(target)
+    draft = _draft(target, described, blocks)
+    if described is not None and not draft.problems:
+        draft.problems += validation.dispersions(described, draft)
+    return draft
+
+
+def prepare(target: str, options: Options) -> Case:
+    """Load a system, apply the options, and check it; warns of a design made for other values.
+
+    Raises DesatError where there is nothing to check, or an option is wrong.
+    """
+    described = _scenario_of(target)
+    if options.design is None and options.values and _each_draw(described):
+        options = replace(options, design=making.NOW)
+    if options.design is not None and described is None:
+        raise DesatError(f"--design {options.design}: {target} is no scenario with a [design]")
+    draft = _draft(target, described, options.blocks, designed=options.design is None)
+    if told := described or _told(draft):
+        draft.problems += validation.words(told) or validation.names(told, draft)
+    _modify(draft, described, options)
+    checked = check(draft)
+    if checked.system is not None:
+        components = checked.system.components.values()
+        checked.problems += trust.problems(components, options.trusted)
+        checked.problems += recording_checks.problems(checked.system, options)
+        checked.problems += recording_checks.not_saved(checked.system, options)
+        checked.problems += recording_checks.not_halved(checked.system, options)
+        checked.problems += isolation.problems(checked.system, options)
+        checked.warnings += isolation.warnings(checked.system, options)
+        if checked.schedule is not None:
+            _check_wishes(checked, checked.system, checked.schedule, described, options)
+    return Case(target, options, draft.where, checked)
+
+
+def resolved(target: str, options: Options) -> tuple[System, Any]:
+    """The system of a target with the options applied, unchecked; and, where its design is made for
+    the values of each draw, what its scenario says of it. Raises DesatError where it cannot be had.
+    """
+    described = _scenario_of(target)
+    draft = _draft(target, described, options.blocks, designed=options.design is None)
+    _modify(draft, described, options)
+    found = resolve(draft)
+    if found.system is None:
+        raise DesatError("\n".join(found.problems))
+    return found.system, described and described.data["design"] if _each_draw(described) else None
+
+
+def _modify(draft: Draft, described: Scenario | None, options: Options) -> None:
+    """Change a system as the options say; warn of a design made for other values."""
+    drawn = _drawn(draft, described, options)
+    if described is None or options.design is None:
+        modify(draft, options, drawn=drawn)
+        if source := described or _packed_from(draft):
+            draft.warnings += origin.warnings(source, options)
+    else:
+        modify(draft, options, _designed(described, options), drawn)
+    if options.fmus != "native":
+        for component in draft.components.values():
+            if component.fmu is not None:
+                component.fmu = library.of_kind(component.fmu, options.fmus)
+
+
+def _drawn(draft: Draft, described: Scenario | None, options: Options) -> dict[str, str]:
+    """File and key of the dispersion of each value that is drawn: a draw has a value for each."""
+    spread = dispersed(draft)
+    if not spread.keys() <= options.values.keys():
+        return {}
+    given = draft.about.get("dispersions", {})
+    where = {}
+    for name in spread:
+        key = name if name in given else f"*.{name.partition('.')[2]}"
+        path = ("dispersions", key)
+        where[name] = described.where(path) if described else f"{draft.where}: {'.'.join(path)}"
+    return where
+
+
+def _check_wishes(
+    checked: Checked, system: System, schedule: Schedule, described: Scenario | None,
+    options: Options,
+) -> None:  # fmt: skip
+    """Add what of a sound system does not suit what its scenario, and the options, want of it."""
+    if described is not None:
+        checked.problems += validation.wants(described, system)
+    else:
+        checked.problems += [f"{system.where}: {t}" for t in stopping.problems(system)]
+    checked.problems += design_problems(system)
+    lacking = _problems_of_numbers(system)
+    # another FMU may lack what the scenario's numbers are made of: it runs without them
+    (checked.warnings if options.sources else checked.problems).extend(lacking)
+    checked.warnings += warnings(system)
+    if options.algorithm == "jacobi":
+        checked.warnings += _under_jacobi(system, schedule)
+
+
+def _under_jacobi(system: System, schedule: Schedule) -> Iterator[str]:
+    """What the other masters' semantics leaves out."""
+    if system.parts > 1:
+        yield f"jacobi takes no inner steps: inner = {system.inner} has no effect"
+    if any(text.startswith(("mean of", "its part of")) for _, text in schedule.timing):
+        yield "jacobi hands on one mean of several where rates differ: momentum is not conserved"
+
+
+def _scenario_of(target: str) -> Scenario | None:
+    """The scenario that a target names; None for an SSP file or a folder."""
+    path = Path(target)
+    if path.suffix in (".ssp", ".ssd") or path.is_dir():
+        return None
+    if path.suffix == ".toml":
+        return scenario.own(path)
+    try:
+        return scenario.find(target)
+    except DesatError:
+        if not path.exists():
+            raise
+    raise DesatError(f"{target}: it ends in none of .toml, .ssp, .ssd, and is no folder")
+
+
+def _draft(
+    target: str, described: Scenario | None, blocks: bool, designed: bool = True
+) -> Draft:  # fmt: skip
+    if described is not None:
+        return described.draft(blocks, designed)
+    draft = ssp.read(Path(target))
+    library.load_interfaces(draft, blocks)
+    return draft
+
+
+def _each_draw(described: Scenario | None) -> bool:
+    """True for a scenario whose design is made anew for the values of each draw."""
+    return described is not None and bool(described.data.get("design", {}).get("each_draw"))
+
+
+def _told(draft: Draft) -> Scenario | None:
+    """What a packed system says of itself, as a scenario; None where it says nothing."""
+    if not draft.about:
+        return None
+    file = Path(draft.where).parent / ssp.ABOUT
+    name, cell = draft.about.get("name", draft.name), draft.about.get("cell", {})
+    return Scenario(name, file, about.data_of(draft.about), cell, file.parent)
+
+
+def _packed_from(draft: Draft) -> Scenario | None:
+    """The scenario of ours that a packed system was packed from."""
+    name = draft.about.get("name", "")
+    return scenario.find(name) if scenario.exists(name) else None
+
+
+def _designed(described: Scenario, options: Options) -> dict[str, dict[str, Any]]:
+    """The parameters of the design that the options ask for, but for those that the scenario
+    gives itself."""
+    own = described.parameters(designed=False)
+    return {
+        name: {k: v for k, v in values.items() if k not in own.get(name, {})}
+        for name, values in making.parameters_for(described, options).items()
+    }
+
+
+def _problems_of_numbers(system: System) -> list[str]:
+    """What is wrong with the numbers that a scenario wants of a checked system."""
+    units = {
+        f"{c.name}.{base_name(s.name)}": s.unit_name
+        for c in system.components.values() for s in c.interface.of("output")
+    }  # fmt: skip
+    name = system.about.get("name", system.name)
+    wrong = problems(dict(system.about), units, table(system.components.values()))
+    return [f"{name}: {text}" for text in wrong]

@@ -1,0 +1,193 @@
+"""A checked system stepped to its end, or to what ends it before, and recorded."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from ..analyses import energy
+from ..analyses.along import Along
+from ..engine.checkpoint import Checkpoint, Checkpoints
+from ..engine.instances.base import ComponentError, EndedError
+from ..engine.loop import bar, interruptible, run, stepping
+from ..engine.master import Master
+from ..engine.process_state import kept
+from ..engine.recording.recorder import Recorder
+from ..engine.recording.results import SERIES, Results, selects
+from ..engine.recording.row_buffer import Unwritten
+from ..system.codes import Exit
+from ..system.options import asked
+from ..system.refusal import told as refused
+from . import stopping
+from .isolation import isolated
+from .manifest import attributes, begin_manifest
+from .prepare import Case
+
+
+@dataclass
+class Outcome:
+    """How stepping ended."""
+
+    status: str
+    message: str = ""
+    code: int = 0
+    """The exit code, where the status does not say it."""
+    steps: int = 0
+    seconds: float = 0.0
+    """Wall time that these took."""
+    loop: dict[str, str] | None = None
+    """Which loop stepped, and why not the compiled one."""
+    stopped: dict[str, Any] | None = None
+    """The condition that ended the run, and when."""
+    warnings: list[str] = field(default_factory=list)
+    rows: int | None = None
+    """The rows that hold values, where the file has others too."""
+    balance: dict[str, Any] | None = None
+    """The balances of its rigid body that were made while it ran (`analyses/along.py`)."""
+
+
+def stepped(
+    case: Case, folder: Path | None, manifest: dict[str, Any], progress: bool,
+    checkpoint: Checkpoint | None = None, unwritten: Unwritten | None = None,
+    tell: Callable[[str, Any], None] = lambda name, what: None,
+) -> tuple[Outcome, Results]:  # fmt: skip
+    """Initialise, step and record. `tell` gets the layout of rows, and the outcome before the
+    components are freed."""
+    system, schedule = case.or_raise()
+    options, outcome = case.options, Outcome("completed")
+    wanted = asked(case.target, options)
+
+    def watched(component: str, signal: Any) -> bool:
+        ends_it = ends is not None and ends.reads(component, signal)
+        balanced = along is not None and along.needs(component, signal)
+        return ends_it or balanced or selects(options.record, component, signal)
+
+    ends, along = stopping.condition(system), _along(case, manifest)
+    with (
+        kept() as changes,
+        Master(
+            system,
+            schedule,
+            algorithm=options.algorithm,
+            watched=watched,
+            halvings=options.halvings,
+            isolated=isolated(system, options),
+            limit=min(options.call_limit, options.time_limit or math.inf),
+            kept=None if along is None else along.kept,
+        ) as master,
+    ):
+        try:
+            master.initialise()
+        except EndedError:
+            raise
+        except ComponentError as error:
+            raise ComponentError("\n".join(refused(system, str(error)))) from error
+        outcome.warnings += changes("when it was initialised")
+        ending, before = stopping.watch(master, ends, options.time_limit), 0.0
+        if checkpoint is not None:
+            checkpoint.restore(master, ending)
+            outcome.warnings[:] = checkpoint.told["warnings"]
+            before = checkpoint.told["seconds"]
+            if along is not None:
+                along.restore(checkpoint.told["balance"])
+        recorder = Recorder(
+            folder and folder / SERIES,
+            master,
+            options.record,
+            options.every,
+            unwritten,
+            None if checkpoint is None else checkpoint.rows,
+            attributes(manifest),
+        )
+        tell("layout", recorder.layout)
+        if folder is not None:
+            begin_manifest(folder, manifest)
+        if options.algorithm == "jacobi" and checkpoint is None:
+            recorder.record(0, master.live)
+        steps = stepping(master, recorder, ending, options.loop)
+        outcome.loop = {"name": steps.name, "why": steps.why}
+
+        def told() -> dict[str, Any]:
+            """What a checkpoint has of all this; what components have changed is put back, as it
+            will be where the run goes on."""
+            _add(outcome.warnings, changes("while it ran", handlers=False))
+            state = {"warnings": outcome.warnings, "manifest": manifest,
+                     "balance": None if along is None else along.state()}  # fmt: skip
+            return {**state, "seconds": before + steps.seconds, **wanted}
+
+        checkpoints = None
+        try:
+            if folder is not None and options.checkpoint is not None:
+                every = max(1, round(options.checkpoint / system.step))
+                checkpoints = Checkpoints(folder, every, master, recorder, ending, told)
+                if checkpoint is None:
+                    checkpoints.save()
+            with interruptible() as interrupted, bar(system.name, system.steps, progress) as report:
+                reason = run(
+                    master,
+                    steps,
+                    system.steps,
+                    recorder,
+                    ending,
+                    interrupted,
+                    report,
+                    checkpoints,
+                    along,
+                )
+            if number := interrupted():
+                outcome.status = "interrupted"
+                outcome.message = f"stopped by the user at t = {master.t:g} s"
+                outcome.code = int(Exit(128 + number))
+            elif reason == stopping.LATE:
+                outcome.status = reason
+                outcome.message = (
+                    f"{options.time_limit:g} s of wall time over at t = {master.t:g} s"
+                )
+            elif reason:
+                outcome.stopped = {"condition": reason, "time": master.t}
+            if checkpoints is not None and outcome.status != "completed":
+                checkpoints.save()
+        except ComponentError as error:
+            outcome.status, outcome.message = "failed", "\n".join(refused(system, str(error)))
+            if isinstance(error, EndedError):
+                outcome.code = int(error.code)
+                outcome.status = stopping.LATE if error.code == Exit.TIMEOUT else "failed"
+        outcome.seconds = before + steps.seconds
+        outcome.steps = master.k
+        if along is not None:
+            outcome.balance = along.finish(master, outcome.status == "failed")
+        _add(outcome.warnings, [*changes("while it ran"), *master.messages()])
+        # a day's series take seconds to compress; then it is told how it ended
+        with interruptible():
+            results = recorder.finish(master)
+            tell("outcome", outcome)
+    if master.unfreed and outcome.status == "completed":  # all is recorded
+        outcome.status, outcome.message = "failed", f"{master.unfreed[0]}, after the run"
+        outcome.code = int(master.unfreed[0].code)
+        tell("outcome", outcome)
+    return outcome, results
+
+
+def _along(case: Case, manifest: Mapping[str, Any]) -> Along | None:
+    """What makes the balances of a rigid body while the run goes on; None where its rows will do,
+    or where they are not made at all: what rows would need for the work must be recorded."""
+    (system, _), options, parts = case.or_raise(), case.options, manifest[energy.KEY]
+    if parts is None or parts["why"] or options.algorithm != "conserving":
+        return None
+    if parts["rows"] and options.every == 1:
+        return None
+    wanted = [name.partition(".") for name in energy.of_work(parts)]
+    all_of_it = all(
+        selects(options.record, owner, signal)
+        for owner, _, name in wanted
+        for signal in system.components[owner].interface.elements(name)
+    )
+    return Along(system, parts, manifest["parameters"]) if all_of_it else None
+
+
+def _add(lines: list[str], more: list[str]) -> None:
+    """Add those lines that are not there."""
+    lines += [line for line in more if line not in lines]

@@ -1,0 +1,175 @@
+"""What ends a run before its stop time: the scenario's `stop_when`, and a limit of wall time.
+
+    [stop_when]
+    signal = "wheels.h_wheel"
+    below = "0.05 * manager.h_limit"   # the size of every element; or `above`: of any of them
+    held = 60.0                        # so long without a break (s); default: at once
+
+    [stop_when]
+    signal = "manager.mode"
+    reaches = "nominal"                # an Integer's value or its name, or true or false
+
+It is looked at after each step. A state output belongs to t_k then, an interval output to the step
+just made, as in the rows of the results; so a run ends where the measure `first_below` is known.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..engine.ending import Ending, How
+from ..engine.master import Master
+from ..engine.node import Slot
+from ..system.errors import DesatError, nearest
+from ..system.expression import factor, product, unit_of
+from ..system.interface import Signal, base_name
+from ..system.model import System
+from ..system.parameters import table
+
+LATE = "timed out"
+"""What `watch` says, and the manifest's status, where the limit of wall time is over."""
+
+
+@dataclass(frozen=True)
+class Condition:
+    """A `stop_when` of a system: which output, when it is met, and for how long (s)."""
+
+    component: str
+    variable: str
+    how: How
+    limit: float
+    held: float
+    text: str
+
+    def met(self, values: NDArray[Any]) -> bool:
+        """Whether the values of all elements meet it."""
+        if self.how == "reaches":
+            return bool((values == self.limit).all())
+        largest = np.abs(values).max()
+        return bool(largest < self.limit if self.how == "below" else largest > self.limit)
+
+    def reads(self, component: str, signal: Signal) -> bool:
+        """True for an element of its signal."""
+        return component == self.component and base_name(signal.name) == self.variable
+
+
+def condition(system: System) -> Condition | None:
+    """The condition of a system, interfaces loaded; None where it has none. Raises DesatError,
+    which begins with the key, for what does not fit the system."""
+    given = system.about.get("stop_when")
+    if given is None:
+        return None
+    signal = _signal(system, given["signal"])
+    limit: float
+    kinds: tuple[How, ...] = ("below", "above", "reaches")
+    ((kind, value),) = ((k, given[k]) for k in kinds if k in given)
+    if kind == "reaches":
+        limit, shown = _reaches(signal, value), str(value)
+    else:
+        limit, shown = _limit(system, signal, given, kind)
+    held = float(given.get("held", 0.0))
+    text = f"{given['signal']} {kind} {shown}" + (f" for {held:g} s" if held else "")
+    owner, _, variable = given["signal"].partition(".")
+    return Condition(owner, variable, kind, limit, held, text)
+
+
+def problems(system: System) -> list[str]:
+    """What is wrong with a system's condition, beginning with the key; a line, or none."""
+    try:
+        condition(system)
+    except DesatError as error:
+        return [str(error)]
+    return []
+
+
+def _signal(system: System, name: str) -> Signal:
+    """The first element of the signal."""
+    owner, _, variable = name.partition(".")
+    component = system.components.get(owner)
+    if component is None:
+        hint = nearest(owner, system.components)
+        raise DesatError(f"stop_when.signal: no component {owner}{hint}")
+    elements = component.interface.elements(variable)
+    if not elements or elements[0].causality != "output":
+        known = {base_name(s.name) for s in component.interface.of("output")}
+        hint = nearest(variable, known)
+        raise DesatError(f"stop_when.signal: {owner} has no output {variable}{hint}")
+    return elements[0]
+
+
+def _reaches(signal: Signal, value: Any) -> int:
+    """The number that the signal is to have."""
+    where = f"stop_when.reaches: got {value!r}; {base_name(signal.name)} is"
+    if signal.kind == "Real":
+        raise DesatError(f"{where} a Real, which has below and above")
+    if (signal.kind == "Boolean") != isinstance(value, bool):
+        needed = "Boolean: true or false" if signal.kind == "Boolean" else "an Integer"
+        raise DesatError(f"{where} {needed}")
+    if isinstance(value, str):
+        if value not in signal.choices:
+            raise DesatError(f"stop_when.reaches: no value {value}{nearest(value, signal.choices)}")
+        return signal.choices.index(value)
+    return int(value)
+
+
+def _limit(
+    system: System, signal: Signal, given: dict[str, Any], kind: str
+) -> tuple[float, str]:  # fmt: skip
+    """The limit in the signal's unit, and as people read it."""
+    if signal.kind != "Real":
+        raise DesatError(f"stop_when.{kind}: {given['signal']} is of type {signal.kind}; `reaches`")
+    own, unit, value = signal.unit_name, given.get("unit", signal.unit_name), given[kind]
+    try:
+        if isinstance(value, str):
+            number, of = product(value, table(system.components.values()))
+            value = number * factor(of, unit, f'of "{value}"')
+        scale = 1.0 if unit == own else factor(unit_of(unit), own, f"{unit} of the limit")
+    except DesatError as error:
+        raise DesatError(f"stop_when.{kind}: {error}") from error
+    return value * scale, f"{value:g} {'' if unit == '1' else unit}".rstrip()
+
+
+def watch(master: Master, wanted: Condition | None, seconds: float | None) -> Ending:
+    """What ends the run of an initialised master, and why: the text of its condition, or LATE when
+    `seconds` of wall time are over since now."""
+    slots = [s for s in master.slots if wanted and wanted.reads(s.component, s.signal)]
+    memory: dict[str, Any] = {}
+    met = _held(master, wanted, slots, memory) if wanted else lambda: False
+    text = wanted.text if wanted else ""
+    end = None if seconds is None else time.monotonic() + seconds
+
+    def reason() -> str:
+        if met():
+            return text
+        return LATE if end is not None and time.monotonic() > end else ""
+
+    if wanted is None:
+        return Ending(reason, "never")
+    return Ending(reason, wanted.how, slots, wanted.limit, memory)
+
+
+def _held(
+    master: Master, wanted: Condition, slots: list[Slot], memory: dict[str, Any]
+) -> Callable[[], bool]:
+    """Whether the condition has held for long enough; `memory` has since when it is met."""
+    live, index = master.live[slots[0].kind], np.array([s.index for s in slots], np.intp)
+    # the row that an interval output belongs to has begun a step ago
+    ago = int(slots[0].interval and master.algorithm == "conserving")
+    if not ago and wanted.met(live[index]):
+        memory["since"] = master.start
+
+    def met() -> bool:
+        if not wanted.met(live[index]):
+            memory.clear()
+            return False
+        row = master.start + (master.k - ago) * master.step_size
+        since: float = memory.setdefault("since", row)
+        return row - since >= wanted.held - 1e-9
+
+    return met

@@ -1,0 +1,208 @@
+"""A run in a process of its own, which a component may end, or never come back from.
+
+The parent waits, hands signals on, and reports: what the run says of itself when it ends, or else
+component and call, and the signal or exit code that ended it. Nothing is added to a step but what
+`engine/current_call.py` says.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import faulthandler
+import os
+import signal
+import sys
+import time
+import traceback
+import warnings
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass, field
+from multiprocessing.connection import Connection, Pipe
+from pathlib import Path
+from typing import Any, NoReturn
+
+from ..engine import current_call
+from ..engine.recording.row_buffer import Layout, Unwritten
+from ..system.errors import DesatError
+
+SIGNALS = tuple(
+    getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)
+)
+CAN = hasattr(os, "fork")
+_LOOK = 0.2
+"""The parent looks at its child so often (s)."""
+_LATER = 0.5
+"""So much (s) after the limit of an isolated component has ended that component alone."""
+_AT_ONCE = 0.8 * _LATER
+"""No more (s) between two looks is a call's: both processes may have been stopped (Ctrl-Z). Less
+than `_LATER`, so that a call which was stopped has its whole limit when it goes on."""
+
+
+@dataclass
+class Ended:
+    """How a watched process ended. `said`: what it told, by name (`layout`, `outcome`, `error`)."""
+
+    said: dict[str, Any] = field(default_factory=dict)
+    component: str = ""
+    call: str = ""
+    how: str = ""
+    """`SIGSEGV`, `exit(3)`; empty for one that ended as it should."""
+    hung: float = 0.0
+    """The time (s) that it was left in one call, until it was ended."""
+    signal: int = 0
+    """The signal that the parent got, and handed on."""
+
+    def text(self) -> str:
+        """The line about one that did not end as it should."""
+        if not self.call:
+            return f"the process of the run ended by {self.how}, outside a call of a component"
+        if self.hung:
+            return f"{self.component}: {self.call} did not return within {self.hung:g} s"
+        return f"{self.component}: {self.call} ended the process: {self.how}"
+
+
+def watch(
+    work: Callable[[Callable[[str, Any], None], Unwritten], None], order: Sequence[str],
+    unwritten: Unwritten, limit: float,
+) -> Ended:  # fmt: skip
+    """Do `work(tell, unwritten)` in a forked process, and say how that ended; after `limit` s in
+    one call of a component of `order`, or a second signal to stop, it is killed."""
+    ours, theirs = Pipe(duplex=False)
+    sys.stdout.flush()
+    sys.stderr.flush()
+    parent, ended = os.getpid(), Ended()
+    with warnings.catch_warnings():  # the child uses nothing that another thread may hold
+        warnings.simplefilter("ignore", DeprecationWarning)
+        child = os.fork()
+    if child == 0:
+        _work(work, theirs, unwritten, parent)
+    theirs.close()
+    with _handed_on(child, ended):
+        status = _wait(child, ours, ended, limit)
+    ours.close()
+    if status not in (0, current_call.UNKNOWN) or "done" not in ended.said:
+        ended.how = current_call.how(status)
+    if ended.how:
+        ended.component, ended.call = current_call.named(order)
+    current_call.word[0] = 0
+    return ended
+
+
+def layout_of(ended: Ended) -> Layout | None:
+    """Where the rows in memory lie; None where the run had none yet."""
+    layout: Layout | None = ended.said.get("layout")
+    return layout
+
+
+def _work(
+    work: Callable[[Callable[[str, Any], None], Unwritten], None], pipe: Connection,
+    unwritten: Unwritten, parent: int,
+) -> NoReturn:  # fmt: skip
+    """The child: what it does, and then nothing more, not even what the interpreter would."""
+
+    def tell(name: str, what: Any) -> None:
+        pipe.send((name, what))
+
+    try:
+        faulthandler.disable()
+        _die_with(parent)
+        _adopt()
+        os.dup2(2, 1)  # what an FMU prints is no result
+        try:
+            work(tell, unwritten)
+            tell("done", True)
+        except DesatError as error:
+            tell("error", (type(error), error.args))
+            tell("done", True)
+        except (KeyboardInterrupt, SystemExit):  # told to stop where it was not stepping
+            pass
+        except BaseException as error:
+            if os.environ.get("DESAT_TRACEBACK"):
+                traceback.print_exc()
+            if isinstance(error, OSError):
+                tell("system", (error.errno, error.strerror, error.filename))
+            tell("bug", f"{type(error).__name__}: {error}")
+            tell("done", True)
+            _end_children()
+            os._exit(0)  # while `error` holds all: files that are full cannot be closed
+    finally:
+        _end_children()
+        os._exit(0)
+
+
+def _adopt() -> None:
+    """Orphans of this process' children come to it, not to the system (Linux): daemons of FMUs."""
+    if sys.platform == "linux":
+        ctypes.CDLL(None).prctl(36, 1)  # PR_SET_CHILD_SUBREAPER
+
+
+def _end_children() -> None:
+    """End all that components have started and left behind; none of them is ours by now."""
+    until = time.monotonic() + _LATER
+    while time.monotonic() < until:
+        files = Path("/proc/self/task").glob("*/children")
+        with suppress(OSError):
+            if not (left := [int(n) for file in files for n in file.read_text().split()]):
+                return
+            for process in left:
+                os.kill(process, signal.SIGKILL)
+            for process in left:  # theirs come next
+                os.waitpid(process, 0)
+
+
+def _die_with(parent: int) -> None:
+    """Get SIGTERM when the parent dies (Linux)."""
+    if sys.platform == "linux":
+        ctypes.CDLL(None).prctl(1, signal.SIGTERM)
+        if os.getppid() != parent:
+            os.kill(os.getpid(), signal.SIGTERM)
+
+
+def _wait(child: int, pipe: Connection, ended: Ended, limit: float) -> int:
+    """Listen until the child has ended; its status."""
+    listening, seen, since, looked = True, current_call.now(), 0.0, time.monotonic()
+    while True:
+        if listening and pipe.poll(_LOOK):
+            try:
+                name, what = pipe.recv()
+                ended.said[name] = what
+            except (EOFError, OSError):
+                listening = False
+            continue
+        if (status := current_call.status_of(child)) is not None:
+            return status
+        if not listening:
+            time.sleep(0.01)
+        past, looked = looked, time.monotonic()
+        if (now := current_call.now()) != seen or not now[0]:
+            seen, since = now, 0.0
+        else:
+            since += min(looked - past, _AT_ONCE)
+        if since > limit + _LATER:
+            ended.hung = limit
+            os.kill(child, signal.SIGKILL)
+
+
+@contextmanager
+def _handed_on(child: int, ended: Ended) -> Iterator[None]:
+    """Within: the first signal to stop is handed on to the child, the second kills it."""
+    first = [0.0]
+
+    def handler(number: int, frame: Any) -> None:
+        again = ended.signal and time.monotonic() - first[0] > 0.3  # a terminal tells us twice
+        if not ended.signal:
+            ended.signal, first[0] = number, time.monotonic()
+        with suppress(ProcessLookupError):
+            os.kill(child, signal.SIGKILL if again else number)
+
+    try:
+        previous = {n: signal.signal(n, handler) for n in SIGNALS}
+    except ValueError:  # not the main thread: nobody tells us
+        yield
+        return
+    try:
+        yield
+    finally:
+        for number, before in previous.items():
+            signal.signal(number, before)

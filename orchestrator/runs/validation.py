@@ -1,0 +1,297 @@
+"""What a scenario means, beyond its words: measures and their options; and, of a system that it
+describes, series, units, limits and dispersions. A line for each thing that is not there."""
+
+from __future__ import annotations
+
+import inspect
+import re
+from collections.abc import Iterator
+from typing import Any
+
+from ..analyses import analyses
+from ..files.scenario import Scenario
+from ..numbers import derived
+from ..numbers.measures import MEASURES, OWN_UNIT, SCALARS, SIZES
+from ..numbers.numbers import scale
+from ..system.dispersions import kind_of
+from ..system.draft import Draft
+from ..system.errors import DesatError, nearest
+from ..system.interface import Signal, base_name
+from ..system.model import System
+from ..system.parameters import expand
+from . import requirements, stopping
+
+Path = tuple[str, ...]
+
+
+def options_of(measure: str) -> tuple[list[str], dict[str, Any]]:
+    """The series that a measure takes after the times, and its options with their defaults (or
+    `inspect.Parameter.empty`)."""
+    given = list(inspect.signature(MEASURES[measure]).parameters.values())[1:]
+    series = [p.name for p in given if p.annotation == "Array"]
+    return series, {p.name: p.default for p in given if p.name not in series}
+
+
+def words(scenario: Scenario) -> list[str]:
+    """Measures, options and derived quantities that there are not; no system is needed."""
+    problems = [*_words(scenario.data), *requirements.unmeetable(scenario.data)]
+    problems += _rows(scenario.data)
+    return [f"{scenario.where(path)}: {text}" for path, text in problems]
+
+
+def _words(data: dict[str, Any]) -> Iterator[tuple[Path, str]]:
+    numbers = data.get("numbers", {})
+    for name, number in numbers.items():
+        problems = _compared(number, numbers) if "of" in number else _measured(number)
+        yield from ((("numbers", name, *path), text) for path, text in problems)
+    for table in ("numbers", "plots"):
+        for name, entry in data.get(table, {}).items():
+            yield from (((table, name, key), text) for key, text in _derived(entry))
+            if table == "plots" and "derive" in entry and derived.takes_parameters(entry["derive"]):
+                yield (table, name, "derive"), f"{entry['derive']} is of numbers only"
+
+
+def _compared(number: dict[str, Any], numbers: dict[str, Any]) -> Iterator[tuple[Path, str]]:
+    """What is wrong with a number that is made of another one."""
+    known = {*numbers, *(n for a in analyses() for n in a.NUMBERS)}
+    if number["of"] not in known:
+        yield ("of",), f"no number {number['of']}{nearest(number['of'], known)}"
+
+
+def _measured(number: dict[str, Any]) -> Iterator[tuple[Path, str]]:
+    """What is wrong with the measure of a number, its series and options."""
+    measure = number.get("measure", "last")
+    if measure not in MEASURES:
+        yield ("measure",), f"no measure {measure}{nearest(measure, MEASURES)}"
+        return
+    series, options = options_of(measure)
+    signals, given = number["signal"], number.get("options", {})
+    count = 1 if isinstance(signals, str) or "derive" in number else len(signals)
+    if "element" in number and len(series) > 1:
+        yield ("element",), f"{measure} takes {len(series)} series; only with one"
+    if count != len(series):
+        yield ("signal",), f"{count} given; {measure} takes {len(series)}"
+    kinds = inspect.get_annotations(MEASURES[measure])
+    for option, value in given.items():
+        path = ("options", option)
+        if option not in options:
+            yield (
+                path,
+                f"{measure} has no option {option}{nearest(option, options) or '; it has none'}",
+            )
+        elif wanted := _unfit(option, kinds[option], value):
+            yield path, f"got {value!r}; {wanted} is needed"
+    if given.keys() <= options.keys():  # else what is missing may be misspelt
+        for option, default in options.items():
+            if default is inspect.Parameter.empty and option not in given:
+                yield ("options",), f"{measure} needs {option}"
+
+
+def _rows(data: dict[str, Any]) -> Iterator[tuple[Path, str]]:
+    """Rows of a paper's table whose number nobody computes."""
+    numbers = data.get("numbers", {})
+    for row, name in numbers_of_rows(data).items():
+        entry = data["paper"][row]
+        named = [("number" if "number" in entry else "quantity", name)]
+        named += [("tolerance", other) for other in bands_of(entry.get("tolerance"))]
+        for key, number in named:
+            if number in numbers:
+                continue
+            known = {*numbers, *(n for a in analyses() for n in a.NUMBERS)}
+            if number not in known:
+                yield ("paper", row, key), f"no number {number}{nearest(number, known)}"
+
+
+def bands_of(tolerance: Any) -> Iterator[str]:
+    """The other numbers that bands are given by."""
+    if isinstance(tolerance, dict) and isinstance(tolerance.get("of"), str):
+        yield tolerance["of"]
+    elif isinstance(tolerance, (dict, list)):
+        for each in tolerance.values() if isinstance(tolerance, dict) else tolerance:
+            yield from bands_of(each)
+
+
+def numbers_of_rows(data: dict[str, Any]) -> dict[str, str]:
+    """Row -> number, of the rows of a paper's tables but those that no run decides."""
+    return {
+        row: entry.get("number", entry["quantity"])
+        for row, entry in data.get("paper", {}).items() if "not_judged" not in entry
+    }  # fmt: skip
+
+
+def _analysed(scenario: Scenario, system: System) -> Iterator[tuple[Path, str]]:
+    """Rows whose number is of an analysis that does not apply to the system."""
+    for row, name in numbers_of_rows(scenario.data).items():
+        of = [a for a in analyses() if name in a.NUMBERS]
+        if name not in scenario.data.get("numbers", {}) and not any(a.applies(system) for a in of):
+            yield ("paper", row), f"no number {name} of this system"
+
+
+def _derived(entry: dict[str, Any]) -> Iterator[tuple[str, str]]:
+    """What is wrong with what a number or plot derives: key and text."""
+    try:
+        quantity = derived.of_entry(entry)
+    except DesatError as error:
+        yield "derive", str(error)
+        return
+    if "sequence" in entry and entry.get("derive") not in ("euler", "euler_lvlh"):
+        yield "sequence", 'only with derive = "euler" or "euler_lvlh"'
+    if quantity is None:
+        return
+    count = len(quantity[0].names)
+    if len(entry.get("components", ())) > count:
+        yield "components", f"{len(entry['components'])} names for {count} elements"
+    if entry.get("element", 0) > count:
+        yield "element", f"got {entry['element']}; {entry['derive']} has {count}"
+
+
+def _unfit(option: str, annotation: str, value: Any) -> str:
+    """What an option of a measure needs, where the value is not that. A text may stand for a
+    number: it names parameters."""
+    if option == "kind":
+        return "" if value in SIZES else " or ".join(SIZES)
+    if annotation.startswith("list"):
+        good = isinstance(value, list) and all(type(x) in (int, float) for x in value)
+        return "" if good else "a list of numbers"
+    if annotation == "int":
+        return "" if type(value) is int else "a whole number"
+    return "" if type(value) in (int, float, str) else "a number"
+
+
+def names(scenario: Scenario, system: Draft) -> list[str]:
+    """Series, units, limits and dispersions that do not fit the system, interfaces loaded."""
+    problems = [f"{scenario.where(path)}: {text}" for path, text in _series(scenario.data, system)]
+    return problems + dispersions(scenario, system)
+
+
+def dispersions(scenario: Scenario, system: Draft) -> list[str]:
+    """Dispersions that do not fit the system, interfaces loaded."""
+    problems = _dispersions(scenario.data, system)
+    return [f"{scenario.where(path)}: {text}" for path, text in problems]
+
+
+def wants(scenario: Scenario, system: System) -> list[str]:
+    """What a scenario wants of a resolved system that is not to be had: numbers of an analysis that
+    does not apply to it, and a condition that it cannot meet."""
+    problems = list(_analysed(scenario, system))
+    for line in stopping.problems(system):
+        path, _, text = line.partition(": ")
+        problems.append((tuple(path.split(".")), text))
+    return [f"{scenario.where(path)}: {text}" for path, text in problems]
+
+
+def _elements(system: Draft, name: str, causalities: tuple[str, ...]) -> list[Signal] | str:
+    """The elements of `component.variable`, or what is wrong with the name; none where the
+    component's FMU is missing, which is said elsewhere."""
+    owner, _, variable = name.partition(".")
+    component = system.components.get(owner)
+    if component is None:
+        return f"no component {owner}{nearest(owner, system.components)}"
+    if component.interface is None:
+        return []
+    elements = component.interface.elements(variable)
+    if not elements or elements[0].causality not in causalities:
+        known = {base_name(s.name) for c in causalities for s in component.interface.of(c)}
+        return f"{owner} has no {causalities[0]} {variable}{nearest(variable, known)}"
+    return elements
+
+
+def _unit(own: str, unit: str) -> str:
+    """What is wrong with a unit in place of another."""
+    try:
+        scale(own, unit)
+    except DesatError as error:
+        return str(error)
+    return ""
+
+
+def _series(data: dict[str, Any], system: Draft) -> Iterator[tuple[Path, str]]:
+    for table, key in (("numbers", "signal"), ("plots", "signals")):
+        for name, entry in data.get(table, {}).items():
+            signals = entry.get(key, [])
+            signals = [signals] if isinstance(signals, str) else signals
+            ends = [_elements(system, signal, ("output",)) for signal in signals]
+            for problem in ends:
+                if isinstance(problem, str):
+                    yield (table, name, key), problem
+            known = [e for e in ends if isinstance(e, list) and e]
+            first = table == "numbers" or "derive" in entry
+            for what, text in _entry(entry, known[:1] if first else known):
+                yield (table, name, what), text
+    for name, plot in data.get("plots", {}).items():
+        for limit in plot.get("limits", []):
+            value = limit["value"] if isinstance(limit, dict) else limit
+            for factor in re.split(r"[*/]", value) if isinstance(value, str) else ():
+                if not _is_number(factor):
+                    problem = _elements(system, base_name(factor.strip()), ("parameter", "input"))
+                    if isinstance(problem, str):
+                        yield ("plots", name, "limits"), problem
+
+
+def _entry(entry: dict[str, Any], signals: list[list[Signal]]) -> Iterator[tuple[str, str]]:
+    """What of a number or plot does not fit the elements of its signals: key and text."""
+    quantity = derived.of_entry(entry)
+    own = entry.get("measure") in OWN_UNIT or "percent_of" in entry
+    for elements in signals:
+        unit = (quantity[0].unit if quantity else "") or elements[0].unit_name
+        if not own and "unit" in entry and (text := _unit(unit, entry["unit"])):
+            yield "unit", text
+        several, measure = len(quantity[0].names if quantity else elements), entry.get("measure")
+        if "signal" in entry and "element" not in entry and several > 1 and measure in SCALARS:
+            yield "element", f"{measure or 'last'} takes one element; there are {several}"
+        if quantity:
+            continue
+        if len(entry.get("components", [])) > len(elements):
+            yield "components", f"{len(entry['components'])} names for {len(elements)} elements"
+        if entry.get("element", 0) > len(elements):
+            yield "element", f"got {entry['element']}; the signal has {len(elements)}"
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
+
+
+def _dispersions(data: dict[str, Any], system: Draft) -> Iterator[tuple[Path, str]]:
+    for key, spec in data.get("dispersions", {}).items():
+        path = ("dispersions", key)
+        owner, _, variable = key.partition(".")
+        owners = [owner]
+        if owner == "*":
+            owners = [n for n, c in system.components.items()
+                      if c.interface and c.interface.elements(variable)]  # fmt: skip
+            if not owners and all(c.interface for c in system.components.values()):
+                yield path, f"no component has a parameter {variable}"
+        for name in owners:
+            elements = _elements(system, f"{name}.{variable}", ("parameter", "input"))
+            if isinstance(elements, str):
+                yield path, elements
+            elif elements and (text := _misfit(system, name, variable, elements, spec)):
+                yield path, text
+
+
+def _misfit(
+    system: Draft, owner: str, variable: str, elements: list[Signal], spec: dict[str, Any]
+) -> str:
+    kind = kind_of(spec)
+    given = spec[kind]
+    wanted = {"signs": len(given) if kind == "signs" else 0, "attitude": 4, "seed": 1}
+    if len(elements) != wanted.get(kind, len(elements)):
+        return f"{kind}: {variable} has {len(elements)} elements, not {wanted[kind]}"
+    if kind == "direction" and len(elements) < 2:
+        return f"direction: {variable} is no vector"
+    if kind != "one_of":
+        type_ = "Integer" if kind == "seed" else "Real"
+        other = elements[0].kind != type_
+        return f"{kind}: {variable} is of type {elements[0].kind}, not {type_}" if other else ""
+    interface = system.components[owner].interface
+    assert interface is not None
+    for value in given:
+        try:
+            expand(interface, variable, value, owner)
+        except DesatError as error:
+            return f"one_of: {error}"
+    return ""

@@ -1,0 +1,181 @@
+"""The digest of a system: equal where the same bits come out, another where one may differ.
+
+It is of the *resolved* system, found by walking its dataclasses, so that a field that they get
+later is in it by itself; what moves no bit is left out by name (`ASIDE`). Each component stands
+with what computes it (`files/library.py`, `computes`): of a foreign FMU the sha256 of its file; of
+a block of ours the hash of the Python that is translated, whichever of its three forms runs, the
+native FMU, the one of Python or the bare block, as these give the same bits (`make builds`, and the
+tests of all blocks): a run, a worker with another build, and draws that are looked up without FMUs
+agree. It is the hash of what an FMU was built of, not of the sources beside it. Values are in the
+variables' own units, which are in the digest, too: SI for all of ours; what a file gives in another
+unit has been converted when a system is resolved.
+
+Versions, compiler and libm stand beside it (`files/identity.py`, `versions`).
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Callable, Mapping, Set
+from dataclasses import fields, is_dataclass, replace
+from functools import cache
+from operator import attrgetter
+from typing import Any
+
+from .interface import Interface
+from .model import Connection, System
+
+FORM = "2"
+"""Of the digest, before a colon: digests of another form are of no use to each other."""
+
+_OF_CODE = "is of what computes it, which stands beside"
+ASIDE: Mapping[str, Mapping[str, str]] = {
+    "System": {
+        "name": "a name for people",
+        "where": "a file, for messages",
+    },
+    "Component": {
+        "source": _OF_CODE,
+        "fmu": _OF_CODE,
+        "connectors": "what an SSD lists, held against the interface when it is resolved",
+        "line": "of a file, for messages",
+        "given": "who gave a value, for messages",
+    },
+    "Connection": {
+        "line": "of a file, for messages",
+        "converts": "what comes of it are factor and offset",
+    },
+    "Interface": {
+        "title": "a text",
+    },
+    "Signal": {
+        "description": "a text",
+        "unit_name": "how the unit is written; it stands beside",
+        "reference": "the number of a variable in its FMU's file",
+        "choices": "names of values, which are resolved",
+        "minimum": "a value beyond it is refused",
+        "maximum": "a value beyond it is refused",
+        "shared": "values that differ are refused",
+        "needed_by": "what is missing is refused",
+    },
+    "Options": {
+        "sets": "in the resolved system",
+        "values": "in the resolved system",
+        "sources": "in the resolved system",
+        "stop": "in the resolved system",
+        "step": "in the resolved system",
+        "inner": "in the resolved system",
+        "accuracy": "in the resolved system",
+        "output_classes": "in the resolved system",
+        "design": "in the resolved system, as parameters",
+        "blocks": "the same bits",
+        "fmus": "the same bits",
+        "loop": "the same bits",
+        "isolate": "the same bits",
+        "supervised": "the same bits",
+        "record": "which series are kept; what numbers are made of is",
+        "trusted": "whether it runs at all",
+        "time_limit": "ends a run that takes long; it is then not completed",
+        "call_limit": "ends a run that takes long; it is then not completed",
+        "checkpoint": "the same bits",
+    },
+}  # fmt: skip
+"""Fields that are in no digest, by class, and why."""
+TEXTS = ("title", "story", "source", "twin", "labels", "name", "cell")
+"""Keys of a scenario's content that are for people."""
+RESOLVED = ("inner", "accuracy", "output_classes")
+"""Keys of it that are resolved into the system."""
+
+
+def digest(
+    system: System, computes: Mapping[str, str], beside: Any = None, without: Set[str] = frozenset()
+) -> str:
+    """FORM and sha256 of a system, of what computes each component, by its name, and of what else
+    moves bits (`beside`: dataclasses, tables, lists, numbers, texts). `without`: keys of the
+    scenario's content that do not count for this use of it. Raises TypeError for what it cannot
+    tell, and KeyError for a component that nothing computes."""
+    aside = {*TEXTS, *RESOLVED, *without}
+    content = {k: _untitled(v) for k, v in system.about.items() if k not in aside}
+    told = [
+        _told(replace(system, about=content)), {n: computes[n] for n in system.components},
+        _told(beside),
+    ]  # fmt: skip
+    text = json.dumps(told, sort_keys=True)
+    return f"{FORM}:{hashlib.sha256(text.encode()).hexdigest()}"
+
+
+def comparable(other: str) -> bool:
+    """Whether a digest that was kept is of the form of those made now."""
+    return other.startswith(f"{FORM}:")
+
+
+def wiring(connections: tuple[Connection, ...]) -> dict[str, dict[str, Any]]:
+    """The connections by `component.input`: where from, and the transformation, where there is
+    one: input = factor * source + offset."""
+    return {
+        f"{c.target}.{c.input}": {
+            "source": f"{c.source}.{c.output}",
+            **({} if (c.factor, c.offset) == (1.0, 0.0)
+               else {"factor": c.factor, "offset": c.offset}),
+        }
+        for c in sorted(connections, key=lambda c: (c.target, c.input))
+    }  # fmt: skip
+
+
+def _untitled(value: Any) -> Any:
+    """Numbers, plots or requirements of a scenario without their titles; else what is given."""
+    if isinstance(value, Mapping):
+        return {name: _entry(entry) for name, entry in value.items()}
+    return [_entry(entry) for entry in value] if isinstance(value, list) else value
+
+
+def _entry(entry: Any) -> Any:
+    is_table = isinstance(entry, Mapping)
+    return {k: v for k, v in entry.items() if k != "title"} if is_table else entry
+
+
+@cache
+def _kept(kind: Any) -> Callable[[Any], tuple[Any, ...]] | None:
+    """What gets the fields of a dataclass that are in the digest, after its class; None for another
+    class."""
+    if not isinstance(kind, type) or not is_dataclass(kind):
+        return None
+    aside = ASIDE.get(kind.__name__, {})
+    names = tuple(f.name for f in fields(kind) if f.name not in aside)
+    return attrgetter("__class__.__name__", *names)
+
+
+def _of_interface(x: Interface) -> str:
+    """The hash of an interface, kept with it as its cached properties are: it has hundreds of
+    variables, and components share it."""
+    known = vars(x)
+    if "_digest" not in known:
+        values = [_told(v) for v in values_of(x)] if (values_of := _kept(Interface)) else []
+        known["_digest"] = hashlib.sha256(json.dumps(values, sort_keys=True).encode()).hexdigest()
+    return str(known["_digest"])
+
+
+_PLAIN = frozenset((float, str, int, bool, type(None)))
+
+
+def _told(x: Any) -> Any:
+    """Something as JSON: what is equal in it is equal to the bit. The order of dataclasses in a
+    list, such as connections, does not count."""
+    kind = type(x)
+    if kind in _PLAIN:
+        return x
+    if kind is Interface:
+        return _of_interface(x)
+    if values_of := _kept(kind):  # type: ignore[arg-type]
+        return [v if type(v) in _PLAIN else _told(v) for v in values_of(x)]
+    if isinstance(x, Mapping):
+        return {str(k): v if type(v) in _PLAIN else _told(v) for k, v in x.items()}
+    if isinstance(x, (list, tuple)):
+        if _PLAIN.issuperset(map(type, x)):
+            return x
+        told = [_told(v) for v in x]
+        return sorted(told, key=json.dumps) if is_dataclass(x[0]) else told
+    if hasattr(x, "tolist"):  # of numpy
+        return _told(x.tolist())
+    raise TypeError(f"{kind.__name__}: a digest cannot tell it")

@@ -1,0 +1,110 @@
+"""What the command line, or a program, may change about a run."""
+
+from __future__ import annotations
+
+import shlex
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field, fields
+from math import inf
+from numbers import Real
+from pathlib import Path
+from typing import Any, Literal, get_args
+
+from .errors import DesatError
+from .model import AUTO, MOST_INNER, Inner
+
+
+def asked(target: str, options: Options) -> dict[str, Any]:
+    """Target and options as JSON, with the folder that relative paths in them start from."""
+    given = {**asdict(options), "trusted": options.trusted and sorted(options.trusted)}
+    return {"target": target, "options": given, "from": str(Path.cwd())}
+
+
+def as_asked(told: Mapping[str, Any]) -> Options:
+    """The options that `asked` gave."""
+    given = dict(told["options"])
+    given["record"] = tuple(given["record"])
+    given["trusted"] = given["trusted"] and frozenset(given["trusted"])
+    return Options(**given)
+
+
+def as_arguments(options: Options) -> str:
+    """What of options is not as by default, as the command line has it, each after a blank;
+    `values` as they would be set."""
+    sets = [*options.sets, *(f"{k}={v}" for k, v in options.values.items())]
+    given = [("set", x) for x in sets] + [("source", x) for x in options.sources]
+    given += [("output-class", f"{k}={v}") for k, v in options.output_classes.items()]
+    for f in fields(options):
+        value = getattr(options, f.name)
+        if isinstance(value, (int, float, str)) and value != f.default and value is not True:
+            given.append((f.name.replace("_", "-"), str(value)))
+    flags = " --blocks" if options.blocks else ""
+    return flags + "".join(f" --{name} {shlex.quote(text)}" for name, text in given)
+
+
+Algorithm = Literal["conserving", "jacobi"]
+ALGORITHMS: tuple[Algorithm, ...] = get_args(Algorithm)
+Loop = Literal["compiled", "python"]
+Fmus = Literal["native", "python"]
+Isolate = Literal["all", "foreign", "none"]
+_CHOICES = {"fmus": Fmus, "loop": Loop, "isolate": Isolate}
+_TIMES = ("stop", "step", "time_limit", "call_limit", "checkpoint")
+
+
+@dataclass
+class Options:
+    """What the command line may change about a run."""
+
+    sets: list[str] = field(default_factory=list)
+    sources: list[str] = field(default_factory=list)
+    """`component=FMU`: a file, or one of ours by its name, in a component's place"""
+    stop: float | None = None
+    step: float | None = None
+    inner: Inner | None = None
+    """Inner steps within each step (`system/rates.py`); `auto`: the run chooses them."""
+    accuracy: float | None = None
+    """Attitude error (rad) that `auto` keeps below."""
+    algorithm: Algorithm = "conserving"
+    blocks: bool = False
+    fmus: Fmus = "native"
+    """Which of our FMUs run; the same bits. Where there is no native one, the one of Python."""
+    record: tuple[str, ...] = ("*",)
+    every: int = 1
+    output_classes: dict[str, Any] = field(default_factory=dict)
+    values: dict[str, Any] = field(default_factory=dict)
+    """`component.variable` -> value, beside `sets`, for callers that are programs."""
+    design: str | None = None
+    """Of a scenario with a [design]: a file with another one, or `now`: made for these values."""
+    trusted: frozenset[str] | None = None
+    """The sha256 of the FMUs that may run besides ours; None: all may."""
+    time_limit: float | None = None
+    """Wall time (s) that stepping may take; the run ends between two steps"""
+    loop: Loop = "compiled"
+    """What steps; the compiled loop only where it can be had."""
+    supervised: bool = False
+    """It runs in a process of its own, where there are such (POSIX)."""
+    call_limit: float = 300.0
+    """Wall time (s) that one call of a component may take, where it is supervised or isolated."""
+    isolate: Isolate = "foreign"
+    """Which FMUs run in a process each, where there are such (POSIX)."""
+    halvings: int = 0
+    """A step that a foreign FMU discards is made in halves, so many times at most."""
+    checkpoint: float | None = None
+    """Simulated time (s) between checkpoints, which `runs/resume.py` goes on from."""
+
+    def __post_init__(self) -> None:
+        """Raises DesatError for what programs give: a choice or a time that is none."""
+        for name, choices in _CHOICES.items():
+            if (value := getattr(self, name)) not in get_args(choices):
+                raise DesatError(f"{name} = {value!r}: there is {', '.join(get_args(choices))}")
+        for name in _TIMES:
+            value = getattr(self, name)
+            if value is not None and (not isinstance(value, Real) or isinstance(value, bool)):
+                raise DesatError(f"{name} = {value!r}: a time in s is needed")
+        whole = isinstance(self.inner, int) and not isinstance(self.inner, bool)
+        if self.inner not in (None, AUTO) and not (whole and 1 <= self.inner <= MOST_INNER):
+            raise DesatError(f"inner = {self.inner!r}: {AUTO} is needed, or an integer from 1 to "
+                             f"{MOST_INNER}")  # fmt: skip
+        small = isinstance(self.accuracy, Real) and 0.0 < float(self.accuracy) < inf
+        if self.accuracy is not None and not small:
+            raise DesatError(f"accuracy = {self.accuracy!r}: an angle above 0 rad is needed")

@@ -1,0 +1,483 @@
+"""The digest of a system: another one for all that may move a bit, the same for all else; campaigns
+and runs go on with the same system and the same versions alone."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from collections.abc import Iterator, Mapping
+from dataclasses import fields, is_dataclass, replace
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+import pytest
+from conftest import ROOT
+from test_check import write_altitude
+from test_checkpoint import broken
+
+import desat as api
+from desat.campaign import cluster, coordinator, plan, report, store
+from desat.designs import origin
+from desat.engine import checkpoint
+from desat.files import identity, library
+from desat.files.scenario import find, scenarios
+from desat.papers import stored
+from desat.runs.prepare import resolved
+from desat.runs.resume import resume
+from desat.runs.run import Options, load_run, prepare, simulate
+from desat.system.codes import Exit
+from desat.system.digest import ASIDE, comparable, digest
+from desat.system.errors import DesatError
+from desat.system.model import Connection
+
+# --- every field ----------------------------------------------------------------------------------
+
+MOVES_NO_BIT = {
+    "System": {"name", "where"},
+    # the code that these name stands beside, by its hash
+    "Component": {"source", "fmu", "connectors", "line", "given"},
+    "Connection": {"line", "converts"},
+    "Interface": {"title"},
+    "Signal": {"description", "unit_name", "reference", "choices", "minimum", "maximum", "shared",
+               "needed_by"},
+}  # fmt: skip
+
+
+def other(value: Any) -> Any:
+    """Something else than a value, of its kind; as near as there is."""
+    match value:
+        case bool():
+            return not value
+        case float():
+            return float(np.nextafter(value, np.inf))
+        case int():
+            return value + 1
+        case str():
+            return f"{value}x"
+        case None:
+            return 0.5
+        case Path():
+            return value / "x"
+        case tuple() if hasattr(value, "_replace"):  # a unit
+            return value._replace(kg=value.kg + 1)
+        case tuple():
+            return value[:-1] if value else ("x",)
+        case Mapping():
+            return dict(list(value.items())[:-1]) if value else {"x": 1.0}
+    raise AssertionError(f"{value!r}: no other one is known")
+
+
+def changes(x: Any) -> Iterator[tuple[str, str, Any]]:
+    """A dataclass with each field that it, or one within it, has made another one: class, field,
+    and what comes of it. Of several things of a class in a table, the first and the last."""
+    for f in fields(x):
+        value = getattr(x, f.name)
+        if is_dataclass(value):
+            for kind, name, made in changes(value):
+                yield kind, name, replace(x, **{f.name: made})
+            continue
+        yield type(x).__name__, f.name, replace(x, **{f.name: other(value)})
+        items = list(value.items()) if isinstance(value, Mapping) else []
+        items += list(enumerate(value)) if isinstance(value, tuple) else []
+        for key, entry in {repr(k): (k, e) for k, e in items[:1] + items[-1:]}.values():
+            if is_dataclass(entry):
+                for kind, name, made in changes(entry):
+                    yield kind, name, replace(x, **{f.name: _with(value, key, made)})
+            elif isinstance(value, Mapping) and not isinstance(entry, Mapping):
+                changed = _with(value, key, other(entry))
+                yield type(x).__name__, f.name, replace(x, **{f.name: changed})
+
+
+def _with(table: Any, key: Any, value: Any) -> Any:
+    if isinstance(table, Mapping):
+        return {**table, key: value}
+    return (*table[:key], value, *table[key + 1 :])
+
+
+def test_every_field_of_a_resolved_system_is_in_the_digest():
+    """But for those that move no bit, which are these."""
+    system, _ = prepare("integrated/mil-nadir", Options(blocks=True)).or_raise()
+    numbers = {"numbers": system.about["numbers"]}  # of the rest of a content: below
+    system = replace(system, about=numbers, output_classes={"manager.mode": "state"})
+    computes = dict.fromkeys([*system.components, "x"], "1")
+    before, seen, silent = digest(system, computes), set(), set()
+    for kind, name, made in changes(system):
+        seen.add((kind, name))
+        if name == "components" and kind == "System":
+            computes.update(dict.fromkeys(made.components, "1"))
+        if digest(made, computes) == before:
+            silent.add((kind, name))
+    assert {"System", "Component", "Connection", "Interface", "Signal"} <= {k for k, _ in seen}
+    assert len(seen) > 40
+    assert silent - {("Connector", f) for f in ("name", "kind", "type", "unit", "line")} == {
+        (kind, name) for kind, names in MOVES_NO_BIT.items() for name in names
+    }
+    assert {k: set(v) for k, v in ASIDE.items() if k != "Options"} == MOVES_NO_BIT
+
+
+def test_what_computes_a_component_and_options_are_in_it():
+    system, _ = prepare("plant/light", Options(blocks=True)).or_raise()
+    one = dict.fromkeys(system.components, "1")
+    before = digest(system, one, Options())
+    assert digest(system, {**one, "spacecraft": "2"}, Options()) != before
+    aside = ASIDE["Options"]
+    for f in fields(Options):
+        made = Options()
+        value = "jacobi" if f.name == "algorithm" else object()
+        object.__setattr__(made, f.name, 7 if f.name not in aside and value is not str else value)
+        if f.name not in aside:
+            assert digest(system, one, made) != before, f.name
+        else:
+            assert digest(system, one, made) == before, f.name
+    assert {"algorithm", "halvings", "every"} <= {f.name for f in fields(Options)} - aside.keys()
+    with pytest.raises(TypeError, match="object: a digest cannot tell it"):
+        digest(system, one, object())
+
+
+def test_neither_order_nor_texts_of_a_content_count_but_all_else_of_it():
+    system, _ = prepare("integrated/mil-nadir", Options(blocks=True)).or_raise()
+    one, about = dict.fromkeys(system.components, "1"), system.about
+    before = digest(system, one)
+
+    def of(**content: Any) -> str:
+        return digest(replace(system, about={**about, **content}), one)
+
+    mirrored = dict(reversed(system.components.items()))
+    made = replace(system, components=mirrored, connections=system.connections[::-1])
+    assert digest(made, one) == before
+    number = about["numbers"]["pointing"]
+    assert of(title="x", story="x") == before
+    assert of(numbers={**about["numbers"], "pointing": {**number, "title": "x"}}) == before
+    for key in ("signal", "unit", "window", "measure"):
+        with_other = {**about["numbers"], "pointing": {**number, key: "x"}}
+        assert of(numbers=with_other) != before
+    # a number may have any name, also that of a text
+    assert of(numbers={**about["numbers"], "title": number}) != before
+    for key in ("requirements", "dispersions", "stop_when", "plots", "residual_bound"):
+        assert of(**{key: {}}) != before or key not in about, key
+    assert of(stop_when={"signal": "manager.mode", "reaches": 1}) != before
+    assert of(residual_bound=1.0) != before
+    assert digest(replace(system, about=MappingProxyType(dict(about))), one) == before
+
+
+@pytest.mark.parametrize("name", ["integrated/mil-nadir", "uosat12/table3-ocdc-ilqr-1"])
+def test_native_and_python_fmus_and_bare_blocks_are_one(name):
+    """They give the same bits, and so have the same digest; packed, too."""
+    made = {plan.digest_of(name, o)
+            for o in (Options(), Options(fmus="python"), Options(blocks=True))}  # fmt: skip
+    assert len(made) == 1
+    assert comparable(made.pop())
+
+
+def test_a_packed_system_has_the_digest_of_its_scenario(tmp_path):
+    from desat.files.ssp_write import pack_scenario
+
+    file = pack_scenario(find("nadir_day/day-dipole"), tmp_path / "a.ssp", force=True,
+                         fmus="native")  # fmt: skip
+    assert plan.digest_of(str(file), Options()) == plan.digest_of("nadir_day/day-dipole", Options())
+
+
+def test_it_is_of_what_an_fmu_was_built_of_not_of_the_sources_beside_it(monkeypatch):
+    fmu = library.built("wheels.fmu")
+    before = library.computes("wheels", fmu)
+    assert before.startswith("block ")
+    assert library.computes("wheels", None) == before
+    monkeypatch.setattr(library.meaning, "is_as", lambda entry: False)
+    monkeypatch.setattr(library.meaning, "computed", lambda name: {"computes": "other"})
+    library._computed.cache_clear()
+    assert library.computes("wheels", fmu) == before
+    assert library.computes("wheels", None) == "block other"
+    library._computed.cache_clear()
+
+
+def test_a_foreign_fmu_is_its_file(tmp_path):
+    copy = tmp_path / "wheels.fmu"
+    shutil.copy(library.built("wheels.fmu"), copy)
+    with copy.open("ab") as file:
+        file.write(b"\0" * 8)
+    assert library.computes("wheels", copy) == f"file {library.sha256(copy)}"
+
+
+# --- two systems in one data set ------------------------------------------------------------------
+
+MINE = """
+extends = "integrated/mil-nadir"
+craft = "craft.toml"
+stop = 20.0
+"""
+WIRING = """
+[wiring]
+"controller.q_bi" = "spacecraft.q_bi"
+"controller.omega_bi_body" = "spacecraft.omega_bi_body"
+"manager.q_bi" = "spacecraft.q_bi"
+"""
+
+
+@pytest.fixture
+def mine(tmp_path) -> Path:
+    """A scenario of a user's own, with a craft of its own."""
+    folder = tmp_path / "mine"
+    folder.mkdir()
+    shutil.copy(ROOT / "ssp" / "integrated" / "craft.toml", folder)
+    (folder / "mine.toml").write_text(MINE)
+    return folder / "mine.toml"
+
+
+def one_line(said: Any) -> bool:
+    """Whether there is nothing but a line of error, after warnings."""
+    lines = [x for x in said.stderr.splitlines() if not x.startswith("warning: ")]
+    return len(lines) == 1 and lines[0].startswith("error: ")
+
+
+def rewire(file: Path) -> None:
+    """Wire the craft of a scenario otherwise."""
+    with file.with_name("craft.toml").open("a") as craft:
+        craft.write(WIRING)
+
+
+def test_a_campaign_does_not_go_on_with_another_wiring(mine, tmp_path, desat):
+    """Neither by more cases, nor by a case again; the report still reads it, and says so."""
+    folder = tmp_path / "campaign"
+    begun = ("campaign", str(mine), "--out", str(folder), "--jobs", "1", "-n")
+    assert desat(*begun, "2").returncode in (0, 1)
+    kept = store.digest(folder)
+    rewire(mine)
+    for command in ((*begun, "4"), ("campaign", "case", str(folder), "1")):
+        said = desat(*command)
+        assert said.returncode == Exit.INPUT, command
+        assert "mine.toml is not what it was when the campaign began: wiring" in said.stderr
+        assert "--out ANOTHER` begins anew" in said.stderr
+        assert one_line(said)
+    assert store.digest(folder) == kept
+    said = desat("campaign", "report", str(folder))
+    assert said.returncode in (0, 1)
+    assert "mine.toml is not what it was when the campaign began: wiring" in said.stderr
+    assert "2 of 2 completed" in said.stdout
+
+
+def test_a_worker_with_another_wiring_makes_no_case(mine):
+    made, _ = coordinator.planned(str(mine), 4)
+    cluster._compared.clear()
+    assert cluster.unfit(made, False, identity.versions()) == ""
+    cluster._compared.clear()
+    rewire(mine)
+    said = cluster.unfit(made, False, identity.versions())
+    assert "mine.toml: its wiring, times, content, parameters or FMUs differ" in said
+    cluster._compared.clear()
+
+
+def test_a_run_does_not_go_on_with_another_wiring(mine, tmp_path, monkeypatch):
+    broken(str(mine), Options(checkpoint=5.0), tmp_path / "a", monkeypatch, 10)
+    rewire(mine)
+    with pytest.raises(DesatError, match=(
+        r"connections\.controller\.omega_bi_body\[1\] was {'source': 'gyro.omega_meas_body\[1\]'}, "
+        r"and is {'source': 'spacecraft.omega_bi_body\[1\]'}"
+    )):  # fmt: skip
+        resume(tmp_path / "a")
+
+
+def test_a_manifest_says_wiring_and_versions(tmp_path):
+    run = simulate(prepare("nadir_day/day-dipole", Options(stop=2.0)), tmp_path / "a")
+    told = run.manifest
+    system, _ = prepare("nadir_day/day-dipole", Options()).or_raise()
+    assert len(told["connections"]) == len(system.connections)
+    assert told["connections"]["manager.h_wheel[2]"] == {"source": "tachometers.h_meas_wheel[2]"}
+    assert {"desat", "numpy", "scipy", "python", "platform", "libm"} <= told["versions"].keys()
+    assert told["versions"]["compiler"]  # there are native FMUs
+    assert comparable(told["digest"])
+    run.results.close()
+
+
+def test_a_transformation_is_in_digest_manifest_and_design():
+    system, _ = prepare("plant/light", Options(blocks=True)).or_raise()
+    one, first = dict.fromkeys(system.components, "1"), system.connections[0]
+    assert isinstance(first, Connection)
+    made = {}
+    for factor, offset in ((1.0, 0.0), (1e3, 0.0), (1.0, 1e-3)):
+        wire = replace(first, factor=factor, offset=offset)
+        changed = replace(system, connections=(wire, *system.connections[1:]))
+        made[digest(changed, one)] = (
+            plan_of(changed)[f"{first.target}.{first.input}"], origin._wire(wire)
+        )  # fmt: skip
+    assert len(made) == len({repr(x[0]) for x in made.values()}) == 3
+    assert len({x[1] for x in made.values()}) == 3
+
+
+def plan_of(system: Any) -> dict[str, Any]:
+    from desat.system.digest import wiring
+
+    return wiring(system.connections)
+
+
+def test_the_unit_of_a_value_in_an_ssv_counts(tmp_path):
+    """650 km, 650 nautical miles, and what is 650 km in metres."""
+    made = {}
+    for unit, value in (("km", "650"), ("league", "650"), ("m", "650000")):
+        folder = tmp_path / unit
+        folder.mkdir()
+        write_altitude(folder, unit)
+        file = folder / "e.ssv"
+        file.write_text(file.read_text().replace('value="650"', f'value="{value}"'))
+        made[unit] = plan.digest_of(str(folder), Options(step=10.0, stop=600.0))
+    assert made["km"] == made["m"] != made["league"]
+
+
+def test_stored_draws_are_of_wiring_and_blocks_too(monkeypatch):
+    scenario = find("uosat12/starts-dct")
+    before = stored.digest(scenario)
+    assert before == stored.digest(find("uosat12/starts-dct"))
+    text = replace(scenario, data={**scenario.data, "title": "x", "plots": {}, "paper": {}})
+    assert stored.digest(text) == before
+    slower = replace(scenario, data={**scenario.data, "stop": scenario.data["stop"] + 10.0})
+    assert stored.digest(slower) != before
+    with monkeypatch.context() as patch:
+        draft = type(scenario).draft
+
+        def rewired(self: Any, *given: Any, **more: Any) -> Any:
+            made = draft(self, *given, **more)
+            made.connections.pop()
+            return made
+
+        patch.setattr(type(scenario), "draft", rewired)
+        assert stored.digest(scenario) != before
+    monkeypatch.setattr(library, "computes", lambda name, fmu: "other")
+    assert stored.digest(scenario) != before
+
+
+def test_a_design_made_for_each_draw_counts_where_it_is_used():
+    each = [s for s in scenarios().values() if s.data.get("design", {}).get("each_draw")]
+    assert each
+    before = stored.digest(each[0])
+    design = {**each[0].data["design"], "each_draw": 2}
+    assert stored.digest(replace(each[0], data={**each[0].data, "design": design})) != before
+    assert resolved(each[0].name, Options(blocks=True))[1] == each[0].data["design"]
+
+
+# --- versions beside it ---------------------------------------------------------------------------
+
+
+def test_other_versions_are_refused_or_accepted(mine, tmp_path, desat, monkeypatch):
+    """The cases that are there keep theirs; the report says which were made with which."""
+    folder = tmp_path / "campaign"
+    begun = ("campaign", str(mine), "--out", str(folder), "--jobs", "1", "-n")
+    assert desat(*begun, "2").returncode in (0, 1)
+    assert "different versions" not in desat("campaign", "report", str(folder)).stderr
+    here = identity.versions()
+    for name in ("desat", "numpy", "platform", "libm"):
+        now = {**here, name: "0.1-other"}
+        with monkeypatch.context() as patch:
+            for module in (plan, coordinator):
+                patch.setattr(module, "versions", lambda now=now: now)
+            said = desat(*begun, "4")
+            assert said.returncode == Exit.INPUT
+            assert f"{name} was {here[name]}, and is 0.1-other" in said.stderr
+            assert "--accept-versions goes on" in said.stderr
+            assert one_line(said)
+            said = desat("campaign", "case", str(folder), "1")
+            assert said.returncode == Exit.INPUT
+            assert f"{name} was {here[name]}" in said.stderr
+    assert store.read(folder).num_rows == 2
+    before = store.read(folder).to_pylist()
+    with monkeypatch.context() as patch:
+        for module in (plan, coordinator):
+            patch.setattr(module, "versions", lambda: {**here, "numpy": "0.1-other"})
+        said = desat(*begun, "4", "--accept-versions")
+    assert said.returncode in (0, 1), said.stderr
+    mixed = f"different versions: 2 with numpy 0.1-other; 2 with numpy {here['numpy']}"
+    assert mixed in said.stderr
+    after = store.read(folder).to_pylist()
+    assert [r["versions"] for r in after[:2]] == [r["versions"] for r in before]
+    assert [json.loads(r["versions"])["numpy"] for r in after[2:]] == ["0.1-other"] * 2
+    assert {v["cases"] for v in report.summary(folder)["versions"]} == {2}
+    assert "2 with numpy 0.1-other" in (folder / "report.html").read_text()
+
+
+def test_a_worker_with_another_libm_makes_no_case(mine):
+    made, _ = coordinator.planned(str(mine), 4)
+    here = identity.versions()
+    for name in ("desat", "numpy", "platform", "libm"):
+        said = cluster.unfit(made, False, {**here, name: "0.1-other"})
+        assert said == f"has {name} {here[name]}, here it is 0.1-other; the same is needed"
+
+
+# --- folders of before ----------------------------------------------------------------------------
+
+
+def test_a_campaign_of_before_is_read_but_does_not_go_on(mine, tmp_path, desat):
+    folder = tmp_path / "campaign"
+    begun = ("campaign", str(mine), "--out", str(folder), "--jobs", "1", "-n")
+    assert desat(*begun, "2").returncode in (0, 1)
+    file = folder / plan.PLAN
+    told = json.loads(file.read_text())
+    told["digest"] = "ab" * 32
+    told["versions"] = {k: told["versions"][k] for k in ("desat", "numpy", "python")}
+    file.write_text(json.dumps(told))
+    for command in ((*begun, "4"), ("campaign", "case", str(folder), "1")):
+        said = desat(*command)
+        assert said.returncode == Exit.INPUT
+        assert "the desat that the campaign began with kept no digest" in said.stderr
+        count = "4" if command[-1] == "4" else "2"
+        assert f"`desat campaign {mine} -n {count} --seed 1 --out ANOTHER` begins" in said.stderr
+        assert one_line(said)
+    said = desat("campaign", "report", str(folder))
+    assert said.returncode in (0, 1)
+    assert "2 of 2 completed" in said.stdout
+    assert "kept no digest" in said.stderr
+    assert api.load(folder).sizes["case"] == 2
+
+
+def test_a_run_of_before_is_read_but_does_not_go_on(tmp_path, monkeypatch, desat):
+    folder = tmp_path / "a"
+    given = Options(stop=40.0, checkpoint=10.0, sets=["wheels.speed_limit=600.0"])
+    tell = checkpoint.Checkpoints.save
+
+    def of_before(self: checkpoint.Checkpoints) -> None:
+        told = self._tell
+
+        def without() -> dict[str, Any]:
+            state = dict(told())
+            drop = ("digest", "connections")
+            state["manifest"] = {k: v for k, v in state["manifest"].items() if k not in drop}
+            return state
+
+        with monkeypatch.context() as patch:
+            patch.setattr(self, "_tell", without)
+            tell(self)
+
+    with monkeypatch.context() as patched:
+        patched.setattr(checkpoint.Checkpoints, "save", of_before)
+        broken("nadir_day/day-dipole", given, folder, monkeypatch, 30)
+    for name in ("manifest.json", "manifest.json.part"):
+        if (folder / name).exists():
+            told = json.loads((folder / name).read_text())
+            told.pop("digest")
+            told.pop("connections")
+            (folder / name).write_text(json.dumps(told))
+    with pytest.raises(DesatError, match=(
+        r"it cannot go on: the desat that it began with kept no digest .*`desat run "
+        r"nadir_day/day-dipole --set wheels.speed_limit=600.0 --stop 40.0 --checkpoint 10.0` begins"
+    )):  # fmt: skip
+        resume(folder)
+    load_run(folder).results.close()
+    assert api.load(folder).sizes["time"] >= 30
+    assert desat("report", str(folder)).returncode in (0, 1, 4)
+
+
+# --- what it costs --------------------------------------------------------------------------------
+
+
+def test_it_costs_some_milliseconds():
+    """The most of eight is the machine's; the least is its own."""
+    import time
+
+    system, _ = prepare("nadir_day/day-dipole", Options()).or_raise()
+    taken = []
+    for _ in range(8):
+        for c in system.components.values():
+            vars(c.interface).pop("_digest", None)
+        clock = time.perf_counter()
+        identity.of_system(system, Options())
+        taken.append(time.perf_counter() - clock)
+    assert min(taken) < 0.02

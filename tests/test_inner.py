@@ -1,0 +1,408 @@
+"""A run that chooses its inner steps itself, and what is said of one that does not: against the
+monolithic reference (DOP853), which knows neither exchange nor inner steps."""
+
+from __future__ import annotations
+
+import json
+import math
+import random
+import resource
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from test_checkpoint import broken
+
+from desat.analyses import coverage
+from desat.campaign.case import row
+from desat.campaign.plan import Plan, digest_of
+from desat.files import scenario
+from desat.files.ssp_write import pack_scenario
+from desat.numbers.derived import pointing
+from desat.runs import inner_choice
+from desat.runs.resume import resume
+from desat.runs.run import Options, prepare, simulate
+from desat.studies.estimate import difference
+from desat.studies.reference import Gyrostat
+from desat.system.errors import DesatError
+from desat.system.model import AUTO
+
+CASES = ("light", "zero-crossing", "saturating", "pulses", "tumbling", "stiff-loop",
+         "tumbling-friction", "failing-wheel", "heavy-wheels", "slow-samples", "full",
+         "stress")  # fmt: skip
+SKEW = 3.0**-0.5
+CRAFT = Path(scenario.ROOT / "gyrostat")
+
+
+def flown(name, **options):
+    """Errors of a run, attitude (rad) and momentum (N m s), and its manifest."""
+    case = prepare(name, Options(**options))
+    system, _ = case.or_raise()
+    ideal = Gyrostat(system).ideal()
+    run = simulate(case).or_raise(name)
+    every = round(len(run.results.times()) / len(ideal.times))
+    q, h = (run.results.values(s)[::every] for s in ("spacecraft.q_bi", "wheels.h_wheel"))
+    return difference(q, h, ideal.q, ideal.h), run.manifest
+
+
+def own(folder, text="", name="own", craft=None):
+    """A scenario of somebody's, in a folder with the craft of the gyrostat's; its path."""
+    (folder / "craft.toml").write_text(craft or (CRAFT / "craft.toml").read_text())
+    common = (CRAFT / "scenarios" / "common.toml").read_text()
+    (folder / "common.toml").write_text(common.replace("inner = 1\n", ""))
+    (folder / f"{name}.toml").write_text(f'extends = "common"\ntitle = "own"\n{text}\n')
+    return str(folder / f"{name}.toml")
+
+
+def holds(manifest, error):
+    """What is asked of a run that chose: error below `accuracy`, and its estimate 1 to 10 of it."""
+    choice = manifest["inner_choice"]
+    assert error < choice["accuracy"]
+    assert 1.0 <= choice["estimate"] / error <= 10.0
+    assert manifest["inner"] == choice["inner"] == manifest["numbers"]["inner_steps"]["value"]
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_auto_on_the_gyrostats(name):
+    (error, _), manifest = flown(f"gyrostat/{name}", inner=AUTO)
+    holds(manifest, error)
+
+
+def random_craft(seed):
+    """A scenario of the gyrostat's and values of a craft: 0.01 to 200 kg m2, to 60 deg/s, 3 or 4
+    wheels with lag, friction and limits, a loop that suits it, jets, a wheel that fails."""
+    draw = random.Random(seed)
+
+    def decades(low, high):
+        return 10.0 ** draw.uniform(math.log10(low), math.log10(high))
+
+    def about(most):
+        return draw.uniform(-most, most)
+
+    size = decades(0.01, 200.0)
+    x, y, z = (size * (1.0 + about(0.2)) for _ in range(3))
+    xy, xz, yz = (size * about(0.1) for _ in range(3))
+    axes = [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0]]
+    if four := draw.random() < 0.5:
+        axes = [[SKEW, -SKEW, -SKEW, SKEW], [SKEW, SKEW, -SKEW, -SKEW], [SKEW] * 4]
+    many, rate = 3 + four, decades(1e-3, math.radians(60.0))
+    way = [draw.gauss(0.0, 1.0) for _ in range(3)]
+    torque, spin, band = size * decades(3e-4, 3e-3), size * decades(1e-5, 1e-3), decades(0.03, 0.25)
+    h = [size * about(0.1) for _ in range(many)] + [0.0] * (4 - many)
+    values = {
+        "spacecraft.inertia": [[x, xy, xz], [xy, y, yz], [xz, yz, z]],
+        "shared.axes_wheel": axes,
+        "shared.inertia_wheel": [spin] * many + [0.0] * (4 - many),
+        "spacecraft.omega_start_body": [rate * c / math.hypot(*way) for c in way],
+        "wheels.h_start_wheel": h,
+        "wheels.speed_limit": max(map(abs, h)) / spin * draw.uniform(1.05, 3.0) + 10.0 * rate,
+        "wheels.torque_limit": torque,
+        "wheels.motor_lag": draw.choice([0.0, decades(0.02, 1.0)]),
+        "wheels.viscous": spin * decades(1e-4, 1e-2),
+        "wheels.coulomb": 0.1 * torque * draw.random(),
+        "wheels.friction_speed": decades(0.5, 5.0),
+        "controller.torque_limit": torque * draw.uniform(0.5, 1.5),
+        "controller.kp": size * band**2,
+        "controller.kd": 1.4 * size * band,
+        "controller.ki": 0.0,
+        "torquers.m_limit": size * decades(0.05, 2.0),
+        "torquers.lag": decades(0.01, 0.3),
+    }
+    if draw.random() < 0.4:
+        values["wheels.failed"] = str(draw.randint(1, many))
+        values["wheels.failed_from"] = draw.uniform(10.0, 150.0)
+    if draw.random() >= 0.6:
+        return "gyrostat/full", values
+    jets, level = draw.randint(1, 8), size * decades(1e-3, 3e-2)
+    none = 8 - jets
+    values["thrusters.schedule_start"] = [draw.uniform(1.0, 180.0) for _ in range(jets)] + [
+        0.0
+    ] * none
+    values["thrusters.schedule_duration"] = [decades(0.05, 5.0) for _ in range(jets)] + [0.0] * none
+    values["thrusters.schedule_tau_body"] = [
+        [level * about(1.0) for _ in range(3)] for _ in range(jets)
+    ] + [[0.0] * 3] * none
+    return "gyrostat/pulses", values
+
+
+def test_auto_on_random_craft():
+    """Twenty that nothing was tuned with. One is refused only where the reference itself takes a
+    change of its start, of a hundredth of `accuracy`, beyond `accuracy`."""
+    refused = 0
+    for seed in range(70_000, 70_020):
+        name, values = random_craft(seed)
+        case = prepare(name, Options(inner=AUTO, stop=200.0, values=values))
+        try:
+            inner_choice.chosen(name, case.or_raise()[0], case.options)
+        except DesatError:
+            with pytest.raises(DesatError, match="the attitude would still err by"):
+                simulate(case)
+            assert amplifies(name, values), seed
+            refused += 1
+        else:
+            (error, _), manifest = flown(name, inner=AUTO, stop=200.0, values=values)
+            holds(manifest, error)
+    assert refused <= 2
+
+
+def amplifies(name, values):
+    """Whether the reference takes an error of 1e-9 at the start beyond 1e-7 rad."""
+    ends = []
+    for rate in (0.0, 1e-9):
+        omega = [x + rate for x in values["spacecraft.omega_start_body"]]
+        changed = {**values, "spacecraft.omega_start_body": omega}
+        system, _ = prepare(name, Options(stop=200.0, values=changed)).or_raise()
+        ends.append(Gyrostat(system).ideal().q)
+    return np.radians(pointing(*ends)).max() > 1e-7
+
+
+# --- what is said of a run with given inner steps -------------------------------------------------
+
+LIGHT = {"spacecraft.inertia": [[1.7, 0, 0], [0, 1.7, 0], [0, 0, 1.7]],
+         "shared.inertia_wheel": [1e-4] * 3 + [0.0], "wheels.h_start_wheel": [0.0] * 4,
+         "wheels.torque_limit": 1e-3, "controller.kp": 0.02, "controller.kd": 0.2,
+         "controller.torque_limit": 1e-3, "torquers.m_limit": 0.1,
+         "spacecraft.omega_start_body": [0.0] * 3}  # fmt: skip
+
+
+def jets(*torques, begin=7.3, long=2.4):
+    """Firings at once, N m."""
+    none = 8 - len(torques)
+    return {
+        "thrusters.schedule_start": [begin] * len(torques) + [0.0] * none,
+        "thrusters.schedule_duration": [long] * len(torques) + [0.0] * none,
+        "thrusters.schedule_tau_body": [list(t) for t in torques] + [[0.0] * 3] * none,
+    }
+
+
+def test_strong_jets_are_warned_of():
+    """Four at once on a light craft, before it runs and after."""
+    values = LIGHT | jets((0.8, 0, 0), (0, 0.6, 0), (0.4, 0, 0.8), (0, 0.4, -0.2))
+    values["wheels.h_start_wheel"] = [0.02, -0.01, 0.03, 0.0]
+    case = prepare("gyrostat/pulses", Options(inner=1, values=values))
+    assert any("largest torque of thrusters" in w for w in case.checked.warnings)
+    (error, _), manifest = flown("gyrostat/pulses", inner=1, values=values)
+    assert error > 1e-4
+    assert any("torque of all actuators" in w for w in manifest["warnings"])
+    (error, _), manifest = flown("gyrostat/pulses", inner=AUTO, values=values)
+    holds(manifest, error)
+    assert manifest["warnings"] == []
+
+
+def test_what_a_jet_makes_of_a_craft_at_rest_is_looked_at():
+    """It is within the range as it begins; then it turns at 0.9 rad/s."""
+    values = LIGHT | jets((0.012, 0.002, 0), begin=3.3, long=90.0)
+    values |= {"controller.kp": 0.0, "controller.kd": 0.0, "wheels.h_start_wheel": [0.3, 0.2, 0, 0],
+               "wheels.speed_limit": 1e4}  # fmt: skip
+    case = prepare("gyrostat/pulses", Options(inner=1, values=values))
+    assert not any("turn and nutation" in w for w in case.checked.warnings)
+    run = simulate(case)
+    rate = np.linalg.norm(run.results.values("spacecraft.omega_bi_body"), axis=1).max()
+    assert 0.5 < rate < 1.5
+    (warning,) = (w for w in run.manifest["warnings"] if "turn and nutation" in w)
+    assert warning.startswith("at t = ")
+    assert "--inner auto" in warning
+
+
+def test_a_fast_motor_is_nothing_to_warn_of():
+    """A lag of a microsecond errs less than one of 80 ms; it asked for 50000 inner steps."""
+    errors = []
+    for lag in (0.08, 1e-6):
+        options = Options(values={"wheels.motor_lag": lag})
+        runs = [simulate(prepare("gyrostat/light", replace(options, inner=n))) for n in (1, 64)]
+        assert runs[0].manifest["warnings"] == []
+        q = [run.results.values("spacecraft.q_bi") for run in runs]
+        errors.append(np.radians(pointing(*q)).max())
+    assert errors[1] < errors[0]
+
+
+@pytest.mark.parametrize("names", [("environment",), ("spacecraft", "wheels")])
+def test_decimation_says_what_it_costs(tmp_path, names):
+    text = "inner = 1\n[decimation]\n" + "".join(f"{n} = 2\n" for n in names)
+    case = prepare(own(tmp_path, text), Options())
+    system, _ = case.or_raise()
+    ideal = Gyrostat(system).ideal()
+    run = simulate(case)
+    q, h = (run.results.values(s)[::2] for s in ("spacecraft.q_bi", "wheels.h_wheel"))
+    errors = difference(q, h, ideal.q[::2], ideal.h[::2])
+    slow = run.manifest["decimated"]
+    assert 1.0 < slow["attitude"] / errors[0] < 3.0
+    assert 1.0 < slow["momentum"] / errors[1] < 3.0
+    assert any(f"errs by about {slow['attitude']:.1e} rad" in w for w in run.manifest["warnings"])
+    # what takes samples steps as rarely for nothing
+    case = prepare(own(tmp_path, "[decimation]\nguidance = 2\n", "computers"), Options(inner=1))
+    assert "decimated" not in simulate(case).manifest
+
+
+def test_jitter_has_its_place_in_the_warning(tmp_path):
+    craft = (CRAFT / "craft.toml").read_text().replace(
+        '"spacecraft.tau_ext_body" = false', '"spacecraft.tau_ext_body" = "wheels.tau_jitter_body"'
+    )  # fmt: skip
+    target = own(tmp_path, "stop = 100", craft=craft)
+    values = LIGHT | {"wheels.unbalance": 1e-6, "wheels.h_start_wheel": [0.02, -0.01, 0.03, 0.0]}
+
+    def flown_with(count):
+        case = prepare(target, Options(inner=count, values=values))
+        return case.checked.warnings, simulate(case).results.values("spacecraft.q_bi")
+
+    warned, q = flown_with(1)
+    truth = flown_with(1000)[1]
+    error = float(np.radians(pointing(q, truth)).max())
+    (line,) = (w for w in warned if "jitter" in w)
+    said = float(line.split("errs by about ")[1].split(" ")[0])
+    assert 1.0 < said / error < 10.0
+    quiet = {**values, "wheels.unbalance": 0.0}
+    assert not any("jitter" in w for w in prepare(target, Options(values=quiet)).checked.warnings)
+
+
+# --- how it is given, and what becomes of it ------------------------------------------------------
+
+
+def test_the_scenarios_of_ours_state_theirs():
+    """Their numbers stay: none is left to the default."""
+    assert all(isinstance(s.data.get("inner"), int) for s in scenario.scenarios().values())
+
+
+def test_a_scenario_that_gives_none_chooses(tmp_path):
+    target = own(tmp_path, "stop = 60")
+    run = simulate(prepare(target, Options()))
+    choice = run.manifest["inner_choice"]
+    assert choice["inner"] > 1
+    assert choice["estimate"] < choice["accuracy"] == 1e-7
+    # the bits of one with as many given; the same on blocks, in Python, and of another process
+    given = simulate(prepare(target, Options(inner=choice["inner"])))
+    assert "inner_choice" not in given.manifest
+    same = simulate(prepare(target, Options(blocks=True, loop="python"))).results
+    supervised = simulate(prepare(target, Options(supervised=True))).results
+    for name in ("spacecraft.q_bi", "wheels.h_wheel"):
+        for other in (given.results, same, supervised):
+            assert run.results.values(name).tobytes() == other.values(name).tobytes()
+    finer = simulate(prepare(target, Options(accuracy=1e-9)))
+    assert finer.manifest["inner"] > choice["inner"]
+    named = own(tmp_path, "stop = 60\naccuracy = 1e-9", "named")
+    assert simulate(prepare(named, Options())).manifest["inner"] == finer.manifest["inner"]
+
+
+def test_the_digest_has_auto_and_accuracy(tmp_path):
+    target = own(tmp_path)
+    digests = {digest_of(target, Options(**o)) for o in ({}, {"accuracy": 1e-8}, {"inner": 2})}
+    assert len(digests) == 3
+    assert digest_of(target, Options()) == digest_of(target, Options(inner=AUTO, accuracy=1e-7))
+
+
+def test_it_is_one_with_a_reason_where_there_is_nothing_to_choose(tmp_path):
+    for target, options, why in (
+        (own(tmp_path, "stop = 60"), {"algorithm": "jacobi"}, "jacobi takes no inner steps"),
+        ("uosat12/table3-ocdc-ilqr-1", {}, "no rigid body with wheels"),
+        (own(tmp_path, "stop = 60\n[decimation]\nwheels = 2\nspacecraft = 2\n", "slow"), {},
+         "has a decimation of 2"),
+    ):  # fmt: skip
+        manifest = simulate(prepare(target, Options(inner=AUTO, **options))).manifest
+        assert manifest["inner"] == 1
+        assert manifest["inner_choice"]["estimate"] is None
+        assert why in manifest["inner_choice"]["why"]
+
+
+def test_what_no_count_makes_exact_is_refused_with_the_reason(tmp_path):
+    case = prepare(own(tmp_path, "stop = 60\naccuracy = 1e-17"), Options())
+    said = (r"with 512 inner steps, of 1000 at most, the attitude would still err by .*turn .* "
+            r"kick .*take a larger --accuracy")  # fmt: skip
+    with pytest.raises(DesatError, match=said):
+        simulate(case)
+
+
+def test_a_run_that_leaves_the_range_of_its_flights_is_made_again(monkeypatch):
+    """A strong jet after what the flights see; and one that they see needs no second run."""
+    monkeypatch.setattr(inner_choice, "LONGEST", 200)
+    light = LIGHT | {"wheels.h_start_wheel": [0.02, -0.01, 0.03, 0.0]}
+    values = light | jets((0.2, 0.1, 0.0), begin=350.3, long=4.4)
+    options = Options(inner=AUTO, values=values, stop=400.0, record=("spacecraft.*", "wheels.*"))
+    run = simulate(prepare("gyrostat/pulses", options))
+    choice = run.manifest["inner_choice"]
+    quiet = prepare("gyrostat/pulses", replace(options, values=light | jets()))
+    first = inner_choice.chosen("quiet", quiet.or_raise()[0], quiet.options)
+    assert first is not None
+    assert len(choice["again"]) >= 1
+    assert choice["again"][0].startswith(("at t = 349 s", "at t = 35"))
+    assert run.manifest["inner"] == choice["inner"] > first.inner
+    finer = simulate(prepare("gyrostat/pulses", replace(options, inner=4 * choice["inner"])))
+    angles = pointing(*(r.results.values("spacecraft.q_bi") for r in (run, finer)))
+    assert np.radians(angles).max() < choice["accuracy"]
+    early = LIGHT | jets((0.2, 0.1, 0.0))
+    manifest = simulate(prepare("gyrostat/pulses", replace(options, values=early))).manifest
+    assert manifest["inner_choice"]["again"] == []
+
+
+def test_a_case_of_a_campaign_chooses_and_says_so(tmp_path):
+    text = 'stop = 60\n[dispersions]\n"wheels.torque_limit" = { uniform = [0.005, 0.2] }\n'
+    target = own(tmp_path, text)
+    plan = Plan(target, digest_of(target, Options()), 6)
+    rows = [row(plan, i) for i in range(6)]
+    counts = [r["numbers"]["inner_steps"] for r in rows]
+    assert len(set(counts)) > 1
+    for r in rows:
+        assert 0.0 < r["numbers"]["estimated_attitude_error"] <= 1e-7
+        again = row(plan, r["case"])
+        assert again["numbers"] == r["numbers"]
+
+
+def test_a_packed_scenario_has_what_its_run_chose(tmp_path):
+    target = Path(own(tmp_path, "stop = 60"))
+    run = simulate(prepare(str(target), Options()))
+    path = pack_scenario(
+        scenario.own(target), tmp_path / "own.ssp", choose=lambda s: inner_choice.settled("own", s)
+    )
+    packed = simulate(prepare(str(path), Options(fmus="native")))
+    assert "inner_choice" not in packed.manifest
+    assert packed.manifest["inner"] == run.manifest["inner"] > 1
+
+
+def test_a_resumed_run_keeps_its_choice(tmp_path, monkeypatch):
+    target = own(tmp_path, "stop = 200")
+    whole = simulate(prepare(target, Options()), tmp_path / "whole").manifest
+    broken(target, Options(checkpoint=10.0), tmp_path / "cut", monkeypatch, 100)
+    monkeypatch.setattr(inner_choice, "chosen", None)  # it is not made anew
+    cut = resume(tmp_path / "cut").manifest
+    assert cut["status"] == "completed"
+    assert cut["inner"] == whole["inner"] > 1
+    for name in ("estimated_attitude_error", "pointing"):
+        assert cut["numbers"][name]["value"] == whole["numbers"][name]["value"]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("--inner", "some"), "--inner some: an integer or auto is needed"),
+        (("--inner", "1001"), "inner = 1001: auto is needed, or an integer from 1 to 1000"),
+        (("--accuracy", "0"), "accuracy = 0.0: an angle above 0 rad is needed"),
+        (("--accuracy", "nan"), "accuracy = nan: an angle above 0 rad is needed"),
+    ],
+)
+def test_options_that_are_none(desat, tmp_path, arguments, message):
+    result = desat("run", "gyrostat/light", *arguments, "--out", str(tmp_path / "run"))
+    assert result.returncode == 2
+    assert message in result.stderr
+
+
+def test_choosing_costs_little(tmp_path):
+    """At most a fifth of the command's CPU time, which is here 100 steps and a report."""
+    command = [sys.executable, "-m", "desat.cli", "run", "gyrostat/light", "--inner", AUTO]
+    before = resource.getrusage(resource.RUSAGE_CHILDREN)
+    subprocess.run([*command, "--out", str(tmp_path / "run")], check=True, capture_output=True)
+    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    spent = after.ru_utime - before.ru_utime + after.ru_stime - before.ru_stime
+    manifest = json.loads((tmp_path / "run" / "manifest.json").read_text())
+    assert manifest["inner_choice"]["seconds"] < 0.2 * spent
+
+
+def test_every_actuator_has_its_torque():
+    """Of wheels, coils, pairs that are commanded, nozzles: the largest that each may give."""
+    system, _ = prepare("gyrostat/full", Options(values=LIGHT)).or_raise()
+    body = coverage.body_of(system)
+    assert body is not None
+    kicks = dict(coverage._kicks(system, body, 1.0))
+    assert kicks["wheels"] == pytest.approx(1e-3 / (1.7 - 1e-4), rel=1e-12)
+    assert kicks["torquers"] == pytest.approx(0.1 * coverage.FIELD / 1.7, rel=1e-3)

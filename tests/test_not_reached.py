@@ -1,0 +1,147 @@
+"""A time that a run does not reach is "not reached" everywhere, with its share."""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+
+import numpy as np
+import pytest
+
+from desat.campaign import report
+from desat.campaign.draws import spreads
+from desat.files.scenario import find
+from desat.numbers import measures
+from desat.numbers.numbers import late
+from desat.papers import comparison, functions, stored
+from desat.papers.session import Sources
+from desat.runs.run import Options, execute
+
+COMMON = """
+extends = "hausat2/detumbling-b-dot"
+stop = 1200.0
+draws = 4
+"""
+NEVER = f"{COMMON}parameters.manager.rate_limit = 1e-9\n"
+# two of the four draws of seed 1 are below this within 5 min
+SOME = COMMON.replace("1200", "300") + "parameters.manager.rate_limit = 0.075\n"
+
+
+@pytest.fixture
+def own(tmp_path):
+    """Write a scenario of one's own; its path."""
+
+    def write(text: str) -> str:
+        path = tmp_path / "own.toml"
+        path.write_text(text)
+        return str(path)
+
+    return write
+
+
+def test_a_run_that_never_slows_says_so(desat, own, tmp_path):
+    run = execute(own(NEVER), Options(blocks=True))
+    assert run.manifest["numbers"]["detumbled"]["value"] is None
+    said = desat("run", own(NEVER), "--blocks", "--out", str(tmp_path / "run"), check=True).stdout
+    assert re.search(r"below 0.003 rad/s at once .*not reached", said), said
+
+
+def test_draws_that_never_slow_say_so_with_their_share(desat, own):
+    said = desat("draws", own(NEVER), "-n", "4", "--blocks", "--jobs", "1", check=True).stdout
+    line = next(x for x in said.splitlines() if x.startswith("detumbled"))
+    assert line.count("not reached") == 3 + 4, "median, least, largest, and each draw"
+    assert "4 of 4 (100 %)" in line
+    assert "20.00" not in line
+
+
+def test_some_that_are_not_reached_are_later_than_all_others(desat, own):
+    made = desat("draws", own(SOME), "-n", "4", "--blocks", "--jobs", "1", "--json", check=True)
+    told = json.loads(made.stdout)
+    each = [row["numbers"]["detumbled"] for row in told["draws"]]
+    there = sorted(x for x in each if x is not None)
+    assert 0 < len(there) < 4
+    entry = told["summary"]["detumbled"]
+    assert (entry["n"], entry["not_reached"]) == (len(there), 4 - len(there))
+    assert entry["min"] == there[0]
+    assert entry["max"] is None, "the slowest of all is not there"
+    ranked = [*there, *[math.inf] * (4 - len(there))]
+    middle = (ranked[1] + ranked[2]) / 2.0
+    assert entry["median"] == (None if math.isinf(middle) else middle)
+
+
+def test_a_sweep_has_the_share(desat, own):
+    said = desat("sweep", own(COMMON), "manager.rate_limit=1e-9,0.14", "--draws", "4", "--blocks",
+                 "--jobs", "1", check=True).stdout  # fmt: skip
+    row = next(x for x in said.splitlines() if x.startswith("detumbled") or "detumbled" in x)
+    assert "not reached (not reached: 4 of 4 (100 %))" in said, said
+    assert row.count("4 of 4") <= 1
+
+
+def test_paired_differences_say_how_many_have_none(desat, own):
+    said = desat("draws", own(NEVER), "--against", "hausat2/detumbling-b-dot", "-n", "2",
+                 "--stop", "1200", "--blocks", "--jobs", "1")  # fmt: skip
+    assert said.returncode == 0, said.stderr
+    line = next(x for x in said.stdout.splitlines() if x.startswith("detumbled"))
+    assert "2 of 2 (100 %)" in line
+
+
+def test_every_measure_of_a_time_is_late():
+    """By its sentence: a measure that says when something is has no number where it never is."""
+    when = {n for n, m in measures.MEASURES.items() if re.match(r"(When|After how)", m.__doc__)}
+    assert when == measures.LATE
+
+
+def test_medians_rank_what_is_not_reached():
+    rows = [{"numbers": {"t": x, "y": x}} for x in (3.0, None, 1.0, None, 2.0)]
+    told = spreads(rows, {"t": "s", "y": "s"}, {"t"})
+    assert told["t"] == {"unit": "s", "median": 3.0, "min": 1.0, "max": None, "n": 3,
+                         "not_reached": 2}  # fmt: skip
+    assert (told["y"]["median"], told["y"]["max"]) == (2.0, 3.0), "no time: of those that have it"
+    diverged = [{"numbers": {"y": math.inf}}] * 3
+    assert spreads(diverged, {"y": "s"}, set())["y"]["max"] == math.inf
+
+
+def test_percentiles_of_a_campaign_rank_it_too():
+    values, cases = np.array([4.0, np.nan, 2.0, 3.0, np.nan, 1.0]), np.arange(10, 16)
+    told = report._number("t", {}, values, cases, True)
+    assert (told["min"], told["min_case"], told["n"], told["not_reached"]) == (1.0, 15, 4, 2)
+    assert told["median"] == 3.5
+    assert (told["p95"], told["p99"], told["max"], told["max_case"]) == (None, None, None, 11)
+    told = report._number("y", {}, values, cases, False)
+    assert (told["median"], told["max"], told["max_case"]) == (2.5, 4.0, 10)
+
+
+def test_a_row_of_a_table_is_not_within_where_a_draw_never_gets_there():
+    scenario = find("integrated/mil-fast")
+    drawn = stored.read("integrated")["scenarios"][scenario.name]
+    values = {name: entry["median"] for name, entry in drawn["summary"].items()}
+    rows = {r.quantity: r for r in comparison.rows_of(scenario, values, {}, drawn)}
+    row = rows["time_to_dump_build_up"]
+    never = sum(d["numbers"]["dumped"] is None for d in drawn["draws"])
+    assert never == 88
+    assert row.draws["max"] is None
+    assert row.within is False
+    assert rows["draws_never_dumped"].ours == pytest.approx(100.0 * never / 200)
+
+
+def test_stored_draws_have_no_end_of_a_run_for_a_time():
+    for family in ("alsat1", "hausat2", "integrated", "space_telescope"):
+        for name, kept in stored.read(family)["scenarios"].items():
+            scenario = find(name)
+            for number in late(scenario.data):
+                entry = scenario.data["numbers"][number]
+                if entry.get("unit") not in ("s", "min"):
+                    continue
+                scale = 60.0 if entry["unit"] == "min" else 1.0
+                values = [d["numbers"][number] for d in kept["draws"]]
+                end = scenario.data["stop"] / scale
+                assert all(x is None or x < end for x in values), f"{name}: {number}"
+
+
+def test_pages_say_not_reached():
+    of = functions.Verbs(Sources("hausat2", [], 1, draft=60.0))
+    assert of.spread("along-field", "detumbled").startswith("not reached [")
+    assert of.spread("along-field", "detumbled").endswith("], 19 of 200")
+    assert of.spread("sample-time-10-wheel", "detumbled") == "none of 200"
+    assert of.share("along-field", "detumbled", least=89.0).startswith("18")
