@@ -104,6 +104,16 @@ def test_they_go_on_from_a_checkpoint(tmp_path, monkeypatch, piece):
     assert {k: gone_on.manifest["numbers"][k]["value"] for k in whole} == whole
 
 
+@pytest.mark.parametrize("inner", [1, 2])
+def test_a_run_of_before_is_still_shown(inner):
+    """Its manifest says less of where torques come from."""
+    run = execute("gyrostat/light", Options(inner=inner, stop=20.0))
+    for name in ("rows", "why"):
+        del run.manifest["energy"][name]
+    run.results._made.clear()
+    assert len(energy.figures(run.manifest, run.results)) == (inner == 1)
+
+
 def test_a_run_that_fails_within_a_step_has_those_before(monkeypatch):
     from desat.components.blocks import torquers
 

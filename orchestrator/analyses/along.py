@@ -33,7 +33,9 @@ class Along:
     def __init__(
         self, system: System, parts: Mapping[str, Any], parameters: Mapping[str, Any]
     ) -> None:  # fmt: skip
-        self._system, self._parameters = system, parameters[parts["spacecraft"]]
+        assert isinstance(system.inner, int), "it is chosen when a run begins"
+        self._step, self._inner = system.step, system.inner
+        self._parameters = parameters[parts["spacecraft"]]
         self._body = system.components[parts["spacecraft"]]
         self._carrier, self._axes = residual.carrier_of(
             {"parameters": parameters}, parts["spacecraft"]
@@ -91,7 +93,7 @@ class Along:
 
     def _lengths(self, n: int) -> Array:
         """Of the next n steps of the body (s), (n, 1)."""
-        step, inner = self._system.step, self._system.parts
+        step, inner = self._step, self._inner
         if self.kept.every > 1 or inner == 1:
             return np.full((n, 1), step * self.kept.every / inner)
         parts = np.array([w * step for _, w in graded(inner)])

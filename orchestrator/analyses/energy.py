@@ -127,15 +127,18 @@ def _not_of_rows(manifest: dict[str, Any], results: Results) -> str:
     parts = manifest[KEY]
     if manifest["algorithm"] != "conserving":
         return f"under {manifest['algorithm']} torques act a step late"
-    if parts["why"]:
-        return str(parts["why"])
+    if why := parts.get("why"):  # runs of before have neither this nor `rows`
+        return str(why)
     if lacking := residual.missing(of_work(parts), results):
         return lacking
     states, pair = residual.balanced(parts), [parts[n] for n in PAIR]
     if min(results.count(pair[0]), results.count(states[0]) - 1) < 1:
         return "there is no whole step"
     times = results.times(states[0])
-    if not parts["rows"] or abs(times[1] - times[0] - manifest["step"]) > 1e-9 * manifest["step"]:
+    if (
+        not parts.get("rows", manifest["inner"] == 1)
+        or abs(times[1] - times[0] - manifest["step"]) > 1e-9 * manifest["step"]
+    ):
         return "its rows do not have each step of the body, and it ended before it could say more"
     return ""
 

@@ -31,7 +31,7 @@ def applies(system: System) -> dict[str, Any] | None:
     for c in system.components.values():
         if c.interface.model == outside.FIXED:
             fed, why = outside.feeds(system, c.name), ""
-            if system.parts > 1 or c.decimation > 1:
+            if system.inner != 1 or c.decimation > 1:
                 why = f"a row has several steps of {c.name}, or a part of one"
             elif fed is None:
                 why = f"what reaches {c.name} is converted, or does not come at every step"

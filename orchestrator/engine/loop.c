@@ -32,7 +32,7 @@ struct operation {
     int32_t code;
     int32_t more; /* a further call of the same verb follows */
     int64_t n;
-    int64_t word; /* of a call: what last_call.py has of it */
+    int64_t word; /* of a call: what current_call.py has of it */
     void *p[6];
     double x[3];
 };
@@ -47,7 +47,7 @@ enum how { NEVER, BELOW, ABOVE, REACHES, ALWAYS };
 
 struct loop {
     int64_t k;
-    int64_t *word; /* of last_call.py: the call that the process is in, and its time */
+    int64_t *word; /* of current_call.py: the call that the process is in, and its time */
     double *time;
     double start, step;
     int64_t steps; /* of a cycle */

@@ -97,7 +97,7 @@ class Call:
     tick: Tick
     call: Callable[[], int]
     word: int
-    """What `last_call` has of it."""
+    """What `current_call` has of it."""
 
     @classmethod
     def of(cls, instance: Instance, verb: Verb, tick: Tick) -> Call:

@@ -1,4 +1,4 @@
-"""What the bound of the hidden work (`energy.py`) tells apart: craft that err, and that do not.
+"""What the bound of the hidden work (`analyses/energy.py`) tells apart: craft that err or do not.
 
 Craft made at random from a seed, on the loops of `ssp/gyrostat`; each run's attitude held against
 the same with 64 inner steps.

@@ -45,7 +45,7 @@ class Instance(Protocol):
 
     name: str
     place: int
-    """PLACE times its place in the order of the schedule: what `last_call` has of it."""
+    """PLACE times its place in the order of the schedule: what `current_call` has of it."""
     messages: list[str]
     """What the component has logged: warnings, errors."""
     inputs: dict[Kind, Array]

@@ -195,7 +195,7 @@ class IsolatedInstance:
         try:
             said, error, what = pickle.loads(octets)
         except Exception:  # what the component has written itself
-            self._lost(garbled=f"{last_call.told(self._words[DOING])} wrote")
+            self._lost(garbled=f"{current_call.told(self._words[DOING])} wrote")
         self._take(said)
         if error is not None:
             raise error(*what)
