@@ -299,20 +299,19 @@ def test_moved_joined_and_split_files_leave_code_as_it_is(monkeypatch, tmp_path)
     """The place of a definition, and what is imported to reach it, are no part of the code's hash;
     a file in a new folder of the engine is."""
     scenario, before = find("uosat12/starts-dct"), stored.code(find("uosat12/starts-dct"))
-    engine, study = tmp_path / "engine", tmp_path / "study"
-    shutil.copytree(ROOT / "orchestrator" / "engine", engine)
-    shutil.copytree(ROOT / "orchestrator" / "study", study)
-    monkeypatch.setattr(stored, "__file__", str(study / "stored.py"))
+    home = tmp_path / "desat"
+    shutil.copytree(ROOT / "orchestrator", home)
+    engine, recording = home / "engine", home / "engine" / "recording"
+    monkeypatch.setattr(stored, "__file__", str(home / "papers" / "stored.py"))
     assert stored.code(scenario) == before
-    (engine / "instances").mkdir()
-    (engine / "fmu_instance.py").rename(engine / "instances" / "of_fmu.py")
-    text = (engine / "member.py").read_text()
-    (engine / "member.py").write_text(text.replace("from .memory", "from ..engine.memory"))
-    joined = (engine / "windows.py").read_text() + (engine / "wide.py").read_text().replace(
-        "from __future__ import annotations", ""
-    )
-    (engine / "windows.py").write_text(joined)
-    (engine / "wide.py").unlink()
+    (engine / "further").mkdir()
+    (engine / "instances" / "fmu.py").rename(engine / "further" / "of_fmu.py")
+    text = (engine / "node.py").read_text()
+    (engine / "node.py").write_text(text.replace("from .instances", "from ..engine.instances"))
+    joined = (engine / "averaging.py").read_text() + (recording / "shared_tables.py").read_text()
+    head, _, rest = joined.rpartition("from __future__ import annotations")
+    (engine / "averaging.py").write_text(head + rest)
+    (recording / "shared_tables.py").unlink()
     assert stored.code(scenario) == before
     (engine / "instances" / "new.py").write_text("STEP = 2.0\n")
     assert stored.code(scenario) != before
@@ -325,9 +324,9 @@ def test_stored_draws_come_back(monkeypatch, tmp_path):
     rows = [{"draw": 0, "numbers": {"a": 0.1, "b": None}},
             {"draw": 2, "numbers": {"a": None, "b": 1e-300}}]  # fmt: skip
     units = {"a": "s", "b": "1"}
-    x = {"sha256": "1", "units": units, "summary": draws.spreads(rows, units), "draws": rows}
+    x = {"sha256": "1", "units": units, "summary": draws.spreads(rows, units, set()), "draws": rows}
     y = {"sha256": "2", "units": {"a": "s"}, "draws": [{"draw": 0, "numbers": {"a": -0.0}}]}
-    y["summary"] = draws.spreads(y["draws"], y["units"])
+    y["summary"] = draws.spreads(y["draws"], y["units"], set())
     for family in ("f", "e"):
         scenarios = {f"{family}/x": x, f"{family}/y": y}
         kept = {"family": family, "seed": 1, "scenarios": scenarios}
@@ -377,7 +376,7 @@ def test_a_page_has_draws_made_anew_for_a_number_that_is_not_stored(monkeypatch,
             for i in range(first, count)
         ]
         units = {**kept["scenarios"][name]["units"], "null_rms": "N.m.s", "x": "1"}
-        return {"draws": rows, "summary": draws.spreads(rows, units)}
+        return {"draws": rows, "summary": draws.spreads(rows, units, set())}
 
     monkeypatch.setattr(stored, "draws", made)
     with pytest.raises(DesatError, match="null_rms of its draws is not stored; without --draft"):

@@ -1,12 +1,13 @@
 from __future__ import annotations
 
+from collections.abc import Iterator
 from math import cos, floor, inf, pi, sin
 
 from ..contract.block import Parameter, Vec3, Vec4
 from ..contract.roles import WheelInertias
 from ..contract.roles import Wheels as Role
 from ..maths.noise import stream, uniform
-from ..maths.vector import ZERO, add, cross, norm, scale, sub, unit
+from ..maths.vector import ZERO, add, cross, dot, norm, scale, sub, unit
 from ..physics.rotor import AT_LIMIT, Motor, Rotor, step
 
 TORQUE, SPEED = range(2)
@@ -14,7 +15,8 @@ NOTHING: Vec4 = (0.0, 0.0, 0.0, 0.0)
 FULL_TURN = 2.0 * pi
 EDGE = 1e-6
 """A time so near a step's end, relative to the step, is the step's end."""
-
+FLAT = 1e-3
+"""Sine of the angle up to which axes count as parallel, or as in a plane."""
 
 Loop = tuple[int, float]
 """A speed loop: its last sample and the command (N m) of that."""
@@ -104,6 +106,18 @@ class Wheels(Role, WheelInertias):
     motor_constant: float = Parameter(
         "N.m", "torque that costs 1 W of copper loss; 0: no copper loss", min=0.0
     )
+
+    def foresee(self, begin: float, end: float, wired: frozenset[str]) -> Iterator[str]:
+        axes = tuple(tuple(self.axes_wheel[4 * r + i] for r in range(3)) for i in self._present)
+        normals = [cross(a, b) for a in axes for b in axes]
+        normal = max(normals, key=norm, default=ZERO)
+        if len(axes) > 2 and norm(normal) < FLAT:
+            along = ", ".join(f"{x:.3g}" for x in axes[0])
+            yield f"axes_wheel: all are along ({along}): no wheel turns the craft about another"
+        elif len(axes) > 2 and all(abs(dot(unit(normal), a)) < FLAT for a in axes):
+            about = ", ".join(f"{x:.3g}" for x in unit(normal))
+            yield f"axes_wheel: they lie in a plane: no wheel turns the craft about ({about})"
+        yield from super().foresee(begin, end, wired)
 
     def start(self) -> None:
         self._present = tuple(i for i in range(4) if self.inertia_wheel[i] > 0.0)

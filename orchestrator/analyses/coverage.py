@@ -93,7 +93,8 @@ class Body:
 
 
 def body_of(system: System) -> Body | None:
-    """Of a checked system; None where there is no rigid body with wheels."""
+    """Of a checked system; None where there is no rigid body with wheels, or its inertia is none
+    of a body, which is said when it starts."""
     parts = residual.applies(system)
     if parts is None:
         return None
@@ -102,7 +103,10 @@ def body_of(system: System) -> Body | None:
     spin = _values(craft, "inertia_wheel")
     inertia = _values(craft, "inertia").reshape(3, 3)
     wheels = system.components[parts["wheels"].partition(".")[0]]
-    return Body(inertia - (axes * spin) @ axes.T, axes, _values(wheels, "h_start_wheel"))
+    carrier = inertia - (axes * spin) @ axes.T
+    if np.linalg.eigvalsh(carrier).min() <= 0.0:
+        return None
+    return Body(carrier, axes, _values(wheels, "h_start_wheel"))
 
 
 def bound(system: System) -> Bound | None:

@@ -132,9 +132,14 @@ def survey(family: str) -> tuple[dict[str, Scenario], dict[str, str]]:
     broken: dict[str, str] = {}
     for file in sorted((ROOT / family / "scenarios").glob("*.toml")):
         try:
-            good |= cells(file, family)
+            made = cells(file, family)
         except DesatError as error:
             broken[file.stem] = str(error)
+            continue
+        for name in good.keys() & made.keys():
+            both = f"{paths.shown(good[name].file)} and {paths.shown(file)}"
+            broken[file.stem] = f"{both}: both make a scenario {name}; rename a file or a value"
+        good |= made
     known = {name.partition("/")[2] for name in good}
     wrong: dict[str, str] = {}
     for scenario in good.values():
@@ -152,15 +157,13 @@ def _of_its_file(name: str) -> Scenario | None:
     """The scenario of a name from the one file that has it; None where there is none, or something
     is wrong: `survey` says what."""
     family, _, rest = name.partition("/")
-    # where two files have the same name the last is meant, as in `survey`
-    files = sorted((ROOT / family / "scenarios").glob("*.toml"), reverse=True)
+    files = (ROOT / family / "scenarios").glob("*.toml") if family in families() else ()
+    found = [f for f in files if f"{rest}-".startswith(f"{f.stem}-")]
     try:
-        for file in files if family in families() else ():
-            if f"{rest}-".startswith(f"{file.stem}-") and name in (known := cells(file, family)):
-                return known[name]
+        made = [known[name] for f in found if name in (known := cells(f, family))]
     except DesatError:
-        pass
-    return None
+        return None
+    return made[0] if len(made) == 1 else None
 
 
 def _others(data: dict[str, Any]) -> Iterator[tuple[tuple[str, ...], str]]:
@@ -213,9 +216,10 @@ def find(name: str) -> Scenario:
     ):
         return scenario
     known, _ = readable(family if family in families() else None)
-    if name in known:
-        return known[name]
     broken = survey(family)[1] if family in families() else {}
+    twice = [t for t in broken.values() if t.partition("both make a scenario ")[2].startswith(name)]
+    if name in known and not twice:
+        return known[name]
     for stem, text in broken.items():
         if f"{rest}-".startswith(f"{stem}-"):
             raise DesatError(text)

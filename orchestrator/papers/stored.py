@@ -233,7 +233,7 @@ def read(family: str) -> dict[str, Any]:
                          "is of: its sha256 is another one")  # fmt: skip
     columns = pq.read_table(pa.BufferReader(data)).to_pydict()
     places_of: dict[str, list[int]] = {}
-    known = scenarios(family)
+    known = scenarios(family) if family in families() else {}
     for i, name in enumerate(columns["scenario"]):
         places_of.setdefault(name, []).append(i)
     for name, kept in result["scenarios"].items():

@@ -24,6 +24,7 @@ def foreseen(system: System, open_ends: dict[str, Unwired]) -> tuple[list[str], 
     warnings: list[str] = []
     for c in system.components.values():
         warnings += _unusual(c, system.where)
+        problems += _no_attitudes(c, system.where)
         if not _foresees(c):
             continue
         ends = open_ends[c.name]
@@ -50,6 +51,15 @@ def _unusual(c: Component, where: str) -> Iterator[str]:
             unit = f" {signal.unit_name}" if signal.unit_name not in ("", "1") else ""
             yield (f"{c.given.get(base, where)}: {c.name}.{name} = {value:g}{unit}: usual is "
                    f"{low:g} to {high:g}{unit}")  # fmt: skip
+
+
+def _no_attitudes(c: Component, where: str) -> Iterator[str]:
+    """A line a quaternion (q_..., scalar last) that is zero: it is no attitude."""
+    for name in {base_name(n) for n in c.parameters if n.startswith("q_")}:
+        values = [c.parameters.get(s.name, s.start) for s in c.interface.elements(name)]
+        if len(values) == 4 and not any(values):
+            yield (f"{c.given.get(name, where)}: {c.name}.{name} = (0, 0, 0, 0): a quaternion of "
+                   "size 0 is no attitude; (0, 0, 0, 1) is none turned")  # fmt: skip
 
 
 def _foresees(c: Component) -> bool:
