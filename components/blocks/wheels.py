@@ -108,7 +108,8 @@ class Wheels(Role, WheelInertias):
     )
 
     def foresee(self, begin: float, end: float, wired: frozenset[str]) -> Iterator[str]:
-        axes = tuple(tuple(self.axes_wheel[4 * r + i] for r in range(3)) for i in self._present)
+        g = self.axes_wheel
+        axes = [(g[i], g[4 + i], g[8 + i]) for i in self._present]
         normals = [cross(a, b) for a in axes for b in axes]
         normal = max(normals, key=norm, default=ZERO)
         if len(axes) > 2 and norm(normal) < FLAT:
