@@ -628,14 +628,15 @@ def test_another_manager_swaps_in_by_its_source():
     assert swapped.results.values("manager.mode")[-1] == 1
 
 
-def test_schedules_that_differ_are_refused():
+def test_schedules_that_differ_are_a_warning():
+    """What runs onboard may err about the firings; both are named."""
     case = prepare("alsat1/firing-ours", Options(
         blocks=True, sets=["thrusters.schedule_start=50,0,0,0,0,0,0,0"]
     ))  # fmt: skip
-    with pytest.raises(Exception, match="schedule_start") as error:
-        case.or_raise()
-    assert "manager" in str(error.value)
-    assert "thrusters" in str(error.value)
+    case.or_raise()
+    [line] = [w for w in case.checked.warnings if "schedule_start" in w]
+    assert "manager" in line
+    assert "thrusters" in line
 
 
 def test_a_firing_that_lasts_beyond_the_run_is_said():

@@ -94,7 +94,7 @@ def test_from_an_empty_folder(home, installed, tmp_path):
     assert any(row["draws"] for row in rows)
     assert _contents(where) == before
     (cache,) = (p for p in (home / "cache").iterdir() if p.name not in ("lists", "loop"))
-    assert {p.name for p in cache.iterdir()} == {"fmus", "fmus.lock", "ssp"}
+    assert {p.name for p in cache.iterdir()} == {"fmus", "fmus.lock"}
     built = {p.name: p.read_bytes() for p in (cache / "fmus").glob("*.fmu")}
     assert (cache / "fmus" / "index.json").is_file()
     assert set(built) == {f"{n}.fmu" for n in registry.names()}
