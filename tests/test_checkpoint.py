@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import errno
 import os
+import re
+import shutil
 import signal
 import sys
+import zipfile
 from dataclasses import replace
 from pathlib import Path
 from typing import IO, Any
@@ -18,7 +21,9 @@ from test_rates import scenario
 from benchmarks.killed import differences, trials
 from desat.engine import checkpoint
 from desat.engine.recording import shared_tables
+from desat.files import identity, paths
 from desat.files.lock import claimed
+from desat.runs import manifest
 from desat.runs.resume import resume
 from desat.runs.run import Options, prepare, simulate
 from desat.system.codes import Exit
@@ -183,3 +188,30 @@ def test_killed_at_random_moments(tmp_path):
     given = ("nadir_day/day-dipole", "--stop", "3000", "--checkpoint", "100", "--no-twin")
     found = list(trials(2, given, tmp_path, 1))
     assert [x for x in found if not x.startswith("equal")] == []
+
+
+@pytest.mark.parametrize("what", ["FMU", "file", "package", "machine"])
+def test_resume_refuses_what_is_another(tmp_path, monkeypatch, what):
+    """Each of what docs/failures.md names is told as it was and as it is; the folder stays."""
+    mine = tmp_path / "mine.fmu"
+    shutil.copy(paths.fmus() / "native" / "controller_pd.fmu", mine)
+    file = tmp_path / "mine.toml"
+    file.write_text('extends = "nadir_day/day-dipole"\ntitle = "T"\n')
+    given = Options(sources=[f"controller={mine}"], stop=40.0, checkpoint=10.0, isolate="none")
+    broken(str(file), given, tmp_path / "a", monkeypatch, 30)
+    before = {p: p.read_bytes() for p in (tmp_path / "a").rglob("*") if p.is_file()}
+    known = identity.versions()
+    if what == "FMU":
+        with zipfile.ZipFile(mine, "a") as archive:
+            archive.writestr("resources/new.txt", "x")
+        told = r"(digest|fmus\.controller) was .*, and is "
+    elif what == "file":
+        file.write_text(file.read_text() + "[parameters.environment]\neccentricity = 0.1\n")
+        told = r"environment.* was .*, and is .*0\.1"
+    else:
+        name = {"package": "numpy", "machine": "platform"}[what]
+        monkeypatch.setattr(manifest, "versions", lambda: {**known, name: "another"})
+        told = rf"versions\.{name} was {re.escape(known[name])}, and is another"
+    with pytest.raises(DesatError, match=told):
+        resume(tmp_path / "a")
+    assert {p: p.read_bytes() for p in (tmp_path / "a").rglob("*") if p.is_file()} == before
