@@ -9,6 +9,7 @@ import random
 import resource
 import subprocess
 import sys
+import zipfile
 from dataclasses import replace
 from pathlib import Path
 
@@ -19,7 +20,7 @@ from test_checkpoint import broken
 from desat.analyses import coverage
 from desat.campaign.case import row
 from desat.campaign.plan import Plan, digest_of
-from desat.files import scenario
+from desat.files import library, scenario
 from desat.files.ssp_write import pack_scenario
 from desat.numbers.derived import pointing
 from desat.runs import inner_choice
@@ -331,6 +332,9 @@ def test_a_run_that_leaves_the_range_of_its_flights_is_made_again(monkeypatch):
     finer = simulate(prepare("gyrostat/pulses", replace(options, inner=4 * choice["inner"])))
     angles = pointing(*(r.results.values("spacecraft.q_bi") for r in (run, finer)))
     assert np.radians(angles).max() < choice["accuracy"]
+    blind = replace(options, record=("wheels.*",))
+    (warning,) = simulate(prepare("gyrostat/pulses", blind)).manifest["warnings"]
+    assert "not looked at again: not recorded: spacecraft.impulse_eci, spacecraft.omega" in warning
     early = LIGHT | jets((0.2, 0.1, 0.0))
     manifest = simulate(prepare("gyrostat/pulses", replace(options, values=early))).manifest
     assert manifest["inner_choice"]["again"] == []
@@ -406,3 +410,21 @@ def test_every_actuator_has_its_torque():
     kicks = dict(coverage._kicks(system, body, 1.0))
     assert kicks["wheels"] == pytest.approx(1e-3 / (1.7 - 1e-4), rel=1e-12)
     assert kicks["torquers"] == pytest.approx(0.1 * coverage.FIELD / 1.7, rel=1e-3)
+
+
+def test_a_foreign_fmu_is_flown_too_where_it_has_a_process_of_its_own(tmp_path):
+    """And is no reason to refuse: one inner step it is then, with the reason."""
+    foreign = tmp_path / "mine.fmu"
+    foreign.write_bytes(library.built("manager_cross_product.fmu", "python").read_bytes())
+    with zipfile.ZipFile(foreign, "a") as archive:
+        archive.writestr("resources/of-somebody.txt", "")
+    target = own(tmp_path, "stop = 30")
+    for options, why in (
+        ({}, ""),
+        ({"isolate": "none"}, "manager is a foreign FMU without a process of its own"),
+        ({"accuracy": 1e-17}, "the attitude would still err by"),
+    ):
+        given = Options(sources=[f"manager={foreign}"], **options)
+        manifest = simulate(prepare(target, given)).manifest
+        assert why in manifest["inner_choice"]["why"]
+        assert (manifest["inner"] == 1) == bool(why)

@@ -291,10 +291,16 @@ def numbers(manifest: dict[str, Any], results: Results) -> dict[str, dict[str, A
 
 
 def remarks(manifest: dict[str, Any], results: Results) -> list[str]:
-    """Where a run with given inner steps has left the range, a line each."""
+    """Where a run with given inner steps has left the range, a line each; and that one which has
+    chosen them could not be looked at again."""
     choice = manifest.get(CHOICE)
-    looked = choice is not None and choice["estimate"] is not None
-    if looked or manifest["algorithm"] != "conserving":
+    if choice is not None and choice["estimate"] is not None:
+        lacking = set((manifest[KEY] or {}).get("series", ())) - set(results.names())
+        if choice["reached"] is None or not lacking:
+            return []
+        return [f"its inner steps are chosen by its first {choice['steps']} steps, and not looked "
+                f"at again: not recorded: {', '.join(sorted(lacking))}"]  # fmt: skip
+    if manifest["algorithm"] != "conserving":
         return []
     found = of_run(manifest, results)
     if found is None:

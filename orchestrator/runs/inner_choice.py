@@ -112,7 +112,8 @@ class Choice:
 def chosen(target: str, system: System, options: Options) -> Choice | None:
     """The choice of a checked system; None of one whose inner steps are given.
 
-    Raises DesatError, with the reason, where no count of LEVELS is accurate enough.
+    Raises DesatError, with the reason, where no count of LEVELS is accurate enough; with foreign
+    FMUs that is one inner step, and the reason beside.
     """
     if system.inner != AUTO:
         return None
@@ -123,6 +124,11 @@ def chosen(target: str, system: System, options: Options) -> Choice | None:
         choice = _Flights(system, options, 1, LONGEST).choice(target)
     except ComponentError as error:
         choice = Choice(1, system.accuracy, why=f"a flight beforehand failed: {error}")
+    except DesatError as error:
+        if not wanted(system, replace(options, isolate="foreign")):
+            raise
+        # a foreign FMU may not do the same twice
+        choice = Choice(1, system.accuracy, why=str(error))
     return replace(choice, seconds=time.process_time() - began)
 
 
