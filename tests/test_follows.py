@@ -12,8 +12,8 @@ from desat.files import library
 from desat.files.scenario import scenarios
 from desat.fmus import registry
 from desat.runs.run import Options, execute, prepare
+from desat.system.expression import named
 from desat.system.parameters import table
-from desat.system.references import named
 
 INERTIA = "[[21.0, 0.6, -0.4], [0.6, 18.0, 0.3], [-0.4, 0.3, 13.0]]"
 ANOTHER = "is it another craft's?"

@@ -8,11 +8,11 @@ from dataclasses import dataclass, field
 
 from .draft import Draft
 from .errors import DesatError, nearest
+from .expression import named, values_of
 from .foreseen import foreseen
 from .interface import base_name
 from .model import System
 from .parameters import table, value_of
-from .references import named, values_of
 from .resolve import resolve
 from .schedule import Schedule, schedule
 from .unwired import Unwired, unwired, without_effect
