@@ -21,7 +21,7 @@ from typing import Any
 
 import numpy as np
 
-from desat.files.modify import modify
+from desat.files.assembly import modify
 from desat.files.scenario import find
 from desat.files.ssp_write import pack_scenario
 from desat.runs.run import Case, Options, load, prepare, simulate

@@ -14,13 +14,13 @@ from desat.analyses import energy
 from desat.campaign import report
 from desat.campaign.draws import draws
 from desat.cli import app
-from desat.engine import kept
+from desat.engine import node
 from desat.engine.instances.base import ComponentError
 from desat.engine.master import Master
 from desat.runs.resume import resume
 from desat.runs.run import Options, execute
 from desat.studies import separation
-from desat.system.codes import Exit
+from desat.system.errors import Exit
 
 MADE = set(energy.NUMBERS)
 
@@ -85,7 +85,7 @@ def test_every_loop_makes_the_same_bits_of_them(options):
 
 @pytest.mark.parametrize("piece", [4096, 100])
 def test_they_go_on_from_a_checkpoint(tmp_path, monkeypatch, piece):
-    monkeypatch.setattr(kept, "PIECE", piece)
+    monkeypatch.setattr(node, "PIECE", piece)
     whole, _ = made("gyrostat/pulses", stop=80.0)
     monkeypatch.chdir(tmp_path)
     advance = Master.advance

@@ -30,8 +30,7 @@ from desat.campaign.compare import compare
 from desat.campaign.draws import system_of
 from desat.campaign.sampling import axes, drawn
 from desat.campaign.workers import Local, Lost, results
-from desat.system.codes import Exit
-from desat.system.errors import DesatError
+from desat.system.errors import DesatError, Exit
 from desat.system.options import Options
 
 COUNT = 200

@@ -20,8 +20,7 @@ from desat.campaign.draws import draws
 from desat.campaign.plan import joined
 from desat.campaign.sweep import sweep
 from desat.runs.run import Options, execute
-from desat.system.codes import Exit
-from desat.system.errors import DesatError, RunError
+from desat.system.errors import DesatError, Exit, RunError
 
 DRAWN = "wheels.h_start_wheel"
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from lxml import etree
 
-from desat.figures import charts, ticks
+from desat.figures import canvas, charts
 from desat.figures.canvas import INCH, Dots, Figure, Shape, Words
 from desat.figures.plots import series_figure
 from desat.numbers.series import Series
@@ -49,7 +49,7 @@ def texts(figure):
     ],
 )
 def test_ticks_are_round_and_few(low, high, most, labels, aside):
-    made = ticks.linear(low, high, most)
+    made = canvas.linear(low, high, most)
     assert (list(made.labels), made.aside) == (labels, aside)
     assert all(low - 1e-9 * abs(low) <= v <= high * (1 + 1e-9) for v in made.values)
 
@@ -60,7 +60,7 @@ def test_labels_say_where_ticks_are(seed):
     draw = np.random.default_rng(seed)
     low = draw.normal() * 10.0 ** draw.integers(-9, 9)
     high = low + abs(draw.normal()) * 10.0 ** draw.integers(-6, 9)
-    made = ticks.linear(low, high, 7)
+    made = canvas.linear(low, high, 7)
     assert 1 <= len(made.values) <= 7
     power, shift = re.fullmatch(r"(?:×10([⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+))? ?([+−] .*)?", made.aside).groups()
     normal = str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹−", "-0123456789-")
@@ -71,12 +71,12 @@ def test_labels_say_where_ticks_are(seed):
 
 
 def test_ticks_of_a_logarithmic_axis():
-    made = ticks.logarithmic(0.5e-3, 2.0, 9)
+    made = canvas.logarithmic(0.5e-3, 2.0, 9)
     named = [t for t in made.labels if t]
     assert named == ["10⁻³", "10⁻²", "10⁻¹", "10⁰"]
-    narrow = ticks.logarithmic(1.5, 8.0, 9)
+    narrow = canvas.logarithmic(1.5, 8.0, 9)
     assert dict(zip(narrow.labels, narrow.values, strict=True))["2×10⁰"] == 2.0
-    wide = ticks.logarithmic(1e-15, 1.0, 6)
+    wide = canvas.logarithmic(1e-15, 1.0, 6)
     assert sum(map(bool, wide.labels)) <= 6
 
 

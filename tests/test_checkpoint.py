@@ -26,8 +26,7 @@ from desat.files.lock import claimed
 from desat.runs import manifest
 from desat.runs.resume import resume
 from desat.runs.run import Options, prepare, simulate
-from desat.system.codes import Exit
-from desat.system.errors import DesatError
+from desat.system.errors import DesatError, Exit
 
 __all__ = ["binary", "system"]  # fixtures
 

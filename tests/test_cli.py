@@ -22,7 +22,7 @@ from desat.cli.console import print_numbers
 from desat.engine.recording.results import Results
 from desat.files import paths
 from desat.files.scenario import families, scenarios, summary
-from desat.system.codes import Exit
+from desat.system.errors import Exit
 
 NAME = "uosat12/table3-ocdc-ilqr-1"
 

@@ -5,8 +5,7 @@ from __future__ import annotations
 import pytest
 
 from desat.files import paths, scenario
-from desat.system.codes import Exit
-from desat.system.errors import DesatError
+from desat.system.errors import DesatError, Exit
 
 PLANE = "1,0,0.6,0.8,0,1,0.8,-0.6,0,0,0,0"
 LINE = "1,1,-1,1,0,0,0,0,0,0,0,0"

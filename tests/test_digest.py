@@ -27,9 +27,8 @@ from desat.papers import stored
 from desat.runs.prepare import resolved
 from desat.runs.resume import resume
 from desat.runs.run import Options, load_run, prepare, simulate
-from desat.system.codes import Exit
 from desat.system.digest import ASIDE, comparable, digest
-from desat.system.errors import DesatError
+from desat.system.errors import DesatError, Exit
 from desat.system.model import Connection
 
 # --- every field ----------------------------------------------------------------------------------

@@ -30,15 +30,14 @@ from desat.engine.recording.recorder import Recorder
 from desat.engine.recording.results import Results
 from desat.engine.recording.row_buffer import Half
 from desat.engine.recording.series_file import Packing
-from desat.files import archive, library, trust
+from desat.files import io, library
 from desat.files.ssp_write import pack
 from desat.papers.session import Sources
 from desat.report.report import write_report
 from desat.runs import isolation, supervisor
 from desat.runs import run as case
 from desat.runs.run import Options, load_run, prepare, simulate
-from desat.system.codes import Exit
-from desat.system.errors import DesatError, RunError
+from desat.system.errors import DesatError, Exit, RunError
 
 SOURCE = Path(__file__).with_name("failing.c")
 HOW = re.search(r"enum \{(.*?)\}", SOURCE.read_text(), re.S)[1].replace("\n", " ").split(",")
@@ -823,13 +822,13 @@ def test_budgets_of_archives(tmp_path, monkeypatch):
     bomb = zipped(tmp_path / "bomb.ssp", {"a": bytes(40 << 20)})
     with pytest.raises(DesatError, match=r"39 KiB would become 40 MiB; 200 times its size"):
         library.extract(bomb)
-    many = zipped(tmp_path / "many.ssp", {str(i): b"" for i in range(archive.ENTRIES + 1)})
+    many = zipped(tmp_path / "many.ssp", {str(i): b"" for i in range(io.ENTRIES + 1)})
     with pytest.raises(DesatError, match="20001 entries; 20000 allowed"):
         library.extract(many)
     deep = zipped(tmp_path / "deep.ssp", {"a/" * 40 + "b": b""})
     with pytest.raises(DesatError, match="41 folders; 32 allowed"):
         library.extract(deep)
-    monkeypatch.setattr(archive, "IN_ALL", archive._extracted + 10)
+    monkeypatch.setattr(io, "IN_ALL", io._extracted + 10)
     with pytest.raises(DesatError, match="with the archives before it more than"):
         library.extract(zipped(tmp_path / "all.ssp", {"a": bytes(11)}))
     link = zipfile.ZipInfo("link")
@@ -875,7 +874,7 @@ def test_check_runs_no_foreign_code_unless_trusted(apart, system, tmp_path):
     assert "bad: failing.fmu is not of the list of --trust" in result.stderr
     listed.write_text("so what")
     with pytest.raises(DesatError, match="trusted:1: 'so what': a sha256 of 64 digits is needed"):
-        trust.hashes(listed)
+        library.hashes(listed)
 
 
 def test_a_binary_for_elsewhere_is_said(tmp_path):

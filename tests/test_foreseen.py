@@ -12,7 +12,7 @@ from desat.components.physics import atmosphere, earth, igrf14
 from desat.files.scenario import scenarios
 from desat.fmus.registry import block_class, names
 from desat.runs.run import Options, prepare
-from desat.system.codes import Exit
+from desat.system.errors import Exit
 
 DAY, NADIR, COMBINED = "nadir_day/day-igrf", "integrated/mil-nadir", "uosat12/table3-ocdc-ilqr-1"
 

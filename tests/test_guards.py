@@ -19,9 +19,9 @@ from conftest import ROOT
 from desat.campaign import draws
 from desat.designs import making, origin
 from desat.engine import trial_initialisation
-from desat.files import library, paths, trust
+from desat.files import library, paths
+from desat.files.io import toml
 from desat.files.scenario import families, find, scenarios
-from desat.files.toml import toml
 from desat.fmus import meaning, registry
 from desat.fmus.meaning import sources
 from desat.fmus.slave import _name
@@ -189,7 +189,7 @@ def test_of_a_foreign_fmu_only_the_description_is_read(tmp_path):
             theirs.writestr(name, b"no library" if name.startswith("binaries/") else data)
     options = Options(sources=[f"magnetometer={fmu}"], sets=["torquers.quiet_time=9"])
     problems, warnings = trial_initialisation.refusals(*prepare(COMBINED, options).or_raise())
-    assert not trust.is_ours(fmu)
+    assert not library.is_ours(fmu)
     assert [p.partition(":")[0] for p in problems + warnings] == ["torquers"]
     assert "quiet_time" in (problems + warnings)[0]
 

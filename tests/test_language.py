@@ -24,8 +24,7 @@ from desat.numbers.measures import first_below, time_of
 from desat.numbers.numbers import evaluate
 from desat.runs import catalogue, explain, validation
 from desat.runs.run import Options, execute
-from desat.system.codes import Exit
-from desat.system.errors import DesatError
+from desat.system.errors import DesatError, Exit
 
 ROOT = Path(__file__).resolve().parent.parent
 BASE = """step = 10.0

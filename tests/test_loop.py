@@ -17,11 +17,11 @@ import pytest
 from test_rates import scenario
 
 from desat.engine import compiled
+from desat.engine.compiled import CODES, Program
 from desat.engine.ending import NEVER, Ending
 from desat.engine.instances.base import ComponentError
 from desat.engine.loop import PythonSteps, run, stepping
 from desat.engine.master import Master
-from desat.engine.program import CODES, Program
 from desat.engine.recording import recorder as recorder_module
 from desat.engine.recording import series_file
 from desat.engine.recording.recorder import Recorder

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from desat.figures import mode_bands
+from desat.figures import plots
 from desat.figures.plots import lines_of, series_plot
 from desat.files.scenario import families, find
 from desat.numbers.series import Series
@@ -21,7 +21,7 @@ from desat.system.errors import DesatError
 @given(st.lists(st.integers(0, 3), min_size=1, max_size=300))
 def test_bands_cover_the_run(values):
     times = np.arange(len(values) + 1.0)
-    spans = mode_bands.bands(times, np.array(values), columns=10**6)
+    spans = plots.bands(times, np.array(values), columns=10**6)
     held = {value: sum(end - begin for begin, end in found) for value, found in spans}
     assert held == {v: pytest.approx(values.count(v)) for v in set(values)}
     for value, found in spans:
@@ -33,11 +33,11 @@ def test_a_short_mode_is_seen_and_a_chatter_is_few_spans():
     times = np.arange(100_001.0)
     values = np.arange(100_000) % 2
     values[50_000] = 4
-    spans = dict(mode_bands.bands(times, values))
+    spans = dict(plots.bands(times, values))
     ((begin, end),) = spans[4]
     assert begin == 50_000.0
-    assert end - begin == pytest.approx(100_000 / mode_bands.COLUMNS)
-    assert all(len(found) <= mode_bands.COLUMNS for found in spans.values())
+    assert end - begin == pytest.approx(100_000 / plots.COLUMNS)
+    assert all(len(found) <= plots.COLUMNS for found in spans.values())
     assert list(spans)[-1] == 4  # on top of those that hold longer
 
 

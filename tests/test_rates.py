@@ -11,11 +11,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from desat.engine.averaging import Part, Places, Whole
+from desat.engine.operations import Part, Places, Whole
 from desat.files.ssp_write import pack
 from desat.runs.run import Options, execute, prepare
-from desat.system.codes import Exit
-from desat.system.errors import DesatError
+from desat.system.errors import DesatError, Exit
 from desat.system.rates import Link, graded, late
 
 numbers = st.floats(-1e3, 1e3)

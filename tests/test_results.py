@@ -32,9 +32,8 @@ from desat.figures.style import pretty_unit
 from desat.files import library, paths
 from desat.fmus import registry
 from desat.numbers import derived
-from desat.numbers.compare import related
 from desat.numbers.measures import MEASURES
-from desat.numbers.numbers import evaluate, relative, scale
+from desat.numbers.numbers import evaluate, related, relative, scale
 from desat.report.export import export, no_formula
 from desat.runs.manifest import read_manifest
 from desat.runs.run import Options, execute

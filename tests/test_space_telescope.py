@@ -23,7 +23,7 @@ from desat.components.maths.vector import IDENTITY, cross, dot, norm
 from desat.components.physics.wheel_array import pseudo_inverse, to_wheels
 from desat.designs import making, momentum_tables
 from desat.files.scenario import find, scenarios
-from desat.numbers import compare, measures
+from desat.numbers import measures, numbers
 from desat.papers import stored, tables
 from desat.runs.run import Options, execute, prepare
 from desat.system.errors import DesatError
@@ -640,7 +640,7 @@ def test_a_paired_ratio_is_of_the_same_draw():
     found = pairs.ratios(drawn(2.0, 9.0, None, 8.0), drawn(1.0, 3.0, 5.0, 0.0), "e")
     assert found.pop("each") == [{"draw": 0, "ratio": 2.0}, {"draw": 1, "ratio": 3.0}]
     assert found == {"unit": "1", "median": 2.5, "min": 2.0, "max": 3.0, "n": 2}
-    assert compare.related("paired_ratio", 6.0, 4.0) == 1.5
+    assert numbers.related("paired_ratio", 6.0, 4.0) == 1.5
 
 
 def test_claims_that_hold_are_within_their_bands(monkeypatch):

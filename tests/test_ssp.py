@@ -12,7 +12,7 @@ import pytest
 from conftest import ROOT, one_of_each_craft
 from lxml import etree
 
-from desat.files import archive, paths, scenario, ssp
+from desat.files import io, paths, scenario, ssp
 from desat.files.scenario import families, find, scenarios
 from desat.files.ssp_write import pack, pack_scenario
 from desat.files.xml import parse_bytes, validate
@@ -139,7 +139,7 @@ def test_hostile_archives(packed, tmp_path, monkeypatch):
     with pytest.raises(DesatError, match=r"holds SystemStructure.ssd twice"):
         ssp.read(twice)
     big = rezip(packed, tmp_path / "c.ssp", extra=b"0" * 1000)
-    monkeypatch.setattr(archive, "LARGEST", 1000)
+    monkeypatch.setattr(io, "LARGEST", 1000)
     with pytest.raises(DesatError, match="allowed"):
         ssp.read(big)
 

@@ -11,8 +11,7 @@ import pytest
 from desat.campaign.draws import draws
 from desat.runs import stopping
 from desat.runs.run import Options, execute, prepare
-from desat.system.codes import Exit
-from desat.system.errors import DesatError
+from desat.system.errors import DesatError, Exit
 
 NAME = "integrated/mil-nadir"
 RATE = "spacecraft.omega_bi_body"

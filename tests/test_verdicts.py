@@ -10,7 +10,7 @@ from test_failures import binary, options, ssd, system
 
 from desat.campaign.judged import requirement
 from desat.runs.run import prepare, simulate
-from desat.system.codes import Exit
+from desat.system.errors import Exit
 
 __all__ = ["binary", "system"]  # fixtures
 

@@ -2,7 +2,7 @@
 
 So where its rows do not have every step of the body: with inner steps, decimation, rows left out.
 
-The balances need what reaches the body at each of its own steps, which `engine/kept.py` keeps for
+The balances need what reaches the body at each of its own steps, which `engine/node.py` keeps for
 some thousands of them at a time: so they take no more memory however long the run is.
 """
 
@@ -14,8 +14,8 @@ from typing import Any
 
 import numpy as np
 
-from ..engine.kept import Kept
 from ..engine.master import Master
+from ..engine.node import Kept
 from ..system.interface import Signal, base_name
 from ..system.model import System
 from ..system.parameters import value_of

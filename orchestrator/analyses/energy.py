@@ -36,7 +36,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..engine.recording.results import Results
-from ..figures.mode_bands import timeline
+from ..figures.plots import timeline
 from ..figures.style import COLOURS, figure, time_axis
 from ..numbers.derived import rotate_back
 from ..system.model import System

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..engine.recording.results import Results
-from ..figures.mode_bands import timeline
+from ..figures.plots import timeline
 from ..figures.style import COLOURS, figure, time_axis
 from ..numbers.derived import rotate_back
 from ..system.model import System

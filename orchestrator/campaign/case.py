@@ -16,8 +16,7 @@ from numpy.typing import NDArray
 from ..figures.plots import lines_of, unit_of
 from ..report.report import write_report
 from ..runs.run import Run, execute
-from ..system.codes import Exit
-from ..system.errors import DesatError
+from ..system.errors import DesatError, Exit
 from .draws import STOPPED, ran
 from .plan import Plan, system
 

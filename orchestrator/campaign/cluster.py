@@ -17,8 +17,7 @@ from typing import Any, Self
 
 from ..files import library
 from ..files.identity import versions
-from ..system.codes import Exit
-from ..system.errors import DesatError, RunError
+from ..system.errors import DesatError, Exit, RunError
 from .case import row
 from .plan import Plan, digest_of
 from .workers import Lost

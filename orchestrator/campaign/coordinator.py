@@ -14,9 +14,8 @@ from ..files.identity import versions
 from ..files.lock import LOCK, claimed
 from ..runs.manifest import write_json
 from ..runs.run import Case, prepare
-from ..system.codes import Exit
-from ..system.dispersions import dispersed
-from ..system.errors import DesatError, RunError, nearest
+from ..system.draft import dispersed
+from ..system.errors import DesatError, Exit, RunError, nearest
 from ..system.options import Options
 from . import damaged, store
 from .case import kept, plots_of, row

@@ -12,7 +12,7 @@ from typing import Any
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from ..files.text import replace_text
+from ..files.io import replace_text
 from ..system.errors import DesatError
 
 

@@ -16,10 +16,8 @@ from rich.progress import track
 from ..analyses import analyses, coverage
 from ..numbers.numbers import late, ranked
 from ..runs.run import Options, Run, load, prepare, simulate
-from ..system.codes import Exit
-from ..system.dispersions import overridden
-from ..system.draft import Draft
-from ..system.errors import DesatError, RunError
+from ..system.draft import Draft, overridden
+from ..system.errors import DesatError, Exit, RunError
 from ..system.model import AUTO
 from .sampling import drawn
 from .workers import Here, Local, Lost, Workers, results

@@ -13,7 +13,7 @@ from dataclasses import replace
 from typing import Any
 
 from ..runs.run import Options
-from ..system.dispersions import dispersed
+from ..system.draft import dispersed
 from ..system.errors import DesatError
 from .draws import draws, system_of
 from .sampling import drawn

@@ -22,7 +22,7 @@ from ..numbers.text import number as shown
 from ..report.report import render, write_page
 from ..runs.manifest import write_json
 from ..runs.prepare import prepare
-from ..system.dispersions import dispersed
+from ..system.draft import dispersed
 from ..system.errors import DesatError
 from ..system.parameters import table as parameters_of
 from . import figures, store

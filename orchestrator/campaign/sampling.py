@@ -26,8 +26,7 @@ from typing import Any, Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from ..system.dispersions import KINDS, dispersed, kind_of
-from ..system.draft import Draft
+from ..system.draft import KINDS, Draft, dispersed, kind_of
 from ..system.errors import DesatError, nearest
 from ..system.interface import base_name
 

@@ -25,7 +25,7 @@ from typing import Any
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from ..files.text import naming
+from ..files.io import naming
 from ..runs.manifest import write_json
 from ..system.errors import DesatError
 from . import damaged

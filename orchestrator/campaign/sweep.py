@@ -9,7 +9,7 @@ from typing import Any
 
 from ..numbers.numbers import late
 from ..runs.run import Options, prepare
-from ..system.dispersions import overridden
+from ..system.draft import overridden
 from ..system.errors import DesatError
 from ..system.parameters import parse_assignment
 from .draws import rows_of, summary, system_of

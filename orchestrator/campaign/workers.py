@@ -20,9 +20,8 @@ from multiprocessing import current_process, get_context
 from multiprocessing.connection import wait
 from typing import Any, Protocol, Self
 
-from ..engine import orphans
-from ..system.codes import Exit
-from ..system.errors import RunError
+from ..engine import process_state
+from ..system.errors import Exit, RunError
 
 UNGUARDED = 78
 """How a process ends whose script would make processes of its own while it is imported."""
@@ -213,7 +212,7 @@ class _Worker:
 def _serve(pipe: Any, function: Callable[..., Any], head: int) -> None:
     """A worker's life. It leaves Ctrl-C to its head, and dies with it."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    orphans.adopt()
+    process_state.adopt()
     threading.Thread(target=_die_with, args=(head,), daemon=True).start()
     with suppress(EOFError, OSError):
         pipe.send(("ready", None))
@@ -223,7 +222,7 @@ def _serve(pipe: Any, function: Callable[..., Any], head: int) -> None:
                 said = ("result", function(*arguments))
             except Exception as error:
                 said = ("raised", error)
-            orphans.end()
+            process_state.end()
             try:
                 pipe.send(said)
             except (TypeError, AttributeError, pickle.PicklingError) as error:

@@ -14,8 +14,7 @@ from typing import Annotated, Any, NoReturn
 import typer
 from typer.main import get_command
 
-from ..system.codes import Exit
-from ..system.errors import DesatError
+from ..system.errors import DesatError, Exit
 from . import commands
 from .console import app, err, out
 from .spare import spare

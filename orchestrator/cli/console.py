@@ -15,8 +15,7 @@ from rich.measure import Measurement
 from rich.table import Table
 from rich.text import Text
 
-from ..system.codes import Exit
-from ..system.errors import plain
+from ..system.errors import Exit, plain
 
 # a stream that is closed would be given to the next file that is opened, and written into
 for _number, _name in ((1, "stdout"), (2, "stderr")):

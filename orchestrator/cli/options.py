@@ -152,7 +152,7 @@ def options_of(
         key, _, value = text.partition("=")
         overrides[key] = value
     if (trust := more.pop("trust", None)) is not None:
-        from ..files.trust import hashes
+        from ..files.library import hashes
 
         more["trusted"] = hashes(trust)
     if (inner := more.get("inner")) is not None:

@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
+from ..files.io import replace_text
 from ..files.reader import design as read_design
 from ..files.scenario import ROOT, Scenario, find, scenarios
-from ..files.text import replace_text
 from ..system.check import check
 from ..system.errors import DesatError
 from ..system.model import System

@@ -13,7 +13,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from ..files.modify import modify
+from ..files.assembly import modify
 from ..files.reader import design
 from ..files.scenario import Scenario, find
 from ..system.draft import Draft

@@ -1,6 +1,6 @@
 /* The master's steps over FMI 2.0 function pointers.
  *
- * It does what operations.py does, in the same order and with the same roundings: program.py makes
+ * It does what operations.py does, in the same order and with the same roundings: compiled.py makes
  * its operations from the same plan. Nothing here knows of schedules or rates.
  * To be built without contraction (-ffp-contract=off), or products and sums would be rounded once.
  */
@@ -160,7 +160,7 @@ static unsigned perform(struct loop *loop, const struct operation *o)
         return 0;
     }
     }
-    return 4; /* program.py makes no other */
+    return 4; /* compiled.py makes no other */
 }
 
 static int all_of(struct loop *loop, int64_t from, int64_t to)

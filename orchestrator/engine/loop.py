@@ -12,10 +12,9 @@ from typing import Any, Protocol
 
 from ..system.options import Loop
 from .checkpoint import Checkpoints
-from .compiled import CompiledSteps
+from .compiled import CompiledSteps, NotCompiledError
 from .ending import NEVER, Ending
 from .master import Master
-from .program import NotCompiledError
 from .recording.recorder import Recorder
 
 AGAIN = 0.3

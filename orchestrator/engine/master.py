@@ -41,8 +41,7 @@ from .instances.base import Array, ComponentError, EndedError, Instance, each
 from .instances.block import BlockInstance
 from .instances.fmu import FmuInstance
 from .instances.isolated import IsolatedInstance
-from .kept import Kept
-from .node import Member, Outputs, Slot
+from .node import Kept, Member, Outputs, Slot
 from .plan import Plan
 
 Rows = Callable[[int, dict[Kind, Array]], None]

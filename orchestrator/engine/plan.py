@@ -8,11 +8,9 @@ from typing import Literal
 import numpy as np
 
 from ..system.rates import Rates
-from .averaging import Part, Whole
 from .instances.base import Array, Clock
-from .kept import Kept
-from .node import Member, Outputs, Slot, Window, means
-from .operations import Call, Cut, Gather, Join, Length, Operation, Show, Step, Tick
+from .node import Kept, Member, Outputs, Slot, Window, means
+from .operations import Call, Cut, Gather, Join, Length, Operation, Part, Show, Step, Tick, Whole
 
 
 class Plan:

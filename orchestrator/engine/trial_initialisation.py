@@ -15,7 +15,7 @@ from multiprocessing import get_all_start_methods, get_context
 from multiprocessing.connection import Connection
 from pathlib import Path
 
-from ..files import library, trust
+from ..files import library
 from ..system.errors import DesatError
 from ..system.model import System
 from ..system.schedule import Schedule
@@ -33,7 +33,9 @@ def refusals(
     files = {n: c.fmu for n, c in system.components.items() if c.fmu is not None}
     if not files:
         return _initialised(system, schedule), []
-    ours = {n: library.load(file).folder for n, file in files.items() if trust.runs(file, trusted)}
+    ours = {
+        n: library.load(file).folder for n, file in files.items() if library.runs(file, trusted)
+    }
     if not ours:
         return [], []
     # what a foreign FMU shows at the start is not known here, nor what follows from it

@@ -7,9 +7,9 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from ..numbers.series import Series
-from .mode_bands import timeline
+from .canvas import Ticks
+from .plots import timeline
 from .style import COLOURS, DOTTED, HEIGHT, LIMIT, figure, time_axis
-from .ticks import Ticks
 
 
 def curves(

@@ -9,8 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from .canvas import Axes, Figure
-from .ticks import raised
+from .canvas import Axes, Figure, raised
 
 COLOURS = ("#0b62a4", "#d1495b", "#2e8b57", "#8a5fbf", "#e08e0b", "#444444", "#1aa6b7", "#8b5a2b",
            "#a3b72c")  # fmt: skip

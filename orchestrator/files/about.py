@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from ..system.errors import DesatError, nearest
-from .contents import contents
+from .io import contents
 
 KEYS = ("title", "story", "source", "twin", "numbers", "plots", "output_classes", "labels",
         "dispersions", "requirements", "inner", "accuracy", "stop_when", "residual_bound",

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Mapping
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from ..system.draft import Draft
+from ..system.draft import Draft, DraftComponent, adopt_shared, drop_unwanted
 from ..system.errors import DesatError
-from ..system.replace import adopt_shared, drop_unwanted
+from ..system.interface import Interface, base_name
+from ..system.options import Options
+from ..system.parameters import parse_assignment
 from . import craft, library, paths, ssp
-from .merge import Keys
+from .scenario import Keys
 
 
 def draft(
@@ -101,3 +103,114 @@ def _epoch(value: Any, where: str) -> float:
     if not isinstance(value, datetime) or value.tzinfo is None:
         raise DesatError(f"{where}: epoch = {value}: a UTC time is needed, 2026-01-01T00:00:00Z")
     return (value - datetime(2000, 1, 1, 12, tzinfo=UTC)).total_seconds()
+
+
+# --- The options of a run applied to a draft: times, values, other FMUs in components' places ---
+
+
+def modify(
+    draft: Draft, options: Options, designed: Mapping[str, Mapping[str, Any]] | None = None,
+    drawn: Mapping[str, str] | None = None,
+) -> None:  # fmt: skip
+    """Apply options to a draft. `designed`: parameters, a table a component, below those of the
+    options; `drawn`: of the values that are drawn, file and key of their dispersion; one that does
+    not fit is a problem of the draft. Raises DesatError for what else is unknown or does not fit.
+    """
+    if options.stop is not None:
+        draft.stop, draft.given["stop"] = options.stop, f"--stop {options.stop:g}"
+    if options.step is not None:
+        draft.step, draft.given["step"] = options.step, f"--step {options.step:g}"
+    if options.inner is not None:
+        draft.inner = options.inner
+    if options.accuracy is not None:
+        draft.accuracy = options.accuracy
+    for output, of in options.output_classes.items():
+        draft.output_classes[output] = of
+        draft.given[output] = f"--output-class {output}={of}"
+    for text in options.sources:
+        _replace(draft, text, options.blocks)
+    for where, name, variable, value in _assignments(options, designed or {}, drawn or {}):
+        if name == "shared" and name not in draft.components:
+            draft.share(variable, value, where)
+        else:
+            component = draft.component(name, where)
+            of_program = where == f"{name}.{variable}"
+            try:
+                if fed := _fed(draft, name, variable):
+                    raise DesatError(f"{where}: {name}.{variable}: {fed} feeds it: it never has "
+                                     "this value")  # fmt: skip
+                component.assign(variable, value, name if of_program else f"{where}: {name}")
+            except DesatError as error:
+                if f"{name}.{variable}" not in (drawn or {}):
+                    raise
+                draft.problems.append(str(error))  # of this draw alone
+            component.given[base_name(variable)] = where
+
+
+def _fed(draft: Draft, name: str, variable: str) -> str:
+    """The output that feeds an input, or some of its elements; none for one that is open."""
+    of = str if variable != base_name(variable) else base_name
+    feeds = (c for c in draft.connections if c.target == name and of(c.input) == variable)
+    return next((f"{c.source}.{c.output}" for c in feeds), "")
+
+
+def _assignments(
+    options: Options, designed: Mapping[str, Mapping[str, Any]], drawn: Mapping[str, str]
+) -> Iterator[tuple[str, str, str, Any]]:
+    """Who says it, component, variable and value of all that is to be assigned."""
+    for name, values in designed.items():
+        for variable, value in values.items():
+            yield f"--design: {name}.{variable}", name, variable, value
+    given = set()
+    for text in options.sets:
+        name, variable, value = parse_assignment(text)
+        if (name, variable) in given:
+            raise DesatError(f"--set {text}: {name}.{variable} is given twice")
+        given.add((name, variable))
+        yield f"--set {text}", name, variable, value
+    for key, value in options.values.items():
+        name, _, variable = key.partition(".")
+        yield drawn.get(key, key), name, variable, value
+
+
+def _replace(draft: Draft, text: str, blocks: bool) -> None:
+    """Put another FMU in a component's place, with those parameters of the old one that it
+    declares alike; what is left out is a warning."""
+    name, _, source = text.partition("=")
+    if not source:
+        raise DesatError(f"--source {text}: the form is COMPONENT=FMU")
+    component = draft.component(name, f"--source {text}")
+    component.placed = f"--source {text}"
+    file = Path(source)
+    component.source = source if file.suffix == ".fmu" else f"resources/{source}.fmu"
+    component.fmu = file if file.is_file() else library.built(component.source)
+    old = component.interface
+    if not library.load_interface(draft, component, blocks):
+        return
+    drop_unwanted(draft, component)
+    if lost := _keep_alike(component, old):
+        draft.warnings.append(
+            f"{name}: {source} does not take {', '.join(lost)} of the FMU that it replaces"
+        )
+    adopt_shared(draft, component)
+
+
+def _keep_alike(component: DraftComponent, old: Interface | None) -> list[str]:
+    """Take the values away that a component's new interface does not declare as the old one did;
+    their names."""
+    before = old.signals if old else {}
+    now = component.interface.signals if component.interface else {}
+
+    def alike(key: str) -> bool:
+        return key in before and key in now and all(
+            getattr(before[key], what) == getattr(now[key], what)
+            for what in ("causality", "kind", "unit", "choices")
+        )  # fmt: skip
+
+    given = component.parameters
+    component.parameters = {key: value for key, value in given.items() if alike(key)}
+    component.references = {
+        name: text for name, text in component.references.items()
+        if old is not None and all(alike(s.name) for s in old.elements(name))
+    }  # fmt: skip
+    return list(dict.fromkeys(base_name(k) for k in given if k not in component.parameters))

@@ -32,12 +32,11 @@ from desat.fmus import registry
 
 from ..system.draft import Draft, DraftComponent
 from ..system.errors import DesatError, nearest
-from ..system.interface import Interface
+from ..system.interface import Interface, elements, misfit, names, usual_sources
 from ..system.model import Connection, Connector
 from ..system.parameters import expand
-from ..system.wiring import elements, misfit, names, usual_sources
 from . import library, paths
-from .toml import lines, parsed, text
+from .io import lines, parsed, text
 
 FILE = "craft.toml"
 ENDING = ".craft.toml"

@@ -17,7 +17,7 @@ from desat.fmus.description import TOOL
 from ..system.errors import DesatError
 from ..system.expression import known_unit
 from ..system.interface import Interface, OutputClass, Signal
-from .contents import contents
+from .io import contents
 from .xml import parse_bytes
 
 LONGEST_NAME = 200

@@ -10,11 +10,13 @@ import re
 import shutil
 import tempfile
 import time
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import cache, lru_cache
 from pathlib import Path
 from typing import Any
 
+import fmpy
 from filelock import FileLock, Timeout
 
 from desat.fmus import meaning, registry
@@ -22,9 +24,10 @@ from desat.fmus import meaning, registry
 from ..system.draft import Draft, DraftComponent
 from ..system.errors import DesatError, nearest
 from ..system.interface import Interface, of_block
-from . import archive, paths
-from .contents import contents, regular
+from ..system.model import Component
+from . import io, paths
 from .fmu import of_fmu
+from .io import contents, regular, text
 
 _PREFIX, _LOCK = "desat-", ".lock"
 _NAME, _OURS = re.compile(r"desat-[a-z0-9_]{8}"), re.compile(r"[0-9a-f]{20}|(run-|tmp).*")
@@ -127,7 +130,7 @@ def sha256(path: Path) -> str:
 
 
 def extract(path: Path) -> Path:
-    """The folder with the contents of a zip archive. Raises DesatError as `archive.extract`."""
+    """The folder with the contents of a zip archive. Raises DesatError as `io.extract`."""
     try:
         digest = sha256(path)
     except OSError as error:
@@ -136,7 +139,7 @@ def extract(path: Path) -> Path:
         folder = _root() / digest[:20]
         if not folder.is_dir():  # a process that was forked from this one may have been here
             with tempfile.TemporaryDirectory(dir=_root()) as new:
-                archive.extract(path, Path(new) / folder.name)
+                io.extract(path, Path(new) / folder.name)
                 try:
                     (Path(new) / folder.name).rename(folder)
                 except OSError:
@@ -176,7 +179,7 @@ def load(path: Path) -> Fmu:
         digest = hashlib.sha256()
         for file in sorted(p for p in path.rglob("*") if not p.is_dir()):
             name = file.relative_to(path).as_posix()
-            data = contents(file, f"{path.name}/{name}", archive.LARGEST)
+            data = contents(file, f"{path.name}/{name}", io.LARGEST)
             digest.update(name.encode() + data)
         return Fmu(path, path, digest.hexdigest(), of_fmu(path))
     folder = extract(path)
@@ -260,3 +263,79 @@ def _interface(c: DraftComponent, blocks: bool) -> Interface:
         hint = hint if f"{name}.fmu" not in known else ""  # a system of others does not run ours
         raise DesatError(f"FMU {c.source} is missing{hint}")
     return load(c.fmu).interface
+
+
+# ------------------------------------------------------------------------------------------------
+# Whose code an FMU is: ours, that of a list of hashes, or somebody's; and what it is built for A
+# foreign FMU is native code that runs with the rights of who runs it. Ours are told by their hash,
+# for a description may say anything.
+
+
+_LINE = re.compile(r"([0-9a-fA-F]{64})(\s+\*?.*)?")
+
+
+def hashes(path: Path) -> frozenset[str]:
+    """The sha256 of a list, as sha256sum writes it: a hash a line, and what it is of. Raises
+    DesatError with the line that is no such."""
+    known = set()
+    for number, line in enumerate(text(path, str(path)).splitlines(), 1):
+        line = line.partition("#")[0].strip()
+        if line and not (match := _LINE.fullmatch(line)):
+            raise DesatError(f"{path}:{number}: {line[:40]!r}: a sha256 of 64 digits is needed")
+        if line and match:
+            known.add(match[1].lower())
+    return frozenset(known)
+
+
+def is_ours(fmu: Path) -> bool:
+    """True for an FMU that is, byte by byte, one that we have built."""
+    if fmu.is_dir():
+        return False
+    return any(sha256(p) == sha256(fmu) for p in _ours().get(_size(fmu), ()))
+
+
+def _size(path: Path) -> int:
+    return path.stat().st_size
+
+
+@cache
+def _ours() -> dict[int, list[Path]]:
+    """Our FMUs by their size, so that few need be hashed."""
+    by_size: dict[int, list[Path]] = {}
+    for path in paths.fmus().rglob("*.fmu"):
+        by_size.setdefault(_size(path), []).append(path)
+    return by_size
+
+
+def runs(fmu: Path, trusted: frozenset[str] | None) -> bool:
+    """Whether the code of an FMU is ours or that of a list."""
+    return is_ours(fmu) or load(fmu).sha256 in (trusted or ())
+
+
+def problems(components: Iterable[Component], trusted: frozenset[str] | None) -> Iterator[str]:
+    """A line for each FMU that has no code for this platform or, with a list, is not of it."""
+    for c in components:
+        if c.fmu is None or is_ours(c.fmu):
+            continue
+        fmu = load(c.fmu)
+        if trusted is not None and fmu.sha256 not in trusted:
+            yield f"{c.name}: {fmu.path.name} is not of the list of --trust (sha256 {fmu.sha256})"
+        if fmpy.platform not in (known := platforms(fmu.folder)):
+            there = ", ".join(known) or "none"
+            yield f"{c.name}: {fmu.path.name} has no binary for {fmpy.platform}; there is {there}"
+
+
+def notes(components: Iterable[Component]) -> Iterator[str]:
+    """A line for each foreign FMU: what it is built for, and its hash."""
+    for c in components:
+        if c.fmu is not None and not is_ours(c.fmu):
+            fmu = load(c.fmu)
+            known = ", ".join(platforms(fmu.folder)) or "no platform"
+            what = f"is foreign native code, for {known}; sha256 {fmu.sha256}"
+            yield f"{c.name}: {fmu.path.name} {what}"
+
+
+def platforms(folder: Path) -> list[str]:
+    """The platforms that an extracted FMU has a library for, as FMI 2.0 names them."""
+    folders = (p for p in (folder / "binaries").glob("*") if p.is_dir())
+    return sorted(p.name for p in folders if any(q.is_file() for q in p.iterdir()))

@@ -13,8 +13,8 @@ from ..language import paper, scenario
 from ..language.kinds import Table
 from ..system.errors import DesatError, nearest
 from . import paths
-from .merge import Keys
-from .toml import parsed, text
+from .io import parsed, text
+from .scenario import Keys
 
 NEEDED = {
     "float_type": "a number", "int_type": "a whole number", "string_type": "a text",

@@ -19,7 +19,7 @@ from ..system.expression import unit_of
 from ..system.interface import base_name
 from ..system.model import Connection, Connector
 from . import about, library
-from .contents import contents, inside, regular
+from .io import contents, inside, regular
 from .xml import parse_bytes, validate
 
 SSD = "http://ssp-standard.org/SSP1/SystemStructureDescription"

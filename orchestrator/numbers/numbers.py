@@ -1,6 +1,6 @@
-"""Numbers from series: what a scenario's `[numbers.NAME]` gives of a run.
+"""Numbers from series: what a scenario's `[NAME]` gives of a run.
 
-    [numbers.wheels]
+    [wheels]
     title = "Mean wheel from 2 h on"
     signal = "wheels.h_wheel"        # or several, where the measure takes several
     measure = "mean_size"            # measures.py
@@ -10,7 +10,7 @@
                                      # of parameters, or a number in the measure's own unit
     unit = "%"                       # else: converted from the measure's unit
 
-    [numbers.roll]
+    [roll]
     signal = ["spacecraft.q_bi", "guidance.q_ref"]
     derive = "euler"                 # what is measured is derived of the signals: derived.py
     sequence = "321"
@@ -235,3 +235,16 @@ def relative(form: str, value: float | None, reference: float | None) -> float |
     if form == "ratio":
         return value / reference
     raise DesatError(f"no form {form}; there is ratio, saving")
+
+
+# --- A number of one run in relation to that of another -----------------------------------------
+
+
+def related(form: str, value: float | None, reference: float | None) -> float | None:
+    """`difference`: value less reference; `paired_ratio`: value over reference; else as
+    `relative`. None where one of them was not reached. Raises DesatError for another
+    form."""
+    form = "ratio" if form == "paired_ratio" else form
+    if form != "difference":
+        return relative(form, value, reference)
+    return None if value is None or reference is None else value - reference

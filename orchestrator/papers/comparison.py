@@ -7,9 +7,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from ..files.scenario import Scenario
-from ..numbers.compare import related
 from ..numbers.measures import LATE
-from ..numbers.numbers import defined, late, ranked
+from ..numbers.numbers import defined, late, ranked, related
 from ..numbers.statistics import clopper_pearson
 from ..runs.validation import numbers_of_rows
 from ..system.errors import DesatError

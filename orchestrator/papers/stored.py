@@ -28,12 +28,11 @@ from desat.fmus.meaning import COMPONENTS
 from ..campaign.draws import draws, spreads
 from ..files import identity, paths
 from ..files.identity import PACKAGES
+from ..files.io import replace_text
 from ..files.scenario import Scenario, families, scenarios
-from ..files.text import replace_text
 from ..numbers.numbers import late
 from ..runs.validation import bands_of, numbers_of_rows
-from ..system.codes import Exit
-from ..system.errors import DesatError, RunError
+from ..system.errors import DesatError, Exit, RunError
 from ..system.options import Options
 from ..system.resolve import resolve
 
@@ -97,7 +96,7 @@ def code(scenario: Scenario) -> str:
     home = Path(__file__).parents[1]
     files = {p for p in (home / "engine").rglob("*") if p.suffix in (".py", ".c")}
     files |= {*(home / "numbers").glob("*.py"), home / "campaign" / "draws.py",
-              home / "campaign" / "sampling.py", home / "system" / "dispersions.py"}  # fmt: skip
+              home / "campaign" / "sampling.py", home / "system" / "draft.py"}  # fmt: skip
     if _each_draw(scenario):
         files |= {*(home / "designs").rglob("*.py")}
         files |= {*(COMPONENTS / "laws").glob("*_offline.py")}

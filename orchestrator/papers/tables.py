@@ -23,8 +23,7 @@ from ..files.scenario import Scenario, find, scenarios
 from ..numbers.text import number
 from ..report.report import render, write_page
 from ..runs.validation import words
-from ..system.codes import Exit
-from ..system.errors import DesatError, RunError
+from ..system.errors import DesatError, Exit, RunError
 from ..system.options import Options
 from .comparison import Numbers, Row, counted, rows_of
 

@@ -11,7 +11,7 @@ from ..analyses import analyses
 from ..engine.recording.results import Results
 from ..figures.plots import series_plot
 from ..figures.style import pretty_unit
-from ..files.text import replace_text
+from ..files.io import replace_text
 from ..numbers.text import number, title_of
 from ..runs.run import Run
 

@@ -8,8 +8,7 @@ from pathlib import Path
 from typing import Any, get_args, get_origin
 
 from ..files import reader, scenario
-from ..files.merge import origin
-from ..files.scenario import Scenario
+from ..files.scenario import Scenario, origin
 from ..numbers.measures import LATE, MEASURES
 from ..system.errors import DesatError, nearest
 from ..system.resolve import resolve

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from ..engine.instances.isolated import CAN
-from ..files import trust
+from ..files import library
 from ..system.model import System
 from ..system.options import Options
 
@@ -16,7 +16,7 @@ def wanted(system: System, options: Options) -> frozenset[str]:
         return frozenset()
     return frozenset(
         c.name for c in system.components.values()
-        if c.fmu is not None and (options.isolate == "all" or not trust.is_ours(c.fmu))
+        if c.fmu is not None and (options.isolate == "all" or not library.is_ours(c.fmu))
     )  # fmt: skip
 
 

@@ -13,11 +13,9 @@ from typing import Any
 from ..analyses import analyses
 from ..engine.recording.results import MANIFEST, Results
 from ..files import library
-from ..files.contents import contents
 from ..files.identity import of_system, versions
-from ..files.text import replace_text
-from ..numbers.compare import related
-from ..numbers.numbers import OPEN_END, evaluate, signals_of
+from ..files.io import contents, replace_text
+from ..numbers.numbers import OPEN_END, evaluate, related, signals_of
 from ..system.digest import comparable, wiring
 from ..system.errors import DesatError
 from ..system.expression import Table

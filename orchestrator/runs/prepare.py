@@ -10,13 +10,12 @@ from typing import Any
 from ..analyses import warnings
 from ..designs import making, origin
 from ..designs import problems as design_problems
-from ..files import about, library, scenario, ssp, trust
-from ..files.modify import modify
+from ..files import about, library, scenario, ssp
+from ..files.assembly import modify
 from ..files.scenario import Scenario
 from ..numbers.numbers import problems
 from ..system.check import Checked, check
-from ..system.dispersions import dispersed
-from ..system.draft import Draft
+from ..system.draft import Draft, dispersed
 from ..system.errors import DesatError
 from ..system.interface import base_name
 from ..system.model import System
@@ -69,7 +68,7 @@ def prepare(target: str, options: Options) -> Case:
     checked = check(draft)
     if checked.system is not None:
         components = checked.system.components.values()
-        checked.problems += trust.problems(components, options.trusted)
+        checked.problems += library.problems(components, options.trusted)
         checked.problems += recording_checks.problems(checked.system, options)
         checked.problems += recording_checks.not_saved(checked.system, options)
         checked.problems += recording_checks.not_halved(checked.system, options)

@@ -21,8 +21,7 @@ from ..engine.process_state import no_space
 from ..engine.recording.results import MANIFEST, SERIES, Results
 from ..engine.recording.row_buffer import Layout, Unwritten, recover
 from ..files import library
-from ..system.codes import Exit
-from ..system.errors import DesatError, RunError
+from ..system.errors import DesatError, Exit, RunError
 from ..system.model import System
 from ..system.options import Options, as_arguments
 from ..system.schedule import schedule

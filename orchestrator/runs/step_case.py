@@ -18,7 +18,7 @@ from ..engine.process_state import kept
 from ..engine.recording.recorder import Recorder
 from ..engine.recording.results import SERIES, Results, selects
 from ..engine.recording.row_buffer import Unwritten
-from ..system.codes import Exit
+from ..system.errors import Exit
 from ..system.options import asked
 from ..system.refusal import told as refused
 from . import stopping

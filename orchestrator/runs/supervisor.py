@@ -21,7 +21,7 @@ from dataclasses import dataclass, field
 from multiprocessing.connection import Connection, Pipe
 from typing import Any, NoReturn
 
-from ..engine import current_call, orphans
+from ..engine import current_call, process_state
 from ..engine.recording.row_buffer import Layout, Unwritten
 from ..system.errors import DesatError
 
@@ -106,7 +106,7 @@ def _work(
     try:
         faulthandler.disable()
         _die_with(parent)
-        orphans.adopt()
+        process_state.adopt()
         os.dup2(2, 1)  # what an FMU prints is no result
         try:
             work(tell, unwritten)
@@ -123,10 +123,10 @@ def _work(
                 tell("system", (error.errno, error.strerror, error.filename))
             tell("bug", f"{type(error).__name__}: {error}")
             tell("done", True)
-            orphans.end()
+            process_state.end()
             os._exit(0)  # while `error` holds all: files that are full cannot be closed
     finally:
-        orphans.end()
+        process_state.end()
         os._exit(0)
 
 

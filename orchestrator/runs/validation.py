@@ -13,8 +13,7 @@ from ..files.scenario import Scenario
 from ..numbers import derived
 from ..numbers.measures import MEASURES, OWN_UNIT, SCALARS, SIZES
 from ..numbers.numbers import scale
-from ..system.dispersions import kind_of
-from ..system.draft import Draft
+from ..system.draft import Draft, kind_of
 from ..system.errors import DesatError, nearest
 from ..system.interface import Signal, base_name
 from ..system.model import System

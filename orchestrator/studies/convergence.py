@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..analyses.coverage import CHOICE
+from ..figures.canvas import Ticks
 from ..figures.style import COLOURS, DASHED, figure
-from ..figures.ticks import Ticks
 from ..runs.run import Options, prepare, simulate
 from ..system.errors import DesatError
 from ..system.options import ALGORITHMS, Algorithm

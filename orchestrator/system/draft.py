@@ -1,14 +1,14 @@
 """A system as it is read, before it is resolved: interfaces, values and times may be missing.
 
-Files (`files/`) write it, options of a command change it (`files/modify.py`), and `resolve.py`
+Files (`files/`) write it, options of a command change it (`files/assembly.py`), and `resolve.py`
 makes a `System` of it.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
-from pathlib import Path
+from pathlib import Path, PurePath
 from typing import Any
 
 from desat.components.contract.block import Scalar
@@ -128,3 +128,96 @@ class Draft:
             component.given[base_name(name)] = f"{where}: {key}" if key else where
         except DesatError as error:
             self.problems.append(str(error))
+
+
+# ------------------------------------------------------------------------------------------------
+# Another FMU in a component's place: what of the old one's wiring it does not want, and what of
+# the craft's values it takes
+
+
+def drop_unwanted(draft: Draft, component: DraftComponent) -> None:
+    """Take out what the SSD wires or lists for a replaced component and its FMU does not have:
+    connections into inputs, with a warning that names them, and connectors that nobody reads.
+
+    An FMU in a role's place needs only the inputs that its law wants. An output that somebody reads
+    stays listed, so that the check misses it.
+    """
+    if component.interface is None:
+        return
+    name, signals = component.name, component.interface.signals
+    unwanted = [c for c in draft.connections if c.target == name and c.input not in signals]
+    if unwanted:
+        whole = {base_name(c.input) for c in unwanted} - {base_name(s) for s in signals}
+        names = (b if (b := base_name(c.input)) in whole else c.input for c in unwanted)
+        inputs = ", ".join(sorted(set(names)))
+        draft.warnings.append(
+            f"{name}: {PurePath(component.source).name} has no input {inputs}: left unwired"
+        )
+        draft.connections = [c for c in draft.connections if c not in unwanted]
+    read = {c.output for c in draft.connections if c.source == name}
+    component.connectors = {
+        key: c for key, c in component.connectors.items() if key in signals or key in read
+    }
+
+
+def adopt_shared(draft: Draft, component: DraftComponent) -> None:
+    """Give a replaced component the craft's values of the shared parameters that nobody gave it,
+    in place of its own defaults, which are another craft's."""
+    shared = {
+        base_name(s.name) for s in component.interface.of("parameter") if s.shared
+    } if component.interface else set()  # fmt: skip
+    given = {base_name(name) for name in component.parameters} | component.references.keys()
+    for name in sorted(shared - given):
+        wanted = component.elements(name)
+        owners = (
+            c for c in draft.components.values()
+            if c is not component and c.interface is not None and c.elements(name) == wanted
+            and c.interface.signals[wanted[0]].shared
+        )  # fmt: skip
+        if (owner := next(owners, None)) is None or owner.interface is None:
+            continue
+        where = owner.given.get(name, "")
+        if name in owner.references:
+            component.references[name] = owner.references[name]
+        else:
+            for element in wanted:
+                start = owner.interface.signals[element].start
+                value = owner.parameters.get(element, start)
+                if value is not None and not isinstance(value, str):
+                    component.parameters[element] = value
+                if unit := owner.units.get(element):
+                    component.units[element] = unit
+        if where:
+            component.given[name] = where
+
+
+# --- What of a draft is drawn, and how: its [dispersions] by component and variable -------------
+
+
+KINDS = ("normal", "uniform", "direction", "attitude", "signs", "one_of", "seed")
+
+
+def dispersed(system: Draft) -> dict[str, dict[str, Any]]:
+    """`component.variable` -> how it is drawn."""
+    spread: dict[str, dict[str, Any]] = {}
+    for key, spec in system.about.get("dispersions", {}).items():
+        owner, _, variable = key.partition(".")
+        owners = [c.name for c in system.having(variable)] if owner == "*" else [owner]
+        spread |= {f"{name}.{variable}": spec for name in owners}
+    return spread
+
+
+def overridden(system: Draft, name: str) -> list[str]:
+    """What is drawn of the parameters that a name gives a value: `component.parameter`, an element
+    of it, or `shared.parameter`."""
+    owner, variable = (part.strip() for part in base_name(name.strip()).split(".", 1))
+    wanted = {f"{owner}.{variable}"}
+    if owner == "shared" and owner not in system.components:
+        wanted = {f"{c.name}.{variable}" for c in system.having(variable)}
+    return sorted(wanted & dispersed(system).keys())
+
+
+def kind_of(spec: Mapping[str, Any]) -> str:
+    """How something is drawn: one of KINDS, or none ("") where not exactly one is given."""
+    found = [key for key in spec if key in KINDS]
+    return found[0] if len(found) == 1 and spec.keys() <= {found[0], "within"} else ""

@@ -21,10 +21,9 @@ from desat.components.contract.block import Scalar
 from desat.components.contract.units import Unit, conversion, times
 
 from .errors import DesatError, nearest
-from .interface import base_name
+from .interface import base_name, computers
 from .model import Component
 from .parameters import expand, table
-from .wiring import computers
 
 Table = dict[str, dict[str, dict[str, Any]]]
 """Component -> parameter -> `value` (a number, a text, a list) and `unit`, as in a manifest."""

@@ -21,7 +21,8 @@ from functools import cache
 from pathlib import Path
 from types import CodeType
 
-from desat.files import archive, library
+from desat.files import io as reading
+from desat.files import library
 from desat.runs.prepare import prepare
 from desat.system.errors import DesatError
 from desat.system.options import Options
@@ -102,7 +103,7 @@ def _one(folder: Path, kind: str, data: bytes, traced: Outcome | None) -> str:
     """Read one input: `refused`, what is wrong, or nothing."""
     target, file = TARGETS[kind]
     (folder / file).write_bytes(_wrapped(kind, data))
-    archive._extracted = 0  # the budget is a process's, and this is one for each
+    reading._extracted = 0  # the budget is a process's, and this is one for each
     began = time.process_time()
     if traced is not None:
         sys.settrace(_tracer(traced.lines))

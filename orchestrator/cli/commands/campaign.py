@@ -8,7 +8,7 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperGroup
 
-from ...system.codes import Exit
+from ...system.errors import Exit
 from .. import options as o
 from ..console import app, err, name_of, out, print_json, warn
 

@@ -7,7 +7,7 @@ from dataclasses import asdict
 import typer
 from rich.table import Table
 
-from ...system.codes import Exit
+from ...system.errors import Exit
 from .. import options as o
 from ..console import app, err, out, print_json
 
@@ -29,7 +29,7 @@ def check(
 ) -> None:
     """Find what is wrong with a system before it runs, and print its schedule."""
     from ...engine.trial_initialisation import refusals
-    from ...files.trust import notes
+    from ...files.library import notes
     from ...runs.prepare import prepare
     from ...system.interface import base_name
     from ...system.refusal import told

@@ -20,12 +20,12 @@ def craft(
     as_json: o.Json = False,
 ) -> None:
     """Write the standard SSD of every craft file beside it."""
-    from ...files import craft_ssd, paths
+    from ...files import paths, ssp_write
 
     paths.writable("`desat craft`")
     written = {}
-    for file in craft_ssd.craft_files(families or []):
-        path, changed = craft_ssd.write(file)
+    for file in ssp_write.craft_files(families or []):
+        path, changed = ssp_write.write(file)
         written[os.path.relpath(path)] = changed
     if as_json:
         print_json(written)

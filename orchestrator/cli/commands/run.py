@@ -13,8 +13,7 @@ import typer
 from rich.table import Table
 
 from ...files import lock
-from ...system.codes import Exit
-from ...system.errors import DesatError, RunError
+from ...system.errors import DesatError, Exit, RunError
 from .. import options as o
 from ..console import app, err, name_of, out, print_json, warn
 

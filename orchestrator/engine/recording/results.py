@@ -23,7 +23,7 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from ...files.contents import regular
+from ...files.io import regular
 from ...system.errors import DesatError, nearest
 from ...system.interface import Signal, base_name
 from . import shared_tables

@@ -1,0 +1,207 @@
+"""Files that are whole or not there."""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import stat
+import tomllib
+import zipfile
+from collections import Counter
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path, PurePosixPath, PureWindowsPath
+from typing import Any
+
+from ..system.errors import DesatError, Exit, RunError
+from . import paths
+
+
+@contextmanager
+def naming(path: Path) -> Iterator[None]:
+    """Within: an OSError that names no file, as one of writing to a full disk, names this one."""
+    try:
+        yield
+    except OSError as error:
+        if error.filename is None:
+            error.filename = str(path)
+        raise
+
+
+def replace_text(path: Path, content: str | bytes) -> None:
+    """Write a file under a temporary name, then rename; its folder is made. Raises OSError."""
+    part = path.with_name(f"{path.name}.tmp")  # `.part` is what a run that goes on has
+    path.parent.mkdir(parents=True, exist_ok=True)
+    try:
+        with naming(path):
+            part.write_bytes(content.encode() if isinstance(content, str) else content)
+        part.replace(path)
+    except OSError:
+        part.unlink(missing_ok=True)
+        raise
+
+
+# ------------------------------------------------------------------------------------------------
+# What a file holds, read within limits: regular files alone, none larger than allowed, and, of a
+# system that others have made, none outside its folder
+
+
+TEXT = 64 << 20
+"""The largest text that is read (bytes)."""
+
+
+def contents(path: Path, where: str, most: int = TEXT) -> bytes:
+    """The bytes of a regular file, which messages call `where`.
+
+    Raises DesatError where there is none, it holds more than `most` bytes, or it is something that
+    may never end (a device, a pipe).
+    """
+    try:
+        regular(path, where)
+        # a pipe put there meanwhile does not keep us waiting
+        with os.fdopen(os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0)), "rb") as file:
+            data = file.read(most + 1)
+    except FileNotFoundError as error:
+        raise DesatError(f"{where}: no such file") from error
+    except OSError as error:
+        raise DesatError(f"{where}: {error.strerror}") from error
+    if len(data) > most:
+        raise DesatError(f"{where}: larger than {most >> 20} MiB")
+    return data
+
+
+def regular(path: Path, where: str) -> None:
+    """Raise DesatError, or OSError where there is nothing, unless a path is a regular file."""
+    if not stat.S_ISREG(path.stat().st_mode):
+        raise DesatError(f"{where}: not a regular file")
+
+
+def inside(folder: Path, source: str) -> Path:
+    """The path of what a system in a folder names, which need not be there.
+
+    Links are followed: an archive has none, and in a folder they are its owner's. Raises DesatError
+    for an absolute path and one that leaves the folder.
+    """
+    parts = PurePosixPath(source).parts
+    strange = "\\" in source or "\0" in source or PureWindowsPath(source).drive
+    if not parts or strange or ".." in parts or source.startswith("/"):
+        raise DesatError(f"{source[:80]!r} is outside the folder of the system")
+    path = folder / source
+    try:
+        path.exists()
+    except OSError as error:  # a name that is too long, a loop of links
+        raise DesatError(f"{source[:80]!r}: {error.strerror}") from error
+    return path
+
+
+# --- Zip archives of others, extracted: within budgets, regular files alone, nothing outside ----
+
+
+ENTRIES = 20_000
+"""The most entries of an archive."""
+LARGEST = 1 << 30
+"""The most that an archive may hold, extracted (bytes)."""
+IN_ALL = 8 << 30
+"""The most that all archives that a process extracts may hold (bytes)."""
+RATIO, SMALL = 200, 16 << 20
+"""The most that an archive may grow to, as a multiple of its file, once above so many bytes."""
+DEPTH = 32
+"""The most folders within each other."""
+_extracted = 0
+
+
+def extract(path: Path, folder: Path) -> None:
+    """Extract an archive into a new folder.
+
+    Raises DesatError, which names archive and entry, for a file that is no archive, is above a
+    budget, has an entry twice, or an entry that is no regular file or would leave the folder.
+    """
+    global _extracted
+    try:
+        with zipfile.ZipFile(path) as archive:
+            entries = archive.infolist()
+            size = _check(path.name, path.stat().st_size, entries)
+            if _extracted + size > IN_ALL:
+                raise DesatError(f"{path.name}: with the archives before it more than "
+                                 f"{IN_ALL >> 20} MiB extracted")  # fmt: skip
+            folder.mkdir(parents=True)
+            if size > (free := shutil.disk_usage(folder).free):
+                raise RunError(f"{path.name}: {size >> 20} MiB extracted, {free >> 20} MiB are "
+                               f"free in {folder.parent}", Exit.SPACE)  # fmt: skip
+            archive.extractall(folder)
+            _extracted += size
+    except DesatError:
+        raise
+    except Exception as error:  # zipfile raises many kinds
+        shutil.rmtree(folder, ignore_errors=True)
+        raise DesatError(f"{paths.shown(path)}: not a readable archive ({error})") from error
+
+
+def _check(name: str, file_size: int, entries: list[zipfile.ZipInfo]) -> int:
+    """The size of the entries, extracted (bytes). Raises DesatError for what is not allowed."""
+    if len(entries) > ENTRIES:
+        raise DesatError(f"{name}: {len(entries)} entries; {ENTRIES} allowed")
+    counts = Counter(e.filename for e in entries)
+    if twice := [n for n, count in counts.items() if count > 1]:
+        raise DesatError(f"{name}: holds {twice[0]} twice")
+    for entry in entries:
+        text, parts = entry.filename, PurePosixPath(entry.filename).parts
+        if not parts or ".." in parts or text.startswith("/") or "\\" in text or ":" in text:
+            raise DesatError(f"{name}: entry {text!r} would leave the folder")
+        if len(parts) > DEPTH:
+            raise DesatError(f"{name}: entry {text[:80]!r}: {len(parts)} folders; {DEPTH} allowed")
+        kind = stat.S_IFMT(entry.external_attr >> 16)
+        if kind not in (0, stat.S_IFREG, stat.S_IFDIR):
+            raise DesatError(f"{name}: entry {text!r} is no regular file")
+    size = sum(e.file_size for e in entries)
+    if size > LARGEST:
+        raise DesatError(f"{name}: {size >> 20} MiB extracted, {LARGEST >> 20} allowed")
+    if size > max(SMALL, RATIO * file_size):
+        raise DesatError(f"{name}: {file_size >> 10} KiB would become {size >> 20} MiB; "
+                         f"{RATIO} times its size is allowed")  # fmt: skip
+    return size
+
+
+# --- TOML files on disk: their text, their data, and the line of each key -----------------------
+
+
+LARGEST_TEXT = 2 << 20
+"""The largest TOML file that is read (bytes)."""
+
+
+def toml(file: Path) -> dict[str, Any]:
+    """The data of a TOML file. Raises DesatError where there is none or it cannot be read."""
+    where = paths.shown(file)
+    return parsed(text(file, where), where)
+
+
+def text(file: Path, where: str) -> str:
+    """The text of a file, which messages call `where`, without the mark that some editors of
+    Windows begin it with. Raises DesatError."""
+    try:
+        return contents(file, where, LARGEST_TEXT).decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise DesatError(f"{where}: not UTF-8 (byte {error.start + 1})") from error
+
+
+def parsed(source: str, where: str) -> dict[str, Any]:
+    """The data of a text in TOML. Raises DesatError, which begins with `where`."""
+    try:
+        return tomllib.loads(source)
+    except (ValueError, RecursionError) as error:  # ValueError also of a date that there is not
+        raise DesatError(f"{where}: {error}") from error
+
+
+def lines(source: str) -> dict[str, int]:
+    """The line of every `table.key` and `table` of a TOML file, for messages."""
+    numbers: dict[str, int] = {}
+    table = ""
+    for number, line in enumerate(source.splitlines(), 1):
+        if header := re.match(r"\s*\[([^\[\]]+)\]", line):
+            table = re.sub(r"[\s\"']", "", header[1])
+            numbers.setdefault(table, number)
+        elif key := re.match(r"\s*([\w.\"'-]+)\s*=", line):
+            name = re.sub(r"[\"']", "", key[1])
+            numbers.setdefault(f"{table}.{name}" if table else name, number)
+    return numbers
