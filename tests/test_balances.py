@@ -17,8 +17,7 @@ from desat.cli import app
 from desat.engine import node
 from desat.engine.instances.base import ComponentError
 from desat.engine.master import Master
-from desat.runs.resume import resume
-from desat.runs.run import Options, execute
+from desat.runs.run import Options, execute, resume
 from desat.studies import separation
 from desat.system.errors import Exit
 

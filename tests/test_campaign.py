@@ -24,10 +24,10 @@ from dying import dies_or_not
 from test_failures import HOW, binary, drawn_to_fail  # noqa: F401
 
 import desat
-from desat.campaign import compare as comparing
-from desat.campaign import coordinator, judged, progress, report, sampling, store
-from desat.campaign.compare import compare
+from desat.campaign import coordinator, judged, report, sampling, store
+from desat.campaign import pairs as comparing
 from desat.campaign.draws import system_of
+from desat.campaign.pairs import compare
 from desat.campaign.sampling import axes, drawn
 from desat.campaign.workers import Local, Lost, results
 from desat.system.errors import DesatError, Exit
@@ -155,7 +155,7 @@ def test_a_campaign_of_two_hundred(whole):
     assert row["in.wheels.h_start_wheel[3]"] == drawn(system, 1, 77)["wheels.h_start_wheel"][2]
     curves = store.read(whole, store.CURVES)
     assert curves.num_rows == COUNT
-    assert progress.status(whole)["state"] == "done"
+    assert coordinator.status(whole)["state"] == "done"
 
 
 def test_a_case_is_the_draw_of_the_same_number(whole, own, tmp_path):
@@ -192,7 +192,7 @@ def test_killed_head_and_killed_worker_lose_nothing(whole, own, tmp_path):
         process.kill()
         process.communicate()
     _until(lambda: not any(map(_there, workers)))
-    assert progress.status(folder)["state"] == "killed"
+    assert coordinator.status(folder)["state"] == "killed"
     assert before < _rows(folder) < 80
     result = subprocess.run(command, capture_output=True, text=True, timeout=300)
     assert result.returncode in (Exit.UNMET, Exit.COMPONENT), result.stderr
@@ -435,9 +435,9 @@ def test_more_cases_show_a_requirement():
 
 
 def test_progress_is_a_line_where_nobody_looks(capsys, monkeypatch):
-    monkeypatch.setattr(progress, "_LINE", 0.0)
-    at = progress.Progressed(40, 31, 2, began=time.monotonic() - 10.0, first=11)
-    with progress.Shown(at, True) as show:
+    monkeypatch.setattr(coordinator, "_LINE", 0.0)
+    at = coordinator.Progressed(40, 31, 2, began=time.monotonic() - 10.0, first=11)
+    with coordinator.Shown(at, True) as show:
         show()
     line = capsys.readouterr().err
     assert re.fullmatch(r"31 of 40 done, 2 failed, 2\.0 a second, [45] s left\n", line), line
@@ -539,7 +539,7 @@ def test_a_folder_has_one_campaign(whole, own, tmp_path):
     (tmp_path / "letter.txt").write_text("x")
     with pytest.raises(DesatError, match="it has other files, and no campaign"):
         coordinator.run(plan, tmp_path, 1, progress=False)
-    assert progress.status(whole)["done"] == COUNT
+    assert coordinator.status(whole)["done"] == COUNT
 
 
 def test_damaged_files_and_a_changed_system_are_said(whole, own, tmp_path, desat):

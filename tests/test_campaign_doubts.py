@@ -15,10 +15,9 @@ from scipy.stats import beta
 from test_campaign import RATE as OWN
 
 import desat
-from desat.campaign import case, compare, coordinator, damaged, judged, report, store
-from desat.campaign.draws import draws
+from desat.campaign import case, coordinator, judged, pairs, report, store
+from desat.campaign.draws import draws, sweep
 from desat.campaign.plan import joined
-from desat.campaign.sweep import sweep
 from desat.runs.run import Options, execute
 from desat.system.errors import DesatError, Exit, RunError
 
@@ -175,12 +174,12 @@ def test_a_flipped_bit_is_damage(three, tmp_path):
 def test_a_file_whose_sha256_is_missing_is_refused_as_one_whose_sha256_is_another(three, tmp_path):
     folder = tmp_path / "campaign"
     shutil.copytree(three, folder)
-    kept = damaged.signature(folder / "cases/part-00000.parquet")
+    kept = store.signature(folder / "cases/part-00000.parquet")
     kept.unlink()
     told = r"part-00000\.parquet: damaged \(_part-00000\.sha256, its sha256, is missing\); without"
     with pytest.raises(DesatError, match=told):
         store.read(folder)
-    shutil.copy(damaged.signature(three / "cases/part-00000.parquet"), kept)
+    shutil.copy(store.signature(three / "cases/part-00000.parquet"), kept)
     assert store.digest(folder) == store.digest(three)
 
 
@@ -200,7 +199,7 @@ def test_a_file_that_is_being_replaced_is_read_whichever_it_is(three, tmp_path, 
 
         monkeypatch.setattr(type(part), "replace", killed)
         with pytest.raises(KeyboardInterrupt):
-            damaged.replace(part, path, part.read_bytes())
+            store.replace(part, path, part.read_bytes())
         monkeypatch.undo()
         assert store.digest(folder) == store.digest(three)
 
@@ -244,7 +243,7 @@ def test_damaged_folders_are_named(three, tmp_path, desat):
 
 def test_few_pairs_have_no_interval(three, own, tmp_path, desat):
     """Five pairs hold a median with 94 % at most; and a case that fails in one is said."""
-    told = compare.compare(three, three)
+    told = pairs.compare(three, three)
     assert not told["numbers"]["rate"]["interval_holds"]
     result = desat("campaign", "compare", str(three), str(three))
     (line,) = [x.split() for x in result.stdout.splitlines() if x.startswith("rate ")]
@@ -254,7 +253,7 @@ def test_few_pairs_have_no_interval(three, own, tmp_path, desat):
     rows = store._of_block(other, 0)
     rows[1]["status"] = "failed"
     store._write(other, 0, rows)
-    told = compare.compare(three, other)
+    told = pairs.compare(three, other)
     assert told["warnings"] == ["case 1: completed in the first, failed in the second: in no pair"]
 
 

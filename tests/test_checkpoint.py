@@ -24,8 +24,7 @@ from desat.engine.recording import shared_tables
 from desat.files import identity, paths
 from desat.files.lock import claimed
 from desat.runs import manifest
-from desat.runs.resume import resume
-from desat.runs.run import Options, prepare, simulate
+from desat.runs.run import Options, prepare, resume, simulate
 from desat.system.errors import DesatError, Exit
 
 __all__ = ["binary", "system"]  # fixtures

@@ -25,8 +25,7 @@ from desat.files import identity, library
 from desat.files.scenario import find, scenarios
 from desat.papers import stored
 from desat.runs.prepare import resolved
-from desat.runs.resume import resume
-from desat.runs.run import Options, load_run, prepare, simulate
+from desat.runs.run import Options, load_run, prepare, resume, simulate
 from desat.system.digest import ASIDE, comparable, digest
 from desat.system.errors import DesatError, Exit
 from desat.system.model import Connection

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from desat.analyses import energy
-from desat.analyses.within import Steps
+from desat.analyses.motion import Steps
 from desat.components.blocks import spacecraft_rigid
 from desat.components.physics import rigid_body
 from desat.runs.run import Options, execute

@@ -24,7 +24,7 @@ from conftest import ROOT
 
 from benchmarks import seen, soak
 from desat import cli
-from desat.campaign.sweep import sweep
+from desat.campaign.draws import sweep
 from desat.cli.console import plain_console
 from desat.engine.recording.recorder import Recorder
 from desat.engine.recording.results import Results
@@ -34,8 +34,9 @@ from desat.files import io, library
 from desat.files.ssp_write import pack
 from desat.papers.session import Sources
 from desat.report.report import write_report
-from desat.runs import isolation, supervisor
+from desat.runs import prepare as preparing
 from desat.runs import run as case
+from desat.runs import supervisor
 from desat.runs.run import Options, load_run, prepare, simulate
 from desat.system.errors import DesatError, Exit, RunError
 
@@ -252,9 +253,9 @@ def test_what_refuses_to_be_instantiated_is_heard(system, tmp_path):
 
 def test_where_no_process_can_be_had_it_is_said(system, monkeypatch):
     """Elsewhere than on POSIX."""
-    monkeypatch.setattr(isolation, "CAN", False)
+    monkeypatch.setattr(preparing, "CAN", False)
     case = prepare(str(system), Options(step=1.0))
-    assert isolation.isolated(case.or_raise()[0], case.options) == frozenset()
+    assert preparing.isolated(case.or_raise()[0], case.options) == frozenset()
     (line,) = [w for w in case.checked.warnings if "POSIX" in w]
     assert line.startswith("bad: foreign FMUs run in the process of the run")
     with pytest.raises(DesatError, match="--isolate all: it needs processes that can be forked"):
@@ -697,13 +698,11 @@ def test_a_full_disk(tmp_path, monkeypatch, capsys):
 
 
 def test_room_is_estimated(system):
-    from desat.runs import recording_checks
+    from desat.runs import validation
 
     case = prepare(str(system), Options(step=2.0**-29, stop=999.0))
-    assert recording_checks.size(case.checked.system, case.options) == 16 * (999 * 2**29 + 1)
-    assert "GB are free" in recording_checks.room(
-        case.checked.system, case.options, system / "not there"
-    )
+    assert validation.size(case.checked.system, case.options) == 16 * (999 * 2**29 + 1)
+    assert "GB are free" in validation.room(case.checked.system, case.options, system / "not there")
 
 
 def test_ten_thousand_outputs(tmp_path, binary):

@@ -24,8 +24,7 @@ from desat.files import library, scenario
 from desat.files.ssp_write import pack_scenario
 from desat.numbers.derived import pointing
 from desat.runs import inner_choice
-from desat.runs.resume import resume
-from desat.runs.run import Options, prepare, simulate
+from desat.runs.run import Options, prepare, resume, simulate
 from desat.studies.estimate import difference
 from desat.studies.reference import Gyrostat
 from desat.system.errors import DesatError

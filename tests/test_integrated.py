@@ -24,7 +24,7 @@ from desat.figures.style import BINS, axis_label, between
 from desat.files import paths
 from desat.files.scenario import find
 from desat.language.kinds import bounds
-from desat.numbers import derived, measures, measures_pointing
+from desat.numbers import derived, measures
 from desat.papers import comparison, stored, tables
 from desat.papers.tables import rows
 from desat.runs.run import Options, execute
@@ -274,10 +274,10 @@ def test_relative_error_leaves_out_what_is_constant_over_an_interval():
     wobble = np.where(np.arange(200) % 2 == 0, 1.0, -1.0)
     q = attitude((1.0, 0.0, 0.0), 5.0 + wobble)
     for level in (None, 95.0):
-        error = measures_pointing.pointing_relative(times, q, ref, interval=10.0, level=level)
+        error = measures.pointing_relative(times, q, ref, interval=10.0, level=level)
         assert error == pytest.approx(1.0)
-    assert measures_pointing.pointing_mean(times, q, ref) == pytest.approx(5.0)
-    assert measures_pointing.pointing_level(times, q, ref) == pytest.approx(6.0)
+    assert measures.pointing_mean(times, q, ref) == pytest.approx(5.0)
+    assert measures.pointing_level(times, q, ref) == pytest.approx(6.0)
 
 
 def test_settling_is_for_good():

@@ -7,9 +7,8 @@ import re
 
 import pytest
 
-from desat.campaign.draws import draws, one
+from desat.campaign.draws import axes_of, draws, one, sweep
 from desat.campaign.pairs import common, differences, paired
-from desat.campaign.sweep import axes_of, sweep
 from desat.runs.run import Options, execute
 from desat.system.errors import DesatError
 

@@ -34,7 +34,7 @@ from ..engine.recording.results import Results
 from ..system.model import AUTO, Component, System
 from ..system.parameters import value_of
 from . import residual
-from .within import rotate
+from .motion import rotate
 
 Array = NDArray[Any]
 KEY = "exchange"

@@ -7,8 +7,8 @@ The kinetic energy of the body without the wheels' axial part, E = 1/2 omega . J
 (the wheels' own, h^2 / 2 J_s, changes by tau_wheel . h / J_s, which the momentum of each wheel
 fulfils by itself; the sum of both is tau_ext . omega + tau_wheel . Omega). Both integrals, of work
 and of impulse, are taken over each of the body's own steps: from the rows where these have them one
-by one, else while it runs (`along.py`). Between the ends of a step `within.py` knows the body, and
-`outside.py` the external torque from what reaches it: exact but for terms of order 6 in nutation
+by one, else while it runs (`Along`). Between the ends of a step `motion.py` knows the body, and
+`motion.py` the external torque from what reaches it: exact but for terms of order 6 in nutation
 times step. Where that torque is not known, its mean by the body's own impulse serves for the work,
 which then errs by order 2 where the torque changes within a step.
 
@@ -29,19 +29,24 @@ The page of `ssp/gyrostat` shows what it tells apart.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from dataclasses import asdict, dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from ..engine.master import Master
+from ..engine.node import Kept
 from ..engine.recording.results import Results
 from ..figures.plots import timeline
 from ..figures.style import COLOURS, figure, time_axis
 from ..numbers.derived import rotate_back
+from ..system.interface import Signal, base_name
 from ..system.model import System
-from . import not_checked, outside, residual
-from .within import NODES, WEIGHTS, Array, Steps
+from ..system.parameters import value_of
+from ..system.rates import graded
+from . import motion, not_checked, residual
+from .motion import NODES, WEIGHTS, Array, Steps
 
 KEY = "energy"
 BESIDE = "balance"
@@ -79,8 +84,8 @@ def applies(system: System) -> dict[str, Any] | None:
         rows = rows and same and system.components[feeds[0].source].decimation == 1
     if body.decimation % wheels.decimation:
         why = why or f"{wheels.name} is slower than {body.name}: its momentum is not known there"
-    fed = outside.feeds(system, body.name)
-    rows = rows and (fed is not None or not outside.known(system, body.name))
+    fed = motion.feeds(system, body.name)
+    rows = rows and (fed is not None or not motion.known(system, body.name))
     return {**parts, "feeds": fed, "rows": rows, "why": why}
 
 
@@ -91,13 +96,13 @@ def warnings(system: System) -> list[str]:
         return []
     if parts["why"]:
         return not_checked(dict.fromkeys(NUMBERS, parts["why"]))
-    if outside.known(system, parts["spacecraft"]):
+    if motion.known(system, parts["spacecraft"]):
         return []
     return not_checked({"impulse_mismatch": _foreign(parts)})
 
 
 def _foreign(parts: dict[str, Any]) -> str:
-    return f"what torques act on {parts['spacecraft']} is known of our {outside.BLOCK} alone"
+    return f"what torques act on {parts['spacecraft']} is known of our {motion.BLOCK} alone"
 
 
 def blocks_of(manifest: dict[str, Any], results: Results) -> Iterator[Steps]:
@@ -117,8 +122,8 @@ def blocks_of(manifest: dict[str, Any], results: Results) -> Iterator[Steps]:
         ends = slice(first, rows.stop + 1)
         q, omega, impulse, h = (results.values(s, ends) for s in states)
         mean, slope = (results.values(s, rows) for s in pair)
-        reach = parts["feeds"] and outside.recorded(results, parts["feeds"], rows)
-        torque = reach and outside.torque(manifest["parameters"][name], reach, dt)
+        reach = parts["feeds"] and motion.recorded(results, parts["feeds"], rows)
+        torque = reach and motion.torque(manifest["parameters"][name], reach, dt)
         yield Steps(dt, carrier, axes, q, omega, impulse, h, mean, slope, torque or None)
 
 
@@ -338,3 +343,105 @@ def figures(manifest: dict[str, Any], results: Results) -> list[tuple[str, str]]
     ax.y.label = "[J]"
     caption = "Energy mismatch: what the body has gained beyond the work of its torques"
     return [(caption, fig.svg())]
+
+
+# --- The balances of `py` made while a run goes on ---------------------------------------
+# So where its rows do not have every step of the body: with inner steps, decimation, rows left out.
+#
+# The balances need what reaches the body at each of its own steps, which `engine/node.py` keeps for
+# some thousands of them at a time: so they take no more memory however long the run is.
+
+
+_STATES = ("q_bi", "omega_bi_body", "impulse_eci")
+
+
+class Along:
+    """Balances of a system's rigid body; `parts` as `applies` has them, `parameters` as a
+    manifest has them."""
+
+    def __init__(
+        self, system: System, parts: Mapping[str, Any], parameters: Mapping[str, Any]
+    ) -> None:  # fmt: skip
+        assert isinstance(system.inner, int), "it is chosen when a run begins"
+        self._step, self._inner = system.step, system.inner
+        self._parameters = parameters[parts["spacecraft"]]
+        self._body = system.components[parts["spacecraft"]]
+        self._carrier, self._axes = residual.carrier_of(
+            {"parameters": parameters}, parts["spacecraft"]
+        )
+        wheels, _, momentum = parts["wheels"].partition(".")
+        names = [(self._body.name, n) for n in _STATES] + [(wheels, momentum)]
+        outputs = [
+            (owner, s.name) for owner, n in names
+            for s in system.components[owner].interface.elements(n)
+        ]  # fmt: skip
+        self.kept = Kept(self._body.name, outputs)
+        self._known = motion.known(system, self._body.name)
+        self._totals, self._steps = Totals(), 0
+
+    def needs(self, component: str, signal: Signal) -> bool:
+        """Whether an output must be read."""
+        return (component, signal.name) in self.kept.outputs
+
+    @property
+    def room(self) -> int:
+        """Steps of the master that may be made before it has to look."""
+        return self.kept.room
+
+    def look(self) -> None:
+        """Add the steps that were made, as far as they fill a piece."""
+        while piece := self.kept.take():
+            self._add(*piece)
+
+    def _add(self, starts: Array, given: Array) -> None:
+        q, omega, impulse, h = np.split(starts, (4, 7, 10), axis=1)
+        x = self._inputs(given)
+        dt = self._lengths(len(given))
+        mean, slope = (x[name] for name in PAIR)
+        torque = motion.torque(self._parameters, x, dt) if self._known else None
+        self._totals.add(
+            Steps(dt, self._carrier, self._axes, q, omega, impulse, h, mean, slope, torque)
+        )
+        self._steps += len(given)
+
+    def _inputs(self, given: Array) -> dict[str, Array]:
+        """The body's inputs, (steps, elements) each: what it is given, and the values of others."""
+        columns = {name: i for i, name in enumerate(self.kept.inputs)}
+        made: dict[str, Array] = {}
+        for name in dict.fromkeys(base_name(s.name) for s in self._body.interface.of("input")):
+            elements = [s.name for s in self._body.interface.elements(name)]
+            if self._body.interface.signals[elements[0]].kind != "Real":
+                continue
+            columns_of_it = [
+                given[:, columns[e]] if e in columns
+                else np.full(len(given), value_of(self._body, e), float)
+                for e in elements
+            ]  # fmt: skip
+            made[name] = np.column_stack(columns_of_it)
+        return made
+
+    def _lengths(self, n: int) -> Array:
+        """Of the next n steps of the body (s), (n, 1)."""
+        step, inner = self._step, self._inner
+        if self.kept.every > 1 or inner == 1:
+            return np.full((n, 1), step * self.kept.every / inner)
+        parts = np.array([w * step for _, w in graded(inner)])
+        return parts[(self._steps + np.arange(n)) % inner][:, None]
+
+    def finish(self, master: Master, failed: bool) -> dict[str, Any] | None:
+        """The totals at the end of a run, which `failed` within a step or ended after one; None
+        where it has not made a step of the body."""
+        if not failed:
+            self.kept.end(master.k)
+        self.look()
+        if rest := self.kept.take(rest=True):
+            self._add(*rest)
+        return None if self._totals.start is None else asdict(self._totals)
+
+    def state(self) -> dict[str, Any]:
+        """As JSON what goes on from here, beside what is kept, depends on."""
+        return {"totals": asdict(self._totals), "steps": self._steps}
+
+    def restore(self, state: Mapping[str, Any]) -> None:
+        """Go on from there."""
+        self._totals, self._steps = Totals(**state["totals"]), state["steps"]

@@ -2,7 +2,7 @@
 
 They are inside the body and take every torque, so its momentum C'(J omega + h), from the momentum
 that it shows, ought to change by the impulse of the torques that reach it, computed outside it
-(`outside.py`). There is no energy to hold against anything: the body turns as it is told to.
+(`motion.py`). There is no energy to hold against anything: the body turns as it is told to.
 """
 
 from __future__ import annotations
@@ -15,9 +15,9 @@ import numpy as np
 from ..engine.recording.results import Results
 from ..numbers.derived import cross, rotate_back
 from ..system.model import System
-from . import not_checked, outside, residual
+from . import motion, not_checked, residual
 from .energy import BOUND
-from .within import NODES, WEIGHTS, Array
+from .motion import NODES, WEIGHTS, Array
 
 KEY = "fixed_attitude"
 NUMBERS = ("impulse_mismatch",)
@@ -29,8 +29,8 @@ def applies(system: System) -> dict[str, Any] | None:
     """Which component it is, what feeds it, and why its momentum is not checked; None: there is
     no such component."""
     for c in system.components.values():
-        if c.interface.model == outside.FIXED:
-            fed, why = outside.feeds(system, c.name), ""
+        if c.interface.model == motion.FIXED:
+            fed, why = motion.feeds(system, c.name), ""
             if system.inner != 1 or c.decimation > 1:
                 why = f"a row has several steps of {c.name}, or a part of one"
             elif fed is None:
@@ -89,9 +89,9 @@ def _mismatch(manifest: dict[str, Any], results: Results) -> tuple[float, float]
     q, omega, h = (results.values(f"{name}.{n}") for n in _OWN)
     total = rotate_back(q, omega @ inertia.T + h[:, :3])
     rows = slice(0, len(q) - 1)
-    reach = outside.recorded(results, manifest[KEY]["feeds"], rows)
+    reach = motion.recorded(results, manifest[KEY]["feeds"], rows)
     assert reach is not None
-    torque = outside.torque(parameters, reach, dt)
+    torque = motion.torque(parameters, reach, dt)
     given = np.zeros((len(q) - 1, 3))
     for e, weight in zip(NODES, WEIGHTS, strict=True):
         turned = _turned(q[rows], omega[0], e * dt)

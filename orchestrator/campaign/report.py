@@ -11,10 +11,22 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from markupsafe import Markup
+from numpy.typing import NDArray
 
+from ..figures.canvas import Axes, Figure
 from ..figures.charts import scatter
 from ..figures.plots import limits_of
-from ..figures.style import axis_label, pretty_unit
+from ..figures.style import (
+    COLOURS,
+    DASHED,
+    DOTTED,
+    LIMIT,
+    WIDTH,
+    axis_label,
+    figure,
+    pretty_unit,
+    time_axis,
+)
 from ..files.identity import COMPUTING
 from ..numbers.numbers import late
 from ..numbers.text import not_reached
@@ -25,7 +37,7 @@ from ..runs.prepare import prepare
 from ..system.draft import dispersed
 from ..system.errors import DesatError
 from ..system.parameters import table as parameters_of
-from . import figures, store
+from . import store
 from .case import POINTS, plots_of
 from .judged import requirement, rerun
 from .plan import Plan, changed, read, system
@@ -50,13 +62,9 @@ def summary(folder: Path) -> dict[str, Any]:
     status = table["status"].to_pylist()
     completed = np.array([s == "completed" for s in status])
     cases = np.array(table["case"].to_pylist())
-    out = {
-        n[4:]: figures.flat(table[n].to_pylist())
-        for n in table.column_names
-        if n.startswith("out.")
-    }
+    out = {n[4:]: flat(table[n].to_pylist()) for n in table.column_names if n.startswith("out.")}
     inputs = {
-        n[3:]: figures.flat(table[n].to_pylist()) for n in table.column_names
+        n[3:]: flat(table[n].to_pylist()) for n in table.column_names
         if n.startswith("in.") and not n.endswith(".seed") and _is_number(table[n])
     }  # fmt: skip
     times = late(about)
@@ -82,7 +90,7 @@ def summary(folder: Path) -> dict[str, Any]:
         "target": plan.target, "seed": plan.seed, "sampling": plan.sampling, "count": plan.count,
         "done": len(cases), "completed": int(completed.sum()), "failed": failed,
         "changed": changed(plan), "versions": _versions(table["versions"].to_pylist()),
-        "seconds": float(np.nansum(figures.flat(table["seconds"].to_pylist()))),
+        "seconds": float(np.nansum(flat(table["seconds"].to_pylist()))),
         "digest": store.digest(folder),
         "numbers": numbers, "unmet": unmet,
         "requirements": {
@@ -232,16 +240,16 @@ def _figures(folder: Path, plan: Plan, told: Mapping[str, Any]) -> list[_Figure]
     table = store.read(folder)
     good = np.array([s == "completed" for s in table["status"].to_pylist()])
     for name, entry in told["numbers"].items():
-        values = figures.flat(table[f"out.{name}"].to_pylist())[good]
+        values = flat(table[f"out.{name}"].to_pylist())[good]
         values = values[np.isfinite(values)]
         if len(values) and np.ptp(values) > 1e-9 * np.abs(values).max():
-            image = figures.distribution(name, entry["unit"], values, limits.get(name, []))
+            image = distribution(name, entry["unit"], values, limits.get(name, []))
             made.append(_Figure(entry["title"], Markup(image)))
     described = store.described(folder)
     strongest = {d["number"]: d for d in reversed(told["drivers"])}  # of each number
     for driver in sorted(strongest.values(), key=lambda d: -abs(d["correlation"]))[:_SCATTERS]:
-        x = figures.flat(table[f"in.{driver['input']}"].to_pylist())[good]
-        y = figures.flat(table[f"out.{driver['number']}"].to_pylist())[good]
+        x = flat(table[f"in.{driver['input']}"].to_pylist())[good]
+        y = flat(table[f"out.{driver['number']}"].to_pylist())[good]
         entry = told["numbers"][driver["number"]]
         caption = (
             f"{entry['title']} over {driver['input']}, rank correlation {driver['correlation']:.2f}"
@@ -296,6 +304,64 @@ def _curves(folder: Path, plan: Plan) -> list[_Figure]:
             f"percentiles over {len(rows)} cases"
         )
         worst = [(rows[i][0], curves[i]) for i in order]
-        image = figures.percentiles(title, unit, times, curves, worst, _limits(plan, plot, unit))
+        image = percentiles(title, unit, times, curves, worst, _limits(plan, plot, unit))
         made.append(_Figure(caption, Markup(image), [rerun(folder, case) for case, _ in worst]))
     return made
+
+
+# --- Figures of a campaign, as SVG text ---------------------------------------------------------
+
+
+Array = NDArray[np.float64]
+LEVELS = (5.0, 50.0, 95.0, 99.0)
+
+
+def percentiles(
+    title: str, unit: str, times: Array, curves: Array, worst: Sequence[tuple[int, Array]],
+    limits: Sequence[tuple[str, float]] = (),
+) -> str:  # fmt: skip
+    """Percentile curves of envelopes (cases, parts) at times (parts,), their extremes, the worst
+    cases by name, and limits by name."""
+    fig, ax = figure(3.3)
+    scale, time_unit = time_axis(times)
+    x = times / scale
+    known = np.isfinite(curves).any(axis=0)
+    bands = np.full((len(LEVELS) + 2, len(times)), np.nan)
+    bands[:, known] = np.nanpercentile(curves[:, known], (0.0, *LEVELS, 100.0), axis=0)
+    low, p5, p50, p95, p99, high = bands
+    ax.area(x, low, high, COLOURS[0], alpha=0.12, label="all cases")
+    ax.area(x, p5, p95, COLOURS[0], alpha=0.28, label="5 to 95 %")
+    ax.plot(x, p50, COLOURS[0], width=1.5, label="median")
+    ax.plot(x, p99, COLOURS[4], label="99 %")
+    for i, (case, line) in enumerate(worst):
+        ax.plot(x, line, COLOURS[1 + 2 * (i % 2)], width=0.8, dash=((), DASHED, DOTTED)[i % 3],
+                label=f"case {case}")  # fmt: skip
+    for i, (name, value) in enumerate(limits):
+        ax.level(value, LIMIT, width=1.2, dash=(DASHED, (2.0, 2.0), (6.0, 2.0, 1.0, 2.0))[i % 3],
+                 label=name)  # fmt: skip
+    ax.x.label, ax.y.label = f"time [{time_unit}]", axis_label(title, unit, 2.4)
+    ax.y.low = 0.0
+    return fig.svg()
+
+
+def distribution(title: str, unit: str, values: Array, limits: Sequence[tuple[str, float]]) -> str:
+    """Histogram and cumulative curve of a number, with the limits of requirements."""
+    fig = Figure(WIDTH, 2.7)
+    ax = fig.add(right=0.31)  # room for the other axis
+    count, edges = np.histogram(values, min(60, max(8, int(np.sqrt(len(values))))))
+    ax.bars(edges[:-1], edges[1:], count, COLOURS[0], alpha=0.55, label="cases")
+    ax.x.label, ax.y.label = axis_label(title, unit, 6.0), "cases"
+    ax.x.most, ax.y.low, ax.legend = 7, 0.0, 14
+    ax.right = share = Axes(ax.left, ax.top, ax.width, ax.height)
+    share.y.label, share.y.low, share.y.high = "cumulative [%]", 0.0, 100.0
+    ordered = np.sort(values)
+    share.plot(ordered, 100.0 * np.arange(1, len(ordered) + 1) / len(ordered), COLOURS[1],
+               width=1.2, stepped=True, label="at most this (right)")  # fmt: skip
+    for name, value in limits:
+        ax.upright(value, LIMIT, width=1.2, dash=DASHED, label=f"{name} {value:g}")
+    return fig.svg()
+
+
+def flat(values: Any) -> Array:
+    """A column as an array of floats, nan where it has nothing."""
+    return np.array([np.nan if v is None else float(v) for v in values], dtype=float)

@@ -19,16 +19,92 @@ import json
 import math
 import os
 from collections.abc import Iterator, Sequence
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from ..files.io import naming
+from ..files.io import naming, replace_text
 from ..runs.manifest import write_json
 from ..system.errors import DesatError
-from . import damaged
+
+# --- A campaign's files as they are read: one that is damaged is a line that says what to do ----
+
+
+def signature(path: Path) -> Path:
+    """Where the sha256 of a Parquet file lies; readers of the whole folder pass names with _ by."""
+    return path.with_name(f"_{path.stem}.sha256")
+
+
+def replace(part: Path, path: Path, octets: bytes) -> None:
+    """Put a written file in the place of a Parquet file, and keep its sha256 beside. While it is
+    replaced that of the old one stands there, too: a reader may find either."""
+    made = hashlib.sha256(octets).hexdigest()
+    replace_text(signature(path), f"{_signed(path)}\n{made}" if path.exists() else made)
+    part.replace(path)
+    replace_text(signature(path), made)
+
+
+def _signed(path: Path) -> str:
+    """The sha256 that a file was written with, and while it is replaced that of the new one;
+    "" where there is none."""
+    try:
+        return signature(path).read_text(encoding="ascii", errors="replace")
+    except FileNotFoundError:
+        return ""
+
+
+def _check(path: Path) -> None:
+    """Raises DesatError where a file is not what was written, or nothing says what that was."""
+    state = path.stat()
+    if not (said := _signed(path)):
+        raise _said(path, ValueError(f"{signature(path).name}, its sha256, is missing"))
+    _as_signed(path, said, state.st_mtime_ns, state.st_size)
+
+
+@lru_cache(maxsize=4096)
+def _as_signed(path: Path, said: str, *_: int) -> None:
+    """What is raised is not remembered: a file may be mended within a tick of the clock."""
+    found = hashlib.sha256(path.read_bytes()).hexdigest()
+    if found not in said.split() and _signed(path) == said:  # else it has been replaced meanwhile
+        raise _said(path, ValueError("its sha256 is another"))
+
+
+def columns(path: Path) -> pa.Schema:
+    """The columns of a Parquet file. Raises DesatError where it is damaged."""
+    try:
+        _check(path)
+        return pq.read_schema(path)
+    except (pa.ArrowException, OSError) as error:
+        raise _said(path, error) from error
+
+
+def rows_in(path: Path, wanted: Sequence[str] | None = None) -> pa.Table:
+    """Its rows, of columns those of these that it has. Raises DesatError where it is damaged."""
+    names = columns(path).names
+    try:
+        return pq.read_table(path, columns=wanted and [c for c in wanted if c in names])
+    except (pa.ArrowException, OSError) as error:
+        raise _said(path, error) from error
+
+
+def _said(path: Path, error: Exception) -> DesatError:
+    cases = path.parent.parent / "cases" / path.name  # without it the block is not there
+    return DesatError(f"{path}: damaged ({' '.join(str(error).split())}); without {cases} the same "
+                      "command makes its cases again")  # fmt: skip
+
+
+def table(path: Path) -> dict[str, Any]:
+    """A JSON file that is a table. Raises DesatError where it is none."""
+    try:
+        if isinstance(found := json.loads(path.read_text(encoding="utf-8")), dict):
+            return found
+        raise DesatError(f"{path}: damaged (no table)")
+    except ValueError as error:
+        raise DesatError(f"{path}: damaged ({error})") from error
+
 
 BLOCK = 256
 """Cases of a file."""
@@ -87,13 +163,13 @@ class Store:
         waiting: int = sum(
             r["status"] != "completed" for rows in self._open.values() for r in rows.values()
         )
-        parts = (damaged.rows(_part(self.folder, CASES, b), ["status"]) for b in self._whole)
+        parts = (rows_in(_part(self.folder, CASES, b), ["status"]) for b in self._whole)
         return waiting + sum(int(s != "completed") for t in parts for s in t["status"].to_pylist())
 
     def forget(self, code: int) -> None:
         """Make no account of the cases that ended with this code."""
         for block in sorted(self._whole):
-            codes = damaged.rows(_part(self.folder, CASES, block), ["code"])["code"].to_pylist()
+            codes = rows_in(_part(self.folder, CASES, block), ["code"])["code"].to_pylist()
             if code in codes:
                 self._open[block] = {row["case"]: row for row in _of_block(self.folder, block)}
                 self._whole.discard(block)
@@ -185,7 +261,7 @@ def _save(table: pa.Table, path: Path) -> None:
         pq.write_table(table, part, compression="zstd")
     with part.open("rb") as file:
         os.fsync(file.fileno())
-        damaged.replace(part, path, file.read())
+        replace(part, path, file.read())
 
 
 def _table(rows: Sequence[dict[str, Any]]) -> pa.Table:
@@ -224,9 +300,9 @@ def _flat(values: dict[str, Any]) -> Iterator[tuple[str, Any]]:
 def _of_block(folder: Path, block: int) -> list[dict[str, Any]]:
     """The rows of a file as they were added."""
     made = []
-    table = damaged.rows(_part(folder, CASES, block)).to_pylist()
+    table = rows_in(_part(folder, CASES, block)).to_pylist()
     path = _part(folder, CURVES, block)
-    curves = {r.pop("case"): r for r in damaged.rows(path).to_pylist()} if path.exists() else {}
+    curves = {r.pop("case"): r for r in rows_in(path).to_pylist()} if path.exists() else {}
     for entry in table:
         values = {k[3:]: v for k, v in entry.items() if k.startswith("in.") and v is not None}
         stopped = entry["stopped_when"]
@@ -248,7 +324,7 @@ def read(folder: Path, kind: str = CASES, columns: Sequence[str] | None = None) 
     for block in blocks:
         path = _part(folder, kind, block)
         if path.exists():
-            table = damaged.rows(path, columns)
+            table = rows_in(path, columns)
             if "case" in table.column_names and table.num_rows and (
                 table["case"][0].as_py() // BLOCK != block
             ):  # fmt: skip
@@ -275,7 +351,7 @@ def read(folder: Path, kind: str = CASES, columns: Sequence[str] | None = None) 
 def versions_of(folder: Path, case: int) -> dict[str, str] | None:
     """The versions that a case was made with; None where it is not there."""
     path = _part(folder, CASES, case // BLOCK)
-    rows = damaged.rows(path, ["case", "versions"]).to_pylist() if path.exists() else ()
+    rows = rows_in(path, ["case", "versions"]).to_pylist() if path.exists() else ()
     found = [r["versions"] for r in rows or _journal(folder) if r["case"] == case]
     told: dict[str, str] | None = json.loads(found[-1]) if found else None
     return told
@@ -283,7 +359,7 @@ def versions_of(folder: Path, case: int) -> dict[str, str] | None:
 
 def schema(folder: Path) -> pa.Schema:
     """The columns of the cases that are there. Raises DesatError where there is none."""
-    parts = [damaged.columns(_part(folder, CASES, b)) for b in sorted(_parts(folder))]
+    parts = [columns(_part(folder, CASES, b)) for b in sorted(_parts(folder))]
     if rows := [r for r in _journal(folder) if r["case"] // BLOCK not in _parts(folder)]:
         parts.append(_table(rows).schema)
     if not parts:
@@ -294,7 +370,7 @@ def schema(folder: Path) -> pa.Schema:
 def described(folder: Path) -> dict[str, dict[str, str]]:
     """Title and unit of each number, of `in.component.variable`, and of `curve.PLOT`."""
     path = folder / NUMBERS
-    numbers: dict[str, dict[str, str]] = damaged.table(path) if path.exists() else {}
+    numbers: dict[str, dict[str, str]] = table(path) if path.exists() else {}
     return numbers
 
 

@@ -11,18 +11,57 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from . import measures_pointing  # noqa: F401  which makes its own known
-from .measuring import (
-    LATE,
-    MEASURES,
-    OWN_UNIT,
-    Array,
-    Measure,
-    in_unit,
-    measure,
-    per_second,
-    settled,
-)
+from desat.components.contract.units import Unit, times, unit_of
+
+from .derived import error_vector, pointing
+
+# --- What a measure is: a function that is known by its name, and the unit that it gives --------
+
+
+Array = NDArray[np.float64]
+Measure = Callable[..., float]
+MEASURES: dict[str, Measure] = {}
+OWN_UNIT: dict[str, Callable[[Unit], Unit]] = {}
+"""Measures that give another unit than that of their values: which, from the values' unit."""
+LATE: set[str] = set()
+"""Measures of a time at which a run reaches something. Where it does not they give nan, no number;
+over several runs that is later than any time that one reached."""
+
+
+def measure(function: Measure) -> Measure:
+    """Make a function known by its name."""
+    MEASURES[function.__name__] = function
+    return function
+
+
+def in_unit(
+    unit: str | Callable[[Unit], Unit], late: bool = False
+) -> Callable[[Measure], Measure]:  # fmt: skip
+    """The same, of a function that gives a unit of its own, or one made from that of its values;
+    `late`: it is one of LATE."""
+
+    def known(function: Measure) -> Measure:
+        if late:
+            LATE.add(function.__name__)
+        own = unit_of(unit) if isinstance(unit, str) else None
+        OWN_UNIT[function.__name__] = (lambda _: own) if own is not None else unit  # type: ignore[assignment]
+        return measure(function)
+
+    return known
+
+
+def per_second(unit: Unit) -> Unit:
+    """The unit of a rate of change."""
+    return times(unit, unit_of("s"), -1)
+
+
+def settled(times: Array, good: NDArray[np.bool_]) -> float:
+    """When it has become good to stay (s); nan where it does not."""
+    bad = np.flatnonzero(~good)
+    if not len(bad):
+        return float(times[0])
+    return float(times[bad[-1] + 1]) if good[-1] else float("nan")
+
 
 __all__ = ["LATE", "MEASURES", "OWN_UNIT", "Measure"]
 
@@ -241,3 +280,59 @@ def decay_rate(times: Array, values: Array) -> float:
 def mean_rate(times: Array, values: Array) -> float:
     """How fast a scalar grows, from first to last row (unit per s)."""
     return float((values[-1, 0] - values[0, 0]) / (times[-1] - times[0]))
+
+
+# --- Measures of the angle between two attitudes ------------------------------------------------
+
+
+@in_unit("deg")
+def pointing_last(times: Array, q: Array, q_ref: Array) -> float:
+    """The angle between two attitudes at the end (deg)."""
+    return float(pointing(q, q_ref)[-1])
+
+
+@in_unit("deg")
+def pointing_largest(times: Array, q: Array, q_ref: Array) -> float:
+    """The largest angle between two attitudes (deg)."""
+    return float(pointing(q, q_ref).max())
+
+
+@in_unit("deg")
+def pointing_rms(times: Array, q: Array, q_ref: Array) -> float:
+    """The root mean square angle between two attitudes (deg)."""
+    return float(np.sqrt((pointing(q, q_ref) ** 2).mean()))
+
+
+@in_unit("deg")
+def pointing_mean(times: Array, q: Array, q_ref: Array) -> float:
+    """The mean angle between two attitudes (deg)."""
+    return float(pointing(q, q_ref).mean())
+
+
+@in_unit("s", late=True)
+def pointing_until_below(times: Array, q: Array, q_ref: Array, limit: float) -> float:
+    """When the angle has come below a limit (deg) to stay (s)."""
+    return settled(times, pointing(q, q_ref) < limit)
+
+
+@in_unit("deg")
+def pointing_level(times: Array, q: Array, q_ref: Array, level: float = 95.0) -> float:
+    """The angle that `level` per cent of the time stay below: absolute performance error (APE) at
+    this level (deg); ECSS-E-ST-60-10C."""
+    return float(np.percentile(pointing(q, q_ref), level))
+
+
+@in_unit("deg")
+def pointing_relative(
+    times: Array, q: Array, q_ref: Array, interval: float, level: float | None = None
+) -> float:
+    """The relative performance error (RPE) over intervals of so many seconds (deg): the distance
+    of the error vector from its mean over its interval. Its mean, or the value that `level` per
+    cent of the time stay below; ECSS-E-ST-60-10C."""
+    error = error_vector(q, q_ref)
+    count = max(1, round(interval / (times[1] - times[0])))
+    whole = error[: len(error) // count * count].reshape(-1, count, 3)
+    if not len(whole):
+        return float("nan")
+    size = np.linalg.norm(whole - whole.mean(axis=1, keepdims=True), axis=2)
+    return float(size.mean() if level is None else np.percentile(size, level))

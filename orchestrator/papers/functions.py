@@ -10,11 +10,15 @@ import importlib
 import inspect
 import json
 import math
+import re
+import statistics
 import tomllib
 from collections.abc import Callable, Sequence
 from dataclasses import asdict
 from importlib.util import find_spec
 from typing import Any
+
+import numpy as np
 
 from ..campaign import draws, sampling
 from ..figures import charts
@@ -25,17 +29,17 @@ from ..files.scenario import find
 from ..numbers.numbers import late
 from ..numbers.series import Series
 from ..numbers.statistics import clopper_pearson
+from ..numbers.text import number as text_of
 from ..runs.run import Options, prepare
 from ..system.errors import DesatError, nearest
 from ..system.expression import factor, product
 from ..system.model import AUTO
 from . import comparison as cells
-from . import filters, stored, tables
-from .functions_coils import CoilVerbs
+from . import stored, tables
 from .session import Change, Sources
 
 
-class Verbs(CoilVerbs):
+class Verbs:
     """Every public method is a verb; `figures` collects what they draw: file -> SVG."""
 
     def __init__(self, sources: Sources) -> None:
@@ -107,7 +111,7 @@ class Verbs(CoilVerbs):
         there = sum(math.isfinite(x) for x in values)
         if not there:
             return f"none of {len(drawn)}"
-        middle, low, high = filters.three(values, digits)
+        middle, low, high = three(values, digits)
         return f"{middle} [{low}, {high}]" + (f", {there} of {len(drawn)}" * (there < len(drawn)))
 
     def middle_draw(self, scenario: str, number: str) -> int:
@@ -363,3 +367,94 @@ class Verbs(CoilVerbs):
             raise DesatError(f"figure {file}: it is there already")
         self._figures[name] = svg
         return f"\n![{caption}]({name})\n\n*{caption}*\n"
+
+    # --- momentum management by coils ---------------------------------------------------------
+
+    def least_energy(self, scenario: str, change: Change | None = None) -> dict[str, Any]:
+        """Of a run that unloads by coils: its `energy` and `peak` and the `least` energy with no
+        larger one, as `desat bound` gives them."""
+        from ..analyses import coil_bound
+
+        run = self._of.run(scenario, change)
+        return asdict(coil_bound.of_run(run.manifest, run.results))
+
+    def energy_curve(self, scenario: str, peaks: Sequence[float]) -> list[tuple[float, float]]:
+        """Of the same the least energy of each largest momentum of a wheel (N m s)."""
+        from ..analyses import coil_bound
+
+        run = self._of.run(scenario)
+        return coil_bound.curve(run.manifest, run.results, peaks)
+
+    def least_time(self, scenario: str, number: str, held: float) -> dict[str, float]:
+        """Of a detumbling run whose `number` (min) says when it is slow, for `held` (s): when it is
+        (`law`), when it could be (`found`) and what no law is below (`floor`), in min."""
+        from ..analyses.papers import least_time
+
+        run = self._of.run(scenario)
+        if (slow := run.manifest["numbers"][number]["value"]) is None:
+            if self._of.draft is None:
+                raise DesatError(f"{scenario}: {number} is not reached")
+            return dict.fromkeys(("law", "found", "floor"), math.nan)
+        times = asdict(least_time.of_run(run.manifest, run.results, 60.0 * slow, held))
+        return {name: value / 60.0 for name, value in times.items()}
+
+    def periods(self, scenario: str, periods: Sequence[float]) -> list[dict[str, float]]:
+        """What an open-loop law would do for desaturation periods (s), on the field of a run."""
+        from ..analyses.papers import space_telescope
+
+        run = self._of.run(scenario)
+        return space_telescope.study(run.manifest, run.results, periods)
+
+    def onboard(self, scenario: str) -> float:
+        """Multiplications and divisions a second of a law of momentum management."""
+        from ..analyses.papers import space_telescope
+
+        system, _ = prepare(self._of.name_of(scenario), Options(blocks=True)).or_raise()
+        return space_telescope.work(system)
+
+
+# --- The filters of pages: `{{ value(...)|fixed(2) }}` ------------------------------------------
+
+
+def fixed(value: float, digits: int = 0) -> str:
+    """A number with so many digits after the point; a time that is infinite is not reached."""
+    return text_of(None) if value == math.inf else f"{value:.{digits}f}"
+
+
+def plain(value: float) -> str:
+    """A number as a scenario has it: 0.25, 12, 3e-5."""
+    return re.sub(r"e([+-])0", r"e\1", f"{value:g}").replace("e+", "e")
+
+
+def short(value: float | None) -> str:
+    """An error or a residual: two digits; empty where there is none."""
+    return "" if value is None else f"{value:.1e}"
+
+
+def three(values: Sequence[float], digits: int = 0) -> list[str]:
+    """Median, least and most of some values."""
+    return [fixed(x, digits) for x in (statistics.median(values), min(values), max(values))]
+
+
+def saving(values: Sequence[float], references: Sequence[float]) -> list[float]:
+    """Per cent less than the references, one by one."""
+    return [100 * (1 - v / r) for v, r in zip(values, references, strict=True)]
+
+
+def correlation(x: Sequence[float], y: Sequence[float]) -> float:
+    """Pearson's correlation of two lists."""
+    return float(np.corrcoef(x, y)[0, 1])
+
+
+FILTERS: dict[str, Callable[..., Any]] = {
+    "fixed": fixed,
+    "plain": plain,
+    "short": short,
+    "text": text_of,
+    "three": three,
+    "saving": saving,
+    "median": statistics.median,
+    "correlation": correlation,
+    "degrees": math.degrees,
+}
+"""Beside those of Jinja2: `{{ value(...)|fixed(2) }}`."""

@@ -24,14 +24,11 @@ from ..files import paths, scenario
 from ..files.identity import PACKAGES
 from ..report.report import write_page
 from ..system.errors import DesatError, RunError, nearest
-from .filters import FILTERS
-from .functions import Verbs
+from .functions import FILTERS, Verbs
 from .session import Sources
 
 PAGE = "page.md"
-VERBS = tuple(
-    Path(__file__).with_name(f"{n}.py") for n in ("functions", "functions_coils", "filters")
-)
+VERBS = Path(__file__).with_name("functions.py")
 
 
 def templates(family: str) -> dict[str, Path]:
@@ -114,7 +111,7 @@ def _at(file: Path, error: Exception) -> Exception:
     if isinstance(error, RunError):
         return RunError(text, error.code)
     innermost = Path(frames[-1].filename)
-    of_template = innermost in (file, *VERBS) or "jinja2" in innermost.parts
+    of_template = innermost in (file, VERBS) or "jinja2" in innermost.parts
     if isinstance(error, (DesatError, TemplateError)) or of_template:
         return DesatError(text)
     return error

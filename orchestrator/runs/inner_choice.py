@@ -45,7 +45,7 @@ from ..system.interface import base_name
 from ..system.model import AUTO, MOST_INNER, Component, System
 from ..system.options import Options
 from ..system.schedule import schedule
-from .isolation import isolated, wanted
+from .prepare import isolated, wanted
 
 FACTOR = 2.0
 """Estimate over difference: an estimate is to be no less than the error, and that of a flight is

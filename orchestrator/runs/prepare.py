@@ -10,6 +10,7 @@ from typing import Any
 from ..analyses import warnings
 from ..designs import making, origin
 from ..designs import problems as design_problems
+from ..engine.instances.isolated import CAN
 from ..files import about, library, scenario, ssp
 from ..files.assembly import modify
 from ..files.scenario import Scenario
@@ -23,7 +24,7 @@ from ..system.options import Options
 from ..system.parameters import table
 from ..system.resolve import resolve
 from ..system.schedule import Schedule
-from . import isolation, recording_checks, stopping, validation
+from . import stopping, validation
 
 
 @dataclass(frozen=True)
@@ -69,11 +70,11 @@ def prepare(target: str, options: Options) -> Case:
     if checked.system is not None:
         components = checked.system.components.values()
         checked.problems += library.problems(components, options.trusted)
-        checked.problems += recording_checks.problems(checked.system, options)
-        checked.problems += recording_checks.not_saved(checked.system, options)
-        checked.problems += recording_checks.not_halved(checked.system, options)
-        checked.problems += isolation.problems(checked.system, options)
-        checked.warnings += isolation.warnings(checked.system, options)
+        checked.problems += validation.recording_problems(checked.system, options)
+        checked.problems += validation.not_saved(checked.system, options)
+        checked.problems += validation.not_halved(checked.system, options)
+        checked.problems += _isolation_problems(checked.system, options)
+        checked.warnings += _isolation_warnings(checked.system, options)
         if checked.schedule is not None:
             _check_wishes(checked, checked.system, checked.schedule, described, options)
     return Case(target, options, draft.where, checked)
@@ -211,3 +212,38 @@ def _problems_of_numbers(system: System) -> list[str]:
     name = system.about.get("name", system.name)
     wrong = problems(dict(system.about), units, table(system.components.values()))
     return [f"{name}: {text}" for text in wrong]
+
+
+# --- Which components run in processes of their own, and what to say where there can be none ----
+
+
+def wanted(system: System, options: Options) -> frozenset[str]:
+    """The components for which the options ask for a process."""
+    if options.isolate == "none":
+        return frozenset()
+    return frozenset(
+        c.name for c in system.components.values()
+        if c.fmu is not None and (options.isolate == "all" or not library.is_ours(c.fmu))
+    )  # fmt: skip
+
+
+def isolated(system: System, options: Options) -> frozenset[str]:
+    """Those that get one: all that are wanted, on POSIX."""
+    return wanted(system, options) if CAN else frozenset()
+
+
+def _isolation_problems(system: System, options: Options) -> Iterator[str]:
+    """A line where all are to have a process each, and none can."""
+    if options.isolate != "all":
+        return
+    if not CAN:
+        yield "--isolate all: it needs processes that can be forked (POSIX)"
+    elif not wanted(system, options):
+        yield "--isolate all: it has no effect without an FMU"
+
+
+def _isolation_warnings(system: System, options: Options) -> Iterator[str]:
+    """A line where foreign FMUs are to have a process each, and none can."""
+    if not CAN and options.isolate == "foreign" and (names := sorted(wanted(system, options))):
+        yield (f"{', '.join(names)}: foreign FMUs run in the process of the run, which they may "
+               "end: a process each needs POSIX")  # fmt: skip

@@ -8,6 +8,7 @@ import shutil
 import signal
 import time
 from collections.abc import Callable
+from contextlib import chdir
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
@@ -16,14 +17,14 @@ from typing import Any
 
 from ..analyses import analyses, coverage, not_checked
 from ..analyses.coverage import CHOICE, DECIMATED
-from ..engine.checkpoint import Checkpoint, remove
+from ..engine.checkpoint import FOLDER, Checkpoint, newest, remove
 from ..engine.process_state import no_space
 from ..engine.recording.results import MANIFEST, SERIES, Results
 from ..engine.recording.row_buffer import Layout, Unwritten, recover
 from ..files import library
 from ..system.errors import DesatError, Exit, RunError
 from ..system.model import System
-from ..system.options import Options, as_arguments
+from ..system.options import Options, as_arguments, as_asked
 from ..system.schedule import schedule
 from . import inner_choice, stopping, supervisor
 from .manifest import describe, end_manifest, gone_on, numbers, read_manifest
@@ -77,7 +78,7 @@ def simulate(
     checkpoint: Checkpoint | None = None,
 ) -> Run:  # fmt: skip
     """Run a prepared case; `folder` None keeps the series in memory. With `checkpoint` it goes on
-    from there, in the folder of the run that was ended (`resume.py`).
+    from there, in the folder of the run that was ended (`resume`).
 
     A component that fails, a signal to stop and the time limits end the run early: what was
     recorded is kept, and the manifest's status says which. A run that its scenario's `stop_when`
@@ -305,3 +306,47 @@ def run_or_load(target: str, analysis: ModuleType | None = None) -> Run:
     if analysis is not None and analysis.applies(case.or_raise()[0]) is None:
         raise DesatError(analysis.NOT_APPLICABLE.format(target))
     return simulate(case).or_raise(target)
+
+
+# ------------------------------------------------------------------------------------------------
+# Going on with a run that was ended, from its newest checkpoint: the same bits as without a break
+# Series, numbers and manifest are then those of a run that was never ended, but for wall times.
+
+
+def has_checkpoints(folder: Path) -> bool:
+    """Whether a run folder is one to go on with."""
+    return (folder / FOLDER).is_dir()
+
+
+def options_of(folder: Path) -> Options:
+    """The options of a run with checkpoints. Raises DesatError where there is none."""
+    return as_asked(_newest(folder).told)
+
+
+def _newest(folder: Path) -> Checkpoint:
+    if (checkpoint := newest(folder)) is None:
+        if (folder / MANIFEST).exists() and read_manifest(folder)["status"] == "completed":
+            raise DesatError(f"{folder}: it has completed")
+        raise DesatError(f"{folder}: it has no checkpoint; `desat run --checkpoint` writes them")
+    return checkpoint
+
+
+def resume(folder: Path, progress: bool = False) -> Run:
+    """Go on with a run in its folder, an absolute path; one that has completed is loaded.
+
+    Raises DesatError where there is no checkpoint, or where what it was made of has changed.
+    """
+    if (folder / MANIFEST).exists():
+        run = load_run(folder)
+        if run.ok:
+            return run
+        run.results.close()
+    checkpoint = _newest(folder)
+    target, options = checkpoint.told["target"], as_asked(checkpoint.told)
+    try:
+        with chdir(checkpoint.told["from"]):
+            return simulate(prepare(target, options), folder, progress, checkpoint)
+    except OSError as error:
+        if error.filename == checkpoint.told["from"]:
+            raise DesatError(f"{error.filename}: {error.strerror}: the run began there") from error
+        raise

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from ..analyses import energy
-from ..analyses.along import Along
+from ..analyses.energy import Along
 from ..engine.checkpoint import Checkpoint, Checkpoints
 from ..engine.instances.base import ComponentError, EndedError
 from ..engine.loop import bar, interruptible, run, stepping
@@ -22,9 +22,8 @@ from ..system.errors import Exit
 from ..system.options import asked
 from ..system.refusal import told as refused
 from . import stopping
-from .isolation import isolated
 from .manifest import attributes, begin_manifest
-from .prepare import Case
+from .prepare import Case, isolated
 
 
 @dataclass
@@ -46,7 +45,7 @@ class Outcome:
     rows: int | None = None
     """The rows that hold values, where the file has others too."""
     balance: dict[str, Any] | None = None
-    """The balances of its rigid body that were made while it ran (`analyses/along.py`)."""
+    """The balances of its rigid body that were made while it ran (`analyses/energy.py`)."""
 
 
 def stepped(

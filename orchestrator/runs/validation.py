@@ -5,22 +5,30 @@ from __future__ import annotations
 
 import inspect
 import re
+import shutil
 from collections.abc import Iterator
+from math import inf
+from pathlib import Path
 from typing import Any
 
+from fmpy import read_model_description
+
 from ..analyses import analyses
+from ..engine.recording.results import selects
+from ..files import library
 from ..files.scenario import Scenario
 from ..numbers import derived
 from ..numbers.measures import MEASURES, OWN_UNIT, SCALARS, SIZES
 from ..numbers.numbers import scale
 from ..system.draft import Draft, kind_of
 from ..system.errors import DesatError, nearest
-from ..system.interface import Signal, base_name
+from ..system.interface import KINDS, Signal, base_name
 from ..system.model import System
+from ..system.options import Options
 from ..system.parameters import expand
-from . import requirements, stopping
+from . import stopping
 
-Path = tuple[str, ...]
+Keys = tuple[str, ...]
 
 
 def options_of(measure: str) -> tuple[list[str], dict[str, Any]]:
@@ -33,12 +41,12 @@ def options_of(measure: str) -> tuple[list[str], dict[str, Any]]:
 
 def words(scenario: Scenario) -> list[str]:
     """Measures, options and derived quantities that there are not; no system is needed."""
-    problems = [*_words(scenario.data), *requirements.unmeetable(scenario.data)]
+    problems = [*_words(scenario.data), *unmeetable(scenario.data)]
     problems += _rows(scenario.data)
     return [f"{scenario.where(path)}: {text}" for path, text in problems]
 
 
-def _words(data: dict[str, Any]) -> Iterator[tuple[Path, str]]:
+def _words(data: dict[str, Any]) -> Iterator[tuple[Keys, str]]:
     numbers = data.get("numbers", {})
     for name, number in numbers.items():
         problems = _compared(number, numbers) if "of" in number else _measured(number)
@@ -50,14 +58,14 @@ def _words(data: dict[str, Any]) -> Iterator[tuple[Path, str]]:
                 yield (table, name, "derive"), f"{entry['derive']} is of numbers only"
 
 
-def _compared(number: dict[str, Any], numbers: dict[str, Any]) -> Iterator[tuple[Path, str]]:
+def _compared(number: dict[str, Any], numbers: dict[str, Any]) -> Iterator[tuple[Keys, str]]:
     """What is wrong with a number that is made of another one."""
     known = {*numbers, *(n for a in analyses() for n in a.NUMBERS)}
     if number["of"] not in known:
         yield ("of",), f"no number {number['of']}{nearest(number['of'], known)}"
 
 
-def _measured(number: dict[str, Any]) -> Iterator[tuple[Path, str]]:
+def _measured(number: dict[str, Any]) -> Iterator[tuple[Keys, str]]:
     """What is wrong with the measure of a number, its series and options."""
     measure = number.get("measure", "last")
     if measure not in MEASURES:
@@ -86,7 +94,7 @@ def _measured(number: dict[str, Any]) -> Iterator[tuple[Path, str]]:
                 yield ("options",), f"{measure} needs {option}"
 
 
-def _rows(data: dict[str, Any]) -> Iterator[tuple[Path, str]]:
+def _rows(data: dict[str, Any]) -> Iterator[tuple[Keys, str]]:
     """Rows of a paper's table whose number nobody computes."""
     numbers = data.get("numbers", {})
     for row, name in numbers_of_rows(data).items():
@@ -118,7 +126,7 @@ def numbers_of_rows(data: dict[str, Any]) -> dict[str, str]:
     }  # fmt: skip
 
 
-def _analysed(scenario: Scenario, system: System) -> Iterator[tuple[Path, str]]:
+def _analysed(scenario: Scenario, system: System) -> Iterator[tuple[Keys, str]]:
     """Rows whose number is of an analysis that does not apply to the system."""
     for row, name in numbers_of_rows(scenario.data).items():
         of = [a for a in analyses() if name in a.NUMBERS]
@@ -204,7 +212,7 @@ def _unit(own: str, unit: str) -> str:
     return ""
 
 
-def _series(data: dict[str, Any], system: Draft) -> Iterator[tuple[Path, str]]:
+def _series(data: dict[str, Any], system: Draft) -> Iterator[tuple[Keys, str]]:
     for table, key in (("numbers", "signal"), ("plots", "signals")):
         for name, entry in data.get(table, {}).items():
             signals = entry.get(key, [])
@@ -254,7 +262,7 @@ def _is_number(text: str) -> bool:
     return True
 
 
-def _dispersions(data: dict[str, Any], system: Draft) -> Iterator[tuple[Path, str]]:
+def _dispersions(data: dict[str, Any], system: Draft) -> Iterator[tuple[Keys, str]]:
     for key, spec in data.get("dispersions", {}).items():
         path = ("dispersions", key)
         owner, _, variable = key.partition(".")
@@ -294,3 +302,93 @@ def _misfit(
         except DesatError as error:
             return f"one_of: {error}"
     return ""
+
+
+# --- [NAME]: what a campaign's cases are held against, as far as it is to be had ---
+
+
+def unmeetable(data: dict[str, Any]) -> Iterator[tuple[tuple[str, ...], str]]:
+    """Requirements of a number that nobody computes, or that nothing can meet."""
+    known = {*data.get("numbers", {}), *(n for a in analyses() for n in a.NUMBERS)}
+    for name, entry in data.get("requirements", {}).items():
+        path, number = ("requirements", name), entry["number"]
+        if number not in known:
+            yield (*path, "number"), f"no number {number}{nearest(number, known)}"
+        elif "of" in data.get("numbers", {}).get(number, {}):
+            yield (*path, "number"), f"{number} compares runs: a case has no such number"
+        if {"min", "max"} <= entry.keys() and entry["min"] > entry["max"]:
+            yield (*path, "min"), "it is above max: nothing can be within"
+
+
+# ------------------------------------------------------------------------------------------------
+# What a run would record, before it begins: is there anything, is there room for it, and can the
+# components be saved
+
+
+_BYTES = {"Real": 8, "Integer": 4, "Boolean": 4}
+
+
+def recording_problems(system: System, options: Options) -> Iterator[str]:
+    """A line for each pattern that no output fits, and for rows too rare to be any."""
+    outputs = [(c.name, s) for c in system.components.values() for s in c.interface.of("output")]
+    for pattern in options.record:
+        if pattern != "*" and not any(selects([pattern], name, signal) for name, signal in outputs):
+            known = {f"{name}.{base_name(s.name)}" for name, s in outputs}
+            yield f"--record {pattern}: no output fits{nearest(pattern, known)}"
+    for name, signal in outputs:
+        text = base_name(signal.name)
+        if not (text.isprintable() and text.strip(". ") and "/" not in text) and any(
+            selects([pattern], name, signal) for pattern in options.record
+        ):
+            yield f"{system.where}: {name}: the output {text!r} has no name that can be recorded"
+    if options.every > system.steps:
+        yield f"--every {options.every}: the run has {system.steps} steps"
+
+
+def not_saved(system: System, options: Options) -> Iterator[str]:
+    """A line for each component whose state cannot be saved, where checkpoints are wanted."""
+    if options.checkpoint is None:
+        return
+    if not 0.0 < options.checkpoint < inf:
+        yield f"--checkpoint {options.checkpoint:g}: a time above 0 s is needed"
+    for c in system.components.values():
+        if c.fmu is None:
+            continue
+        of = read_model_description(library.load(c.fmu).folder).coSimulation
+        if not (of.canGetAndSetFMUstate and of.canSerializeFMUstate):
+            yield (f"--checkpoint: {c.name}: {c.fmu.name} cannot save its state "
+                   "(canGetAndSetFMUstate, canSerializeFMUstate)")  # fmt: skip
+
+
+def not_halved(system: System, options: Options) -> Iterator[str]:
+    """A line for each foreign FMU whose steps cannot be halved, where that is wanted."""
+    foreign = [c for c in system.components.values() if c.fmu and not c.interface.role]
+    if options.halvings and not foreign:
+        yield "--halve: it has no effect without a foreign FMU"
+    for c in foreign if options.halvings else ():
+        assert c.fmu is not None
+        of = read_model_description(library.load(c.fmu).folder).coSimulation
+        if not (of.canGetAndSetFMUstate and of.canHandleVariableCommunicationStepSize):
+            yield (f"--halve: {c.name}: {c.fmu.name} cannot step anew with another length "
+                   "(canGetAndSetFMUstate, canHandleVariableCommunicationStepSize)")  # fmt: skip
+
+
+def size(system: System, options: Options) -> int:
+    """What the series of a run to its stop time take (bytes)."""
+    row = 8 + sum(
+        _BYTES[s.kind]
+        for c in system.components.values() for s in c.interface.of("output")
+        if s.kind in KINDS and selects(options.record, c.name, s)
+    )  # fmt: skip
+    return row * (system.steps // options.every + 1)
+
+
+def room(system: System, options: Options, folder: Path) -> str:
+    """What to say where the series may not fit on the disk of a folder; else nothing."""
+    while not folder.exists():
+        folder = folder.parent
+    needed, disk = size(system, options), shutil.disk_usage(folder)
+    if needed < (free := disk.free) or not disk.total:  # no size: no disk
+        return ""
+    return (f"the series may take {needed / 1e9:.3g} GB, {free / 1e9:.3g} GB are free in {folder}: "
+            "record less (--record, --every)")  # fmt: skip

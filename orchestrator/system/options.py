@@ -90,7 +90,7 @@ class Options:
     halvings: int = 0
     """A step that a foreign FMU discards is made in halves, so many times at most."""
     checkpoint: float | None = None
-    """Simulated time (s) between checkpoints, which `runs/resume.py` goes on from."""
+    """Simulated time (s) between checkpoints, which `runs/run.py` goes on from."""
 
     def __post_init__(self) -> None:
         """Raises DesatError for what programs give: a choice or a time that is none."""

@@ -103,9 +103,9 @@ def run(
 @campaigns.command()
 def status(folder: Folder, as_json: o.Json = False) -> None:
     """How far a campaign is, also from elsewhere."""
-    from ...campaign import progress
+    from ...campaign import coordinator
 
-    told = progress.status(folder)
+    told = coordinator.status(folder)
     if as_json:
         print_json(told)
         return
@@ -167,7 +167,7 @@ def compare(
     """Two campaigns over the same cases, in pairs: the first's numbers less the second's."""
     from rich.table import Table
 
-    from ...campaign.compare import compare as of
+    from ...campaign.pairs import compare as of
     from ...figures.style import pretty_unit
     from ...numbers.text import number
 

@@ -30,7 +30,7 @@ def resume(
     as_json: o.Json = False,
 ) -> None:  # fmt: skip
     """Go on with a run from its newest checkpoint: the same bits as if it had never been ended."""
-    from ...runs import resume as study
+    from ...runs import run as study
     from .run import conclude
 
     if not folder.is_dir():

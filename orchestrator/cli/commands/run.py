@@ -88,8 +88,8 @@ def run(
     as_json: o.Json = False,
 ) -> None:  # fmt: skip
     """Run a scenario and write a run folder: series, manifest, report."""
-    from ...runs.recording_checks import room
     from ...runs.run import prepare, simulate
+    from ...runs.validation import room
 
     options = o.options_of(
         sets, stop, step, algorithm, blocks, classes, sources, record=tuple(record or ("*",)),
@@ -188,8 +188,7 @@ def _run_twin(finished: Run, options: Options, folder: Path) -> Run | None:
     from ...engine.recording.results import MANIFEST
     from ...files.scenario import exists
     from ...runs.manifest import relate, write_json
-    from ...runs.resume import has_checkpoints, resume
-    from ...runs.run import execute
+    from ...runs.run import execute, has_checkpoints, resume
 
     about = finished.manifest["about"]
     name = about.get("name", "").partition("/")[0] + "/" + about.get("twin", "")

@@ -35,7 +35,7 @@ def sweep(
     as_json: o.Json = False,
 ) -> None:  # fmt: skip
     """Run a system at several values of parameters, and print its numbers by value."""
-    from ...campaign import sweep as study
+    from ...campaign import draws as study
 
     options = o.options_of(sets, stop, step, algorithm, blocks, time_limit=time_limit,
                          fmus=fmus.value)  # fmt: skip
