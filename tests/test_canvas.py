@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from lxml import etree
 
-from desat.figures import canvas, charts
+from desat.figures import canvas, plots
 from desat.figures.canvas import INCH, Dots, Figure, Shape, Words
 from desat.figures.plots import series_figure
 from desat.numbers.series import Series
@@ -144,15 +144,15 @@ def test_a_figure_of_many_long_lines_stays_small_and_the_same():
     draw = np.random.default_rng(1)
     times = np.arange(86401.0)
     data = [(f"line {i}", Series(times, draw.normal(size=len(times)))) for i in range(9)]
-    svg = charts.curves(data, "noise [1]")
+    svg = plots.curves(data, "noise [1]")
     assert len(svg) < 60_000
-    assert svg == charts.curves(data, "noise [1]")
+    assert svg == plots.curves(data, "noise [1]")
 
 
 def test_a_figure_of_very_many_points_stays_small():
     draw = np.random.default_rng(1)
     points = {"cases": (draw.normal(size=20_000).tolist(), draw.normal(size=20_000).tolist())}
-    assert len(charts.scatter(points, "x", "y", size=2.0)) < 60_000
+    assert len(plots.scatter(points, "x", "y", size=2.0)) < 60_000
 
 
 def test_names_of_others_cannot_break_out():
@@ -193,7 +193,7 @@ def test_everything_lies_within_the_picture_and_nothing_on_a_label():
 
 
 def test_bars_and_marks_of_a_paper():
-    svg = charts.bars({"a": {"ours": 2.0}, "b": {"ours": 1.0}}, "time [s]",
+    svg = plots.bars({"a": {"ours": 2.0}, "b": {"ours": 1.0}}, "time [s]",
                        printed={"a": {"ours": 1.9}})  # fmt: skip
     words = [e.text for e in etree.fromstring(svg).iter(f"{SVG}text")]
     assert {"a", "b", "ours", "paper", "time [s]"} <= set(words)

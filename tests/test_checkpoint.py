@@ -22,7 +22,7 @@ from benchmarks.killed import differences, trials
 from desat.engine import checkpoint
 from desat.engine.recording import shared_tables
 from desat.files import identity, paths
-from desat.files.lock import claimed
+from desat.files.io import claimed
 from desat.runs import manifest
 from desat.runs.run import Options, prepare, resume, simulate
 from desat.system.errors import DesatError, Exit

@@ -22,7 +22,7 @@ from desat.language import scenario as language
 from desat.numbers.derived import euler
 from desat.numbers.measures import first_below, time_of
 from desat.numbers.numbers import evaluate
-from desat.runs import catalogue, validation
+from desat.runs import catalogue, explain, validation
 from desat.runs.run import Options, execute
 from desat.system.errors import DesatError, Exit
 
@@ -81,7 +81,7 @@ def family(tmp_path, monkeypatch):
 
 def listed() -> str:
     """What `desat list` says is wrong."""
-    return "\n".join(catalogue.readable(None)[1])
+    return "\n".join(explain.readable(None)[1])
 
 
 def checked(name: str = "f/t-a") -> str:
@@ -286,7 +286,7 @@ VALUES = st.recursive(
     lambda inner: st.lists(inner, max_size=3) | st.dictionaries(NAMES, inner, max_size=2),
     max_leaves=4,
 )
-DECLARED = {row["key"] for row in catalogue.keys(None)}
+DECLARED = {row["key"] for row in explain.keys(None)}
 
 
 @settings(max_examples=150, suppress_health_check=[HealthCheck.function_scoped_fixture])
@@ -304,7 +304,7 @@ def test_no_broken_file_meets_a_bug_or_silence(family, data):
     else:
         owner[path[-1]] = data.draw(VALUES)
     family(t="\n".join(f'"{k}" = {_toml(v)}' for k, v in table.items()))
-    names = list(catalogue.readable(None)[0])  # anything but a DesatError is our bug
+    names = list(explain.readable(None)[0])  # anything but a DesatError is our bug
     lines = listed() or "\n".join(checked(name) for name in names)
     assert not renamed or "unknown key" in lines
     assert lines or names
@@ -366,7 +366,7 @@ def test_inheritance_of_plots_by_name():
 
 
 def test_all_of_ours_are_sound():
-    good, lines = catalogue.readable(None)
+    good, lines = explain.readable(None)
     assert lines == []
     assert len(good) == 492
     problems = []
@@ -388,7 +388,7 @@ def test_commands(desat):
 
 def test_every_table_of_the_language_is_told():
     """In `desat keys` and on the page, by the name that other keys' types have."""
-    told = set(catalogue._tables().values())
+    told = set(explain._tables().values())
     for module in (language, paper):
         for table in vars(module).values():
             if isinstance(table, type) and table.__module__ == module.__name__:
@@ -398,7 +398,7 @@ def test_every_table_of_the_language_is_told():
 
 def test_the_page_of_the_language_is_current():
     """`desat keys --markdown > docs/language.md` makes it."""
-    assert (ROOT / "docs" / "language.md").read_text(encoding="utf-8") == catalogue.page()
+    assert (ROOT / "docs" / "language.md").read_text(encoding="utf-8") == explain.page()
 
 
 def test_a_file_may_extend_a_cell_of_a_table_whose_rows_are_then_its_own(tmp_path, desat):

@@ -15,7 +15,7 @@ from desat.engine.operations import Part, Places, Whole
 from desat.files.ssp_write import pack
 from desat.runs.run import Options, execute, prepare
 from desat.system.errors import DesatError, Exit
-from desat.system.rates import Link, graded, late
+from desat.system.schedule import Link, graded, late
 
 numbers = st.floats(-1e3, 1e3)
 counts = st.integers(1, 12)

@@ -1,6 +1,6 @@
 """The range in which the exchange is shown to be exact: two numbers of a rigid craft with wheels.
 
-Over an inner step H (`system/rates.py`) components exchange means and slopes; what a torque does
+Over an inner step H (`system/schedule.py`) components exchange means and slopes; what a torque does
 beside, curvature c inside it, leaves an error of the rate of about
 H^3 / 60 |omega x J_r^-1 c + J_r^-1 (J_r^-1 c x L)|. So it depends, with L the body's total
 momentum, on

@@ -44,7 +44,7 @@ from ..numbers.derived import rotate_back
 from ..system.interface import Signal, base_name
 from ..system.model import System
 from ..system.parameters import value_of
-from ..system.rates import graded
+from ..system.schedule import graded
 from . import motion, not_checked, residual
 from .motion import NODES, WEIGHTS, Array, Steps
 

@@ -17,7 +17,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 from ..analyses import analyses
 from ..files.identity import versions
-from ..files.lock import LOCK, claimed
+from ..files.io import LOCK, claimed
 from ..runs.manifest import write_json
 from ..runs.run import Case, prepare
 from ..system.draft import dispersed

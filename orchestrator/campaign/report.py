@@ -14,8 +14,7 @@ from markupsafe import Markup
 from numpy.typing import NDArray
 
 from ..figures.canvas import Axes, Figure
-from ..figures.charts import scatter
-from ..figures.plots import limits_of
+from ..figures.plots import limits_of, scatter
 from ..figures.style import (
     COLOURS,
     DASHED,

@@ -9,7 +9,7 @@ t_k = start + k step, from an integer k.
   all outputs at its time.
 
 Under `conserving` a step may have inner steps, and components may be slower than the master
-(`system/rates.py`): `plan.py` prepares what happens in each part of a step.
+(`system/schedule.py`): `plan.py` prepares what happens in each part of a step.
 
 All outputs live in one array per type, `live`. A step of a component is: gather its inputs from
 there, push, step, pull. A component whose outputs are all of the interval class pulls straight
@@ -34,8 +34,7 @@ from ..system.interface import KINDS, Kind, Signal
 from ..system.model import Component, Connection, System
 from ..system.options import ALGORITHMS, Algorithm
 from ..system.parameters import value_of
-from ..system.rates import Rates, graded
-from ..system.schedule import Schedule
+from ..system.schedule import Rates, Schedule, graded
 from .current_call import ENTER, EXIT, FREE, INSTANTIATE, PLACE, PULL, PUSH, time, word
 from .instances.base import Array, ComponentError, EndedError, Instance, each
 from .instances.block import BlockInstance

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..system.interface import Kind
-from ..system.rates import Share
+from ..system.schedule import Share
 from .current_call import PULL, PUSH, STEP, time, word
 from .instances.base import Array, ComponentError, Instance
 

@@ -7,7 +7,7 @@ from typing import Literal
 
 import numpy as np
 
-from ..system.rates import Rates
+from ..system.schedule import Rates
 from .instances.base import Array, Clock
 from .node import Kept, Member, Outputs, Slot, Window, means
 from .operations import Call, Cut, Gather, Join, Length, Operation, Part, Show, Step, Tick, Whole

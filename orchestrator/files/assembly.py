@@ -13,7 +13,7 @@ from ..system.interface import Interface, base_name
 from ..system.options import Options
 from ..system.parameters import parse_assignment
 from . import craft, library, paths, ssp
-from .scenario import Keys
+from .merge import Keys
 
 
 def draft(

@@ -14,7 +14,7 @@ from ..language.kinds import Table
 from ..system.errors import DesatError, nearest
 from . import paths
 from .io import parsed, text
-from .scenario import Keys
+from .merge import Keys
 
 NEEDED = {
     "float_type": "a number", "int_type": "a whole number", "string_type": "a text",

@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 
 from ..campaign import draws, sampling
-from ..figures import charts
+from ..figures import plots
 from ..figures.plots import lines_of, series_plot
 from ..figures.style import pretty_unit
 from ..files import paths
@@ -221,7 +221,7 @@ class Verbs:
         **options: Any,
     ) -> str:  # fmt: skip
         """Labelled series of several runs on one pair of axes; `options` of `figures.curves`."""
-        return self._figure(file, caption, charts.curves(lines, axis, **options))
+        return self._figure(file, caption, plots.curves(lines, axis, **options))
 
     def bars(
         self,
@@ -232,14 +232,14 @@ class Verbs:
         **options: Any,
     ) -> str:
         """Bars: group -> label -> value."""
-        return self._figure(file, caption, charts.bars(groups, axis, **options))
+        return self._figure(file, caption, plots.bars(groups, axis, **options))
 
     def scatter(
         self, file: str, caption: str, groups: dict[str, tuple[list[float], list[float]]],
         x: str, y: str, **options: Any,
     ) -> str:  # fmt: skip
         """Points: label -> (x, y)."""
-        return self._figure(file, caption, charts.scatter(groups, x, y, **options))
+        return self._figure(file, caption, plots.scatter(groups, x, y, **options))
 
     def row(self, *cells: Any) -> str:
         """A row of a table."""

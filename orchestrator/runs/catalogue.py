@@ -9,23 +9,16 @@ then.
 from __future__ import annotations
 
 import hashlib
-import inspect
 import json
 import os
 import sys
-from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import asdict, dataclass
 from functools import cache
 from pathlib import Path
-from typing import Any, get_args, get_origin
 
-from ..files import paths, reader, scenario
-from ..files.scenario import Scenario, origin
-from ..numbers.measures import LATE, MEASURES
+from ..files import paths
 from ..system.errors import DesatError, nearest
-from ..system.resolve import resolve
-from . import validation
 
 
 @dataclass(frozen=True)
@@ -71,6 +64,8 @@ def _read(name: str, of_systems: bool) -> Family:
 
     good, lines = scenario.readable(name)
     if of_systems:
+        from .explain import readable
+
         # an installation's own scenarios are sound; their systems need the FMUs, which take long
         good, lines = readable(name, of_systems=not paths.INSTALLED)
     titles = {n: str(s.data.get("title", "")) for n, s in good.items()}
@@ -107,158 +102,3 @@ def _code() -> bytes:
                 stat = os.stat(path)
                 made.update(f"\0{path} {stat.st_size} {stat.st_mtime_ns}".encode())
     return made.digest()
-
-
-# --- What `desat list`, `keys`, `measures` and `show` print -------------------------------------
-
-
-def readable(
-    family: str | None, of_systems: bool = True
-) -> tuple[dict[str, Scenario], list[str]]:  # fmt: skip
-    """The scenarios that are right, and what is wrong with the others, one line each; `of_systems`
-    False: as far as their files say without the system that they describe."""
-    good, lines = scenario.readable(family)
-    for name in list(good):
-        wrong = validation.words(good[name]) or _design(good[name])
-        if wrong := wrong or (_of_system(good[name]) if of_systems else []):
-            lines += wrong
-            del good[name]
-    return good, list(dict.fromkeys(lines))
-
-
-def _of_system(given: Scenario) -> list[str]:
-    """What is wrong with a scenario's system on bare blocks, and with what it names of it."""
-    try:
-        draft = given.draft(blocks=True)
-    except DesatError as error:
-        return str(error).splitlines()
-    if wrong := draft.problems or validation.names(given, draft):
-        return wrong
-    system = resolve(draft).system
-    return [] if system is None else validation.wants(given, system)
-
-
-def _design(given: Scenario) -> list[str]:
-    """What is wrong with the file of a scenario's design."""
-    try:
-        if given.design is not None and given.design.exists():
-            reader.design(given.design)
-    except DesatError as error:
-        return str(error).splitlines()
-    return []
-
-
-def _tables() -> dict[str, Any]:
-    from ..language import paper as p
-    from ..language import scenario as l
-
-    return {"scenario": l.ScenarioFile, "number": l.Number, "plot": l.Plot, "limit": l.LimitLine,
-            "paper": p.PaperRow, "of_number": p.OfNumber, "share": p.ShareOfDraws,
-            "tuning": p.Tuning, "dispersion": l.Dispersion, "requirement": l.Requirement,
-            "axis": l.Cell, "design": l.Design, "stop_when": l.StopWhen}  # fmt: skip
-
-
-def keys(what: str | None) -> list[dict[str, str]]:
-    """The keys of a table of the language, or of all. Raises DesatError where there is none."""
-    tables = _tables()
-    if what is not None and what not in tables:
-        raise DesatError(f"no table {what}{nearest(what, tables)}")
-    return [
-        {"table": name, "key": field.alias or key, "type": _type(field.annotation),
-         "unit": (field.json_schema_extra or {}).get("unit", ""), "what": field.description or ""}
-        for name, table in tables.items() if what in (None, name)
-        for key, field in table.model_fields.items()
-    ]  # fmt: skip
-
-
-def _type(annotation: Any) -> str:
-    """A type as a reader says it."""
-    plain = {float: "number", int: "whole number", str: "text", bool: "true or false", Any: "value"}
-    if annotation in plain:
-        return plain[annotation]
-    kind, inner = get_origin(annotation), get_args(annotation)
-    if kind is list:
-        return f"list of {_type(inner[0])}"
-    if kind is dict:
-        return f"table of {_type(inner[1])}"
-    if kind is None:
-        named = {model: name for name, model in _tables().items()}
-        name: str = getattr(annotation, "__name__", str(annotation)).lower()
-        return named.get(annotation, name)
-    if str(kind).endswith("Literal"):
-        return ", ".join(str(x) for x in inner)
-    if hasattr(annotation, "__metadata__"):
-        return _type(inner[0])
-    return " or ".join(dict.fromkeys(_type(x) for x in inner))
-
-
-def page() -> str:
-    """The language as a page: `keys` and `measures`, a table each, as Markdown."""
-    lines = [
-        "# The scenario language",
-        "",
-        "Made by `desat keys --markdown`; how files are merged: ",
-    ]
-    lines[-1] += 'README, "Add a scenario".'
-    for name in _tables():
-        lines += ["", f"## {name}", "", "| key | type | unit | |", "|---|---|---|---|"]
-        lines += [_row(f"`{r['key']}`", r["type"], r["unit"], r["what"]) for r in keys(name)]
-    lines += ["", "## measures", "", "| measure | series | options | |", "|---|---|---|---|"]
-    lines += [_row(f"`{r['measure']}`", *list(r.values())[1:]) for r in measures()]
-    return "\n".join(lines) + "\n"
-
-
-def _row(*cells: str) -> str:
-    return "| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |"
-
-
-def schema() -> dict[str, Any]:
-    """The language as a JSON schema, for editors."""
-    made: dict[str, Any] = _tables()["scenario"].model_json_schema()
-    return made
-
-
-def measures() -> list[dict[str, str]]:
-    """Every measure: how many series, its options, its sentence."""
-    rows = []
-    for name in sorted(MEASURES):
-        series, options = validation.options_of(name)
-        texts = [o if d is inspect.Parameter.empty else f"{o} = {d}" for o, d in options.items()]
-        what = " ".join((MEASURES[name].__doc__ or "").split())
-        what += " If never, it is not reached." if name in LATE else ""
-        rows.append({"measure": name, "series": ", ".join(series), "options": ", ".join(texts),
-                     "what": what})  # fmt: skip
-    return rows
-
-
-def show(name: str) -> list[dict[str, Any]]:
-    """Every value of a scenario as merged, and the file, axis cell or design it comes from."""
-    whole = scenario.own(Path(name)) if name.endswith(".toml") else scenario.find(name)
-    rows = [
-        {"key": ".".join(path), "value": value, "from": whole.where(path).partition(": ")[0],
-         "cell": origin(whole.origins, path)[1].rstrip(".")}
-        for path, value in _leaves(whole.data) if path[0] != "labels"
-    ]  # fmt: skip
-    if whole.design is not None and whole.design.exists():
-        own = {row["key"] for row in rows}
-        file = whole.design.relative_to(scenario.ROOT.parent).as_posix()
-        rows += [
-            {"key": key, "value": value, "from": file, "cell": "design"}
-            for path, value in _leaves(whole.parameters(), ("parameters",))
-            if (key := ".".join(path)) not in own
-        ]
-    return [{**row, "value": _plain(row["value"])} for row in rows]
-
-
-def _leaves(
-    value: Any, path: tuple[str, ...] = ()
-) -> Iterator[tuple[tuple[str, ...], Any]]:  # fmt: skip
-    if isinstance(value, dict) and value:
-        for key, inner in value.items():
-            yield from _leaves(inner, (*path, key))
-    else:
-        yield path, value
-
-
-def _plain(value: Any) -> Any:
-    return value.isoformat() if hasattr(value, "isoformat") else value

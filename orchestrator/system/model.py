@@ -85,7 +85,7 @@ class System:
     stop: float
     start: float = 0.0
     inner: Inner = 1
-    """So many steps within a step, of those that hand means on to each other (`rates.py`)."""
+    """So many steps within a step, of those that hand means on to each other (`schedule.py`)."""
     accuracy: float = ACCURACY
     """Attitude error (rad) that `inner = "auto"` is to keep below."""
     output_classes: Mapping[str, OutputClass] = field(default_factory=dict)

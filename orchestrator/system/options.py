@@ -61,7 +61,7 @@ class Options:
     stop: float | None = None
     step: float | None = None
     inner: Inner | None = None
-    """Inner steps within each step (`system/rates.py`); `auto`: the run chooses them."""
+    """Inner steps within each step (`system/schedule.py`); `auto`: the run chooses them."""
     accuracy: float | None = None
     """Attitude error (rad) that `auto` keeps below."""
     algorithm: Algorithm = "conserving"

@@ -22,23 +22,23 @@ def keys(
     as_json: o.Json = False,
 ) -> None:
     """Print the keys of a scenario's file: type, unit and what they say."""
-    from ...runs import catalogue
+    from ...runs import explain
 
     if schema:
-        print_json(catalogue.schema())
+        print_json(explain.schema())
         return
     if markdown:
-        print(catalogue.page(), end="")
+        print(explain.page(), end="")
         return
-    _print_rows(catalogue.keys(what), as_json)
+    _print_rows(explain.keys(what), as_json)
 
 
 @app.command()
 def measures(as_json: o.Json = False) -> None:
     """Print the measures that a number may name, and their options."""
-    from ...runs import catalogue
+    from ...runs import explain
 
-    _print_rows(catalogue.measures(), as_json)
+    _print_rows(explain.measures(), as_json)
 
 
 @app.command()
@@ -52,9 +52,9 @@ def show(
     as_json: o.Json = False,
 ) -> None:  # fmt: skip
     """Print a scenario as merged, and where each value comes from."""
-    from ...runs import catalogue
+    from ...runs import explain
 
-    _print_rows(catalogue.show(name), as_json)
+    _print_rows(explain.show(name), as_json)
 
 
 def _print_rows(rows: list[dict[str, str]], as_json: bool) -> None:

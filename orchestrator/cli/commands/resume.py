@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from ...files.lock import claimed
+from ...files.io import claimed
 from ...system.errors import DesatError
 from .. import options as o
 from ..console import app, warn

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from rich.table import Table
 
-from ...files import lock
+from ...files import io
 from ...system.errors import DesatError, Exit, RunError
 from .. import options as o
 from ..console import app, err, name_of, out, print_json, warn
@@ -157,7 +157,7 @@ def _report(finished: Run, other: Run | None, folder: Path) -> Path | None:
 def _free(folder: Path | None) -> None:
     """Raise DesatError for a folder that holds something."""
     if folder is not None and folder.exists() and (
-        not folder.is_dir() or any(p.name != lock.LOCK for p in folder.iterdir())
+        not folder.is_dir() or any(p.name != io.LOCK for p in folder.iterdir())
     ):  # fmt: skip
         raise DesatError(f"--out {folder}: it exists already and is not an empty folder")
 
@@ -166,7 +166,7 @@ def _free(folder: Path | None) -> None:
 def _run_folder(target: str, folder: Path | None) -> Iterator[Path]:
     """Within: a folder of this run alone; without `folder` a new one under runs/."""
     place = folder or _new_folder(name_of(target))
-    with lock.claimed(place, made=folder is None):
+    with io.claimed(place, made=folder is None):
         _free(place)
         yield place
 

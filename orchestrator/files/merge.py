@@ -1,0 +1,85 @@
+"""Merging the data of scenario files; each value remembers where it was given."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from ..system.errors import DesatError, nearest
+
+Keys = tuple[str, ...]
+Origins = dict[Keys, tuple[str, str]]
+"""Path of a value -> the file that gave it, and the axis' cell in it (`axes.method.dct.`)."""
+
+
+def origin(origins: Origins, path: Keys) -> tuple[str, str]:
+    """Where a value, or the nearest table around it, was given: file and cell."""
+    for end in range(len(path), 0, -1):
+        if path[:end] in origins:
+            return origins[path[:end]]
+        inside = [o for p, o in origins.items() if p[:end] == path[:end]]
+        if inside:
+            return inside[-1]
+    return "", ""
+
+
+def leave_out(merged: dict[str, Any], data: dict[str, Any], origins: Origins, where: str) -> None:
+    """Take out of `merged` what data's `without` names, and `without` out of data."""
+    for text in data.pop("without", []):
+        owner: Any = merged
+        path: Keys = ()
+        rest = text
+        while isinstance(owner, dict) and rest not in owner and "." in rest:
+            table, _, rest = rest.partition(".")  # a name may have dots itself
+            owner, path = owner.get(table), (*path, table)
+        if not isinstance(owner, dict) or rest not in owner:
+            hint = nearest(rest, owner) if isinstance(owner, dict) else ""
+            raise DesatError(f"{where}: without {text}: there is none before{hint}")
+        del owner[rest]
+        path = (*path, rest)
+        _forget(origins, path)
+
+
+def merge(
+    into: dict[str, Any], new: dict[str, Any], origins: Origins,
+    given: Origins | tuple[str, str], path: Keys = (),
+) -> None:  # fmt: skip
+    """Tables are merged, everything else is replaced; `given`: where the new values are from."""
+    for key, value in new.items():
+        here = (*path, key)
+        if isinstance(value, dict) and isinstance(into.get(key), dict):
+            merge(into[key], value, origins, given, here)
+            continue
+        if key in into:
+            _forget(origins, here)
+        into[key] = copy(value)
+        for leaf in _leaves(value, here):
+            origins[leaf] = given if isinstance(given, tuple) else origin(given, leaf)
+
+
+def copy(value: Any) -> Any:
+    """Its own tables; lists are shared, for nobody changes them."""
+    return {k: copy(v) for k, v in value.items()} if isinstance(value, dict) else value
+
+
+def _forget(origins: Origins, path: Keys) -> None:
+    for old in [p for p in origins if p[: len(path)] == path]:
+        del origins[old]
+
+
+def _leaves(value: Any, path: Keys) -> list[Keys]:
+    if isinstance(value, dict) and value:
+        return [leaf for k, v in value.items() for leaf in _leaves(v, (*path, k))]
+    return [path]
+
+
+def fill(value: Any, cell: dict[str, str]) -> Any:
+    """Texts with `{axis}` replaced by the axis' value of the cell."""
+    if isinstance(value, str):
+        for axis, name in cell.items():
+            value = value.replace(f"{{{axis}}}", name)
+        return value
+    if isinstance(value, dict):
+        return {k: fill(v, cell) for k, v in value.items()}
+    if isinstance(value, list):
+        return [fill(v, cell) for v in value]
+    return value
