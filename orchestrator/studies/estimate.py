@@ -1,10 +1,10 @@
 """A run's own estimate of its error: from a companion run that is finer.
 
 The companion is the same run with twice the inner steps (`system/schedule.py`): its computers,
-samples and rows stay where they are. Of two runs whose error falls with order p, the coarse one errs by
-(2^p) / (2^p - 1) of their difference (Richardson): twice it for order 1, 4/3 for 2, 8/7 for 3. The
-order is not known from two runs, and 4/3 is taken: an estimate, no bound. What does not fall with
-the inner steps errs alike in both.
+samples and rows stay where they are. Of two runs whose error falls with order p, the coarse one
+errs by (2^p) / (2^p - 1) of their difference (Richardson): twice it for order 1, 4/3 for 2, 8/7 for
+3. The order is not known from two runs, and 4/3 is taken: an estimate, no bound. What does not fall
+with the inner steps errs alike in both.
 """
 
 from __future__ import annotations
