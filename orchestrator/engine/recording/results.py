@@ -3,7 +3,7 @@
 `/time` and one data set per variable, `/component/variable`, a row per recorded step and a column
 per element, with unit, frame, description, output class and the names of its values as attributes.
 A row of a state output belongs to its time t_k, a row of an interval output to [t_k, t_k+1), so
-these have no last row. Thousands of variables share data sets (`wide.py`).
+these have no last row. Thousands of variables share data sets (`shared_tables.py`).
 """
 
 from __future__ import annotations
@@ -30,8 +30,8 @@ from . import shared_tables
 
 T = TypeVar("T")
 Array = NDArray[Any]
-RECENT = 64 << 20
-"""So much is kept of what is made of series (bytes)."""
+RECENT = 128 << 20
+"""So much is kept of series that a file has packed, and of what is made of series (bytes)."""
 SERIES, MANIFEST = "series.h5", "manifest.json"
 _FRAMES = {"eci": "eci", "body": "body", "lvlh": "lvlh", "wheel": "wheel axes",
            "bi": "body from eci", "coil": "coil axes"}  # fmt: skip
@@ -174,9 +174,14 @@ class Results:
         return np.asarray(self._file[path][rows])
 
     def values(self, name: str, rows: slice = slice(None)) -> NDArray[Any]:
-        """The rows of `component.variable` as (rows, elements), or (rows,) for a scalar."""
+        """The rows of `component.variable` as (rows, elements), or (rows,) for a scalar; not to be
+        written to."""
         last = rows.stop if self._rows is None else min(self._rows, rows.stop or self._rows)
-        return np.asarray(self._find(name)[rows.start : last])
+        found = self._find(name)
+        if not isinstance(found, h5py.Dataset) or found.nbytes > RECENT // 16:
+            return np.asarray(found[rows.start : last])
+        whole = self.recent(("values", name), lambda: np.asarray(found[:]))
+        return whole[rows.start : last]
 
     def count(self, name: str) -> int:
         """The number of rows of a series."""
@@ -185,8 +190,8 @@ class Results:
 
     def times(self, name: str | None = None) -> NDArray[np.float64]:
         """The time (s) of each row of a series (default: of all recorded steps)."""
-        everything = np.asarray(self._file["time"][: self._rows])
-        return everything if name is None else everything[: self._find(name).shape[0]]
+        whole = self.recent("time", lambda: np.asarray(self._file["time"][: self._rows]))
+        return whole if name is None else whole[: self._find(name).shape[0]]
 
     def attribute(self, name: str, key: str) -> str:
         """`unit`, `frame`, `description` or `class` of a series."""
