@@ -294,16 +294,16 @@ def cases() -> dict[str, tuple[float, float]]:
 
 def page_s_draws() -> tuple[Starts, dict[str, list[float | None]]]:
     """The values drawn for the page and, of each scenario, its stored minutes."""
-    from desat.campaign import draws, sampling
+    from desat.campaign import sampling
     from desat.papers import stored
-    from desat.system.options import Options
+    from desat.runs.prepare import read
 
     kept = stored.read("hausat2")
     times = {
         name: [r["numbers"]["detumbled"] for r in kept["scenarios"][f"hausat2/{name}"]["draws"]]
         for name in cases()
     }
-    system = draws.system_of("hausat2/gain-k-1e5", Options(blocks=True))
+    system = read("hausat2/gain-k-1e5").to_draw(blocks=True)
     count = min(map(len, times.values()))
     drawn = [sampling.drawn(system, kept["seed"], i) for i in range(count)]
     return Starts(

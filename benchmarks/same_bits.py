@@ -24,7 +24,8 @@ import numpy as np
 from desat.files.assembly import modify
 from desat.files.scenario import find
 from desat.files.ssp_write import pack_scenario
-from desat.runs.run import Case, Options, load, prepare, simulate
+from desat.runs.prepare import read
+from desat.runs.run import Case, Options, prepare, simulate
 from desat.system.check import check
 
 from . import seen
@@ -55,7 +56,7 @@ def _case(target: str, options: Options, seed: int) -> Case:
     """A target prepared; with a seed, its components and connections in another order."""
     if not seed:
         return prepare(target, options)
-    draft, rng = load(target), np.random.default_rng(seed)
+    draft, rng = read(target).draft(blocks=False), np.random.default_rng(seed)
     names = list(draft.components)
     rng.shuffle(names)
     draft.components = {n: draft.components[n] for n in names}

@@ -227,12 +227,12 @@ def test_a_pulsed_coil_is_bounded_by_its_duty_and_an_ideal_one_not():
 def test_nozzles_as_the_axis_pairs_have_the_same_bound():
     """The default nozzles are one each way about every axis."""
     from desat.files.library import load_interfaces
-    from desat.runs.run import load
+    from desat.runs.prepare import read
     from desat.system.check import check
 
     pairs = execute("uosat12/table3-dct-ilqr-2", Options(blocks=True))
     expected = bound.of_run(pairs.manifest, pairs.results)
-    draft = load("uosat12/table3-dct-ilqr-2", blocks=True)
+    draft = read("uosat12/table3-dct-ilqr-2").draft(blocks=True)
     nozzles = draft.components["thrusters"]
     nozzles.source = "resources/thrusters_nozzles.fmu"
     nozzles.parameters = {k: v for k, v in nozzles.parameters.items() if "tau_level" not in k}

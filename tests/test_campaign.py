@@ -26,10 +26,10 @@ from test_failures import HOW, binary, drawn_to_fail  # noqa: F401
 import desat
 from desat.campaign import coordinator, judged, report, sampling, store
 from desat.campaign import pairs as comparing
-from desat.campaign.draws import system_of
 from desat.campaign.pairs import compare
 from desat.campaign.sampling import axes, drawn
 from desat.campaign.workers import Local, Lost, results
+from desat.runs.prepare import read as read_source
 from desat.system.errors import DesatError, Exit
 from desat.system.options import Options
 
@@ -94,7 +94,7 @@ def test_processes_that_die_lose_their_calls_alone():
 
 @pytest.fixture(scope="module")
 def system():
-    return system_of("integrated/mil-nadir", Options())
+    return read_source("integrated/mil-nadir").to_draw(blocks=False)
 
 
 @pytest.mark.parametrize("kind", ["latin-hypercube", "sobol", "saltelli"])
@@ -150,7 +150,9 @@ def test_a_campaign_of_two_hundred(whole):
     table = store.read(whole)
     assert table["case"].to_pylist() == list(range(COUNT))
     assert len(set(table["worker"].to_pylist())) == 2
-    system = system_of(str(json.loads((whole / "campaign.json").read_text())["target"]), Options())
+    system = read_source(str(json.loads((whole / "campaign.json").read_text())["target"])).to_draw(
+        blocks=False
+    )
     row = table.slice(77, 1).to_pylist()[0]
     assert row["in.wheels.h_start_wheel[3]"] == drawn(system, 1, 77)["wheels.h_start_wheel"][2]
     curves = store.read(whole, store.CURVES)
@@ -164,7 +166,7 @@ def test_a_case_is_the_draw_of_the_same_number(whole, own, tmp_path):
     with pytest.raises(DesatError, match=r"mean_anomaly: it is drawn, and so never has this value"):
         desat.cases(own, 2, tmp_path / "c", {"environment.mean_anomaly": 1.0})
 
-    again = one(str(own), Options(), 1, 123)
+    again = one(read_source(str(own)), Options(), 1, 123)
     row = store.read(whole).slice(123, 1).to_pylist()[0]
     assert {k[4:]: v for k, v in row.items() if k.startswith("out.")} == again["numbers"]
 

@@ -10,7 +10,8 @@ import pytest
 from conftest import ROOT
 
 from desat.files import paths
-from desat.runs.run import Options, load, prepare
+from desat.runs.prepare import read
+from desat.runs.run import Options, prepare
 from desat.system.check import check
 from desat.system.errors import DesatError
 
@@ -327,7 +328,7 @@ def test_an_input_that_is_given_counts_as_wired():
 
 def test_a_wired_input_that_needs_another():
     """A dipole without a field would have no effect."""
-    draft = load("gyrostat/full")
+    draft = read("gyrostat/full").draft(blocks=False)
     spacecraft = draft.components["spacecraft"]
     draft.connections = [
         c for c in draft.connections if (c.target, c.input[:5]) != ("spacecraft", "b_eci")

@@ -628,10 +628,10 @@ def test_a_second_panel_shows_the_steady_state_and_an_envelope_the_extremes():
 def test_a_stored_draw_comes_out_again(current):
     """The first draw of the shortest scenario, bit for bit."""
     from desat.campaign.sampling import drawn as values_of
-    from desat.runs.run import load
+    from desat.runs.prepare import read
 
     name = "integrated/velocity-dumping"
-    values = values_of(load(name, blocks=True), current["seed"], 0)
+    values = values_of(read(name).draft(blocks=True), current["seed"], 0)
     again = execute(name, Options(values=values)).manifest["numbers"]
     kept = current["scenarios"][name]["draws"][0]["numbers"]
     assert {k: again[k]["value"] for k in kept} == pytest.approx(kept, rel=1e-6)

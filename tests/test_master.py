@@ -20,7 +20,8 @@ from desat.engine.loop import run, stepping
 from desat.engine.master import Master
 from desat.engine.recording.recorder import Recorder
 from desat.files.scenario import find, scenarios
-from desat.runs.run import Options, execute, load
+from desat.runs.prepare import read
+from desat.runs.run import Options, execute
 from desat.system.check import check
 from desat.system.draft import Draft, DraftComponent
 from desat.system.errors import DesatError
@@ -355,7 +356,7 @@ def test_same_bits_under_permuted_components():
     name = "uosat12/table3-ocdc-ilqr-2"
     reference = None
     for seed in range(4):
-        shuffled = load(name)
+        shuffled = read(name).draft(blocks=False)
         rng = np.random.default_rng(seed)
         names = list(shuffled.components)
         rng.shuffle(names)

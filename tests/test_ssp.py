@@ -16,7 +16,8 @@ from desat.files import io, paths, scenario, ssp
 from desat.files.scenario import families, find, scenarios
 from desat.files.ssp_write import pack, pack_scenario
 from desat.files.xml import parse_bytes, validate
-from desat.runs.run import Options, execute, load
+from desat.runs.prepare import read
+from desat.runs.run import Options, execute
 from desat.system.check import check
 from desat.system.errors import DesatError
 
@@ -114,7 +115,7 @@ def test_every_cell_of_tables_2_and_3_is_a_scenario():
 
 
 def test_what_others_would_misread_is_not_packed(tmp_path):
-    draft = load(NAME)
+    draft = read(NAME).draft(blocks=False)
     draft.connections[0] = replace(draft.connections[0], factor=2.0)
     system, _ = check(draft).or_raise()
     with pytest.raises(DesatError, match="converts its value"):

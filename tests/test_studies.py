@@ -9,6 +9,7 @@ import pytest
 
 from desat.campaign.draws import axes_of, draws, one, sweep
 from desat.campaign.pairs import common, differences, paired
+from desat.runs.prepare import read
 from desat.runs.run import Options, execute
 from desat.system.errors import DesatError
 
@@ -56,16 +57,16 @@ def test_what_is_drawn_otherwise_is_refused_and_what_one_draws_is_said(other):
     text = """without = ['dispersions.{}']\ndispersions."{}" = {}"""
     h, seed = "wheels.h_start_wheel", "*.seed"
     target = other(text.format(seed, "magnetometer.seed", "{ seed = true }"))
-    found = common(NAME, target, 1, SHORT, SHORT)
+    found = common(read(NAME), read(target), 1, SHORT, SHORT)
     assert found["drawn_only_in_the_other"] == []
     assert "tachometers.seed" in found["drawn_only_in_it"]
     assert "magnetometer.seed" in found["drawn_in_both"]
     target = other(text.format(h, h, "{ normal = [0.0, 5e-3] }"))
     with pytest.raises(DesatError, match=r"h_start_wheel is drawn as .*0\.006.* and as .*0\.005"):
-        common(NAME, target, 1, SHORT, SHORT)
+        common(read(NAME), read(target), 1, SHORT, SHORT)
     target = other('without = ["dispersions"]')
     with pytest.raises(DesatError, match="there is nothing that both draw"):
-        common(NAME, target, 1, SHORT, SHORT)
+        common(read(NAME), read(target), 1, SHORT, SHORT)
 
 
 def test_a_drawn_value_that_is_refused_is_named(other):
@@ -79,7 +80,7 @@ def test_a_drawn_value_that_is_refused_is_named(other):
         (0, f"speed_limit from {where}"),
     ):
         with pytest.raises(DesatError, match=re.escape(text)) as error:
-            one(target, SHORT, 1, draw)
+            one(read(target), SHORT, 1, draw)
         assert ("allowed is 0.001 to inf" if draw else of) in str(error.value)
     target = other('dispersions."wheel.speed_limit" = { uniform = [1.0, 2.0] }')
     with pytest.raises(DesatError, match=r"toml: dispersions\.wheel\.speed_limit: no component"):
@@ -145,7 +146,7 @@ def test_what_a_sweep_refuses(axis, message):
 
 
 def test_a_drawn_parameter_is_no_axis_of_draws():
-    (name,) = common(NAME, NAME, 1, SHORT, SHORT)["drawn_in_both"][:1]
+    (name,) = common(read(NAME), read(NAME), 1, SHORT, SHORT)["drawn_in_both"][:1]
     with pytest.raises(DesatError, match=f"{name} is drawn"):
         sweep(NAME, {name: [1.0]}, SHORT, 1, draws=2)
     given = draws(NAME, 1, 1, Options(blocks=True, stop=10.0, sets=[f"{name}=1"]), 1)

@@ -25,7 +25,8 @@ from desat.components.maths import attitude, moments
 from desat.components.physics import averaging, gyrostat, orbit, rotor, torques, wheel_array
 from desat.figures import plots
 from desat.fmus import registry
-from desat.runs.run import Options, execute, load
+from desat.runs.prepare import read
+from desat.runs.run import Options, execute
 from desat.system.check import check
 from desat.system.errors import DesatError
 
@@ -173,11 +174,10 @@ CLIFF = [("robust-model", "b_y_3", 10), ("robust", "yaw", 19)]
 def test_a_wrong_model_costs_little_once_it_is_learnt(file, case, draw):
     """The draws that cost 23 and 30 % more while the plan trusted its model and kept its reserve at
     any price."""
-    from desat.campaign.draws import system_of
     from desat.campaign.sampling import drawn
 
     name = f"uosat12/{file}-receding_horizon-{case}"
-    start = drawn(system_of(name, Options(blocks=True)), 1, draw)
+    start = drawn(read(name).to_draw(blocks=True), 1, draw)
 
     def above(spread, cost):
         own = {"manager.field_spread": spread, "manager.reserve_cost": cost}
@@ -327,7 +327,7 @@ def test_the_place_falls_within_a_step():
 
 
 def test_a_shared_parameter_must_be_equal_everywhere():
-    draft = load("integrated/mil-nadir", blocks=True)
+    draft = read("integrated/mil-nadir").draft(blocks=True)
     draft.components["manager"].parameters["axes_wheel[1,2]"] = 0.5
     found = check(draft)
     assert found.problems == []  # a model onboard may err

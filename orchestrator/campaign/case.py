@@ -15,10 +15,11 @@ from numpy.typing import NDArray
 
 from ..figures.plots import lines_of, unit_of
 from ..report.report import write_report
-from ..runs.run import Run, execute
+from ..runs.prepare import prepare
+from ..runs.run import Run, simulate
 from ..system.errors import DesatError, Exit
 from .draws import STOPPED, ran
-from .plan import Plan, system
+from .plan import Plan, source, system
 
 POINTS = 200
 """Parts of a run that an envelope has a value for."""
@@ -50,10 +51,10 @@ def _ran(plan: Plan, values: dict[str, Any], supervised: bool) -> dict[str, Any]
     def more(run: Run) -> dict[str, Any]:
         return {"curves": _curves(plan.curves, run), "beside": _described(plan, values, run)}
 
-    plots = plots_of(system(plan.target, options.blocks).about)
+    plots = plots_of(system(plan).about)
     for name in plan.curves:
         signals += plots[name]["signals"]
-    made = ran(plan.target, options, values, signals, more)
+    made = ran(source(plan), options, values, signals, more)
     made["described"] |= made.pop("beside")
     return made
 
@@ -112,7 +113,7 @@ def kept(plan: Plan, number: int, into: Path) -> Run:
     """Run a case again and keep its series and report in a folder."""
     options = replace(plan.run_options(), supervised=True, call_limit=plan.limit)
     options = replace(options, values={**options.values, **plan.values(number)})
-    run = execute(plan.target, options, into)
+    run = simulate(prepare(source(plan), options), into)
     if run.code == Exit.SPACE or run.code > STOPPED:
         run.or_raise(plan.target)
     write_report(into, run)

@@ -19,13 +19,14 @@ from ..analyses import analyses
 from ..files.identity import versions
 from ..files.io import LOCK, claimed
 from ..runs.manifest import write_json
-from ..runs.run import Case, prepare
+from ..runs.prepare import Case, Source, prepare
+from ..runs.prepare import read as read_source
 from ..system.draft import dispersed
 from ..system.errors import DesatError, Exit, RunError, nearest
 from ..system.options import Options
 from . import store
 from .case import kept, plots_of, row
-from .draws import lost, never, system_of, whole_numbers
+from .draws import lost, never, whole_numbers
 from .plan import PLAN, Plan, digest_of, joined, kept_versions, read, same_versions
 from .sampling import SAMPLINGS, Sampling, allowed, drawn
 from .workers import Local, Lost, Workers, guarded, results
@@ -50,7 +51,8 @@ def planned(
     options = options or Options()
     if Path(target).exists():
         target = str(Path(target).resolve())
-    system = system_of(target, options)
+    source = read_source(target)
+    system = source.to_draw(options.blocks)
     if not system.about.get("dispersions"):
         raise DesatError(f"{target}: it has no [dispersions], so there is nothing to draw")
     whole_numbers(target, seed=(seed, 0), count=(count, 1))
@@ -66,9 +68,9 @@ def planned(
         allowed(sampling, count, system)
         first = {**options.values, **drawn(system, seed, 0, sampling, count)}
     except DesatError:
-        prepare(target, options).or_raise()  # which names file and key
+        prepare(source, options).or_raise()  # which names file and key
         raise
-    case = _first(target, options, first)
+    case = _first(source, options, first)
     plots = plots_of(system.about)
     if curves is None:
         curves = list(plots)[:1]
@@ -76,7 +78,7 @@ def planned(
         raise DesatError(f"--curve {unknown[0]}: no plot of that name{nearest(unknown[0], plots)}")
     known = {f.name: getattr(Options(), f.name) for f in fields(Options)}
     changed = {k: getattr(options, k) for k in known if getattr(options, k) != known[k]}
-    plan = Plan(target, digest_of(target, options), count, seed, sampling, changed, tuple(curves),
+    plan = Plan(target, digest_of(source, options), count, seed, sampling, changed, tuple(curves),
                 tuple(keep), limit)  # fmt: skip
     numbers = {n for n, e in system.about.get("numbers", {}).items() if "of" not in e}
     checked, _ = case.or_raise()
@@ -109,15 +111,15 @@ def _power(count: int) -> int:
     return 1 << (count - 1).bit_length()
 
 
-def _first(target: str, options: Options, values: dict[str, Any]) -> Case:
+def _first(source: Source, options: Options, values: dict[str, Any]) -> Case:
     """The first case. Raises DesatError where it is none."""
-    case = prepare(target, replace(options, values=values))
+    case = prepare(source, replace(options, values=values))
     try:
         case.or_raise()
         return case
     except DesatError as error:
-        prepare(target, options).or_raise()  # not only of what is drawn
-        raise DesatError(f"{target}: case 0: {error}") from error
+        prepare(source, options).or_raise()  # not only of what is drawn
+        raise DesatError(f"{source.target}: case 0: {error}") from error
 
 
 def run(
@@ -228,7 +230,7 @@ def chosen(plan: Plan, folder: Path) -> list[int]:
     where a requirement on it has only a `min`; those that never reach it first."""
     from .plan import system
 
-    about = system(plan.target, plan.run_options().blocks).about
+    about = system(plan).about
     least = {
         r["number"] for r in about.get("requirements", {}).values() if "max" not in r
     }  # fmt: skip

@@ -16,7 +16,8 @@ from rich.progress import track
 
 from ..analyses import analyses, coverage
 from ..numbers.numbers import late, ranked
-from ..runs.run import Options, Run, load, prepare, simulate
+from ..runs.prepare import Source, prepare, read
+from ..runs.run import Options, Run, simulate
 from ..system.draft import Draft, overridden
 from ..system.errors import DesatError, Exit, RunError
 from ..system.model import AUTO
@@ -28,14 +29,31 @@ STOPPED = 128
 """Exit codes above are those of somebody who stopped the run."""
 
 
-def one(target: str, options: Options, seed: int, draw: int | None) -> dict[str, Any]:
+class One:
+    """Makes runs of sources, by target: each is read once a process. (They are not sent to those
+    that start: what is larger than a pipe blocks where one ends before it has read it.)"""
+
+    def __init__(self, *known: Source) -> None:
+        self._known = {source.target: source for source in known}
+
+    def __call__(
+        self, target: str, options: Options, seed: int, draw: int | None
+    ) -> dict[str, Any]:  # fmt: skip
+        """`one` of a target."""
+        if target not in self._known:
+            self._known[target] = read(target)
+        return one(self._known[target], options, seed, draw)
+
+
+def one(source: Source, options: Options, seed: int, draw: int | None) -> dict[str, Any]:
     """A run as a row: how it ended, its numbers, and the values drawn (`draw` None: nothing is).
 
     Raises DesatError, which names target and draw, for one that could not begin or was stopped.
     """
-    values = {} if draw is None else drawn(system_of(target, options), seed, draw)
+    target = source.target
+    values = {} if draw is None else drawn(source.to_draw(options.blocks), seed, draw)
     try:
-        return {"draw": draw, **ran(target, options, values)}
+        return {"draw": draw, **ran(source, options, values)}
     except DesatError as error:
         where = target if draw is None else f"{target}: draw {draw}"
         lines = "\n".join(f"{where}: {x}" for x in str(error).splitlines())
@@ -43,12 +61,12 @@ def one(target: str, options: Options, seed: int, draw: int | None) -> dict[str,
 
 
 def ran(
-    target: str, options: Options, values: dict[str, Any], also: Sequence[str] = (),
+    source: Source, options: Options, values: dict[str, Any], also: Sequence[str] = (),
     more: Callable[[Run], dict[str, Any]] = lambda run: {},
 ) -> dict[str, Any]:  # fmt: skip
     """A run with some values: how it ended, its numbers and what they are, the values, and what
     `more` makes of it; recorded is what the numbers are made of, and `also`."""
-    case = prepare(target, replace(options, values={**options.values, **values}))
+    case = prepare(source, replace(options, values={**options.values, **values}))
     system, _ = case.or_raise()
     if options.record == ("*",):
         needed = (*needed_signals(system.about), *also)
@@ -62,7 +80,7 @@ def ran(
         case = replace(case, options=replace(case.options, record=needed))
     run = simulate(case)
     if run.code > STOPPED:
-        run.or_raise(target)
+        run.or_raise(source.target)
     row = {
         "status": run.manifest["status"],
         "code": int(run.code),
@@ -104,14 +122,6 @@ def lost(reason: Lost) -> dict[str, Any]:
             "stopped_when": None, "numbers": {}, "values": {}}  # fmt: skip
 
 
-def system_of(target: str, options: Options) -> Draft:
-    """The draft of a target. Raises DesatError where something is wrong with it."""
-    draft = load(target, options.blocks)
-    if draft.problems:
-        raise DesatError("\n".join(draft.problems))
-    return draft
-
-
 def needed_signals(about: Mapping[str, Any]) -> list[str]:
     """What a scenario's numbers are made of; the rest need not be recorded."""
     names: list[str] = []
@@ -122,9 +132,10 @@ def needed_signals(about: Mapping[str, Any]) -> list[str]:
 
 
 def rows_of(
-    tasks: Sequence[tuple[str, Options, int, int | None]], jobs: int, title: str, progress: bool
+    tasks: Sequence[tuple[str, Options, int, int | None]], jobs: int, title: str, progress: bool,
+    *known: Source,
 ) -> list[dict[str, Any]]:  # fmt: skip
-    """The row (`one`) of each task, over so many processes.
+    """The row (`one`) of each task, over so many processes; `known`: sources read before.
 
     A run whose process dies is made again in a process of its own, which can say why; with one
     process, which is this one, each is.
@@ -142,7 +153,7 @@ def rows_of(
         tasks = [(t, replace(o, supervised=True), seed, draw) for t, o, seed, draw in tasks]
     rows: dict[Any, dict[str, Any]] = {}
     console = Console(stderr=True)
-    workers: Workers = Here(one) if jobs == 1 else Local(one, jobs)
+    workers: Workers = Here(One(*known)) if jobs == 1 else Local(One(), jobs)
     with workers:
         for key, result in track(
             results(workers, iter(enumerate(tasks)), again), title, total=len(tasks),
@@ -154,23 +165,24 @@ def rows_of(
 
 
 def draws(
-    target: str, count: int, seed: int, options: Options, jobs: int = 2, progress: bool = False,
-    first: int = 0,
+    target: str | Source, count: int, seed: int, options: Options, jobs: int = 2,
+    progress: bool = False, first: int = 0,
 ) -> dict[str, Any]:  # fmt: skip
     """Run the draws from `first` to before `count` and return rows and, for each number, median,
     least and largest.
 
     Draw i of a seed is the same whatever the count and the number of processes.
     """
-    system = system_of(target, options)
+    source = read(target) if isinstance(target, str) else target
+    target, system = source.target, source.to_draw(options.blocks)
     if not system.about.get("dispersions"):
         raise DesatError(f"{target}: it has no [dispersions], so there is nothing to draw")
     whole_numbers(target, seed=(seed, 0), count=(count, first + 1))
     typical = replace(options, values={**options.values, **drawn(system, seed, 0)})
-    warnings = prepare(target, typical).checked.warnings
+    warnings = prepare(source, typical).checked.warnings
     warnings += never(system, options)
     tasks = [(target, options, seed, draw) for draw in range(first, count)]
-    rows = rows_of(tasks, jobs, target, progress)
+    rows = rows_of(tasks, jobs, target, progress, source)
     summed = summary(rows, late(system.about))
     for row in rows:
         row.pop("described", None)
@@ -249,18 +261,19 @@ def sweep(
     options = options or Options()
     if not axes or not all(axes.values()):
         raise DesatError("a sweep needs a parameter and its values: component.parameter=a,b,c")
-    system = system_of(target, options)
+    source = read(target)
+    system = source.to_draw(options.blocks)
     for name in axes if draws else ():
         if drawn := overridden(system, name):
             raise DesatError(f"{target}: {name}: {drawn[0]} is drawn, and so cannot be an axis of "
                              "draws")  # fmt: skip
     points = [dict(zip(axes, v, strict=True)) for v in itertools.product(*axes.values())]
-    warnings = _warnings(target, axes, options)
+    warnings = _warnings(source, axes, options)
     tasks = [
         (target, replace(options, values={**options.values, **point}), seed, draw)
         for point in points for draw in (range(draws) if draws else (None,))
     ]  # fmt: skip
-    rows = rows_of(tasks, jobs, target, progress)
+    rows = rows_of(tasks, jobs, target, progress, source)
     count = max(draws, 1)
     made, times = [], late(system.about)
     for i, point in enumerate(points):
@@ -284,13 +297,13 @@ def sweep(
     }  # fmt: skip
 
 
-def _warnings(target: str, axes: Mapping[str, Sequence[Any]], options: Options) -> list[str]:
+def _warnings(source: Source, axes: Mapping[str, Sequence[Any]], options: Options) -> list[str]:
     """The warnings of each value beside the others' first. Raises DesatError for what is wrong."""
     first = {name: values[0] for name, values in axes.items()}
     tried = [first, *({**first, name: v} for name, values in axes.items() for v in values[1:])]
     lines: dict[str, None] = {}
     for point in tried:
-        case = prepare(target, replace(options, values={**options.values, **point}))
+        case = prepare(source, replace(options, values={**options.values, **point}))
         case.or_raise()
         lines |= dict.fromkeys(case.checked.warnings)
     return list(lines)

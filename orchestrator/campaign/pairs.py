@@ -14,11 +14,13 @@ from pathlib import Path
 from typing import Any
 
 from ..numbers.statistics import clopper_pearson
+from ..runs.prepare import Source
+from ..runs.prepare import read as read_source
 from ..runs.run import Options
 from ..system.draft import dispersed
 from ..system.errors import DesatError
 from . import store
-from .draws import draws, system_of
+from .draws import draws
 from .plan import Plan, read, system
 from .report import flat
 from .sampling import drawn
@@ -37,9 +39,10 @@ def paired(
     Raises DesatError where nothing is drawn in both, or not in the same way.
     """
     plain = replace(options, sets=[], sources=[], values={}, design=None)
-    shared = common(target, other, seed, options, plain)
-    ours = draws(target, count, seed, options, jobs, progress)
-    theirs = draws(other, count, seed, plain, jobs, progress)
+    one, another = read_source(target), read_source(other)
+    shared = common(one, another, seed, options, plain)
+    ours = draws(one, count, seed, options, jobs, progress)
+    theirs = draws(another, count, seed, plain, jobs, progress)
     return {
         "scenario": target, "against": other, "seed": seed, **shared,
         "differences": differences(ours, theirs), "draws": [ours, theirs],
@@ -47,13 +50,14 @@ def paired(
 
 
 def common(
-    target: str, other: str, seed: int, options: Options, plain: Options
+    one: Source, another: Source, seed: int, options: Options, plain: Options
 ) -> dict[str, list[str]]:  # fmt: skip
     """The names that two systems both draw, as `drawn_in_both`, and those that only one draws.
 
     Raises DesatError where there is none of the former, or one is drawn in another way.
     """
-    systems = system_of(target, options), system_of(other, plain)
+    target, other = one.target, another.target
+    systems = one.to_draw(options.blocks), another.to_draw(plain.blocks)
     ours, theirs = (dispersed(s) for s in systems)
     names = sorted(ours.keys() & theirs.keys())
     if not names:
@@ -173,7 +177,7 @@ def compare(first: Path, second: Path, level: float = 0.95) -> dict[str, Any]:
 def _warnings(one: Plan, other: Plan) -> list[str]:
     """That the two do not end at the same time, as far as their systems are there."""
     try:
-        ends = [p.run_options().stop or system(p.target, p.run_options().blocks).stop
+        ends = [p.run_options().stop or system(p).stop
                 for p in (one, other)]  # fmt: skip
     except DesatError:
         return []

@@ -12,12 +12,12 @@ from typing import Any
 
 from ..files.identity import of_system, other, versions
 from ..runs.manifest import write_json
-from ..runs.prepare import resolved
+from ..runs.prepare import Source, resolved
+from ..runs.prepare import read as read_source
 from ..system.digest import comparable
 from ..system.draft import Draft
 from ..system.errors import DesatError
 from ..system.options import Options, as_arguments
-from .draws import system_of
 from .sampling import FIXED, Sampling, drawn
 
 PLAN = "campaign.json"
@@ -53,8 +53,7 @@ class Plan:
 
     def values(self, number: int) -> dict[str, Any]:
         """`component.parameter` -> value of a case."""
-        drafted = system(self.target, self.run_options().blocks)
-        return drawn(drafted, self.seed, number, self.sampling, self.count)
+        return drawn(system(self), self.seed, number, self.sampling, self.count)
 
     def write(self, folder: Path) -> None:
         """Keep it in its folder."""
@@ -143,13 +142,23 @@ def _short(value: Any) -> str:
     return text if len(text) < 80 else f"{text[:77]}..."
 
 
+def source(plan: Plan) -> Source:
+    """What a campaign's system is read from, read once a process. Raises DesatError where there is
+    none."""
+    return _source(plan.target, plan.digest)
+
+
 @lru_cache(maxsize=2)
-def system(target: str, blocks: bool) -> Draft:
-    """A system to draw for, and its plots."""
-    return system_of(target, Options(blocks=blocks))
+def _source(target: str, digest: str) -> Source:
+    return read_source(target)
 
 
-def digest_of(target: str, options: Options) -> str:
+def system(plan: Plan) -> Draft:
+    """A campaign's system to draw for, and its plots. Raises DesatError where it cannot be had."""
+    return source(plan).to_draw(plan.run_options().blocks)
+
+
+def digest_of(target: str | Source, options: Options) -> str:
     """The digest of a system before anything is drawn: of all that a row depends on beside seed,
     number and sampling. Raises DesatError where it cannot be had."""
     system, design = resolved(target, options)

@@ -39,7 +39,7 @@ from ..system.parameters import table as parameters_of
 from . import store
 from .case import POINTS, plots_of
 from .judged import requirement, rerun
-from .plan import Plan, changed, read, system
+from .plan import Plan, changed, read, source, system
 from .sampling import axes, sensitivity, unit_cube
 
 STRONG = 0.2
@@ -56,7 +56,7 @@ _NEVER = 1e300
 def summary(folder: Path) -> dict[str, Any]:
     """Everything that the report says, for programs. Raises DesatError where there is no case."""
     plan = read(folder)
-    about = system(plan.target, plan.run_options().blocks).about
+    about = system(plan).about
     table, told = store.read(folder), store.described(folder)
     status = table["status"].to_pylist()
     completed = np.array([s == "completed" for s in status])
@@ -121,7 +121,7 @@ def _apart(plan: Plan, cases: Any) -> Any:
     next (`sampling.saltelli`)."""
     if plan.sampling != "saltelli":
         return np.ones(len(cases), bool)
-    width = sum(axes(system(plan.target, plan.run_options().blocks))[1]) + 2
+    width = sum(axes(system(plan))[1]) + 2
     return np.isin(cases % width, (0, width - 1))
 
 
@@ -182,7 +182,7 @@ def _sobol(plan: Plan, cases: Any, completed: Any, out: Mapping[str, Any]) -> di
         return None
     if len(cases) != plan.count or not completed.all():
         return {"missing": "they need every case completed"}
-    drafted = system(plan.target, plan.run_options().blocks)
+    drafted = system(plan)
     names, sizes = axes(drafted)
     if plan.count < (least := BASE * (sum(sizes) + 2)):
         return {"missing": f"they need -n {least} or more"}
@@ -266,17 +266,17 @@ def _limits(plan: Plan, plot: Mapping[str, Any], unit: str) -> list[tuple[str, f
     that is not to be had any more."""
     options = plan.run_options()
     try:
-        checked, _ = prepare(plan.target, options).or_raise()
+        checked, _ = prepare(source(plan), options).or_raise()
     except DesatError:
         return []
-    drawn = dispersed(system(plan.target, options.blocks)).keys()
+    drawn = dispersed(system(plan)).keys()
     same = [x for x in plot.get("limits", ()) if not any(name in str(x) for name in drawn)]
     found = limits_of({"limits": same}, parameters_of(checked.components.values()), unit)
     return list({abs(value): (name, abs(value)) for name, value, _ in found}.values())
 
 
 def _curves(folder: Path, plan: Plan) -> list[_Figure]:
-    drafted = system(plan.target, plan.run_options().blocks)
+    drafted = system(plan)
     plots, told = plots_of(drafted.about), store.described(folder)
     table = store.read(folder, store.CURVES)
     made = []

@@ -20,7 +20,7 @@ from typing import Any
 
 import numpy as np
 
-from ..campaign import draws, sampling
+from ..campaign import sampling
 from ..figures import plots
 from ..figures.plots import lines_of, series_plot
 from ..figures.style import pretty_unit
@@ -30,6 +30,7 @@ from ..numbers.numbers import late
 from ..numbers.series import Series
 from ..numbers.statistics import clopper_pearson
 from ..numbers.text import number as text_of
+from ..runs.prepare import read
 from ..runs.run import Options, prepare
 from ..system.errors import DesatError, nearest
 from ..system.expression import factor, product
@@ -121,7 +122,7 @@ class Verbs:
 
     def of_draw(self, scenario: str, draw: int) -> Change:
         """What a draw of a scenario changes, for `value`, `series` and `plot`."""
-        system = draws.system_of(self._of.name_of(scenario), Options(blocks=True))
+        system = read(self._of.name_of(scenario)).to_draw(blocks=True)
         return sampling.drawn(system, self.seed(), draw)
 
     def seed(self) -> int:

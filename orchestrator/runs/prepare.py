@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -42,29 +42,80 @@ class Case:
         return self.checked.or_raise()
 
 
-def load(target: str, blocks: bool = False) -> Draft:
-    """The system of a scenario name, a scenario file, a .ssp, an .ssd or a folder, with its
-    problems so far. Raises DesatError where there is nothing to go on with."""
-    described = _scenario_of(target)
-    draft = _draft(target, described, blocks)
-    if described is not None and not draft.problems:
-        draft.problems += validation.dispersions(described, draft)
-    return draft
+@dataclass(frozen=True)
+class Source:
+    """A target as it is read, before options change it: what many cases of it have in common."""
+
+    target: str
+    scenario: Scenario | None
+    """None for an SSP file or a folder."""
+    _drafts: dict[tuple[bool, bool], Draft] = field(default_factory=dict)
+    _drawable: set[bool] = field(default_factory=set)
+
+    def draft(self, blocks: bool, designed: bool = True) -> Draft:
+        """Its system, to be changed by options, with what is wrong so far. `blocks`: of bare
+        blocks; `designed` False leaves its design out. Raises DesatError where it has none."""
+        key = blocks, designed
+        if key not in self._drafts:
+            if self.scenario is not None:
+                draft = self.scenario.draft(blocks, designed)
+            else:
+                draft = ssp.read(Path(self.target))
+                library.load_interfaces(draft, blocks)
+            if told := self.scenario or _told(draft):
+                draft.problems += validation.words(told) or validation.names(told, draft)
+            self._drafts[key] = draft
+        return self._drafts[key].copy()
+
+    def to_draw(self, blocks: bool) -> Draft:
+        """Its system, to draw values for. Raises DesatError where something is wrong with it."""
+        draft = self.draft(blocks)
+        if blocks not in self._drawable:
+            if self.scenario is not None and not draft.problems:
+                draft.problems += validation.dispersions(self.scenario, draft)
+            if draft.problems:
+                raise DesatError("\n".join(draft.problems))
+            self._drawable.add(blocks)
+        return draft
+
+    @property
+    def each_draw(self) -> bool:
+        """Whether its design is made anew for the values of each draw."""
+        data = self.scenario.data if self.scenario is not None else {}
+        return bool(data.get("design", {}).get("each_draw"))
 
 
-def prepare(target: str, options: Options) -> Case:
-    """Load a system, apply the options, and check it; warns of a design made for other values.
+def read(target: str) -> Source:
+    """The source that a target names: a scenario's name, a scenario file, an .ssp, an .ssd or a
+    folder. Raises DesatError where there is none."""
+    path = Path(target)
+    if path.suffix in (".ssp", ".ssd") or path.is_dir():
+        return Source(target, None)
+    if path.suffix == ".toml":
+        return Source(target, scenario.own(path))
+    try:
+        return Source(target, scenario.find(target))
+    except DesatError:
+        if not path.exists():
+            raise
+    raise DesatError(f"{target}: it ends in none of .toml, .ssp, .ssd, and is no folder")
+
+
+def prepare(target: str | Source, options: Options) -> Case:
+    """Read a system, apply the options, and check it; warns of a design made for other values.
+    Who makes many cases of it reads it once (`read`).
 
     Raises DesatError where there is nothing to check, or an option is wrong.
     """
-    described = _scenario_of(target)
-    if options.design is None and options.values and _each_draw(described):
+    source = read(target) if isinstance(target, str) else target
+    described = source.scenario
+    if options.design is None and options.values and source.each_draw:
         options = replace(options, design=making.NOW)
     if options.design is not None and described is None:
-        raise DesatError(f"--design {options.design}: {target} is no scenario with a [design]")
-    draft = _draft(target, described, options.blocks, designed=options.design is None)
-    if told := described or _told(draft):
-        draft.problems += validation.words(told) or validation.names(told, draft)
+        raise DesatError(
+            f"--design {options.design}: {source.target} is no scenario with a [design]"
+        )
+    draft = source.draft(options.blocks, designed=options.design is None)
     _modify(draft, described, options)
     checked = check(draft)
     if checked.system is not None:
@@ -77,20 +128,21 @@ def prepare(target: str, options: Options) -> Case:
         checked.warnings += _isolation_warnings(checked.system, options)
         if checked.schedule is not None:
             _check_wishes(checked, checked.system, checked.schedule, described, options)
-    return Case(target, options, draft.where, checked)
+    return Case(source.target, options, draft.where, checked)
 
 
-def resolved(target: str, options: Options) -> tuple[System, Any]:
+def resolved(target: str | Source, options: Options) -> tuple[System, Any]:
     """The system of a target with the options applied, unchecked; and, where its design is made for
     the values of each draw, what its scenario says of it. Raises DesatError where it cannot be had.
     """
-    described = _scenario_of(target)
-    draft = _draft(target, described, options.blocks, designed=options.design is None)
-    _modify(draft, described, options)
+    source = read(target) if isinstance(target, str) else target
+    draft = source.draft(options.blocks, designed=options.design is None)
+    _modify(draft, source.scenario, options)
     found = resolve(draft)
     if found.system is None:
         raise DesatError("\n".join(found.problems))
-    return found.system, described and described.data["design"] if _each_draw(described) else None
+    design = source.scenario.data["design"] if source.scenario and source.each_draw else None
+    return found.system, design
 
 
 def _modify(draft: Draft, described: Scenario | None, options: Options) -> None:
@@ -146,36 +198,6 @@ def _under_jacobi(system: System, schedule: Schedule) -> Iterator[str]:
         yield f"jacobi takes no inner steps: inner = {system.inner} has no effect"
     if any(text.startswith(("mean of", "its part of")) for _, text in schedule.timing):
         yield "jacobi hands on one mean of several where rates differ: momentum is not conserved"
-
-
-def _scenario_of(target: str) -> Scenario | None:
-    """The scenario that a target names; None for an SSP file or a folder."""
-    path = Path(target)
-    if path.suffix in (".ssp", ".ssd") or path.is_dir():
-        return None
-    if path.suffix == ".toml":
-        return scenario.own(path)
-    try:
-        return scenario.find(target)
-    except DesatError:
-        if not path.exists():
-            raise
-    raise DesatError(f"{target}: it ends in none of .toml, .ssp, .ssd, and is no folder")
-
-
-def _draft(
-    target: str, described: Scenario | None, blocks: bool, designed: bool = True
-) -> Draft:  # fmt: skip
-    if described is not None:
-        return described.draft(blocks, designed)
-    draft = ssp.read(Path(target))
-    library.load_interfaces(draft, blocks)
-    return draft
-
-
-def _each_draw(described: Scenario | None) -> bool:
-    """True for a scenario whose design is made anew for the values of each draw."""
-    return described is not None and bool(described.data.get("design", {}).get("each_draw"))
 
 
 def _told(draft: Draft) -> Scenario | None:

@@ -28,10 +28,10 @@ from ..system.options import Options, as_arguments, as_asked
 from ..system.schedule import schedule
 from . import inner_choice, stopping, supervisor
 from .manifest import describe, end_manifest, gone_on, numbers, read_manifest
-from .prepare import Case, load, prepare
+from .prepare import Case, prepare
 from .step_case import Outcome, stepped
 
-__all__ = ["Case", "Options", "Run", "execute", "load", "load_run", "prepare", "run_or_load",
+__all__ = ["Case", "Options", "Run", "execute", "load_run", "prepare", "run_or_load",
            "simulate"]  # fmt: skip
 
 

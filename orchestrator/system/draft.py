@@ -7,7 +7,7 @@ makes a `System` of it.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path, PurePath
 from typing import Any
 
@@ -90,6 +90,21 @@ class Draft:
     """What is wrong with it, a line each."""
     warnings: list[str] = field(default_factory=list)
     """What was left out as it was put together."""
+
+    def copy(self) -> Draft:
+        """One that options may change without changing this one."""
+        components = {
+            name: replace(
+                c, connectors=dict(c.connectors), parameters=dict(c.parameters),
+                references=dict(c.references), units=dict(c.units), given=dict(c.given),
+            )
+            for name, c in self.components.items()
+        }  # fmt: skip
+        return replace(
+            self, components=components, connections=list(self.connections),
+            output_classes=dict(self.output_classes), given=dict(self.given),
+            problems=list(self.problems), warnings=list(self.warnings),
+        )  # fmt: skip
 
     def component(self, name: str, where: str) -> DraftComponent:
         """A component by its name. Raises DesatError, which begins with `where`."""
