@@ -1,12 +1,16 @@
-"""`python tests/mutations.py SECONDS FOLDER`: a seeded sample of mutations of components/ against
-the quick tests that run the mutated line; results in docs/mutations.json, the page from them.
+"""`python tests/mutations.py PART SECONDS FOLDER`: mutations of a part of the code against the
+quick tests that run the mutated line; results in docs/mutations.json, the page from them.
+
+A part is a seeded sample of mutations of some folders, or all of some functions (PARTS).
 
 Mutations are cosmic-ray's (`pip install cosmic-ray coverage`, both are no dependencies of desat).
 It goes on where an earlier call stopped: FOLDER keeps a copy of the repository, in which files are
 mutated, and which test runs which line. The FMUs of that copy are empty, so that no test can fail
-because an FMU is of other code than the mutated block. What the quick tests do not kill runs with
-`--all` against every quick test that runs its line, the files of tests that name its module, and
-the test that fmus/interfaces.md is of this code.
+because an FMU is of other code than the mutated block; those of the orchestrator's are the real
+ones. A test that fails as well where the file has a line more that does nothing (it compares hashes
+of code) kills nothing. What the quick tests do not kill runs with `--all` against every quick test
+that runs its line, the files of tests that name its module, and of blocks the test that
+fmus/interfaces.md is of this code.
 """
 
 from __future__ import annotations
@@ -25,6 +29,8 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -74,7 +80,7 @@ OPERATORS = [
 ]
 
 # These hold FMUs, packed files, pages or the engine against the code, or take long.
-OTHERS = {
+OF_BLOCKS = {
     "fmus",
     "native",
     "ssp",
@@ -106,11 +112,85 @@ OTHERS = {
 }
 
 
+# These hold pages and FMUs against the code, make folders of their own from it, or take long.
+OF_RUNS = {
+    "fmus",
+    "native",
+    "pages",
+    "structure",
+    "install",
+    "changes",
+    "witness",
+    "fuzz",
+    "commands_cost",
+}
+VERDICTS = {
+    "system/errors.py": ("__new__", "__init__"),
+    "numbers/statistics.py": (),
+    "numbers/text.py": ("not_reached",),
+    "analyses/__init__.py": ("not_checked",),
+    "analyses/residual.py": ("unmet", "beyond", "unchecked", "missing", "numbers"),
+    "analyses/energy.py": ("unmet", "unchecked", "_not_of_rows", "numbers", "add"),
+    "analyses/fixed.py": ("unmet", "unchecked", "_why_not", "numbers", "mismatch"),
+    "analyses/coverage.py": ("unmet", "remarks"),
+    "campaign/judged.py": (),
+    "campaign/case.py": ("row",),
+    "campaign/draws.py": ("one", "ran", "_asked", "lost", "summary", "spreads"),
+    "runs/run.py": ("ok", "code", "or_raise", "_measure", "_cut_short"),
+    "runs/step_case.py": ("stepped", "_add"),
+    "runs/stopping.py": ("met", "_reaches", "_held", "watch"),
+    "papers/comparison.py": ("band_of", "_row", "share_of", "counted"),
+    "cli/__init__.py": ("_code", "_terminate"),
+    "cli/commands/run.py": ("conclude", "_report_run"),
+    "cli/commands/check.py": ("check",),
+    "cli/commands/draws.py": ("draws",),
+    "cli/commands/sweep.py": ("sweep",),
+    "cli/commands/campaign.py": ("_report",),
+    "cli/commands/tables.py": ("tables",),
+}
+"""What decides a verdict, an exit code or a bound: functions (none: all) by file."""
+
+
+@dataclass(frozen=True)
+class Part:
+    """Mutations of some folders; `sample` None: all of those in `functions`, else so many of those
+    that are in none of them."""
+
+    title: str
+    folders: tuple[str, ...]
+    left: frozenset[str]
+    """Files of tests that do not run."""
+    sample: int | None = SAMPLE
+    functions: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    empty: bool = False
+    """Whether FMUs are empty."""
+
+    def has(self, file: str, line: int, text: ast.Module) -> bool:
+        """Whether a mutation of a line belongs to it."""
+        known = file.removeprefix("orchestrator/") in self.functions
+        names = self.functions.get(file.removeprefix("orchestrator/"), ())
+        of = [n for n in ast.walk(text) if isinstance(n, ast.FunctionDef)
+              and n.lineno <= line <= (n.end_lineno or 0)]  # fmt: skip
+        decides = known and (not names or any(n.name in names for n in of))
+        return decides == (self.sample is None)
+
+
+ROOMS = tuple(f"orchestrator/{room}" for room in
+              ("system", "engine", "numbers", "analyses", "runs", "campaign"))  # fmt: skip
+PARTS = {
+    "components": Part("what a block does", ("components",), frozenset(OF_BLOCKS), empty=True),
+    "orchestrator": Part("how a system is checked, stepped, measured and drawn", ROOMS,
+                         frozenset(OF_RUNS), functions=VERDICTS),
+    "verdicts": Part("a verdict, an exit code or a bound", (*ROOMS, "orchestrator/papers",
+                     "orchestrator/cli"), frozenset(OF_RUNS), None, VERDICTS),
+}  # fmt: skip
+
+
 # --- the copy, and which test runs which line -------------------------------------------------
 
 
-def copied(folder: Path) -> Path:
-    """The repository's files in FOLDER/tree, with empty FMUs."""
+def copied(folder: Path, empty: bool) -> Path:
+    """The repository's files in FOLDER/tree, with our FMUs, or (`empty`) empty ones."""
     tree = folder / "tree"
     if not tree.exists():
         given = subprocess.run(["git", "ls-files", "-z"], cwd=ROOT, capture_output=True, check=True)
@@ -118,9 +198,12 @@ def copied(folder: Path) -> Path:
             if name and (ROOT / name).is_file():
                 (tree / name).parent.mkdir(parents=True, exist_ok=True)
                 shutil.copy2(ROOT / name, tree / name)
-        (tree / "fmus" / "dist").mkdir()
-        for file in (ROOT / "fmus" / "dist").glob("*.fmu"):
-            (tree / "fmus" / "dist" / file.name).touch()
+        if empty:
+            (tree / "fmus" / "dist").mkdir()
+            for file in (ROOT / "fmus" / "dist").glob("*.fmu"):
+                (tree / "fmus" / "dist" / file.name).touch()
+        else:
+            shutil.copytree(ROOT / "fmus" / "dist", tree / "fmus" / "dist")
         names = tree / ".names" / "desat"
         names.mkdir(parents=True)
         for target in (*(tree / "orchestrator").iterdir(), tree / "components", tree / "fmus"):
@@ -128,13 +211,13 @@ def copied(folder: Path) -> Path:
     return tree
 
 
-class Mapping:
-    """A plugin of pytest: the lines of components/ that each test runs, and how long it takes."""
+class Lines:
+    """A plugin of pytest: the lines that each test runs, and how long it takes."""
 
-    def __init__(self, tree: Path) -> None:
+    def __init__(self, tree: Path, part: Part) -> None:
         import coverage
 
-        source = [str(tree / "components")]
+        source = [str(tree / f) for f in part.folders]
         self.cov = coverage.Coverage(data_file=None, source=source, config_file=False)
         self.seconds: dict[str, float] = {}
         self.passed: set[str] = set()
@@ -163,9 +246,9 @@ def _too_long(*_: object) -> None:
     raise TimeoutError("too long for a quick test")
 
 
-def mapped(tree: Path, folder: Path, until: float) -> bool:
+def mapped(tree: Path, folder: Path, part: Part, until: float) -> bool:
     """Write FOLDER/map.FILE.json for each file of tests; True where all are there."""
-    files = [p for p in sorted((tree / "tests").glob("test_*.py")) if p.stem[5:] not in OTHERS]
+    files = [p for p in sorted((tree / "tests").glob("test_*.py")) if p.stem[5:] not in part.left]
     for file in files:
         kept = folder / f"map.{file.stem[5:]}.json"
         if kept.exists():
@@ -174,7 +257,7 @@ def mapped(tree: Path, folder: Path, until: float) -> bool:
             return False
         if (pid := os.fork()) == 0:
             _quiet(folder / f"map.{file.stem[5:]}.log", 240)
-            os._exit(_map_file(tree, file, kept))
+            os._exit(_map_file(tree, part, file, kept))
         os.waitpid(pid, 0)
         if not kept.exists():
             kept.write_text("{}")
@@ -182,10 +265,10 @@ def mapped(tree: Path, folder: Path, until: float) -> bool:
     return True
 
 
-def _map_file(tree: Path, file: Path, kept: Path) -> int:
+def _map_file(tree: Path, part: Part, file: Path, kept: Path) -> int:
     import pytest
 
-    plugin = Mapping(tree)
+    plugin = Lines(tree, part)
     code = pytest.main([*QUIET, str(file)], plugins=[plugin])
     data, lines = plugin.cov.get_data(), {}
     for path in data.measured_files():
@@ -214,32 +297,35 @@ def _quiet(log: Path, seconds: int) -> None:
 # --- the sample -------------------------------------------------------------------------------
 
 
-def listed(tree: Path) -> list[tuple[str, int, str, int]]:
-    """All mutations: file, line, operator, which of its places."""
+def listed(tree: Path, part: Part) -> list[tuple[str, int, str, int]]:
+    """All mutations of a part: file, line, operator, which of its places."""
     from cosmic_ray.ast import ast_nodes, get_ast
     from cosmic_ray.plugins import get_operator
 
     found = []
-    for path in sorted((tree / "components").rglob("*.py")):
-        parsed = get_ast(path.read_text(encoding="utf-8"))
+    for path in sorted(p for f in part.folders for p in (tree / f).rglob("*.py")):
+        text, file = path.read_text(encoding="utf-8"), str(path.relative_to(tree))
+        parsed, tree_of = get_ast(text), ast.parse(text)
         nodes = list(ast_nodes(parsed))
         for name in OPERATORS:
             operator, k = get_operator(f"core/{name}")(), 0
             for node in nodes:
                 for (line, _), _ in operator.mutation_positions(node):
-                    found.append((str(path.relative_to(tree)), line, name, k))
+                    if part.has(file, line, tree_of):
+                        found.append((file, line, name, k))
                     k += 1
     return sorted(found)
 
 
-def drawn(tree: Path) -> dict[str, Any]:
-    """A sample without those that change nothing, in the order in which it is run: so the first of
-    them are a sample, too."""
+def drawn(tree: Path, part: Part) -> dict[str, Any]:
+    """A sample (or all) without those that change nothing, in the order in which it is run: so the
+    first of them are a sample, too."""
     from cosmic_ray.mutating import mutate_code
     from cosmic_ray.plugins import get_operator
 
-    every, rng, sample = listed(tree), random.Random(SEED), []
-    for path, line, name, k in rng.sample(every, SAMPLE):
+    every, rng, sample = listed(tree, part), random.Random(SEED), []
+    count = len(every) if part.sample is None else part.sample
+    for path, line, name, k in rng.sample(every, count):
         old = (tree / path).read_text(encoding="utf-8")
         new = mutate_code(old, get_operator(f"core/{name}")(), k)
         if new is None or ast.dump(ast.parse(old)) == ast.dump(ast.parse(new)):
@@ -248,7 +334,7 @@ def drawn(tree: Path) -> dict[str, Any]:
                   if x[0] in "+-" and x[:3] not in ("+++", "---")]  # fmt: skip
         sample.append({"file": path, "line": line, "operator": name, "place": k,
                        "was": change[0][1:].strip(), "is": change[-1][1:].strip()})  # fmt: skip
-    return {"seed": SEED, "drawn": SAMPLE, "of": len(every), "mutations": sample}
+    return {"seed": SEED, "drawn": count, "of": len(every), "mutations": sample}
 
 
 def mutated(tree: Path, m: dict[str, Any]) -> str:
@@ -263,7 +349,9 @@ def mutated(tree: Path, m: dict[str, Any]) -> str:
 # --- one mutation -----------------------------------------------------------------------------
 
 
-def chosen(tree: Path, m: dict[str, Any], tests: dict[str, Any], every: bool) -> list[str]:
+def chosen(
+    tree: Path, part: Part, m: dict[str, Any], tests: dict[str, Any], every: bool
+) -> list[str]:  # fmt: skip
     """The tests that run the mutated statement, quickest first; where it is run at import, those
     that run most of the file."""
     text = ast.parse((tree / m["file"]).read_text(encoding="utf-8"))
@@ -289,9 +377,10 @@ def chosen(tree: Path, m: dict[str, Any], tests: dict[str, Any], every: bool) ->
         return out[:MOST]
     module = Path(m["file"]).stem
     named = re.compile(rf"\b({module}|{module.title().replace('_', '')})\b")
-    files = (f for f in sorted((tree / "tests").glob("test_*.py")) if f.stem[5:] not in OTHERS)
+    files = (f for f in sorted((tree / "tests").glob("test_*.py")) if f.stem[5:] not in part.left)
     whole = [f"tests/{f.name}" for f in files if named.search(f.read_text(encoding="utf-8"))]
-    return [PUBLISHED, *(x for x in out if x.partition("::")[0] not in whole), *whole]
+    own = [x for x in out if x.partition("::")[0] not in whole]
+    return [PUBLISHED] * part.empty + own + whole
 
 
 PUBLISHED = "tests/test_fmus.py::test_interfaces_page_is_current"
@@ -332,6 +421,29 @@ def tried(tree: Path, m: dict[str, Any], names: list[str], log: Path, text: str)
     return "killed" if killed else f"pytest ended with {status}"
 
 
+def judged(
+    tree: Path, m: dict[str, Any], names: list[str], log: Path, ruled_out: set[tuple[str, str]]
+) -> tuple[str, str]:  # fmt: skip
+    """How a mutation ended, and the test that killed it. One that fails as well where nothing is
+    mutated is ruled out for the file."""
+    control = (tree / m["file"]).read_text(encoding="utf-8") + "\nCONTROL = 1\n"
+    while True:
+        names = [n for n in names if (m["file"], n) not in ruled_out]
+        if not names:
+            return "no quick test runs it", ""
+        outcome = tried(tree, m, names, log, mutated(tree, m))
+        if outcome != "killed":
+            return outcome, ""
+        found = re.search(r"(?:FAILED|ERROR) (\S+)", log.read_text())
+        by = found[1] if found else "?"
+        if "::" not in by or tried(tree, m, [by], log.with_name("log.c"), control) == "survived":
+            return outcome, by
+        ruled_out.add((m["file"], by))
+        whole = by.partition("::")[0]
+        if by not in names and whole in names:  # of a whole file: without that test
+            names = [n for n in names if n != whole]
+
+
 # --- the page ---------------------------------------------------------------------------------
 
 
@@ -345,8 +457,8 @@ def score(result: dict[str, Any]) -> dict[str, Any]:
             "slow": sum(m["outcome"] == "killed: too long" for m in ran)}  # fmt: skip
 
 
-def page(result: dict[str, Any]) -> str:
-    """docs/mutations.md."""
+def section(part: Part, result: dict[str, Any]) -> list[str]:
+    """The lines of the page about a part."""
     from desat.numbers.statistics import clopper_pearson
 
     n = score(result)
@@ -355,25 +467,28 @@ def page(result: dict[str, Any]) -> str:
     of = result.get("controls", {})
     added = sum("added for it" in m.get("by", "") for m in result["mutations"])
     once = sum(not m.get("all") for m in n["open"])
+    places = ", ".join(f"`{f}/`" for f in part.folders)
+    drawn = (
+        f"{result['drawn']:,} were drawn at random with seed {result['seed']} of the "
+        f"{result['of']:,} mutations of {places}" if part.sample is not None else
+        f"All {result['of']:,} mutations of the functions that decide them (`VERDICTS` in "
+        "`tests/mutations.py`) count"
+    )  # fmt: skip
+    if part.sample is not None and part.functions:
+        drawn += ", but for functions that decide a verdict, an exit code or a bound"
+    bare = "FMUs are empty meanwhile, so that no test fails because an FMU is of other code. "
     lines = [
-        "# Mutations",
+        f"## Of {part.title}",
         "",
-        f"{n['killed']} of {real} mutations that change what a block does are killed: "
-        f"{100 * n['killed'] / real:.0f} % (of all {low:.0f} to {high:.0f} %, Clopper-Pearson, "
-        "95 %).",
+        f"{n['killed']} of {real} mutations that change {part.title} are killed: "
+        f"{100 * n['killed'] / real:.0f} %"
+        + (f" (of all {low:.0f} to {high:.0f} %, Clopper-Pearson, 95 %)." if part.sample else "."),
         "",
-        "cosmic-ray's operators (those that hardly any test can miss left out) have "
-        f"{result['of']:,} mutations of `components/`. {result['drawn']} were drawn at random with "
-        f"seed {result['seed']}; {len(result['mutations'])} of these change the code, and the "
-        f"first {n['ran']} of them, in the order drawn, ran on {result['date']}: "
-        "`tests/mutations.py`, results in `docs/mutations.json`. Each ran against at most "
-        f"{MOST} quick tests that run its line, and what these left against the files of tests of "
-        "its module; FMUs are empty meanwhile, so that no test fails because an FMU is of other "
-        "code. Which tests run a line was found by coverage. Tests that take "
-        "long, and those of FMUs and pages, did not run: they can only raise the score. "
-        f"{once} of the open ones ran against the quick tests only, not yet against the files. "
-        f"{added} were not killed by any test and are now, by tests that were added for them. "
-        "Controls, the same tests with nothing mutated: "
+        f"{drawn}; {len(result['mutations'])} of these change the code, and the first {n['ran']} "
+        f"of them, in the order drawn, ran on {result['date']}. {bare if part.empty else ''}"
+        f"{once} of the open ones ran against the quick tests only, not yet against the files of "
+        f"tests that name their module. {added} were not killed by any test and are now, by tests "
+        "that were added for them. Controls, the same tests with nothing mutated: "
         f"{sum(v == 'survived' for v in of.values())} of {len(of)} passed.",
         "",
         "| folder | ran | killed | no mutation | open |",
@@ -391,13 +506,32 @@ def page(result: dict[str, Any]) -> str:
         ("Open", n["open"]),
     ):  # fmt: skip
         if given:
-            lines += ["", f"## {title}", "", "| place | was | is | why |", "|---|---|---|---|"]
+            lines += ["", f"### {title}", "", "| place | was | is | why |", "|---|---|---|---|"]
         for m in given:
             was, new = (m[k].replace("|", "&#124;") for k in ("was", "is"))
             why = m.get("equivalent") or m.get("why") or m["outcome"]
-            place = f"{m['file'].removeprefix('components/')} {m['line']}"
+            place = f"{m['file'].partition('/')[2]} {m['line']}"
             lines.append(f"| {place} | `{was}` | `{new}` | {why} |")
-    return "\n".join([*lines, "", NAMED])
+    return [*lines, ""]
+
+
+def page(stored: Mapping[str, Any]) -> str:
+    """docs/mutations.md."""
+    lines = [
+        "# Mutations",
+        "",
+        "What the tests do not notice when the code is changed by one of cosmic-ray's operators "
+        "(those that hardly any test can miss left out): `tests/mutations.py`, results in "
+        f"`docs/mutations.json`. Each mutation ran against at most {MOST} quick tests that run its "
+        "line, which was found by coverage, and what these left against the files of tests of its "
+        "module. A test that fails as well where nothing is mutated, as it compares hashes of "
+        "code, kills nothing. Tests that take long, and those of FMUs and pages, did not run: they "
+        "can only raise the score. Line numbers are those of the code that ran.",
+        "",
+    ]
+    for name in stored:
+        lines += section(PARTS[name], stored[name])
+    return "\n".join([*lines, NAMED])
 
 
 NAMED = """## Mutations named before
@@ -414,48 +548,49 @@ fall of the place, `unless` of limits and the on-time of unused coils stand in
 
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("part", choices=PARTS)
     parser.add_argument("seconds", type=float, help="0: only the page")
     parser.add_argument("folder", type=Path)
     parser.add_argument("--all", action="store_true", help="survivors against all that run it")
     given = parser.parse_args()
-    until, folder = time.time() + given.seconds, given.folder.resolve()
+    until, folder, part = time.time() + given.seconds, given.folder.resolve(), PARTS[given.part]
     folder.mkdir(parents=True, exist_ok=True)
-    tree = copied(folder)
+    tree = copied(folder, part.empty)
     os.environ["DESAT_CACHE"] = str(folder / "cache")
+    os.environ["PYTHONPATH"] = str(tree / ".names")
     os.chdir(tree)
-    sys.path.insert(0, str(tree / ".names"))
+    sys.path[:0] = [str(tree / ".names"), str(tree)]
     _warm()
-    if given.seconds and not mapped(tree, folder, until):
+    if given.seconds and not mapped(tree, folder, part, until):
         return 0
     tests: dict[str, Any] = {}
     for file in sorted(folder.glob("map.*.json")):
         tests.update(json.loads(file.read_text()))
-    result = json.loads(STORED.read_text()) if STORED.exists() else drawn(tree)
+    result = _stored().get(given.part) or drawn(tree, part)
+    ruled_out: set[tuple[str, str]] = set()
     for k, m in enumerate(result["mutations"]):
         left = m.get("outcome", "") in ("survived", "no quick test runs it")
         wanted = left and given.all and not m.get("all")
         if time.time() > until or ("outcome" in m and not wanted):
             continue
-        names = chosen(tree, m, tests, given.all)
+        names = chosen(tree, part, m, tests, given.all)
         m["tests"], m["all"] = len(names), given.all
-        m["outcome"] = "no quick test runs it"
-        if names:
-            m["outcome"] = tried(tree, m, names, folder / f"log.{k}", mutated(tree, m))
+        m["outcome"], m["by"] = judged(tree, m, names, folder / f"log.{k}", ruled_out)
         if names and k % 10 == 0:  # a control: the same tests, nothing mutated
             text = (tree / m["file"]).read_text(encoding="utf-8") + "\nCONTROL = 1\n"
-            result.setdefault("controls", {})[str(k)] = tried(
-                tree, m, names, folder / "log.c", text
-            )
-        m["by"] = ""
-        if m["outcome"] == "killed":
-            found = re.search(r"(?:FAILED|ERROR) (\S+)", (folder / f"log.{k}").read_text())
-            m["by"] = found[1] if found else "?"
+            kept = [n for n in names if (m["file"], n) not in ruled_out]
+            result.setdefault("controls", {})[str(k)] = tried(tree, m, kept, folder / "log.c", text)
         result["date"] = f"{datetime.now(UTC):%Y-%m-%d}"
-        STORED.write_text(json.dumps(result, indent=1) + "\n")
+        STORED.write_text(json.dumps({**_stored(), given.part: result}, indent=1) + "\n")
         print(k, m["file"], m["line"], m["outcome"], m["by"], flush=True)
     if any("outcome" in m for m in result["mutations"]):
-        PAGE.write_text(page(result), encoding="utf-8")
+        PAGE.write_text(page(_stored()), encoding="utf-8")
     return 0
+
+
+def _stored() -> dict[str, Any]:
+    """Results by part; other parts may run meanwhile."""
+    return dict(json.loads(STORED.read_text())) if STORED.exists() else {}
 
 
 def _warm() -> None:
