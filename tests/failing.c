@@ -10,6 +10,9 @@
 #include <sys/prctl.h>
 #include <sys/stat.h>
 #include <unistd.h>
+#ifdef __SSE__
+#include <xmmintrin.h>
+#endif
 
 typedef void *component;
 typedef void logger(void *, const char *, int, const char *, const char *, ...);
@@ -21,7 +24,7 @@ static char name[64];
 enum { NOTHING, SEGFAULT, ABORT, KILL, EXIT_0, EXIT_3, HANG, OVERFLOW, IN_FREE, IN_START, IN_EXIT,
        CHDIR, ROUNDING, LOCALE, HANDLER, PRINT, LOG, STEP_ERROR, SLOW, DISCARD, NOT_FINITE,
        NEGATIVE, FORK, LEAVE, TRAPS, UMASK, ROUNDED, SCRIBBLE, KILL_GROUP, DAEMON,
-       SCRIBBLE_EARLY, DOT };
+       SCRIBBLE_EARLY, DOT, FATAL, FLUSHED };
 
 static int recurse(int n) { volatile char big[65536]; big[n & 65535] = 1; return recurse(n + 1) + big[0]; }
 
@@ -105,6 +108,9 @@ int fmi2DoStep(component c, double t, double dt, int no)
         _exit(0);
     }
     if (me.how == TRAPS) feenableexcept(FE_INVALID);
+#ifdef __SSE__
+    if (me.how == FLUSHED) _mm_setcsr(_mm_getcsr() | 0x8040); /* subnormal numbers are 0 */
+#endif
     if (me.how == UMASK) umask(0777);
     if (me.how == ROUNDED && fegetround() == FE_UPWARD) me.y += 0.5;
     if (me.how == ROUNDED && t < 3.5) fesetround(FE_UPWARD);
@@ -115,7 +121,7 @@ int fmi2DoStep(component c, double t, double dt, int no)
     if (me.how == HANDLER) signal(SIGPIPE, SIG_DFL), signal(SIGFPE, SIG_IGN);
     if (me.how == LOG && t < 3.5)
         callbacks.log(callbacks.environment, name, 1, "w", "low \033[31mpressure at %g", t);
-    return me.how == STEP_ERROR ? 3 : me.how == NEGATIVE ? -1 : 0;
+    return me.how == STEP_ERROR ? 3 : me.how == FATAL ? 4 : me.how == NEGATIVE ? -1 : 0;
 }
 int fmi2GetFMUstate(component c, void **state)
 {

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import errno
 import json
 import os
 import platform
@@ -17,6 +18,7 @@ import tempfile
 import time
 import zipfile
 from pathlib import Path
+from types import SimpleNamespace
 
 import psutil
 import pytest
@@ -24,7 +26,7 @@ from conftest import ROOT
 
 from benchmarks import seen, soak
 from desat import cli
-from desat.campaign.draws import sweep
+from desat.campaign.draws import draws, sweep
 from desat.cli.console import plain_console
 from desat.engine.recording.recorder import Recorder
 from desat.engine.recording.results import Results
@@ -32,6 +34,7 @@ from desat.engine.recording.row_buffer import Half
 from desat.engine.recording.series_file import Packing
 from desat.files import io, library
 from desat.files.ssp_write import pack
+from desat.papers import tables
 from desat.papers.session import Sources
 from desat.report.report import write_report
 from desat.runs import prepare as preparing
@@ -150,6 +153,25 @@ def test_a_component_that_ends_the_process(system, tmp_path, how, text):
     assert json.loads((tmp_path / "out/manifest.json").read_text())["status"] == "failed"
 
 
+@pytest.mark.parametrize("how", ["SEGFAULT", "EXIT_0"])
+def test_a_crash_of_one_of_ours_ends_the_run(system, tmp_path, monkeypatch, how):
+    """Ours run together, and so not in processes of their own."""
+    monkeypatch.setattr(library, "is_ours", lambda fmu: True)
+    run = simulate(prepare(str(system), options(how, isolate="foreign")), tmp_path / "out")
+    assert run.code == Exit.COMPONENT
+    assert run.manifest["message"].startswith(CALL)
+    assert run.results.times().tolist() == [0.0, 1.0, 2.0]
+
+
+@pytest.mark.parametrize("loop", ["compiled", "python"])
+def test_a_fork_among_others_changes_no_row(system, tmp_path, loop):
+    """Both processes wrote rows into what they share, and the run ended as a bug of ours."""
+    run = simulate(prepare(str(system), options("FORK", loop=loop)), tmp_path / "out")
+    assert (run.ok, run.manifest["loop"]["name"]) == (True, loop)
+    assert run.results.times().tolist() == [float(k) for k in range(11)]
+    assert run.results.values("bad.y").tolist() == run.results.times().tolist()
+
+
 def test_the_command_reports_a_crash(apart, system, tmp_path):
     result = apart("run", str(system), "--step", "1", "--set", f"bad.how={HOW.index('EXIT_0')}",
                    "--out", str(tmp_path / "out"))  # fmt: skip
@@ -174,16 +196,22 @@ def test_an_isolated_component_ends_alone(system, tmp_path, supervised):
     (system / "SystemStructure.ssd").write_text(two)
     for how, text, code, last in (
         ("SEGFAULT", f"{ALONE}SIGSEGV", Exit.COMPONENT, 3.0),
+        ("ABORT", f"{ALONE}SIGABRT", Exit.COMPONENT, 3.0),
+        ("KILL", f"{ALONE}SIGKILL", Exit.COMPONENT, 3.0),
+        ("OVERFLOW", f"{ALONE}SIGSEGV", Exit.COMPONENT, 3.0),
         ("EXIT_0", f"{ALONE}exit(0)", Exit.COMPONENT, 3.0),
         ("EXIT_3", f"{ALONE}exit(3)", Exit.COMPONENT, 3.0),
         ("HANG", "bad: the step from t = 3 s did not return within 1.5 s", Exit.TIMEOUT, 3.0),
         ("STEP_ERROR", "bad: the step from t = 3 s returned error", Exit.COMPONENT, 3.0),
+        ("FATAL", "bad: the step from t = 3 s returned fatal", Exit.COMPONENT, 3.0),
+        ("DISCARD", "bad: the step from t = 3 s returned discard", Exit.COMPONENT, 3.0),
         ("NEGATIVE", "bad: the step from t = 3 s returned -1", Exit.COMPONENT, 3.0),
         ("FORK", "", Exit.COMPLETED, 10.0),
         ("LEAVE", f"{ALONE}SIGSEGV", Exit.COMPONENT, 3.0),
         ("NOT_FINITE", "bad.y = nan at t = 4 s", Exit.COMPONENT, 4.0),
         ("IN_FREE", "bad: freeing it ended its process: SIGSEGV, after the run", 4, 10.0),
         ("IN_START", "bad: entering initialisation ended its process: SIGSEGV", 4, None),
+        ("IN_EXIT", "bad: leaving initialisation ended its process: exit(0)", 4, None),
         ("ROUNDING", "", Exit.COMPLETED, 10.0),
     ):
         given = options(how, call_limit=1.5, isolate="foreign", supervised=supervised)
@@ -278,7 +306,7 @@ def test_isolated_runs_have_the_same_bits(tmp_path):
 
 
 @pytest.mark.parametrize(("number", "raised"), [
-    (signal.SIGINT, KeyboardInterrupt), (signal.SIGTERM, SystemExit),
+    (signal.SIGINT, KeyboardInterrupt), (signal.SIGTERM, SystemExit), (signal.SIGHUP, SystemExit),
 ])  # fmt: skip
 def test_a_signal_before_the_first_step_is_no_bug_of_ours(monkeypatch, number, raised):
     def starts(*_: object) -> None:
@@ -290,7 +318,7 @@ def test_a_signal_before_the_first_step_is_no_bug_of_ours(monkeypatch, number, r
     monkeypatch.setattr(case, "stepped", starts)
     with pytest.raises(raised) as ended:
         simulate(prepare("plant/light", Options(supervised=True, blocks=True)))
-    assert raised is KeyboardInterrupt or ended.value.code == Exit.TERMINATED
+    assert raised is KeyboardInterrupt or ended.value.code == 128 + number
 
 
 def test_many_rows_survive_a_crash(system, tmp_path, monkeypatch):
@@ -325,12 +353,17 @@ def test_a_component_that_crashes_when_it_is_freed(system, tmp_path):
 def test_a_component_that_fails_politely(system, tmp_path):
     for how, status, loop in (
         ("STEP_ERROR", "error", "compiled"), ("NEGATIVE", "-1", "compiled"),
-        ("NEGATIVE", "-1", "python"),
+        ("NEGATIVE", "-1", "python"), ("FATAL", "fatal", "compiled"), ("FATAL", "fatal", "python"),
+        ("DISCARD", "discard", "compiled"),
     ):  # fmt: skip
         run = simulate(prepare(str(system), options(how, loop=loop, supervised=False)))
         assert (run.code, run.manifest["loop"]["name"]) == (Exit.COMPONENT, loop)
         assert run.manifest["message"] == f"bad: the step from t = 3 s returned {status}"
         assert run.results.times()[-1] == 3.0
+    for loop in ("compiled", "python"):
+        run = simulate(prepare(str(system), options("NOT_FINITE", loop=loop)))
+        assert (run.code, run.manifest["message"]) == (Exit.COMPONENT, "bad.y = nan at t = 4 s")
+        assert run.results.times()[-1] == 4.0
 
 
 def test_a_discarded_step_is_made_in_parts(system, tmp_path, binary):
@@ -376,6 +409,23 @@ def test_a_crash_among_draws_is_named(desat, system):
     assert "Traceback" not in result.stderr
     for draw in range(3):
         assert f"draw {draw}: failed: {ALONE}" in result.stderr
+
+
+def test_a_crash_among_draws_leaves_the_other_rows(tmp_path, binary):
+    target = drawn_to_fail(tmp_path / "s", binary, ["NOTHING", "SEGFAULT"])
+    rows = draws(target, 8, 1, Options(step=1.0), jobs=2)["draws"]
+    ended = [row["values"]["bad.how"] != HOW.index("NOTHING") for row in rows]
+    assert [row["code"] for row in rows] == [int(Exit.COMPONENT) * e for e in ended]
+    assert {row["numbers"]["y"] for row in rows if row["status"] == "completed"} == {10.0}
+    assert 0 < sum(ended) < 8
+
+
+def test_tables_name_the_scenario_and_component_that_crashed(system):
+    scenario = SimpleNamespace(name=str(system))
+    text = f"{system}: failed: {ALONE}SIGSEGV"
+    with pytest.raises(RunError, match=re.escape(text)) as error:
+        tables._single([scenario], options("SEGFAULT", isolate="foreign"), 1)
+    assert error.value.code == Exit.COMPONENT
 
 
 def test_a_crash_in_a_sweep_is_named(system):
@@ -449,8 +499,13 @@ def test_signals_end_alike(system, tmp_path, number, code):
 
 @pytest.mark.parametrize(
     ("whom", "number", "status", "code"),
-    [(os.getppid, signal.SIGTERM, "completed", 0), (os.getpid, signal.SIGKILL, "failed", 4)],
-    ids=["SIGTERM", "SIGKILL"],
+    [
+        (os.getppid, signal.SIGTERM, "completed", 0),
+        (os.getppid, signal.SIGINT, "completed", 0),
+        (os.getppid, signal.SIGHUP, "completed", 0),
+        (os.getpid, signal.SIGKILL, "failed", 4),
+    ],
+    ids=["SIGTERM", "SIGINT", "SIGHUP", "SIGKILL"],
 )
 def test_ended_when_all_is_recorded(system, tmp_path, monkeypatch, whom, number, status, code):
     """While the last of its series are compressed."""
@@ -503,9 +558,13 @@ def test_killed_at_the_end_all_rows_are_saved(tmp_path, monkeypatch, packed):
     assert lengths == {20, 21}
 
 
-def test_stopped_and_continued(system, tmp_path):
-    """As Ctrl-Z does, for longer than a call may take: the time of the call does not pass."""
-    process = started(system, tmp_path, "SLOW", "--call-limit", "2")
+@pytest.mark.parametrize(("limit", "code"), [
+    ("--call-limit", Exit.TERMINATED), ("--time-limit", Exit.TIMEOUT),
+])  # fmt: skip
+def test_stopped_and_continued(system, tmp_path, limit, code):
+    """As Ctrl-Z does, for longer than a call, or the run, may take: the time of the call does not
+    pass, that of the run does."""
+    process = started(system, tmp_path, "SLOW", limit, "2")
     all_of_it = [psutil.Process(process.pid), *psutil.Process(process.pid).children(recursive=True)]
     assert len(all_of_it) == 3
     for one in all_of_it:
@@ -515,9 +574,10 @@ def test_stopped_and_continued(system, tmp_path):
         one.resume()
         time.sleep(0.1)
     time.sleep(0.5)
-    process.terminate()
+    if code == Exit.TERMINATED:
+        process.terminate()
     _, error = process.communicate(timeout=60)
-    assert process.returncode == Exit.TERMINATED, error
+    assert process.returncode == code, error
 
 
 @pytest.mark.parametrize("limit", [0.0, 0.1, 0.5, 5.0])
@@ -589,6 +649,12 @@ def test_what_is_left_of_a_removal_is_swept(tmp_path, monkeypatch):
         "desat-76543210", "desat-89abcdef"]  # fmt: skip
     library._root.cache_clear()
     (tmp_path / "ö").mkdir()
+    with monkeypatch.context() as patch:
+        patch.setattr(tempfile, "tempdir", str(tmp_path / "ö"))
+        patch.setattr(library, "_ELSEWHERE", (str(tmp_path / "not there"),))
+        with pytest.raises(DesatError, match="FMUs cannot be extracted to a path with") as error:
+            library._root()
+        assert error.value.code == Exit.INPUT
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "ö"))
     assert library._root().parent == Path("/tmp")
     library._root.cache_clear()
@@ -626,8 +692,10 @@ def test_two_at_once_wherever_they_run(tmp_path, environment, folder):
         for _ in range(2)
     ]  # fmt: skip
     for process in both:
-        _, error = process.communicate(timeout=120)
+        out, error = process.communicate(timeout=120)
         assert (process.returncode, error) == (0, "")
+        shown = "Gr" + 4 * r"\ufffd" + "e" if environment.get("PYTHONUTF8") == "0" else folder
+        assert f"{shown}/runs/nadir_day" in out.replace("\n", "")
     made = sorted(place.glob("runs/*/report.html"))
     assert [p.parent.name for p in made] == ["nadir_day-day-dipole", "nadir_day-day-dipole-2"]
     loops = [json.loads((p.parent / "manifest.json").read_text())["loop"]["name"] for p in made]
@@ -658,6 +726,44 @@ def test_a_file_size_limit(system, tmp_path):
     assert len(times) > 1000
     assert times.tolist() == [float(k) for k in range(len(times))]
     assert y[1:].tolist() == times[1:].tolist()
+
+
+@pytest.mark.parametrize(("number", "text"), [
+    (errno.ENOSPC, "no space left on the disk"), (errno.EDQUOT, "the disk quota is used up"),
+])  # fmt: skip
+def test_no_room_for_rows(system, tmp_path, monkeypatch, number, text):
+    """What the system says where a disk is full, or a quota used up."""
+    write, count = Recorder._write, [0]
+
+    def full(recorder: Recorder, half: Half, last: bool = False) -> None:
+        count[0] += 1
+        if count[0] == 2:
+            raise OSError(number, os.strerror(number))
+        write(recorder, half, last)
+
+    monkeypatch.setattr(Recorder, "_write", full)
+    (system / "SystemStructure.ssd").write_text(ssd(stop="20000"))
+    run = simulate(prepare(str(system), options("NOTHING")), tmp_path / "out")
+    assert (run.code, run.manifest["status"]) == (Exit.SPACE, "no space")
+    assert text in run.manifest["message"]
+    rows = run.results.times()
+    assert 0 < len(rows) < 20000
+    assert rows.tolist() == [float(k) for k in range(len(rows))]
+
+
+def test_a_folder_that_cannot_be_written_is_refused(system, tmp_path, monkeypatch, desat):
+    """As on a disk that is mounted to be read only."""
+    make = Path.mkdir
+
+    def only_read(path: Path, *arguments: object, **more: object) -> None:
+        if path == tmp_path / "out":
+            raise OSError(errno.EROFS, os.strerror(errno.EROFS), str(path))
+        make(path, *arguments, **more)
+
+    monkeypatch.setattr(Path, "mkdir", only_read)
+    done = desat("run", str(system), "--step", "1", "--out", str(tmp_path / "out"))
+    assert (done.returncode, done.stdout) == (Exit.INPUT, "")
+    assert done.stderr == f"error: {tmp_path}/out: Read-only file system\n"
 
 
 def test_a_full_disk(tmp_path, monkeypatch, capsys):
@@ -697,9 +803,20 @@ def test_a_full_disk(tmp_path, monkeypatch, capsys):
         subprocess.run(["umount", str(place)], check=True)
 
 
-def test_room_is_estimated(system):
+def test_room_is_estimated(system, tmp_path, monkeypatch, desat):
     from desat.runs import validation
 
+    usage = shutil.disk_usage(tmp_path)
+    with monkeypatch.context() as patch:
+        small = usage._replace(free=1000)
+        patch.setattr(
+            shutil,
+            "disk_usage",
+            lambda path: small if str(path).startswith(str(tmp_path)) else usage,
+        )
+        done = desat("run", str(system), "--step", "0.001", "--out", str(tmp_path / "out"))
+    assert done.returncode == 0
+    assert re.search(r"^warning: .* may take .* are free", done.stderr.replace("\n", " "))
     case = prepare(str(system), Options(step=2.0**-29, stop=999.0))
     assert validation.size(case.checked.system, case.options) == 16 * (999 * 2**29 + 1)
     assert "GB are free" in validation.room(case.checked.system, case.options, system / "not there")
@@ -732,10 +849,11 @@ def test_ten_thousand_outputs(tmp_path, binary):
 @pytest.mark.parametrize(
     ("how", "what"),
     [("CHDIR", "working directory"), ("ROUNDING", "rounding mode"), ("LOCALE", "locale"),
-     ("HANDLER", "signal handlers"), ("TRAPS", "floating-point modes"), ("UMASK", "permissions")],
+     ("HANDLER", "signal handlers"), ("TRAPS", "floating-point modes"), ("UMASK", "permissions"),
+     ("FLUSHED", "floating-point modes")],
 )  # fmt: skip
 def test_what_a_component_changes_is_put_back_and_said(system, tmp_path, how, what):
-    if how == "TRAPS" and platform.machine() not in ("x86_64", "aarch64"):
+    if how in ("TRAPS", "FLUSHED") and platform.machine() not in ("x86_64", "aarch64"):
         pytest.skip("its modes are not known")
     run = simulate(prepare(str(system), options(how)), tmp_path / "out")
     assert run.ok
@@ -758,6 +876,7 @@ def test_what_a_component_prints_is_no_json_and_what_it_logs_is_a_warning(apart,
                        "--json", "--out", str(tmp_path / how), check=True)  # fmt: skip
         manifest = json.loads(result.stdout)
         assert manifest["status"] == "completed"
+        assert ("{not json}" in result.stderr) == (how == "PRINT")
     assert "warning: bad: low \ufffd[31mpressure at 3\n" in result.stderr
     assert "\033" not in result.stderr
     assert "bad: low \ufffd[31mpressure at 3" in manifest["warnings"]

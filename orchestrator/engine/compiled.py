@@ -59,6 +59,7 @@ class _Loop(ctypes.Structure):
         ("how", ctypes.c_int64), ("watched", ctypes.c_int64), ("asked", ctypes.c_int64),
         ("places", ctypes.c_void_p), ("watched_reals", ctypes.c_void_p),
         ("watched_integers", ctypes.c_void_p), ("limit", ctypes.c_double),
+        ("only", ctypes.c_int64),
     )  # fmt: skip
 
 
@@ -69,7 +70,9 @@ class CompiledSteps:
     why = ""
     seconds = 0.0
 
-    def __init__(self, master: Master, recorder: Recorder | None, ending: Ending) -> None:
+    def __init__(
+        self, master: Master, recorder: Recorder | None, ending: Ending, only: int = 0
+    ) -> None:
         self._run, self._master, self._recorder = _library().desat_loop, master, recorder
         self._program = Program(master.cycle)
         real = master.live["Real"]
@@ -79,7 +82,7 @@ class CompiledSteps:
             start=master.start, step=master.step_size, steps=len(master.cycle),
             edges=self._program.edges.ctypes.data,
             operations=ctypes.addressof(self._program.operations),
-            real=real.ctypes.data, reals=len(real), ahead=master.ahead,
+            real=real.ctypes.data, reals=len(real), ahead=master.ahead, only=only,
         )  # fmt: skip
         if recorder is not None:
             self._record(master, recorder)

@@ -9,6 +9,9 @@
 #include <stddef.h>
 #include <stdint.h>
 #include <string.h>
+#ifndef _WIN32
+#include <unistd.h>
+#endif
 
 enum code { TICK, LENGTH, TAKE_8, TAKE_4, CONVERT, TRANSFER, STEP, COPY, CLEAR, JOIN, CUT,
             PUT_R, PUT_I, PUT_B, FETCH_R, FETCH_I, FETCH_B, KEEP };
@@ -71,6 +74,7 @@ struct loop {
     const double *watched_reals;
     const int32_t *watched_integers;
     double limit;
+    int64_t only; /* the one process that is to go on, where a component may fork; else 0 */
 };
 
 enum result { LOOK, FAILED, NOT_FINITE };
@@ -184,6 +188,10 @@ static int all_of(struct loop *loop, int64_t from, int64_t to)
 
 static void take_row(struct loop *loop)
 {
+#ifndef _WIN32
+    if (loop->only && getpid() != loop->only)
+        _exit(0);
+#endif
     int64_t k = loop->k + loop->ahead, row = *loop->taken;
     if (k % loop->every)
         return;

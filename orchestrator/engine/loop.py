@@ -8,13 +8,16 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import partial
 from typing import Any, Protocol
 
+from ..system.interface import Kind
 from ..system.options import Loop
 from .checkpoint import Checkpoints
 from .compiled import CompiledSteps, NotCompiledError
 from .ending import NEVER, Ending
-from .master import Master
+from .instances.base import Array
+from .master import Master, Rows
 from .recording.recorder import Recorder
 
 AGAIN = 0.3
@@ -56,25 +59,38 @@ class PythonSteps:
     name: Loop = "python"
     seconds = 0.0
 
-    def __init__(self, master: Master, recorder: Recorder | None, why: str) -> None:
+    def __init__(self, master: Master, recorder: Recorder | None, why: str, only: int = 0) -> None:
         self._advance, self.why = master.advance, why
         self._record = None if recorder is None else recorder.record
+        if only and recorder is not None:
+            self._record = partial(_of_one, only, recorder.record)
 
     def some(self, most: int) -> None:
         """Make one."""
         self._advance(self._record)
 
 
+def _of_one(only: int, record: Rows, k: int, outputs: dict[Kind, Array]) -> None:
+    """Record a row in the one process that is to go on; another, which a component has made, ends
+    here."""
+    if os.getpid() != only:
+        os._exit(0)
+    record(k, outputs)
+
+
 def stepping(
-    master: Master, recorder: Recorder | None, ending: Ending = NEVER, loop: Loop = "compiled"
-) -> Steps:
-    """The steps of an initialised master by the loop that is wanted, where it can be had."""
+    master: Master, recorder: Recorder | None, ending: Ending = NEVER, loop: Loop = "compiled",
+    forks: bool = False,
+) -> Steps:  # fmt: skip
+    """The steps of an initialised master by the loop that is wanted, where it can be had. `forks`:
+    a component may make a second process of this one, which is ended at its first row."""
+    only = os.getpid() if forks else 0
     if loop == "python":
-        return PythonSteps(master, recorder, "it was asked for")
+        return PythonSteps(master, recorder, "it was asked for", only)
     try:
-        return CompiledSteps(master, recorder, ending)
+        return CompiledSteps(master, recorder, ending, only)
     except NotCompiledError as error:
-        return PythonSteps(master, recorder, str(error))
+        return PythonSteps(master, recorder, str(error), only)
 
 
 def run(
