@@ -19,7 +19,8 @@ from test_checkpoint import broken
 
 from desat.analyses import coverage
 from desat.campaign.case import row
-from desat.campaign.plan import Plan, digest_of
+from desat.campaign.draws import draws
+from desat.campaign.plan import Plan, digest_of, read
 from desat.files import library, scenario
 from desat.files.ssp_write import pack_scenario
 from desat.numbers.derived import pointing
@@ -428,3 +429,21 @@ def test_a_foreign_fmu_is_flown_too_where_it_has_a_process_of_its_own(tmp_path):
         manifest = simulate(prepare(target, given)).manifest
         assert why in manifest["inner_choice"]["why"]
         assert (manifest["inner"] == 1) == bool(why)
+
+
+def test_draws_sweeps_and_campaigns_take_inner_steps_as_a_run_does(desat, tmp_path):
+    name, short = "integrated/mil-nadir", ("--stop", "60", "--jobs", "1")
+    told = [json.loads(desat("draws", name, "-n", "2", *short, "--inner", inner, "--json").stdout)
+            for inner in ("1", "4")]  # fmt: skip
+    made = draws(name, 2, 1, Options(stop=60.0, inner=4), jobs=1)
+    numbers = [[row["numbers"] for row in x["draws"]] for x in told]
+    assert numbers[0] != numbers[1] == [row["numbers"] for row in made["draws"]]
+    chosen = ("--inner", "auto", "--accuracy", "1e-3", "--out", str(tmp_path / "c"))
+    done = desat("campaign", "run", name, "-n", "1", *short, *chosen)
+    assert done.returncode == 1, done.stderr  # one case shows no requirement
+    assert read(tmp_path / "c").run_options() == Options(stop=60.0, inner=AUTO, accuracy=1e-3)
+    swept = desat("sweep", name, "manager.delay=0", *short, "--inner", "none")
+    assert (swept.returncode, swept.stderr) == (
+        2,
+        "error: --inner none: an integer or auto is needed\n",
+    )

@@ -53,6 +53,8 @@ def run(
     sources: o.Sources = None,
     stop: o.Stop = None,
     step: o.Step = None,
+    inner: o.Inner = None,
+    accuracy: o.Accuracy = None,
     algorithm: o.Alg = o.Semantics.conserving,
     blocks: o.Blocks = False,
     fmus: o.Fmus = o.FmuKind.native,
@@ -90,7 +92,8 @@ def run(
             for k in keep or []]  # fmt: skip
     plan, warnings = coordinator.planned(
         target, count, seed=seed, sampling=sampling,  # type: ignore[arg-type]
-        options=o.options_of(sets, stop, step, algorithm, blocks, sources=sources, fmus=fmus.value),
+        options=o.options_of(sets, stop, step, algorithm, blocks, inner=inner, accuracy=accuracy,
+                             sources=sources, fmus=fmus.value),
         curves=curve, keep=kept, limit=limit,
     )  # fmt: skip
     warn(warnings)

@@ -25,6 +25,8 @@ def draws(
     sets: o.Sets = None,
     stop: o.Stop = None,
     step: o.Step = None,
+    inner: o.Inner = None,
+    accuracy: o.Accuracy = None,
     algorithm: o.Alg = o.Semantics.conserving,
     blocks: o.Blocks = False,
     fmus: o.Fmus = o.FmuKind.native,
@@ -36,8 +38,8 @@ def draws(
     """Run seeded draws of a scenario's dispersions."""
     from ...campaign import draws as study
 
-    options = o.options_of(sets, stop, step, algorithm, blocks, design=design,
-                         time_limit=time_limit, fmus=fmus.value)  # fmt: skip
+    options = o.options_of(sets, stop, step, algorithm, blocks, inner=inner, accuracy=accuracy,
+                         design=design, time_limit=time_limit, fmus=fmus.value)  # fmt: skip
     if against is None:
         result = study.draws(target, count, seed, options, jobs, progress=not as_json)
         results = [result]

@@ -27,6 +27,8 @@ def sweep(
     sets: o.Sets = None,
     stop: o.Stop = None,
     step: o.Step = None,
+    inner: o.Inner = None,
+    accuracy: o.Accuracy = None,
     algorithm: o.Alg = o.Semantics.conserving,
     blocks: o.Blocks = False,
     fmus: o.Fmus = o.FmuKind.native,
@@ -37,8 +39,8 @@ def sweep(
     """Run a system at several values of parameters, and print its numbers by value."""
     from ...campaign import draws as study
 
-    options = o.options_of(sets, stop, step, algorithm, blocks, time_limit=time_limit,
-                         fmus=fmus.value)  # fmt: skip
+    options = o.options_of(sets, stop, step, algorithm, blocks, inner=inner, accuracy=accuracy,
+                         time_limit=time_limit, fmus=fmus.value)  # fmt: skip
     result = study.sweep(target, study.axes_of(axes), options, jobs, not as_json, draws=draws,
                          seed=seed)  # fmt: skip
     warn(result["warnings"])
