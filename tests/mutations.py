@@ -9,8 +9,8 @@ mutated, and which test runs which line. The FMUs of that copy are empty, so tha
 because an FMU is of other code than the mutated block; those of the orchestrator's are the real
 ones. A test that fails as well where the file has a line more that does nothing (it compares hashes
 of code) kills nothing. What the quick tests do not kill runs with `--all` against every quick test
-that runs its line, the files of tests that name its module, and of blocks the test that
-fmus/interfaces.md is of this code.
+that runs its line, and of blocks the files of tests that name its module and the test that
+fmus/interfaces.md is of this code. Tests that were changed meanwhile are copied and mapped anew.
 """
 
 from __future__ import annotations
@@ -43,8 +43,9 @@ LONGEST = 3.0
 """Processor time [s] of a quick test while lines are counted."""
 BUDGET, MOST = 15.0, 15
 """Of the quick tests of a mutation: seconds in all, and how many."""
-CPU = 90
-"""Processor time [s] of a mutation's tests; a mutation that takes longer is called killed."""
+CPU = 40
+"""Processor time [s] of a mutation's tests beyond thrice what they take, and half its time on the
+clock; a mutation that takes longer is called killed."""
 
 # Without operators that hardly any test can miss (for ** a bit operation and the like).
 OPERATORS = [
@@ -180,7 +181,7 @@ ROOMS = tuple(f"orchestrator/{room}" for room in
 PARTS = {
     "components": Part("what a block does", ("components",), frozenset(OF_BLOCKS), empty=True),
     "orchestrator": Part("how a system is checked, stepped, measured and drawn", ROOMS,
-                         frozenset(OF_RUNS), functions=VERDICTS),
+                         frozenset(OF_RUNS), sample=210, functions=VERDICTS),
     "verdicts": Part("a verdict, an exit code or a bound", (*ROOMS, "orchestrator/papers",
                      "orchestrator/cli"), frozenset(OF_RUNS), None, VERDICTS),
 }  # fmt: skip
@@ -192,6 +193,11 @@ PARTS = {
 def copied(folder: Path, empty: bool) -> Path:
     """The repository's files in FOLDER/tree, with our FMUs, or (`empty`) empty ones."""
     tree = folder / "tree"
+    for file in (ROOT / "tests").glob("*.py") if tree.exists() else ():
+        old = tree / "tests" / file.name
+        if not old.exists() or old.read_bytes() != file.read_bytes():
+            shutil.copy2(file, old)
+            (folder / f"map.{file.stem[5:]}.json").unlink(missing_ok=True)
     if not tree.exists():
         given = subprocess.run(["git", "ls-files", "-z"], cwd=ROOT, capture_output=True, check=True)
         for name in given.stdout.decode().split("\0"):
@@ -212,11 +218,13 @@ def copied(folder: Path, empty: bool) -> Path:
 
 
 class Lines:
-    """A plugin of pytest: the lines that each test runs, and how long it takes."""
+    """A plugin of pytest: the lines that each test runs, in forked processes too, and how long it
+    takes."""
 
-    def __init__(self, tree: Path, part: Part) -> None:
+    def __init__(self, tree: Path, part: Part, children: Path) -> None:
         import coverage
 
+        self.tree, self.children = tree, children
         source = [str(tree / f) for f in part.folders]
         self.cov = coverage.Coverage(data_file=None, source=source, config_file=False)
         self.seconds: dict[str, float] = {}
@@ -224,7 +232,17 @@ class Lines:
 
     def pytest_configure(self) -> None:
         signal.signal(signal.SIGVTALRM, _too_long)
+        self.children.mkdir(exist_ok=True)
         self.cov.start()
+        ours, end = os.getpid(), os._exit
+
+        def told(code: int) -> None:  # a run is in a fork, which ends without more
+            if os.getpid() != ours:
+                text = json.dumps(self.found())
+                (self.children / f"{os.getpid()}.json").write_text(text)
+            end(code)
+
+        os._exit = told  # type: ignore[assignment]
 
     def pytest_runtest_protocol(self, item: Any) -> None:
         self.cov.switch_context(item.nodeid)
@@ -240,6 +258,15 @@ class Lines:
 
     def pytest_unconfigure(self) -> None:
         self.cov.stop()
+
+    def found(self) -> list[tuple[str, str, int]]:
+        """Test, file and line of what this process ran."""
+        data, out = self.cov.get_data(), []
+        for path in data.measured_files():
+            name = str(Path(path).resolve().relative_to(self.tree))
+            for line, tests in data.contexts_by_lineno(path).items():
+                out += [(test, name, line) for test in tests]
+        return out
 
 
 def _too_long(*_: object) -> None:
@@ -268,15 +295,17 @@ def mapped(tree: Path, folder: Path, part: Part, until: float) -> bool:
 def _map_file(tree: Path, part: Part, file: Path, kept: Path) -> int:
     import pytest
 
-    plugin = Lines(tree, part)
+    children = kept.with_suffix(".forked")
+    plugin = Lines(tree, part, children)
     code = pytest.main([*QUIET, str(file)], plugins=[plugin])
-    data, lines = plugin.cov.get_data(), {}
-    for path in data.measured_files():
-        name = str(Path(path).resolve().relative_to(tree))
-        for line, tests in data.contexts_by_lineno(path).items():
-            for test in tests:
-                if test in plugin.passed:
-                    lines.setdefault(test, {}).setdefault(name, []).append(line)
+    ran = {tuple(x) for x in plugin.found()}
+    for told in children.glob("*.json"):
+        ran |= {tuple(x) for x in json.loads(told.read_text())}
+    shutil.rmtree(children)
+    lines: dict[str, dict[str, list[int]]] = {}
+    for test, name, line in sorted(ran):
+        if test in plugin.passed:
+            lines.setdefault(test, {}).setdefault(name, []).append(line)
     found = {t: {"s": plugin.seconds[t], "lines": v} for t, v in lines.items()}
     kept.write_text(json.dumps(found))
     return int(code)
@@ -328,7 +357,11 @@ def drawn(tree: Path, part: Part) -> dict[str, Any]:
     for path, line, name, k in rng.sample(every, count):
         old = (tree / path).read_text(encoding="utf-8")
         new = mutate_code(old, get_operator(f"core/{name}")(), k)
-        if new is None or ast.dump(ast.parse(old)) == ast.dump(ast.parse(new)):
+        try:
+            same = new is None or ast.dump(ast.parse(old)) == ast.dump(ast.parse(new))
+        except SyntaxError:  # of a ** that is no power
+            same = True
+        if new is None or same:
             continue
         change = [x for x in difflib.unified_diff(old.splitlines(), new.splitlines(), n=0)
                   if x[0] in "+-" and x[:3] not in ("+++", "---")]  # fmt: skip
@@ -364,6 +397,8 @@ def chosen(
                 lines = set(range(node.lineno, (node.end_lineno or 0) + 1))
     runs = {t: set(x["lines"].get(m["file"], ())) for t, x in tests.items()}
     names = [t for t, own in runs.items() if (own & lines if inside else own)]
+    if not names and not part.empty:  # a process that was killed, or not forked, ran it
+        inside, names = False, [t for t, own in runs.items() if own]
     names.sort(key=lambda t: (0 if inside else -len(runs[t]), tests[t]["s"]))
     out, seen, spent = [], {}, 0.0
     for name in names:
@@ -375,20 +410,25 @@ def chosen(
         out.append(name)
     if not every:
         return out[:MOST]
+    if not part.empty:
+        return out
     module = Path(m["file"]).stem
     named = re.compile(rf"\b({module}|{module.title().replace('_', '')})\b")
     files = (f for f in sorted((tree / "tests").glob("test_*.py")) if f.stem[5:] not in part.left)
     whole = [f"tests/{f.name}" for f in files if named.search(f.read_text(encoding="utf-8"))]
     own = [x for x in out if x.partition("::")[0] not in whole]
-    return [PUBLISHED] * part.empty + own + whole
+    return [PUBLISHED, *own, *whole]
 
 
 PUBLISHED = "tests/test_fmus.py::test_interfaces_page_is_current"
 """Names, units, defaults and bounds of all variables, as a user reads them."""
 
 
-def tried(tree: Path, m: dict[str, Any], names: list[str], log: Path, text: str) -> str:
-    """Run tests with a file's text replaced: killed, survived, or what else."""
+def tried(
+    tree: Path, m: dict[str, Any], names: list[str], log: Path, text: str, limit: int
+) -> str:  # fmt: skip
+    """Run tests with a file's text replaced, for so many seconds of processor time (twice as many
+    of the clock): killed, survived, or what else."""
     import pytest
 
     path = tree / m["file"]
@@ -401,9 +441,10 @@ def tried(tree: Path, m: dict[str, Any], names: list[str], log: Path, text: str)
     try:
         if (pid := os.fork()) == 0:
             sys.dont_write_bytecode = True
-            _quiet(log, CPU)
+            os.environ["PYTHONDONTWRITEBYTECODE"] = "1"  # nor what is started from it
+            _quiet(log, limit)
             os._exit(int(pytest.main([*QUIET, "-x", *names])))
-        while status is None and time.time() - began < 4 * CPU:
+        while status is None and time.time() - began < 2 * limit:
             done, code = os.waitpid(pid, os.WNOHANG)
             status = os.waitstatus_to_exitcode(code) if done else None
             time.sleep(0.02)
@@ -422,23 +463,26 @@ def tried(tree: Path, m: dict[str, Any], names: list[str], log: Path, text: str)
 
 
 def judged(
-    tree: Path, m: dict[str, Any], names: list[str], log: Path, ruled_out: set[tuple[str, str]]
+    tree: Path, m: dict[str, Any], names: list[str], log: Path, limit: int,
+    ruled_out: dict[tuple[str, str], bool],
 ) -> tuple[str, str]:  # fmt: skip
     """How a mutation ended, and the test that killed it. One that fails as well where nothing is
     mutated is ruled out for the file."""
     control = (tree / m["file"]).read_text(encoding="utf-8") + "\nCONTROL = 1\n"
     while True:
-        names = [n for n in names if (m["file"], n) not in ruled_out]
+        names = [n for n in names if not ruled_out.get((m["file"], n))]
         if not names:
             return "no quick test runs it", ""
-        outcome = tried(tree, m, names, log, mutated(tree, m))
+        outcome = tried(tree, m, names, log, mutated(tree, m), limit)
         if outcome != "killed":
             return outcome, ""
         found = re.search(r"(?:FAILED|ERROR) (\S+)", log.read_text())
         by = found[1] if found else "?"
-        if "::" not in by or tried(tree, m, [by], log.with_name("log.c"), control) == "survived":
+        if "::" in by and (m["file"], by) not in ruled_out:
+            unmutated = tried(tree, m, [by], log.with_name("log.c"), control, limit)
+            ruled_out[m["file"], by] = unmutated != "survived"
+        if not ruled_out.get((m["file"], by)):
             return outcome, by
-        ruled_out.add((m["file"], by))
         whole = by.partition("::")[0]
         if by not in names and whole in names:  # of a whole file: without that test
             names = [n for n in names if n != whole]
@@ -486,8 +530,8 @@ def section(part: Part, result: dict[str, Any]) -> list[str]:
         "",
         f"{drawn}; {len(result['mutations'])} of these change the code, and the first {n['ran']} "
         f"of them, in the order drawn, ran on {result['date']}. {bare if part.empty else ''}"
-        f"{once} of the open ones ran against the quick tests only, not yet against the files of "
-        f"tests that name their module. {added} were not killed by any test and are now, by tests "
+        f"{once} of the open ones ran against {MOST} quick tests only, not yet against all. "
+        f"{added} were not killed by any test and are now, by tests "
         "that were added for them. Controls, the same tests with nothing mutated: "
         f"{sum(v == 'survived' for v in of.values())} of {len(of)} passed.",
         "",
@@ -523,7 +567,8 @@ def page(stored: Mapping[str, Any]) -> str:
         "What the tests do not notice when the code is changed by one of cosmic-ray's operators "
         "(those that hardly any test can miss left out): `tests/mutations.py`, results in "
         f"`docs/mutations.json`. Each mutation ran against at most {MOST} quick tests that run its "
-        "line, which was found by coverage, and what these left against the files of tests of its "
+        "line, which was found by coverage (in the processes that it forks, too), and what these "
+        "left against all quick tests that run it, of blocks against the files of tests of its "
         "module. A test that fails as well where nothing is mutated, as it compares hashes of "
         "code, kills nothing. Tests that take long, and those of FMUs and pages, did not run: they "
         "can only raise the score. Line numbers are those of the code that ran.",
@@ -567,7 +612,7 @@ def main() -> int:
     for file in sorted(folder.glob("map.*.json")):
         tests.update(json.loads(file.read_text()))
     result = _stored().get(given.part) or drawn(tree, part)
-    ruled_out: set[tuple[str, str]] = set()
+    ruled_out: dict[tuple[str, str], bool] = {}
     for k, m in enumerate(result["mutations"]):
         left = m.get("outcome", "") in ("survived", "no quick test runs it")
         wanted = left and given.all and not m.get("all")
@@ -575,11 +620,13 @@ def main() -> int:
             continue
         names = chosen(tree, part, m, tests, given.all)
         m["tests"], m["all"] = len(names), given.all
-        m["outcome"], m["by"] = judged(tree, m, names, folder / f"log.{k}", ruled_out)
+        limit = int(CPU + 3 * sum(tests[n]["s"] if n in tests else 4 * CPU for n in names))
+        m["outcome"], m["by"] = judged(tree, m, names, folder / f"log.{k}", limit, ruled_out)
         if names and k % 10 == 0:  # a control: the same tests, nothing mutated
             text = (tree / m["file"]).read_text(encoding="utf-8") + "\nCONTROL = 1\n"
-            kept = [n for n in names if (m["file"], n) not in ruled_out]
-            result.setdefault("controls", {})[str(k)] = tried(tree, m, kept, folder / "log.c", text)
+            kept = [n for n in names if not ruled_out.get((m["file"], n))]
+            ended = tried(tree, m, kept, folder / "log.c", text, limit)
+            result.setdefault("controls", {})[str(k)] = ended
         result["date"] = f"{datetime.now(UTC):%Y-%m-%d}"
         STORED.write_text(json.dumps({**_stored(), given.part: result}, indent=1) + "\n")
         print(k, m["file"], m["line"], m["outcome"], m["by"], flush=True)
