@@ -19,6 +19,7 @@ import argparse
 import ast
 import difflib
 import importlib
+import inspect
 import json
 import os
 import random
@@ -30,6 +31,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from pathlib import Path
@@ -166,12 +168,11 @@ class Part:
     empty: bool = False
     """Whether FMUs are empty."""
 
-    def has(self, file: str, line: int, text: ast.Module) -> bool:
-        """Whether a mutation of a line belongs to it."""
+    def has(self, file: str, line: int, functions: list[ast.FunctionDef]) -> bool:
+        """Whether a mutation of a line belongs to it, `functions` all of the file."""
         known = file.removeprefix("orchestrator/") in self.functions
         names = self.functions.get(file.removeprefix("orchestrator/"), ())
-        of = [n for n in ast.walk(text) if isinstance(n, ast.FunctionDef)
-              and n.lineno <= line <= (n.end_lineno or 0)]  # fmt: skip
+        of = [n for n in functions if n.lineno <= line <= (n.end_lineno or 0)]
         decides = known and (not names or any(n.name in names for n in of))
         return decides == (self.sample is None)
 
@@ -317,6 +318,7 @@ QUIET = ["-n", "0", "-p", "no:cacheprovider", "--no-header", "--tb=line", "-W", 
 def _quiet(log: Path, seconds: int) -> None:
     """What a forked child does first: a log of its own and a limit of its processor time."""
     os.setpgid(0, 0)
+    signal.signal(signal.SIGTERM, signal.SIG_DFL)
     out = os.open(log, os.O_WRONLY | os.O_CREAT | os.O_TRUNC)
     os.dup2(out, 1)
     os.dup2(out, 2)
@@ -334,13 +336,14 @@ def listed(tree: Path, part: Part) -> list[tuple[str, int, str, int]]:
     found = []
     for path in sorted(p for f in part.folders for p in (tree / f).rglob("*.py")):
         text, file = path.read_text(encoding="utf-8"), str(path.relative_to(tree))
-        parsed, tree_of = get_ast(text), ast.parse(text)
+        parsed = get_ast(text)
+        functions = [n for n in ast.walk(ast.parse(text)) if isinstance(n, ast.FunctionDef)]
         nodes = list(ast_nodes(parsed))
         for name in OPERATORS:
             operator, k = get_operator(f"core/{name}")(), 0
             for node in nodes:
                 for (line, _), _ in operator.mutation_positions(node):
-                    if part.has(file, line, tree_of):
+                    if part.has(file, line, functions):
                         found.append((file, line, name, k))
                     k += 1
     return sorted(found)
@@ -437,22 +440,29 @@ def tried(
     for file in compiled:
         file.unlink()
     path.write_text(text, encoding="utf-8")
-    began, status = time.time(), None
+    began, status, pid = time.time(), None, 0
+    sys.stdout.flush()
     try:
         if (pid := os.fork()) == 0:
             sys.dont_write_bytecode = True
             os.environ["PYTHONDONTWRITEBYTECODE"] = "1"  # nor what is started from it
             _quiet(log, limit)
-            os._exit(int(pytest.main([*QUIET, "-x", *names])))
+            if not replaced(m, text):
+                for name in [n for n in sys.modules if n.partition(".")[0] in ("desat", *OURS)]:
+                    del sys.modules[name]
+            code = int(pytest.main([*QUIET, "-x", *names]))
+            sys.stdout.flush()
+            os._exit(code)
         while status is None and time.time() - began < 2 * limit:
             done, code = os.waitpid(pid, os.WNOHANG)
             status = os.waitstatus_to_exitcode(code) if done else None
             time.sleep(0.02)
-        if status is None:
-            os.killpg(pid, signal.SIGKILL)
-            os.waitpid(pid, 0)
     finally:
         path.write_text(old, encoding="utf-8")
+        if pid and status is None:
+            with suppress(ProcessLookupError):
+                os.killpg(pid, signal.SIGKILL)
+                os.waitpid(pid, 0)
     if status == 0:
         return "survived"
     if status is None or status < 0:
@@ -460,6 +470,37 @@ def tried(
     broken = "while loading conftest" in log.read_text()  # the blocks cannot even be imported
     killed = status in (1, 2) or (status == 4 and broken)
     return "killed" if killed else f"pytest ended with {status}"
+
+
+def replaced(m: dict[str, Any], text: str) -> bool:
+    """Give the function of a mutation, imported already, the code of the file's text: so nothing
+    is imported anew. False where the line is run at import."""
+    path = []
+    node: Any = ast.parse(text)
+    while node is not None:
+        inner = [n for n in node.body if isinstance(n, ast.FunctionDef | ast.ClassDef)
+                 and n.lineno <= m["line"] <= (n.end_lineno or 0)]  # fmt: skip
+        node = inner[0] if inner else None
+        path += inner
+        if inner and isinstance(node, ast.FunctionDef):
+            break
+    name = m["file"].removeprefix("orchestrator/").removesuffix(".py").replace("/", ".")
+    at: Any = sys.modules.get(f"desat.{name.removesuffix('.__init__')}")
+    if not path or at is None or isinstance(path[-1], ast.ClassDef):
+        return False
+    if m["line"] < path[-1].body[0].lineno:
+        return False  # a default value
+    code = compile(text, at.__file__, "exec", dont_inherit=True)
+    for part in path:
+        at = vars(at).get(part.name)
+        at = next((getattr(at, k) for k in ("fget", "__func__", "func") if hasattr(at, k)), at)
+        began = min([part.lineno, *(d.lineno for d in part.decorator_list)])
+        code = next(c for c in code.co_consts if getattr(c, "co_firstlineno", 0) == began)
+    function = inspect.unwrap(at)
+    if getattr(function, "__code__", code).co_firstlineno != code.co_firstlineno:
+        return False
+    function.__code__ = code
+    return True
 
 
 def judged(
@@ -598,13 +639,14 @@ def main() -> int:
     parser.add_argument("folder", type=Path)
     parser.add_argument("--all", action="store_true", help="survivors against all that run it")
     given = parser.parse_args()
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))  # the mutated file is put back
     until, folder, part = time.time() + given.seconds, given.folder.resolve(), PARTS[given.part]
     folder.mkdir(parents=True, exist_ok=True)
     tree = copied(folder, part.empty)
     os.environ["DESAT_CACHE"] = str(folder / "cache")
     os.environ["PYTHONPATH"] = str(tree / ".names")
     os.chdir(tree)
-    sys.path[:0] = [str(tree / ".names"), str(tree)]
+    sys.path[:0] = [str(tree / ".names"), str(tree), str(tree / "tests")]
     _warm()
     if given.seconds and not mapped(tree, folder, part, until):
         return 0
@@ -612,6 +654,8 @@ def main() -> int:
     for file in sorted(folder.glob("map.*.json")):
         tests.update(json.loads(file.read_text()))
     result = _stored().get(given.part) or drawn(tree, part)
+    if given.seconds and not part.empty:
+        _warm_ours(tree, part)
     ruled_out: dict[tuple[str, str], bool] = {}
     for k, m in enumerate(result["mutations"]):
         left = m.get("outcome", "") in ("survived", "no quick test runs it")
@@ -647,6 +691,22 @@ def _warm() -> None:
                  "scipy.linalg", "scipy.optimize", "scipy.spatial.transform", "scipy.special",
                  "xarray"):  # fmt: skip
         importlib.import_module(name)
+
+
+OURS: list[str] = []
+"""Files of tests that are imported."""
+
+
+def _warm_ours(tree: Path, part: Part) -> None:
+    """Import the orchestrator and its tests, whose assertions need no rewriting."""
+    for path in sorted(p for f in part.folders for p in (tree / f).rglob("*.py")):
+        name = str(path.relative_to(tree / "orchestrator")).removesuffix(".py").replace("/", ".")
+        importlib.import_module(f"desat.{name.removesuffix('.__init__')}")
+    for path in sorted((tree / "tests").glob("test_*.py")):
+        if path.stem[5:] not in part.left:
+            importlib.import_module(path.stem)
+            OURS.append(path.stem)
+    OURS.append("conftest")
 
 
 if __name__ == "__main__":
