@@ -2,15 +2,23 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from scipy.stats import beta
 from test_failures import binary, options, ssd, system
 
-from desat.campaign.judged import requirement
-from desat.runs.run import prepare, simulate
-from desat.system.errors import Exit
+from desat.analyses import residual
+from desat.campaign.judged import for_half_the_width, more, requirement
+from desat.numbers.statistics import clopper_pearson
+from desat.numbers.text import not_reached
+from desat.papers.comparison import _row, band_of, counted, share_of
+from desat.runs.run import Run, prepare, simulate
+from desat.runs.stopping import LATE, Condition
+from desat.system.errors import Exit, RunError
 
 __all__ = ["binary", "system"]  # fixtures
 
@@ -47,3 +55,189 @@ def test_rows_begin_at_the_start_time(system):
     (system / "SystemStructure.ssd").write_text(ssd(start="5", stop="15"))
     run = simulate(prepare(str(system), options("NOTHING")))
     assert run.results.times().tolist() == [5.0 + k for k in range(11)]
+
+
+# --- requirements of a campaign ---------------------------------------------------------------
+
+
+def test_what_just_shows_a_requirement_shows_it():
+    """One case of one, inside: any share within is less than 50 % with 50 % of confidence."""
+    even = {"max": 2.0, "confidence": 0.5}
+    assert judged([1.0], [True], probability=0.5, **even)["met"]
+    assert judged([1.0], [True], probability=0.5, **even)["more_cases"] == 0
+    above = math.nextafter(0.5, 1.0)
+    assert not judged([1.0], [True], probability=above, **even)["met"]
+    assert judged([1.0], [True], probability=above, **even)["more_cases"] == 1
+
+
+@pytest.mark.parametrize(("n", "outside"), [(58, 0), (59, 0), (92, 1), (93, 1), (200, 12)])
+def test_a_requirement_is_judged_as_it_says(n, outside):
+    """With 95 % and 95 % where nothing else is asked; the beta distribution as scipy has it."""
+    values = np.where(np.arange(n) < outside, 3.0, 1.0)
+    told = judged(list(values), [True] * n, max=2.0)
+    shown = beta.ppf(0.05, n - outside, outside + 1)
+    assert (told["probability"], told["confidence"], told["n"]) == (0.95, 0.95, n)
+    assert told["met"] == (shown >= 0.95) == (n in (59, 93))
+    assert told["shown_within"] == pytest.approx(100 * shown, rel=1e-12)
+    assert told["outside"] == outside
+    assert told["share_outside"] == pytest.approx(100 * outside / n, rel=1e-12)
+    assert told["interval_outside"] == clopper_pearson(outside, n, 0.95)
+    assert told["cases_outside"] == list(range(min(outside, 10)))
+    assert told["commands"] == [f"desat campaign case c {k}" for k in range(min(outside, 3))]
+    assert told["for_half_the_width"] == for_half_the_width(n, outside, 0.95)
+
+
+@pytest.mark.parametrize(("count", "n"), [(0, 7), (1, 7), (3, 7), (6, 7), (7, 7), (1, 1)])
+@pytest.mark.parametrize("level", [0.9, 0.95])
+def test_the_interval_of_a_share(count, n, level):
+    tail = (1.0 - level) / 2.0
+    low = 100.0 * beta.ppf(tail, count, n - count + 1) if count else 0.0
+    high = 100.0 * beta.ppf(1.0 - tail, count + 1, n - count) if count < n else 100.0
+    assert clopper_pearson(count, n, level) == pytest.approx([low, high], rel=1e-12)
+    assert clopper_pearson(count, n) == clopper_pearson(count, n, 0.95)
+
+
+@pytest.mark.parametrize(
+    ("n", "inside", "probability", "confidence"),
+    [(10, 10, 0.9, 0.9), (10, 9, 0.8, 0.8), (7, 6, 0.7, 0.9), (30, 28, 0.85, 0.95),
+     (9, 8, 0.8, 0.5), (3, 2, 0.5, 0.6), (40, 39, 0.9, 0.7), (2, 2, 0.99, 0.95)],
+)  # fmt: skip
+def test_so_many_more_cases_show_it_and_one_less_does_not(n, inside, probability, confidence):
+    """Against every total one by one, the share outside rounded to whole cases."""
+
+    def shown(total: int) -> bool:
+        outside = math.floor((n - inside) * total / n + 0.5)
+        return bool(beta.ppf(1.0 - confidence, total - outside, outside + 1) >= probability)
+
+    last = max(k for k in range(n - 1, n + 3000) if k < n or not shown(k))
+    assert more(n, inside, probability, confidence) == last + 1 - n
+
+
+def test_more_than_ten_million_cases_are_not_told_of():
+    assert more(10_000, 9_501, 0.95, 0.95) is None
+    assert for_half_the_width(3_000_000, 1_500_000, 0.95) is None
+    assert for_half_the_width(2_000, 1_000, 0.95) == pytest.approx(6_000, rel=0.02)
+
+
+def test_a_time_that_is_not_reached_counts_in_the_share():
+    assert not_reached({"n": 3, "not_reached": 1}) == "1 of 4 (25 %)"
+    assert not_reached({"n": 5, "not_reached": 2}) == "2 of 7 (28.6 %)"
+    assert not_reached({"n": 4, "not_reached": 0}) == ""
+
+
+# --- exit codes, bounds and conditions at their limits ------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("manifest", "code"),
+    [
+        ({"status": "completed"}, Exit.COMPLETED),
+        ({"status": "completed", "unmet": []}, Exit.COMPLETED),
+        ({"status": "completed", "unmet": ["a line"]}, Exit.UNMET),
+        ({"status": "failed"}, Exit.COMPONENT),
+        ({"status": "failed", "unmet": ["a line"]}, Exit.COMPONENT),
+        ({"status": "no space", "exit": 6}, Exit.SPACE),
+        ({"status": LATE}, Exit.TIMEOUT),
+        ({"status": "interrupted", "exit": 130}, Exit.INTERRUPTED),
+    ],
+)
+def test_how_a_run_ended_is_its_exit_code(manifest, code):
+    run = Run({"message": "why", **manifest}, SimpleNamespace())
+    assert run.code == code
+    assert run.ok == (manifest["status"] == "completed")
+    if run.ok:
+        assert run.or_raise("a") is run
+    else:
+        with pytest.raises(RunError, match=r"^a: .*: why$") as told:
+            run.or_raise("a")
+        assert told.value.code == code
+
+
+def test_a_number_at_its_bound_is_met():
+    assert residual.beyond("x", {"value": 2.0}, "b", 0.5, 4.0) == []
+    (line,) = residual.beyond("x", {"value": math.nextafter(2.0, 3.0)}, "b", 0.5, 4.0)
+    assert line == "x = 2 N m s: above b = 0.5 of the largest momentum, 4 N m s"
+
+
+@pytest.mark.parametrize(
+    ("how", "values", "met"),
+    [
+        ("below", [1.0, -1.0], True), ("below", [1.0, -2.0], False), ("below", [0.0, 3.0], False),
+        ("above", [1.0, -3.0], True), ("above", [1.0, -2.0], False), ("above", [0.0, 1.0], False),
+        ("reaches", [2.0, 2.0], True), ("reaches", [2.0, 1.0], False),
+    ],
+)  # fmt: skip
+def test_a_condition_at_its_limit_is_not_met_yet(how, values, met):
+    condition = Condition("a", "x", how, 2.0, 0.0, "")
+    assert condition.met(np.array(values)) is met
+
+
+# --- verdicts of a paper's tables ---------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("entry", "band"),
+    [
+        ({"tolerance": [1, 2]}, (1.0, 2.0)),
+        ({"tolerance": {"of": "x", "from": 0.5, "to": 2.0}}, (2.0, 8.0)),
+        ({"tolerance": "12 %", "values": -50.0}, (-56.0, -44.0)),
+        ({"tolerance": "0.5", "values": 3.0}, (2.5, 3.5)),
+        ({"tolerance": "0.5"}, None),
+        ({"values": 3.0}, None),
+    ],
+)
+def test_what_counts_as_within_a_row(entry, band):
+    assert band_of(entry, {"x": 4.0}) == band
+
+
+def test_of_draws_the_limits_count_and_what_is_lacking_does_not():
+    values = [1.0, 2.0, 3.0, None]
+    told = share_of(values, least=2.0, most=3.0)
+    assert (told["n"], told["count"]) == (4, 2)
+    assert share_of(values, most=2.0)["count"] == 2
+    assert share_of(values, least=-math.inf)["count"] == 3
+    assert told["interval"] == clopper_pearson(2, 4)
+
+
+def cell(ours: float | None, draws: dict | None = None, **more: object):
+    """A row of a table; its band is 1 to 2."""
+    about = {"labels": {}, "numbers": {}}
+    scenario = SimpleNamespace(data=about, cell={}, name="family/name")
+    entry = {"table": "1", "quantity": "a_number", "unit": "1", "tolerance": [1.0, 2.0], **more}
+    return _row(scenario, {k: v for k, v in entry.items() if v is not None}, "x", ours, {}, draws)
+
+
+@pytest.mark.parametrize(
+    ("ours", "within"),
+    [(0.9, False), (1.0, True), (1.5, True), (2.0, True), (2.1, False), (None, None)],
+)
+def test_a_cell_at_the_edge_of_its_band_is_within(ours, within):
+    assert cell(ours).within is within
+    assert cell(1.5, values=ours).paper_within is within
+    assert cell(ours, tolerance=None).within is None
+
+
+@pytest.mark.parametrize(
+    ("least", "most", "ours", "within"),
+    [(3.0, 4.0, 1.5, True), (3.0, 3.0, 1.5, True), (2.9, 4.0, 1.5, False), (3.0, 4.1, 1.5, False),
+     (None, 4.0, 1.5, False), (3.0, None, 1.5, False), (3.0, 4.0, 2.5, False)],
+)  # fmt: skip
+def test_each_draw_of_a_cell_is_to_be_in_its_band(least, most, ours, within):
+    draws = {"band": [3.0, 4.0], "min": least, "max": most}
+    assert cell(ours, draws).within is within
+    assert cell(1.5, {**draws, "band": None}).within is True
+
+
+def test_cells_are_counted_by_what_they_show():
+    rows = [
+        cell(1.5, values=1.6), cell(1.5, values=3.0), cell(3.0, values=1.5),
+        cell(1.5, values=1.5, tuned="a gain"), cell(1.5, tuned="a gain"),
+        cell(1.5, values=1.5, in_sample="a choice"), cell(1.5), cell(3.0),
+        cell(None, not_judged="why"), cell(1.5, tolerance=None),
+    ]  # fmt: skip
+    assert counted(rows) == {
+        "rows": 10, "not_judged": 1, "banded": 8, "within": 6, "tuned": 2, "without_paper": 2,
+        "in_sample": 1, "out_of_sample": 3, "out_of_sample_within": 2, "paper_outside": 1,
+    }  # fmt: skip
+    assert cell(1.5).case == "name"
+    assert cell(1.5, definition="as it says").definition == "as it says"
