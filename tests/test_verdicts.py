@@ -9,6 +9,7 @@ import pytest
 from test_failures import binary, options, ssd, system
 
 from desat.campaign.judged import requirement
+from desat.language.scenario import Requirement
 from desat.runs.run import prepare, simulate
 from desat.system.errors import Exit
 
@@ -17,7 +18,7 @@ __all__ = ["binary", "system"]  # fixtures
 
 def judged(values: list[float], completed: list[bool], **bounds: float) -> dict[str, object]:
     cases = np.arange(len(values))
-    entry = {"number": "x", **bounds}
+    entry = Requirement(number="x", **bounds)
     return requirement(entry, {"x": np.array(values)}, np.array(completed), cases, Path("c"))
 
 
