@@ -70,7 +70,8 @@ def one_of_each_craft() -> list[str]:
     """The first scenario of each craft and choice of FMUs."""
     found: dict[str, str] = {}
     for name, scenario in scenarios().items():
-        kind = [scenario.family, *(scenario.data.get(k) for k in ("craft", "ssd", "sources"))]
+        of = scenario.content
+        kind = (scenario.family, of.craft, of.ssd, of.sources)
         found.setdefault(repr(kind), name)
     return list(found.values())
 

@@ -460,7 +460,7 @@ def test_table_5_as_printed_is_refused_by_name_and_the_resolved_one_is_named(tmp
     (line,) = told(system, "\n".join(trial_initialisation.refusals(system, schedule)[0]))
     text = "inertia[1,2] = 0 and inertia[2,1] = -0.25 kg m2: they must be equal"
     assert line.startswith(f"{file}: shared.inertia: spacecraft: {text}")
-    flown = find("alsat1/open-loop-z-products").data
+    flown = find("alsat1/open-loop-z-products").content.written
     assert tuple(np.ravel(flown["shared"]["inertia"])) == J
     assert str(flown["shared"]["inertia"]) in flown["paper"]["pitch"]["remark"]
 
@@ -596,9 +596,9 @@ def test_momentum_adds_up_and_the_impulse_of_a_firing_is_exact():
 
 
 def test_elements_without_a_name_are_not_drawn():
-    plots = find("alsat1/firing-ours").data["plots"]
+    plots = find("alsat1/firing-ours").content.plots
     results = run("firing-ours", stop=200.0, sets=tuple(NEAR)).results
-    names = {k: [x.name for x in lines_of(plots[k], results, plots[k]["unit"])]
+    names = {k: [x.name for x in lines_of(plots[k], results, plots[k].unit)]
              for k in ("yaw", "tilt", "momentum")}  # fmt: skip
     assert names == {"yaw": ["yaw"], "tilt": ["pitch", "roll"], "momentum": ["x", "y", "z"]}
 

@@ -107,7 +107,7 @@ def test_samplings_fill_the_space_evenly(system, kind):
     assert cases[5] == drawn(system, 3, 5, kind, count)
     assert cases[5] != drawn(system, 4, 5, kind, count)
     momenta = np.array([c["wheels.h_start_wheel"] for c in cases])
-    mean, _ = system.about["dispersions"]["wheels.h_start_wheel"]["normal"]
+    mean, _ = system.about.dispersions["wheels.h_start_wheel"].normal
     assert (momenta < mean).sum(axis=0).tolist() == [count // 2] * momenta.shape[1]
     attitudes = np.array([c["spacecraft.q_start_bi"] for c in cases])
     np.testing.assert_allclose(np.linalg.norm(attitudes, axis=1), 1.0, rtol=1e-12)
@@ -118,9 +118,9 @@ def test_latin_hypercube_has_one_case_in_each_stratum(system):
     from scipy.special import ndtr
 
     cases = [drawn(system, 1, i, "latin-hypercube", 50)["wheels.h_start_wheel"] for i in range(50)]
-    spec = system.about["dispersions"]["wheels.h_start_wheel"]
-    mean, deviation = spec["normal"]
-    low, high = ndtr((np.array(spec["within"]) - mean) / deviation)
+    spec = system.about.dispersions["wheels.h_start_wheel"]
+    mean, deviation = spec.normal
+    low, high = ndtr((np.array(spec.within) - mean) / deviation)
     for element in np.array(cases).T:
         share = (ndtr((element - mean) / deviation) - low) / (high - low)
         assert sorted(np.floor(50 * share).astype(int)) == list(range(50))
@@ -129,8 +129,9 @@ def test_latin_hypercube_has_one_case_in_each_stratum(system):
 def test_a_cut_normal_stays_within_and_leaves_the_other_draws_as_they_were(system):
     """Draw 33 of seed 1 has a wheel beyond its limit without the cut."""
     name = "wheels.h_start_wheel"
-    free = replace(system, about=copy.deepcopy(system.about))
-    del free.about["dispersions"][name]["within"]
+    written = copy.deepcopy(system.about.written["dispersions"])
+    del written[name]["within"]
+    free = replace(system, about=system.about.but(dispersions=written))
     cut, whole = ([drawn(s, 1, i)[name] for i in range(100)] for s in (system, free))
     changed = [i for i in range(100) if cut[i] != whole[i]]
     assert changed == [i for i in range(100) if max(map(abs, whole[i])) > 0.02]

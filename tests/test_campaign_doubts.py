@@ -18,6 +18,7 @@ import desat
 from desat.campaign import case, coordinator, judged, pairs, report, store
 from desat.campaign.draws import draws, sweep
 from desat.campaign.plan import joined
+from desat.language.scenario import Requirement
 from desat.runs.run import Options, execute
 from desat.system.errors import DesatError, Exit, RunError
 
@@ -112,7 +113,7 @@ probability = 0.3
 def test_an_infinite_number_is_outside(tmp_path):
     values = np.array([1.0, np.inf, -np.inf, np.nan])
     for entry in ({"min": 0.0}, {"max": 2.0}):
-        told = judged.requirement({"number": "x", **entry}, {"x": values}, np.ones(4, bool),
+        told = judged.requirement(Requirement(number="x", **entry), {"x": values}, np.ones(4, bool),
                                   np.arange(4), tmp_path)  # fmt: skip
         assert (told["within"], told["lacking"]) == (1, 3)
     told = report._number("x", {}, values, np.arange(4))

@@ -12,6 +12,7 @@ from lxml import etree
 from desat.figures import canvas, plots
 from desat.figures.canvas import INCH, Dots, Figure, Shape, Words
 from desat.figures.plots import series_figure
+from desat.language.scenario import Plot
 from desat.numbers.series import Series
 from desat.report.export import _paint
 
@@ -232,4 +233,4 @@ def test_a_plot_without_its_series_is_none():
         def names(self):
             return []
 
-    assert series_figure({"title": "x", "signals": ["a.b"]}, [("", Nothing(), {})]) is None
+    assert series_figure(Plot(title="x", signals=["a.b"]), [("", Nothing(), {})]) is None

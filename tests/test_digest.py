@@ -8,7 +8,6 @@ import shutil
 from collections.abc import Iterator, Mapping
 from dataclasses import fields, is_dataclass, replace
 from pathlib import Path
-from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -43,6 +42,12 @@ MOVES_NO_BIT = {
 }  # fmt: skip
 
 
+class Said(dict):
+    """What a scenario says, right or wrong."""
+
+    as_json = dict.copy
+
+
 def other(value: Any) -> Any:
     """Something else than a value, of its kind; as near as there is."""
     match value:
@@ -63,7 +68,7 @@ def other(value: Any) -> Any:
         case tuple():
             return value[:-1] if value else ("x",)
         case Mapping():
-            return dict(list(value.items())[:-1]) if value else {"x": 1.0}
+            return type(value)(list(value.items())[:-1] if value else [("x", 1.0)])
     raise AssertionError(f"{value!r}: no other one is known")
 
 
@@ -90,14 +95,14 @@ def changes(x: Any) -> Iterator[tuple[str, str, Any]]:
 
 def _with(table: Any, key: Any, value: Any) -> Any:
     if isinstance(table, Mapping):
-        return {**table, key: value}
+        return type(table)({**table, key: value})
     return (*table[:key], value, *table[key + 1 :])
 
 
 def test_every_field_of_a_resolved_system_is_in_the_digest():
     """But for those that move no bit, which are these."""
     system, _ = prepare("integrated/mil-nadir", Options(blocks=True)).or_raise()
-    numbers = {"numbers": system.about["numbers"]}  # of the rest of a content: below
+    numbers = Said(numbers=system.about.as_json()["numbers"])  # of the rest of a content: below
     system = replace(system, about=numbers, output_classes={"manager.mode": "state"})
     computes = dict.fromkeys([*system.components, "x"], "1")
     before, seen, silent = digest(system, computes), set(), set()
@@ -136,11 +141,11 @@ def test_what_computes_a_component_and_options_are_in_it():
 
 def test_neither_order_nor_texts_of_a_content_count_but_all_else_of_it():
     system, _ = prepare("integrated/mil-nadir", Options(blocks=True)).or_raise()
-    one, about = dict.fromkeys(system.components, "1"), system.about
+    one, about = dict.fromkeys(system.components, "1"), system.about.as_json()
     before = digest(system, one)
 
     def of(**content: Any) -> str:
-        return digest(replace(system, about={**about, **content}), one)
+        return digest(replace(system, about=Said({**about, **content})), one)
 
     mirrored = dict(reversed(system.components.items()))
     made = replace(system, components=mirrored, connections=system.connections[::-1])
@@ -157,7 +162,7 @@ def test_neither_order_nor_texts_of_a_content_count_but_all_else_of_it():
         assert of(**{key: {}}) != before or key not in about, key
     assert of(stop_when={"signal": "manager.mode", "reaches": 1}) != before
     assert of(residual_bound=1.0) != before
-    assert digest(replace(system, about=MappingProxyType(dict(about))), one) == before
+    assert digest(replace(system, about=Said(reversed(about.items()))), one) == before
 
 
 @pytest.mark.parametrize("name", ["integrated/mil-nadir", "uosat12/table3-ocdc-ilqr-1"])
@@ -326,9 +331,9 @@ def test_stored_draws_are_of_wiring_and_blocks_too(monkeypatch):
     scenario = find("uosat12/starts-dct")
     before = stored.digest(scenario)
     assert before == stored.digest(find("uosat12/starts-dct"))
-    text = replace(scenario, data={**scenario.data, "title": "x", "plots": {}, "paper": {}})
+    text = replace(scenario, content=scenario.content.but(title="x", plots={}, paper={}))
     assert stored.digest(text) == before
-    slower = replace(scenario, data={**scenario.data, "stop": scenario.data["stop"] + 10.0})
+    slower = replace(scenario, content=scenario.content.but(stop=scenario.content.stop + 10.0))
     assert stored.digest(slower) != before
     with monkeypatch.context() as patch:
         draft = type(scenario).draft
@@ -345,12 +350,13 @@ def test_stored_draws_are_of_wiring_and_blocks_too(monkeypatch):
 
 
 def test_a_design_made_for_each_draw_counts_where_it_is_used():
-    each = [s for s in scenarios().values() if s.data.get("design", {}).get("each_draw")]
+    each = [s for s in scenarios().values() if s.content.design and s.content.design.each_draw]
     assert each
     before = stored.digest(each[0])
-    design = {**each[0].data["design"], "each_draw": 2}
-    assert stored.digest(replace(each[0], data={**each[0].data, "design": design})) != before
-    assert resolved(each[0].name, Options(blocks=True))[1] == each[0].data["design"]
+    written = each[0].content.design.written
+    other = each[0].content.but(design={**written, "nodes": 7})
+    assert stored.digest(replace(each[0], content=other)) != before
+    assert resolved(each[0].name, Options(blocks=True))[1] == written
 
 
 # --- versions beside it ---------------------------------------------------------------------------

@@ -60,10 +60,10 @@ def _held(results):
 @pytest.mark.parametrize("family", ["nadir_day", "integrated", "uosat12", "space_telescope"])
 def test_every_gain_matrix_is_derived(family):
     """In the file, so that it follows whatever a scenario that extends it says."""
-    those = [s for s in scenarios(family).values() if "gain_matrix" in str(s.data["parameters"])]
+    those = [s for s in scenarios(family).values() if "gain_matrix" in str(s.content.parameters)]
     assert those
     for scenario in those:
-        assert scenario.data["parameters"]["controller"]["gain_matrix"] == "shared.inertia"
+        assert scenario.content.parameters["controller"]["gain_matrix"] == "shared.inertia"
 
 
 OTHERS = [

@@ -64,7 +64,7 @@ def test_what_cannot_matter_to_a_design_is_not_said():
     same = Options(sets=["spacecraft.h_start_body=1,2,-1", "manager.costate=1,0,0"], stop=3000.0)
     assert prepare(MEC, same).checked.warnings == []
     blind = find("uosat12/fig2-offnadir-mec-blind")
-    ((name, table),) = blind.data["design"]["assume"].items()
+    ((name, table),) = blind.content.design.assume.items()
     values = {f"{name}.{k}": [[2.0 * x for x in row] for row in v] for k, v in table.items()}
     assert prepare(blind.name, Options(values=values)).checked.warnings == []
 
@@ -98,8 +98,8 @@ def test_a_design_is_stamped_only_if_its_numbers_are_reached(monkeypatch, tmp_pa
     bare = kept.partition("\n[made_of]\n")[0]
     file = tmp_path / "x.toml"
     monkeypatch.setattr(type(scenario), "design", property(lambda self: file))
-    moved = {**scenario.data["parameters"], "spacecraft": {"h_start_body": [2.0, 0.0, 0.0]}}
-    other = replace(scenario, data={**scenario.data, "parameters": moved})
+    moved = {**scenario.content.parameters, "spacecraft": {"h_start_body": [2.0, 0.0, 0.0]}}
+    other = replace(scenario, content=scenario.content.but(parameters=moved))
     file.write_text(bare, encoding="utf-8")
     assert not making.stamp(other)
     assert file.read_text(encoding="utf-8") == bare
@@ -407,7 +407,7 @@ def test_more_draws_are_flown_after_those_that_are_kept(monkeypatch, tmp_path):
     made = stored.renew("uosat12", 1)["scenarios"][name]
     assert made["draws"][1:] == whole["draws"][1:]
     assert made["draws"][0] == first[0] != shown, "a draw that is kept is not flown again"
-    assert made["summary"]["firing_time"]["n"] == scenario.data["draws"]
+    assert made["summary"]["firing_time"]["n"] == scenario.content.draws
     assert made["summary"]["firing_time"]["min"] == 1.0
 
 

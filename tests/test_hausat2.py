@@ -24,11 +24,11 @@ from desat.components.maths.vector import cross, dot, norm, sub
 from desat.engine import trial_initialisation
 from desat.files.scenario import find, scenarios
 from desat.files.ssp_write import pack_scenario
+from desat.language.paper import OfNumber
 from desat.numbers import derived, measures
 from desat.papers import stored, tables
 from desat.papers.comparison import rows_of
 from desat.runs.run import Options, execute, prepare
-from desat.runs.validation import numbers_of_rows
 from desat.system.errors import DesatError
 from desat.system.refusal import told
 
@@ -740,10 +740,10 @@ def outside() -> set[tuple[str, str, str]]:
     missed = set()
     for name, stored_ in drawn().items():
         scenario, summary = find(name), stored_["summary"]
-        for key, number in numbers_of_rows(scenario.data).items():
-            row = scenario.data["paper"][key]
-            if number in summary and "each" in row and not isinstance(row.get("tolerance"), dict):
-                low, high = row["each"]
+        for key, row in scenario.content.judged.items():
+            number = row.of
+            if number in summary and row.each and not isinstance(row.tolerance, OfNumber):
+                low, high = row.each
                 if not low <= summary[number]["min"] <= summary[number]["max"] <= high:
                     missed.add((name, key, number))
     return missed

@@ -264,7 +264,7 @@ def test_jitter_has_its_place_in_the_warning(tmp_path):
 
 def test_the_scenarios_of_ours_state_theirs():
     """Their numbers stay: none is left to the default."""
-    assert all(isinstance(s.data.get("inner"), int) for s in scenario.scenarios().values())
+    assert all(isinstance(s.content.inner, int) for s in scenario.scenarios().values())
 
 
 def test_a_scenario_that_gives_none_chooses(tmp_path):

@@ -23,12 +23,13 @@ from desat.figures import plots
 from desat.figures.style import BINS, axis_label, between
 from desat.files import paths
 from desat.files.scenario import find
+from desat.language.content import NOTHING, Content
 from desat.language.kinds import bounds
+from desat.language.scenario import Plot
 from desat.numbers import derived, measures
 from desat.papers import comparison, stored, tables
 from desat.papers.tables import rows
 from desat.runs.run import Options, execute
-from desat.runs.validation import numbers_of_rows
 from desat.system.errors import DesatError
 
 S = 1.0 / math.sqrt(3.0)
@@ -368,7 +369,8 @@ def test_velocity_dumping_hands_over_to_pointing():
 
 
 def test_the_manager_is_replaced_by_one_source_and_its_parameters():
-    swapped, usual = find("integrated/mil-cross-product").data, find("integrated/mil-nadir").data
+    swapped = find("integrated/mil-cross-product").content.written
+    usual = find("integrated/mil-nadir").content.written
     assert swapped["sources"] == {"manager": "manager_cross_product"}
     assert "sources" not in usual
     changed = {
@@ -460,7 +462,7 @@ def test_bands_of_the_draws_are_met_but_for_those_that_are_known(current):
                for name, found in current["scenarios"].items()}  # fmt: skip
     for name, found in current["scenarios"].items():
         scenario, values = find(name), medians[name]
-        keys = numbers_of_rows(scenario.data)
+        keys = scenario.content.judged
         made = [
             r for r in comparison.rows_of(scenario, values, medians, found) if r.ours is not None
         ]
@@ -487,18 +489,19 @@ def test_intervals_of_shares():
     low, high = comparison.clopper_pearson(30, 100)
     assert low < 30.0 < high
     draws = [{"numbers": {"x": value}} for value in (1.0, 2.0, 3.0, None)]
-    values = comparison.values_of(draws, "x", {})
+    values = comparison.values_of(draws, "x", NOTHING)
     assert comparison.share_of(values, least=2.0)["count"] == 2
     assert comparison.share_of(values, most=1.0)["count"] == 1
     assert comparison.share_of(values)["n"] == 4
-    late = comparison.values_of(draws, "x", {"numbers": {"x": {"measure": "until_below"}}})
+    number = {"title": "x", "signal": "a.b", "measure": "until_below"}
+    late = comparison.values_of(draws, "x", Content(numbers={"x": number}))
     assert comparison.share_of(late, least=2.0)["count"] == 3, "one that is not reached is later"
     assert comparison.share_of(late, most=9e9)["count"] == 3
 
 
 def test_a_row_of_a_share_says_its_interval_and_is_held_against_its_band():
     scenario = find("integrated/ideal-inertial")
-    names = {*scenario.data["numbers"], "limit_time"}
+    names = {*scenario.content.numbers, "limit_time"}
     made = [{"draw": i, "numbers": {**dict.fromkeys(names, 1.0), "saturated": float(i < 3)}}
             for i in range(20)]  # fmt: skip
     summary = {n: {"n": 20, "min": 1.0, "max": 1.0, "median": 1.0} for n in names}
@@ -522,14 +525,14 @@ def test_a_row_of_a_share_says_its_interval_and_is_held_against_its_band():
 def test_a_share_needs_draws():
     scenario = find("integrated/mil-fast")
     with pytest.raises(DesatError, match=r"never_dumped: a share of draws, and .* has none"):
-        comparison.rows_of(scenario, dict.fromkeys(scenario.data["numbers"], 1.0), {}, None)
+        comparison.rows_of(scenario, dict.fromkeys(scenario.content.numbers, 1.0), {}, None)
 
 
 def test_flags_are_yes_and_no():
     scenario = find("integrated/mil-nadir")
-    entry = scenario.data["paper"]["saturated"]
-    row = comparison._row(scenario, entry, "saturated", 0.0, {}, {"n": 20, "min": 0.0, "max": 0.0,
-                                                              "band": [0.0, 0.0]})  # fmt: skip
+    entry = scenario.content.entries["saturated"]
+    draws = {"n": 20, "min": 0.0, "max": 0.0, "band": [0.0, 0.0]}
+    row = comparison._row(scenario, entry, 0.0, {}, draws)
     told = tables.shown(row)
     assert (told["paper"], told["ours"], told["band"]) == ("no", "no", "no")
     assert told["draws"] == "no in all 20"
@@ -537,10 +540,9 @@ def test_flags_are_yes_and_no():
 
 def test_a_band_may_be_open_at_one_end():
     scenario = find("integrated/mil-jitter-as-they-are")
-    [name] = [n for n, row in scenario.data["paper"].items() if row.get("tolerance") == [1.1, inf]]
-    entry = scenario.data["paper"][name]
+    [entry] = [e for e in scenario.content.entries.values() if e.tolerance == (1.1, inf)]
     draws = {"n": 2, "not_reached": 0, "min": 1.05, "max": 9e9, "band": [1.0, inf]}
-    row = comparison._row(scenario, entry, "x", 9e9, {}, draws)
+    row = comparison._row(scenario, entry, 9e9, {}, draws)
     assert row.within
     told = tables.shown(row)
     assert told["band"] == "at least 1.100"
@@ -559,9 +561,8 @@ def test_a_band_that_bounds_nothing_is_refused(band):
 
 def test_every_row_says_what_it_measures():
     for name, scenario in tables.scenarios("integrated").items():
-        for key, number in numbers_of_rows(scenario.data).items():
-            entry = scenario.data["paper"][key]
-            assert entry.get("definition") or number in scenario.data["numbers"], (name, key)
+        for key, entry in scenario.content.judged.items():
+            assert entry.definition or entry.of in scenario.content.numbers, (name, key)
 
 
 def test_the_standard_numbers_of_a_managed_run():
@@ -610,13 +611,13 @@ def test_a_second_panel_shows_the_steady_state_and_an_envelope_the_extremes():
     run = execute("integrated/mil-nadir", Options(blocks=True, stop=200.0))
     runs = [("", run.results, run.manifest["parameters"])]
     plot = {"title": "Dipole", "signals": ["torquers.m_mean_body"], "unit": "A.m2"}
-    assert len(plots.series_figure(plot, runs).axes) == 1
-    assert len(plots.series_figure({**plot, "steady": 300.0}, runs).axes) == 1
-    whole, steady = plots.series_figure({**plot, "steady": 100.0}, runs).axes
+    assert len(plots.series_figure(Plot(**plot), runs).axes) == 1
+    assert len(plots.series_figure(Plot(**plot, steady=300.0), runs).axes) == 1
+    whole, steady = plots.series_figure(Plot(**plot, steady=100.0), runs).axes
     assert (steady.title, steady.x.low, steady.x.high) == ("from 100 s on", 100.0, 200.0)
     assert min(steady.marks[0].x) == 100.0
     assert [m.filled for m in whole.marks] == [False] * 3
-    filled = plots.series_figure({**plot, "envelope": True}, runs).axes[0].marks
+    filled = plots.series_figure(Plot(**plot, envelope=True), runs).axes[0].marks
     assert all(m.filled and m.label.endswith("least to most") for m in filled)
     x = np.arange(2400.0)
     times, low, high = between(x, np.sin(x))

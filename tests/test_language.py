@@ -352,10 +352,10 @@ def test_numbers_of_derived_quantities():
     roll = np.abs(turn.as_euler("ZYX", degrees=True)[:, 2]).max()
     number = {"signal": ["spacecraft.q_bi", "guidance.q_ref_bi"], "derive": "euler", "element": 3,
               "sequence": "321", "measure": "largest", "unit": "rad"}  # fmt: skip
-    found = evaluate(number, run.results, run.manifest["parameters"])
+    found = evaluate(language.Number(**number), run.results, run.manifest["parameters"])
     assert found == pytest.approx(np.radians(roll), rel=1e-12)
     number |= {"measure": "until_below", "options": {"limit": 1e9}, "unit": "min"}
-    assert evaluate(number, run.results, run.manifest["parameters"]) == 0.0
+    assert evaluate(language.Number(**number), run.results, run.manifest["parameters"]) == 0.0
 
 
 def test_inheritance_of_plots_by_name():
@@ -405,6 +405,6 @@ def test_a_file_may_extend_a_cell_of_a_table_whose_rows_are_then_its_own(tmp_pat
     file = tmp_path / "mine.toml"
     file.write_text('extends = "uosat12/table3-ocdc-ilqr-1"\ntitle = "mine"\n')
     desat("check", str(file), check=True)
-    rows, cell = own(file).data["paper"], find("uosat12/table3-ocdc-ilqr-1").data["paper"]
-    assert rows == cell
-    assert (rows["firing_time"]["values"], rows["firing_time"]["tolerance"]) == (71.45, "3 %")
+    rows = own(file).content.entries
+    assert rows == find("uosat12/table3-ocdc-ilqr-1").content.entries
+    assert (rows["firing_time"].values, rows["firing_time"].tolerance) == (71.45, "3 %")

@@ -422,7 +422,7 @@ def test_lqr_costs_less_than_ilqr_and_than_itself_without_g():
     tuned = kept("uosat12/fig2-lqr-1")["tuned"]["momentum_weight"]
     ilqr = cost("uosat12/fig2-ilqr-1", tuned, **{"manager.momentum_weight": [tuned] * 3})
     assert cost("uosat12/fig2-lqr-1", tuned) < 0.99 * ilqr
-    f = find("uosat12/fig2-offnadir-lqr-blind").data["design"]["momentum_weight"][0]
+    f = find("uosat12/fig2-offnadir-lqr-blind").content.design.momentum_weight[0]
     assert f == pytest.approx(kept("uosat12/fig2-offnadir-lqr")["tuned"]["momentum_weight"], 1e-6)
     assert cost("uosat12/fig2-offnadir-lqr", f) < cost("uosat12/fig2-offnadir-lqr-blind", f)
 
@@ -478,12 +478,12 @@ def command(monkeypatch, tmp_path):
             scenario = find(wanted)
             if wanted != f"uosat12/{name}" or not (changes or manager):
                 return scenario
-            table = {k: v for k, v in {**scenario.data["design"], **changes}.items()
+            table = {k: v for k, v in {**scenario.content.written["design"], **changes}.items()
                      if v is not None}  # fmt: skip
-            parameters = dict(scenario.data["parameters"])
+            parameters = dict(scenario.content.parameters)
             parameters["manager"] = {**parameters["manager"], **dict(manager)}
-            return replace(scenario, data={**scenario.data, "design": table,
-                                           "parameters": parameters})  # fmt: skip
+            content = scenario.content.but(design=table, parameters=parameters)
+            return replace(scenario, content=content)
 
         monkeypatch.setattr(design_module, "find", changed)
         monkeypatch.setattr(design_module, "ROOT", tmp_path)

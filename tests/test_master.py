@@ -324,7 +324,7 @@ BITWISE = [
     [(n, "conserving") for n in BITWISE] + [(n, "jacobi") for n in one_of_each_craft()],
 )
 def test_fmus_equal_bare_blocks_bitwise(name, algorithm):
-    data = scenarios()[name].data
+    data = scenarios()[name].content.written
     options = Options(algorithm=algorithm, stop=min(data["stop"], 600 * data["step"]))
     with_fmus, with_blocks = execute(name, options), execute(name, replace(options, blocks=True))
     assert with_fmus.ok

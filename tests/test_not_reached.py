@@ -129,13 +129,13 @@ def test_stored_draws_have_no_end_of_a_run_for_a_time():
     for family in ("alsat1", "hausat2", "integrated", "space_telescope"):
         for name, kept in stored.read(family)["scenarios"].items():
             scenario = find(name)
-            for number in late(scenario.data):
-                entry = scenario.data["numbers"][number]
-                if entry.get("unit") not in ("s", "min") or number not in kept["units"]:
+            for number in late(scenario.content):
+                entry = scenario.content.numbers[number]
+                if entry.unit not in ("s", "min") or number not in kept["units"]:
                     continue
-                scale = 60.0 if entry["unit"] == "min" else 1.0
+                scale = 60.0 if entry.unit == "min" else 1.0
                 values = [d["numbers"][number] for d in kept["draws"]]
-                end = scenario.data["stop"] / scale
+                end = scenario.content.stop / scale
                 assert all(x is None or x < end for x in values), f"{name}: {number}"
 
 

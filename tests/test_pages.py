@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from desat.figures import plots
 from desat.figures.plots import lines_of, series_plot
 from desat.files.scenario import families, find
+from desat.language.scenario import Plot
 from desat.numbers.series import Series
 from desat.papers import pages
 from desat.runs.run import Options, execute
@@ -43,7 +44,7 @@ def test_a_short_mode_is_seen_and_a_chatter_is_few_spans():
 
 def test_a_plot_shows_the_modes_under_it():
     run = execute("plant/reference", Options(blocks=True, stop=20.0))
-    plot = find("plant/reference").data["plots"]["rate"]
+    plot = find("plant/reference").content.plots["rate"]
     with_mode = series_plot(plot, [("", run.results, run.manifest["parameters"])])
     assert "mode: idle" in with_mode
     bare = execute("plant/reference", Options(blocks=True, stop=20.0, record=("spacecraft.*",)))
@@ -196,7 +197,7 @@ def test_a_derived_quantity_without_a_name_is_drawn():
     run = execute("integrated/mil-nadir", Options(stop=30.0))
     signals = ["spacecraft.q_bi", "guidance.q_ref_bi"]
     spec = {"title": "a", "signals": signals, "derive": "pointing", "unit": "deg"}
-    (line,) = lines_of(spec, run.results, "deg")
+    (line,) = lines_of(Plot(**spec), run.results, "deg")
     assert len(line.values) == len(run.results.times("guidance.q_ref_bi"))
     three = {**spec, "derive": "euler", "components": ["yaw", "", "roll"]}
-    assert [x.name for x in lines_of(three, run.results, "deg")] == ["yaw", "roll"]
+    assert [x.name for x in lines_of(Plot(**three), run.results, "deg")] == ["yaw", "roll"]

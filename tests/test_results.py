@@ -31,6 +31,7 @@ from desat.engine.recording.results import Results
 from desat.figures.style import pretty_unit
 from desat.files import library, paths
 from desat.fmus import registry
+from desat.language.scenario import Number
 from desat.numbers import derived
 from desat.numbers.measures import MEASURES
 from desat.numbers.numbers import evaluate, related, relative, scale
@@ -301,7 +302,7 @@ def test_measures():
     assert [related(f, 30, 40) for f in ("saving", "ratio", "difference")] == [25, 0.75, -10]
     assert related("difference", None, 40) is None
     with pytest.raises(DesatError, match="did you mean norm_last"):
-        evaluate({"measure": "norm_lst", "signal": "x.y"}, None, {})
+        evaluate(Number(measure="norm_lst", signal="x.y"), None, {})
 
 
 def test_scales_of_units():
@@ -413,9 +414,9 @@ def test_numbers_of_the_same_series_derive_once(folder, monkeypatch):
     )
     monkeypatch.setitem(derived.QUANTITIES, "angle_between", counted)
     with Results.open(folder) as results:
-        found = [evaluate({**number, "measure": m}, results, {}) for m in ("largest", "last")]
+        found = [evaluate(Number(**number, measure=m), results, {}) for m in ("largest", "last")]
         assert calls == [61]
-        evaluate({**number, "signal": signals[::-1], "measure": "last"}, results, {})
+        evaluate(Number(**{**number, "signal": signals[::-1]}), results, {})
         assert calls == [61, 61]
         wanted = angle.function(*(results.values(s) for s in signals))
     assert found == [wanted.max(), wanted[-1]]

@@ -483,11 +483,11 @@ def test_every_leaf_of_figure_1_has_a_scenario():
 def test_what_a_row_compares_flew_the_same_draws_and_two_hundred_for_the_rows_asked_for():
     drawn = stored.read(FAMILY)["scenarios"]
     for name, scenario in scenarios(FAMILY).items():
-        for entry in scenario.data.get("numbers", {}).values():
-            if "reference" in entry:
-                other = drawn[f"{FAMILY}/{entry['reference']}"]["draws"]
+        for entry in scenario.content.numbers.values():
+            if entry.reference:
+                other = drawn[f"{FAMILY}/{entry.reference}"]["draws"]
                 assert len(drawn[name]["draws"]) == len(other), name
-        bands = [e for e in scenario.data.get("paper", {}).values() if "tolerance" in e]
+        bands = [e for e in scenario.content.entries.values() if e.tolerance is not None]
         if bands:
             assert len(drawn[name]["draws"]) == 200, name
 
@@ -571,8 +571,9 @@ def test_a_design_says_when_a_wheel_is_large_in_one_way():
         ({"peak_share": None}, "peak_share is needed, for lost_peak_share"),
         ({"lost_momentum_weight": [0.0, 1.0, 1.0]}, "lost_momentum_weight = .*: above 0 is needed"),
     ):
-        about = {k: v for k, v in (scenario.data["design"] | change).items() if v is not None}
-        other = dataclasses.replace(scenario, data=scenario.data | {"design": about})
+        asked = scenario.content.design.written | change
+        about = {k: v for k, v in asked.items() if v is not None}
+        other = dataclasses.replace(scenario, content=scenario.content.but(design=about))
         with pytest.raises(DesatError, match=f"^{scenario.name}: design: {text}"):
             making.design(other)
 

@@ -82,7 +82,7 @@ def test_a_folder_runs_as_well(packed, tmp_path):
 def test_a_packed_scenario_gives_the_bits_of_the_scenario(name, tmp_path):
     """One of each craft: what tables, pages and draws compute of scenarios holds for the packed
     files that other tools load."""
-    data = find(name).data
+    data = find(name).content.written
     options = Options(stop=min(data["stop"], 200.0 * data["step"]))
     packed = execute(str(pack_scenario(find(name), tmp_path / "x.ssp")), options)
     plain = execute(name, options)
@@ -103,8 +103,8 @@ def test_there_are_crafts_of_every_family():
 
 def test_every_scenario_has_a_title_and_a_story():
     for given in scenarios().values():
-        assert given.data.get("title")
-        assert given.data.get("story")
+        assert given.content.title
+        assert given.content.story
 
 
 def test_every_cell_of_tables_2_and_3_is_a_scenario():
@@ -203,17 +203,17 @@ def test_scenario_files(tmp_path, monkeypatch, scenario_module):
     )
     assert list(found) == ["f/t-a-x", "f/t-b-x"]
     b = found["f/t-b-x"]
-    assert b.data["title"] == "b at x"
-    assert found["f/t-a-x"].data["title"] == "A at x"
+    assert b.content.title == "b at x"
+    assert found["f/t-a-x"].content.title == "A at x"
     assert b.twin == "f/t-a-x"
     assert found["f/t-a-x"].twin is None
-    assert b.data["parameters"]["manager"] == {"duty": 0.5, "split": "dct"}
+    assert b.content.parameters["manager"] == {"duty": 0.5, "split": "dct"}
     found = read(
         base=base,
         t='extends = "base"\n[axes.m.a]\n[axes.m.b]\nwithout = ["parameters.manager.duty"]\n',
     )
-    assert found["f/t-a"].data["parameters"]["manager"] == {"duty": 0.5}
-    assert found["f/t-b"].data["parameters"]["manager"] == {}
+    assert found["f/t-a"].content.parameters["manager"] == {"duty": 0.5}
+    assert found["f/t-b"].content.parameters["manager"] == {}
     with pytest.raises(DesatError, match=r"t.toml: without parameters.q.x: there is none before"):
         read(t='[axes.m.a]\nwithout = ["parameters.q.x"]')
     with pytest.raises(DesatError, match=r"ssp/f/scenarios/t.toml: stp: unknown key; did you mean"):

@@ -27,6 +27,7 @@ from desat.components.maths import attitude, moments
 from desat.components.physics import averaging, gyrostat, orbit, rotor, torques, wheel_array
 from desat.figures import plots
 from desat.fmus import registry
+from desat.language.scenario import LimitLine
 from desat.runs.prepare import read
 from desat.runs.run import Options, execute
 from desat.system.check import check
@@ -355,10 +356,10 @@ def test_what_blocks_know_of_the_wheels_is_shared(known):
 def test_a_limit_is_left_out_where_its_unless_holds():
     parameters = {"torquers": {"drive": {"value": "ideal", "unit": ""},
                                "m_limit": {"value": 40.0, "unit": "A.m2"}}}  # fmt: skip
-    plot = {"limits": [{"value": "torquers.m_limit", "unless": {"torquers.drive": "ideal"}}]}
-    assert plots.limits_of(plot, parameters, "A.m2") == []
+    limits = [LimitLine(value="torquers.m_limit", unless={"torquers.drive": "ideal"})]
+    assert plots.limits_of(limits, parameters, "A.m2") == []
     parameters["torquers"]["drive"]["value"] = "pulsed"
-    assert [x[1] for x in plots.limits_of(plot, parameters, "A.m2")] == [40.0]
+    assert [x[1] for x in plots.limits_of(limits, parameters, "A.m2")] == [40.0]
 
 
 # --- the laws that are designed ---------------------------------------------------------------

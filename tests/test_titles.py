@@ -22,6 +22,7 @@ import pytest
 from desat.analyses import management
 from desat.figures.plots import lines_of
 from desat.files.scenario import scenarios
+from desat.language.scenario import Plot
 from desat.runs.run import Options, execute
 
 RPM = 30.0 / math.pi
@@ -581,7 +582,7 @@ def definitions() -> dict[str, tuple[dict[str, Any], list[tuple[str, str]]]]:
     """Each definition of a number, and the scenarios (with its name there) that have it."""
     found: dict[str, tuple[dict[str, Any], list[tuple[str, str]]]] = {}
     for scenario, content in scenarios().items():
-        for name, number in content.data.get("numbers", {}).items():
+        for name, number in content.content.written.get("numbers", {}).items():
             if "reference" not in number:
                 key = json.dumps(number, sort_keys=True)
                 found.setdefault(key, (number, []))[1].append((scenario, name))
@@ -589,8 +590,8 @@ def definitions() -> dict[str, tuple[dict[str, Any], list[tuple[str, str]]]]:
 
 
 def steps(scenario: str) -> float:
-    data = scenarios()[scenario].data
-    return data["stop"] / data["step"]
+    content = scenarios()[scenario].content
+    return content.stop / content.step
 
 
 def flights() -> dict[str, list[tuple[str, dict[str, Any]]]]:
@@ -599,7 +600,7 @@ def flights() -> dict[str, list[tuple[str, dict[str, Any]]]]:
     chosen: dict[str, list[tuple[str, dict[str, Any]]]] = {}
     for number, where in sorted(todo.values(), key=lambda x: min(steps(s) for s, _ in x[1])):
         until = number.get("window", (0.0, 0.0))[1] % 1e9
-        whole = [w for w in where if scenarios()[w[0]].data["stop"] >= until]
+        whole = [w for w in where if scenarios()[w[0]].content.stop >= until]
         where = whole or where
         there = [w for w in where if w[0] in chosen]
         wanted = PREFERRED.get(number["title"])
@@ -715,7 +716,7 @@ FORMS = {
 def test_a_number_that_compares_says_how():
     """A ratio is over something, or that is 1; a difference is less it; a saving saves."""
     for scenario, content in scenarios().items():
-        for name, number in content.data.get("numbers", {}).items():
+        for name, number in content.content.written.get("numbers", {}).items():
             if "reference" in number:
                 text, form = number["title"], number["form"]
                 assert re.search(FORMS[form], text), f"{scenario}: {name}: {form}: {text}"
@@ -808,7 +809,7 @@ def plots() -> list[tuple[str, str, dict[str, Any]]]:
     """Each definition of a plot, in the shortest scenario that has it."""
     found: dict[str, list[tuple[str, str, dict[str, Any]]]] = {}
     for scenario, content in scenarios().items():
-        for name, plot in content.data.get("plots", {}).items():
+        for name, plot in content.content.written.get("plots", {}).items():
             about = {
                 k: v
                 for k, v in plot.items()
@@ -829,7 +830,7 @@ def test_a_plot_is_what_its_title_says(scenario, name, plot):
     assert word is not None, f"{title}: what is it drawn of?"
     assert SHOWN[word] & set(plot["signals"]), plot["signals"]
     unit = plot.get("unit", "1")
-    lines = lines_of(plot, f.run.results, unit)
+    lines = lines_of(Plot(**plot), f.run.results, unit)
     if "derive" in plot:
         wanted = DERIVED[plot["derive"]](f)
         names, scale = plot.get("components", ["all"] * len(wanted)), PER.get(("N.m.s", unit), 1.0)

@@ -13,6 +13,8 @@ from test_failures import binary, options, ssd, system
 
 from desat.analyses import residual
 from desat.campaign.judged import for_half_the_width, more, requirement
+from desat.language.content import Entry
+from desat.language.scenario import Requirement
 from desat.numbers.statistics import clopper_pearson
 from desat.numbers.text import not_reached
 from desat.papers.comparison import _row, band_of, counted, share_of
@@ -25,7 +27,7 @@ __all__ = ["binary", "system"]  # fixtures
 
 def judged(values: list[float], completed: list[bool], **bounds: float) -> dict[str, object]:
     cases = np.arange(len(values))
-    entry = {"number": "x", **bounds}
+    entry = Requirement(number="x", **bounds)
     return requirement(entry, {"x": np.array(values)}, np.array(completed), cases, Path("c"))
 
 
@@ -187,7 +189,8 @@ def test_a_condition_at_its_limit_is_not_met_yet(how, values, met):
     ],
 )
 def test_what_counts_as_within_a_row(entry, band):
-    assert band_of(entry, {"x": 4.0}) == band
+    row = {"table": "1", "quantity": "a_number", "unit": "1", **entry}
+    assert band_of(Entry.model_validate(row), {"x": 4.0}) == band
 
 
 def test_of_draws_the_limits_count_and_what_is_lacking_does_not():
@@ -201,10 +204,11 @@ def test_of_draws_the_limits_count_and_what_is_lacking_does_not():
 
 def cell(ours: float | None, draws: dict | None = None, **more: object):
     """A row of a table; its band is 1 to 2."""
-    about = {"labels": {}, "numbers": {}}
-    scenario = SimpleNamespace(data=about, cell={}, name="family/name")
+    content = SimpleNamespace(labels={}, numbers={})
+    scenario = SimpleNamespace(content=content, cell={}, name="family/name")
     entry = {"table": "1", "quantity": "a_number", "unit": "1", "tolerance": [1.0, 2.0], **more}
-    return _row(scenario, {k: v for k, v in entry.items() if v is not None}, "x", ours, {}, draws)
+    given = Entry.model_validate({k: v for k, v in entry.items() if v is not None})
+    return _row(scenario, given, ours, {}, draws)
 
 
 @pytest.mark.parametrize(

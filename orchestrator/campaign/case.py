@@ -14,6 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..figures.plots import lines_of, unit_of
+from ..language.content import said
+from ..language.scenario import Plot
 from ..report.report import write_report
 from ..runs.prepare import prepare
 from ..runs.run import Run, simulate
@@ -49,47 +51,43 @@ def _ran(plan: Plan, values: dict[str, Any], supervised: bool) -> dict[str, Any]
     signals: list[str] = []
 
     def more(run: Run) -> dict[str, Any]:
-        return {"curves": _curves(plan.curves, run), "beside": _described(plan, values, run)}
+        chosen = {name: plots[name] for name in plan.curves}
+        return {"curves": _curves(chosen, run), "beside": _described(chosen, values, run)}
 
-    plots = plots_of(system(plan).about)
+    plots = said(system(plan).about).plots
     for name in plan.curves:
-        signals += plots[name]["signals"]
+        signals += plots[name].signals
     made = ran(source(plan), options, values, signals, more)
     made["described"] |= made.pop("beside")
     return made
 
 
-def _described(plan: Plan, values: Mapping[str, Any], run: Run) -> dict[str, dict[str, str]]:
+def _described(
+    plots: Mapping[str, Plot], values: Mapping[str, Any], run: Run
+) -> dict[str, dict[str, str]]:  # fmt: skip
     """Title and unit of what is drawn, `in.component.variable`, and of envelopes, `curve.PLOT`."""
-    plots, told = plots_of(run.manifest["about"]), {}
+    told = {}
     for name in values:
         owner, _, variable = name.partition(".")
         parameter = run.manifest["parameters"][owner][variable]
         told[f"in.{name}"] = {"title": parameter["text"], "unit": parameter["unit"]}
-    for name, unit in _units(plan.curves, run).items():
-        told[f"curve.{name}"] = {"title": plots[name]["title"], "unit": unit}
+    for name, unit in _units(plots, run).items():
+        told[f"curve.{name}"] = {"title": plots[name].title, "unit": unit}
     return told
 
 
-def plots_of(about: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
-    """The plots of a scenario by name."""
-    return {str(p.get("name", i)): p for i, p in enumerate(about.get("plots", ()), 1)}
-
-
-def _units(names: Sequence[str], run: Run) -> dict[str, str]:
+def _units(plots: Mapping[str, Plot], run: Run) -> dict[str, str]:
     """The unit of each plot's axis; none for one whose series the run has not."""
-    plots = plots_of(run.manifest["about"])
-    units = {name: unit_of(plots[name], run.results) for name in names}
+    units = {name: unit_of(plot, run.results) for name, plot in plots.items()}
     return {name: unit for name, unit in units.items() if unit is not None}
 
 
-def _curves(names: Sequence[str], run: Run) -> dict[str, list[float]]:
+def _curves(plots: Mapping[str, Plot], run: Run) -> dict[str, list[float]]:
     """Of each plot: the largest size of any of its lines in each part of the run; nan where the
     run was over."""
-    plots = plots_of(run.manifest["about"])
     start, stop = run.manifest["start"], run.manifest["stop"]
     envelopes = {}
-    for name, unit in _units(names, run).items():
+    for name, unit in _units(plots, run).items():
         lines = lines_of(plots[name], run.results, unit)
         envelopes[name] = _envelope([(x.times, x.values) for x in lines], start, stop)
     return envelopes

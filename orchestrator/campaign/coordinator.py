@@ -7,7 +7,7 @@ import os
 import platform
 import sys
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any
@@ -18,14 +18,14 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from ..analyses import analyses
 from ..files.identity import versions
 from ..files.io import LOCK, claimed
+from ..language.content import Content, dispersed, said
 from ..runs.manifest import write_json
 from ..runs.prepare import Case, Source, prepare
 from ..runs.prepare import read as read_source
-from ..system.draft import dispersed
 from ..system.errors import DesatError, Exit, RunError, nearest
 from ..system.options import Options
 from . import store
-from .case import kept, plots_of, row
+from .case import kept, row
 from .draws import lost, never, whole_numbers
 from .plan import PLAN, Plan, digest_of, joined, kept_versions, read, same_versions
 from .sampling import SAMPLINGS, Sampling, allowed, drawn
@@ -53,7 +53,7 @@ def planned(
         target = str(Path(target).resolve())
     source = read_source(target)
     system = source.to_draw(options.blocks)
-    if not system.about.get("dispersions"):
+    if not (content := said(system.about)).dispersions:
         raise DesatError(f"{target}: it has no [dispersions], so there is nothing to draw")
     whole_numbers(target, seed=(seed, 0), count=(count, 1))
     for name in dispersed(system):
@@ -71,7 +71,7 @@ def planned(
         prepare(source, options).or_raise()  # which names file and key
         raise
     case = _first(source, options, first)
-    plots = plots_of(system.about)
+    plots = content.plots
     if curves is None:
         curves = list(plots)[:1]
     if unknown := [c for c in curves if c not in plots]:
@@ -80,7 +80,7 @@ def planned(
     changed = {k: getattr(options, k) for k in known if getattr(options, k) != known[k]}
     plan = Plan(target, digest_of(source, options), count, seed, sampling, changed, tuple(curves),
                 tuple(keep), limit)  # fmt: skip
-    numbers = {n for n, e in system.about.get("numbers", {}).items() if "of" not in e}
+    numbers = {n for n, e in content.numbers.items() if not e.of}
     checked, _ = case.or_raise()
     numbers |= {n for a in analyses() if a.applies(checked) for n in a.NUMBERS}
     for text in keep:
@@ -88,22 +88,22 @@ def planned(
         if kind == "worst" and number not in numbers:
             raise DesatError(f"--keep {text}: no number {number}{nearest(number, numbers)}; "
                              "worst:N:NUMBER, or --by NUMBER, is needed")  # fmt: skip
-    warnings = [*case.checked.warnings, *_unmissable(system.about, checked.steps * checked.step)]
+    warnings = [*case.checked.warnings, *_unmissable(content, checked.steps * checked.step)]
     if sampling == "sobol" and count & (count - 1):
         warnings.append(f"--sampling sobol: -n {count} is no power of two, as {_power(count)} is: "
                         "its points are not quite even")  # fmt: skip
     return plan, warnings
 
 
-def _unmissable(about: Mapping[str, Any], duration: float) -> list[str]:
+def _unmissable(content: Content, duration: float) -> list[str]:
     """Requirements on a time that no run of this length (s) can be above."""
-    numbers = about.get("numbers", {})
     return [
-        f"requirements.{name}: max = {entry['max']:g} s is not before the end of a run, "
+        f"requirements.{name}: max = {entry.max:g} s is not before the end of a run, "
         f"{duration:g} s: no case can be above"
-        for name, entry in about.get("requirements", {}).items()
-        if numbers.get(entry["number"], {}).get("unit") == "s" and entry.get("max", 0.0) >= duration
-    ]
+        for name, entry in content.requirements.items()
+        if entry.max is not None and entry.max >= duration
+        and entry.number in content.numbers and content.numbers[entry.number].unit == "s"
+    ]  # fmt: skip
 
 
 def _power(count: int) -> int:
@@ -230,10 +230,8 @@ def chosen(plan: Plan, folder: Path) -> list[int]:
     where a requirement on it has only a `min`; those that never reach it first."""
     from .plan import system
 
-    about = system(plan).about
-    least = {
-        r["number"] for r in about.get("requirements", {}).values() if "max" not in r
-    }  # fmt: skip
+    content = said(system(plan).about)
+    least = {r.number for r in content.requirements.values() if r.max is None}
     cases: set[int] = set()
     for text in plan.keep:
         kind, count, number = _kept_of(text)

@@ -15,10 +15,11 @@ from rich.console import Console
 from rich.progress import track
 
 from ..analyses import analyses, coverage
+from ..language.content import Content, overridden, said
 from ..numbers.numbers import late, ranked
 from ..runs.prepare import Source, prepare, read
 from ..runs.run import Options, Run, simulate
-from ..system.draft import Draft, overridden
+from ..system.draft import Draft
 from ..system.errors import DesatError, Exit, RunError
 from ..system.model import AUTO
 from ..system.parameters import parse_assignment
@@ -69,13 +70,14 @@ def ran(
     case = prepare(source, replace(options, values={**options.values, **values}))
     system, _ = case.or_raise()
     if options.record == ("*",):
-        needed = (*needed_signals(system.about), *also)
+        content = said(system.about)
+        needed = (*needed_signals(content), *also)
         if system.inner == AUTO and (parts := coverage.applies(system)):
             needed += tuple(parts["series"])  # it looks at them again
         for analysis in analyses():
             if parts := analysis.applies(system):
                 needed += tuple(analysis.signals(parts))
-                if _asked(system.about, analysis):
+                if _asked(content, analysis):
                     needed += tuple(analysis.balanced(parts))
         case = replace(case, options=replace(case.options, record=needed))
     run = simulate(case)
@@ -99,12 +101,12 @@ def ran(
     return row
 
 
-def _asked(about: Mapping[str, Any], analysis: ModuleType) -> bool:
+def _asked(content: Content, analysis: ModuleType) -> bool:
     """Whether a scenario asks for what an analysis makes of series that draws need not record: by
     its bound, or a requirement on one of its numbers."""
-    wanted = {r["number"] for r in about.get("requirements", {}).values()}
+    wanted = {r.number for r in content.requirements.values()}
     return hasattr(analysis, "balanced") and bool(
-        set(analysis.BOUND_KEYS) & set(about) or wanted & set(analysis.NUMBERS)
+        content.written.keys() & set(analysis.BOUND_KEYS) or wanted & set(analysis.NUMBERS)
     )
 
 
@@ -122,13 +124,9 @@ def lost(reason: Lost) -> dict[str, Any]:
             "stopped_when": None, "numbers": {}, "values": {}}  # fmt: skip
 
 
-def needed_signals(about: Mapping[str, Any]) -> list[str]:
+def needed_signals(content: Content) -> list[str]:
     """What a scenario's numbers are made of; the rest need not be recorded."""
-    names: list[str] = []
-    for number in about.get("numbers", {}).values():
-        signals = number.get("signal", [])
-        names += [signals] if isinstance(signals, str) else signals
-    return sorted(set(names))
+    return sorted({s for number in content.numbers.values() for s in number.signals})
 
 
 def rows_of(
@@ -175,7 +173,7 @@ def draws(
     """
     source = read(target) if isinstance(target, str) else target
     target, system = source.target, source.to_draw(options.blocks)
-    if not system.about.get("dispersions"):
+    if not said(system.about).dispersions:
         raise DesatError(f"{target}: it has no [dispersions], so there is nothing to draw")
     whole_numbers(target, seed=(seed, 0), count=(count, first + 1))
     typical = replace(options, values={**options.values, **drawn(system, seed, 0)})
@@ -183,7 +181,7 @@ def draws(
     warnings += never(system, options)
     tasks = [(target, options, seed, draw) for draw in range(first, count)]
     rows = rows_of(tasks, jobs, target, progress, source)
-    summed = summary(rows, late(system.about))
+    summed = summary(rows, late(said(system.about)))
     for row in rows:
         row.pop("described", None)
     stopped = sum(r["stopped_when"] is not None for r in rows)
@@ -275,7 +273,7 @@ def sweep(
     ]  # fmt: skip
     rows = rows_of(tasks, jobs, target, progress, source)
     count = max(draws, 1)
-    made, times = [], late(system.about)
+    made, times = [], late(said(system.about))
     for i, point in enumerate(points):
         own = rows[i * count : (i + 1) * count]
         worst = max(own, key=lambda row: row["code"])

@@ -11,24 +11,26 @@ from typing import Any
 
 import numpy as np
 
+from ..language.scenario import Requirement
 from ..numbers.statistics import clopper_pearson
 
 
 def requirement(
-    entry: Mapping[str, Any], out: Mapping[str, Any], completed: Any, cases: Any, folder: Path
+    entry: Requirement, out: Mapping[str, Any], completed: Any, cases: Any, folder: Path
 ) -> dict[str, Any]:  # fmt: skip
     """How many cases are within a requirement, and whether that shows that it is met. A case that
     failed, or has not the number, or an infinite one, is outside."""
-    probability, confidence = entry.get("probability", 0.95), entry.get("confidence", 0.95)
-    values = out.get(entry["number"], np.full(len(cases), np.nan))
-    low, high = entry.get("min", -math.inf), entry.get("max", math.inf)
+    probability, confidence = entry.probability, entry.confidence
+    values = out.get(entry.number, np.full(len(cases), np.nan))
+    low = -math.inf if entry.min is None else entry.min
+    high = math.inf if entry.max is None else entry.max
     within = completed & np.isfinite(values) & (values <= high) & (values >= low)
     n, inside = len(cases), int(within.sum())
     # one-sided at the confidence: a two-sided interval with twice the tail
     shown = clopper_pearson(inside, n, 2.0 * confidence - 1.0)[0] / 100.0
     outside = [int(c) for c in cases[~within][:10]]
     return {
-        **dict(entry), "probability": probability, "confidence": confidence, "n": n,
+        **entry.written, "probability": probability, "confidence": confidence, "n": n,
         "within": inside, "outside": n - inside,
         "lacking": int((completed & ~np.isfinite(values)).sum()),
         "share_outside": 100.0 * (n - inside) / n,

@@ -13,11 +13,11 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from ..language.content import dispersed
 from ..numbers.statistics import clopper_pearson
 from ..runs.prepare import Source
 from ..runs.prepare import read as read_source
 from ..runs.run import Options
-from ..system.draft import dispersed
 from ..system.errors import DesatError
 from . import store
 from .draws import draws
@@ -65,8 +65,9 @@ def common(
     values = [drawn(s, seed, 0) for s in systems]
     for name in names:
         if ours[name] != theirs[name] or values[0][name] != values[1][name]:
-            raise DesatError(f"{target} and {other}: dispersions: {name} is drawn as {ours[name]} "
-                             f"and as {theirs[name]}; the same is needed")  # fmt: skip
+            raise DesatError(f"{target} and {other}: dispersions: {name} is drawn as "
+                             f"{ours[name].written} and as {theirs[name].written}; the same is "
+                             "needed")  # fmt: skip
     return {
         "drawn_in_both": names,
         "drawn_only_in_it": sorted(ours.keys() - theirs.keys()),

@@ -27,17 +27,18 @@ from ..figures.style import (
     time_axis,
 )
 from ..files.identity import COMPUTING
+from ..language.content import dispersed, said
+from ..language.scenario import Plot
 from ..numbers.numbers import late
 from ..numbers.text import not_reached
 from ..numbers.text import number as shown
 from ..report.report import render, write_page
 from ..runs.manifest import write_json
 from ..runs.prepare import prepare
-from ..system.draft import dispersed
 from ..system.errors import DesatError
 from ..system.parameters import table as parameters_of
 from . import store
-from .case import POINTS, plots_of
+from .case import POINTS
 from .judged import requirement, rerun
 from .plan import Plan, changed, read, source, system
 from .sampling import axes, sensitivity, unit_cube
@@ -56,7 +57,7 @@ _NEVER = 1e300
 def summary(folder: Path) -> dict[str, Any]:
     """Everything that the report says, for programs. Raises DesatError where there is no case."""
     plan = read(folder)
-    about = system(plan).about
+    about = said(system(plan).about)
     table, told = store.read(folder), store.described(folder)
     status = table["status"].to_pylist()
     completed = np.array([s == "completed" for s in status])
@@ -94,8 +95,8 @@ def summary(folder: Path) -> dict[str, Any]:
         "numbers": numbers, "unmet": unmet,
         "requirements": {
             name: {**requirement(entry, each, completed[apart], cases[apart], folder),
-                   "unit": told.get(entry["number"], {}).get("unit", "")}
-            for name, entry in about.get("requirements", {}).items()
+                   "unit": told.get(entry.number, {}).get("unit", "")}
+            for name, entry in about.requirements.items()
         },
         "drivers": _drivers({n: v[completed & apart] for n, v in inputs.items()},
                             {n: v[completed & apart] for n, v in out.items()}),
@@ -188,7 +189,7 @@ def _sobol(plan: Plan, cases: Any, completed: Any, out: Mapping[str, Any]) -> di
         return {"missing": f"they need -n {least} or more"}
     how = dispersed(drafted)
     # of a direction each random number moves all elements
-    form = {n: "{}, random number {}" if {"attitude", "direction"} & how[n].keys() else "{}[{}]"
+    form = {n: "{}, random number {}" if how[n].kind in ("attitude", "direction") else "{}[{}]"
             for n in names}  # fmt: skip
     elements = [n if k == 1 else form[n].format(n, i) for n, k in zip(names, sizes, strict=True)
                 for i in range(1, k + 1)]  # fmt: skip
@@ -261,7 +262,7 @@ def _figures(folder: Path, plan: Plan, told: Mapping[str, Any]) -> list[_Figure]
     return made
 
 
-def _limits(plan: Plan, plot: Mapping[str, Any], unit: str) -> list[tuple[str, float]]:
+def _limits(plan: Plan, plot: Plot, unit: str) -> list[tuple[str, float]]:
     """The limit lines of a plot that are the same in all cases, sizes, each once; none of a system
     that is not to be had any more."""
     options = plan.run_options()
@@ -270,14 +271,14 @@ def _limits(plan: Plan, plot: Mapping[str, Any], unit: str) -> list[tuple[str, f
     except DesatError:
         return []
     drawn = dispersed(system(plan)).keys()
-    same = [x for x in plot.get("limits", ()) if not any(name in str(x) for name in drawn)]
-    found = limits_of({"limits": same}, parameters_of(checked.components.values()), unit)
+    same = [x for x in plot.limits if not any(name in str(x) for name in drawn)]
+    found = limits_of(same, parameters_of(checked.components.values()), unit)
     return list({abs(value): (name, abs(value)) for name, value, _ in found}.values())
 
 
 def _curves(folder: Path, plan: Plan) -> list[_Figure]:
     drafted = system(plan)
-    plots, told = plots_of(drafted.about), store.described(folder)
+    plots, told = said(drafted.about).plots, store.described(folder)
     table = store.read(folder, store.CURVES)
     made = []
     options = plan.run_options()
@@ -297,9 +298,9 @@ def _curves(folder: Path, plan: Plan) -> list[_Figure]:
         order = sorted(range(len(rows)), key=lambda i: (-largest[i], rows[i][0]))[:_WORST]
         plot = plots[name]
         unit = told.get(f"curve.{name}", {}).get("unit", "")
-        title = f"{plot.get('axis', plot['title'])}, largest size"
+        title = f"{plot.axis or plot.title}, largest size"
         caption = (
-            f"{plot['title']}: largest size of any line in each of {POINTS} parts of the run, "
+            f"{plot.title}: largest size of any line in each of {POINTS} parts of the run, "
             f"percentiles over {len(rows)} cases"
         )
         worst = [(rows[i][0], curves[i]) for i in order]

@@ -26,7 +26,9 @@ from typing import Any, Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from ..system.draft import KINDS, Draft, dispersed, kind_of
+from ..language.content import dispersed
+from ..language.scenario import Dispersion
+from ..system.draft import Draft
 from ..system.errors import DesatError, nearest
 from ..system.interface import base_name
 
@@ -60,8 +62,8 @@ def drawn(
 def axes(system: Draft) -> tuple[list[str], list[int]]:
     """The names that a sampling spreads (all but seeds), sorted, and the uniform numbers that each
     takes."""
-    spread = {n: spec for n, spec in sorted(dispersed(system).items()) if "seed" not in spec}
-    return list(spread), [1 if "one_of" in s else _size(system, n) for n, s in spread.items()]
+    spread = {n: spec for n, spec in sorted(dispersed(system).items()) if spec.kind != "seed"}
+    return list(spread), [1 if s.one_of else _size(system, n) for n, s in spread.items()]
 
 
 def _size(system: Draft, name: str) -> int:
@@ -75,16 +77,13 @@ def _size(system: Draft, name: str) -> int:
                      f"{nearest(variable, {base_name(s.name) for s in signals})}")  # fmt: skip
 
 
-def _random(system: Draft, name: str, spec: dict[str, Any], seed: int, draw: int) -> Any:
+def _random(system: Draft, name: str, spec: Dispersion, seed: int, draw: int) -> Any:
     """A value from a stream of its own."""
-    size = _size(system, name)
-    if not (kind := kind_of(spec)):
-        where = f"{system.where}: dispersions: {name}"
-        raise DesatError(f"{where}: one of {', '.join(KINDS)} is needed")
+    size, kind = _size(system, name), spec.kind
     stream = np.random.default_rng([seed, draw, zlib.crc32(name.encode())])
-    given = spec[kind]
+    given = getattr(spec, kind)
     if kind == "normal":
-        low, high = spec.get("within", (-np.inf, np.inf))
+        low, high = spec.within or (-np.inf, np.inf)
         values = stream.normal(given[0], given[1], size)
         while (beyond := (values < low) | (values > high)).any():
             values[beyond] = stream.normal(given[0], given[1], beyond.sum())
@@ -100,15 +99,15 @@ def _random(system: Draft, name: str, spec: dict[str, Any], seed: int, draw: int
     return _directed(kind, given, stream.normal(size=size))
 
 
-def _placed(spec: dict[str, Any], unit: NDArray[np.float64]) -> Any:
+def _placed(spec: Dispersion, unit: NDArray[np.float64]) -> Any:
     """A value from uniform numbers (size,) in (0, 1)."""
     from scipy.special import ndtr, ndtri
 
-    kind = kind_of(spec)
-    given = spec[kind]
+    kind = spec.kind
+    given = getattr(spec, kind)
     if kind == "normal":
-        if "within" in spec and given[1]:
-            low, high = ndtr((np.array(spec["within"]) - given[0]) / given[1])
+        if spec.within and given[1]:
+            low, high = ndtr((np.array(spec.within) - given[0]) / given[1])
             unit = low + (high - low) * unit
         return [float(given[0] + given[1] * x) for x in ndtri(unit)]
     if kind == "uniform":

@@ -36,7 +36,7 @@ def applies(system: System) -> bool:
 def make(scenario: Scenario, options: Options) -> Design:
     """Gain and offset tables over the time to go."""
     plant = Plant(scenario, options)
-    nodes = plant.about.get("nodes", NODES)
+    nodes = plant.asked.nodes or NODES
     if nodes > CAPACITY:
         raise DesatError(f"{scenario.name}: design: nodes = {nodes}: at most {CAPACITY} are held")
     times = np.linspace(0.0, plant.horizon, nodes)

@@ -17,7 +17,7 @@ from ..system.model import System
 from ..system.options import Options
 from ..system.parameters import choice_of
 from . import Design, kinds
-from .origin import TABLE, computed, draft_of, made_of, owner
+from .origin import TABLE, asked, computed, draft_of, made_of, owner
 
 PACKAGES = ("desat", "numpy", "scipy")
 COMMON = ("of", "assume", "each_draw")
@@ -31,27 +31,26 @@ def designable(names: list[str]) -> list[Scenario]:
     """The scenarios of these names, or all that have a design of their own; one that ends where
     another ends comes after it. Raises DesatError for one that has none."""
     wanted = [find(n) for n in names] or [
-        s for s in scenarios().values() if "of" not in s.data.get("design", {"of": ""})
+        s for s in scenarios().values() if s.content.design and not s.content.design.of
     ]
     for s in wanted:
-        if "design" not in s.data:
+        if (design := s.content.design) is None:
             raise DesatError(f"{s.name}: it has no [design]")
-        if "of" in s.data["design"]:
-            other = f"{s.family}/{s.data['design']['of']}"
+        if design.of:
+            other = f"{s.family}/{design.of}"
             raise DesatError(f"{s.name} uses the design of {other}: run `desat design {other}`")
-    return sorted(wanted, key=lambda s: "end_of" in s.data["design"])
+    return sorted(wanted, key=lambda s: bool(asked(s).end_of))
 
 
 def design(scenario: Scenario, options: Options | None = None) -> Design:
     """Compute a scenario's design for the values of `options`. Raises DesatError where it cannot
     be made."""
     options = options or Options()
-    about = scenario.data["design"]
     system, _ = check(draft_of(scenario, options)).or_raise()
     kind = next((k for k in kinds() if k.applies(system)), None)
     if kind is None:
         raise DesatError(f"{scenario.name}: {_no_kind(system)}")
-    for key in about:
+    for key in asked(scenario).written:
         if key not in (*COMMON, *kind.KEYS):
             name = kind.__name__.rpartition(".")[2]
             raise DesatError(f"{scenario.name}: design: {key} is not for {name}; known are "
@@ -80,7 +79,7 @@ def parameters_for(scenario: Scenario, options: Options) -> dict[str, dict[str, 
     if scenario.design is None:
         raise DesatError(f"--design {options.design}: {scenario.name} has no [design]")
     if options.design != NOW:
-        return dict(read_design(Path(options.design or ""))["parameters"])
+        return dict(read_design(Path(options.design or "")).parameters)
     other, fitting, _ = owner(scenario, options)
     key = repr((other.name, fitting))
     if key not in _made:
@@ -98,7 +97,7 @@ def text(scenario: Scenario, made: Design, options: Options | None = None) -> st
         "# `reached` is what the run on bare blocks that it was computed with ended with.",
         *(f"# {note}." for note in made.notes),
     ]
-    if assumed := scenario.data["design"].get("assume"):
+    if assumed := asked(scenario).assume:
         lines.append(f"# Assumed, against the scenario: {assumed}.")
     if made.tuned:
         lines += ["", "[tuned]"]
@@ -161,9 +160,9 @@ def stamp(scenario: Scenario) -> bool:
         raise DesatError(f"{scenario.name}: it has no [design]")
     file = read_design(scenario.design)
     plant = Plant(scenario)
-    flight = plant.fly(**file["parameters"]["manager"])
+    flight = plant.fly(**file.parameters["manager"])
     for key, (value, _) in flight.reached().items():
-        kept, now = np.atleast_1d(file["reached"][key]), np.atleast_1d(value)
+        kept, now = np.atleast_1d(file.reached[key]), np.atleast_1d(value)
         if not np.abs(now - kept).max() <= ROUNDING * np.abs(kept).max():
             return False
     content = scenario.design.read_text(encoding="utf-8").partition(f"\n[{TABLE}]\n")[0]

@@ -39,19 +39,19 @@ def make(scenario: Scenario, options: Options) -> Design:
     plant = Plant(scenario, options)
     if plant.manager_value("saturation"):
         raise DesatError(f"{plant.system.name}: design: mec needs manager.saturation = false")
-    weight, about = np.asarray(plant.manager_value("dipole_weight")), plant.about
+    weight, asked = np.asarray(plant.manager_value("dipole_weight")), plant.asked
     fixed = {"horizon": plant.horizon, "omega_nominal_body": list(plant.omega)}
 
     def fly(p: Array) -> Flight:
         return plant.fly(costate=p.tolist(), **fixed)
 
     start = fly(np.zeros(3)).momentum[0]
-    end = np.asarray(about.get("final_momentum_body", (0.0, 0.0, 0.0)), float)
-    if "end_of" in about:
-        if f"{scenario.family}/{about['end_of']}" == scenario.name:
-            raise DesatError(f"{scenario.name}: design: end_of = {about['end_of']!r}: the name of "
+    end = np.asarray(asked.final_momentum_body or (0.0, 0.0, 0.0), float)
+    if asked.end_of:
+        if f"{scenario.family}/{asked.end_of}" == scenario.name:
+            raise DesatError(f"{scenario.name}: design: end_of = {asked.end_of!r}: the name of "
                              "another scenario of the family is needed")  # fmt: skip
-        other = find(f"{plant.system.name.partition('/')[0]}/{about['end_of']}")
+        other = find(f"{plant.system.name.partition('/')[0]}/{asked.end_of}")
         end = Plant(other, designed=True).fly().momentum[-1]
     p = offline.costate(
         plant.field, plant.omega, weight, plant.n_con, start, end, plant.horizon
@@ -62,7 +62,7 @@ def make(scenario: Scenario, options: Options) -> Design:
     note = f"The costate of the continuous problem would miss the end by {miss:.2e} N m s"
     varied = [fly(p + size * e) for e in np.eye(3)]
     effect = np.stack([(v.momentum[-1] - flight.momentum[-1]) / size for v in varied], axis=1)
-    if (wanted := float(about.get("final_momentum", 0.0))) > 0.0:
+    if wanted := asked.final_momentum:
         dipoles = [(v.dipole - flight.dipole) / size for v in varied]
         cost = np.array([[np.sum(a * weight * b) for b in dipoles] for a in dipoles])
         free = flight.momentum[-1] - effect @ p

@@ -44,6 +44,7 @@ from ..system.model import Component, System
 from ..system.options import Options
 from ..system.parameters import choice_of, value_of
 from . import Design
+from .origin import asked as asked_of
 from .origin import draft_of
 
 HALF_ORBIT, SPACING = 2850.0, 150.0
@@ -129,18 +130,18 @@ def _preview(
     scenario: Scenario, course: offline.Course, times: Any, lost: list[offline.Course | None]
 ) -> tuple[dict[str, Any], dict[str, tuple[Any, str]]]:
     """K and g as tables: the cheapest course, held; and g of those with a coil lost."""
-    about, weight = scenario.data["design"], _weight(scenario, "momentum_weight")
-    peak, unit, flown = about.get("peak_momentum", 20.0), 1.0, round(times[-1] / course.dt)
-    if "peak_share" in about:
-        if "peak_momentum" in about:
+    asked, weight = asked_of(scenario), _weight(scenario, "momentum_weight")
+    peak, unit, flown = asked.peak_momentum or 20.0, 1.0, round(times[-1] / course.dt)
+    if asked.peak_share:
+        if asked.peak_momentum:
             raise DesatError(f"{scenario.name}: design: peak_momentum and peak_share: one of them")
         plain = offline.cheapest(course, weight, 0.0, 1.0, np.zeros(3))
         largest = float(np.abs(offline.wheels(course, plain)[:flown]).max())
         unit = float(_coils(course, plain)[:flown].mean())
-        peak = about["peak_share"] * largest
-    of_peak = unit * about.get("peak_weight", 0.0)
+        peak = asked.peak_share * largest
+    of_peak = unit * asked.peak_weight
     best = offline.cheapest(course, weight, of_peak, peak, np.zeros(3))
-    gain = offline.feedback(course, np.full(3, about.get("hold_weight", float(weight.max()))))
+    gain = offline.feedback(course, np.full(3, asked.hold_weight or float(weight.max())))
 
     def offset(x: offline.Optimum) -> Any:
         held = -x.costate - np.einsum("kab,kb->ka", gain, x.momentum[:-1])
@@ -151,12 +152,12 @@ def _preview(
         "costate_table": _kept(offset(best)),
     }
     if lost:
-        if "peak_share" not in about:
+        if not asked.peak_share:
             raise DesatError(f"{scenario.name}: design: peak_share is needed, for lost_peak_share")
-        effort = max(unit, about.get("lost_effort", 0.0))
-        share = about.get("lost_peak_share", about["peak_share"]) * (unit / effort) ** 0.25
-        of_peak, key = effort * about.get("peak_weight", 0.0), "lost_momentum_weight"
-        of = _weight(scenario, key) if key in about else weight
+        effort = max(unit, asked.lost_effort)
+        share = (asked.lost_peak_share or asked.peak_share) * (unit / effort) ** 0.25
+        of_peak, key = effort * asked.peak_weight, "lost_momentum_weight"
+        of = _weight(scenario, key) if asked.lost_momentum_weight else weight
         rows = [
             np.zeros((len(times), 3)) if x is None else
             offset(offline.cheapest(x, of, of_peak, share * largest, np.zeros(3)))
@@ -170,7 +171,7 @@ def _preview(
 
 
 def _weight(scenario: Scenario, key: str) -> Any:
-    weight = np.array(scenario.data["design"].get(key, (1000.0,) * 3), float)
+    weight = np.array(getattr(asked_of(scenario), key) or (1000.0,) * 3, float)
     if weight.min() <= 0.0:
         raise DesatError(f"{scenario.name}: design: {key} = {weight.tolist()}: above 0 is needed")
     return weight

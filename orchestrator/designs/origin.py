@@ -16,6 +16,7 @@ from typing import Any
 from ..files.assembly import modify
 from ..files.reader import design
 from ..files.scenario import Scenario, find
+from ..language.scenario import Design, DesignFile
 from ..system.draft import Draft
 from ..system.interface import base_name
 from ..system.model import Connection
@@ -26,13 +27,20 @@ from ..system.resolve import resolve
 TABLE = "made_of"
 
 
+def asked(scenario: Scenario) -> Design:
+    """The [design] of a scenario that has one."""
+    assert scenario.content.design is not None
+    return scenario.content.design
+
+
 def draft_of(scenario: Scenario, options: Options, designed: bool = False) -> Draft:
     """The system, on bare blocks, that a scenario's design is made for: with the values of
     `options`, then what [design] assumes. `designed`: with the kept design, and nothing assumed."""
     draft = scenario.draft(blocks=True, designed=designed)
     modify(draft, replace(options, blocks=True))
-    for name, values in scenario.data.get("design", {}).get("assume", {}).items():
-        for variable, value in values.items() if not designed else ():
+    assumed = scenario.content.design.assume if scenario.content.design and not designed else {}
+    for name, values in assumed.items():
+        for variable, value in values.items():
             component = draft.component(name, draft.name)
             component.assign(variable, value, f"{draft.name}: {name}")
     return draft
@@ -57,10 +65,10 @@ def made_of(
         "step": draft.step,
         **({"inner": draft.inner} if draft.inner != 1 else {}),
         "wiring": _digest(wiring),
-        **{f"design.{k}": v for k, v in scenario.data["design"].items() if k != "assume"},
+        **{f"design.{k}": v for k, v in asked(scenario).written.items() if k != "assume"},
     }
-    if "end_of" in scenario.data["design"]:
-        other = find(f"{scenario.family}/{scenario.data['design']['end_of']}")
+    if end := asked(scenario).end_of:
+        other = find(f"{scenario.family}/{end}")
         given = other.parameters()
         values["end_of"] = _digest([made_of(other, Options(), set()), given])
     for c in draft.components.values():
@@ -96,9 +104,9 @@ def _digest(data: Any) -> str:
 def owner(scenario: Scenario, options: Options) -> tuple[Scenario, Options, list[str]]:
     """The scenario that has the design made which this one uses, those of the options that it
     knows, and the `component.variable` of those that it does not."""
-    if "of" not in scenario.data["design"]:
+    if not (of := asked(scenario).of):
         return scenario, options, []
-    other = find(f"{scenario.family}/{scenario.data['design']['of']}")
+    other = find(f"{scenario.family}/{of}")
     draft = other.draft(blocks=True, designed=False)
     strange: list[str] = []
 
@@ -116,9 +124,9 @@ def owner(scenario: Scenario, options: Options) -> tuple[Scenario, Options, list
     ), strange  # fmt: skip
 
 
-def computed(file: dict[str, Any]) -> set[str]:
+def computed(file: DesignFile) -> set[str]:
     """`component.parameter` of all that a design's file computes."""
-    return {f"{name}.{k}" for name, values in file["parameters"].items() for k in values}
+    return {f"{name}.{k}" for name, values in file.parameters.items() for k in values}
 
 
 def warnings(scenario: Scenario, options: Options) -> list[str]:
@@ -129,9 +137,9 @@ def warnings(scenario: Scenario, options: Options) -> list[str]:
     file = design(scenario.design)
     other, fitting, strange = owner(scenario, options)
     again = f"`desat design {other.name}`"
-    if TABLE not in file:
+    if not file.made_of:
         return [f"{scenario.name}: its design does not say what it was made from; {again} does"]
-    before, without = file[TABLE], computed(file)
+    before, without = file.made_of, computed(file)
     now = made_of(other, fitting, without, before)
     differing = [
         f"{key} = {_short(before.get(key))}, now {_short(now.get(key))}"

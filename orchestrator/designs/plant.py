@@ -26,6 +26,7 @@ from ..engine.loop import run, stepping
 from ..engine.master import Master
 from ..engine.recording.recorder import Recorder
 from ..files.scenario import Scenario
+from ..language.scenario import Design as Asked
 from ..system.check import check
 from ..system.errors import DesatError, nearest
 from ..system.model import Component
@@ -70,7 +71,7 @@ class Plant:
     ) -> None:
         draft = draft_of(scenario, options or Options(), designed)
         self.system, self._schedule = check(draft).or_raise()
-        self.about = scenario.data.get("design", {})
+        self.asked = scenario.content.design or Asked()
         spacecraft = self._bare("spacecraft")
         if not isinstance(spacecraft, SpacecraftFixedAttitude):
             raise DesatError(

@@ -39,9 +39,9 @@ def of_flight(
 
 def with_weight(plant: Plant, parameters: Callable[[float], dict[str, Any]]) -> Design:
     """The design with F as given, or as large as the wanted end asks."""
-    if "final_momentum" in plant.about:
+    if plant.asked.final_momentum:
         return tuned(plant, parameters, "momentum_weight", WEIGHT_UNIT)
-    if "momentum_weight" not in plant.about:
+    if plant.asked.momentum_weight is None:
         raise DesatError(f"{plant.system.name}: design: momentum_weight or final_momentum needed")
     fixed = parameters(1.0)
     return of_flight(fixed, plant.fly(**fixed))
@@ -49,7 +49,7 @@ def with_weight(plant: Plant, parameters: Callable[[float], dict[str, Any]]) -> 
 
 def shape(plant: Plant) -> Array:
     """The diagonal of F, its shape where a number is tuned (3)."""
-    return np.asarray(plant.about.get("momentum_weight", (1.0, 1.0, 1.0)), float)
+    return np.asarray(plant.asked.momentum_weight or (1.0, 1.0, 1.0), float)
 
 
 def tuned(
@@ -59,9 +59,8 @@ def tuned(
     wanted size. The size falls with the number, and rises again where a sample is too long for it.
     """
     where = f"{plant.system.name}: design"
-    if "final_momentum" not in plant.about:
+    if (wanted := plant.asked.final_momentum) is None:
         raise DesatError(f"{where}: final_momentum is needed")
-    wanted = plant.about["final_momentum"]
     best = inf
 
     def excess(log: float) -> float:
@@ -73,7 +72,7 @@ def tuned(
                 raise
             return inf  # it has diverged
         best = min(best, size)
-        return size - float(wanted)
+        return size - wanted
 
     lowest, highest, step = SEARCH
     low = high = lowest

@@ -57,7 +57,7 @@ def _part(system: System, folders: dict[str, Path]) -> System:
     """The components that have these extracted folders, and what connects them."""
     components = {n: replace(system.components[n], fmu=folder) for n, folder in folders.items()}
     connections = tuple(c for c in system.connections if {c.source, c.target} <= set(folders))
-    return replace(system, components=components, connections=connections, about={})
+    return replace(system, components=components, connections=connections, about=None)
 
 
 def _part_of(schedule: Schedule, names: set[str]) -> Schedule:

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -31,6 +31,9 @@ from .style import (
     time_axis,
 )
 
+if TYPE_CHECKING:
+    from ..language.scenario import LimitLine, Plot
+
 Run = tuple[str, Results, dict[str, Any]]
 """label, series, parameters as a manifest has them"""
 
@@ -49,32 +52,32 @@ _FIRST: dict[str, Any] = {"width": 1.4}
 _OTHER: dict[str, Any] = {"width": 1.0, "dash": (4.0, 2.0), "alpha": 0.75}
 
 
-def series_plot(plot: dict[str, Any], runs: Sequence[Run]) -> str | None:
+def series_plot(plot: Plot, runs: Sequence[Run]) -> str | None:
     """The SVG of `series_figure`."""
     drawn = series_figure(plot, runs)
     return None if drawn is None else drawn.svg()
 
 
-def series_figure(plot: dict[str, Any], runs: Sequence[Run]) -> Figure | None:
+def series_figure(plot: Plot, runs: Sequence[Run]) -> Figure | None:
     """The figure of a scenario's `[plots.NAME]` over runs. The first is drawn in colours, the
     others dashed. None where a series is not recorded."""
     _, results, parameters = runs[0]
     if (unit := unit_of(plot, results)) is None:
         return None
     drawn = [lines_of(plot, r, unit) for _, r, _ in runs]
-    limits = limits_of(plot, parameters, unit)
+    limits = limits_of(plot.limits, parameters, unit)
     # the limits of a size have no other side
     signed = any(np.nanmin(x.values, initial=0.0) < 0.0 for lines in drawn for x in lines)
-    orbit = plot.get("orbit")
+    orbit = plot.orbit
     seconds, time_unit = (orbit, "orbits") if orbit else time_axis(results.times())
     fig, panels = _panels(plot, results)
     for ax, begin in panels:
         whole = begin is None
         lines = drawn if begin is None else [[_since(x, begin) for x in run] for run in drawn]
         _draw(ax, lines, [label for label, _, _ in runs] if whole else None, seconds, plot)
-        ax.y.log = bool(plot.get("log") and whole)
+        ax.y.log = plot.log and whole
         _draw_limits(ax, limits, signed, whole)
-        ax.y.label = axis_label(plot.get("axis", plot["title"]), unit, ax.height / INCH)
+        ax.y.label = axis_label(plot.axis or plot.title, unit, ax.height / INCH)
         timeline(ax, seconds, time_unit, results if whole else None)
         if begin is not None:
             ax.title = f"from {begin / seconds:g} {time_unit} on"
@@ -82,23 +85,21 @@ def series_figure(plot: dict[str, Any], runs: Sequence[Run]) -> Figure | None:
     return fig
 
 
-def unit_of(plot: dict[str, Any], results: Results) -> str | None:
+def unit_of(plot: Plot, results: Results) -> str | None:
     """The unit of a plot's axis; None where what it shows is not recorded."""
     known = set(results.names())
-    signals = [s for s in plot["signals"] if s in known]
-    if not signals or ("derive" in plot and len(signals) < len(plot["signals"])):
+    signals = [s for s in plot.signals if s in known]
+    if not signals or (plot.derive and len(signals) < len(plot.signals)):
         return None
     quantity = derived.of_entry(plot)
     own = quantity[0].unit if quantity else ""
-    return str(plot.get("unit") or own or results.attribute(signals[0], "unit"))
+    return plot.unit or own or results.attribute(signals[0], "unit")
 
 
-def _panels(
-    plot: dict[str, Any], results: Results
-) -> tuple[Figure, list[tuple[Axes, float | None]]]:
+def _panels(plot: Plot, results: Results) -> tuple[Figure, list[tuple[Axes, float | None]]]:
     """A figure, and its pairs of axes: the whole run and, where the plot wants it, what follows its
     `steady` (s)."""
-    steady = plot.get("steady")
+    steady = plot.steady
     if steady is None or results.times()[-1] <= steady:
         fig = Figure(WIDTH, HEIGHT)
         return fig, [(fig.add(), None)]
@@ -113,7 +114,7 @@ def _since(line: Line, begin: float) -> Line:
 
 def _draw(
     ax: Axes, runs: list[list[Line]], labels: list[str] | None, seconds: float,
-    plot: dict[str, Any],
+    plot: Plot,
 ) -> None:  # fmt: skip
     """The lines of several runs. A line is named in the first run; where there are several runs,
     the first line of each other one has the run's name, and a lone line always has; without
@@ -126,7 +127,7 @@ def _draw(
                 name = labels[number]
             name = name if labels else ""
             colour = COLOURS[i % len(COLOURS)]
-            if plot.get("envelope") and len(line.times) > BINS:
+            if plot.envelope and len(line.times) > BINS:
                 x, low, high = between(line.times, line.values)
                 ax.area(x / seconds, low, high, colour, alpha=0.45,
                         label=name and f"{name}: least to most")  # fmt: skip
@@ -155,41 +156,41 @@ def _draw_limits(
             ax.level(-value, LIMIT, width=0.9, dash=DOTTED)
 
 
-def lines_of(plot: dict[str, Any], results: Results, unit: str) -> list[Line]:
+def lines_of(plot: Plot, results: Results, unit: str) -> list[Line]:
     """The lines of a scenario's plot in a run; none for a series that is not recorded."""
     known = set(results.names())
-    if "derive" in plot:
-        return _derived(plot, results, unit) if known.issuperset(plot["signals"]) else []
-    shown = (s for s in plot["signals"] if s in known)
+    if plot.derive:
+        return _derived(plot, results, unit) if known.issuperset(plot.signals) else []
+    shown = (s for s in plot.signals if s in known)
     return [line for signal in shown for line in _lines(plot, results, signal, unit)]
 
 
-def _derived(plot: dict[str, Any], results: Results, unit: str) -> list[Line]:
+def _derived(plot: Plot, results: Results, unit: str) -> list[Line]:
     """The lines that a plot derives from its signals."""
     entry = derived.of_entry(plot)
     assert entry is not None
     quantity, options = entry
-    series = [results.values(s) for s in plot["signals"]]
+    series = [results.values(s) for s in plot.signals]
     values = quantity.rows(results.times(), series, options)
-    values = values * scale(quantity.unit or results.attribute(plot["signals"][0], "unit"), unit)
+    values = values * scale(quantity.unit or results.attribute(plot.signals[0], "unit"), unit)
     times = results.times()[: len(values)]
     # a name of the scenario's that is empty leaves its element out; a quantity may have no name
-    names = enumerate(plot.get("components", quantity.names))
-    return [Line(n, times, values[:, i]) for i, n in names if n or "components" not in plot]
+    names = enumerate(plot.components or quantity.names)
+    return [Line(n, times, values[:, i]) for i, n in names if n or not plot.components]
 
 
-def _lines(plot: dict[str, Any], results: Results, signal: str, unit: str) -> list[Line]:
+def _lines(plot: Plot, results: Results, signal: str, unit: str) -> list[Line]:
     """The lines of a signal: one an element, or its size."""
     values = results.values(signal).astype(float) * scale(results.attribute(signal, "unit"), unit)
     times = results.times(signal)
     stepped = results.attribute(signal, "class") == "interval"
-    prefix = "" if len(plot["signals"]) == 1 else signal.partition(".")[2]
+    prefix = "" if len(plot.signals) == 1 else signal.partition(".")[2]
     if values.ndim == 1:
         return [Line(prefix, times, values, stepped)]
-    if plot.get("norm"):
+    if plot.norm:
         return [Line(prefix, times, np.linalg.norm(values, axis=1), stepped)]
     # an element without a name is not shown (a wheel that is not there)
-    names = plot.get("components") or [str(i + 1) for i in range(values.shape[1])]
+    names = plot.components or [str(i + 1) for i in range(values.shape[1])]
     return [
         Line(f"{prefix} {name}".strip(), times, values[:, i], stepped)
         for i, name in enumerate(names)
@@ -198,21 +199,20 @@ def _lines(plot: dict[str, Any], results: Results, signal: str, unit: str) -> li
 
 
 def limits_of(
-    plot: dict[str, Any], parameters: dict[str, Any], unit: str
+    given: Iterable[LimitLine], parameters: dict[str, Any], unit: str
 ) -> list[tuple[str, float, bool]]:
     """(name, value, filled) of the limit lines, or bands about zero: products of parameters, or
     numbers, that hold in this run."""
     limits = []
-    for entry in plot.get("limits", []):
-        spec = entry if isinstance(entry, dict) else {"value": entry}
-        if any(_parameter(parameters, k) == v for k, v in spec.get("unless", {}).items()):
+    for limit in given:
+        if any(_parameter(parameters, k) == v for k, v in limit.unless.items()):
             continue
-        value, name = spec["value"], "limit"
+        value, name = limit.value, "limit"
         if isinstance(value, str):
             name = value.partition("[")[0]
             value, own = product(value, parameters)
-            value *= factor(own, unit, f'of "{spec["value"]}"')
-        limits.append((spec.get("name", name), float(value), bool(spec.get("fill"))))
+            value *= factor(own, unit, f'of "{limit.value}"')
+        limits.append((limit.name or name, float(value), limit.fill))
     return limits
 
 

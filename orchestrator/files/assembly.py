@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from ..system.draft import Draft, DraftComponent, adopt_shared, drop_unwanted
 from ..system.errors import DesatError
@@ -15,56 +15,61 @@ from ..system.parameters import parse_assignment
 from . import craft, library, paths, ssp
 from .merge import Keys
 
+if TYPE_CHECKING:
+    from ..language.content import Content
+
+_J2000 = datetime(2000, 1, 1, 12, tzinfo=UTC)
+
 
 def draft(
-    data: dict[str, Any], parameters: dict[str, Any], folder: Path, where: str, blocks: bool,
+    content: Content, parameters: dict[str, Any], folder: Path, where: str, blocks: bool,
     given: Callable[[Keys], tuple[str, str]],
 ) -> Draft:  # fmt: skip
-    """The system of a scenario's data, with interfaces, and what is wrong with it (schema, missing
+    """The system of a scenario, with interfaces, and what is wrong with it (schema, missing
     FMUs, parameters). `parameters`: a table a component; `folder`: where craft, SSD and FMUs are;
-    `where`: the scenario's file, for messages; `given`: file and key where a value of the data was
+    `where`: the scenario's file, for messages; `given`: file and key where a value of it was
     given. Raises DesatError for a component that there is not.
     """
-    made = _wired(data, folder, where, given)
+    made = _wired(content, folder, where, given)
     for key in ("start", "stop", "step"):
-        if key in data:
-            setattr(made, key, float(data[key]))
+        if (value := getattr(content, key)) is not None:
+            setattr(made, key, value)
             made.given[key] = ": ".join(given((key,)))
-    made.inner = data.get("inner", made.inner)
-    made.accuracy = float(data.get("accuracy", made.accuracy))
-    for output, of in data.get("output_classes", {}).items():
+    made.inner = content.inner or made.inner
+    made.accuracy = content.accuracy or made.accuracy
+    for output, of in content.output_classes.items():
         made.output_classes[output] = of
         made.given[output] = ": ".join(given(("output_classes", output)))
-    _place(made, data.get("sources", {}), folder, where, given)
-    for name, decimation in data.get("decimation", {}).items():
-        made.component(name, f"{where}: decimation").decimation = int(decimation)
+    _place(made, content.sources, folder, where, given)
+    for name, decimation in content.decimation.items():
+        made.component(name, f"{where}: decimation").decimation = decimation
     library.load_interfaces(made, blocks)
-    for name in data.get("sources", {}):
+    for name in content.sources:
         drop_unwanted(made, made.components[name])
-    for name, value in data.get("shared", {}).items():
+    for name, value in content.shared.items():
         made.share(name, value, *given(("shared", name)))
-    if "epoch" in data:
-        made.share("epoch_j2000", _epoch(data["epoch"], where), *given(("epoch",)))
+    if content.epoch is not None:
+        made.share("epoch_j2000", (content.epoch - _J2000).total_seconds(), *given(("epoch",)))
     for name, values in parameters.items():
         component = made.component(name, f"{where}: parameters")
         for parameter, value in values.items():
             at = given(("parameters", name, parameter))
             made.try_to_assign(component, parameter, value, *at)
-    for name in data.get("sources", {}):
+    for name in content.sources:
         adopt_shared(made, made.components[name])
     return made
 
 
 def _wired(
-    data: dict[str, Any], folder: Path, where: str, given: Callable[[Keys], tuple[str, str]]
+    content: Content, folder: Path, where: str, given: Callable[[Keys], tuple[str, str]]
 ) -> Draft:  # fmt: skip
     """The system of a scenario's craft file or SSD."""
-    if "ssd" in data:
-        if "craft" in data:
+    if content.ssd:
+        if content.craft:
             raise DesatError(f"{where}: craft and ssd: only one of them can say what is wired")
-        return ssp.read(_named(folder, data, "ssd", given))
-    if "craft" in data:
-        return craft.read(_named(folder, data, "craft", given))
+        return ssp.read(_named(folder, content.ssd, "ssd", given))
+    if content.craft:
+        return craft.read(_named(folder, content.craft, "craft", given))
     for name, read in ((craft.FILE, craft.read), (ssp.FILE, ssp.read)):
         if (folder / name).exists():
             return read(folder / name)
@@ -73,13 +78,13 @@ def _wired(
 
 
 def _named(
-    folder: Path, data: dict[str, Any], key: str, given: Callable[[Keys], tuple[str, str]]
+    folder: Path, name: str, key: str, given: Callable[[Keys], tuple[str, str]]
 ) -> Path:  # fmt: skip
     """The file that a scenario names. Raises DesatError where it is not there."""
-    file: Path = folder / data[key]
+    file = folder / name
     if not file.exists():
         at = ": ".join(given((key,)))
-        raise DesatError(f"{at} = {data[key]!r}: no such file in {paths.shown(folder)}")
+        raise DesatError(f"{at} = {name!r}: no such file in {paths.shown(folder)}")
     return file
 
 
@@ -96,13 +101,6 @@ def _place(
         component.fmu = library.find(component.source, folder)
         if ours and component.fmu is None:
             component.fmu = library.built(component.source)
-
-
-def _epoch(value: Any, where: str) -> float:
-    """Seconds from 2000-01-01T12:00:00 UTC to a TOML date-time."""
-    if not isinstance(value, datetime) or value.tzinfo is None:
-        raise DesatError(f"{where}: epoch = {value}: a UTC time is needed, 2026-01-01T00:00:00Z")
-    return (value - datetime(2000, 1, 1, 12, tzinfo=UTC)).total_seconds()
 
 
 # --- The options of a run applied to a draft: times, values, other FMUs in components' places ---

@@ -124,7 +124,7 @@ class _Reader:
         if not isinstance(self.data.get("title", ""), str):
             self.problem("title", f" = {self.data['title']!r}: a text is needed")
         elif "title" in self.data:
-            self.result.about["title"] = self.data["title"]
+            self.result.title = self.data["title"]
         stop = self.data.get("stop")
         if isinstance(stop, (int, float)) and not isinstance(stop, bool):
             self.result.stop = float(stop)

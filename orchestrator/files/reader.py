@@ -2,71 +2,107 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterator
 from functools import lru_cache
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar, get_args, get_origin
 
 from pydantic import ValidationError
 
-from ..language import paper, scenario
+from ..language import scenario
+from ..language.content import KEYS, OWN, Content, data_of
 from ..language.kinds import Table
 from ..system.errors import DesatError, nearest
 from . import paths
-from .io import parsed, text
+from .io import contents, parsed, text
 from .merge import Keys
 
+T = TypeVar("T", bound=Table)
 NEEDED = {
     "float_type": "a number", "int_type": "a whole number", "string_type": "a text",
-    "bool_type": "true or false", "list_type": "a list", "dict_type": "a table",
+    "bool_type": "true or false", "tuple_type": "a list", "dict_type": "a table",
     "model_type": "a table", "datetime_type": "a UTC time, 2026-01-01T00:00:00Z,",
     "finite_number": "a finite number",
 }  # fmt: skip
 _KINDS = {"<table>": "a table", "<list>": "a list", "<text>": "a text", "<number>": "a number"}
 
 
-def problems(data: dict[str, Any], part: bool) -> Iterator[tuple[Keys, str]]:
-    """What is wrong with the data of a file (`part`: others may complete it) or, whole, with the
-    merged data of a scenario."""
-    model = scenario.ScenarioFile if part else scenario.Scenario
-    for path, error in _errors(model, data):
-        if error["type"] == "extra_forbidden":
-            yield path, f"unknown key{nearest(path[-1], keys(table_of(path[:-1], part)))}"
-        elif not (part and error["type"] == "incomplete"):
-            yield path, _text(error)
+class WrongError(Exception):
+    """Data that are not in the language: path, and what is wrong there in one line, of each."""
+
+    def __init__(self, problems: list[tuple[Keys, str]]) -> None:
+        super().__init__(problems)
+        self.problems = problems
 
 
-def design(file: Path) -> dict[str, Any]:
-    """The data of a design's file, not to be changed. Raises DesatError, a line a problem."""
+def read(model: type[T], data: dict[str, Any], part: bool = False) -> T | None:
+    """The object of data; of a `part`, which others may complete, None where it is not whole.
+    Raises WrongError."""
+    try:
+        return model.model_validate(data)
+    except ValidationError as error:
+        wrong = [
+            (tuple(str(p) for p in e["loc"] if not str(p).startswith("<")), dict(e))
+            for e in error.errors(include_url=False)
+        ]
+    lines = [(p, _text(model, p, e)) for p, e in wrong if not (part and e["type"] == "incomplete")]
+    if lines:
+        raise WrongError(lines)
+    return None
+
+
+def whole(model: type[T], data: dict[str, Any]) -> T:
+    """The object of data that nothing completes. Raises WrongError."""
+    made = read(model, data)
+    assert made is not None
+    return made
+
+
+def design(file: Path) -> scenario.DesignFile:
+    """A design's file. Raises DesatError, a line a problem."""
     where = paths.shown(file)
     return _design(text(file, where), where)
 
 
 @lru_cache(maxsize=32)
-def _design(source: str, where: str) -> dict[str, Any]:
-    """The data of a design's text: long tables, which many cells of a scenario share."""
-    data, lines = parsed(source, where), []
-    for path, error in _errors(scenario.DesignFile, data):
-        said = _text(error)
-        if error["type"] == "extra_forbidden":
-            said = f"unknown key{nearest(path[-1], keys(scenario.DesignFile))}"
-        lines.append(": ".join([where, *([".".join(path)] if path else []), said]))
-    if lines:
-        raise DesatError("\n".join(lines))
-    return data
-
-
-def _errors(model: type[Table], data: dict[str, Any]) -> Iterator[tuple[Keys, dict[str, Any]]]:
-    """Path and pydantic's error of each thing that is wrong with the data of a table."""
+def _design(source: str, where: str) -> scenario.DesignFile:
+    """A design's text: long tables, which many cells of a scenario share."""
     try:
-        model.model_validate(data)
-    except ValidationError as error:
-        for e in error.errors(include_url=False):
-            yield tuple(str(p) for p in e["loc"] if not str(p).startswith("<")), dict(e)
+        return whole(scenario.DesignFile, parsed(source, where))
+    except WrongError as wrong:
+        lines = (": ".join([where, *([".".join(p)] if p else []), t]) for p, t in wrong.problems)
+        raise DesatError("\n".join(lines)) from wrong
 
 
-def _text(error: dict[str, Any]) -> str:
+def travelled(path: Path, where: str) -> Content:
+    """What of a scenario travelled in a file of an .ssp, which messages call `where`.
+
+    Raises DesatError, a line a problem, for what is no JSON or not in the scenario language.
+    """
+    try:
+        about = json.loads(contents(path, where).decode("utf-8"))
+    except (ValueError, RecursionError) as error:
+        raise DesatError(f"{where}: not JSON in UTF-8 ({error})") from error
+    known = (*OWN, *KEYS)
+    if not isinstance(about, dict):
+        wrong = ["a table is needed"]
+    else:
+        wrong = [f"{k}: unknown key{nearest(k, known)}" for k in about if k not in known]
+        if not isinstance(about.get("plots", []), list):
+            wrong.append("plots: a list is needed")
+    if not wrong:
+        try:
+            return whole(Content, data_of(about)).travelled(about)
+        except WrongError as error:
+            wrong = [f"{'.'.join(p)}: {t}" for p, t in error.problems]
+    raise DesatError("\n".join(f"{where}: {text}" for text in wrong))
+
+
+def _text(model: type[Table], path: Keys, error: dict[str, Any]) -> str:
     kind, context = error["type"], error.get("ctx", {})
+    if kind == "extra_forbidden":
+        return f"unknown key{nearest(path[-1], keys(table_at(model, path[:-1]) or model))}"
     if kind == "incomplete":
         return str(context["text"])
     got = repr(error["input"])
@@ -92,67 +128,31 @@ def keys(table: type[Table]) -> list[str]:
     return [field.alias or name for name, field in table.model_fields.items()]
 
 
-def table_of(path: Keys, part: bool = True) -> type[Table]:
-    """The table of the language that stands at a path of a scenario."""
-    if path[:1] == ("axes",):
-        return table_of(path[3:], False) if path[3:] else scenario.Cell
-    if not path:
-        return scenario.ScenarioFile if part else scenario.Scenario
-    inner: dict[str, type[Table]] = {
-        "limits": scenario.LimitLine, "tolerance": paper.OfNumber,
-        "tuned": paper.Tuning, "in_sample": paper.Tuning,
-        "share": paper.ShareOfDraws,
-    }  # fmt: skip
-    outer: dict[str, type[Table]] = {
-        "numbers": scenario.Number, "plots": scenario.Plot, "paper": paper.PaperRow,
-        "dispersions": scenario.Dispersion, "design": scenario.Design,
-        "stop_when": scenario.StopWhen, "requirements": scenario.Requirement,
-    }  # fmt: skip
-    return inner.get(path[2], outer[path[0]]) if len(path) > 2 else outer[path[0]]
+def table_at(kind: Any, path: Keys) -> type[Table] | None:
+    """The table of the language at a path of one, or of another type of a key."""
+    if isinstance(kind, type) and issubclass(kind, Table):
+        if not path:
+            return kind
+        fields = {field.alias or name: field for name, field in kind.model_fields.items()}
+        return table_at(fields[path[0]].annotation, path[1:]) if path[0] in fields else None
+    inner = get_args(kind)
+    if get_origin(kind) in (dict, tuple):
+        return table_at(inner[-1 if get_origin(kind) is dict else 0], path[1:]) if path else None
+    return next((found for x in inner if (found := table_at(x, path))), None)
 
 
-def rows_of_cell(data: dict[str, Any], cell: dict[str, str]) -> None:
-    """Leave of each row of a paper's tables what it says of one cell: of tables by method and of
-    lists with a value for each of `columns` the cell's own; rows of other methods go."""
-    method, case = (cell.get(axis, "") for axis in ("method", "case"))
-    for name, row in list(data.get("paper", {}).items()):
-        values = row.get("values")
-        mine = "not_judged" in row or not isinstance(values, dict) or method in values
-        if not mine or method not in row.get("only", [method]):
-            del data["paper"][name]
-            continue
-        columns = row.get("columns")
-        for key in ("values", "tolerance", "remark", "tuned", "in_sample"):
-            said = row.get(key)
-            if isinstance(said, dict):
-                said = said.get(method)
-            if isinstance(said, dict) and "cases" in said:
-                said = said["what"] if case.startswith(tuple(said["cases"])) else None
-            band = key == "tolerance" and all(isinstance(x, (int, float)) for x in said or ())
-            if isinstance(said, list) and columns is not None and not band:
-                said = said[columns.index(case)]
-            row |= {key: said}
-            if said is None:
-                del row[key]
-        for key in {"columns", "only"} & row.keys():
-            del row[key]
-
-
-def paper_problems(
-    data: dict[str, Any], cell: dict[str, str], axes: dict[str, Any]
-) -> Iterator[tuple[Keys, str]]:
+def paper_problems(content: Content, axes: dict[str, Any]) -> Iterator[tuple[Keys, str]]:
     """What rows of a paper's tables say of methods and cases that there are not."""
-    methods = axes.get("method", {})
-    for name, row in data.get("paper", {}).items():
+    methods, case = axes.get("method", {}), content.cell.get("case", "")
+    for name, row in content.paper.items():
         for key in ("values", "tolerance", "tuned", "in_sample", "remark", "only"):
-            given = row.get(key)
-            if not isinstance(given, dict if key != "only" else list):
+            given = getattr(row, key)
+            if not isinstance(given, dict if key != "only" else tuple):
                 continue
             for method in given:
                 if method not in methods:
                     text = f"no value {method} of the axis method{nearest(method, methods)}"
                     yield ("paper", name, key, *([method] if key != "only" else [])), text
-        columns = row.get("columns")
-        if columns is not None and cell.get("case", "") not in columns:
-            text = f"no column {cell.get('case', '')}, a value of the axis case"
-            yield ("paper", name, "columns"), f"{text}{nearest(cell.get('case', ''), columns)}"
+        if row.columns and case not in row.columns:
+            text = f"no column {case}, a value of the axis case{nearest(case, row.columns)}"
+            yield ("paper", name, "columns"), text

@@ -25,6 +25,7 @@ from .io import toml
 from .merge import Origins, copy, fill, leave_out, merge, origin
 
 if TYPE_CHECKING:
+    from ..language.content import Content
     from ..system.draft import Draft
 
 ROOT = paths.SCENARIOS
@@ -32,19 +33,24 @@ ROOT = paths.SCENARIOS
 
 @dataclass(frozen=True)
 class Scenario:
-    """One scenario: its name `family/name`, its file, and its merged data."""
+    """One scenario: what it says, and where that stands."""
 
-    name: str
+    content: Content
     file: Path
-    data: dict[str, Any]
-    cell: dict[str, str]
-    """The value of each axis, where the file has axes."""
     folder: Path
     """Where its craft file or SSD and FMUs of its own are looked for."""
     origins: Origins = field(default_factory=dict, repr=False, compare=False)
     """Where each value was given: path -> file and cell."""
-    rows: dict[str, Any] = field(default_factory=dict, repr=False, compare=False)
-    """Rows of a paper's tables as its file has them, for all cells; `data` has those of its own."""
+
+    @property
+    def name(self) -> str:
+        """Its name, `family/name`."""
+        return self.content.name
+
+    @property
+    def cell(self) -> dict[str, str]:
+        """The value of each axis, where the file has axes."""
+        return self.content.cell
 
     def where(self, path: tuple[str, ...]) -> str:
         """File and path of a value, for messages."""
@@ -52,12 +58,12 @@ class Scenario:
 
     def given(self, path: tuple[str, ...]) -> tuple[str, str]:
         """File and key that give a value; of a parameter that its data do not have, its design."""
-        (file, cell), own = origin(self.origins, path), self.data
+        own: Any = self.content.written
         for key in path:
             own = own.get(key, {}) if isinstance(own, dict) else {}
         if own == {} and path[0] == "parameters" and self.design is not None:
-            file, cell = paths.shown(self.design), ""
-        return file or paths.shown(self.file), f"{cell}{'.'.join(path)}"
+            return paths.shown(self.design), ".".join(path)
+        return _given(self.origins, path, paths.shown(self.file))
 
     @property
     def family(self) -> str:
@@ -67,17 +73,23 @@ class Scenario:
     @property
     def twin(self) -> str | None:
         """The full name of its twin."""
-        twin = self.data.get("twin")
-        return f"{self.family}/{twin}" if twin and f"{self.family}/{twin}" != self.name else None
+        twin = f"{self.family}/{self.content.twin}"
+        return twin if self.content.twin and twin != self.name else None
 
     @property
     def design(self) -> Path | None:
         """The file with its design, where it has a [design]; `of` names the scenario that has it
         made."""
-        if "design" not in self.data:
+        if self.content.design is None:
             return None
-        name = self.data["design"].get("of", self.name.partition("/")[2])
+        name = self.content.design.of or self.name.partition("/")[2]
         return ROOT / self.family / "design" / f"{name}.toml"
+
+    @property
+    def each_draw(self) -> dict[str, Any] | None:
+        """What it says of its design, where that is made anew for the values of each draw."""
+        design = self.content.design
+        return design.written if design and design.each_draw else None
 
     def parameters(self, designed: bool = True) -> dict[str, Any]:
         """Its [parameters], with those of its design below. Raises DesatError where it has none."""
@@ -88,19 +100,18 @@ class Scenario:
                 raise DesatError(f"{self.name} has no design yet; run `desat design {name}`")
             from .reader import design
 
-            merged = copy(design(self.design)["parameters"])
-        merge(merged, self.data.get("parameters", {}), {}, ("", ""))
+            merged = copy(design(self.design).parameters)
+        merge(merged, self.content.parameters, {}, ("", ""))
         return merged
 
     def draft(self, blocks: bool = False, designed: bool = True) -> Draft:
         """The system that it describes, and what is wrong with it so far; `designed` False leaves
         its design out."""
-        from . import about, assembly
+        from . import assembly
 
         where, parameters = paths.shown(self.file), self.parameters(designed)
-        draft = assembly.draft(self.data, parameters, self.folder, where, blocks, self.given)
-        draft.name = self.name
-        draft.about = {"name": self.name, **about.of(self.data), "cell": self.cell}
+        draft = assembly.draft(self.content, parameters, self.folder, where, blocks, self.given)
+        draft.name, draft.about = self.name, self.content
         return draft
 
 
@@ -143,7 +154,7 @@ def survey(family: str) -> tuple[dict[str, Scenario], dict[str, str]]:
     known = {name.partition("/")[2] for name in good}
     wrong: dict[str, str] = {}
     for scenario in good.values():
-        for path, other in _others(scenario.data):
+        for path, other in _others(scenario.content):
             unread = any(f"{other}-".startswith(f"{stem}-") for stem in broken)
             if other not in known and not unread:
                 text = f"{scenario.where(path)}: no scenario {other}{nearest(other, known)}"
@@ -166,15 +177,16 @@ def _of_its_file(name: str) -> Scenario | None:
     return made[0] if len(made) == 1 else None
 
 
-def _others(data: dict[str, Any]) -> Iterator[tuple[tuple[str, ...], str]]:
+def _others(content: Content) -> Iterator[tuple[tuple[str, ...], str]]:
     """Path and name of the other scenarios that one names."""
-    if "twin" in data:
-        yield ("twin",), data["twin"]
-    for key in {"of", "end_of"} & data.get("design", {}).keys():
-        yield ("design", key), data["design"][key]
-    for name, number in data.get("numbers", {}).items():
-        if "reference" in number:
-            yield ("numbers", name, "reference"), number["reference"]
+    if content.twin:
+        yield ("twin",), content.twin
+    for key in ("of", "end_of"):
+        if name := getattr(content.design, key, ""):
+            yield ("design", key), name
+    for name, number in content.numbers.items():
+        if number.reference:
+            yield ("numbers", name, "reference"), number.reference
 
 
 def readable(family: str | None = None) -> tuple[dict[str, Scenario], list[str]]:
@@ -212,7 +224,7 @@ def find(name: str) -> Scenario:
     its file."""
     family, _, rest = name.partition("/")
     if (scenario := _of_its_file(name)) is not None and all(
-        _of_its_file(f"{family}/{other}") for _, other in _others(scenario.data)
+        _of_its_file(f"{family}/{other}") for _, other in _others(scenario.content)
     ):
         return scenario
     known, _ = readable(family if family in families() else None)
@@ -239,8 +251,8 @@ def own(file: Path) -> Scenario:
         what = "is abstract" if not made else f"has axes, and so is {len(made)} scenarios"
         raise DesatError(f"{where}: it {what}; one scenario is needed")
     (scenario,) = made
-    wiring = [scenario.data[k] for k in ("ssd", "craft") if k in scenario.data]
-    beside = (file.parent / (wiring or ["SystemStructure.ssd"])[0]).is_file()
+    wiring = scenario.content.ssd or scenario.content.craft
+    beside = (file.parent / (wiring or "SystemStructure.ssd")).is_file()
     own_craft = not wiring and (file.parent / "craft.toml").is_file()
     ours = "/" in scenario.name and not beside and not own_craft
     return scenario if ours else replace(scenario, folder=file.parent)
@@ -251,12 +263,16 @@ def own(file: Path) -> Scenario:
 
 def load(file: Path, origins: Origins, seen: tuple[Path, ...] = ()) -> dict[str, Any]:
     """The data of a file merged over that of its bases. Raises DesatError, a line a problem."""
-    from .reader import problems  # pydantic, only where a scenario is read
+    from ..language.scenario import ScenarioFile  # pydantic, only where a scenario is read
+    from .reader import WrongError, read
 
     where = paths.shown(file)
     data = toml(file)
-    if wrong := [f"{where}: {'.'.join(p)}: {text}" for p, text in problems(data, part=True)]:
-        raise DesatError("\n".join(wrong))
+    try:
+        read(ScenarioFile, data, part=True)
+    except WrongError as wrong:
+        lines = [f"{where}: {'.'.join(p)}: {text}" for p, text in wrong.problems]
+        raise DesatError("\n".join(lines)) from wrong
     bases = data.pop("extends", [])
     if file in seen:
         chain = " -> ".join(f.stem for f in (*seen[seen.index(file) :], file))
@@ -290,8 +306,7 @@ def _ours(name: str, where: str, origins: Origins, seen: tuple[Path, ...]) -> di
             scenario = find(name)
         except DesatError as error:
             raise DesatError(f"{where}: extends: {error}") from error
-        data = copy(scenario.data)
-        data.pop("labels", None)
+        data = copy(scenario.content.data)
         origins.update(scenario.origins)
     if "design" in data:  # it stays that of the scenario that it was made for
         data["design"].setdefault("of", stem)
@@ -316,25 +331,34 @@ def _read(file: Path, family: str) -> list[Scenario]:
             partial.pop("label", None)
             leave_out(merged, partial, origins, where)
             merge(merged, partial, origins, (where, f"axes.{axis}.{value}."))
+        if abstract:
+            continue
         labels = {axis: axes[axis][value].get("label", value) for axis, value in cell.items()}
         texts = {k: fill(merged[k], labels) for k in ("title", "story") if k in merged}
         name = f"{home}/" * bool(home) + "-".join([file.stem, *cell.values()])
-        whole = fill(merged, cell) | texts
-        rows = copy(whole.get("paper", {}))
-        scenario = Scenario(name, file, whole, cell, ROOT / home, origins, rows)
-        if not abstract:
-            _settle(scenario, axes)
-        scenario.data["labels"] = labels
-        cells.append(scenario)
-    return [] if abstract else cells
+        said = {**fill(merged, cell), **texts, "name": name, "cell": cell, "labels": labels}
+        cells.append(Scenario(_content(said, axes, origins, where), file, ROOT / home, origins))
+    return cells
 
 
-def _settle(scenario: Scenario, axes: dict[str, Any]) -> None:
-    """Raise DesatError with what is wrong with the merged data of a scenario; of a paper's rows,
-    keep those of its cell."""
-    from .reader import paper_problems, problems, rows_of_cell
+def _content(
+    said: dict[str, Any], axes: dict[str, Any], origins: Origins, where: str
+) -> Content:  # fmt: skip
+    """What a scenario says, merged. Raises DesatError, a line a problem, with what is wrong."""
+    from ..language.content import Content
+    from .reader import WrongError, paper_problems, whole
 
-    wrong = [*problems(scenario.data, part=False)]
-    if wrong := wrong or [*paper_problems(scenario.data, scenario.cell, axes)]:
-        raise DesatError("\n".join(f"{scenario.where(p)}: {text}" for p, text in wrong))
-    rows_of_cell(scenario.data, scenario.cell)
+    try:
+        content = whole(Content, said)
+        if wrong := list(paper_problems(content, axes)):
+            raise WrongError(wrong)
+    except WrongError as error:
+        lines = [f"{': '.join(_given(origins, p, where))}: {t}" for p, t in error.problems]
+        raise DesatError("\n".join(lines)) from error
+    return content
+
+
+def _given(origins: Origins, path: tuple[str, ...], where: str) -> tuple[str, str]:
+    """File, or `where` nothing was given, and key that give a value."""
+    file, cell = origin(origins, path)
+    return file or where, f"{cell}{'.'.join(path)}"

@@ -18,7 +18,7 @@ from ..system.errors import DesatError
 from ..system.expression import unit_of
 from ..system.interface import base_name
 from ..system.model import Connection, Connector
-from . import about, library
+from . import library
 from .io import contents, inside, regular
 from .xml import parse_bytes, validate
 
@@ -50,10 +50,12 @@ def read(path: Path) -> Draft:
     draft = reader.system()
     file = inside(folder, ABOUT)
     if file.exists():
-        draft.about = about.read(file, f"{where}{ABOUT}")
-        draft.output_classes.update(draft.about.get("output_classes", {}))
-        draft.inner = draft.about.get("inner", 1)  # what says none was packed before it was said
-        draft.accuracy = float(draft.about.get("accuracy", draft.accuracy))
+        from .reader import travelled  # pydantic, only where there is something to check
+
+        draft.about = content = travelled(file, f"{where}{ABOUT}")
+        draft.output_classes.update(content.output_classes)
+        draft.inner = content.inner or 1  # what says none was packed before it was said
+        draft.accuracy = content.accuracy or draft.accuracy
     draft.problems = reader.problems
     return draft
 

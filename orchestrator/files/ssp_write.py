@@ -116,8 +116,9 @@ def pack(system: System, target: Path, fmus: str = "python") -> None:
     _annotate_for_omsimulator(top, system)
     _default_experiment(root, system)
     members[FILE] = _text(root)
-    if system.about or system.parts > 1:
-        about = {**system.about, "inner": system.inner}
+    told = system.about.as_json() if system.about else {}
+    if told or system.parts > 1:
+        about = {**told, "inner": system.inner}
         members[ABOUT] = json.dumps(about, indent=1, sort_keys=True).encode()
     _write_archive(members, target)
 
@@ -220,7 +221,7 @@ def text(path: Path) -> str:
     Raises DesatError with everything that is wrong with the file.
     """
     draft = craft.read(path)
-    name, title = quoteattr(draft.name), draft.about.get("title", "")
+    name, title = quoteattr(draft.name), draft.title
     about = f" description={quoteattr(title)}" if title else ""
     lines = [
         '<?xml version="1.0" encoding="UTF-8"?>',

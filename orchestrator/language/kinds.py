@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from datetime import datetime
 from math import inf, isfinite
-from typing import Annotated, Any, ClassVar, Self
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Optional, Self, TypeVar
 
 from pydantic import (
     AfterValidator,
@@ -14,6 +15,8 @@ from pydantic import (
     Discriminator,
     Field,
     FiniteFloat,
+    ModelWrapValidatorHandler,
+    PrivateAttr,
     Tag,
     model_validator,
 )
@@ -72,23 +75,41 @@ def either(**kinds: Any) -> Any:
     return Annotated[union, Discriminator(by_kind)]
 
 
-def _spread(given: list[float]) -> list[float]:
+def _spread(given: Sequence[float]) -> Sequence[float]:
     if given[1] < 0.0:
         raise ValueError(f"the deviation is {given[1]:g}; at least 0 is needed")
     return given
 
 
+T = TypeVar("T")
 Text = Annotated[str, AfterValidator(_one_line)]
 Unit = Annotated[str, AfterValidator(_known_unit)]
 Value = Annotated[Any, AfterValidator(_a_value)]
-Band = Annotated[list[FiniteFloat], Field(min_length=2, max_length=2)]
+Many = Annotated[tuple[T, ...], Field(strict=False)]
+"""A list, kept as a tuple."""
+Band = Annotated[Many[FiniteFloat], Field(min_length=2, max_length=2)]
 MeanAndDeviation = Annotated[Band, AfterValidator(_spread)]
-Three = Annotated[list[FiniteFloat], Field(min_length=3, max_length=3)]
-NumberOrText = either(number=FiniteFloat, text=Text)
-TextOrTexts = either(text=Text, list=Annotated[list[Text], Field(min_length=1)])
+Three = Annotated[Many[FiniteFloat], Field(min_length=3, max_length=3)]
+if TYPE_CHECKING:
+    Maybe = Optional[T]  # noqa: UP045
+    NumberOrText = float | str
+    TextOrTexts = tuple[str, ...]
+else:
+
+    class Maybe:
+        """What may be left out, and is None then; nobody can write that."""
+
+        def __class_getitem__(cls, kind: Any) -> Any:
+            return kind
+
+    NumberOrText = either(number=FiniteFloat, text=Text)
+    TextOrTexts = Annotated[
+        either(text=Text, list=Annotated[Many[Text], Field(min_length=1)]),
+        AfterValidator(lambda x: (x,) if isinstance(x, str) else x),
+    ]
 
 
-def ordered(band: list[float]) -> list[float]:
+def ordered(band: Sequence[float]) -> Sequence[float]:
     if band[0] > band[1]:
         raise ValueError(f"the first, {band[0]:g}, is above the second, {band[1]:g}")
     if not isfinite(band[1] - band[0]):
@@ -103,7 +124,7 @@ def width(text: str) -> str:
     return text
 
 
-def bounds(band: list[float]) -> list[float]:
+def bounds(band: Sequence[float]) -> Sequence[float]:
     """As `ordered`, or open at one end: -inf first, or inf second."""
     low, high = band
     if (low == -inf and isfinite(high)) or (isfinite(low) and high == inf):
@@ -113,7 +134,7 @@ def bounds(band: list[float]) -> list[float]:
 
 Range = Annotated[Band, AfterValidator(ordered)]
 Bounds = Annotated[
-    Annotated[list[float], Field(min_length=2, max_length=2)], AfterValidator(bounds)
+    Annotated[Many[float], Field(min_length=2, max_length=2)], AfterValidator(bounds)
 ]
 
 
@@ -123,11 +144,26 @@ def incomplete(text: str) -> PydanticCustomError:
 
 
 class Table(BaseModel):
-    """A table of the language: no other keys, no conversions between types."""
+    """A table of the language: no other keys, no conversions between types; nothing of it changes.
+    What is left out has its default: "", () and {} where nobody can write that, None elsewhere."""
 
-    model_config = ConfigDict(extra="forbid", strict=True, defer_build=True)
+    model_config = ConfigDict(extra="forbid", strict=True, frozen=True, defer_build=True)
     NEEDED: ClassVar[tuple[str, ...]] = ()
     """Keys that a whole table has; a part, which others complete, may leave them out."""
+    _written: dict[str, Any] = PrivateAttr(default_factory=dict)
+
+    @property
+    def written(self) -> dict[str, Any]:
+        """The table as it was written, for JSON and digests; not to be changed."""
+        return self._written
+
+    @model_validator(mode="wrap")
+    @classmethod
+    def _keep(cls, data: Any, read: ModelWrapValidatorHandler[Self]) -> Self:
+        made = read(data)
+        if made is not data:
+            made._written = data
+        return made
 
     @model_validator(mode="after")
     def _needed(self) -> Self:

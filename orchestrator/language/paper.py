@@ -2,35 +2,36 @@
 
 from __future__ import annotations
 
+from math import inf
 from typing import Annotated, Any, Self
 
-from pydantic import AfterValidator, Discriminator, Field, FiniteFloat, Tag, model_validator
+from pydantic import AfterValidator, Discriminator, FiniteFloat, Tag, model_validator
 
-from .kinds import Bounds, Table, Text, Unit, by_kind, either, incomplete, key, width
+from .kinds import Bounds, Many, Maybe, Table, Text, Unit, by_kind, either, incomplete, key, width
 
 
 class OfNumber(Table):
     """A band by another number of the run."""
 
     NEEDED = ("of", "from_", "to")
-    of: Text = key("the other number")
-    from_: FiniteFloat = Field(0.0, alias="from", description="least, as a multiple of it")
-    to: FiniteFloat = key("most, as a multiple of it")
+    of: Text = key("the other number", default="")
+    from_: FiniteFloat = key("least, as a multiple of it", default=0.0, alias="from")
+    to: FiniteFloat = key("most, as a multiple of it", default=0.0)
 
 
 class Tuning(Table):
     """What was tuned or chosen, and for which cases."""
 
     NEEDED = ("what", "cases")
-    what: Text = key("what was tuned to the paper, or what the cell had a part in")
-    cases: list[Text] = key("beginnings of the cases' names that this holds for")
+    what: Text = key("what was tuned to the paper, or what the cell had a part in", default="")
+    cases: Many[Text] = key("beginnings of the cases' names that this holds for", default=())
 
 
 class ShareOfDraws(Table):
     """A row that gives the share of the draws whose number is at least, or at most, so much."""
 
-    least: FiniteFloat = key("counted are draws whose number is this or more")
-    most: FiniteFloat = key("counted are draws whose number is this or less")
+    least: FiniteFloat = key("counted are draws whose number is this or more", default=-inf)
+    most: FiniteFloat = key("counted are draws whose number is this or less", default=inf)
 
     @model_validator(mode="after")
     def _one(self) -> Self:
@@ -43,8 +44,14 @@ Width = Annotated[str, AfterValidator(width)]
 _Cell = either(text=Width, table=OfNumber, list=Bounds)
 
 
+def by_number(tolerance: Any) -> bool:
+    """Whether a tolerance, as it is written, is one band by another number, no table by method."""
+    return isinstance(tolerance, dict) and tolerance.keys() == {"of", "from", "to"}
+
+
 def _tolerance(value: Any) -> str:
-    if isinstance(value, list) and value and all(type(x) in (int, float) for x in value):
+    is_list = isinstance(value, (list, tuple))
+    if is_list and value and all(type(x) in (int, float) for x in value):
         return "<band>"
     return by_kind(value)
 
@@ -53,11 +60,15 @@ Tolerances = Annotated[
     Annotated[Width, Tag("<text>")]
     | Annotated[Bounds, Tag("<band>")]
     | Annotated[OfNumber, Tag("<table>")]
-    | Annotated[list[_Cell], Tag("<list>")],  # type: ignore[valid-type]
+    | Annotated[Many[_Cell], Tag("<list>")],  # type: ignore[valid-type]
     Discriminator(_tolerance),
 ]
-Values = either(number=FiniteFloat, list=list[FiniteFloat])
-Remarks = either(text=str, list=list[str])
+_PerMethod: Any = Annotated[
+    Annotated[Tolerances, Tag("<any>")] | Annotated[dict[str, Tolerances], Tag("<methods>")],
+    Discriminator(lambda v: "<methods>" if isinstance(v, dict) and not by_number(v) else "<any>"),
+]
+Values = either(number=FiniteFloat, list=Many[FiniteFloat])
+Remarks = either(text=str, list=Many[str])
 
 
 class PaperRow(Table):
@@ -65,41 +76,47 @@ class PaperRow(Table):
     for all, or are tables by method, of one for each of `columns`."""
 
     NEEDED = ("table", "quantity", "unit")
-    table: Text = key("the paper's table, such as 2, or a heading")
-    quantity: Text = key("what the row gives, and the number of that name, where `number` is not")
-    heading: Text = key("the quantity in words, for headings; default: its name without `_`")
-    number: Text = key("which number of the run it is held against; default: quantity")
-    unit: Unit = key("its unit")
-    columns: list[Text] = key("the cases that lists give values for, in this order")
-    values: either(number=FiniteFloat, list=list[FiniteFloat], table=dict[str, Values]) = key(  # type: ignore[valid-type]
+    table: Text = key("the paper's table, such as 2, or a heading", default="")
+    quantity: Text = key(
+        "what the row gives, and the number of that name, where `number` is not", default=""
+    )
+    heading: Text = key(
+        "the quantity in words, for headings; default: its name without `_`", default=""
+    )
+    number: Text = key("which number of the run it is held against; default: quantity", default="")
+    unit: Unit = key("its unit", default="")
+    columns: Many[Text] = key("the cases that lists give values for, in this order", default=())
+    values: either(number=FiniteFloat, list=Many[FiniteFloat], table=dict[str, Values]) = key(  # type: ignore[valid-type]
         "the paper's values, in `unit`; left out: it gives none"
     )
-    tolerance: Annotated[
-        Annotated[Tolerances, Tag("<any>")] | Annotated[dict[str, Tolerances], Tag("<methods>")],
-        Discriminator(lambda v: "<methods>" if isinstance(v, dict) else "<any>"),
-    ] = key('what counts as within: "3 %", "0.02", [low, high] (inf: no bound), { of, from, to }')
-    each: Bounds = key("[low, high] that every draw keeps to")
+    tolerance: _PerMethod = key(
+        'what counts as within: "3 %", "0.02", [low, high] (inf: no bound), { of, from, to }'
+    )
+    each: Maybe[Bounds] = key("[low, high] that every draw keeps to")
     tuned: either(text=Text, table=dict[str, either(text=Text, table=Tuning)]) = key(  # type: ignore[valid-type]
         "what was tuned to this row"
     )
     in_sample: either(text=Text, table=dict[str, either(text=Text, table=Tuning)]) = key(  # type: ignore[valid-type]
         "why it is no test although nothing was tuned to it: what it had a part in, or repeats"
     )
-    definition: Text = key("what is measured, in a sentence; default: the number's own")
-    share: ShareOfDraws = key("the share of draws (%) whose number is within this, with interval")
-    remark: either(text=str, list=list[str], table=dict[str, Remarks]) = key("for a reader")  # type: ignore[valid-type]
-    flag: bool = key("true: 0 and 1 are shown as no and yes")
-    only: list[Text] = key("only for these methods")
-    label: Text = key("stands in the method's place")
-    case: Text = key("stands in the case's place")
+    definition: Text = key("what is measured, in a sentence; default: the number's own", default="")
+    share: Maybe[ShareOfDraws] = key(
+        "the share of draws (%) whose number is within this, with interval"
+    )
+    remark: either(text=str, list=Many[str], table=dict[str, Remarks]) = key("for a reader")  # type: ignore[valid-type]
+    flag: bool = key("true: 0 and 1 are shown as no and yes", default=False)
+    only: Many[Text] = key("only for these methods", default=())
+    label: Text = key("stands in the method's place", default="")
+    case: Text = key("stands in the case's place", default="")
     not_judged: Text = key(
-        "why no run decides what the paper says: the row has no number of ours, and no band"
+        "why no run decides what the paper says: the row has no number of ours, and no band",
+        default="",
     )
 
     @model_validator(mode="after")
     def _undecided(self) -> Self:
         given = {"number", "tolerance", "each", "share", "tuned"} & self.model_fields_set
-        if self.not_judged is not None and given:
+        if self.not_judged and given:
             raise incomplete(f"not_judged, and {', '.join(sorted(given))}: one of the two")
         return self
 
@@ -108,11 +125,11 @@ class PaperRow(Table):
         for name in ("values", "tolerance", "remark"):
             given = getattr(self, name)
             for row in given.values() if isinstance(given, dict) else [given]:
-                if not isinstance(row, list) or (
+                if not isinstance(row, tuple) or (
                     name == "tolerance" and _tolerance(row) == "<band>"
                 ):
                     continue
-                if self.columns is None:
+                if not self.columns:
                     raise incomplete(f"{name} is a list, and there are no columns")
                 if len(row) != len(self.columns):
                     raise incomplete(f"{name}: {len(row)} for {len(self.columns)} columns")

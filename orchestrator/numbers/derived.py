@@ -11,12 +11,15 @@ from __future__ import annotations
 import inspect
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..system.errors import DesatError, nearest
+
+if TYPE_CHECKING:
+    from ..language.scenario import Number, Plot
 
 Array = NDArray[np.float64]
 Derive = Callable[..., Array]
@@ -65,22 +68,19 @@ def quantity(
     return known
 
 
-def of_entry(entry: dict[str, Any]) -> tuple[Quantity, dict[str, Any]] | None:
+def of_entry(entry: Number | Plot) -> tuple[Quantity, dict[str, Any]] | None:
     """What a number or plot derives, and its options; None where it derives nothing. Raises
     DesatError for what there is not, and where it takes other series."""
-    if "derive" not in entry:
+    if not (name := entry.derive):
         return None
-    name = entry["derive"]
     if name not in QUANTITIES:
         raise DesatError(f"no {name}{nearest(name, QUANTITIES)}")
     quantity = QUANTITIES[name]
-    signals = entry.get("signals") or entry.get("signal", [])
-    count = 1 if isinstance(signals, str) else len(signals)
-    if count != len(quantity.series):
+    if len(entry.signals) != len(quantity.series):
         raise DesatError(
             f"{name} takes {len(quantity.series)} signals, {', '.join(quantity.series)}"
         )
-    return quantity, {"sequence": entry["sequence"]} if "sequence" in entry else {}
+    return quantity, {"sequence": entry.sequence} if entry.sequence else {}
 
 
 def takes_parameters(name: str) -> bool:

@@ -66,8 +66,8 @@ def settled(times: Array, good: NDArray[np.bool_]) -> float:
 __all__ = ["LATE", "MEASURES", "OWN_UNIT", "Measure"]
 
 
-SCALARS = (None, "last", "growth_in", "mean_rate")
-"""Measures of one element; None: where none is named, it is the last value."""
+SCALARS = ("last", "growth_in", "mean_rate")
+"""Measures of one element."""
 
 SIZES: dict[str, Callable[[Array], Array]] = {
     "mean": lambda v: np.asarray(np.abs(v).mean(axis=1)),

@@ -7,10 +7,11 @@ from dataclasses import dataclass
 from typing import Any
 
 from ..files.scenario import Scenario
+from ..language.content import Content, Entry
+from ..language.paper import OfNumber
 from ..numbers.measures import LATE
 from ..numbers.numbers import defined, late, ranked, related
 from ..numbers.statistics import clopper_pearson
-from ..runs.validation import numbers_of_rows
 from ..system.errors import DesatError
 
 Numbers = dict[str, Any]
@@ -52,18 +53,18 @@ class Row:
     Clopper-Pearson, 95 %)."""
 
 
-def band_of(entry: dict[str, Any], values: Numbers) -> tuple[float, float] | None:
+def band_of(entry: Entry, values: Numbers) -> tuple[float, float] | None:
     """[low, high] of what counts as within a row's `tolerance`; None where anything does.
 
     `values`: the run's, for a band that is a multiple of another number.
     """
-    tolerance, paper = entry.get("tolerance"), entry.get("values")
-    if isinstance(tolerance, list):
+    tolerance, paper = entry.tolerance, entry.values
+    if isinstance(tolerance, OfNumber):
+        of = values[tolerance.of]
+        return tolerance.from_ * of, tolerance.to * of
+    if isinstance(tolerance, tuple):
         low, high = tolerance
         return float(low), float(high)
-    if isinstance(tolerance, dict):
-        of = values[tolerance["of"]]
-        return tolerance["from"] * of, tolerance["to"] * of
     if not tolerance or paper is None:
         return None
     if tolerance.endswith("%"):
@@ -73,11 +74,13 @@ def band_of(entry: dict[str, Any], values: Numbers) -> tuple[float, float] | Non
     return paper - width, paper + width
 
 
-def _remark(entry: dict[str, Any]) -> str:
+def _remark(entry: Entry) -> str:
     """What a reader should know of a row."""
     words = {"tuned": "tuned: ", "in_sample": "in sample: ", "not_judged": "not judged: ",
              "remark": ""}  # fmt: skip
-    return "; ".join(f"{word}{entry[key]}" for key, word in words.items() if entry.get(key))
+    return "; ".join(
+        f"{word}{text}" for key, word in words.items() if (text := getattr(entry, key))
+    )
 
 
 def rows_of(
@@ -91,37 +94,38 @@ def rows_of(
     share of draws where there are none.
     """
     rows = []
-    for row, name in numbers_of_rows(scenario.data).items():
-        entry = scenario.data["paper"][row]
+    content = scenario.content
+    for row, entry in content.judged.items():
         told: dict[str, Any] | None
-        if "share" in entry:
+        if entry.share is not None:
             if drawn is None:
                 where = scenario.where(("paper", row))
                 raise DesatError(f"{where}: a share of draws, and {scenario.name} has none")
-            values_drawn = values_of(drawn["draws"], name, scenario.data)
-            counts = told = share_of(values_drawn, **entry["share"])
+            values_drawn = values_of(drawn["draws"], entry.of, content)
+            counts = told = share_of(values_drawn, entry.share.least, entry.share.most)
             ours = 100.0 * counts["count"] / counts["n"]
         else:
-            ours = _value(scenario, row, name, values, everything)
-            told = _spread(entry, drawn, name, scenario.data) if drawn else None
-        rows.append(_row(scenario, entry, name, ours, values, told))
-    undecided = (e for e in scenario.data["paper"].values() if "not_judged" in e)
-    return [*rows, *(_row(scenario, e, "", None, values, None) for e in undecided)]
+            ours = _value(scenario, row, entry.of, values, everything)
+            told = _spread(entry, drawn, content) if drawn else None
+        rows.append(_row(scenario, entry, ours, values, told))
+    undecided = (e for e in content.entries.values() if e.not_judged)
+    return [*rows, *(_row(scenario, e, None, values, None) for e in undecided)]
 
 
 def _spread(
-    entry: dict[str, Any], drawn: dict[str, Any], name: str, about: dict[str, Any]
+    entry: Entry, drawn: dict[str, Any], content: Content
 ) -> dict[str, Any] | None:  # fmt: skip
-    if (summary := drawn["summary"].get(name)) is None:
+    if (summary := drawn["summary"].get(entry.of)) is None:
         return None
-    is_time = about["numbers"].get(name, {}).get("measure") in LATE
-    return {**{k: summary[k] for k in ("n", "min", "max")}, "band": entry.get("each"),
+    number = content.numbers.get(entry.of)
+    is_time = number is not None and number.measure in LATE
+    return {**{k: summary[k] for k in ("n", "min", "max")}, "band": entry.each and list(entry.each),
             "not_reached": len(drawn["draws"]) - summary["n"] if is_time else 0}  # fmt: skip
 
 
-def values_of(draws: list[dict[str, Any]], name: str, about: dict[str, Any]) -> list[Any]:
+def values_of(draws: list[dict[str, Any]], name: str, content: Content) -> list[Any]:
     """A number of each draw of a scenario, as `ranked` has it."""
-    return ranked([d["numbers"].get(name) for d in draws], name in late(about))
+    return ranked([d["numbers"].get(name) for d in draws], name in late(content))
 
 
 def share_of(
@@ -134,27 +138,27 @@ def share_of(
 
 
 def _row(
-    scenario: Scenario, entry: dict[str, Any], name: str, ours: float | None, values: Numbers,
+    scenario: Scenario, entry: Entry, ours: float | None, values: Numbers,
     draws: dict[str, Any] | None,
 ) -> Row:  # fmt: skip
-    band, paper = band_of(entry, values), entry.get("values")
+    band, paper = band_of(entry, values), entry.values
     within = None if band is None or ours is None else band[0] <= ours <= band[1]
     if draws is not None and (each := draws.get("band")) is not None:
         reached = draws["min"] is not None and draws["max"] is not None
         within = (
             within is not False and reached and each[0] <= draws["min"] <= draws["max"] <= each[1]
         )
-    tuned, seen = bool(entry.get("tuned")), bool(entry.get("in_sample"))
-    labels = scenario.data["labels"]
+    tuned, seen = bool(entry.tuned), bool(entry.in_sample)
+    labels, number = scenario.content.labels, scenario.content.numbers.get(entry.of)
     in_columns = scenario.cell.keys() & {"method", "case"}
     case = labels.get("case", "") if in_columns else scenario.name.partition("/")[2]
     return Row(
-        table=entry["table"],
-        method=entry.get("label", labels.get("method", "")),
-        case=entry.get("case", case),
-        quantity=entry["quantity"],
-        heading=entry.get("heading", entry["quantity"].replace("_", " ")),
-        unit=entry["unit"],
+        table=entry.table,
+        method=entry.label or labels.get("method", ""),
+        case=entry.case or case,
+        quantity=entry.quantity,
+        heading=entry.heading or entry.quantity.replace("_", " "),
+        unit=entry.unit,
         paper=paper,
         ours=ours,
         band=band,
@@ -162,8 +166,8 @@ def _row(
         paper_within=None if band is None or paper is None else band[0] <= paper <= band[1],
         tuned=tuned,
         out_of_sample=ours is not None and paper is not None and not tuned and not seen,
-        definition=entry.get("definition") or defined(scenario.data["numbers"].get(name)),
-        flag=bool(entry.get("flag")),
+        definition=entry.definition or defined(None if entry.not_judged else number),
+        flag=entry.flag,
         remark=_remark(entry),
         scenario=scenario.name,
         draws=draws,
@@ -194,19 +198,17 @@ def _value(
     scenario: Scenario, row: str, name: str, values: Numbers, everything: dict[str, Numbers]
 ) -> float:  # fmt: skip
     """Our number of a row, from this run or in relation to another."""
-    definition = scenario.data["numbers"].get(name, {})
-    if "reference" in definition and name not in values:
-        other = everything.get(f"{scenario.family}/{definition['reference']}")
+    number = scenario.content.numbers.get(name)
+    if number is not None and number.reference and name not in values:
+        other = everything.get(f"{scenario.family}/{number.reference}")
         if other is None:
-            text = f"{scenario.name}: {name} refers to {definition['reference']}: not run"
-            raise DesatError(text)
-        of = definition["of"]
-        value = related(definition["form"], values[of], other[of])
+            raise DesatError(f"{scenario.name}: {name} refers to {number.reference}: not run")
+        value = related(str(number.form), values[number.of], other[number.of])
     elif name not in values:
         raise DesatError(f"{scenario.where(('numbers', name))}: no run gives it")
     else:
         value = values[name]
-    if value is None and name in late(scenario.data):
+    if value is None and name in late(scenario.content):
         return math.inf
     if value is None:
         where = scenario.where(("paper", row))

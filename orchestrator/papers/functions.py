@@ -26,6 +26,8 @@ from ..figures.plots import lines_of, series_plot
 from ..figures.style import pretty_unit
 from ..files import paths
 from ..files.scenario import find
+from ..language.content import said
+from ..language.scenario import Plot
 from ..numbers.numbers import late
 from ..numbers.series import Series
 from ..numbers.statistics import clopper_pearson
@@ -68,7 +70,7 @@ class Verbs:
         if number not in numbers:
             raise DesatError(f"{scenario} has no number {number}{nearest(number, numbers)}")
         value = numbers[number]["value"]
-        if value is None and number in late(run["about"]):
+        if value is None and number in late(said(run["about"])):
             return math.inf
         if value is None and self._of.draft is None:
             raise DesatError(f"{scenario}: {number} is not reached")
@@ -86,7 +88,7 @@ class Verbs:
 
     def setting(self, scenario: str, key: str) -> Any:
         """What a scenario's file says for a key at its top, such as stop."""
-        data = find(self._of.name_of(scenario)).data
+        data = find(self._of.name_of(scenario)).content.data
         if key not in data:
             raise DesatError(f"{scenario} has no {key}{nearest(key, data)}")
         return data[key]
@@ -102,7 +104,7 @@ class Verbs:
     def drawn(self, scenario: str, number: str) -> list[float]:
         """A number of each draw, in their order; a time that one does not reach is infinite."""
         rows = self._of.draws_of(scenario, number)["draws"]
-        return cells.values_of(rows, number, find(self._of.name_of(scenario)).data)
+        return cells.values_of(rows, number, find(self._of.name_of(scenario)).content)
 
     def spread(self, scenario: str, number: str, digits: int = 1) -> str:
         """A number over the draws as `median [least, most]`, and how many have it, where some have
@@ -198,7 +200,7 @@ class Verbs:
     def line(self, scenario: str, plot: str, change: Change | None = None) -> Series:
         """The first line of a scenario's plot, such as one that it derives."""
         spec, results = self._plot(scenario, plot), self._of.run(scenario, change).results
-        if not (lines := lines_of(spec, results, spec.get("unit", "1"))):
+        if not (lines := lines_of(spec, results, spec.unit or "1")):
             raise DesatError(f"{scenario}: plot {plot}: not recorded")
         return Series(lines[0].times, lines[0].values)
 
@@ -213,7 +215,7 @@ class Verbs:
         image = series_plot(spec, [("", run.results, run.manifest["parameters"])])
         if image is None:
             raise DesatError(f"{scenario}: plot {plot}: not recorded")
-        title = str(spec["title"])
+        title = spec.title
         return self._figure(file, f"{place}: {title[0].lower()}{title[1:]}" if place else title,
                             image)  # fmt: skip
 
@@ -355,11 +357,11 @@ class Verbs:
 
     # --- how ----------------------------------------------------------------------------------
 
-    def _plot(self, scenario: str, plot: str) -> dict[str, Any]:
-        plots: dict[str, Any] = find(self._of.name_of(scenario)).data.get("plots", {})
+    def _plot(self, scenario: str, plot: str) -> Plot:
+        plots = find(self._of.name_of(scenario)).content.plots
         if plot not in plots:
             raise DesatError(f"{scenario} has no plot {plot}{nearest(plot, plots)}")
-        return dict(plots[plot])
+        return plots[plot]
 
     def _figure(self, file: str, caption: str, svg: str) -> str:
         """The Markdown of a figure, which is kept."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import re
 import sys
 from collections.abc import Sequence
@@ -12,6 +11,7 @@ from typing import Any
 from ..analyses import analyses
 from ..campaign.draws import needed_signals
 from ..files.scenario import find
+from ..language.content import said
 from ..runs.run import Options, Run, execute, prepare
 from ..system.errors import DesatError, nearest
 from ..system.interface import base_name
@@ -45,8 +45,8 @@ class Sources:
         """The stop time of a run; None: that of the scenario."""
         if self.draft is None:
             return stop
-        own = stop or find(self.name_of(scenario)).data.get("stop", math.inf)
-        return min(own, self.draft)
+        own = stop or find(self.name_of(scenario)).content.stop
+        return self.draft if own is None else min(own, self.draft)
 
     def run(
         self, scenario: str, change: Change | None = None, step: float | None = None,
@@ -70,8 +70,9 @@ class Sources:
             f"{c.name}.{base_name(s.name)}"
             for c in system.components.values() for s in c.interface.of("output")
         }  # fmt: skip
-        needed = [n for n in self._named if n in outputs] + needed_signals(system.about)
-        needed += [signal for p in system.about.get("plots", []) for signal in p["signals"]]
+        content = said(system.about)
+        needed = [n for n in self._named if n in outputs] + needed_signals(content)
+        needed += [signal for plot in content.plots.values() for signal in plot.signals]
         for analysis in analyses():
             if parts := analysis.applies(system):
                 needed += analysis.signals(parts)
@@ -96,7 +97,7 @@ class Sources:
             raise DesatError(f"{scenario} has no draws{nearest(name, kept)}")
         if number and number not in kept[name]["units"]:
             known = {n for a in analyses() for n in a.NUMBERS}
-            known |= find(name).data.get("numbers", {}).keys()
+            known |= find(name).content.numbers.keys()
             if number not in known:
                 hint = nearest(number, known)
                 raise DesatError(f"{scenario}: draws have no number {number}{hint}")

@@ -30,8 +30,9 @@ from ..files import identity, paths
 from ..files.identity import PACKAGES
 from ..files.io import replace_text
 from ..files.scenario import Scenario, families, scenarios
+from ..language.content import NOTHING
+from ..language.paper import OfNumber
 from ..numbers.numbers import late
-from ..runs.validation import bands_of, numbers_of_rows
 from ..system.errors import DesatError, Exit, RunError
 from ..system.options import Options
 from ..system.resolve import resolve
@@ -53,7 +54,7 @@ def stamps_file() -> Path:
 
 def with_draws(family: str) -> dict[str, Scenario]:
     """The scenarios of a family that say `draws`."""
-    return {n: s for n, s in scenarios(family).items() if s.data.get("draws")}
+    return {n: s for n, s in scenarios(family).items() if s.content.draws}
 
 
 def needed(family: str) -> dict[str, set[str]]:
@@ -61,14 +62,14 @@ def needed(family: str) -> dict[str, set[str]]:
     rows and those that compare another one with it. Pages ask for more (`Sources.draws_of`)."""
     found: dict[str, set[str]] = {name: set() for name in with_draws(family)}
     for name, scenario in scenarios(family).items():
-        numbers, paper = scenario.data.get("numbers", {}), scenario.data.get("paper", {})
-        for row, number in numbers_of_rows(scenario.data).items():
-            for made in (number, *bands_of(paper[row].get("tolerance"))):
-                entry = numbers.get(made, {})
-                found.setdefault(name, set()).add(entry["of"] if "reference" in entry else made)
-                if "reference" in entry:
-                    other = f"{family}/{entry['reference']}"
-                    found.setdefault(other, set()).add(entry["of"])
+        numbers = scenario.content.numbers
+        for entry in scenario.content.judged.values():
+            band = entry.tolerance
+            for made in (entry.of, *([band.of] if isinstance(band, OfNumber) else ())):
+                compared = numbers[made] if made in numbers and numbers[made].reference else None
+                found.setdefault(name, set()).add(compared.of if compared else made)
+                if compared:
+                    found.setdefault(f"{family}/{compared.reference}", set()).add(compared.of)
     return found
 
 
@@ -80,12 +81,9 @@ def digest(scenario: Scenario) -> str:
     found = resolve(draft)
     if found.system is None:
         raise DesatError("\n".join(found.problems))
-    design = scenario.data["design"] if _each_draw(scenario) else None
-    return identity.of_system(found.system, Options(blocks=True), design, identity.JUDGED)
-
-
-def _each_draw(scenario: Scenario) -> bool:
-    return bool(scenario.data.get("design", {}).get("each_draw"))
+    return identity.of_system(
+        found.system, Options(blocks=True), scenario.each_draw, identity.JUDGED
+    )
 
 
 def code(scenario: Scenario) -> str:
@@ -96,8 +94,8 @@ def code(scenario: Scenario) -> str:
     home = Path(__file__).parents[1]
     files = {p for p in (home / "engine").rglob("*") if p.suffix in (".py", ".c")}
     files |= {*(home / "numbers").glob("*.py"), home / "campaign" / "draws.py",
-              home / "campaign" / "sampling.py", home / "system" / "draft.py"}  # fmt: skip
-    if _each_draw(scenario):
+              home / "campaign" / "sampling.py", home / "language" / "content.py"}  # fmt: skip
+    if scenario.each_draw:
         files |= {*(home / "designs").rglob("*.py")}
         files |= {*(COMPONENTS / "laws").glob("*_offline.py")}
     return meaning.of_files(files, imports=False)
@@ -126,7 +124,7 @@ def compute(
             if old:
                 made[name] = old
             continue
-        count = scenario.data["draws"]
+        count = scenario.content.draws
         wanted = {*of_rows[name], *(old["units"] if old else ()), *(also or {}).get(name, ())}
         rows = []
         if old and wanted <= old["units"].keys() and _is_current(old, scenario):
@@ -147,7 +145,7 @@ def compute(
             "code_sha256": code(scenario),
             "date": f"{datetime.now(UTC):%Y-%m-%d}",
             "units": units,
-            "summary": spreads(rows, units, late(scenario.data)),
+            "summary": spreads(rows, units, late(scenario.content)),
             "draws": rows,
         }
     return {
@@ -240,7 +238,7 @@ def read(family: str) -> dict[str, Any]:
             {"draw": columns["draw"][i], "numbers": {n: columns[n][i] for n in kept["units"]}}
             for i in places_of.get(name, ())
         ]
-        of = known[name].data if name in known else {}
+        of = known[name].content if name in known else NOTHING
         kept["summary"] = spreads(kept["draws"], kept["units"], late(of))
     return result
 
@@ -252,7 +250,7 @@ def outdated(stored: dict[str, Any]) -> list[str]:
     return [
         name for name, scenario in with_draws(stored["family"]).items()
         if name not in kept
-        or len(kept[name]["draws"]) != scenario.data["draws"]
+        or len(kept[name]["draws"]) != scenario.content.draws
         or not of_rows[name] <= kept[name]["units"].keys()
         or not _is_current(kept[name], scenario)
     ]  # fmt: skip

@@ -39,27 +39,30 @@ def rows(
     `drawn`: the draws of the scenarios that have some (`stored.read` or `stored.compute`); rows of
     those that are not among them are left out, and `stored.outdated` names them.
     """
-    given = {n: s for n, s in scenarios(family).items() if s.data.get("paper")}
+    given = {n: s for n, s in scenarios(family).items() if s.content.entries}
     if wrong := [line for s in given.values() for line in words(s)]:
         raise DesatError("\n".join(dict.fromkeys(wrong)))
     if not given:
         raise DesatError(f"{family}: no scenario has paper values")
     kept = (drawn or {}).get("scenarios", {})
-    kept = {n: _paired(s, kept) for n, s in given.items() if s.data.get("draws") and n in kept}
-    given = {n: s for n, s in given.items() if not s.data.get("draws") or n in kept}
+    kept = {n: _paired(s, kept) for n, s in given.items() if s.content.draws and n in kept}
+    given = {n: s for n, s in given.items() if not s.content.draws or n in kept}
     if not given:
         raise DesatError(f"{family}: no draws; `desat tables {family} --fresh` makes them")
     values = {n: {k: d["median"] for k, d in kept[n]["summary"].items()} for n in kept}
     alone = {**given, **_references(given.values())}
     values |= _single([s for n, s in alone.items() if n not in values], options, jobs)
     # first what the paper has values for, then what is ours alone
-    ranked = sorted(given.values(), key=lambda s: not any("values" in e for e in s.rows.values()))
+    ranked = sorted(
+        given.values(),
+        key=lambda s: not any(e.values is not None for e in s.content.paper.values()),
+    )
     made = [
         row for s in ranked
         for row in rows_of(s, values[s.name], values, kept.get(s.name))
     ]  # fmt: skip
-    entries = (e for s in ranked for e in s.rows.values())
-    quantities = list(dict.fromkeys((e["table"], e["quantity"]) for e in entries))
+    entries = (e for s in ranked for e in s.content.paper.values())
+    quantities = list(dict.fromkeys((e.table, e.quantity) for e in entries))
     methods = list(dict.fromkeys(row.method for row in made))
     return sorted(
         made, key=lambda r: (quantities.index((r.table, r.quantity)), methods.index(r.method))
@@ -69,11 +72,11 @@ def rows(
 def _references(given: Iterable[Scenario]) -> dict[str, Scenario]:
     """The scenarios without draws that numbers of these are compared with."""
     names = {
-        f"{s.family}/{number['reference']}"
-        for s in given for number in s.data.get("numbers", {}).values() if "reference" in number
+        f"{s.family}/{number.reference}"
+        for s in given for number in s.content.numbers.values() if number.reference
     }  # fmt: skip
     named = {name: find(name) for name in sorted(names)}
-    return {n: s for n, s in named.items() if not s.data.get("draws")}
+    return {n: s for n, s in named.items() if not s.content.draws}
 
 
 def _paired(scenario: Scenario, drawn: dict[str, Any]) -> dict[str, Any]:
@@ -81,16 +84,16 @@ def _paired(scenario: Scenario, drawn: dict[str, Any]) -> dict[str, Any]:
     are draw by draw, and their summaries."""
     own = drawn[scenario.name]
     summary, draws = dict(own["summary"]), [dict(row["numbers"]) for row in own["draws"]]
-    for name, entry in scenario.data["numbers"].items():
-        theirs = drawn.get(f"{scenario.family}/{entry.get('reference', '')}")
-        if theirs is not None and entry["form"] == "difference":
-            summary[name] = differences(own, theirs)[entry["of"]]
-        elif theirs is not None and entry["form"] == "paired_ratio":
-            summary[name] = ratios(own, theirs, entry["of"])
-        else:
+    for name, entry in scenario.content.numbers.items():
+        theirs = drawn.get(f"{scenario.family}/{entry.reference}")
+        if theirs is None or entry.form not in ("difference", "paired_ratio"):
             continue
+        paired = entry.form == "paired_ratio"
+        summary[name] = (
+            ratios(own, theirs, entry.of) if paired else differences(own, theirs)[entry.of]
+        )
         for one in summary[name]["each"]:
-            draws[one["draw"]][name] = one[entry["form"].removeprefix("paired_")]
+            draws[one["draw"]][name] = one["ratio" if paired else "difference"]
     rows = [{**row, "numbers": x} for row, x in zip(own["draws"], draws, strict=True)]
     return {**own, "summary": summary, "draws": rows}
 

@@ -16,6 +16,7 @@ import pyarrow as pa
 
 from ..figures.canvas import INCH, INK, Dots, Figure, Words
 from ..files import paths
+from ..language.content import said
 from ..runs.run import Run, load_run
 from ..system.errors import DesatError
 
@@ -101,11 +102,11 @@ def _plots(run: Run, form: str, into: Path) -> list[Path]:
 
     made = []
     runs = [(label_of(run.manifest), run.results, run.manifest["parameters"])]
-    for i, plot in enumerate(run.manifest["about"].get("plots", ()), 1):
+    for name, plot in said(run.manifest["about"]).plots.items():
         figure = series_figure(plot, runs)
         if figure is None:
             continue
-        path = into / f"{plot.get('name', i)}.{form}"
+        path = into / f"{name}.{form}"
         part = path.with_name(f".{path.name}.part")
         _paint(figure, part, form)
         part.replace(path)

@@ -12,6 +12,8 @@ from ..engine.recording.results import Results
 from ..figures.plots import series_plot
 from ..figures.style import pretty_unit
 from ..files.io import replace_text
+from ..language.content import said
+from ..language.scenario import Plot
 from ..numbers.text import number, title_of
 from ..runs.run import Run
 
@@ -44,11 +46,11 @@ def label_of(manifest: dict[str, Any]) -> str:
 def write_report(folder: Path, run: Run, twin: Run | None = None) -> Path:
     """Write report.html of a run into its folder and return its path."""
     manifest = run.manifest
-    about = manifest["about"]
+    about = said(manifest["about"])
     runs = [(label_of(r.manifest), r.results, r.manifest["parameters"]) for r in (run, twin) if r]
     figures = [
-        (plot["title"], Markup(image))
-        for plot in about.get("plots", _default_plots(run.results))
+        (plot.title, Markup(image))
+        for plot in (about.plots.values() if "plots" in about.written else _default(run.results))
         if (image := series_plot(plot, runs))
     ]
     for analysis in analyses():
@@ -68,9 +70,9 @@ def write_report(folder: Path, run: Run, twin: Run | None = None) -> Path:
     ]
     text = render(
         "report.html",
-        title=about.get("title", manifest["scenario"]),
-        story=about.get("story", ""),
-        source=about.get("source", ""),
+        title=about.title or manifest["scenario"],
+        story=about.story,
+        source=about.source,
         manifest=manifest,
         rows=rows,
         label=runs[0][0],
@@ -84,6 +86,6 @@ def write_report(folder: Path, run: Run, twin: Run | None = None) -> Path:
     return write_page(folder / REPORT, text)
 
 
-def _default_plots(results: Results) -> list[dict[str, Any]]:
+def _default(results: Results) -> list[Plot]:
     """For a system that says nothing about plots: the first dozen series, one each."""
-    return [{"title": name, "signals": [name]} for name in results.names()[:12]]
+    return [Plot(title=name, signals=(name,)) for name in results.names()[:12]]

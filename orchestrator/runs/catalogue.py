@@ -68,7 +68,7 @@ def _read(name: str, of_systems: bool) -> Family:
 
         # an installation's own scenarios are sound; their systems need the FMUs, which take long
         good, lines = readable(name, of_systems=not paths.INSTALLED)
-    titles = {n: str(s.data.get("title", "")) for n, s in good.items()}
+    titles = {n: s.content.title for n, s in good.items()}
     return Family(name, scenario.summary(name), titles, lines)
 
 

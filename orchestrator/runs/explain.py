@@ -81,7 +81,7 @@ def _type(annotation: Any) -> str:
     if annotation in plain:
         return plain[annotation]
     kind, inner = get_origin(annotation), get_args(annotation)
-    if kind is list:
+    if kind is tuple:
         return f"list of {_type(inner[0])}"
     if kind is dict:
         return f"table of {_type(inner[1])}"
@@ -141,7 +141,7 @@ def show(name: str) -> list[dict[str, Any]]:
     rows = [
         {"key": ".".join(path), "value": value, "from": whole.where(path).partition(": ")[0],
          "cell": origin(whole.origins, path)[1].rstrip(".")}
-        for path, value in _leaves(whole.data) if path[0] != "labels"
+        for path, value in _leaves(whole.content.data)
     ]  # fmt: skip
     if whole.design is not None and whole.design.exists():
         own = {row["key"] for row in rows}

@@ -15,7 +15,8 @@ from ..engine.recording.results import MANIFEST, Results
 from ..files import library
 from ..files.identity import of_system, versions
 from ..files.io import contents, replace_text
-from ..numbers.numbers import OPEN_END, evaluate, related, signals_of
+from ..language.content import Content, said
+from ..numbers.numbers import OPEN_END, evaluate, related
 from ..system.digest import comparable, wiring
 from ..system.errors import DesatError
 from ..system.expression import Table
@@ -45,8 +46,8 @@ def describe(system: System, options: Options, target: str) -> dict[str, Any]:
     """The manifest of a system before it runs."""
     path = Path(target)
     return {
-        "scenario": system.about.get("name", system.name),
-        "about": system.about,
+        "scenario": said(system.about).name or system.name,
+        "about": system.about.as_json() if system.about else {},
         "algorithm": options.algorithm,
         "components_as": "bare blocks" if options.blocks else "FMUs",
         "start": system.start,
@@ -97,7 +98,7 @@ def gone_on(now: dict[str, Any], before: dict[str, Any], folder: str, again: str
 
 
 def numbers(
-    about: Mapping[str, Any], results: Results, parameters: Table
+    content: Content, results: Results, parameters: Table
 ) -> dict[str, dict[str, Any]]:  # fmt: skip
     """The scenario's numbers that need no other run, where their series are recorded.
 
@@ -106,15 +107,15 @@ def numbers(
     """
     rows: dict[str, dict[str, Any]] = {}
     known, end = set(results.names()), results.times()[-1:].tolist()
-    for name, number in about.get("numbers", {}).items():
-        if "reference" in number or not known.issuperset(signals_of(number)):
+    for name, number in content.numbers.items():
+        if not number.signals or not known.issuperset(number.signals):
             continue
         rows[name] = {
-            "title": number.get("title", name),
+            "title": number.title or name,
             "value": evaluate(number, results, parameters),
-            "unit": number.get("unit", ""),
+            "unit": number.unit,
         }
-        until = number.get("window", (0.0, inf))[1]
+        until = (number.window or (0.0, inf))[1]
         if rows[name]["value"] is not None and until < OPEN_END and end[0] < until - 1e-6:
             rows[name]["note"] = f"only to {end[0]:g} s of {until:g} s"
     return rows
@@ -122,20 +123,18 @@ def numbers(
 
 def relate(manifest: dict[str, Any], others: dict[str, dict[str, Any]]) -> None:
     """Add the numbers that compare a run with others (by scenario name, without the family)."""
-    for name, number in manifest["about"].get("numbers", {}).items():
-        other = others.get(number.get("reference", ""))
-        of = number.get("of", "")
+    for name, number in said(manifest["about"]).numbers.items():
+        other = others.get(number.reference)
+        of = number.of
         if other is None or of not in manifest["numbers"] or of not in other["numbers"]:
             continue
         manifest["numbers"][name] = {
-            "title": number.get("title", name),
+            "title": number.title or name,
             "value": related(
-                number["form"],
-                manifest["numbers"][of]["value"],
-                other["numbers"][of]["value"],
+                str(number.form), manifest["numbers"][of]["value"], other["numbers"][of]["value"]
             ),
-            "unit": number.get("unit", ""),
-            "reference": number["reference"],
+            "unit": number.unit,
+            "reference": number.reference,
         }
 
 

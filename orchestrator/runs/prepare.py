@@ -11,12 +11,13 @@ from ..analyses import warnings
 from ..designs import making, origin
 from ..designs import problems as design_problems
 from ..engine.instances.isolated import CAN
-from ..files import about, library, scenario, ssp
+from ..files import library, scenario, ssp
 from ..files.assembly import modify
 from ..files.scenario import Scenario
+from ..language.content import NOTHING, dispersed, said
 from ..numbers.numbers import problems
 from ..system.check import Checked, check
-from ..system.draft import Draft, dispersed
+from ..system.draft import Draft
 from ..system.errors import DesatError
 from ..system.interface import base_name
 from ..system.model import System
@@ -78,12 +79,6 @@ class Source:
             self._drawable.add(blocks)
         return draft
 
-    @property
-    def each_draw(self) -> bool:
-        """Whether its design is made anew for the values of each draw."""
-        data = self.scenario.data if self.scenario is not None else {}
-        return bool(data.get("design", {}).get("each_draw"))
-
 
 def read(target: str) -> Source:
     """The source that a target names: a scenario's name, a scenario file, an .ssp, an .ssd or a
@@ -109,7 +104,7 @@ def prepare(target: str | Source, options: Options) -> Case:
     """
     source = read(target) if isinstance(target, str) else target
     described = source.scenario
-    if options.design is None and options.values and source.each_draw:
+    if options.design is None and options.values and described and described.each_draw:
         options = replace(options, design=making.NOW)
     if options.design is not None and described is None:
         raise DesatError(
@@ -141,8 +136,7 @@ def resolved(target: str | Source, options: Options) -> tuple[System, Any]:
     found = resolve(draft)
     if found.system is None:
         raise DesatError("\n".join(found.problems))
-    design = source.scenario.data["design"] if source.scenario and source.each_draw else None
-    return found.system, design
+    return found.system, source.scenario and source.scenario.each_draw
 
 
 def _modify(draft: Draft, described: Scenario | None, options: Options) -> None:
@@ -165,7 +159,7 @@ def _drawn(draft: Draft, described: Scenario | None, options: Options) -> dict[s
     spread = dispersed(draft)
     if not spread.keys() <= options.values.keys():
         return {}
-    given = draft.about.get("dispersions", {})
+    given = said(draft.about).dispersions
     where = {}
     for name in spread:
         key = name if name in given else f"*.{name.partition('.')[2]}"
@@ -202,16 +196,16 @@ def _under_jacobi(system: System, schedule: Schedule) -> Iterator[str]:
 
 def _told(draft: Draft) -> Scenario | None:
     """What a packed system says of itself, as a scenario; None where it says nothing."""
-    if not draft.about:
+    content = said(draft.about)
+    if content is NOTHING:
         return None
     file = Path(draft.where).parent / ssp.ABOUT
-    name, cell = draft.about.get("name", draft.name), draft.about.get("cell", {})
-    return Scenario(name, file, about.data_of(draft.about), cell, file.parent)
+    return Scenario(content, file, file.parent)
 
 
 def _packed_from(draft: Draft) -> Scenario | None:
     """The scenario of ours that a packed system was packed from."""
-    name = draft.about.get("name", "")
+    name = said(draft.about).name
     return scenario.find(name) if scenario.exists(name) else None
 
 
@@ -231,8 +225,9 @@ def _problems_of_numbers(system: System) -> list[str]:
         f"{c.name}.{base_name(s.name)}": s.unit_name
         for c in system.components.values() for s in c.interface.of("output")
     }  # fmt: skip
-    name = system.about.get("name", system.name)
-    wrong = problems(dict(system.about), units, table(system.components.values()))
+    content = said(system.about)
+    name = content.name or system.name
+    wrong = problems(content, units, table(system.components.values()))
     return [f"{name}: {text}" for text in wrong]
 
 

@@ -22,6 +22,7 @@ from ..engine.process_state import no_space
 from ..engine.recording.results import MANIFEST, SERIES, Results
 from ..engine.recording.row_buffer import Layout, Unwritten, recover
 from ..files import library
+from ..language.content import said
 from ..system.errors import DesatError, Exit, RunError
 from ..system.model import System
 from ..system.options import Options, as_arguments, as_asked
@@ -195,7 +196,7 @@ def _measure(manifest: dict[str, Any], system: System, results: Results) -> None
     """Add the numbers of a run, and what is unmet, to its manifest."""
     if not len(results.times()):
         return
-    manifest["numbers"] = numbers(system.about, results, manifest["parameters"])
+    manifest["numbers"] = numbers(said(system.about), results, manifest["parameters"])
     for analysis in analyses():
         if manifest[analysis.KEY] is not None:
             manifest["numbers"].update(analysis.numbers(manifest, results))

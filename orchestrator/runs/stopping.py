@@ -18,7 +18,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +26,8 @@ from numpy.typing import NDArray
 from ..engine.ending import Ending, How
 from ..engine.master import Master
 from ..engine.node import Slot
+from ..language.content import said
+from ..language.scenario import StopWhen
 from ..system.errors import DesatError, nearest
 from ..system.expression import factor, product, unit_of
 from ..system.interface import Signal, base_name
@@ -62,21 +64,18 @@ class Condition:
 def condition(system: System) -> Condition | None:
     """The condition of a system, interfaces loaded; None where it has none. Raises DesatError,
     which begins with the key, for what does not fit the system."""
-    given = system.about.get("stop_when")
-    if given is None:
+    if (given := said(system.about).stop_when) is None:
         return None
-    signal = _signal(system, given["signal"])
-    limit: float
-    kinds: tuple[How, ...] = ("below", "above", "reaches")
-    ((kind, value),) = ((k, given[k]) for k in kinds if k in given)
-    if kind == "reaches":
-        limit, shown = _reaches(signal, value), str(value)
+    signal = _signal(system, given.signal)
+    if given.reaches is not None:
+        how: How = "reaches"
+        limit, shown = float(_reaches(signal, given.reaches)), str(given.reaches)
     else:
-        limit, shown = _limit(system, signal, given, kind)
-    held = float(given.get("held", 0.0))
-    text = f"{given['signal']} {kind} {shown}" + (f" for {held:g} s" if held else "")
-    owner, _, variable = given["signal"].partition(".")
-    return Condition(owner, variable, kind, limit, held, text)
+        how = "below" if given.below is not None else "above"
+        limit, shown = _limit(system, signal, given, how)
+    text = f"{given.signal} {how} {shown}" + (f" for {given.held:g} s" if given.held else "")
+    owner, _, variable = given.signal.partition(".")
+    return Condition(owner, variable, how, limit, given.held, text)
 
 
 def problems(system: System) -> list[str]:
@@ -119,19 +118,20 @@ def _reaches(signal: Signal, value: Any) -> int:
 
 
 def _limit(
-    system: System, signal: Signal, given: dict[str, Any], kind: str
+    system: System, signal: Signal, given: StopWhen, how: Literal["below", "above"]
 ) -> tuple[float, str]:  # fmt: skip
     """The limit in the signal's unit, and as people read it."""
     if signal.kind != "Real":
-        raise DesatError(f"stop_when.{kind}: {given['signal']} is of type {signal.kind}; `reaches`")
-    own, unit, value = signal.unit_name, given.get("unit", signal.unit_name), given[kind]
+        raise DesatError(f"stop_when.{how}: {given.signal} is of type {signal.kind}; `reaches`")
+    value = getattr(given, how)
+    own, unit = signal.unit_name, given.unit or signal.unit_name
     try:
         if isinstance(value, str):
             number, of = product(value, table(system.components.values()))
             value = number * factor(of, unit, f'of "{value}"')
         scale = 1.0 if unit == own else factor(unit_of(unit), own, f"{unit} of the limit")
     except DesatError as error:
-        raise DesatError(f"stop_when.{kind}: {error}") from error
+        raise DesatError(f"stop_when.{how}: {error}") from error
     return value * scale, f"{value:g} {'' if unit == '1' else unit}".rstrip()
 
 

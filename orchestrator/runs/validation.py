@@ -17,10 +17,13 @@ from ..analyses import analyses
 from ..engine.recording.results import selects
 from ..files import library
 from ..files.scenario import Scenario
+from ..language.content import Content
+from ..language.paper import OfNumber
+from ..language.scenario import Dispersion, Number, Plot
 from ..numbers import derived
 from ..numbers.measures import MEASURES, OWN_UNIT, SCALARS, SIZES
 from ..numbers.numbers import scale
-from ..system.draft import Draft, kind_of
+from ..system.draft import Draft
 from ..system.errors import DesatError, nearest
 from ..system.interface import KINDS, Signal, base_name
 from ..system.model import System
@@ -41,40 +44,39 @@ def options_of(measure: str) -> tuple[list[str], dict[str, Any]]:
 
 def words(scenario: Scenario) -> list[str]:
     """Measures, options and derived quantities that there are not; no system is needed."""
-    problems = [*_words(scenario.data), *unmeetable(scenario.data)]
-    problems += _rows(scenario.data)
+    content = scenario.content
+    problems = [*_words(content), *unmeetable(content), *_rows(content)]
     return [f"{scenario.where(path)}: {text}" for path, text in problems]
 
 
-def _words(data: dict[str, Any]) -> Iterator[tuple[Keys, str]]:
-    numbers = data.get("numbers", {})
-    for name, number in numbers.items():
-        problems = _compared(number, numbers) if "of" in number else _measured(number)
+def _words(content: Content) -> Iterator[tuple[Keys, str]]:
+    known = _numbers(content)
+    for name, number in content.numbers.items():
+        problems = _measured(number) if number.signals else ()
         yield from ((("numbers", name, *path), text) for path, text in problems)
-    for table in ("numbers", "plots"):
-        for name, entry in data.get(table, {}).items():
-            yield from (((table, name, key), text) for key, text in _derived(entry))
-            if table == "plots" and "derive" in entry and derived.takes_parameters(entry["derive"]):
-                yield (table, name, "derive"), f"{entry['derive']} is of numbers only"
+        if number.of and number.of not in known:
+            yield ("numbers", name, "of"), f"no number {number.of}{nearest(number.of, known)}"
+        yield from ((("numbers", name, key), text) for key, text in _derived(number))
+    for name, plot in content.plots.items():
+        yield from ((("plots", name, key), text) for key, text in _derived(plot))
+        if derived.takes_parameters(plot.derive):
+            yield ("plots", name, "derive"), f"{plot.derive} is of numbers only"
 
 
-def _compared(number: dict[str, Any], numbers: dict[str, Any]) -> Iterator[tuple[Keys, str]]:
-    """What is wrong with a number that is made of another one."""
-    known = {*numbers, *(n for a in analyses() for n in a.NUMBERS)}
-    if number["of"] not in known:
-        yield ("of",), f"no number {number['of']}{nearest(number['of'], known)}"
+def _numbers(content: Content) -> set[str]:
+    """The numbers that a run may have."""
+    return {*content.numbers, *(n for a in analyses() for n in a.NUMBERS)}
 
 
-def _measured(number: dict[str, Any]) -> Iterator[tuple[Keys, str]]:
+def _measured(number: Number) -> Iterator[tuple[Keys, str]]:
     """What is wrong with the measure of a number, its series and options."""
-    measure = number.get("measure", "last")
+    measure, given = number.measure, number.options
     if measure not in MEASURES:
         yield ("measure",), f"no measure {measure}{nearest(measure, MEASURES)}"
         return
     series, options = options_of(measure)
-    signals, given = number["signal"], number.get("options", {})
-    count = 1 if isinstance(signals, str) or "derive" in number else len(signals)
-    if "element" in number and len(series) > 1:
+    count = 1 if number.derive else len(number.signals)
+    if number.element and len(series) > 1:
         yield ("element",), f"{measure} takes {len(series)} series; only with one"
     if count != len(series):
         yield ("signal",), f"{count} given; {measure} takes {len(series)}"
@@ -94,62 +96,48 @@ def _measured(number: dict[str, Any]) -> Iterator[tuple[Keys, str]]:
                 yield ("options",), f"{measure} needs {option}"
 
 
-def _rows(data: dict[str, Any]) -> Iterator[tuple[Keys, str]]:
+def _rows(content: Content) -> Iterator[tuple[Keys, str]]:
     """Rows of a paper's table whose number nobody computes."""
-    numbers = data.get("numbers", {})
-    for row, name in numbers_of_rows(data).items():
-        entry = data["paper"][row]
-        named = [("number" if "number" in entry else "quantity", name)]
-        named += [("tolerance", other) for other in bands_of(entry.get("tolerance"))]
+    known = _numbers(content)
+    for row, entry in content.judged.items():
+        named = [("number" if entry.number else "quantity", entry.of)]
+        if isinstance(entry.tolerance, OfNumber):
+            named.append(("tolerance", entry.tolerance.of))
         for key, number in named:
-            if number in numbers:
-                continue
-            known = {*numbers, *(n for a in analyses() for n in a.NUMBERS)}
             if number not in known:
                 yield ("paper", row, key), f"no number {number}{nearest(number, known)}"
 
 
-def bands_of(tolerance: Any) -> Iterator[str]:
-    """The other numbers that bands are given by."""
-    if isinstance(tolerance, dict) and isinstance(tolerance.get("of"), str):
-        yield tolerance["of"]
-    elif isinstance(tolerance, (dict, list)):
-        for each in tolerance.values() if isinstance(tolerance, dict) else tolerance:
-            yield from bands_of(each)
-
-
-def numbers_of_rows(data: dict[str, Any]) -> dict[str, str]:
-    """Row -> number, of the rows of a paper's tables but those that no run decides."""
-    return {
-        row: entry.get("number", entry["quantity"])
-        for row, entry in data.get("paper", {}).items() if "not_judged" not in entry
-    }  # fmt: skip
-
-
-def _analysed(scenario: Scenario, system: System) -> Iterator[tuple[Keys, str]]:
+def _analysed(content: Content, system: System) -> Iterator[tuple[Keys, str]]:
     """Rows whose number is of an analysis that does not apply to the system."""
-    for row, name in numbers_of_rows(scenario.data).items():
-        of = [a for a in analyses() if name in a.NUMBERS]
-        if name not in scenario.data.get("numbers", {}) and not any(a.applies(system) for a in of):
-            yield ("paper", row), f"no number {name} of this system"
+    for row, entry in content.judged.items():
+        of = [a for a in analyses() if entry.of in a.NUMBERS]
+        if entry.of not in content.numbers and not any(a.applies(system) for a in of):
+            yield ("paper", row), f"no number {entry.of} of this system"
 
 
-def _derived(entry: dict[str, Any]) -> Iterator[tuple[str, str]]:
+def _derived(entry: Number | Plot) -> Iterator[tuple[str, str]]:
     """What is wrong with what a number or plot derives: key and text."""
     try:
         quantity = derived.of_entry(entry)
     except DesatError as error:
         yield "derive", str(error)
         return
-    if "sequence" in entry and entry.get("derive") not in ("euler", "euler_lvlh"):
+    if entry.sequence and entry.derive not in ("euler", "euler_lvlh"):
         yield "sequence", 'only with derive = "euler" or "euler_lvlh"'
-    if quantity is None:
-        return
-    count = len(quantity[0].names)
-    if len(entry.get("components", ())) > count:
-        yield "components", f"{len(entry['components'])} names for {count} elements"
-    if entry.get("element", 0) > count:
-        yield "element", f"got {entry['element']}; {entry['derive']} has {count}"
+    if quantity is not None:
+        yield from _counted(entry, len(quantity[0].names), entry.derive)
+
+
+def _counted(
+    entry: Number | Plot, count: int, what: str = "the signal"
+) -> Iterator[tuple[str, str]]:
+    """Where more elements are named, or a further one is meant, than there are."""
+    if isinstance(entry, Number):
+        if (entry.element or 0) > count:
+            yield "element", f"got {entry.element}; {what} has {count}"
+    elif len(entry.components) > count:
+        yield "components", f"{len(entry.components)} names for {count} elements"
 
 
 def _unfit(option: str, annotation: str, value: Any) -> str:
@@ -167,20 +155,22 @@ def _unfit(option: str, annotation: str, value: Any) -> str:
 
 def names(scenario: Scenario, system: Draft) -> list[str]:
     """Series, units, limits and dispersions that do not fit the system, interfaces loaded."""
-    problems = [f"{scenario.where(path)}: {text}" for path, text in _series(scenario.data, system)]
+    problems = [
+        f"{scenario.where(path)}: {text}" for path, text in _series(scenario.content, system)
+    ]
     return problems + dispersions(scenario, system)
 
 
 def dispersions(scenario: Scenario, system: Draft) -> list[str]:
     """Dispersions that do not fit the system, interfaces loaded."""
-    problems = _dispersions(scenario.data, system)
+    problems = _dispersions(scenario.content, system)
     return [f"{scenario.where(path)}: {text}" for path, text in problems]
 
 
 def wants(scenario: Scenario, system: System) -> list[str]:
     """What a scenario wants of a resolved system that is not to be had: numbers of an analysis that
     does not apply to it, and a condition that it cannot meet."""
-    problems = list(_analysed(scenario, system))
+    problems = list(_analysed(scenario.content, system))
     for line in stopping.problems(system):
         path, _, text = line.partition(": ")
         problems.append((tuple(path.split(".")), text))
@@ -212,46 +202,40 @@ def _unit(own: str, unit: str) -> str:
     return ""
 
 
-def _series(data: dict[str, Any], system: Draft) -> Iterator[tuple[Keys, str]]:
-    for table, key in (("numbers", "signal"), ("plots", "signals")):
-        for name, entry in data.get(table, {}).items():
-            signals = entry.get(key, [])
-            signals = [signals] if isinstance(signals, str) else signals
-            ends = [_elements(system, signal, ("output",)) for signal in signals]
-            for problem in ends:
-                if isinstance(problem, str):
-                    yield (table, name, key), problem
-            known = [e for e in ends if isinstance(e, list) and e]
-            first = table == "numbers" or "derive" in entry
-            for what, text in _entry(entry, known[:1] if first else known):
-                yield (table, name, what), text
-    for name, plot in data.get("plots", {}).items():
-        for limit in plot.get("limits", []):
-            value = limit["value"] if isinstance(limit, dict) else limit
-            for factor in re.split(r"[*/]", value) if isinstance(value, str) else ():
+def _series(content: Content, system: Draft) -> Iterator[tuple[Keys, str]]:
+    entries: list[tuple[Keys, str, Number | Plot]] = [
+        *((("numbers", name), "signal", number) for name, number in content.numbers.items()),
+        *((("plots", name), "signals", plot) for name, plot in content.plots.items()),
+    ]
+    for path, key, entry in entries:
+        ends = [_elements(system, signal, ("output",)) for signal in entry.signals]
+        yield from (((*path, key), problem) for problem in ends if isinstance(problem, str))
+        known = [e for e in ends if isinstance(e, list) and e]
+        first = isinstance(entry, Number) or entry.derive
+        for what, text in _entry(entry, known[:1] if first else known):
+            yield (*path, what), text
+    for name, plot in content.plots.items():
+        for limit in plot.limits:
+            for factor in re.split(r"[*/]", limit.value) if isinstance(limit.value, str) else ():
                 if not _is_number(factor):
                     problem = _elements(system, base_name(factor.strip()), ("parameter", "input"))
                     if isinstance(problem, str):
                         yield ("plots", name, "limits"), problem
 
 
-def _entry(entry: dict[str, Any], signals: list[list[Signal]]) -> Iterator[tuple[str, str]]:
+def _entry(entry: Number | Plot, signals: list[list[Signal]]) -> Iterator[tuple[str, str]]:
     """What of a number or plot does not fit the elements of its signals: key and text."""
-    quantity = derived.of_entry(entry)
-    own = entry.get("measure") in OWN_UNIT or "percent_of" in entry
+    quantity, number = derived.of_entry(entry), entry if isinstance(entry, Number) else None
+    own = number and (number.measure in OWN_UNIT or number.percent_of is not None)
     for elements in signals:
         unit = (quantity[0].unit if quantity else "") or elements[0].unit_name
-        if not own and "unit" in entry and (text := _unit(unit, entry["unit"])):
+        if not own and entry.unit and (text := _unit(unit, entry.unit)):
             yield "unit", text
-        several, measure = len(quantity[0].names if quantity else elements), entry.get("measure")
-        if "signal" in entry and "element" not in entry and several > 1 and measure in SCALARS:
-            yield "element", f"{measure or 'last'} takes one element; there are {several}"
-        if quantity:
-            continue
-        if len(entry.get("components", [])) > len(elements):
-            yield "components", f"{len(entry['components'])} names for {len(elements)} elements"
-        if entry.get("element", 0) > len(elements):
-            yield "element", f"got {entry['element']}; the signal has {len(elements)}"
+        several = len(quantity[0].names if quantity else elements)
+        if number and not number.element and several > 1 and number.measure in SCALARS:
+            yield "element", f"{number.measure} takes one element; there are {several}"
+        if not quantity:
+            yield from _counted(entry, len(elements))
 
 
 def _is_number(text: str) -> bool:
@@ -262,8 +246,8 @@ def _is_number(text: str) -> bool:
     return True
 
 
-def _dispersions(data: dict[str, Any], system: Draft) -> Iterator[tuple[Keys, str]]:
-    for key, spec in data.get("dispersions", {}).items():
+def _dispersions(content: Content, system: Draft) -> Iterator[tuple[Keys, str]]:
+    for key, spec in content.dispersions.items():
         path = ("dispersions", key)
         owner, _, variable = key.partition(".")
         owners = [owner]
@@ -281,10 +265,10 @@ def _dispersions(data: dict[str, Any], system: Draft) -> Iterator[tuple[Keys, st
 
 
 def _misfit(
-    system: Draft, owner: str, variable: str, elements: list[Signal], spec: dict[str, Any]
+    system: Draft, owner: str, variable: str, elements: list[Signal], spec: Dispersion
 ) -> str:
-    kind = kind_of(spec)
-    given = spec[kind]
+    kind = spec.kind
+    given = getattr(spec, kind)
     wanted = {"signs": len(given) if kind == "signs" else 0, "attitude": 4, "seed": 1}
     if len(elements) != wanted.get(kind, len(elements)):
         return f"{kind}: {variable} has {len(elements)} elements, not {wanted[kind]}"
@@ -307,16 +291,16 @@ def _misfit(
 # --- [NAME]: what a campaign's cases are held against, as far as it is to be had ---
 
 
-def unmeetable(data: dict[str, Any]) -> Iterator[tuple[tuple[str, ...], str]]:
+def unmeetable(content: Content) -> Iterator[tuple[Keys, str]]:
     """Requirements of a number that nobody computes, or that nothing can meet."""
-    known = {*data.get("numbers", {}), *(n for a in analyses() for n in a.NUMBERS)}
-    for name, entry in data.get("requirements", {}).items():
-        path, number = ("requirements", name), entry["number"]
+    known = _numbers(content)
+    for name, entry in content.requirements.items():
+        path, number = ("requirements", name), entry.number
         if number not in known:
             yield (*path, "number"), f"no number {number}{nearest(number, known)}"
-        elif "of" in data.get("numbers", {}).get(number, {}):
+        elif number in content.numbers and content.numbers[number].of:
             yield (*path, "number"), f"{number} compares runs: a case has no such number"
-        if {"min", "max"} <= entry.keys() and entry["min"] > entry["max"]:
+        if entry.min is not None and entry.max is not None and entry.min > entry.max:
             yield (*path, "min"), "it is above max: nothing can be within"
 
 

@@ -97,7 +97,8 @@ def digest(
     scenario's content that do not count for this use of it. Raises TypeError for what it cannot
     tell, and KeyError for a component that nothing computes."""
     aside = {*TEXTS, *RESOLVED, *without}
-    content = {k: _untitled(v) for k, v in system.about.items() if k not in aside}
+    about = system.about.as_json() if system.about else {}
+    content: Any = {k: _untitled(v) for k, v in about.items() if k not in aside}
     told = [
         _told(replace(system, about=content)), {n: computes[n] for n in system.components},
         _told(beside),

@@ -6,7 +6,7 @@ makes a `System` of it.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from pathlib import Path, PurePath
 from typing import Any
@@ -16,7 +16,7 @@ from desat.components.contract.units import Unit
 
 from .errors import DesatError, nearest
 from .interface import Interface, OutputClass, base_name
-from .model import ACCURACY, AUTO, Connection, Connector, Inner
+from .model import ACCURACY, AUTO, Connection, Connector, Inner, Told
 from .parameters import expand
 
 
@@ -85,7 +85,9 @@ class Draft:
     output_classes: dict[str, OutputClass] = field(default_factory=dict)
     given: dict[str, str] = field(default_factory=dict)
     """Who gave a time, or the class of an output: its key -> file and key, or option."""
-    about: dict[str, Any] = field(default_factory=dict)
+    title: str = ""
+    about: Told | None = None
+    """What its scenario says (`language/content.py`, `said`); None of a foreign system."""
     problems: list[str] = field(default_factory=list)
     """What is wrong with it, a line each."""
     warnings: list[str] = field(default_factory=list)
@@ -204,35 +206,3 @@ def adopt_shared(draft: Draft, component: DraftComponent) -> None:
                     component.units[element] = unit
         if where:
             component.given[name] = where
-
-
-# --- What of a draft is drawn, and how: its [dispersions] by component and variable -------------
-
-
-KINDS = ("normal", "uniform", "direction", "attitude", "signs", "one_of", "seed")
-
-
-def dispersed(system: Draft) -> dict[str, dict[str, Any]]:
-    """`component.variable` -> how it is drawn."""
-    spread: dict[str, dict[str, Any]] = {}
-    for key, spec in system.about.get("dispersions", {}).items():
-        owner, _, variable = key.partition(".")
-        owners = [c.name for c in system.having(variable)] if owner == "*" else [owner]
-        spread |= {f"{name}.{variable}": spec for name in owners}
-    return spread
-
-
-def overridden(system: Draft, name: str) -> list[str]:
-    """What is drawn of the parameters that a name gives a value: `component.parameter`, an element
-    of it, or `shared.parameter`."""
-    owner, variable = (part.strip() for part in base_name(name.strip()).split(".", 1))
-    wanted = {f"{owner}.{variable}"}
-    if owner == "shared" and owner not in system.components:
-        wanted = {f"{c.name}.{variable}" for c in system.having(variable)}
-    return sorted(wanted & dispersed(system).keys())
-
-
-def kind_of(spec: Mapping[str, Any]) -> str:
-    """How something is drawn: one of KINDS, or none ("") where not exactly one is given."""
-    found = [key for key in spec if key in KINDS]
-    return found[0] if len(found) == 1 and spec.keys() <= {found[0], "within"} else ""

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, Protocol
 
 from desat.components.contract.block import Scalar
 
@@ -72,6 +72,13 @@ class Component:
     """Who gave a variable its value: name -> file and key, or option."""
 
 
+class Told(Protocol):
+    """What a scenario says beside its system, such as numbers and plots."""
+
+    def as_json(self) -> Mapping[str, Any]:
+        """It as JSON, for files and digests."""
+
+
 @dataclass(frozen=True)
 class System:
     """Components, connections and the experiment. `where` is the SSD, for messages."""
@@ -90,8 +97,8 @@ class System:
     """Attitude error (rad) that `inner = "auto"` is to keep below."""
     output_classes: Mapping[str, OutputClass] = field(default_factory=dict)
     """Overrides: `component.variable` -> class."""
-    about: Mapping[str, Any] = field(default_factory=dict)
-    """The scenario as data (story, numbers, plots, paper); empty for a foreign system."""
+    about: Told | None = None
+    """What its scenario says (`language/content.py`, `said`); None of a foreign system."""
 
     @property
     def parts(self) -> int:
