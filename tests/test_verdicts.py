@@ -237,7 +237,7 @@ def test_cells_are_counted_by_what_they_show():
         cell(1.5, values=1.6), cell(1.5, values=3.0), cell(3.0, values=1.5),
         cell(1.5, values=1.5, tuned="a gain"), cell(1.5, tuned="a gain"),
         cell(1.5, values=1.5, in_sample="a choice"), cell(1.5), cell(3.0),
-        cell(None, not_judged="why"), cell(1.5, tolerance=None),
+        cell(None, not_judged="why", tolerance=None), cell(1.5, tolerance=None),
     ]  # fmt: skip
     assert counted(rows) == {
         "rows": 10, "not_judged": 1, "banded": 8, "within": 6, "tuned": 2, "without_paper": 2,

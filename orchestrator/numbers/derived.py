@@ -184,15 +184,21 @@ def angle_between(a: Array, b: Array) -> Array:
     return np.asarray(np.degrees(np.arctan2(across, np.abs((a * b).sum(axis=1)))))
 
 
-@quantity("disturbances", "coils", "both", unit="")
-def momentum_budget(times: Array, impulse: Array, b_eci: Array, q: Array, dipole: Array) -> Array:
-    """Sizes (rows, 3) of what disturbances, coils and both have given a craft since the start, as
-    vectors in eci (N m s): the external impulse, the field and the attitude at t_k and the mean
-    dipole over each step. The coils' torque is taken at the middle of the step."""
+def coil_impulse(times: Array, b_eci: Array, q: Array, dipole: Array) -> Array:
+    """The impulse (rows, 3) of coils since the start (N m s, eci), by field and attitude at t_k and
+    the mean dipole over each step; the torque is taken at the middle of the step."""
     n = min(len(dipole), len(b_eci) - 1)
     b, halfway = (b_eci[:n] + b_eci[1 : n + 1]) / 2.0, q[:n] + q[1 : n + 1]
     m_eci = rotate_back(halfway / np.linalg.norm(halfway, axis=1, keepdims=True), dipole[:n])
     steps = np.diff(times[: n + 1])[:, None]
-    coils = np.vstack([np.zeros(3), np.cumsum(cross(m_eci, b) * steps, axis=0)])
-    parts = impulse[: n + 1] - coils, coils, impulse[: n + 1]
+    return np.vstack([np.zeros(3), np.cumsum(cross(m_eci, b) * steps, axis=0)])
+
+
+@quantity("disturbances", "coils", "both", unit="")
+def momentum_budget(times: Array, impulse: Array, b_eci: Array, q: Array, dipole: Array) -> Array:
+    """Sizes (rows, 3) of what disturbances, coils and both have given a craft since the start, as
+    vectors in eci (N m s): the external impulse, and the coils' (`coil_impulse`)."""
+    coils = coil_impulse(times, b_eci, q, dipole)
+    n = len(coils)
+    parts = impulse[:n] - coils, coils, impulse[:n]
     return np.array([np.linalg.norm(p, axis=1) for p in parts]).T
