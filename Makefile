@@ -58,4 +58,5 @@ clean: ## remove what the other targets have made
 	$(BIN)/python -m pip install -q --disable-pip-version-check -c constraints.txt -e ".[dev,witness]" \
 		|| { echo "without libcosim and Ecos: their tests will be skipped"; \
 		$(BIN)/python -m pip install -q --disable-pip-version-check -c constraints.txt -e ".[dev]"; }
+	@$(BIN)/python -m compileall -q orchestrator components fmus  # pip leaves that of a checkout out
 	@touch $@

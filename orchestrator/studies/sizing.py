@@ -12,8 +12,9 @@ these alone stand
   linear programme (its dual) whose answer any law can have that knows the whole time before;
 - a model of three states, the momentum H of wheels and body in eci: H' = disturbances + coils,
   coils by the equation of the law, the rods' limits and the law's samples. It flies many sizes of
-  rods side by side. It knows neither pointing errors, detumbling and slews, nor the saturation of
-  one wheel by momentum in the null space: for these there is the closed loop.
+  rods side by side. It knows neither pointing errors, detumbling and slews, nor the noise of
+  tachometers, which raises the duty where rods are large for their craft, nor the saturation of one
+  wheel by momentum in the null space: for these there is the closed loop.
 """
 
 from __future__ import annotations
