@@ -76,9 +76,11 @@ def one_of_each_craft() -> list[str]:
     return list(found.values())
 
 
-def python(code: str, *arguments: str, timeout: float = 300) -> subprocess.CompletedProcess[str]:
+def python(
+    code: str, *arguments: str, timeout: float = 300, env: dict[str, str] | None = None
+) -> subprocess.CompletedProcess[str]:
     """Run Python code in a process of its own."""
     return subprocess.run(
         [sys.executable, "-c", code, *arguments],
-        capture_output=True, text=True, cwd=ROOT, timeout=timeout, check=False,
+        capture_output=True, text=True, cwd=ROOT, timeout=timeout, check=False, env=env,
     )  # fmt: skip

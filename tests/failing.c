@@ -24,7 +24,7 @@ static char name[64];
 enum { NOTHING, SEGFAULT, ABORT, KILL, EXIT_0, EXIT_3, HANG, OVERFLOW, IN_FREE, IN_START, IN_EXIT,
        CHDIR, ROUNDING, LOCALE, HANDLER, PRINT, LOG, STEP_ERROR, SLOW, DISCARD, NOT_FINITE,
        NEGATIVE, FORK, LEAVE, TRAPS, UMASK, ROUNDED, SCRIBBLE, KILL_GROUP, DAEMON,
-       SCRIBBLE_EARLY, DOT, FATAL, FLUSHED };
+       SCRIBBLE_EARLY, DOT, FATAL, FLUSHED, FORK_BESIDE, STAY };
 
 static int recurse(int n) { volatile char big[65536]; big[n & 65535] = 1; return recurse(n + 1) + big[0]; }
 
@@ -58,7 +58,12 @@ component fmi2Instantiate(const char *called, int kind, const char *guid, const 
 #endif
     return &me;
 }
-void fmi2FreeInstance(component c) { (void)c; if (me.how == IN_FREE) ruin(SEGFAULT); }
+void fmi2FreeInstance(component c)
+{
+    (void)c;
+    if (me.how == IN_FREE) ruin(SEGFAULT);
+    if (me.how == FORK_BESIDE) fork();
+}
 int fmi2SetupExperiment(component c, int a, double b, double t, int d, double e)
 {
     (void)c, (void)a, (void)b, (void)d, (void)e;
@@ -70,6 +75,7 @@ int fmi2EnterInitializationMode(component c)
 {
     (void)c;
     if (me.how == IN_START) ruin(SEGFAULT);
+    if (me.how == FORK_BESIDE) fork();
     if (me.how == SCRIBBLE_EARLY) into_all("\0\0\0\4abcd", 8); /* a message of four letters */
     return 0;
 }
@@ -97,6 +103,7 @@ int fmi2DoStep(component c, double t, double dt, int no)
     if (t < 2.5) return 0;
     ruin(me.how);
     if (me.how == FORK && t < 3.5) fork();
+    if (me.how == STAY && t < 3.5 && !fork()) prctl(PR_SET_NAME, "desat_daemon"), sleep(600);
     if (me.how == LEAVE && !fork()) sleep(2), _exit(0);
     if (me.how == LEAVE) ruin(SEGFAULT);
     if (me.how == SCRIBBLE) into_all("scribble", 8);  // what it finds open is not its own

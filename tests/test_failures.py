@@ -19,10 +19,11 @@ import time
 import zipfile
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import psutil
 import pytest
-from conftest import ROOT
+from conftest import ROOT, python
 
 from benchmarks import seen, soak
 from desat import cli
@@ -34,12 +35,13 @@ from desat.engine.recording.row_buffer import Half
 from desat.engine.recording.series_file import Packing
 from desat.files import io, library
 from desat.files.ssp_write import pack
+from desat.fmus import native
 from desat.papers import tables
 from desat.papers.session import Sources
 from desat.report.report import write_report
+from desat.runs import inner_choice, step_case, supervisor
 from desat.runs import prepare as preparing
 from desat.runs import run as case
-from desat.runs import supervisor
 from desat.runs.run import Options, load_run, prepare, simulate
 from desat.system.errors import DesatError, Exit, RunError
 
@@ -163,6 +165,67 @@ def test_a_crash_of_one_of_ours_ends_the_run(system, tmp_path, monkeypatch, how)
     assert run.results.times().tolist() == [0.0, 1.0, 2.0]
 
 
+@pytest.fixture(scope="session")
+def ours(tmp_path_factory) -> Path:
+    """A native FMU of ours that crashes in its fourth step of 1 s."""
+    folder, sources = tmp_path_factory.mktemp("ours"), native.sources
+
+    def crashing(name: str) -> tuple[dict[str, str], str]:
+        files, guid = sources(name)
+        begins = "static void do_advance(void *self, double t, double dt)\n{"
+        text = files[f"{name}.c"]
+        assert begins in text
+        crash = f"{begins}\n    if (t > 2.5) *(volatile int *)8 = 1;"
+        return {**files, f"{name}.c": text.replace(begins, crash)}, guid
+
+    native.compile_wrapper(folder)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(native, "sources", crashing)
+        return native.build("controller_pd", folder / "dist", folder)
+
+
+@pytest.mark.parametrize("inner", [1, "auto"])
+def test_a_crash_of_one_of_ours_is_named_also_in_a_flight_beforehand(ours, tmp_path, inner):
+    """With `auto` it ended the command itself, without a word: flights were made in its process."""
+    script = f"""
+import sys
+from desat import cli
+from desat.files import library
+library.is_ours = lambda fmu: True
+sys.argv = ["desat", "run", "nadir_day/day-dipole", "--source", "controller={ours}", "--stop", "10",
+            "--inner", "{inner}", "--out", {str(tmp_path / "out")!r}]
+sys.exit(cli._code())
+"""
+    ended = python(script)
+    crash = "controller: the step from t = 3 s ended the process: SIGSEGV"
+    assert ended.returncode == Exit.COMPONENT, ended.stderr
+    assert f"failed: {crash}; 3 rows are kept" in ended.stderr
+    assert (tmp_path / "out/report.html").exists()
+    with load_run(tmp_path / "out").results as results:
+        assert results.times().tolist() == [0.0, 1.0, 2.0]
+    if inner == "auto":
+        told = json.loads((tmp_path / "out/manifest.json").read_text())["inner_choice"]["why"]
+        assert told == f"a flight beforehand failed: {crash}"
+
+
+@pytest.mark.parametrize(("number", "raised"), [
+    (signal.SIGINT, KeyboardInterrupt), (signal.SIGTERM, SystemExit), (signal.SIGHUP, SystemExit),
+])  # fmt: skip
+def test_a_signal_in_a_flight_beforehand_ends_it(monkeypatch, number, raised):
+    test = os.getpid()
+
+    def flies(*_: object) -> None:
+        assert os.getppid() == test
+        time.sleep(0.5)  # until the parent hands it on
+        os.kill(os.getppid(), number)
+        time.sleep(30.0)
+
+    monkeypatch.setattr(inner_choice._Flights, "choice", flies)
+    with pytest.raises(raised) as ended:
+        simulate(prepare("nadir_day/day-dipole", Options(inner="auto", supervised=True)))
+    assert raised is KeyboardInterrupt or ended.value.code == 128 + number
+
+
 @pytest.mark.parametrize("loop", ["compiled", "python"])
 def test_a_fork_among_others_changes_no_row(system, tmp_path, loop):
     """Both processes wrote rows into what they share, and the run ended as a bug of ours."""
@@ -170,6 +233,20 @@ def test_a_fork_among_others_changes_no_row(system, tmp_path, loop):
     assert (run.ok, run.manifest["loop"]["name"]) == (True, loop)
     assert run.results.times().tolist() == [float(k) for k in range(11)]
     assert run.results.values("bad.y").tolist() == run.results.times().tolist()
+
+
+@pytest.mark.parametrize("loop", ["compiled", "python"])
+@pytest.mark.parametrize("how", ["FORK", "FORK_BESIDE"])
+def test_a_fork_does_not_come_back_to_whoever_runs_it(system, how, loop):
+    """In a step, in initialisation and when it is freed: a script that uses the library went on
+    twice."""
+    script = f"""
+import desat
+sets = {{"bad.how": {HOW.index(how)}}}
+run = desat.run({str(system)!r}, sets, isolate="none", step=1.0, loop={loop!r})
+print("ended", run.manifest["status"], run.results.times()[-1])
+"""
+    assert python(script).stdout == "ended completed 10.0\n"
 
 
 def test_the_command_reports_a_crash(apart, system, tmp_path):
@@ -234,7 +311,13 @@ WROTE = "bad: at t = 3 s it wrote into a file that is not its own; it was ended"
 
 @pytest.mark.parametrize(
     ("how", "text"),
-    [("SCRIBBLE", WROTE), ("DOT", WROTE), ("KILL_GROUP", f"{ALONE}SIGKILL"), ("DAEMON", "")],
+    [
+        ("SCRIBBLE", WROTE),
+        ("DOT", WROTE),
+        ("KILL_GROUP", f"{ALONE}SIGKILL"),
+        ("DAEMON", ""),
+        ("STAY", ""),
+    ],
 )
 def test_an_isolated_component_has_nothing_of_the_heads(system, apart, how, text):
     """What it finds open, its process group and what it leaves behind are its own: it wrote into
@@ -463,7 +546,8 @@ def test_a_call_that_does_not_return(system, tmp_path):
 
 
 def started(
-    system: Path, tmp_path: Path, how: str, *more: str, until: str = "out/manifest.json.part"
+    system: Path, tmp_path: Path, how: str, *more: str, until: str = "out/manifest.json.part",
+    hang_up: Any = signal.SIG_DFL,
 ):  # fmt: skip
     """The command, running."""
     process = subprocess.Popen(
@@ -471,6 +555,7 @@ def started(
          "--set", f"bad.how={HOW.index(how)}", "--out", str(tmp_path / "out"), *more],
         stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=ROOT,
         env={**os.environ, "TMPDIR": str(tmp_path)},
+        preexec_fn=lambda: signal.signal(signal.SIGHUP, hang_up),
     )  # fmt: skip
     deadline = time.monotonic() + 60
     while not (tmp_path / until).exists():
@@ -492,9 +577,49 @@ def test_signals_end_alike(system, tmp_path, number, code):
     out, err = process.communicate(timeout=60)
     assert process.returncode == code, err
     assert "Traceback" not in out + err
-    assert json.loads((tmp_path / "out/manifest.json").read_text())["status"] == "interrupted"
+    manifest = json.loads((tmp_path / "out/manifest.json").read_text())
+    assert manifest["status"] == "interrupted"
+    with Results.open(tmp_path / "out") as results:
+        times = results.times().tolist()
+    assert times == [float(k) for k in range(manifest["steps_done"] + 1)]
+    assert manifest["message"] == f"stopped by the user at t = {times[-1]:g} s"
     assert (tmp_path / "out/report.html").exists()
     assert not list(tmp_path.glob("desat-*"))
+
+
+def test_nohup_is_heeded(system, tmp_path):
+    """Whoever starts it may have it ignore SIGHUP; it ended all the same."""
+    process = started(system, tmp_path, "SLOW", hang_up=signal.SIG_IGN)
+    process.send_signal(signal.SIGHUP)
+    with pytest.raises(subprocess.TimeoutExpired):
+        process.communicate(timeout=1.0)
+    process.terminate()
+    _, error = process.communicate(timeout=60)
+    assert process.returncode == Exit.TERMINATED, error
+
+
+@pytest.mark.parametrize(
+    ("number", "code"),
+    [(signal.SIGINT, Exit.INTERRUPTED), (signal.SIGTERM, Exit.TERMINATED),
+     (signal.SIGHUP, Exit.HUNG_UP)],
+)  # fmt: skip
+def test_a_signal_while_it_is_prepared_leaves_nothing(tmp_path, number, code):
+    """SIGHUP left temporary files and an empty folder of the run."""
+    script = f"""
+import os, signal, sys
+from desat.cli import main
+from desat.files import library
+from desat.runs import run
+def prepared(*_, **__): library.scratch("x"); os.kill(os.getpid(), {int(number)})
+run.simulate = prepared
+signal.signal(signal.SIGHUP, signal.SIG_DFL)
+signal.signal(signal.SIGINT, signal.default_int_handler)
+sys.argv = ["desat", "run", "nadir_day/day-dipole", "--out", {str(tmp_path / "out")!r}]
+main()
+"""
+    ended = python(script, env={**os.environ, "TMPDIR": str(tmp_path)})
+    assert (ended.returncode, ended.stdout, ended.stderr) == (code, "", "")
+    assert list(tmp_path.iterdir()) == []
 
 
 @pytest.mark.parametrize(
@@ -522,6 +647,21 @@ def test_ended_when_all_is_recorded(system, tmp_path, monkeypatch, whom, number,
     assert (run.manifest["status"], run.code) == (status, code)
     assert run.results.times().tolist() == [float(k) for k in range(11)]
     assert {p.name for p in (tmp_path / "out").iterdir()} == {"manifest.json", "series.h5"}
+
+
+def test_killed_before_its_first_row_it_has_none(desat, tmp_path, monkeypatch):
+    """Where there are interval values, of which there is a row less in the end, it was a bug of
+    ours (3), and neither manifest nor report was there."""
+    monkeypatch.setattr(
+        step_case, "begin_manifest", lambda *_: os.kill(os.getpid(), signal.SIGKILL)
+    )
+    done = desat("run", "nadir_day/day-dipole", "--stop", "5", "--out", str(tmp_path / "out"))
+    assert done.returncode == Exit.COMPONENT
+    assert "ended by SIGKILL, outside a call of a component; 0 rows are kept" in done.stderr
+    assert {p.name for p in (tmp_path / "out").iterdir()} == {
+        "manifest.json", "report.html", "series.h5"}  # fmt: skip
+    with Results.open(tmp_path / "out") as results:
+        assert {len(results.values(n)) for n in results.names()} == {0}
 
 
 @pytest.mark.parametrize("packed", [True, False], ids=["packed", "no_room_to_pack"])
@@ -614,6 +754,7 @@ def test_a_second_ctrl_c_always_ends(system, tmp_path):
             break
     assert process.returncode == Exit.INTERRUPTED
     assert json.loads((tmp_path / "out/manifest.json").read_text())["status"] == "interrupted"
+    assert (tmp_path / "out/report.html").exists()
     with Results.open(tmp_path / "out") as results:
         assert results.times().tolist() == [0.0, 1.0, 2.0]
 
@@ -1080,6 +1221,8 @@ def test_a_report_that_fails_leaves_the_manifest(system, tmp_path, monkeypatch, 
     assert cli._code() == Exit.BUG
     manifest = json.loads((tmp_path / "out/manifest.json").read_text())
     assert manifest["status"] == "completed"
+    with Results.open(tmp_path / "out") as results:
+        assert len(results.times()) == 11
     assert "internal: ZeroDivisionError" in capsys.readouterr().err
 
 

@@ -132,7 +132,8 @@ class Store:
 
     def close(self) -> None:
         """Leave the journal as it is."""
-        self._file.close()
+        with naming(self.folder / JOURNAL):  # what it could not write it tries once more
+            self._file.close()
 
     def _reopen(self, count: int) -> None:
         """A last block that was whole with fewer cases is not any more."""

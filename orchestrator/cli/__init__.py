@@ -14,6 +14,7 @@ from typing import Annotated, Any, NoReturn
 import typer
 from typer.main import get_command
 
+from ..engine.process_state import stop_signals
 from ..system.errors import DesatError, Exit
 from . import commands
 from .console import app, err, out
@@ -44,13 +45,16 @@ def _desat(
 
 
 def _terminate(number: int, frame: Any) -> NoReturn:
-    """SIGTERM ends as an exception does: what is open is closed, what is temporary removed."""
-    sys.exit(Exit.TERMINATED)
+    """SIGTERM and SIGHUP end as an exception does: what is open is closed, what is temporary
+    removed."""
+    sys.exit(128 + number)
 
 
 def main() -> None:
     """Entry of the command: every error is a line, never a traceback."""
-    signal.signal(signal.SIGTERM, _terminate)
+    for number in stop_signals():
+        if number != signal.SIGINT:
+            signal.signal(number, _terminate)
     if hasattr(
         signal, "SIGCHLD"
     ):  # some who start us ignore it: then nobody hears how a child ends
@@ -74,7 +78,8 @@ def _code() -> int:
     except (typer.Abort, KeyboardInterrupt):
         return Exit.INTERRUPTED
     except OSError as error:
-        _say(f"{error.filename}: {error.strerror}" if error.filename else str(error))
+        what = error.strerror or str(error)
+        _say(f"{error.filename}: {what}" if error.filename else what)
         if not _is_full(error):
             return Exit.INPUT
         _drop_output()

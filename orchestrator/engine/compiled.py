@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import ctypes
 import hashlib
+import os
 import platform
 import shlex
 import subprocess
@@ -48,7 +49,8 @@ class _Table(ctypes.Structure):
 
 class _Loop(ctypes.Structure):
     _fields_ = (
-        ("k", ctypes.c_int64), ("word", ctypes.c_void_p), ("time", ctypes.c_void_p),
+        ("k", ctypes.c_int64), ("process", ctypes.c_int64),
+        ("word", ctypes.c_void_p), ("time", ctypes.c_void_p),
         ("start", ctypes.c_double), ("step", ctypes.c_double),
         ("steps", ctypes.c_int64), ("edges", ctypes.c_void_p), ("operations", ctypes.c_void_p),
         ("failed", ctypes.c_int64), ("status", ctypes.c_int64),
@@ -59,7 +61,6 @@ class _Loop(ctypes.Structure):
         ("how", ctypes.c_int64), ("watched", ctypes.c_int64), ("asked", ctypes.c_int64),
         ("places", ctypes.c_void_p), ("watched_reals", ctypes.c_void_p),
         ("watched_integers", ctypes.c_void_p), ("limit", ctypes.c_double),
-        ("only", ctypes.c_int64),
     )  # fmt: skip
 
 
@@ -70,19 +71,19 @@ class CompiledSteps:
     why = ""
     seconds = 0.0
 
-    def __init__(
-        self, master: Master, recorder: Recorder | None, ending: Ending, only: int = 0
-    ) -> None:
+    def __init__(self, master: Master, recorder: Recorder | None, ending: Ending) -> None:
         self._run, self._master, self._recorder = _library().desat_loop, master, recorder
         self._program = Program(master.cycle)
         real = master.live["Real"]
+        foreign = any(getattr(m.instance, "foreign", False) for m in master.members.values())
         self._loop = _Loop(
+            process=os.getpid() if foreign else 0,
             word=current_call.address(current_call.word),
             time=current_call.address(current_call.time),
             start=master.start, step=master.step_size, steps=len(master.cycle),
             edges=self._program.edges.ctypes.data,
             operations=ctypes.addressof(self._program.operations),
-            real=real.ctypes.data, reals=len(real), ahead=master.ahead, only=only,
+            real=real.ctypes.data, reals=len(real), ahead=master.ahead,
         )  # fmt: skip
         if recorder is not None:
             self._record(master, recorder)

@@ -50,6 +50,7 @@ enum how { NEVER, BELOW, ABOVE, REACHES, ALWAYS };
 
 struct loop {
     int64_t k;
+    int64_t process; /* where a component may fork it: what comes back in another one ends */
     int64_t *word; /* of current_call.py: the call that the process is in, and its time */
     double *time;
     double start, step;
@@ -74,7 +75,6 @@ struct loop {
     const double *watched_reals;
     const int32_t *watched_integers;
     double limit;
-    int64_t only; /* the one process that is to go on, where a component may fork; else 0 */
 };
 
 enum result { LOOK, FAILED, NOT_FINITE };
@@ -91,6 +91,16 @@ static double at(const double *values, int64_t place) { return place < 0 ? 0.0 :
 #define MOVE(ONE)                                                                                    \
     for (i = 0; i < o->n; i++) ONE;                                                                  \
     return 0;
+
+/* The status of a call that has come back, in our process. */
+static unsigned back(const struct loop *loop, unsigned status)
+{
+#ifndef _WIN32
+    if (loop->process && getpid() != loop->process)
+        _exit(0);
+#endif
+    return status;
+}
 
 static unsigned perform(struct loop *loop, const struct operation *o)
 {
@@ -126,10 +136,10 @@ static unsigned perform(struct loop *loop, const struct operation *o)
     case FETCH_B: MOVE(HERE(int32_t) = *THERE(bool))
     case TRANSFER:
         *loop->word = o->word;
-        return ((transfer *)o->p[0])(o->p[1], o->p[2], (size_t)o->n, o->p[3]);
+        return back(loop, ((transfer *)o->p[0])(o->p[1], o->p[2], (size_t)o->n, o->p[3]));
     case STEP:
         *loop->word = o->word;
-        return ((do_step *)o->p[0])(o->p[1], *(double *)o->p[2], *(double *)o->p[3], 1);
+        return back(loop, ((do_step *)o->p[0])(o->p[1], *(double *)o->p[2], *(double *)o->p[3], 1));
     case COPY:
         memcpy(o->p[0], o->p[1], (size_t)o->n);
         return 0;
@@ -188,10 +198,6 @@ static int all_of(struct loop *loop, int64_t from, int64_t to)
 
 static void take_row(struct loop *loop)
 {
-#ifndef _WIN32
-    if (loop->only && getpid() != loop->only)
-        _exit(0);
-#endif
     int64_t k = loop->k + loop->ahead, row = *loop->taken;
     if (k % loop->every)
         return;

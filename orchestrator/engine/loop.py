@@ -8,16 +8,14 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from functools import partial
 from typing import Any, Protocol
 
-from ..system.interface import Kind
 from ..system.options import Loop
 from .checkpoint import Checkpoints
 from .compiled import CompiledSteps, NotCompiledError
 from .ending import NEVER, Ending
-from .instances.base import Array
-from .master import Master, Rows
+from .master import Master
+from .process_state import stop_signals
 from .recording.recorder import Recorder
 
 AGAIN = 0.3
@@ -59,38 +57,25 @@ class PythonSteps:
     name: Loop = "python"
     seconds = 0.0
 
-    def __init__(self, master: Master, recorder: Recorder | None, why: str, only: int = 0) -> None:
+    def __init__(self, master: Master, recorder: Recorder | None, why: str) -> None:
         self._advance, self.why = master.advance, why
         self._record = None if recorder is None else recorder.record
-        if only and recorder is not None:
-            self._record = partial(_of_one, only, recorder.record)
 
     def some(self, most: int) -> None:
         """Make one."""
         self._advance(self._record)
 
 
-def _of_one(only: int, record: Rows, k: int, outputs: dict[Kind, Array]) -> None:
-    """Record a row in the one process that is to go on; another, which a component has made, ends
-    here."""
-    if os.getpid() != only:
-        os._exit(0)
-    record(k, outputs)
-
-
 def stepping(
-    master: Master, recorder: Recorder | None, ending: Ending = NEVER, loop: Loop = "compiled",
-    forks: bool = False,
-) -> Steps:  # fmt: skip
-    """The steps of an initialised master by the loop that is wanted, where it can be had. `forks`:
-    a component may make a second process of this one, which is ended at its first row."""
-    only = os.getpid() if forks else 0
+    master: Master, recorder: Recorder | None, ending: Ending = NEVER, loop: Loop = "compiled"
+) -> Steps:
+    """The steps of an initialised master by the loop that is wanted, where it can be had."""
     if loop == "python":
-        return PythonSteps(master, recorder, "it was asked for", only)
+        return PythonSteps(master, recorder, "it was asked for")
     try:
-        return CompiledSteps(master, recorder, ending, only)
+        return CompiledSteps(master, recorder, ending)
     except NotCompiledError as error:
-        return PythonSteps(master, recorder, str(error), only)
+        return PythonSteps(master, recorder, str(error))
 
 
 def run(
@@ -137,12 +122,8 @@ def interruptible() -> Iterator[Callable[[], int]]:
         if not got[0]:
             got[0], first[0] = number, time.monotonic()
 
-    names = ("SIGINT", "SIGTERM", "SIGHUP")  # Windows has no SIGHUP
     try:
-        previous = {
-            n: signal.signal(n, handler)
-            for n in (getattr(signal, x) for x in names if hasattr(signal, x))
-        }
+        previous = {n: signal.signal(n, handler) for n in stop_signals()}
     except ValueError:  # not the main thread: nobody can interrupt us
         yield lambda: 0
         return

@@ -140,6 +140,14 @@ _STATE: dict[str, tuple[Callable[[], Any], Callable[[Any], Any]]] = {
 }
 
 
+def stop_signals() -> list[int]:
+    """The signals that stop a run; SIGHUP not where whoever started us has it ignored (nohup)."""
+    names = ("SIGINT", "SIGTERM", "SIGHUP")  # Windows has no SIGHUP
+    numbers = [getattr(signal, name) for name in names if hasattr(signal, name)]
+    return [n for n in numbers
+            if n == signal.SIGINT or signal.getsignal(n) != signal.SIG_IGN]  # fmt: skip
+
+
 def no_space(text: str) -> str:
     """Why there is no room, of the text of an error of HDF5 or of the system; else nothing."""
     for number, meaning in _FULL.items():

@@ -31,17 +31,25 @@ def naming(path: Path) -> Iterator[None]:
         raise
 
 
-def replace_text(path: Path, content: str | bytes) -> None:
-    """Write a file under a temporary name, then rename; its folder is made. Raises OSError."""
+@contextmanager
+def replacing(path: Path) -> Iterator[Path]:
+    """Within: a temporary name to write a file under, which then has its own; its folder is made.
+    Where that fails nothing is left of it, and an OSError names the file."""
     part = path.with_name(f"{path.name}.tmp")  # `.part` is what a run that goes on has
     path.parent.mkdir(parents=True, exist_ok=True)
     try:
         with naming(path):
-            part.write_bytes(content.encode() if isinstance(content, str) else content)
+            yield part
         part.replace(path)
-    except OSError:
+    except BaseException:
         part.unlink(missing_ok=True)
         raise
+
+
+def replace_text(path: Path, content: str | bytes) -> None:
+    """Write a file as a whole (`replacing`). Raises OSError."""
+    with replacing(path) as part:
+        part.write_bytes(content.encode() if isinstance(content, str) else content)
 
 
 # ------------------------------------------------------------------------------------------------

@@ -15,7 +15,7 @@ import numpy as np
 import pyarrow as pa
 
 from ..figures.canvas import INCH, INK, Dots, Figure, Words
-from ..files import paths
+from ..files import io, paths
 from ..language.content import said
 from ..runs.run import Run, load_run
 from ..system.errors import DesatError
@@ -33,27 +33,25 @@ def export(folder: Path, form: str, into: Path | None = None) -> tuple[list[Path
         raise DesatError(f"--format {form}: there are {', '.join(FORMATS)}")
     run = load_run(folder)
     into = into or folder
-    into.mkdir(parents=True, exist_ok=True)
     if form in ("png", "pdf"):
         return _plots(run, form, into), ""
-    path = into / f"series.{form}"
-    part = path.with_name(f"{path.name}.part")
-    note = ""
-    if form == "mat":
-        from scipy.io import savemat
+    path, note = into / f"series.{form}", ""
+    with io.replacing(path) as part:
+        if form == "mat":
+            from scipy.io import savemat
 
-        savemat(part, _structs(run), appendmat=False, do_compression=True, long_field_names=True)
-    else:
-        table, note = _table(run)
-        if form == "csv":
-            from pyarrow import csv
-
-            csv.write_csv(table.rename_columns([*map(no_formula, table.column_names)]), part)
+            structs = _structs(run)
+            savemat(part, structs, appendmat=False, do_compression=True, long_field_names=True)
         else:
-            from pyarrow import parquet
+            table, note = _table(run)
+            if form == "csv":
+                from pyarrow import csv
 
-            parquet.write_table(table, part, compression="zstd")
-    part.replace(path)
+                csv.write_csv(table.rename_columns([*map(no_formula, table.column_names)]), part)
+            else:
+                from pyarrow import parquet
+
+                parquet.write_table(table, part, compression="zstd")
     return [path], note
 
 
@@ -107,9 +105,8 @@ def _plots(run: Run, form: str, into: Path) -> list[Path]:
         if figure is None:
             continue
         path = into / f"{name}.{form}"
-        part = path.with_name(f".{path.name}.part")
-        _paint(figure, part, form)
-        part.replace(path)
+        with io.replacing(path) as part:
+            _paint(figure, part, form)
         made.append(path)
     if not made:
         raise DesatError(f"{into}: the scenario has no plots of recorded series")

@@ -20,11 +20,12 @@ Nothing of it depends on a clock: the same system chooses alike everywhere.
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import asdict, astuple, dataclass, field, replace
+from functools import partial
 from itertools import pairwise
 from math import inf, isfinite, lcm, log2
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from fmpy import read_model_description
@@ -46,6 +47,9 @@ from ..system.model import AUTO, MOST_INNER, Component, System
 from ..system.options import Options
 from ..system.schedule import schedule
 from .prepare import isolated, wanted
+from .supervisor import CAN, apart
+
+T = TypeVar("T")
 
 FACTOR = 2.0
 """Estimate over difference: an estimate is to be no less than the error, and that of a flight is
@@ -117,19 +121,25 @@ def chosen(target: str, system: System, options: Options) -> Choice | None:
     """
     if system.inner != AUTO:
         return None
-    began = time.process_time()
     if why := _not_flown(system, options):
         return Choice(1, system.accuracy, why=why)
     try:
-        choice = _Flights(system, options, 1, LONGEST).choice(target)
+        return _apart(system, options, lambda: _Flights(system, options, 1, LONGEST).choice(target))
     except ComponentError as error:
-        choice = Choice(1, system.accuracy, why=f"a flight beforehand failed: {error}")
+        return Choice(1, system.accuracy, why=f"a flight beforehand failed: {error}")
     except DesatError as error:
         if not wanted(system, replace(options, isolate="foreign")):
             raise
         # a foreign FMU may not do the same twice
-        choice = Choice(1, system.accuracy, why=str(error))
-    return replace(choice, seconds=time.process_time() - began)
+        return Choice(1, system.accuracy, why=str(error))
+
+
+def _apart(system: System, options: Options, flying: Callable[[], T]) -> T:
+    """What flights give: made where the run's steps are, in a process that is watched, if so asked.
+    Raises ComponentError where a component fails, or ends that process."""
+    if not (options.supervised and CAN):
+        return flying()
+    return apart(flying, schedule(replace(system, inner=1)).order, options.call_limit)
 
 
 def settled(target: str, system: System) -> System:
@@ -150,7 +160,6 @@ def looked_at_again(
     parts = coverage.applies(system)
     if choice.reached is None or parts is None:
         return None
-    began = time.process_time()
     found = coverage.of_run({coverage.KEY: parts}, results)
     if found is None:
         return None
@@ -158,9 +167,9 @@ def looked_at_again(
     for k, text in _left(found, choice.reached):
         state = [results.values(name)[max(0, k - 2)] for name in parts["series"][:3]]
         at = _from(system, float(found.times[max(0, k - 2)]), state)
-        flights = _Flights(at, options, more.inner, LOOK)
+        flying = partial(_Flights(at, options, more.inner, LOOK).choice, target)
         try:
-            there = flights.choice(target)
+            there = _apart(system, options, flying)
         except ComponentError:
             continue
         # what the flights before would have come to with as many, by the second power to be safe
@@ -170,10 +179,9 @@ def looked_at_again(
         seen = tuple(map(max, more.reached or choice.reached, found.largest()))
         more = replace(
             more, inner=there.inner, estimate=share, again=again, reached=seen,  # type: ignore[arg-type]
-            flown=more.flown + there.flown,
+            flown=more.flown + there.flown, seconds=more.seconds + there.seconds,
         )  # fmt: skip
-    spent = choice.seconds + time.process_time() - began
-    return None if more is choice else replace(more, seconds=spent)
+    return None if more is choice else more
 
 
 def decimated(system: System, options: Options) -> dict[str, Any] | None:
@@ -197,10 +205,12 @@ def decimated(system: System, options: Options) -> dict[str, Any] | None:
         if not slow or _foreign(system, options, every):
             return None
         quick = {n: replace(c, decimation=1) if n in slow else c for n, c in names.items()}
-        coarse, fine = (
-            _Flights(replace(system, components=of), options, 1, LONGEST).flown(system.parts)
-            for of in (names, quick)
-        )
+
+        def both() -> list[_Flight]:
+            systems = (replace(system, components=of) for of in (names, quick))
+            return [_Flights(s, options, 1, LONGEST).flown(system.parts) for s in systems]
+
+        coarse, fine = _apart(system, options, both)
     except (ComponentError, DesatError):
         return None
     # where a slow body's states are held, they are those of its own steps
@@ -308,6 +318,7 @@ class _Flights:
     def choice(self, target: str) -> Choice:
         """The first count that is accurate enough. Raises DesatError, with the reason."""
         tried: dict[int, float] = {}
+        began = time.process_time()
         coarse = self.flown(self._levels[0])
         for n in self._levels:
             fine = self.flown(2 * n)
@@ -323,7 +334,7 @@ class _Flights:
                     seen = reached(self._body, *(x[:many] for x in astuple(coarse))).largest()
                 return Choice(
                     n, self._system.accuracy, tried[n], steps=many - 1, tried=tried, reached=seen,
-                    flown=self._steps,
+                    flown=self._steps, seconds=time.process_time() - began,
                 )  # fmt: skip
             coarse = fine
         raise DesatError(f"{target}: inner = auto: {self._reason(tried, error)}; take a larger "

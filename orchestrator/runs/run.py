@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import shlex
 import shutil
-import signal
 import time
 from collections.abc import Callable
 from contextlib import chdir
@@ -237,10 +236,8 @@ def _supervised(
             if ended.how:  # all is recorded; it ended when a component was freed
                 outcome.status, outcome.message = "failed", f"{ended.text()}, after the run"
             return outcome, Results.open(place)
-        if layout is None and ended.signal == signal.SIGINT:
-            raise KeyboardInterrupt
-        if layout is None and ended.signal:
-            raise SystemExit(128 + ended.signal)
+        if layout is None:
+            supervisor.stopped(ended)
         if layout is None and full:
             raise RunError(f"{place}: {full}", Exit.SPACE)
         if layout is None:

@@ -18,7 +18,6 @@ from ..engine.process_state import kept
 from ..engine.recording.recorder import Recorder
 from ..engine.recording.results import SERIES, Results, selects
 from ..engine.recording.row_buffer import Unwritten
-from ..files import library
 from ..system.errors import Exit
 from ..system.options import asked
 from ..system.refusal import told as refused
@@ -66,9 +65,6 @@ def stepped(
         return ends_it or balanced or selects(options.record, component, signal)
 
     ends, along = stopping.condition(system), _along(case, manifest)
-    apart = isolated(system, options)
-    forks = any(c.fmu is not None and c.name not in apart and not library.is_ours(c.fmu)
-                for c in system.components.values())  # fmt: skip
     with (
         kept() as changes,
         Master(
@@ -77,7 +73,7 @@ def stepped(
             algorithm=options.algorithm,
             watched=watched,
             halvings=options.halvings,
-            isolated=apart,
+            isolated=isolated(system, options),
             limit=min(options.call_limit, options.time_limit or math.inf),
             kept=None if along is None else along.kept,
         ) as master,
@@ -110,7 +106,7 @@ def stepped(
             begin_manifest(folder, manifest)
         if options.algorithm == "jacobi" and checkpoint is None:
             recorder.record(0, master.live)
-        steps = stepping(master, recorder, ending, options.loop, forks)
+        steps = stepping(master, recorder, ending, options.loop)
         outcome.loop = {"name": steps.name, "why": steps.why}
 
         def told() -> dict[str, Any]:

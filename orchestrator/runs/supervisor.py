@@ -19,15 +19,14 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from multiprocessing.connection import Connection, Pipe
-from typing import Any, NoReturn
+from typing import Any, NoReturn, TypeVar
 
 from ..engine import current_call, process_state
+from ..engine.instances.base import EndedError
 from ..engine.recording.row_buffer import Layout, Unwritten
-from ..system.errors import DesatError
+from ..system.errors import DesatError, Exit
 
-SIGNALS = tuple(
-    getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)
-)
+T = TypeVar("T")
 CAN = hasattr(os, "fork")
 _LOOK = 0.2
 """The parent looks at its child so often (s)."""
@@ -86,6 +85,32 @@ def watch(
         ended.component, ended.call = current_call.named(order)
     current_call.word[0] = 0
     return ended
+
+
+def apart(work: Callable[[], T], order: Sequence[str], limit: float) -> T:
+    """What `work` gives, done in a forked process as by `watch`. Raises what it raises; EndedError
+    where a component has ended that process, and KeyboardInterrupt or SystemExit for a signal."""
+    ended = watch(lambda tell, unwritten: tell("made", work()), order, Unwritten(), limit)
+    stopped(ended)
+    if "error" in ended.said:
+        kind, arguments = ended.said["error"]
+        raise kind(*arguments)
+    if "system" in ended.said:
+        raise OSError(*ended.said["system"])
+    if "bug" in ended.said:
+        raise RuntimeError(ended.said["bug"])
+    if ended.how:
+        raise EndedError(ended.text(), Exit.TIMEOUT if ended.hung else Exit.COMPONENT)
+    made: T = ended.said["made"]
+    return made
+
+
+def stopped(ended: Ended) -> None:
+    """Raise KeyboardInterrupt or SystemExit where a signal has stopped it."""
+    if ended.signal == signal.SIGINT:
+        raise KeyboardInterrupt
+    if ended.signal:
+        raise SystemExit(128 + ended.signal)
 
 
 def layout_of(ended: Ended) -> Layout | None:
@@ -176,7 +201,7 @@ def _handed_on(child: int, ended: Ended) -> Iterator[None]:
             os.kill(child, signal.SIGKILL if again else number)
 
     try:
-        previous = {n: signal.signal(n, handler) for n in SIGNALS}
+        previous = {n: signal.signal(n, handler) for n in process_state.stop_signals()}
     except ValueError:  # not the main thread: nobody tells us
         yield
         return

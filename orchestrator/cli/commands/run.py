@@ -125,11 +125,7 @@ def conclude(
     other = _run_twin(finished, options, folder) if twin and finished.ok else None
     page = _report(finished, other, folder)
     if csv:
-        from ...report.export import export
-
-        _, note = export(folder, "csv")
-        if note:
-            err.print(f"note: series.csv: {note}", highlight=False, markup=False)
+        _csv(finished, folder)
     if finished.ok and (other is None or other.ok):
         checkpoint.remove(folder)
         checkpoint.remove(folder / TWIN)
@@ -140,18 +136,37 @@ def conclude(
 
 def _report(finished: Run, other: Run | None, folder: Path) -> Path | None:
     """Write the report; None where there is no room for that of a run that did not end well."""
-    from ...engine.process_state import no_space
     from ...report import report as report_module
 
-    try:
+    with _room(finished, folder, "report"):
         return report_module.write_report(folder, finished, other)
+    return None
+
+
+def _csv(finished: Run, folder: Path) -> None:
+    """Write the series as CSV, too."""
+    from ...report.export import export
+
+    with _room(finished, folder, "series.csv"):
+        _, note = export(folder, "csv")
+        if note:
+            err.print(f"note: series.csv: {note}", highlight=False, markup=False)
+
+
+@contextmanager
+def _room(finished: Run, folder: Path, what: str) -> Iterator[None]:
+    """Within: what has no room on the disk is left out of a run that did not end well, with a
+    warning. Raises RunError for one that did."""
+    from ...engine.process_state import no_space
+
+    try:
+        yield
     except OSError as error:
-        if not (full := no_space(str(error))):
+        if not (full := no_space(f"[Errno {error.errno}]")):
             raise
         if finished.ok:
-            raise RunError(f"{folder}: its report: {full}", Exit.SPACE) from error
-        warn([f"{folder}: it has no report: {full}"])
-        return None
+            raise RunError(f"{folder}: its {what}: {full}", Exit.SPACE) from error
+        warn([f"{folder}: it has no {what}: {full}"])
 
 
 def _free(folder: Path | None) -> None:

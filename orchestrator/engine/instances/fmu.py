@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import atexit
 import ctypes
+import os
 from collections.abc import Callable, Mapping, Sequence
 from functools import cache, partial
 from pathlib import Path
@@ -117,7 +118,8 @@ class FmuInstance:
         self._interface = fmu.interface
         self.messages: list[str] = []
         """What it has logged beside what is in order."""
-        self._library = _library(fmu.folder, bool(fmu.interface.role))
+        self.foreign, self._process = not fmu.interface.role, os.getpid()
+        self._library = _library(fmu.folder, not self.foreign)
         if self._library.once and self._library.instances:
             raise DesatError(f"{self.name}: {fmu.path.name} allows one instance per process")
         self._before = ctypes.c_void_p()
@@ -130,6 +132,7 @@ class FmuInstance:
             self.name.encode(), 1, self._library.fmu.guid.encode(),
             (fmu.folder / "resources").as_uri().encode(), ctypes.byref(self._callbacks), 0, 1,
         )  # fmt: skip
+        self._back()
         if not self._c:
             raise ComponentError(f"{self.name}: cannot be instantiated{self._said()}")
         self._library.instances += 1
@@ -145,6 +148,15 @@ class FmuInstance:
             getattr(self._library.fmu, name)(self._c, *arguments)
         except FMICallException as error:
             raise self.failed(name, error.status) from error
+        finally:
+            self._back()
+
+    def _back(self, status: int = 0) -> int:
+        """The status of a call that has come back; where the component has forked a process, and
+        that comes back from the call, too, it ends here."""
+        if self.foreign and os.getpid() != self._process:
+            os._exit(0)
+        return status
 
     def wire(
         self, inputs: dict[Kind, list[Signal]], outputs: dict[Kind, list[Signal]],
@@ -164,7 +176,7 @@ class FmuInstance:
             "pull": self._transfer("Get", outputs, into),
         }
         """The calls of each verb, with their arguments."""
-        self.push, self.step, self.pull = map(_together, self.prepared.values())
+        self.push, self.step, self.pull = map(self._together, self.prepared.values())
 
     def halve(self, times: int) -> None:
         """Once wired: a step that is discarded is made anew from its state before, in 2, 4, …
@@ -187,7 +199,7 @@ class FmuInstance:
                 if status < _DISCARD and len(self.messages) < 20:
                     self.messages.append(f"the step from t = {t.value:g} s was discarded, and made "
                                          f"in {count} parts")  # fmt: skip
-            return status
+            return self._back(status)
 
         self.step = step
 
@@ -232,9 +244,9 @@ class FmuInstance:
             element: Any = ctypes.c_double if kind == "Real" else ctypes.c_int
             references = (ctypes.c_uint * n)(*(s.reference for s, _ in pairs))
             values = (element * n)(*(v for _, v in pairs))
-            status = self._library.calls[f"fmi2Set{kind}"](
+            status = self._back(self._library.calls[f"fmi2Set{kind}"](
                 ctypes.c_void_p(self._c), references, ctypes.c_size_t(n), values
-            )
+            ))  # fmt: skip
             if status > 1:
                 raise self.failed(f"setting {pairs[0][0].name} …", status)
         self._call("fmi2SetupExperiment", 0, 0.0, start, 0, 0.0)
@@ -245,10 +257,10 @@ class FmuInstance:
         fault = self._interface.signals.get("fault")
         if fault is not None and fault.kind == "Boolean" and fault.causality == "output":
             value, reference = ctypes.c_int(0), ctypes.c_uint(fault.reference)
-            self._library.calls["fmi2GetBoolean"](
+            self._back(self._library.calls["fmi2GetBoolean"](
                 ctypes.c_void_p(self._c), ctypes.byref(reference), ctypes.c_size_t(1),
                 ctypes.byref(value),
-            )  # fmt: skip
+            ))  # fmt: skip
             if value.value:
                 raise ComponentError(f"{self.name}{self._said()}")
 
@@ -283,10 +295,12 @@ class FmuInstance:
                 self._library.fmu.fmi2FreeFMUstate(self._c, ctypes.byref(self._before))
             self._library.fmu.fmi2FreeInstance(self._c)
             self._library.instances -= 1
+            self._back()
         self._c = None
         _listeners.pop(id(self), None)
 
-
-def _together(calls: list[partial[int]]) -> Callable[[], int]:
-    """All calls as one, with the worst of their statuses."""
-    return calls[0] if len(calls) == 1 else lambda: max((call() for call in calls), default=0)
+    def _together(self, calls: list[partial[int]]) -> Callable[[], int]:
+        """All calls as one, with the worst of their statuses."""
+        if self.foreign:
+            return lambda: self._back(max((call() for call in calls), default=0))
+        return calls[0] if len(calls) == 1 else lambda: max((call() for call in calls), default=0)

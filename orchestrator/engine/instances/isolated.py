@@ -298,13 +298,6 @@ class _There:
         self._moves: list[tuple[Array, Array]] = []
         self._clock, self._error = Clock(0.0, 0.0), ComponentError("")
         self._instance: FmuInstance
-        self._process = os.getpid()
-
-    def end_forked(self) -> None:
-        """End a process that the component has forked, and that has come back from its call, too:
-        one answers."""
-        if os.getpid() != self._process:
-            os._exit(0)
 
     @property
     def said(self) -> list[str]:
@@ -420,7 +413,6 @@ def live(
                     alive = _answered(pipe, there, *pipe.recv())
                 elif what:
                     there.turn(what == A_STEP)
-                    there.end_forked()
                     os.write(file, DONE)
                 else:
                     alive = False
@@ -438,6 +430,5 @@ def _answered(pipe: Connection, there: _There, name: str, arguments: tuple[Any, 
         error, what = type(raised), raised.args
     except Exception as raised:
         error, what = RuntimeError, (f"{type(raised).__name__}: {raised}",)
-    there.end_forked()
     pipe.send((list(there.said), error, what))
     return name != "close" and (name != "make" or error is None)

@@ -149,7 +149,7 @@ def recover(part: Path, path: Path, layout: Layout, unwritten: Unwritten) -> int
     unwritten.lay_out(layout)
     written, (times, tables) = unwritten.written, unwritten.left()
     rows = written + len(times)
-    without = int(rows == unwritten.final)
+    without = int(0 < rows == unwritten.final)
     beside(path).unlink(missing_ok=True)
     new = path.with_name(path.name + ".recovered")
     try:
