@@ -517,16 +517,19 @@ def judged(
         outcome = tried(tree, m, names, log, mutated(tree, m), limit)
         if outcome != "killed":
             return outcome, ""
-        found = re.search(r"(?:FAILED|ERROR) (\S+)", log.read_text())
-        by = found[1] if found else "?"
+        found = re.search(r"^(?:FAILED|ERROR) (.+?)(?: - .*)?$", log.read_text(), re.MULTILINE)
+        line = found[1] if found else "?"
+        by = max((n for n in names if line.startswith(n) and "::" in n), key=len, default=line)
         if "::" in by and (m["file"], by) not in ruled_out:
             unmutated = tried(tree, m, [by], log.with_name("log.c"), control, limit)
             ruled_out[m["file"], by] = unmutated != "survived"
         if not ruled_out.get((m["file"], by)):
             return outcome, by
-        whole = by.partition("::")[0]
-        if by not in names and whole in names:  # of a whole file: without that test
-            names = [n for n in names if n != whole]
+        if by not in names:  # of a whole file: without it
+            whole = by.partition("::")[0]
+            if whole not in names:
+                return f"{by} fails unmutated", ""
+            names.remove(whole)
 
 
 # --- the page ---------------------------------------------------------------------------------
