@@ -9,8 +9,9 @@ mutated, and which test runs which line. The FMUs of that copy are empty, so tha
 because an FMU is of other code than the mutated block; those of the orchestrator's are the real
 ones. A test that fails as well where the file has a line more that does nothing (it compares hashes
 of code) kills nothing. What the quick tests do not kill runs with `--all` against every quick test
-that runs its line, and of blocks the files of tests that name its module and the test that
-fmus/interfaces.md is of this code. Tests that were changed meanwhile are copied and mapped anew.
+that runs its line, the tests that its entry names as `also`, and of blocks the files of tests that
+name its module and the test that fmus/interfaces.md is of this code. Tests that were changed
+meanwhile are copied and mapped anew.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ from __future__ import annotations
 import argparse
 import ast
 import difflib
+import gc
 import importlib
 import inspect
 import json
@@ -517,16 +519,19 @@ def judged(
         outcome = tried(tree, m, names, log, mutated(tree, m), limit)
         if outcome != "killed":
             return outcome, ""
-        found = re.search(r"(?:FAILED|ERROR) (\S+)", log.read_text())
-        by = found[1] if found else "?"
+        found = re.search(r"^(?:FAILED|ERROR) (.+?)(?: - .*)?$", log.read_text(), re.MULTILINE)
+        line = found[1] if found else "?"
+        by = max((n for n in names if line.startswith(n) and "::" in n), key=len, default=line)
         if "::" in by and (m["file"], by) not in ruled_out:
             unmutated = tried(tree, m, [by], log.with_name("log.c"), control, limit)
             ruled_out[m["file"], by] = unmutated != "survived"
         if not ruled_out.get((m["file"], by)):
             return outcome, by
-        whole = by.partition("::")[0]
-        if by not in names and whole in names:  # of a whole file: without that test
-            names = [n for n in names if n != whole]
+        if by not in names:  # of a whole file: without it
+            whole = by.partition("::")[0]
+            if whole not in names:
+                return f"{by} fails unmutated", ""
+            names.remove(whole)
 
 
 # --- the page ---------------------------------------------------------------------------------
@@ -656,13 +661,14 @@ def main() -> int:
     result = _stored().get(given.part) or drawn(tree, part)
     if given.seconds and not part.empty:
         _warm_ours(tree, part)
+        gc.freeze()  # a fork need not copy what it would look through
     ruled_out: dict[tuple[str, str], bool] = {}
     for k, m in enumerate(result["mutations"]):
         left = m.get("outcome", "") in ("survived", "no quick test runs it")
-        wanted = left and given.all and not m.get("all")
+        wanted = left and given.all and not (m.get("all") or m.get("equivalent"))
         if time.time() > until or ("outcome" in m and not wanted):
             continue
-        names = chosen(tree, part, m, tests, given.all)
+        names = [*m.get("also", ()), *chosen(tree, part, m, tests, given.all)]
         m["tests"], m["all"] = len(names), given.all
         limit = int(CPU + 3 * sum(tests[n]["s"] if n in tests else 4 * CPU for n in names))
         m["outcome"], m["by"] = judged(tree, m, names, folder / f"log.{k}", limit, ruled_out)
@@ -672,7 +678,9 @@ def main() -> int:
             ended = tried(tree, m, kept, folder / "log.c", text, limit)
             result.setdefault("controls", {})[str(k)] = ended
         result["date"] = f"{datetime.now(UTC):%Y-%m-%d}"
-        STORED.write_text(json.dumps({**_stored(), given.part: result}, indent=1) + "\n")
+        new = STORED.with_suffix(f".{given.part}")
+        new.write_text(json.dumps({**_stored(), given.part: result}, indent=1) + "\n")
+        new.replace(STORED)
         print(k, m["file"], m["line"], m["outcome"], m["by"], flush=True)
     if any("outcome" in m for m in result["mutations"]):
         PAGE.write_text(page(_stored()), encoding="utf-8")

@@ -210,6 +210,13 @@ def test_a_fixed_attitude_has_its_balance():
     assert run.manifest["unmet"] == []
 
 
+@pytest.mark.parametrize("every", [2, 3])
+def test_a_fixed_attitude_whose_rows_are_left_out_is_not_checked(every):
+    run = execute("uosat12/table3-ocdc-ilqr-1", Options(stop=60.0, every=every, blocks=True))
+    assert run.manifest["not_checked"] == {"impulse_mismatch": "rows are left out"}
+    assert "impulse_mismatch" not in run.manifest["numbers"]
+
+
 def test_a_fixed_attitude_that_computes_a_torque_otherwise_is_not_met(monkeypatch):
     from desat.components.blocks import spacecraft_fixed_attitude as block
 

@@ -21,6 +21,8 @@ import numpy as np
 import psutil
 import pytest
 from dying import dies_or_not
+from scipy.special import ndtr
+from scipy.stats import spearmanr
 from test_failures import HOW, binary, drawn_to_fail  # noqa: F401
 
 import desat
@@ -89,6 +91,12 @@ def test_processes_that_die_lose_their_calls_alone():
             assert result == number**2
 
 
+def test_a_process_that_ends_without_an_answer_is_lost():
+    with Local(os._exit, 1, limit=3.0) as workers:
+        found = dict(results(workers, [(0, (0,))], lambda key, why: None))
+    assert found == {0: Lost("its process ended by exit(0)")}
+
+
 # --- sampling -------------------------------------------------------------------------------------
 
 
@@ -115,8 +123,6 @@ def test_samplings_fill_the_space_evenly(system, kind):
 
 
 def test_latin_hypercube_has_one_case_in_each_stratum(system):
-    from scipy.special import ndtr
-
     cases = [drawn(system, 1, i, "latin-hypercube", 50)["wheels.h_start_wheel"] for i in range(50)]
     spec = system.about.dispersions["wheels.h_start_wheel"]
     mean, deviation = spec.normal
@@ -139,9 +145,39 @@ def test_a_cut_normal_stays_within_and_leaves_the_other_draws_as_they_were(syste
     assert np.abs(cut).max() <= 0.02
 
 
+@pytest.mark.parametrize(
+    ("given", "share"),
+    [
+        ("{ uniform = [0.5, 2.0] }", lambda x: (x - 0.5) / 1.5),
+        ("{ normal = [3.0, 2.0] }", lambda x: ndtr((x - 3.0) / 2.0)),
+        ("{ normal = [3.0, 2.0], within = [2.0, 9.0] }",
+         lambda x: (ndtr((x - 3.0) / 2.0) - ndtr(-0.5)) / (ndtr(3.0) - ndtr(-0.5))),
+        ("{ signs = [1.0, 2.0, 3.0, 4.0] }", None),
+    ],
+)  # fmt: skip
+def test_a_sampling_draws_what_a_dispersion_says(tmp_path, given, share):
+    """One of 20 cases in each twentieth of the distribution; of signs, half of them."""
+    path = tmp_path / "mine.toml"
+    path.write_text('extends = "gyrostat/light"\n[dispersions]\n'
+                    f'"wheels.h_start_wheel" = {given}\n')  # fmt: skip
+    draft = read_source(str(path)).to_draw(blocks=False)
+    cases = [drawn(draft, 1, i, "latin-hypercube", 20)["wheels.h_start_wheel"] for i in range(20)]
+    for size, element in enumerate(np.array(cases).T, 1):
+        if share is None:
+            assert sorted(element) == [-size] * 10 + [size] * 10
+        else:
+            assert sorted(np.floor(20 * share(element)).astype(int)) == list(range(20))
+
+
 def test_saltelli_has_its_own_counts():
-    with pytest.raises(DesatError, match=r"saltelli: -n 100: with .* a power of two times"):
+    with pytest.raises(
+        DesatError, match=r"saltelli: -n 100: with .* a power of two times"
+    ) as error:
         coordinator.planned("integrated/mil-nadir", 100, sampling="saltelli")
+    numbers, width, near = (int(x) for x in re.findall(r"with (\d+) .* (\d+), such as (\d+)",
+                                                        str(error.value))[0])  # fmt: skip
+    assert width == numbers + 2
+    assert near == width * 2 ** round(np.log2(100 / width)), "the nearest power"
 
 
 # --- rows -----------------------------------------------------------------------------------------
@@ -454,6 +490,29 @@ def test_what_drives_a_number_is_named():
     (found,) = report._drivers({"a": a, "b": b}, {"falls": -np.exp(a), "other": c})
     assert (found["input"], found["number"], found["n"]) == ("a", "falls", 399)
     assert found["correlation"] == pytest.approx(-1.0, abs=1e-12)
+
+
+def test_a_flag_drives_a_number_and_what_does_not_change_drives_none():
+    flag = np.arange(40.0) % 2.0
+    inputs = {"flag": flag, "same": np.ones(40)}
+    (found,) = report._drivers(
+        inputs, {"jumps": flag + 1e-3 * np.arange(40.0), "never": 0.0 * flag}
+    )
+    assert (found["input"], found["number"]) == ("flag", "jumps")
+
+
+def test_what_one_of_many_inputs_does_by_chance_is_not_named():
+    """A correlation that one pair in a hundred would have by chance, alone and of ten inputs."""
+    rng = np.random.default_rng(3)
+    a = rng.normal(size=150)
+    y = 0.25 * a + rng.normal(size=150)
+    of = spearmanr(a, y)
+    assert of.statistic > 0.2
+    assert 0.001 < of.pvalue < 0.01
+    (found,) = report._drivers({"a": a}, {"y": y})
+    assert found["correlation"] == of.statistic
+    others = {f"c{k}": np.zeros(150) for k in range(9)}
+    assert report._drivers({"a": a, **others}, {"y": y}) == []
 
 
 def test_sobol_indices_of_a_linear_function(system):

@@ -6,6 +6,7 @@ import io
 import json
 import shutil
 from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -283,6 +284,15 @@ def test_what_was_timed_out_is_made_again_with_more_time(own, tmp_path):
     assert store.digest(folder) != whole
     flown(own, folder, limit=20.0)
     assert store.digest(folder) == whole
+
+
+def test_other_options_are_another_campaign_and_named(own, tmp_path):
+    """Whether the digest tells them apart or not."""
+    plan, other = (coordinator.planned(own, 3, options=Options(stop=x))[0] for x in (5.0, 6.0))
+    for new in (other, replace(plan, options=other.options)):
+        with pytest.raises(DesatError, match="another campaign: options is "):
+            joined(plan, new, tmp_path)
+    joined(plan, replace(plan), tmp_path)
 
 
 def test_options_as_programs_give_them(own, tmp_path):

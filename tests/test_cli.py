@@ -36,6 +36,23 @@ def test_help(desat):
         assert "Usage" in result.stdout
 
 
+def test_no_flag_is_set_but_the_twin_and_counts_are_as_told(desat):
+    """A command that prints JSON or runs bare blocks unasked would be another command."""
+    found = {
+        (name, option.name)
+        for name, command in get_command(cli.app).commands.items()
+        for option in command.params if getattr(option, "is_flag", False) and option.default
+    }  # fmt: skip
+    assert found == {("run", "twin"), ("resume", "twin")}
+    for command, line in (
+        ("draws", "Number of draws. [default: 20; x>=1]"),
+        ("draws", "Seed of the draws. [default: 1; x>=0]"),
+        ("sweep", "Medians of so many seeded draws (0: none). [default: 0; x>=0]"),
+        ("sweep", "Seed of the draws. [default: 1; x>=0]"),
+    ):
+        assert line in " ".join(desat(command, "--help").stdout.split())
+
+
 def test_list(desat):
     names = [s["name"] for s in json.loads(desat("list", "--json", check=True).stdout)]
     assert NAME in names

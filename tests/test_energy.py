@@ -55,6 +55,31 @@ def test_impulse_is_what_the_neighbours_make_it(sets, share):
     assert found["energy_mismatch"] < 1e-8
 
 
+ALWAYS = ["spacecraft.residual_dipole_body=[3.0, -2.0, 1.0]",
+          "spacecraft.tau_disturbance_body=[1e-4, 2e-4, -3e-4]"]  # fmt: skip
+
+
+@pytest.mark.parametrize("sets", [ALWAYS, SURFACES, []], ids=["always", "plates", "area"])
+def test_impulse_of_a_minute_is_what_the_neighbours_make_it(sets):
+    """Each torque that a body may have beside the usual ones, large enough to be seen at once."""
+    found, run = numbers("nadir_day/day-igrf", stop=60.0, sets=sets)
+    impulse = np.linalg.norm(run.results.values("spacecraft.impulse_eci"), axis=1).max()
+    assert impulse > (1e-3 if sets is ALWAYS else 1e-6)
+    assert found["impulse_mismatch"] < 1e-8 * impulse
+
+
+def test_balances_go_on_from_block_to_block(monkeypatch):
+    whole, _ = numbers("nadir_day/day-igrf", stop=60.0)
+    monkeypatch.setattr(energy, "BLOCK", 7)
+    parts, _ = numbers("nadir_day/day-igrf", stop=60.0)
+    for name, about in (
+        ("energy_mismatch", 1e-3),
+        ("impulse_mismatch", 0.5),
+        ("hidden_work", 1e-9),
+    ):
+        assert parts[name] == pytest.approx(whole[name], rel=about)
+
+
 def test_a_wrong_torque_shows(monkeypatch):
     """The momentum residual takes the body's word for its impulse; this does not."""
     monkeypatch.setattr(rigid_body, "MU", 1.0001 * rigid_body.MU)

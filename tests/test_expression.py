@@ -9,6 +9,7 @@ import pytest
 from desat.runs.run import Options, execute, prepare
 from desat.system.errors import DesatError
 from desat.system.expression import entry, factor, product, times, unit_of
+from desat.system.parameters import parse_assignment
 
 TABLE = {
     "wheels": {
@@ -93,3 +94,19 @@ def test_a_window_that_is_not_reached_is_said():
     assert some["wheels_3h"]["value"] is None
     assert some["pointing"]["note"] == "only to 1000 s of 14400 s"
     assert not any(isinstance(n["value"], float) and math.isnan(n["value"]) for n in some.values())
+
+
+@pytest.mark.parametrize(
+    ("text", "value"),
+    [
+        ('"a,b", "c"', ["a,b", "c"]),
+        ("[1, 2], [3, 4]", [[1, 2], [3, 4]]),
+        ("1,2", [1, 2]),
+        ("a, 2", ["a", 2]),
+        ("[1, 2]", [1, 2]),
+        (".5", 0.5),
+        ("word", "word"),
+    ],
+)
+def test_values_as_the_command_line_has_them(text, value):
+    assert parse_assignment(f"a.b={text}") == ("a", "b", value)

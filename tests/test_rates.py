@@ -15,7 +15,7 @@ from desat.engine.operations import Part, Places, Whole
 from desat.files.ssp_write import pack
 from desat.runs.run import Options, execute, prepare
 from desat.system.errors import DesatError, Exit
-from desat.system.schedule import Link, graded, late
+from desat.system.schedule import Link, Rates, graded, late
 
 numbers = st.floats(-1e3, 1e3)
 counts = st.integers(1, 12)
@@ -24,6 +24,19 @@ TARGET = Places.of([2], [3])
 
 def source(sloped: bool = True) -> Places:
     return Places.of([0], [1 if sloped else -1])
+
+
+@given(counts, st.integers(1, 3))
+def test_windows_follow_each_other_and_fill_the_time(count, steps):
+    """Parts go on from step to step, and those of a slow component's window are shares of it."""
+    rates = Rates(graded(count), {}, frozenset())
+    assert rates.edge(steps * count) == steps
+    assert rates.edge(steps * count + count - 1) == steps + graded(count)[-1][0]
+    window = rates.window(1, steps * count)
+    assert window[0][0] == 0.0
+    assert sum(w for _, w in window) == pytest.approx(1.0)
+    for (a, w), (b, _) in pairwise(window):
+        assert a + w == pytest.approx(b)
 
 
 @given(counts)

@@ -606,6 +606,7 @@ def test_the_periodic_momentum_is_kept_and_the_coils_move_less_than_gravity(half
 def test_the_least_energy_is_below_the_run_and_grows_as_the_peak_shrinks(half_orbits):
     found = coil_bound.of_run(half_orbits.manifest, half_orbits.results)
     assert 0.0 < found.above_percent < 50.0
+    assert found.above_percent == pytest.approx(100.0 * (found.energy / found.least - 1.0))
     curve = coil_bound.curve(half_orbits.manifest, half_orbits.results,
                              [0.8 * found.peak, found.peak, 1.5 * found.peak])  # fmt: skip
     energies = [energy for _, energy in curve]
