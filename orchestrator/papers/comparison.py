@@ -119,7 +119,7 @@ def _spread(
         return None
     number = content.numbers.get(entry.of)
     is_time = number is not None and number.measure in LATE
-    return {**{k: summary[k] for k in ("n", "min", "max")}, "band": entry.each and list(entry.each),
+    return {**{k: summary[k] for k in ("n", "min", "max")}, "band": list(entry.each) or None,
             "not_reached": len(drawn["draws"]) - summary["n"] if is_time else 0}  # fmt: skip
 
 
