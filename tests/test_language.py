@@ -20,6 +20,7 @@ from desat.files import paths, scenario
 from desat.files.scenario import find, load, own
 from desat.language import paper
 from desat.language import scenario as language
+from desat.language.content import said
 from desat.numbers.derived import euler
 from desat.numbers.measures import first_below, time_of
 from desat.numbers.numbers import evaluate
@@ -273,6 +274,11 @@ def test_a_value_that_is_refused_later_has_its_line_too(family):
            base=BASE.partition("[axes")[0] + '[numbers.y]\ntitle = "y"\nsignal = "a.b"\n',
            )  # fmt: skip
     assert "ssp/f/scenarios/t.toml:4: axes.m.a.numbers.y.measure: no measure lst" in listed()
+
+
+def test_a_manifest_of_another_language_is_one_line():
+    with pytest.raises(DesatError, match=r"^about\.plots\.rate\.signls: .*: no content that"):
+        said({"name": "f/x", "plots": [{"name": "rate", "title": "x", "signls": ["a.b"]}]})
 
 
 def test_a_band_by_a_number_that_is_not_there(family):
