@@ -422,7 +422,7 @@ def test_a_scenario_file_of_ones_own(desat, tmp_path):
     for text, message in (
         ('extends = "integrated/mil-nadr"', "extends: no scenario integrated/mil-nadr; did you"),
         ('extends = "mil-nadir"', "extends: no file mil-nadir.toml"),
-        ('extends = "mine"\ntitel = "x"', "bad.toml: titel: unknown key; did you mean title?"),
+        ('extends = "mine"\ntitel = "x"', "bad.toml:2: titel: unknown key; did you mean title?"),
         ('extends = "mine"\nparameters.manger.x = 1', "bad.toml: parameters: no component manger"),
     ):
         (tmp_path / "bad.toml").write_text(text)

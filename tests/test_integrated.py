@@ -28,6 +28,7 @@ from desat.language.kinds import bounds
 from desat.language.scenario import Plot
 from desat.numbers import derived, measures
 from desat.papers import comparison, stored, tables
+from desat.papers.comparison import Share, Spread
 from desat.papers.tables import rows
 from desat.runs.run import Options, execute
 from desat.system.errors import DesatError
@@ -490,13 +491,13 @@ def test_intervals_of_shares():
     assert low < 30.0 < high
     draws = [{"numbers": {"x": value}} for value in (1.0, 2.0, 3.0, None)]
     values = comparison.values_of(draws, "x", NOTHING)
-    assert comparison.share_of(values, least=2.0)["count"] == 2
-    assert comparison.share_of(values, most=1.0)["count"] == 1
-    assert comparison.share_of(values)["n"] == 4
+    assert comparison.share_of(values, least=2.0).count == 2
+    assert comparison.share_of(values, most=1.0).count == 1
+    assert comparison.share_of(values).n == 4
     number = {"title": "x", "signal": "a.b", "measure": "until_below"}
     late = comparison.values_of(draws, "x", Content(numbers={"x": number}))
-    assert comparison.share_of(late, least=2.0)["count"] == 3, "one that is not reached is later"
-    assert comparison.share_of(late, most=9e9)["count"] == 3
+    assert comparison.share_of(late, least=2.0).count == 3, "one that is not reached is later"
+    assert comparison.share_of(late, most=9e9).count == 3
 
 
 def test_a_row_of_a_share_says_its_interval_and_is_held_against_its_band():
@@ -510,7 +511,7 @@ def test_a_row_of_a_share_says_its_interval_and_is_held_against_its_band():
         scenario, values, {}, {"summary": summary, "draws": made})}  # fmt: skip
     row = found["draws_with_a_saturated_wheel"]
     assert (row.ours, row.within, row.out_of_sample) == (15.0, False, True)
-    assert row.draws == {"n": 20, "count": 3, "interval": pytest.approx([3.21, 37.89], abs=0.01)}
+    assert row.draws == Share(20, 3, pytest.approx([3.21, 37.89], abs=0.01))
     assert "3 of 20; of all 3 to 38 %" in tables.shown(row)["draws"]
     assert found["coil_load"].tuned
     assert not found["coil_load"].out_of_sample
@@ -531,7 +532,7 @@ def test_a_share_needs_draws():
 def test_flags_are_yes_and_no():
     scenario = find("integrated/mil-nadir")
     entry = scenario.content.entries["saturated"]
-    draws = {"n": 20, "min": 0.0, "max": 0.0, "band": [0.0, 0.0]}
+    draws = Spread(20, 0.0, 0.0, (0.0, 0.0))
     row = comparison._row(scenario, entry, 0.0, {}, draws)
     told = tables.shown(row)
     assert (told["paper"], told["ours"], told["band"]) == ("no", "no", "no")
@@ -541,7 +542,7 @@ def test_flags_are_yes_and_no():
 def test_a_band_may_be_open_at_one_end():
     scenario = find("integrated/mil-jitter-as-they-are")
     [entry] = [e for e in scenario.content.entries.values() if e.tolerance == (1.1, inf)]
-    draws = {"n": 2, "not_reached": 0, "min": 1.05, "max": 9e9, "band": [1.0, inf]}
+    draws = Spread(2, 1.05, 9e9, (1.0, inf))
     row = comparison._row(scenario, entry, 9e9, {}, draws)
     assert row.within
     told = tables.shown(row)

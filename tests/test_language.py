@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 import shutil
 import tomllib
 from pathlib import Path
@@ -19,6 +20,7 @@ from desat.files import paths, scenario
 from desat.files.scenario import find, load, own
 from desat.language import paper
 from desat.language import scenario as language
+from desat.language.content import said
 from desat.numbers.derived import euler
 from desat.numbers.measures import first_below, time_of
 from desat.numbers.numbers import evaluate
@@ -182,7 +184,7 @@ def test_a_broken_scenario_is_one_line_on_run_check_and_list(family, command, tm
     code, lines = command("list", "f")
     assert code == Exit.INPUT
     (line,) = lines
-    assert line.startswith("ssp/f/scenarios/t.toml: ")
+    assert re.match(r"ssp/f/scenarios/t\.toml(:\d+)?: ", line)
     assert message in line
     assert "internal" not in line
     assert catalogue.family("f").scenarios == {"f/sound-a": "T"}
@@ -206,7 +208,9 @@ def test_list_reads_again_what_has_changed(family, command, monkeypatch):
     catalogue._file("f").write_text("{")
     assert command("list") == (0, [])
     family(t=BASE.replace("step =", "stepp ="))
-    assert command("list")[1] == ["ssp/f/scenarios/t.toml: stepp: unknown key; did you mean step?"]
+    assert command("list")[1] == [
+        "ssp/f/scenarios/t.toml:1: stepp: unknown key; did you mean step?"
+    ]
     family(t=BASE)
     assert command("list") == (0, [])
 
@@ -220,10 +224,67 @@ def test_the_first_list_reads_files_alone(family, command):
     assert command("list")[1] == [line], "what is known is said"
 
 
+WRONG = """stepp = 10.0
+stop = "600"
+titel = "T"
+inner = 0
+accuracy = -1.0
+epoch = "today"
+[number.x]
+signal = "a.b"
+[numbers.y]
+signl = "a.b"
+unit = "sek"
+element = 0
+window = [1.0]
+options = 3
+[plots.rate]
+signals = []
+points = 3
+sequence = "124"
+limits = [{ valu = 1.0 }, true]
+[dispersions]
+"*.seed" = { sed = true }
+[requirements.r]
+probability = 2.0
+[parameters]
+manager = 1
+[stop_when]
+held = -1.0
+"""
+
+
+def test_all_wrong_keys_of_a_file_are_named_at_once_each_with_its_line(family):
+    family(t=WRONG)
+    found = listed().splitlines()
+    assert len(found) == 21
+    places = [re.match(r"ssp/f/scenarios/t\.toml:(\d+): ([\w.*]+): ", line) for line in found]
+    assert all(places), found
+    for place, line in zip(places, found, strict=True):
+        number, key = int(place[1]), place[2]
+        last = re.sub(r"\.\d+$", "", key).rpartition(".")[2]
+        assert last in WRONG.splitlines()[number - 1], line
+    assert "ssp/f/scenarios/t.toml:1: stepp: unknown key; did you mean step?" in found
+    assert "ssp/f/scenarios/t.toml:9: numbers.y" not in "\n".join(found)
+
+
+def test_a_value_that_is_refused_later_has_its_line_too(family):
+    """In the file, and the axis, that gave it."""
+    family(t='extends = "base"\n\n[axes.m.a]\nnumbers.y.measure = "lst"\n',
+           base=BASE.partition("[axes")[0] + '[numbers.y]\ntitle = "y"\nsignal = "a.b"\n',
+           )  # fmt: skip
+    assert "ssp/f/scenarios/t.toml:4: axes.m.a.numbers.y.measure: no measure lst" in listed()
+
+
+def test_a_manifest_of_another_language_is_one_line():
+    with pytest.raises(DesatError, match=r"^about\.plots\.rate\.signls: .*: no content that"):
+        said({"name": "f/x", "plots": [{"name": "rate", "title": "x", "signls": ["a.b"]}]})
+
+
 def test_a_band_by_a_number_that_is_not_there(family):
     text = BASE.replace('tolerance = "2 %"', "tolerance.b = {of='firing_tim', from=0.0, to=1.0}")
     family(t=text.replace("[axes.m.a]", "[axes.method.b]"))
-    line = "ssp/f/scenarios/t.toml: paper.firing_time.tolerance: no number firing_tim; did you"
+    line = "ssp/f/scenarios/t.toml:18: paper.firing_time.tolerance: no number firing_tim; did you"
     assert listed().startswith(line)
     assert checked("f/t-b") == listed()
 
@@ -243,7 +304,7 @@ def test_a_broken_design_is_one_line(family, tmp_path, text, message):
     (tmp_path / "ssp/f/design").mkdir()
     (tmp_path / "ssp/f/design/t-a.toml").write_text(text)
     for lines in (listed(), checked()):
-        assert lines.startswith("ssp/f/design/t-a.toml: ")
+        assert re.match(r"ssp/f/design/t-a\.toml(:\d+)?: ", lines)
         assert message in lines
         assert len(lines.splitlines()) == 1
 
@@ -256,7 +317,7 @@ def test_not_utf8_and_bases(family):
     family(t='extends = "comon"', common="abstract = true")
     assert listed().endswith("extends: no file comon.toml; did you mean common?")
     family(t='extends = "base"', base='abstract = true\n[numbers.x]\nsignal = "a.b"\nunt = "s"')
-    assert listed().startswith("ssp/f/scenarios/base.toml: numbers.x.unt: unknown key"), "once"
+    assert listed().startswith("ssp/f/scenarios/base.toml:4: numbers.x.unt: unknown key"), "once"
 
 
 def _paths(data: dict, path: tuple = ()) -> list[tuple]:

@@ -301,8 +301,6 @@ def test_measures():
     assert relative("ratio", 30, 40) == 0.75
     assert [related(f, 30, 40) for f in ("saving", "ratio", "difference")] == [25, 0.75, -10]
     assert related("difference", None, 40) is None
-    with pytest.raises(DesatError, match="did you mean norm_last"):
-        evaluate(Number(measure="norm_lst", signal="x.y"), None, {})
 
 
 def test_scales_of_units():

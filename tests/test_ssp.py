@@ -216,7 +216,9 @@ def test_scenario_files(tmp_path, monkeypatch, scenario_module):
     assert found["f/t-b"].content.parameters["manager"] == {}
     with pytest.raises(DesatError, match=r"t.toml: without parameters.q.x: there is none before"):
         read(t='[axes.m.a]\nwithout = ["parameters.q.x"]')
-    with pytest.raises(DesatError, match=r"ssp/f/scenarios/t.toml: stp: unknown key; did you mean"):
+    with pytest.raises(
+        DesatError, match=r"ssp/f/scenarios/t.toml:1: stp: unknown key; did you mean"
+    ):
         read(t="stp = 3")
     with pytest.raises(DesatError, match=r"ssp/f/scenarios/t.toml: .*line 1"):
         read(t="x = = 3")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -17,7 +18,7 @@ from desat.language.content import Entry
 from desat.language.scenario import Requirement
 from desat.numbers.statistics import clopper_pearson
 from desat.numbers.text import not_reached
-from desat.papers.comparison import _row, band_of, counted, share_of
+from desat.papers.comparison import Spread, _row, band_of, counted, share_of
 from desat.runs.run import Run, prepare, simulate
 from desat.runs.stopping import LATE, Condition
 from desat.system.errors import Exit, RunError
@@ -196,13 +197,13 @@ def test_what_counts_as_within_a_row(entry, band):
 def test_of_draws_the_limits_count_and_what_is_lacking_does_not():
     values = [1.0, 2.0, 3.0, None]
     told = share_of(values, least=2.0, most=3.0)
-    assert (told["n"], told["count"]) == (4, 2)
-    assert share_of(values, most=2.0)["count"] == 2
-    assert share_of(values, least=-math.inf)["count"] == 3
-    assert told["interval"] == clopper_pearson(2, 4)
+    assert (told.n, told.count) == (4, 2)
+    assert share_of(values, most=2.0).count == 2
+    assert share_of(values, least=-math.inf).count == 3
+    assert told.interval == clopper_pearson(2, 4)
 
 
-def cell(ours: float | None, draws: dict | None = None, **more: object):
+def cell(ours: float | None, draws: Spread | None = None, **more: object):
     """A row of a table; its band is 1 to 2."""
     content = SimpleNamespace(labels={}, numbers={})
     scenario = SimpleNamespace(content=content, cell={}, name="family/name")
@@ -227,9 +228,9 @@ def test_a_cell_at_the_edge_of_its_band_is_within(ours, within):
      (None, 4.0, 1.5, False), (3.0, None, 1.5, False), (3.0, 4.0, 2.5, False)],
 )  # fmt: skip
 def test_each_draw_of_a_cell_is_to_be_in_its_band(least, most, ours, within):
-    draws = {"band": [3.0, 4.0], "min": least, "max": most}
+    draws = Spread(2, least, most, (3.0, 4.0))
     assert cell(ours, draws).within is within
-    assert cell(1.5, {**draws, "band": None}).within is True
+    assert cell(1.5, replace(draws, band=None)).within is True
 
 
 def test_cells_are_counted_by_what_they_show():

@@ -41,7 +41,7 @@ def with_weight(plant: Plant, parameters: Callable[[float], dict[str, Any]]) -> 
     """The design with F as given, or as large as the wanted end asks."""
     if plant.asked.final_momentum:
         return tuned(plant, parameters, "momentum_weight", WEIGHT_UNIT)
-    if plant.asked.momentum_weight is None:
+    if not plant.asked.momentum_weight:
         raise DesatError(f"{plant.system.name}: design: momentum_weight or final_momentum needed")
     fixed = parameters(1.0)
     return of_flight(fixed, plant.fly(**fixed))

@@ -36,7 +36,7 @@ from ..system.interface import Interface, elements, misfit, names, usual_sources
 from ..system.model import Connection, Connector
 from ..system.parameters import expand
 from . import library, paths
-from .io import lines, parsed, text
+from .io import line_of, lines, parsed, text
 
 FILE = "craft.toml"
 ENDING = ".craft.toml"
@@ -103,9 +103,7 @@ class _Reader:
 
     def line(self, key: str) -> int:
         """The line of a key, or of the nearest table around it."""
-        while key not in self.lines and "." in key:
-            key = key.rpartition(".")[0]
-        return self.lines.get(key, 1)
+        return line_of(self.lines, key) or 1
 
     def problem(self, key: str, message: str) -> None:
         self.problems.append(f"{self.at(key)}{message}")

@@ -211,10 +211,28 @@ def lines(source: str) -> dict[str, int]:
         if header := re.match(r"\s*\[([^\[\]]+)\]", line):
             table = re.sub(r"[\s\"']", "", header[1])
             numbers.setdefault(table, number)
-        elif key := re.match(r"\s*([\w.\"'-]+)\s*=", line):
+        elif key := re.match(r"\s*([\w.*\"'-]+)\s*=", line):
             name = re.sub(r"[\"']", "", key[1])
             numbers.setdefault(f"{table}.{name}" if table else name, number)
     return numbers
+
+
+def line_of(numbers: dict[str, int], key: str) -> int:
+    """The line of a key among those of a file (`lines`), of the first key within it, or of the
+    nearest table around it; 0 where it has none."""
+    while key:
+        if inside := [n for k, n in numbers.items() if k == key or k.startswith(f"{key}.")]:
+            return inside[0]
+        key = key.rpartition(".")[0]
+    return 0
+
+
+def at(where: str, key: str) -> str:
+    """A TOML file, as messages call it, with the line of a key in it, where it has that."""
+    files = (paths.SCENARIOS.parent / where, Path(where))
+    file = next((f for f in files if f.suffix == ".toml" and f.is_file()), None)
+    line = 0 if file is None else line_of(lines(text(file, where)), key)
+    return f"{where}:{line}" if line else where
 
 
 # --- A run folder is one process's at a time, and that of its children --------------------------

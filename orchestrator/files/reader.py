@@ -15,7 +15,7 @@ from ..language.content import KEYS, OWN, Content, data_of
 from ..language.kinds import Table
 from ..system.errors import DesatError, nearest
 from . import paths
-from .io import contents, parsed, text
+from .io import at, contents, parsed, text
 from .merge import Keys
 
 T = TypeVar("T", bound=Table)
@@ -71,7 +71,8 @@ def _design(source: str, where: str) -> scenario.DesignFile:
     try:
         return whole(scenario.DesignFile, parsed(source, where))
     except WrongError as wrong:
-        lines = (": ".join([where, *([".".join(p)] if p else []), t]) for p, t in wrong.problems)
+        named = ((".".join(path), text) for path, text in wrong.problems)
+        lines = [": ".join(filter(None, (at(where, k), k, t))) for k, t in named]
         raise DesatError("\n".join(lines)) from wrong
 
 

@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, Any
 
 from ..system.errors import DesatError, nearest
 from . import paths
-from .io import toml
+from .io import at, toml
 from .merge import Origins, copy, fill, leave_out, merge, origin
 
 if TYPE_CHECKING:
@@ -54,7 +54,8 @@ class Scenario:
 
     def where(self, path: tuple[str, ...]) -> str:
         """File and path of a value, for messages."""
-        return ": ".join(self.given(path))
+        file, key = self.given(path)
+        return f"{at(file, key)}: {key}"
 
     def given(self, path: tuple[str, ...]) -> tuple[str, str]:
         """File and key that give a value; of a parameter that its data do not have, its design."""
@@ -271,7 +272,8 @@ def load(file: Path, origins: Origins, seen: tuple[Path, ...] = ()) -> dict[str,
     try:
         read(ScenarioFile, data, part=True)
     except WrongError as wrong:
-        lines = [f"{where}: {'.'.join(p)}: {text}" for p, text in wrong.problems]
+        named = [(".".join(path), text) for path, text in wrong.problems]
+        lines = [f"{at(where, key)}: {key}: {text}" for key, text in named]
         raise DesatError("\n".join(lines)) from wrong
     bases = data.pop("extends", [])
     if file in seen:
@@ -353,7 +355,8 @@ def _content(
         if wrong := list(paper_problems(content, axes)):
             raise WrongError(wrong)
     except WrongError as error:
-        lines = [f"{': '.join(_given(origins, p, where))}: {t}" for p, t in error.problems]
+        given = ((*_given(origins, path, where), text) for path, text in error.problems)
+        lines = [f"{at(file, key)}: {key}: {text}" for file, key, text in given]
         raise DesatError("\n".join(lines)) from error
     return content
 

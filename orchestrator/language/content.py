@@ -7,9 +7,10 @@ from collections.abc import Mapping
 from functools import cached_property
 from typing import Any, Self
 
-from pydantic import Field, FiniteFloat, PrivateAttr
+from pydantic import Field, FiniteFloat, PrivateAttr, ValidationError
 
 from ..system.draft import Draft
+from ..system.errors import DesatError
 from ..system.interface import base_name
 from .kinds import Bounds, Maybe, Text
 from .paper import OfNumber, PaperRow, by_number
@@ -90,12 +91,17 @@ NOTHING = Content.model_construct().travelled({})
 
 def said(about: object) -> Content:
     """What a system (its `about`) or a manifest (the same as JSON) says of its scenario. Raises
-    pydantic's ValidationError for JSON that is not in the language."""
+    DesatError for JSON that is not in the language of today."""
     if isinstance(about, Content):
         return about
     if not about or not isinstance(about, Mapping):
         return NOTHING
-    return Content.model_validate(data_of(about)).travelled(about)
+    try:
+        return Content.model_validate(data_of(about)).travelled(about)
+    except ValidationError as error:
+        first = error.errors(include_url=False)[0]
+        where = ".".join(["about", *map(str, first["loc"])])
+        raise DesatError(f"{where}: {first['msg']}: no content that this desat reads") from error
 
 
 def data_of(about: Mapping[str, Any]) -> dict[str, Any]:

@@ -6,7 +6,7 @@ import re
 from collections.abc import Sequence
 from datetime import datetime
 from math import inf, isfinite
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Optional, Self, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Optional, Self, TypeVar, get_origin
 
 from pydantic import (
     AfterValidator,
@@ -27,7 +27,8 @@ from ..system.expression import unit_of
 
 
 def key(text: str, unit: str = "", default: Any = None, **limits: Any) -> Any:
-    """A key of the language: its sentence, unit and default (None: it may be left out)."""
+    """A key of the language: its sentence, unit and default; without one that of its type, "", (),
+    {} or False, where nobody can write that, and None of others."""
     extra: Any = {"unit": unit} if unit else None
     return Field(default, description=text, json_schema_extra=extra, **limits)
 
@@ -144,13 +145,20 @@ def incomplete(text: str) -> PydanticCustomError:
 
 
 class Table(BaseModel):
-    """A table of the language: no other keys, no conversions between types; nothing of it changes.
-    What is left out has its default: "", () and {} where nobody can write that, None elsewhere."""
+    """A table of the language: no other keys, no conversions between types. Frozen."""
 
     model_config = ConfigDict(extra="forbid", strict=True, frozen=True, defer_build=True)
     NEEDED: ClassVar[tuple[str, ...]] = ()
     """Keys that a whole table has; a part, which others complete, may leave them out."""
     _written: dict[str, Any] = PrivateAttr(default_factory=dict)
+
+    @classmethod
+    def __pydantic_init_subclass__(cls, **kwargs: Any) -> None:
+        super().__pydantic_init_subclass__(**kwargs)
+        for field in cls.model_fields.values():
+            kind = get_origin(field.annotation) or field.annotation
+            if field.default is None and kind in (str, tuple, dict, bool):
+                field.default = kind()
 
     @property
     def written(self) -> dict[str, Any]:

@@ -14,7 +14,7 @@ class OfNumber(Table):
     """A band by another number of the run."""
 
     NEEDED = ("of", "from_", "to")
-    of: Text = key("the other number", default="")
+    of: Text = key("the other number")
     from_: FiniteFloat = key("least, as a multiple of it", default=0.0, alias="from")
     to: FiniteFloat = key("most, as a multiple of it", default=0.0)
 
@@ -23,8 +23,8 @@ class Tuning(Table):
     """What was tuned or chosen, and for which cases."""
 
     NEEDED = ("what", "cases")
-    what: Text = key("what was tuned to the paper, or what the cell had a part in", default="")
-    cases: Many[Text] = key("beginnings of the cases' names that this holds for", default=())
+    what: Text = key("what was tuned to the paper, or what the cell had a part in")
+    cases: Many[Text] = key("beginnings of the cases' names that this holds for")
 
 
 class ShareOfDraws(Table):
@@ -76,41 +76,36 @@ class PaperRow(Table):
     for all, or are tables by method, of one for each of `columns`."""
 
     NEEDED = ("table", "quantity", "unit")
-    table: Text = key("the paper's table, such as 2, or a heading", default="")
-    quantity: Text = key(
-        "what the row gives, and the number of that name, where `number` is not", default=""
-    )
-    heading: Text = key(
-        "the quantity in words, for headings; default: its name without `_`", default=""
-    )
-    number: Text = key("which number of the run it is held against; default: quantity", default="")
-    unit: Unit = key("its unit", default="")
-    columns: Many[Text] = key("the cases that lists give values for, in this order", default=())
+    table: Text = key("the paper's table, such as 2, or a heading")
+    quantity: Text = key("what the row gives, and the number of that name, where `number` is not")
+    heading: Text = key("the quantity in words, for headings; default: its name without `_`")
+    number: Text = key("which number of the run it is held against; default: quantity")
+    unit: Unit = key("its unit")
+    columns: Many[Text] = key("the cases that lists give values for, in this order")
     values: either(number=FiniteFloat, list=Many[FiniteFloat], table=dict[str, Values]) = key(  # type: ignore[valid-type]
         "the paper's values, in `unit`; left out: it gives none"
     )
     tolerance: _PerMethod = key(
         'what counts as within: "3 %", "0.02", [low, high] (inf: no bound), { of, from, to }'
     )
-    each: Maybe[Bounds] = key("[low, high] that every draw keeps to")
+    each: Bounds = key("[low, high] that every draw keeps to")
     tuned: either(text=Text, table=dict[str, either(text=Text, table=Tuning)]) = key(  # type: ignore[valid-type]
         "what was tuned to this row"
     )
     in_sample: either(text=Text, table=dict[str, either(text=Text, table=Tuning)]) = key(  # type: ignore[valid-type]
         "why it is no test although nothing was tuned to it: what it had a part in, or repeats"
     )
-    definition: Text = key("what is measured, in a sentence; default: the number's own", default="")
+    definition: Text = key("what is measured, in a sentence; default: the number's own")
     share: Maybe[ShareOfDraws] = key(
         "the share of draws (%) whose number is within this, with interval"
     )
     remark: either(text=str, list=Many[str], table=dict[str, Remarks]) = key("for a reader")  # type: ignore[valid-type]
-    flag: bool = key("true: 0 and 1 are shown as no and yes", default=False)
-    only: Many[Text] = key("only for these methods", default=())
-    label: Text = key("stands in the method's place", default="")
-    case: Text = key("stands in the case's place", default="")
+    flag: bool = key("true: 0 and 1 are shown as no and yes")
+    only: Many[Text] = key("only for these methods")
+    label: Text = key("stands in the method's place")
+    case: Text = key("stands in the case's place")
     not_judged: Text = key(
         "why no run decides what the paper says: the row has no number of ours, and no band",
-        default="",
     )
 
     @model_validator(mode="after")

@@ -10,7 +10,7 @@ import math
 from datetime import datetime
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self
 
-from pydantic import AfterValidator, Field, FiniteFloat, model_validator
+from pydantic import AfterValidator, Discriminator, Field, FiniteFloat, Tag, model_validator
 
 from ..system.model import ACCURACY, MOST_INNER
 from .kinds import (
@@ -25,6 +25,7 @@ from .kinds import (
     Three,
     Unit,
     Value,
+    by_kind,
     either,
     incomplete,
     key,
@@ -33,6 +34,12 @@ from .kinds import (
 )
 from .paper import PaperRow
 
+_Positive = Annotated[FiniteFloat, Field(gt=0.0)]
+_Inner = Annotated[
+    Annotated[int, Field(ge=1, le=MOST_INNER), Tag("<number>")]
+    | Annotated[Literal["auto"], Tag("<text>")],
+    Discriminator(by_kind),
+]
 _Sequence = Annotated[str, Field(pattern="^[123]{3}$")]
 _Window = Annotated[Many[float], Field(min_length=2, max_length=2), AfterValidator(ordered)]
 _Weights = Annotated[Many[Annotated[FiniteFloat, Field(ge=0.0)]], Field(min_length=3, max_length=3)]
@@ -41,34 +48,28 @@ _Weights = Annotated[Many[Annotated[FiniteFloat, Field(ge=0.0)]], Field(min_leng
 class Number(Table):
     """[numbers.NAME]: a number of each run, from its series or from other runs' numbers."""
 
-    title: Text = key("what the number is, for a reader", default="")
+    title: Text = key("what the number is, for a reader")
     signals: TextOrTexts = key(
         "`component.output`, or several where the measure takes several", default=(), alias="signal"
     )
     measure: Text = key(
         "how the series becomes a number (`desat measures`); default: last", default="last"
     )
-    options: dict[str, Value] = key("the measure's own options", default={})
-    derive: Text = key(
-        "what is computed of the signals and then measured, such as euler", default=""
-    )
-    sequence: _Sequence = key(
-        "of euler and euler_lvlh: the axes turned about; default: 321", default=""
-    )
+    options: dict[str, Value] = key("the measure's own options")
+    derive: Text = key("what is computed of the signals and then measured, such as euler")
+    sequence: _Sequence = key("of euler and euler_lvlh: the axes turned about; default: 321")
     element: Maybe[Annotated[int, Field(ge=1)]] = key(
         "only this element of what is measured, from 1 on"
     )
-    window: Maybe[_Window] = key(
+    window: _Window = key(
         "only rows of this time, ends included; an end of 1e9: that of the run; default: all", "s"
     )
     percent_of: Maybe[NumberOrText] = key(
         "in per cent of this: a value in the signal's unit, or a text"
     )
-    unit: Unit = key("the unit it is given in, converted from the signal's", default="")
-    of: Text = key("with `reference`: the number that is compared", default="")
-    reference: Text = key(
-        "the scenario of this family whose number it is compared with", default=""
-    )
+    unit: Unit = key("the unit it is given in, converted from the signal's")
+    of: Text = key("with `reference`: the number that is compared")
+    reference: Text = key("the scenario of this family whose number it is compared with")
     form: Maybe[Literal["saving", "ratio", "difference", "paired_ratio"]] = key(
         "how: saving (per cent less) or ratio, of draws that of their medians; difference or "
         "paired_ratio, of draws draw by draw"
@@ -90,11 +91,9 @@ class LimitLine(Table):
 
     NEEDED = ("value",)
     value: NumberOrText = key("a number in the plot's unit, or parameters `component.parameter[i]`")
-    name: Text = key("what the legend calls it", default="")
-    fill: bool = key("true: a filled band about zero instead of a line", default=False)
-    unless: dict[str, Value] = key(
-        "left out where `component.parameter` has this value", default={}
-    )
+    name: Text = key("what the legend calls it")
+    fill: bool = key("true: a filled band about zero instead of a line")
+    unless: dict[str, Value] = key("left out where `component.parameter` has this value")
 
 
 if TYPE_CHECKING:
@@ -110,32 +109,22 @@ class Plot(Table):
     """[plots.NAME]: a figure of the report; figures stand in the order of their tables."""
 
     NEEDED = ("title", "signals")
-    title: Text = key("the caption", default="")
-    signals: Annotated[Many[Text], Field(min_length=1)] = key(
-        "`component.output`, one or several", default=()
-    )
-    components: Many[str] = key(
-        "names of the elements; those without a name are not shown", default=()
-    )
-    axis: Text = key("the quantity on the axis; default: the title", default="")
-    unit: Unit = key("the unit of the axis; default: the first signal's", default="")
-    norm: bool = key("true: the size of vectors, one line each", default=False)
-    log: bool = key("true: a logarithmic axis", default=False)
-    derive: Text = key(
-        "what is computed from the signals first, such as pointing or euler", default=""
-    )
-    sequence: _Sequence = key(
-        "of euler and euler_lvlh: the axes turned about; default: 321", default=""
-    )
-    steady: Maybe[Annotated[FiniteFloat, Field(gt=0.0)]] = key(
+    title: Text = key("the caption")
+    signals: Annotated[Many[Text], Field(min_length=1)] = key("`component.output`, one or several")
+    components: Many[str] = key("names of the elements; those without a name are not shown")
+    axis: Text = key("the quantity on the axis; default: the title")
+    unit: Unit = key("the unit of the axis; default: the first signal's")
+    norm: bool = key("true: the size of vectors, one line each")
+    log: bool = key("true: a logarithmic axis")
+    derive: Text = key("what is computed from the signals first, such as pointing or euler")
+    sequence: _Sequence = key("of euler and euler_lvlh: the axes turned about; default: 321")
+    steady: Maybe[_Positive] = key(
         "a second panel shows the time from here on at its own scale", "s"
     )
-    orbit: Maybe[Annotated[FiniteFloat, Field(gt=0.0)]] = key("the axis of times counts these", "s")
-    envelope: bool = key(
-        "true: where a line is faster than the plot is wide, what it lies between", default=False
-    )
+    orbit: Maybe[_Positive] = key("the axis of times counts these", "s")
+    envelope: bool = key("true: where a line is faster than the plot is wide, what it lies between")
     points: Maybe[Annotated[int, Field(ge=10)]] = key("so many points a line; default: 3000")
-    limits: Many[_Limit] = key("limit lines: numbers, parameters, or tables", default=())
+    limits: Many[_Limit] = key("limit lines: numbers, parameters, or tables")
 
 
 class Dispersion(Table):
@@ -144,15 +133,13 @@ class Dispersion(Table):
     LEAST_INSIDE: ClassVar[float] = 0.01
     """Of what is drawn: with less inside, to draw again until it is would take for ever."""
 
-    normal: Maybe[MeanAndDeviation] = key("each element: [mean, deviation]")
-    within: Maybe[Range] = key("with normal: an element beyond [low, high] is drawn again")
-    uniform: Maybe[Range] = key("each element: [low, high]")
+    normal: MeanAndDeviation = key("each element: [mean, deviation]")
+    within: Range = key("with normal: an element beyond [low, high] is drawn again")
+    uniform: Range = key("each element: [low, high]")
     direction: Maybe[FiniteFloat] = key("a vector of random direction and this size")
     attitude: Maybe[Literal["random"]] = key("a quaternion, uniform over all attitudes")
-    signs: Maybe[Annotated[Many[FiniteFloat], Field(min_length=1)]] = key(
-        "each: plus or minus this"
-    )
-    one_of: Maybe[Annotated[Many[Value], Field(min_length=1)]] = key("one of these values")
+    signs: Annotated[Many[FiniteFloat], Field(min_length=1)] = key("each: plus or minus this")
+    one_of: Annotated[Many[Value], Field(min_length=1)] = key("one of these values")
     seed: Maybe[Literal[True]] = key("a seed of its own for each draw")
 
     @property
@@ -166,9 +153,9 @@ class Dispersion(Table):
         kinds = [k for k in type(self).model_fields if k != "within"]
         if len(self.model_fields_set - {"within"}) != 1:
             raise incomplete(f"exactly one of {', '.join(kinds)} is needed")
-        if self.within is None:
+        if not self.within:
             return self
-        if self.normal is None:
+        if not self.normal:
             raise incomplete("within goes with normal only")
         mean, deviation = self.normal
         width = max(deviation, 1e-300) * math.sqrt(2)
@@ -185,7 +172,7 @@ class Requirement(Table):
     """[requirements.NAME]: what a number must be in so large a share of a campaign's cases."""
 
     NEEDED = ("number",)
-    number: Text = key("the number, of [numbers] or of an analysis", default="")
+    number: Text = key("the number, of [numbers] or of an analysis")
     max: Maybe[FiniteFloat] = key("a case is within where the number is at most this, in its unit")
     min: Maybe[FiniteFloat] = key("or where it is at least this; both may be given")
     probability: Annotated[float, Field(gt=0.0, lt=1.0)] = key(
@@ -205,51 +192,41 @@ class Requirement(Table):
 class Design(Table):
     """[design]: what `desat design` computes for this scenario."""
 
-    of: Text = key("the scenario of this family whose design it uses", default="")
-    final_momentum: Maybe[Annotated[FiniteFloat, Field(gt=0.0)]] = key("size at the end", "N.m.s")
-    final_momentum_body: Maybe[Three] = key("vector at the end, body", "N.m.s")
-    momentum_weight: Maybe[_Weights] = key("weight of the momentum, one an axis", "1/(T2.s2)")
+    of: Text = key("the scenario of this family whose design it uses")
+    final_momentum: Maybe[_Positive] = key("size at the end", "N.m.s")
+    final_momentum_body: Three = key("vector at the end, body", "N.m.s")
+    momentum_weight: _Weights = key("weight of the momentum, one an axis", "1/(T2.s2)")
     nodes: Maybe[Annotated[int, Field(ge=2)]] = key("nodes of the gain table")
-    end_of: Text = key("ends where the design of this scenario ends", default="")
+    end_of: Text = key("ends where the design of this scenario ends")
     peak_weight: Annotated[FiniteFloat, Field(ge=0.0)] = key(
         "weight of large wheels", "A2.m4", default=0.0
     )
-    peak_momentum: Maybe[Annotated[FiniteFloat, Field(gt=0.0)]] = key(
-        "when a wheel is large", "N.m.s"
-    )
-    peak_share: Maybe[Annotated[FiniteFloat, Field(gt=0.0)]] = key(
+    peak_momentum: Maybe[_Positive] = key("when a wheel is large", "N.m.s")
+    peak_share: Maybe[_Positive] = key(
         "when a wheel is large, of the largest of the course without peak_weight; that is then in "
         "the course's mean squared dipoles"
     )
-    lost_momentum_weight: Maybe[_Weights] = key(
+    lost_momentum_weight: _Weights = key(
         "momentum_weight of the courses with a coil lost", "1/(T2.s2)"
     )
-    lost_peak_share: Maybe[Annotated[FiniteFloat, Field(gt=0.0)]] = key(
-        "peak_share of the courses with a coil lost"
-    )
-    lost_effort: Annotated[FiniteFloat, Field(gt=0.0)] = key(
+    lost_peak_share: Maybe[_Positive] = key("peak_share of the courses with a coil lost")
+    lost_effort: _Positive = key(
         "mean squared dipoles of the course without peak_weight, below which one with a coil lost "
         "has coils to spare", "A2.m4", default=0.0
     )  # fmt: skip
-    hold_weight: Maybe[Annotated[FiniteFloat, Field(gt=0.0)]] = key("how stiffly held", "1/(T2.s2)")
-    each_draw: bool = key("true: made anew for each draw", default=False)
-    assume: dict[str, dict[str, Value]] = key(
-        "parameters that the design assumes instead", default={}
-    )
+    hold_weight: Maybe[_Positive] = key("how stiffly held", "1/(T2.s2)")
+    each_draw: bool = key("true: made anew for each draw")
+    assume: dict[str, dict[str, Value]] = key("parameters that the design assumes instead")
 
 
 class DesignFile(Table):
     """A file of ssp/FAMILY/design/, as `desat design` writes it."""
 
     NEEDED = ("parameters",)
-    tuned: dict[str, Value] = key("what was tuned for it", default={})
-    reached: dict[str, Value] = key("what the run that it was computed with ended with", default={})
-    parameters: dict[str, dict[str, Value]] = key(
-        "the designed parameters of a component", default={}
-    )
-    made_of: dict[str, Value] = key(
-        "what it was made from, `component.parameter` and more", default={}
-    )
+    tuned: dict[str, Value] = key("what was tuned for it")
+    reached: dict[str, Value] = key("what the run that it was computed with ended with")
+    parameters: dict[str, dict[str, Value]] = key("the designed parameters of a component")
+    made_of: dict[str, Value] = key("what it was made from, `component.parameter` and more")
 
 
 def _value_reached(value: Any) -> Any:
@@ -263,7 +240,7 @@ class StopWhen(Table):
     step. Exactly one of `below`, `above` and `reaches`."""
 
     NEEDED = ("signal",)
-    signal: Text = key("`component.output`; it need not be recorded", default="")
+    signal: Text = key("`component.output`; it need not be recorded")
     below: Maybe[NumberOrText] = key("met while the sizes of all elements are below this")
     above: Maybe[NumberOrText] = key("met while the size of any element is above this")
     reaches: Annotated[Any, AfterValidator(_value_reached)] = key(
@@ -272,7 +249,7 @@ class StopWhen(Table):
     held: Annotated[FiniteFloat, Field(ge=0.0)] = key(
         "met for so long; default: 0", "s", default=0.0
     )
-    unit: Unit = key("the unit of the limit; default: the signal's", default="")
+    unit: Unit = key("the unit of the limit; default: the signal's")
 
     @model_validator(mode="after")
     def _one(self) -> Self:
@@ -287,68 +264,56 @@ class StopWhen(Table):
 class Scenario(Table):
     """What a whole file and a value of an axis both may hold."""
 
-    without: Many[Text] = key(
-        "paths of what is left out of that before, such as plots.rate", default=()
-    )
-    title: Text = key("what it is, in a line; {axis} stands for the axis' label", default="")
-    story: Text = key("two sentences for a reader", default="")
-    source: Text = key("the paper it is from", default="")
-    craft: Text = key("the craft file, beside; default: craft.toml", default="")
-    ssd: Text = key("the wiring as an SSD kept by hand, in place of a craft file", default="")
+    without: Many[Text] = key("paths of what is left out of that before, such as plots.rate")
+    title: Text = key("what it is, in a line; {axis} stands for the axis' label")
+    story: Text = key("two sentences for a reader")
+    source: Text = key("the paper it is from")
+    craft: Text = key("the craft file, beside; default: craft.toml")
+    ssd: Text = key("the wiring as an SSD kept by hand, in place of a craft file")
     start: Maybe[FiniteFloat] = key("start time", "s")
     step: Maybe[FiniteFloat] = key("the master's step", "s")
-    inner: Maybe[Annotated[int, Field(ge=1, le=MOST_INNER)] | Literal["auto"]] = key(
+    inner: Maybe[_Inner] = key(
         "inner steps, within each step, of what hands means over the step on (actuators and body); "
         "auto, the default: a run chooses them by `accuracy`"
     )
-    accuracy: Maybe[Annotated[FiniteFloat, Field(gt=0.0)]] = key(
+    accuracy: Maybe[_Positive] = key(
         f"attitude error that `inner = auto` keeps below, as the run estimates it; {ACCURACY:g}",
         "rad",
     )
     stop: Maybe[FiniteFloat] = key("stop time", "s")
-    residual_bound: Maybe[Annotated[FiniteFloat, Field(gt=0.0)]] = key(
+    residual_bound: Maybe[_Positive] = key(
         "largest momentum residual, over the largest momentum: above it a run ends with 1; 1e-9"
     )
-    impulse_bound: Maybe[Annotated[FiniteFloat, Field(gt=0.0)]] = key(
+    impulse_bound: Maybe[_Positive] = key(
         "the same for the external impulse against one computed outside the body; 1e-6"
     )
-    energy_bound: Maybe[Annotated[FiniteFloat, Field(gt=0.0)]] = key(
+    energy_bound: Maybe[_Positive] = key(
         "largest work in a step that its ends and middle do not show, over the energy of a turn of "
         "1 rad in it: above it a run ends with 1; 2e-8"
     )
     stop_when: Maybe[StopWhen] = key("a condition that ends it before")
     epoch: Maybe[Annotated[datetime, AfterValidator(utc)]] = key("UTC of t = 0")
-    sources: dict[str, Text] = key("another FMU for a component", default={})
-    shared: dict[str, Value] = key("a parameter for every component that has it", default={})
-    parameters: dict[str, dict[str, Value]] = key(
-        "parameters (or unwired inputs) of a component", default={}
-    )
+    sources: dict[str, Text] = key("another FMU for a component")
+    shared: dict[str, Value] = key("a parameter for every component that has it")
+    parameters: dict[str, dict[str, Value]] = key("parameters (or unwired inputs) of a component")
     design: Maybe[Design] = key("parameters below these that `desat design` computes")
-    output_classes: dict[str, Literal["state", "interval"]] = key(
-        "`component.output`: its class", default={}
-    )
-    decimation: dict[str, Annotated[int, Field(ge=1)]] = key(
-        "steps once in so many steps", default={}
-    )
-    dispersions: dict[str, Dispersion] = key(
-        '"component.parameter": how `desat draws` draws it', default={}
-    )
+    output_classes: dict[str, Literal["state", "interval"]] = key("`component.output`: its class")
+    decimation: dict[str, Annotated[int, Field(ge=1)]] = key("steps once in so many steps")
+    dispersions: dict[str, Dispersion] = key('"component.parameter": how `desat draws` draws it')
     draws: Annotated[int, Field(ge=0)] = key(
         "its numbers in tables are medians of so many draws", default=0
     )
-    twin: Text = key("a scenario of this family that the report shows beside this one", default="")
-    numbers: dict[str, Number] = key("the numbers of a run", default={})
-    requirements: dict[str, Requirement] = key(
-        "what `desat campaign` holds its cases against", default={}
-    )
-    plots: dict[str, Plot] = key("the figures of the report, in this order", default={})
-    paper: dict[str, PaperRow] = key("a paper's values beside the numbers", default={})
+    twin: Text = key("a scenario of this family that the report shows beside this one")
+    numbers: dict[str, Number] = key("the numbers of a run")
+    requirements: dict[str, Requirement] = key("what `desat campaign` holds its cases against")
+    plots: dict[str, Plot] = key("the figures of the report, in this order")
+    paper: dict[str, PaperRow] = key("a paper's values beside the numbers")
 
 
 class Cell(Scenario):
     """[axes.AXIS.VALUE]: what a value of an axis changes in the scenario."""
 
-    label: Text = key("the value's name for a reader", default="")
+    label: Text = key("the value's name for a reader")
 
 
 class ScenarioFile(Scenario):
@@ -357,7 +322,5 @@ class ScenarioFile(Scenario):
     extends: TextOrTexts = key(
         "another file of the folder, or several, merged below this one", default=()
     )
-    abstract: bool = key("true: only for others to extend", default=False)
-    axes: dict[str, dict[str, Cell]] = key(
-        "each axis' values; their product gives scenarios", default={}
-    )
+    abstract: bool = key("true: only for others to extend")
+    axes: dict[str, dict[str, Cell]] = key("each axis' values; their product gives scenarios")

@@ -36,7 +36,7 @@ from desat.components.contract.units import Unit
 from ..system.errors import DesatError, nearest
 from ..system.expression import Table, entry, factor, product, unit_of
 from . import derived
-from .measures import LATE, MEASURES, OWN_UNIT, Measure
+from .measures import LATE, MEASURES, OWN_UNIT
 
 if TYPE_CHECKING:
     from ..engine.recording.results import Results
@@ -51,10 +51,9 @@ def evaluate(number: Number, results: Results, parameters: Table) -> float | Non
     """The number that a scenario describes.
 
     None where the run does not reach it: no row in its window, or nothing there to measure.
-    Raises DesatError for an unknown measure or series, a unit that does not fit, and a product of
+    Raises DesatError for a series that is not there, a unit that does not fit, and a product of
     parameters that has no value.
     """
-    measure = _measure(number)
     units = _units(number, [results.attribute(s, "unit") for s in number.signals])
     conversion = _conversion(number, units, parameters)
     options = _options(number, units, parameters)
@@ -69,7 +68,7 @@ def evaluate(number: Number, results: Results, parameters: Table) -> float | Non
     if rows == 0:
         return None
     with np.errstate(over="ignore"):  # a run that diverges has infinite numbers
-        value = measure(times, *(c[:rows] for c in columns), **options)
+        value = MEASURES[number.measure](times, *(c[:rows] for c in columns), **options)
     return None if math.isnan(value) else conversion(value)
 
 
@@ -126,12 +125,6 @@ def _units(number: Number, signals: list[str]) -> list[Unit]:
     return [unit_of(s) for s in signals]
 
 
-def _measure(number: Number) -> Measure:
-    if number.measure not in MEASURES:
-        raise DesatError(f"no measure {number.measure}{nearest(number.measure, MEASURES)}")
-    return MEASURES[number.measure]
-
-
 def _conversion(
     number: Number, units: list[Unit], parameters: Table
 ) -> Callable[[float], float]:  # fmt: skip
@@ -159,10 +152,8 @@ def _conversion(
 def _options(number: Number, units: list[Unit], parameters: Table) -> dict[str, Any]:
     """The measure's options; a product of parameters has the unit of one of its series."""
     options = dict(number.options)
-    accepted = inspect.signature(_measure(number)).parameters
+    accepted = inspect.signature(MEASURES[number.measure]).parameters
     for key, value in options.items():
-        if key not in accepted:
-            raise DesatError(f"no option {key}{nearest(key, accepted)}")
         if isinstance(value, str) and accepted[key].annotation == "float":
             options[key], unit = product(value, parameters)
             if all(unit.dimension != u.dimension for u in units):
@@ -177,7 +168,7 @@ def defined(number: Number | None) -> str:
     if number.reference:
         how = f"{number.form} of {number.of} to that of {number.reference}"
         return f"{number.title} ({how})"
-    sentence = " ".join((inspect.getdoc(_measure(number)) or "").split()).removesuffix(".")
+    sentence = " ".join((inspect.getdoc(MEASURES[number.measure]) or "").split()).removesuffix(".")
     of = " and ".join(number.signals)
     if number.derive:
         of = f"{number.derive.replace('_', ' ')} of {of}"

@@ -18,6 +18,28 @@ Numbers = dict[str, Any]
 """A run's numbers by name; None: not reached."""
 
 
+@dataclass(frozen=True)
+class Spread:
+    """Of a median of draws: how many `n` have it, the least and the largest, the `band` of each
+    draw, and how many do not reach a time."""
+
+    n: int
+    min: float | None
+    max: float | None
+    band: tuple[float, ...] | None
+    not_reached: int = 0
+
+
+@dataclass(frozen=True)
+class Share:
+    """Of `n` draws the `count` of those that are within, and the `interval` (%, Clopper-Pearson,
+    95 %) in which the share of all possible draws lies."""
+
+    n: int
+    count: int
+    interval: list[float]
+
+
 @dataclass
 class Row:
     """One cell of a table: the paper's value (None where it gives none) and ours."""
@@ -47,10 +69,8 @@ class Row:
     """True: 0 means no and 1 means yes."""
     remark: str
     scenario: str
-    draws: dict[str, Any] | None = None
-    """Where `ours` is of draws: how many `n` have it, and of a median `min`, `max`, the `band` of
-    each draw and how many do not reach a time, of a share the `count` and its `interval` (%,
-    Clopper-Pearson, 95 %)."""
+    draws: Spread | Share | None = None
+    """Where `ours` is of draws: a median of them, or a share."""
 
 
 def band_of(entry: Entry, values: Numbers) -> tuple[float, float] | None:
@@ -96,14 +116,14 @@ def rows_of(
     rows = []
     content = scenario.content
     for row, entry in content.judged.items():
-        told: dict[str, Any] | None
+        told: Spread | Share | None
         if entry.share is not None:
             if drawn is None:
                 where = scenario.where(("paper", row))
                 raise DesatError(f"{where}: a share of draws, and {scenario.name} has none")
             values_drawn = values_of(drawn["draws"], entry.of, content)
             counts = told = share_of(values_drawn, entry.share.least, entry.share.most)
-            ours = 100.0 * counts["count"] / counts["n"]
+            ours = 100.0 * counts.count / counts.n
         else:
             ours = _value(scenario, row, entry.of, values, everything)
             told = _spread(entry, drawn, content) if drawn else None
@@ -114,13 +134,13 @@ def rows_of(
 
 def _spread(
     entry: Entry, drawn: dict[str, Any], content: Content
-) -> dict[str, Any] | None:  # fmt: skip
+) -> Spread | None:  # fmt: skip
     if (summary := drawn["summary"].get(entry.of)) is None:
         return None
     number = content.numbers.get(entry.of)
     is_time = number is not None and number.measure in LATE
-    return {**{k: summary[k] for k in ("n", "min", "max")}, "band": entry.each and list(entry.each),
-            "not_reached": len(drawn["draws"]) - summary["n"] if is_time else 0}  # fmt: skip
+    missing = len(drawn["draws"]) - summary["n"] if is_time else 0
+    return Spread(summary["n"], summary["min"], summary["max"], entry.each or None, missing)
 
 
 def values_of(draws: list[dict[str, Any]], name: str, content: Content) -> list[Any]:
@@ -128,26 +148,23 @@ def values_of(draws: list[dict[str, Any]], name: str, content: Content) -> list[
     return ranked([d["numbers"].get(name) for d in draws], name in late(content))
 
 
-def share_of(
-    values: list[Any], least: float = -math.inf, most: float = math.inf
-) -> dict[str, Any]:  # fmt: skip
-    """Of `n` values (`values_of`) the `count` of those within [least, most], and the `interval` (%)
-    in which the share of all possible draws lies with 95 %. What a draw has not is not within."""
+def share_of(values: list[Any], least: float = -math.inf, most: float = math.inf) -> Share:
+    """Of `values_of` draws the share of those within [least, most]. What a draw has not is not
+    within."""
     count = sum(x is not None and least <= x <= most for x in values)
-    return {"n": len(values), "count": count, "interval": clopper_pearson(count, len(values))}
+    return Share(len(values), count, clopper_pearson(count, len(values)))
 
 
 def _row(
     scenario: Scenario, entry: Entry, ours: float | None, values: Numbers,
-    draws: dict[str, Any] | None,
+    draws: Spread | Share | None,
 ) -> Row:  # fmt: skip
     band, paper = band_of(entry, values), entry.values
     within = None if band is None or ours is None else band[0] <= ours <= band[1]
-    if draws is not None and (each := draws.get("band")) is not None:
-        reached = draws["min"] is not None and draws["max"] is not None
-        within = (
-            within is not False and reached and each[0] <= draws["min"] <= draws["max"] <= each[1]
-        )
+    if isinstance(draws, Spread) and draws.band is not None:
+        (low, high), least, most = draws.band, draws.min, draws.max
+        reached = least is not None and most is not None and low <= least <= most <= high
+        within = within is not False and reached
     tuned, seen = bool(entry.tuned), bool(entry.in_sample)
     labels, number = scenario.content.labels, scenario.content.numbers.get(entry.of)
     in_columns = scenario.cell.keys() & {"method", "case"}

@@ -164,8 +164,8 @@ class Verbs:
         """The share of draws whose number is within limits (`least`, `most`), with its interval:
         `7 of 20 (of all 15 to 59 %)`."""
         share = cells.share_of(self.drawn(scenario, number), **limits)
-        low, high = share["interval"]
-        return f"{share['count']} of {share['n']} (of all {low:.0f} to {high:.0f} %)"
+        low, high = share.interval
+        return f"{share.count} of {share.n} (of all {low:.0f} to {high:.0f} %)"
 
     def share_worse(self, scenario: str, other: str, number: str) -> str:
         """The share of draws whose number is above that of another scenario's same draw."""

@@ -25,7 +25,7 @@ from ..report.report import render, write_page
 from ..runs.validation import words
 from ..system.errors import DesatError, Exit, RunError
 from ..system.options import Options
-from .comparison import Numbers, Row, counted, rows_of
+from .comparison import Numbers, Row, Share, Spread, counted, rows_of
 
 LARGEST = sys.float_info.max
 """The open end of a band in JSON."""
@@ -192,18 +192,18 @@ def _within(band: Sequence[float], text: Callable[[float], str]) -> str:
     return least if least == most else f"{least} to {most}"
 
 
-def _of_draws(draws: dict[str, Any], digits: int, flag: bool = False) -> str:
-    if "count" in draws:
-        low, high = draws["interval"]
-        return f"{draws['count']} of {draws['n']}; of all {low:.0f} to {high:.0f} % (95 %)"
-    if flag and draws["min"] == draws["max"]:
-        return f"{_value(draws['min'], 0, flag)} in all {draws['n']}"
-    least, most = (_value(draws[k], digits) for k in ("min", "max"))
-    missing, count = draws["not_reached"], draws["n"] + draws["not_reached"]
-    text = f"{least} to {most} of {count}" if draws["n"] else f"of {count}"
+def _of_draws(draws: Spread | Share, digits: int, flag: bool = False) -> str:
+    if isinstance(draws, Share):
+        low, high = draws.interval
+        return f"{draws.count} of {draws.n}; of all {low:.0f} to {high:.0f} % (95 %)"
+    if flag and draws.min == draws.max:
+        return f"{_value(draws.min, 0, flag)} in all {draws.n}"
+    least, most = (_value(x, digits) for x in (draws.min, draws.max))
+    missing, count = draws.not_reached, draws.n + draws.not_reached
+    text = f"{least} to {most} of {count}" if draws.n else f"of {count}"
     text += f", not reached by {missing}" if missing else ""
-    if draws["band"]:
-        text += f" (each: {_within(draws['band'], '{:g}'.format)})"
+    if draws.band:
+        text += f" (each: {_within(draws.band, '{:g}'.format)})"
     return text
 
 

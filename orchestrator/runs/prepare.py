@@ -164,7 +164,8 @@ def _drawn(draft: Draft, described: Scenario | None, options: Options) -> dict[s
     for name in spread:
         key = name if name in given else f"*.{name.partition('.')[2]}"
         path = ("dispersions", key)
-        where[name] = described.where(path) if described else f"{draft.where}: {'.'.join(path)}"
+        file, key = described.given(path) if described else (draft.where, ".".join(path))
+        where[name] = f"{file}: {key}"
     return where
 
 
