@@ -36,7 +36,7 @@ def values(sets: list[str]) -> dict[str, dict[str, Any]]:
     system, _ = prepare(SCENARIO, Options(sets=sets, blocks=True)).or_raise()
     found: dict[str, dict[str, Any]] = {}
     for component, entries in table(system.components.values()).items():
-        given = {name: e["value"] for name, e in entries.items()}
+        given = {name: e.value for name, e in entries.items()}
         found[component] = {
             n: np.array(v) if isinstance(v, list) and not isinstance(v[0], str) else v
             for n, v in given.items()

@@ -81,7 +81,7 @@ def description(plant: str) -> dict[str, Any]:
     bias + amplitude sin(2 pi t / period + phase), held for `hold` seconds."""
     system, _ = prepare(PLANTS[plant][0], Options(blocks=True)).or_raise()
     p = {
-        component: {name: entry["value"] for name, entry in entries.items()}
+        component: {name: entry.value for name, entry in entries.items()}
         for component, entries in table(system.components.values()).items()
     }
     environment = EnvironmentKepler()

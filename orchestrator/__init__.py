@@ -55,11 +55,12 @@ def run(
     in lists). `stop`, `step`: seconds. `folder`: where manifest and series are written; None keeps
     the series in memory. `options`: further fields of `desat.Options`.
 
-    `.manifest["numbers"]` has the scenario's numbers with their units; `.results.values(
-    "component.output")` an array (rows,) or (rows, n), row k at `start + k step`.
+    `.manifest.numbers` has the scenario's numbers by name, each with `value` and `unit`; as a
+    mapping the manifest is its JSON file. `.results.values("component.output")` is an array
+    (rows,) or (rows, n), row k at `start + k step`.
 
     Raises DesatError for wrong input. A component that fails ends the run early: see `.ok`,
-    `.manifest["message"]`; `.or_raise(name)` makes a RunError of that.
+    `.manifest.message`; `.or_raise(name)` makes a RunError of that.
     """
     from pathlib import Path
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -238,11 +239,12 @@ def test_nozzles_as_the_axis_pairs_have_the_same_bound():
     nozzles.parameters = {k: v for k, v in nozzles.parameters.items() if "tau_level" not in k}
     load_interfaces(draft, blocks=True)
     system, _ = check(draft).or_raise()
-    manifest = dict(pairs.manifest)
     from desat.system.parameters import table
 
     thrusters = table(system.components.values())["thrusters"]
-    manifest["parameters"] = {**manifest["parameters"], "thrusters": thrusters}
+    manifest = replace(
+        pairs.manifest, parameters={**pairs.manifest.parameters, "thrusters": thrusters}
+    )
     found = bound.of_run(manifest, pairs.results)
     assert found.least == pytest.approx(expected.least, rel=1e-9)
 

@@ -64,14 +64,18 @@ def test_every_file_of_the_table_is_there():
 def test_a_measure_a_field_of_the_manifest_and_a_colour_are_a_change_of_one_file_each(tree):
     measures = tree / TABLE["a new measure"].replace("orchestrator/", "desat/")
     measures.write_text(measures.read_text(encoding="utf-8") + MEASURE, encoding="utf-8")
-    changed(tree, "a field of the manifest", '"step": system.step,',
-            '"step": system.step, "rows": system.steps + 1,')  # fmt: skip
+    told = "a field of the manifest"
+    changed(
+        tree, told, '    platform: str = ""\n', '    planned: int = 0\n    platform: str = ""\n'
+    )
+    changed(tree, told, "step=system.step,", "step=system.step, planned=system.steps + 1,")
     changed(tree, "a colour of plots", "#0b62a4", "#123456")
     (tree / "here").mkdir()
     (tree / "here" / "mine.toml").write_text(SCENARIO)
     command(tree, "run", "mine.toml", "--stop", "5", "--blocks", "--out", "run")
     manifest = json.loads((tree / "here" / "run" / "manifest.json").read_text())
-    assert manifest["rows"] == round((manifest["stop"] - manifest["start"]) / manifest["step"]) + 1
+    steps = round((manifest["stop"] - manifest["start"]) / manifest["step"])
+    assert manifest["planned"] == steps + 1
     assert manifest["numbers"]["first"]["value"] > 0.0
     report = (tree / "here" / "run" / "report.html").read_text()
     assert "#123456" in report

@@ -19,11 +19,11 @@ from test_failures import DESCRIPTION, binary, fmu, options, system
 from test_rates import scenario
 
 from benchmarks.killed import differences, trials
+from desat.analyses import manifest as made_by
 from desat.engine import checkpoint
 from desat.engine.recording import shared_tables
 from desat.files import identity, paths
 from desat.files.io import claimed
-from desat.runs import manifest
 from desat.runs.run import Options, prepare, resume, simulate
 from desat.system.errors import DesatError, Exit
 
@@ -208,7 +208,7 @@ def test_resume_refuses_what_is_another(tmp_path, monkeypatch, what):
         told = r"environment.* was .*, and is .*0\.1"
     else:
         name = {"package": "numpy", "machine": "platform"}[what]
-        monkeypatch.setattr(manifest, "versions", lambda: {**known, name: "another"})
+        monkeypatch.setattr(made_by, "versions", lambda: {**known, name: "another"})
         told = rf"versions\.{name} was {re.escape(known[name])}, and is another"
     with pytest.raises(DesatError, match=told):
         resume(tmp_path / "a")

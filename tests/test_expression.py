@@ -9,17 +9,17 @@ import pytest
 from desat.runs.run import Options, execute, prepare
 from desat.system.errors import DesatError
 from desat.system.expression import entry, factor, product, times, unit_of
-from desat.system.parameters import parse_assignment
+from desat.system.parameters import Parameter, parse_assignment
 
 TABLE = {
     "wheels": {
-        "inertia_wheel": {"value": [0.008, 0.008, 0.008, 0.0], "unit": "kg.m2"},
-        "speed_limit": {"value": 500.0, "unit": "rad/s"},
-        "drive": {"value": "ideal", "unit": ""},
-        "axes": {"value": [1.0, 2.0], "unit": "1"},
+        "inertia_wheel": Parameter([0.008, 0.008, 0.008, 0.0], "kg.m2"),
+        "speed_limit": Parameter(500.0, "rad/s"),
+        "drive": Parameter("ideal", ""),
+        "axes": Parameter([1.0, 2.0], "1"),
     },
-    "manager": {"h_limit": {"value": 2.0, "unit": "N.m.s"}, "k": {"value": 0.0, "unit": "1"}},
-    "spacecraft": {"inertia": {"value": [1.0, 2.0], "unit": "kg.m2"}},
+    "manager": {"h_limit": Parameter(2.0, "N.m.s"), "k": Parameter(0.0, "1")},
+    "spacecraft": {"inertia": Parameter([1.0, 2.0], "kg.m2")},
 }
 
 
@@ -57,7 +57,7 @@ def test_bad_products_are_a_line(text, what):
 def numbers(*sets: str, target: str = "integrated/ideal-inertial", stop: float = 5.0):
     run = execute(target, Options(sets=list(sets), stop=stop, blocks=True))
     with run.results:
-        return run.manifest["numbers"], run.manifest["parameters"]
+        return run.manifest["numbers"], run.manifest.parameters
 
 
 def test_capacity_is_the_wheels():
@@ -71,11 +71,11 @@ def test_capacity_is_the_wheels():
 
 def test_what_derives_from_the_craft_follows_it():
     _, parameters = numbers("spacecraft.inertia=0.2,0,0,0,0.3,0,0,0,0.1")
-    assert parameters["controller"]["gain_matrix"]["value"] == [0.2, 0, 0, 0, 0.3, 0, 0, 0, 0.1]
+    assert parameters["controller"]["gain_matrix"].value == [0.2, 0, 0, 0, 0.3, 0, 0, 0, 0.1]
     _, parameters = numbers("controller.gain_matrix=1,0,0,0,1,0,0,0,1")
-    assert parameters["controller"]["gain_matrix"]["value"] == [1, 0, 0, 0, 1, 0, 0, 0, 1]
+    assert parameters["controller"]["gain_matrix"].value == [1, 0, 0, 0, 1, 0, 0, 0, 1]
     _, parameters = numbers("manager.h_limit=wheels.inertia_wheel * wheels.speed_limit")
-    assert parameters["manager"]["h_limit"]["value"] == 3.2e-5 * 625.0
+    assert parameters["manager"]["h_limit"].value == 3.2e-5 * 625.0
 
 
 @pytest.mark.parametrize(("sets", "what"), [

@@ -610,7 +610,7 @@ def test_axes_name_the_quantity_and_its_unit():
 
 def test_a_second_panel_shows_the_steady_state_and_an_envelope_the_extremes():
     run = execute("integrated/mil-nadir", Options(blocks=True, stop=200.0))
-    runs = [("", run.results, run.manifest["parameters"])]
+    runs = [("", run.results, run.manifest.parameters)]
     plot = {"title": "Dipole", "signals": ["torquers.m_mean_body"], "unit": "A.m2"}
     assert len(plots.series_figure(Plot(**plot), runs).axes) == 1
     assert len(plots.series_figure(Plot(**plot, steady=300.0), runs).axes) == 1

@@ -413,10 +413,10 @@ def test_numbers_of_derived_quantities():
     roll = np.abs(turn.as_euler("ZYX", degrees=True)[:, 2]).max()
     number = {"signal": ["spacecraft.q_bi", "guidance.q_ref_bi"], "derive": "euler", "element": 3,
               "sequence": "321", "measure": "largest", "unit": "rad"}  # fmt: skip
-    found = evaluate(language.Number(**number), run.results, run.manifest["parameters"])
+    found = evaluate(language.Number(**number), run.results, run.manifest.parameters)
     assert found == pytest.approx(np.radians(roll), rel=1e-12)
     number |= {"measure": "until_below", "options": {"limit": 1e9}, "unit": "min"}
-    assert evaluate(language.Number(**number), run.results, run.manifest["parameters"]) == 0.0
+    assert evaluate(language.Number(**number), run.results, run.manifest.parameters) == 0.0
 
 
 def test_inheritance_of_plots_by_name():

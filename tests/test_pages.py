@@ -45,10 +45,10 @@ def test_a_short_mode_is_seen_and_a_chatter_is_few_spans():
 def test_a_plot_shows_the_modes_under_it():
     run = execute("plant/reference", Options(blocks=True, stop=20.0))
     plot = find("plant/reference").content.plots["rate"]
-    with_mode = series_plot(plot, [("", run.results, run.manifest["parameters"])])
+    with_mode = series_plot(plot, [("", run.results, run.manifest.parameters)])
     assert "mode: idle" in with_mode
     bare = execute("plant/reference", Options(blocks=True, stop=20.0, record=("spacecraft.*",)))
-    assert "mode" not in series_plot(plot, [("", bare.results, bare.manifest["parameters"])])
+    assert "mode" not in series_plot(plot, [("", bare.results, bare.manifest.parameters)])
 
 
 # --- series -----------------------------------------------------------------------------------

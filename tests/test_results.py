@@ -12,6 +12,7 @@ import subprocess
 import sys
 import threading
 import time
+from dataclasses import FrozenInstanceError
 from pathlib import Path
 
 import h5py
@@ -23,6 +24,7 @@ from pyarrow import parquet
 from scipy.io import loadmat
 
 import desat as desat_package
+from desat.analyses.manifest import Manifest
 from desat.engine.recording import recorder as recorder_module
 from desat.engine.recording import results as results_module
 from desat.engine.recording import series_file, shared_tables
@@ -37,9 +39,10 @@ from desat.numbers.measures import MEASURES
 from desat.numbers.numbers import evaluate, related, relative, scale
 from desat.report.export import export, no_formula
 from desat.runs.manifest import read_manifest
-from desat.runs.run import Options, execute
+from desat.runs.run import Options, execute, load_run
 from desat.system.errors import DesatError
 from desat.system.interface import of_block
+from desat.system.parameters import Parameter
 
 NAME = "uosat12/table3-ocdc-ilqr-1"
 
@@ -103,6 +106,36 @@ def test_manifest(folder):
     assert manifest["parameters"]["spacecraft"]["h_start_body"]["value"] == [1, 2, -1]
     assert manifest["numbers"]["firing_time"]["unit"] == "s"
     assert manifest["versions"]["fmpy"]
+
+
+def test_a_manifest_is_an_object_and_as_a_mapping_its_file(folder):
+    run = load_run(folder)
+    manifest, text = run.manifest, (folder / "manifest.json").read_text()
+    run.results.close()
+    assert (manifest.completed, manifest.steps_done, manifest.stopped_when) == (True, 60, None)
+    assert manifest.parameters["manager"]["g_rate"] == Parameter(
+        0.0077, manifest["parameters"]["manager"]["g_rate"]["unit"], True,
+        manifest["parameters"]["manager"]["g_rate"]["text"],
+    )  # fmt: skip
+    assert manifest.numbers["firing_time"].value == manifest["numbers"]["firing_time"]["value"]
+    assert manifest.parts["dumping"].torquers == manifest["dumping"]["torquers"]
+    assert json.dumps(manifest.to_json(), indent=1) == text
+    assert manifest == json.loads(text)
+    with pytest.raises(FrozenInstanceError):
+        manifest.status = "failed"
+
+
+def test_a_manifest_of_another_version_is_read_and_keeps_what_it_says():
+    told = {"scenario": "a", "about": {}, "status": "running", "rigid_body": None, "later": [1]}
+    manifest = Manifest.from_json(told)
+    assert (manifest.parameters, manifest.parts, manifest.numbers) == ({}, {"rigid_body": None}, {})
+    assert manifest["later"] == [1]
+    assert "numbers" not in manifest, "it has none before it is over"
+
+
+def test_no_code_takes_a_manifest_apart_by_its_keys():
+    texts = {p.name: p.read_text(encoding="utf-8") for p in (ROOT / "orchestrator").rglob("*.py")}
+    assert [name for name, text in texts.items() if re.search(r"""manifest\[["']""", text)] == []
 
 
 def test_recording_less():

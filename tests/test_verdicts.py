@@ -13,11 +13,12 @@ from scipy.stats import beta
 from test_failures import binary, options, ssd, system
 
 from desat.analyses import residual
+from desat.analyses.manifest import Manifest
 from desat.campaign.judged import for_half_the_width, more, requirement
 from desat.language.content import Entry
 from desat.language.scenario import Requirement
 from desat.numbers.statistics import clopper_pearson
-from desat.numbers.text import not_reached
+from desat.numbers.text import Value, not_reached
 from desat.papers.comparison import Spread, _row, band_of, counted, share_of
 from desat.runs.run import Run, prepare, simulate
 from desat.runs.stopping import LATE, Condition
@@ -145,7 +146,7 @@ def test_a_time_that_is_not_reached_counts_in_the_share():
     ],
 )
 def test_how_a_run_ended_is_its_exit_code(manifest, code):
-    run = Run({"message": "why", **manifest}, SimpleNamespace())
+    run = Run(Manifest.from_json({"message": "why", **manifest}), SimpleNamespace())
     assert run.code == code
     assert run.ok == (manifest["status"] == "completed")
     if run.ok:
@@ -157,8 +158,8 @@ def test_how_a_run_ended_is_its_exit_code(manifest, code):
 
 
 def test_a_number_at_its_bound_is_met():
-    assert residual.beyond("x", {"value": 2.0}, "b", 0.5, 4.0) == []
-    (line,) = residual.beyond("x", {"value": math.nextafter(2.0, 3.0)}, "b", 0.5, 4.0)
+    assert residual.beyond("x", Value("x", 2.0, "N.m.s"), "b", 0.5, 4.0) == []
+    (line,) = residual.beyond("x", Value("x", math.nextafter(2.0, 3.0), "N.m.s"), "b", 0.5, 4.0)
     assert line == "x = 2 N m s: above b = 0.5 of the largest momentum, 4 N m s"
 
 

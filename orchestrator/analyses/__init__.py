@@ -4,16 +4,20 @@ in `papers/` those of one family.
 A module of this folder that has `applies` is an analysis:
 
     KEY = "rigid_body"                              # its place in the manifest
+    class Parts(analyses.Parts)                     # which component is what
     NUMBERS = ("momentum_residual",)                # the names of all numbers that it may give
-    def applies(system) -> parts or None            # which component is what; None: not this system
+    def applies(system) -> Parts or None            # None: not this system
+    def numbers(manifest, results) -> {name: Value} # {} where there is none
+
+and what of these it has:
+
     def signals(parts) -> list of series            # what a run of which little is kept must record
-    def numbers(manifest, results) -> numbers       # as a manifest has them, {} where there is none
     def balanced(parts) -> list of series           # more, where a bound or a requirement asks
     BOUND_KEYS = ("residual_bound",)                # the scenario keys of these bounds
     def unmet(manifest, results) -> list of lines   # what of it is not as it ought to be
     def unchecked(manifest, results) -> {name: why} # which of NUMBERS could not be made of a run
     def figures(manifest, results) -> [(caption, svg)]
-    def remarks(manifest, results) -> list of lines # what to beware of, if it has any
+    def remarks(manifest, results) -> list of lines # what to beware of
 
 and one that has `warnings(system) -> [line]` says what to beware of in a checked system.
 """
@@ -23,11 +27,46 @@ from __future__ import annotations
 import importlib
 import pkgutil
 from collections.abc import Mapping
+from dataclasses import dataclass, fields
 from functools import cache
 from types import ModuleType
-from typing import Any
+from typing import Any, Self
 
+from ..numbers.text import Value
 from ..system.model import System
+
+
+@dataclass(frozen=True)
+class Parts:
+    """Which component of a system is what."""
+
+    @classmethod
+    def from_json(cls, told: Mapping[str, Any]) -> Self:
+        """From a manifest, also one of another version."""
+        return cls(**{f.name: told[f.name] for f in fields(cls) if f.name in told})
+
+    def to_json(self) -> dict[str, Any]:
+        """As a manifest has it: what is not there is left out, but for `feeds`."""
+        return {k: v for k, v in vars(self).items() if v is not None or k == "feeds"}
+
+
+_NOTHING: dict[str, Any] = {
+    "BOUND_KEYS": (),
+    "signals": lambda parts: [], "balanced": lambda parts: [],
+    **dict.fromkeys(("unmet", "figures", "remarks"), lambda manifest, results: []),
+    "unchecked": lambda manifest, results: {},
+}  # fmt: skip
+
+
+class Analysis:
+    """A module that is one; what it has not gives nothing."""
+
+    def __init__(self, module: ModuleType) -> None:
+        self._module = module
+
+    def __getattr__(self, name: str) -> Any:
+        own = hasattr(self._module, name) or name not in _NOTHING
+        return getattr(self._module, name) if own else _NOTHING[name]
 
 
 @cache
@@ -39,17 +78,14 @@ def _modules() -> tuple[ModuleType, ...]:
 
 
 @cache
-def analyses() -> tuple[ModuleType, ...]:
+def analyses() -> tuple[Analysis, ...]:
     """The analyses that there are, by the names of their files."""
-    return tuple(m for m in _modules() if hasattr(m, "applies"))
+    return tuple(Analysis(m) for m in _modules() if hasattr(m, "applies"))
 
 
-def titled(rows: Mapping[str, tuple[str, float | None, str]]) -> dict[str, dict[str, Any]]:
-    """Title, value and unit by name, as a manifest has numbers; what is not known is left out."""
-    return {
-        name: {"title": title, "value": value, "unit": unit}
-        for name, (title, value, unit) in rows.items() if value is not None
-    }  # fmt: skip
+def titled(rows: Mapping[str, tuple[str, float | None, str]]) -> dict[str, Value]:
+    """Numbers of title, value and unit; what is not known is left out."""
+    return {name: Value(*row) for name, row in rows.items() if row[1] is not None}
 
 
 def warnings(system: System) -> list[str]:

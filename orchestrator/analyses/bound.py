@@ -19,9 +19,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..engine.recording.results import Results
+from ..numbers.text import Value
 from ..system.errors import DesatError
 from ..system.model import System
+from . import Parts as Named
 from . import titled
+from .manifest import Manifest
 
 Array = NDArray[np.float64]
 
@@ -54,7 +57,7 @@ class Bound:
     period: float
     """s, of the samples that dipoles and torques are held over"""
 
-    def numbers(self) -> dict[str, dict[str, Any]]:
+    def numbers(self) -> dict[str, Value]:
         """As a manifest's numbers; what is not known is left out, and all where none fired."""
         if self.seconds == 0.0:
             return {}
@@ -72,8 +75,19 @@ class Bound:
         return asdict(self)
 
 
-def applies(system: System) -> dict[str, str] | None:
-    """Which component is what, by the connections; None where no manager commands thrusters."""
+@dataclass(frozen=True)
+class Parts(Named):
+    """Which component is what."""
+
+    spacecraft: str
+    thrusters: str
+    manager: str
+    torquers: str
+    environment: str
+
+
+def applies(system: System) -> Parts | None:
+    """By the connections; None where no manager commands thrusters."""
 
     def source(component: str | None, connector: str) -> str | None:
         for c in system.connections:
@@ -84,20 +98,14 @@ def applies(system: System) -> dict[str, str] | None:
     for c in system.connections:
         if c.input != "tau_mean_thruster_body[1]":
             continue
-        parts = {
-            "spacecraft": c.target,
-            "thrusters": c.source,
-            "manager": source(c.source, "tau_cmd_thruster_body[1]"),
-            "torquers": source(c.target, "m_mean_body[1]"),
-            "environment": source(c.target, "b_eci[1]"),
-        }
-        there = {part: name for part, name in parts.items() if name is not None}
-        if len(there) == len(parts):
-            return there
+        manager = source(c.source, "tau_cmd_thruster_body[1]")
+        torquers, environment = source(c.target, "m_mean_body[1]"), source(c.target, "b_eci[1]")
+        if manager and torquers and environment:
+            return Parts(c.target, c.source, manager, torquers, environment)
     return None
 
 
-def signals(who: dict[str, str]) -> list[str]:
+def signals(who: Parts) -> list[str]:
     """The series that a bound is computed from, by the parts of a system."""
     of = {
         "spacecraft": ("q_bi", "h_copy_wheel"),
@@ -105,23 +113,27 @@ def signals(who: dict[str, str]) -> list[str]:
         "thrusters": ("tau_mean_thruster_body", "tau_slope_thruster_body"),
         "torquers": ("m_mean_body", "m_slope_body"),
     }
-    names = [f"{who[role]}.{variable}" for role, variables in of.items() for variable in variables]
-    return [*names, f"{who['thrusters']}.on_time"]
+    names = [
+        f"{getattr(who, role)}.{variable}"
+        for role, variables in of.items()
+        for variable in variables
+    ]
+    return [*names, f"{who.thrusters}.on_time"]
 
 
-def of_run(manifest: dict[str, Any], results: Results) -> Bound:
+def of_run(manifest: Manifest, results: Results) -> Bound:
     """The bound of a run. Raises DesatError where it has none: another kind of run, or not
     recorded."""
-    name = manifest["scenario"]
-    who = manifest.get(KEY)
+    name = manifest.scenario
+    who: Parts | None = manifest.parts.get(KEY)
     if who is None:
         raise DesatError(NOT_APPLICABLE.format(name))
-    if manifest["algorithm"] != "conserving":
-        raise DesatError(f"{name}: a run by {manifest['algorithm']}; the bound needs conserving")
+    if manifest.algorithm != "conserving":
+        raise DesatError(f"{name}: a run by {manifest.algorithm}; the bound needs conserving")
     truth = _Truth(manifest, results, who)
     c_end = truth.attitude(truth.times[-1:])[0]
     left = (truth.momentum_left @ c_end).astype(float)
-    seconds = float(results.values(f"{who['thrusters']}.on_time")[-1])
+    seconds = float(results.values(f"{who.thrusters}.on_time")[-1])
     least, price = truth.least(truth.given - left)
     same, _ = truth.least(truth.given)
     return Bound(
@@ -135,35 +147,22 @@ def of_run(manifest: dict[str, Any], results: Results) -> Bound:
     )
 
 
-def numbers(manifest: dict[str, Any], results: Results) -> dict[str, dict[str, Any]]:
+def numbers(manifest: Manifest, results: Results) -> dict[str, Value]:
     """The bound beside what a completed run fired; none where too little was recorded."""
-    if manifest["status"] != "completed":
+    if not manifest.completed:
         return {}
     with suppress(DesatError):
-        (on_time,) = _series(manifest, results, [f"{manifest[KEY]['thrusters']}.on_time"])
+        (on_time,) = _series(manifest, results, [f"{manifest.parts[KEY].thrusters}.on_time"])
         if on_time[-1] > 0.0:  # else the programme, which takes long, has nothing to tell
             return of_run(manifest, results).numbers()
     return {}
 
 
-def unmet(manifest: dict[str, Any], results: Results) -> list[str]:
-    """None: nothing need reach a bound."""
-    return []
-
-
-def figures(manifest: dict[str, Any], results: Results) -> list[tuple[str, str]]:
-    """None."""
-    return []
-
-
 class _Truth:
     """What happened in a run: splines of attitude and field, and what the actuators gave."""
 
-    def __init__(self, manifest: dict[str, Any], results: Results, who: dict[str, str]) -> None:
-        self._parameters = {
-            role: {k: p["value"] for k, p in manifest["parameters"].get(c, {}).items()}
-            for role, c in who.items()
-        }
+    def __init__(self, manifest: Manifest, results: Results, who: Parts) -> None:
+        self._parameters = {role: manifest.values_of(c) for role, c in vars(who).items()}
         q, h, b, tau, tau_slope, m, m_slope, _ = _series(manifest, results, signals(who))
         self.times = times = results.times()[: len(q)]
         # scipy takes long to load, and every run loads this module
@@ -176,7 +175,7 @@ class _Truth:
         target = self._parameters["manager"].get("h_target_body", [0.0, 0.0, 0.0])
         self.momentum_left = in_body[-1] - target
         """of the wheels at the end, less the target (N m s, body)"""
-        self.period = self._parameters["manager"].get("sample_time") or manifest["step"]
+        self.period = self._parameters["manager"].get("sample_time") or manifest.step
 
         def torque(c: Array, field: Array) -> Array:
             lead = (NODES - 0.5)[:, None]
@@ -257,14 +256,14 @@ class _Truth:
         return share
 
 
-def _series(manifest: dict[str, Any], results: Results, names: list[str]) -> list[Array]:
+def _series(manifest: Manifest, results: Results, names: list[str]) -> list[Array]:
     """The series of these names. Raises DesatError where one is missing or steps are."""
-    scenario = manifest["scenario"]
+    scenario = manifest.scenario
     missing = sorted(set(names) - set(results.names()))
     if missing:
         raise DesatError(f"{scenario}: not recorded, and the bound needs it: {', '.join(missing)}")
     times = results.times()
-    if len(times) < 2 or times[1] - times[0] > 1.5 * manifest["step"]:
+    if len(times) < 2 or times[1] - times[0] > 1.5 * manifest.step:
         raise DesatError(f"{scenario}: the bound needs every step recorded, and at least one")
     series = [results.values(name) for name in names]
     if not all(np.isfinite(values).all() for values in series):

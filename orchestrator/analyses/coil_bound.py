@@ -20,8 +20,10 @@ from desat.components.laws import momentum_offline as offline
 
 from ..engine.recording.results import Results
 from ..numbers.derived import rotate_back
+from ..numbers.text import Value
 from ..system.errors import DesatError
 from . import titled
+from .manifest import Manifest
 
 SIGNALS = (
     "spacecraft.q_bi", "spacecraft.impulse_eci", "environment.b_eci", "torquers.m_mean_body",
@@ -42,7 +44,7 @@ class CoilBound:
     above_percent: float | None
     """how far the run is above it"""
 
-    def numbers(self) -> dict[str, dict[str, Any]]:
+    def numbers(self) -> dict[str, Value]:
         """As a manifest's numbers; what is not known is left out."""
         rows: dict[str, tuple[str, float | None, str]] = {
             "energy": ("Integral of the squared coil dipoles", self.energy, "A2.m4.s"),
@@ -57,7 +59,7 @@ class CoilBound:
         return asdict(self)
 
 
-def of_run(manifest: dict[str, Any], results: Results) -> CoilBound:
+def of_run(manifest: Manifest, results: Results) -> CoilBound:
     """The bound of a run. Raises DesatError where a series is not recorded."""
     course, start = course_of(manifest, results)
     energy, wheels = (results.values(s) for s in SIGNALS[-2:])
@@ -68,7 +70,7 @@ def of_run(manifest: dict[str, Any], results: Results) -> CoilBound:
 
 
 def curve(
-    manifest: dict[str, Any], results: Results, peaks: Sequence[float]
+    manifest: Manifest, results: Results, peaks: Sequence[float]
 ) -> list[tuple[float, float]]:  # fmt: skip
     """The least energy (A2 m4 s) of each largest wheel momentum (N m s), where there is one."""
     course, start = course_of(manifest, results)
@@ -76,16 +78,15 @@ def curve(
     return [(p, least) for p, least in energies if least is not None]
 
 
-def course_of(manifest: dict[str, Any], results: Results) -> tuple[offline.Course, Any]:
+def course_of(manifest: Manifest, results: Results) -> tuple[offline.Course, Any]:
     """What acted on a run over the manager's samples, in eci, with the coils that work; and the
     momentum that it began with (3; N m s). Raises DesatError where a series is not recorded."""
     missing = [s for s in SIGNALS if s not in results.names()]
     if missing:
-        raise DesatError(f"{manifest['scenario']}: {missing[0]} is not recorded; a bound needs it")
+        raise DesatError(f"{manifest.scenario}: {missing[0]} is not recorded; a bound needs it")
     q, impulse, field, dipole = (results.values(s) for s in SIGNALS[:4])
-    parameters = {c: {k: p["value"] for k, p in given.items()}
-                  for c, given in manifest["parameters"].items()}  # fmt: skip
-    step = float(manifest["step"])
+    parameters = {c: manifest.values_of(c) for c in manifest.parameters}
+    step = manifest.step
     every = round(parameters["manager"]["sample_time"] / step)
     count = len(dipole) // every
     middle = _unit(q[:-1] + q[1:])[: count * every]

@@ -31,19 +31,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..engine.recording.results import Results
+from ..numbers.text import Value
 from ..system.model import AUTO, Component, System
 from ..system.parameters import value_of
+from . import Parts as Named
 from . import residual
+from .manifest import Manifest
 from .motion import rotate
 
 Array = NDArray[Any]
 KEY = "exchange"
 NUMBERS = ("inner_steps", "estimated_attitude_error")
-CHOICE = "inner_choice"
-"""Of the manifest: how a run came to its inner steps (`runs/inner_choice.py`)."""
-
-DECIMATED = "decimated"
-"""Of the manifest: what components cost that do not step at every step."""
 
 
 @dataclass(frozen=True)
@@ -98,11 +96,11 @@ def body_of(system: System) -> Body | None:
     parts = residual.applies(system)
     if parts is None:
         return None
-    craft = system.components[parts["spacecraft"]]
+    craft = system.components[parts.spacecraft]
     axes = _values(craft, "axes_wheel").reshape(3, 4)
     spin = _values(craft, "inertia_wheel")
     inertia = _values(craft, "inertia").reshape(3, 3)
-    wheels = system.components[parts["wheels"].partition(".")[0]]
+    wheels = system.components[parts.wheels.partition(".")[0]]
     carrier = inertia - (axes * spin) @ axes.T
     if np.linalg.eigvalsh(carrier).min() <= 0.0:
         return None
@@ -117,7 +115,7 @@ def bound(system: System) -> Bound | None:
         return None
     parts = residual.applies(system)
     assert parts is not None
-    omega = _values(system.components[parts["spacecraft"]], "omega_start_body")
+    omega = _values(system.components[parts.spacecraft], "omega_start_body")
     step = system.step / system.parts
     turn = step * float(body.turning(omega[None], body.h_start[None])[0])
     return Bound(turn, max((kick for _, kick in _kicks(system, body, step)), default=0.0))
@@ -125,7 +123,8 @@ def bound(system: System) -> Bound | None:
 
 def _kicks(system: System, body: Body, step: float) -> Iterator[tuple[str, float]]:
     """What each actuator that the body feels may turn it in a step (rad), and its name."""
-    target = (residual.applies(system) or {})["spacecraft"]
+    parts = residual.applies(system)
+    target = parts and parts.spacecraft
     for name in sorted({c.source for c in system.connections if c.target == target}):
         torques = np.array(list(_torques(system, name, body)), dtype=float).reshape(-1, 3)
         if len(torques):
@@ -148,19 +147,19 @@ def _torques(system: System, name: str, body: Body) -> Iterator[Any]:
             yield torque[(long > 0.0) & (begin <= t) & (t < begin + long)].sum(axis=0)
 
 
-def jitter(parts: dict[str, Any], speeds: Array, step: float) -> float:
+def jitter(parts: Parts, speeds: Array, step: float) -> float:
     """The attitude error (rad) that jitter leaves with wheels at such speeds (n, 4; rad/s), which
     the body gets as a mean over an inner step (s): AT_RANDOM of the steps' own, unbalance Omega H
     / J, and less where a step is short to a wheel's turn. `parts` as of `applies`."""
     fast = np.abs(speeds)
     turned = (fast * np.minimum(1.0, fast * step)).sum(axis=1).max(initial=0.0)
-    least = float(np.linalg.eigvalsh(np.array(parts["carrier"]))[0])
-    return float(AT_RANDOM * parts["unbalance"] * turned * step / least)
+    least = float(np.linalg.eigvalsh(np.array(parts.carrier))[0])
+    return float(AT_RANDOM * parts.unbalance * turned * step / least)
 
 
-def _speeds(parts: dict[str, Any], h: Array) -> Array:
+def _speeds(parts: Parts, h: Array) -> Array:
     """Of wheels with momenta h (n, 4; N m s), rad/s; the body's rate is small beside."""
-    spin = np.array(parts["inertia_wheel"])
+    spin = np.array(parts.inertia_wheel)
     return np.asarray(np.divide(h, spin, out=np.zeros_like(h), where=spin > 0.0))
 
 
@@ -177,7 +176,8 @@ def warnings(system: System) -> list[str]:
         _line(TEXTS[name].format(who), value, getattr(LIMITS, name))
         for name, value in _beyond(numbers)
     ]
-    parts = applies(system) or {}
+    parts = applies(system)
+    assert parts is not None
     left = jitter(parts, _speeds(parts, body.h_start[None]), system.step / system.parts)
     return lines + _of_jitter(left, "at the speeds of the start")
 
@@ -242,70 +242,70 @@ def reached(body: Body, times: Array, q: Array, omega: Array, h: Array, impulse:
     )
 
 
-def applies(system: System) -> dict[str, Any] | None:
+@dataclass(frozen=True)
+class Parts(Named):
+    """What is looked at after a run, and the body, as lists."""
+
+    series: list[str]
+    axes_wheel: list[list[float]]
+    carrier: list[list[float]]
+    inertia_wheel: list[float]
+    unbalance: float
+
+
+def applies(system: System) -> Parts | None:
     """As for the momentum residual, with what is looked at after a run, and the body."""
     parts, body = residual.applies(system), body_of(system)
     if parts is None or body is None:
         return None
-    craft = parts["spacecraft"]
-    series = [f"{craft}.q_bi", f"{craft}.omega_bi_body", parts["wheels"], f"{craft}.impulse_eci"]
-    wheels = system.components[parts["wheels"].partition(".")[0]]
-    return {
-        "series": series, "axes_wheel": body.axes.tolist(), "carrier": body.carrier.tolist(),
-        "inertia_wheel": _values(system.components[craft], "inertia_wheel").tolist(),
-        "unbalance": float(_values(wheels, "unbalance").max()),
-    }  # fmt: skip
+    craft = parts.spacecraft
+    series = [f"{craft}.q_bi", f"{craft}.omega_bi_body", parts.wheels, f"{craft}.impulse_eci"]
+    wheels = system.components[parts.wheels.partition(".")[0]]
+    spin = _values(system.components[craft], "inertia_wheel").tolist()
+    return Parts(series, body.axes.tolist(), body.carrier.tolist(), spin,
+                 float(_values(wheels, "unbalance").max()))  # fmt: skip
 
 
-def signals(parts: dict[str, Any]) -> list[str]:
-    """None: what is recorded anyhow is looked at."""
-    return []
-
-
-def of_run(manifest: dict[str, Any], results: Results) -> Reached | None:
+def of_run(parts: Parts | None, results: Results) -> Reached | None:
     """Of a run; None where there is no such body, or not all of it is recorded."""
-    parts = manifest.get(KEY)
-    if parts is None or not set(parts["series"]) <= set(results.names()):
+    if parts is None or not set(parts.series) <= set(results.names()):
         return None
-    times = results.times(parts["series"][0])
+    times = results.times(parts.series[0])
     if len(times) < 3:
         return None
-    body = Body(np.array(parts["carrier"]), np.array(parts["axes_wheel"]), np.zeros(4))
-    q, omega, h, impulse = (results.values(name) for name in parts["series"])
+    body = Body(np.array(parts.carrier), np.array(parts.axes_wheel), np.zeros(4))
+    q, omega, h, impulse = (results.values(name) for name in parts.series)
     return reached(body, times, q, omega, h, impulse)
 
 
-def numbers(manifest: dict[str, Any], results: Results) -> dict[str, dict[str, Any]]:
+def numbers(manifest: Manifest, results: Results) -> dict[str, Value]:
     """Of a run that has chosen its inner steps: how many, and the error that it expects (rad)."""
-    choice = manifest.get(CHOICE)
+    choice = manifest.inner_choice
     if choice is None:
         return {}
-    rows = {"inner_steps": {"title": "Inner steps, chosen", "value": manifest["inner"],
-                            "unit": "1"}}  # fmt: skip
-    if choice["estimate"] is not None:
-        rows["estimated_attitude_error"] = {
-            "title": "Attitude error, largest, estimated as the inner steps were chosen",
-            "value": choice["estimate"], "unit": "rad",
-        }  # fmt: skip
+    rows = {"inner_steps": Value("Inner steps, chosen", manifest.inner, "1")}
+    if choice.estimate is not None:
+        title = "Attitude error, largest, estimated as the inner steps were chosen"
+        rows["estimated_attitude_error"] = Value(title, choice.estimate, "rad")
     return rows
 
 
-def remarks(manifest: dict[str, Any], results: Results) -> list[str]:
+def remarks(manifest: Manifest, results: Results) -> list[str]:
     """Where a run with given inner steps has left the range, a line each; and that one which has
     chosen them could not be looked at again."""
-    choice = manifest.get(CHOICE)
-    if choice is not None and choice["estimate"] is not None:
-        lacking = set((manifest[KEY] or {}).get("series", ())) - set(results.names())
-        if choice["reached"] is None or not lacking:
+    choice, parts = manifest.inner_choice, manifest.parts[KEY]
+    if choice is not None and choice.estimate is not None:
+        lacking = set(parts.series if parts else ()) - set(results.names())
+        if choice.reached is None or not lacking:
             return []
-        return [f"its inner steps are chosen by its first {choice['steps']} steps, and not looked "
+        return [f"its inner steps are chosen by its first {choice.steps} steps, and not looked "
                 f"at again: not recorded: {', '.join(sorted(lacking))}"]  # fmt: skip
-    if manifest["algorithm"] != "conserving":
+    if manifest.algorithm != "conserving":
         return []
-    found = of_run(manifest, results)
+    found = of_run(parts, results)
     if found is None:
         return []
-    step = manifest["step"] / manifest["inner"]
+    step = manifest.step / manifest.inner
     rows = (
         ("turn", step * found.turning, LIMITS.turn), ("kick", step**2 * found.pushed, TOGETHER)
     )  # fmt: skip
@@ -315,17 +315,6 @@ def remarks(manifest: dict[str, Any], results: Results) -> list[str]:
         if values[k] > limit * (1.0 + 1e-9):
             at = f"at t = {found.times[k]:g} s, {TEXTS[name].format('all actuators')}"
             lines.append(_line(at, float(values[k]), limit))
-    parts = manifest[KEY]
-    speeds = _speeds(parts, results.values(parts["series"][2]))
+    speeds = _speeds(parts, results.values(parts.series[2]))
     left, told = (jitter(parts, of, step) for of in (speeds, speeds[:1]))
     return lines + (_of_jitter(left, "at their largest speeds") if left > 2.0 * told else [])
-
-
-def unmet(manifest: dict[str, Any], results: Results) -> list[str]:
-    """None."""
-    return []
-
-
-def figures(manifest: dict[str, Any], results: Results) -> list[tuple[str, str]]:
-    """None."""
-    return []

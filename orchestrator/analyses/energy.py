@@ -41,16 +41,17 @@ from ..engine.recording.results import Results
 from ..figures.plots import timeline
 from ..figures.style import COLOURS, figure, time_axis
 from ..numbers.derived import rotate_back
+from ..numbers.text import Value
+from ..system.expression import Table
 from ..system.interface import Signal, base_name
 from ..system.model import System
 from ..system.parameters import value_of
 from ..system.schedule import graded
 from . import motion, not_checked, residual
+from .manifest import Manifest
 from .motion import NODES, WEIGHTS, Array, Steps
 
 KEY = "energy"
-BESIDE = "balance"
-"""The place in a manifest of what was computed while it ran."""
 BOUND = 1e-6
 """Of the impulse's mismatch, as a share of the largest momentum, where a scenario has no
 `impulse_bound`."""
@@ -63,14 +64,33 @@ BLOCK = 8192
 PAIR = ("tau_mean_wheel", "tau_slope_wheel")
 
 
-def applies(system: System) -> dict[str, Any] | None:
-    """As for the momentum residual, and where the wheels' torques come from; `rows`: whether a
-    row holds one step of the body and all that reaches it, `why`: why there is no balance."""
-    parts: dict[str, Any] | None = residual.applies(system)
+@dataclass(frozen=True)
+class Parts(residual.Parts):
+    """As for the momentum residual, and where the wheels' torques come from."""
+
+    tau_mean_wheel: str | None = None
+    tau_slope_wheel: str | None = None
+    feeds: motion.Feeds | None = None
+    rows: bool | None = None
+    """Whether a row holds one step of the body and all that reaches it; None: a run of before,
+    where inner steps say so."""
+    why: str = ""
+    """Why there is no balance."""
+
+    @property
+    def pair(self) -> list[str]:
+        """The series of the torques' means and slopes."""
+        return [x for x in (self.tau_mean_wheel, self.tau_slope_wheel) if x is not None]
+
+
+def applies(system: System) -> Parts | None:
+    """As for the momentum residual."""
+    parts = residual.applies(system)
     if parts is None:
         return None
-    body = system.components[parts["spacecraft"]]
-    wheels = system.components[parts["wheels"].partition(".")[0]]
+    body = system.components[parts.spacecraft]
+    wheels = system.components[parts.wheels.partition(".")[0]]
+    pair: dict[str, str] = {}
     rows, why = system.parts == 1 and body.decimation == 1, ""
     for name in PAIR:
         feeds = [c for c in system.connections if c.target == body.name
@@ -79,14 +99,14 @@ def applies(system: System) -> dict[str, Any] | None:
         if len(series) != 1 or len(feeds) != len(body.interface.elements(name)):
             why = why or f"{body.name}.{name} does not come from one component"
             continue
-        parts[name] = series.pop()
+        pair[name] = series.pop()
         same = all((c.factor, c.offset) == (1.0, 0.0) for c in feeds)
         rows = rows and same and system.components[feeds[0].source].decimation == 1
     if body.decimation % wheels.decimation:
         why = why or f"{wheels.name} is slower than {body.name}: its momentum is not known there"
     fed = motion.feeds(system, body.name)
     rows = rows and (fed is not None or not motion.known(system, body.name))
-    return {**parts, "feeds": fed, "rows": rows, "why": why}
+    return Parts(parts.spacecraft, parts.wheels, **pair, feeds=fed, rows=rows, why=why)
 
 
 def warnings(system: System) -> list[str]:
@@ -94,56 +114,56 @@ def warnings(system: System) -> list[str]:
     parts = applies(system)
     if parts is None:
         return []
-    if parts["why"]:
-        return not_checked(dict.fromkeys(NUMBERS, parts["why"]))
-    if motion.known(system, parts["spacecraft"]):
+    if parts.why:
+        return not_checked(dict.fromkeys(NUMBERS, parts.why))
+    if motion.known(system, parts.spacecraft):
         return []
     return not_checked({"impulse_mismatch": _foreign(parts)})
 
 
-def _foreign(parts: dict[str, Any]) -> str:
-    return f"what torques act on {parts['spacecraft']} is known of our {motion.BLOCK} alone"
+def _foreign(parts: Parts) -> str:
+    return f"what torques act on {parts.spacecraft} is known of our {motion.BLOCK} alone"
 
 
-def blocks_of(manifest: dict[str, Any], results: Results) -> Iterator[Steps]:
+def blocks_of(manifest: Manifest, results: Results) -> Iterator[Steps]:
     """The steps of a run, a block at a time; none where the rows do not have them one by one:
     `why_not`."""
-    if manifest.get(KEY) is None or _not_of_rows(manifest, results):
+    parts: Parts | None = manifest.parts.get(KEY)
+    if parts is None or _not_of_rows(manifest, results):
         return
-    parts = manifest[KEY]
-    name = parts["spacecraft"]
-    states = residual.balanced(parts)
-    pair = [parts[n] for n in PAIR]
+    given, states, pair = (
+        manifest.parameters[parts.spacecraft],
+        residual.balanced(parts),
+        parts.pair,
+    )
     n = min(results.count(pair[0]), results.count(states[0]) - 1)
-    carrier, axes = residual.carrier_of(manifest, name)
-    dt = float(manifest["step"])
+    carrier, axes = residual.carrier_of(given)
+    dt = manifest.step
     for first in range(0, n, BLOCK):
         rows = slice(first, min(first + BLOCK, n))
         ends = slice(first, rows.stop + 1)
         q, omega, impulse, h = (results.values(s, ends) for s in states)
         mean, slope = (results.values(s, rows) for s in pair)
-        reach = parts["feeds"] and motion.recorded(results, parts["feeds"], rows)
-        torque = reach and motion.torque(manifest["parameters"][name], reach, dt)
+        reach = parts.feeds and motion.recorded(results, parts.feeds, rows)
+        torque = reach and motion.torque(given, reach, dt)
         yield Steps(dt, carrier, axes, q, omega, impulse, h, mean, slope, torque or None)
 
 
-def _not_of_rows(manifest: dict[str, Any], results: Results) -> str:
+def _not_of_rows(manifest: Manifest, results: Results) -> str:
     """Why the rows of a run do not have its steps; empty: they do."""
-    parts = manifest[KEY]
-    if manifest["algorithm"] != "conserving":
-        return f"under {manifest['algorithm']} torques act a step late"
-    if why := parts.get("why"):  # runs of before have neither this nor `rows`
-        return str(why)
+    parts: Parts = manifest.parts[KEY]
+    if manifest.algorithm != "conserving":
+        return f"under {manifest.algorithm} torques act a step late"
+    if parts.why:
+        return parts.why
     if lacking := residual.missing(of_work(parts), results):
         return lacking
-    states, pair = residual.balanced(parts), [parts[n] for n in PAIR]
+    states, pair = residual.balanced(parts), parts.pair
     if min(results.count(pair[0]), results.count(states[0]) - 1) < 1:
         return "there is no whole step"
     times = results.times(states[0])
-    if (
-        not parts.get("rows", manifest["inner"] == 1)
-        or abs(times[1] - times[0] - manifest["step"]) > 1e-9 * manifest["step"]
-    ):
+    rows = manifest.inner == 1 if parts.rows is None else parts.rows
+    if not rows or abs(times[1] - times[0] - manifest.step) > 1e-9 * manifest.step:
         return "its rows do not have each step of the body, and it ended before it could say more"
     return ""
 
@@ -226,112 +246,100 @@ class Balance(NamedTuple):
     totals: Totals
 
 
-def balance(manifest: dict[str, Any], results: Results) -> Balance | None:
+def balance(manifest: Manifest, results: Results) -> Balance | None:
     """Of a run by its rows; None as for `blocks_of`."""
     return results.once(KEY, lambda: _balance(manifest, results))
 
 
-def _balance(manifest: dict[str, Any], results: Results) -> Balance | None:
+def _balance(manifest: Manifest, results: Results) -> Balance | None:
     totals, mismatch = Totals(), [np.zeros(1)]
     for steps in blocks_of(manifest, results):
         mismatch.append(totals.add(steps)[0])
     if totals.start is None:
         return None
     rows = np.concatenate(mismatch)
-    return Balance(manifest["start"] + manifest["step"] * np.arange(len(rows)), rows, totals)
+    times = manifest.start + manifest.step * np.arange(len(rows), dtype=np.float64)
+    return Balance(times, rows, totals)
 
 
-def totals_of(manifest: dict[str, Any], results: Results) -> Totals | None:
+def totals_of(manifest: Manifest, results: Results) -> Totals | None:
     """Of a run, by its rows or as it was computed while it ran; None where neither is."""
-    if told := manifest.get(BESIDE):
+    if told := manifest.balance:
         return Totals(**told)
     made = balance(manifest, results)
     return made and made.totals
 
 
-def signals(parts: dict[str, str]) -> list[str]:
-    """None: the balance is made where its series are recorded anyhow, or asked for."""
-    return []
-
-
-def of_work(parts: dict[str, Any]) -> list[str]:
+def of_work(parts: Parts) -> list[str]:
     """The series without which there is no work, and so no balance."""
-    return [*residual.balanced(parts), *(parts[n] for n in PAIR)]
+    return [*residual.balanced(parts), *parts.pair]
 
 
-def balanced(parts: dict[str, Any]) -> list[str]:
+def balanced(parts: Parts) -> list[str]:
     """The series that the balance is made of."""
-    if parts["why"]:
+    if parts.why:
         return residual.balanced(parts)
-    fed = parts["feeds"] or {}
+    fed = parts.feeds or {}
     outer = [x for x in fed.values() if isinstance(x, str)]
     return [*of_work(parts), *outer]
 
 
-def numbers(manifest: dict[str, Any], results: Results) -> dict[str, dict[str, Any]]:
+def numbers(manifest: Manifest, results: Results) -> dict[str, Value]:
     """The largest mismatch of energy, as a share of the largest energy that the body had or got,
     the hidden work, and the largest mismatch of impulse (N m s)."""
     totals = totals_of(manifest, results)
     if totals is None:
         return {}
-    rows: dict[str, dict[str, Any]] = {}
+    rows: dict[str, Value] = {}
     if (scale := max(totals.energy, totals.worked)) > 0.0:
-        rows["energy_mismatch"] = {
-            "title": "Energy mismatch, largest",
-            "value": totals.mismatch / scale,
-            "unit": "1",
-            "note": "of the body's largest energy or work",
-        }
-    rows["hidden_work"] = {
-        "title": "Work that the ends and the middle of a step do not show, largest",
-        "value": totals.hidden,
-        "unit": "1",
-        "note": "of the energy of a turn of 1 rad in it",
-    }
+        rows["energy_mismatch"] = Value("Energy mismatch, largest", totals.mismatch / scale, "1",
+                                        "of the body's largest energy or work")  # fmt: skip
+    rows["hidden_work"] = Value(
+        "Work that the ends and the middle of a step do not show, largest", totals.hidden, "1",
+        "of the energy of a turn of 1 rad in it",
+    )  # fmt: skip
     if totals.impulse is not None:
-        rows["impulse_mismatch"] = {
-            "title": "External impulse, the body's own less that computed outside, largest",
-            "value": totals.impulse,
-            "unit": "N.m.s",
-        }
+        title = "External impulse, the body's own less that computed outside, largest"
+        rows["impulse_mismatch"] = Value(title, totals.impulse, "N.m.s")
     return rows
 
 
-def unchecked(manifest: dict[str, Any], results: Results) -> dict[str, str]:
+def unchecked(manifest: Manifest, results: Results) -> dict[str, str]:
     """Why there is no balance, by the number's name."""
     totals = totals_of(manifest, results)
-    parts = manifest[KEY]
+    parts: Parts = manifest.parts[KEY]
     if totals is None:
         why = _not_of_rows(manifest, results)
         return dict.fromkeys(NUMBERS, why)
     if totals.impulse is not None:
         return {}
-    lacking = parts["feeds"] and residual.missing(balanced(parts), results)
+    lacking = parts.feeds and residual.missing(balanced(parts), results)
     return {"impulse_mismatch": lacking or _foreign(parts)}
 
 
-def unmet(manifest: dict[str, Any], results: Results) -> list[str]:
+def unmet(manifest: Manifest, results: Results) -> list[str]:
     """An external impulse that is not the one of the torques from outside the body; work that is
     hidden in a step."""
-    told, lines = manifest["numbers"], []
-    bound = manifest["about"].get("energy_bound", ENERGY_BOUND)
-    if "hidden_work" in told and told["hidden_work"]["value"] > bound:
+    told, lines = manifest.numbers, []
+    bound = manifest.about.get("energy_bound", ENERGY_BOUND)
+    hidden = told["hidden_work"].value if "hidden_work" in told else None
+    if hidden is not None and hidden > bound:
         lines.append(
-            f"hidden_work = {told['hidden_work']['value']:.2g}: above energy_bound = {bound:g}: "
+            f"hidden_work = {hidden:.2g}: above energy_bound = {bound:g}: "
             "torques bend too much within a step for their mean and slope: take more inner steps "
             "(--inner)"
         )
     mismatch = told.get("impulse_mismatch")
     series = residual.momentum(manifest, results)
     if mismatch is not None and series is not None:
-        bound = manifest["about"].get("impulse_bound", BOUND)
+        bound = manifest.about.get("impulse_bound", BOUND)
         lines += residual.beyond(
             "impulse_mismatch", mismatch, "impulse_bound", bound, series.largest
         )
     return lines
 
 
-def figures(manifest: dict[str, Any], results: Results) -> list[tuple[str, str]]:
+def figures(manifest: Manifest, results: Results) -> list[tuple[str, str]]:
     """The mismatch of energy over time."""
     balanced = balance(manifest, results)
     if balanced is None:
@@ -359,17 +367,13 @@ class Along:
     """Balances of a system's rigid body; `parts` as `applies` has them, `parameters` as a
     manifest has them."""
 
-    def __init__(
-        self, system: System, parts: Mapping[str, Any], parameters: Mapping[str, Any]
-    ) -> None:  # fmt: skip
+    def __init__(self, system: System, parts: Parts, parameters: Table) -> None:
         assert isinstance(system.inner, int), "it is chosen when a run begins"
         self._step, self._inner = system.step, system.inner
-        self._parameters = parameters[parts["spacecraft"]]
-        self._body = system.components[parts["spacecraft"]]
-        self._carrier, self._axes = residual.carrier_of(
-            {"parameters": parameters}, parts["spacecraft"]
-        )
-        wheels, _, momentum = parts["wheels"].partition(".")
+        self._parameters = parameters[parts.spacecraft]
+        self._body = system.components[parts.spacecraft]
+        self._carrier, self._axes = residual.carrier_of(self._parameters)
+        wheels, _, momentum = parts.wheels.partition(".")
         names = [(self._body.name, n) for n in _STATES] + [(wheels, momentum)]
         outputs = [
             (owner, s.name) for owner, n in names

@@ -7,16 +7,19 @@ that it shows, ought to change by the impulse of the torques that reach it, comp
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from math import cos, sin
-from typing import Any
 
 import numpy as np
 
 from ..engine.recording.results import Results
 from ..numbers.derived import cross, rotate_back
+from ..numbers.text import Value
 from ..system.model import System
+from . import Parts as Named
 from . import motion, not_checked, residual
 from .energy import BOUND
+from .manifest import Manifest
 from .motion import NODES, WEIGHTS, Array
 
 KEY = "fixed_attitude"
@@ -25,9 +28,17 @@ BOUND_KEYS = ("impulse_bound",)
 _OWN = ("q_bi", "omega_bi_body", "h_copy_wheel")
 
 
-def applies(system: System) -> dict[str, Any] | None:
-    """Which component it is, what feeds it, and why its momentum is not checked; None: there is
-    no such component."""
+@dataclass(frozen=True)
+class Parts(Named):
+    """Which component it is, what feeds it, and why its momentum is not checked."""
+
+    spacecraft: str
+    feeds: motion.Feeds | None
+    why: str
+
+
+def applies(system: System) -> Parts | None:
+    """None: there is no such component."""
     for c in system.components.values():
         if c.interface.model == motion.FIXED:
             fed, why = motion.feeds(system, c.name), ""
@@ -35,62 +46,57 @@ def applies(system: System) -> dict[str, Any] | None:
                 why = f"a row has several steps of {c.name}, or a part of one"
             elif fed is None:
                 why = f"what reaches {c.name} is converted, or does not come at every step"
-            return {"spacecraft": c.name, "feeds": fed, "why": why}
+            return Parts(c.name, fed, why)
     return None
 
 
 def warnings(system: System) -> list[str]:
     """Why no run of a system can be checked."""
     parts = applies(system)
-    return not_checked({NUMBERS[0]: parts["why"]}) if parts and parts["why"] else []
+    return not_checked({NUMBERS[0]: parts.why}) if parts and parts.why else []
 
 
-def signals(parts: dict[str, Any]) -> list[str]:
-    """None: the balance is made where its series are recorded anyhow, or asked for."""
-    return []
-
-
-def balanced(parts: dict[str, Any]) -> list[str]:
+def balanced(parts: Parts) -> list[str]:
     """The series that the balance is made of."""
-    outer = [x for x in (parts["feeds"] or {}).values() if isinstance(x, str)]
-    return [*(f"{parts['spacecraft']}.{n}" for n in _OWN), *outer]
+    outer = [x for x in (parts.feeds or {}).values() if isinstance(x, str)]
+    return [*(f"{parts.spacecraft}.{n}" for n in _OWN), *outer]
 
 
-def unchecked(manifest: dict[str, Any], results: Results) -> dict[str, str]:
+def unchecked(manifest: Manifest, results: Results) -> dict[str, str]:
     """Why there is no balance, by the number's name."""
     why = _why_not(manifest, results)
     return {"impulse_mismatch": why} if why else {}
 
 
-def _why_not(manifest: dict[str, Any], results: Results) -> str:
-    parts = manifest[KEY]
-    if manifest["algorithm"] != "conserving":
-        return f"under {manifest['algorithm']} torques act a step late"
-    if why := parts["why"] or residual.missing(balanced(parts), results):
-        return str(why)
-    times = results.times(f"{parts['spacecraft']}.q_bi")
+def _why_not(manifest: Manifest, results: Results) -> str:
+    parts: Parts = manifest.parts[KEY]
+    if manifest.algorithm != "conserving":
+        return f"under {manifest.algorithm} torques act a step late"
+    if why := parts.why or residual.missing(balanced(parts), results):
+        return why
+    times = results.times(f"{parts.spacecraft}.q_bi")
     if len(times) < 2:
         return "there is no whole step"
-    late = abs(times[1] - times[0] - manifest["step"]) > 1e-9 * manifest["step"]
+    late = abs(times[1] - times[0] - manifest.step) > 1e-9 * manifest.step
     return "rows are left out" if late else ""
 
 
-def mismatch(manifest: dict[str, Any], results: Results) -> tuple[float, float] | None:
+def mismatch(manifest: Manifest, results: Results) -> tuple[float, float] | None:
     """The largest mismatch of the impulse and the largest momentum (N m s); None: not checked."""
     return results.once(KEY, lambda: _mismatch(manifest, results))
 
 
-def _mismatch(manifest: dict[str, Any], results: Results) -> tuple[float, float] | None:
+def _mismatch(manifest: Manifest, results: Results) -> tuple[float, float] | None:
     if _why_not(manifest, results):
         return None
-    name, dt = manifest[KEY]["spacecraft"], float(manifest["step"])
-    parameters = manifest["parameters"][name]
-    inertia = np.reshape(parameters["inertia"]["value"], (3, 3))
+    parts: Parts = manifest.parts[KEY]
+    name, dt, parameters = parts.spacecraft, manifest.step, manifest.parameters[parts.spacecraft]
+    inertia = np.reshape(parameters["inertia"].value, (3, 3))
     q, omega, h = (results.values(f"{name}.{n}") for n in _OWN)
     total = rotate_back(q, omega @ inertia.T + h[:, :3])
     rows = slice(0, len(q) - 1)
-    reach = motion.recorded(results, manifest[KEY]["feeds"], rows)
-    assert reach is not None
+    reach = parts.feeds and motion.recorded(results, parts.feeds, rows)
+    assert reach
     torque = motion.torque(parameters, reach, dt)
     given = np.zeros((len(q) - 1, 3))
     for e, weight in zip(NODES, WEIGHTS, strict=True):
@@ -111,25 +117,20 @@ def _turned(q: Array, omega: Array, t: float) -> Array:
     ])  # fmt: skip
 
 
-def numbers(manifest: dict[str, Any], results: Results) -> dict[str, dict[str, Any]]:
+def numbers(manifest: Manifest, results: Results) -> dict[str, Value]:
     """The largest mismatch of the impulse (N m s)."""
     made = mismatch(manifest, results)
     if made is None:
         return {}
     title = "Momentum of body and wheels, less the impulse computed outside, largest"
-    return {"impulse_mismatch": {"title": title, "value": made[0], "unit": "N.m.s"}}
+    return {"impulse_mismatch": Value(title, made[0], "N.m.s")}
 
 
-def unmet(manifest: dict[str, Any], results: Results) -> list[str]:
+def unmet(manifest: Manifest, results: Results) -> list[str]:
     """A momentum that is not what the torques from outside have made it."""
     made = mismatch(manifest, results)
     if made is None:
         return []
-    bound = manifest["about"].get("impulse_bound", BOUND)
-    number = manifest["numbers"]["impulse_mismatch"]
+    bound = manifest.about.get("impulse_bound", BOUND)
+    number = manifest.numbers["impulse_mismatch"]
     return residual.beyond("impulse_mismatch", number, "impulse_bound", bound, made[1])
-
-
-def figures(manifest: dict[str, Any], results: Results) -> list[tuple[str, str]]:
-    """None."""
-    return []

@@ -7,13 +7,17 @@ the two apart, so each has its number; the others say how near wheels and coils 
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from ..engine.recording.results import Results
+from ..numbers.text import Value
 from ..system.model import System
+from . import Parts as Named
 from . import titled
+from .manifest import Manifest
 
 KEY = "management"
 NUMBERS = (
@@ -25,9 +29,17 @@ AT_LIMIT = 0.999
 _OF_WHEELS = ("saturated_wheel", "speed_wheel")
 
 
-def applies(system: System) -> dict[str, str] | None:
-    """Which component is what, by the connections; None where no manager commands coils of a craft
-    with wheels. `wheels` is left out where they are ideal ones within the craft."""
+@dataclass(frozen=True)
+class Parts(Named):
+    """Which component is what; no `wheels` where they are ideal ones within the craft."""
+
+    spacecraft: str
+    torquers: str
+    wheels: str | None = None
+
+
+def applies(system: System) -> Parts | None:
+    """By the connections; None where no manager commands coils of a craft with wheels."""
 
     def target(source: str, connector: str) -> str | None:
         targets = (c.target for c in system.connections
@@ -41,32 +53,27 @@ def applies(system: System) -> dict[str, str] | None:
         body = target(torquers, "m_mean_body[1]")
         if body is None or not system.components[body].interface.elements("h_copy_wheel"):
             continue
-        parts = {"spacecraft": body, "torquers": torquers}
         wheels = target(manager, "tau_cmd_wheel[1]")
         if wheels and all(system.components[wheels].interface.elements(n) for n in _OF_WHEELS):
-            parts["wheels"] = wheels
-        return parts
+            return Parts(body, torquers, wheels)
+        return Parts(body, torquers)
     return None
 
 
-def signals(parts: dict[str, str]) -> list[str]:
+def signals(parts: Parts) -> list[str]:
     """The series that the numbers are made of."""
-    names = [f"{parts['spacecraft']}.h_copy_wheel", f"{parts['torquers']}.m_mean_body"]
-    return names + [f"{parts['wheels']}.{n}" for n in _OF_WHEELS if "wheels" in parts]
+    names = [f"{parts.spacecraft}.h_copy_wheel", f"{parts.torquers}.m_mean_body"]
+    return names + [f"{parts.wheels}.{n}" for n in _OF_WHEELS if parts.wheels]
 
 
-def numbers(manifest: dict[str, Any], results: Results) -> dict[str, dict[str, Any]]:
+def numbers(manifest: Manifest, results: Results) -> dict[str, Value]:
     """The standard numbers of a completed run, as a manifest has them; none where too little was
     recorded, and only those for which the parameters are known."""
-    parts = manifest[KEY]
-    if manifest["status"] != "completed" or not set(signals(parts)) <= set(results.names()):
+    parts: Parts = manifest.parts[KEY]
+    if not manifest.completed or not set(signals(parts)) <= set(results.names()):
         return {}
-    given = {
-        role: {k: p["value"] for k, p in manifest["parameters"].get(name, {}).items()}
-        for role, name in parts.items()
-    }
-    h = results.values(f"{parts['spacecraft']}.h_copy_wheel")
-    axes = np.reshape(given["spacecraft"].get("axes_wheel", np.eye(3, 4)), (3, 4))
+    h = results.values(f"{parts.spacecraft}.h_copy_wheel")
+    axes = np.reshape(manifest.values_of(parts.spacecraft).get("axes_wheel", np.eye(3, 4)), (3, 4))
     there = np.linalg.norm(axes, axis=0) > 0.0
     h, axes = h[:, there], axes[:, there]
     stored = h @ axes.T
@@ -79,21 +86,12 @@ def numbers(manifest: dict[str, Any], results: Results) -> dict[str, dict[str, A
         "null_rms": ("Null-space part of a wheel's momentum: rms of the largest wheel",
                      _rms(np.abs(idle).max(axis=1)), "N.m.s"),
     }  # fmt: skip
-    m = results.values(f"{parts['torquers']}.m_mean_body")
-    rows |= _of_coils(m, given["torquers"], float(manifest["step"]))
-    if "wheels" in parts:
-        rows |= _of_wheels(parts["wheels"], given["wheels"], results, np.abs(h), there)
+    m = results.values(f"{parts.torquers}.m_mean_body")
+    rows |= _of_coils(m, manifest.values_of(parts.torquers), manifest.step)
+    if parts.wheels:
+        own = manifest.values_of(parts.wheels)
+        rows |= _of_wheels(parts.wheels, own, results, np.abs(h), there)
     return titled(rows)
-
-
-def unmet(manifest: dict[str, Any], results: Results) -> list[str]:
-    """None: a wheel may saturate, and a coil may be at its limit."""
-    return []
-
-
-def figures(manifest: dict[str, Any], results: Results) -> list[tuple[str, str]]:
-    """None."""
-    return []
 
 
 def _rms(values: Any) -> float:

@@ -8,7 +8,7 @@ impulse, and by the torque at both ends where that is known.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from math import sqrt
 from typing import Any
@@ -23,7 +23,7 @@ from ..engine.recording.results import Results
 from ..numbers.derived import cross, rotate_back
 from ..system.interface import base_name
 from ..system.model import System
-from ..system.parameters import value_of
+from ..system.parameters import Parameter, value_of
 
 Array = NDArray[np.float64]
 
@@ -193,10 +193,10 @@ def recorded(results: Results, fed: Feeds, rows: slice) -> dict[str, Array] | No
     }  # fmt: skip
 
 
-def torque(parameters: dict[str, Any], x: dict[str, Array], dt: float | Array) -> Torque:
+def torque(parameters: Mapping[str, Parameter], x: dict[str, Array], dt: float | Array) -> Torque:
     """The torque in steps of dt (s) on a body of these parameters (as a manifest has them), its
     inputs at each being x."""
-    given = _ALWAYS | {k: v["value"] for k, v in parameters.items()}
+    given = _ALWAYS | {k: p.value for k, p in parameters.items()}
     inertia = np.reshape(given["inertia"], (3, 3))
     fall = -MU * x["r_eci"] / np.linalg.norm(x["r_eci"], axis=1, keepdims=True) ** 3
     plates = np.reshape(given["plates"], (-1, PLATE_COLUMNS))

@@ -7,8 +7,10 @@ copy of the wheels' momentum is not used, so an exchange that loses momentum sho
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import dataclass
 from math import lcm
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +19,11 @@ from ..engine.recording.results import Results
 from ..figures.plots import timeline
 from ..figures.style import COLOURS, figure, time_axis
 from ..numbers.derived import rotate_back
+from ..numbers.text import Value
 from ..system.model import System
+from ..system.parameters import Parameter
+from . import Parts as Named
+from .manifest import Manifest
 
 Array = NDArray[np.float64]
 KEY = "rigid_body"
@@ -28,14 +34,22 @@ BOUND = 1e-9
 _NEEDED = ("inertia", "axes_wheel", "inertia_wheel", "q_bi", "omega_bi_body", "impulse_eci")
 
 
-def applies(system: System) -> dict[str, str] | None:
+@dataclass(frozen=True)
+class Parts(Named):
+    """The rigid body, and the series of its wheels' momentum."""
+
+    spacecraft: str
+    wheels: str
+
+
+def applies(system: System) -> Parts | None:
     """Which component is a rigid body and where its wheels' momentum comes from; None: there is
     no such component."""
     for c in system.connections:
         target = system.components[c.target].interface
         if c.input == "h_wheel[1]" and all(target.elements(n) for n in _NEEDED):
             wheels = f"{c.source}.{c.output.partition('[')[0]}"
-            return {"spacecraft": c.target, "wheels": wheels}
+            return Parts(c.target, wheels)
     return None
 
 
@@ -48,71 +62,62 @@ class Momentum(NamedTuple):
     largest: float
 
 
-def momentum(manifest: dict[str, Any], results: Results) -> Momentum | None:
+def momentum(manifest: Manifest, results: Results) -> Momentum | None:
     """Of a run; None where there is no rigid body or its series are not recorded."""
     return results.once(KEY, lambda: _momentum(manifest, results))
 
 
-def _momentum(manifest: dict[str, Any], results: Results) -> Momentum | None:
-    body = manifest.get(KEY)
+def _momentum(manifest: Manifest, results: Results) -> Momentum | None:
+    body = manifest.parts.get(KEY)
     if body is None:
         return None
-    name, series = body["spacecraft"], balanced(body)
+    series = balanced(body)
     if not set(series) <= set(results.names()):
         return None
     times = results.times(series[0])
     # a slow component's outputs are held between its steps
-    every = lcm(*(manifest["decimation"][s.partition(".")[0]] for s in series))
-    whole = np.round((times - manifest["start"]) / manifest["step"]).astype(int) % every == 0
+    every = lcm(*(manifest.decimation[s.partition(".")[0]] for s in series))
+    whole = np.round((times - manifest.start) / manifest.step).astype(int) % every == 0
     q, omega, impulse, h = (results.values(s)[whole] for s in series)
     if len(q) == 0:
         return None
-    carrier, axes = carrier_of(manifest, name)
+    carrier, axes = carrier_of(manifest.parameters[body.spacecraft])
     in_eci = rotate_back(q, omega @ carrier.T + h @ axes.T)
     sizes = np.linalg.norm(in_eci, axis=1).max(), np.linalg.norm(h, axis=1).max()
     residual = in_eci - in_eci[0] - (impulse - impulse[0])
     return Momentum(times[whole], residual, float(max(sizes)))
 
 
-def carrier_of(manifest: dict[str, Any], name: str) -> tuple[Array, Array]:
-    """(J_r, axes) of a rigid body: inertia (3, 3) without the wheels' axial part, kg m2, and the
-    wheels' axes (3, 4)."""
-    given = manifest["parameters"][name]
-    axes = np.reshape(given["axes_wheel"]["value"], (3, 4))
-    spin = np.array(given["inertia_wheel"]["value"])
-    return np.reshape(given["inertia"]["value"], (3, 3)) - (axes * spin) @ axes.T, axes
+def carrier_of(given: Mapping[str, Parameter]) -> tuple[Array, Array]:
+    """(J_r, axes) of a rigid body of these parameters: inertia (3, 3) without the wheels' axial
+    part, kg m2, and the wheels' axes (3, 4)."""
+    axes = np.reshape(given["axes_wheel"].value, (3, 4))
+    spin = np.array(given["inertia_wheel"].value)
+    return np.reshape(given["inertia"].value, (3, 3)) - (axes * spin) @ axes.T, axes
 
 
-def signals(parts: dict[str, str]) -> list[str]:
-    """None: the residual is computed where its series are recorded anyhow, or asked for."""
-    return []
-
-
-def balanced(parts: dict[str, str]) -> list[str]:
+def balanced(parts: Parts) -> list[str]:
     """The series that the residual is made of."""
-    own = [f"{parts['spacecraft']}.{n}" for n in ("q_bi", "omega_bi_body", "impulse_eci")]
-    return [*own, parts["wheels"]]
+    own = [f"{parts.spacecraft}.{n}" for n in ("q_bi", "omega_bi_body", "impulse_eci")]
+    return [*own, parts.wheels]
 
 
-def numbers(manifest: dict[str, Any], results: Results) -> dict[str, dict[str, Any]]:
+def numbers(manifest: Manifest, results: Results) -> dict[str, Value]:
     """The largest residual of a run (N m s)."""
     series = momentum(manifest, results)
     if series is None:
         return {}
-    return {
-        "momentum_residual": {
-            "title": "Momentum residual, largest",
-            "value": float(np.linalg.norm(series.residual, axis=1).max()),
-            "unit": "N.m.s",
-        }
-    }
+    largest = float(np.linalg.norm(series.residual, axis=1).max())
+    return {"momentum_residual": Value("Momentum residual, largest", largest, "N.m.s")}
 
 
-def unchecked(manifest: dict[str, Any], results: Results) -> dict[str, str]:
+def unchecked(manifest: Manifest, results: Results) -> dict[str, str]:
     """Why there is no residual, by the number's name."""
     if momentum(manifest, results) is not None:
         return {}
-    return {"momentum_residual": missing(balanced(manifest[KEY]), results) or "there are no rows"}
+    return {
+        "momentum_residual": missing(balanced(manifest.parts[KEY]), results) or "there are no rows"
+    }
 
 
 def missing(series: list[str], results: Results) -> str:
@@ -121,28 +126,26 @@ def missing(series: list[str], results: Results) -> str:
     return f"not recorded: {', '.join(lacking)}" if lacking else ""
 
 
-def unmet(manifest: dict[str, Any], results: Results) -> list[str]:
+def unmet(manifest: Manifest, results: Results) -> list[str]:
     """A residual above its bound; not under jacobi, whose exchange is known to lose momentum."""
     series = momentum(manifest, results)
-    if series is None or manifest["algorithm"] != "conserving":
+    if series is None or manifest.algorithm != "conserving":
         return []
-    number = manifest["numbers"]["momentum_residual"]
-    bound = manifest["about"].get("residual_bound", BOUND)
+    number = manifest.numbers["momentum_residual"]
+    bound = manifest.about.get("residual_bound", BOUND)
     return beyond("momentum_residual", number, "residual_bound", bound, series.largest)
 
 
-def beyond(
-    name: str, number: dict[str, Any], key: str, bound: float, largest: float
-) -> list[str]:  # fmt: skip
+def beyond(name: str, number: Value, key: str, bound: float, largest: float) -> list[str]:
     """A line where a number (N m s) is above its bound, a share of the largest momentum."""
-    value = number["value"]
-    if value <= bound * largest:
+    value = number.value
+    if value is None or value <= bound * largest:
         return []
     return [f"{name} = {value:.2g} N m s: above {key} = {bound:g} of the largest momentum, "
             f"{largest:.3g} N m s"]  # fmt: skip
 
 
-def figures(manifest: dict[str, Any], results: Results) -> list[tuple[str, str]]:
+def figures(manifest: Manifest, results: Results) -> list[tuple[str, str]]:
     """The residual over time."""
     series = momentum(manifest, results)
     caption = "Momentum residual: what the exchange between components loses"

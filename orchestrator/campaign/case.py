@@ -69,8 +69,8 @@ def _described(
     told = {}
     for name in values:
         owner, _, variable = name.partition(".")
-        parameter = run.manifest["parameters"][owner][variable]
-        told[f"in.{name}"] = {"title": parameter["text"], "unit": parameter["unit"]}
+        parameter = run.manifest.parameters[owner][variable]
+        told[f"in.{name}"] = {"title": parameter.text, "unit": parameter.unit}
     for name, unit in _units(plots, run).items():
         told[f"curve.{name}"] = {"title": plots[name].title, "unit": unit}
     return told
@@ -85,7 +85,7 @@ def _units(plots: Mapping[str, Plot], run: Run) -> dict[str, str]:
 def _curves(plots: Mapping[str, Plot], run: Run) -> dict[str, list[float]]:
     """Of each plot: the largest size of any of its lines in each part of the run; nan where the
     run was over."""
-    start, stop = run.manifest["start"], run.manifest["stop"]
+    start, stop = run.manifest.start, run.manifest.stop
     envelopes = {}
     for name, unit in _units(plots, run).items():
         lines = lines_of(plots[name], run.results, unit)

@@ -8,13 +8,12 @@ import math
 import statistics
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import replace
-from types import ModuleType
 from typing import Any
 
 from rich.console import Console
 from rich.progress import track
 
-from ..analyses import analyses, coverage
+from ..analyses import Analysis, analyses, coverage
 from ..language.content import Content, overridden, said
 from ..numbers.numbers import late, ranked
 from ..runs.prepare import Source, prepare, read
@@ -73,7 +72,7 @@ def ran(
         content = said(system.about)
         needed = (*needed_signals(content), *also)
         if system.inner == AUTO and (parts := coverage.applies(system)):
-            needed += tuple(parts["series"])  # it looks at them again
+            needed += tuple(parts.series)  # it looks at them again
         for analysis in analyses():
             if parts := analysis.applies(system):
                 needed += tuple(analysis.signals(parts))
@@ -83,16 +82,16 @@ def ran(
     run = simulate(case)
     if run.code > STOPPED:
         run.or_raise(source.target)
+    stopped = run.manifest.stopped_when
     row = {
-        "status": run.manifest["status"],
+        "status": run.manifest.status,
         "code": int(run.code),
-        "message": run.manifest["message"],
-        "unmet": run.manifest["unmet"],
-        "stopped_when": run.manifest["stopped_when"],
-        "numbers": {name: n["value"] for name, n in run.manifest["numbers"].items()},
+        "message": run.manifest.message,
+        "unmet": list(run.manifest.unmet),
+        "stopped_when": stopped and dict(vars(stopped)),
+        "numbers": {name: n.value for name, n in run.manifest.numbers.items()},
         "described": {
-            name: {"title": n["title"], "unit": n["unit"]}
-            for name, n in run.manifest["numbers"].items()
+            name: {"title": n.title, "unit": n.unit} for name, n in run.manifest.numbers.items()
         },
         "values": values,
         **more(run),
@@ -101,13 +100,12 @@ def ran(
     return row
 
 
-def _asked(content: Content, analysis: ModuleType) -> bool:
+def _asked(content: Content, analysis: Analysis) -> bool:
     """Whether a scenario asks for what an analysis makes of series that draws need not record: by
     its bound, or a requirement on one of its numbers."""
     wanted = {r.number for r in content.requirements.values()}
-    return hasattr(analysis, "balanced") and bool(
-        content.written.keys() & set(analysis.BOUND_KEYS) or wanted & set(analysis.NUMBERS)
-    )
+    asked = content.written.keys() & set(analysis.BOUND_KEYS)
+    return bool(asked or wanted & set(analysis.NUMBERS))
 
 
 def never(system: Draft, options: Options) -> list[str]:

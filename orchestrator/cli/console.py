@@ -6,6 +6,7 @@ import io
 import json
 import os
 import sys
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -78,7 +79,7 @@ out = plain_console(**({"soft_wrap": True} if sys.stdout.isatty() else {"width":
 err = plain_console(stderr=True, soft_wrap=True)
 
 
-def warn(texts: list[str]) -> None:
+def warn(texts: Iterable[str]) -> None:
     """Warnings, on standard error."""
     for text in texts:
         err.print(f"warning: {text}", highlight=False, markup=False)

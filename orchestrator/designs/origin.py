@@ -80,8 +80,8 @@ def made_of(
         values[f"source.{name}"] = Path(source).stem
     for name, rows in table(found.components.values()).items():
         for k, entry in rows.items():
-            if known is None or entry["given"] or f"{name}.{k}" in known:
-                values[f"{name}.{k}"] = _kept(entry["value"])
+            if known is None or entry.given or f"{name}.{k}" in known:
+                values[f"{name}.{k}"] = _kept(entry.value)
     return {k: v for k, v in values.items() if k not in without and v is not None}
 
 

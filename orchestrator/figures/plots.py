@@ -13,8 +13,8 @@ from ..numbers import derived
 from ..numbers.numbers import scale
 from ..numbers.series import Series
 from ..system.errors import DesatError
+from ..system.expression import Table, factor, product
 from ..system.expression import entry as value_of
-from ..system.expression import factor, product
 from .canvas import INCH, Axes, Figure, Strip, Ticks
 from .style import (
     BANDS,
@@ -34,7 +34,7 @@ from .style import (
 if TYPE_CHECKING:
     from ..language.scenario import LimitLine, Plot
 
-Run = tuple[str, Results, dict[str, Any]]
+Run = tuple[str, Results, Table]
 """label, series, parameters as a manifest has them"""
 
 
@@ -199,7 +199,7 @@ def _lines(plot: Plot, results: Results, signal: str, unit: str) -> list[Line]:
 
 
 def limits_of(
-    given: Iterable[LimitLine], parameters: dict[str, Any], unit: str
+    given: Iterable[LimitLine], parameters: Table, unit: str
 ) -> list[tuple[str, float, bool]]:
     """(name, value, filled) of the limit lines, or bands about zero: products of parameters, or
     numbers, that hold in this run."""
@@ -216,7 +216,7 @@ def limits_of(
     return limits
 
 
-def _parameter(parameters: dict[str, Any], name: str) -> Any:
+def _parameter(parameters: Table, name: str) -> Any:
     """The value of `component.parameter` or `component.parameter[i]`; None if unknown."""
     try:
         return value_of(name, parameters)[0]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Any
 
 
@@ -24,6 +25,23 @@ def not_reached(entry: Mapping[str, Any]) -> str:
     return f"{missing} of {count} ({100.0 * missing / count:.3g} %)" if missing else ""
 
 
-def title_of(number: dict[str, Any]) -> str:
-    """A number's title, with what there is to say of it."""
-    return f"{number['title']} ({number['note']})" if "note" in number else str(number["title"])
+@dataclass(frozen=True)
+class Value:
+    """A number of a run; `value` None: it is not reached."""
+
+    title: str
+    value: float | None
+    unit: str
+    note: str = ""
+    """How much of its window the run has, or of what it is."""
+    reference: str = ""
+    """The scenario that it compares with."""
+
+    @property
+    def said(self) -> str:
+        """Its title, with what there is to say of it."""
+        return f"{self.title} ({self.note})" if self.note else self.title
+
+    def to_json(self) -> dict[str, Any]:
+        """As a manifest has it."""
+        return {k: v for k, v in vars(self).items() if v or k not in ("note", "reference")}

@@ -26,7 +26,6 @@ from ..figures.plots import lines_of, series_plot
 from ..figures.style import pretty_unit
 from ..files import paths
 from ..files.scenario import find
-from ..language.content import said
 from ..language.scenario import Plot
 from ..numbers.numbers import late
 from ..numbers.series import Series
@@ -66,11 +65,11 @@ class Verbs:
         """A number of a run; a time that it does not reach is infinite. Raises DesatError where the
         run has none, or nothing to measure."""
         run = self._of.run(scenario, change).manifest
-        numbers = run["numbers"]
+        numbers = run.numbers
         if number not in numbers:
             raise DesatError(f"{scenario} has no number {number}{nearest(number, numbers)}")
-        value = numbers[number]["value"]
-        if value is None and number in late(said(run["about"])):
+        value = numbers[number].value
+        if value is None and number in late(run.content):
             return math.inf
         if value is None and self._of.draft is None:
             raise DesatError(f"{scenario}: {number} is not reached")
@@ -78,12 +77,12 @@ class Verbs:
 
     def about(self, scenario: str, number: str) -> dict[str, Any]:
         """What a number is: its `title`, its `unit` as people write it."""
-        told = self._of.run(scenario).manifest["numbers"][number]
-        return {**told, "unit": pretty_unit(told["unit"])}
+        told = self._of.run(scenario).manifest.numbers[number]
+        return {**told.to_json(), "unit": pretty_unit(told.unit)}
 
     def parameter(self, scenario: str, text: str, unit: str = "") -> float:
         """A parameter of a run, or a product of several, in a unit (default: its own)."""
-        value, own = product(text, self._of.run(scenario).manifest["parameters"])
+        value, own = product(text, self._of.run(scenario).manifest.parameters)
         return value * factor(own, unit, f'of "{text}"') if unit else value
 
     def setting(self, scenario: str, key: str) -> Any:
@@ -212,7 +211,7 @@ class Verbs:
         of the run."""
         spec = self._plot(scenario, plot)
         run = self._of.run(scenario, change, stop=stop)
-        image = series_plot(spec, [("", run.results, run.manifest["parameters"])])
+        image = series_plot(spec, [("", run.results, run.manifest.parameters)])
         if image is None:
             raise DesatError(f"{scenario}: plot {plot}: not recorded")
         title = spec.title
@@ -307,9 +306,10 @@ class Verbs:
         ideal = Gyrostat(system).ideal()
         once, run = (convergence.fly(name, Options(stop=stop, inner=n)) for n in (1, AUTO))
         errors = [difference(f.q, f.h, ideal.q, ideal.h)[0] for f in (once, run)]
-        choice = run.choice or {}
-        share = choice["flown"] / (choice["inner"] * system.steps)
-        return {**choice, "once": errors[0], "error": errors[1], "flown_share": share}
+        choice = run.choice
+        assert choice is not None
+        share = choice.flown / (choice.inner * system.steps)
+        return {**choice.to_json(), "once": errors[0], "error": errors[1], "flown_share": share}
 
     def covered(self) -> dict[str, float]:
         """Up to where the exchange is shown to be exact: `turn`, `kick`."""
@@ -394,7 +394,7 @@ class Verbs:
         from ..analyses.papers import least_time
 
         run = self._of.run(scenario)
-        if (slow := run.manifest["numbers"][number]["value"]) is None:
+        if (slow := run.manifest.numbers[number].value) is None:
             if self._of.draft is None:
                 raise DesatError(f"{scenario}: {number} is not reached")
             return dict.fromkeys(("law", "found", "floor"), math.nan)

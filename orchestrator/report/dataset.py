@@ -50,8 +50,9 @@ def of_run(folder: Path) -> xr.Dataset:
         lengths[dims[0]] = min(lazy.shape[0], lengths.get(dims[0], lazy.shape[0]))
         variables[name] = lazy.variable(dims, _attributes(results, name))
     told = {
-        **attributes(manifest), "status": manifest["status"],
-        "numbers": json.dumps(manifest["numbers"]), "manifest": json.dumps(manifest),
+        **attributes(manifest), "status": manifest.status,
+        "numbers": json.dumps(manifest.to_json()["numbers"]),
+        "manifest": json.dumps(manifest.to_json()),
     }  # fmt: skip
     coordinates = {
         "time": ("time", times, {"units": "s", "long_name": "time t_k of states"}),

@@ -16,7 +16,6 @@ import pyarrow as pa
 
 from ..figures.canvas import INCH, INK, Dots, Figure, Words
 from ..files import io, paths
-from ..language.content import said
 from ..runs.run import Run, load_run
 from ..system.errors import DesatError
 
@@ -99,8 +98,8 @@ def _plots(run: Run, form: str, into: Path) -> list[Path]:
     from .report import label_of
 
     made = []
-    runs = [(label_of(run.manifest), run.results, run.manifest["parameters"])]
-    for name, plot in said(run.manifest["about"]).plots.items():
+    runs = [(label_of(run.manifest), run.results, run.manifest.parameters)]
+    for name, plot in run.manifest.content.plots.items():
         figure = series_figure(plot, runs)
         if figure is None:
             continue

@@ -8,13 +8,13 @@ from typing import Any
 from markupsafe import Markup
 
 from ..analyses import analyses
+from ..analyses.manifest import Manifest
 from ..engine.recording.results import Results
 from ..figures.plots import series_plot
 from ..figures.style import pretty_unit
 from ..files.io import replace_text
-from ..language.content import said
 from ..language.scenario import Plot
-from ..numbers.text import number, title_of
+from ..numbers.text import number
 from ..runs.run import Run
 
 REPORT = "report.html"
@@ -37,17 +37,17 @@ def write_page(path: Path, text: str) -> Path:
     return path
 
 
-def label_of(manifest: dict[str, Any]) -> str:
+def label_of(manifest: Manifest) -> str:
     """The short name of a run: its cell's labels, or its scenario."""
-    labels = manifest["about"].get("labels") or {}
-    return ", ".join(labels.values()) or manifest["scenario"].rpartition("/")[2]
+    labels = manifest.about.get("labels") or {}
+    return ", ".join(labels.values()) or manifest.scenario.rpartition("/")[2]
 
 
 def write_report(folder: Path, run: Run, twin: Run | None = None) -> Path:
     """Write report.html of a run into its folder and return its path."""
     manifest = run.manifest
-    about = said(manifest["about"])
-    runs = [(label_of(r.manifest), r.results, r.manifest["parameters"]) for r in (run, twin) if r]
+    about = manifest.content
+    runs = [(label_of(r.manifest), r.results, r.manifest.parameters) for r in (run, twin) if r]
     figures = [
         (plot.title, Markup(image))
         for plot in (about.plots.values() if "plots" in about.written else _default(run.results))
@@ -58,26 +58,26 @@ def write_report(folder: Path, run: Run, twin: Run | None = None) -> Path:
         figures += [(caption, Markup(image)) for caption, image in extra]
     rows = [
         {
-            "title": title_of(n),
-            "value": number(n["value"]),
-            "twin": number(twin.manifest["numbers"][name]["value"])
-            if twin and name in twin.manifest["numbers"]
+            "title": n.said,
+            "value": number(n.value),
+            "twin": number(twin.manifest.numbers[name].value)
+            if twin and name in twin.manifest.numbers
             else "",
-            "unit": pretty_unit(n["unit"]),
-            "reference": n.get("reference", ""),
+            "unit": pretty_unit(n.unit),
+            "reference": n.reference,
         }
-        for name, n in manifest.get("numbers", {}).items()
+        for name, n in manifest.numbers.items()
     ]
     text = render(
         "report.html",
-        title=about.title or manifest["scenario"],
+        title=about.title or manifest.scenario,
         story=about.story,
         source=about.source,
         manifest=manifest,
         rows=rows,
         label=runs[0][0],
         twin_label=runs[1][0] if twin else "",
-        twin_name=twin.manifest["scenario"] if twin else "",
+        twin_name=twin.manifest.scenario if twin else "",
         figures=figures,
         number=number,
         unit=pretty_unit,

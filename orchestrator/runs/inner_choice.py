@@ -21,11 +21,11 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, astuple, dataclass, field, replace
+from dataclasses import astuple, dataclass, replace
 from functools import partial
 from itertools import pairwise
 from math import inf, isfinite, lcm, log2
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import numpy as np
 from fmpy import read_model_description
@@ -34,6 +34,7 @@ from desat.components.contract.block import Scalar
 
 from ..analyses import coverage, residual
 from ..analyses.coverage import Array, Body, Reached, body_of, reached
+from ..analyses.manifest import Choice, Slow
 from ..engine.ending import NEVER
 from ..engine.instances.base import ComponentError
 from ..engine.loop import stepping
@@ -74,43 +75,6 @@ AGAIN = 3
 """A run is made so many times at most."""
 STEEPEST = 3.0
 """Of the powers of time by which an estimate is carried on."""
-
-
-@dataclass(frozen=True)
-class Choice:
-    """The inner steps of a run, and how it came to them."""
-
-    inner: int
-    accuracy: float
-    """rad"""
-    estimate: float | None = None
-    """Largest error of the attitude (rad); None: not known"""
-    why: str = ""
-    """Why nothing was estimated."""
-    steps: int = 0
-    """So many steps of the run, from its start, were flown with the count that was taken."""
-    tried: dict[int, float] = field(default_factory=dict)
-    """Count -> estimate (rad)."""
-    reached: tuple[float, float, float] | None = None
-    """Of the flights that did not see the whole run: largest turning (rad/s), acceleration by
-    actuators and change of that (rad/s2)."""
-    flown: int = 0
-    """Inner steps of all flights"""
-    again: list[str] = field(default_factory=list)
-    """Why the run was made again, each time."""
-    seconds: float = 0.0
-    """CPU time that choosing took"""
-
-    def told(self) -> dict[str, Any]:
-        """As the manifest has it."""
-        return {**asdict(self), "tried": {str(n): e for n, e in self.tried.items()}}
-
-    @classmethod
-    def of(cls, told: dict[str, Any]) -> Choice:
-        """From a manifest."""
-        seen = told["reached"]
-        tried = {int(n): e for n, e in told["tried"].items()}
-        return cls(**{**told, "tried": tried, "reached": seen and tuple(seen)})
 
 
 def chosen(target: str, system: System, options: Options) -> Choice | None:
@@ -160,12 +124,12 @@ def looked_at_again(
     parts = coverage.applies(system)
     if choice.reached is None or parts is None:
         return None
-    found = coverage.of_run({coverage.KEY: parts}, results)
+    found = coverage.of_run(parts, results)
     if found is None:
         return None
     more = choice
     for k, text in _left(found, choice.reached):
-        state = [results.values(name)[max(0, k - 2)] for name in parts["series"][:3]]
+        state = [results.values(name)[max(0, k - 2)] for name in parts.series[:3]]
         at = _from(system, float(found.times[max(0, k - 2)]), state)
         flying = partial(_Flights(at, options, more.inner, LOOK).choice, target)
         try:
@@ -184,7 +148,7 @@ def looked_at_again(
     return None if more is choice else more
 
 
-def decimated(system: System, options: Options) -> dict[str, Any] | None:
+def decimated(system: System, options: Options) -> Slow | None:
     """How much a system errs as components that hand means on, or feed what does, do not step at
     every step: attitude (rad) and a wheel's momentum (N m s), the largest over the first LONGEST
     steps. None where all do, or where nothing can be told. `system` has its inner steps.
@@ -216,10 +180,10 @@ def decimated(system: System, options: Options) -> dict[str, Any] | None:
     # where a slow body's states are held, they are those of its own steps
     rows = slice(None, None, lcm(*(names[n].decimation for n in slow)))
     angle, gap = pointing(coarse.q[rows], fine.q[rows]), np.abs(coarse.h - fine.h)[rows]
-    return {
-        "attitude": ROUGH * float(np.radians(angle).max()), "momentum": ROUGH * float(gap.max()),
-        "until": float(coarse.times[-1]), "of": ", ".join(sorted(slow)),
-    }  # fmt: skip
+    return Slow(
+        ROUGH * float(np.radians(angle).max()), ROUGH * float(gap.max()),
+        float(coarse.times[-1]), ", ".join(sorted(slow)),
+    )  # fmt: skip
 
 
 def _left(found: Reached, seen: tuple[float, float, float]) -> list[tuple[int, str]]:
@@ -244,8 +208,8 @@ def _from(system: System, t: float, state: list[Array]) -> System:
     parts = residual.applies(system)
     assert parts is not None
     q, omega, h = (x.tolist() for x in state)
-    body = system.components[parts["spacecraft"]]
-    wheels = system.components[parts["wheels"].partition(".")[0]]
+    body = system.components[parts.spacecraft]
+    wheels = system.components[parts.wheels.partition(".")[0]]
     given = {"q_start_bi": q, "omega_start_body": omega, "start_frame": [0]}
     changed = {
         body.name: _with(body, given), wheels.name: _with(wheels, {"h_start_wheel": h})
@@ -310,7 +274,7 @@ class _Flights:
         parts, body = coverage.applies(system), body_of(system)
         assert parts is not None
         assert body is not None
-        self._series: list[str] = parts["series"]
+        self._series: list[str] = parts.series
         self._body: Body = body
         self._longest_error: Array | None = None
         self._steps = 0

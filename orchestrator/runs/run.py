@@ -15,7 +15,7 @@ from types import ModuleType
 from typing import Any
 
 from ..analyses import analyses, coverage, not_checked
-from ..analyses.coverage import CHOICE, DECIMATED
+from ..analyses.manifest import UNKNOWN, Choice, Manifest
 from ..engine.checkpoint import FOLDER, Checkpoint, newest, remove
 from ..engine.process_state import no_space
 from ..engine.recording.results import MANIFEST, SERIES, Results
@@ -27,7 +27,7 @@ from ..system.model import System
 from ..system.options import Options, as_arguments, as_asked
 from ..system.schedule import schedule
 from . import inner_choice, stopping, supervisor
-from .manifest import describe, end_manifest, gone_on, numbers, read_manifest
+from .manifest import end_manifest, gone_on, numbers, read_manifest
 from .prepare import Case, prepare
 from .step_case import Outcome, stepped
 
@@ -39,22 +39,22 @@ __all__ = ["Case", "Options", "Run", "execute", "load_run", "prepare", "run_or_l
 class Run:
     """A finished (or stopped) run: its manifest and its series."""
 
-    manifest: dict[str, Any]
+    manifest: Manifest
     results: Results
 
     @property
     def ok(self) -> bool:
         """True when it reached its stop time."""
-        return bool(self.manifest["status"] == "completed")
+        return self.manifest.completed
 
     @property
     def code(self) -> Exit:
         """The exit code that says how it ended."""
         if self.ok:
-            return Exit.UNMET if self.manifest.get("unmet") else Exit.COMPLETED
-        if "exit" in self.manifest:
-            return Exit(self.manifest["exit"])
-        if self.manifest["status"] == stopping.LATE:
+            return Exit.UNMET if self.manifest.unmet else Exit.COMPLETED
+        if self.manifest.exit is not None:
+            return Exit(self.manifest.exit)
+        if self.manifest.status == stopping.LATE:
             return Exit.TIMEOUT
         return Exit.COMPONENT
 
@@ -62,8 +62,8 @@ class Run:
         """Itself where it completed. Raises RunError, which names the target, where not."""
         if self.ok:
             return self
-        status, message = self.manifest["status"], self.manifest["message"]
-        raise RunError(f"{target}: {status}: {message}", self.code)
+        told = self.manifest
+        raise RunError(f"{target}: {told.status}: {told.message}", self.code)
 
 
 def execute(
@@ -89,8 +89,8 @@ def simulate(
     """
     system, _ = case.or_raise()
     choice = inner_choice.chosen(case.target, system, case.options) if checkpoint is None else None
-    if checkpoint is not None and (told := checkpoint.told["manifest"].get(CHOICE)):
-        choice = inner_choice.Choice.of(told)
+    if checkpoint is not None:
+        choice = Manifest.from_json(checkpoint.told["manifest"]).inner_choice
     for left in reversed(range(inner_choice.AGAIN)):
         run = _simulated(_with_inner(case, choice), choice, folder, progress, checkpoint)
         if choice is None or not run.ok:
@@ -108,7 +108,7 @@ def simulate(
     return run
 
 
-def _with_inner(case: Case, choice: inner_choice.Choice | None) -> Case:
+def _with_inner(case: Case, choice: Choice | None) -> Case:
     """A case with the inner steps that were chosen."""
     if choice is None or case.checked.system is None:
         return case
@@ -117,42 +117,41 @@ def _with_inner(case: Case, choice: inner_choice.Choice | None) -> Case:
     return replace(case, checked=checked)
 
 
-def _tell(run: Run, choice: inner_choice.Choice, folder: Path | None) -> None:
+def _tell(run: Run, choice: Choice, folder: Path | None) -> None:
     """Put what a second look has given into a run's manifest."""
-    run.manifest[CHOICE] = choice.told()
-    run.manifest["numbers"].update(coverage.numbers(run.manifest, run.results))
-    if choice.inner != run.manifest["inner"]:
-        run.manifest["warnings"].append(
-            f"made {inner_choice.AGAIN} times, it would want {choice.inner} inner steps still: "
-            f"{choice.again[-1]}"
-        )
+    told = replace(run.manifest, inner_choice=choice)
+    told = replace(told, numbers={**told.numbers, **coverage.numbers(told, run.results)})
+    if choice.inner != told.inner:
+        line = (f"made {inner_choice.AGAIN} times, it would want {choice.inner} inner steps still: "
+                f"{choice.again[-1]}")  # fmt: skip
+        told = replace(told, warnings=[*told.warnings, line])
+    run.manifest = told
     if folder is not None:
         end_manifest(folder, run.manifest)
 
 
 def _simulated(
-    case: Case, choice: inner_choice.Choice | None, folder: Path | None, progress: bool,
+    case: Case, choice: Choice | None, folder: Path | None, progress: bool,
     checkpoint: Checkpoint | None,
 ) -> Run:  # fmt: skip
     """A run of a case whose inner steps are known."""
     system, _ = case.or_raise()
     options, clock = case.options, time.perf_counter()
     began = datetime.now(UTC)
-    manifest = describe(system, options, case.target)
-    if choice is not None:
-        manifest[CHOICE] = choice.told()
     warned = list(case.checked.warnings)
     if choice is not None and choice.estimate is None:
         warned += coverage.warnings(system)
+    slow = None
     if checkpoint is None and (slow := inner_choice.decimated(system, options)):
-        manifest[DECIMATED] = slow
         warned.append(
-            f"{slow['of']}: slower than the step (decimation): the attitude errs by about "
-            f"{slow['attitude']:.1e} rad and a wheel's momentum by {slow['momentum']:.1e} N m s, "
-            f"until {slow['until']:g} s"
+            f"{slow.of}: slower than the step (decimation): the attitude errs by about "
+            f"{slow.attitude:.1e} rad and a wheel's momentum by {slow.momentum:.1e} N m s, "
+            f"until {slow.until:g} s"
         )
-    manifest.update(started=began.isoformat(timespec="seconds"), steps=system.steps,
-                    status="running", warnings=warned)  # fmt: skip
+    manifest = replace(
+        Manifest.of(system, options, case.target), inner_choice=choice, decimated=slow,
+        started=began.isoformat(timespec="seconds"), steps=system.steps, warnings=warned,
+    )  # fmt: skip
     if checkpoint is not None:
         again = f"desat run {shlex.quote(case.target)}{as_arguments(options)}"
         manifest = gone_on(manifest, checkpoint.told["manifest"], str(folder), again)
@@ -164,8 +163,9 @@ def _simulated(
         outcome, results = _supervised(case, folder, manifest, progress, checkpoint)
     else:
         outcome, results = stepped(case, folder, manifest, progress, checkpoint)
-    manifest["warnings"] = [*manifest["warnings"], *outcome.warnings]
-    manifest.update(
+    run = Run(replace(
+        manifest,
+        warnings=[*manifest.warnings, *outcome.warnings],
         status=outcome.status,
         message=outcome.message,
         steps_done=outcome.steps,
@@ -174,42 +174,40 @@ def _simulated(
         loop=outcome.loop,
         wall_seconds=round(time.perf_counter() - clock, 6),
         us_per_step=round(1e6 * outcome.seconds / max(outcome.steps, 1), 3),
-        numbers={},
-        unmet=[],
-        not_checked={},
         balance=outcome.balance,
-    )
-    if outcome.rows is not None:
-        manifest["rows"] = outcome.rows
-    if outcome.code:
-        manifest["exit"] = int(outcome.code)
+        rows=outcome.rows,
+        exit=int(outcome.code) or None,
+    ), results)  # fmt: skip
     try:
-        _measure(manifest, system, results)
+        _measure(run, system)
     finally:  # whatever fails in there, what the run was is kept
         if folder is not None:
-            end_manifest(folder, manifest)
-    return Run(manifest, results)
+            end_manifest(folder, run.manifest)
+    return run
 
 
-def _measure(manifest: dict[str, Any], system: System, results: Results) -> None:
+def _measure(run: Run, system: System) -> None:
     """Add the numbers of a run, and what is unmet, to its manifest."""
+    told, results = run.manifest, run.results
     if not len(results.times()):
         return
-    manifest["numbers"] = numbers(said(system.about), results, manifest["parameters"])
+    told = run.manifest = replace(
+        told, numbers=numbers(said(system.about), results, told.parameters)
+    )
     for analysis in analyses():
-        if manifest[analysis.KEY] is not None:
-            manifest["numbers"].update(analysis.numbers(manifest, results))
-            manifest["unmet"] += analysis.unmet(manifest, results)
-            if hasattr(analysis, "remarks"):
-                manifest["warnings"] += analysis.remarks(manifest, results)
-            if hasattr(analysis, "unchecked"):
-                manifest["not_checked"].update(analysis.unchecked(manifest, results))
-    lines = not_checked(manifest["not_checked"])
-    manifest["warnings"] = list(dict.fromkeys([*manifest["warnings"], *lines]))
+        if told.parts.get(analysis.KEY) is not None:
+            told = replace(told, numbers={**told.numbers, **analysis.numbers(told, results)})
+            told = run.manifest = replace(
+                told, unmet=[*told.unmet, *analysis.unmet(told, results)],
+                warnings=[*told.warnings, *analysis.remarks(told, results)],
+                not_checked={**told.not_checked, **analysis.unchecked(told, results)},
+            )  # fmt: skip
+    lines = dict.fromkeys([*told.warnings, *not_checked(told.not_checked)])
+    run.manifest = replace(told, warnings=list(lines))
 
 
 def _supervised(
-    case: Case, folder: Path | None, manifest: dict[str, Any], progress: bool,
+    case: Case, folder: Path | None, manifest: Manifest, progress: bool,
     checkpoint: Checkpoint | None = None,
 ) -> tuple[Outcome, Results]:  # fmt: skip
     """The same in a process of its own: how it ended, or was ended, and the rows until then."""
@@ -282,12 +280,11 @@ def _cut_short(
 def load_run(folder: Path) -> Run:
     """A run from its folder. Raises DesatError where it is none."""
     manifest = read_manifest(folder)
-    manifest.setdefault("numbers", {})
-    manifest.setdefault("message", "")
-    for key in ("steps_done", "us_per_step", "wall_seconds"):
-        manifest.setdefault(key, "?")
-    if manifest["status"] == "running":
-        manifest["status"] = "killed (or still running)"
+    if manifest.message is None:
+        manifest = replace(manifest, message="", steps_done=UNKNOWN, us_per_step=UNKNOWN,
+                           wall_seconds=UNKNOWN)  # fmt: skip
+    if manifest.status == "running":
+        manifest = replace(manifest, status="killed (or still running)")
     return Run(manifest, Results.open(folder))
 
 
@@ -323,7 +320,7 @@ def options_of(folder: Path) -> Options:
 
 def _newest(folder: Path) -> Checkpoint:
     if (checkpoint := newest(folder)) is None:
-        if (folder / MANIFEST).exists() and read_manifest(folder)["status"] == "completed":
+        if (folder / MANIFEST).exists() and read_manifest(folder).completed:
             raise DesatError(f"{folder}: it has completed")
         raise DesatError(f"{folder}: it has no checkpoint; `desat run --checkpoint` writes them")
     return checkpoint

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from ..analyses import energy
 from ..analyses.energy import Along
+from ..analyses.manifest import Manifest, Stopped
 from ..engine.checkpoint import Checkpoint, Checkpoints
 from ..engine.instances.base import ComponentError, EndedError
 from ..engine.loop import bar, interruptible, run, stepping
@@ -39,7 +40,7 @@ class Outcome:
     """Wall time that these took."""
     loop: dict[str, str] | None = None
     """Which loop stepped, and why not the compiled one."""
-    stopped: dict[str, Any] | None = None
+    stopped: Stopped | None = None
     """The condition that ended the run, and when."""
     warnings: list[str] = field(default_factory=list)
     rows: int | None = None
@@ -49,7 +50,7 @@ class Outcome:
 
 
 def stepped(
-    case: Case, folder: Path | None, manifest: dict[str, Any], progress: bool,
+    case: Case, folder: Path | None, manifest: Manifest, progress: bool,
     checkpoint: Checkpoint | None = None, unwritten: Unwritten | None = None,
     tell: Callable[[str, Any], None] = lambda name, what: None,
 ) -> tuple[Outcome, Results]:  # fmt: skip
@@ -113,7 +114,7 @@ def stepped(
             """What a checkpoint has of all this; what components have changed is put back, as it
             will be where the run goes on."""
             _add(outcome.warnings, changes("while it ran", handlers=False))
-            state = {"warnings": outcome.warnings, "manifest": manifest,
+            state = {"warnings": outcome.warnings, "manifest": manifest.to_json(),
                      "balance": None if along is None else along.state()}  # fmt: skip
             return {**state, "seconds": before + steps.seconds, **wanted}
 
@@ -146,7 +147,7 @@ def stepped(
                     f"{options.time_limit:g} s of wall time over at t = {master.t:g} s"
                 )
             elif reason:
-                outcome.stopped = {"condition": reason, "time": master.t}
+                outcome.stopped = Stopped(reason, master.t)
             if checkpoints is not None and outcome.status != "completed":
                 checkpoints.save()
         except ComponentError as error:
@@ -170,13 +171,14 @@ def stepped(
     return outcome, results
 
 
-def _along(case: Case, manifest: Mapping[str, Any]) -> Along | None:
+def _along(case: Case, manifest: Manifest) -> Along | None:
     """What makes the balances of a rigid body while the run goes on; None where its rows will do,
     or where they are not made at all: what rows would need for the work must be recorded."""
-    (system, _), options, parts = case.or_raise(), case.options, manifest[energy.KEY]
-    if parts is None or parts["why"] or options.algorithm != "conserving":
+    (system, _), options = case.or_raise(), case.options
+    parts: energy.Parts | None = manifest.parts[energy.KEY]
+    if parts is None or parts.why or options.algorithm != "conserving":
         return None
-    if parts["rows"] and options.every == 1:
+    if parts.rows and options.every == 1:
         return None
     wanted = [name.partition(".") for name in energy.of_work(parts)]
     all_of_it = all(
@@ -184,7 +186,7 @@ def _along(case: Case, manifest: Mapping[str, Any]) -> Along | None:
         for owner, _, name in wanted
         for signal in system.components[owner].interface.elements(name)
     )
-    return Along(system, parts, manifest["parameters"]) if all_of_it else None
+    return Along(system, parts, manifest.parameters) if all_of_it else None
 
 
 def _add(lines: list[str], more: list[str]) -> None:

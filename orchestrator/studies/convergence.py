@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..analyses.coverage import CHOICE
+from ..analyses.manifest import Choice
 from ..figures.canvas import Ticks
 from ..figures.style import COLOURS, DASHED, figure
 from ..runs.run import Options, prepare, simulate
@@ -53,7 +53,7 @@ class Flown:
     residual: float
     delayed: Trajectory | None = None
     note: str = ""
-    choice: dict[str, Any] | None = None
+    choice: Choice | None = None
     """How it came to its inner steps, where it chose them."""
 
 
@@ -67,9 +67,9 @@ def fly(target: str, options: Options) -> Flown:
     flown = Flown(
         run.results.values("spacecraft.q_bi")[::every],
         run.results.values("wheels.h_wheel")[::every],
-        run.manifest["numbers"]["momentum_residual"]["value"],
+        run.manifest.numbers["momentum_residual"].value or 0.0,
     )
-    flown.choice = run.manifest.get(CHOICE)
+    flown.choice = run.manifest.inner_choice
     run.results.close()
     if options.algorithm == "jacobi":
         try:

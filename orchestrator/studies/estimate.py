@@ -15,8 +15,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..analyses.residual import KEY as RIGID_BODY
+from ..analyses import residual
 from ..numbers.derived import pointing
+from ..numbers.text import Value
 from ..runs.run import Run, execute
 from ..system.errors import DesatError
 from ..system.model import System
@@ -56,19 +57,24 @@ def add(run: Run, target: str, options: Options) -> None:
 
     Raises DesatError where the run has no rigid body, or did not record what is compared.
     """
-    body = run.manifest.get(RIGID_BODY)
+    body: residual.Parts | None = run.manifest.parts.get(residual.KEY)
     if body is None:
         raise DesatError(f"--estimate: {target} has no rigid body with wheels")
-    names = (f"{body['spacecraft']}.q_bi", body["wheels"])
+    names = (f"{body.spacecraft}.q_bi", body.wheels)
     if missing := set(names) - set(run.results.names()):
         raise DesatError(f"--estimate: not recorded: {', '.join(sorted(missing))}")
-    finer = replace(options, inner=FINER * run.manifest["inner"], record=names)
+    finer = replace(options, inner=FINER * run.manifest.inner, record=names)
     other = execute(target, finer).or_raise(f"{target}, companion run")
     same = np.searchsorted(other.results.times(names[0]), run.results.times(names[0]) - 1e-9)
     values = estimate(
         *(run.results.values(n) for n in names), *(other.results.values(n)[same] for n in names)
     )
     other.results.close()
-    run.manifest["estimate"] = {"companion_inner": finer.inner, "factor": FACTOR}
-    for (name, (title, unit)), value in zip(TITLES.items(), values, strict=True):
-        run.manifest["numbers"][name] = {"title": title, "value": value, "unit": unit}
+    made = {
+        name: Value(title, value, unit)
+        for (name, (title, unit)), value in zip(TITLES.items(), values, strict=True)
+    }
+    run.manifest = replace(
+        run.manifest, estimate={"companion_inner": FINER * run.manifest.inner, "factor": FACTOR},
+        numbers={**run.manifest.numbers, **made},
+    )  # fmt: skip

@@ -101,7 +101,7 @@ def held(
 
     def flown(inner: int | None) -> tuple[Any, ...]:
         run = execute(target, Options(inner=inner, values=values or {}, stop=stop)).or_raise(target)
-        told = run.manifest["inner"], run.manifest["numbers"], bool(run.manifest["unmet"])
+        told = run.manifest.inner, run.manifest.numbers, bool(run.manifest.unmet)
         return *(run.results.values(s) for s in _SIGNALS), *told
 
     q, h, *_ = flown(FINEST)
@@ -109,7 +109,7 @@ def held(
     for each in inner:
         mine, wheels, inner_steps, numbers, refused = flown(each)
         error = difference(mine, wheels, q, h)[0]
-        rows.append(Row(name, inner_steps, error, numbers["hidden_work"]["value"], refused))
+        rows.append(Row(name, inner_steps, error, numbers["hidden_work"].value, refused))
     return rows
 
 

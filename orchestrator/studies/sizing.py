@@ -113,7 +113,7 @@ def values_of(system: System) -> dict[str, dict[str, Any]]:
         raise DesatError(f"{system.name}: no {lacking[0]}: a craft with {', '.join(ROLES)} is "
                          "needed")  # fmt: skip
     every = table(system.components[r] for r in ROLES)
-    return {role: {k: p["value"] for k, p in every[role].items()} for role in ROLES}
+    return {role: {k: p.value for k, p in every[role].items()} for role in ROLES}
 
 
 def flight_of(system: System, results: Any) -> Flight:

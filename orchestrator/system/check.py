@@ -135,7 +135,7 @@ def _follows(system: System, draft: Draft) -> Iterator[str]:
             signals = c.interface.elements(name)
             own = [float(str(value_of(c, s.name))) for s in signals]
             ends = [known[owner][p] for owner, _, p in (n.partition(".") for n in named(text))]
-            given = any(s.name in c.parameters for s in signals) or any(e["given"] for e in ends)
+            given = any(s.name in c.parameters for s in signals) or any(e.given for e in ends)
             least = 1e-9 * max(map(abs, usual))
             apart = [i for i, x in enumerate(own) if abs(x - usual[i]) > least]
             if not (given and apart) or _of_no_craft(own):

@@ -23,10 +23,10 @@ from desat.components.contract.units import Unit, conversion, times
 from .errors import DesatError, nearest
 from .interface import base_name, computers
 from .model import Component
-from .parameters import expand, table
+from .parameters import Parameter, expand, table
 
-Table = dict[str, dict[str, dict[str, Any]]]
-"""Component -> parameter -> `value` (a number, a text, a list) and `unit`, as in a manifest."""
+Table = Mapping[str, Mapping[str, Parameter]]
+"""Component -> parameter, as in a manifest."""
 
 _TOKEN = re.compile(r"\s*(?:([*/])|([^\s*/]+))")
 _NAME = re.compile(r"(\w+)\.(\w+)(?:\[(\d+)\])?\Z")
@@ -109,7 +109,7 @@ def entry(name: str, table: Table) -> tuple[Any, str]:
     if parameter not in table[owner]:
         hint = nearest(parameter, table[owner])
         raise DesatError(f"{owner} has no parameter {parameter}{hint}")
-    value, unit = table[owner][parameter]["value"], table[owner][parameter]["unit"]
+    value, unit = table[owner][parameter].value, table[owner][parameter].unit
     if index:
         if not isinstance(value, list) or not 1 <= int(index) <= len(value):
             raise DesatError(f"{owner}.{parameter} has no element {index}")
@@ -123,8 +123,8 @@ def _owner_of_shared(parameter: str, table: Table) -> str:
         raise DesatError(f"no component has a parameter {parameter}")
     # where a flight computer's model errs, the craft's own value counts: they are named by role
     of_craft = [c for c in owners if not c.startswith(tuple(computers()))] or owners
-    value = table[of_craft[0]][parameter]["value"]
-    if any(table[c][parameter]["value"] != value for c in of_craft):
+    value = table[of_craft[0]][parameter].value
+    if any(table[c][parameter].value != value for c in of_craft):
         raise DesatError(f"{parameter} differs between {', '.join(owners)}; name one of them")
     return of_craft[0]
 

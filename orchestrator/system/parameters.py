@@ -6,6 +6,7 @@ import math
 import sys
 import tomllib
 from collections.abc import Iterable
+from dataclasses import dataclass, replace
 from typing import Any
 
 from desat.components.contract.block import Scalar
@@ -92,23 +93,35 @@ def choice_of(component: Component, name: str) -> str:
     return choices[value] if choices and isinstance(value, int) else str(value)
 
 
-def table(components: Iterable[Component]) -> dict[str, dict[str, Any]]:
-    """Every parameter of every component: value, unit, and whether the scenario gave it."""
-    parameters: dict[str, dict[str, Any]] = {}
+@dataclass(frozen=True)
+class Parameter:
+    """A parameter of a component as people read it."""
+
+    value: Any
+    """A number, a text, or a list of an array's elements."""
+    unit: str
+    given: bool = False
+    """Whether the scenario gave it."""
+    text: str = ""
+
+
+def table(components: Iterable[Component]) -> dict[str, dict[str, Parameter]]:
+    """Every parameter of every component."""
+    parameters: dict[str, dict[str, Parameter]] = {}
     for c in components:
         for s in c.interface.signals.values():
             if s.causality != "parameter" and s.name not in c.parameters:
                 continue
             rows, name = parameters.setdefault(c.name, {}), base_name(s.name)
-            if name not in rows:
-                rows[name] = {"value": [], "unit": s.unit_name, "given": False,
-                              "text": s.description}  # fmt: skip
-            row, named = rows[name], s.named(value_of(c, s.name))
+            value, given = s.named(value_of(c, s.name)), s.name in c.parameters
             if s.name == name:
-                row["value"] = named
+                rows[name] = Parameter(value, s.unit_name, given, s.description)
+            elif name not in rows:
+                rows[name] = Parameter([value], s.unit_name, given, s.description)
             else:
-                row["value"].append(named)
-            row["given"] = row["given"] or s.name in c.parameters
+                rows[name].value.append(value)
+                if given and not rows[name].given:
+                    rows[name] = replace(rows[name], given=True)
     return parameters
 
 

@@ -31,6 +31,7 @@ from desat.components.physics.orbit import MU
 
 from ...engine.recording.results import Results
 from ...system.errors import DesatError
+from ..manifest import Manifest
 
 Array = NDArray[np.float64]
 
@@ -118,24 +119,24 @@ class Plant(NamedTuple):
         return y
 
 
-def plant_of(manifest: dict[str, Any], results: Results) -> Plant:
+def plant_of(manifest: Manifest, results: Results) -> Plant:
     """The plant of a run. Raises DesatError where it has not one wheel, or a series is not
     recorded."""
     if missing := [s for s in SIGNALS if s not in results.names()]:
-        raise DesatError(f"{manifest['scenario']}: {missing[0]} is not recorded; the least time "
+        raise DesatError(f"{manifest.scenario}: {missing[0]} is not recorded; the least time "
                          "needs it")  # fmt: skip
-    given = {c: {k: p["value"] for k, p in g.items()} for c, g in manifest["parameters"].items()}
+    given = {c: manifest.values_of(c) for c in manifest.parameters}
     spin = np.asarray(given["wheels"]["inertia_wheel"])
     axes = np.reshape(given["wheels"]["axes_wheel"], (3, 4))
     if (places := np.flatnonzero(axes.any(axis=0))).size != 1:
-        raise DesatError(f"{manifest['scenario']}: {places.size} wheels; the least time is of one")
+        raise DesatError(f"{manifest.scenario}: {places.size} wheels; the least time is of one")
     wheel = int(places[0])
     inertia, axis = np.reshape(given["spacecraft"]["inertia"], (3, 3)), axes[:, wheel]
     carrier = inertia - spin[wheel] * np.outer(axis, axis)
     q, omega, field, place, h = (results.values(s) for s in SIGNALS)
     start = np.r_[q[0], carrier @ omega[0] + h[0, wheel] * axis, h[0, wheel]]
     torque = min(given["manager"]["torque_limit"], given["wheels"]["torque_limit"])
-    return Plant(inertia, carrier, axis, field, place, float(manifest["step"]), start,
+    return Plant(inertia, carrier, axis, field, place, manifest.step, start,
                  given["torquers"]["m_limit"], torque, given["manager"]["h_limit"])  # fmt: skip
 
 
@@ -148,11 +149,11 @@ def floor_of(plant: Plant, limit: float) -> float:
     return max(begin - left, 0.0) / (most + plant.torque)
 
 
-def of_run(manifest: dict[str, Any], results: Results, detumbled: float, held: float,
+def of_run(manifest: Manifest, results: Results, detumbled: float, held: float,
            rounds: int = ROUNDS) -> LeastTime:  # fmt: skip
     """The least time of a run whose law was done after `detumbled` (s) and slow for `held` (s)."""
     plant = plant_of(manifest, results)
-    limit = float(manifest["parameters"]["manager"]["rate_limit"]["value"])
+    limit = float(manifest.values_of("manager")["rate_limit"])
     random = np.random.default_rng(1)
     mean = np.r_[np.eye(3).ravel(), 20.0 * RATE * plant.axis, np.zeros(4)]
     spread = np.full(mean.size, 0.5)

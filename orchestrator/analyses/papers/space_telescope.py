@@ -10,6 +10,7 @@ from __future__ import annotations
 import dis
 import sys
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from functools import cache
 from types import CodeType, FrameType
 from typing import Any
@@ -23,8 +24,11 @@ from desat.fmus.registry import block_class
 
 from ...engine.recording.results import Results
 from ...numbers.derived import rotate_back
+from ...numbers.text import Value
 from ...system.model import Component, System
+from .. import Parts as Named
 from ..coil_bound import course_of
+from ..manifest import Manifest
 
 KEY = "unloading"
 SPEEDS = (100, 200, 300)
@@ -41,30 +45,36 @@ SIGNALS = (
 )  # fmt: skip
 
 
-def applies(system: System) -> dict[str, str] | None:
+@dataclass(frozen=True)
+class Parts(Named):
+    """Which component manages."""
+
+    manager: str = "manager"
+
+
+def applies(system: System) -> Parts | None:
     """Systems whose manager says its desired torque, with the components of a craft with coils."""
     for signal in SIGNALS:
         name, _, output = signal.partition(".")
         component = system.components.get(name)
         if component is None or not component.interface.elements(output):
             return None
-    return {"manager": "manager"}
+    return Parts()
 
 
-def signals(parts: dict[str, str]) -> list[str]:
+def signals(parts: Parts) -> list[str]:
     """The series that the numbers are made of."""
     return list(SIGNALS)
 
 
-def numbers(manifest: dict[str, Any], results: Results) -> dict[str, dict[str, Any]]:
+def numbers(manifest: Manifest, results: Results) -> dict[str, Value]:
     """Of a completed run of two orbits or more; none where a series is not recorded."""
-    if manifest["status"] != "completed" or not set(SIGNALS) <= set(results.names()):
+    if not manifest.completed or not set(SIGNALS) <= set(results.names()):
         return {}
-    given = {c: {k: p["value"] for k, p in table.items()}
-             for c, table in manifest["parameters"].items()}  # fmt: skip
+    law = manifest.values_of("manager")
     q, impulse, field, dipole, wanted, speed = (results.values(s) for s in SIGNALS)
-    step = float(manifest["step"])
-    rate = mean_motion(float(given["environment"]["semi_major_axis"]))
+    step = manifest.step
+    rate = mean_motion(float(manifest.values_of("environment")["semi_major_axis"]))
     orbit = 2.0 * np.pi / rate
     rows = len(dipole)  # interval outputs have no row at the end
     if rows * step < 2.0 * orbit:
@@ -108,7 +118,7 @@ def numbers(manifest: dict[str, Any], results: Results) -> dict[str, dict[str, A
         "Periodic part of the momentum, of that which gravity gradient alone makes",
         100.0 * float(ours / free), "%",
     )  # fmt: skip
-    held = max(1, round(given["manager"]["sample_time"] / step))
+    held = max(1, round(law["sample_time"] / step))
     part = slice(first + held // 2, rows, held)  # the middle of a hold
     b = _to_body(q[part], turned[part])
     size, across = (np.linalg.norm(x, axis=1) for x in (dipole[part], np.cross(wanted[part], b)))
@@ -119,7 +129,6 @@ def numbers(manifest: dict[str, Any], results: Results) -> dict[str, dict[str, A
             "Correlation of the dipole's size with the sine of the angle of T_D to B",
             float(np.corrcoef(size, sine)[0, 1]), "1",
         )  # fmt: skip
-    law = given["manager"]
     if "desaturation_period" in law:  # one for the dipole of a sample, and those of a solution
         each = law["desaturation_period"] / law["sample_time"] / law["update_period"]
         models = 3600.0 * (1.0 / law["sample_time"] + each)
@@ -133,20 +142,7 @@ def numbers(manifest: dict[str, Any], results: Results) -> dict[str, dict[str, A
     if "update_period" in law and law["update_period"] == law["desaturation_period"]:
         entries["end_miss"] = ("What the ends of desaturation periods miss H_NOM by, rms, of H_D's",
                                _end_miss(law, impulse, wanted, q, step), "%")  # fmt: skip
-    return {
-        k: {"title": t, "value": v, "unit": u}
-        for k, (t, v, u) in entries.items() if np.isfinite(v)
-    }  # fmt: skip
-
-
-def unmet(manifest: dict[str, Any], results: Results) -> list[str]:
-    """None."""
-    return []
-
-
-def figures(manifest: dict[str, Any], results: Results) -> list[tuple[str, str]]:
-    """None."""
-    return []
+    return {name: Value(*row) for name, row in entries.items() if np.isfinite(row[1])}
 
 
 def _to_body(q: Any, v: Any) -> Any:
@@ -201,7 +197,7 @@ STARTS, DIRECTIONS = 48, 200
 
 
 def study(
-    manifest: dict[str, Any], results: Results, periods: Sequence[float]
+    manifest: Manifest, results: Results, periods: Sequence[float]
 ) -> list[dict[str, float]]:  # fmt: skip
     """Of each period (s) `condition` of Q (1, median over begins, inf where singular),
     `condition_most`, `torque` (1, largest |T_M| times period over |H_D|) and `swing` (1, largest

@@ -32,7 +32,7 @@ def bound(
     with finished.results as results:
         least = (coil_bound if coils else bound_module).of_run(manifest, results)
     if as_json:
-        print_json({"scenario": manifest["scenario"], **least.as_json()})
+        print_json({"scenario": manifest.scenario, **least.as_json()})
         return
     if least.least is None and not coils:
         err.print("no momentum left: more than can be dumped in this time", markup=False)
@@ -42,8 +42,8 @@ def bound(
     if isinstance(least, bound_module.Bound):
         table.add_row("Thruster firing time of the run", f"{least.seconds:.2f}", "s")
     for n in least.numbers().values():
-        digits = ".4g" if abs(n["value"]) >= 1e5 else ".2f"
-        table.add_row(n["title"], f"{n['value']:{digits}}", n["unit"])
+        assert n.value is not None
+        table.add_row(n.title, f"{n.value:{'.4g' if abs(n.value) >= 1e5 else '.2f'}}", n.unit)
     out.print(table)
 
 
@@ -54,7 +54,7 @@ def _by_coils(target: str) -> bool:
 
     if any((Path(target) / name).exists() for name in ("manifest.json", "manifest.json.part")):
         with (run := load_run(Path(target))).results:
-            return "axes_coil" in run.manifest["parameters"].get("manager", {})
+            return "axes_coil" in run.manifest.values_of("manager")
     system, _ = prepare(target, Options()).or_raise()
     manager = system.components.get("manager")
     return manager is not None and bool(manager.interface.elements("axes_coil"))

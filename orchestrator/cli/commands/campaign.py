@@ -154,9 +154,9 @@ def case(
     made = kept(plan, number, where)
     out.print(f"{where / 'report.html'}", highlight=False, markup=False)
     if not made.ok:
-        raise DesatError(f"case {number}: {made.manifest['message']}", made.code)
+        raise DesatError(f"case {number}: {made.manifest.message}", made.code)
     if made.code:
-        for line in made.manifest["unmet"]:
+        for line in made.manifest.unmet:
             err.print(f"not met: {line}", highlight=False, markup=False)
         raise typer.Exit(made.code)
 

@@ -38,5 +38,5 @@ def resume(
     with claimed(folder, WAIT):
         options = study.options_of(folder)
         finished = study.resume(folder.absolute(), progress=not as_json)
-        warn(finished.manifest["warnings"])
+        warn(finished.manifest.warnings)
         conclude(finished, options, folder, csv=csv, twin=twin, as_json=as_json)

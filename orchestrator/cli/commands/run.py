@@ -105,14 +105,13 @@ def run(
             case.checked.warnings.append(short)
         warn(case.checked.warnings)
         finished = simulate(case, place, progress=not as_json)
-        warn(finished.manifest["warnings"][len(case.checked.warnings) :])
+        warn(finished.manifest.warnings[len(case.checked.warnings) :])
         if estimate and finished.ok:
-            from ...engine.recording.results import MANIFEST
-            from ...runs.manifest import write_json
+            from ...runs.manifest import end_manifest
             from ...studies import estimate as estimate_module
 
             estimate_module.add(finished, target, options)
-            write_json(place / MANIFEST, finished.manifest)
+            end_manifest(place, finished.manifest)
         conclude(finished, options, place, csv=csv, twin=twin, as_json=as_json)
 
 
@@ -200,12 +199,11 @@ def _new_folder(name: str) -> Path:
 
 def _run_twin(finished: Run, options: Options, folder: Path) -> Run | None:
     """Run the twin that the scenario names, into a folder beside, and compare."""
-    from ...engine.recording.results import MANIFEST
     from ...files.scenario import exists
-    from ...runs.manifest import relate, write_json
+    from ...runs.manifest import end_manifest, related_to
     from ...runs.run import execute, has_checkpoints, resume
 
-    about = finished.manifest["about"]
+    about = finished.manifest.about
     name = about.get("name", "").partition("/")[0] + "/" + about.get("twin", "")
     if not about.get("twin") or name == about["name"] or not exists(name):
         return None
@@ -214,8 +212,8 @@ def _run_twin(finished: Run, options: Options, folder: Path) -> Run | None:
         other = resume(twin_folder.absolute())
     else:
         other = execute(name, replace(options, sets=[], sources=[], design=None), twin_folder)
-    relate(finished.manifest, {about["twin"]: other.manifest})
-    write_json(folder / MANIFEST, finished.manifest)
+    finished.manifest = related_to(finished.manifest, {about["twin"]: other.manifest})
+    end_manifest(folder, finished.manifest)
     return other
 
 
@@ -224,33 +222,33 @@ def _report_run(
 ) -> None:
     from ...engine.recording.results import SERIES
     from ...figures.style import pretty_unit
-    from ...numbers.text import number, title_of
+    from ...numbers.text import number
 
     manifest = finished.manifest
     if as_json:
-        print_json({**manifest, "folder": str(folder), "report": page and str(page)})
+        print_json({**manifest.to_json(), "folder": str(folder), "report": page and str(page)})
         return
-    if manifest["status"] != "completed":
-        err.print(f"{manifest['status']}: {manifest['message']}", highlight=False, markup=False)
-    if stopped := manifest.get("stopped_when"):
-        out.print(f"ended at {stopped['time']:g} s: {stopped['condition']}", highlight=False)
-    for line in manifest["unmet"]:
+    if not manifest.completed:
+        err.print(f"{manifest.status}: {manifest.message}", highlight=False, markup=False)
+    if stopped := manifest.stopped_when:
+        out.print(f"ended at {stopped.time:g} s: {stopped.condition}", highlight=False)
+    for line in manifest.unmet:
         err.print(f"not met: {line}", highlight=False, markup=False)
     table = Table(box=None, pad_edge=False, show_header=other is not None, header_style="bold")
     for column in ["", "this run", "twin", ""] if other else ["", "this run", ""]:
         table.add_column(column, justify="right" if "run" in column or column == "twin" else "left")
-    for name, n in manifest["numbers"].items():
-        row = [title_of(n), number(n["value"])]
+    for name, n in manifest.numbers.items():
+        row = [n.said, number(n.value)]
         if other:
-            theirs = other.manifest["numbers"].get(name)
-            row.append(number(theirs["value"]) if theirs else "")
-        table.add_row(*row, pretty_unit(n["unit"]))
-    for name, why in manifest["not_checked"].items():
+            theirs = other.manifest.numbers.get(name)
+            row.append(number(theirs.value) if theirs else "")
+        table.add_row(*row, pretty_unit(n.unit))
+    for name, why in manifest.not_checked.items():
         table.add_row(name, "not checked", *([""] if other else []), why)
     if table.row_count:
         out.print(table)
     report = f"\nreport: {page.resolve()}" if page else ""
     out.print(
-        f"{manifest['steps_done']} steps, {manifest['us_per_step']} us a step; series in "
+        f"{manifest.steps_done} steps, {manifest.us_per_step} us a step; series in "
         f"{folder / SERIES}{report}", highlight=False, markup=False,
     )  # fmt: skip
