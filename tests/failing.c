@@ -111,7 +111,8 @@ int fmi2DoStep(component c, double t, double dt, int no)
     if (me.how == KILL_GROUP) kill(0, SIGKILL);
     if (me.how == DAEMON && t < 3.5 && !fork()) {
         setsid();
-        if (!fork()) prctl(PR_SET_NAME, "desat_daemon"), sleep(600);
+        const char *called = getenv("DAEMON");
+        if (!fork()) prctl(PR_SET_NAME, called ? called : "desat_daemon"), sleep(600);
         _exit(0);
     }
     if (me.how == TRAPS) feenableexcept(FE_INVALID);

@@ -333,6 +333,19 @@ def test_an_isolated_component_has_nothing_of_the_heads(system, apart, how, text
     assert [p for p in psutil.process_iter(["name"]) if p.info["name"] == "desat_daemon"] == []
 
 
+def test_daemons_that_left_their_group_stay_where_nobody_watches(system):
+    """As the page says: of a run in the library that is not supervised."""
+    script = f"""
+import desat
+desat.run({str(system)!r}, {{"bad.how": {HOW.index("DAEMON")}}}, step=1.0).or_raise("it")
+"""
+    subprocess.run([sys.executable, "-c", script], check=True, timeout=60, stdin=subprocess.DEVNULL,
+                   stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, cwd=ROOT,
+                   env={**os.environ, "DAEMON": "desat_stays"})  # fmt: skip
+    (one,) = (p for p in psutil.process_iter(["name"]) if p.info["name"] == "desat_stays")
+    one.kill()
+
+
 def test_what_an_isolated_component_writes_is_no_answer(system, tmp_path):
     """In a call that is no step: it was a bug of ours."""
     with pytest.raises(RunError) as error:
@@ -801,6 +814,17 @@ def test_what_is_left_of_a_removal_is_swept(tmp_path, monkeypatch):
     library._root.cache_clear()
 
 
+def test_no_temporary_folder_at_all(desat, tmp_path, monkeypatch):
+    monkeypatch.setattr(tempfile, "tempdir", None)
+    monkeypatch.setattr(tempfile, "_candidate_tempdir_list", lambda: [str(tmp_path / "none")])
+    library._root.cache_clear()
+    done = desat("run", "gyrostat/free", "--out", str(tmp_path / "out"))
+    library._root.cache_clear()
+    there = f"No usable temporary directory found in ['{tmp_path}/none']"
+    assert (done.returncode, done.stdout, done.stderr) == (Exit.INPUT, "", f"error: {there}\n")
+    assert not (tmp_path / "out").exists()
+
+
 @pytest.mark.skipif(sys.platform != "linux", reason="needs /proc")
 def test_many_runs_in_one_process_leave_nothing():
     """`python -m benchmarks.soak native` makes a thousand."""
@@ -1113,6 +1137,41 @@ def test_check_is_linear(tmp_path):
     assert time.process_time() - began < 5.0
 
 
+OUTSIDE = '<ssd:ParameterBindings><ssd:ParameterBinding source="../p.ssv"/></ssd:ParameterBindings>'
+
+
+@pytest.mark.parametrize(
+    ("given", "checked"),
+    [
+        ({"source": "../failing.fmu"}, 1), ({"inside": OUTSIDE}, 1), ({"name": "a.b"}, 1),
+        ({"start": "1e17", "stop": "1.0000000000001e17"}, 1), ({"stop": "soon"}, 2),
+        ({"identifier": "a/b"}, 1), ({"folder": "win64"}, 1),
+    ],
+    ids=str,
+)  # fmt: skip
+def test_a_file_that_is_refused_ends_run_and_check_alike(desat, system, binary, given, checked):
+    """By the codes of the README, in lines, and without a folder of the run."""
+    of_fmu = {k: given.pop(k) for k in ("identifier", "folder") if k in given}
+    if of_fmu:
+        fmu(system / "resources/failing.fmu", binary, **of_fmu)
+    (system / "SystemStructure.ssd").write_text(ssd(**given))
+    for command, code in (("run", Exit.INPUT), ("check", checked)):
+        more = ("--out", str(system / "out")) if command == "run" else ()
+        done = desat(command, str(system), "--step", "1", *more)
+        assert done.returncode == code, done.stderr
+        lines = (done.stdout + done.stderr).splitlines()
+        assert lines
+        assert not any("internal" in x or "Traceback" in x for x in lines)
+        assert not (system / "out").exists()
+
+
+def test_a_name_that_is_a_formula_has_a_mark_in_a_csv_file(desat, system, tmp_path):
+    (system / "SystemStructure.ssd").write_text(ssd(name="-a"))
+    desat("run", str(system), "--step", "1", "--csv", "--out", str(tmp_path / "out"), check=True)
+    head = (tmp_path / "out/series.csv").read_text().splitlines()[0]
+    assert head == '"time [s]","\'-a.y"'
+
+
 # --- whose code it is ---------------------------------------------------------------------------
 
 
@@ -1205,7 +1264,13 @@ def test_a_reader_that_goes_away(system, tmp_path):
     assert process.returncode == Exit.COMPONENT, error
 
 
-def test_control_characters_do_not_reach_the_terminal(capsys):
+def test_control_characters_do_not_reach_the_terminal(desat, capsys, tmp_path):
+    (tmp_path / "a.toml").write_text('extends = "b\\u001b[31mc"\ntitle = "T"\n')
+    for target in ("a\033[31mb", str(tmp_path / "a.toml")):
+        done = desat("run", target)
+        assert done.returncode == Exit.INPUT
+        assert "\ufffd[31m" in done.stderr
+        assert "\033" not in done.stderr
     console = plain_console()
     console.print("a\033[31mb\x07", markup=False)
     assert capsys.readouterr().out == "a\ufffd[31mb\ufffd\n"
