@@ -24,7 +24,8 @@ static char name[64];
 enum { NOTHING, SEGFAULT, ABORT, KILL, EXIT_0, EXIT_3, HANG, OVERFLOW, IN_FREE, IN_START, IN_EXIT,
        CHDIR, ROUNDING, LOCALE, HANDLER, PRINT, LOG, STEP_ERROR, SLOW, DISCARD, NOT_FINITE,
        NEGATIVE, FORK, LEAVE, TRAPS, UMASK, ROUNDED, SCRIBBLE, KILL_GROUP, DAEMON,
-       SCRIBBLE_EARLY, DOT, FATAL, FLUSHED, FORK_BESIDE, STAY };
+       SCRIBBLE_EARLY, DOT, FATAL, FLUSHED, FORK_BESIDE, STAY,
+       SCRIBBLE_LONG };
 
 static int recurse(int n) { volatile char big[65536]; big[n & 65535] = 1; return recurse(n + 1) + big[0]; }
 
@@ -77,6 +78,7 @@ int fmi2EnterInitializationMode(component c)
     if (me.how == IN_START) ruin(SEGFAULT);
     if (me.how == FORK_BESIDE) fork();
     if (me.how == SCRIBBLE_EARLY) into_all("\0\0\0\4abcd", 8); /* a message of four letters */
+    if (me.how == SCRIBBLE_LONG) into_all("\0\1\0\0", 4); /* a message of 65,536, which does not come */
     return 0;
 }
 int fmi2ExitInitializationMode(component c) { (void)c; if (me.how == IN_EXIT) ruin(EXIT_0); return 0; }
@@ -111,7 +113,8 @@ int fmi2DoStep(component c, double t, double dt, int no)
     if (me.how == KILL_GROUP) kill(0, SIGKILL);
     if (me.how == DAEMON && t < 3.5 && !fork()) {
         setsid();
-        if (!fork()) prctl(PR_SET_NAME, "desat_daemon"), sleep(600);
+        const char *called = getenv("DAEMON");
+        if (!fork()) prctl(PR_SET_NAME, called ? called : "desat_daemon"), sleep(600);
         _exit(0);
     }
     if (me.how == TRAPS) feenableexcept(FE_INVALID);

@@ -409,7 +409,7 @@ def test_no_space_is_6(arguments):
             stdout=full, stderr=subprocess.PIPE, text=True, check=False, cwd=ROOT,
         )  # fmt: skip
     assert result.returncode == Exit.SPACE
-    assert result.stderr == "error: [Errno 28] No space left on device\n"
+    assert result.stderr == "error: standard output: No space left on device\n"
 
 
 def test_a_scenario_file_of_ones_own(desat, tmp_path):

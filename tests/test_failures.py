@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import contextlib
 import errno
 import json
@@ -333,12 +334,29 @@ def test_an_isolated_component_has_nothing_of_the_heads(system, apart, how, text
     assert [p for p in psutil.process_iter(["name"]) if p.info["name"] == "desat_daemon"] == []
 
 
-def test_what_an_isolated_component_writes_is_no_answer(system, tmp_path):
-    """In a call that is no step: it was a bug of ours."""
+def test_daemons_that_left_their_group_stay_where_nobody_watches(system):
+    """As the page says: of a run in the library that is not supervised."""
+    script = f"""
+import desat
+desat.run({str(system)!r}, {{"bad.how": {HOW.index("DAEMON")}}}, step=1.0).or_raise("it")
+"""
+    subprocess.run([sys.executable, "-c", script], check=True, timeout=60, stdin=subprocess.DEVNULL,
+                   stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, cwd=ROOT,
+                   env={**os.environ, "DAEMON": "desat_stays"})  # fmt: skip
+    (one,) = (p for p in psutil.process_iter(["name"]) if p.info["name"] == "desat_stays")
+    one.kill()
+
+
+@pytest.mark.parametrize(("how", "told", "code"), [
+    ("SCRIBBLE_EARLY", "wrote into a file that is not its own; it was ended", Exit.COMPONENT),
+    ("SCRIBBLE_LONG", "did not return within 1 s", Exit.TIMEOUT),
+])  # fmt: skip
+def test_what_an_isolated_component_writes_is_no_answer(system, tmp_path, how, told, code):
+    """In a call that is no step: it was a bug of ours. What reads as the beginning of a message is
+    waited for."""
     with pytest.raises(RunError) as error:
-        simulate(prepare(str(system), options("SCRIBBLE_EARLY", isolate="foreign")), tmp_path / "o")
-    told = "bad: entering initialisation wrote into a file that is not its own; it was ended"
-    assert (str(error.value), error.value.code) == (told, Exit.COMPONENT)
+        simulate(prepare(str(system), options(how, isolate="foreign", call_limit=1.0)), tmp_path)
+    assert (str(error.value), error.value.code) == (f"bad: entering initialisation {told}", code)
 
 
 def test_what_refuses_to_be_instantiated_is_heard(system, tmp_path):
@@ -801,6 +819,17 @@ def test_what_is_left_of_a_removal_is_swept(tmp_path, monkeypatch):
     library._root.cache_clear()
 
 
+def test_no_temporary_folder_at_all(desat, tmp_path, monkeypatch):
+    monkeypatch.setattr(tempfile, "tempdir", None)
+    monkeypatch.setattr(tempfile, "_candidate_tempdir_list", lambda: [str(tmp_path / "none")])
+    library._root.cache_clear()
+    done = desat("run", "gyrostat/free", "--out", str(tmp_path / "out"))
+    library._root.cache_clear()
+    there = f"No usable temporary directory found in ['{tmp_path}/none']"
+    assert (done.returncode, done.stdout, done.stderr) == (Exit.INPUT, "", f"error: {there}\n")
+    assert not (tmp_path / "out").exists()
+
+
 @pytest.mark.skipif(sys.platform != "linux", reason="needs /proc")
 def test_many_runs_in_one_process_leave_nothing():
     """`python -m benchmarks.soak native` makes a thousand."""
@@ -1099,18 +1128,57 @@ def test_budgets_of_archives(tmp_path, monkeypatch):
 
 
 def test_check_is_linear(tmp_path):
-    """Twenty thousand connectors, none of which there is."""
-    connectors = "".join(
-        f'<ssd:Connector name="x{i}" kind="output"><ssc:Real/></ssd:Connector>'
-        for i in range(20000)
-    )
+    """Connectors, none of which there is: eight times as many take about eight times as long;
+    where each looked at all others it would be 64 times."""
     fmu(tmp_path / "resources/failing.fmu", b"")
-    inside = f"<ssd:Connectors>{connectors}</ssd:Connectors>"
-    (tmp_path / "SystemStructure.ssd").write_text(ssd(inside=inside))
-    began = time.process_time()
-    problems = prepare(str(tmp_path), Options(step=1.0)).checked.problems
-    assert len(problems) == 100
-    assert time.process_time() - began < 5.0
+    seconds = []
+    for count in (20000, 160000):
+        connectors = "".join(
+            f'<ssd:Connector name="x{i}" kind="output"><ssc:Real/></ssd:Connector>'
+            for i in range(count)
+        )
+        inside = f"<ssd:Connectors>{connectors}</ssd:Connectors>"
+        (tmp_path / "SystemStructure.ssd").write_text(ssd(inside=inside))
+        began = time.process_time()
+        problems = prepare(str(tmp_path), Options(step=1.0)).checked.problems
+        seconds.append(time.process_time() - began)
+        assert len(problems) == 100
+    assert seconds[1] < 24.0 * seconds[0]
+
+
+OUTSIDE = '<ssd:ParameterBindings><ssd:ParameterBinding source="../p.ssv"/></ssd:ParameterBindings>'
+
+
+@pytest.mark.parametrize(
+    ("given", "checked"),
+    [
+        ({"source": "../failing.fmu"}, 1), ({"inside": OUTSIDE}, 1), ({"name": "a.b"}, 1),
+        ({"start": "1e17", "stop": "1.0000000000001e17"}, 1), ({"stop": "soon"}, 2),
+        ({"identifier": "a/b"}, 1), ({"folder": "win64"}, 1),
+    ],
+    ids=str,
+)  # fmt: skip
+def test_a_file_that_is_refused_ends_run_and_check_alike(desat, system, binary, given, checked):
+    """By the codes of the README, in lines, and without a folder of the run."""
+    of_fmu = {k: given.pop(k) for k in ("identifier", "folder") if k in given}
+    if of_fmu:
+        fmu(system / "resources/failing.fmu", binary, **of_fmu)
+    (system / "SystemStructure.ssd").write_text(ssd(**given))
+    for command, code in (("run", Exit.INPUT), ("check", checked)):
+        more = ("--out", str(system / "out")) if command == "run" else ()
+        done = desat(command, str(system), "--step", "1", *more)
+        assert done.returncode == code, done.stderr
+        lines = (done.stdout + done.stderr).splitlines()
+        assert lines
+        assert not any("internal" in x or "Traceback" in x for x in lines)
+        assert not (system / "out").exists()
+
+
+def test_a_name_that_is_a_formula_has_a_mark_in_a_csv_file(desat, system, tmp_path):
+    (system / "SystemStructure.ssd").write_text(ssd(name="-a"))
+    desat("run", str(system), "--step", "1", "--csv", "--out", str(tmp_path / "out"), check=True)
+    head = (tmp_path / "out/series.csv").read_text().splitlines()[0]
+    assert head == '"time [s]","\'-a.y"'
 
 
 # --- whose code it is ---------------------------------------------------------------------------
@@ -1205,7 +1273,13 @@ def test_a_reader_that_goes_away(system, tmp_path):
     assert process.returncode == Exit.COMPONENT, error
 
 
-def test_control_characters_do_not_reach_the_terminal(capsys):
+def test_control_characters_do_not_reach_the_terminal(desat, capsys, tmp_path):
+    (tmp_path / "a.toml").write_text('extends = "b\\u001b[31mc"\ntitle = "T"\n')
+    for target in ("a\033[31mb", str(tmp_path / "a.toml")):
+        done = desat("run", target)
+        assert done.returncode == Exit.INPUT
+        assert "\ufffd[31m" in done.stderr
+        assert "\033" not in done.stderr
     console = plain_console()
     console.print("a\033[31mb\x07", markup=False)
     assert capsys.readouterr().out == "a\ufffd[31mb\ufffd\n"
@@ -1226,17 +1300,97 @@ def test_a_report_that_fails_leaves_the_manifest(system, tmp_path, monkeypatch, 
     assert "internal: ZeroDivisionError" in capsys.readouterr().err
 
 
+PROVOKED = {
+    "segmentation fault": '"SEGFAULT"', "stack overflow": '"OVERFLOW"', "abort": '"ABORT"',
+    "kill -9": r'"KILL"|SIGKILL|trials\(', "exit(0)": '"EXIT_0"', "exit(3)": '"EXIT_3"',
+    "one of ours": "is_ours", "in a flight": "_Flights|inner_choice", "instantiated": "REFUSES",
+    "or in initialisation": '"IN_START"', "it is freed": '"IN_FREE"',
+    "library to be loaded": "no library", "returns discard": '"DISCARD"', "error,": '"STEP_ERROR"',
+    "fatal": '"FATAL"', "does not know": '"NEGATIVE"', "NaN": '"NOT_FINITE"', "--halve": "halvings",
+    "it forks": '"FORK"', "any call": '"FORK_BESIDE"', "finds open": '"SCRIBBLE"',
+    "process group": '"KILL_GROUP"', "daemons": '"DAEMON"', "does not return": '"HANG"',
+    "`draws`": r"\bdraws\(", "`sweep`": r"sweep\(", "`tables`": r"tables\.", "`page`": "Sources",
+    "logs": '"LOG"', "no POSIX": '"CAN"', "prints": '"PRINT"', "rounding mode": '"ROUNDING"',
+    "traps": '"TRAPS"', "flushing": '"FLUSHED"', "locale,": '"LOCALE"', "umask": '"UMASK"',
+    "working directory": '"CHDIR"', "signal handlers": '"HANDLER"', "Ctrl-C": "SIGINT",
+    "SIGTERM": "SIGTERM", "SIGHUP": "SIGHUP", "are compressed": "Packing",
+    "first step": "simulate", "first row": "begin_manifest", "`nohup`": "SIG_IGN",
+    "Ctrl-Z": r"\.suspend\(", "second Ctrl-C": r"range\(2\)", "with `--checkpoint`": "checkpoint",
+    "save its state": "cannot save", "an FMU, a file, a package or the machine":
+    '"FMU", "file", "package", "machine"', "into one folder": "claimed",
+    "temporary folders": "stale|desat-01", "no home": '"HOME"', "SIGCHLD": "SIGCHLD",
+    "of a path": "LC_ALL", "(umlauts)": "ö", "no temporary": "_candidate_tempdir_list",
+    "`make`": "desat.fmus.build", "disk full": "ENOSPC", "quota": "EDQUOT",
+    "size limit": "RLIMIT_FSIZE", "report,": "report", "--csv": "--csv", "journal": "journal",
+    "checkpoint is": "savez", "cannot be written": 'EROFS|"/dev/null"', "not fit": "disk_usage",
+    'inner = "auto"': r"inner|own\(", "512": "512", "by which it chose": "looked_at_again|again",
+    "given inner steps": "inner=1", "10,000": "10_001", "50,000": "50000", "is closed": ">&-",
+    "(a pipe)": "stdout.close", "lost their end": "left", "report fails": "write_report",
+    "`..`": r'"\.\./', "absolute": '"/etc', "%2e": "%2e", "a drive": "C:/",
+    "parameter set": "ParameterBinding", "C name": '"a/b"', "a device": "/dev/zero",
+    "a pipe,": "mkfifo", "run folder:": "load_run", "20,000": "ENTRIES", "1 GiB": "LARGEST",
+    "8 GiB": "IN_ALL", "200 times": "200 times", "32 folders": "32 allowed", "links": "S_IFLNK",
+    "outside, or twice": "leave the folder.*twice", "connectors": "20000", "no such file": "fuzz",
+    "are none": "a number that is none", "UTF-8": "not UTF-8", "wrong types": "wrong type",
+    "`--trust`": "--trust", "this platform": "win64", "`a.b`": r'"a\.b"', "`a/b`": '"a/b"',
+    "`time`": '"time"', "given twice": "given twice", "`--record`": "record=|record",
+    "`--every`": "every", "cannot grow": "1e17", "control characters": r"\\033",
+    "a formula": "'-a",
+}  # fmt: skip
+"""What the first column says, and what stands in a test that provokes it."""
+SUCCESS = r"|\.ok\b|check=True|completed|== 0|or_raise|== \[\]"
+
+
+def lacking(row: str, sources: dict[str, str]) -> list[str]:
+    """What a row of the page says that no test which it cites looks like: what goes wrong, and the
+    exit codes."""
+    cells = [x.strip() for x in row.strip("| ").split(" | ")]
+    texts = "\n".join(sources.get(x, "") for x in re.findall(r"`(test_\w+)`", row))
+    said = [what for what in PROVOKED if what in cells[0]]
+    wrong = [what for what in said if not re.search(PROVOKED[what], texts, re.S)]
+    codes = [int(x) for x in re.findall(r"\b\d+\b", cells[-2])] if len(cells) > 2 else []
+    for code in codes:
+        told = rf"Exit\.{Exit(code).name}\b|\b{code}\b" + (SUCCESS if code == 0 else "")
+        if code == Exit.INPUT:
+            told += "|raises\\(DesatError"
+        wrong += [] if re.search(told, texts) else [f"code {code}"]
+    return wrong if said else ["anything: add it to PROVOKED"]
+
+
 def test_every_failure_of_the_table_has_its_test():
-    """Each row of the tables that say what is done, but for those of other tools."""
+    """Each row of the tables that say what is done, but for those of other tools. This reads the
+    tests alone; that a row with the tests of another is found shows that it reads them well."""
     page = seen.PAGE.read_text(encoding="utf-8").split(seen.BEGIN)[0]
     rows = [x for x in page.splitlines() if x.startswith("| ") and not x.startswith("| failure |")]
-    texts = "".join(p.read_text(encoding="utf-8") for p in Path(__file__).parent.glob("test_*.py"))
-    defined = set(re.findall(r"^def (test_\w+)\(", texts, re.M))
+    sources: dict[str, str] = {}
+    for file in Path(__file__).parent.glob("test_*.py"):
+        text = file.read_text(encoding="utf-8")
+        lines = text.splitlines()
+        constants: dict[str, str] = {}
+        for node in ast.parse(text).body:
+            if isinstance(node, ast.Assign) and isinstance(node.targets[0], ast.Name):
+                constants[node.targets[0].id] = ast.unparse(node.value)
+            if isinstance(node, ast.FunctionDef):
+                first = min((d.lineno for d in node.decorator_list), default=node.lineno)
+                own = "\n".join(lines[first - 1 : node.end_lineno])
+                used = (x for name, x in constants.items() if re.search(rf"\b{name}\b", own))
+                sources[node.name] = "\n".join([own, *used])
     assert len(rows) > 40
     for row in rows:
         named = re.findall(r"`(test_\w+)`", row)
         assert named, row
-        assert set(named) <= defined, row
+        assert set(named) <= sources.keys(), row
+    assert {row: wrong for row in rows if (wrong := lacking(row, sources))} == {}
+    cited = "".join(sources[x] for row in rows for x in re.findall(r"`(test_\w+)`", row))
+    assert [how for how in HOW[1:] if f'"{how}"' not in cited] == []
+    # each with the tests of all others in turn
+    tests = ["`, `".join(re.findall(r"`(test_\w+)`", row)) for row in rows]
+    missed = [
+        (row, other) for row, own in zip(rows, tests, strict=True) for other in tests
+        if not set(own.split("`, `")) & set(other.split("`, `"))
+        and not lacking(re.sub(r"`test_.*`", f"`{other}`", row), sources)
+    ]  # fmt: skip
+    assert len(missed) < 0.01 * len(rows) ** 2, missed
     known = {str(int(code)) for code in Exit}
     table = page[page.index("## Components") : page.index("## Archives")]
     codes = {x for row in table.splitlines() if row.startswith("| ")

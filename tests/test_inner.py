@@ -25,6 +25,7 @@ from desat.files import library, scenario
 from desat.files.ssp_write import pack_scenario
 from desat.numbers.derived import pointing
 from desat.runs import inner_choice
+from desat.runs import run as running
 from desat.runs.run import Options, prepare, resume, simulate
 from desat.studies.estimate import difference
 from desat.studies.reference import Gyrostat
@@ -339,6 +340,28 @@ def test_a_run_that_leaves_the_range_of_its_flights_is_made_again(monkeypatch):
     early = LIGHT | jets((0.2, 0.1, 0.0))
     manifest = simulate(prepare("gyrostat/pulses", replace(options, values=early))).manifest
     assert manifest["inner_choice"]["again"] == []
+
+
+def test_a_run_is_made_three_times_at_most(monkeypatch):
+    """And says that it would want more still."""
+    made, simulated = [], running._simulated
+
+    def more(target, system, options, choice, results):
+        again = [*choice.again, "it turns"]
+        return replace(choice, inner=2 * choice.inner, again=again)
+
+    def counted(case, choice, *rest):
+        made.append(choice.inner)
+        return simulated(case, choice, *rest)
+
+    monkeypatch.setattr(inner_choice, "looked_at_again", more)
+    monkeypatch.setattr(running, "_simulated", counted)
+    run = simulate(prepare("gyrostat/pulses", Options(inner=AUTO, stop=20.0)))
+    first = made[0]
+    assert made == [first, 2 * first, 4 * first]
+    assert run.manifest["inner"] == 4 * first
+    said = f"made 3 times, it would want {8 * first} inner steps still: it turns"
+    assert said in run.manifest["warnings"]
 
 
 def test_a_case_of_a_campaign_chooses_and_says_so(tmp_path):

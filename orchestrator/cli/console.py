@@ -35,6 +35,9 @@ class _Lasting(io.FileIO):
         except BrokenPipeError:
             os.dup2(os.open(os.devnull, os.O_WRONLY), self.fileno())
             return len(data)
+        except OSError as error:
+            error.filename = {1: "standard output", 2: "standard error"}.get(self.fileno())
+            raise
 
 
 # a path may have characters that the locale has not
