@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 import shutil
 import tomllib
@@ -384,6 +385,14 @@ def test_commands(desat):
     shown = desat("show", "uosat12/table3-ocdc-ilqr-1", check=True).stdout
     assert "axes.method.ocdc" in shown
     assert "plot" in desat("keys", "plt").stderr
+
+
+def test_each_value_that_is_shown_comes_from_a_file(desat):
+    shown = json.loads(desat("show", "uosat12/table3-ocdc-ilqr-1", "--json", check=True).stdout)
+    assert all((ROOT / row["from"]).is_file() for row in shown)
+    (step,) = [row for row in shown if row["key"] == "step"]
+    assert step == {"key": "step", "value": 10.0, "cell": "",
+                    "from": "ssp/uosat12/scenarios/common.toml"}  # fmt: skip
 
 
 def test_every_table_of_the_language_is_told():
