@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import errno
 import math
+import os
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -11,6 +13,7 @@ import pytest
 from scipy.stats import beta
 from test_failures import binary, options, ssd, system
 
+from desat import cli
 from desat.analyses import residual
 from desat.campaign.judged import for_half_the_width, more, requirement
 from desat.numbers.statistics import clopper_pearson
@@ -19,6 +22,7 @@ from desat.papers.comparison import _row, band_of, counted, share_of
 from desat.runs.run import Run, prepare, simulate
 from desat.runs.stopping import LATE, Condition
 from desat.system.errors import Exit, RunError
+from desat.system.options import Options
 
 __all__ = ["binary", "system"]  # fixtures
 
@@ -151,6 +155,39 @@ def test_how_a_run_ended_is_its_exit_code(manifest, code):
         with pytest.raises(RunError, match=r"^a: .*: why$") as told:
             run.or_raise("a")
         assert told.value.code == code
+
+
+@pytest.mark.parametrize(
+    ("number", "code"),
+    [(errno.ENOENT, Exit.INPUT), (errno.EACCES, Exit.INPUT), (errno.ENOSPC, Exit.SPACE)],
+)
+def test_a_full_disk_has_an_exit_code_of_its_own(desat, monkeypatch, number, code):
+    def fails(**_: object) -> None:
+        raise OSError(number, os.strerror(number), "a/file")
+
+    monkeypatch.setattr(cli, "get_command", lambda app: fails)
+    monkeypatch.setattr(cli, "spare", lambda command: None)
+    monkeypatch.setattr(cli, "_drop_output", lambda: None)
+    done = desat()
+    assert done.returncode == code
+    assert f"a/file: {os.strerror(number)}" in done.stderr
+
+
+@pytest.mark.parametrize("how", ["SEGFAULT", "EXIT_0"])
+def test_a_run_that_a_component_ended_says_how_far_it_came(system, how):
+    run = simulate(prepare(str(system), options(how)))
+    times = run.results.times()
+    assert run.code == Exit.COMPONENT
+    assert len(times) > 1
+    assert run.manifest["steps_done"] == len(times) - 1
+    assert run.manifest["end_time"] == times[-1]
+
+
+def test_a_run_within_its_range_has_no_remark():
+    """Nothing is said of a range that it does not leave."""
+    run = simulate(prepare("gyrostat/light", Options(stop=20.0, inner=1, blocks=True)))
+    assert run.manifest["warnings"] == []
+    assert run.code == Exit.COMPLETED
 
 
 def test_a_number_at_its_bound_is_met():
