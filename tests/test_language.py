@@ -344,6 +344,17 @@ def test_euler_angles_are_scipys(sequence):
     assert euler(q, ref.as_quat(), sequence) == pytest.approx(angles)
 
 
+@pytest.mark.parametrize(("element", "code"), [(1, 0), (3, 0), (4, 1)])
+def test_an_element_of_a_derived_quantity_is_one_that_it_has(tmp_path, desat, element, code):
+    path = tmp_path / "mine.toml"
+    path.write_text('extends = "integrated/mil-nadir"\n[numbers.roll]\ntitle = "Roll"\n'
+                    'signal = ["spacecraft.q_bi", "guidance.q_ref_bi"]\nderive = "euler"\n'
+                    f'element = {element}\nmeasure = "largest"\n')  # fmt: skip
+    said = desat("check", str(path))
+    assert said.returncode == code, said.stderr
+    assert ("element: got 4; euler has 3" in said.stderr) == bool(code)
+
+
 def test_numbers_of_derived_quantities():
     """The largest roll of a run is that of its attitudes by scipy, and nothing else."""
     run = execute("integrated/mil-nadir", Options(stop=400.0, blocks=True))
