@@ -109,6 +109,22 @@ def test_no_number_where_it_cannot_be_known(options):
     assert energy.figures(run.manifest, run.results) == []
 
 
+@pytest.mark.parametrize("every", [2, 3])
+def test_rows_left_out_are_no_steps(every):
+    """The balance is made while it runs then, and has no course that could be shown."""
+    found, run = numbers("gyrostat/free", stop=30.0, every=every)
+    assert found["energy_mismatch"] < 1e-11
+    assert list(energy.blocks_of(run.manifest, run.results)) == []
+    assert energy.figures(run.manifest, run.results) == []
+
+
+def test_one_step_has_a_balance():
+    found, run = numbers("gyrostat/free", stop=0.5, step=0.5)
+    assert len(run.results.times()) == 2
+    assert len(list(energy.blocks_of(run.manifest, run.results))) == 1
+    assert found["energy_mismatch"] < 1e-12
+
+
 def test_attitude_between_rows():
     """A body that turns evenly about one axis: the attitude inside a step in closed form."""
     rate, dt, e = 0.2, 1.0, 0.3

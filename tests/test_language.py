@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 import re
 import shutil
@@ -404,6 +405,17 @@ def test_euler_angles_are_scipys(sequence):
     assert euler(q, ref.as_quat(), sequence) == pytest.approx(angles)
 
 
+@pytest.mark.parametrize(("element", "code"), [(1, 0), (3, 0), (4, 1)])
+def test_an_element_of_a_derived_quantity_is_one_that_it_has(tmp_path, desat, element, code):
+    path = tmp_path / "mine.toml"
+    path.write_text('extends = "integrated/mil-nadir"\n[numbers.roll]\ntitle = "Roll"\n'
+                    'signal = ["spacecraft.q_bi", "guidance.q_ref_bi"]\nderive = "euler"\n'
+                    f'element = {element}\nmeasure = "largest"\n')  # fmt: skip
+    said = desat("check", str(path))
+    assert said.returncode == code, said.stderr
+    assert ("element: got 4; euler has 3" in said.stderr) == bool(code)
+
+
 def test_numbers_of_derived_quantities():
     """The largest roll of a run is that of its attitudes by scipy, and nothing else."""
     run = execute("integrated/mil-nadir", Options(stop=400.0, blocks=True))
@@ -445,6 +457,14 @@ def test_commands(desat):
     shown = desat("show", "uosat12/table3-ocdc-ilqr-1", check=True).stdout
     assert "axes.method.ocdc" in shown
     assert "plot" in desat("keys", "plt").stderr
+
+
+def test_each_value_that_is_shown_comes_from_a_file(desat):
+    shown = json.loads(desat("show", "uosat12/table3-ocdc-ilqr-1", "--json", check=True).stdout)
+    assert all((ROOT / row["from"]).is_file() for row in shown)
+    (step,) = [row for row in shown if row["key"] == "step"]
+    assert step == {"key": "step", "value": 10.0, "cell": "",
+                    "from": "ssp/uosat12/scenarios/common.toml"}  # fmt: skip
 
 
 def test_every_table_of_the_language_is_told():

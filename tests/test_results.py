@@ -327,9 +327,11 @@ def test_measures():
     times = np.arange(5.0)
     values = np.array([[3.0, 4.0], [0, 0], [-6, 8], [1, 0], [0, 2]])
     found = {n: f(times, values) for n, f in MEASURES.items() if n in (
-        "last", "norm_last", "largest", "norm_largest", "rms")}  # fmt: skip
+        "last", "norm_last", "largest", "norm_largest", "rms", "mean_size", "mean_size_last",
+        "largest_mean")}  # fmt: skip
     assert found == {"last": 0, "norm_last": 2, "largest": 8, "norm_largest": 10,
-                     "rms": pytest.approx(np.sqrt(130 / 5))}  # fmt: skip
+                     "rms": pytest.approx(np.sqrt(130 / 5)), "mean_size": pytest.approx(2.4),
+                     "mean_size_last": 1, "largest_mean": 3}  # fmt: skip
     assert relative("saving", 30, 40) == 25
     assert relative("ratio", 30, 40) == 0.75
     assert [related(f, 30, 40) for f in ("saving", "ratio", "difference")] == [25, 0.75, -10]

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import errno
 import math
+import os
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -12,8 +14,11 @@ import pytest
 from scipy.stats import beta
 from test_failures import binary, options, ssd, system
 
+from desat import cli
 from desat.analyses import residual
 from desat.analyses.manifest import Manifest
+from desat.campaign import draws as study
+from desat.campaign import report
 from desat.campaign.judged import for_half_the_width, more, requirement
 from desat.language.content import Entry
 from desat.language.scenario import Requirement
@@ -23,6 +28,7 @@ from desat.papers.comparison import Spread, _row, band_of, counted, share_of
 from desat.runs.run import Run, prepare, simulate
 from desat.runs.stopping import LATE, Condition
 from desat.system.errors import Exit, RunError
+from desat.system.options import Options
 
 __all__ = ["binary", "system"]  # fixtures
 
@@ -155,6 +161,120 @@ def test_how_a_run_ended_is_its_exit_code(manifest, code):
         with pytest.raises(RunError, match=r"^a: .*: why$") as told:
             run.or_raise("a")
         assert told.value.code == code
+
+
+@pytest.mark.parametrize(
+    ("number", "code"),
+    [(errno.ENOENT, Exit.INPUT), (errno.EACCES, Exit.INPUT), (errno.ENOSPC, Exit.SPACE)],
+)
+def test_a_full_disk_has_an_exit_code_of_its_own(desat, monkeypatch, number, code):
+    def fails(**_: object) -> None:
+        raise OSError(number, os.strerror(number), "a/file")
+
+    monkeypatch.setattr(cli, "get_command", lambda app: fails)
+    monkeypatch.setattr(cli, "spare", lambda command: None)
+    monkeypatch.setattr(cli, "_drop_output", lambda: None)
+    done = desat()
+    assert done.returncode == code
+    assert f"a/file: {os.strerror(number)}" in done.stderr
+
+
+@pytest.mark.parametrize("how", ["SEGFAULT", "EXIT_0"])
+def test_a_run_that_a_component_ended_says_how_far_it_came(system, how):
+    run = simulate(prepare(str(system), options(how)))
+    times = run.results.times()
+    assert run.code == Exit.COMPONENT
+    assert len(times) > 1
+    assert run.manifest["steps_done"] == len(times) - 1
+    assert run.manifest["end_time"] == times[-1]
+
+
+def test_a_run_within_its_range_has_no_remark():
+    """Nothing is said of a range that it does not leave."""
+    run = simulate(prepare("gyrostat/light", Options(stop=20.0, inner=1, blocks=True)))
+    assert run.manifest["warnings"] == []
+    assert run.code == Exit.COMPLETED
+
+
+WELL = {"status": "completed", "message": "", "code": 0, "unmet": []}
+UNMET = WELL | {"code": 1, "unmet": ["x = 2: above [b]"]}
+FAILED = WELL | {"status": "failed", "code": 4, "message": "h_wheel[b] is nan"}
+LATE_ONE = WELL | {"status": LATE, "code": 5, "message": "after 1 s"}
+
+
+@pytest.mark.parametrize(
+    ("rows", "code", "lines"),
+    [
+        ([WELL, WELL], Exit.COMPLETED, []),
+        ([WELL, UNMET], Exit.UNMET, ["draw 1: not met: x = 2: above [b]"]),
+        ([FAILED, WELL], Exit.COMPONENT, ["draw 0: failed: h_wheel[b] is nan"]),
+        ([UNMET, FAILED], Exit.COMPONENT,
+         ["draw 1: failed: h_wheel[b] is nan", "draw 0: not met: x = 2: above [b]"]),
+        ([LATE_ONE, FAILED], Exit.TIMEOUT,
+         [f"draw 0: {LATE}: after 1 s", "draw 1: failed: h_wheel[b] is nan"]),
+    ],
+)  # fmt: skip
+def test_draws_end_as_the_worst_of_them(desat, monkeypatch, rows, code, lines):
+    made = {"warnings": [], "draws": [{"draw": k, **row} for k, row in enumerate(rows)]}
+    monkeypatch.setattr(study, "draws", lambda *_, **__: made)
+    done = desat("draws", "NAME", "--json")
+    assert done.returncode == code
+    assert done.stderr.splitlines() == lines
+
+
+@pytest.mark.parametrize(
+    ("rows", "code", "lines"),
+    [
+        ([WELL, WELL], Exit.COMPLETED, []),
+        ([WELL, FAILED], Exit.COMPONENT, ["a.k = 1: failed: h_wheel[b] is nan"]),
+        ([LATE_ONE, FAILED], Exit.TIMEOUT,
+         [f"a.k = 0: {LATE}: after 1 s", "a.k = 1: failed: h_wheel[b] is nan"]),
+    ],
+)  # fmt: skip
+def test_a_sweep_ends_as_the_worst_of_its_points(desat, monkeypatch, rows, code, lines):
+    points = [{"values": {"a.k": k}, **row} for k, row in enumerate(rows)]
+    monkeypatch.setattr(study, "sweep", lambda *_, **__: {"warnings": [], "points": points})
+    done = desat("sweep", "NAME", "a.k=0,1", "--json")
+    assert done.returncode == code
+    assert done.stderr.splitlines() == lines
+
+
+def asked(met: bool, lacking: int = 0) -> dict[str, object]:
+    return {"met": met, "interval_outside": [0.0, 5.0], "outside": 1, "n": 20, "number": "x",
+            "lacking": lacking}  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("requirements", "unmet", "failed", "code"),
+    [
+        ([True, True], [], [], Exit.COMPLETED),
+        ([True, False], [], [], Exit.UNMET),
+        ([], ["case 3: y: above [b]", "case 4: z"], [], Exit.UNMET),
+        ([True], [], [4, 5], Exit.COMPONENT),
+        ([False], [], [5, 5], Exit.TIMEOUT),
+        ([False], ["case 3: y: above [b]"], [4], Exit.COMPONENT),
+    ],
+)
+def test_a_campaign_ends_as_what_it_shows(desat, monkeypatch, requirements, unmet, failed, code):
+    told = {
+        "changed": "", "versions": [], "completed": 20, "count": 20 + len(failed), "unmet": unmet,
+        "requirements": {f"r{k}": asked(met, k) for k, met in enumerate(requirements)},
+        "failed": [{"case": k, "message": "h[b] is nan", "code": c} for k, c in enumerate(failed)],
+    }  # fmt: skip
+    monkeypatch.setattr(report, "write", lambda folder: (folder / "[b].html", told))
+    done = desat("campaign", "report", "c")
+    assert done.returncode == code
+    shown = done.stdout.splitlines()
+    assert shown[0] == f"20 of {20 + len(failed)} completed, {len(failed)} failed"
+    for k, met in enumerate(requirements):
+        lacking = f", {k} without x" if k else ""
+        verdict = "met" if met else "NOT SHOWN"
+        assert shown[1 + k] == f"r{k}: 1 of 20 outside{lacking} (0 to 5 %): {verdict}"
+    assert shown[-1].endswith("[b].html")
+    lines = [f"case {k}: h[b] is nan" for k in range(len(failed))]
+    first = [f"{len(unmet)} not met of what each run is held against, first: {unmet[0]}"
+             for _ in unmet[:1]]  # fmt: skip
+    assert done.stderr.splitlines() == lines + first
 
 
 def test_a_number_at_its_bound_is_met():
