@@ -84,3 +84,9 @@ def python(
         [sys.executable, "-c", code, *arguments],
         capture_output=True, text=True, cwd=ROOT, timeout=timeout, check=False, env=env,
     )  # fmt: skip
+
+
+def but(content, **changes):
+    """What a scenario says with other keys, as they would be written; None leaves one out."""
+    data = {k: v for k, v in {**content.written, **changes}.items() if v is not None}
+    return type(content).model_validate(data)

@@ -20,6 +20,7 @@ from pathlib import Path
 import numpy as np
 import psutil
 import pytest
+from conftest import but
 from dying import dies_or_not
 from scipy.special import ndtr
 from scipy.stats import spearmanr
@@ -137,7 +138,7 @@ def test_a_cut_normal_stays_within_and_leaves_the_other_draws_as_they_were(syste
     name = "wheels.h_start_wheel"
     written = copy.deepcopy(system.about.written["dispersions"])
     del written[name]["within"]
-    free = replace(system, about=system.about.but(dispersions=written))
+    free = replace(system, about=but(system.about, dispersions=written))
     cut, whole = ([drawn(s, 1, i)[name] for i in range(100)] for s in (system, free))
     changed = [i for i in range(100) if cut[i] != whole[i]]
     assert changed == [i for i in range(100) if max(map(abs, whole[i])) > 0.02]

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from conftest import ROOT
+from conftest import ROOT, but
 from test_check import write_altitude
 from test_checkpoint import broken
 
@@ -331,9 +331,9 @@ def test_stored_draws_are_of_wiring_and_blocks_too(monkeypatch):
     scenario = find("uosat12/starts-dct")
     before = stored.digest(scenario)
     assert before == stored.digest(find("uosat12/starts-dct"))
-    text = replace(scenario, content=scenario.content.but(title="x", plots={}, paper={}))
+    text = replace(scenario, content=but(scenario.content, title="x", plots={}, paper={}))
     assert stored.digest(text) == before
-    slower = replace(scenario, content=scenario.content.but(stop=scenario.content.stop + 10.0))
+    slower = replace(scenario, content=but(scenario.content, stop=scenario.content.stop + 10.0))
     assert stored.digest(slower) != before
     with monkeypatch.context() as patch:
         draft = type(scenario).draft
@@ -354,7 +354,7 @@ def test_a_design_made_for_each_draw_counts_where_it_is_used():
     assert each
     before = stored.digest(each[0])
     written = each[0].content.design.written
-    other = each[0].content.but(design={**written, "nodes": 7})
+    other = but(each[0].content, design={**written, "nodes": 7})
     assert stored.digest(replace(each[0], content=other)) != before
     assert resolved(each[0].name, Options(blocks=True))[1] == written
 

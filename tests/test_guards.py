@@ -14,7 +14,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from conftest import ROOT
+from conftest import ROOT, but
 
 from desat.campaign import draws
 from desat.designs import making, origin
@@ -99,7 +99,7 @@ def test_a_design_is_stamped_only_if_its_numbers_are_reached(monkeypatch, tmp_pa
     file = tmp_path / "x.toml"
     monkeypatch.setattr(type(scenario), "design", property(lambda self: file))
     moved = {**scenario.content.parameters, "spacecraft": {"h_start_body": [2.0, 0.0, 0.0]}}
-    other = replace(scenario, content=scenario.content.but(parameters=moved))
+    other = replace(scenario, content=but(scenario.content, parameters=moved))
     file.write_text(bare, encoding="utf-8")
     assert not making.stamp(other)
     assert file.read_text(encoding="utf-8") == bare

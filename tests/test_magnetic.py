@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from conftest import but
 from hypothesis import assume, given
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
@@ -482,7 +483,7 @@ def command(monkeypatch, tmp_path):
                      if v is not None}  # fmt: skip
             parameters = dict(scenario.content.parameters)
             parameters["manager"] = {**parameters["manager"], **dict(manager)}
-            content = scenario.content.but(design=table, parameters=parameters)
+            content = but(scenario.content, design=table, parameters=parameters)
             return replace(scenario, content=content)
 
         monkeypatch.setattr(design_module, "find", changed)

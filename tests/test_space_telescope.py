@@ -7,6 +7,7 @@ import math
 
 import numpy as np
 import pytest
+from conftest import but
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import minimize
@@ -573,7 +574,7 @@ def test_a_design_says_when_a_wheel_is_large_in_one_way():
     ):
         asked = scenario.content.design.written | change
         about = {k: v for k, v in asked.items() if v is not None}
-        other = dataclasses.replace(scenario, content=scenario.content.but(design=about))
+        other = dataclasses.replace(scenario, content=but(scenario.content, design=about))
         with pytest.raises(DesatError, match=f"^{scenario.name}: design: {text}"):
             making.design(other)
 

@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from conftest import but
 
 from desat.campaign.draws import draws
 from desat.runs import stopping
@@ -124,7 +125,7 @@ def test_what_is_wrong_is_one_line(scenario, text, message):
 def test_a_replaced_component_without_the_signal_is_refused(scenario):
     target = scenario("signal = 'manager.mode'\nreaches = 1")
     system, _ = prepare(target, Options(blocks=True)).or_raise()
-    about = system.about.but(stop_when={"signal": "manager.nothing", "reaches": 1})
+    about = but(system.about, stop_when={"signal": "manager.nothing", "reaches": 1})
     system = replace(system, about=about)
     assert "manager has no output nothing" in stopping.problems(system)[0]
 

@@ -1,6 +1,6 @@
 """Scenarios: TOML files in ssp/FAMILY/scenarios/, each one scenario or, with axes, a table of them.
 
-`desat keys` prints the keys of such a file, `language.py` declares them. Besides:
+`desat keys` prints the keys of such a file, `language/scenario.py` declares them. Besides:
 
     extends = "common"            # another file of the folder, or several, merged below this one
     without = ["parameters.manager"]  # what of those is left out

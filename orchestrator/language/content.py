@@ -79,11 +79,6 @@ class Content(Scenario):
         self._json = about
         return self
 
-    def but(self, **changes: Any) -> Self:
-        """The same with other keys, as they would be written; None leaves one out."""
-        data = {k: v for k, v in {**self.written, **changes}.items() if v is not None}
-        return type(self).model_validate(data)
-
 
 NOTHING = Content.model_construct().travelled({})
 """What a foreign system says."""

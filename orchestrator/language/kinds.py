@@ -150,7 +150,6 @@ class Table(BaseModel):
     model_config = ConfigDict(extra="forbid", strict=True, frozen=True, defer_build=True)
     NEEDED: ClassVar[tuple[str, ...]] = ()
     """Keys that a whole table has; a part, which others complete, may leave them out."""
-    _written: dict[str, Any] = PrivateAttr(default_factory=dict)
 
     @classmethod
     def __pydantic_init_subclass__(cls, **kwargs: Any) -> None:
@@ -159,6 +158,18 @@ class Table(BaseModel):
             kind = get_origin(field.annotation) or field.annotation
             if field.default is None and kind in (str, tuple, dict, bool):
                 field.default = kind()
+
+    @model_validator(mode="after")
+    def _needed(self) -> Self:
+        if missing := [name for name in self.NEEDED if name not in self.model_fields_set]:
+            raise incomplete(f"{', '.join(missing)} missing")
+        return self
+
+
+class Written(Table):
+    """A table that stands in JSON, or is told, as it was written."""
+
+    _written: dict[str, Any] = PrivateAttr(default_factory=dict)
 
     @property
     def written(self) -> dict[str, Any]:
@@ -172,9 +183,3 @@ class Table(BaseModel):
         if made is not data:
             made._written = data
         return made
-
-    @model_validator(mode="after")
-    def _needed(self) -> Self:
-        if missing := [name for name in self.NEEDED if name not in self.model_fields_set]:
-            raise incomplete(f"{', '.join(missing)} missing")
-        return self

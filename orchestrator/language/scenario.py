@@ -25,6 +25,7 @@ from .kinds import (
     Three,
     Unit,
     Value,
+    Written,
     by_kind,
     either,
     incomplete,
@@ -45,7 +46,7 @@ _Window = Annotated[Many[float], Field(min_length=2, max_length=2), AfterValidat
 _Weights = Annotated[Many[Annotated[FiniteFloat, Field(ge=0.0)]], Field(min_length=3, max_length=3)]
 
 
-class Number(Table):
+class Number(Written):
     """[numbers.NAME]: a number of each run, from its series or from other runs' numbers."""
 
     title: Text = key("what the number is, for a reader")
@@ -127,7 +128,7 @@ class Plot(Table):
     limits: Many[_Limit] = key("limit lines: numbers, parameters, or tables")
 
 
-class Dispersion(Table):
+class Dispersion(Written):
     """An entry of [dispersions], "component.parameter" or "*.parameter": exactly one kind."""
 
     LEAST_INSIDE: ClassVar[float] = 0.01
@@ -168,7 +169,7 @@ class Dispersion(Table):
         return self
 
 
-class Requirement(Table):
+class Requirement(Written):
     """[requirements.NAME]: what a number must be in so large a share of a campaign's cases."""
 
     NEEDED = ("number",)
@@ -189,7 +190,7 @@ class Requirement(Table):
         return self
 
 
-class Design(Table):
+class Design(Written):
     """[design]: what `desat design` computes for this scenario."""
 
     of: Text = key("the scenario of this family whose design it uses")
@@ -261,7 +262,7 @@ class StopWhen(Table):
         return self
 
 
-class Scenario(Table):
+class Scenario(Written):
     """What a whole file and a value of an axis both may hold."""
 
     without: Many[Text] = key("paths of what is left out of that before, such as plots.rate")
