@@ -142,10 +142,10 @@ _STATE: dict[str, tuple[Callable[[], Any], Callable[[Any], Any]]] = {
 
 def stop_signals() -> list[int]:
     """The signals that stop a run; SIGHUP not where whoever started us has it ignored (nohup)."""
-    names = ("SIGINT", "SIGTERM", "SIGHUP")  # Windows has no SIGHUP
-    numbers = [getattr(signal, name) for name in names if hasattr(signal, name)]
-    return [n for n in numbers
-            if n == signal.SIGINT or signal.getsignal(n) != signal.SIG_IGN]  # fmt: skip
+    hung_up = getattr(signal, "SIGHUP", None)  # Windows has none
+    if hung_up is None or signal.getsignal(hung_up) == signal.SIG_IGN:
+        return [signal.SIGINT, signal.SIGTERM]
+    return [signal.SIGINT, signal.SIGTERM, hung_up]
 
 
 def no_space(text: str) -> str:
