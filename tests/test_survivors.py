@@ -32,6 +32,7 @@ from desat.runs.prepare import read
 from desat.runs.run import Options, execute
 from desat.system.check import check
 from desat.system.errors import DesatError
+from desat.system.parameters import Parameter
 
 UPRIGHT = (0.0, 0.0, 0.0, 1.0)
 COILS, LEVEL, PERIOD = (36.0, 36.0, 36.0), (0.04, 0.04, 0.04), 10.0
@@ -354,11 +355,10 @@ def test_what_blocks_know_of_the_wheels_is_shared(known):
 
 
 def test_a_limit_is_left_out_where_its_unless_holds():
-    parameters = {"torquers": {"drive": {"value": "ideal", "unit": ""},
-                               "m_limit": {"value": 40.0, "unit": "A.m2"}}}  # fmt: skip
+    parameters = {"torquers": {"drive": Parameter("ideal", ""), "m_limit": Parameter(40.0, "A.m2")}}
     limits = [LimitLine(value="torquers.m_limit", unless={"torquers.drive": "ideal"})]
     assert plots.limits_of(limits, parameters, "A.m2") == []
-    parameters["torquers"]["drive"]["value"] = "pulsed"
+    parameters["torquers"]["drive"] = Parameter("pulsed", "")
     assert [x[1] for x in plots.limits_of(limits, parameters, "A.m2")] == [40.0]
 
 
