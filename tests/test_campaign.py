@@ -206,7 +206,7 @@ def test_a_case_is_the_draw_of_the_same_number(whole, own, tmp_path):
 
     again = one(read_source(str(own)), Options(), 1, 123)
     row = store.read(whole).slice(123, 1).to_pylist()[0]
-    assert {k[4:]: v for k, v in row.items() if k.startswith("out.")} == again["numbers"]
+    assert {k[4:]: v for k, v in row.items() if k.startswith("out.")} == again.numbers
 
 
 def test_kept_cases_have_their_series(whole):
@@ -318,7 +318,7 @@ def test_a_packed_system_has_the_same_case_on_a_worker(own, whole, tmp_path):
     file.unlink()
     made = cluster.on_worker(plan, True, cluster.versions(), 3, False)
     row = store.read(whole).slice(3, 1).to_pylist()[0]
-    assert made["numbers"] == {k[4:]: v for k, v in row.items() if k.startswith("out.")}
+    assert made.numbers == {k[4:]: v for k, v in row.items() if k.startswith("out.")}
 
 
 def test_clusters_that_do_not_serve(own, whole, tmp_path, monkeypatch, capfd):
@@ -363,7 +363,7 @@ def test_clusters_that_do_not_serve(own, whole, tmp_path, monkeypatch, capfd):
             client.wait_for_workers(1, timeout=60)
             add = store.Store.add
 
-            def later(self: store.Store, row: dict[str, object]) -> None:
+            def later(self: store.Store, row: store.CaseRow) -> None:
                 add(self, row)
                 if self.done() == 5:
                     late.touch()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import io
 import json
 import shutil
@@ -55,8 +56,7 @@ def test_a_data_set_stays_with_its_cases(own, three, tmp_path):
     whole = store.read(folder).to_pylist()
     kept = store._of_block(folder, 0)
     (folder / "cases/part-00000.parquet").unlink()
-    described = dict.fromkeys(("message", "unmet", "stopped_when"))
-    lines = [json.dumps({**described, **row, "unmet": []}) + "\n" for row in kept]
+    lines = [json.dumps(row.to_json()) + "\n" for row in kept]
     (folder / store.JOURNAL).write_text("".join(lines[i] for i in (0, 2)))
     loaded = desat.load(folder)
     (folder / store.JOURNAL).write_text("".join(lines[i] for i in (0, 2, 1)))
@@ -218,11 +218,23 @@ def test_a_full_disk_is_told_with_the_file(three, tmp_path, name):
     else:
         (folder / name).symlink_to("/dev/full")
     with pytest.raises(OSError, match="No space left on device") as caught:
-        full.add({**row, "described": {"out.x": {"title": "x", "unit": "1"}}})
+        full.add(dataclasses.replace(row, described={"out.x": {"title": "x", "unit": "1"}}))
     wanted = folder / name.replace("00.tmp", "00.parquet").removesuffix(".tmp")
     assert caught.value.filename == str(wanted)
     with suppress(OSError):  # the rest of what it could not write
         full.close()
+
+
+def test_a_case_is_one_object_from_run_to_column(three):
+    """It was a dictionary that ten places took apart."""
+    rows = store._of_block(three, 0)
+    assert [row.case for row in rows] == [0, 1, 2]
+    for row in rows:
+        again = store.CaseRow.from_json(json.loads(json.dumps(row.to_json())))
+        assert again == row
+        assert row.completed == (row.status == "completed")
+        with pytest.raises(dataclasses.FrozenInstanceError):
+            row.code = 1
 
 
 def test_damaged_folders_are_named(three, tmp_path, desat):
@@ -253,7 +265,7 @@ def test_few_pairs_have_no_interval(three, own, tmp_path, desat):
     other = tmp_path / "other"
     shutil.copytree(three, other)
     rows = store._of_block(other, 0)
-    rows[1]["status"] = "failed"
+    rows[1] = dataclasses.replace(rows[1], status="failed")
     store._write(other, 0, rows)
     told = pairs.compare(three, other)
     assert told["warnings"] == ["case 1: completed in the first, failed in the second: in no pair"]
@@ -278,7 +290,7 @@ def test_what_was_timed_out_is_made_again_with_more_time(own, tmp_path):
     folder = flown(own, tmp_path / "campaign", limit=10.0)
     whole = store.digest(folder)
     rows = store._of_block(folder, 0)
-    rows[1] |= {"status": "timed out", "code": int(Exit.TIMEOUT), "numbers": {}}
+    rows[1] = dataclasses.replace(rows[1], status="timed out", code=int(Exit.TIMEOUT), numbers={})
     store._write(folder, 0, rows)
     flown(own, folder, limit=10.0)
     assert store.digest(folder) != whole

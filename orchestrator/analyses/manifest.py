@@ -33,6 +33,10 @@ class Stopped:
     condition: str
     time: float
 
+    def to_json(self) -> dict[str, Any]:
+        """As a manifest has it; a campaign's columns keep the time alone."""
+        return dict(vars(self)) if self.condition else {"time": self.time}
+
 
 @dataclass(frozen=True)
 class Slow:

@@ -22,12 +22,13 @@ from ..runs.run import Run, simulate
 from ..system.errors import DesatError, Exit
 from .draws import STOPPED, ran
 from .plan import Plan, source, system
+from .store import CaseRow
 
 POINTS = 200
 """Parts of a run that an envelope has a value for."""
 
 
-def row(plan: Plan, number: int, supervised: bool = False) -> dict[str, Any]:
+def row(plan: Plan, number: int, supervised: bool = False) -> CaseRow:
     """A case as a row: its inputs, its numbers, how it ended. A case that cannot begin is a row
     that says so. `supervised`: in a process of its own, which can say what ended it."""
     clock, values = time.perf_counter(), {}
@@ -37,29 +38,28 @@ def row(plan: Plan, number: int, supervised: bool = False) -> dict[str, Any]:
     except DesatError as error:
         if getattr(error, "code", 0) > STOPPED:  # this process was told to end: it is lost
             raise SystemExit(int(error.code)) from error
-        made = {"status": "failed", "code": int(getattr(error, "code", Exit.INPUT)),
-                "message": str(error), "unmet": [], "stopped_when": None, "numbers": {},
-                "values": values}  # fmt: skip
-    return {"case": number, **made, "seconds": round(time.perf_counter() - clock, 6),
-            "worker": f"{platform.node()}:{os.getpid()}"}  # fmt: skip
+        code = int(getattr(error, "code", Exit.INPUT))
+        made = CaseRow("failed", code, str(error), values=values)
+    return replace(made, number=number, seconds=round(time.perf_counter() - clock, 6),
+                   worker=f"{platform.node()}:{os.getpid()}")  # fmt: skip
 
 
-def _ran(plan: Plan, values: dict[str, Any], supervised: bool) -> dict[str, Any]:
+def _ran(plan: Plan, values: dict[str, Any], supervised: bool) -> CaseRow:
     options = plan.run_options()
     if supervised:
         options = replace(options, supervised=True, call_limit=plan.limit)
-    signals: list[str] = []
+    curves: dict[str, list[float]] = {}
+    told: dict[str, dict[str, str]] = {}
 
-    def more(run: Run) -> dict[str, Any]:
-        chosen = {name: plots[name] for name in plan.curves}
-        return {"curves": _curves(chosen, run), "beside": _described(chosen, values, run)}
+    def look(run: Run) -> None:
+        curves.update(_curves(chosen, run))
+        told.update(_described(chosen, values, run))
 
     plots = said(system(plan).about).plots
-    for name in plan.curves:
-        signals += plots[name].signals
-    made = ran(source(plan), options, values, signals, more)
-    made["described"] |= made.pop("beside")
-    return made
+    chosen = {name: plots[name] for name in plan.curves}
+    signals = [signal for plot in chosen.values() for signal in plot.signals]
+    made = ran(source(plan), options, values, signals, look)
+    return CaseRow(**{**vars(made), "described": {**made.described, **told}}, curves=curves)
 
 
 def _described(

@@ -20,6 +20,7 @@ from ..files.identity import versions
 from ..system.errors import DesatError, Exit, RunError
 from .case import row
 from .plan import Plan, digest_of
+from .store import CaseRow
 from .workers import Lost
 
 WAIT = "15s"
@@ -130,7 +131,7 @@ def _compared_with(plan: Plan) -> str:
 
 def on_worker(
     plan: Plan, sent: bool, here: dict[str, str], number: int, supervised: bool
-) -> dict[str, Any]:
+) -> CaseRow:
     """On a worker: a case as a row. A case that takes too long ends its worker, which its nanny
     replaces. Raises Unfit where the worker has other versions than the head, or another system."""
     if why := unfit(plan, sent, here):

@@ -196,19 +196,19 @@ def _make(
     with Shown(at, progress) as show:
         for number, result in results(workers, tasks, again):
             made = _without_row(plan, number, result) if isinstance(result, Lost) else result
-            rows.add({**made, "attempts": attempts.pop(number, 1)})
+            rows.add(replace(made, attempts=attempts.pop(number, 1)))
             at.done += 1
-            at.failed += made["status"] != "completed"
+            at.failed += not made.completed
             show()
             if time.monotonic() - written > _EACH:
                 written = time.monotonic()
                 write_json(folder / STATUS, at.as_json("running"))
 
 
-def _without_row(plan: Plan, number: int, reason: Lost) -> dict[str, Any]:
+def _without_row(plan: Plan, number: int, reason: Lost) -> store.CaseRow:
     """The row of a case that never gave one."""
-    return {"case": number, **lost(reason), "values": plan.values(number), "seconds": None,
-            "worker": ""}  # fmt: skip
+    made = store.CaseRow(**vars(lost(reason)))
+    return replace(made, number=number, values=plan.values(number))
 
 
 _TRIES = 3

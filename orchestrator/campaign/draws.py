@@ -7,13 +7,14 @@ import itertools
 import math
 import statistics
 from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import replace
-from typing import Any
+from dataclasses import dataclass, field, replace
+from typing import Any, ClassVar
 
 from rich.console import Console
 from rich.progress import track
 
 from ..analyses import Analysis, analyses, coverage
+from ..analyses.manifest import Stopped
 from ..language.content import Content, overridden, said
 from ..numbers.numbers import late, ranked
 from ..runs.prepare import Source, prepare, read
@@ -29,6 +30,39 @@ STOPPED = 128
 """Exit codes above are those of somebody who stopped the run."""
 
 
+@dataclass(frozen=True)
+class RunRow:
+    """A run as a row: how it ended, its numbers, and the values that it was given."""
+
+    KEY: ClassVar[str] = "draw"
+
+    status: str
+    code: int
+    message: str
+    unmet: Sequence[str] = ()
+    stopped_when: Stopped | None = None
+    numbers: Mapping[str, float | None] = field(default_factory=dict)
+    values: Mapping[str, Any] = field(default_factory=dict)
+    described: Mapping[str, dict[str, str]] = field(default_factory=dict)
+    """Title and unit of the numbers, and of what else a row has."""
+    number: int | None = None
+    """Of the draw, or of the case; None: nothing was drawn."""
+
+    @property
+    def completed(self) -> bool:
+        """Whether the run reached its end."""
+        return self.status == "completed"
+
+    def to_json(self) -> dict[str, Any]:
+        """As `draws` gives it, and a journal has it."""
+        return {
+            self.KEY: self.number, "status": self.status, "code": self.code,
+            "message": self.message, "unmet": list(self.unmet),
+            "stopped_when": self.stopped_when and self.stopped_when.to_json(),
+            "numbers": dict(self.numbers), "values": dict(self.values),
+        }  # fmt: skip
+
+
 class One:
     """Makes runs of sources, by target: each is read once a process. (They are not sent to those
     that start: what is larger than a pipe blocks where one ends before it has read it.)"""
@@ -38,22 +72,22 @@ class One:
 
     def __call__(
         self, target: str, options: Options, seed: int, draw: int | None
-    ) -> dict[str, Any]:  # fmt: skip
+    ) -> RunRow:  # fmt: skip
         """`one` of a target."""
         if target not in self._known:
             self._known[target] = read(target)
         return one(self._known[target], options, seed, draw)
 
 
-def one(source: Source, options: Options, seed: int, draw: int | None) -> dict[str, Any]:
-    """A run as a row: how it ended, its numbers, and the values drawn (`draw` None: nothing is).
+def one(source: Source, options: Options, seed: int, draw: int | None) -> RunRow:
+    """A run with the values drawn (`draw` None: nothing is).
 
     Raises DesatError, which names target and draw, for one that could not begin or was stopped.
     """
     target = source.target
     values = {} if draw is None else drawn(source.to_draw(options.blocks), seed, draw)
     try:
-        return {"draw": draw, **ran(source, options, values)}
+        return replace(ran(source, options, values), number=draw)
     except DesatError as error:
         where = target if draw is None else f"{target}: draw {draw}"
         lines = "\n".join(f"{where}: {x}" for x in str(error).splitlines())
@@ -62,10 +96,10 @@ def one(source: Source, options: Options, seed: int, draw: int | None) -> dict[s
 
 def ran(
     source: Source, options: Options, values: dict[str, Any], also: Sequence[str] = (),
-    more: Callable[[Run], dict[str, Any]] = lambda run: {},
-) -> dict[str, Any]:  # fmt: skip
-    """A run with some values: how it ended, its numbers and what they are, the values, and what
-    `more` makes of it; recorded is what the numbers are made of, and `also`."""
+    look: Callable[[Run], None] = lambda run: None,
+) -> RunRow:  # fmt: skip
+    """A run with some values, at which `look` may look; recorded is what the numbers are made of,
+    and `also`."""
     case = prepare(source, replace(options, values={**options.values, **values}))
     system, _ = case.or_raise()
     if options.record == ("*",):
@@ -82,20 +116,13 @@ def ran(
     run = simulate(case)
     if run.code > STOPPED:
         run.or_raise(source.target)
-    stopped = run.manifest.stopped_when
-    row = {
-        "status": run.manifest.status,
-        "code": int(run.code),
-        "message": run.manifest.message,
-        "unmet": list(run.manifest.unmet),
-        "stopped_when": stopped and dict(vars(stopped)),
-        "numbers": {name: n.value for name, n in run.manifest.numbers.items()},
-        "described": {
-            name: {"title": n.title, "unit": n.unit} for name, n in run.manifest.numbers.items()
-        },
-        "values": values,
-        **more(run),
-    }
+    told = run.manifest
+    row = RunRow(
+        told.status, int(run.code), told.message or "", told.unmet, told.stopped_when,
+        {name: n.value for name, n in told.numbers.items()}, values,
+        {name: {"title": n.title, "unit": n.unit} for name, n in told.numbers.items()},
+    )  # fmt: skip
+    look(run)
     run.results.close()
     return row
 
@@ -115,11 +142,9 @@ def never(system: Draft, options: Options) -> list[str]:
             for name in names if "." in name for what in overridden(system, name)]  # fmt: skip
 
 
-def lost(reason: Lost) -> dict[str, Any]:
+def lost(reason: Lost) -> RunRow:
     """The row of a run that never came back."""
-    code = Exit.TIMEOUT if reason.timeout else Exit.COMPONENT
-    return {"status": "failed", "code": int(code), "message": reason.why, "unmet": [],
-            "stopped_when": None, "numbers": {}, "values": {}}  # fmt: skip
+    return RunRow("failed", int(Exit.TIMEOUT if reason.timeout else Exit.COMPONENT), reason.why)
 
 
 def needed_signals(content: Content) -> list[str]:
@@ -130,7 +155,7 @@ def needed_signals(content: Content) -> list[str]:
 def rows_of(
     tasks: Sequence[tuple[str, Options, int, int | None]], jobs: int, title: str, progress: bool,
     *known: Source,
-) -> list[dict[str, Any]]:  # fmt: skip
+) -> list[RunRow]:  # fmt: skip
     """The row (`one`) of each task, over so many processes; `known`: sources read before.
 
     A run whose process dies is made again in a process of its own, which can say why; with one
@@ -147,7 +172,7 @@ def rows_of(
 
     if jobs == 1:
         tasks = [(t, replace(o, supervised=True), seed, draw) for t, o, seed, draw in tasks]
-    rows: dict[Any, dict[str, Any]] = {}
+    rows: dict[Any, RunRow] = {}
     console = Console(stderr=True)
     workers: Workers = Here(One(*known)) if jobs == 1 else Local(One(), jobs)
     with workers:
@@ -156,7 +181,7 @@ def rows_of(
             console=console, transient=True, disable=not (progress and console.is_terminal),
         ):  # fmt: skip
             is_lost = isinstance(result, Lost)
-            rows[key] = {"draw": tasks[key][3], **lost(result)} if is_lost else result
+            rows[key] = replace(lost(result), number=tasks[key][3]) if is_lost else result
     return [rows[key] for key in range(len(tasks))]
 
 
@@ -179,13 +204,10 @@ def draws(
     warnings += never(system, options)
     tasks = [(target, options, seed, draw) for draw in range(first, count)]
     rows = rows_of(tasks, jobs, target, progress, source)
-    summed = summary(rows, late(said(system.about)))
-    for row in rows:
-        row.pop("described", None)
-    stopped = sum(r["stopped_when"] is not None for r in rows)
     return {
-        "scenario": target, "seed": seed, "draws": rows, "stopped": stopped,
-        "summary": summed, "warnings": warnings,
+        "scenario": target, "seed": seed, "draws": [row.to_json() for row in rows],
+        "stopped": sum(row.stopped_when is not None for row in rows),
+        "summary": summary(rows, late(said(system.about))), "warnings": warnings,
     }  # fmt: skip
 
 
@@ -196,22 +218,23 @@ def whole_numbers(target: str, **given: tuple[Any, int]) -> None:
             raise DesatError(f"{target}: {name} = {value!r}: an integer from {least} on is needed")
 
 
-def summary(rows: list[dict[str, Any]], late: Collection[str]) -> dict[str, dict[str, Any]]:
+def summary(rows: list[RunRow], late: Collection[str]) -> dict[str, dict[str, Any]]:
     """`spreads` of each number of the draws that completed."""
-    whole = [r for r in rows if r["status"] == "completed"]
-    described = whole[0]["described"] if whole else {}
-    return spreads(whole, {name: d["unit"] for name, d in described.items()}, late)
+    whole = [r for r in rows if r.completed]
+    described = whole[0].described if whole else {}
+    units = {name: d["unit"] for name, d in described.items()}
+    return spreads([r.numbers for r in whole], units, late)
 
 
 def spreads(
-    rows: list[dict[str, Any]], units: Mapping[str, str], late: Collection[str]
+    rows: Sequence[Mapping[str, Any]], units: Mapping[str, str], late: Collection[str]
 ) -> dict[str, dict[str, Any]]:  # fmt: skip
     """Of each number that has a unit here: unit, median, least, largest, how many rows `n` have
     reached it and how many have not. Of those in `late` (`numbers.late`) median and largest are of
     all rows, None where they are not reached; of others of the rows that have them."""
     numbers = {}
     for name, unit in units.items():
-        given = [r["numbers"].get(name) for r in rows]
+        given = [r.get(name) for r in rows]
         values = [x for x in ranked(given, name in late) if x is not None]
         middle = statistics.median(values) if values else None
         ends = middle, min(values, default=None), max(values, default=None)
@@ -274,15 +297,15 @@ def sweep(
     made, times = [], late(said(system.about))
     for i, point in enumerate(points):
         own = rows[i * count : (i + 1) * count]
-        worst = max(own, key=lambda row: row["code"])
+        worst = max(own, key=lambda row: row.code)
         of_draws = summary(own, times)
         made.append({
             "values": point,
             "numbers": {name: entry["median"] for name, entry in of_draws.items()},
-            "stopped": sum(row["stopped_when"] is not None for row in own),
-            **{key: worst[key] for key in ("status", "code")},
-            "message": f"draw {worst['draw']}: {worst['message']}"
-            if worst["message"] and draws else worst["message"],
+            "stopped": sum(row.stopped_when is not None for row in own),
+            "status": worst.status, "code": worst.code,
+            "message": f"draw {worst.number}: {worst.message}"
+            if worst.message and draws else worst.message,
             **({"summary": of_draws} if draws else {}),
         })  # fmt: skip
     units = {n: e["unit"] for n, e in summary(rows, times).items()}

@@ -18,17 +18,21 @@ import hashlib
 import json
 import math
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, fields
+from dataclasses import replace as replace_of
 from functools import lru_cache
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import pyarrow as pa
 import pyarrow.parquet as pq
 
+from ..analyses.manifest import Stopped
 from ..files.io import naming, replace_text
 from ..runs.manifest import write_json
 from ..system.errors import DesatError
+from .draws import RunRow
 
 # --- A campaign's files as they are read: one that is damaged is a line that says what to do ----
 
@@ -113,6 +117,40 @@ OWN = ("seconds", "worker", "attempts", "versions")
 """Columns that may be other when a case is made again."""
 
 
+@dataclass(frozen=True)
+class CaseRow(RunRow):
+    """A case as a row, with what is OWN."""
+
+    KEY: ClassVar[str] = "case"
+
+    curves: Mapping[str, Sequence[float | None]] | None = None
+    """Its envelopes; None: it has none."""
+    seconds: float | None = None
+    worker: str = ""
+    attempts: int = 1
+    versions: str = ""
+
+    @property
+    def case(self) -> int:
+        """Its number."""
+        assert self.number is not None
+        return self.number
+
+    def to_json(self) -> dict[str, Any]:
+        """As the journal has it."""
+        curves = {} if self.curves is None else {"curves": dict(self.curves)}
+        own = {name: getattr(self, name) for name in OWN}
+        return {**super().to_json(), **curves, **own}
+
+    @classmethod
+    def from_json(cls, told: Mapping[str, Any]) -> CaseRow:
+        """From the journal, or a row of columns."""
+        stopped = told["stopped_when"]
+        when = stopped and Stopped(stopped.get("condition", ""), stopped["time"])
+        known = {f.name: told[f.name] for f in fields(cls) if f.name in told}
+        return cls(**{**known, "number": told["case"], "stopped_when": when})
+
+
 class Store:
     """The rows of a campaign that are there, and where further ones go."""
 
@@ -120,13 +158,13 @@ class Store:
         self.folder, self._count = folder, count
         self._versions = json.dumps(versions, sort_keys=True)
         self._described = described(folder)
-        self._open: dict[int, dict[int, dict[str, Any]]] = {}
+        self._open: dict[int, dict[int, CaseRow]] = {}
         for kind in (CASES, CURVES):
             (folder / kind).mkdir(parents=True, exist_ok=True)
         self._whole = _parts(folder)
         for row in _journal(folder):
-            if row["case"] // BLOCK not in self._whole and row["case"] < count:
-                self._open.setdefault(row["case"] // BLOCK, {})[row["case"]] = row
+            if row.case // BLOCK not in self._whole and row.case < count:
+                self._open.setdefault(row.case // BLOCK, {})[row.case] = row
         self._reopen(count)
         self._file = (folder / JOURNAL).open("a", encoding="utf-8")
 
@@ -140,7 +178,7 @@ class Store:
         for block in sorted(self._whole):
             rows = _of_block(self.folder, block)
             if len(rows) < self._size(block):
-                self._open[block] = {row["case"]: row for row in rows}
+                self._open[block] = {row.case: row for row in rows}
                 self._whole.discard(block)
         self._rewrite()
 
@@ -161,9 +199,7 @@ class Store:
 
     def failed(self) -> int:
         """How many of the cases that are there failed."""
-        waiting: int = sum(
-            r["status"] != "completed" for rows in self._open.values() for r in rows.values()
-        )
+        waiting = sum(not r.completed for rows in self._open.values() for r in rows.values())
         parts = (rows_in(_part(self.folder, CASES, b), ["status"]) for b in self._whole)
         return waiting + sum(int(s != "completed") for t in parts for s in t["status"].to_pylist())
 
@@ -172,27 +208,26 @@ class Store:
         for block in sorted(self._whole):
             codes = rows_in(_part(self.folder, CASES, block), ["code"])["code"].to_pylist()
             if code in codes:
-                self._open[block] = {row["case"]: row for row in _of_block(self.folder, block)}
+                self._open[block] = {row.case: row for row in _of_block(self.folder, block)}
                 self._whole.discard(block)
-        gone = [(b, n) for b, rows in self._open.items() for n in rows if rows[n]["code"] == code]
+        gone = [(b, n) for b, rows in self._open.items() for n in rows if rows[n].code == code]
         for block, number in gone:
             del self._open[block][number]
             for kind in (CASES, CURVES):
                 _part(self.folder, kind, block).unlink(missing_ok=True)
         self._rewrite()
 
-    def add(self, row: dict[str, Any]) -> None:
+    def add(self, row: CaseRow) -> None:
         """Keep a row: in the journal at once, in its file when the block is whole."""
-        row = {**row, "versions": self._versions}
-        described = row.pop("described", {})
-        if not described.keys() <= self._described.keys():
-            self._described |= described
+        row = replace_of(row, versions=self._versions)
+        if not row.described.keys() <= self._described.keys():
+            self._described |= row.described
             write_json(self.folder / NUMBERS, dict(sorted(self._described.items())))
-        block = row["case"] // BLOCK
+        block = row.case // BLOCK
         rows = self._open.setdefault(block, {})
-        rows[row["case"]] = row
+        rows[row.case] = row
         with naming(self.folder / JOURNAL):
-            self._file.write(json.dumps(row) + "\n")
+            self._file.write(json.dumps(row.to_json()) + "\n")
             self._file.flush()
         if len(rows) == self._size(block):
             _write(self.folder, block, [rows[n] for n in sorted(rows)])
@@ -206,7 +241,7 @@ class Store:
         part = path.with_suffix(".tmp")
         with naming(path), part.open("w", encoding="utf-8") as file:
             for rows in self._open.values():
-                file.writelines(json.dumps(row) + "\n" for row in rows.values())
+                file.writelines(json.dumps(row.to_json()) + "\n" for row in rows.values())
             file.flush()
             os.fsync(file.fileno())
         if reopen := hasattr(self, "_file"):
@@ -229,7 +264,7 @@ def _parts(folder: Path) -> set[int]:
     return {int(number) for number in found if number.isdecimal()}
 
 
-def _journal(folder: Path) -> Iterator[dict[str, Any]]:
+def _journal(folder: Path) -> Iterator[CaseRow]:
     """The rows of the journal; the last line may be half a line, of a head that was killed."""
     path = folder / JOURNAL
     if not path.exists():
@@ -242,14 +277,14 @@ def _journal(folder: Path) -> Iterator[dict[str, Any]]:
                 return
             if not (isinstance(row, dict) and row.keys() >= _ROW and isinstance(row["case"], int)):
                 return
-            yield row
+            yield CaseRow.from_json(row)
 
 
-def _write(folder: Path, block: int, rows: Sequence[dict[str, Any]]) -> None:
+def _write(folder: Path, block: int, rows: Sequence[CaseRow]) -> None:
     """Write the files of a block, each under another name first; that of the cases last."""
-    curves = [r.get("curves") or {} for r in rows]
+    curves = [r.curves or {} for r in rows]
     names = sorted({n for c in curves for n in c})
-    columns: dict[str, Any] = {"case": pa.array([r["case"] for r in rows], pa.int64())}
+    columns: dict[str, Any] = {"case": pa.array([r.case for r in rows], pa.int64())}
     columns |= {n: pa.array([c.get(n) for c in curves], pa.list_(pa.float64())) for n in names}
     if names:
         _save(pa.table(columns), _part(folder, CURVES, block))
@@ -265,29 +300,29 @@ def _save(table: pa.Table, path: Path) -> None:
         replace(part, path, file.read())
 
 
-def _table(rows: Sequence[dict[str, Any]]) -> pa.Table:
+def _table(rows: Sequence[CaseRow]) -> pa.Table:
     """Rows as columns: how each ended, `in.` what was drawn, `out.` its numbers."""
-    texts = {"status": "status", "message": "message", "worker": "worker", "versions": "versions"}
+    texts = ("status", "message", "worker", "versions")
     columns: dict[str, Any] = {
-        "case": pa.array([r["case"] for r in rows], pa.int64()),
-        "code": pa.array([r["code"] for r in rows], pa.int32()),
-        "attempts": pa.array([r["attempts"] for r in rows], pa.int32()),
-        "seconds": pa.array([r["seconds"] for r in rows], pa.float64()),
-        "unmet": pa.array([list(r["unmet"]) for r in rows], pa.list_(pa.string())),
+        "case": pa.array([r.case for r in rows], pa.int64()),
+        "code": pa.array([r.code for r in rows], pa.int32()),
+        "attempts": pa.array([r.attempts for r in rows], pa.int32()),
+        "seconds": pa.array([r.seconds for r in rows], pa.float64()),
+        "unmet": pa.array([list(r.unmet) for r in rows], pa.list_(pa.string())),
         "stopped_when": pa.array(
-            [(r["stopped_when"] or {}).get("time") for r in rows], pa.float64()
+            [r.stopped_when and r.stopped_when.time for r in rows], pa.float64()
         ),
-        **{name: pa.array([r[key] for r in rows], pa.string()) for name, key in texts.items()},
+        **{name: pa.array([getattr(r, name) for r in rows], pa.string()) for name in texts},
     }
-    drawn = [dict(_flat(r["values"])) for r in rows]
+    drawn = [dict(_flat(r.values)) for r in rows]
     for name in sorted({n for d in drawn for n in d}):
         columns[f"in.{name}"] = pa.array([d.get(name) for d in drawn])
-    for name in sorted({n for r in rows for n in r["numbers"]}):
-        columns[f"out.{name}"] = pa.array([r["numbers"].get(name) for r in rows], pa.float64())
+    for name in sorted({n for r in rows for n in r.numbers}):
+        columns[f"out.{name}"] = pa.array([r.numbers.get(name) for r in rows], pa.float64())
     return pa.table(dict(sorted(columns.items(), key=lambda c: (c[0] != "case", c[0]))))
 
 
-def _flat(values: dict[str, Any]) -> Iterator[tuple[str, Any]]:
+def _flat(values: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
     """Drawn values, an element each: `component.variable[i]`, from 1 on."""
     for name, value in values.items():
         if not isinstance(value, list):
@@ -298,7 +333,7 @@ def _flat(values: dict[str, Any]) -> Iterator[tuple[str, Any]]:
             yield from ((f"{name}[{i}]", x) for i, x in enumerate(value, 1))
 
 
-def _of_block(folder: Path, block: int) -> list[dict[str, Any]]:
+def _of_block(folder: Path, block: int) -> list[CaseRow]:
     """The rows of a file as they were added."""
     made = []
     table = rows_in(_part(folder, CASES, block)).to_pylist()
@@ -307,13 +342,12 @@ def _of_block(folder: Path, block: int) -> list[dict[str, Any]]:
     for entry in table:
         values = {k[3:]: v for k, v in entry.items() if k.startswith("in.") and v is not None}
         stopped = entry["stopped_when"]
-        made.append({
-            **{k: v for k, v in entry.items() if not k.startswith(("in.", "out."))},
-            "values": values,
+        made.append(CaseRow.from_json({
+            **entry, "values": values,
             "numbers": {k[4:]: v for k, v in entry.items() if k.startswith("out.")},
             "stopped_when": None if stopped is None else {"time": stopped},
-            **({"curves": curves[entry["case"]]} if entry["case"] in curves else {}),
-        })  # fmt: skip
+            "curves": curves.get(entry["case"]),
+        }))  # fmt: skip
     return made
 
 
@@ -332,16 +366,16 @@ def read(folder: Path, kind: str = CASES, columns: Sequence[str] | None = None) 
                 raise DesatError(f"{path}: damaged (it has other cases); without it the same "
                                  "command makes its cases again")  # fmt: skip
             tables.append(table)
-    rows = sorted((r for r in _journal(folder) if r["case"] // BLOCK not in blocks),
-                  key=lambda r: r["case"])  # fmt: skip
+    rows = sorted((r for r in _journal(folder) if r.case // BLOCK not in blocks),
+                  key=lambda r: r.case)  # fmt: skip
     if rows and kind == CASES:
         last = _table(rows)
         names = last.column_names
         tables.append(last if columns is None else last.select([c for c in columns if c in names]))
-    elif rows and any("curves" in r for r in rows):
-        names = sorted({n for r in rows for n in r.get("curves", {})})
-        columns_ = {n: [r.get("curves", {}).get(n) for r in rows] for n in names}
-        tables.append(pa.table({"case": [r["case"] for r in rows], **columns_}))
+    elif rows and any(r.curves is not None for r in rows):
+        names = sorted({n for r in rows for n in r.curves or {}})
+        columns_ = {n: [(r.curves or {}).get(n) for r in rows] for n in names}
+        tables.append(pa.table({"case": [r.case for r in rows], **columns_}))
     if not tables:
         if kind == CURVES:
             return pa.table({"case": pa.array([], pa.int64())})
@@ -352,8 +386,9 @@ def read(folder: Path, kind: str = CASES, columns: Sequence[str] | None = None) 
 def versions_of(folder: Path, case: int) -> dict[str, str] | None:
     """The versions that a case was made with; None where it is not there."""
     path = _part(folder, CASES, case // BLOCK)
-    rows = rows_in(path, ["case", "versions"]).to_pylist() if path.exists() else ()
-    found = [r["versions"] for r in rows or _journal(folder) if r["case"] == case]
+    found = [r["versions"] for r in rows_in(path, ["case", "versions"]).to_pylist()
+             if r["case"] == case] if path.exists() else []  # fmt: skip
+    found = found or [r.versions for r in _journal(folder) if r.case == case]
     told: dict[str, str] | None = json.loads(found[-1]) if found else None
     return told
 
@@ -361,7 +396,7 @@ def versions_of(folder: Path, case: int) -> dict[str, str] | None:
 def schema(folder: Path) -> pa.Schema:
     """The columns of the cases that are there. Raises DesatError where there is none."""
     parts = [columns(_part(folder, CASES, b)) for b in sorted(_parts(folder))]
-    if rows := [r for r in _journal(folder) if r["case"] // BLOCK not in _parts(folder)]:
+    if rows := [r for r in _journal(folder) if r.case // BLOCK not in _parts(folder)]:
         parts.append(_table(rows).schema)
     if not parts:
         raise DesatError(f"{folder}: no case is there yet")

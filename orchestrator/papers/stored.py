@@ -145,7 +145,7 @@ def compute(
             "code_sha256": code(scenario),
             "date": f"{datetime.now(UTC):%Y-%m-%d}",
             "units": units,
-            "summary": spreads(rows, units, late(scenario.content)),
+            "summary": spreads([r["numbers"] for r in rows], units, late(scenario.content)),
             "draws": rows,
         }
     return {
@@ -239,7 +239,8 @@ def read(family: str) -> dict[str, Any]:
             for i in places_of.get(name, ())
         ]
         of = known[name].content if name in known else NOTHING
-        kept["summary"] = spreads(kept["draws"], kept["units"], late(of))
+        numbers = [r["numbers"] for r in kept["draws"]]
+        kept["summary"] = spreads(numbers, kept["units"], late(of))
     return result
 
 

@@ -103,10 +103,9 @@ def _single(given: list[Scenario], options: Options, jobs: int) -> dict[str, Num
     Raises RunError for one that does not complete."""
     made = rows_of_runs([(s.name, options, 0, None) for s in given], jobs, "runs", progress=False)
     for scenario, row in zip(given, made, strict=True):
-        if row["status"] != "completed":
-            text = f"{scenario.name}: {row['status']}: {row['message']}"
-            raise RunError(text, Exit(row["code"]))
-    return {s.name: row["numbers"] for s, row in zip(given, made, strict=True)}
+        if not row.completed:
+            raise RunError(f"{scenario.name}: {row.status}: {row.message}", Exit(row.code))
+    return {s.name: dict(row.numbers) for s, row in zip(given, made, strict=True)}
 
 
 def as_json(family: str, table: list[Row], drawn: dict[str, Any] | None = None) -> dict[str, Any]:
