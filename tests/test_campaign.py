@@ -549,7 +549,7 @@ def test_campaigns_are_compared_case_by_case(whole, own, tmp_path):
     entry = told["numbers"]["coil_load"]
     assert told["pairs"] == entry["n"] <= 30
     assert told["warnings"] == []
-    longer = replace(coordinator.read(whole), options={"stop": 40.0})
+    longer = replace(coordinator.read(whole), options=Options(stop=40.0))
     text = "the first runs until 40 s, the second until 20 s"
     assert comparing._warnings(longer, coordinator.read(folder)) == [text]
     assert entry["unit"] == "%"

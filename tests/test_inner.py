@@ -464,7 +464,7 @@ def test_draws_sweeps_and_campaigns_take_inner_steps_as_a_run_does(desat, tmp_pa
     chosen = ("--inner", "auto", "--accuracy", "1e-3", "--out", str(tmp_path / "c"))
     done = desat("campaign", "run", name, "-n", "1", *short, *chosen)
     assert done.returncode == 1, done.stderr  # one case shows no requirement
-    assert read(tmp_path / "c").run_options() == Options(stop=60.0, inner=AUTO, accuracy=1e-3)
+    assert read(tmp_path / "c").options == Options(stop=60.0, inner=AUTO, accuracy=1e-3)
     swept = desat("sweep", name, "manager.delay=0", *short, "--inner", "none")
     assert (swept.returncode, swept.stderr) == (
         2,

@@ -179,8 +179,8 @@ class Manifest(Mapping[str, Any]):
 
     @cached_property
     def content(self) -> Content:
-        """What the scenario says. Raises pydantic's ValidationError where another version said what
-        is not in the language."""
+        """What the scenario says. Raises DesatError where that of another version is not in the
+        language."""
         return said(self.about)
 
     @property

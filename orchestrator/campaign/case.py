@@ -45,7 +45,7 @@ def row(plan: Plan, number: int, supervised: bool = False) -> CaseRow:
 
 
 def _ran(plan: Plan, values: dict[str, Any], supervised: bool) -> CaseRow:
-    options = plan.run_options()
+    options = plan.options
     if supervised:
         options = replace(options, supervised=True, call_limit=plan.limit)
     curves: dict[str, list[float]] = {}
@@ -109,7 +109,7 @@ def _envelope(
 
 def kept(plan: Plan, number: int, into: Path) -> Run:
     """Run a case again and keep its series and report in a folder."""
-    options = replace(plan.run_options(), supervised=True, call_limit=plan.limit)
+    options = replace(plan.options, supervised=True, call_limit=plan.limit)
     options = replace(options, values={**options.values, **plan.values(number)})
     run = simulate(prepare(source(plan), options), into)
     if run.code == Exit.SPACE or run.code > STOPPED:

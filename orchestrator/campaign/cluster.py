@@ -121,7 +121,7 @@ def _here(plan: Plan, sent: bool) -> Plan:
 
 def _compared_with(plan: Plan) -> str:
     try:
-        there = digest_of(plan.target, plan.run_options())
+        there = digest_of(plan.target, plan.options)
     except DesatError as error:
         return f"cannot have the system: {error}"
     return "" if there == plan.digest else (

@@ -8,7 +8,7 @@ import platform
 import sys
 import time
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -27,7 +27,7 @@ from ..system.options import Options
 from . import store
 from .case import kept, row
 from .draws import lost, never, whole_numbers
-from .plan import PLAN, Plan, digest_of, joined, kept_versions, read, same_versions
+from .plan import PLAN, Keep, Plan, digest_of, joined, kept_versions, read, same_versions
 from .sampling import SAMPLINGS, Sampling, allowed, drawn
 from .workers import Local, Lost, Workers, guarded, results
 
@@ -76,18 +76,16 @@ def planned(
         curves = list(plots)[:1]
     if unknown := [c for c in curves if c not in plots]:
         raise DesatError(f"--curve {unknown[0]}: no plot of that name{nearest(unknown[0], plots)}")
-    known = {f.name: getattr(Options(), f.name) for f in fields(Options)}
-    changed = {k: getattr(options, k) for k in known if getattr(options, k) != known[k]}
-    plan = Plan(target, digest_of(source, options), count, seed, sampling, changed, tuple(curves),
-                tuple(keep), limit)  # fmt: skip
+    plan = Plan(target, digest_of(source, options), count, seed, sampling, options, tuple(curves),
+                tuple(map(Keep.parsed, keep)), limit)  # fmt: skip
     numbers = {n for n, e in content.numbers.items() if not e.of}
     checked, _ = case.or_raise()
     numbers |= {n for a in analyses() if a.applies(checked) for n in a.NUMBERS}
-    for text in keep:
-        kind, _, number = _kept_of(text)
-        if kind == "worst" and number not in numbers:
-            raise DesatError(f"--keep {text}: no number {number}{nearest(number, numbers)}; "
-                             "worst:N:NUMBER, or --by NUMBER, is needed")  # fmt: skip
+    for each in plan.keep:
+        if each.number and each.number not in numbers:
+            hint = nearest(each.number, numbers)
+            raise DesatError(f"--keep {each}: no number {each.number}{hint}; worst:N:NUMBER, or "
+                             "--by NUMBER, is needed")  # fmt: skip
     warnings = [*case.checked.warnings, *_unmissable(content, checked.steps * checked.step)]
     if sampling == "sobol" and count & (count - 1):
         warnings.append(f"--sampling sobol: -n {count} is no power of two, as {_power(count)} is: "
@@ -216,15 +214,6 @@ _TRIES = 3
 often has no row of its own."""
 
 
-def _kept_of(text: str) -> tuple[str, int, str]:
-    """`worst:N:NUMBER` or `every:N` in parts. Raises DesatError for another form."""
-    kind, _, rest = text.partition(":")
-    count, _, number = rest.partition(":")
-    if kind not in ("worst", "every") or not count.isdecimal() or int(count) < 1:
-        raise DesatError(f"--keep {text}: worst:N:NUMBER or every:N is needed, N from 1 on")
-    return kind, int(count), number
-
-
 def chosen(plan: Plan, folder: Path) -> list[int]:
     """The cases that are to be kept: the worst are those with the largest number, or with the least
     where a requirement on it has only a `min`; those that never reach it first."""
@@ -233,27 +222,26 @@ def chosen(plan: Plan, folder: Path) -> list[int]:
     content = said(system(plan).about)
     least = {r.number for r in content.requirements.values() if r.max is None}
     cases: set[int] = set()
-    for text in plan.keep:
-        kind, count, number = _kept_of(text)
-        if kind == "every":
-            cases |= set(range(0, plan.count, count))
+    for keep in plan.keep:
+        if keep.number:
+            cases |= set(worst(folder, keep.number, keep.count, keep.number in least))
         else:
-            cases |= set(worst(folder, number, count, number in least))
+            cases |= set(range(0, plan.count, keep.count))
     return sorted(cases)
 
 
 def unreached(plan: Plan, folder: Path) -> list[str]:
     """What of `--keep` goes by a number that no case has, or none reaches: a line each."""
     lines = []
-    for text in plan.keep:
-        kind, count, number = _kept_of(text)
-        if kind != "worst":
+    for keep in plan.keep:
+        if not (number := keep.number):
             continue
         table = store.read(folder, columns=["case", f"out.{number}"])
         if f"out.{number}" not in table.column_names:
-            lines.append(f"--keep {text}: no case has a number {number}: nothing is kept by it")
+            lines.append(f"--keep {keep}: no case has a number {number}: nothing is kept by it")
         elif table[f"out.{number}"].null_count == table.num_rows:
-            lines.append(f"--keep {text}: no case reaches {number}: kept are the first {count}")
+            lines.append(f"--keep {keep}: no case reaches {number}: kept are the first "
+                         f"{keep.count}")  # fmt: skip
     return lines
 
 

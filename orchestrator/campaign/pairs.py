@@ -178,7 +178,7 @@ def compare(first: Path, second: Path, level: float = 0.95) -> dict[str, Any]:
 def _warnings(one: Plan, other: Plan) -> list[str]:
     """That the two do not end at the same time, as far as their systems are there."""
     try:
-        ends = [p.run_options().stop or system(p).stop
+        ends = [p.options.stop or system(p).stop
                 for p in (one, other)]  # fmt: skip
     except DesatError:
         return []

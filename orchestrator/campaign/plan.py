@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import shlex
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field, fields
+from dataclasses import dataclass, field, fields
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -27,6 +27,29 @@ whose points depend on it."""
 
 
 @dataclass(frozen=True)
+class Keep:
+    """Which cases keep their series: so many, the worst by a number, or without one every such."""
+
+    count: int
+    number: str = ""
+
+    def __str__(self) -> str:
+        """As `--keep` has it."""
+        return f"worst:{self.count}:{self.number}" if self.number else f"every:{self.count}"
+
+    @classmethod
+    def parsed(cls, text: str) -> Keep:
+        """From `worst:N:NUMBER` or `every:N`. Raises DesatError for another form."""
+        kind, _, rest = text.partition(":")
+        count, _, number = rest.partition(":")
+        if kind not in ("worst", "every") or not count.isdecimal() or int(count) < 1:
+            raise DesatError(f"--keep {text}: worst:N:NUMBER or every:N is needed, N from 1 on")
+        if kind == "worst" and not number:
+            raise DesatError(f"--keep {text}: no number; worst:N:NUMBER, or --by NUMBER, is needed")
+        return cls(int(count), number if kind == "worst" else "")
+
+
+@dataclass(frozen=True)
 class Plan:
     """A campaign. Two with the same plan have the same rows."""
 
@@ -37,27 +60,28 @@ class Plan:
     count: int
     seed: int = 1
     sampling: Sampling = "random"
-    options: dict[str, Any] = field(default_factory=dict)
-    """Those fields of `Options` that are not as by default."""
+    options: Options = field(default_factory=Options)
+    """What its runs are made with."""
     curves: tuple[str, ...] = ()
     """Plots of the scenario of which each case keeps an envelope."""
-    keep: tuple[str, ...] = ()
-    """Which cases keep their series: `worst:N:NUMBER`, `every:N`."""
+    keep: tuple[Keep, ...] = ()
     limit: float = 600.0
     """Wall time (s) that a case may take."""
-
-    def run_options(self) -> Options:
-        """What its runs are made with."""
-        given: dict[str, Any] = self.options
-        return Options(**given)
 
     def values(self, number: int) -> dict[str, Any]:
         """`component.parameter` -> value of a case."""
         return drawn(system(self), self.seed, number, self.sampling, self.count)
 
+    def to_json(self) -> dict[str, Any]:
+        """As its file has it: of the options those that are not as by default."""
+        usual = vars(Options())
+        told = {k: v for k, v in vars(self.options).items() if v != usual[k]}
+        return {**vars(self), "options": told, "curves": list(self.curves),
+                "keep": list(map(str, self.keep))}  # fmt: skip
+
     def write(self, folder: Path) -> None:
         """Keep it in its folder."""
-        write_json(folder / PLAN, {**asdict(self), "versions": versions()})
+        write_json(folder / PLAN, {**self.to_json(), "versions": versions()})
 
 
 def read(folder: Path) -> Plan:
@@ -69,9 +93,10 @@ def read(folder: Path) -> Plan:
         data = json.loads(file.read_text(encoding="utf-8"))
         known = {f.name for f in fields(Plan)}
         given: dict[str, Any] = {k: v for k, v in data.items() if k in known}
-        given |= {k: tuple(given.get(k, ())) for k in ("curves", "keep")}
+        given["curves"] = tuple(given.get("curves", ()))
+        given["keep"] = tuple(map(Keep.parsed, given.get("keep", ())))
+        given["options"] = Options(**given.get("options", {}))
         plan = Plan(**given)
-        plan.run_options()
     except (ValueError, TypeError, AttributeError, DesatError) as error:
         raise DesatError(f"{file}: damaged ({error})") from error
     for name, kind in _KINDS.items():
@@ -90,7 +115,7 @@ def changed(plan: Plan) -> str:
     if not comparable(plan.digest):
         return (f"{plan.target}: the desat that the campaign began with kept no digest of it that "
                 "this one can compare")  # fmt: skip
-    if digest_of(plan.target, plan.run_options()) == plan.digest:
+    if digest_of(plan.target, plan.options) == plan.digest:
         return ""
     return (f"{plan.target} is not what it was when the campaign began: wiring, times, content, "
             "parameters or FMUs differ")  # fmt: skip
@@ -100,7 +125,7 @@ def anew(plan: Plan) -> str:
     """What to say of the command that makes a campaign anew."""
     sampling = "" if plan.sampling == "random" else f" --sampling {plan.sampling}"
     return (f"`desat campaign {shlex.quote(plan.target)} -n {plan.count} --seed {plan.seed}"
-            f"{sampling}{as_arguments(plan.run_options())} --out ANOTHER` begins anew")  # fmt: skip
+            f"{sampling}{as_arguments(plan.options)} --out ANOTHER` begins anew")  # fmt: skip
 
 
 def kept_versions(folder: Path) -> dict[str, str]:
@@ -121,13 +146,13 @@ def joined(old: Plan, new: Plan, folder: Path) -> None:
     """Raises DesatError where a folder's campaign is not the one that is to go on in it."""
     if not comparable(old.digest):
         raise DesatError(f"{folder}: it cannot go on: {changed(old)}; {anew(new)}")
-    wanted = json.loads(json.dumps(asdict(new)))  # tuples as the file has them
-    for key, before in json.loads(json.dumps(asdict(old))).items():
+    wanted, told = (json.loads(json.dumps(plan.to_json())) for plan in (new, old))
+    for key, before in told.items():
         now = wanted[key]
         grows = key == "count" and now >= before and old.sampling not in FIXED
         if before == now or grows or key in GROWS[1:]:
             continue
-        if key == "digest" and old.options != new.options:
+        if key == "digest" and told["options"] != wanted["options"]:
             continue  # which is the reason, and said
         if key == "digest":
             raise DesatError(f"{folder}: another campaign: {changed(old)}; {anew(new)}")
@@ -155,7 +180,7 @@ def _source(target: str, digest: str) -> Source:
 
 def system(plan: Plan) -> Draft:
     """A campaign's system to draw for, and its plots. Raises DesatError where it cannot be had."""
-    return source(plan).to_draw(plan.run_options().blocks)
+    return source(plan).to_draw(plan.options.blocks)
 
 
 def digest_of(target: str | Source, options: Options) -> str:

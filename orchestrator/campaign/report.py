@@ -265,7 +265,7 @@ def _figures(folder: Path, plan: Plan, told: Mapping[str, Any]) -> list[_Figure]
 def _limits(plan: Plan, plot: Plot, unit: str) -> list[tuple[str, float]]:
     """The limit lines of a plot that are the same in all cases, sizes, each once; none of a system
     that is not to be had any more."""
-    options = plan.run_options()
+    options = plan.options
     try:
         checked, _ = prepare(source(plan), options).or_raise()
     except DesatError:
@@ -281,7 +281,7 @@ def _curves(folder: Path, plan: Plan) -> list[_Figure]:
     plots, told = said(drafted.about).plots, store.described(folder)
     table = store.read(folder, store.CURVES)
     made = []
-    options = plan.run_options()
+    options = plan.options
     start = drafted.start or 0.0
     stop = options.stop if options.stop is not None else drafted.stop or 0.0
     times = start + (np.arange(POINTS) + 0.5) / POINTS * (stop - start)
