@@ -33,9 +33,10 @@ from desat.files import library, paths
 from desat.fmus import registry
 from desat.numbers import derived
 from desat.numbers.measures import MEASURES
-from desat.numbers.numbers import evaluate, related, relative, scale
+from desat.numbers.numbers import evaluate, problems, related, relative, scale
 from desat.report.export import export, no_formula
 from desat.runs.manifest import read_manifest
+from desat.runs.prepare import read
 from desat.runs.run import Options, execute
 from desat.system.errors import DesatError
 from desat.system.interface import of_block
@@ -304,6 +305,15 @@ def test_measures():
     assert related("difference", None, 40) is None
     with pytest.raises(DesatError, match="did you mean norm_last"):
         evaluate({"measure": "norm_lst", "signal": "x.y"}, None, {})
+
+
+def test_each_number_of_a_series_that_is_not_there_is_said():
+    draft = read("uosat12/table3-ocdc-ilqr-1").draft(blocks=True)
+    lines = problems(draft.about, {}, {})
+    assert lines
+    assert all(re.fullmatch(r"numbers\.\w+: signal [\w.]+: no such series", x) for x in lines), (
+        lines
+    )
 
 
 def test_scales_of_units():
