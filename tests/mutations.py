@@ -24,6 +24,7 @@ import importlib
 import inspect
 import json
 import os
+import platform
 import random
 import re
 import resource
@@ -36,6 +37,7 @@ from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
+from importlib import metadata
 from pathlib import Path
 from typing import Any
 
@@ -566,6 +568,8 @@ def section(part: Part, result: dict[str, Any]) -> list[str]:
     )  # fmt: skip
     if part.sample is not None and part.functions:
         drawn += ", but for functions that decide a verdict, an exit code or a bound"
+    versions = result.get("versions", {}).items()
+    told = f" ({', '.join(f'{name} {x}' for name, x in versions)})" if versions else ""
     bare = "FMUs are empty meanwhile, so that no test fails because an FMU is of other code. "
     lines = [
         f"## Of {part.title}",
@@ -575,7 +579,7 @@ def section(part: Part, result: dict[str, Any]) -> list[str]:
         + (f" (of all {low:.0f} to {high:.0f} %, Clopper-Pearson, 95 %)." if part.sample else "."),
         "",
         f"{drawn}; {len(result['mutations'])} of these change the code, and the first {n['ran']} "
-        f"of them, in the order drawn, ran on {result['date']}. {bare if part.empty else ''}"
+        f"of them, in the order drawn, ran on {result['date']}{told}. {bare if part.empty else ''}"
         f"{once} of the open ones ran against {MOST} quick tests only, not yet against all. "
         f"{added} were not killed by any test and are now, by tests "
         "that were added for them. Controls, the same tests with nothing mutated: "
@@ -678,6 +682,7 @@ def main() -> int:
             ended = tried(tree, m, kept, folder / "log.c", text, limit)
             result.setdefault("controls", {})[str(k)] = ended
         result["date"] = f"{datetime.now(UTC):%Y-%m-%d}"
+        result["versions"] = _versions()
         new = STORED.with_suffix(f".{given.part}")
         new.write_text(json.dumps({**_stored(), given.part: result}, indent=1) + "\n")
         new.replace(STORED)
@@ -685,6 +690,12 @@ def main() -> int:
     if any("outcome" in m for m in result["mutations"]):
         PAGE.write_text(page(_stored()), encoding="utf-8")
     return 0
+
+
+def _versions() -> dict[str, str]:
+    """Of what mutates and tests."""
+    names = ("cosmic-ray", "coverage", "pytest")
+    return {"python": platform.python_version(), **{n: metadata.version(n) for n in names}}
 
 
 def _stored() -> dict[str, Any]:

@@ -134,6 +134,19 @@ def test_a_run_that_fails_within_a_step_has_those_before(monkeypatch):
     assert found["impulse_mismatch"] < 1e-12
 
 
+def test_a_run_that_fails_in_its_first_step_has_no_balance(monkeypatch):
+    from desat.components.blocks import torquers
+
+    def failing(block: torquers.Torquers, t: float, dt: float) -> None:
+        block.fail("it breaks")
+
+    monkeypatch.setattr(torquers.Torquers, "advance", failing)
+    run = execute("gyrostat/light", Options(inner=4, blocks=True))
+    assert run.manifest["status"] == "failed"
+    assert run.manifest["balance"] is None
+    assert not MADE & set(run.manifest["numbers"])
+
+
 @pytest.mark.parametrize("slow", [{"spacecraft": 5}, {"spacecraft": 5, "wheels": 5},
                                   {"environment": 5}, {"torquers": 5}], ids=str)  # fmt: skip
 def test_they_are_made_where_components_are_slow(tmp_path, slow):

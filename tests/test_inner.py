@@ -305,6 +305,7 @@ def test_it_is_one_with_a_reason_where_there_is_nothing_to_choose(tmp_path):
         manifest = simulate(prepare(target, Options(inner=AUTO, **options))).manifest
         assert manifest["inner"] == 1
         assert manifest["inner_choice"]["estimate"] is None
+        assert manifest["inner_choice"]["steps"] == 0, "none was flown"
         assert why in manifest["inner_choice"]["why"]
 
 

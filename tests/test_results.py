@@ -36,9 +36,10 @@ from desat.fmus import registry
 from desat.language.scenario import Number
 from desat.numbers import derived
 from desat.numbers.measures import MEASURES
-from desat.numbers.numbers import evaluate, related, relative, scale
+from desat.numbers.numbers import evaluate, problems, related, relative, scale
 from desat.report.export import export, no_formula
 from desat.runs.manifest import read_manifest
+from desat.runs.prepare import read
 from desat.runs.run import Options, execute, load_run
 from desat.system.errors import DesatError
 from desat.system.interface import of_block
@@ -336,6 +337,15 @@ def test_measures():
     assert relative("ratio", 30, 40) == 0.75
     assert [related(f, 30, 40) for f in ("saving", "ratio", "difference")] == [25, 0.75, -10]
     assert related("difference", None, 40) is None
+
+
+def test_each_number_of_a_series_that_is_not_there_is_said():
+    draft = read("uosat12/table3-ocdc-ilqr-1").draft(blocks=True)
+    lines = problems(draft.about, {}, {})
+    assert lines
+    assert all(re.fullmatch(r"numbers\.\w+: signal [\w.]+: no such series", x) for x in lines), (
+        lines
+    )
 
 
 def test_scales_of_units():
