@@ -822,6 +822,7 @@ def test_what_is_left_of_a_removal_is_swept(tmp_path, monkeypatch):
 def test_no_temporary_folder_at_all(desat, tmp_path, monkeypatch):
     monkeypatch.setattr(tempfile, "tempdir", None)
     monkeypatch.setattr(tempfile, "_candidate_tempdir_list", lambda: [str(tmp_path / "none")])
+    monkeypatch.setattr(library, "_by_contents", {})  # as no other test had extracted it
     library._root.cache_clear()
     done = desat("run", "gyrostat/free", "--out", str(tmp_path / "out"))
     library._root.cache_clear()

@@ -98,9 +98,9 @@ def test_a_campaign_names_its_journal(shim, tmp_path):
     """Also where what it could not write is tried again when it is closed."""
     script = f"""
 from pathlib import Path
-from desat.campaign.store import Store
+from desat.campaign.store import CaseRow, Store
 store = Store(Path({str(tmp_path / "out")!r}), 3, {{}})
-row = {{"case": 0, "status": "completed", "numbers": {{"y": 3000 * "1"}}}}
+row = CaseRow("completed", 0, 3000 * "1", number=0)
 for call in (lambda: store.add(row), store.close):
     try:
         call()

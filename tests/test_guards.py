@@ -324,9 +324,10 @@ def test_stored_draws_come_back(monkeypatch, tmp_path):
     rows = [{"draw": 0, "numbers": {"a": 0.1, "b": None}},
             {"draw": 2, "numbers": {"a": None, "b": 1e-300}}]  # fmt: skip
     units = {"a": "s", "b": "1"}
-    x = {"sha256": "1", "units": units, "summary": draws.spreads(rows, units, set()), "draws": rows}
+    of_x = draws.spreads([r["numbers"] for r in rows], units, set())
+    x = {"sha256": "1", "units": units, "summary": of_x, "draws": rows}
     y = {"sha256": "2", "units": {"a": "s"}, "draws": [{"draw": 0, "numbers": {"a": -0.0}}]}
-    y["summary"] = draws.spreads(y["draws"], y["units"], set())
+    y["summary"] = draws.spreads([r["numbers"] for r in y["draws"]], y["units"], set())
     for family in ("f", "e"):
         scenarios = {f"{family}/x": x, f"{family}/y": y}
         kept = {"family": family, "seed": 1, "scenarios": scenarios}
@@ -376,7 +377,7 @@ def test_a_page_has_draws_made_anew_for_a_number_that_is_not_stored(monkeypatch,
             for i in range(first, count)
         ]
         units = {**kept["scenarios"][name]["units"], "null_rms": "N.m.s", "x": "1"}
-        return {"draws": rows, "summary": draws.spreads(rows, units, set())}
+        return {"draws": rows, "summary": draws.spreads([r["numbers"] for r in rows], units, set())}
 
     monkeypatch.setattr(stored, "draws", made)
     with pytest.raises(DesatError, match="null_rms of its draws is not stored; without --draft"):

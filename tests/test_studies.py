@@ -83,7 +83,7 @@ def test_a_drawn_value_that_is_refused_is_named(other):
             one(read(target), SHORT, 1, draw)
         assert ("allowed is 0.001 to inf" if draw else of) in str(error.value)
     target = other('dispersions."wheel.speed_limit" = { uniform = [1.0, 2.0] }')
-    with pytest.raises(DesatError, match=r"toml: dispersions\.wheel\.speed_limit: no component"):
+    with pytest.raises(DesatError, match=r"toml:2: dispersions\.wheel\.speed_limit: no component"):
         draws(target, 2, 1, SHORT, 1)
 
 
