@@ -7,8 +7,17 @@ with STEP (s). Controller and manager are written here from their equations (pap
 11, 16 and 19), once more and in numpy, so that nothing of what is compared is shared. They sample
 at 1 s what the dynamics have then, and their commands act from then on: the modules that hand
 commands on stand before the spacecraft in the task. (Behind it, which is the usual order, they act
-one step late: 2e-3 rad at 0.1 s.) The field is held over each step, which makes an error of
-first order in STEP.
+one step late; with CASE.late true it flies so.) The field is held over each step, which makes an
+error of first order in STEP.
+
+CASE.laws "modules" flies Basilisk's own flight software instead: hillPoint, attTrackingError,
+mrpFeedback, rwMotorTorque and mtbMomentumManagement (Hogan & Schaub, 2015). A list flies the
+equations here with its terms in place of ours, by name:
+
+    mrp          K sigma, K = 2 kp, where ours is kp e
+    gyroscopic   omega_r x (J omega + A h) - J (omega x omega_r), where ours is omega x A h
+    null_space   the wheels' momentum is driven to nothing in the null space, too
+    relative     the momentum to dump is J_s Omega, where ours is J_s (Omega + g . omega)
 
 FILE has q_bi (rows, 4; scalar last), omega (rows, 3; rad/s, body) and h (rows, 4; N m s, axial,
 absolute) at every CASE.every s.
@@ -22,12 +31,22 @@ from typing import Any
 
 import numpy as np
 from Basilisk.architecture import messaging, sysModel
+from Basilisk.fswAlgorithms import (
+    attTrackingError,
+    hillPoint,
+    mrpFeedback,
+    mtbMomentumManagement,
+    rwMotorTorque,
+    tamComm,
+)
 from Basilisk.simulation import (
     GravityGradientEffector,
     MtbEffector,
     gravityEffector,
     magneticFieldCenteredDipole,
+    magnetometer,
     reactionWheelStateEffector,
+    simpleNav,
     spacecraft,
 )
 from Basilisk.utilities import (
@@ -39,10 +58,11 @@ from Basilisk.utilities import (
 )
 
 SAMPLE = 1.0
+MODULES = "modules"
 RADIUS = 6371.2e3
 
 
-class Earth(sysModel.SysModel):
+class Earth(sysModel.SysModel):  # type: ignore[misc]
     """Where the Earth-fixed axes are: they turn about the z axis of the inertial ones."""
 
     def __init__(self, angle: float, rate: float) -> None:
@@ -61,7 +81,7 @@ class Earth(sysModel.SysModel):
         self.out.write(state, now, self.moduleID)
 
 
-class Flight(sysModel.SysModel):
+class Flight(sysModel.SysModel):  # type: ignore[misc]
     """Nadir guidance, attitude controller and momentum manager, each at 1 s, by perfect sensors."""
 
     def __init__(self, case: dict[str, Any], craft: Any, field: Any, wheels: Any) -> None:
@@ -86,6 +106,9 @@ class Flight(sysModel.SysModel):
         sigma = np.array(state.sigma_BN)
         self.rows.append((now, *sigma, *omega, *h))
 
+        if case["laws"] == MODULES:
+            return
+        terms = case["laws"]
         body = RigidBodyKinematics.MRP2C(sigma)
         r, v = np.array(state.r_BN_N), np.array(state.v_BN_N)
         z, y = -r / np.linalg.norm(r), -np.cross(r, v) / np.linalg.norm(np.cross(r, v))
@@ -93,18 +116,26 @@ class Flight(sysModel.SysModel):
         error = body @ wanted.T
         beta = RigidBodyKinematics.C2EP(error)  # scalar first, not negative
         e = np.array(beta[1:]) * math.copysign(1.0, beta[0])
-        rate = np.array([0.0, -np.linalg.norm(np.cross(r, v)) / (r @ r), 0.0])
-        too_fast = omega - error @ rate
+        omega_r = error @ np.array([0.0, -np.linalg.norm(np.cross(r, v)) / (r @ r), 0.0])
+        too_fast = omega - omega_r
         self.integral = self.integral + SAMPLE * e
-        control = -self.inertia @ (
-            case["kp"] * e + case["kd"] * too_fast + case["ki"] * self.integral
+        proportional = 2.0 * e / (1.0 + abs(beta[0])) if "mrp" in terms else e
+        control = -np.array(case["gain_matrix"]) @ (
+            case["kp"] * proportional + case["kd"] * too_fast + case["ki"] * self.integral
         )
 
         b = body @ np.array(self.field.envOutMsgs[0].read().magField_N)
-        total = self.axes @ h
-        dipole = case["gain"] * np.cross(total, b) / (b @ b)
+        stored = self.axes @ h
+        dumped = np.array(case["inertia_wheel"]) * speeds if "relative" in terms else h
+        dipole = case["gain"] * np.cross(self.axes @ dumped, b) / (b @ b)
         dipole = np.clip(dipole, -case["m_limit"], case["m_limit"])
-        torque = self.to_wheels @ (np.cross(dipole, b) - control - np.cross(omega, total))
+        gyroscopic = np.cross(omega, stored)
+        if "gyroscopic" in terms:
+            whole = self.inertia @ omega + stored
+            gyroscopic = np.cross(omega_r, whole) - self.inertia @ np.cross(omega, omega_r)
+        torque = self.to_wheels @ (np.cross(dipole, b) - control - gyroscopic)
+        if "null_space" in terms:
+            torque -= case["gain"] * (dumped - self.to_wheels @ (self.axes @ dumped))
 
         coils = messaging.MTBCmdMsgPayload()
         coils.mtbDipoleCmds = dipole.tolist()
@@ -112,6 +143,56 @@ class Flight(sysModel.SysModel):
         motors = messaging.ArrayMotorTorqueMsgPayload()
         motors.motorTorque = torque.tolist()
         self.torque.write(motors, now, self.moduleID)
+
+
+def modules(
+    case: dict[str, Any], craft: Any, field: Any, wheels: Any, layout: Any, bars: Any
+) -> Any:
+    """Basilisk's own flight software, first to last, and the messages of its last: torques of the
+    wheels and dipoles."""
+    navigation = simpleNav.SimpleNav()
+    navigation.scStateInMsg.subscribeTo(craft.scStateOutMsg)
+    sensor = magnetometer.Magnetometer()
+    sensor.stateInMsg.subscribeTo(craft.scStateOutMsg)
+    sensor.magInMsg.subscribeTo(field.envOutMsgs[0])
+    link = tamComm.tamComm()
+    link.dcm_BS = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0]
+    link.tamInMsg.subscribeTo(sensor.tamDataOutMsg)
+    hill = hillPoint.hillPoint()
+    hill.transNavInMsg.subscribeTo(navigation.transOutMsg)
+    to_lvlh = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, -1.0], [-1.0, 0.0, 0.0]])  # from Hill's axes
+    error = attTrackingError.attTrackingError()
+    error.sigma_R0R = RigidBodyKinematics.C2MRP(to_lvlh.T).tolist()
+    error.attRefInMsg.subscribeTo(hill.attRefOutMsg)
+    error.attNavInMsg.subscribeTo(navigation.attOutMsg)
+    control = mrpFeedback.mrpFeedback()
+    control.K, control.P, control.Ki, control.integralLimit = (
+        2.0 * case["kp"],
+        case["kd"],
+        -1.0,
+        1.0,
+    )
+    vehicle = messaging.VehicleConfigMsg().write(
+        messaging.VehicleConfigMsgPayload(ISCPntB_B=np.ravel(case["inertia"]).tolist())
+    )
+    control.guidInMsg.subscribeTo(error.attGuidOutMsg)
+    control.vehConfigInMsg.subscribeTo(vehicle)
+    control.rwParamsInMsg.subscribeTo(layout)
+    control.rwSpeedsInMsg.subscribeTo(wheels.rwSpeedOutMsg)
+    mapping = rwMotorTorque.rwMotorTorque()
+    mapping.controlAxes_B = [1, 0, 0, 0, 1, 0, 0, 0, 1]
+    mapping.vehControlInMsg.subscribeTo(control.cmdTorqueOutMsg)
+    mapping.rwParamsInMsg.subscribeTo(layout)
+    manager = mtbMomentumManagement.mtbMomentumManagement()
+    manager.wheelSpeedBiases = [0.0] * 4
+    manager.cGain = case["gain"]
+    manager.rwParamsInMsg.subscribeTo(layout)
+    manager.mtbParamsInMsg.subscribeTo(bars)
+    manager.tamSensorBodyInMsg.subscribeTo(link.tamOutMsg)
+    manager.rwSpeedsInMsg.subscribeTo(wheels.rwSpeedOutMsg)
+    manager.rwMotorTorqueInMsg.subscribeTo(mapping.rwMotorTorqueOutMsg)
+    chain = navigation, sensor, link, hill, error, control, mapping, manager
+    return chain, manager.rwMotorTorqueOutMsg, manager.mtbCmdOutMsg, vehicle
 
 
 def main() -> None:
@@ -173,14 +254,23 @@ def main() -> None:
     bars = messaging.MTBArrayConfigMsg().write(bars)
     coils = MtbEffector.MtbEffector()
     coils.mtbParamsInMsg.subscribeTo(bars)
-    coils.mtbCmdInMsg.subscribeTo(flight.dipole)
     coils.magInMsg.subscribeTo(field.envOutMsgs[0])
     craft.addDynamicEffector(coils)
-    wheels.rwMotorCmdInMsg.subscribeTo(flight.torque)
+    torque, dipole, chain = flight.torque, flight.dipole, ()
+    if case["laws"] == MODULES:
+        chain, torque, dipole, _ = modules(
+            case, craft, field, wheels, factory.getConfigMessage(), bars
+        )
+    wheels.rwMotorCmdInMsg.subscribeTo(torque)
+    coils.mtbCmdInMsg.subscribeTo(dipole)
 
-    for priority, module in enumerate((field, turning, craft, gradient, coils, wheels)):
-        sim.AddModelToTask("dynamics", module, priority)  # the last is the first
-    sim.AddModelToTask("flight", flight)
+    order = [wheels, coils, gradient, craft, turning, field]
+    if case["late"]:
+        order = [craft, turning, field, wheels, coils, gradient]
+    for priority, module in enumerate(reversed(order)):
+        sim.AddModelToTask("dynamics", module, priority)  # the highest is first
+    for priority, module in enumerate(reversed((flight, *chain))):
+        sim.AddModelToTask("flight", module, priority)
     sim.InitializeSimulation()
     sim.ConfigureStopTime(macros.sec2nano(case["stop"]))
     sim.ExecuteSimulation()
