@@ -244,7 +244,7 @@ def test_a_foreign_manager_needs_only_what_its_law_wants(desat, tmp_path, lean_m
         dipole = results.values("manager.m_cmd_body")
         field = results.values("magnetometer.b_body")
     assert dipole[2:].any()
-    assert dipole[2:].tolist() == (1e5 * field[1 : len(dipole) - 1]).tolist()
+    assert dipole[1:].tolist() == (1e5 * field[1 : len(dipole)]).tolist()
 
     short = f"manager={lean_manager(*outputs[:2], *outputs[3:])}"
     result = desat("check", NAME, "--source", short)

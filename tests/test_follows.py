@@ -60,7 +60,9 @@ def _held(results):
 @pytest.mark.parametrize("family", ["nadir_day", "integrated", "uosat12", "space_telescope"])
 def test_every_gain_matrix_is_derived(family):
     """In the file, so that it follows whatever a scenario that extends it says."""
-    those = [s for s in scenarios(family).values() if "gain_matrix" in str(s.content.parameters)]
+    others = {"nadir_day/witness-laws"}  # the gains of Basilisk's law, which knows no matrix
+    those = [s for name, s in scenarios(family).items()
+             if name not in others and "gain_matrix" in str(s.content.parameters)]  # fmt: skip
     assert those
     for scenario in those:
         assert scenario.content.parameters["controller"]["gain_matrix"] == "shared.inertia"

@@ -61,6 +61,7 @@ OTHER: dict[str, Unit] = {
     "rpm": Unit(rad=1, s=-1, factor=pi / 30),
     "min": Unit(s=1, factor=60.0),
     "h": Unit(s=1, factor=3600.0),
+    "degC": Unit(K=1, offset=273.15),
 }
 """Names that take none."""
 NAMES = ("1", *SI, *OTHER)

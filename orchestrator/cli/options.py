@@ -136,6 +136,11 @@ Trust = Annotated[
                  help="A list of sha256 hashes (as of sha256sum): an FMU that is neither ours nor "
                  "of it is refused."),
 ]  # fmt: skip
+Strict = Annotated[
+    bool,
+    typer.Option("--strict", help="Refuse a foreign FMU whose model description breaks the "
+                 "standard; else that is a warning."),
+]  # fmt: skip
 Jobs = Annotated[int, typer.Option(help="Processes.", min=1)]
 CPUS = os.cpu_count() or 1
 

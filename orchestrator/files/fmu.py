@@ -24,17 +24,26 @@ LONGEST_NAME = 200
 """Of a library (characters)."""
 
 
-def of_fmu(path: Path) -> Interface:
-    """The interface of an FMI 2.0 co-simulation FMU (a file or an extracted folder).
+def of_fmu(path: Path, called: str = "") -> Interface:
+    """The interface of an FMI 2.0 co-simulation FMU (a file or an extracted folder); `called`: its
+    file's name, for messages.
 
     Raises DesatError when it is no such FMU.
     """
-    return _of_fmu(path, path.stat().st_mtime_ns)
+    return _of_fmu(path, called or path.name, path.stat().st_mtime_ns)
 
 
 @lru_cache(maxsize=256)
-def _of_fmu(path: Path, _modified: int) -> Interface:
-    root, description = _read(path)
+def _of_fmu(path: Path, called: str, _modified: int) -> Interface:
+    root, description = _read(path, called)
+    try:
+        return _interface(root, description)
+    except (ValueError, TypeError, AttributeError, ArithmeticError) as error:
+        text = str(error) or type(error).__name__  # nobody has validated it
+        raise DesatError(f"{called}/modelDescription.xml: {text}") from error
+
+
+def _interface(root: Any, description: Any) -> Interface:
     units = {
         u.name: Unit(b.kg, b.m, b.s, b.A, b.K, b.rad, b.factor, b.offset)
         for u in description.unitDefinitions if (b := u.baseUnit) is not None
@@ -57,38 +66,55 @@ def _of_fmu(path: Path, _modified: int) -> Interface:
     )
 
 
-def _read(path: Path) -> tuple[Any, Any]:
+def _read(path: Path, called: str) -> tuple[Any, Any]:
     """The XML of an FMU's model description, and what fmpy makes of it. Raises DesatError."""
     try:
         if path.is_dir():
-            xml = contents(path / "modelDescription.xml", f"{path.name}/modelDescription.xml")
+            xml = contents(path / "modelDescription.xml", f"{called}/modelDescription.xml")
         else:
             with zipfile.ZipFile(path) as archive:
                 xml = archive.read("modelDescription.xml")
-        root = parse_bytes(xml, f"{path.name}/modelDescription.xml")
+        root = parse_bytes(xml, f"{called}/modelDescription.xml")
         version = root.get("fmiVersion")
         if version != "2.0" or root.find("CoSimulation") is None:
-            raise DesatError(
-                f"{path.name}: FMI {version} {'' if version != '2.0' else 'without co-simulation'}"
-                "; FMI 2.0 co-simulation is needed"
-            )
-        _identifier(path, root)
-        return root, read_model_description(path)
+            kind = f"FMI {version}" if version != "2.0" else "FMI 2.0 for model exchange alone"
+            raise DesatError(f"{called}: {kind}: FMI 2.0 for co-simulation is needed: export it as "
+                             "that")  # fmt: skip
+        _identifier(called, root)
+        return root, description_of(path)
     except (OSError, KeyError, zipfile.BadZipFile, etree.XMLSyntaxError) as error:
-        raise DesatError(f"{path.name}: not a readable FMU ({error})") from error
+        raise DesatError(f"{called}: not a readable FMU ({error})") from error
     except DesatError:
         raise
     except Exception as error:  # fmpy raises plain Exception
         said = str(error).splitlines() or [type(error).__name__]
-        raise DesatError(f"{path.name}: {said[0]}") from error
+        raise DesatError(f"{called}: {said[0]}") from error
 
 
-def _identifier(path: Path, root: Any) -> None:
+def description_of(path: Path) -> Any:
+    """What fmpy makes of a model description (of a file or an extracted folder), whatever faults
+    against the standard it has."""
+    return read_model_description(path, validate=False)
+
+
+@lru_cache(maxsize=256)
+def faults(path: Path) -> tuple[str, ...]:
+    """What is wrong with the model description of an extracted FMU by the standard, by fmpy's
+    validation, a line each."""
+    try:
+        read_model_description(path)
+    except Exception as error:  # fmpy raises plain Exception
+        lines = [line.strip(" -") for line in str(error).splitlines()]
+        return tuple(x for x in lines if x and not x.endswith(":")) or (type(error).__name__,)
+    return ()
+
+
+def _identifier(called: str, root: Any) -> None:
     """Raise DesatError unless the name of an FMU's library is one of C, no path to another file."""
     for kind in root.iterfind("CoSimulation"):
         name = kind.get("modelIdentifier", "")
         if not (name.isascii() and name.isidentifier() and len(name) <= LONGEST_NAME):
-            raise DesatError(f"{path.name}: modelIdentifier {name[:80]!r} is no C name")
+            raise DesatError(f"{called}: modelIdentifier {name[:80]!r} is no C name")
 
 
 def _output_classes(description: Any) -> dict[str, OutputClass]:

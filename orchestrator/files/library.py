@@ -26,7 +26,7 @@ from ..system.errors import DesatError, nearest
 from ..system.interface import Interface, of_block
 from ..system.model import Component
 from . import io, paths
-from .fmu import of_fmu
+from .fmu import faults, of_fmu
 from .io import contents, regular, text
 
 _PREFIX, _LOCK = "desat-", ".lock"
@@ -183,7 +183,7 @@ def load(path: Path) -> Fmu:
             digest.update(name.encode() + data)
         return Fmu(path, path, digest.hexdigest(), of_fmu(path))
     folder = extract(path)
-    return Fmu(path, folder, sha256(path), of_fmu(folder))
+    return Fmu(path, folder, sha256(path), of_fmu(folder, path.name))
 
 
 def computes(name: str, fmu: Path | None) -> str:
@@ -310,6 +310,18 @@ def _ours() -> dict[int, list[Path]]:
 def runs(fmu: Path, trusted: frozenset[str] | None) -> bool:
     """Whether the code of an FMU is ours or that of a list."""
     return is_ours(fmu) or load(fmu).sha256 in (trusted or ())
+
+
+def told_faults(components: Iterable[Component]) -> Iterator[str]:
+    """A line for each foreign FMU whose model description breaks the standard, with the first of
+    its faults."""
+    for c in components:
+        if c.fmu is None or is_ours(c.fmu):
+            continue
+        fmu = load(c.fmu)
+        if found := faults(fmu.folder):
+            more = f" ({len(found) - 1} more)" if len(found) > 1 else ""
+            yield f"{c.name}: {fmu.path.name}: not as FMI wants it: {found[0][:300]}{more}"
 
 
 def problems(components: Iterable[Component], trusted: frozenset[str] | None) -> Iterator[str]:

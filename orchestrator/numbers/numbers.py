@@ -182,9 +182,12 @@ def defined(number: Number | None) -> str:
     return f"{number.title} ({'; '.join(parts)})"
 
 
-def problems(content: Content, units: dict[str, str], parameters: Table) -> list[str]:
-    """What is wrong with a system's numbers before it runs; `units`: of every series there is."""
-    wrong = []
+def problems(
+    content: Content, units: dict[str, str], parameters: Table
+) -> list[tuple[tuple[str, ...], str]]:
+    """What is wrong with a system's numbers before it runs, keys and text; `units`: of every series
+    there is."""
+    wrong: list[tuple[tuple[str, ...], str]] = []
     for name, number in content.numbers.items():
         try:
             signals = number.signals
@@ -197,7 +200,7 @@ def problems(content: Content, units: dict[str, str], parameters: Table) -> list
                 if derivation := derived.of_entry(number):
                     _own(number, derivation[0], parameters)
         except DesatError as error:
-            wrong.append(f"numbers.{name}: {error}")
+            wrong.append((("numbers", name), str(error)))
     return wrong
 
 

@@ -28,7 +28,6 @@ from math import inf, isfinite, lcm, log2
 from typing import TypeVar
 
 import numpy as np
-from fmpy import read_model_description
 
 from desat.components.contract.block import Scalar
 
@@ -41,6 +40,7 @@ from ..engine.loop import stepping
 from ..engine.master import Master
 from ..engine.recording.results import Results
 from ..files import library
+from ..files.fmu import description_of
 from ..numbers.derived import pointing
 from ..system.errors import DesatError
 from ..system.interface import base_name
@@ -245,7 +245,7 @@ def _foreign(system: System, options: Options, every: Mapping[str, int]) -> str:
         assert component.fmu is not None
         if name not in isolated(system, options):
             return f"{name} is a foreign FMU without a process of its own: it is not run twice"
-        of = read_model_description(library.load(component.fmu).folder).coSimulation
+        of = description_of(library.load(component.fmu).folder).coSimulation
         if every[name] == 1 and not of.canHandleVariableCommunicationStepSize:
             return (f"{name}: {component.fmu.name} takes steps of one length only "
                     "(canHandleVariableCommunicationStepSize)")  # fmt: skip

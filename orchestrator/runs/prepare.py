@@ -15,14 +15,11 @@ from ..files import library, scenario, ssp
 from ..files.assembly import modify
 from ..files.scenario import Scenario
 from ..language.content import NOTHING, dispersed, said
-from ..numbers.numbers import problems
 from ..system.check import Checked, check
 from ..system.draft import Draft
 from ..system.errors import DesatError
-from ..system.interface import base_name
 from ..system.model import System
 from ..system.options import Options
-from ..system.parameters import table
 from ..system.resolve import resolve
 from ..system.schedule import Schedule
 from . import stopping, validation
@@ -116,6 +113,8 @@ def prepare(target: str | Source, options: Options) -> Case:
     if checked.system is not None:
         components = checked.system.components.values()
         checked.problems += library.problems(components, options.trusted)
+        faults = checked.problems if options.strict else checked.warnings
+        faults += library.told_faults(components)
         checked.problems += validation.recording_problems(checked.system, options)
         checked.problems += validation.not_saved(checked.system, options)
         checked.problems += validation.not_halved(checked.system, options)
@@ -173,15 +172,24 @@ def _check_wishes(
     checked: Checked, system: System, schedule: Schedule, described: Scenario | None,
     options: Options,
 ) -> None:  # fmt: skip
-    """Add what of a sound system does not suit what its scenario, and the options, want of it."""
-    if described is not None:
+    """Add what of a sound system does not suit what its scenario, and the options, want of it;
+    what another FMU lacks, which the options put in a place, is left out of the content."""
+    if options.sources:
+        content, left_out = validation.fitted(said(system.about), system)
+        checked.system = system = replace(system, about=content)
+        checked.warnings += [described.where(path) + f": {text}" if described
+                             else f"{system.where}: {'.'.join(path)}: {text}"
+                             for path, text in left_out]  # fmt: skip
+    elif described is not None:
         checked.problems += validation.wants(described, system)
     else:
         checked.problems += [f"{system.where}: {t}" for t in stopping.problems(system)]
     checked.problems += design_problems(system)
-    lacking = _problems_of_numbers(system)
-    # another FMU may lack what the scenario's numbers are made of: it runs without them
-    (checked.warnings if options.sources else checked.problems).extend(lacking)
+    if not options.sources:
+        content = said(system.about)
+        name = content.name or system.name
+        checked.problems += [f"{name}: {'.'.join(path)}: {text}"
+                             for path, text in validation.numbers(content, system)]  # fmt: skip
     checked.warnings += warnings(system)
     if options.algorithm == "jacobi":
         checked.warnings += _under_jacobi(system, schedule)
@@ -218,18 +226,6 @@ def _designed(described: Scenario, options: Options) -> dict[str, dict[str, Any]
         name: {k: v for k, v in values.items() if k not in own.get(name, {})}
         for name, values in making.parameters_for(described, options).items()
     }
-
-
-def _problems_of_numbers(system: System) -> list[str]:
-    """What is wrong with the numbers that a scenario wants of a checked system."""
-    units = {
-        f"{c.name}.{base_name(s.name)}": s.unit_name
-        for c in system.components.values() for s in c.interface.of("output")
-    }  # fmt: skip
-    content = said(system.about)
-    name = content.name or system.name
-    wrong = problems(content, units, table(system.components.values()))
-    return [f"{name}: {text}" for text in wrong]
 
 
 # --- Which components run in processes of their own, and what to say where there can be none ----

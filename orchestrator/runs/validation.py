@@ -7,28 +7,28 @@ import inspect
 import re
 import shutil
 from collections.abc import Iterator
+from copy import deepcopy
 from math import inf
 from pathlib import Path
 from typing import Any
 
-from fmpy import read_model_description
-
 from ..analyses import analyses
 from ..engine.recording.results import selects
 from ..files import library
+from ..files.fmu import description_of
 from ..files.scenario import Scenario
 from ..language.content import Content
 from ..language.paper import OfNumber
 from ..language.scenario import Dispersion, Number, Plot
 from ..numbers import derived
 from ..numbers.measures import MEASURES, OWN_UNIT, SCALARS, SIZES
-from ..numbers.numbers import scale
+from ..numbers.numbers import problems, scale
 from ..system.draft import Draft
 from ..system.errors import DesatError, nearest
 from ..system.interface import KINDS, Signal, base_name
 from ..system.model import System
 from ..system.options import Options
-from ..system.parameters import expand
+from ..system.parameters import expand, table
 from . import stopping
 
 Keys = tuple[str, ...]
@@ -177,7 +177,71 @@ def wants(scenario: Scenario, system: System) -> list[str]:
     return [f"{scenario.where(path)}: {text}" for path, text in problems]
 
 
-def _elements(system: Draft, name: str, causalities: tuple[str, ...]) -> list[Signal] | str:
+def numbers(content: Content, system: System) -> list[tuple[Keys, str]]:
+    """What is wrong with the numbers that a scenario wants of a resolved system."""
+    units = {
+        f"{c.name}.{base_name(s.name)}": s.unit_name
+        for c in system.components.values() for s in c.interface.of("output")
+    }  # fmt: skip
+    return problems(content, units, table(system.components.values()))
+
+
+def fitted(content: Content, system: System) -> tuple[Content, list[tuple[Keys, str]]]:
+    """A scenario's content for a system in which other FMUs are: without the numbers, plots, limits
+    and conditions that name what these lack; and what is left out, keys and text."""
+    told = deepcopy(content.written)
+    tables = {t: told.get(t, {}) for t in ("numbers", "plots", "requirements", "paper")}
+    left: dict[Keys, str] = {}
+    for path, text in [*_series(content, system), *numbers(content, system)]:
+        what, name, *key = path
+        if name not in tables[what]:
+            continue
+        entry = tables[what][name]
+        some = [x for x in entry.get("signals", []) if not _lacks(x, system, ("output",))]
+        if key == ["limits"]:
+            entry["limits"] = [x for x in entry["limits"] if not _lacks(x, system)]
+        elif key == ["signals"] and some and "derive" not in entry:
+            entry["signals"] = some
+        else:
+            del tables[what][name]
+        left[path] = f"{text}: left out"
+    gone = set(content.numbers) - tables["numbers"].keys()
+    while more := {n for n, x in tables["numbers"].items() if x.get("of") in gone}:
+        for name in more:
+            del tables["numbers"][name]
+            left["numbers", name] = f"of {content.numbers[name].of}: left out"
+        gone |= more
+    for name, entry in content.requirements.items():
+        if entry.number in gone:
+            del tables["requirements"][name]
+            left["requirements", name] = f"of {entry.number}: left out, not checked"
+    for path, text in _analysed(content, system):
+        tables["paper"].pop(path[1], None)
+        left[path] = f"{text}: left out"
+    for line in stopping.problems(system):
+        told.pop("stop_when", None)
+        path_text, _, text = line.partition(": ")
+        left[tuple(path_text.split("."))] = f"{text}: left out, the run goes on to its stop time"
+    return (Content.model_validate(told) if left else content), list(left.items())
+
+
+def _lacks(
+    written: Any, system: System, kinds: tuple[str, ...] = ("parameter", "input")
+) -> bool:  # fmt: skip
+    """Whether a limit or signal of a plot, as it is written, names a variable that is not there."""
+    value = written.get("value") if isinstance(written, dict) else written
+    return any(isinstance(_elements(system, name, kinds), str) for name in _named(value))
+
+
+def _named(value: Any) -> list[str]:
+    """The parameters that a limit names."""
+    factors = re.split(r"[*/]", value) if isinstance(value, str) else ()
+    return [base_name(x.strip()) for x in factors if not _is_number(x)]
+
+
+def _elements(
+    system: Draft | System, name: str, causalities: tuple[str, ...]
+) -> list[Signal] | str:
     """The elements of `component.variable`, or what is wrong with the name; none where the
     component's FMU is missing, which is said elsewhere."""
     owner, _, variable = name.partition(".")
@@ -202,7 +266,7 @@ def _unit(own: str, unit: str) -> str:
     return ""
 
 
-def _series(content: Content, system: Draft) -> Iterator[tuple[Keys, str]]:
+def _series(content: Content, system: Draft | System) -> Iterator[tuple[Keys, str]]:
     entries: list[tuple[Keys, str, Number | Plot]] = [
         *((("numbers", name), "signal", number) for name, number in content.numbers.items()),
         *((("plots", name), "signals", plot) for name, plot in content.plots.items()),
@@ -216,11 +280,10 @@ def _series(content: Content, system: Draft) -> Iterator[tuple[Keys, str]]:
             yield (*path, what), text
     for name, plot in content.plots.items():
         for limit in plot.limits:
-            for factor in re.split(r"[*/]", limit.value) if isinstance(limit.value, str) else ():
-                if not _is_number(factor):
-                    problem = _elements(system, base_name(factor.strip()), ("parameter", "input"))
-                    if isinstance(problem, str):
-                        yield ("plots", name, "limits"), problem
+            for parameter in _named(limit.value):
+                problem = _elements(system, parameter, ("parameter", "input"))
+                if isinstance(problem, str):
+                    yield ("plots", name, "limits"), problem
 
 
 def _entry(entry: Number | Plot, signals: list[list[Signal]]) -> Iterator[tuple[str, str]]:
@@ -338,7 +401,7 @@ def not_saved(system: System, options: Options) -> Iterator[str]:
     for c in system.components.values():
         if c.fmu is None:
             continue
-        of = read_model_description(library.load(c.fmu).folder).coSimulation
+        of = description_of(library.load(c.fmu).folder).coSimulation
         if not (of.canGetAndSetFMUstate and of.canSerializeFMUstate):
             yield (f"--checkpoint: {c.name}: {c.fmu.name} cannot save its state "
                    "(canGetAndSetFMUstate, canSerializeFMUstate)")  # fmt: skip
@@ -351,7 +414,7 @@ def not_halved(system: System, options: Options) -> Iterator[str]:
         yield "--halve: it has no effect without a foreign FMU"
     for c in foreign if options.halvings else ():
         assert c.fmu is not None
-        of = read_model_description(library.load(c.fmu).folder).coSimulation
+        of = description_of(library.load(c.fmu).folder).coSimulation
         if not (of.canGetAndSetFMUstate and of.canHandleVariableCommunicationStepSize):
             yield (f"--halve: {c.name}: {c.fmu.name} cannot step anew with another length "
                    "(canGetAndSetFMUstate, canHandleVariableCommunicationStepSize)")  # fmt: skip

@@ -59,7 +59,6 @@ def check(draft: Draft) -> Checked:
     checked.warnings += warnings
     checked.notes += filter(None, (ends.text(n) for n, ends in checked.unwired.items()))
     if not checked.problems:
-        checked.warnings += _undeclared(system)
         checked.warnings += _follows(system, draft)
         try:
             checked.schedule = schedule(system)
@@ -180,22 +179,6 @@ def _overrides(system: System, given: Mapping[str, str]) -> Iterator[str]:
             yield f"{where}: {owner} has no output {name}"
         if value not in ("state", "interval"):
             yield f'{where}: {key} = "{value}"; state or interval is needed'
-
-
-def _undeclared(system: System) -> Iterator[str]:
-    silent: dict[str, list[str]] = defaultdict(list)
-    for c in system.connections:
-        component = system.components[c.source]
-        signal = component.interface.signals[c.output]
-        if signal.output_class == "undeclared" and not any(
-            f"{c.source}.{n}" in system.output_classes for n in (c.output, base_name(c.output))
-        ):
-            silent[c.source].append(base_name(c.output))
-    for name, outputs in silent.items():
-        listed = ", ".join(dict.fromkeys(outputs))
-        yield (f"{system.where}: {name} declares no dependencies: {listed} taken as state outputs, "
-               f'one step late; override with [output_classes] "{name}.{outputs[0]}" = '
-               '"interval"')  # fmt: skip
 
 
 # ------------------------------------------------------------------------------------------------

@@ -154,27 +154,49 @@ class Draft:
 
 def drop_unwanted(draft: Draft, component: DraftComponent) -> None:
     """Take out what the SSD wires or lists for a replaced component and its FMU does not have:
-    connections into inputs, with a warning that names them, and connectors that nobody reads.
+    connections, with a warning that names them, and connectors that nobody reads.
 
-    An FMU in a role's place needs only the inputs that its law wants. An output that somebody reads
-    stays listed, so that the check misses it.
+    An FMU in a role's place needs only the inputs that its law wants, and may lack an output of the
+    role (a manager without thrusters): who reads that keeps its start value. Where it has none of
+    those that are read, or a part of an array, they stay, so that the check misses them.
     """
     if component.interface is None:
         return
     name, signals = component.name, component.interface.signals
+    fmu, bases = PurePath(component.source).name, {base_name(s) for s in signals}
     unwanted = [c for c in draft.connections if c.target == name and c.input not in signals]
     if unwanted:
-        whole = {base_name(c.input) for c in unwanted} - {base_name(s) for s in signals}
+        whole = {base_name(c.input) for c in unwanted} - bases
         names = (b if (b := base_name(c.input)) in whole else c.input for c in unwanted)
         inputs = ", ".join(sorted(set(names)))
-        draft.warnings.append(
-            f"{name}: {PurePath(component.source).name} has no input {inputs}: left unwired"
-        )
+        draft.warnings.append(f"{name}: {fmu} has no input {inputs}: left unwired")
+    missing = [
+        c for c in draft.connections if c.source == name and base_name(c.output) not in bases
+    ]
+    if any(c.source == name and c not in missing for c in draft.connections):
+        for output, reads in sorted(_by_output(missing).items()):
+            hint = nearest(output, {base_name(s.name) for s in component.interface.of("output")})
+            draft.warnings.append(
+                f"{name}: {fmu} has no output {output}{hint}: {', '.join(reads)} "
+                f"keep{'s' if len(reads) == 1 else ''} the start value"
+            )
+        for c in missing:
+            draft.components[c.target].connectors.pop(c.input, None)
+        unwanted += missing
+    if unwanted:
         draft.connections = [c for c in draft.connections if c not in unwanted]
     read = {c.output for c in draft.connections if c.source == name}
     component.connectors = {
         key: c for key, c in component.connectors.items() if key in signals or key in read
     }
+
+
+def _by_output(connections: Iterable[Connection]) -> dict[str, list[str]]:
+    """The inputs that each output feeds, arrays as a whole."""
+    feeds: dict[str, dict[str, None]] = {}
+    for c in connections:
+        feeds.setdefault(base_name(c.output), {})[f"{c.target}.{base_name(c.input)}"] = None
+    return {output: list(inputs) for output, inputs in feeds.items()}
 
 
 def adopt_shared(draft: Draft, component: DraftComponent) -> None:

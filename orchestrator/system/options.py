@@ -77,6 +77,8 @@ class Options:
     """Of a scenario with a [design]: a file with another one, or `now`: made for these values."""
     trusted: frozenset[str] | None = None
     """The sha256 of the FMUs that may run besides ours; None: all may."""
+    strict: bool = False
+    """A foreign FMU whose model description breaks the standard is refused."""
     time_limit: float | None = None
     """Wall time (s) that stepping may take; the run ends between two steps"""
     loop: Loop = "compiled"

@@ -181,8 +181,14 @@ def _end(
 def _converted(c: Connection, source: Signal, target: Signal) -> Connection:
     """The connection with the conversion of its units, where it has no other. Raises DesatError
     where they do not fit."""
-    if source.unit is None or target.unit is None or not c.converts:
+    if not c.converts or not (source.unit_name and target.unit_name):
         return c
+    if source.unit is None or target.unit is None:
+        if source.unit_name == target.unit_name:
+            return c
+        unknown = source.unit_name if source.unit is None else target.unit_name
+        raise DesatError(f"unit {unknown} is not known: nothing says how {source.unit_name} "
+                         f"becomes {target.unit_name}")  # fmt: skip
     converted = conversion(source.unit, target.unit)
     if converted is None:
         raise DesatError(f"unit {source.unit_name} does not fit {target.unit_name}")

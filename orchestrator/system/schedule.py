@@ -180,11 +180,19 @@ def schedule(system: System) -> Schedule:
     for name, component in system.components.items():
         for signal in component.interface.of("output"):
             classes[name, signal.name] = output_class(system, name, signal)
-    before: dict[str, set[str]] = {name: set() for name in system.components}
-    for c in system.connections:
-        if classes[c.source, c.output] == "interval":
-            before[c.target].add(c.source)
+    silent = {key for key, of in classes.items() if of == "undeclared"}
+    classes |= dict.fromkeys(silent, "interval")
+    before = _before(system, classes)
     order = _order(before)
+    if silent and len(order) < len(before):
+        late = {
+            (c.source, c.output)
+            for c in system.connections
+            if (c.source, c.output) in silent and _reaches(before, c.source, c.target)
+        }
+        classes |= dict.fromkeys(late, "undeclared")
+        before = _before(system, classes)
+        order = _order(before)
     if len(order) < len(before):
         waiting = {name: needs for name, needs in before.items() if name not in set(order)}
         raise DesatError(_circle(system, waiting, classes))
@@ -199,7 +207,49 @@ def schedule(system: System) -> Schedule:
             else _timing(c, classes[c.source, c.output], c in means, paces))
         for c in system.connections
     )  # fmt: skip
-    return Schedule(tuple(order), classes, paces, timing, tuple(_warnings(means, timing)))
+    warnings = (*_undeclared(system, silent, classes), *_warnings(means, timing))
+    return Schedule(tuple(order), classes, paces, timing, warnings)
+
+
+def _before(
+    system: System, classes: Mapping[tuple[str, str], OutputClass]
+) -> dict[str, set[str]]:  # fmt: skip
+    """The components whose interval outputs each one takes."""
+    before: dict[str, set[str]] = {name: set() for name in system.components}
+    for c in system.connections:
+        if classes[c.source, c.output] == "interval":
+            before[c.target].add(c.source)
+    return before
+
+
+def _reaches(before: Mapping[str, set[str]], name: str, start: str) -> bool:
+    """Whether what one component gives comes to another over the step: then a connection from
+    that one back closes a circle."""
+    seen, todo = {name}, [name]
+    while todo:
+        for other in before[todo.pop()] - seen:
+            seen.add(other)
+            todo.append(other)
+    return start in seen
+
+
+def _undeclared(
+    system: System, silent: Iterable[tuple[str, str]],
+    classes: Mapping[tuple[str, str], OutputClass],
+) -> Iterator[str]:  # fmt: skip
+    """How outputs are taken of which an FMU does not say what they depend on: on all inputs (FMI
+    2.0.4, section 2.2.8), so over the step; where that closes a circle, one step late."""
+    read = {(c.source, c.output) for c in system.connections}
+    lines: dict[tuple[str, OutputClass], list[str]] = {}
+    for name, output in sorted(read & set(silent)):
+        lines.setdefault((name, classes[name, output]), []).append(base_name(output))
+    for (name, of), outputs in lines.items():
+        listed = ", ".join(dict.fromkeys(outputs))
+        taken = "over the step" if of == "interval" else "one step late, as they close a circle"
+        other = "state" if of == "interval" else "interval"
+        yield (f"{system.where}: {name} declares no dependencies: {listed} may depend on every "
+               f"input and are taken {taken}; otherwise: --output-class {name}.{outputs[0]}="
+               f"{other}")  # fmt: skip
 
 
 def _order(before: dict[str, set[str]]) -> list[str]:
@@ -277,14 +327,9 @@ def _circle(
         )  # fmt: skip
         links.append(connection)
     text = " -> ".join(f"{c.source}.{base_name(c.output)}" for c in links)
-    silent = sorted(
-        {c.source for c in system.connections if classes[c.source, c.output] == "undeclared"}
-        & set(members)
-    )
-    note = f"; {', '.join(silent)} declare no dependencies" if silent else ""
     example = f'"{links[-1].source}.{base_name(links[-1].output)}" = "state"'
     return (
-        f"{system.where}: cycle over the step: {text} -> {members[0]}{note}; to take one of them a "
+        f"{system.where}: cycle over the step: {text} -> {members[0]}; to take one of them a "
         f"step late, write under [output_classes]: {example}"
     )
 

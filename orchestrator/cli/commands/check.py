@@ -25,6 +25,7 @@ def check(
     design: o.DesignOption = None,
     classes: o.Classes = None,
     trust: o.Trust = None,
+    strict: o.Strict = False,
     as_json: o.Json = False,
 ) -> None:
     """Find what is wrong with a system before it runs, and print its schedule."""
@@ -35,7 +36,8 @@ def check(
     from ...system.refusal import told
 
     options = o.options_of(sets, stop, step, o.Semantics.conserving, blocks, classes, sources,
-                         inner=inner, accuracy=accuracy, design=design, trust=trust)  # fmt: skip
+                         inner=inner, accuracy=accuracy, design=design, trust=trust,
+                         strict=strict)  # fmt: skip
     case = prepare(target, options)
     checked, schedule = case.checked, case.checked.schedule
     if checked.system is not None and schedule is not None:

@@ -66,6 +66,7 @@ def run(
                      "no other: those that are not ours, all, or none."),
     ] = o.Isolated.foreign,
     trust: o.Trust = None,
+    strict: o.Strict = False,
     estimate: Annotated[
         bool,
         typer.Option(
@@ -94,7 +95,8 @@ def run(
     options = o.options_of(
         sets, stop, step, algorithm, blocks, classes, sources, record=tuple(record or ("*",)),
         every=every, design=design, inner=inner, accuracy=accuracy,
-        time_limit=time_limit, loop=loop.value, fmus=fmus.value, trust=trust, supervised=True,
+        time_limit=time_limit, loop=loop.value, fmus=fmus.value, trust=trust, strict=strict,
+        supervised=True,
         call_limit=call_limit, checkpoint=checkpoint, halvings=halve, isolate=isolate.value,
     )  # fmt: skip
     _free(folder)

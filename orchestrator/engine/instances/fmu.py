@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from fmpy import read_model_description
 from fmpy.fmi1 import FMICallException
 from fmpy.fmi2 import (
     FMU2Slave,
@@ -23,6 +22,7 @@ from fmpy.logging import addLoggerProxy
 
 from desat.components.contract.block import Scalar
 
+from ...files.fmu import description_of
 from ...files.library import Fmu
 from ...system.errors import DesatError, plain
 from ...system.interface import KINDS, Kind, Signal
@@ -39,7 +39,7 @@ class _Library:
     """The loaded library of an FMU, for all its instances in this process."""
 
     def __init__(self, folder: Path, ours: bool) -> None:
-        description = read_model_description(folder)
+        description = description_of(folder)
         self.once = description.coSimulation.canBeInstantiatedOnlyOncePerProcess
         self.instances = 0
         try:
@@ -49,7 +49,8 @@ class _Library:
                 modelIdentifier=description.coSimulation.modelIdentifier,
             )
         except Exception as error:  # fmpy raises plain Exception
-            raise DesatError(f"{description.modelName}: {error}") from error
+            text = str(error).replace(f"{folder}/", "")
+            raise DesatError(f"{description.modelName}: {text}") from error
         self.calls: dict[str, Any] = {}
         # Our FMUs never wait for another thread, so their calls may keep the GIL; a foreign FMU's
         # step might wait for a Python thread of its own. No argument types: what is passed is
