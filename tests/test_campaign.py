@@ -27,12 +27,18 @@ from scipy.stats import spearmanr
 from test_failures import HOW, binary, drawn_to_fail  # noqa: F401
 
 import desat
-from desat.campaign import coordinator, judged, report, sampling, store
+from desat.campaign import case as case_module
+from desat.campaign import coordinator, draws, judged, report, sampling, store
 from desat.campaign import pairs as comparing
+from desat.campaign import plan as plan_module
 from desat.campaign.pairs import compare
+from desat.campaign.plan import Plan
 from desat.campaign.sampling import axes, drawn
 from desat.campaign.workers import Local, Lost, results
+from desat.runs import prepare as prepare_module
+from desat.runs.prepare import prepare
 from desat.runs.prepare import read as read_source
+from desat.system.check import check
 from desat.system.errors import DesatError, Exit
 from desat.system.options import Options
 
@@ -692,3 +698,48 @@ def test_a_script_without_a_guard_is_told_so(tmp_path, call):
     assert 'needs `if __name__ == "__main__":` before it does' in ended.stderr.splitlines()[-1]
     cases = tmp_path / "campaign" / "cases"
     assert not cases.exists() or not any(cases.iterdir())
+
+
+@pytest.mark.parametrize(
+    ("name", "more"),
+    [
+        ("alsat1/basin-y-wheel", ""),
+        ("hausat2/start-up-ours", ""),
+        ("integrated/mil-nadir", ""),
+        ("nadir_day/day-igrf", ""),
+        ("space_telescope/ours-nominal", ""),
+        ("uosat12/robust-ocdc-nominal", ""),
+        # of a shared value, of one that others follow, and of one that a number names
+        ("nadir_day/day-dipole", '"shared.inertia_wheel" = { uniform = [5e-4, 7e-4] }'),
+        ("nadir_day/day-dipole", '"torquers.m_limit" = { uniform = [1.0, 4.0] }'),
+        ("integrated/mil-nadir", '"wheels.speed_limit" = { uniform = [500.0, 600.0] }'),
+        # of one that is refused in some
+        ("nadir_day/day-dipole", '"torquers.lag" = { uniform = [-0.1, 0.1] }'),
+    ],
+)
+def test_a_case_that_changes_values_alone_is_the_case_prepared_anew(
+    tmp_path, monkeypatch, name, more
+):
+    """A worker resolves and checks its system once."""
+    own = tmp_path / "own.toml"
+    own.write_text(
+        f'extends = "{name}"\nstop = 100.0\n' + (f"[dispersions]\n{more}\n" if more else "")
+    )
+    plan = Plan(str(own), "", 5)
+    rows = []
+    for made in (draws.varied, prepare):
+        monkeypatch.setattr(draws, "varied", made)
+        rows.append([replace(case_module.row(plan, n), seconds=0.0) for n in range(5)])
+    assert rows[0] == rows[1]
+    if "lag" in more:
+        assert {row.code for row in rows[0]} == {0, 2}
+
+
+def test_a_worker_prepares_once(monkeypatch):
+    made = []
+    monkeypatch.setattr(prepare_module, "check", lambda draft: made.append(1) or check(draft))
+    plan = Plan("alsat1/basin-y-wheel", "", 5, options=Options(stop=600.0))
+    plan_module._source.cache_clear()
+    for n in range(5):
+        assert case_module.row(plan, n).code == 0
+    assert len(made) == 1

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import platform
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, fields, is_dataclass
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, fields, is_dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -15,7 +15,7 @@ from ..language.content import Content, said
 from ..numbers.text import Value
 from ..system.digest import wiring
 from ..system.expression import Table
-from ..system.model import System
+from ..system.model import Component, System
 from ..system.options import Options
 from ..system.parameters import Parameter, table
 from . import analyses
@@ -175,6 +175,14 @@ class Manifest(Mapping[str, Any]):
             },
             parameters=table(system.components.values()),
             digest=of_system(system, options),
+        )  # fmt: skip
+
+    def varied(self, system: System, changed: Iterable[Component]) -> Manifest:
+        """That of the same system with other values of some components, before it runs; without a
+        digest, which costs more than all else here."""
+        return replace(
+            self, parts={a.KEY: a.applies(system) for a in analyses()},
+            parameters={**self.parameters, **table(changed)}, digest="",
         )  # fmt: skip
 
     @cached_property

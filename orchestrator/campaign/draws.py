@@ -17,7 +17,7 @@ from ..analyses import Analysis, analyses, coverage
 from ..analyses.manifest import Stopped
 from ..language.content import Content, overridden, said
 from ..numbers.numbers import late, ranked
-from ..runs.prepare import Source, prepare, read
+from ..runs.prepare import Source, prepare, read, varied
 from ..runs.run import Options, Run, simulate
 from ..system.draft import Draft
 from ..system.errors import DesatError, Exit, RunError
@@ -100,7 +100,7 @@ def ran(
 ) -> RunRow:  # fmt: skip
     """A run with some values, at which `look` may look; recorded is what the numbers are made of,
     and `also`."""
-    case = prepare(source, replace(options, values={**options.values, **values}))
+    case = varied(source, replace(options, values={**options.values, **values}))
     system, _ = case.or_raise()
     if options.record == ("*",):
         content = said(system.about)

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import re
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
+from desat.components.contract.block import Scalar
+
 from ..analyses import warnings
+from ..analyses.manifest import Manifest
 from ..designs import making, origin
 from ..designs import problems as design_problems
 from ..engine.instances.isolated import CAN
@@ -15,11 +19,13 @@ from ..files import library, scenario, ssp
 from ..files.assembly import modify
 from ..files.scenario import Scenario
 from ..language.content import NOTHING, dispersed, said
-from ..system.check import Checked, check
+from ..system.check import Checked, check, foreseen, without_effect
 from ..system.draft import Draft
 from ..system.errors import DesatError
-from ..system.model import System
+from ..system.interface import base_name
+from ..system.model import Component, System
 from ..system.options import Options
+from ..system.parameters import expand
 from ..system.resolve import resolve
 from ..system.schedule import Schedule
 from . import stopping, validation
@@ -34,6 +40,8 @@ class Case:
     where: str
     """The file that its system was read from, for messages."""
     checked: Checked
+    manifest: Manifest | None = None
+    """Its manifest before it runs, where that is known from another case (`varied`)."""
 
     def or_raise(self) -> tuple[System, Schedule]:
         """The system and its schedule; raises DesatError with every problem, a line each."""
@@ -49,6 +57,8 @@ class Source:
     """None for an SSP file or a folder."""
     _drafts: dict[tuple[bool, bool], Draft] = field(default_factory=dict)
     _drawable: set[bool] = field(default_factory=set)
+    _first: dict[str, tuple[Case, Draft]] = field(default_factory=dict)
+    """Of options without values: the first case that was prepared, and its draft."""
 
     def draft(self, blocks: bool, designed: bool = True) -> Draft:
         """Its system, to be changed by options, with what is wrong so far. `blocks`: of bare
@@ -99,7 +109,11 @@ def prepare(target: str | Source, options: Options) -> Case:
 
     Raises DesatError where there is nothing to check, or an option is wrong.
     """
-    source = read(target) if isinstance(target, str) else target
+    return _prepared(read(target) if isinstance(target, str) else target, options)[0]
+
+
+def _prepared(source: Source, options: Options) -> tuple[Case, Draft]:
+    """As `prepare`, and the draft that was checked."""
     described = source.scenario
     if options.design is None and options.values and described and described.each_draw:
         options = replace(options, design=making.NOW)
@@ -122,7 +136,66 @@ def prepare(target: str | Source, options: Options) -> Case:
         checked.warnings += _isolation_warnings(checked.system, options)
         if checked.schedule is not None:
             _check_wishes(checked, checked.system, checked.schedule, described, options)
-    return Case(source.target, options, draft.where, checked)
+    return Case(source.target, options, draft.where, checked), draft
+
+
+def varied(source: Source, options: Options) -> Case:
+    """As `prepare`, for one of many cases that differ in values alone (`options.values`): only the
+    components that get a value are resolved and checked anew. What its system is and what is wrong
+    with it is as `prepare` has it; its warnings are those of the first case.
+
+    Raises DesatError as `prepare`.
+    """
+    key = repr(replace(options, values=dict.fromkeys(sorted(options.values))))
+    if key not in source._first:
+        case, draft = _prepared(source, options)
+        system, _ = case.or_raise()
+        case = replace(case, manifest=Manifest.of(system, options, case.target))
+        source._first[key] = case, draft
+        return case
+    first, draft = source._first[key]
+    system, schedule = first.or_raise()
+    changed = _changed(system, draft, options.values)
+    if changed is None:
+        return prepare(source, options)
+    system = replace(system, components={**system.components, **changed})
+    some = replace(system, components=changed)
+    ends = first.checked.unwired
+    if [*without_effect(some, ends), *foreseen(some, ends)[0]]:
+        return prepare(source, options)  # which says what is wrong as it is always said
+    manifest = first.manifest and first.manifest.varied(system, changed.values())
+    checked = replace(first.checked, system=system, schedule=schedule)
+    return replace(first, options=options, checked=checked, manifest=manifest)
+
+
+def _changed(
+    system: System, draft: Draft, values: Mapping[str, Any]
+) -> dict[str, Component] | None:  # fmt: skip
+    """The components of a checked system that get other values; None where more than their own
+    values would change by that, or one does not fit."""
+    texts = [t for c in draft.components.values() for t in c.references.values()]
+    told = [said(system.about).written.get(k) for k in ("numbers", "stop_when", "design")]
+    named = set(re.findall(r"\w+", " ".join([*texts, repr(told)])))
+    parameters: dict[str, dict[str, Scalar]] = {}
+    for name, value in values.items():
+        owner, _, variable = name.partition(".")
+        component = system.components.get(owner)
+        if component is None or isinstance(value, str):
+            return None
+        signals = component.interface.elements(variable)
+        if any(s.shared for s in signals) or variable.endswith("sample_time") or (
+            variable == "delay" or base_name(variable) in named
+        ):  # fmt: skip
+            return None
+        try:
+            given = expand(component.interface, variable, value, owner)
+        except DesatError:
+            return None
+        parameters.setdefault(owner, dict(component.parameters)).update(given)
+    return {
+        name: replace(system.components[name], parameters=given)
+        for name, given in parameters.items()
+    }
 
 
 def resolved(target: str | Source, options: Options) -> tuple[System, Any]:

@@ -114,7 +114,7 @@ def _with_inner(case: Case, choice: Choice | None) -> Case:
         return case
     system = replace(case.checked.system, inner=choice.inner)
     checked = replace(case.checked, system=system, schedule=schedule(system))
-    return replace(case, checked=checked)
+    return replace(case, checked=checked, manifest=None)
 
 
 def _tell(run: Run, choice: Choice, folder: Path | None) -> None:
@@ -149,7 +149,9 @@ def _simulated(
             f"until {slow.until:g} s"
         )
     manifest = replace(
-        Manifest.of(system, options, case.target), inner_choice=choice, decimated=slow,
+        Manifest.of(system, options, case.target) if case.manifest is None else case.manifest,
+        inner_choice=choice,
+        decimated=slow,
         started=began.isoformat(timespec="seconds"), steps=system.steps, warnings=warned,
     )  # fmt: skip
     if checkpoint is not None:
