@@ -8,8 +8,8 @@ import pytest
 
 from desat.runs.run import Options, execute, prepare
 from desat.system.errors import DesatError
-from desat.system.expression import entry, factor, product, times, unit_of
-from desat.system.parameters import Parameter, parse_assignment
+from desat.system.expression import entry, factor, product, times
+from desat.system.parameters import Parameter, parse_assignment, unit_of
 
 TABLE = {
     "wheels": {

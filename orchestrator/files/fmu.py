@@ -15,8 +15,8 @@ from desat.components.contract.units import Unit
 from desat.fmus.description import TOOL
 
 from ..system.errors import DesatError
-from ..system.expression import known_unit
 from ..system.interface import Interface, OutputClass, Signal
+from ..system.parameters import known_unit
 from .io import contents
 from .xml import parse_bytes
 

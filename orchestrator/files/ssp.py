@@ -15,9 +15,9 @@ from desat.components.contract.units import Unit
 
 from ..system.draft import Draft, DraftComponent
 from ..system.errors import DesatError
-from ..system.expression import unit_of
 from ..system.interface import base_name
 from ..system.model import Connection, Connector
+from ..system.parameters import unit_of
 from . import library
 from .io import contents, inside, regular
 from .xml import parse_bytes, validate

@@ -23,7 +23,7 @@ from pydantic import (
 from pydantic_core import PydanticCustomError
 
 from ..system.errors import DesatError
-from ..system.expression import unit_of
+from ..system.parameters import unit_of
 
 
 def key(text: str, unit: str = "", default: Any = None, **limits: Any) -> Any:

@@ -34,7 +34,8 @@ import numpy as np
 from desat.components.contract.units import Unit
 
 from ..system.errors import DesatError, nearest
-from ..system.expression import Table, entry, factor, product, unit_of
+from ..system.expression import Table, entry, factor, product
+from ..system.parameters import unit_of
 from . import derived
 from .measures import LATE, MEASURES, OWN_UNIT
 

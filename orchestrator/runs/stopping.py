@@ -29,10 +29,10 @@ from ..engine.node import Slot
 from ..language.content import said
 from ..language.scenario import StopWhen
 from ..system.errors import DesatError, nearest
-from ..system.expression import factor, product, unit_of
+from ..system.expression import factor, product
 from ..system.interface import Signal, base_name
 from ..system.model import System
-from ..system.parameters import table
+from ..system.parameters import table, unit_of
 
 LATE = "timed out"
 """What `watch` says, and the manifest's status, where the limit of wall time is over."""

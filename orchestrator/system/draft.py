@@ -17,7 +17,7 @@ from desat.components.contract.units import Unit
 from .errors import DesatError, nearest
 from .interface import Interface, OutputClass, base_name
 from .model import ACCURACY, AUTO, Connection, Connector, Inner, Told
-from .parameters import expand
+from .parameters import expand, is_quantity
 
 
 @dataclass
@@ -57,7 +57,8 @@ class DraftComponent:
         if self.interface is None:
             return
         signals = self.interface.elements(name)
-        if isinstance(value, str) and signals and signals[0].kind == "Real":
+        text = isinstance(value, str) and not is_quantity(value)
+        if text and signals and signals[0].kind == "Real":
             expand(self.interface, name, [s.start or 0.0 for s in signals], where)
             self.references[name] = value
             return

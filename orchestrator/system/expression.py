@@ -16,14 +16,13 @@ from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from typing import Any
 
-from desat.components.contract import units
 from desat.components.contract.block import Scalar
 from desat.components.contract.units import Unit, conversion, times
 
 from .errors import DesatError, nearest
 from .interface import base_name, computers
 from .model import Component
-from .parameters import Parameter, expand, table
+from .parameters import Parameter, expand, table, unit_of
 
 Table = Mapping[str, Mapping[str, Parameter]]
 """Component -> parameter, as in a manifest."""
@@ -31,25 +30,6 @@ Table = Mapping[str, Mapping[str, Parameter]]
 _TOKEN = re.compile(r"\s*(?:([*/])|([^\s*/]+))")
 _NAME = re.compile(r"(\w+)\.(\w+)(?:\[(\d+)\])?\Z")
 FORM = "a Real is needed, or a product of numbers and component.parameter"
-
-
-def unit_of(text: str) -> Unit:
-    """A unit by its expression. Raises DesatError for one that is none."""
-    try:
-        return units.unit_of(text)
-    except ValueError as error:
-        name = str(error).partition(" is no unit")[0]
-        why = "" if name == text else f" ({error})"
-        hint = nearest(name, units.NAMES) if name.isalpha() else ""
-        raise DesatError(f"unit {text} is not known{why}{hint}") from error
-
-
-def known_unit(text: str) -> Unit | None:
-    """A unit by its expression; None for one that is none, as other tools' FMUs may have it."""
-    try:
-        return units.unit_of(text)
-    except ValueError:
-        return None
 
 
 def factor(source: Unit, target: str, what: str) -> float:

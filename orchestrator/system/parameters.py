@@ -3,18 +3,62 @@
 from __future__ import annotations
 
 import math
+import re
 import sys
 import tomllib
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from typing import Any
 
+from desat.components.contract import units
 from desat.components.contract.block import Scalar
 from desat.components.contract.units import Unit, conversion
 
 from .errors import DesatError, nearest
 from .interface import Interface, Signal, base_name
 from .model import Component
+
+
+def unit_of(text: str) -> Unit:
+    """A unit by its expression. Raises DesatError for one that is none."""
+    try:
+        return units.unit_of(text)
+    except ValueError as error:
+        name = str(error).partition(" is no unit")[0]
+        why = "" if name == text else f" ({error})"
+        hint = nearest(name, units.NAMES) if name.isalpha() else ""
+        raise DesatError(f"unit {text} is not known{why}{hint}") from error
+
+
+def known_unit(text: str) -> Unit | None:
+    """A unit by its expression; None for one that is none, as other tools' FMUs may have it."""
+    try:
+        return units.unit_of(text)
+    except ValueError:
+        return None
+
+
+_QUANTITY = re.compile(r"\s*([+-]?(?:\d[\d_]*\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*([A-Za-z%].*|1/.+)")
+
+
+def is_quantity(value: Any) -> bool:
+    """Whether a text is a number with a unit, such as "51.6 deg"."""
+    return isinstance(value, str) and _QUANTITY.fullmatch(value) is not None
+
+
+def _quantity(signal: Signal, text: str, where: str) -> float:
+    """A number with a unit, in the unit of its variable. Raises DesatError where it does not
+    fit."""
+    match = _QUANTITY.fullmatch(text)
+    assert match is not None
+    try:
+        converted = conversion(unit_of(match[2].strip()), signal.unit or Unit())
+    except DesatError as error:
+        raise DesatError(f"{where} = {text!r}: {error}") from None
+    if converted is None:
+        wanted = signal.unit_name if signal.unit_name not in ("", "1") else "no unit"
+        raise DesatError(f"{where} = {text!r}: it has {wanted}")
+    return float(match[1].replace("_", "")) * converted[0] + converted[1]
 
 
 def expand(interface: Interface, name: str, value: Any, where: str) -> dict[str, Scalar]:
@@ -58,6 +102,8 @@ def _scalar(signal: Signal, value: Any, where: str) -> Scalar:
         if isinstance(value, int) and not isinstance(value, bool):
             return int(_within(signal, value, where))
     elif signal.kind == "Real":
+        if is_quantity(value):
+            return _within(signal, _quantity(signal, value, where), where)
         if isinstance(value, (int, float)) and not isinstance(value, bool):
             return _within(signal, float(value), where)
     else:

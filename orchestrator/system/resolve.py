@@ -13,10 +13,10 @@ from desat.components.contract.units import conversion
 
 from .draft import Draft, DraftComponent
 from .errors import DesatError, nearest
-from .expression import evaluate, known_unit
+from .expression import evaluate
 from .interface import Interface, Signal, base_name
 from .model import Component, Connection, System
-from .parameters import expand, in_unit_of
+from .parameters import expand, in_unit_of, known_unit
 
 RESERVED = ("time", "shared")
 """What no component is called: the series of times, and parameters of all."""

@@ -1,0 +1,58 @@
+from __future__ import annotations
+
+from ..contract.block import Output, Parameter, Vec3
+from ..contract.roles import Manager
+from ..laws import field_rate
+from ..maths.vector import ZERO, clip, dot, scale
+
+IDLE, DETUMBLING = range(2)
+
+
+class ManagerBDot(Manager):
+    """B-dot detumbling by magnetic torquers, for any craft
+
+        M = -gain B' / |B|^2
+
+    at each sample, with B the measured field and B' its rate from this sample and the one before,
+    each component of M within +-`m_limit`; the wheels get no torque. As B' is -omega x B, the
+    torque brakes the body across the field with gain / J (1/s). With n the orbit rate, J_min the
+    smallest moment of inertia and xi the angle between the orbit and the magnetic equator
+
+        gain = 2 n (1 + sin xi) J_min
+
+    is the fastest that still lets the field turn under the craft. What is left are the turns of
+    the field along the orbit, about 2 n.
+
+    There is no dipole at the first sample, nor at one whose field or that before is not valid.
+
+    Source: Stickler & Alfriend, J. Spacecraft 13 (1976) 282; the gain: Avanzini & Giulietti, J.
+    Guidance, Control, and Dynamics 35 (2012) 1326.
+    """
+
+    gain: float = Parameter("N.m.s", "gain on B' / |B|^2", start=1e-2, min=0.0,
+                            needs=("b_body", "m_cmd_body"))  # fmt: skip
+    m_limit: float = Parameter("A.m2", "largest dipole of each axis", start=1.0, min=0.0,
+                               follows="torquers.m_limit")  # fmt: skip
+    mode: int = Output(
+        "1", "what the manager does", interval=True, choices=("idle", "detumbling")
+    )  # fmt: skip
+
+    def start(self) -> None:
+        super().start()
+        self.tau_cmd_wheel = (0.0, 0.0, 0.0, 0.0)
+        self.m_cmd_body = self.tau_cmd_thruster_body = ZERO
+        self.mode = IDLE
+        self._b: Vec3 | None = None
+        self._taken = 0.0
+
+    def compute(self, t: float, dt: float) -> None:
+        if not self.due(t):
+            return
+        self.m_cmd_body, self.mode = ZERO, IDLE
+        before, b = self._b, self.b_body
+        self._b = b if self.valid_b else None
+        if self.enable and self.valid_b and before is not None and dot(b, b) > 0.0:
+            rate = field_rate.difference(b, before, t - self._taken)
+            self.m_cmd_body = clip(scale(-self.gain / dot(b, b), rate), self.m_limit)
+            self.mode = DETUMBLING
+        self._taken = t
