@@ -43,9 +43,16 @@ def draft(
     _place(made, content.sources, folder, where, given)
     for name, decimation in content.decimation.items():
         made.component(name, f"{where}: decimation").decimation = decimation
+    before = {name: made.components[name].interface for name in content.sources}
     library.load_interfaces(made, blocks)
     for name in content.sources:
-        drop_unwanted(made, made.components[name])
+        component = made.components[name]
+        own = [key for key in _keep_alike(component, before[name])
+               if f"parameters.{name}." in component.given.get(key, "")]  # fmt: skip
+        if own:
+            made.warnings.append(f"{name}: {component.source.rpartition('/')[2]} does not take "
+                                 f"{', '.join(own)} of the craft")  # fmt: skip
+        drop_unwanted(made, component)
     for name, value in content.shared.items():
         made.share(name, value, *given(("shared", name)))
     if content.epoch is not None:

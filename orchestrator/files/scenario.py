@@ -29,6 +29,8 @@ if TYPE_CHECKING:
     from ..system.draft import Draft
 
 ROOT = paths.SCENARIOS
+NOMINAL = "nominal.toml"
+"""The scenario that the folder of a craft of one's own stands for."""
 
 
 @dataclass(frozen=True)

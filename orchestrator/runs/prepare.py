@@ -91,6 +91,8 @@ def read(target: str) -> Source:
     """The source that a target names: a scenario's name, a scenario file, an .ssp, an .ssd or a
     folder. Raises DesatError where there is none."""
     path = Path(target)
+    if (own := path / scenario.NOMINAL).is_file():
+        return Source(target, scenario.own(own))
     if path.suffix in (".ssp", ".ssd") or path.is_dir():
         return Source(target, None)
     if path.suffix == ".toml":

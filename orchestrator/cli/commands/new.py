@@ -1,0 +1,66 @@
+"""`desat new craft FOLDER`."""
+
+from __future__ import annotations
+
+import shlex
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from .. import options as o
+from ..console import app, out, print_json
+
+news = typer.Typer(no_args_is_help=True, rich_markup_mode=None,
+                   help="Begin something of your own: a craft.")  # fmt: skip
+app.add_typer(news, name="new")
+
+
+@news.command()
+def craft(
+    folder: Annotated[Path, typer.Argument(metavar="FOLDER", help="Where it goes.")],
+    altitude: Annotated[str | None, typer.Option(help="Of a circular orbit: 400km.")] = None,
+    inclination: Annotated[str | None, typer.Option(help="51.6deg.")] = None,
+    sso: Annotated[
+        str | None, typer.Option(help="A Sun-synchronous orbit of this altitude: 500km.")
+    ] = None,
+    ltan: Annotated[
+        str | None, typer.Option(help="Its local time of the ascending node: 10:30.")
+    ] = None,
+    tle: Annotated[Path | None, typer.Option(help="A file with a two-line element set.")] = None,
+    epoch: Annotated[str | None, typer.Option(help="UTC of t = 0: 2027-01-01T00:00:00Z.")] = None,
+    mass: Annotated[str | None, typer.Option(help="16kg.")] = None,
+    size: Annotated[str | None, typer.Option(help="A CubeSat of so many units: 12U.")] = None,
+    box: Annotated[str | None, typer.Option(help="Sides along x, y, z: 0.5,0.5,0.8 (m).")] = None,
+    inertia: Annotated[
+        str | None, typer.Option(help="Principal moments: 0.2,0.2,0.1 (kg m2).")
+    ] = None,
+    wheels: Annotated[str | None, typer.Option(help='"4 pyramid 30mNms", "3 axes 0.2Nms".')] = None,
+    rods: Annotated[str | None, typer.Option(help="Of each axis: 0.2 (A m2).")] = None,
+    thrusters: Annotated[
+        str | None,
+        typer.Option(help='Pairs about each axis: "4 1N"; they do not fire by themselves.'),
+    ] = None,
+    pointing: Annotated[str, typer.Option(help="nadir or inertial.")] = "nadir",
+    residual_dipole: Annotated[str | None, typer.Option(help="0.05 (A m2).")] = None,
+    force: Annotated[bool, typer.Option("--force", help="Into a folder that exists.")] = False,
+    as_json: o.Json = False,
+) -> None:
+    """A craft of your own: a folder with craft.toml and the scenarios nominal, worst and
+    detumbling, which runs at once. What you do not say is typical of its class, and marked."""
+    from ...files import new_craft
+    from ...files.paths import shown
+
+    wanted = new_craft.Wanted(
+        altitude, inclination, sso, ltan, tle, epoch, mass, size, box, inertia, wheels, rods,
+        thrusters, pointing, residual_dipole,
+    )  # fmt: skip
+    command = shlex.join(["desat", *sys.argv[1:]])
+    made = new_craft.write(folder, wanted, command, force)
+    if as_json:
+        print_json({"files": [str(x) for x in made]})
+        return
+    out.print(f"{shown(folder)}: {', '.join(x.name for x in made)}", highlight=False, markup=False)
+    out.print(f"desat run {shown(folder)}    # a day; desat size {shown(folder)} what it needs",
+              highlight=False, markup=False)  # fmt: skip

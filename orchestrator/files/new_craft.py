@@ -1,0 +1,382 @@
+"""A new craft's folder, from what its owner knows of it: `craft.toml` with every number's origin,
+and the scenarios `nominal`, `worst` and `detumbling`. What is not given is typical of its class
+(templates/classes.toml, templates/craft/).
+
+Rules, each written beside its number:
+
+- inertia: a homogeneous box of the craft's mass and sides;
+- drag and radiation: the mean area of the box as it is seen from all sides, half the sum of its
+  three faces; centre of pressure off by 5 % of each side;
+- residual dipole: 5 mA m2 a kilogram, along (1, -0.5, 0.8);
+- attitude controller: bandwidth 0.1 rad/s, or less where the wheels' torque would not turn an error
+  of 5 deg so fast; damping 0.7;
+- manager: gain of the orbit's rate; B-dot: 2 n (1 + sin xi) J_min.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+import shutil
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+from desat.components.contract.units import conversion
+from desat.components.physics import earth
+from desat.components.physics.orbit import (
+    EARTH_RADIUS,
+    mean_motion,
+    sun_synchronous_inclination,
+)
+from desat.components.physics.tle import tle_parameters
+
+from ..system.errors import DesatError, nearest
+from ..system.parameters import unit_of
+
+SCENARIOS = ("nominal", "worst", "detumbling")
+_J2000 = datetime(2000, 1, 1, 12, tzinfo=UTC)
+_UNIT = 1.5
+"""Mass of a CubeSat's unit (kg)."""
+CUBESATS = {
+    1: (0.1, 0.1, 0.1135), 2: (0.1, 0.1, 0.227), 3: (0.1, 0.1, 0.3405), 6: (0.1, 0.2263, 0.366),
+    8: (0.2263, 0.2263, 0.227), 12: (0.2263, 0.2263, 0.366), 16: (0.2263, 0.2263, 0.454),
+    27: (0.34, 0.34, 0.366),
+}  # fmt: skip
+"""Sides (m) by units: CubeSat Design Specification, and what deployers of the larger ones take."""
+LAYOUTS = ("pyramid", "axes")
+POINTINGS = ("nadir", "inertial")
+TILT = 0.2
+"""Of the geomagnetic dipole against the Earth's axis (rad)."""
+_NUMBER = re.compile(r"\s*([+-]?\d*\.?\d+(?:[eE][+-]?\d+)?)\s*([A-Za-z%/.0-9]*)\s*")
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """What is known of a craft, as it is typed; None: what its class has."""
+
+    altitude: str | None = None
+    inclination: str | None = None
+    sso: str | None = None
+    ltan: str | None = None
+    tle: Path | None = None
+    epoch: str | None = None
+    mass: str | None = None
+    size: str | None = None
+    box: str | None = None
+    inertia: str | None = None
+    wheels: str | None = None
+    rods: str | None = None
+    thrusters: str | None = None
+    pointing: str = "nadir"
+    residual_dipole: str | None = None
+
+
+def quantity(option: str, text: str, unit: str) -> float:
+    """A number with a unit or, without one, in `unit`. Raises DesatError."""
+    match = _NUMBER.fullmatch(text)
+    if match is None:
+        raise DesatError(f"{option} {text}: a number is needed, with its unit or in {unit}")
+    try:
+        converted = conversion(unit_of(match[2] or unit), unit_of(unit))
+    except DesatError as error:
+        raise DesatError(f"{option} {text}: {error}") from None
+    if converted is None:
+        raise DesatError(f"{option} {text}: {match[2]} does not fit {unit}")
+    return float(match[1]) * converted[0] + converted[1]
+
+
+def write(folder: Path, wanted: Wanted, command: str, force: bool = False) -> list[Path]:
+    """Write the folder of a craft; its files. Raises DesatError where it exists already, unless
+    `force`, or where something wanted cannot be; then nothing is written."""
+    if folder.exists() and not force:
+        raise DesatError(f"{folder}: it exists; --force writes the craft into it")
+    made = _made(wanted, folder.name, command)
+    from jinja2 import Environment, PackageLoader, StrictUndefined
+
+    environment = Environment(
+        loader=PackageLoader("desat", "templates/craft"), undefined=StrictUndefined,
+        keep_trailing_newline=True,
+    )  # fmt: skip
+    texts = {f"{name}.toml": environment.get_template(f"{name}.toml").render(made)
+             for name in ("craft", *SCENARIOS)}  # fmt: skip
+    fresh = not folder.exists()
+    folder.mkdir(parents=True, exist_ok=True)
+    try:
+        for name, text in texts.items():
+            (folder / name).write_text(text, encoding="utf-8")
+    except OSError:
+        if fresh:
+            shutil.rmtree(folder, ignore_errors=True)
+        raise
+    return [folder / name for name in texts]
+
+
+def classes() -> dict[str, dict[str, dict[str, str]]]:
+    """Kind of hardware -> class -> its figures, as they are written."""
+    text = files("desat").joinpath("templates/classes.toml").read_text(encoding="utf-8")
+    return tomllib.loads(text)
+
+
+def _of_class(
+    option: str, kind: str, measure: str, text: str, unit: str
+) -> tuple[str, dict[str, str], float]:
+    """The class that a size belongs to, its figures, and the size."""
+    known = classes()[kind]
+    if text in known:
+        return text, known[text], quantity(option, known[text][measure], unit)
+    if _NUMBER.fullmatch(text) is None:
+        raise DesatError(f"{option} {text}: no class{nearest(text, known)}; there is "
+                         f"{', '.join(known)}, or a number in {unit}")  # fmt: skip
+    size = quantity(option, re.sub(r"(?<=[a-zA-Z])(?=Nms|ms\b)", "", _dotted(text)), unit)
+    if size <= 0.0:
+        raise DesatError(f"{option} {text}: above 0 is needed")
+    name = min(known, key=lambda n: abs(math.log(size / quantity(option, known[n][measure], unit))))
+    return name, known[name], size
+
+
+def _dotted(text: str) -> str:
+    """`30mNms` as `30 mN.m.s`, `0.2Am2` as `0.2 A.m2`."""
+    text = re.sub(r"(m?N)ms$", r"\1.m.s", text.strip())
+    return re.sub(r"(m?A)m2$", r"\1.m2", text)
+
+
+def _text(x: float) -> str:
+    return f"{x:.6g}"
+
+
+def _list(values: Any) -> str:
+    return "[" + ", ".join(_text(float(x)) for x in values) + "]"
+
+
+def _made(wanted: Wanted, name: str, command: str) -> dict[str, Any]:
+    """What the templates are filled with."""
+    if wanted.pointing not in POINTINGS:
+        raise DesatError(f"--pointing {wanted.pointing}: there is {', '.join(POINTINGS)}"
+                         f"{nearest(wanted.pointing, POINTINGS)}")  # fmt: skip
+    sides, sides_why, units = _sides(wanted)
+    mass, mass_why = _mass(wanted, sides, units)
+    inertia, inertia_why = _inertia(wanted, mass, sides, f"{mass_why}, {sides_why}")
+    epoch = _epoch(wanted)
+    orbit = _orbit(wanted, (epoch - _J2000).total_seconds())
+    wheels = _wheels(wanted, inertia)
+    rods = _rods(wanted, mass)
+    dipole = 0.005 * mass
+    why = "class: 5 mA m2 a kilogram, no magnetic cleanliness"
+    if wanted.residual_dipole is not None:
+        dipole = quantity("--residual-dipole", _dotted(wanted.residual_dipole), "A.m2")
+        why = "given"
+    along = [x / math.sqrt(1.0 + 0.25 + 0.64) for x in (1.0, -0.5, 0.8)]
+    faces = [sides[1] * sides[2], sides[2] * sides[0], sides[0] * sides[1]]
+    area = sum(faces) / 2.0
+    least = min(inertia)
+    bandwidth = min(0.1, math.sqrt(wheels["torque_si"] / (max(inertia) * math.radians(5.0))))
+    enough = bandwidth == 0.1
+    rate, inclination = orbit["rate"], orbit["inclination"]
+    tumble = 5.0 if mass < 50.0 else 1.0
+    xi = min(abs(math.sin(inclination)) + TILT, 1.0)
+    return {
+        "title": name, "command": command, "pointing": wanted.pointing, "orbit": orbit,
+        "epoch": epoch.strftime("%Y-%m-%dT%H:%M:%SZ"),
+        "story": f"{mass:.4g} kg, {wanted.pointing} pointing for a day under gravity gradient, "
+        "drag, radiation and its own dipole; a cross-product law takes the momentum that they "
+        "leave in the wheels out through the coils.",
+        "inertia": {"value": "[" + ", ".join(_list([x if i == j else 0.0 for j in range(3)])
+                    for i, x in enumerate(inertia)) + "]", "why": inertia_why},
+        "wheels": wheels, "rods": rods, "thrusters": _thrusters(wanted, sides),
+        "dipole": {"value": _list(dipole * x for x in along), "why": f"A m2; {why}",
+                   "twice": _list(2.0 * dipole * x for x in along)},
+        "area": {"value": _text(area), "radiation": _text(1.5 * area),
+                 "why": f"class: mean over all sides of {sides_why}"},
+        "centre": {"value": _list(0.05 * x for x in sides), "why": "m; class: 5 % of each side"},
+        "gains": {
+            "bandwidth": _text(bandwidth), "kp": _text(2.0 * bandwidth**2),
+            "kd": _text(1.4 * bandwidth), "ki": _text(2e-3 * bandwidth**2),
+            "why": "fast beside the orbit, slow beside a sample of 1 s" if enough
+            else "what the wheels' torque turns an error of 5 deg with",
+            "manager": _text(rate), "start": _text(0.1 * wheels["capacity_si"]),
+            "b_dot": _text(2.0 * rate * (1.0 + xi) * least),
+        },
+        "tumble": _text(tumble), "tumble_size": _text(math.radians(tumble) * math.sqrt(3.0)),
+    }  # fmt: skip
+
+
+def _sides(wanted: Wanted) -> tuple[tuple[float, float, float], str, int]:
+    """The sides (m) of the craft's box, what that is, and how many CubeSat units."""
+    if wanted.box is not None:
+        if wanted.size is not None:
+            raise DesatError(f"--box {wanted.box}: --size {wanted.size} says it, too")
+        parts = wanted.box.split(",")
+        if len(parts) != 3:
+            raise DesatError(f"--box {wanted.box}: three sides are needed, as 0.5,0.5,0.8 in m")
+        a, b, c = (quantity("--box", x, "m") for x in parts)
+        if min(a, b, c) <= 0.0:
+            raise DesatError(f"--box {wanted.box}: sides above 0 are needed")
+        return (a, b, c), f"a box of {a:g} x {b:g} x {c:g} m", 0
+    text = (wanted.size or "6U").strip()
+    match = re.fullmatch(r"(\d+)[uU]", text)
+    if match is None or int(match[1]) not in CUBESATS:
+        known = ", ".join(f"{n}U" for n in CUBESATS)
+        raise DesatError(f"--size {text}: there is {known}; --box has any other")
+    return CUBESATS[int(match[1])], f"a {text.upper()}", int(match[1])
+
+
+def _mass(wanted: Wanted, sides: tuple[float, float, float], units: int) -> tuple[float, str]:
+    if wanted.mass is not None:
+        mass = quantity("--mass", wanted.mass, "kg")
+        if mass <= 0.0:
+            raise DesatError(f"--mass {wanted.mass}: above 0 is needed")
+        return mass, f"{mass:g} kg"
+    if units:
+        return _UNIT * units, f"class: {_UNIT:g} kg a unit"
+    mass = 250.0 * sides[0] * sides[1] * sides[2]
+    return mass, "class: 250 kg a cubic metre"
+
+
+def _inertia(
+    wanted: Wanted, mass: float, sides: tuple[float, float, float], why: str
+) -> tuple[list[float], str]:
+    """Principal moments (kg m2). Raises DesatError for those of no body."""
+    if wanted.inertia is None:
+        square = [x * x for x in sides]
+        return [mass / 12.0 * (sum(square) - x) for x in square], f"a homogeneous body of {why}"
+    values = [quantity("--inertia", x, "kg.m2") for x in wanted.inertia.split(",")]
+    if len(values) != 3:
+        raise DesatError(f"--inertia {wanted.inertia}: three moments are needed, as 0.2,0.2,0.1")
+    if min(values) <= 0.0 or max(values) > sum(values) - max(values):
+        raise DesatError(f"--inertia {wanted.inertia}: no body has these moments: each is above 0, "
+                         "and none is more than the two others together")  # fmt: skip
+    return values, "given"
+
+
+def _epoch(wanted: Wanted) -> datetime:
+    if wanted.epoch is None:
+        return datetime(2027, 1, 1, tzinfo=UTC)
+    try:
+        made = datetime.fromisoformat(wanted.epoch)
+    except ValueError:
+        raise DesatError(
+            f"--epoch {wanted.epoch}: a time is needed, as 2027-01-01T00:00:00Z"
+        ) from None
+    return made if made.tzinfo else made.replace(tzinfo=UTC)
+
+
+def _orbit(wanted: Wanted, epoch: float) -> dict[str, Any]:
+    """Parameters of the environment, each with its origin, the mean motion (rad/s) and the
+    inclination (rad)."""
+    given = {"--altitude": wanted.altitude, "--sso": wanted.sso, "--tle": wanted.tle}
+    names = [name for name, value in given.items() if value is not None]
+    if len(names) > 1:
+        raise DesatError(f"{names[0]}, {names[1]}: one of them says the orbit")
+    if wanted.tle is not None:
+        return _of_tle(wanted.tle)
+    text = wanted.sso or wanted.altitude or "500 km"
+    height = quantity(names[0] if names else "--altitude", text, "km") * 1e3
+    if not 150e3 <= height <= 2000e3:
+        raise DesatError(f"{(names or ['--altitude'])[0]} {text}: 150 to 2000 km are covered")
+    axis, raan, raan_why = EARTH_RADIUS + height, 0.0, "class"
+    if wanted.altitude is not None and wanted.sso is None:
+        if wanted.ltan is not None:
+            raise DesatError(f"--ltan {wanted.ltan}: it is of a Sun-synchronous orbit (--sso)")
+        inclination = math.radians(quantity("--inclination", wanted.inclination or "51.6", "deg"))
+        why = "given" if wanted.inclination else "class: that of the ISS"
+    else:
+        if wanted.inclination is not None:
+            raise DesatError(f"--inclination {wanted.inclination}: --altitude is needed with it; a "
+                             "Sun-synchronous orbit has its own")  # fmt: skip
+        inclination, why = sun_synchronous_inclination(axis), "Sun-synchronous"
+        hours = _hours(wanted.ltan or "10:30")
+        raan = earth.raan_of_local_time(hours, epoch)
+        raan_why = f"ascending node at {wanted.ltan or '10:30, class'} local time"
+    if not 0.0 <= inclination <= math.pi:
+        raise DesatError(f"--inclination {wanted.inclination}: 0 to 180 deg")
+    rows = [
+        ("semi_major_axis", f'"{axis / 1e3:.9g} km"', f"{height / 1e3:g} km above 6378.137 km"),
+        ("inclination", f'"{math.degrees(inclination):.6g} deg"', why),
+        ("raan", f'"{math.degrees(raan):.6g} deg"', raan_why),
+        ("j2", "true", "its node and perigee drift"),
+        ("atmosphere", '"activity"', "by solar activity: moderate"),
+    ]
+    return {"rows": rows, "rate": mean_motion(axis), "inclination": inclination, "tle": False}
+
+
+def _hours(text: str) -> float:
+    match = re.fullmatch(r"(\d{1,2}):(\d{2})", text)
+    if match is None or int(match[1]) > 23 or int(match[2]) > 59:
+        raise DesatError(f"--ltan {text}: a time of day is needed, as 10:30")
+    return int(match[1]) + int(match[2]) / 60.0
+
+
+def _of_tle(file: Path) -> dict[str, Any]:
+    try:
+        lines = [x for x in file.read_text(encoding="utf-8").splitlines() if x[:2] in ("1 ", "2 ")]
+    except (OSError, UnicodeDecodeError) as error:
+        raise DesatError(f"--tle {file}: {error}") from None
+    if len(lines) != 2:
+        raise DesatError(f"--tle {file}: two lines that begin with 1 and 2 are needed")
+    try:
+        values = tle_parameters(lines[0], lines[1])
+    except ValueError as error:
+        raise DesatError(f"--tle {file}: {error}") from None
+    rows = [(name, repr(value), f"of {file.name}, SI") for name, value in values.items()
+            if name != "epoch_j2000"]  # fmt: skip
+    return {"rows": rows, "rate": values["mean_motion"], "inclination": values["inclination"],
+            "tle": True}  # fmt: skip
+
+
+def _wheels(wanted: Wanted, inertia: list[float]) -> dict[str, Any]:
+    largest = max(inertia)
+    # a class of its own: what turns it at 1 deg/s, thrice
+    size = 3.0 * largest * math.radians(1.0)
+    text = wanted.wheels or f"4 pyramid {max(size, 2e-3):.2g} N.m.s"
+    match = re.fullmatch(r"\s*(\d)\s+(\w+)\s+(.+?)\s*", text)
+    if match is None:
+        raise DesatError(f"--wheels {text}: the form is COUNT LAYOUT SIZE, as 4 pyramid 30mNms")
+    count, layout = int(match[1]), match[2]
+    if layout not in LAYOUTS:
+        raise DesatError(f"--wheels {text}: no layout {layout}{nearest(layout, LAYOUTS)}; there is "
+                         f"{', '.join(LAYOUTS)}")  # fmt: skip
+    if count != {"pyramid": 4, "axes": 3}[layout]:
+        raise DesatError(f"--wheels {text}: {layout} has {4 if layout == 'pyramid' else 3} wheels")
+    name, figures, capacity = _of_class("--wheels", "wheels", "capacity", match[3], "N.m.s")
+    speed = quantity("--wheels", figures["speed"], "rad/s")
+    share = capacity / quantity("--wheels", figures["capacity"], "N.m.s")
+    torque = share * quantity("--wheels", figures["torque"], "N.m")
+    s = 1.0 / math.sqrt(3.0)
+    axes = [[s, -s, -s, s], [s, s, -s, -s], [s, s, s, s]] if count == 4 else [
+        [1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]]  # fmt: skip
+    rotor = capacity / speed
+    held = "a pyramid along (+-1, +-1, 1)" if count == 4 else "one wheel along each axis"
+    return {
+        "axes": ["[" + ", ".join(f"{x:.16g}" for x in row) + "]" for row in axes],
+        "layout_why": held,
+        "capacity": f"{capacity * 1e3:g} mN m s", "speed": figures["speed"], "class": name,
+        "inertia": "[" + ", ".join([f"{rotor:.9g}"] * count + ["0.0"] * (4 - count)) + "]",
+        "torque": f"{torque * 1e3:.4g} mN.m", "torque_si": torque, "capacity_si": capacity,
+        "why": f"class: {name}" + ("" if abs(share - 1.0) < 1e-9 else f" times {share:.3g}"),
+        "viscous": f"{0.04 * torque / speed:.3g}", "coulomb": f"{0.01 * torque:.3g}",
+        "noise": f"{1e-3 * capacity:.3g}",
+        "half": _list([0.5 * capacity * (i < count) for i in range(4)]),
+    }  # fmt: skip
+
+
+def _rods(wanted: Wanted, mass: float) -> dict[str, str]:
+    text = wanted.rods or f"{0.02 * mass:.2g}"
+    name, figures, dipole = _of_class("--rods", "rods", "dipole", text, "A.m2")
+    why = "given" if wanted.rods else "class: 20 mA m2 a kilogram"
+    return {"dipole": f"{dipole:g} A.m2", "lag": figures["lag"], "why": f"{why}; lag as {name}"}
+
+
+def _thrusters(wanted: Wanted, sides: tuple[float, float, float]) -> Mapping[str, str] | None:
+    if wanted.thrusters is None:
+        return None
+    match = re.fullmatch(r"\s*(?:(\d+)\s+)?(.+?)\s*", wanted.thrusters)
+    assert match is not None
+    name, figures, force = _of_class("--thrusters", "thrusters", "force", match[2], "N")
+    arm = max(sides) / 2.0
+    return {"torque": _list([2.0 * force * arm] * 3), "force": f"{force:g} N", "arm": _text(arm),
+            "impulse": figures["impulse"], "pulse": figures["pulse"], "class": name}  # fmt: skip

@@ -1,0 +1,176 @@
+"""`desat new craft`: a folder that stands alone and runs at once; what is not given is marked; each
+wish that cannot be is refused with a line, and nothing is written."""
+
+from __future__ import annotations
+
+import math
+import re
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import desat as library
+from desat.files.new_craft import CUBESATS, SCENARIOS, Wanted, classes, quantity, write
+from desat.runs.prepare import prepare
+from desat.system.errors import DesatError
+from desat.system.options import Options
+
+TWELVE = Wanted(altitude="400km", inclination="51.6deg", size="12U", wheels="4 pyramid 30mNms",
+                rods="0.2", residual_dipole="0.05")  # fmt: skip
+AGILE = Wanted(sso="600km", ltan="10:30", mass="150kg", box="0.8,0.8,1.2",
+               wheels="4 pyramid 4Nms", rods="30", thrusters="4 1N")  # fmt: skip
+ISS = """1 25544U 98067A   19343.69339541  .00001764  00000-0  38792-4 0  9991
+2 25544  51.6439 211.2001 0007417  17.6667  85.6398 15.50103472202482
+"""
+
+
+@pytest.fixture(scope="module")
+def twelve(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("crafts") / "my12u"
+    write(folder, TWELVE, "desat new craft my12u")
+    return folder
+
+
+def test_the_command_writes_what_runs_from_its_folder(desat, tmp_path: Path) -> None:
+    made = desat("new", "craft", "mine", "--size", "3U", "--sso", "550km", cwd=tmp_path, check=True)
+    assert (
+        made.stdout.splitlines()[0] == "mine: craft.toml, nominal.toml, worst.toml, detumbling.toml"
+    )
+    run = desat("run", "mine", "--stop", "60", cwd=tmp_path, check=True)
+    assert "Pointing error, rms" in run.stdout
+    again = desat("new", "craft", "mine", cwd=tmp_path)
+    assert again.returncode == 2
+    assert again.stderr == "error: mine: it exists; --force writes the craft into it\n"
+    assert desat("new", "craft", "mine", "--force", cwd=tmp_path).returncode == 0
+
+
+@pytest.mark.parametrize("scenario", SCENARIOS)
+@pytest.mark.parametrize("wanted", [TWELVE, AGILE, Wanted()], ids=["12u", "agile", "class"])
+def test_each_scenario_is_sound(tmp_path: Path, wanted: Wanted, scenario: str) -> None:
+    folder = tmp_path / "mine"
+    write(folder, wanted, "desat new craft mine")
+    case = prepare(str(folder / f"{scenario}.toml"), Options())
+    system, _ = case.or_raise()
+    text = "\n".join(case.checked.warnings)
+    assert "usual is" not in text
+    assert "another craft" not in text
+    assert system.name == scenario
+
+
+def test_it_is_the_craft_that_was_asked_for(twelve: Path) -> None:
+    run = library.run(str(twelve), stop=10.0)
+    of = run.manifest.values_of
+    assert of("environment")["semi_major_axis"] == pytest.approx(6778137.0)
+    assert of("environment")["inclination"] == pytest.approx(math.radians(51.6))
+    assert np.array(of("wheels")["inertia_wheel"]) * of("wheels")["speed_limit"] == pytest.approx(
+        [0.03] * 4
+    )
+    assert np.linalg.norm(of("spacecraft")["residual_dipole_body"]) == pytest.approx(0.05, rel=1e-5)
+    assert of("torquers")["m_limit"] == 0.2
+    assert of("manager")["m_limit"] == 0.2, "the manager's follows from the torquers'"
+    assert of("controller")["gain_matrix"] == of("spacecraft")["inertia"]
+    a, b, c = CUBESATS[12]
+    assert of("spacecraft")["inertia"][0] == pytest.approx(18.0 / 12.0 * (b * b + c * c), rel=1e-5)
+    assert of("spacecraft")["inertia"][8] == pytest.approx(18.0 / 12.0 * (a * a + b * b), rel=1e-5)
+
+
+def test_a_night_and_a_day_hold(twelve: Path) -> None:
+    """Two hours, past what starts it."""
+    run = library.run(str(twelve), stop=7200.0)
+    numbers = run.manifest.numbers
+    assert run.manifest.unmet == []
+    assert numbers["pointing"].value < 0.1
+    assert numbers["largest_momentum"].value < 10.0
+
+
+def test_it_is_detumbled(twelve: Path) -> None:
+    run = library.run(str(twelve / "detumbling.toml"))
+    assert run.manifest.stopped_when is not None
+    assert 0.2 < run.manifest.numbers["detumbled"].value < 4.0
+    assert np.abs(run.results.values("wheels.h_wheel")[-1]).max() < 1e-4
+
+
+def test_every_number_says_where_it_is_from(twelve: Path) -> None:
+    for line in (twelve / "craft.toml").read_text().splitlines():
+        if re.match(r'\w+ = (".*\d|\[*[-\d]|\d)', line) and not line.startswith(
+            ("title", "stop", "sample_time", "inertia", "axes_wheel")
+        ):
+            assert "#" in line or "inertia_wheel" in line, line
+
+
+def test_numbers_have_units_and_are_converted(twelve: Path, tmp_path: Path) -> None:
+    text = (twelve / "craft.toml").read_text()
+    assert tomllib.loads(text)["parameters"]["wheels"]["speed_limit"] == "6500 rpm"
+    run = library.run(str(twelve), {"environment.inclination": "97 deg"}, stop=5.0)
+    assert run.manifest.values_of("environment")["inclination"] == pytest.approx(math.radians(97.0))
+    folder = tmp_path / "wrong"
+    write(folder, TWELVE, "desat new craft wrong")
+    (folder / "craft.toml").write_text(text.replace("6500 rpm", "6500 rmp"))
+    with pytest.raises(DesatError, match=r"wrong/craft\.toml:\d+: parameters\.wheels\.speed_limit: "
+                       r"wheels\.speed_limit = '6500 rmp': unit rmp is not known; did you mean "
+                       r"rpm\?"):  # fmt: skip
+        prepare(str(folder), Options()).or_raise()
+    (folder / "craft.toml").write_text(text.replace("6500 rpm", "6500 km"))
+    with pytest.raises(DesatError, match=r"wheels\.speed_limit = '6500 km': it has rad/s"):
+        prepare(str(folder), Options()).or_raise()
+
+
+def test_an_orbit_may_be_a_two_line_element_set(tmp_path: Path) -> None:
+    (tmp_path / "iss.tle").write_text("ISS\n" + ISS)
+    write(tmp_path / "mine", Wanted(tle=tmp_path / "iss.tle", epoch="2019-12-10T00:00:00Z"), "")
+    run = library.run(str(tmp_path / "mine"), stop=20.0)
+    r = np.linalg.norm(run.results.values("environment.r_eci"), axis=1)
+    assert ((r > 6.78e6) & (r < 6.81e6)).all()
+
+
+def test_a_sun_synchronous_orbit_keeps_its_local_time(tmp_path: Path) -> None:
+    write(tmp_path / "mine", Wanted(sso="500km", ltan="10:30", epoch="2027-03-21T00:00:00Z"), "")
+    rows = tomllib.loads((tmp_path / "mine" / "craft.toml").read_text())["parameters"][
+        "environment"
+    ]
+    assert quantity("", rows["inclination"], "deg") == pytest.approx(97.4, abs=0.1)
+    # the mean Sun is near the equinox then: 10:30 is 22.5 deg before it
+    assert quantity("", rows["raan"], "deg") == pytest.approx(360.0 - 22.5, abs=2.5)
+
+
+def test_classes_grow_with_their_size() -> None:
+    for kind, unit in (("wheels", "N.m.s"), ("rods", "A.m2"), ("thrusters", "N")):
+        measure = {"wheels": "capacity", "rods": "dipole", "thrusters": "force"}[kind]
+        sizes = [quantity("", x[measure], unit) for x in classes()[kind].values()]
+        assert sizes == sorted(sizes)
+        assert len(sizes) >= (3 if kind == "thrusters" else 6)
+
+
+@pytest.mark.parametrize(
+    ("wanted", "told"),
+    [
+        ({"altitude": "400 km", "sso": "500km"}, r"--altitude, --sso: one of them says the orbit"),
+        ({"altitude": "90km"}, r"--altitude 90km: 150 to 2000 km are covered"),
+        ({"altitude": "400 kg"}, r"--altitude 400 kg: kg does not fit km"),
+        ({"altitude": "400kmm"}, r"--altitude 400kmm: unit kmm is not known"),
+        ({"altitude": "high"}, r"--altitude high: a number is needed"),
+        ({"inclination": "51deg"}, r"--inclination 51deg: --altitude is needed with it"),
+        ({"altitude": "400km", "ltan": "10:30"}, r"--ltan 10:30: it is of a Sun-synchronous orbit"),
+        ({"sso": "500km", "ltan": "25:00"}, r"--ltan 25:00: a time of day is needed"),
+        ({"size": "5U"}, r"--size 5U: there is 1U, 2U, .*; --box has any other"),
+        ({"size": "6U", "box": "1,1,1"}, r"--box 1,1,1: --size 6U says it, too"),
+        ({"box": "1,1"}, r"--box 1,1: three sides are needed"),
+        ({"box": "1,1,-1"}, r"--box 1,1,-1: sides above 0 are needed"),
+        ({"mass": "0kg"}, r"--mass 0kg: above 0 is needed"),
+        ({"inertia": "1,1,3"}, r"--inertia 1,1,3: no body has these moments"),
+        ({"wheels": "4 piramid 1Nms"}, r"no layout piramid; did you mean pyramid\?"),
+        ({"wheels": "3 pyramid 1Nms"}, r"pyramid has 4 wheels"),
+        ({"wheels": "big"}, r"--wheels big: the form is COUNT LAYOUT SIZE"),
+        ({"wheels": "3 axes huge"}, r"--wheels huge: no class.*; there is 2mNms"),
+        ({"rods": "-1"}, r"--rods -1: above 0 is needed"),
+        ({"pointing": "nadri"}, r"--pointing nadri: there is nadir, inertial; did you mean nadir"),
+        ({"epoch": "tomorrow"}, r"--epoch tomorrow: a time is needed"),
+        ({"tle": Path("/nowhere.tle")}, r"--tle /nowhere\.tle: "),
+    ],
+)  # fmt: skip
+def test_what_cannot_be_is_refused(tmp_path: Path, wanted: dict[str, object], told: str) -> None:
+    with pytest.raises(DesatError, match=told):
+        write(tmp_path / "mine", Wanted(**wanted), "")  # type: ignore[arg-type]
+    assert not (tmp_path / "mine").exists()
