@@ -174,3 +174,27 @@ def test_what_cannot_be_is_refused(tmp_path: Path, wanted: dict[str, object], to
     with pytest.raises(DesatError, match=told):
         write(tmp_path / "mine", Wanted(**wanted), "")  # type: ignore[arg-type]
     assert not (tmp_path / "mine").exists()
+
+
+@pytest.mark.parametrize(
+    ("target", "more", "code", "told"),
+    [
+        ("mine", (), 0, ""),
+        ("alone", ("--stop", "3"), 0, ""),
+        ("min", (), 2, "no scenario min; did you mean mine?"),
+        ("integrated", (), 2, "integrated is a family of 43 scenarios (desat list integrated); one"),
+        ("mine", ("--source", "manager=manager_cros"), 2, "did you mean manager_cross_product?"),
+        ("mine", ("--set", "torquers.m_limit=0"), 0, "usual is 0.001 to 5000 A.m2"),
+        ("mine", ("--set", "wheels.torque_limit=2"), 0, "usual is 1e-06 to 1 N.m"),
+        ("mine", ("--set", "wheels.speed_limit=6000"), 0, "usual is 1 to 1100 rad/s"),
+    ],
+)  # fmt: skip
+def test_what_is_mistyped_is_answered_with_what_was_meant(
+    desat, tmp_path: Path, target: str, more: tuple[str, ...], code: int, told: str
+) -> None:
+    write(tmp_path / "mine", TWELVE, "")
+    (tmp_path / "alone.toml").write_text('extends = "nadir_day/day-dipole"\n')
+    arguments = more if "--stop" in more else ("--stop", "3", *more)
+    made = desat("run", target, *arguments, cwd=tmp_path)
+    assert made.returncode == code, made.stderr
+    assert told in made.stderr

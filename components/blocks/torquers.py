@@ -52,7 +52,9 @@ class Torquers(Role):
         "1", "columns: the coils' axes, body; zero where there is no coil",
         start=(1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0),
     )  # fmt: skip
-    m_limit: float = Parameter("A.m2", "largest dipole of each coil", start=40.0, min=0.0)
+    m_limit: float = Parameter(
+        "A.m2", "largest dipole of each coil", start=40.0, min=0.0, usual=(1e-3, 5000.0)
+    )
     lag: float = Parameter("s", "time constant of a coil; 0: none", min=0.0)
     quiet_time: float = Parameter("s", "from each sample on all coils are off so long", min=0.0)
     least_pulse: float = Parameter("s", "pulsed: length of one pulse", start=0.05, min=1e-6)

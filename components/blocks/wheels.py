@@ -66,7 +66,9 @@ class Wheels(Role, WheelInertias):
         "1", "which command counts", choices=("torque", "speed"), start="torque",
         needs=("speed_cmd_wheel", "omega_bi_body"),
     )  # fmt: skip
-    torque_limit: float = Parameter("N.m", "largest motor torque of a wheel", start=0.02, min=0.0)
+    torque_limit: float = Parameter(
+        "N.m", "largest motor torque of a wheel", start=0.02, min=0.0, usual=(1e-6, 1.0)
+    )
     speed_limit: float = Parameter(
         "rad/s", "speed at which a wheel is saturated", start=600.0, min=1e-3, usual=(1.0, 1100.0)
     )

@@ -258,9 +258,9 @@ def _interface(c: DraftComponent, blocks: bool) -> Interface:
             raise DesatError(f"no block {name}{nearest(name, registry.names())}")
         return interface_of_block(name)
     if c.fmu is None:
-        known = {p.name for p in paths.fmus().glob("*.fmu")}
-        hint = nearest(f"{name}.fmu", known) or "; run `make fmus`"
-        hint = hint if f"{name}.fmu" not in known else ""  # a system of others does not run ours
+        known = {p.stem for p in paths.fmus().glob("*.fmu")}
+        hint = nearest(name, known) or "; run `make fmus`"
+        hint = hint if name not in known else ""  # a system of others does not run ours
         raise DesatError(f"FMU {c.source} is missing{hint}")
     return load(c.fmu).interface
 

@@ -238,8 +238,24 @@ def find(name: str) -> Scenario:
     for stem, text in broken.items():
         if f"{rest}-".startswith(f"{stem}-"):
             raise DesatError(text)
-    hint = "; a name is needed here, no file" if name.endswith(".toml") else nearest(name, known)
+    if name in families():
+        raise DesatError(
+            f"{name} is a family of {len(known)} scenarios (desat list {name}); one of them is "
+            f"needed, as {next(iter(known))}"
+        )
+    hint = "; a name is needed here, no file" if name.endswith(".toml") else nearest(
+        name, [*known, *_beside()]
+    )  # fmt: skip
     raise DesatError(f"no scenario {name}{hint}")
+
+
+def _beside() -> list[str]:
+    """The scenario files and crafts of the folder that the command was given in."""
+    here = Path()
+    return [
+        *(f.stem for f in here.glob("*.toml")),
+        *(f.parent.name for f in here.glob(f"*/{NOMINAL}")),
+    ]
 
 
 def own(file: Path) -> Scenario:

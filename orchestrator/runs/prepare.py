@@ -95,6 +95,8 @@ def read(target: str) -> Source:
         return Source(target, scenario.own(own))
     if path.suffix in (".ssp", ".ssd") or path.is_dir():
         return Source(target, None)
+    if path.suffix != ".toml" and (beside := Path(f"{target}.toml")).is_file():
+        path = beside
     if path.suffix == ".toml":
         return Source(target, scenario.own(path))
     try:

@@ -62,7 +62,8 @@ def nearest(name: str, known: Iterable[str]) -> str:
     known = sorted(known)
     if len(known) > MANY or len(name) > LONG:
         return ""
-    close = difflib.get_close_matches(name, known, n=1, cutoff=0.6)
+    begun = [x for x in known if len(name) > 2 and x.startswith(name)]
+    close = begun[:1] or difflib.get_close_matches(name, known, n=1, cutoff=0.6)
     if close:
         return f"; did you mean {close[0]}?"
     if len(known) > 12:
