@@ -3,6 +3,7 @@ wish that cannot be is refused with a line, and nothing is written."""
 
 from __future__ import annotations
 
+import json
 import math
 import re
 import tomllib
@@ -13,6 +14,7 @@ import pytest
 
 import desat as library
 from desat.files.new_craft import CUBESATS, SCENARIOS, Wanted, classes, quantity, write
+from desat.fmus import registry
 from desat.runs.prepare import prepare
 from desat.system.errors import DesatError
 from desat.system.options import Options
@@ -182,7 +184,7 @@ def test_what_cannot_be_is_refused(tmp_path: Path, wanted: dict[str, object], to
         ("mine", (), 0, ""),
         ("alone", ("--stop", "3"), 0, ""),
         ("min", (), 2, "no scenario min; did you mean mine?"),
-        ("integrated", (), 2, "integrated is a family of 43 scenarios (desat list integrated); one"),
+        ("integrated", (), 2, "integrated is a family of 43 scenarios (desat list integrated)"),
         ("mine", ("--source", "manager=manager_cros"), 2, "did you mean manager_cross_product?"),
         ("mine", ("--set", "torquers.m_limit=0"), 0, "usual is 0.001 to 5000 A.m2"),
         ("mine", ("--set", "wheels.torque_limit=2"), 0, "usual is 1e-06 to 1 N.m"),
@@ -198,3 +200,19 @@ def test_what_is_mistyped_is_answered_with_what_was_meant(
     made = desat("run", target, *arguments, cwd=tmp_path)
     assert made.returncode == code, made.stderr
     assert told in made.stderr
+
+
+def test_blocks_are_told(desat) -> None:
+    every = json.loads(desat("help", "blocks", "--json", check=True).stdout)["rows"]
+    assert {r["block"] for r in every} == set(registry.names())
+    managers = json.loads(desat("help", "blocks", "manager", "--json", check=True).stdout)["rows"]
+    assert {r["role"] for r in managers} == {"manager"}
+    one = json.loads(desat("help", "blocks", "wheels", "--json", check=True).stdout)
+    rows = {r["name"]: r for r in one["rows"]}
+    assert rows["torque_limit"]["unit"] == "N.m"
+    assert rows["speed_limit"]["allowed"] == ">= 0.001"
+    assert rows["command_mode"]["allowed"] == "torque, speed"
+    assert "Reaction wheels" in one["text"]
+    wrong = desat("help", "blocks", "wheel")
+    assert wrong.returncode == 2
+    assert wrong.stderr == "error: wheel: no block and no role; did you mean wheels?\n"

@@ -1,4 +1,4 @@
-"""What `desat list`, `keys`, `measures` and `show` print."""
+"""What `desat list`, `keys`, `measures`, `show` and `help` print."""
 
 from __future__ import annotations
 
@@ -7,11 +7,14 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, get_args, get_origin
 
-from ..files import reader, scenario
+from desat.fmus import registry
+
+from ..files import library, reader, scenario
 from ..files.merge import origin
 from ..files.scenario import Scenario
 from ..numbers.measures import LATE, MEASURES
 from ..system.errors import DesatError, nearest
+from ..system.interface import Signal, base_name
 from ..system.resolve import resolve
 from . import validation
 
@@ -166,3 +169,47 @@ def _leaves(
 
 def _plain(value: Any) -> Any:
     return value.isoformat() if hasattr(value, "isoformat") else value
+
+
+def blocks(what: str | None) -> tuple[str, list[dict[str, str]]]:
+    """A text for people and rows: all blocks, those of a role, or the variables of one. Raises
+    DesatError for what is neither."""
+    known = {name: library.interface_of_block(name) for name in registry.names()}
+    if what in known:
+        assert what is not None
+        interface = known[what]
+        rows = []
+        for kind in ("parameter", "input", "output"):
+            for name in dict.fromkeys(base_name(s.name) for s in interface.of(kind)):
+                elements = interface.elements(name)
+                first = elements[0]
+                rows.append({
+                    "name": name + (f" ({len(elements)})" if len(elements) > 1 else ""),
+                    "kind": kind, "unit": first.unit_name or "1",
+                    "start": _start(elements) if kind != "output" else "",
+                    "allowed": ", ".join(first.choices) or _bounds(first),
+                    "usually": first.follows, "needed by": ", ".join(first.needed_by),
+                    "meaning": first.description,
+                })  # fmt: skip
+        return inspect.getdoc(registry.block_class(what)) or "", rows
+    roles = sorted({i.role for i in known.values()})
+    if what is not None and what not in roles:
+        raise DesatError(f"{what}: no block and no role{nearest(what, [*known, *roles])}")
+    return "", [
+        {"role": i.role, "block": name, "title": i.title}
+        for name, i in sorted(known.items(), key=lambda x: (x[1].role, x[0]))
+        if what in (None, i.role)
+    ]
+
+
+def _start(elements: list[Signal]) -> str:
+    values = [s.named(s.start) for s in elements]
+    text = str(values[0]) if len(set(map(str, values))) == 1 else ", ".join(map(str, values))
+    return text if len(text) <= 40 else f"{text[:39]}…"
+
+
+def _bounds(signal: Signal) -> str:
+    low, high = signal.minimum, signal.maximum
+    return " ".join(filter(None, (
+        "" if low is None else f">= {low:g}", "" if high is None else f"<= {high:g}",
+    )))  # fmt: skip

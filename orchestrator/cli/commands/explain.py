@@ -30,7 +30,7 @@ def keys(
     if markdown:
         print(explain.page(), end="")
         return
-    _print_rows(explain.keys(what), as_json)
+    print_rows(explain.keys(what), as_json)
 
 
 @app.command()
@@ -38,7 +38,7 @@ def measures(as_json: o.Json = False) -> None:
     """Print the measures that a number may name, and their options."""
     from ...runs import explain
 
-    _print_rows(explain.measures(), as_json)
+    print_rows(explain.measures(), as_json)
 
 
 @app.command()
@@ -54,10 +54,10 @@ def show(
     """Print a scenario as merged, and where each value comes from."""
     from ...runs import explain
 
-    _print_rows(explain.show(name), as_json)
+    print_rows(explain.show(name), as_json)
 
 
-def _print_rows(rows: list[dict[str, str]], as_json: bool) -> None:
+def print_rows(rows: list[dict[str, str]], as_json: bool) -> None:
     if as_json:
         print_json(rows)
         return
