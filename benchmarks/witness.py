@@ -55,7 +55,8 @@ TERMS = {
     "sine of its half",
     "gyroscopic": "the gyroscopic torque: omega_r x (J omega + A h) - J (omega x omega_r), ours "
     "omega x A h",
-    "null_space": "Basilisk's manager drives the wheels' null space to nothing, ours leaves it",
+    "null_space": "Basilisk's manager drives the wheels' null space to nothing, ours leaves it "
+    "where `null_gain` is 0",
     "relative": "the momentum to dump: J_s Omega, ours J_s (Omega + g . omega)",
 }
 ORBITS = (550e3, 1.7033), (650e3, 1.7100), (400e3, 0.9006)

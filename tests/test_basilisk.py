@@ -44,6 +44,16 @@ def test_the_difference_to_basilisks_own_laws_is_what_the_page_says() -> None:
     )  # fmt: skip
 
 
+def test_with_an_empty_null_space_ours_is_nearer() -> None:
+    """The one term that changes wheels' momentum: by the parameter that Basilisk's law has, too."""
+    run = desat.run(f"nadir_day/witness-{LAWS}", {"manager.null_gain": 1e-3})
+    rows = {k: run.results.values(s)[:: CASES[LAWS]] for k, s in SERIES.items()}
+    told = TOLD_OF["laws"]["without"]
+    left = told["mrp"]["momentum"] + told["gyroscopic"]["momentum"] + told["relative"]["momentum"]
+    assert apart(stored(LAWS), rows)["momentum"] < 1.1 * left
+    assert left < 0.02 * TOLD_OF["laws"]["modules"]["momentum"]
+
+
 def test_a_coil_that_is_off_by_a_thousandth_is_seen() -> None:
     run = desat.run("nadir_day/witness-light", {"manager.gain": 1.001e-3})
     rows = {k: run.results.values(s)[:: CASES["light"]] for k, s in SERIES.items()}

@@ -9,7 +9,7 @@ from ..contract.block import Output, Parameter, Vec3, Vec4
 from ..contract.roles import WheelManager
 from ..laws.blending import Split
 from ..maths.vector import ZERO, clip, cross, sub
-from ..physics.wheel_array import body_momentum, pseudo_inverse, wheel_torque
+from ..physics.wheel_array import body_momentum, pseudo_inverse, to_wheels, wheel_torque
 
 IDLE, DUMPING, RECEDING_HORIZON, FALLBACK = range(4)
 NO_AXIS = 0
@@ -24,7 +24,9 @@ class MomentumDumping(WheelManager):
 
         tau_cmd_wheel = A^+ (N - tau_ctrl_body - omega x A h)        (paper 004, eq. 16)
 
-    at each sample, or every `wheel_sample_time`, held in between.
+    at each sample, or every `wheel_sample_time`, held in between. With `null_gain` the momentum
+    that the wheels hold against each other, h - A^+ A h, which no dumping reaches, decays at that
+    rate.
 
     A measurement that is not valid is not used: at a sample without `valid_h` nothing is dumped;
     omega x h is left out while `valid_h` or `valid_omega` is false, and a law takes `rate`, which
@@ -37,6 +39,10 @@ class MomentumDumping(WheelManager):
     gyroscopic: bool = Parameter(
         "1", "true: the wheels absorb the gyroscopic torque of their momentum", start=True,
         needs=("omega_bi_body", "h_wheel"),
+    )  # fmt: skip
+    null_gain: float = Parameter(
+        "1/s", "rate at which momentum in the wheels' null space decays; 0: it stays", min=0.0,
+        needs=("h_wheel", "tau_cmd_wheel"),
     )  # fmt: skip
     mode: int = Output(
         "1", "what the manager does", interval=True,
@@ -80,6 +86,18 @@ class MomentumDumping(WheelManager):
                 self.rate() if self.gyroscopic else ZERO,
                 self.h_wheel if self.valid_h else NO_MOMENTUM,
             )
+            if self.null_gain > 0.0 and self.valid_h:
+                self._empty_null_space()
+
+    def _empty_null_space(self) -> None:
+        """Add to the wheels' torques what lets their null-space momentum decay."""
+        a, b, c, d = self.h_wheel
+        p, q, r, s = to_wheels(self._to_wheels, body_momentum(self.axes_wheel, self.h_wheel))
+        w, x, y, z = self.tau_cmd_wheel
+        k = self.null_gain
+        self.tau_cmd_wheel = (
+            w - k * (a - p), x - k * (b - q), y - k * (c - r), z - k * (d - s)
+        )  # fmt: skip
 
     def rate(self) -> Vec3:
         """The measured rate (rad/s, body); zero while it is not valid."""

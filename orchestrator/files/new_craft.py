@@ -353,7 +353,7 @@ def _wheels(wanted: Wanted, inertia: list[float]) -> dict[str, Any]:
     held = "a pyramid along (+-1, +-1, 1)" if count == 4 else "one wheel along each axis"
     return {
         "axes": ["[" + ", ".join(f"{x:.16g}" for x in row) + "]" for row in axes],
-        "layout_why": held,
+        "layout_why": held, "null": count == 4,
         "capacity": f"{capacity * 1e3:g} mN m s", "speed": figures["speed"], "class": name,
         "inertia": "[" + ", ".join([f"{rotor:.9g}"] * count + ["0.0"] * (4 - count)) + "]",
         "torque": f"{torque * 1e3:.4g} mN.m", "torque_si": torque, "capacity_si": capacity,
