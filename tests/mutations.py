@@ -33,10 +33,12 @@ import signal
 import subprocess
 import sys
 import time
+from collections import Counter
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
+from functools import cache
 from importlib import metadata
 from pathlib import Path
 from typing import Any
@@ -132,30 +134,36 @@ OF_RUNS = {
     "commands_cost",
 }
 VERDICTS = {
-    "system/errors.py": ("__new__", "__init__"),
+    "system/errors.py": (),
     "numbers/statistics.py": (),
     "numbers/text.py": ("not_reached",),
     "analyses/__init__.py": ("not_checked",),
-    "analyses/residual.py": ("unmet", "beyond", "unchecked", "missing", "numbers"),
-    "analyses/energy.py": ("unmet", "unchecked", "_not_of_rows", "numbers", "add"),
+    "analyses/residual.py": ("BOUND", "unmet", "beyond", "unchecked", "missing", "numbers"),
+    "analyses/energy.py": ("BOUND", "ENERGY_BOUND", "unmet", "unchecked", "_not_of_rows", "numbers",
+                           "add"),
     "analyses/fixed.py": ("unmet", "unchecked", "_why_not", "numbers", "mismatch"),
-    "analyses/coverage.py": ("unmet", "remarks"),
+    "analyses/coverage.py": ("LIMITS", "TOGETHER", "JITTER", "_beyond", "_of_jitter", "remarks"),
     "campaign/judged.py": (),
     "campaign/case.py": ("row",),
     "campaign/draws.py": ("one", "ran", "_asked", "lost", "summary", "spreads"),
     "runs/run.py": ("ok", "code", "or_raise", "_measure", "_cut_short"),
+    "runs/supervisor.py": ("apart", "stopped"),
     "runs/step_case.py": ("stepped", "_add"),
     "runs/stopping.py": ("met", "_reaches", "_held", "watch"),
     "papers/comparison.py": ("band_of", "_row", "share_of", "counted"),
-    "cli/__init__.py": ("_code", "_terminate"),
+    "papers/tables.py": ("_single",),
+    "cli/__init__.py": ("_code", "_terminate", "_is_full"),
     "cli/commands/run.py": ("conclude", "_report_run"),
     "cli/commands/check.py": ("check",),
     "cli/commands/draws.py": ("draws",),
     "cli/commands/sweep.py": ("sweep",),
-    "cli/commands/campaign.py": ("_report",),
+    "cli/commands/campaign.py": ("case", "_report"),
+    "cli/commands/size.py": ("size",),
     "cli/commands/tables.py": ("tables",),
-}
-"""What decides a verdict, an exit code or a bound: functions (none: all) by file."""
+}  # fmt: skip
+"""What decides a verdict, an exit code or a bound: functions and constants (none: all) by file."""
+DECIDES = re.compile("Comparison|Not|AndWithOr|OrWithAnd|True|False")
+"""Operators of these are tried before others, of a part that is tried whole."""
 
 
 @dataclass(frozen=True)
@@ -172,12 +180,12 @@ class Part:
     empty: bool = False
     """Whether FMUs are empty."""
 
-    def has(self, file: str, line: int, functions: list[ast.FunctionDef]) -> bool:
-        """Whether a mutation of a line belongs to it, `functions` all of the file."""
+    def has(self, file: str, line: int, places: list[tuple[str, int, int]]) -> bool:
+        """Whether a mutation of a line belongs to it, `places` all of the file."""
         known = file.removeprefix("orchestrator/") in self.functions
         names = self.functions.get(file.removeprefix("orchestrator/"), ())
-        of = [n for n in functions if n.lineno <= line <= (n.end_lineno or 0)]
-        decides = known and (not names or any(n.name in names for n in of))
+        of = {name for name, first, last in places if first <= line <= last}
+        decides = known and (not names or bool(of & set(names)))
         return decides == (self.sample is None)
 
 
@@ -332,22 +340,36 @@ def _quiet(log: Path, seconds: int) -> None:
 # --- the sample -------------------------------------------------------------------------------
 
 
+def places_of(text: str) -> list[tuple[str, int, int]]:
+    """Name, first and last line of the functions and of the constants of a module."""
+    parsed = ast.parse(text)
+    found = [(n.name, n) for n in ast.walk(parsed) if isinstance(n, ast.FunctionDef)]
+    found += [(t.id, n) for n in parsed.body if isinstance(n, ast.Assign)
+              for t in n.targets if isinstance(t, ast.Name)]  # type: ignore[misc] # fmt: skip
+    return [(name, n.lineno, n.end_lineno or 0) for name, n in found]
+
+
 def listed(tree: Path, part: Part) -> list[tuple[str, int, str, int]]:
-    """All mutations of a part: file, line, operator, which of its places."""
+    """All mutations of a part: file, line, operator, which of its places. Raises ValueError for
+    a name in `functions` that its file has not: it was renamed."""
     from cosmic_ray.ast import ast_nodes, get_ast
     from cosmic_ray.plugins import get_operator
 
+    for file, names in part.functions.items():
+        has = {name for name, *_ in places_of((tree / "orchestrator" / file).read_text())}
+        if lost := set(names) - has:
+            raise ValueError(f"{file} has no {', '.join(sorted(lost))}")
     found = []
     for path in sorted(p for f in part.folders for p in (tree / f).rglob("*.py")):
         text, file = path.read_text(encoding="utf-8"), str(path.relative_to(tree))
         parsed = get_ast(text)
-        functions = [n for n in ast.walk(ast.parse(text)) if isinstance(n, ast.FunctionDef)]
+        places = places_of(text)
         nodes = list(ast_nodes(parsed))
         for name in OPERATORS:
             operator, k = get_operator(f"core/{name}")(), 0
             for node in nodes:
                 for (line, _), _ in operator.mutation_positions(node):
-                    if part.has(file, line, functions):
+                    if part.has(file, line, places):
                         found.append((file, line, name, k))
                     k += 1
     return sorted(found)
@@ -360,8 +382,10 @@ def drawn(tree: Path, part: Part) -> dict[str, Any]:
     from cosmic_ray.plugins import get_operator
 
     every, rng, sample = listed(tree, part), random.Random(SEED), []
-    count = len(every) if part.sample is None else part.sample
-    for path, line, name, k in rng.sample(every, count):
+    taken = rng.sample(every, len(every) if part.sample is None else part.sample)
+    if part.sample is None:
+        taken.sort(key=lambda entry: DECIDES.search(entry[2]) is None)
+    for path, line, name, k in taken:
         old = (tree / path).read_text(encoding="utf-8")
         new = mutate_code(old, get_operator(f"core/{name}")(), k)
         try:
@@ -374,7 +398,16 @@ def drawn(tree: Path, part: Part) -> dict[str, Any]:
                   if x[0] in "+-" and x[:3] not in ("+++", "---")]  # fmt: skip
         sample.append({"file": path, "line": line, "operator": name, "place": k,
                        "was": change[0][1:].strip(), "is": change[-1][1:].strip()})  # fmt: skip
-    return {"seed": SEED, "drawn": count, "of": len(every), "mutations": sample}
+    return {"seed": SEED, "drawn": len(taken), "of": len(every), "mutations": sample}
+
+
+def judgements(new: dict[str, Any], old: dict[str, Any]) -> None:
+    """What was said of a mutation holds where it is drawn again of changed code: why it changes
+    nothing or is open, and the tests that were added for it. It runs anew."""
+    kept = {tuple(m[k] for k in ("file", "operator", "was", "is")): m for m in old["mutations"]}
+    for m in new["mutations"]:
+        known = kept.get(tuple(m[k] for k in ("file", "operator", "was", "is")), {})
+        m.update({k: known[k] for k in ("equivalent", "why", "also", "added") if k in known})
 
 
 def mutated(tree: Path, m: dict[str, Any]) -> str:
@@ -390,11 +423,14 @@ def mutated(tree: Path, m: dict[str, Any]) -> str:
 
 
 def chosen(
-    tree: Path, part: Part, m: dict[str, Any], tests: dict[str, Any], every: bool
+    tree: Path, part: Part, m: dict[str, Any], tests: dict[str, Any], every: bool,
+    kills: Mapping[tuple[str, str], int],
 ) -> list[str]:  # fmt: skip
-    """The tests that run the mutated statement, quickest first; where it is run at import, those
-    that run most of the file."""
-    text = ast.parse((tree / m["file"]).read_text(encoding="utf-8"))
+    """The tests that run the mutated statement: first which killed most other mutations of its
+    file (`kills` by file and test), then those whose file names its function or module, then the
+    quickest; where it is run at import, those that run most of the file."""
+    source = (tree / m["file"]).read_text(encoding="utf-8")
+    text = ast.parse(source)
     inside, lines = False, {m["line"]}
     for node in ast.walk(text):
         if isinstance(node, ast.stmt) and node.lineno <= m["line"] <= (node.end_lineno or 0):
@@ -406,7 +442,14 @@ def chosen(
     names = [t for t, own in runs.items() if (own & lines if inside else own)]
     if not names and not part.empty:  # a process that was killed, or not forked, ran it
         inside, names = False, [t for t, own in runs.items() if own]
-    names.sort(key=lambda t: (0 if inside else -len(runs[t]), tests[t]["s"]))
+    stem = Path(m["file"].removesuffix("/__init__.py")).stem
+    subjects = {stem, *(name for name, a, b in places_of(source) if a <= m["line"] <= b)}
+    files = {t.partition("::")[0] for t in names}
+    near = {f: len(subjects & _words(tree / f)) for f in files}
+    names.sort(key=lambda t: (
+        -kills.get((m["file"], t), 0), -near[t.partition("::")[0]], 0 if inside else -len(runs[t]),
+        tests[t]["s"],
+    ))  # fmt: skip
     out, seen, spent = [], {}, 0.0
     for name in names:
         function = name.partition("[")[0]
@@ -425,6 +468,12 @@ def chosen(
     whole = [f"tests/{f.name}" for f in files if named.search(f.read_text(encoding="utf-8"))]
     own = [x for x in out if x.partition("::")[0] not in whole]
     return [PUBLISHED, *own, *whole]
+
+
+@cache
+def _words(file: Path) -> set[str]:
+    """The words of a file of tests."""
+    return set(re.findall(r"\w+", file.read_text(encoding="utf-8")))
 
 
 PUBLISHED = "tests/test_fmus.py::test_interfaces_page_is_current"
@@ -557,9 +606,10 @@ def section(part: Part, result: dict[str, Any]) -> list[str]:
     real = n["ran"] - n["equivalent"]
     low, high = clopper_pearson(n["killed"], real)
     of = result.get("controls", {})
-    added = sum("added for it" in m.get("by", "") for m in result["mutations"])
+    added = sum(bool(m.get("added")) for m in result["mutations"])
     once = sum(not m.get("all") for m in n["open"])
     places = ", ".join(f"`{f}/`" for f in part.folders)
+    order = "in the order drawn" if part.sample is not None else "comparisons and conditions first"
     drawn = (
         f"{result['drawn']:,} were drawn at random with seed {result['seed']} of the "
         f"{result['of']:,} mutations of {places}" if part.sample is not None else
@@ -578,8 +628,13 @@ def section(part: Part, result: dict[str, Any]) -> list[str]:
         f"{100 * n['killed'] / real:.0f} %"
         + (f" (of all {low:.0f} to {high:.0f} %, Clopper-Pearson, 95 %)." if part.sample else "."),
         "",
-        f"{drawn}; {len(result['mutations'])} of these change the code, and the first {n['ran']} "
-        f"of them, in the order drawn, ran on {result['date']}{told}. {bare if part.empty else ''}"
+        f"{drawn}; {len(result['mutations'])} of these change the code, and "
+        + (
+            f"the first {n['ran']} of them, {order},"
+            if n["ran"] < len(result["mutations"])
+            else "all of them"
+        )
+        + f" ran on {result['date']}{told}. {bare if part.empty else ''}"
         f"{once} of the open ones ran against {MOST} quick tests only, not yet against all. "
         f"{added} were not killed by any test and are now, by tests "
         "that were added for them. Controls, the same tests with nothing mutated: "
@@ -647,6 +702,7 @@ def main() -> int:
     parser.add_argument("seconds", type=float, help="0: only the page")
     parser.add_argument("folder", type=Path)
     parser.add_argument("--all", action="store_true", help="survivors against all that run it")
+    parser.add_argument("--anew", action="store_true", help="draw of today's code")
     given = parser.parse_args()
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))  # the mutated file is put back
     until, folder, part = time.time() + given.seconds, given.folder.resolve(), PARTS[given.part]
@@ -662,20 +718,25 @@ def main() -> int:
     tests: dict[str, Any] = {}
     for file in sorted(folder.glob("map.*.json")):
         tests.update(json.loads(file.read_text()))
-    result = _stored().get(given.part) or drawn(tree, part)
+    result = _stored().get(given.part)
+    if result is None or given.anew:
+        result, old = drawn(tree, part), result
+        judgements(result, old or {"mutations": []})
     if given.seconds and not part.empty:
         _warm_ours(tree, part)
         gc.freeze()  # a fork need not copy what it would look through
     ruled_out: dict[tuple[str, str], bool] = {}
+    kills = Counter((m["file"], m["by"]) for m in result["mutations"] if m.get("by"))
     for k, m in enumerate(result["mutations"]):
         left = m.get("outcome", "") in ("survived", "no quick test runs it")
         wanted = left and given.all and not (m.get("all") or m.get("equivalent"))
         if time.time() > until or ("outcome" in m and not wanted):
             continue
-        names = [*m.get("also", ()), *chosen(tree, part, m, tests, given.all)]
+        names = [*m.get("also", ()), *chosen(tree, part, m, tests, given.all, kills)]
         m["tests"], m["all"] = len(names), given.all
         limit = int(CPU + 3 * sum(tests[n]["s"] if n in tests else 4 * CPU for n in names))
         m["outcome"], m["by"] = judged(tree, m, names, folder / f"log.{k}", limit, ruled_out)
+        kills[m["file"], m["by"]] += 1
         if names and k % 10 == 0:  # a control: the same tests, nothing mutated
             text = (tree / m["file"]).read_text(encoding="utf-8") + "\nCONTROL = 1\n"
             kept = [n for n in names if not ruled_out.get((m["file"], n))]
