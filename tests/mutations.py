@@ -40,6 +40,7 @@ from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from functools import cache
 from importlib import metadata
+from itertools import zip_longest
 from pathlib import Path
 from typing import Any
 
@@ -51,7 +52,7 @@ LONGEST = 3.0
 """Processor time [s] of a quick test while lines are counted."""
 BUDGET, MOST = 15.0, 15
 """Of the quick tests of a mutation: seconds in all, and how many."""
-CPU = 40
+CPU = 15
 """Processor time [s] of a mutation's tests beyond thrice what they take, and half its time on the
 clock; a mutation that takes longer is called killed."""
 
@@ -144,16 +145,16 @@ VERDICTS = {
     "analyses/fixed.py": ("unmet", "unchecked", "_why_not", "numbers", "mismatch"),
     "analyses/coverage.py": ("LIMITS", "TOGETHER", "JITTER", "_beyond", "_of_jitter", "remarks"),
     "campaign/judged.py": (),
-    "campaign/case.py": ("row",),
+    "campaign/case.py": ("row", "kept"),
     "campaign/draws.py": ("one", "ran", "_asked", "lost", "summary", "spreads"),
-    "runs/run.py": ("ok", "code", "or_raise", "_measure", "_cut_short"),
+    "runs/run.py": ("ok", "code", "or_raise", "_measure", "_supervised", "_cut_short"),
     "runs/supervisor.py": ("apart", "stopped"),
     "runs/step_case.py": ("stepped", "_add"),
     "runs/stopping.py": ("met", "_reaches", "_held", "watch"),
     "papers/comparison.py": ("band_of", "_row", "share_of", "counted"),
     "papers/tables.py": ("_single",),
     "cli/__init__.py": ("_code", "_terminate", "_is_full"),
-    "cli/commands/run.py": ("conclude", "_report_run"),
+    "cli/commands/run.py": ("conclude", "_room", "_report_run"),
     "cli/commands/check.py": ("check",),
     "cli/commands/draws.py": ("draws",),
     "cli/commands/sweep.py": ("sweep",),
@@ -295,10 +296,12 @@ def mapped(tree: Path, folder: Path, part: Part, until: float) -> bool:
             continue
         if time.time() > until:
             return False
-        if (pid := os.fork()) == 0:
-            _quiet(folder / f"map.{file.stem[5:]}.log", 240)
-            os._exit(_map_file(tree, part, file, kept))
-        os.waitpid(pid, 0)
+        for _ in range(2):  # the limit of a test may end it where coverage holds a lock
+            if (pid := os.fork()) == 0:
+                _quiet(folder / f"map.{file.stem[5:]}.log", 240)
+                os._exit(_map_file(tree, part, file, kept))
+            if waited(pid, 400.0) is not None:
+                break
         if not kept.exists():
             kept.write_text("{}")
         print(f"{file.stem}: {len(json.loads(kept.read_text()))} quick tests", flush=True)
@@ -325,6 +328,25 @@ def _map_file(tree: Path, part: Part, file: Path, kept: Path) -> int:
 
 
 QUIET = ["-n", "0", "-p", "no:cacheprovider", "--no-header", "--tb=line", "-W", "ignore"]
+
+
+def waited(pid: int, seconds: float) -> int | None:
+    """How a forked child ended; None where it did not for so long, and was killed with its
+    group."""
+    until = time.time() + seconds
+    while time.time() < until:
+        done, status = os.waitpid(pid, os.WNOHANG)
+        if done:
+            return os.waitstatus_to_exitcode(status)
+        time.sleep(0.02)
+    _kill(pid)
+    return None
+
+
+def _kill(pid: int) -> None:
+    with suppress(ProcessLookupError, ChildProcessError):
+        os.killpg(pid, signal.SIGKILL)
+        os.waitpid(pid, 0)
 
 
 def _quiet(log: Path, seconds: int) -> None:
@@ -401,13 +423,27 @@ def drawn(tree: Path, part: Part) -> dict[str, Any]:
     return {"seed": SEED, "drawn": len(taken), "of": len(every), "mutations": sample}
 
 
-def judgements(new: dict[str, Any], old: dict[str, Any]) -> None:
-    """What was said of a mutation holds where it is drawn again of changed code: why it changes
-    nothing or is open, and the tests that were added for it. It runs anew."""
-    kept = {tuple(m[k] for k in ("file", "operator", "was", "is")): m for m in old["mutations"]}
+def renewed(tree: Path, part: Part, old: dict[str, Any]) -> dict[str, Any]:
+    """All drawn anew, of today's code. What was said of a mutation stays: why it changes nothing or
+    is open, and the tests that were added for it; where its file has not changed, how it ended,
+    too."""
+    changed = set()
+    for path in sorted(p for f in part.folders for p in (ROOT / f).rglob("*.py")):
+        name = str(path.relative_to(ROOT))
+        if not (tree / name).exists() or (tree / name).read_bytes() != path.read_bytes():
+            (tree / name).parent.mkdir(parents=True, exist_ok=True)
+            shutil.copy2(path, tree / name)
+            changed.add(name)
+    of = ("file", "operator", "was", "is")
+    new, kept = drawn(tree, part), {}
+    for m in old["mutations"]:
+        kept.setdefault(tuple(m[k] for k in of), []).append(m)
     for m in new["mutations"]:
-        known = kept.get(tuple(m[k] for k in ("file", "operator", "was", "is")), {})
-        m.update({k: known[k] for k in ("equivalent", "why", "also", "added") if k in known})
+        known = (kept.get(tuple(m[k] for k in of)) or [{}]).pop(0)
+        ended = {"tests", "all", "outcome", "by"} if m["file"] not in changed else set()
+        said = {"equivalent", "why", "also", "added"}
+        m.update({k: v for k, v in known.items() if k in said | ended})
+    return {**new, **{k: old[k] for k in ("controls", "date", "versions") if k in old}}
 
 
 def mutated(tree: Path, m: dict[str, Any]) -> str:
@@ -428,14 +464,17 @@ def chosen(
 ) -> list[str]:  # fmt: skip
     """The tests that run the mutated statement: first which killed most other mutations of its
     file (`kills` by file and test), then those whose file names its function or module, then the
-    quickest; where it is run at import, those that run most of the file."""
+    quickest; where it is run at import, those that run most of the file. Of a condition those that
+    meet it and those that do not in turn."""
     source = (tree / m["file"]).read_text(encoding="utf-8")
     text = ast.parse(source)
-    inside, lines = False, {m["line"]}
+    inside, lines, met = False, {m["line"]}, set[int]()
     for node in ast.walk(text):
         if isinstance(node, ast.stmt) and node.lineno <= m["line"] <= (node.end_lineno or 0):
             if isinstance(node, ast.FunctionDef):
                 inside = inside or node.lineno < m["line"]
+            elif isinstance(node, ast.If) and m["line"] < node.body[0].lineno:
+                met = {n.lineno for x in node.body for n in ast.walk(x) if isinstance(n, ast.stmt)}
             elif not isinstance(node, ast.ClassDef | ast.If | ast.For | ast.While | ast.With):
                 lines = set(range(node.lineno, (node.end_lineno or 0) + 1))
     runs = {t: set(x["lines"].get(m["file"], ())) for t, x in tests.items()}
@@ -450,6 +489,10 @@ def chosen(
         -kills.get((m["file"], t), 0), -near[t.partition("::")[0]], 0 if inside else -len(runs[t]),
         tests[t]["s"],
     ))  # fmt: skip
+    others = [t for t in names if not runs[t] & met]
+    if met and others and len(others) < len(names):
+        both = ([t for t in names if runs[t] & met], others)
+        names = [t for pair in zip_longest(*both) for t in pair if t]
     out, seen, spent = [], {}, 0.0
     for name in names:
         function = name.partition("[")[0]
@@ -493,7 +536,7 @@ def tried(
     for file in compiled:
         file.unlink()
     path.write_text(text, encoding="utf-8")
-    began, status, pid = time.time(), None, 0
+    status, pid = None, 0
     sys.stdout.flush()
     try:
         if (pid := os.fork()) == 0:
@@ -506,16 +549,13 @@ def tried(
             code = int(pytest.main([*QUIET, "-x", *names]))
             sys.stdout.flush()
             os._exit(code)
-        while status is None and time.time() - began < 2 * limit:
-            done, code = os.waitpid(pid, os.WNOHANG)
-            status = os.waitstatus_to_exitcode(code) if done else None
-            time.sleep(0.02)
+        status = waited(pid, 2.0 * limit)
+    except BaseException:
+        if pid:
+            _kill(pid)
+        raise
     finally:
         path.write_text(old, encoding="utf-8")
-        if pid and status is None:
-            with suppress(ProcessLookupError):
-                os.killpg(pid, signal.SIGKILL)
-                os.waitpid(pid, 0)
     if status == 0:
         return "survived"
     if status is None or status < 0:
@@ -570,8 +610,7 @@ def judged(
         outcome = tried(tree, m, names, log, mutated(tree, m), limit)
         if outcome != "killed":
             return outcome, ""
-        found = re.search(r"^(?:FAILED|ERROR) (.+?)(?: - .*)?$", log.read_text(), re.MULTILINE)
-        line = found[1] if found else "?"
+        line = failing(log)
         by = max((n for n in names if line.startswith(n) and "::" in n), key=len, default=line)
         if "::" in by and (m["file"], by) not in ruled_out:
             unmutated = tried(tree, m, [by], log.with_name("log.c"), control, limit)
@@ -583,6 +622,12 @@ def judged(
             if whole not in names:
                 return f"{by} fails unmutated", ""
             names.remove(whole)
+
+
+def failing(log: Path) -> str:
+    """The first test that failed, as pytest's summary names it."""
+    found = re.search(r"^(?:FAILED|ERROR) (.+?)(?: - .*)?$", log.read_text(), re.MULTILINE)
+    return found[1] if found else "?"
 
 
 # --- the page ---------------------------------------------------------------------------------
@@ -638,7 +683,9 @@ def section(part: Part, result: dict[str, Any]) -> list[str]:
         f"{once} of the open ones ran against {MOST} quick tests only, not yet against all. "
         f"{added} were not killed by any test and are now, by tests "
         "that were added for them. Controls, the same tests with nothing mutated: "
-        f"{sum(v == 'survived' for v in of.values())} of {len(of)} passed.",
+        f"{sum(v == 'survived' for v in of.values())} of {len(of)} passed"
+        + "".join(f"; no. {k}: {v}" for k, v in of.items() if v != "survived")
+        + ".",
         "",
         "| folder | ran | killed | no mutation | open |",
         "|---|---|---|---|---|",
@@ -720,8 +767,7 @@ def main() -> int:
         tests.update(json.loads(file.read_text()))
     result = _stored().get(given.part)
     if result is None or given.anew:
-        result, old = drawn(tree, part), result
-        judgements(result, old or {"mutations": []})
+        result = renewed(tree, part, result or {"mutations": []})
     if given.seconds and not part.empty:
         _warm_ours(tree, part)
         gc.freeze()  # a fork need not copy what it would look through
@@ -741,6 +787,9 @@ def main() -> int:
             text = (tree / m["file"]).read_text(encoding="utf-8") + "\nCONTROL = 1\n"
             kept = [n for n in names if not ruled_out.get((m["file"], n))]
             ended = tried(tree, m, kept, folder / "log.c", text, limit)
+            if ended != "survived":  # by which test, and whether it does so again
+                ended += f" by {failing(folder / 'log.c')}, then "
+                ended += tried(tree, m, kept, folder / "log.c", text, limit)
             result.setdefault("controls", {})[str(k)] = ended
         result["date"] = f"{datetime.now(UTC):%Y-%m-%d}"
         result["versions"] = _versions()
