@@ -15,6 +15,7 @@ import pytest
 from rich.table import Table
 from test_verdicts import FAILED, LATE_ONE, UNMET, WELL, cell
 
+from desat import cli
 from desat.analyses import coverage
 from desat.analyses.manifest import Choice, Manifest, Stopped
 from desat.campaign import case as campaign_case
@@ -34,7 +35,8 @@ from desat.runs.step_case import Outcome
 from desat.runs.stopping import LATE, Condition
 from desat.runs.supervisor import Ended
 from desat.studies import sizing
-from desat.system.errors import DesatError, Exit, RunError, nearest
+from desat.system.errors import DesatError, Exit, RunError, nearest, plain
+from desat.system.options import Options
 
 
 def test_what_each_exit_code_is():
@@ -76,6 +78,27 @@ def test_names_in_brackets_are_no_markup_and_numbers_have_no_colour():
     assert [line.strip() for line in file.getvalue().splitlines()] == [
         "h[b] = 12", "h[b]", "x[b] = 12"
     ]  # fmt: skip
+
+
+def test_what_is_no_text_is_made_a_line():
+    assert plain("a\tb\x1b[c]\u00e9") == "a b\ufffd[c]\u00e9"
+
+
+def test_a_bug_of_ours_says_how_to_see_where(desat, monkeypatch):
+    def fails(**_: object) -> None:
+        raise ValueError("why")
+
+    monkeypatch.setattr(cli, "get_command", lambda app: fails)
+    monkeypatch.setattr(cli, "spare", lambda command: None)
+    for traced in (False, True):
+        if traced:
+            monkeypatch.setenv("DESAT_TRACEBACK", "1")
+        done = desat()
+        assert done.returncode == Exit.BUG
+        assert done.stderr.splitlines()[-1] == (
+            "error: internal: ValueError: why (DESAT_TRACEBACK=1 shows where)"
+        )
+        assert ("Traceback" in done.stderr) == traced
 
 
 # --- commands -------------------------------------------------------------------------------------
@@ -164,6 +187,8 @@ def test_tables_are_printed_as_they_are(desat, monkeypatch, tmp_path, origin):
     heads = ["case paper ours difference band sample", "case paper ours difference band sample"]
     assert [x for x in lines if x.startswith("case")] == heads
     assert "how [b] it is" in lines
+    assert "case  paper  ours        difference  band " in done.stdout  # numbers to the right
+    assert "\nname   1.50  3.00  +1.50 (+100.0 %)  1.00 " in done.stdout
     assert any("1.6" in x and "1.5" in x for x in lines)
     assert [x for x in lines if x.startswith("draws: ")] == (
         ["draws: computed just now with seed 3 by z"] if origin else []
@@ -238,8 +263,10 @@ def test_what_a_run_says_at_its_end(capsys, tmp_path):
         assert lines[0] == "ended at 12.5 s: a.h[b] below 1"
         table = ["Size of [b] 2 N m s", "Time not reached s", "z not checked no [b]"]
         if twin:
-            table = ["this run twin", "Size of [b] 2 3 N m s", "Time not reached s", "z not checked no [b]"]
+            table = ["this run twin", table[0].replace("2", "2 3"), *table[1:]]
         assert lines[1:-2] == table
+        theirs = "     3" if twin else ""  # numbers to the right
+        assert f"\nSize of [b]            2{theirs}  N m s" in out
         assert lines[-2:] == [
             f"3 steps, 0.5 us a step; series in {tmp_path / 'series.h5'}",
             f"report: {tmp_path / '[b].html'}",
@@ -291,12 +318,14 @@ def test_a_case_made_again_ends_as_it_did(desat, monkeypatch, number, text, code
     monkeypatch.setattr(store, "versions_of", lambda folder, number: row)
     monkeypatch.setattr(campaign_case, "kept", lambda *_: finished(code))
     monkeypatch.setattr(coordinator, "kept_in", lambda folder, number: folder / "[b]")
-    done = desat("campaign", "case", "c", str(number))
+    into = ["--out", "[o]"] if row else []
+    done = desat("campaign", "case", "c", str(number), *into)
     assert done.returncode == code
     lines = ["error: c: case 0: its craft: the case would differ; begin anew"]
     assert done.stderr.splitlines() == (lines if said is None else said)
     made = code != Exit.INPUT
-    assert done.stdout.splitlines() == ["c/[b]/report.html"] * made
+    place = "[o]" if row else "c/[b]"
+    assert done.stdout.splitlines() == [f"{place}/report.html"] * made
     assert [args[2] for args in compared] == [False] * (made and row is not None)
 
 
@@ -372,7 +401,9 @@ def test_a_supervised_run_ends_as_its_process(monkeypatch, tmp_path, ended, resu
     monkeypatch.setattr(supervisor, "watch", lambda *args: limits.append(args[-1]) or ended)
     monkeypatch.setattr(runs.Results, "open", lambda place: place)
     monkeypatch.setattr(runs, "_cut_short", lambda *args: ("cut short", args[2]))
-    monkeypatch.setattr(runs.library, "scratch", lambda name: scratch.mkdir() or scratch)
+    if not ended.how:  # else it is gone already
+        scratch.mkdir()
+    monkeypatch.setattr(runs.library, "scratch", lambda name: scratch)
     options = SimpleNamespace(call_limit=3.0, time_limit=2.0 if kept else None)
     case = SimpleNamespace(or_raise=lambda: (None, SimpleNamespace(order=[])), options=options)
     given = raised(runs._supervised, case, tmp_path if kept else None, None, False)
@@ -381,7 +412,7 @@ def test_a_supervised_run_ends_as_its_process(monkeypatch, tmp_path, ended, resu
         made = given[0]
         given = made if isinstance(made, str) else (made.status, made.message, made.code)
     assert given == result
-    assert not scratch.exists()
+    assert scratch.exists() == (kept and not ended.how)
 
 
 @pytest.mark.parametrize(
@@ -474,6 +505,47 @@ def test_a_condition_is_to_hold_for_its_time(interval, algorithm):
     live["Real"][1] = 9.0
     ending.reason()
     assert ending.memory == {}
+
+
+def test_a_condition_that_has_just_held_long_enough_is_met():
+    slot = SimpleNamespace(component="a", signal=SimpleNamespace(name="x"), kind="Real", index=0,
+                           interval=False)  # fmt: skip
+    master = SimpleNamespace(slots=[slot], live={"Real": np.array([1.0])}, start=0.0, k=2,
+                             step_size=0.5, algorithm="conserving")  # fmt: skip
+    held = 1.0 + 1e-9
+    assert held - 1e-9 == 1.0
+    ending = stopping.watch(master, Condition("a", "x", "below", 2.0, held, "low"), None)
+    assert ending.reason() == "low"
+    master.step_size = math.nextafter(0.5, 0.0)
+    assert ending.reason() == ""
+
+
+class AskedError(Exception):
+    """What a run was to record."""
+
+
+@pytest.mark.parametrize(
+    ("inner", "record", "looks"),
+    [("auto", ("*",), True), (1, ("*",), False), (1, ("wheels.h_wheel",), None),
+     ("auto", ("wheels.h_wheel",), None)],
+)  # fmt: skip
+def test_draws_record_what_their_numbers_need(monkeypatch, inner, record, looks):
+    """And, where the run chooses its inner steps, what that is looked at again with."""
+
+    def simulate(case: object) -> None:
+        raise AskedError(case.options.record)
+
+    monkeypatch.setattr(study, "simulate", simulate)
+    options = Options(blocks=True, stop=20.0, inner=inner, record=record)
+    with pytest.raises(AskedError) as asked:
+        study.ran(study.read("gyrostat/light"), options, {})
+    (found,) = asked.value.args
+    if looks is None:
+        assert found == record
+    else:
+        looked_at = {"spacecraft.omega_bi_body", "spacecraft.impulse_eci"}
+        assert looked_at & set(found) == (looked_at if looks else set())
+        assert {"spacecraft.q_bi", "wheels.h_wheel", "torquers.m_mean_body"} < set(found)
 
 
 @pytest.mark.parametrize(

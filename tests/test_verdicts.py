@@ -365,5 +365,7 @@ def test_cells_are_counted_by_what_they_show():
         "rows": 10, "not_judged": 1, "banded": 8, "within": 6, "tuned": 2, "without_paper": 2,
         "in_sample": 1, "out_of_sample": 3, "out_of_sample_within": 2, "paper_outside": 1,
     }  # fmt: skip
-    assert cell(1.5).case == "name"
+    assert (cell(1.5).case, cell(1.5, case="1").case) == ("name", "1")
+    assert (cell(1.5).heading, cell(1.5, heading="how long").heading) == ("a number", "how long")
+    assert (cell(1.5).method, cell(1.5, label="ours").method) == ("", "ours")
     assert cell(1.5, definition="as it says").definition == "as it says"

@@ -28,7 +28,7 @@ POINTS = 200
 """Parts of a run that an envelope has a value for."""
 
 
-def row(plan: Plan, number: int, supervised: bool = False) -> CaseRow:
+def row(plan: Plan, number: int, supervised: bool) -> CaseRow:
     """A case as a row: its inputs, its numbers, how it ended. A case that cannot begin is a row
     that says so. `supervised`: in a process of its own, which can say what ended it."""
     clock, values = time.perf_counter(), {}

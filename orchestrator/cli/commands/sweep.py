@@ -16,7 +16,7 @@ def sweep(
     target: o.Target,
     axes: Annotated[
         list[str],
-        typer.Argument(metavar="COMP.VAR=A,B,C...", show_default=False,
+        typer.Argument(metavar="COMP.VAR=A,B,C...",
                        help="A parameter and its values (arrays with ; between them); several "
                        "give every combination."),
     ],
