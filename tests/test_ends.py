@@ -6,6 +6,7 @@ import io
 import json
 import math
 import signal
+from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -16,7 +17,7 @@ from rich.table import Table
 from test_verdicts import FAILED, LATE_ONE, UNMET, WELL, cell
 
 from desat import cli
-from desat.analyses import coverage
+from desat.analyses import coverage, energy, fixed, residual
 from desat.analyses.manifest import Choice, Manifest, Stopped
 from desat.campaign import case as campaign_case
 from desat.campaign import coordinator, pairs, plan, store
@@ -29,7 +30,7 @@ from desat.engine.instances.base import EndedError
 from desat.numbers.text import Value
 from desat.papers import tables
 from desat.runs import run as runs
-from desat.runs import stopping, supervisor
+from desat.runs import step_case, stopping, supervisor
 from desat.runs.run import Run
 from desat.runs.step_case import Outcome
 from desat.runs.stopping import LATE, Condition
@@ -196,6 +197,8 @@ def test_tables_are_printed_as_they_are(desat, monkeypatch, tmp_path, origin):
     assert lines[-1] == f"page: {tmp_path / 'a.html'}"
     assert told[0][0] == told[1][0] == "uosat12"
     assert (told[0][2:], told[1][4]) == ((3, {"a": 1}), origin)
+    assert desat("tables", "uosat12").returncode == 0
+    assert told[-1][2] == Path("runs/tables-uosat12.html")
     as_json = desat("tables", "uosat12", "--json")
     assert json.loads(as_json.stdout)["rows"][0]["ours"] == 1.5
 
@@ -451,6 +454,27 @@ def test_a_run_cut_short_says_how_far_it_came(
         assert outcome.rows is None
 
 
+@pytest.mark.parametrize(("seconds", "every"), [(1.0, 1), (0.1, 1), (2.6, 3), (10.0, 10)])
+def test_a_checkpoint_is_saved_every_so_many_steps(monkeypatch, tmp_path, seconds, every):
+    def checkpoints(folder: Path, every: int, *_: object) -> None:
+        raise AskedError(every)
+
+    monkeypatch.setattr(step_case, "Checkpoints", checkpoints)
+    given = Options(blocks=True, stop=20.0, inner=1, checkpoint=seconds)
+    with pytest.raises(AskedError) as asked:
+        runs.simulate(runs.prepare("gyrostat/light", given), tmp_path)
+    assert asked.value.args == (every,)
+
+
+@pytest.mark.parametrize("number", [1, 2, 15])
+def test_a_run_that_a_signal_stops_says_which(monkeypatch, number):
+    monkeypatch.setattr(step_case, "interruptible", lambda: nullcontext(lambda: number))
+    given = Options(blocks=True, stop=20.0, inner=1)
+    run = runs.simulate(runs.prepare("gyrostat/light", given))
+    assert (run.manifest.status, run.code) == ("interrupted", 128 + number)
+    assert run.manifest.message.startswith("stopped by the user at t = ")
+
+
 # --- a run's condition, a case's row, what draws record -------------------------------------------
 
 
@@ -581,10 +605,16 @@ def test_a_case_that_is_kept_needs_room_and_no_signal(monkeypatch, tmp_path, cod
     written = []
     monkeypatch.setattr(campaign_case, "source", lambda plan: "a")
     monkeypatch.setattr(campaign_case, "prepare", lambda target, options: options)
-    monkeypatch.setattr(campaign_case, "simulate", lambda options, into: finished(code))
+
+    def simulate(options: Options, into: Path) -> Run:
+        assert (options.supervised, options.call_limit) == (True, 9.0)
+        assert options.values == {"a.k": 1.0}
+        return finished(code)
+
+    monkeypatch.setattr(campaign_case, "simulate", simulate)
     monkeypatch.setattr(campaign_case, "write_report", lambda *args: written.append(args[0]))
     of = plan.Plan("a", "", 3, limit=9.0)
-    monkeypatch.setattr(plan.Plan, "values", lambda self, number: {})
+    monkeypatch.setattr(plan.Plan, "values", lambda self, number: {"a.k": 1.0})
     if raises:
         with pytest.raises(RunError):
             campaign_case.kept(of, 1, tmp_path)
@@ -668,3 +698,184 @@ def test_a_run_that_chose_says_what_it_could_not_look_at():
     far = {"turning": 9.0, "pushed": 9.0}
     assert len(remarked(inner_choice=replace(flown, estimate=None), **far)) == 2
     assert remarked(inner_choice=flown, **far) == []
+
+
+# --- the balances ---------------------------------------------------------------------------------
+
+
+def told(**more: object) -> SimpleNamespace:
+    """A manifest's part that balances look at."""
+    usual = {"algorithm": "conserving", "step": 2.0, "inner": 1, "about": {}, "numbers": {},
+             "parts": {}, "balance": None}  # fmt: skip
+    return SimpleNamespace(**{**usual, **more})
+
+
+def test_the_largest_residual_is_that_of_a_row(monkeypatch):
+    off = np.array([[3.0, 0.0, 4.0], [0.0, -4.9, 0.0], [3.0, 0.0, 0.0]])
+    series = residual.Momentum(np.arange(3.0), off, 7.0)
+    monkeypatch.setattr(residual, "momentum", lambda *_: series)
+    number = residual.numbers(None, None)["momentum_residual"]
+    assert (number.value, number.unit) == (5.0, "N.m.s")
+    assert residual.unchecked(None, None) == {}
+    for algorithm, bound, lines in (
+        ("conserving", None, 1), ("jacobi", None, 0), ("conserving", 5.0 / 7.0, 0),
+        ("conserving", 0.7, 1),
+    ):  # fmt: skip
+        about = {} if bound is None else {"residual_bound": bound}
+        manifest = told(numbers={"momentum_residual": number}, algorithm=algorithm, about=about)
+        assert len(residual.unmet(manifest, None)) == lines
+    at_bound = {"momentum_residual": Value("x", 7e-9, "N.m.s")}
+    assert residual.unmet(told(numbers=at_bound), None) == []
+    at_bound = {"momentum_residual": Value("x", 7.1e-9, "N.m.s")}
+    assert len(residual.unmet(told(numbers=at_bound), None)) == 1
+    monkeypatch.setattr(residual, "momentum", lambda *_: None)
+    assert residual.unmet(told(), None) == []
+    assert residual.numbers(None, None) == {}
+
+
+def test_why_there_is_no_residual():
+    parts = residual.Parts("a", "w.h")
+    series = [*(f"a.{n}" for n in ("q_bi", "omega_bi_body", "impulse_eci")), "w.h"]
+    for names, why in (
+        (series, "there are no rows"), (series[1:], "not recorded: a.q_bi"),
+        (series[2:], "not recorded: a.q_bi, a.omega_bi_body"),
+    ):  # fmt: skip
+        results = SimpleNamespace(names=lambda names=names: names, once=lambda key, make: None)
+        manifest = told(parts={residual.KEY: parts})
+        assert residual.unchecked(manifest, results) == {"momentum_residual": why}
+
+
+def test_totals_go_on_from_block_to_block(monkeypatch):
+    blocks = [
+        energy.Block(np.array([1.0, 4.0, 2.0]), np.array([2.5, -1.5]),
+                     np.array([[1.0, 0.0, 0.0], [0.0, 2.0, 0.0]]), np.array([0.1, 0.3])),
+        energy.Block(np.array([2.0, 1.0]), np.array([-3.0]), np.array([[1.0, 0.0, 0.0]]),
+                     np.array([0.2])),
+    ]  # fmt: skip
+    impulses = [[[5.0, 0.0, 0.0], [6.0, 0.0, 3.0], [6.0, 2.0, 0.0]],
+                [[6.0, 2.0, 0.0], [7.0, 2.0, -4.0]]]  # fmt: skip
+    monkeypatch.setattr(energy, "sums", lambda steps: blocks[steps.number])
+    for outer in (None, object()):
+        totals, found = energy.Totals(), []
+        for k, impulse in enumerate(impulses):
+            steps = SimpleNamespace(number=k, impulse=np.array(impulse), outer=outer)
+            found.append(totals.add(steps))
+            assert totals.start == 1.0
+            assert totals.energy == 4.0
+        assert [list(mismatch) for mismatch, _ in found] == [[0.5, 0.0], [2.0]]
+        assert (totals.work, totals.worked, totals.mismatch) == (-2.0, 2.5, 2.0)
+        assert (totals.hidden, totals.began) == (0.3, (5.0, 0.0, 0.0))
+        assert totals.given == (2.0, 2.0, 0.0)
+        assert totals.impulse == (4.0 if outer else None)
+    blocks[0] = blocks[0]._replace(energy=np.array([5.0, 1.0, 1.0]))
+    totals = energy.Totals()
+    totals.add(SimpleNamespace(number=0, impulse=np.array(impulses[0]), outer=None))
+    assert (totals.energy, totals.start, totals.mismatch) == (5.0, 5.0, 6.5)
+
+
+@pytest.mark.parametrize(
+    ("given", "share", "impulse"),
+    [({"energy": 2.0, "worked": 4.0}, 0.25, None), ({"energy": 8.0, "worked": 4.0}, 0.125, 0.5),
+     ({}, None, 0.5), (None, None, None)],
+)  # fmt: skip
+def test_the_numbers_of_a_balance(monkeypatch, given, share, impulse):
+    made = (
+        None if given is None else energy.Totals(mismatch=1.0, hidden=3.0, impulse=impulse, **given)
+    )
+    monkeypatch.setattr(energy, "totals_of", lambda *_: made)
+    monkeypatch.setattr(energy, "_not_of_rows", lambda *_: "why")
+    found = {name: n.value for name, n in energy.numbers(told(), None).items()}
+    wanted = {"energy_mismatch": share, "hidden_work": given is not None and 3.0,
+              "impulse_mismatch": impulse}  # fmt: skip
+    assert found == {k: v for k, v in wanted.items() if v}
+    parts = energy.Parts("a", "w.h")
+    lacking = energy.unchecked(told(parts={energy.KEY: parts}), None)
+    if given is None:
+        assert lacking == dict.fromkeys(energy.NUMBERS, "why")
+    else:
+        assert list(lacking) == ["impulse_mismatch"] * (impulse is None)
+
+
+def series_of(names: list[str], times: list[float], lacking: str = "", **counts: int):
+    """Results with such series."""
+    return SimpleNamespace(
+        names=lambda: [n for n in names if n != lacking], once=lambda key, make: make(),
+        times=lambda name: np.array(times if name == "a.q_bi" else [0.0, 99.0]),
+        count=lambda name: counts.get(name.replace(".", "_"), len(times)),
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("more", "times", "lacking", "counts", "why"),
+    [
+        ({}, [0.0, 2.0, 4.0], "", {}, ""),
+        ({"algorithm": "jacobi"}, [0.0, 2.0], "", {}, "under jacobi torques act a step late"),
+        ({"why": "so"}, [0.0, 2.0], "", {}, "so"),
+        ({}, [0.0, 2.0], "w.mean", {}, "not recorded: w.mean"),
+        ({}, [0.0], "", {}, "there is no whole step"),
+        ({}, [0.0, 2.0], "", {"w_mean": 0}, "there is no whole step"),
+        ({}, [0.0, 2.0], "", {"a_q_bi": 1}, "there is no whole step"),
+        ({}, [0.0, 2.0], "", {"w_mean": 1}, ""),
+        ({}, [0.0, 4.0], "", {}, "its rows"),
+        ({}, [0.0, 1.0], "", {}, "its rows"),
+        ({}, [5.0, 7.0], "", {}, ""),
+        ({"rows": False}, [0.0, 2.0], "", {}, "its rows"),
+        ({"rows": None}, [0.0, 2.0], "", {}, ""),
+        ({"rows": None, "inner": 2}, [0.0, 2.0], "", {}, "its rows"),
+    ],
+)
+def test_why_rows_have_no_balance(more, times, lacking, counts, why):
+    of = {k: more.pop(k) for k in ("why", "rows") if k in more}
+    parts = energy.Parts("a", "w.h", "w.mean", "w.slope", None, **{"rows": True, **of})
+    results = series_of(energy.of_work(parts), times, lacking, **counts)
+    found = energy._not_of_rows(told(parts={energy.KEY: parts}, **more), results)
+    assert found.startswith(why)
+    assert bool(found) == bool(why)
+
+
+@pytest.mark.parametrize(
+    ("hidden", "impulse", "about", "lines"),
+    [
+        (2e-8, 7e-6, {}, []), (2.1e-8, None, {}, ["hidden_work"]), (None, 7.1e-6, {}, ["impulse"]),
+        (2.1e-8, 7.1e-6, {}, ["hidden_work", "impulse"]), (None, None, {}, []),
+        (0.5, 3.5, {"energy_bound": 0.5, "impulse_bound": 0.5}, []),
+        (0.6, 3.6, {"energy_bound": 0.5, "impulse_bound": 0.5}, ["hidden_work", "impulse"]),
+    ],
+)  # fmt: skip
+def test_a_balance_at_its_bound_is_met(monkeypatch, hidden, impulse, about, lines):
+    series = residual.Momentum(np.zeros(1), np.zeros((1, 3)), 7.0)
+    numbers = {"hidden_work": hidden, "impulse_mismatch": impulse}
+    manifest = told(about=about, numbers={
+        k: Value(k, v, "1") for k, v in numbers.items() if v is not None
+    })  # fmt: skip
+    monkeypatch.setattr(residual, "momentum", lambda *_: series)
+    assert [x[: len(y)] for x, y in zip(energy.unmet(manifest, None), lines, strict=True)] == lines
+    monkeypatch.setattr(residual, "momentum", lambda *_: None)
+    assert len(energy.unmet(manifest, None)) == ("hidden_work" in lines)
+    of_fixed = "impulse" in lines
+    monkeypatch.setattr(fixed, "mismatch", lambda *_: None if impulse is None else (impulse, 7.0))
+    assert len(fixed.unmet(manifest, None)) == of_fixed
+    found = fixed.numbers(manifest, None)
+    assert {k: v.value for k, v in found.items()} == (
+        {} if impulse is None else {"impulse_mismatch": impulse}
+    )
+
+
+@pytest.mark.parametrize(
+    ("more", "times", "lacking", "why"),
+    [
+        ({}, [0.0, 2.0], "", ""),
+        ({"algorithm": "jacobi"}, [0.0, 2.0], "", "under jacobi torques act a step late"),
+        ({"why": "so"}, [0.0, 2.0], "", "so"),
+        ({}, [0.0, 2.0], "a.h_copy_wheel", "not recorded: a.h_copy_wheel"),
+        ({}, [0.0], "", "there is no whole step"),
+        ({}, [0.0, 4.0], "", "rows are left out"),
+        ({}, [3.0, 5.0, 9.0], "", ""),
+    ],
+)
+def test_why_a_fixed_attitude_has_no_balance(more, times, lacking, why):
+    parts = fixed.Parts("a", {"x": "b.c"}, more.pop("why", ""))
+    results = series_of(fixed.balanced(parts), times, lacking)
+    manifest = told(parts={fixed.KEY: parts}, **more)
+    assert fixed._why_not(manifest, results) == why
+    assert fixed.unchecked(manifest, results) == ({"impulse_mismatch": why} if why else {})
