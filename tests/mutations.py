@@ -425,22 +425,25 @@ def drawn(tree: Path, part: Part) -> dict[str, Any]:
 
 def renewed(tree: Path, part: Part, old: dict[str, Any]) -> dict[str, Any]:
     """All drawn anew, of today's code. What was said of a mutation stays: why it changes nothing or
-    is open, and the tests that were added for it; where its file has not changed, how it ended,
+    is open, and the tests that were added for it; where its function has not changed, how it ended,
     too."""
-    changed = set()
+    before: dict[str, str] = {}
     for path in sorted(p for f in part.folders for p in (ROOT / f).rglob("*.py")):
         name = str(path.relative_to(ROOT))
-        if not (tree / name).exists() or (tree / name).read_bytes() != path.read_bytes():
-            (tree / name).parent.mkdir(parents=True, exist_ok=True)
-            shutil.copy2(path, tree / name)
-            changed.add(name)
+        before[name] = (tree / name).read_text() if (tree / name).exists() else ""
+        (tree / name).parent.mkdir(parents=True, exist_ok=True)
+        shutil.copy2(path, tree / name)
     of = ("file", "operator", "was", "is")
     new, kept = drawn(tree, part), {}
     for m in old["mutations"]:
         kept.setdefault(tuple(m[k] for k in of), []).append(m)
     for m in new["mutations"]:
         known = (kept.get(tuple(m[k] for k in of)) or [{}]).pop(0)
-        ended = {"tests", "all", "outcome", "by"} if m["file"] not in changed else set()
+        text = (tree / m["file"]).read_text()
+        around = [(a, b) for _, a, b in places_of(text) if a <= m["line"] <= b]
+        a, b = max(around, default=(1, -1))  # the innermost; else the file
+        same = "\n".join(text.split("\n")[a - 1 : b]) in before[m["file"]]
+        ended = {"tests", "all", "outcome", "by"} if same else set()
         said = {"equivalent", "why", "also", "added"}
         m.update({k: v for k, v in known.items() if k in said | ended})
     return {**new, **{k: old[k] for k in ("controls", "date", "versions") if k in old}}

@@ -27,6 +27,7 @@ from desat.cli.commands import tables as tables_command
 from desat.cli.console import plain_console
 from desat.engine import checkpoint
 from desat.engine.instances.base import EndedError
+from desat.engine.master import Master
 from desat.numbers.text import Value
 from desat.papers import tables
 from desat.runs import run as runs
@@ -100,6 +101,13 @@ def test_a_bug_of_ours_says_how_to_see_where(desat, monkeypatch):
             "error: internal: ValueError: why (DESAT_TRACEBACK=1 shows where)"
         )
         assert ("Traceback" in done.stderr) == traced
+
+
+@pytest.mark.parametrize("number", [1, 15])
+def test_a_signal_to_stop_is_its_exit_code(number):
+    with pytest.raises(SystemExit) as left:
+        cli._terminate(number, None)
+    assert left.value.code == 128 + number
 
 
 # --- commands -------------------------------------------------------------------------------------
@@ -473,6 +481,19 @@ def test_a_run_that_a_signal_stops_says_which(monkeypatch, number):
     run = runs.simulate(runs.prepare("gyrostat/light", given))
     assert (run.manifest.status, run.code) == ("interrupted", 128 + number)
     assert run.manifest.message.startswith("stopped by the user at t = ")
+
+
+def test_a_run_whose_components_cannot_be_freed_ends_as_the_first(monkeypatch):
+    ended, leave = [EndedError("a hangs", Exit.TIMEOUT), EndedError("b died")], Master.__exit__
+
+    def left(self: Master, *given: object) -> None:
+        leave(self, *given)
+        self.unfreed = ended
+
+    monkeypatch.setattr(Master, "__exit__", left)
+    run = runs.simulate(runs.prepare("gyrostat/light", Options(blocks=True, stop=20.0, inner=1)))
+    assert (run.manifest.status, run.code) == ("failed", Exit.TIMEOUT)
+    assert run.manifest.message == "a hangs, after the run"
 
 
 # --- a run's condition, a case's row, what draws record -------------------------------------------

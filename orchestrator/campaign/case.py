@@ -36,10 +36,9 @@ def row(plan: Plan, number: int, supervised: bool) -> CaseRow:
         values = plan.values(number)
         made = _ran(plan, values, supervised)
     except DesatError as error:
-        if getattr(error, "code", 0) > STOPPED:  # this process was told to end: it is lost
+        if error.code > STOPPED:  # this process was told to end: it is lost
             raise SystemExit(int(error.code)) from error
-        code = int(getattr(error, "code", Exit.INPUT))
-        made = CaseRow("failed", code, str(error), values=values)
+        made = CaseRow("failed", int(error.code), str(error), values=values)
     return replace(made, number=number, seconds=round(time.perf_counter() - clock, 6),
                    worker=f"{platform.node()}:{os.getpid()}")  # fmt: skip
 
