@@ -110,6 +110,24 @@ def test_a_signal_to_stop_is_its_exit_code(number):
     assert left.value.code == 128 + number
 
 
+def test_a_full_disk_is_known_by_what_an_error_came_from():
+    def chained(cause: BaseException | None, context: BaseException | None) -> BaseException:
+        error = RuntimeError("why")
+        error.__cause__, error.__context__ = cause, context
+        return error
+
+    full, other = OSError(28, "full"), OSError(5, "read")
+    assert cli._is_full(full)
+    for cause, context, known in (
+        (full, None, True), (None, full, True), (full, other, True), (other, full, False),
+        (other, None, False), (None, chained(None, full), True),
+    ):  # fmt: skip
+        assert cli._is_full(chained(cause, context)) == known
+    own = chained(None, None)
+    own.__cause__ = own
+    assert not cli._is_full(own)
+
+
 # --- commands -------------------------------------------------------------------------------------
 
 DRAWS = {"scenario": "a", "against": "b", "warnings": [], "draws": [], "summary": {}, "stopped": 0,
@@ -662,7 +680,8 @@ def test_a_number_at_the_limit_of_the_range_is_no_warning():
     assert (limits.turn, limits.kick, coverage.TOGETHER, coverage.JITTER) == (
         0.46, 0.0076, 0.0103, 1e-6
     )  # fmt: skip
-    assert list(coverage._beyond(limits)) == []
+    for scale in (1.0, 1.0 + 1e-9):
+        assert list(coverage._beyond(coverage.Bound(limits.turn * scale, limits.kick))) == []
     above = coverage.Bound(limits.turn * (1.0 + 2e-9), limits.kick)
     assert list(coverage._beyond(above)) == [("turn", above.turn)]
     assert coverage._of_jitter(1e-6, "now") == []
@@ -692,6 +711,7 @@ def remarked(turning=0.0, pushed=0.0, h=0.0, last=0.0, unbalance=0.0, lacking=()
 def test_a_run_says_where_it_left_the_range():
     turn, kick = 0.46 / 0.5, 0.0103 / 0.25
     assert remarked(turn, kick) == []
+    assert remarked(0.46 * (1.0 + 1e-9) / 0.5, 0.0103 * (1.0 + 1e-9) / 0.25) == []
     assert remarked(2.0 * turn, 2.0 * kick, lacking=["a.q"]) == []
     assert remarked(2.0 * turn, 2.0 * kick, algorithm="jacobi") == []
     line, other = remarked(turn * (1.0 + 3e-9), kick * (1.0 + 3e-9))
