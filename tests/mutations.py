@@ -331,22 +331,22 @@ QUIET = ["-n", "0", "-p", "no:cacheprovider", "--no-header", "--tb=line", "-W", 
 
 
 def waited(pid: int, seconds: float) -> int | None:
-    """How a forked child ended; None where it did not for so long, and was killed with its
-    group."""
+    """How a forked child ended; None where it did not for so long, and was killed with its group,
+    as it is where this process is told to end."""
     until = time.time() + seconds
-    while time.time() < until:
-        done, status = os.waitpid(pid, os.WNOHANG)
-        if done:
-            return os.waitstatus_to_exitcode(status)
-        time.sleep(0.02)
-    _kill(pid)
-    return None
-
-
-def _kill(pid: int) -> None:
-    with suppress(ProcessLookupError, ChildProcessError):
-        os.killpg(pid, signal.SIGKILL)
-        os.waitpid(pid, 0)
+    try:
+        while time.time() < until:
+            done, status = os.waitpid(pid, os.WNOHANG)
+            if done:
+                pid = 0
+                return os.waitstatus_to_exitcode(status)
+            time.sleep(0.02)
+        return None
+    finally:
+        if pid:
+            with suppress(ProcessLookupError):
+                os.killpg(pid, signal.SIGKILL)
+            os.waitpid(pid, 0)
 
 
 def _quiet(log: Path, seconds: int) -> None:
@@ -539,7 +539,6 @@ def tried(
     for file in compiled:
         file.unlink()
     path.write_text(text, encoding="utf-8")
-    status, pid = None, 0
     sys.stdout.flush()
     try:
         if (pid := os.fork()) == 0:
@@ -553,10 +552,6 @@ def tried(
             sys.stdout.flush()
             os._exit(code)
         status = waited(pid, 2.0 * limit)
-    except BaseException:
-        if pid:
-            _kill(pid)
-        raise
     finally:
         path.write_text(old, encoding="utf-8")
     if status == 0:
@@ -783,7 +778,8 @@ def main() -> int:
             continue
         names = [*m.get("also", ()), *chosen(tree, part, m, tests, given.all, kills)]
         m["tests"], m["all"] = len(names), given.all
-        limit = int(CPU + 3 * sum(tests[n]["s"] if n in tests else 4 * CPU for n in names))
+        mapped_as = (x["s"] for t, x in tests.items() if t in names or t.partition("[")[0] in names)
+        limit = int((1 if part.sample is None else 5) * CPU + 3 * sum(mapped_as))
         m["outcome"], m["by"] = judged(tree, m, names, folder / f"log.{k}", limit, ruled_out)
         kills[m["file"], m["by"]] += 1
         if names and k % 10 == 0:  # a control: the same tests, nothing mutated

@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import json
 import math
+import re
 import signal
 from contextlib import nullcontext
 from dataclasses import replace
@@ -227,6 +228,44 @@ def test_tables_are_printed_as_they_are(desat, monkeypatch, tmp_path, origin):
     assert told[-1][2] == Path("runs/tables-uosat12.html")
     as_json = desat("tables", "uosat12", "--json")
     assert json.loads(as_json.stdout)["rows"][0]["ours"] == 1.5
+
+
+def test_verdicts_alone_are_coloured(desat, monkeypatch):
+    file = io.StringIO()
+    console = plain_console(file=file, force_terminal=True, color_system="standard", width=200)
+    rows = [cell(1.5, values=1.6), cell(3.0, values=1.5)]
+    monkeypatch.setattr(tables_command, "out", console)
+    monkeypatch.setattr(tables_command, "_drawn", lambda *_, **__: (None, None))
+    monkeypatch.setattr(tables, "rows", lambda *_: rows)
+    monkeypatch.setattr(tables, "write_html", lambda *args: args[2])
+    assert desat("tables", "uosat12").returncode == 0
+    coloured = re.findall("\x1b\\[3[12]m([^\x1b]*)", file.getvalue())
+    assert [text.strip() for text in coloured] == ["within", "OUTSIDE"]
+
+
+@pytest.mark.parametrize("status", ["completed", "failed"])
+def test_a_table_of_a_run_that_failed_ends_as_it(monkeypatch, status):
+    options = Options(blocks=True)
+    scenarios = [SimpleNamespace(name="a/b"), SimpleNamespace(name="a/c")]
+    made = [
+        study.RunRow("completed", 0, "", numbers={"x": 1.0}),
+        study.RunRow(status, 0 if status == "completed" else 5, "h is nan", numbers={"x": 2.0}),
+    ]
+
+    def rows(tasks: list[tuple[object, ...]], *given: object, progress: bool):
+        assert [(task[0], task[1], task[3]) for task in tasks] == [
+            ("a/b", options, None), ("a/c", options, None)
+        ]  # fmt: skip
+        assert (given, progress) == ((3, "runs"), False)
+        return made
+
+    monkeypatch.setattr(tables, "rows_of_runs", rows)
+    if status == "completed":
+        assert tables._single(scenarios, options, 3) == {"a/b": {"x": 1.0}, "a/c": {"x": 2.0}}
+    else:
+        with pytest.raises(RunError, match=r"^a/c: failed: h is nan$") as told:
+            tables._single(scenarios, options, 3)
+        assert told.value.code == Exit.TIMEOUT
 
 
 def test_a_check_as_json_has_the_order_or_none(desat, tmp_path):
