@@ -228,6 +228,8 @@ def test_command(desat, tmp_path):
     good = desat("check", str(tmp_path), "--step", "10")
     assert good.returncode == 0
     assert "steps in this order: environment, magnetometer, tachometers, manager" in good.stdout
+    assert "\nconnection " in good.stdout
+    assert "\nenvironment.b_eci -> magnetometer.b_eci " in good.stdout
     assert "one step late" not in good.stdout
     bad = desat("check", str(tmp_path), "--step", "10", "--set", "manager.duty=2")
     assert bad.returncode == 2

@@ -42,15 +42,16 @@ def test_no_flag_is_set_but_the_twin_and_counts_are_as_told(desat):
         (name, option.name)
         for name, command in get_command(cli.app).commands.items()
         for option in command.params
-        if name in ("run", "check", "draws", "sweep", "tables")
+        if name in ("run", "check", "draws", "sweep", "tables", "size")
         and getattr(option, "is_flag", False) and option.default
     }  # fmt: skip
-    assert found == {("run", "twin")}
+    assert found == {("run", "twin"), ("size", "loop")}
     for command, line in (
         ("draws", "Number of draws. [default: 20; x>=1]"),
         ("draws", "Seed of the draws. [default: 1; x>=0]"),
         ("sweep", "Medians of so many seeded draws (0: none). [default: 0; x>=0]"),
         ("sweep", "Seed of the draws. [default: 1; x>=0]"),
+        ("size", "Duty of the coils to recommend rods for. [default: 50.0]"),
     ):
         assert line in " ".join(desat(command, "--help").stdout.split())
 

@@ -70,6 +70,11 @@ def test_above_is_met_by_any_element_and_need_not_be_recorded(scenario, algorith
     assert "mN.m.s" in ended.manifest["stopped_when"]["condition"]
 
 
+def test_an_output_that_reaches_nobody_need_not_be_recorded(scenario):
+    target = scenario("signal = 'wheels.speed_wheel'\nabove = 1e-9")
+    assert run(target, record=("spacecraft.q_bi",)).manifest["steps_done"] == 1
+
+
 def test_a_product_of_parameters_and_a_mode(scenario):
     text = "signal = 'wheels.h_wheel'\nabove = '1e-9 * wheels.inertia_wheel * wheels.speed_limit'"
     assert run(scenario(text)).manifest["steps_done"] == 1

@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import math
 import os
+import time
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -125,6 +126,9 @@ def test_so_many_more_cases_show_it_and_one_less_does_not(n, inside, probability
 
 def test_more_than_ten_million_cases_are_not_told_of():
     assert more(10_000, 9_501, 0.95, 0.95) is None
+    assert more(10, 10, 0.9999999, 0.95) is None  # it takes 29,957,321
+    assert more(1, 1, 0.05 ** (1.0 / 9_999_998.5), 0.95) == 9_999_998
+    assert more(1, 1, 0.05 ** (1.0 / 9_999_999.5), 0.95) is None
     assert for_half_the_width(3_000_000, 1_500_000, 0.95) is None
     assert for_half_the_width(2_000, 1_000, 0.95) == pytest.approx(6_000, rel=0.02)
 
@@ -191,7 +195,9 @@ def test_a_run_that_a_component_ended_says_how_far_it_came(system, how):
 
 def test_a_run_within_its_range_has_no_remark():
     """Nothing is said of a range that it does not leave."""
+    began = time.perf_counter()
     run = simulate(prepare("gyrostat/light", Options(stop=20.0, inner=1, blocks=True)))
+    assert 0.0 < run.manifest.wall_seconds < time.perf_counter() - began
     assert run.manifest["warnings"] == []
     assert run.code == Exit.COMPLETED
 
@@ -305,6 +311,7 @@ def test_a_condition_at_its_limit_is_not_met_yet(how, values, met):
         ({"tolerance": [1, 2]}, (1.0, 2.0)),
         ({"tolerance": {"of": "x", "from": 0.5, "to": 2.0}}, (2.0, 8.0)),
         ({"tolerance": "12 %", "values": -50.0}, (-56.0, -44.0)),
+        ({"tolerance": "12%", "values": -50.0}, (-56.0, -44.0)),
         ({"tolerance": "0.5", "values": 3.0}, (2.5, 3.5)),
         ({"tolerance": "0.5"}, None),
         ({"values": 3.0}, None),
@@ -365,5 +372,7 @@ def test_cells_are_counted_by_what_they_show():
         "rows": 10, "not_judged": 1, "banded": 8, "within": 6, "tuned": 2, "without_paper": 2,
         "in_sample": 1, "out_of_sample": 3, "out_of_sample_within": 2, "paper_outside": 1,
     }  # fmt: skip
-    assert cell(1.5).case == "name"
+    assert (cell(1.5).case, cell(1.5, case="1").case) == ("name", "1")
+    assert (cell(1.5).heading, cell(1.5, heading="how long").heading) == ("a number", "how long")
+    assert (cell(1.5).method, cell(1.5, label="ours").method) == ("", "ours")
     assert cell(1.5, definition="as it says").definition == "as it says"

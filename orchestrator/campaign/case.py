@@ -28,7 +28,7 @@ POINTS = 200
 """Parts of a run that an envelope has a value for."""
 
 
-def row(plan: Plan, number: int, supervised: bool = False) -> CaseRow:
+def row(plan: Plan, number: int, supervised: bool) -> CaseRow:
     """A case as a row: its inputs, its numbers, how it ended. A case that cannot begin is a row
     that says so. `supervised`: in a process of its own, which can say what ended it."""
     clock, values = time.perf_counter(), {}
@@ -36,10 +36,9 @@ def row(plan: Plan, number: int, supervised: bool = False) -> CaseRow:
         values = plan.values(number)
         made = _ran(plan, values, supervised)
     except DesatError as error:
-        if getattr(error, "code", 0) > STOPPED:  # this process was told to end: it is lost
+        if error.code > STOPPED:  # this process was told to end: it is lost
             raise SystemExit(int(error.code)) from error
-        code = int(getattr(error, "code", Exit.INPUT))
-        made = CaseRow("failed", code, str(error), values=values)
+        made = CaseRow("failed", int(error.code), str(error), values=values)
     return replace(made, number=number, seconds=round(time.perf_counter() - clock, 6),
                    worker=f"{platform.node()}:{os.getpid()}")  # fmt: skip
 

@@ -57,7 +57,8 @@ def more(n: int, inside: int, probability: float, confidence: float) -> int | No
     if 1.0 - share <= probability:
         return None
     if not share:
-        return bisect_left(range(n, _MOST), True, key=lambda total: shown(total, 0))
+        few = bisect_left(range(n, _MOST), True, key=lambda total: shown(total, 0))
+        return few if n + few < _MOST else None
     # with one more outside a total shows least: these are the totals that decide
     first = n - inside + 1
 

@@ -30,7 +30,7 @@ def _version(wanted: bool) -> None:
     if wanted:
         from importlib.metadata import version
 
-        out.print(f"desat {version('desat')}", highlight=False)
+        out.print(f"desat {version('desat')}")
         raise typer.Exit
 
 
@@ -95,7 +95,7 @@ def _code() -> int:
 
 
 def _say(text: str) -> None:
-    err.print(f"error: {text}", highlight=False, markup=False)
+    err.print(f"error: {text}")
 
 
 def _say_usage(error: Any) -> None:

@@ -73,11 +73,11 @@ class _Plain(Console):
 
 def plain_console(**options: Any) -> Console:
     """A console for texts of anybody."""
-    return _Plain(emoji=False, **options)
+    return _Plain(emoji=False, markup=False, highlight=False, **options)
 
 
 # piped output is for other programs: not folded to a terminal's width
-# no emoji: `file.ssd:100: …` is a line number
+# no emoji: `file.ssd:100: …` is a line number; no markup: `h[b]` is a name
 out = plain_console(**({"soft_wrap": True} if sys.stdout.isatty() else {"width": 200}))
 err = plain_console(stderr=True, soft_wrap=True)
 
@@ -85,7 +85,7 @@ err = plain_console(stderr=True, soft_wrap=True)
 def warn(texts: Iterable[str]) -> None:
     """Warnings, on standard error."""
     for text in texts:
-        err.print(f"warning: {text}", highlight=False, markup=False)
+        err.print(f"warning: {text}")
 
 
 def print_json(data: Any) -> None:

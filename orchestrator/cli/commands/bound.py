@@ -35,7 +35,7 @@ def bound(
         print_json({"scenario": manifest.scenario, **least.as_json()})
         return
     if least.least is None and not coils:
-        err.print("no momentum left: more than can be dumped in this time", markup=False)
+        err.print("no momentum left: more than can be dumped in this time")
     table = Table(box=None, pad_edge=False, show_header=False)
     table.add_column()
     table.add_column(justify="right")

@@ -115,7 +115,7 @@ def status(folder: Folder, as_json: o.Json = False) -> None:
     left = told.get("seconds_left")
     rest = f", {left} s left" if told["state"] == "running" and left is not None else ""
     text = f"{told['state']}: {told['done']} of {told['count']} done, {told['failed']} failed{rest}"
-    out.print(text, highlight=False, markup=False)
+    out.print(text)
 
 
 @campaigns.command()
@@ -152,12 +152,10 @@ def case(
         same_versions(folder, row, accept_versions, f"case {number} and its row")
     where = into or coordinator.kept_in(folder, number)
     made = kept(plan, number, where)
-    out.print(f"{where / 'report.html'}", highlight=False, markup=False)
-    if not made.ok:
-        raise DesatError(f"case {number}: {made.manifest.message}", made.code)
-    if made.code:
+    out.print(f"{where / 'report.html'}")
+    if made.or_raise(f"case {number}").code:
         for line in made.manifest.unmet:
-            err.print(f"not met: {line}", highlight=False, markup=False)
+            err.print(f"not met: {line}")
         raise typer.Exit(made.code)
 
 
@@ -191,8 +189,7 @@ def compare(
                      100.0 * entry["higher"] / entry["n"])  # fmt: skip
             table.add_row(name, number(entry["median"]), *within, *map(number, cells),
                           str(entry["n"]), pretty_unit(entry["unit"]))  # fmt: skip
-    out.print(f"{told['first']} less {told['second']}, {told['pairs']} pairs; intervals of 95 %:",
-              highlight=False, markup=False)  # fmt: skip
+    out.print(f"{told['first']} less {told['second']}, {told['pairs']} pairs; intervals of 95 %:")
     out.print(table)
 
 
@@ -210,25 +207,24 @@ def _report(folder: Path, as_json: bool) -> None:
     if mixed := [v["text"] for v in told["versions"] if v["text"]]:
         warn([f"cases were made with different versions: {'; '.join(mixed)}"])
     for f in told["failed"][:_REASONS]:
-        err.print(f"case {f['case']}: {f['message']}", highlight=False, markup=False)
+        err.print(f"case {f['case']}: {f['message']}")
     if as_json:
         print_json(told)
     else:
-        out.print(f"{told['completed']} of {told['count']} completed, {len(told['failed'])} failed",
-                  highlight=False)  # fmt: skip
+        out.print(f"{told['completed']} of {told['count']} completed, {len(told['failed'])} failed")
         for name, r in told["requirements"].items():
             verdict = "met" if r["met"] else "NOT SHOWN"
             low, high = map(number, r["interval_outside"])
             lacking = f", {r['lacking']} without {r['number']}" if r["lacking"] else ""
             out.print(f"{name}: {r['outside']} of {r['n']} outside{lacking} "
-                      f"({low} to {high} %): {verdict}", highlight=False, markup=False)  # fmt: skip
-        out.print(str(path), highlight=False, markup=False)
+                      f"({low} to {high} %): {verdict}")  # fmt: skip
+        out.print(str(path))
     codes: list[Any] = (
         [Exit.UNMET] if any(not r["met"] for r in told["requirements"].values()) else []
     )
     if told["unmet"]:
         err.print(f"{len(told['unmet'])} not met of what each run is held against, first: "
-                  f"{told['unmet'][0]}", highlight=False, markup=False)  # fmt: skip
+                  f"{told['unmet'][0]}")  # fmt: skip
         codes.append(Exit.UNMET)
     if failed := {f["code"] for f in told["failed"]}:
         codes.append(Exit.TIMEOUT if failed == {Exit.TIMEOUT} else Exit.COMPONENT)

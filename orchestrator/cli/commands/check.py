@@ -62,18 +62,18 @@ def check(
         )
     else:
         for problem in checked.problems:
-            err.print(problem, highlight=False, markup=False)
+            err.print(problem)
         for warning in checked.warnings:
-            err.print(f"warning: {warning}", highlight=False, markup=False)
+            err.print(f"warning: {warning}")
         for note in checked.notes:
-            err.print(f"note: {note}", highlight=False, markup=False)
+            err.print(f"note: {note}")
         if schedule is not None:
-            out.print("steps in this order: " + ", ".join(schedule.order), highlight=False)
+            out.print("steps in this order: " + ", ".join(schedule.order))
             table = Table("connection", "moves", box=None, header_style="bold", pad_edge=False)
             for key, when in timing.items():
                 table.add_row(key, when)
             out.print(table)
     if checked.problems:
         if not as_json:
-            err.print(f"{len(checked.problems)} problem(s) in {target}", markup=False)
+            err.print(f"{len(checked.problems)} problem(s) in {target}")
         raise typer.Exit(Exit.UNMET)

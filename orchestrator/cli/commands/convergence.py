@@ -72,11 +72,11 @@ def convergence(
         table.add_row(row["algorithm"], f"{row['step']:g}", *cells[1:])
     out.print(table)
     for note in dict.fromkeys(filter(None, (row["note"] for row in result["rows"]))):
-        out.print(f"same delays: {note}", highlight=False, markup=False)
+        out.print(f"same delays: {note}")
     if result["order"] is not None:
         out.print(f"observed order (conserving): {result['order']:.2f} in attitude, "
                   f"{result['order_wheel_momentum']:.2f} in the wheels' momentum")  # fmt: skip
     page = convergence_module.write_html(
         result, html or Path("runs") / f"convergence-{name_of(target)}.html"
     )
-    out.print(f"page: {page.resolve()}", highlight=False, markup=False)
+    out.print(f"page: {page.resolve()}")

@@ -31,4 +31,4 @@ def craft(
         print_json(written)
         return
     for name, changed in written.items():
-        out.print(f"{name}: {'written' if changed else 'current'}", highlight=False, markup=False)
+        out.print(f"{name}: {'written' if changed else 'current'}")

@@ -67,4 +67,4 @@ def design(
         table.add_row(s.name, *columns)
     out.print(table)
     for folder in sorted({path.parent for _, _, path in made}):
-        out.print(f"written to {os.path.relpath(folder)}", highlight=False, markup=False)
+        out.print(f"written to {os.path.relpath(folder)}")

@@ -58,10 +58,10 @@ def draws(
         _print_differences(result)
     failed = [r for each in results for r in each["draws"] if r["status"] != "completed"]
     for row in failed:
-        err.print(f"draw {row['draw']}: {row['status']}: {row['message']}", markup=False)
+        err.print(f"draw {row['draw']}: {row['status']}: {row['message']}")
     unmet = [r for each in results for r in each["draws"] if r["unmet"]]
     for row in unmet:
-        err.print(f"draw {row['draw']}: not met: {'; '.join(row['unmet'])}", markup=False)
+        err.print(f"draw {row['draw']}: not met: {'; '.join(row['unmet'])}")
     if failed or unmet:
         raise typer.Exit(max(row["code"] for row in failed + unmet))
 
@@ -85,7 +85,7 @@ def _print_draws(result: dict[str, Any]) -> None:
     conditions = {r["stopped_when"]["condition"] for r in result["draws"] if r["stopped_when"]}
     if conditions:
         share = f"{result['stopped']} of {len(result['draws'])}"
-        out.print(f"ended early: {share} ({', '.join(conditions)})", highlight=False, markup=False)
+        out.print(f"ended early: {share} ({', '.join(conditions)})")
 
 
 def _print_differences(result: dict[str, Any]) -> None:
@@ -101,11 +101,9 @@ def _print_differences(result: dict[str, Any]) -> None:
     for name, entry in result["differences"].items():
         cells = [number(entry[column]) for column in columns]
         table.add_row(name, *cells, pretty_unit(entry["unit"]), not_reached(entry))
-    out.print(f"{result['scenario']} less {result['against']}, draw by draw:", highlight=False,
-              markup=False)  # fmt: skip
+    out.print(f"{result['scenario']} less {result['against']}, draw by draw:")
     print_numbers(table)
     for key in ("drawn_only_in_it", "drawn_only_in_the_other"):
         if result[key]:
             where = result["scenario" if key == "drawn_only_in_it" else "against"]
-            err.print(f"note: drawn in {where} alone: {', '.join(result[key])}", highlight=False,
-                      markup=False)  # fmt: skip
+            err.print(f"note: drawn in {where} alone: {', '.join(result[key])}")

@@ -26,6 +26,6 @@ def export(
 
     paths, note = write(folder, form, into)
     for path in paths:
-        out.print(str(path), highlight=False, markup=False)
+        out.print(str(path))
     if note:
-        err.print(f"note: {note}", highlight=False, markup=False)
+        err.print(f"note: {note}")

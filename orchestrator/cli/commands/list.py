@@ -60,5 +60,4 @@ def _print_families(families: list[Family]) -> None:
         first = next(iter(family.scenarios), "")
         table.add_row(family.name, str(len(family.scenarios)), family.title, first)
     out.print(table)
-    out.print("`desat list FAMILY` has a family's scenarios, `desat list --all` all of them",
-              highlight=False, markup=False)  # fmt: skip
+    out.print("`desat list FAMILY` has a family's scenarios, `desat list --all` all of them")

@@ -57,4 +57,4 @@ def pack(
     if as_json:
         print_json(packed)
     else:
-        out.print(f"{len(packed)} packed: {os.path.commonpath(packed)}", highlight=False)
+        out.print(f"{len(packed)} packed: {os.path.commonpath(packed)}")

@@ -39,4 +39,4 @@ def page(
     for family in wanted:
         folder = into / family if into is not None else None
         for path in page_module.write(family, folder, jobs, draft):
-            out.print(os.path.relpath(path), highlight=False, markup=False)
+            out.print(os.path.relpath(path))

@@ -20,4 +20,4 @@ def report(
 
     finished = load_run(folder)
     twin = load_run(folder / "twin") if (folder / "twin").is_dir() else None
-    out.print(str(write_report(folder, finished, twin).resolve()), markup=False)
+    out.print(str(write_report(folder, finished, twin).resolve()))

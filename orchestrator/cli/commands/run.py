@@ -151,7 +151,7 @@ def _csv(finished: Run, folder: Path) -> None:
     with _room(finished, folder, "series.csv"):
         _, note = export(folder, "csv")
         if note:
-            err.print(f"note: series.csv: {note}", highlight=False, markup=False)
+            err.print(f"note: series.csv: {note}")
 
 
 @contextmanager
@@ -231,11 +231,11 @@ def _report_run(
         print_json({**manifest.to_json(), "folder": str(folder), "report": page and str(page)})
         return
     if not manifest.completed:
-        err.print(f"{manifest.status}: {manifest.message}", highlight=False, markup=False)
+        err.print(f"{manifest.status}: {manifest.message}")
     if stopped := manifest.stopped_when:
-        out.print(f"ended at {stopped.time:g} s: {stopped.condition}", highlight=False)
+        out.print(f"ended at {stopped.time:g} s: {stopped.condition}")
     for line in manifest.unmet:
-        err.print(f"not met: {line}", highlight=False, markup=False)
+        err.print(f"not met: {line}")
     table = Table(box=None, pad_edge=False, show_header=other is not None, header_style="bold")
     for column in ["", "this run", "twin", ""] if other else ["", "this run", ""]:
         table.add_column(column, justify="right" if "run" in column or column == "twin" else "left")
@@ -252,5 +252,5 @@ def _report_run(
     report = f"\nreport: {page.resolve()}" if page else ""
     out.print(
         f"{manifest.steps_done} steps, {manifest.us_per_step} us a step; series in "
-        f"{folder / SERIES}{report}", highlight=False, markup=False,
+        f"{folder / SERIES}{report}",
     )  # fmt: skip

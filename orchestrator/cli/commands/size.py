@@ -41,7 +41,7 @@ def size(
     else:
         _print(made)
     for line in made.problems:
-        err.print(f"it cannot hold: {line}", highlight=False, markup=False)
+        err.print(f"it cannot hold: {line}")
     if made.problems:
         raise typer.Exit(Exit.UNMET)
 
@@ -58,7 +58,6 @@ def _print(made: object) -> None:
         f"{100.0 * made.duty:.3g} %; it has {made.rod:.4g} A m2. The fullest wheel needs "
         f"{1e3 * made.wheel_needed:.4g} mN m s beside what is dumped; the smallest holds "
         f"{1e3 * made.wheel_capacity:.4g} mN m s.",
-        highlight=False, markup=False,
     )  # fmt: skip
     out.print()
     rows = (
@@ -93,4 +92,4 @@ def _print(made: object) -> None:
                           f"{1e3 * r.largest:.4g}", f"{100.0 * r.duty:.3g}", *flown)  # fmt: skip
         out.print(curve)
     for line in made.notes:
-        out.print(f"note: {line}", highlight=False, markup=False)
+        out.print(f"note: {line}")

@@ -16,7 +16,7 @@ def sweep(
     target: o.Target,
     axes: Annotated[
         list[str],
-        typer.Argument(metavar="COMP.VAR=A,B,C...", show_default=False,
+        typer.Argument(metavar="COMP.VAR=A,B,C...",
                        help="A parameter and its values (arrays with ; between them); several "
                        "give every combination."),
     ],
@@ -51,7 +51,7 @@ def sweep(
     failed = [p for p in result["points"] if p["status"] != "completed"]
     for point in failed:
         at = ", ".join(f"{name} = {value}" for name, value in point["values"].items())
-        err.print(f"{at}: {point['status']}: {point['message']}", highlight=False, markup=False)
+        err.print(f"{at}: {point['status']}: {point['message']}")
     if failed:
         raise typer.Exit(max(point["code"] for point in failed))
 
@@ -80,7 +80,7 @@ def _print(result: dict[str, Any]) -> None:
         table.add_row(*row)
     print_numbers(table)
     if result["draws"]:
-        out.print(f"medians of {result['draws']} draws", highlight=False)
+        out.print(f"medians of {result['draws']} draws")
 
 
 def _shown(value: Any) -> str:

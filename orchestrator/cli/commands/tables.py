@@ -33,7 +33,6 @@ def tables(
 
     Scenarios with draws give their median; these are read from docs/papers/FAMILY/draws.parquet.
     """
-    from rich.markup import escape
     from rich.text import Text
 
     from ...papers import tables as tables_module
@@ -45,7 +44,7 @@ def tables(
         print_json(tables_module.as_json(family, rows, origin))
         return
     for heading, group in tables_module.grouped(rows):
-        table = Table(title=escape(heading), title_justify="left", box=None, header_style="bold",
+        table = Table(title=heading, title_justify="left", box=None, header_style="bold",
                       pad_edge=False)  # fmt: skip
         lines = [tables_module.shown(row) for row in group]
         shown = tables_module.columns(lines)
@@ -55,16 +54,16 @@ def tables(
             style = {"ok": "green", "bad": "red", "": ""}[line["mark"]]
             table.add_row(*(Text(line[c], style if c == "verdict" else "") for c in shown))
         for text in tables_module.definitions(row.definition for row in group):
-            out.print(text, style="dim", highlight=False, markup=False)
+            out.print(text, style="dim")
         out.print(table)
         out.print()
-    out.print(tables_module.summed_up(rows), highlight=False, markup=False)
+    out.print(tables_module.summed_up(rows))
     if origin:
-        out.print(f"draws: {tables_module.origin(origin)}", highlight=False, markup=False)
+        out.print(f"draws: {tables_module.origin(origin)}")
     page = tables_module.write_html(
         family, rows, html or Path("runs") / f"tables-{family}.html", options, origin
     )
-    out.print(f"page: {page.resolve()}", highlight=False, markup=False)
+    out.print(f"page: {page.resolve()}")
 
 
 def _drawn(
@@ -86,5 +85,5 @@ def _drawn(
                             (left_out, "are not there: their rows are left out")):  # fmt: skip
             if names:
                 err.print(f"warning: the stored draws of {', '.join(names)} {what}; --fresh makes "
-                          f"them", highlight=False, markup=False)  # fmt: skip
+                          f"them")  # fmt: skip
     return kept, stored_module.provenance(kept, fresh=False)

@@ -1,0 +1,961 @@
+"""How commands, runs and cases end, with what takes long replaced: exit codes and what is said."""
+
+from __future__ import annotations
+
+import io
+import json
+import math
+import re
+import signal
+from contextlib import nullcontext
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from rich.table import Table
+from test_verdicts import FAILED, LATE_ONE, UNMET, WELL, cell
+
+from desat import cli
+from desat.analyses import coverage, energy, fixed, residual
+from desat.analyses.manifest import Choice, Manifest, Stopped
+from desat.campaign import case as campaign_case
+from desat.campaign import coordinator, pairs, plan, store
+from desat.campaign import draws as study
+from desat.cli.commands import run as run_command
+from desat.cli.commands import tables as tables_command
+from desat.cli.console import plain_console
+from desat.engine import checkpoint
+from desat.engine.instances.base import EndedError
+from desat.engine.master import Master
+from desat.numbers.text import Value
+from desat.papers import tables
+from desat.runs import run as runs
+from desat.runs import step_case, stopping, supervisor
+from desat.runs.run import Run
+from desat.runs.step_case import Outcome
+from desat.runs.stopping import LATE, Condition
+from desat.runs.supervisor import Ended
+from desat.studies import sizing
+from desat.system.errors import DesatError, Exit, RunError, nearest, plain
+from desat.system.options import Options
+
+
+def test_what_each_exit_code_is():
+    assert {e.name: (e.value, bool(e.meaning)) for e in Exit} == {
+        name: (code, True) for name, code in (
+            ("COMPLETED", 0), ("UNMET", 1), ("INPUT", 2), ("BUG", 3), ("COMPONENT", 4),
+            ("TIMEOUT", 5), ("SPACE", 6), ("HUNG_UP", 129), ("INTERRUPTED", 130),
+            ("TERMINATED", 143),
+        )
+    }  # fmt: skip
+    assert (DesatError("x").code, RunError("x").code) == (Exit.INPUT, Exit.COMPONENT)
+
+
+@pytest.mark.parametrize(
+    ("name", "known", "hint"),
+    [
+        ("wheel", ["wheels", "body"], "; did you mean wheels?"),
+        ("x", ["a", "b"], "; there is a, b"),
+        ("x", [], ""),
+        ("x", list("abcdefghijkl"), "; there is a, b, c, d, e, f, g, h, i, j, k, l"),
+        ("x", list("abcdefghijklm"), "; there is a, b, c, d, e, f, g, h, i, j, k, l, …"),
+        ("wheel", ["wheels", *(str(k) for k in range(1999))], "; did you mean wheels?"),
+        ("wheel", ["wheels", *(str(k) for k in range(2000))], ""),
+        ("x" * 200, ["x" * 199], f"; did you mean {'x' * 199}?"),
+        ("x" * 201, ["x" * 199], ""),
+    ],
+)  # fmt: skip
+def test_the_nearest_name(name, known, hint):
+    assert nearest(name, known) == hint
+
+
+def test_names_in_brackets_are_no_markup_and_numbers_have_no_colour():
+    file = io.StringIO()
+    console = plain_console(file=file, force_terminal=True, width=80)
+    table = Table("h[b]", box=None, header_style="")
+    table.add_row("x[b] = 12")
+    console.print("h[b] = 12")
+    console.print(table)
+    assert [line.strip() for line in file.getvalue().splitlines()] == [
+        "h[b] = 12", "h[b]", "x[b] = 12"
+    ]  # fmt: skip
+
+
+def test_what_is_no_text_is_made_a_line():
+    assert plain("a\tb\x1b[c]\u00e9") == "a b\ufffd[c]\u00e9"
+
+
+def test_a_bug_of_ours_says_how_to_see_where(desat, monkeypatch):
+    def fails(**_: object) -> None:
+        raise ValueError("why")
+
+    monkeypatch.setattr(cli, "get_command", lambda app: fails)
+    monkeypatch.setattr(cli, "spare", lambda command: None)
+    for traced in (False, True):
+        if traced:
+            monkeypatch.setenv("DESAT_TRACEBACK", "1")
+        done = desat()
+        assert done.returncode == Exit.BUG
+        assert done.stderr.splitlines()[-1] == (
+            "error: internal: ValueError: why (DESAT_TRACEBACK=1 shows where)"
+        )
+        assert ("Traceback" in done.stderr) == traced
+
+
+@pytest.mark.parametrize("number", [1, 15])
+def test_a_signal_to_stop_is_its_exit_code(number):
+    with pytest.raises(SystemExit) as left:
+        cli._terminate(number, None)
+    assert left.value.code == 128 + number
+
+
+def test_a_full_disk_is_known_by_what_an_error_came_from():
+    def chained(cause: BaseException | None, context: BaseException | None) -> BaseException:
+        error = RuntimeError("why")
+        error.__cause__, error.__context__ = cause, context
+        return error
+
+    full, other = OSError(28, "full"), OSError(5, "read")
+    assert cli._is_full(full)
+    for cause, context, known in (
+        (full, None, True), (None, full, True), (full, other, True), (other, full, False),
+        (other, None, False), (None, chained(None, full), True),
+    ):  # fmt: skip
+        assert cli._is_full(chained(cause, context)) == known
+    own = chained(None, None)
+    own.__cause__ = own
+    assert not cli._is_full(own)
+
+
+# --- commands -------------------------------------------------------------------------------------
+
+DRAWS = {"scenario": "a", "against": "b", "warnings": [], "draws": [], "summary": {}, "stopped": 0,
+         "points": [], "units": {}, "axes": {}, "differences": {}, "drawn_only_in_it": [],
+         "drawn_only_in_the_other": []}  # fmt: skip
+
+
+@pytest.mark.parametrize("as_json", [True, False])
+@pytest.mark.parametrize(
+    ("arguments", "module", "name"),
+    [
+        (["draws", "a", "-n", "3", "--seed", "7"], study, "draws"),
+        (["draws", "a", "--against", "b", "-n", "3", "--seed", "7"], pairs, "paired"),
+        (["sweep", "a", "b.k=0,1"], study, "sweep"),
+        (["tables", "uosat12"], tables_command, "_drawn"),
+        (["size", "a"], sizing, "size"),
+    ],
+)
+def test_progress_is_shown_to_people_alone(desat, monkeypatch, arguments, module, name, as_json):
+    given = []
+
+    def made(*args: object, progress: object = None, **_: object):
+        given.append(args[4] if name == "sweep" else progress)
+        if name == "_drawn":
+            raise DesatError("enough")
+        if name == "size":
+            return SimpleNamespace(as_json=lambda: {"x": 1}, problems=[])
+        return {**DRAWS, "draws": [] if name == "paired" else DRAWS["draws"]}
+
+    monkeypatch.setattr(module, name, made)
+    monkeypatch.setattr("desat.cli.commands.size._print", lambda made: print("people"))
+    done = desat(*arguments, *(["--json"] if as_json else []))
+    assert given == ([None] if name == "size" else [not as_json])
+    if name != "_drawn":
+        assert done.returncode == 0
+        assert done.stdout.startswith("{") == as_json
+
+
+@pytest.mark.parametrize(("problems", "code"), [([], 0), (["a wheel [b] is full"], Exit.UNMET)])
+def test_a_craft_that_cannot_hold_ends_with_1(desat, monkeypatch, problems, code):
+    given = []
+
+    def size(*args: object) -> SimpleNamespace:
+        given.append(args)
+        args[-1]("flying")
+        return SimpleNamespace(as_json=lambda: {}, problems=problems)
+
+    monkeypatch.setattr(sizing, "size", size)
+    for flag, loop, duty in ([], True, 0.5), (["--no-loop", "--duty", "20"], False, 0.2):
+        done = desat("size", "a", "--json", *flag)
+        assert done.returncode == code
+        assert done.stderr.splitlines() == [f"it cannot hold: {line}" for line in problems]
+        assert given[-1][2:4] == (duty, loop)
+        assert not given[-1][1].blocks
+
+
+@pytest.mark.parametrize(
+    ("rows", "others", "code"),
+    [([WELL], [UNMET], 1), ([UNMET], [WELL], 1), ([WELL], [LATE_ONE], 5), ([FAILED], [WELL], 4),
+     ([WELL], [WELL], 0)],
+)  # fmt: skip
+def test_paired_draws_end_as_the_worst_of_both(desat, monkeypatch, rows, others, code):
+    both = [{"warnings": [f"w{k}"], "draws": [{"draw": 0, **row} for row in x]}
+            for k, x in enumerate((rows, others))]  # fmt: skip
+    monkeypatch.setattr(pairs, "paired", lambda *_, **__: {**DRAWS, "draws": both})
+    done = desat("draws", "a", "--against", "b")
+    assert done.returncode == code
+    assert done.stderr.splitlines()[:2] == ["warning: w0", "warning: w1"]
+    assert done.stdout.splitlines()[0] == "a less b, draw by draw:"
+
+
+@pytest.mark.parametrize(
+    "origin", [None, {"file": "computed now", "seed": 3, "components_as": "z"}]
+)
+def test_tables_are_printed_as_they_are(desat, monkeypatch, tmp_path, origin):
+    rows = [cell(1.5, values=1.6, definition="how [b] it is"), cell(3.0, values=1.5, unit="s")]
+    told = []
+    monkeypatch.setattr(tables_command, "_drawn", lambda *_, **__: ({"a": 1}, origin))
+    monkeypatch.setattr(tables, "rows", lambda *args: told.append(args) or rows)
+    monkeypatch.setattr(tables, "write_html", lambda *args: told.append(args) or args[2])
+    done = desat("tables", "uosat12", "--html", str(tmp_path / "a.html"), "--jobs", "3")
+    assert done.returncode == 0
+    lines = [" ".join(line.split()) for line in done.stdout.splitlines()]
+    heads = ["case paper ours difference band sample", "case paper ours difference band sample"]
+    assert [x for x in lines if x.startswith("case")] == heads
+    assert "how [b] it is" in lines
+    assert "case  paper  ours        difference  band " in done.stdout  # numbers to the right
+    assert "\nname   1.50  3.00  +1.50 (+100.0 %)  1.00 " in done.stdout
+    assert any("1.6" in x and "1.5" in x for x in lines)
+    assert [x for x in lines if x.startswith("draws: ")] == (
+        ["draws: computed just now with seed 3 by z"] if origin else []
+    )
+    assert lines[-1] == f"page: {tmp_path / 'a.html'}"
+    assert told[0][0] == told[1][0] == "uosat12"
+    assert (told[0][2:], told[1][4]) == ((3, {"a": 1}), origin)
+    assert desat("tables", "uosat12").returncode == 0
+    assert told[-1][2] == Path("runs/tables-uosat12.html")
+    as_json = desat("tables", "uosat12", "--json")
+    assert json.loads(as_json.stdout)["rows"][0]["ours"] == 1.5
+
+
+def test_verdicts_alone_are_coloured(desat, monkeypatch):
+    file = io.StringIO()
+    console = plain_console(file=file, force_terminal=True, color_system="standard", width=200)
+    rows = [cell(1.5, values=1.6), cell(3.0, values=1.5)]
+    monkeypatch.setattr(tables_command, "out", console)
+    monkeypatch.setattr(tables_command, "_drawn", lambda *_, **__: (None, None))
+    monkeypatch.setattr(tables, "rows", lambda *_: rows)
+    monkeypatch.setattr(tables, "write_html", lambda *args: args[2])
+    assert desat("tables", "uosat12").returncode == 0
+    coloured = re.findall("\x1b\\[3[12]m([^\x1b]*)", file.getvalue())
+    assert [text.strip() for text in coloured] == ["within", "OUTSIDE"]
+
+
+@pytest.mark.parametrize("status", ["completed", "failed"])
+def test_a_table_of_a_run_that_failed_ends_as_it(monkeypatch, status):
+    options = Options(blocks=True)
+    scenarios = [SimpleNamespace(name="a/b"), SimpleNamespace(name="a/c")]
+    made = [
+        study.RunRow("completed", 0, "", numbers={"x": 1.0}),
+        study.RunRow(status, 0 if status == "completed" else 5, "h is nan", numbers={"x": 2.0}),
+    ]
+
+    def rows(tasks: list[tuple[object, ...]], *given: object, progress: bool):
+        assert [(task[0], task[1], task[3]) for task in tasks] == [
+            ("a/b", options, None), ("a/c", options, None)
+        ]  # fmt: skip
+        assert (given, progress) == ((3, "runs"), False)
+        return made
+
+    monkeypatch.setattr(tables, "rows_of_runs", rows)
+    if status == "completed":
+        assert tables._single(scenarios, options, 3) == {"a/b": {"x": 1.0}, "a/c": {"x": 2.0}}
+    else:
+        with pytest.raises(RunError, match=r"^a/c: failed: h is nan$") as told:
+            tables._single(scenarios, options, 3)
+        assert told.value.code == Exit.TIMEOUT
+
+
+def test_a_check_as_json_has_the_order_or_none(desat, tmp_path):
+    good = json.loads(desat("check", "gyrostat/light", "--blocks", "--json").stdout)
+    assert "spacecraft" in good["order"]
+    assert {c["timing"] for c in good["connections"]} >= {"at t_k"}
+    assert good["problems"] == []
+    bad = desat("check", "gyrostat/light", "--stop", "0.05", "--blocks", "--json")
+    told = json.loads(bad.stdout)
+    assert (bad.returncode, told["order"], told["connections"]) == (Exit.UNMET, [], [])
+    assert told["problems"]
+
+
+def finished(code: int = 0, **more: object) -> Run:
+    """A run that ended so."""
+    status = "completed" if code < 2 else "failed"
+    told = {"status": status, "message": "h[b] is nan", "steps_done": 3, "us_per_step": 0.5,
+            "unmet": ["x[b] = 2"] * (code == 1), "exit": code if code > 1 else None}  # fmt: skip
+    run = Run(Manifest.from_json(told), SimpleNamespace())
+    run.manifest = replace(run.manifest, **more)
+    return run
+
+
+@pytest.mark.parametrize("csv", [True, False])
+@pytest.mark.parametrize(
+    ("own", "twin", "code"),
+    [(0, None, 0), (1, None, 1), (4, None, 4), (5, None, 5), (0, 0, 0), (0, 1, 1), (1, 0, 1),
+     (0, 4, 4), (1, 4, 1), (4, 0, 4)],
+)  # fmt: skip
+def test_a_run_and_its_twin_end_the_command(monkeypatch, tmp_path, own, twin, code, csv):
+    """Checkpoints go where both have completed; a twin follows a run that has."""
+    done: list[object] = []
+    other = None if twin is None else finished(twin)
+    monkeypatch.setattr(run_command, "_run_twin", lambda *_: done.append("twin") or other)
+    monkeypatch.setattr(run_command, "_report", lambda *_: done.append("report"))
+    monkeypatch.setattr(run_command, "_csv", lambda *_: done.append("csv"))
+    monkeypatch.setattr(run_command, "_report_run", lambda *args: done.append(args[-1]))
+    monkeypatch.setattr(checkpoint, "remove", lambda folder: done.append(folder.name))
+    for wanted in (True, False):
+        done.clear()
+        run, ended = finished(own), 0
+        try:
+            run_command.conclude(run, None, tmp_path / "a", csv=csv, twin=wanted, as_json=csv)
+        except run_command.typer.Exit as left:
+            ended = left.exit_code
+        follows = wanted and own < 2
+        assert ended == (code if follows or own > 1 or not twin else own)
+        theirs = twin if follows and twin is not None else 0
+        removed = ["a", run_command.TWIN] if own < 2 and theirs < 2 else []
+        assert done == ["twin"] * follows + ["report"] + ["csv"] * csv + removed + [csv]
+
+
+def test_what_a_run_says_at_its_end(capsys, tmp_path):
+    numbers = {"x": Value("Size of [b]", 2.0, "N.m.s"), "y": Value("Time", None, "s")}
+    own = finished(4, numbers=numbers, not_checked={"z": "no [b]"}, unmet=["x[b] = 2: above"],
+                   stopped_when=Stopped("a.h[b] below 1", 12.5))  # fmt: skip
+    other = finished(0, numbers={"x": Value("Size of [b]", 3.0, "N.m.s")})
+    for twin in (None, other):
+        run_command._report_run(own, twin, tmp_path, tmp_path / "[b].html", False)
+        out, err = capsys.readouterr()
+        lines = [" ".join(x.split()) for x in out.splitlines()]
+        assert err.splitlines() == ["failed: h[b] is nan", "not met: x[b] = 2: above"]
+        assert lines[0] == "ended at 12.5 s: a.h[b] below 1"
+        table = ["Size of [b] 2 N m s", "Time not reached s", "z not checked no [b]"]
+        if twin:
+            table = ["this run twin", table[0].replace("2", "2 3"), *table[1:]]
+        assert lines[1:-2] == table
+        theirs = "     3" if twin else ""  # numbers to the right
+        assert f"\nSize of [b]            2{theirs}  N m s" in out
+        assert lines[-2:] == [
+            f"3 steps, 0.5 us a step; series in {tmp_path / 'series.h5'}",
+            f"report: {tmp_path / '[b].html'}",
+        ]  # fmt: skip
+    run_command._report_run(finished(), None, tmp_path, None, False)
+    (line,) = capsys.readouterr().out.splitlines()
+    assert line.startswith("3 steps")
+    for page in (None, tmp_path / "a.html"):
+        run_command._report_run(own, None, tmp_path, page, True)
+        told = json.loads(capsys.readouterr().out)
+        assert (told["folder"], told["report"]) == (str(tmp_path), page and str(page))
+
+
+@pytest.mark.parametrize("code", [0, 4])
+def test_without_room_for_a_report_a_run_that_completed_ends_with_6(code):
+    full = OSError(28, "No space left on device")
+    if code:
+        with run_command._room(finished(code), Path("a"), "report"):
+            raise full
+    else:
+        with (
+            pytest.raises(RunError, match=r"^a: its report: ") as told,
+            run_command._room(finished(code), Path("a"), "report"),
+        ):
+            raise full
+        assert told.value.code == Exit.SPACE
+    with pytest.raises(OSError, match="gone"), run_command._room(finished(code), Path("a"), "x"):
+        raise OSError(2, "gone")
+
+
+@pytest.mark.parametrize(
+    ("number", "text", "code", "said"),
+    [
+        (1, "", 0, []),
+        (2, "", Exit.INPUT, ["error: c: case 2: there are 0 to 1"]),
+        (0, "its craft", Exit.INPUT, None),
+        (0, "", 1, ["not met: x[b] = 2"]),
+        (0, "", 4, ["error: case 0: failed: h[b] is nan"]),
+        (0, "", 5, ["error: case 0: failed: h[b] is nan"]),
+    ],
+)
+@pytest.mark.parametrize("row", [None, SimpleNamespace()])
+def test_a_case_made_again_ends_as_it_did(desat, monkeypatch, number, text, code, said, row):
+    compared: list[object] = []
+    monkeypatch.setattr(plan, "read", lambda folder: SimpleNamespace(count=2))
+    monkeypatch.setattr(plan, "changed", lambda plan: text)
+    monkeypatch.setattr(plan, "anew", lambda plan: "begin anew")
+    monkeypatch.setattr(plan, "same_versions", lambda *args: compared.append(args))
+    monkeypatch.setattr(store, "versions_of", lambda folder, number: row)
+    monkeypatch.setattr(campaign_case, "kept", lambda *_: finished(code))
+    monkeypatch.setattr(coordinator, "kept_in", lambda folder, number: folder / "[b]")
+    into = ["--out", "[o]"] if row else []
+    done = desat("campaign", "case", "c", str(number), *into)
+    assert done.returncode == code
+    lines = ["error: c: case 0: its craft: the case would differ; begin anew"]
+    assert done.stderr.splitlines() == (lines if said is None else said)
+    made = code != Exit.INPUT
+    place = "[o]" if row else "c/[b]"
+    assert done.stdout.splitlines() == [f"{place}/report.html"] * made
+    assert [args[2] for args in compared] == [False] * (made and row is not None)
+
+
+# --- a run in a process of its own ----------------------------------------------------------------
+
+FULL = "errno = 28, "
+DIED = {"component": "a", "call": "stepping", "how": "SIGSEGV"}
+HUNG = {**DIED, "hung": 2.0}
+
+
+def raised(function, *args: object) -> tuple[str, object] | object:
+    try:
+        return function(*args)
+    except (KeyboardInterrupt, SystemExit, OSError, RuntimeError, DesatError, EndedError) as error:
+        return type(error).__name__, getattr(error, "code", str(error))
+
+
+@pytest.mark.parametrize(
+    ("ended", "result"),
+    [
+        (Ended({"made": 7}), 7),
+        (Ended({}, signal=signal.SIGINT), ("KeyboardInterrupt", "")),
+        (Ended({"made": 7}, signal=signal.SIGTERM), ("SystemExit", 143)),
+        (Ended({"error": (DesatError, ("no",))}), ("DesatError", Exit.INPUT)),
+        (Ended({"error": (RunError, ("no", Exit.SPACE))}), ("RunError", Exit.SPACE)),
+        (Ended({"system": (2, "gone")}), ("FileNotFoundError", "[Errno 2] gone")),
+        (Ended({"bug": "why"}), ("RuntimeError", "why")),
+        (Ended({}, **DIED), ("EndedError", Exit.COMPONENT)),
+        (Ended({}, **HUNG), ("EndedError", Exit.TIMEOUT)),
+    ],
+)
+def test_what_is_done_apart_ends_as_its_process(monkeypatch, ended, result):
+    monkeypatch.setattr(supervisor, "watch", lambda *_: ended)
+    assert raised(supervisor.apart, lambda: 7, [], 1.0) == result
+
+
+DONE = ("completed", "", 0)
+ROWS = SimpleNamespace()
+
+
+@pytest.mark.parametrize(
+    ("ended", "result"),
+    [
+        (Ended({"layout": ROWS, "outcome": DONE}), DONE),
+        (Ended({"layout": ROWS, "outcome": DONE}, **DIED),
+         ("failed", "a: stepping ended the process: SIGSEGV, after the run", 0)),
+        (Ended({"error": (DesatError, ("no",))}), ("DesatError", Exit.INPUT)),
+        (Ended({"layout": ROWS, "error": (DesatError, ("no",))}), "cut short"),
+        (Ended({"layout": ROWS, "outcome": DONE, "error": (DesatError, ("no",))}),
+         ("DesatError", Exit.INPUT)),
+        (Ended({"system": (2, "gone")}), ("FileNotFoundError", "[Errno 2] gone")),
+        (Ended({"layout": ROWS, "system": (2, "gone"), "outcome": DONE}), DONE),
+        (Ended({"layout": ROWS, "system": (2, "gone"), "bug": FULL}), "cut short"),
+        (Ended({"bug": "why"}), ("RuntimeError", "why")),
+        (Ended({"layout": ROWS, "bug": "why", "outcome": DONE}), DONE),
+        (Ended({"layout": ROWS, "bug": "why"}, signal=2), "cut short"),
+        (Ended({"bug": FULL}), ("RunError", Exit.SPACE)),
+        (Ended({"layout": ROWS, "bug": FULL}), "cut short"),
+        (Ended({}, **DIED), ("RunError", Exit.COMPONENT)),
+        (Ended({}, **HUNG), ("RunError", Exit.TIMEOUT)),
+        (Ended({}, signal=2), ("KeyboardInterrupt", "")),
+        (Ended({"layout": ROWS}, signal=2), "cut short"),
+        (Ended({"layout": ROWS}, **DIED), "cut short"),
+    ],
+)  # fmt: skip
+@pytest.mark.parametrize("kept", [True, False])
+def test_a_supervised_run_ends_as_its_process(monkeypatch, tmp_path, ended, result, kept):
+    """Its folder is removed where nobody has asked for one, whatever comes; the shorter of both
+    limits holds for a call."""
+    if isinstance(ended.said.get("outcome"), tuple):
+        ended = replace(ended, said={**ended.said, "outcome": Outcome(*DONE)})
+    limits, scratch = [], tmp_path / "scratch"
+    monkeypatch.setattr(supervisor, "watch", lambda *args: limits.append(args[-1]) or ended)
+    monkeypatch.setattr(runs.Results, "open", lambda place: place)
+    monkeypatch.setattr(runs, "_cut_short", lambda *args: ("cut short", args[2]))
+    if not ended.how:  # else it is gone already
+        scratch.mkdir()
+    monkeypatch.setattr(runs.library, "scratch", lambda name: scratch)
+    options = SimpleNamespace(call_limit=3.0, time_limit=2.0 if kept else None)
+    case = SimpleNamespace(or_raise=lambda: (None, SimpleNamespace(order=[])), options=options)
+    given = raised(runs._supervised, case, tmp_path if kept else None, None, False)
+    assert limits == [2.0 if kept else 3.0]
+    if given[1] == (tmp_path if kept else scratch):
+        made = given[0]
+        given = made if isinstance(made, str) else (made.status, made.message, made.code)
+    assert given == result
+    assert scratch.exists() == (kept and not ended.how)
+
+
+@pytest.mark.parametrize(
+    ("ended", "full", "status", "code", "message"),
+    [
+        (Ended({}, **DIED), "", "failed", Exit.COMPONENT, "a: stepping ended the process: SIGSEGV"),
+        (Ended({}, **HUNG), "", LATE, Exit.TIMEOUT, "a: stepping did not return within 2 s"),
+        (Ended({"error": (RunError, ("no", 4))}), "", "failed", Exit.COMPONENT, "no"),
+        (Ended({}, signal=2), "", "interrupted", 130, "stopped by the user"),
+        (Ended({}, signal=15, **HUNG), "", "interrupted", 143, "stopped by the user"),
+        (Ended({}, signal=15), "disk full", "no space", Exit.SPACE, "{}: disk full"),
+    ],
+)
+@pytest.mark.parametrize("files", ["series.h5", "series.h5.part", "both"])
+@pytest.mark.parametrize("times", [[], [5.0], [5.0, 7.0, 9.0]])
+def test_a_run_cut_short_says_how_far_it_came(
+    monkeypatch, tmp_path, ended, full, status, code, message, files, times
+):
+    for name in ("series.h5", "series.h5.part") if files == "both" else (files,):
+        (tmp_path / name).touch()
+    opened, results = [], SimpleNamespace(times=lambda: np.array(times))
+    monkeypatch.setattr(runs.Results, "open", lambda *args: opened.append(args) or results)
+    monkeypatch.setattr(runs, "recover", lambda part, path, *_: opened.append((part, "recovered")))
+    unwritten = SimpleNamespace(lay_out=lambda layout: None, written=2)
+    system = SimpleNamespace(start=5.0, step=2.0)
+    outcome, _ = runs._cut_short(system, None, tmp_path, ended, ROWS, unwritten, full)
+    path, part = tmp_path / "series.h5", tmp_path / "series.h5.part"
+    told = f"{message.format(path)}; {len(times)} rows are kept"
+    assert (outcome.status, outcome.code, outcome.message) == (status, code, told)
+    assert outcome.steps == max(0, len(times) - 1)
+    if full:
+        assert (opened, outcome.rows) == ([(part, 2)], 2)
+    else:
+        whole = files == "series.h5"
+        assert opened == ([] if whole else [(part, "recovered")]) + [(path,)]
+        assert outcome.rows is None
+
+
+@pytest.mark.parametrize(("seconds", "every"), [(1.0, 1), (0.1, 1), (2.6, 3), (10.0, 10)])
+def test_a_checkpoint_is_saved_every_so_many_steps(monkeypatch, tmp_path, seconds, every):
+    def checkpoints(folder: Path, every: int, *_: object) -> None:
+        raise AskedError(every)
+
+    monkeypatch.setattr(step_case, "Checkpoints", checkpoints)
+    given = Options(blocks=True, stop=20.0, inner=1, checkpoint=seconds)
+    with pytest.raises(AskedError) as asked:
+        runs.simulate(runs.prepare("gyrostat/light", given), tmp_path)
+    assert asked.value.args == (every,)
+
+
+@pytest.mark.parametrize("number", [1, 2, 15])
+def test_a_run_that_a_signal_stops_says_which(monkeypatch, number):
+    monkeypatch.setattr(step_case, "interruptible", lambda: nullcontext(lambda: number))
+    given = Options(blocks=True, stop=20.0, inner=1)
+    run = runs.simulate(runs.prepare("gyrostat/light", given))
+    assert (run.manifest.status, run.code) == ("interrupted", 128 + number)
+    assert run.manifest.message.startswith("stopped by the user at t = ")
+
+
+def test_a_run_whose_components_cannot_be_freed_ends_as_the_first(monkeypatch):
+    ended, leave = [EndedError("a hangs", Exit.TIMEOUT), EndedError("b died")], Master.__exit__
+
+    def left(self: Master, *given: object) -> None:
+        leave(self, *given)
+        self.unfreed = ended
+
+    monkeypatch.setattr(Master, "__exit__", left)
+    run = runs.simulate(runs.prepare("gyrostat/light", Options(blocks=True, stop=20.0, inner=1)))
+    assert (run.manifest.status, run.code) == ("failed", Exit.TIMEOUT)
+    assert run.manifest.message == "a hangs, after the run"
+
+
+# --- a run's condition, a case's row, what draws record -------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("kind", "value", "result"),
+    [
+        ("Boolean", True, 1), ("Boolean", False, 0), ("Boolean", 1, "Boolean: true or false"),
+        ("Integer", 3, 3), ("Integer", "b", 1), ("Integer", True, "is an Integer"),
+        ("Integer", "bb", "no value bb; did you mean b?"), ("Real", 1, "a Real, which has below"),
+    ],
+)  # fmt: skip
+def test_what_a_condition_may_reach(kind, value, result):
+    signal = SimpleNamespace(kind=kind, name="mode", choices=["a", "b"])
+    if isinstance(result, int):
+        assert stopping._reaches(signal, value) == result
+    else:
+        with pytest.raises(DesatError, match=result):
+            stopping._reaches(signal, value)
+
+
+@pytest.mark.parametrize("seconds", [None, 5.0])
+def test_the_time_is_over_after_it_and_not_at_it(monkeypatch, seconds):
+    now = 10.0
+    monkeypatch.setattr(stopping.time, "monotonic", lambda: now)
+    ending = stopping.watch(SimpleNamespace(slots=[]), None, seconds)
+    assert ending.how == "never"
+    for now, late in (14.9, False), (15.0, False), (math.nextafter(15.0, 16.0), True):  # noqa: B007
+        assert ending.reason() == (LATE if late and seconds else "")
+
+
+@pytest.mark.parametrize("interval", [True, False])
+@pytest.mark.parametrize("algorithm", ["conserving", "jacobi"])
+def test_a_condition_is_to_hold_for_its_time(interval, algorithm):
+    """From the row that it holds at, which of an interval output began a step ago; anew where it
+    was broken."""
+    live = {"Real": np.array([0.0, 1.0])}
+    slot = SimpleNamespace(component="a", signal=SimpleNamespace(name="x"), kind="Real", index=1,
+                           interval=interval)  # fmt: skip
+    others = [SimpleNamespace(component="b", signal=slot.signal),
+              SimpleNamespace(component="a", signal=SimpleNamespace(name="y"))]  # fmt: skip
+    master = SimpleNamespace(slots=[*others, slot], live=live, start=3.0, step_size=0.1, k=0,
+                             algorithm=algorithm)  # fmt: skip
+    at_start = not (interval and algorithm == "conserving")
+    ending = stopping.watch(master, Condition("a", "x", "below", 2.0, 0.3, "it is low"), None)
+    assert (ending.watched, ending.limit, ending.how) == ([slot], 2.0, "below")
+    assert ending.memory == ({"since": 3.0} if at_start else {})
+    met = []
+    for k, value in enumerate((1.0, 1.0, 1.0, 9.0, 1.0, 1.0, 1.0, 1.0), start=1):
+        master.k, live["Real"][1] = k, value
+        met.append(ending.reason())
+    assert met == ["", "", "it is low" if at_start else "", "", "", "", "", "it is low"]
+    live["Real"][1] = 9.0
+    ending.reason()
+    assert ending.memory == {}
+
+
+def test_a_condition_that_has_just_held_long_enough_is_met():
+    slot = SimpleNamespace(component="a", signal=SimpleNamespace(name="x"), kind="Real", index=0,
+                           interval=False)  # fmt: skip
+    master = SimpleNamespace(slots=[slot], live={"Real": np.array([1.0])}, start=0.0, k=2,
+                             step_size=0.5, algorithm="conserving")  # fmt: skip
+    held = 1.0 + 1e-9
+    assert held - 1e-9 == 1.0
+    ending = stopping.watch(master, Condition("a", "x", "below", 2.0, held, "low"), None)
+    assert ending.reason() == "low"
+    master.step_size = math.nextafter(0.5, 0.0)
+    assert ending.reason() == ""
+
+
+class AskedError(Exception):
+    """What a run was to record."""
+
+
+@pytest.mark.parametrize(
+    ("inner", "record", "looks"),
+    [("auto", ("*",), True), (1, ("*",), False), (1, ("wheels.h_wheel",), None),
+     ("auto", ("wheels.h_wheel",), None)],
+)  # fmt: skip
+def test_draws_record_what_their_numbers_need(monkeypatch, inner, record, looks):
+    """And, where the run chooses its inner steps, what that is looked at again with."""
+
+    def simulate(case: object) -> None:
+        raise AskedError(case.options.record)
+
+    monkeypatch.setattr(study, "simulate", simulate)
+    options = Options(blocks=True, stop=20.0, inner=inner, record=record)
+    with pytest.raises(AskedError) as asked:
+        study.ran(study.read("gyrostat/light"), options, {})
+    (found,) = asked.value.args
+    if looks is None:
+        assert found == record
+    else:
+        looked_at = {"spacecraft.omega_bi_body", "spacecraft.impulse_eci"}
+        assert looked_at & set(found) == (looked_at if looks else set())
+        assert {"spacecraft.q_bi", "wheels.h_wheel", "torquers.m_mean_body"} < set(found)
+
+
+@pytest.mark.parametrize(
+    ("error", "code"),
+    [(DesatError("no"), 2), (RunError("no"), 4), (RunError("no", 128), 128), (None, 0)],
+)
+def test_a_case_that_cannot_begin_is_a_row(monkeypatch, error, code):
+    def values(number: int) -> dict[str, float]:
+        return {"a.k": 1.0}
+
+    def ran(plan: object, values: object, supervised: bool) -> store.CaseRow:
+        assert supervised is False
+        if error:
+            raise error
+        return store.CaseRow("completed", 0, "", values=values)
+
+    monkeypatch.setattr(campaign_case, "_ran", ran)
+    made = campaign_case.row(SimpleNamespace(values=values), 7, False)
+    assert (made.code, made.number, made.values) == (code, 7, {"a.k": 1.0})
+    assert made.message == ("no" if error else "")
+    assert made.status == ("failed" if error else "completed")
+    assert 0.0 <= made.seconds < 1.0
+    error = RunError("told to end", Exit.INTERRUPTED)
+    with pytest.raises(SystemExit) as left:
+        campaign_case.row(SimpleNamespace(values=values), 7, False)
+    assert left.value.code == 130
+
+
+@pytest.mark.parametrize(
+    ("code", "raises"), [(0, False), (1, False), (4, False), (5, False), (6, True), (130, True)]
+)
+def test_a_case_that_is_kept_needs_room_and_no_signal(monkeypatch, tmp_path, code, raises):
+    written = []
+    monkeypatch.setattr(campaign_case, "source", lambda plan: "a")
+    monkeypatch.setattr(campaign_case, "prepare", lambda target, options: options)
+
+    def simulate(options: Options, into: Path) -> Run:
+        assert (options.supervised, options.call_limit) == (True, 9.0)
+        assert options.values == {"a.k": 1.0}
+        return finished(code)
+
+    monkeypatch.setattr(campaign_case, "simulate", simulate)
+    monkeypatch.setattr(campaign_case, "write_report", lambda *args: written.append(args[0]))
+    of = plan.Plan("a", "", 3, limit=9.0)
+    monkeypatch.setattr(plan.Plan, "values", lambda self, number: {"a.k": 1.0})
+    if raises:
+        with pytest.raises(RunError):
+            campaign_case.kept(of, 1, tmp_path)
+    else:
+        assert campaign_case.kept(of, 1, tmp_path).code == code
+    assert written == [tmp_path] * (not raises)
+
+
+@pytest.mark.parametrize(
+    ("given", "status"),
+    [({}, "completed"), ({"timeout": True}, "timed out")],
+)
+def test_what_never_came_back_is_a_failed_row(given, status):
+    made = study.lost(study.Lost("why", **given))
+    assert (made.status, made.message) == ("failed", "why")
+    assert made.code == (Exit.TIMEOUT if given else Exit.COMPONENT)
+
+
+# --- the range of the exchange --------------------------------------------------------------------
+
+
+def test_a_number_at_the_limit_of_the_range_is_no_warning():
+    limits = coverage.LIMITS
+    assert (limits.turn, limits.kick, coverage.TOGETHER, coverage.JITTER) == (
+        0.46, 0.0076, 0.0103, 1e-6
+    )  # fmt: skip
+    for scale in (1.0, 1.0 + 1e-9):
+        assert list(coverage._beyond(coverage.Bound(limits.turn * scale, limits.kick))) == []
+    above = coverage.Bound(limits.turn * (1.0 + 2e-9), limits.kick)
+    assert list(coverage._beyond(above)) == [("turn", above.turn)]
+    assert coverage._of_jitter(1e-6, "now") == []
+    assert len(coverage._of_jitter(math.nextafter(1e-6, 1.0), "now")) == 1
+
+
+PARTS = coverage.Parts(["a.q", "a.w", "w.h", "a.i"], np.eye(3, 4).tolist(), np.eye(3).tolist(),
+                       [0.01] * 4, 0.0)  # fmt: skip
+
+
+def remarked(turning=0.0, pushed=0.0, h=0.0, last=0.0, unbalance=0.0, lacking=(), **told):
+    """Remarks about rows of a body that reached so much, of wheels with momenta h to `last`."""
+    found = coverage.Reached(np.array([0.0, 1.0, 2.0]), np.array([0.0, turning, 0.0]),
+                             np.array([0.0, pushed]), np.zeros(1))  # fmt: skip
+    results = SimpleNamespace(names=lambda: [x for x in PARTS.series if x not in lacking],
+                              values=lambda name: np.array([[h] * 4, [last] * 4]))  # fmt: skip
+    manifest = SimpleNamespace(
+        inner_choice=None, parts={coverage.KEY: replace(PARTS, unbalance=unbalance)},
+        algorithm="conserving", step=2.0, inner=4,
+    )  # fmt: skip
+    vars(manifest).update(told)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(coverage, "of_run", lambda parts, results: None if lacking else found)
+        return coverage.remarks(manifest, results)
+
+
+def test_a_run_says_where_it_left_the_range():
+    turn, kick = 0.46 / 0.5, 0.0103 / 0.25
+    assert remarked(turn, kick) == []
+    assert remarked(0.46 * (1.0 + 1e-9) / 0.5, 0.0103 * (1.0 + 1e-9) / 0.25) == []
+    assert remarked(2.0 * turn, 2.0 * kick, lacking=["a.q"]) == []
+    assert remarked(2.0 * turn, 2.0 * kick, algorithm="jacobi") == []
+    line, other = remarked(turn * (1.0 + 3e-9), kick * (1.0 + 3e-9))
+    assert line.startswith("at t = 1 s, turn and nutation in an inner step: 0.46 rad, accuracy")
+    assert other.startswith("at t = 1 s, turn by the largest torque of all actuators in an inner")
+
+
+def test_a_run_says_how_much_the_jitter_of_faster_wheels_leaves():
+    """8 unbalance Omega H / J of four wheels, where they turn once within a step and more."""
+    assert remarked(h=1.0, last=1.9, unbalance=1e-9) == []
+    assert remarked(h=1.0, last=2.0, unbalance=1e-9) == []
+    (line,) = remarked(h=1.0, last=2.1, unbalance=1e-9)
+    assert "errs by about 3.4e-06 rad, at their largest speeds" in line
+    assert remarked(h=0.0, last=2.1, unbalance=1e-10) == []
+
+
+def test_a_run_that_chose_says_what_it_could_not_look_at():
+    flown = Choice(4, 1e-7, 5e-8, steps=30, reached=(1.0, 1.0, 1.0))
+    assert remarked(inner_choice=flown) == []
+    (line,) = remarked(inner_choice=flown, lacking=["a.w", "a.i"])
+    assert line == ("its inner steps are chosen by its first 30 steps, and not looked at again: "
+                    "not recorded: a.i, a.w")  # fmt: skip
+    assert remarked(inner_choice=replace(flown, reached=None), lacking=["a.w"]) == []
+    assert remarked(inner_choice=flown, parts={coverage.KEY: None}) == []
+    far = {"turning": 9.0, "pushed": 9.0}
+    assert len(remarked(inner_choice=replace(flown, estimate=None), **far)) == 2
+    assert remarked(inner_choice=flown, **far) == []
+
+
+# --- the balances ---------------------------------------------------------------------------------
+
+
+def told(**more: object) -> SimpleNamespace:
+    """A manifest's part that balances look at."""
+    usual = {"algorithm": "conserving", "step": 2.0, "inner": 1, "about": {}, "numbers": {},
+             "parts": {}, "balance": None}  # fmt: skip
+    return SimpleNamespace(**{**usual, **more})
+
+
+def test_the_largest_residual_is_that_of_a_row(monkeypatch):
+    off = np.array([[3.0, 0.0, 4.0], [0.0, -4.9, 0.0], [3.0, 0.0, 0.0]])
+    series = residual.Momentum(np.arange(3.0), off, 7.0)
+    monkeypatch.setattr(residual, "momentum", lambda *_: series)
+    number = residual.numbers(None, None)["momentum_residual"]
+    assert (number.value, number.unit) == (5.0, "N.m.s")
+    assert residual.unchecked(None, None) == {}
+    for algorithm, bound, lines in (
+        ("conserving", None, 1), ("jacobi", None, 0), ("conserving", 5.0 / 7.0, 0),
+        ("conserving", 0.7, 1),
+    ):  # fmt: skip
+        about = {} if bound is None else {"residual_bound": bound}
+        manifest = told(numbers={"momentum_residual": number}, algorithm=algorithm, about=about)
+        assert len(residual.unmet(manifest, None)) == lines
+    at_bound = {"momentum_residual": Value("x", 7e-9, "N.m.s")}
+    assert residual.unmet(told(numbers=at_bound), None) == []
+    at_bound = {"momentum_residual": Value("x", 7.1e-9, "N.m.s")}
+    assert len(residual.unmet(told(numbers=at_bound), None)) == 1
+    monkeypatch.setattr(residual, "momentum", lambda *_: None)
+    assert residual.unmet(told(), None) == []
+    assert residual.numbers(None, None) == {}
+
+
+def test_why_there_is_no_residual():
+    parts = residual.Parts("a", "w.h")
+    series = [*(f"a.{n}" for n in ("q_bi", "omega_bi_body", "impulse_eci")), "w.h"]
+    for names, why in (
+        (series, "there are no rows"), (series[1:], "not recorded: a.q_bi"),
+        (series[2:], "not recorded: a.q_bi, a.omega_bi_body"),
+    ):  # fmt: skip
+        results = SimpleNamespace(names=lambda names=names: names, once=lambda key, make: None)
+        manifest = told(parts={residual.KEY: parts})
+        assert residual.unchecked(manifest, results) == {"momentum_residual": why}
+
+
+def test_totals_go_on_from_block_to_block(monkeypatch):
+    blocks = [
+        energy.Block(np.array([1.0, 4.0, 2.0]), np.array([2.5, -1.5]),
+                     np.array([[1.0, 0.0, 0.0], [0.0, 2.0, 0.0]]), np.array([0.1, 0.3])),
+        energy.Block(np.array([2.0, 1.0]), np.array([-3.0]), np.array([[1.0, 0.0, 0.0]]),
+                     np.array([0.2])),
+    ]  # fmt: skip
+    impulses = [[[5.0, 0.0, 0.0], [6.0, 0.0, 3.0], [6.0, 2.0, 0.0]],
+                [[6.0, 2.0, 0.0], [7.0, 2.0, -4.0]]]  # fmt: skip
+    monkeypatch.setattr(energy, "sums", lambda steps: blocks[steps.number])
+    for outer in (None, object()):
+        totals, found = energy.Totals(), []
+        for k, impulse in enumerate(impulses):
+            steps = SimpleNamespace(number=k, impulse=np.array(impulse), outer=outer)
+            found.append(totals.add(steps))
+            assert totals.start == 1.0
+            assert totals.energy == 4.0
+        assert [list(mismatch) for mismatch, _ in found] == [[0.5, 0.0], [2.0]]
+        assert (totals.work, totals.worked, totals.mismatch) == (-2.0, 2.5, 2.0)
+        assert (totals.hidden, totals.began) == (0.3, (5.0, 0.0, 0.0))
+        assert totals.given == (2.0, 2.0, 0.0)
+        assert totals.impulse == (4.0 if outer else None)
+    blocks[0] = blocks[0]._replace(energy=np.array([5.0, 1.0, 1.0]))
+    totals = energy.Totals()
+    totals.add(SimpleNamespace(number=0, impulse=np.array(impulses[0]), outer=None))
+    assert (totals.energy, totals.start, totals.mismatch) == (5.0, 5.0, 6.5)
+
+
+@pytest.mark.parametrize(
+    ("given", "share", "impulse"),
+    [({"energy": 2.0, "worked": 4.0}, 0.25, None), ({"energy": 8.0, "worked": 4.0}, 0.125, 0.5),
+     ({}, None, 0.5), (None, None, None)],
+)  # fmt: skip
+def test_the_numbers_of_a_balance(monkeypatch, given, share, impulse):
+    made = (
+        None if given is None else energy.Totals(mismatch=1.0, hidden=3.0, impulse=impulse, **given)
+    )
+    monkeypatch.setattr(energy, "totals_of", lambda *_: made)
+    monkeypatch.setattr(energy, "_not_of_rows", lambda *_: "why")
+    found = {name: n.value for name, n in energy.numbers(told(), None).items()}
+    wanted = {"energy_mismatch": share, "hidden_work": given is not None and 3.0,
+              "impulse_mismatch": impulse}  # fmt: skip
+    assert found == {k: v for k, v in wanted.items() if v}
+    parts = energy.Parts("a", "w.h")
+    lacking = energy.unchecked(told(parts={energy.KEY: parts}), None)
+    if given is None:
+        assert lacking == dict.fromkeys(energy.NUMBERS, "why")
+    else:
+        assert list(lacking) == ["impulse_mismatch"] * (impulse is None)
+
+
+def series_of(names: list[str], times: list[float], lacking: str = "", **counts: int):
+    """Results with such series."""
+    return SimpleNamespace(
+        names=lambda: [n for n in names if n != lacking], once=lambda key, make: make(),
+        times=lambda name: np.array(times if name == "a.q_bi" else [0.0, 99.0]),
+        count=lambda name: counts.get(name.replace(".", "_"), len(times)),
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("more", "times", "lacking", "counts", "why"),
+    [
+        ({}, [0.0, 2.0, 4.0], "", {}, ""),
+        ({"algorithm": "jacobi"}, [0.0, 2.0], "", {}, "under jacobi torques act a step late"),
+        ({"why": "so"}, [0.0, 2.0], "", {}, "so"),
+        ({}, [0.0, 2.0], "w.mean", {}, "not recorded: w.mean"),
+        ({}, [0.0], "", {}, "there is no whole step"),
+        ({}, [0.0, 2.0], "", {"w_mean": 0}, "there is no whole step"),
+        ({}, [0.0, 2.0], "", {"a_q_bi": 1}, "there is no whole step"),
+        ({}, [0.0, 2.0], "", {"w_mean": 1}, ""),
+        ({}, [0.0, 4.0], "", {}, "its rows"),
+        ({}, [0.0, 1.0], "", {}, "its rows"),
+        ({}, [5.0, 7.0], "", {}, ""),
+        ({"rows": False}, [0.0, 2.0], "", {}, "its rows"),
+        ({"rows": None}, [0.0, 2.0], "", {}, ""),
+        ({"rows": None, "inner": 2}, [0.0, 2.0], "", {}, "its rows"),
+    ],
+)
+def test_why_rows_have_no_balance(more, times, lacking, counts, why):
+    of = {k: more.pop(k) for k in ("why", "rows") if k in more}
+    parts = energy.Parts("a", "w.h", "w.mean", "w.slope", None, **{"rows": True, **of})
+    results = series_of(energy.of_work(parts), times, lacking, **counts)
+    found = energy._not_of_rows(told(parts={energy.KEY: parts}, **more), results)
+    assert found.startswith(why)
+    assert bool(found) == bool(why)
+
+
+@pytest.mark.parametrize(
+    ("hidden", "impulse", "about", "lines"),
+    [
+        (2e-8, 7e-6, {}, []), (2.1e-8, None, {}, ["hidden_work"]), (None, 7.1e-6, {}, ["impulse"]),
+        (2.1e-8, 7.1e-6, {}, ["hidden_work", "impulse"]), (None, None, {}, []),
+        (0.5, 3.5, {"energy_bound": 0.5, "impulse_bound": 0.5}, []),
+        (0.6, 3.6, {"energy_bound": 0.5, "impulse_bound": 0.5}, ["hidden_work", "impulse"]),
+    ],
+)  # fmt: skip
+def test_a_balance_at_its_bound_is_met(monkeypatch, hidden, impulse, about, lines):
+    series = residual.Momentum(np.zeros(1), np.zeros((1, 3)), 7.0)
+    numbers = {"hidden_work": hidden, "impulse_mismatch": impulse}
+    manifest = told(about=about, numbers={
+        k: Value(k, v, "1") for k, v in numbers.items() if v is not None
+    })  # fmt: skip
+    monkeypatch.setattr(residual, "momentum", lambda *_: series)
+    assert [x[: len(y)] for x, y in zip(energy.unmet(manifest, None), lines, strict=True)] == lines
+    monkeypatch.setattr(residual, "momentum", lambda *_: None)
+    assert len(energy.unmet(manifest, None)) == ("hidden_work" in lines)
+    of_fixed = "impulse" in lines
+    monkeypatch.setattr(fixed, "mismatch", lambda *_: None if impulse is None else (impulse, 7.0))
+    assert len(fixed.unmet(manifest, None)) == of_fixed
+    found = fixed.numbers(manifest, None)
+    assert {k: v.value for k, v in found.items()} == (
+        {} if impulse is None else {"impulse_mismatch": impulse}
+    )
+
+
+@pytest.mark.parametrize(
+    ("more", "times", "lacking", "why"),
+    [
+        ({}, [0.0, 2.0], "", ""),
+        ({"algorithm": "jacobi"}, [0.0, 2.0], "", "under jacobi torques act a step late"),
+        ({"why": "so"}, [0.0, 2.0], "", "so"),
+        ({}, [0.0, 2.0], "a.h_copy_wheel", "not recorded: a.h_copy_wheel"),
+        ({}, [0.0], "", "there is no whole step"),
+        ({}, [0.0, 4.0], "", "rows are left out"),
+        ({}, [3.0, 5.0, 9.0], "", ""),
+    ],
+)
+def test_why_a_fixed_attitude_has_no_balance(more, times, lacking, why):
+    parts = fixed.Parts("a", {"x": "b.c"}, more.pop("why", ""))
+    results = series_of(fixed.balanced(parts), times, lacking)
+    manifest = told(parts={fixed.KEY: parts}, **more)
+    assert fixed._why_not(manifest, results) == why
+    assert fixed.unchecked(manifest, results) == ({"impulse_mismatch": why} if why else {})
