@@ -20,6 +20,7 @@ from pathlib import Path
 
 from .compiler import compiler
 from .description import DATE, documentation, model_description
+from .own import identifier
 from .registry import block_class
 from .translate.program import translate
 from .translate.types import SubsetError
@@ -71,10 +72,10 @@ def made_of() -> bytes:
     return digest.digest()
 
 
-def sources(name: str) -> tuple[dict[str, str], str]:
+def sources(which: str) -> tuple[dict[str, str], str]:
     """The C files of a block by their name, and the guid that they give; raises SubsetError."""
     files = {p.name: p.read_text(encoding="utf-8") for p in sorted(WRAPPER.iterdir())}
-    block = block_class(name)
+    block, name = block_class(which), identifier(which)
     files[f"{name}.c"] = translate(block, name, "@GUID@")
     digest = hashlib.sha256(" ".join(FLAGS).encode())
     digest.update(model_description(block, name, "", DATE, version("desat")))
@@ -112,13 +113,14 @@ def compile_block(files: dict[str, str], name: str, folder: Path, shared: Path) 
     return folder / library
 
 
-def build(name: str, dist: Path, shared: Path) -> Path:
+def build(which: str, dist: Path, shared: Path) -> Path:
     """Build the native FMU of a block and return its path.
 
-    `shared`: a folder in which `compile_wrapper` has been. Raises SubsetError, NoCompilerError.
+    `which`: one of ours by its name, or a file of the user's own. `shared`: a folder in which
+    `compile_wrapper` has been. Raises SubsetError, NoCompilerError.
     """
-    files, guid = sources(name)
-    block = block_class(name)
+    files, guid = sources(which)
+    block, name = block_class(which), identifier(which)
     with tempfile.TemporaryDirectory() as folder:
         library = compile_block(files, name, Path(folder), shared)
         binary = library.read_bytes()
@@ -135,12 +137,12 @@ def build(name: str, dist: Path, shared: Path) -> Path:
     return pack(members, dist / f"{name}.fmu")
 
 
-def tried(name: str, dist: Path, shared: Path) -> str:
+def tried(which: str, dist: Path, shared: Path) -> str:
     """Build the native FMU of a block; why there is none, or nothing."""
-    if name in PINNED:
-        return PINNED[name]
+    if which in PINNED:
+        return PINNED[which]
     try:
-        build(name, dist, shared)
+        build(which, dist, shared)
     except SubsetError as refused:
         return str(refused)
     except (ArithmeticError, AttributeError, LookupError, RuntimeError, TypeError, ValueError) as e:
