@@ -118,11 +118,11 @@ def block_class(which: str) -> type[Block]:
                             "desat.components.contract.roles, or from Block; it has "
                             f"{len(found)}")  # fmt: skip
     (block,) = found
-    line = next(n.lineno for n in ast.walk(_tree(path, text))
+    first = next(n.lineno for n in ast.walk(_tree(path, text))
                 if isinstance(n, ast.ClassDef) and n.name == block.__name__)  # fmt: skip
     open_ = [n for n in dir(block) if getattr(getattr(block, n), "__isabstractmethod__", False)]
     if open_:
-        raise OwnBlockError(f"{path.name}:{line}: {block.__name__} lacks what its role leaves to "
+        raise OwnBlockError(f"{path.name}:{first}: {block.__name__} lacks what its role leaves to "
                             f"it: write `def {open_[0]}`")  # fmt: skip
     return block
 
