@@ -37,6 +37,7 @@ from . import interfaces, meaning, native
 from .compiler import NoCompilerError, compiler
 from .description import DATE, documentation, model_description
 from .meaning import COMPONENTS, sources
+from .own import OwnBlockError, identifier, is_own, shipped
 from .registry import block_class, names
 
 HERE = Path(__file__).parent
@@ -66,17 +67,20 @@ except NameError:
 '''
 
 
-def contents(name: str) -> dict[str, bytes]:
-    """Path in the package -> bytes, for the block `name`, the adapter included."""
-    files = {p.relative_to(COMPONENTS).as_posix(): p.read_bytes() for p in sources(name)}
+def contents(which: str) -> dict[str, bytes]:
+    """Path in the package -> bytes, for a block, the adapter included. Raises OwnBlockError."""
+    files = {p.relative_to(COMPONENTS).as_posix(): p.read_bytes() for p in sources(which)}
+    if is_own(which):
+        files[f"blocks/{identifier(which)}.py"] = shipped(which).encode()
     files["slave.py"] = (HERE / "slave.py").read_bytes()
     return dict(sorted(files.items()))
 
 
-def build(name: str, dist: Path = DIST) -> Path:
-    """Build the FMU of the block `name` in this process and return its path."""
-    block = block_class(name)
-    files = contents(name)
+def build(which: str, dist: Path = DIST) -> Path:
+    """Build the Python FMU of a block, one of ours by its name or a file of the user's own, in this
+    process and return its path."""
+    block, name = block_class(which), identifier(which)
+    files = contents(which)
     digest = hashlib.sha256(f"{name} {pythonfmu.__version__}".encode())
     for path, data in files.items():
         digest.update(f"\0{path}\0{len(data)}\0".encode() + data)
@@ -151,10 +155,11 @@ def build_native(which: tuple[str, ...], dist: Path) -> dict[str, str]:
             return {name: why for name, why in zip(which, tracked, strict=True) if why}
 
 
-def _digest(name: str) -> str:
+def _digest(which: str) -> str:
     """What both FMUs of a block are made of."""
-    digest = hashlib.sha256(f"{name} {pythonfmu.__version__} {version('desat')}".encode())
-    for path, data in contents(name).items():
+    versions = f"{pythonfmu.__version__} {version('desat')}"
+    digest = hashlib.sha256(f"{identifier(which)} {versions}".encode())
+    for path, data in contents(which).items():
         digest.update(f"\0{path}\0{len(data)}\0".encode() + data)
     for what in (inspect.getsource(build), ENTRY, inspect.getsource(native.pack)):
         digest.update(what.encode())
@@ -175,17 +180,32 @@ def _entry(kind: str, name: str, dist: Path, made_of: str, why: str) -> dict[str
     return {**entry, "why": why} if why else entry
 
 
+def _compiled() -> str:
+    """What native FMUs are made of beside their blocks; nothing without a compiler."""
+    try:
+        return native.made_of().hex()
+    except NoCompilerError:
+        return ""
+
+
+def _native_digest(made: str, compiled: str) -> str:
+    return hashlib.sha256((made + compiled).encode()).hexdigest()
+
+
+def made_of(which: str) -> str:
+    """A hash of all that the FMUs of a block are made of here. Raises OwnBlockError."""
+    return _native_digest(_digest(which), _compiled())
+
+
 def update(wanted: tuple[str, ...], dist: Path) -> list[dict[str, Any]]:
     """Build what of some blocks' FMUs is not there yet; write and return the index."""
-    try:
-        compiled = native.made_of().hex()
-    except NoCompilerError:
-        compiled = ""
+    compiled = _compiled()
+    called = {identifier(which): which for which in wanted}
     try:
         known = json.loads((dist / INDEX).read_text(encoding="utf-8"))
     except (OSError, ValueError):
         known = []
-    kept = {(e["kind"], e["name"]): e for e in known if e["name"] in names()}
+    kept = {(e["kind"], e["name"]): e for e in known if e["name"] in {*names(), *called}}
 
     def is_current(kind: str, name: str, made_of: str) -> bool:
         e = kept.get((kind, name))
@@ -193,28 +213,29 @@ def update(wanted: tuple[str, ...], dist: Path) -> list[dict[str, Any]]:
         return bool(e and e["made_of"] == made_of and path.is_file()
                     and hashlib.sha256(path.read_bytes()).hexdigest() == e["sha256"])  # fmt: skip
 
-    made = {name: _digest(name) for name in wanted}
-    both = {name: hashlib.sha256((made[name] + compiled).encode()).hexdigest() for name in wanted}
-    old = tuple(name for name in wanted if not is_current("python", name, made[name]))
+    made = {name: _digest(which) for name, which in called.items()}
+    both = {name: _native_digest(made[name], compiled) for name in called}
+    old = tuple(name for name in called if not is_current("python", name, made[name]))
     if old:
-        build_all(old, dist)
+        build_all(tuple(called[name] for name in old), dist)
         for name in old:
             kept["python", name] = _entry("python", name, dist, made[name], "")
         _write(kept, dist)  # compiling may be broken off
     why: dict[str, str] = {}
     if not compiled:
-        why = dict.fromkeys(wanted, "no C compiler where it was built")
+        why = dict.fromkeys(called, "no C compiler where it was built")
     else:
-        python = {n: kept.get(("python", n), {}) for n in wanted}
+        python = {n: kept.get(("python", n), {}) for n in called}
         refused = {n: e["why"] for n, e in python.items()
                    if e.get("why") and e.get("with") == both[n]}  # fmt: skip
-        todo = tuple(n for n in wanted if n not in refused
+        todo = tuple(which for n, which in called.items() if n not in refused
                      and not is_current("native", n, both[n]))  # fmt: skip
-        why = {**refused, **(build_native(todo, dist) if todo else {})}
-    for name in wanted:
+        now = build_native(todo, dist) if todo else {}
+        why = {**refused, **{identifier(which): text for which, text in now.items()}}
+    for name, which in called.items():
         old_entry = kept.get(("python", name), {})
         told = {k: old_entry[k] for k in ("computes", "files", "files_sha256")} if (
-            meaning.is_as(old_entry)) else meaning.computed(name)  # fmt: skip
+            meaning.is_as(old_entry)) else meaning.computed(which)  # fmt: skip
         kept["python", name] = {
             **_entry("python", name, dist, made[name], why.get(name, "")), "with": both[name],
             **told,
@@ -243,8 +264,11 @@ def _unusable(wanted: tuple[str, ...]) -> dict[str, str]:
     for name in wanted:
         try:
             block_class(name)
+        except OwnBlockError as error:
+            wrong[name] = str(error)
         except Exception as error:
-            wrong[name] = " ".join(f"{type(error).__name__}: {error}".split())
+            said = " ".join(f"{type(error).__name__}: {error}".split())
+            wrong[name] = f"components/blocks/{name}.py: {said}"
     return wrong
 
 
@@ -263,17 +287,22 @@ def _print_table(index: list[dict[str, Any]]) -> None:
 def main() -> int:
     """Command line: build all blocks, or those named."""
     parser = argparse.ArgumentParser(description="Build the FMUs of the blocks into fmus/dist/.")
-    parser.add_argument("names", nargs="*", metavar="NAME", help="blocks (default: all)")
+    parser.add_argument("names", nargs="*", metavar="NAME",
+                        help="blocks, or files of your own (default: all of ours)")  # fmt: skip
     parser.add_argument("--into", type=Path, help="another folder, and nothing else is written")
     given = parser.parse_args()
     wanted = tuple(given.names) or names()
-    if unknown := sorted(set(wanted) - set(names())):
+    own = [which for which in wanted if is_own(which)]
+    if own and given.into is None:
+        print(f"error: {own[0]}: --into is needed: fmus/dist/ holds ours alone", file=sys.stderr)
+        return 2
+    if unknown := sorted({*wanted} - {*own, *names()}):
         print(f"error: no block {', '.join(unknown)}; blocks are {', '.join(names())}",
               file=sys.stderr)  # fmt: skip
         return 2
     dist, whole = given.into or DIST, len(wanted) == len(names())
-    for name, why in (wrong := _unusable(wanted)).items():
-        print(f"error: components/blocks/{name}.py: {why}", file=sys.stderr)
+    for why in (wrong := _unusable(wanted)).values():
+        print(f"error: {why}", file=sys.stderr)
     wanted = tuple(name for name in wanted if name not in wrong)
     index = update(wanted, dist)
     if given.into is None and whole and not wrong:
@@ -285,7 +314,8 @@ def main() -> int:
             if time.time() - left.stat().st_mtime > 60.0:
                 left.unlink(missing_ok=True)
         interfaces.write()
-    _print_table([e for e in index if e["name"] in wanted])
+    built = {Path(which).stem if is_own(which) else which for which in wanted}
+    _print_table([e for e in index if e["name"] in built])
     natives = sum(e["kind"] == "native" for e in index)
     print(f"{len(index)} FMUs in {os.path.relpath(dist)}, {natives} of them native")
     try:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import inspect
 import json
-from collections.abc import Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
 from lxml import etree
@@ -20,6 +20,8 @@ output is the mean over a step of a quantity whose integral counts, with its slo
 is read at the start."""
 GENERATION_TOOL, NATIVE_TOOL = "desat with PythonFMU", "desat"
 """What an FMU of ours says of who made it: of Python, or native."""
+ONE_SECOND = {"startTime": 0.0, "stepSize": 1.0}
+"""The default experiment of a block: any step will do."""
 DATE = "1980-01-01T00:00:00Z"
 """Of all of them, so that equal contents are equal."""
 
@@ -31,13 +33,15 @@ def title(block: type[Block]) -> str:
 
 def model_description(
     block: type[Block], identifier: str, guid: str, date: str, version: str,
-    sources: Sequence[str] = (),
+    sources: Sequence[str] = (), depends: Mapping[str, Collection[str]] | None = None,
+    experiment: Mapping[str, float] = ONE_SECOND,
 ) -> bytes:  # fmt: skip
     """The FMI 2.0 model description of a block as UTF-8 XML.
 
-    State outputs have no dependencies, interval outputs depend on all inputs; every output is an
-    initial unknown that depends on the parameters and on the inputs it starts from. `sources`: the
-    C files of a native FMU; one without needs Python in its host.
+    State outputs have no dependencies, interval outputs depend on all inputs, or on those that
+    `depends` says; every output is an initial unknown that depends on the parameters and on the
+    inputs it starts from. `sources`: the C files of a native FMU; one without needs Python in its
+    host. `experiment`: startTime, stopTime, stepSize (s), of those that there are.
     """
     root = etree.Element(
         "fmiModelDescription",
@@ -68,7 +72,9 @@ def model_description(
             etree.SubElement(files, "File", name=name)
     _unit_definitions(root, block)
     _log_categories(root)
-    etree.SubElement(root, "DefaultExperiment", startTime="0", stepSize="1")
+    etree.SubElement(
+        root, "DefaultExperiment", {k: repr(v).removesuffix(".0") for k, v in experiment.items()}
+    )
     annotations = etree.SubElement(root, "VendorAnnotations")
     tool = etree.SubElement(annotations, "Tool", name=TOOL)
     etree.SubElement(tool, "Block", name=identifier, role=block.role)
@@ -85,7 +91,7 @@ def model_description(
     structure = etree.SubElement(root, "ModelStructure")
     outputs = etree.SubElement(structure, "Outputs")
     initial = etree.SubElement(structure, "InitialUnknowns")
-    inputs = [i for v in block.variables if v.causality == "input" for i in index_of[v.name]]
+    inputs = [v.name for v in block.variables if v.causality == "input"]
     parameters = [
         i for v in block.variables if v.causality == "parameter" for i in index_of[v.name]
     ]
@@ -93,8 +99,14 @@ def model_description(
         if v.causality != "output":
             continue
         starts_from = sorted(parameters + [i for name in v.starts_from for i in index_of[name]])
+        on = (
+            inputs
+            if depends is None
+            else [name for name in inputs if name in depends.get(v.name, ())]
+        )
+        now = [i for name in on for i in index_of[name]] if v.interval else []
         for index in index_of[v.name]:
-            _unknown(outputs, index, inputs if v.interval else [])
+            _unknown(outputs, index, now)
             _unknown(initial, index, starts_from)
     return bytes(etree.tostring(root, xml_declaration=True, encoding="UTF-8", pretty_print=True))
 

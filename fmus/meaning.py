@@ -10,12 +10,18 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+from . import own
+
 COMPONENTS = Path(__file__).parents[1] / "components"
 
 
-def sources(name: str) -> list[Path]:
-    """The files that the block `name` needs, itself first, found through its imports."""
-    todo, found = [COMPONENTS / "blocks" / f"{name}.py"], list[Path]()
+def sources(which: str) -> list[Path]:
+    """The files of components/ that a block needs, found through its imports: of ours itself first;
+    one of the user's own is not among them."""
+    place = COMPONENTS / "blocks" / f"{own.identifier(which)}.py"
+    todo, found = [place], list[Path]()
+    if own.is_own(which):
+        todo = [place.parent / "__init__.py", *_imported(place, own.shipped(which))]
     while todo:
         path = todo.pop()
         if path in found:
@@ -40,10 +46,13 @@ def _imported(path: Path, text: str) -> list[Path]:
     return found
 
 
-def computed(name: str) -> dict[str, Any]:
+def computed(which: str) -> dict[str, Any]:
     """What a block computes: `computes`, its hash; the files that it is of, and the hash of their
-    bytes, by which it is told in a moment whether they are still the same (`is_as`)."""
-    files = sources(name)
+    bytes, by which it is told in a moment whether they are still the same (`is_as`); those not of
+    one of the user's own, whose file may be gone."""
+    files = sources(which)
+    if own.is_own(which):
+        return {"computes": of_files([Path(which), *files])}
     return {
         "computes": of_files(files),
         "files": [p.relative_to(COMPONENTS).as_posix() for p in files],

@@ -14,12 +14,14 @@ import sys
 import tempfile
 import uuid
 import zipfile
+from concurrent.futures import ThreadPoolExecutor
 from functools import cache
 from importlib.metadata import version
 from pathlib import Path
 
 from .compiler import compiler
 from .description import DATE, documentation, model_description
+from .own import identifier
 from .registry import block_class
 from .translate.program import translate
 from .translate.types import SubsetError
@@ -71,18 +73,23 @@ def made_of() -> bytes:
     return digest.digest()
 
 
-def sources(name: str) -> tuple[dict[str, str], str]:
+def sources(which: str) -> tuple[dict[str, str], str]:
     """The C files of a block by their name, and the guid that they give; raises SubsetError."""
-    files = {p.name: p.read_text(encoding="utf-8") for p in sorted(WRAPPER.iterdir())}
-    block = block_class(name)
-    files[f"{name}.c"] = translate(block, name, "@GUID@")
+    block, name = block_class(which), identifier(which)
+    described = model_description(block, name, "", DATE, version("desat"))
+    return with_wrapper({f"{name}.c": translate(block, name, "@GUID@")}, described)
+
+
+def with_wrapper(own: dict[str, str], described: bytes) -> tuple[dict[str, str], str]:
+    """C files, one of which has `@GUID@` for its guid, with those of the wrapper, and the guid that
+    they and a model description without one give."""
+    files = {p.name: p.read_text(encoding="utf-8") for p in sorted(WRAPPER.iterdir())} | own
     digest = hashlib.sha256(" ".join(FLAGS).encode())
-    digest.update(model_description(block, name, "", DATE, version("desat")))
+    digest.update(described)
     for file, text in sorted(files.items()):
         digest.update(f"\0{file}\0".encode() + text.encode())
     guid = f"{{{uuid.UUID(bytes=digest.digest()[:16])}}}"
-    files[f"{name}.c"] = files[f"{name}.c"].replace("@GUID@", guid)
-    return files, guid
+    return {file: text.replace("@GUID@", guid) for file, text in files.items()}, guid
 
 
 def _run(command: list[str], folder: Path) -> None:
@@ -100,47 +107,64 @@ def compile_wrapper(folder: Path) -> None:
 
 
 def compile_block(files: dict[str, str], name: str, folder: Path, shared: Path) -> Path:
-    """Compile the C of a block and link it with what `compile_wrapper` has put into `shared`; the
-    library, in `folder`."""
-    for file in ("block.h", f"{name}.c"):
-        (folder / file).write_text(files[file], encoding="utf-8")
+    """Compile the C of a block, or of a loop of blocks, and link it with what `compile_wrapper` has
+    put into `shared`; the library, in `folder`."""
     for file in ("runtime.o", "fmi2.o"):
         shutil.copy(shared / file, folder / file)
+    own = [file for file in files if not (WRAPPER / file).exists() or file.endswith(".h")]
+    for file in own:
+        (folder / file).write_text(files[file], encoding="utf-8")
+    units = [file.removesuffix(".c") for file in own if file.endswith(".c")]
+
+    def one(unit: str) -> None:
+        _run([*compiler(), *FLAGS, "-c", f"{unit}.c", "-o", f"{unit}_.o"], folder)
+
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        list(pool.map(one, units))
     library = f"{name}{library_suffix()}"
-    _run([*compiler(), *FLAGS, "-c", f"{name}.c", "-o", "block.o"], folder)
-    _run([*compiler(), *LINK, "block.o", "runtime.o", "fmi2.o", "-lm", "-o", library], folder)
+    objects = [*(f"{unit}_.o" for unit in units), "runtime.o", "fmi2.o"]
+    _run([*compiler(), *LINK, *objects, "-lm", "-o", library], folder)
     return folder / library
 
 
-def build(name: str, dist: Path, shared: Path) -> Path:
+def build(which: str, dist: Path, shared: Path) -> Path:
     """Build the native FMU of a block and return its path.
 
-    `shared`: a folder in which `compile_wrapper` has been. Raises SubsetError, NoCompilerError.
+    `which`: one of ours by its name, or a file of the user's own. `shared`: a folder in which
+    `compile_wrapper` has been. Raises SubsetError, NoCompilerError.
     """
-    files, guid = sources(name)
-    block = block_class(name)
+    files, guid = sources(which)
+    block, name = block_class(which), identifier(which)
+    units = sorted(f for f in files if f.endswith(".c"))
+    described = model_description(block, name, guid, DATE, version("desat"), sources=units)
+    dist.mkdir(parents=True, exist_ok=True)
+    page = documentation(block, name)
+    return assemble(files, name, described, page, shared, dist / f"{name}.fmu")
+
+
+def assemble(
+    files: dict[str, str], name: str, described: bytes, page: str, shared: Path, target: Path
+) -> Path:  # fmt: skip
+    """Compile and pack a native FMU: its C files by their name, its model description, its page as
+    HTML. Raises NoCompilerError."""
     with tempfile.TemporaryDirectory() as folder:
         library = compile_block(files, name, Path(folder), shared)
         binary = library.read_bytes()
-    units = sorted(f for f in files if f.endswith(".c"))
     members = {
-        "modelDescription.xml": model_description(
-            block, name, guid, DATE, version("desat"), sources=units
-        ),
-        "documentation/index.html": documentation(block, name).encode(),
+        "modelDescription.xml": described,
+        "documentation/index.html": page.encode(),
         f"binaries/{platform()}/{library.name}": binary,
         **{f"sources/{file}": text.encode() for file, text in files.items()},
     }
-    dist.mkdir(parents=True, exist_ok=True)
-    return pack(members, dist / f"{name}.fmu")
+    return pack(members, target)
 
 
-def tried(name: str, dist: Path, shared: Path) -> str:
+def tried(which: str, dist: Path, shared: Path) -> str:
     """Build the native FMU of a block; why there is none, or nothing."""
-    if name in PINNED:
-        return PINNED[name]
+    if which in PINNED:
+        return PINNED[which]
     try:
-        build(name, dist, shared)
+        build(which, dist, shared)
     except SubsetError as refused:
         return str(refused)
     except (ArithmeticError, AttributeError, LookupError, RuntimeError, TypeError, ValueError) as e:

@@ -10,6 +10,8 @@ from functools import cache
 from desat.components import blocks
 from desat.components.contract.block import Block
 
+from . import own
+
 
 @cache
 def names() -> tuple[str, ...]:
@@ -17,10 +19,14 @@ def names() -> tuple[str, ...]:
     return tuple(sorted(m.name for m in pkgutil.iter_modules(blocks.__path__)))
 
 
+def block_class(which: str) -> type[Block]:
+    """The block of a name, or of a file of the user's own. Raises KeyError for an unknown name,
+    TypeError where a file of the folder does not hold exactly one block, OwnBlockError."""
+    return own.block_class(which) if own.is_own(which) else _ours(which)
+
+
 @cache
-def block_class(name: str) -> type[Block]:
-    """The block of a name. Raises KeyError for an unknown name, TypeError where a file of the
-    folder does not hold exactly one block."""
+def _ours(name: str) -> type[Block]:
     if name not in names():
         raise KeyError(name)
     module = importlib.import_module(f"desat.components.blocks.{name}")

@@ -252,9 +252,12 @@ typedef struct {
     const char *bounds;
 } block_variable;
 
-typedef struct {
+typedef struct block_description {
     const char *name, *guid;
     size_t size;
+    const struct block_description *const *parts; /* of a loop: the blocks that it is made of, whose
+                                                     bytes follow its own, each with its block_room */
+    size_t part_count;
     const void *at_start;
     const block_variable *variables; /* by value reference */
     size_t count;
@@ -267,5 +270,7 @@ typedef struct {
 /* A block begins with `const char *instance`; all else in it is plain numbers, so that its bytes
    are its state. */
 extern const block_description the_block;
+
+static inline size_t block_room(size_t size) { return (size + 15) / 16 * 16; }
 
 #endif

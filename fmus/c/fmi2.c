@@ -71,6 +71,14 @@ typedef struct {
 
 static const block_description *const the = &the_block;
 
+/* of the block's bytes, with those of its parts */
+static size_t whole(void)
+{
+    size_t size = the->part_count ? block_room(the->size) : the->size;
+    for (size_t k = 0; k < the->part_count; k++) size += block_room(the->parts[k]->size);
+    return size;
+}
+
 /* of the states of this FMU */
 static uint32_t magic(void)
 {
@@ -148,7 +156,7 @@ static void refresh(instance *c)
 
 static void begin(instance *c)
 {
-    memset(c->self, 0, the->size);
+    memset(c->self, 0, whole());
     memcpy(c->self, the->at_start, the->size);
     *(const char **)c->self = c->key;
     memset(&c->now, 0, sizeof c->now);
@@ -206,7 +214,7 @@ EXPORT fmi2Component fmi2Instantiate(fmi2String name, fmi2Type type, fmi2String 
     name = name != NULL ? name : "";
     c->name = calloc(strlen(name) + 1, 1);
     c->key = key_of(name);
-    c->self = malloc(the->size);
+    c->self = malloc(whole());
     c->places = malloc(the->count * sizeof *c->places);
     if (c->name == NULL || c->key == NULL || c->self == NULL || c->places == NULL) {
         fmi2FreeInstance(c);
@@ -448,11 +456,11 @@ EXPORT fmi2Status fmi2GetFMUstate(fmi2Component p, fmi2FMUstate *state)
     instance *c = p;
     saved *s;
     if (c == NULL || state == NULL) return fmi2Error;
-    s = *state != NULL ? *state : calloc(1, sizeof *s + the->size);
+    s = *state != NULL ? *state : calloc(1, sizeof *s + whole());
     if (s == NULL) return fail(c, "get state", "", "no memory");
     s->magic = magic();
     s->now = c->now;
-    memcpy(s->self, c->self, the->size);
+    memcpy(s->self, c->self, whole());
     memset(s->self, 0, sizeof c->key); /* the name is the instance's */
     *state = s;
     return fmi2OK;
@@ -466,7 +474,7 @@ EXPORT fmi2Status fmi2SetFMUstate(fmi2Component p, fmi2FMUstate state)
     if (s == NULL || s->magic != magic())
         return fail(c, "set state", "", "this is no state of this FMU");
     c->now = s->now;
-    memcpy(c->self, s->self, the->size);
+    memcpy(c->self, s->self, whole());
     *(const char **)c->self = c->key;
     return fmi2OK;
 }
@@ -485,7 +493,7 @@ static size_t guid_size(void) { return strlen(the->guid); }
 EXPORT fmi2Status fmi2SerializedFMUstateSize(fmi2Component p, fmi2FMUstate state, size_t *size)
 {
     if (p == NULL || state == NULL || size == NULL) return fmi2Error;
-    *size = guid_size() + sizeof(saved) + the->size;
+    *size = guid_size() + sizeof(saved) + whole();
     return fmi2OK;
 }
 
@@ -493,10 +501,10 @@ EXPORT fmi2Status fmi2SerializeFMUstate(fmi2Component p, fmi2FMUstate state, fmi
                                         size_t size)
 {
     if (p == NULL || state == NULL || bytes == NULL) return fmi2Error;
-    if (size < guid_size() + sizeof(saved) + the->size)
+    if (size < guid_size() + sizeof(saved) + whole())
         return fail(p, "serialise state", "", "too few bytes");
     memcpy(bytes, the->guid, guid_size());
-    memcpy(bytes + guid_size(), state, sizeof(saved) + the->size);
+    memcpy(bytes + guid_size(), state, sizeof(saved) + whole());
     return fmi2OK;
 }
 
@@ -505,12 +513,12 @@ EXPORT fmi2Status fmi2DeSerializeFMUstate(fmi2Component p, const fmi2Byte bytes[
 {
     saved *s;
     if (p == NULL || state == NULL || bytes == NULL) return fmi2Error;
-    if (size != guid_size() + sizeof(saved) + the->size
+    if (size != guid_size() + sizeof(saved) + whole()
         || memcmp(bytes, the->guid, guid_size()) != 0)
         return fail(p, "deserialise state", "", "these are not the bytes of a state of this FMU");
-    s = *state != NULL ? *state : calloc(1, sizeof *s + the->size);
+    s = *state != NULL ? *state : calloc(1, sizeof *s + whole());
     if (s == NULL) return fail(p, "deserialise state", "", "no memory");
-    memcpy(s, bytes + guid_size(), sizeof(saved) + the->size);
+    memcpy(s, bytes + guid_size(), sizeof(saved) + whole());
     *state = s;
     return fmi2OK;
 }

@@ -61,6 +61,18 @@ COMPARISONS = {ast.Eq: "==", ast.NotEq: "!=", ast.Lt: "<", ast.LtE: "<=", ast.Gt
 EXACT = 1 << 53
 
 
+INSTEAD: dict[type[ast.expr], tuple[str, str]] = {
+    ast.Dict: ("a dict", "a tuple and an index, or `if` for each key"),
+    ast.DictComp: ("a dict", "a tuple and an index"),
+    ast.Set: ("a set", "a tuple of truth values"),
+    ast.SetComp: ("a set", "a tuple of truth values"),
+    ast.Yield: ("yield", "return a tuple"),
+    ast.YieldFrom: ("yield", "return a tuple"),
+    ast.NamedExpr: (":=", "an assignment of its own line"),
+}
+"""What people write first that does not translate, and what to write instead."""
+
+
 class Known:
     """Something that only exists while translating: a module, a class, a function of the library,
     a range, a generator."""
@@ -307,8 +319,8 @@ class Expressions(ABC):
         """The value of an expression; statements that it needs are in `out` then."""
         method = getattr(self, f"_{type(node).__name__.lower()}", None)
         if method is None:
-            raise self.refuse(node, f"{type(node).__name__}", "what translates is listed in "
-                              "docs/hosts.md")  # fmt: skip
+            raise self.refuse(node, *INSTEAD.get(type(node), (
+                type(node).__name__, "what translates is listed in docs/hosts.md")))  # fmt: skip
         try:
             result: Value = method(node)
         except JoinError as error:

@@ -36,8 +36,8 @@ from .types import (
 )
 from .value import c_text, constant, number, uniform_constant
 
-FOLDERS = (Path(__file__).resolve().parents[2] / "components",)
-"""Where what translates is."""
+COMPONENTS = Path(__file__).resolve().parents[2] / "components"
+"""Where what translates is, beside the file of a block of the user's own."""
 PASSES = 24
 ENTRIES = {"start": (), "output": (F,), "advance": (F, F)}
 KINDS = {"Real": F, "Integer": I, "Boolean": B}
@@ -53,6 +53,7 @@ class Program:
 
     def __init__(self, block: type[Block]) -> None:
         self.block = block
+        self.file = Path(inspect.getfile(block)).resolve()
         self.declared: dict[str, Type] = {}
         self.field_bounds: dict[str, tuple[int | None, int | None]] = {}
         for v in block.variables:
@@ -116,6 +117,12 @@ class Program:
         except UnknownYetError:
             return self.memory[callee, types, ("None",) * len(types)]
 
+    def _shown(self, path: Path) -> str:
+        """The name of a file for people and for comments; none of one that does not translate."""
+        if path.is_relative_to(COMPONENTS):
+            return path.relative_to(COMPONENTS.parent).as_posix()
+        return path.name if path == self.file else ""
+
     def info(self, callee: Callee) -> Info:
         """What a function declares."""
         key = (callee.function, callee.bound)
@@ -123,13 +130,11 @@ class Program:
             function = getattr(callee.function, "__wrapped__", callee.function)
             shown = ""
             if not isinstance(function, Nested):
-                shown = function.__code__.co_filename
-                path = Path(shown).resolve()
-                folder = next((f for f in FOLDERS if path.is_relative_to(f)), None)
-                if folder is None:
+                shown = self._shown(Path(function.__code__.co_filename).resolve())
+                if not shown:
                     raise SubsetError(f"{self.block.__name__}: {function.__name__} of "
-                                      f"{path.name}: functions of components/")  # fmt: skip
-                shown = path.relative_to(folder.parent).as_posix()
+                                      f"{function.__code__.co_filename}: functions of "
+                                      f"components/, or of {self.file.name}")  # fmt: skip
             self.infos[key] = Info(callee, shown)
         return self.infos[key]
 
@@ -246,7 +251,7 @@ class Program:
         lines = [
             f"/* {name}: {(inspect.getdoc(self.block) or name).splitlines()[0]}",
             "",
-            f"   Translated from components/blocks/{name}.py; change that, not this.",
+            f"   Translated from {self._shown(self.file)}; change that, not this.",
             "*/",
             '#include "block.h"',
             "",

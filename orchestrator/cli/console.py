@@ -15,6 +15,7 @@ from rich.console import Console
 from rich.measure import Measurement
 from rich.table import Table
 from rich.text import Text
+from typer.core import TyperGroup
 
 from ..system.errors import Exit, plain
 
@@ -62,6 +63,15 @@ app = typer.Typer(
     "`desat run NAME`; every command explains itself with --help.",
     epilog=EPILOG,
 )
+
+
+class WithDefault(TyperGroup):
+    """A group whose first argument may be a target: then it is its command `run`."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        if args and args[0] not in self.commands and args[0] not in ("--help", "-h"):
+            args = ["run", *args]
+        return super().parse_args(ctx, args)
 
 
 class _Plain(Console):

@@ -81,8 +81,9 @@ Sets = Annotated[
 Sources = Annotated[
     list[str] | None,
     typer.Option("--source", metavar="COMP=FMU",
-                 help="Another FMU in a component's place: a file, or one of ours by its name. "
-                 "Parameters that both declare alike stay. May be repeated."),
+                 help="Another FMU in a component's place: a file, one of ours by its name, or a "
+                 "block file of your own (.py), which is built. Parameters that both declare alike "
+                 "stay. May be repeated."),
 ]  # fmt: skip
 Stop = Annotated[float | None, typer.Option(help="Stop time, s.")]
 Step = Annotated[float | None, typer.Option(help="Step, s.")]

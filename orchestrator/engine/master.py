@@ -41,6 +41,7 @@ from .instances.block import BlockInstance
 from .instances.fmu import FmuInstance
 from .instances.isolated import IsolatedInstance
 from .node import Kept, Member, Outputs, Slot
+from .operations import Show
 from .plan import Plan
 
 Rows = Callable[[int, dict[Kind, Array]], None]
@@ -193,13 +194,25 @@ class Master:
                 clocks[member.every],
             )
 
-    def _parameters(self, member: Member) -> Mapping[str, Any]:
+    def parameters(self, member: Member) -> Mapping[str, Any]:
         """A component's parameters; a sample at every step is one at every whole step."""
         given = member.component.parameters
         inner = len(self._rates.parts) > 1 and member.every == 1
         if not inner or "sample_time" not in member.component.interface.signals:
             return given
         return {**given, "sample_time": value_of(member.component, "sample_time") or self.step_size}
+
+    def home(self, member: Member, kind: Kind) -> Array:
+        """Where a member pulls its outputs of a type into."""
+        return self._outputs.home(member, kind)
+
+    def shown(self, member: Member) -> list[Show]:
+        """What shows all that a member has pulled."""
+        return self._outputs.fresh_of(member, "all")
+
+    def length(self, member: Member) -> float:
+        """The length of a step of a member (s), all inner ones alike."""
+        return self.step_size * self._rates.edge(member.every)
 
     # --- initialisation -----------------------------------------------------------------------
 
@@ -210,7 +223,7 @@ class Master:
         """
         members = self.members.values()
         time[0], start = self.start, self.start
-        each(self._within(m, ENTER, partial(m.instance.enter, start, self._parameters(m)))
+        each(self._within(m, ENTER, partial(m.instance.enter, start, self.parameters(m)))
               for m in members)  # fmt: skip
         for member in members:
             self._pull(member)
@@ -261,7 +274,7 @@ class Master:
         word[0] = member.instance.place + PULL
         if (status := member.instance.pull()) > 1:
             raise member.instance.failed("reading its outputs", status)
-        for show in self._outputs.fresh_of(member, "all"):
+        for show in self.shown(member):
             show()
 
     # --- stepping -----------------------------------------------------------------------------

@@ -12,7 +12,7 @@ from ..system.errors import DesatError
 from ..system.interface import Interface, base_name
 from ..system.options import Options
 from ..system.parameters import parse_assignment
-from . import craft, library, paths, ssp
+from . import craft, library, own, paths, ssp
 from .merge import Keys
 
 if TYPE_CHECKING:
@@ -133,7 +133,7 @@ def modify(
         draft.output_classes[output] = of
         draft.given[output] = f"--output-class {output}={of}"
     for text in options.sources:
-        _replace(draft, text, options.blocks)
+        _replace(draft, text, options)
     for where, name, variable, value in _assignments(options, designed or {}, drawn or {}):
         if name == "shared" and name not in draft.components:
             draft.share(variable, value, where)
@@ -178,7 +178,7 @@ def _assignments(
         yield drawn.get(key, key), name, variable, value
 
 
-def _replace(draft: Draft, text: str, blocks: bool) -> None:
+def _replace(draft: Draft, text: str, options: Options) -> None:
     """Put another FMU in a component's place, with those parameters of the old one that it
     declares alike; what is left out is a warning."""
     name, _, source = text.partition("=")
@@ -188,9 +188,18 @@ def _replace(draft: Draft, text: str, blocks: bool) -> None:
     component.placed = f"--source {text}"
     file = Path(source)
     component.source = source if file.suffix == ".fmu" else f"resources/{source}.fmu"
-    component.fmu = file if file.is_file() else library.built(component.source)
+    if own.is_own(source):
+        if options.blocks:
+            raise DesatError(f"--source {text}: --blocks runs our blocks, not a file of your own")
+        made = own.built(file)
+        component.source = f"resources/{file.stem}.fmu"
+        component.fmu = made.native or made.python
+        if made.why and options.fmus == "native":
+            draft.warnings.append(f"{name}: {file.name} runs as Python: {made.why}")
+    else:
+        component.fmu = file if file.is_file() else library.built(component.source)
     old = component.interface
-    if not library.load_interface(draft, component, blocks):
+    if not library.load_interface(draft, component, options.blocks):
         return
     drop_unwanted(draft, component)
     if lost := _keep_alike(component, old):

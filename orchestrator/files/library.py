@@ -25,7 +25,7 @@ from ..system.draft import Draft, DraftComponent
 from ..system.errors import DesatError, nearest
 from ..system.interface import Interface, of_block
 from ..system.model import Component
-from . import io, paths
+from . import io, own, paths
 from .fmu import faults, of_fmu
 from .io import contents, regular, text
 
@@ -168,7 +168,11 @@ def built(source: str, kind: str = "native") -> Path | None:
 
 
 def of_kind(path: Path, kind: str) -> Path:
-    """One of our built FMUs as native or as Python one; any other as it is."""
+    """One of our built FMUs, or of a block file of the user's own, as native or as Python one; any
+    other as it is."""
+    if (folder := own.folder_of(path)) is not None:
+        wanted = folder / ("native" if kind == "native" else "") / path.name
+        return wanted if wanted.exists() else path
     ours = path.parent in (paths.fmus(), paths.fmus() / "native")
     return (built(path.name, kind) or path) if ours else path
 
@@ -288,9 +292,12 @@ def hashes(path: Path) -> frozenset[str]:
 
 
 def is_ours(fmu: Path) -> bool:
-    """True for an FMU that is, byte by byte, one that we have built."""
+    """True for an FMU that is, byte by byte, one that we have built, of a block of ours or of the
+    user's own."""
     if fmu.is_dir():
         return False
+    if own.folder_of(fmu) is not None:
+        return True
     return any(sha256(p) == sha256(fmu) for p in _ours().get(_size(fmu), ()))
 
 

@@ -6,24 +6,13 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-from typer.core import TyperGroup
 
 from ...system.errors import Exit
 from .. import options as o
-from ..console import app, err, name_of, out, print_json, warn
-
-
-class _WithDefault(TyperGroup):
-    """A group whose first argument may be a system: then it is `run`."""
-
-    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-        if args and args[0] not in self.commands and args[0] not in ("--help", "-h"):
-            args = ["run", *args]
-        return super().parse_args(ctx, args)
-
+from ..console import WithDefault, app, err, name_of, out, print_json, warn
 
 campaigns = typer.Typer(
-    cls=_WithDefault, no_args_is_help=True, rich_markup_mode=None,
+    cls=WithDefault, no_args_is_help=True, rich_markup_mode=None,
     help="Thousands of cases of a system's dispersions: `desat campaign NAME -n 10000`; the same "
     "command goes on where it was stopped.",
 )  # fmt: skip

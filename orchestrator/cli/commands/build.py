@@ -1,0 +1,47 @@
+"""`desat build FILE.py`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from .. import options as o
+from ..console import app, err, out, print_json
+
+
+@app.command()
+def build(
+    file: Annotated[
+        Path, typer.Argument(metavar="FILE.py", help="A block file of your own.")
+    ],
+    into: Annotated[
+        Path | None,
+        typer.Option("--out", help="The folder to write to (default: that of the file).",
+                     show_default=False),
+    ] = None,
+    as_json: o.Json = False,
+) -> None:  # fmt: skip
+    """Build a block file of your own as FMUs: NAME.fmu of Python, and native/NAME.fmu of C where it
+    translates; why not, where it does not."""
+    from ...files import own
+    from ...files.io import replace_text
+
+    made = own.built(file)
+    folder = into or file.parent
+    wanted = {"python": made.python, "native": made.native}
+    written = {}
+    for kind, fmu in wanted.items():
+        if fmu is not None:
+            target = folder / ("native" if kind == "native" else "") / fmu.name
+            target.parent.mkdir(parents=True, exist_ok=True)
+            replace_text(target, fmu.read_bytes())
+            written[kind] = str(target)
+    if as_json:
+        print_json({**written, **({"why": made.why} if made.why else {})})
+        return
+    for path in written.values():
+        out.print(path, highlight=False, markup=False)
+    if made.why:
+        err.print(f"note: there is no native FMU of it: {made.why}", highlight=False, markup=False)

@@ -1,0 +1,598 @@
+"""A whole loop as one block in C: the operations of a master's plan, written out.
+
+The block's bytes are its own variables, the arrays that a master has (`live`, `fresh`, inputs,
+windows, clocks), and after them the bytes of the blocks that it is made of. Initialisation, order,
+inner steps and rates are the master's, and so are the bits.
+"""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from desat.components.contract.block import Scalar
+from desat.fmus.translate.value import c_text, number
+
+from ..system.interface import KINDS, Kind, Signal
+from .instances.base import Array
+from .master import Master
+from .node import Member, Slot
+from .operations import Call, Cut, Gather, Join, Length, Operation, Show, Tick
+
+_TYPE: dict[Kind, str] = {"Real": "double", "Integer": "int32_t", "Boolean": "int32_t"}
+_OWN: dict[Kind, str] = {"Real": "double", "Integer": "int64_t", "Boolean": "bool"}
+"""Of a variable, in a block."""
+
+
+@dataclass(frozen=True)
+class Scalars:
+    """A variable of the loop: its name, its elements' names and start values, and what it is of."""
+
+    name: str
+    elements: tuple[str, ...]
+    signals: tuple[tuple[tuple[str, Signal], ...], ...]
+    """Of each element, by component, the scalar that it is: of a shared parameter several."""
+    starts: tuple[Scalar, ...]
+    causality: str
+
+    @property
+    def kind(self) -> Kind:
+        """Of all its elements."""
+        return self.signals[0][0][1].kind  # type: ignore[return-value]
+
+
+class Composite:
+    """The C of an initialised master. `models`: of each component that is part of it the block's
+    name; the others are `without`, whose outputs are inputs of the loop, and the reverse."""
+
+    def __init__(
+        self, master: Master, models: Mapping[str, str], variables: Sequence[Scalars],
+    ) -> None:  # fmt: skip
+        self._master, self._models, self._variables = master, models, variables
+        self._parts = {name: i for i, name in enumerate(n for n in master.members if n in models)}
+        self._names = {name: f"in_{i}" for i, name in enumerate(master.members)}
+        self._regions: list[tuple[int, int, int, str]] = []
+        self._functions: dict[str, str] = {}
+        """Of each text its function: what a cycle does again is there once."""
+        self._lay_out()
+
+    # --- where the master's values are in the block -----------------------------------------------
+
+    def _lay_out(self) -> None:
+        master, seen = self._master, set[int]()
+
+        def add(array: Array, name: str, kind: str) -> str:
+            at = int(array.ctypes.data)
+            if not array.size or at in seen:
+                return ""
+            seen.add(at)
+            self._regions.append((at, at + array.nbytes, array.itemsize, f"self->{name}"))
+            return f"{kind} {name.removeprefix('live.')}[{array.size}];"
+
+        live = [add(master.live[k], f"live.{k[0].lower()}", _TYPE[k]) for k in KINDS]
+        fields = [f"struct {{ {' '.join(filter(None, live))} }} live;"]
+        for kind in KINDS:
+            letter = kind[0].lower()
+            fields += [add(master.memory()[f"fresh {kind}"], f"fresh_{letter}", _TYPE[kind]),
+                       add(master.row[kind], f"row_{letter}", _TYPE[kind])]  # fmt: skip
+            for name, member in master.members.items():
+                if kind in member.instance.inputs:
+                    inputs = member.instance.inputs[kind]
+                    fields.append(add(inputs, f"{self._names[name]}_{letter}", _TYPE[kind]))
+        kept = [x for k, x in master.memory().items() if k.startswith("clock ")]
+        joins = [
+            o.whole for s in master.cycle for o in (*s.before, *s.after) if isinstance(o, Join)
+        ]
+        kept += [x for whole in joins for x in (whole.mean, whole.slope)]
+        fields += [add(array, f"kept_{i}", "double") for i, array in enumerate(kept)]
+        self._fields = [field for field in fields if field]
+
+    def _at(self, of: Any) -> tuple[str, int]:
+        """The array of the block that a master's array lies in, and its first place there."""
+        at = int(of.ctypes.data) if isinstance(of, np.ndarray) else ctypes.addressof(of)
+        for first, end, size, name in self._regions:
+            if first <= at < end:
+                return name, (at - first) // size
+        raise AssertionError("a value of the plan that the loop has not")
+
+    def _element(self, of: Any, i: int = 0) -> str:
+        name, first = self._at(of)
+        return f"{name}[{first + int(i)}]"
+
+    def _variable(self, component: str, kind: str, reference: int) -> str:
+        """A variable of a part."""
+        return f"{kind.upper()}({self._parts[component]}, {reference})"
+
+    # --- operations -------------------------------------------------------------------------------
+
+    def _statements(self, operation: Operation) -> Iterator[str]:
+        """An operation as statements."""
+        match operation:
+            case Tick():
+                for clock in operation.clocks:
+                    k = f"((double)self->k + {number(operation.at)})"
+                    step = number(operation.step)
+                    yield f"{self._element(clock)} = self->start + {k} * {step};"
+            case Length():
+                yield f"{self._element(operation.of)} = {number(operation.value)};"
+            case Gather():
+                yield from self._gathered(operation)
+            case Call():
+                yield from self._called(operation)
+            case Show(live, fresh) if not fresh.size:
+                pass
+            case Show(live, fresh):
+                yield (f"memcpy(&{self._element(live)}, &{self._element(fresh)}, {len(fresh)} * "
+                       f"sizeof {self._element(live)});")  # fmt: skip
+            case Join(whole, i):
+                yield from self._joined(whole, i)
+            case Cut(part, i):
+                yield from self._cut(part, i)
+            case _:
+                raise AssertionError(f"{type(operation).__name__} is not of a loop")
+
+    def _gathered(self, g: Gather) -> Iterator[str]:
+        into = range(len(g.target)) if g.into is None else g.into.tolist()
+        for k, (i, source) in enumerate(zip(into, g.index.tolist(), strict=True)):
+            value = self._element(g.source, source)
+            if g.conversion is not None:
+                factor, offset = (number(float(x[k])) for x in g.conversion)
+                value += f" * {factor} + {offset}"
+            yield f"{self._element(g.target, i)} = {value};"
+
+    def _called(self, call: Call) -> Iterator[str]:
+        name = call.instance.name
+        member = self._master.members[name]
+        if name in self._parts:
+            yield from getattr(self, f"_{call.verb}")(member)
+        elif call.verb == "pull":
+            yield from self._given(member)
+
+    def _push(self, member: Member) -> Iterator[str]:
+        """A part's inputs set: those that are wired, and those that the loop has."""
+        signals, inputs = member.component.interface.signals, member.instance.inputs
+        for kind, feeds in member.incoming.items():
+            for i, (_, c) in enumerate(feeds):
+                value = self._element(inputs[kind], i) + (" != 0" if kind == "Boolean" else "")
+                target = self._variable(member.name, kind, signals[c.input].reference)
+                yield f"{target} = {value};"
+
+    def _opened(self, causality: str, name: str = "") -> Iterator[str]:
+        """Variables of the loop set where they belong: of one component, or of all."""
+        for n, v in enumerate(self._variables):
+            if v.causality == causality:
+                for i, of in enumerate(v.signals):
+                    for component, signal in of:
+                        if component in self._parts and name in ("", component):
+                            target = self._variable(component, signal.kind, signal.reference)
+                            yield f"{target} = self->v{n}[{i}];"
+
+    def _step(self, member: Member) -> Iterator[str]:
+        yield from self._opened("input", member.name)
+        kept = self._master.memory()
+        t, dt = (self._element(kept[f"clock {member.every} {what}"]) for what in ("t", "dt"))
+        yield f"stepped(c, {self._parts[member.name]}, {t}, {dt});"
+
+    def _pull(self, member: Member) -> Iterator[str]:
+        for kind in KINDS:
+            home = self._master.home(member, kind)
+            for i, slot in enumerate(member.slots[kind]):
+                value = self._variable(member.name, kind, slot.signal.reference)
+                cast = "(int32_t)" if kind == "Integer" else ""
+                yield f"{self._element(home, i)} = {cast}{value};"
+
+    def _given(self, member: Member) -> Iterator[str]:
+        """What the loop is given in the place of a component's outputs."""
+        at = {
+            (component, signal.name): f"self->v{n}[{i}]"
+            for n, v in enumerate(self._variables) if v.causality == "input"
+            for i, of in enumerate(v.signals) for component, signal in of
+        }  # fmt: skip
+        for kind in KINDS:
+            home = self._master.home(member, kind)
+            for i, slot in enumerate(member.slots[kind]):
+                cast = "(int32_t)" if kind != "Real" else ""
+                yield f"{self._element(home, i)} = {cast}{at[member.name, slot.signal.name]};"
+
+    def _joined(self, whole: Any, i: int) -> Iterator[str]:
+        mean, slope, weights = whole.mean, whole.slope, whole.weights[i]
+        places = zip(whole.source.means.tolist(), whole.source.slopes.tolist(), strict=True)
+        w, of_mean, of_slope = map(number, weights)
+        for e, (m, s) in enumerate(places):
+            a, b = self._element(mean, e), self._element(slope, e)
+            if i == 0:
+                yield f"{a} = {b} = 0.0;"
+            of_m = self._element(whole.live, m)
+            of_s = self._element(whole.live, s) if s >= 0 else "0.0"
+            yield f"{a} += {w} * {of_m};"
+            yield f"{b} += {of_mean} * {of_m} + {of_slope} * {of_s};"
+        if i == len(whole.weights) - 1:
+            for e, (m, s) in enumerate(
+                zip(whole.target.means.tolist(), whole.target.slopes.tolist(), strict=True)
+            ):
+                yield f"{self._element(whole.into, m)} = {self._element(mean, e)};"
+                if s >= 0:
+                    yield f"{self._element(whole.into, s)} = {self._element(slope, e)};"
+
+    def _cut(self, part: Any, i: int) -> Iterator[str]:
+        in_mean, in_slope = map(number, part.weights[i])
+        source, target = part.source, part.target
+        places = (source.means, source.slopes, target.means, target.slopes)
+        for m, s, tm, ts in zip(*(x.tolist() for x in places), strict=True):
+            of_s = self._element(part.live, s) if s >= 0 else "0.0"
+            yield (f"{self._element(part.live, tm)} = {self._element(part.live, m)} + {in_mean} * "
+                   f"{of_s};")  # fmt: skip
+            if ts >= 0:
+                yield f"{self._element(part.live, ts)} = {in_slope} * {of_s};"
+
+    def _function(self, statements: Iterable[str], what: str) -> str:
+        """The function that does this; nothing where that is nothing."""
+        text = "\n".join(f"    {line}" for line in statements)
+        if not text:
+            return ""
+        if text not in self._functions:
+            self._functions[text] = f"do_{len(self._functions)}_{what}"
+        return self._functions[text]
+
+    def _calls(self, operations: Iterable[Operation]) -> Iterator[str]:
+        for operation in operations:
+            what = type(operation).__name__.lower()
+            if isinstance(operation, Call):
+                what = f"{operation.verb}_{operation.instance.name}"
+            if name := self._function(self._statements(operation), what):
+                yield f"    {name}(c);"
+
+    # --- initialisation ---------------------------------------------------------------------------
+
+    def _settling(self) -> Iterator[str]:
+        """One exchange in initialisation mode, as the master makes it."""
+        for name, member in self._master.members.items():
+            gathers = member.gathers(self._master.live, lambda slot: True, started=False)
+            yield from self._calls(gathers)
+            if gathers and name in self._parts:
+                push = self._function(self._push(member), f"push_{name}")
+                yield f"    {push}(c);"
+                yield f"    begun(c, {self._parts[name]});"
+            yield from self._pulled(member)
+
+    def _pulled(self, member: Member) -> Iterator[str]:
+        """A component's outputs read and shown at once."""
+        taken = self._pull(member) if member.name in self._parts else self._given(member)
+        if name := self._function(taken, f"pull_{member.name}"):
+            yield f"    {name}(c);"
+        yield from self._calls(self._master.shown(member))
+
+    def _parameters(self) -> Iterator[str]:
+        for name, i in self._parts.items():
+            member = self._master.members[name]
+            yield f"    renewed(c, {i});"
+            for key, value in self._master.parameters(member).items():
+                signal = member.component.interface.signals[key]
+                target = self._variable(name, signal.kind, signal.reference)
+                shown = number(value) if isinstance(value, float) else str(value).lower()
+                if signal.kind == "Real":
+                    shown = number(float(value))
+                yield f"    {target} = {shown};"
+        yield from (f"    {line}" for line in self._opened("parameter"))
+        yield from (f"    {line}" for line in self._opened("input"))
+
+    # --- text -------------------------------------------------------------------------------------
+
+    def text(self, identifier: str, title: str) -> str:
+        """The C source."""
+        master, parts = self._master, list(self._parts)
+        steps: list[list[str]] = [[*self._calls((*s.before, *s.after))] for s in master.cycle]
+        settling, shown = list(self._settling()), list(self._exported())
+        final = [line for m in master.members.values() for line in self._pulled(m)]
+        blocks = dict.fromkeys(self._models[n] for n in parts)
+        lines = [
+            f"/* {identifier}: {title}", "",
+            f"   The components {', '.join(parts)}, and the operations of desat's master for a "
+            "step, written out: generated, not to be changed. */",
+            '#include "block.h"', "",
+            "typedef struct block block;",
+            f"enum {{ PARTS = {len(parts)}, LIVE = {len(master.live['Real'])}, "
+            f"STEPS = {len(steps)} }};",
+            *(f"extern const block_description {b}_block;" for b in blocks),
+            "static const block_description *const parts[PARTS] = {",
+            *(f"    &{self._models[n]}_block," for n in parts), "};",
+            "static const char *const instances[PARTS] = {",
+            *(f"    {c_text(n)}," for n in parts), "};",
+            "static const char *const live_names[LIVE] = {",
+            *(f"    {c_text(f'{s.component}.{s.signal.name}')}," for s in master.slots
+              if s.kind == "Real"), "};", "",
+            "struct block {", "    const char *instance;", "    bool fault, begun;",
+            "    int64_t k;", "    double start;",
+            *(f"    {_OWN[v.kind]} v{n}[{len(v.elements)}]; /* {v.name} */"
+              for n, v in enumerate(self._variables)),
+            *(f"    {field}" for field in self._fields), "};", "",
+            "static const block at_start = {", "    .fault = false,",
+            *(f"    .v{n} = {{{', '.join(_shown(x) for x in v.starts)}}},"
+              for n, v in enumerate(self._variables) if v.causality != "output"), "};", "",
+            "static const block_variable variables[] = {",
+            '    {"fault", offsetof(block, fault), \'B\', \'o\', NAN, NAN, ""},',
+            *self._table(), "};", _ENGINE,
+        ]  # fmt: skip
+        for body, name in self._functions.items():
+            lines += [f"static void {name}(context *c)", "{", "    block *self = c->self;",
+                      "    (void)self;", body, "}", ""]  # fmt: skip
+        for i, calls in enumerate(steps):
+            lines += [f"static void step_{i}(context *c)", "{", *calls, "}", ""]
+        for name, own in (("parameters", list(self._parameters())), ("settling", settling),
+                           ("ended", final), ("shown", shown)):  # fmt: skip
+            lines += [f"static void {name}(context *c)", "{", "    block *self = c->self;",
+                      "    (void)self;", *own, "}", ""]  # fmt: skip
+        lines += [
+            "static void (*const steps[STEPS])(context *) = {",
+            *(f"    step_{i}," for i in range(len(steps))), "};", "",
+            f"#define STEP {number(master.step_size)}",
+            f"#define PASSES {len(master.members) + 2}",
+            _ENTRIES.replace("/*CLOCKS*/", "\n".join(self._clocks()))
+            .replace("/*ROW*/", "\n".join(self._first_row())),
+            "const block_description the_block = {",
+            f'    .name = {c_text(identifier)}, .guid = "@GUID@",',
+            "    .size = sizeof(block), .at_start = &at_start,",
+            "    .parts = parts, .part_count = PARTS,",
+            "    .variables = variables, .count = sizeof variables / sizeof *variables,",
+            "    .fault = offsetof(block, fault),",
+            "    .start = do_start, .output = do_output, .advance = do_advance,", "};",
+        ]  # fmt: skip
+        return "\n".join(lines) + "\n"
+
+    def _first_row(self) -> Iterator[str]:
+        """The row as it is before the first step, where it is not what is live."""
+        for kind, live in self._master.live.items():
+            if live is not self._master.row[kind] and live.size:
+                row = self._element(self._master.row[kind])
+                yield (f"    memcpy(&{row}, &{self._element(live)}, {live.size} * sizeof {row});")
+
+    def _clocks(self) -> Iterator[str]:
+        """The clocks as they are before the first step."""
+        kept = self._master.memory()
+        for member in {m.every: m for m in self._master.members.values()}.values():
+            t, dt = (self._element(kept[f"clock {member.every} {what}"]) for what in ("t", "dt"))
+            yield f"    {t} = t;"
+            yield f"    {dt} = {number(self._master.length(member))};"
+
+    def _table(self) -> Iterator[str]:
+        for n, v in enumerate(self._variables):
+            for i, (element, of) in enumerate(zip(v.elements, v.signals, strict=True)):
+                s = of[0][1]
+                bounds = (None, None) if v.causality == "output" else (s.minimum, s.maximum)
+                low, high = (("NAN", "None") if x is None else (number(float(x)), repr(x))
+                             for x in bounds)  # fmt: skip
+                yield (f"    {{{c_text(element)}, offsetof(block, v{n}) + {i} * "
+                       f"sizeof({_OWN[v.kind]}), '{v.kind[0]}', '{v.causality[0]}', {low[0]}, "
+                       f"{high[0]}, {c_text(f'[{low[1]}, {high[1]}]')}}},")  # fmt: skip
+
+    def _exported(self) -> Iterator[str]:
+        """The outputs of the loop: states as they are now, interval values as of the row."""
+        places = {(s.component, s.signal.name): s for s in self._master.slots}
+        for name, member in self._master.members.items():
+            if name not in self._parts:
+                yield from self._calls(
+                    member.gathers(self._master.live, lambda slot: True, started=False)
+                )
+        for n, v in enumerate(self._variables):
+            if v.causality != "output":
+                continue
+            for i, ((component, signal),) in enumerate(v.signals):
+                if signal.causality == "input":  # of a component that is left out
+                    member = self._master.members[component]
+                    feeds = member.incoming[v.kind]
+                    k = next(k for k, (_, c) in enumerate(feeds) if c.input == signal.name)
+                    value = self._element(member.instance.inputs[v.kind], k)
+                else:
+                    slot = places[component, signal.name]
+                    of = self._master.row if slot.interval else self._master.live
+                    value = self._element(of[v.kind], slot.index)
+                shown = f"{value} != 0" if v.kind == "Boolean" else value
+                yield f"    self->v{n}[{i}] = {shown};"
+
+
+def depends(
+    master: Master, without: Collection[str], variables: Sequence[Scalars]
+) -> dict[str, set[str]]:  # fmt: skip
+    """Of each output of a loop the inputs that it depends on within a step, through the graph."""
+    inputs = {
+        (component, signal.name): v.name
+        for v in variables if v.causality == "input"
+        for of in v.signals for component, signal in of
+    }  # fmt: skip
+    reached: dict[str, set[str]] = {name: set() for name in master.members}
+    for (component, _), name in inputs.items():
+        if component not in without:
+            reached[component].add(name)
+
+    def of_slot(slot: Slot) -> set[str]:
+        if slot.component in without:
+            return {inputs[slot.component, slot.signal.name]}
+        return reached[slot.component] if slot.interval else set()
+
+    for name, member in master.members.items():  # in the order in which they step
+        for feeds in member.incoming.values():
+            for slot, _ in feeds:
+                reached[name] |= of_slot(slot)
+    found: dict[str, set[str]] = {}
+    slots = {(s.component, s.signal.name): s for s in master.slots}
+    for v in variables:
+        if v.causality != "output":
+            continue
+        ((component, signal),) = v.signals[0]
+        if signal.causality == "input":
+            feeds = master.members[component].incoming[v.kind]
+            slot = next(slot for slot, c in feeds if c.input == signal.name)
+        else:
+            slot = slots[component, signal.name]
+        found[v.name] = of_slot(slot)
+    return found
+
+
+def _shown(x: Scalar) -> str:
+    return str(x).lower() if isinstance(x, bool) else number(x) if isinstance(x, float) else str(x)
+
+
+_ENGINE = """
+typedef struct {
+    block *self;
+    char *part[PARTS];
+    double t;
+    bool failed[PARTS];
+    char said[400]; /* by the last part that failed to start */
+} context;
+
+#define AT(p, v) (c->part[p] + parts[p]->variables[v].offset)
+#define REAL(p, v) (*(double *)AT(p, v))
+#define INTEGER(p, v) (*(int64_t *)AT(p, v))
+#define BOOLEAN(p, v) (*(bool *)AT(p, v))
+
+/* where the parts are, and their names, which are no part of a state */
+static void opened(context *c, block *self, double t)
+{
+    char *at = (char *)self + block_room(sizeof(block));
+    memset(c, 0, sizeof *c);
+    c->self = self;
+    c->t = t;
+    for (int i = 0; i < PARTS; i++) {
+        c->part[i] = at;
+        *(const char **)at = instances[i];
+        at += block_room(parts[i]->size);
+    }
+}
+
+static void closed(context *c)
+{
+    for (int i = 0; i < PARTS; i++) *(const char **)c->part[i] = NULL;
+}
+
+static void renewed(context *c, int i)
+{
+    memcpy(c->part[i], parts[i]->at_start, parts[i]->size);
+    *(const char **)c->part[i] = instances[i];
+}
+
+static void named(const char *instance, const char *what, const char *text)
+{
+    py_text_begin();
+    py_text(instance);
+    py_text(": ");
+    py_text(what);
+    py_text(*what ? ": " : "");
+    py_text(text);
+}
+
+/* initialisation mode: the inputs may settle, so that a later start does not fail */
+static void begun(context *c, int i)
+{
+    py_frame frame;
+    if (PY_TRY(frame)) {
+        parts[i]->start(c->part[i]);
+        parts[i]->output(c->part[i], c->t);
+        py_end_try();
+        c->failed[i] = false;
+    } else {
+        c->failed[i] = true;
+        named(instances[i], py_caught_name(), py_caught_text());
+        strncpy(c->said, py_text_end(), sizeof c->said - 1);
+    }
+}
+
+static void stepped(context *c, int i, double t, double dt)
+{
+    py_frame frame;
+    if (PY_TRY(frame)) {
+        parts[i]->advance(c->part[i], t, dt);
+        parts[i]->output(c->part[i], t + dt);
+        py_end_try();
+        return;
+    }
+    named(instances[i], py_caught_name(), py_caught_text());
+    py_raise(PY_BLOCK_ERROR, py_text_end());
+}
+
+static void finite(const block *self)
+{
+    double sum = 0.0;
+    for (int i = 0; i < LIVE; i++) sum += 0.0 * self->live.r[i];
+    if (sum == 0.0) return;
+    for (int i = 0; i < LIVE; i++)
+        if (!isfinite(self->live.r[i])) {
+            py_text_begin();
+            py_text(live_names[i] != NULL ? live_names[i] : "a mean");
+            py_text(" = ");
+            py_text_float(self->live.r[i]);
+            py_raise(PY_BLOCK_ERROR, py_text_end());
+        }
+}
+"""
+
+_ENTRIES = """
+static void initialised(context *c, double t)
+{
+    block *self = c->self;
+    char before[sizeof self->live];
+    memset((char *)self + offsetof(block, live), 0, sizeof(block) - offsetof(block, live));
+    self->k = 0;
+    self->start = t;
+/*CLOCKS*/
+    parameters(c);
+    for (int i = 0; i < PARTS; i++) begun(c, i);
+    ended(c);
+    for (int pass = 0;; pass++) {
+        if (pass == PASSES) py_raise(PY_BLOCK_ERROR, "initialisation does not settle");
+        memcpy(before, &self->live, sizeof before);
+        settling(c);
+        if (memcmp(before, &self->live, sizeof before) == 0) break;
+    }
+    for (int i = 0; i < PARTS; i++)
+        if (c->failed[i]) py_raise(PY_BLOCK_ERROR, c->said);
+    ended(c);
+    finite(self);
+/*ROW*/
+    self->begun = true;
+    shown(c);
+}
+
+static void do_start(void *self)
+{
+    ((block *)self)->begun = false;
+}
+
+static void do_output(void *self, double t)
+{
+    context c;
+    if (((block *)self)->begun) return;
+    opened(&c, self, t);
+    initialised(&c, t);
+    closed(&c);
+}
+
+/* as many steps of the loop as there are in dt */
+static void do_advance(void *given, double t, double dt)
+{
+    block *self = given;
+    context c;
+    const double n = nearbyint(dt / STEP);
+    if (n < 1.0 || fabs(dt - n * STEP) > 1e-6 * STEP) {
+        py_text_begin();
+        py_text("a step of ");
+        py_text_float(dt);
+        py_text(" s, which is no multiple of ");
+        py_text_float(STEP);
+        py_text(" s");
+        py_raise(PY_RUNTIME_ERROR, py_text_end());
+    }
+    opened(&c, self, t);
+    for (int64_t i = 0; i < (int64_t)n; i++) {
+        steps[self->k % STEPS](&c);
+        self->k++;
+        finite(self);
+    }
+    shown(&c);
+    closed(&c);
+}
+"""

@@ -1,0 +1,77 @@
+"""A block file of the user's own as FMUs: built once, kept in the user's cache by its contents."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import subprocess
+import sys
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+
+from filelock import FileLock
+
+from desat.fmus.own import OwnBlockError, is_own
+
+from ..system.errors import DesatError
+from . import paths
+
+__all__ = ["Built", "built", "folder_of", "is_own"]
+
+
+@dataclass(frozen=True)
+class Built:
+    """The FMUs of a block file."""
+
+    python: Path
+    native: Path | None
+    why: str
+    """Why there is no native one; else nothing."""
+
+
+def folder() -> Path:
+    """Where the FMUs of users' own block files are, a folder a file's contents."""
+    return paths.cache() / "own"
+
+
+def folder_of(fmu: Path) -> Path | None:
+    """The folder with both FMUs of a block file that one of them is of; None for any other FMU."""
+    parent = fmu.parent.parent if fmu.parent.name == "native" else fmu.parent
+    return parent if parent.parent == folder() else None
+
+
+def built(file: Path) -> Built:
+    """The FMUs of a block file, built now where they are not yet. Raises DesatError where the file
+    holds no block, or it cannot be built."""
+    from desat.fmus import build  # heavy, and only for who brings a block
+
+    try:
+        digest = build.made_of(str(file))
+    except OwnBlockError as error:
+        raise DesatError(str(error)) from error
+    where = folder() / digest[:20]
+    if not where.is_dir():
+        where.parent.mkdir(parents=True, exist_ok=True)
+        with FileLock(where.with_suffix(".lock")):
+            if not where.is_dir():
+                _build(file, where)
+    said = {e["kind"]: e for e in json.loads((where / build.INDEX).read_text(encoding="utf-8"))}
+    native = where / said["native"]["file"] if "native" in said else None
+    return Built(where / said["python"]["file"], native, said["python"].get("why", ""))
+
+
+def _build(file: Path, where: Path) -> None:
+    part = Path(tempfile.mkdtemp(suffix=".part", dir=where.parent))
+    try:
+        # a process of its own: building spawns others, which need a script that can be imported
+        done = subprocess.run(
+            [sys.executable, "-m", "desat.fmus.build", "--into", str(part), str(file)],
+            capture_output=True, text=True, check=False,
+        )  # fmt: skip
+        if done.returncode:
+            last = (done.stderr.strip().splitlines() or ["no message"])[-1]
+            raise DesatError(last.removeprefix("error: "))
+        part.replace(where)
+    finally:
+        shutil.rmtree(part, ignore_errors=True)

@@ -1,0 +1,252 @@
+"""The loop of a scenario as one native FMU: `desat export fmu`."""
+
+from __future__ import annotations
+
+import re
+import tempfile
+import zipfile
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from fnmatch import fnmatchcase
+from importlib.metadata import version
+from pathlib import Path
+
+from desat.components.contract.block import Block, Scalar, Variable
+from desat.fmus import native
+from desat.fmus.compiler import NoCompilerError
+from desat.fmus.description import DATE, documentation, model_description
+
+from ..engine.composite import Composite, Scalars, depends
+from ..engine.master import Master
+from ..files import library
+from ..language.content import said
+from ..system.errors import DesatError, nearest
+from ..system.interface import KINDS, Signal, base_name
+from ..system.model import Component, System
+from ..system.options import Options
+from ..system.parameters import value_of
+from ..system.schedule import schedule
+from . import inner_choice
+from .prepare import prepare
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """What of a loop is seen from outside: `component.variable`, `*` and `?` as in file names."""
+
+    outputs: Sequence[str] = ()
+    """None: those that the scenario plots."""
+    inputs: Sequence[str] = ()
+    """Inputs that nothing in the loop feeds."""
+    parameters: Sequence[str] = ()
+    """Also `shared.NAME`, in all components that have it."""
+    without: Sequence[str] = field(default=())
+    """Components that are left out: what they give becomes inputs, what they are given outputs."""
+
+
+def export(target: str, options: Options, wanted: Wanted, file: Path | None) -> Path:
+    """Write a scenario's loop as one FMU (default: NAME.fmu in this folder), and return its path.
+
+    Raises DesatError where a component has no C, or a name is not of the loop.
+    """
+    case = prepare(target, options)
+    system, _ = case.or_raise()
+    for name in wanted.without:
+        if name not in system.components:
+            raise DesatError(f"--without {name}: {system.name} has no such component"
+                             f"{nearest(name, system.components)}")  # fmt: skip
+    units = {name: _unit(c) for name, c in system.components.items() if name not in wanted.without}
+    choice = inner_choice.chosen(target, system, options)
+    system = system if choice is None else replace(system, inner=choice.inner)
+    outputs = _chosen(system, wanted)
+    watched = {(c, s.name) for c, s in outputs}
+    with Master(
+        system, schedule(system), watched=lambda name, signal: (name, signal.name) in watched
+    ) as master:
+        master.initialise()
+        variables = list(_variables(master, system, wanted, outputs))
+        identifier = re.sub(r"\W", "_", system.name, flags=re.ASCII)
+        title = said(system.about).title or system.name
+        made = Composite(master, {n: model for n, (model, _) in units.items()}, variables)
+        text = made.text(identifier, title)
+        on = depends(master, wanted.without, variables)
+    files = {f"{model}.c": text for model, text in units.values()} | {f"{identifier}.c": text}
+    return _packed(identifier, system, wanted, files, variables, on, file)
+
+
+def _packed(
+    identifier: str, system: System, wanted: Wanted, own: dict[str, str],
+    variables: Sequence[Scalars], on: dict[str, set[str]], file: Path | None,
+) -> Path:  # fmt: skip
+    block = _block(system, wanted, variables, on)
+    experiment = {"startTime": system.start, "stopTime": system.stop, "stepSize": system.step}
+
+    def described(guid: str) -> bytes:
+        return model_description(
+            block, identifier, guid, DATE, version("desat"), sorted(own), on, experiment
+        )
+
+    files, guid = native.with_wrapper(own, described(""))
+    target = file or Path(f"{identifier}.fmu")
+    target.parent.mkdir(parents=True, exist_ok=True)
+    try:
+        with tempfile.TemporaryDirectory() as shared:
+            native.compile_wrapper(Path(shared))
+            page = documentation(block, identifier)
+            return native.assemble(files, identifier, described(guid), page, Path(shared), target)
+    except NoCompilerError as error:
+        raise DesatError(str(error)) from error
+
+
+def _unit(component: Component) -> tuple[str, str]:
+    """The name and the C of a component's block, out of its native FMU. Raises DesatError."""
+    fmu, name = component.fmu, component.name
+    instead = f"`--without {name}` leaves it out"
+    if fmu is None or not library.is_ours(fmu):
+        raise DesatError(
+            f"{name}: {component.source} is no FMU of ours, whose C is known; {instead}"
+        )
+    model = component.interface.model
+    with zipfile.ZipFile(fmu) as archive:
+        if f"sources/{model}.c" not in archive.namelist():
+            raise DesatError(f"{name}: {model} has no C, it runs as Python; {instead}")
+        text = archive.read(f"sources/{model}.c").decode()
+    return model, text.replace("the_block", f"{model}_block")
+
+
+def _block(
+    system: System, wanted: Wanted, variables: Sequence[Scalars], on: dict[str, set[str]]
+) -> type[Block]:  # fmt: skip
+    """What the loop declares, as a block does."""
+    content = said(system.about)
+    left = f" without {', '.join(wanted.without)}" if wanted.without else ""
+    inner = f", {system.parts} inner steps" if system.parts > 1 else ""
+    doc = (
+        f"{content.title or system.name}{left}\n\n{content.story}\n\nThe loop `{system.name}`"
+        f"{left} in one FMU, in steps of {system.step!r} s{inner}, or several of them: "
+        f"{', '.join(c for c in system.components if c not in wanted.without)}.\n"
+    )
+    made: type[Block] = type("Loop", (Block,), {"__doc__": doc})
+    inputs = tuple(v.name for v in variables if v.causality == "input")
+    made.variables = (*made.variables, *(_declared(v, inputs, on) for v in variables))
+    return made
+
+
+def _declared(v: Scalars, inputs: tuple[str, ...], on: dict[str, set[str]]) -> Variable:
+    """A variable of the loop as one of a block."""
+    signal = v.signals[0][0][1]
+    index = v.elements[-1].removeprefix(v.name)
+    low, high = (
+        x if x is None or v.kind == "Real" else int(x) for x in (signal.minimum, signal.maximum)
+    )
+    shape = tuple(int(n) for n in index[1:-1].split(",")) if index else ()
+    return Variable(
+        v.name, v.causality, v.kind, shape, signal.unit_name or "1",  # type: ignore[arg-type]
+        signal.description.partition(": 0 = ")[0] if signal.choices else signal.description,
+        v.starts if shape else v.starts[0], low, high, signal.choices,
+        interval=bool(on.get(v.name)), starts_from=inputs if v.causality == "output" else (),
+    )  # fmt: skip
+
+
+# --- which variables ----------------------------------------------------------------------------
+
+
+def _chosen(system: System, wanted: Wanted) -> list[tuple[str, Signal]]:
+    """The outputs that are asked for, or those of the scenario's plots."""
+    names = list(wanted.outputs)
+    if not names:
+        plotted = dict.fromkeys(s for p in said(system.about).plots.values() for s in p.signals)
+        names = [n for n in plotted if n.partition(".")[0] in system.components]
+        names = [n for n in names if n.partition(".")[0] not in wanted.without]
+    return _matching(system, names, "output", "--outputs", wanted.without)
+
+
+def _matching(
+    system: System, patterns: Sequence[str], causality: str, option: str, without: Sequence[str]
+) -> list[tuple[str, Signal]]:  # fmt: skip
+    """The scalars that names and patterns stand for, in order. Raises DesatError for one that
+    stands for none."""
+    known = [
+        (name, s) for name, c in system.components.items() if name not in without
+        for s in c.interface.of(causality) if s.kind in KINDS and s.name != "fault"
+    ]  # fmt: skip  # a part that fails ends the loop, whose own output `fault` tells
+    found: dict[tuple[str, str], Signal] = {}
+    for pattern in patterns:
+        hits = [(n, s) for n, s in known if fnmatchcase(f"{n}.{base_name(s.name)}", pattern)]
+        if not hits:
+            names = dict.fromkeys(f"{n}.{base_name(s.name)}" for n, s in known)
+            raise DesatError(f"{option} {pattern}: {system.name} has no {causality} of this name"
+                             f"{nearest(pattern, names)}")  # fmt: skip
+        found |= {(n, s.name): s for n, s in hits}
+    return [(name, s) for (name, _), s in found.items()]
+
+
+def _variables(
+    master: Master, system: System, wanted: Wanted, outputs: list[tuple[str, Signal]]
+) -> Iterator[Scalars]:  # fmt: skip
+    """The variables of the loop, parameters last as in a block."""
+    fed = {(c.target, c.input) for c in system.connections}
+    live = {(s.component, s.signal.name): master.live[s.kind][s.index] for s in master.slots}
+    given: list[tuple[str, Signal]] = []
+    taken: list[tuple[str, Signal]] = []
+    for name in wanted.without:
+        member = master.members[name]
+        given += [(name, slot.signal) for of in member.slots.values() for slot in of]
+        signals = member.component.interface.signals
+        taken += [(name, signals[c.input]) for of in member.incoming.values() for _, c in of]
+    open_ = _matching(system, wanted.inputs, "input", "--inputs", wanted.without)
+    for name, signal in open_:
+        if (name, signal.name) in fed:
+            raise DesatError(f"--inputs {name}.{base_name(signal.name)}: something in the loop "
+                             "feeds it")  # fmt: skip
+
+    def start(name: str, signal: Signal) -> Scalar:
+        if (name, signal.name) in live:
+            value = live[name, signal.name].item()
+        else:
+            value = value_of(system.components[name], signal.name)
+        number = float(value or 0)
+        return number if signal.kind == "Real" else (
+            bool(number) if signal.kind == "Boolean" else int(number))  # fmt: skip
+
+    def grouped(of: list[tuple[str, Signal]], causality: str) -> Iterator[Scalars]:
+        arrays: dict[str, list[tuple[str, Signal]]] = {}
+        for name, signal in of:
+            arrays.setdefault(f"{name}.{base_name(signal.name)}", []).append((name, signal))
+        for array, elements in arrays.items():
+            elements.sort(key=lambda e: e[1].reference)
+            yield Scalars(
+                array, tuple(f"{n}.{s.name}" for n, s in elements),
+                tuple(((n, s),) for n, s in elements),
+                tuple(start(n, s) if causality != "output" else 0 for n, s in elements), causality,
+            )  # fmt: skip
+
+    yield from grouped([*given, *open_], "input")
+    yield from grouped([*taken, *outputs], "output")
+    plain = [p for p in wanted.parameters if not p.startswith("shared.")]
+    yield from grouped(_matching(system, plain, "parameter", "--parameters", wanted.without),
+                       "parameter")  # fmt: skip
+    for pattern in wanted.parameters:
+        if pattern.startswith("shared."):
+            yield _shared(system, pattern, wanted.without, start)
+
+
+def _shared(
+    system: System, name: str, without: Sequence[str], start: Callable[[str, Signal], Scalar]
+) -> Scalars:
+    """A parameter that components share, as one."""
+    base = name.removeprefix("shared.")
+    owners = [
+        (n, c) for n, c in system.components.items() if n not in without
+        and any(base_name(s.name) == base and s.shared for s in c.interface.of("parameter"))
+    ]  # fmt: skip
+    if not owners:
+        known = {f"shared.{base_name(s.name)}" for c in system.components.values()
+                 for s in c.interface.of("parameter") if s.shared}  # fmt: skip
+        raise DesatError(f"--parameters {name}: no component shares it{nearest(name, known)}")
+    first = sorted(owners[0][1].interface.elements(base), key=lambda s: s.reference)
+    return Scalars(
+        name, tuple(f"shared.{s.name}" for s in first),
+        tuple(tuple((n, c.interface.signals[s.name]) for n, c in owners) for s in first),
+        tuple(start(owners[0][0], s) for s in first), "parameter",
+    )  # fmt: skip

@@ -1,0 +1,278 @@
+"""The loop of a scenario as one FMU: every series bit by bit that of a run, in any host."""
+
+from __future__ import annotations
+
+import importlib.util
+import json
+import subprocess
+from pathlib import Path
+from typing import Any
+
+import fmpy
+import numpy as np
+import pytest
+from conftest import python
+from fmpy.fmi2 import FMU2Slave
+from fmpy.validation import validate_fmu
+
+from desat.fmus import native
+from desat.fmus.compiler import compiler
+from desat.runs.loop_fmu import Wanted, export
+from desat.runs.prepare import prepare
+from desat.runs.run import Options, Run, execute
+from desat.system.interface import base_name
+
+HERE = Path(__file__).parent
+STEPS = 200
+ONE_OF_EACH = ["alsat1/basin-inverted", "gyrostat/stress", "hausat2/along-field",
+               "integrated/mil-nadir", "nadir_day/day-dipole", "plant/light",
+               "space_telescope/closed-cp-nominal", "uosat12/table3-ocdc-ilqr-1"]  # fmt: skip
+
+
+class Loop:
+    """An FMU of a loop through fmpy."""
+
+    def __init__(self, path: Path, folder: Path, start: float = 0.0, **starts: float) -> None:
+        description = fmpy.read_model_description(path)
+        self.variables = {v.name: v for v in description.modelVariables}
+        self.fmu = FMU2Slave(
+            guid=description.guid, unzipDirectory=fmpy.extract(path, str(folder)),
+            modelIdentifier=description.coSimulation.modelIdentifier, instanceName="loop",
+        )  # fmt: skip
+        self.step = float(description.defaultExperiment.stepSize)
+        self.fmu.instantiate()
+        self.set(starts)
+        self.fmu.setupExperiment(startTime=start)
+        self.fmu.enterInitializationMode()
+        self.fmu.exitInitializationMode()
+        self.t = start
+
+    def set(self, values: dict[str, float]) -> None:
+        for name, value in values.items():
+            v = self.variables[name]
+            getattr(self.fmu, f"set{v.type}")([v.valueReference], [value])
+
+    def outputs(self) -> dict[str, float]:
+        found: dict[str, float] = {}
+        for kind in ("Real", "Integer", "Boolean"):
+            of = [v for v in self.variables.values() if v.causality == "output" and v.type == kind]
+            got = getattr(self.fmu, f"get{kind}")([v.valueReference for v in of]) if of else []
+            found |= {v.name: float(x) for v, x in zip(of, got, strict=True)}
+        return found
+
+    def advance(self, steps: int = 1) -> dict[str, float]:
+        self.fmu.doStep(self.t, steps * self.step)
+        self.t += steps * self.step
+        return self.outputs()
+
+    def close(self) -> None:
+        self.fmu.freeInstance()
+
+
+def columns(run: Run) -> dict[str, tuple[np.ndarray, bool]]:
+    """Every element of a run's series, and whether it is of the interval class."""
+    found = {}
+    for name in run.results.names():
+        values, is_interval = (
+            run.results.values(name),
+            run.results.attribute(name, "class") == "interval",
+        )
+        flat = values.reshape(len(values), -1)
+        for i in range(flat.shape[1]):
+            found[name, i] = flat[:, i].astype(float), is_interval
+    return found
+
+
+def differing(path: Path, run: Run, folder: Path, steps: int) -> tuple[int, list[str]]:
+    """The number of series compared, and those that differ in a bit."""
+    loop, series = Loop(path, folder), columns(run)
+    rows = [loop.outputs()] + [loop.advance() for _ in range(steps)]
+    loop.close()
+    places: dict[str, int] = {}
+    wrong, compared = [], 0
+    for element in rows[0]:
+        name = base_name(element)
+        if name == "fault":
+            continue
+        i = places[name] = places.get(name, -1) + 1
+        want, is_interval = series[name, i]
+        got = np.array([row[element] for row in rows])
+        # after step k: states of t_k+1, interval values of [t_k, t_k+1)
+        a, b = (got[1:], want[:steps]) if is_interval else (got, want[: steps + 1])
+        compared += 1
+        if a.tobytes() != b.tobytes():
+            wrong.append(element)
+    return compared, wrong
+
+
+def short(name: str, steps: int = STEPS, **options: Any) -> Options:
+    """So many steps of a scenario, or all that it has."""
+    system, _ = prepare(name, Options()).or_raise()
+    return Options(stop=system.start + min(steps, system.steps) * system.step, **options)
+
+
+@pytest.fixture(autouse=True)
+def _quickly_compiled(monkeypatch):
+    """The same bits in a third of the time."""
+    monkeypatch.setattr(native, "FLAGS", tuple("-O1" if f == "-O3" else f for f in native.FLAGS))
+
+
+@pytest.mark.parametrize("name", ONE_OF_EACH)
+def test_every_series_is_that_of_a_run_bit_by_bit(name, tmp_path):
+    options = short(name)
+    path = export(name, options, Wanted(outputs=["*"]), tmp_path / "loop.fmu")
+    run = execute(name, options, None)
+    assert run.ok
+    compared, wrong = differing(path, run, tmp_path / "x", len(run.results.times()) - 1)
+    assert compared > 40
+    assert wrong == []
+
+
+NADIR = "integrated/mil-nadir"
+"""With inner steps, and computers slower than the rest."""
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory):
+    """The loop of NADIR as one FMU, the same without its manager, and the run."""
+    folder = tmp_path_factory.mktemp("loops")
+    options = short(NADIR, 120, inner=3)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(native, "FLAGS", tuple("-O1" if f == "-O3" else f for f in native.FLAGS))
+        whole = export(NADIR, options, Wanted(parameters=["manager.gain*", "shared.inertia"]),
+                       folder / "whole.fmu")  # fmt: skip
+        open_ = export(NADIR, options, Wanted(["wheels.*", "spacecraft.*"], without=["manager"]),
+                       folder / "open.fmu")  # fmt: skip
+    return whole, open_, execute(NADIR, options, None), folder
+
+
+def test_its_outputs_are_those_that_the_scenario_plots_and_validators_find_nothing(made):
+    whole, open_, run, folder = made
+    assert validate_fmu(str(whole)) == []
+    assert validate_fmu(str(open_)) == []
+    compared, wrong = differing(whole, run, folder / "w", 120)
+    assert compared > 10
+    assert wrong == []
+
+
+def test_a_loop_without_its_manager_is_a_plant_for_anybodys(made):
+    _, path, run, folder = made
+    loop, series = Loop(path, folder / "o"), columns(run)
+    inputs = [n for n, v in loop.variables.items() if v.causality == "input"]
+    assert {base_name(n) for n in inputs} == {"manager.m_cmd_body", "manager.tau_cmd_wheel"}
+    assert any(n.startswith("manager.b_body") and v.causality == "output"
+               for n, v in loop.variables.items())  # fmt: skip
+    rows, index = [loop.outputs()], {n: int(n.partition("[")[2][:-1]) - 1 for n in inputs}
+    for k in range(120):  # what our manager gave, given by hand
+        loop.set({n: series[base_name(n), i][0][k] for n, i in index.items()})
+        rows.append(loop.advance())
+    for name in ("wheels.h_wheel", "spacecraft.q_bi"):
+        for i in range(4):
+            got = np.array([row[f"{name}[{i + 1}]"] for row in rows])
+            assert got.tobytes() == series[name, i][0].tobytes()
+    outputs = fmpy.read_model_description(path).outputs
+    on = {o.variable.name: {d.name for d in o.dependencies} for o in outputs}
+    assert on["spacecraft.q_bi[1]"] == set()
+    assert on["wheels.tau_mean_wheel[1]"] == {n for n in inputs if "wheel" in n}
+    assert on["manager.b_body[1]"] == set()
+    loop.close()
+
+
+def test_several_steps_at_once_states_and_parameters(made):
+    whole, _, run, folder = made
+    one, many = Loop(whole, folder / "a"), Loop(whole, folder / "b")
+    for _ in range(6):
+        at_once = many.advance(5)
+        for _ in range(5):
+            singly = one.advance()
+        assert at_once == singly
+    state = many.fmu.getFMUstate()
+    after = many.advance(7)
+    data = many.fmu.serializeFMUstate(state)
+    other = Loop(whole, folder / "c")
+    other.fmu.setFMUstate(other.fmu.deSerializeFMUstate(data))
+    other.t = one.t
+    assert other.advance(7) == after
+    with pytest.raises(Exception, match="DoStep"):
+        one.fmu.doStep(one.t, 1.5 * one.step)
+    options = short(NADIR, 120, inner=3)
+    options.sets = ["manager.gain=1e-4"]
+    changed = columns(execute(NADIR, options, None))
+    loop = Loop(whole, folder / "d", **{"manager.gain": 1e-4})
+    got = [loop.outputs()] + [loop.advance() for _ in range(120)]
+    want = changed["wheels.h_wheel", 0][0]
+    assert np.array([row["wheels.h_wheel[1]"] for row in got]).tobytes() == want.tobytes()
+    assert want.tobytes() != columns(run)["wheels.h_wheel", 0][0].tobytes()
+    for x in (one, many, other, loop):
+        x.close()
+
+
+def test_a_c_host_without_python_runs_it(made, tmp_path):
+    whole, open_, _, _ = made
+    host, given = tmp_path / "host", []
+    subprocess.run(
+        [*compiler(), "-std=gnu11", "-w", str(HERE / "host.c"), "-ldl", "-o", str(host)], check=True
+    )
+    for path in (whole, open_):
+        folder = Path(fmpy.extract(path, str(tmp_path / path.stem)))
+        (library,) = folder.rglob("*.so")
+        given += [str(library), fmpy.read_model_description(path).guid]
+    done = subprocess.run(["/usr/bin/env", "-i", str(host), *given], capture_output=True, text=True)
+    assert done.stdout == "2 FMUs\n", done.stdout
+
+
+@pytest.mark.skipif(not importlib.util.find_spec("libcosimpy"), reason="libcosimpy not installable")
+def test_libcosim_runs_it_to_the_same_bits(made):
+    whole, _, run, _ = made
+    names = [f"wheels.h_wheel[{i}]" for i in (1, 2, 3, 4)]
+    references = {v.name: v.valueReference
+                  for v in fmpy.read_model_description(whole).modelVariables}  # fmt: skip
+    done = python(LIBCOSIM, str(whole), json.dumps([references[n] for n in names]))
+    assert "ROWS " in done.stdout, done.stderr[-1000:]
+    rows = np.array(json.loads(done.stdout.split("ROWS ")[1].splitlines()[0]))
+    assert rows.tobytes() == run.results.values("wheels.h_wheel")[1:21].tobytes()
+
+
+LIBCOSIM = """
+import json, sys
+from libcosimpy.CosimExecution import CosimExecution
+from libcosimpy.CosimObserver import CosimObserver
+from libcosimpy.CosimSlave import CosimLocalSlave
+execution = CosimExecution.from_step_size(500_000_000)
+slave = CosimLocalSlave(fmu_path=sys.argv[1], instance_name="loop")
+index = execution.add_local_slave(slave)
+observer = CosimObserver.create_last_value()
+execution.add_observer(observer)
+rows = []
+for _ in range(20):
+    assert execution.step()
+    rows.append(list(observer.last_real_values(index, json.loads(sys.argv[2]))))
+print("ROWS " + json.dumps(rows))
+"""
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["--without", "managr"], "--without managr: integrated/mil-nadir has no such component; "
+         "did you mean manager"),
+        (["--outputs", "wheels.h_weel"], "--outputs wheels.h_weel: integrated/mil-nadir has no "
+         "output of this name; did you mean wheels.h_wheel"),
+        (["--parameters", "shared.inertia_weel"], "no component shares it; did you mean "
+         "shared.inertia_wheel"),
+        (["--inputs", "manager.b_body"], "--inputs manager.b_body: something in the loop feeds it"),
+    ],
+)  # fmt: skip
+def test_names_that_are_not_of_the_loop_are_refused(desat, arguments, said, tmp_path):
+    done = desat("export", "fmu", NADIR, "--inner", "1", "--out", str(tmp_path / "x.fmu"),
+                 *arguments)  # fmt: skip
+    assert done.returncode == 2
+    assert said in done.stderr
+
+
+def test_a_block_that_has_no_c_is_named(desat, tmp_path):
+    done = desat("export", "fmu", NADIR, "--inner", "1", "--source", "environment=environment_tle",
+                 "--out", str(tmp_path / "x.fmu"))  # fmt: skip
+    assert done.returncode == 2
+    assert "environment: environment_tle has no C" in done.stderr
+    assert "`--without environment` leaves it out" in done.stderr

@@ -1,0 +1,164 @@
+"""A block file of the user's own: FMUs of it, its run, and what is refused."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import fmpy
+import numpy as np
+import pytest
+from fmpy.validation import validate_fmu
+
+from desat.files import own
+from desat.fmus import own as block_file
+from desat.runs.run import Options, execute
+from desat.system.errors import DesatError
+
+LAW = '''"""A law of one's own."""
+
+from __future__ import annotations
+
+from desat.components.bases.dumping import TorquerDumping
+from desat.components.contract.block import Parameter, Vec3
+from desat.components.laws import cross_product
+from desat.components.maths.vector import norm
+
+
+def dipole(h: Vec3, b: Vec3, gain: float) -> Vec3:
+    return cross_product.normalised(h, b, gain)
+
+
+class MyLaw(TorquerDumping):
+    """A law of one's own
+
+    M = gain (h x B) / |B|^2.
+    """
+
+    gain: float = Parameter("1/s", "gain", start=5e-3, min=0.0)
+
+    def dipole(self, elapsed: float, h: Vec3) -> Vec3 | None:
+        if norm(h) <= 0.0:
+            return None
+        return dipole(h, self.b_body, self.gain)
+'''
+TARGET = "nadir_day/day-dipole"
+OURS = "manager_cross_product"
+
+
+@pytest.fixture(scope="module")
+def cache(tmp_path_factory):
+    with pytest.MonkeyPatch.context() as patch:
+        folder = tmp_path_factory.mktemp("cache")
+        patch.setenv("DESAT_CACHE", str(folder))
+        yield folder
+
+
+@pytest.fixture(scope="module")
+def law(tmp_path_factory, cache) -> Path:
+    file = tmp_path_factory.mktemp("theirs") / "my_law.py"
+    file.write_text(LAW)
+    return file
+
+
+def test_a_law_of_ones_own_runs_as_ours_does_bit_by_bit(law):
+    def series(source: str, **options):
+        ran = execute(TARGET, Options(sources=[f"manager={source}"], stop=300.0, **options), None)
+        assert ran.ok, ran.manifest.message
+        return ran
+
+    ours = series(OURS)
+    for kind in ("native", "python"):
+        ran = series(str(law), fmus=kind)
+        assert ran.manifest.fmus["manager"]["source"] == "resources/my_law.fmu"
+        for name in ("manager.m_cmd_body", "wheels.h_wheel", "spacecraft.q_bi"):
+            a, b = ours.results.values(name), ran.results.values(name)
+            assert np.abs(a).max() > 0.0
+            np.testing.assert_array_equal(a, b, strict=True)
+
+
+def test_it_is_built_once_and_kept_by_its_contents(law, tmp_path, monkeypatch):
+    first = own.built(law)
+    monkeypatch.setattr(own, "_build", lambda *_: pytest.fail("it is built again"))
+    copied = tmp_path / law.name
+    copied.write_text(LAW)
+    assert own.built(copied) == first
+    copied.write_text(LAW.replace("5e-3", "4e-3"))
+    with pytest.raises(pytest.fail.Exception):
+        own.built(copied)
+
+
+def test_the_command_builds_both_fmus_which_any_tool_can_run(law, desat, tmp_path):
+    done = desat("build", str(law), "--out", str(tmp_path), "--json")
+    assert done.returncode == 0, done.stderr
+    written = json.loads(done.stdout)
+    assert written == {"python": str(tmp_path / "my_law.fmu"),
+                       "native": str(tmp_path / "native" / "my_law.fmu")}  # fmt: skip
+    for fmu in written.values():
+        assert validate_fmu(fmu) == []
+    names = [v.name for v in fmpy.read_model_description(written["native"]).modelVariables]
+    result = fmpy.simulate_fmu(
+        written["native"], stop_time=1.0, step_size=1.0, output=["m_cmd_body[1]"],
+        start_values={"b_body[2]": 2e-5, "h_wheel[1]": 0.01, "enable": True},
+    )  # fmt: skip
+    assert "gain" in names
+    assert np.isfinite(result["m_cmd_body[1]"]).all()
+
+
+def test_what_does_not_translate_runs_as_python_and_says_why(cache, tmp_path, desat):
+    file = tmp_path / "by_dict.py"
+    file.write_text(LAW.replace("    return cross_product", "    known = {1: gain}\n"
+                                "    return cross_product").replace("(h, b, gain)\n\n",
+                                "(h, b, known[1])\n\n"))  # fmt: skip
+    done = desat("run", TARGET, "--source", f"manager={file}", "--stop", "10",
+                 "--out", str(tmp_path / "run"))  # fmt: skip
+    assert done.returncode in (0, 1), done.stderr
+    assert "by_dict.py runs as Python: by_dict.py:12: a dict" in done.stderr
+    built = own.built(file)
+    assert built.native is None
+    assert built.python.is_file()
+
+
+@pytest.mark.parametrize(
+    ("name", "old", "new", "said"),
+    [
+        ("a-b.py", "", "", "a-b.py: its name becomes one of C: call it a_b.py"),
+        (f"{OURS}.py", "", "", "a block of ours has this name"),
+        ("x.py", "class MyLaw", "class MyLaw(", "x.py:15: "),
+        ("x.py", "from desat.components.maths", "from ..maths", "x.py:8: a relative import"),
+        ("x.py", "from desat.components.maths.vector import norm", "import beside",
+         "x.py:8: import of beside, which lies beside it"),
+        ("x.py", "from desat.components.maths.vector import norm", "import no_such_thing",
+         "x.py:8: import of no_such_thing: there is no such module"),
+        ("x.py", "from desat.components.maths.vector import norm", "import desat.runs",
+         "x.py:8: import of desat.runs: a block uses desat.components alone"),
+        ("x.py", "from desat.components.laws import", "from desat.components.laws import \\\n   ",
+         ""),
+        ("x.py", "(TorquerDumping)", "", "x.py: it must hold one class that derives"),
+        ("x.py", "    def dipole(self", "    def other(self",
+         "x.py:15: MyLaw lacks what its role leaves to it: write `def dipole`"),
+        ("x.py", 'Parameter("1/s"', 'Parameter("1/parsec"', "MyLaw.gain: unit '1/parsec'"),
+        ("x.py", "from __future__ import annotations", "", "annotations are read as text"),
+    ],
+)  # fmt: skip
+def test_what_is_refused_names_file_line_and_what_to_write(tmp_path, name, old, new, said):
+    file = tmp_path / name
+    (tmp_path / "beside.py").write_text("norm = len\n")
+    file.write_text(LAW.replace(old, new) if old else LAW)
+    if not said:  # an import over two lines is taken
+        assert block_file.block_class(str(file)).__name__ == "MyLaw"
+        return
+    with pytest.raises(DesatError) as caught:
+        own.built(file)
+    assert said in str(caught.value)
+    assert str(caught.value).startswith(name)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_file_that_is_not_there_is_said(desat, tmp_path):
+    done = desat("build", str(tmp_path / "none.py"))
+    assert done.returncode == 2
+    assert "none.py: No such file" in done.stderr
+    done = desat("run", TARGET, "--source", f"manager={tmp_path / 'none.py'}")
+    assert done.returncode == 2
+    assert "none.py: No such file" in done.stderr
