@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize
 
+from benchmarks import sizing as bench
 from desat.components.laws import cross_product
 from desat.fmus.registry import block_class
 from desat.numbers.derived import cross
@@ -332,6 +333,28 @@ def test_the_torque_of_an_independent_estimate():
     impulse = run.sources["gravity gradient"]
     found = np.array([np.interp(run.whole, since, x) for x in impulse.T]) / run.whole
     assert found == pytest.approx(expected, abs=0.02 * np.linalg.norm(expected))
+
+
+# --- crafts that nobody chose; all ten and a day each: `make sizing`, docs/sizing.md -------------
+
+
+@pytest.mark.parametrize("which", [1, 6])
+def test_unseen_crafts_are_within_5_percent_of_the_closed_loop(which):
+    craft = bench.drawn(10)[which]
+    least, rows = bench.beside(craft, (1.2, 2.5), 20000.0)
+    assert least > 0.0
+    assert bench.held(rows)
+    assert [r.multiple for r in rows] == [1.2, 2.5]
+    assert rows[0].loop_duty > rows[1].loop_duty > 0.0
+    for row in rows:
+        assert row.duty == pytest.approx(row.loop_duty, abs=0.02)
+    wrong = [replace(r, rms=0.06) for r in rows]
+    assert not bench.held(wrong)
+
+
+def test_an_estimate_that_uses_nothing_of_ours_has_the_same_secular_torque():
+    torque, _ = bench.secular_of(bench.TWELVE)
+    assert bench.estimated(bench.TWELVE) == pytest.approx(torque, abs=0.01 * np.linalg.norm(torque))
 
 
 # --- the map ------------------------------------------------------------------------------------

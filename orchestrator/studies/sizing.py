@@ -641,17 +641,18 @@ def _beside(
     closed = [*(k * least for k in FLOWN), *([recommended] if recommended else [])]
     if name:
         return tuple(
-            _in_the_loop(row, source, options, progress)
+            in_the_loop(row, source, options, progress)
             if row.law == name and any(abs(row.rod - m) < 1e-9 * m for m in closed) else row
             for row in curve
         )  # fmt: skip
     alone = [Flown(_manager(system), m, m / least, None, None, None, None) for m in sorted(closed)]
-    return (*(_in_the_loop(row, source, options, progress) for row in alone), *curve)
+    return (*(in_the_loop(row, source, options, progress) for row in alone), *curve)
 
 
-def _in_the_loop(
-    row: Flown, source: Source, options: Options, progress: Callable[[str], None]
-) -> Flown:
+def in_the_loop(
+    row: Flown, source: Source, options: Options,
+    progress: Callable[[str], None] = lambda text: None,
+) -> Flown:  # fmt: skip
     """A size of rods with what the closed loop makes of it."""
     progress(f"the closed loop with rods of {row.rod:.4g} A m2")
     plain, _ = prepare(source, options).or_raise()
