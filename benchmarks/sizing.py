@@ -379,7 +379,8 @@ def _page(found: Sequence[dict[str, Any]], made: Sequence[Any], others: Sequence
             f"{m.least:.3g} | {rod} | {1e3 * m.wheel_needed:.3g} / {room} | "
             f"{m.start_dump / 60.0:.3g} min, {m.detumbling / 3600.0:.3g} h |"
         )
-    lines += ["", *(f"- `{name}`: {m.answer.removeprefix(name + ': ')}" for (name, *_), m in made)]
+    lines += ["", *(f"- `{name}`: {m.answer.removeprefix(name + ': ')} {_why(name, m)}".rstrip()
+                    for (name, *_), m in made)]  # fmt: skip
     lines += ["", _OTHERS, "| craft | secular torque by `size`, µN m, eci | estimated anew | "
               "difference | formula, A m² | programme | its dual, another solver |",
               "|---|---|---|---|---|---|---|"]  # fmt: skip
@@ -389,6 +390,32 @@ def _page(found: Sequence[dict[str, Any]], made: Sequence[Any], others: Sequence
                      f"| {formula:.6g} | {programme:.6g} | {other:.6g} |")  # fmt: skip
     lines += ["", _SPEED.format(**{f"t{k}": v for k, v in took.items()})]
     return "\n".join(lines)
+
+
+def _why(name: str, made: sizing.Sizing) -> str:
+    """Why a paper's craft has what it has, where its disturbances ask for less."""
+    given = flights.values_of(prepare(name, Options()).or_raise()[0])["manager"]
+    family = name.partition("/")[0]
+    if family == "uosat12":
+        alone = flights.values_of(prepare("uosat12/fig2-lqr-1", Options()).or_raise()[0])
+        return (
+            "Nadir pointing without disturbances but gravity: the rods are for dumping. At their "
+            f"limits they take the start's {1e3 * made.start_momentum:.0f} mN m s out in "
+            f"{made.start_dump:.0f} s at least in the worst direction; the paper gives coils alone "
+            f"{alone['manager']['horizon']:.0f} s."
+        )
+    if family == "hausat2":
+        return (
+            f"The wheel is a bias of {1e3 * given['h_nominal']:.0f} mN m s, "
+            f"{100.0 * given['h_nominal'] / made.wheel_capacity:.0f} % of it; disturbances add "
+            "little, and the rods are for detumbling and start-up."
+        )
+    return {
+        "space_telescope": "The paper's craft must hold at any inertial attitude; this is one.",
+        "alsat1": "Wheels and rods are for the torque of firings, which `size` leaves out.",
+        "integrated": "The rods also give a share of the control torque and empty wheels that "
+        "start more than half full.",
+    }[family]
 
 
 def _three(values: Iterator[float]) -> str:

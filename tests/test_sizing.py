@@ -360,7 +360,7 @@ def test_an_estimate_that_uses_nothing_of_ours_has_the_same_secular_torque():
 # --- the map ------------------------------------------------------------------------------------
 
 
-def test_a_map_says_of_its_orbit_what_the_model_says_of_a_run():
+def test_a_map_says_of_its_orbit_what_the_model_says_of_a_run(tmp_path):
     system, run = day_of(NAME, None)
     block = flights.environment_block(system.components["environment"])
     altitude = block.semi_major_axis - 6378137.0
@@ -383,8 +383,9 @@ def test_a_map_says_of_its_orbit_what_the_model_says_of_a_run():
     for name, wanted in (("rms", ours.rms[0, 0]), ("duty", ours.duty[0, 0]), ("filled", share)):
         assert getattr(made, name)[0, 0, 0, 0] == pytest.approx(wanted, rel=0.03), name
     assert made.as_json()["holds"] == made.holds.tolist()
-    figure = sizing_page.heat_map(made, 0).svg()
-    assert "residual dipole" in figure
+    page = sizing_page.write_map(made, tmp_path / "map.html").read_text()
+    assert page.count("<figcaption>") == 1
+    assert "residual dipole" in page
 
 
 def test_a_map_of_a_craft_that_moves_is_refused():
@@ -399,7 +400,7 @@ def test_a_map_of_a_craft_that_moves_is_refused():
 def test_the_page_says_it_all(made, tmp_path):
     page = sizing_page.write_sizing(made, tmp_path / "size.html").read_text()
     assert made.answer in page
-    assert page.count("<svg") == 5
+    assert page.count("<figcaption>") == 5
     for text in (
         "Margins",
         "gravity gradient",
@@ -458,6 +459,43 @@ def test_a_law_that_the_model_has_not_is_said():
 def test_what_cannot_be_sized_is_refused(target, options, given, text):
     with pytest.raises(DesatError, match=text):
         size(target, options, Wishes(**given, flown=False, year=False))
+
+
+def test_a_bias_fills_the_wheels(made):
+    options = Options(stop=20000.0, sets=["manager.h_target_body=0,0.1,0"])
+    with_bias = size(NAME, options, Wishes(flown=False, year=False, laws=False))
+    spread = np.abs(
+        np.linalg.pinv(flights.hardware_of(prepare(NAME, options).or_raise()[0]).axes_wheel)
+        @ [0.0, 0.1, 0.0]
+    ).max()
+    assert with_bias.wheel_needed == pytest.approx(made.wheel_needed + spread, rel=0.05)
+
+
+def test_a_map_by_the_command(desat):
+    told = desat(
+        "size",
+        NAME,
+        "--map",
+        "--rods",
+        "0.05,0.2",
+        "--inclinations",
+        "52",
+        "--altitudes",
+        "500",
+        "--dipoles",
+        "0.1",
+        "--stop",
+        "12000",
+        "--jobs",
+        "1",
+        "--json",
+        check=True,
+    )
+    made = json.loads(told.stdout)
+    assert made["axes"]["altitudes"] == [500e3]
+    assert made["laws"] == ["cross product"]
+    assert np.shape(made["rms"]) == (1, 1, 1, 1, 2)
+    assert made["rms"][0][0][0][0][1] < made["rms"][0][0][0][0][0]
 
 
 @pytest.mark.parametrize(

@@ -72,7 +72,7 @@ def law_of(component: Component) -> Law:
     not have."""
     model = component.interface.model
     if model not in names():
-        raise UnsuitedError(f"{component.source}: it is no block of ours")
+        raise UnsuitedError("it is no block of ours")
     values = {
         s.reference: value_of(component, s.name) for s in component.interface.signals.values()
         if s.causality == "parameter"
@@ -93,7 +93,7 @@ def law_by(block: Block, name: str, target: Array) -> Law:
     elif isinstance(block, MomentumManagement):
         limit, block.m_limit = "whole", ENDLESS
     else:
-        raise UnsuitedError(f"{name}: no law of the momentum alone by coils alone")
+        raise UnsuitedError("it is no law of the momentum alone by coils alone")
     deadband = getattr(block, "h_deadband", 0.0)
     if deadband:
         vars(block)["h_deadband"] = 0.0
@@ -115,7 +115,7 @@ def ask(law: Law, flight: Flight, rows: Array) -> Asked:
     try:
         law.block.start()
     except BlockError as error:
-        raise UnsuitedError(f"{law.name}: {error}") from error
+        raise UnsuitedError(str(error)) from error
     looked = set(np.linspace(0, len(rows) - 1, PROBES).astype(int).tolist())
     gain, offset = np.empty((len(rows), 3, 3)), np.empty((len(rows), 3))
     other = np.array([0.6, -0.3, 0.8])
@@ -130,13 +130,13 @@ def ask(law: Law, flight: Flight, rows: Array) -> Asked:
             memories.append([state[key] for key in kept])
             state.update(before)
         if any(memory != memories[0] for memory in memories):
-            raise UnsuitedError(f"{law.name}: it remembers the momentum")
+            raise UnsuitedError("it remembers the momentum")
         rest = offset[k] = _dipole(law, t, np.zeros(3))
         gain[k] = (np.array(answers[:3]) - rest).T
         if k in looked:
             miss = np.abs(answers[3] - gain[k] @ other - rest).max()
             if miss > 1e-9 * np.abs(answers).max():
-                raise UnsuitedError(f"{law.name}: not affine in the momentum")
+                raise UnsuitedError("it is not affine in the momentum")
     return Asked(gain, offset)
 
 

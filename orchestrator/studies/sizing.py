@@ -36,6 +36,7 @@ from ..runs.run import simulate
 from ..system.errors import DesatError
 from ..system.model import Component, System
 from ..system.options import Options
+from ..system.parameters import value_of
 from .flight import (
     Attitude,
     Flight,
@@ -388,7 +389,7 @@ class Sizing:
     """secular torque that is of no source, N m; None: the sources are not known"""
     year: tuple[Date, ...]
     wheel_needed: float
-    """of the fullest wheel, to hold cyclic and body momentum as the attitude turns"""
+    """of the fullest wheel, to hold cyclic and body momentum as the attitude turns, and a bias"""
     slew_momentum: float
     """of the fullest wheel, 2 I theta / T"""
     slew_torque: float
@@ -514,7 +515,9 @@ def size(
     law, recommended = (best[0].law, best[0].rod) if best else ("", None)
     if wishes.flown and 0.0 < least < inf:
         curve = _beside(curve, recommended, source, options, system, own, least, progress)
-    needed, lasts = _wheels(flight, hardware, torque, cyclic)
+    component = system.components["manager"]
+    bias = [value_of(component, f"h_target_body[{i}]") for i in (1, 2, 3)]
+    needed, lasts = _wheels(flight, hardware, torque, cyclic, np.array(bias, float))
     where = geometry(flight, hardware, able, torque, least)
     slew = _slew(hardware, wishes)
     worst = max((d.least for d in year), default=0.0)
@@ -677,15 +680,16 @@ def in_the_loop(
 
 
 def _wheels(
-    flight: Flight, hardware: Hardware, torque: Array, cyclic: Array
+    flight: Flight, hardware: Hardware, torque: Array, cyclic: Array, bias: Array
 ) -> tuple[float, float]:  # fmt: skip
-    """What the fullest wheel has to hold of the cyclic momentum, shared with the least squares, and
-    how long wheels that begin at rest last without dumping (s)."""
+    """What the fullest wheel has to hold of the cyclic momentum and of a bias (3,) N m s, body,
+    shared with the least squares, and how long wheels that begin at rest last without dumping
+    (s)."""
     spread = hardware.spread()
     n = len(cyclic)
     inside = in_body_of(flight, cyclic - _middle(cyclic))
     bent = flight.body[:n] - flight.body[:n].mean(axis=0)
-    needed = float(np.abs((inside - bent) @ spread.T).max())
+    needed = float(np.abs((inside - bent + bias) @ spread.T).max())
     room = hardware.capacity > 0.0
     capacity = hardware.capacity[room]
     gained = flight.disturbance - flight.disturbance[0]

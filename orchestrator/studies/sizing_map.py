@@ -144,7 +144,7 @@ def map_of(
         names = ["own"]
     except UnsuitedError as why:
         own, names = None, []
-        notes.append(f"closed loop only; {why}")
+        notes.append(f"{system.components['manager'].source}: closed loop only; {why}")
     if axes.laws or own is None:
         names += [law.name for law in other_laws(system, flight, own)]
     torque, _ = secular(flight)

@@ -40,8 +40,11 @@ def size(
         float | None, typer.Option(metavar="S", help="Specific impulse (default: the craft's).")
     ] = None,
     laws: Annotated[
-        bool, typer.Option("--laws/--own-law", help="Curves of other laws than the craft's, too.")
-    ] = True,
+        bool | None,
+        typer.Option(
+            "--laws/--own-law", help="Other laws than the craft's, too (default: yes, of a map no)."
+        ),
+    ] = None,
     year: Annotated[
         bool, typer.Option("--year/--no-year", help="The extremes of a year, too.")
     ] = True,
@@ -82,7 +85,16 @@ def size(
     options = o.options_of(sets, stop, None, o.Semantics.conserving, blocks, sources=sources)
     angle, seconds = _slew(slew)
     wishes = sizing.Wishes(
-        duty / 100.0, margin, radians(angle), seconds, radians(tip_off), arm, isp, laws, year, loop
+        duty / 100.0,
+        margin,
+        radians(angle),
+        seconds,
+        radians(tip_off),
+        arm,
+        isp,
+        laws is not False,
+        year,
+        loop,
     )
     given = {"rods": rods, "inclinations": inclinations, "altitudes": altitudes,
              "dipoles": dipoles}  # fmt: skip
@@ -97,7 +109,7 @@ def size(
         if as_map:
             values = {k: _numbers(k, v) for k, v in given.items()}
             values["altitudes"] = tuple(1e3 * x for x in values["altitudes"])
-            axes = sizing_map.Axes(**values, laws=laws)
+            axes = sizing_map.Axes(**values, laws=laws is True)
             map_made = sizing_map.map_of(target, options, axes, wishes, jobs, progress)
         else:
             made = sizing.size(target, options, wishes, progress)
