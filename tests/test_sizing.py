@@ -258,6 +258,16 @@ def test_the_sources_make_the_whole(made):
     assert {s.name for s in made.sources} == set(flights.SOURCES)
 
 
+def test_its_own_rods_are_in_the_curve_and_judged(made):
+    (row,) = [r for r in made.curve if r.rod == made.rod and r.law == made.law]
+    assert row.duty < 0.1
+    assert "coils: duty by cross product with its rods" in [m.name for m in made.margins]
+    full = replace(made, curve=(replace(row, filled=1.2),))
+    full = replace(full, margins=tuple(sizing._margins(full, 0.0)))
+    (line,) = sizing._problems(full)
+    assert "lets the fullest one come to" in line
+
+
 def test_slew_propellant_and_what_follows_by_hand(made):
     system, _ = prepare(NAME, Options()).or_raise()
     hardware = flights.hardware_of(system)
@@ -386,6 +396,18 @@ def test_a_map_says_of_its_orbit_what_the_model_says_of_a_run(tmp_path):
     page = sizing_page.write_map(made, tmp_path / "map.html").read_text()
     assert page.count("<figcaption>") == 1
     assert "residual dipole" in page
+
+
+def test_an_orbit_of_the_map_is_one_whatever_gives_the_scenarios():
+    """Of an orbit given by position and velocity, too."""
+    sets = ["environment.orbit_start=state"]
+    system, _ = prepare(NAME, Options(sets=sets)).or_raise()
+    component = system.components["environment"]
+    block = flights.environment_block(component, sizing_map._orbit(30.0, 700e3))
+    inputs = flights.inputs_at(block, [0.0, 60.0])
+    assert np.linalg.norm(inputs["r_eci"], axis=1) == pytest.approx(6378137.0 + 700e3)
+    normal = np.cross(inputs["r_eci"][0], inputs["v_eci"][0])
+    assert normal[2] / np.linalg.norm(normal) == pytest.approx(np.cos(np.radians(30.0)), abs=1e-3)
 
 
 def test_a_map_of_a_craft_that_moves_is_refused():

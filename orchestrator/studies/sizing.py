@@ -287,7 +287,7 @@ def curve_of(
     with the margin and the duty asked for. Raises UnsuitedError for a law that it does not have."""
     largest_rod = max(LARGEST, hardware.m_limit / least)
     fine = np.geomspace(wishes.margin, largest_rod, 60) * least
-    given = [k * least for k in SIZES]
+    given = [*(k * least for k in SIZES), *([hardware.m_limit] if hardware.m_limit else [])]
     rods = np.array([*fine, *given])
     made = fly([track_of(flight, law, hardware)], law, hardware, rods.tolist())
     rms, largest, wheel, duty = (x[0, 0] for x in made)
@@ -735,6 +735,12 @@ def _margins(made: Sizing, worst: float) -> Iterator[Margin]:
         if made.slew_momentum > 0.0:
             both = made.wheel_needed + made.slew_momentum
             yield Margin("wheels: cyclic momentum and slew", both, made.wheel_capacity, "N.m.s")
+    for row in (r for r in made.curve if r.law == made.law and r.rod == made.rod):
+        if row.filled is not None:
+            yield Margin(f"wheels: {row.law} with its rods", row.filled * made.wheel_capacity,
+                         made.wheel_capacity, "N.m.s")  # fmt: skip
+        if row.duty is not None:
+            yield Margin(f"coils: duty by {row.law} with its rods", row.duty, made.duty, "1")
     if made.slew_torque > 0.0 and made.wheel_torque < inf:
         yield Margin("wheels: torque of the slew", made.slew_torque, made.wheel_torque, "N.m")
 
@@ -752,6 +758,11 @@ def _problems(made: Sizing) -> list[str]:
             f"rods of {m.has:.4g} A m2: the worst day of the year needs at least {m.needed:.4g} "
             "A m2 with any law" for m in made.margins if "worst day" in m.name and m.ratio < 1.0
         ]  # fmt: skip
+    lines += [
+        f"wheels of {m.has:.4g} N m s: {made.law} with its rods of {made.rod:.4g} A m2 lets the "
+        f"fullest one come to {m.needed:.4g} N m s" for m in made.margins
+        if m.name == f"wheels: {made.law} with its rods" and m.ratio < 1.0
+    ]  # fmt: skip
     if made.wheel_needed > made.wheel_capacity:
         lines.append(f"wheels of {made.wheel_capacity:.4g} N m s: the cyclic momentum alone needs "
                      f"{made.wheel_needed:.4g} N m s of the fullest one")  # fmt: skip

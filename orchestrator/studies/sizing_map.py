@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from desat.components.bases.orbit_start import MEAN
 from desat.components.physics.orbit import EARTH_RADIUS
 
 from ..runs.prepare import prepare, read
@@ -250,5 +251,5 @@ def _of_dipole(flight: Flight, dipole: Array) -> Array:
 
 def _orbit(inclination: float, altitude: float) -> dict[str, float]:
     """A circular orbit, as changes of an environment that takes elements."""
-    return {"semi_major_axis": EARTH_RADIUS + altitude, "eccentricity": 0.0,
+    return {"orbit_start": MEAN, "semi_major_axis": EARTH_RADIUS + altitude, "eccentricity": 0.0,
             "inclination": float(np.radians(inclination))}  # fmt: skip

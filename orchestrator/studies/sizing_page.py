@@ -149,10 +149,11 @@ def figures_of(made: Sizing) -> list[tuple[str, Figure]]:
 def _curve(made: Sizing, key: str, loop: str, factor: float, label: str) -> Figure:
     fig, ax = figure()
     laws = list(dict.fromkeys(r.law for r in made.curve))
-    low = min(r.rod for r in made.curve)
-    high = max(r.rod for r in made.curve)
+    shape = [r.rod for r in made.curve if r.rod != made.rod]
+    low, high = min(shape), max(shape)
     for i, law in enumerate(laws):
-        rows = [r for r in made.curve if r.law == law]
+        rows = sorted((r for r in made.curve if r.law == law and r.rod <= 3.0 * high),
+                      key=lambda r: r.rod)  # fmt: skip
         colour = COLOURS[i % len(COLOURS)]
         known = [r for r in rows if getattr(r, key) is not None]
         if known:
@@ -194,9 +195,8 @@ def _year(made: Sizing) -> Figure:
         label = f"{activity} solar activity" if activity else "least rod"
         ax.plot([28.0 * k for k in range(len(rows))], [d.least for d in rows], COLOURS[i],
                 width=1.5, marker=4.0, label=label)  # fmt: skip
-    ax.level(made.rod, "#444444", width=1.2, dash=DOTTED, label="what it has") if (
-        made.rod <= 3.0 * max(d.least for d in made.year)
-    ) else None
+    if made.rod <= 3.0 * max(d.least for d in made.year):
+        ax.level(made.rod, "#444444", width=1.2, dash=DOTTED, label="what it has")
     ax.x.label, ax.y.label, ax.y.low = f"days since {made.year[0].day}", "least rod\n[A m²]", 0.0
     return fig
 
