@@ -157,14 +157,14 @@ def _samples(law: Law, flight: Flight, rows: Array) -> Iterator[tuple[float, dic
                   "omega_bi_body": omega}  # fmt: skip
 
 
-def hold_of(law: Law, flight: Flight) -> int:
+def hold_of(law: Law, flight: Flight, most: float = STEP) -> int:
     """Rows of a flight between two samples of the model: the law's own, or where it is slow against
-    them several of them together, of STEP at the most."""
+    them several of them together, of `most` (s) at the most."""
     step = float(flight.times[1] - flight.times[0])
     own = max(1, round(law.sample_time / step)) if law.sample_time > 0.0 else 1
     rows = np.linspace(0, len(flight.times) - 1, PROBES).astype(int)
     asked = ask(law, flight, rows)
     b = np.linalg.norm(flight.b[rows], axis=1)
     rate = float((np.linalg.norm(asked.gain, ord=2, axis=(1, 2)) * b).max())
-    longest = min(STEP, SLOW / rate) if rate > 0.0 else STEP
+    longest = min(most, SLOW / rate) if rate > 0.0 else most
     return max(own, int(longest / (own * step) + 1e-9) * own)

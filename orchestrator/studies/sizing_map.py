@@ -34,13 +34,15 @@ from .flight import (
     summed,
     values_of,
 )
-from .momentum_law import Law, UnsuitedError, law_of
+from .momentum_law import Law, UnsuitedError, hold_of, law_of
 from .momentum_model import fly, track_of
 from .sizing import Wishes, flown, least_by_formula, other_laws, reach, room_of, secular
 
 Array = NDArray[Any]
 STEP = 10.0
 """Between the rows of an orbit (s)."""
+SAMPLE = 30.0
+"""Samples of a slow law that are nearer than this (s) are taken together."""
 NODES = 120.0
 """Between the times at which its environment is asked (s)."""
 DAY = 86400.0
@@ -219,6 +221,7 @@ def _flown(task: _Task) -> tuple[Array, Array]:
     times = np.arange(0.0, DAY + STEP / 2.0, STEP)
     nodes = np.arange(0.0, DAY + NODES / 2.0, NODES)
     leasts, tracks = [], [[] for _ in laws]  # type: ignore[var-annotated]
+    holds: list[int] = []
     for inclination, altitude in task.orbits:
         block = environment_block(component, _orbit(inclination, altitude))
         inputs = between(inputs_at(block, nodes.tolist()), nodes, times)
@@ -235,8 +238,8 @@ def _flown(task: _Task) -> tuple[Array, Array]:
         leasts.append(
             [least_by_formula(able, secular(replace(flight, disturbance=d))[0]) for d in each]
         )
-        for law, kept in zip(laws, tracks, strict=True):
-            hold = max(1, round(law.sample_time / STEP))
+        holds = holds or [hold_of(law, flight, SAMPLE) for law in laws]
+        for law, kept, hold in zip(laws, tracks, holds, strict=True):
             kept.append(track_of(flight, law, hardware, each, hold))
     made = [fly(kept, law, hardware, task.rods) for law, kept in zip(laws, tracks, strict=True)]
     return np.array(leasts), np.array([np.stack(c) for c in made]).transpose(1, 0, 2, 3, 4)
