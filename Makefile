@@ -2,7 +2,7 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: demo fmus ssp test check fuzz builds bench witness papers clean
+.PHONY: demo fmus ssp test check fuzz builds bench witness sizing papers clean
 
 demo: ssp ## build everything, run and pack one scenario, print the paper's tables beside ours
 	$(BIN)/desat run uosat12/table3-ocdc-ilqr-1
@@ -40,6 +40,9 @@ bench: ssp .venv-basilisk/.tried ## microseconds per step of ours and of others,
 
 witness: fmus .venv-basilisk/.tried ## the closed loop in Basilisk beside ours, against what is stored; WRITE=--write stores it anew
 	$(BIN)/python -m benchmarks.witness $(WRITE)
+
+sizing: fmus ## what `desat size` says beside closed loops, papers and others, into docs/sizing.md
+	$(BIN)/python -m benchmarks.sizing
 
 papers: ssp ## the pages under docs/papers, from their templates and runs made now
 	$(BIN)/desat keys --markdown > docs/language.md

@@ -1,35 +1,82 @@
-"""`desat size`: secular torque, least rods, and the momentum-only model against the closed loop."""
+"""`desat size`: secular torque by source, least rods, laws, the momentum-only model, map, page."""
 
 from __future__ import annotations
 
 import json
 from dataclasses import replace
-from math import pi
+from functools import cache
+from math import inf, pi, radians
 
 import numpy as np
 import pytest
 from scipy.optimize import minimize
 
+from benchmarks import sizing as bench
+from desat.components.laws import cross_product
+from desat.fmus.registry import block_class
+from desat.numbers.derived import cross
+from desat.runs.prepare import prepare
 from desat.runs.run import Options
-from desat.studies import sizing
-from desat.studies.sizing import Flight, least_rod, secular, size
+from desat.studies import flight as flights
+from desat.studies import sizing, sizing_map, sizing_page
+from desat.studies.flight import Flight, Hardware
+from desat.studies.momentum_law import UnsuitedError, ask, law_by, law_of
+from desat.studies.momentum_model import fly, track_of
+from desat.studies.sizing import (
+    Wishes,
+    geometry,
+    least_by_formula,
+    least_by_programme,
+    secular,
+    size,
+)
 from desat.system.errors import DesatError, Exit
 
 NAME = "nadir_day/day-dipole"
 FIELD, TORQUE, PERIOD = 3e-5, 2e-6, 5400.0
-PYRAMID = [[0.5, -0.5, -0.5, 0.5], [0.5, 0.5, -0.5, -0.5], [0.7, 0.7, 0.7, 0.7]]
+PYRAMID = np.array([[0.5, -0.5, -0.5, 0.5], [0.5, 0.5, -0.5, -0.5], [0.7, 0.7, 0.7, 0.7]])
 
 
-def still(b=(FIELD, 0.0, 0.0), torque=(0.0, 0.0, TORQUE), cyclic=0.0) -> Flight:
+def craft(**changes) -> Hardware:
+    given = {
+        "axes_wheel": PYRAMID,
+        "capacity": np.full(4, 0.05),
+        "torque_limit": 1e-3,
+        "axes_coil": np.eye(3),
+        "m_limit": 1.0,
+        "longest": 1.0,
+        "open": 1.0,
+        "inertia": np.eye(3),
+        "carrier": np.eye(3),
+        "arm": None,
+        "specific_impulse": None,
+    }
+    return Hardware(**{**given, **changes})  # fmt: skip
+
+
+def still(b=(FIELD, 0.0, 0.0), torque=(0.0, 0.0, TORQUE), cyclic=0.0, h=(0.0, 0.0, 0.0)) -> Flight:
     """Two and a half orbits of a craft that does not turn, in a field that does not change."""
     times = np.arange(0.0, 2.5 * PERIOD + 1.0, 10.0)
     turn = np.sin(2.0 * pi * times / PERIOD)[:, None] * np.array([0.0, cyclic, 0.0])
     rows = np.ones((len(times), 1))
     return Flight(
         times, PERIOD, times[:, None] * np.array(torque) + turn, rows * [0.0, 0.0, 0.0, 1.0],
-        rows * np.array(b), 0.0 * rows * np.ones(3), np.zeros(4), np.array(PYRAMID),
-        np.full(4, 0.05), np.eye(3), 1.0,
+        rows * np.array(b), 0.0 * rows * np.ones(3), np.array(h), {}, times, rows * [7e6, 0.0, 0.0],
+        rows * [0.0, 7.5e3, 0.0], 0.0 * rows * np.ones(3),
     )  # fmt: skip
+
+
+def turning(seed=1) -> Flight:
+    """The same where field and disturbance turn, each at its own rate."""
+    rng = np.random.default_rng(seed)
+    base = still()
+    t = base.times[:, None]
+    b = FIELD * np.cos(2.0 * pi * t / PERIOD * np.array([1.0, 2.0, 1.0]) + rng.uniform(0, 6, 3))
+    given = 1e-6 * t + 1e-3 * np.sin(2.0 * pi * t / PERIOD + rng.uniform(0.0, 6.0, 3))
+    return replace(base, b=b, disturbance=given - given[0])
+
+
+# --- momentum and the least rod -----------------------------------------------------------------
 
 
 def test_secular_and_cyclic_are_told_apart_over_whole_orbits():
@@ -46,13 +93,15 @@ def test_secular_and_cyclic_are_told_apart_over_whole_orbits():
 )  # fmt: skip
 def test_the_least_rod_in_a_field_that_stays(torque, least):
     """Across the field the rod that works against it, each axis its own; along it none does."""
-    formula, programme = least_rod(still(torque=torque), np.array(torque))
+    able = sizing.reach(still(torque=torque), craft())
+    programme = least_by_programme(able, np.array(torque))
     assert programme == pytest.approx(least, rel=1e-9)
-    assert formula <= programme * (1.0 + 1e-9)
+    assert least_by_formula(able, np.array(torque)) <= programme * (1.0 + 1e-9)
 
 
 def test_without_a_secular_torque_no_rod_is_needed():
-    assert least_rod(still(torque=(0.0, 0.0, 0.0)), np.zeros(3)) == (0.0, 0.0)
+    able = sizing.reach(still(), craft())
+    assert least_by_formula(able, np.zeros(3)) == least_by_programme(able, np.zeros(3)) == 0.0
 
 
 @pytest.mark.parametrize("seed", range(2))
@@ -73,15 +122,117 @@ def test_the_programme_is_its_dual_by_another_solver(seed):
     assert sizing._programme(able, torque) == pytest.approx(expected, rel=1e-7)
 
 
+def test_where_the_field_stays_rods_do_nothing_along_it():
+    flight, hardware = still(), craft()
+    able = sizing.reach(flight, hardware)
+    found = geometry(flight, hardware, able, np.array([0.0, 0.0, TORQUE]), TORQUE / FIELD)
+    assert abs(found.weakest[0]) > 0.99
+    assert found.weakness < 0.15
+    assert found.blind == 0.0
+    blind = geometry(flight, hardware, able, np.array([TORQUE, 0.0, 0.0]), 1.0).blind
+    assert blind == pytest.approx(2.0 * PERIOD, abs=20.0)
+
+
+# --- laws ---------------------------------------------------------------------------------------
+
+
+def cross_block(**given):
+    block = block_class("manager_cross_product")()
+    for name, value in {"gain": 2e-3, "sample_time": 10.0, **given}.items():
+        setattr(block, name, value)
+    return block
+
+
+def test_a_law_is_what_its_block_says():
+    """K h of the model is the dipole of the law's own function."""
+    flight, rows = turning(), np.arange(0, 1000, 100)
+    target = np.array([1e-3, 0.0, 0.0])
+    asked = ask(law_by(cross_block(), "x", target), flight, rows)
+    h = np.array([3e-3, -1e-3, 2e-3])
+    for k, row in enumerate(rows):
+        expected = cross_product.normalised(tuple(h), tuple(flight.b[row]), 2e-3)
+        assert asked.gain[k] @ h + asked.offset[k] == pytest.approx(expected, rel=1e-12)
+
+
+@pytest.mark.parametrize("saturation", [True, False])
+def test_the_model_steps_as_written_out(saturation):
+    """Its three lines for one rod, one after the other."""
+    flight, hardware, m, target = turning(), craft(), 0.05, np.array([1e-3, 0.0, -2e-3])
+    flight = replace(flight, h_start=np.array([0.01, -0.02, 0.005]))
+    law = law_by(cross_block(h_deadband=4e-3, saturation=saturation), "x", target)
+    found = fly([track_of(flight, law, hardware)], law, hardware, [0.2 * m, m])
+    h, sizes, duty = flight.h_start.copy(), [np.linalg.norm(flight.h_start)], []
+    for k in range(len(flight.times) - 1):
+        away = h - target
+        wanted = np.zeros(3)
+        if np.linalg.norm(away) > 4e-3:
+            wanted = np.array(cross_product.normalised(tuple(away), tuple(flight.b[k]), 2e-3))
+        coils = np.clip(wanted, -m, m)
+        duty.append(np.abs(coils).mean() / m)
+        middle = (flight.b[k] + flight.b[k + 1]) / 2.0
+        h = h + flight.disturbance[k + 1] - flight.disturbance[k] + np.cross(coils, middle) * 10.0
+        sizes.append(np.linalg.norm(h))
+    assert found.rms[0, 0, 1] == pytest.approx(np.sqrt(np.mean(np.square(sizes))), rel=1e-10)
+    assert found.largest[0, 0, 1] == pytest.approx(max(sizes), rel=1e-10)
+    assert found.duty[0, 0, 1] == pytest.approx(np.mean(duty), rel=1e-10)
+
+
+@pytest.mark.parametrize(
+    ("model", "given", "text"),
+    [("manager_closed_loop", {"centre_gain": 0.5}, "remembers"),
+     ("manager_integrated", {}, "no law of the momentum alone"),
+     ("manager_combined", {}, "no law of the momentum alone")],
+)  # fmt: skip
+def test_what_is_no_law_of_the_momentum_alone_is_refused(model, given, text):
+    block = block_class(model)()
+    for name, value in given.items():
+        setattr(block, name, value)
+    with pytest.raises(UnsuitedError, match=text):
+        ask(law_by(block, model, np.zeros(3)), day_of(NAME)[1], np.arange(0, 20000, 500))
+
+
+def test_a_law_that_plans_by_the_momentum_is_refused():
+    system, run = day_of("space_telescope/open-me-nominal")
+    with pytest.raises(UnsuitedError, match="remembers"):
+        ask(law_of(system.components["manager"]), run, np.arange(0, 4000, 10))
+
+
+def test_a_law_that_is_not_affine_is_refused():
+    class Strange(block_class("manager_cross_product")):
+        def dipole(self, elapsed, h):
+            m = super().dipole(elapsed, h)
+            return m and tuple(x * abs(x) for x in m)
+
+    with pytest.raises(UnsuitedError, match="not affine"):
+        ask(law_by(Strange(), "strange", np.zeros(3)), turning(), np.arange(0, 1350, 50))
+
+
+def test_a_law_of_ones_own_is_one_of_the_model():
+    class Mine(block_class("manager_cross_product")):
+        def dipole(self, elapsed, h):
+            return tuple(0.5 * x for x in cross(np.array([self.b_body]), np.array([h]))[0])
+
+    flight = turning()
+    asked = ask(law_by(Mine(), "mine", np.zeros(3)), flight, np.arange(3))
+    assert asked.gain[1] @ np.array([1.0, 2.0, 3.0]) == pytest.approx(
+        0.5 * np.cross(flight.b[1], [1.0, 2.0, 3.0])
+    )
+
+
+# --- a craft ------------------------------------------------------------------------------------
+
+
 @pytest.fixture(scope="module")
 def made():
-    return size(NAME, Options(stop=20000.0))
+    return size(NAME, Options(stop=20000.0), Wishes(slew_angle=radians(60.0), slew_time=300.0,
+                                                    arm=0.3, specific_impulse=60.0))  # fmt: skip
 
 
 def test_the_model_follows_the_closed_loop(made):
     flown = [row for row in made.curve if row.loop_rms is not None]
     assert [round(row.multiple, 6) for row in flown][:2] == [1.0, 1.3]
     assert made.recommended in [row.rod for row in flown]
+    assert {row.law for row in flown} == {"cross product"} == {made.law}
     for row in flown:
         assert row.rms == pytest.approx(row.loop_rms, rel=0.02)
         assert row.largest == pytest.approx(row.loop_largest, rel=0.02)
@@ -90,20 +241,209 @@ def test_the_model_follows_the_closed_loop(made):
 
 
 def test_larger_rods_hold_less_and_work_less(made):
-    rms, duty = ([getattr(row, key) for row in made.curve] for key in ("rms", "duty"))
-    assert rms == sorted(rms, reverse=True)
-    assert duty == sorted(duty, reverse=True)
-    (row,) = [row for row in made.curve if row.rod == made.recommended]
+    for law in {row.law for row in made.curve}:
+        rows = [row for row in made.curve if row.law == law]
+        assert [r.rms for r in rows] == sorted((r.rms for r in rows), reverse=True)
+        assert len(rows) >= len(sizing.SIZES)
+    (row,) = [r for r in made.curve if r.rod == made.recommended and r.law == made.law]
     assert row.duty <= made.duty
     assert row.multiple >= 1.3
+    assert [b.law for b in made.best] == ["cross product", "ccpl", "CP with gravity",
+                                          "quasi-static LQR"]  # fmt: skip
+
+
+def test_the_sources_make_the_whole(made):
+    assert sum(s.along for s in made.sources) == pytest.approx(1.0, abs=1e-4)
+    assert made.unexplained < 1e-4 * np.linalg.norm(made.secular)
+    assert {s.name for s in made.sources} == set(flights.SOURCES)
+
+
+def test_its_own_rods_are_in_the_curve_and_judged(made):
+    (row,) = [r for r in made.curve if r.rod == made.rod and r.law == made.law]
+    assert row.duty < 0.1
+    assert "coils: duty by cross product with its rods" in [m.name for m in made.margins]
+    full = replace(made, curve=(replace(row, filled=1.2),))
+    full = replace(full, margins=tuple(sizing._margins(full, 0.0)))
+    (line,) = sizing._problems(full)
+    assert "lets the fullest one come to" in line
+
+
+def test_slew_propellant_and_what_follows_by_hand(made):
+    system, _ = prepare(NAME, Options()).or_raise()
+    hardware = flights.hardware_of(system)
+    rate = 2.0 * radians(60.0) / 300.0
+    worst = max(np.linalg.norm(row) for row in np.linalg.pinv(hardware.axes_wheel)
+                @ hardware.inertia)  # fmt: skip
+    assert made.slew_momentum == pytest.approx(worst * rate)
+    assert made.slew_torque == pytest.approx(2.0 * made.slew_momentum / 300.0)
+    size_ = float(np.linalg.norm(made.secular))
+    assert made.propellant == pytest.approx(size_ * 365.25 * 86400.0 / (0.3 * 60.0 * 9.80665))
+    assert made.tip_off == pytest.approx(np.linalg.eigvalsh(hardware.inertia)[-1] * radians(5.0))
+    assert 0.0 < made.detumbling < 1e5
+    names = [m.name for m in made.margins]
+    assert "wheels: cyclic momentum and slew" in names
+    assert "wheels: torque of the slew" in names
+
+
+def test_a_years_days_are_what_the_scenario_says_of_that_day(made):
+    """A run begun at another date has the torque that the year says of it: within 1 %."""
+    assert len({d.day for d in made.year}) == sizing.DATES
+    assert {d.activity for d in made.year} == {"low", "high"}
+    system, _ = prepare(NAME, Options()).or_raise()
+    days = 28 * 4
+    component = system.components["environment"]
+    block = flights.environment_block(component)
+    sets = {"environment.epoch_j2000": block.epoch_j2000 + 86400.0 * days,
+            "environment.atmosphere": "activity", "environment.solar_activity": "high",
+            "environment.raan": block.raan + block._drift[0] * 86400.0 * days}  # fmt: skip
+    orbits = int(86400.0 / made.period) * made.period
+    then = size(NAME, Options(stop=float(round(orbits)) + 10.0, sets=[
+        f"{k}={v}" for k, v in sets.items()]), Wishes(flown=False, year=False, laws=False)
+    )  # fmt: skip
+    (day,) = [d for d in made.year if d.activity == "high"][4:5]
+    assert day.secular == pytest.approx(np.linalg.norm(then.secular), rel=0.01)
+    assert day.least == pytest.approx(then.least_formula, rel=0.01)
+
+
+@cache
+def day_of(name, stop=20000.0):
+    case = prepare(name, Options(stop=stop))
+    system, _ = case.or_raise()
+    return system, sizing.flown(case, system)
+
+
+def test_a_flight_without_a_run_is_that_of_a_run():
+    """Attitude, field and disturbances by the environment's block, against those recorded."""
+    system, run = day_of(NAME)
+    attitude = flights.attitude_of(run)
+    assert attitude.kind == "nadir"
+    nodes, times = np.arange(0.0, 20041.0, 120.0), np.arange(0.0, 20001.0, 10.0)
+    block = flights.environment_block(system.components["environment"])
+    inputs = flights.between(flights.inputs_at(block, nodes.tolist()), nodes, times)
+    made = flights.flown_at(system, attitude, inputs, times)
+    off = np.abs(made.b - run.b[::10]).max(axis=1) / np.abs(run.b).max()
+    assert off.max() < 2e-4
+    assert off[24:-24].max() < 3e-5
+    wanted, _ = secular(run)
+    found, _ = secular(made)
+    assert found == pytest.approx(wanted, abs=0.01 * np.linalg.norm(wanted))
+    assert made.body[1000:].mean(axis=0) == pytest.approx(run.body[10000:].mean(axis=0), abs=2e-5)
+
+
+def test_the_torque_of_an_independent_estimate():
+    """The secular torque of a textbook: gravity gradient 3 n^2 u x J u of a craft that points to
+    nadir, turned to eci with it, has no secular part but along what the orbit's axis keeps."""
+    system, run = day_of(NAME)
+    j = flights.hardware_of(system).inertia
+    n = 2.0 * pi / run.period
+    normal = np.cross(run.r[0], run.v[0]) / np.linalg.norm(np.cross(run.r[0], run.v[0]))
+    # u = z of lvlh; only its part about y, minus the orbit's normal, stays where it is in eci
+    expected = 3.0 * n**2 * np.cross([0.0, 0.0, 1.0], j @ [0.0, 0.0, 1.0])[1] * -normal
+    since = run.source_times - run.source_times[0]
+    impulse = run.sources["gravity gradient"]
+    found = np.array([np.interp(run.whole, since, x) for x in impulse.T]) / run.whole
+    assert found == pytest.approx(expected, abs=0.02 * np.linalg.norm(expected))
+
+
+# --- crafts that nobody chose; all ten and a day each: `make sizing`, docs/sizing.md -------------
+
+
+@pytest.mark.parametrize("which", [1, 6])
+def test_unseen_crafts_are_within_5_percent_of_the_closed_loop(which):
+    craft = bench.drawn(10)[which]
+    least, rows = bench.beside(craft, (1.2, 2.5), 20000.0)
+    assert least > 0.0
+    assert bench.held(rows)
+    assert [r.multiple for r in rows] == [1.2, 2.5]
+    assert rows[0].loop_duty > rows[1].loop_duty > 0.0
+    for row in rows:
+        assert row.duty == pytest.approx(row.loop_duty, abs=0.02)
+    wrong = [replace(r, rms=0.06) for r in rows]
+    assert not bench.held(wrong)
+
+
+def test_an_estimate_that_uses_nothing_of_ours_has_the_same_secular_torque():
+    torque, _ = bench.secular_of(bench.TWELVE)
+    assert bench.estimated(bench.TWELVE) == pytest.approx(torque, abs=0.01 * np.linalg.norm(torque))
+
+
+# --- the map ------------------------------------------------------------------------------------
+
+
+def test_a_map_says_of_its_orbit_what_the_model_says_of_a_run(tmp_path):
+    system, run = day_of(NAME, None)
+    block = flights.environment_block(system.components["environment"])
+    altitude = block.semi_major_axis - 6378137.0
+    residual = float(np.linalg.norm([0.1, -0.05, 0.08]))
+    axes = sizing_map.Axes((0.05, 0.02), (np.degrees(block.inclination), 40.0), (altitude,),
+                           (residual, 0.0))  # fmt: skip
+    made = sizing_map.map_of(NAME, Options(stop=20000.0), axes, Wishes(), jobs=1)
+    assert made.rms.shape == (1, 2, 1, 2, 2)
+    hardware = flights.hardware_of(system)
+    torque, _ = secular(run)
+    least = least_by_formula(sizing.reach(run, hardware), torque)
+    assert made.least[0, 0, 0] == pytest.approx(least, rel=0.01)
+    assert made.least[0, 0, 1] < made.least[0, 0, 0]
+    assert made.laws == ("cross product",)
+    # the run begins with filled wheels and turns a little, the map with empty ones at rest
+    law = law_of(system.components["manager"])
+    empty = replace(run, h_start=run.body[5000:].mean(axis=0) - run.body[0])
+    ours = fly([track_of(empty, law, hardware)], law, hardware, axes.rods)
+    share = ours.wheel[0, 0] / sizing.room_of(hardware)
+    for name, wanted in (("rms", ours.rms[0, 0]), ("duty", ours.duty[0, 0]), ("filled", share)):
+        assert getattr(made, name)[0, 0, 0, 0] == pytest.approx(wanted, rel=0.03), name
+    assert made.as_json()["holds"] == made.holds.tolist()
+    page = sizing_page.write_map(made, tmp_path / "map.html").read_text()
+    assert page.count("<figcaption>") == 1
+    assert "residual dipole" in page
+
+
+def test_an_orbit_of_the_map_is_one_whatever_gives_the_scenarios():
+    """Of an orbit given by position and velocity, too."""
+    sets = ["environment.orbit_start=state"]
+    system, _ = prepare(NAME, Options(sets=sets)).or_raise()
+    component = system.components["environment"]
+    block = flights.environment_block(component, sizing_map._orbit(30.0, 700e3))
+    inputs = flights.inputs_at(block, [0.0, 60.0])
+    assert np.linalg.norm(inputs["r_eci"], axis=1) == pytest.approx(6378137.0 + 700e3)
+    normal = np.cross(inputs["r_eci"][0], inputs["v_eci"][0])
+    assert normal[2] / np.linalg.norm(normal) == pytest.approx(np.cos(np.radians(30.0)), abs=1e-3)
+
+
+def test_a_map_of_a_craft_that_moves_is_refused():
+    with pytest.raises(DesatError, match="attitude moves"):
+        sizing_map.map_of("alsat1/slew-0.42", Options(stop=7000.0), sizing_map.Axes(),
+                          Wishes(), jobs=1)  # fmt: skip
+
+
+# --- the command --------------------------------------------------------------------------------
+
+
+def test_the_page_says_it_all(made, tmp_path):
+    page = sizing_page.write_sizing(made, tmp_path / "size.html").read_text()
+    assert made.answer in page
+    assert page.count("<figcaption>") == 5
+    for text in (
+        "Margins",
+        "gravity gradient",
+        "wheels: torque of the slew",
+        "quasi-static LQR",
+        "least rod, any law",
+        "cross product, closed",
+        made.year[0].day,
+    ):
+        assert text in page  # fmt: skip
+    assert "nan" not in page
+    json.dumps(made.as_json(), allow_nan=False)
 
 
 def test_what_cannot_hold_ends_with_1(desat):
-    told = desat("size", NAME, "--stop", "12000", "--no-loop", "--set", "torquers.m_limit=0.01",
-                 "--json")  # fmt: skip
+    told = desat("size", NAME, "--stop", "12000", "--no-loop", "--no-year", "--own-law", "--set",
+                 "torquers.m_limit=0.01", "--json")  # fmt: skip
     assert told.returncode == Exit.UNMET
     made = json.loads(told.stdout)
     assert made["rod"] == 0.01 < made["least"]
+    assert "cannot hold" in made["answer"]
     assert "it cannot hold: rods of 0.01 A m2: the secular torque" in told.stderr.replace("\n", " ")
 
 
@@ -112,29 +452,81 @@ def test_wheels_below_the_cyclic_momentum_and_no_rod_at_all_are_said(made):
     rods, wheels = sizing._problems(full)
     assert rods.startswith("no rod takes the secular torque out")
     assert wheels.startswith(f"wheels of {full.wheel_capacity:.4g} N m s: the cyclic momentum")
-    assert sizing._problems(replace(made, rod=made.least, wheel_capacity=made.wheel_needed)) == []
+    enough = replace(made, rod=made.least, margins=(), wheel_torque=inf,
+                     wheel_capacity=made.wheel_needed + made.slew_momentum)  # fmt: skip
+    assert sizing._problems(enough) == []
+    assert "slew need" in sizing._problems(replace(enough, wheel_capacity=made.wheel_needed))[0]
+    assert "the slew needs" in sizing._problems(replace(enough, wheel_torque=1e-9))[0]
+    worst = replace(enough, margins=tuple(sizing._margins(enough, 3.0 * made.least_formula)))
+    assert "worst day of the year" in sizing._problems(worst)[0]
 
 
 def test_a_law_that_the_model_has_not_is_said():
-    made = size("integrated/mil-nadir", Options(stop=12000.0), flown=False)
-    assert (made.curve, made.recommended) == ((), None)
-    assert any("closed loop only" in line for line in made.notes)
+    made = size("integrated/mil-nadir", Options(stop=12000.0), Wishes(flown=False, year=False))
+    assert made.law == "cross product"
+    assert any("manager_integrated: closed loop only" in line for line in made.notes)
     assert made.least > 0.0
 
 
 @pytest.mark.parametrize(
-    ("target", "options", "duty", "text"),
+    ("target", "options", "given", "text"),
     [
-        (NAME, Options(stop=600.0), 0.5, "an orbit 5717 s: at least one is needed"),
-        (NAME, Options(stop=12000.0), 1.0, "--duty 100: a share between 0 and 100 %"),
-        (
-            "plant/light",
-            Options(),
-            0.5,
-            "no torquers: a craft with environment,",
-        ),
+        (NAME, Options(stop=600.0), {}, "an orbit 5717 s: at least one is needed"),
+        (NAME, Options(stop=12000.0), {"duty": 1.0}, "--duty 100: a share between 0 and 100 %"),
+        (NAME, Options(stop=12000.0), {"margin": 0.9}, "--margin 0.9: a factor of 1 or more"),
+        (NAME, Options(stop=12000.0), {"arm": -1.0}, "--arm -1: a number above 0"),
+        ("plant/light", Options(), {}, "no torquers: a craft with environment,"),
     ],
 )
-def test_what_cannot_be_sized_is_refused(target, options, duty, text):
+def test_what_cannot_be_sized_is_refused(target, options, given, text):
     with pytest.raises(DesatError, match=text):
-        size(target, options, duty, flown=False)
+        size(target, options, Wishes(**given, flown=False, year=False))
+
+
+def test_a_bias_fills_the_wheels(made):
+    options = Options(stop=20000.0, sets=["manager.h_target_body=0,0.1,0"])
+    with_bias = size(NAME, options, Wishes(flown=False, year=False, laws=False))
+    spread = np.abs(
+        np.linalg.pinv(flights.hardware_of(prepare(NAME, options).or_raise()[0]).axes_wheel)
+        @ [0.0, 0.1, 0.0]
+    ).max()
+    assert with_bias.wheel_needed == pytest.approx(made.wheel_needed + spread, rel=0.05)
+
+
+def test_a_map_by_the_command(desat):
+    told = desat(
+        "size",
+        NAME,
+        "--map",
+        "--rods",
+        "0.05,0.2",
+        "--inclinations",
+        "52",
+        "--altitudes",
+        "500",
+        "--dipoles",
+        "0.1",
+        "--stop",
+        "12000",
+        "--jobs",
+        "1",
+        "--json",
+        check=True,
+    )
+    made = json.loads(told.stdout)
+    assert made["axes"]["altitudes"] == [500e3]
+    assert made["laws"] == ["cross product"]
+    assert np.shape(made["rms"]) == (1, 1, 1, 1, 2)
+    assert made["rms"][0][0][0][0][1] < made["rms"][0][0][0][0][0]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "text"),
+    [(["--slew", "60"], "--slew 60: an angle in deg and a time in s"),
+     (["--rods", "1,2"], "--rods: it belongs to --map"),
+     (["--map", "--rods", "1,b"], "--rods 1,b: numbers are needed")],
+)  # fmt: skip
+def test_options_that_make_no_sense_are_refused(desat, arguments, text):
+    told = desat("size", NAME, *arguments)
+    assert told.returncode == Exit.INPUT
+    assert text in told.stderr.replace("\n", " ")

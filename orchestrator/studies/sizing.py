@@ -1,8 +1,7 @@
-"""`desat size`: which wheels and rods a craft needs, from its momentum alone.
+"""`desat size`: which wheels, rods and propellant a craft needs, from its momentum alone.
 
-One run at the wanted attitude gives what no law changes: the field B(t), the attitude C(t), and the
-impulse J(t) of the disturbances, which is the body's external impulse less that of its coils. On
-these alone stand
+One run at the wanted attitude gives what no law changes (`flight.py`): the field B(t), the attitude
+C(t), and the impulse J(t) of the disturbances. On these alone stand
 
 - the secular torque s = (J(T) - J(0)) / T over whole orbits, and the cyclic rest J - s t, which the
   wheels have to hold whatever the coils do;
@@ -10,271 +9,364 @@ these alone stand
   sum_i |(a_i x B) . n|, n = s / |s|; so no law does with less than |s| / kappa. That the rest must
   come to nothing, too, makes it the larger  max over y of (y . s) / mean sum_i |(a_i x B) . y|,  a
   linear programme (its dual) whose answer any law can have that knows the whole time before;
-- a model of three states, the momentum H of wheels and body in eci: H' = disturbances + coils,
-  coils by the equation of the law, the rods' limits and the law's samples. It flies many sizes of
-  rods side by side. It knows neither pointing errors, detumbling and slews, nor the noise of
-  tachometers, which raises the duty where rods are large for their craft, nor the saturation of one
-  wheel by momentum in the null space: for these there is the closed loop.
+- the curves of momentum and duty over rods, law by law (`momentum_model.py`), and the rods that
+  hold with the margin and the duty asked for;
+- a year's extremes: the same s, cyclic part and least rod at other dates, flown by the
+  environment's own block at the attitude that the run has shown.
+
+The closed loop flies beside the model at the sizes that count.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import asdict, dataclass, replace
-from math import inf, pi, sqrt
+from datetime import UTC, datetime, timedelta
+from math import inf, pi
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from desat.components.physics.gyrostat import carrier_inertia
-from desat.components.physics.orbit import MU
+from desat.fmus.registry import block_class
 
-from ..numbers.derived import coil_impulse, in_body, rotate_back
+from ..numbers.derived import cross, rotate_back
 from ..runs.prepare import Case, Source, prepare, read
 from ..runs.run import simulate
 from ..system.errors import DesatError
-from ..system.model import System
+from ..system.model import Component, System
 from ..system.options import Options
-from ..system.parameters import table
+from ..system.parameters import value_of
+from .flight import (
+    Attitude,
+    Flight,
+    Hardware,
+    attitude_of,
+    environment_block,
+    flight_of,
+    flown_at,
+    hardware_of,
+    inputs_at,
+    period_of,
+    series_for,
+    values_of,
+)
+from .momentum_law import Law, UnsuitedError, law_by, law_of
+from .momentum_model import fly, in_body_of, track_of
 
 Array = NDArray[Any]
-LAWS = ("manager_cross_product",)
-"""Managers whose law the model has."""
 WHOLE = 1.15
 """From this multiple of the least rod on the model is within 5 % of the closed loop."""
 SIZES = (0.8, 1.0, WHOLE, 1.3, 1.6, 2.0, 3.0, 5.0, 8.0)
 """Rods of the curve, as multiples of the least."""
+LARGEST = 30.0
+"""The largest rod that is looked at, as a multiple of the least, or the craft's own if larger."""
 FLOWN = (1.0, 1.3)
 """Rods that fly in the closed loop beside the recommended one, as multiples of the least."""
 PROGRAMME = 1440
 """Times that the linear programme has at most: as many minutes as a day has."""
-ROLES = ("environment", "spacecraft", "wheels", "torquers", "manager")
-_SERIES = ("spacecraft.q_bi", "spacecraft.omega_bi_body", "spacecraft.impulse_eci",
-           "environment.b_eci", "environment.r_eci", "environment.v_eci",
-           "torquers.m_mean_body", "wheels.h_wheel")  # fmt: skip
+DATES, DAYS, YEAR_STEP = 13, 28, 120.0
+"""Days of a year that are looked at, how far apart, and the time between their rows (s)."""
+YEAR = 365.25 * 86400.0
+GRAVITY = 9.80665
+DIRECTIONS = 400
+"""In which the reach of the rods is looked at."""
+BANDWIDTH = 5.0
+"""Of a law whose craft gives no gain: so many times the orbit's rate (1/s over 1/s)."""
 
 
 @dataclass(frozen=True)
-class Flight:
-    """What no law changes of a run, at its steps t_k (n + 1), and the hardware."""
+class Wishes:
+    """What is asked of a sizing beside the craft."""
 
-    times: Array
-    """(n + 1,) s"""
-    period: float
-    """of the orbit, s"""
-    disturbance: Array
-    """(n + 1, 3) N m s, eci: impulse since the start of all torques but the coils'"""
-    q: Array
-    """(n + 1, 4) attitude"""
-    b: Array
-    """(n + 1, 3) T, eci"""
-    body: Array
-    """(n + 1, 3) N m s, body: momentum of the body without the wheels'"""
-    h_start: Array
-    """(4,) N m s, of each wheel at the start"""
-    axes_wheel: Array
-    """(3, 4)"""
-    capacity: Array
-    """(4,) N m s; 0 where there is no wheel"""
-    axes_coil: Array
-    """(3, c)"""
-    m_limit: float
-    """A m2"""
+    duty: float = 0.5
+    """of the coils"""
+    margin: float = 1.3
+    """of rods over the least rod, and of wheels over what they hold"""
+    slew_angle: float = 0.0
+    """rad"""
+    slew_time: float = 0.0
+    """s"""
+    tip_off: float = 5.0 * pi / 180.0
+    """rad/s"""
+    arm: float | None = None
+    """m, of thrusters; None: the craft's"""
+    specific_impulse: float | None = None
+    """s"""
+    laws: bool = True
+    """whether other laws than the craft's own have curves"""
+    year: bool = True
+    flown: bool = True
+    """whether the closed loop flies with the rods that count"""
 
-
-class Course(NamedTuple):
-    """The model with rods of some sizes: rms and largest size of the wheels' momentum in body
-    (N m s) and the coils' duty (1), each (sizes,)."""
-
-    rms: Array
-    largest: Array
-    duty: Array
-
-
-class Law(NamedTuple):
-    """A cross-product law as its block has it."""
-
-    gain: float
-    ccpl: bool
-    """M = gain (h x B) / |B|, else over |B|^2"""
-    deadband: float
-    """N m s"""
-    target: Array
-    """(3,) N m s, body"""
-    sample_time: float
-    """s; what it commands is held for so long"""
-    saturation: bool
+    def __post_init__(self) -> None:
+        """Raises DesatError for a wish that makes no sense."""
+        if not 0.0 < self.duty < 1.0:
+            raise DesatError(f"--duty {100.0 * self.duty:g}: a share between 0 and 100 % is needed")
+        if self.margin < 1.0:
+            raise DesatError(f"--margin {self.margin:g}: a factor of 1 or more is needed")
+        if (self.slew_angle > 0.0) != (self.slew_time > 0.0):
+            raise DesatError("--slew: an angle and a time above 0 are needed, as 60/300")
+        for name in ("arm", "specific_impulse", "tip_off"):
+            value = getattr(self, name)
+            if value is not None and value <= 0.0:
+                option = {"specific_impulse": "isp", "tip_off": "tip-off"}.get(name, name)
+                raise DesatError(f"--{option} {value:g}: a number above 0 is needed")
 
 
-def values_of(system: System) -> dict[str, dict[str, Any]]:
-    """`role` -> parameter -> value. Raises DesatError for a role that the system has not."""
-    if lacking := [r for r in ROLES if r not in system.components]:
-        raise DesatError(f"{system.name}: no {lacking[0]}: a craft with {', '.join(ROLES)} is "
-                         "needed")  # fmt: skip
-    every = table(system.components[r] for r in ROLES)
-    return {role: {k: p.value for k, p in every[role].items()} for role in ROLES}
-
-
-def flight_of(system: System, results: Any) -> Flight:
-    """The flight of a run that has recorded each step. Raises DesatError where it has not, or is
-    shorter than an orbit."""
-    given = values_of(system)
-    for name in ("axes_wheel", "inertia_wheel", "inertia"):
-        if name not in given["spacecraft"]:
-            raise DesatError(f"{system.name}: spacecraft has no {name}: a rigid body with wheels "
-                             "is needed")  # fmt: skip
-    q, omega, impulse, b, r, v, dipole, h = (results.values(s) for s in _SERIES)
-    times = results.times()
-    n = min(len(times), len(q), len(dipole) + 1)
-    times, q, omega, impulse, b = (x[:n] for x in (times, q, omega, impulse, b))
-    size, speed = np.linalg.norm(r[0]), np.linalg.norm(v[0])
-    axis = 1.0 / (2.0 / size - speed**2 / MU)
-    period = 2.0 * pi * sqrt(axis**3 / MU)
-    if times[-1] - times[0] < period:
-        raise DesatError(f"{system.name}: the run lasts {times[-1] - times[0]:g} s, an orbit "
-                         f"{period:.0f} s: at least one is needed (--stop)")  # fmt: skip
-    craft, wheels, coils = given["spacecraft"], given["wheels"], given["torquers"]
-    axes = np.reshape(craft["axes_wheel"], (3, 4))
-    carrier = np.reshape(carrier_inertia(*(tuple(np.ravel(craft[x]).tolist()) for x in
-                         ("inertia", "axes_wheel", "inertia_wheel"))), (3, 3))  # fmt: skip
-    there = np.linalg.norm(axes, axis=0) > 0.0
-    capacity = there * np.array(craft["inertia_wheel"]) * wheels.get("speed_limit", inf)
-    axes_coil = np.reshape(coils["axes_coil"], (3, -1))
-    return Flight(
-        times, period, impulse - coil_impulse(times, b, q, dipole[: n - 1]), q, b,
-        omega @ carrier.T, h[0], axes, np.nan_to_num(capacity, posinf=inf),
-        axes_coil[:, np.linalg.norm(axes_coil, axis=0) > 0.0], float(coils["m_limit"]),
-    )  # fmt: skip
-
-
-def law_of(system: System) -> Law | None:
-    """The law of the system's manager; None for one that the model does not have."""
-    manager = system.components["manager"]
-    if manager.source.rpartition("/")[2].removesuffix(".fmu") not in LAWS:
-        return None
-    given = values_of(system)["manager"]
-    return Law(
-        float(given["gain"]), given.get("law") in (1, "ccpl"), float(given.get("h_deadband", 0.0)),
-        np.array(given.get("h_target_body", (0.0, 0.0, 0.0)), float),
-        float(given.get("sample_time", 0.0)), bool(given.get("saturation", True)),
-    )  # fmt: skip
+# --- momentum -----------------------------------------------------------------------------------
 
 
 def secular(flight: Flight) -> tuple[Array, Array]:
     """The secular torque (3,) N m, eci, over as many whole orbits as there are, and the cyclic
     impulse (rows, 3) N m s of these."""
-    since = flight.times - flight.times[0]
-    whole = flight.period * int(since[-1] / flight.period)
-    rows = since <= whole
-    end = np.array([np.interp(whole, since, x) for x in flight.disturbance.T])
-    torque = (end - flight.disturbance[0]) / whole
-    return torque, flight.disturbance[rows] - flight.disturbance[0] - np.outer(since[rows], torque)
+    return _secular(flight.times, flight.disturbance, flight.whole)
 
 
-def reach(flight: Flight) -> Array:
-    """What each rod of 1 A m2 can do, as torque in eci: (rows, c, 3) N m."""
-    rods = flight.axes_coil.T
-    each = [rotate_back(flight.q, np.broadcast_to(a, (len(flight.q), 3))) for a in rods]
-    return np.stack([np.cross(axis, flight.b) for axis in each], axis=1)
+def _secular(times: Array, impulse: Array, whole: float) -> tuple[Array, Array]:
+    since = times - times[0]
+    rows = since <= whole * (1.0 + 1e-12)
+    end = np.array([np.interp(whole, since, x) for x in impulse.T])
+    torque = (end - impulse[0]) / whole
+    return torque, impulse[rows] - impulse[0] - np.outer(since[rows], torque)
 
 
-def least_rod(flight: Flight, torque: Array) -> tuple[float, float]:
-    """The least dipole (A m2) of equal rods that take the secular torque out: by the formula, and
-    by the linear programme; inf where none does."""
+def _span(cyclic: Array) -> float:
+    """The largest distance from the middle of the box that holds the cyclic momentum."""
+    return float(np.linalg.norm(cyclic - _middle(cyclic), axis=1).max())
+
+
+def _middle(cyclic: Array) -> Array:
+    return np.asarray((cyclic.max(axis=0) + cyclic.min(axis=0)) / 2.0)
+
+
+# --- rods ---------------------------------------------------------------------------------------
+
+
+def reach(flight: Flight, hardware: Hardware) -> Array:
+    """What each rod of 1 A m2 can do over the whole orbits, as torque in eci: (rows, c, 3) N m."""
+    rows = flight.times - flight.times[0] <= flight.whole * (1.0 + 1e-12)
+    q, b = flight.q[rows], flight.b[rows]
+    each = [rotate_back(q, np.broadcast_to(a, (len(q), 3))) for a in hardware.axes_coil.T]
+    return np.stack([cross(axis, b) for axis in each], axis=1)
+
+
+def least_by_formula(able: Array, torque: Array) -> float:
+    """|s| / mean sum_i |(a_i x B) . n| (A m2); inf where no rod does anything against s."""
     size = float(np.linalg.norm(torque))
     if size == 0.0:
-        return 0.0, 0.0
-    since = flight.times - flight.times[0]
-    rows = since <= flight.period * int(since[-1] / flight.period)
-    able = reach(flight)[rows]
-    work = np.abs(able @ (torque / size)).sum(axis=1).mean()
+        return 0.0
+    work = float(np.abs(able @ (torque / size)).sum(axis=1).mean())
+    return size / work if work > 0.0 else inf
+
+
+def least_by_programme(able: Array, torque: Array) -> float:
+    """The least dipole (A m2) of equal rods, any law: `_programme` over at most PROGRAMME rows."""
+    if not np.any(torque):
+        return 0.0
     some = able[:: -(-len(able) // PROGRAMME)]
-    programme = _programme(some.reshape(-1, 3) / len(some), torque)
-    return size / work if work > 0.0 else inf, programme
+    return _programme(some.reshape(-1, 3) / len(some), torque)
 
 
 def _programme(able: Array, torque: Array) -> float:
-    """min m,  sum u_i able_i = torque,  |u_i| <= m: (rods, 3) N m to A m2."""
+    """min m,  sum u_i able_i = torque,  |u_i| <= m: (rods, 3) N m to A m2. As max x with
+    sum u_i able_i = x torque and |u_i| <= 1, m = 1 / x, it has but three rows."""
     from scipy.optimize import linprog  # takes a while to load
 
     scale = float(np.abs(able).sum(axis=0).max())
     if scale == 0.0:
         return inf
-    # u = m (2 x - 1) is not linear in (m, x); with u = p - q, p + q <= m it is
-    count, columns = len(able), able.T / scale
-    rows = np.concatenate([columns, -columns, np.zeros((3, 1))], axis=1)
-    from scipy.sparse import eye_array, hstack
-
-    within = hstack([eye_array(count), eye_array(count), -np.ones((count, 1))]).tocsr()
-    unit = float(np.linalg.norm(torque))
-    found = linprog(
-        np.append(np.zeros(2 * count), 1.0), A_ub=within, b_ub=np.zeros(count),
-        A_eq=rows, b_eq=torque / unit, bounds=(0.0, None), method="highs",
-    )  # fmt: skip
-    return float(found.fun) * unit / scale if found.status == 0 else inf
+    size = float(np.linalg.norm(torque))
+    columns = np.column_stack([able.T / scale, -torque / size])
+    cost = np.append(np.zeros(len(able)), -1.0)
+    bounds = [(-1.0, 1.0)] * len(able) + [(0.0, None)]
+    found = linprog(cost, A_eq=columns, b_eq=np.zeros(3), bounds=bounds, method="highs")
+    if found.status != 0 or -found.fun <= 1e-12:
+        return inf
+    return size / (float(-found.fun) * scale)
 
 
-def fly(flight: Flight, law: Law, rods: Sequence[float]) -> Course:
-    """The model with rods of these sizes (A m2), side by side, from the run's start on."""
-    m = np.asarray(rods, float)[:, None]
-    step = float(flight.times[1] - flight.times[0])
-    hold = max(1, round(law.sample_time / step)) if law.sample_time > 0.0 else 1
-    rows = np.arange(0, len(flight.times), hold)
-    spare = np.linalg.pinv(flight.axes_coil)
-    q, times = flight.q[rows], flight.times[rows]
-    b_body = rotate_back(_conjugate(q), flight.b[rows])
-    body = flight.body[rows]
-    given = np.diff(flight.disturbance[rows], axis=0)
-    mean_b = (flight.b[rows][:-1] + flight.b[rows][1:]) / 2.0
-    halfway = q[:-1] + q[1:]
-    halfway /= np.linalg.norm(halfway, axis=1, keepdims=True)
-    # the matrix of each row: body to eci
-    to_eci = np.stack([rotate_back(q, np.broadcast_to(e, (len(q), 3))) for e in np.eye(3)], axis=2)
-    held = np.stack([rotate_back(halfway, np.broadcast_to(e, (len(halfway), 3)))
-                     for e in np.eye(3)], axis=2)  # fmt: skip
-    start = in_body(flight.h_start[None], flight.axes_wheel.ravel().tolist())[0] + body[0]
-    total = np.broadcast_to(to_eci[0] @ start, (len(m), 3)).copy()
-    squares, largest, duty = np.zeros(len(m)), np.zeros(len(m)), np.zeros(len(m))
-    for k in range(len(rows)):
-        h = total @ to_eci[k] - body[k]
-        size = np.sqrt((h * h).sum(axis=1))
-        squares += size**2
-        np.maximum(largest, size, out=largest)
-        if k == len(rows) - 1:
-            break
-        excess, field = h - law.target, b_body[k]
-        strength = float(field @ field)
-        factor = law.gain / (sqrt(strength) if law.ccpl else strength) if strength else 0.0
-        wanted = factor * np.cross(excess, field)
-        wanted[np.sqrt((excess * excess).sum(axis=1)) <= law.deadband] = 0.0
-        if law.saturation:
-            wanted = np.clip(wanted, -m, m)
-        coils = np.clip(wanted @ spare.T, -m, m)
-        duty += np.abs(coils).mean(axis=1) / m[:, 0]
-        dipole = coils @ flight.axes_coil.T @ held[k].T
-        total += given[k] + np.cross(dipole, mean_b[k]) * (times[k + 1] - times[k])
-    return Course(np.sqrt(squares / len(rows)), largest, duty / max(1, len(rows) - 1))
+class Geometry(NamedTuple):
+    """Where the field forbids."""
+
+    weakest: Array
+    """(3,) unit vector, eci: against a torque along it the rods do least"""
+    weakness: float
+    """what they do there over what they do on the average of all directions"""
+    blind: float
+    """s: the longest time in which rods of 1.3 times the least cannot undo the secular torque"""
+    against: float
+    """mean sum_i |(a_i x B) . n| along the weakest (T)"""
+    tumbling: float
+    """the same of a craft that tumbles: half of |B x n| a rod, the mean over all attitudes"""
 
 
-def _conjugate(q: Array) -> Array:
-    return np.asarray(q * np.array([-1.0, -1.0, -1.0, 1.0]))
+def geometry(flight: Flight, hardware: Hardware, able: Array, torque: Array,
+             least: float) -> Geometry:  # fmt: skip
+    """What the rods can do in which direction, and when not."""
+    k = np.arange(DIRECTIONS) + 0.5
+    z, turn = 1.0 - k / DIRECTIONS, pi * (1.0 + 5.0**0.5) * k  # half a sphere: n and -n are one
+    n = np.stack([np.cos(turn) * np.sqrt(1.0 - z * z), np.sin(turn) * np.sqrt(1.0 - z * z), z])
+    some = able[:: -(-len(able) // PROGRAMME)]
+    work = np.abs(some @ n).sum(axis=1).mean(axis=0)
+    b = flight.b[:: -(-len(flight.b) // PROGRAMME)]
+    across = np.sqrt(np.maximum((b * b).sum(axis=1)[:, None] - (b @ n) ** 2, 0.0)).mean(axis=0)
+    weakest = int(np.argmin(work))
+    size = float(np.linalg.norm(torque))
+    blind = 0.0
+    if size > 0.0 and least < inf:
+        can = 1.3 * least * np.abs(able @ (torque / size)).sum(axis=1)
+        edges = np.flatnonzero(np.diff(np.concatenate([[0], can < size, [0]])))
+        step = float(flight.times[1] - flight.times[0])
+        blind = float((edges[1::2] - edges[::2]).max(initial=0)) * step
+    return Geometry(n[:, weakest], float(work[weakest] / work.mean()), blind,
+                    float(work[weakest]), 0.5 * able.shape[1] * float(across.min()))  # fmt: skip
+
+
+# --- laws ---------------------------------------------------------------------------------------
+
+OTHERS: Mapping[str, tuple[str, Callable[[float, float], dict[str, Any]]]] = {
+    "cross product": ("manager_cross_product", lambda k, b: {"law": 0, "gain": k}),
+    "ccpl": ("manager_cross_product", lambda k, b: {"law": 1, "gain": k / b}),
+    "CP with gravity": ("manager_closed_loop", lambda k, b: {"gain": k, "weighting": 0}),
+    "quasi-static LQR": ("manager_magnetic_ilqr",
+                         lambda k, b: {"momentum_weight": ((k / b) ** 2,) * 3}),
+}  # fmt: skip
+"""Laws that need neither tables nor thrusters, with the gains that take momentum across the field
+out at the rate k (1/s) where the field has its mean size b (T)."""
+
+
+def other_laws(system: System, flight: Flight, own: Law | None) -> Iterator[Law]:
+    """The laws of OTHERS for this craft, but for its own, at its own gain where that is a rate, or
+    at BANDWIDTH times the orbit's."""
+    given = values_of(system)
+    manager, craft, coils = given["manager"], given["spacecraft"], given["torquers"]
+    b = float(np.linalg.norm(flight.b, axis=1).mean())
+    name = own.name if own is not None else ""
+    rate = BANDWIDTH * 2.0 * pi / flight.period
+    if name in ("cross product", "ccpl", "CP with gravity"):
+        rate = float(manager["gain"]) * (b if name == "ccpl" else 1.0)
+    sample = float(manager.get("sample_time") or coils.get("sample_time") or 10.0)
+    shared = {k: v for k, v in {**craft, **coils}.items()
+              if k in ("inertia", "axes_wheel", "axes_coil")}  # fmt: skip
+    for other, (model, gains) in OTHERS.items():
+        if other == name:
+            continue
+        block = block_class(model)()
+        for key, value in {**shared, "sample_time": sample, **gains(rate, b)}.items():
+            if hasattr(block, key):
+                several = isinstance(value, (list, tuple))
+                setattr(block, key, tuple(np.ravel(value).tolist()) if several else value)
+        yield law_by(block, other, np.zeros(3) if own is None else own.target)
 
 
 @dataclass(frozen=True)
 class Flown:
-    """A size of rods (A m2): the model, and the closed loop where it flew."""
+    """A size of rods (A m2) under a law: the model, and the closed loop where it flew."""
 
+    law: str
     rod: float
     multiple: float
     """of the least rod"""
-    rms: float
-    largest: float
-    duty: float
+    rms: float | None
+    """N m s; None: closed loop only"""
+    largest: float | None
+    filled: float | None
+    """the fullest wheel in the second half, share of its capacity; None: without a limit"""
+    duty: float | None
     """1"""
     loop_rms: float | None = None
     loop_largest: float | None = None
     loop_duty: float | None = None
+
+
+def curve_of(
+    flight: Flight, law: Law, hardware: Hardware, least: float, wishes: Wishes
+) -> tuple[tuple[Flown, ...], float | None]:  # fmt: skip
+    """The model over the sizes of SIZES, the craft's own and the recommended ones, and the smallest
+    with the margin and the duty asked for. Raises UnsuitedError for a law that it does not have."""
+    largest_rod = max(LARGEST, hardware.m_limit / least)
+    fine = np.geomspace(wishes.margin, largest_rod, 60) * least
+    given = [*(k * least for k in SIZES), *([hardware.m_limit] if hardware.m_limit else [])]
+    rods = np.array([*fine, *given])
+    made = fly([track_of(flight, law, hardware)], law, hardware, rods.tolist())
+    rms, largest, wheel, duty = (x[0, 0] for x in made)
+    room = room_of(hardware)
+    enough = (duty[: len(fine)] <= wishes.duty) & (wheel[: len(fine)] <= room)
+    best = int(np.argmax(enough)) if enough.any() else None
+    kept = sorted([*range(len(fine), len(rods)), *([] if best is None else [best])],
+                  key=lambda i: rods[i])  # fmt: skip
+    rows = tuple(
+        Flown(law.name, float(rods[i]), float(rods[i]) / least, float(rms[i]), float(largest[i]),
+              float(wheel[i]) / room if room < inf else None, float(duty[i]))
+        for i in kept
+    )  # fmt: skip
+    return rows, None if best is None else float(rods[best])
+
+
+def room_of(hardware: Hardware) -> float:
+    """The capacity of the smallest wheel (N m s)."""
+    there = hardware.capacity[hardware.capacity > 0.0]
+    return float(there.min()) if len(there) else 0.0
+
+
+# --- what a sizing says -------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Share:
+    """What a source of disturbance has in the momentum."""
+
+    name: str
+    secular: float
+    """N m, its size"""
+    along: float
+    """its share of the secular torque, along that; the shares make 1 where all sources are known"""
+    per_orbit: float
+    """N m s"""
+    cyclic: float
+    """N m s, as `Sizing.cyclic`"""
+
+
+@dataclass(frozen=True)
+class Date:
+    """A day of the year."""
+
+    day: str
+    activity: str
+    """of the Sun; empty: as the scenario has it"""
+    secular: float
+    """N m"""
+    per_orbit: float
+    """N m s"""
+    cyclic: float
+    """N m s"""
+    least: float
+    """rod, by the formula, A m2"""
+
+
+@dataclass(frozen=True)
+class Margin:
+    """What is needed beside what there is."""
+
+    name: str
+    needed: float
+    has: float
+    unit: str
+
+    @property
+    def ratio(self) -> float:
+        """What it has over what it needs."""
+        return self.has / self.needed if self.needed > 0.0 else inf
+
+
+@dataclass(frozen=True)
+class Best:
+    """The rods of the model for the duty and the margin asked for, under a law."""
+
+    law: str
+    rod: float | None
+    """A m2; None: there is none up to LARGEST times the least and the craft's own"""
 
 
 @dataclass(frozen=True)
@@ -284,35 +376,100 @@ class Sizing:
     target: str
     orbits: int
     period: float
+    attitude: str
+    """nadir, inertial or moving"""
     secular: tuple[float, ...]
     """eci"""
     per_orbit: float
     """secular momentum of an orbit"""
     cyclic: float
     """largest size of the cyclic momentum about its middle"""
+    sources: tuple[Share, ...]
+    unexplained: float | None
+    """secular torque that is of no source, N m; None: the sources are not known"""
+    year: tuple[Date, ...]
     wheel_needed: float
-    """of the fullest wheel, to hold cyclic and body momentum as the attitude turns"""
+    """of the fullest wheel, to hold cyclic and body momentum as the attitude turns, and a bias"""
+    slew_momentum: float
+    """of the fullest wheel, 2 I theta / T"""
+    slew_torque: float
+    """of it, 4 I theta / T^2"""
     wheel_capacity: float
     """of the smallest wheel; inf where it has no limit"""
-    hours_without: float
+    wheel_torque: float
+    """of a wheel at most"""
+    time_without: float
     """until a wheel that starts at rest is full without dumping; inf: never"""
     least_formula: float
     least: float
     """by the linear programme"""
     rod: float
     """that the craft has"""
+    best: tuple[Best, ...]
+    """law by law, the craft's own first where the model has it"""
+    law: str
+    """of the recommended rods, the first of these"""
     recommended: float | None
-    """the smallest with the duty asked for, at least 1.3 times the least; None: the model has no
-    such law, or none of up to 8 times the least"""
-    duty: float
-    """asked for (1)"""
+    """the smallest with the margin and the duty asked for, with which the wheels suffice"""
+    recommended_year: float | None
+    """the same for the worst day of the year: by the ratio of the least rods"""
+    weakest: tuple[float, ...]
+    """eci: against a torque along it the rods do least"""
+    weakness: float
+    """what they do there over what they do on the average of all directions"""
+    blind: float
+    """the longest time in which rods of 1.3 times the least cannot undo the secular torque"""
+    tip_off: float
+    """momentum of the body after separation"""
+    detumbling: float
+    """least time in which its rods, at their limits, take that out of a craft that tumbles"""
+    first_dump: float
+    """the same at the wanted attitude, from its wheels, in the worst direction"""
+    start_momentum: float
+    """of the wheels at the start"""
+    start_dump: float
+    """the same for that"""
+    propellant: float | None
+    """kg a year, of thrusters alone; None: neither arm nor specific impulse is known"""
+    wishes: Wishes
     curve: tuple[Flown, ...]
+    margins: tuple[Margin, ...]
     problems: tuple[str, ...]
     notes: tuple[str, ...]
 
     def as_json(self) -> dict[str, Any]:
         """What `--json` prints; what is without end is null."""
-        return {name: _finite(value) for name, value in asdict(self).items()}
+        told = {name: _finite(value) for name, value in asdict(self).items()}
+        for row, margin in zip(told["margins"], self.margins, strict=True):
+            row["ratio"] = _finite(margin.ratio)
+        return told | {"answer": self.answer}
+
+    @property
+    def duty(self) -> float:
+        """Asked for (1)."""
+        return self.wishes.duty
+
+    @property
+    def answer(self) -> str:
+        """The sentence that answers."""
+        if self.problems:
+            return f"{self.target} cannot hold: {self.problems[0]}."
+        if self.recommended is None:
+            rods = f"no rods of up to {LARGEST:g} times the least, {self.least:.3g} A m2, do"
+        else:
+            rods = f"rods of {self.recommended:.3g} A m2 do"
+            if self.recommended_year is not None and self.recommended_year > self.recommended:
+                rods += f" ({self.recommended_year:.3g} A m2 on the worst day of the year)"
+        return (
+            f"{self.target}: {rods} with a duty of {100.0 * self.duty:.3g} % and a margin of "
+            f"{self.wishes.margin:g} under {self.law or 'no law'}, it has {self.rod:.4g} A m2; its "
+            f"wheels need {1e3 * (self.wheel_needed + self.slew_momentum):.3g} mN m s each and "
+            + (
+                f"have {1e3 * self.wheel_capacity:.4g}."
+                if self.wheel_capacity < inf
+                else "have no limit."
+            )
+        )
 
 
 def _finite(value: Any) -> Any:
@@ -324,114 +481,268 @@ def _finite(value: Any) -> Any:
 
 
 def size(
-    target: str, options: Options, duty: float = 0.5, flown: bool = True,
+    target: str, options: Options, wishes: Wishes | None = None,
     progress: Callable[[str], None] = lambda text: None,
 ) -> Sizing:  # fmt: skip
-    """Size the wheels and rods of a craft for the attitude, orbit and law of a scenario. `flown`:
-    whether the closed loop flies with the sizes that count. Raises DesatError for a craft without
-    what it takes, or a run that does not complete."""
-    if not 0.0 < duty < 1.0:
-        raise DesatError(f"--duty {100.0 * duty:g}: a share between 0 and 100 % is needed")
+    """Size the wheels and rods of a craft for the attitude, orbit and law of a scenario. Raises
+    DesatError for a craft without what it takes, or a run that does not complete."""
+    wishes = wishes or Wishes()
     source = read(target)
     case = prepare(source, options)
     system, _ = case.or_raise()
-    values_of(system)
+    hardware = hardware_of(system)
     progress("the run at the wanted attitude")
-    run = simulate(_recording(case)).or_raise(target)
-    with run.results as results:
-        flight = flight_of(system, results)
-    law = law_of(system)
+    flight = flown(case, system)
+    notes: list[str] = []
+    try:
+        own = law_of(system.components["manager"])
+    except UnsuitedError as why:
+        own = None
+        notes.append(f"{_manager(system)}: closed loop only; {why}")
     torque, cyclic = secular(flight)
-    formula, least = least_rod(flight, torque)
-    wheel, hours = _wheels(flight, torque, cyclic)
-    curve, recommended = _curve(flight, law, least, duty)
-    if flown and curve:
-        closed = [*(k * least for k in FLOWN), *([recommended] if recommended else [])]
-        curve = tuple(
-            _in_the_loop(row, source, options, progress)
-            if any(abs(row.rod - x) < 1e-9 * x for x in closed) else row
+    able = reach(flight, hardware)
+    progress("the least rod, by a linear programme")
+    formula, least = least_by_formula(able, torque), least_by_programme(able, torque)
+    attitude = attitude_of(flight)
+    year: tuple[Date, ...] = ()
+    if wishes.year:
+        progress("the days of a year")
+        try:
+            year = tuple(_year(system, hardware, attitude))
+        except DesatError as why:
+            notes.append(f"no other days of the year: {why}")
+    curve, best = _curves(system, flight, hardware, own, least, wishes, progress, notes)
+    law, recommended = (best[0].law, best[0].rod) if best else ("", None)
+    if wishes.flown and 0.0 < least < inf:
+        curve = _beside(curve, recommended, source, options, system, own, least, progress)
+    component = system.components["manager"]
+    bias = [value_of(component, f"h_target_body[{i}]") for i in (1, 2, 3)]
+    needed, lasts = _wheels(flight, hardware, torque, cyclic, np.array(bias, float))
+    where = geometry(flight, hardware, able, torque, least)
+    slew = _slew(hardware, wishes)
+    worst = max((d.least for d in year), default=0.0)
+    tip_off = float(np.linalg.eigvalsh(hardware.inertia)[-1]) * wishes.tip_off
+    start = float(np.linalg.norm(flight.h_start))
+    tumbling, against = (hardware.m_limit * max(x, 1e-300) for x in
+                         (where.tumbling, where.against))  # fmt: skip
+    made = Sizing(
+        target, round(flight.whole / flight.period), flight.period, attitude.kind,
+        tuple(torque.tolist()), float(np.linalg.norm(torque)) * flight.period, _span(cyclic),
+        *_sources(flight, torque), year, needed, *slew, room_of(hardware), hardware.torque_limit,
+        lasts, formula, least, hardware.m_limit, best, law, recommended,
+        None if recommended is None or formula == 0.0 else
+        recommended * max(1.0, worst / formula),
+        tuple(where.weakest.tolist()), where.weakness, where.blind, tip_off,
+        tip_off / tumbling, tip_off / against, start, start / against,
+        _propellant(hardware, torque, wishes), wishes, curve, (), (), (),
+    )  # fmt: skip
+    made = replace(made, margins=tuple(_margins(made, worst)))
+    return replace(made, problems=tuple(_problems(made)), notes=(*notes, *_notes(made, attitude)))
+
+
+def _manager(system: System) -> str:
+    return system.components["manager"].source.rpartition("/")[2].removesuffix(".fmu")
+
+
+def flown(case: Case, system: System) -> Flight:
+    """The flight of a prepared case, flown now. Raises DesatError where it does not complete."""
+    recording = replace(case.options, record=series_for(system), every=1)
+    run = simulate(replace(case, options=recording)).or_raise(case.target)
+    with run.results as results:
+        return flight_of(system, results)
+
+
+def _sources(flight: Flight, torque: Array) -> tuple[tuple[Share, ...], float | None]:
+    """The shares of the sources, and the secular torque that is of none of them."""
+    if not flight.sources:
+        return (), None
+    square = float(torque @ torque)
+    rows, known = [], np.zeros(3)
+    for name, impulse in flight.sources.items():
+        mean, cyclic = _secular(flight.source_times, impulse, flight.whole)
+        known += mean
+        size = float(np.linalg.norm(mean))
+        along = float(mean @ torque) / square if square > 0.0 else 0.0
+        rows.append(Share(name, size, along, size * flight.period, _span(cyclic)))
+    return tuple(rows), float(np.linalg.norm(torque - known))
+
+
+def _year(system: System, hardware: Hardware, attitude: Attitude) -> Iterator[Date]:
+    """The days of a year, one after the other. Raises DesatError where they cannot be asked for."""
+    if attitude.kind == "moving":
+        raise DesatError(f"the attitude stays neither in eci nor in lvlh ("
+                         f"{np.degrees(attitude.wanders):.3g} deg from its mean)")  # fmt: skip
+    component = system.components["environment"]
+    block = environment_block(component)
+    first = inputs_at(block, [0.0])
+    period = period_of(first["r_eci"][0], first["v_eci"][0])
+    span = period * int(86400.0 / period)
+    since = np.linspace(0.0, span, round(span / YEAR_STEP) + 1)
+    levels = _activities(component, values_of(system)["spacecraft"])
+    epoch = float(getattr(block, "epoch_j2000", 0.0))
+    begin = datetime(2000, 1, 1, 12, tzinfo=UTC) + timedelta(seconds=epoch)
+    for k in range(DATES):
+        times = since + 86400.0 * DAYS * k
+        inputs = inputs_at(block, times.tolist())
+        for name, changes in levels:
+            if changes:
+                air = environment_block(component, changes)
+                inputs = inputs | {"density": inputs_at(air, times.tolist())["density"]}
+            flight = flown_at(system, attitude, inputs, times)
+            torque, cyclic = secular(flight)
+            size = float(np.linalg.norm(torque))
+            yield Date((begin + timedelta(days=DAYS * k)).date().isoformat(), name, size,
+                       size * flight.period, _span(cyclic),
+                       least_by_formula(reach(flight, hardware), torque))  # fmt: skip
+
+
+def _activities(component: Component, craft: Mapping[str, Any]) -> list[tuple[str, dict[str, int]]]:
+    """Low and high activity of the Sun, as changes of an environment that makes no field, where the
+    air matters and it knows them; else as it is."""
+    signals = component.interface.signals
+    thin = craft.get("aerodynamics", "none") == "none"
+    if thin or "solar_activity" not in signals or "density" not in component.interface.signals:
+        return [("", {})]
+
+    def number(name: str, choice: str) -> int:
+        return signals[name].choices.index(choice)
+
+    still = {"field": number("field", "none"), "atmosphere": number("atmosphere", "activity")}
+    return [(x, still | {"solar_activity": number("solar_activity", x)}) for x in ("low", "high")]
+
+
+def _curves(
+    system: System, flight: Flight, hardware: Hardware, own: Law | None, least: float,
+    wishes: Wishes, progress: Callable[[str], None], notes: list[str],
+) -> tuple[tuple[Flown, ...], tuple[Best, ...]]:  # fmt: skip
+    """The curves of the laws, the craft's own first, and the rods to recommend under each."""
+    if not 0.0 < least < inf:
+        return (), ()
+    laws = [own] if own is not None else []
+    if wishes.laws or own is None:
+        laws += other_laws(system, flight, own)
+    rows: tuple[Flown, ...] = ()
+    best: tuple[Best, ...] = ()
+    for law in laws:
+        progress(f"the model of {law.name}")
+        try:
+            more, recommended = curve_of(flight, law, hardware, least, wishes)
+        except UnsuitedError as why:
+            notes.append(f"{law.name}: closed loop only; {why}")
+            continue
+        rows, best = rows + more, (*best, Best(law.name, recommended))
+    return rows, best
+
+
+def _beside(
+    curve: tuple[Flown, ...], recommended: float | None, source: Source, options: Options,
+    system: System, own: Law | None, least: float, progress: Callable[[str], None],
+) -> tuple[Flown, ...]:  # fmt: skip
+    """The rows of the craft's own manager with the closed loop at the sizes that count; rows of the
+    closed loop alone where the model does not have its law."""
+    name = own.name if own is not None and curve and curve[0].law == own.name else ""
+    closed = [*(k * least for k in FLOWN), *([recommended] if recommended else [])]
+    if name:
+        return tuple(
+            in_the_loop(row, source, options, progress)
+            if row.law == name and any(abs(row.rod - m) < 1e-9 * m for m in closed) else row
             for row in curve
         )  # fmt: skip
-    working = flight.capacity[flight.capacity > 0.0]
-    capacity = float(working.min()) if len(working) else 0.0
-    whole = int((flight.times[-1] - flight.times[0]) / flight.period)
-    made = Sizing(
-        target, whole, flight.period, tuple(torque.tolist()),
-        float(np.linalg.norm(torque)) * flight.period, _span(cyclic), wheel, capacity, hours,
-        formula, least, flight.m_limit, recommended, duty, curve, (), (),
-    )  # fmt: skip
-    return replace(made, problems=tuple(_problems(made)), notes=tuple(_notes(made, law, system)))
+    alone = [Flown(_manager(system), m, m / least, None, None, None, None) for m in sorted(closed)]
+    return (*(in_the_loop(row, source, options, progress) for row in alone), *curve)
 
 
-def _recording(case: Case) -> Case:
-    return replace(case, options=replace(case.options, record=_SERIES, every=1))
-
-
-def _span(cyclic: Array) -> float:
-    """The largest distance from the middle of the box that holds the cyclic momentum."""
-    middle = (cyclic.max(axis=0) + cyclic.min(axis=0)) / 2.0
-    return float(np.linalg.norm(cyclic - middle, axis=1).max())
-
-
-def _wheels(flight: Flight, torque: Array, cyclic: Array) -> tuple[float, float]:
-    """What the fullest wheel has to hold of the cyclic momentum, shared with the least squares, and
-    how long wheels that begin at rest last without dumping (s)."""
-    spread = np.linalg.pinv(flight.axes_wheel)
-    n = len(cyclic)
-    middle = (cyclic.max(axis=0) + cyclic.min(axis=0)) / 2.0
-    inside = rotate_back(_conjugate(flight.q[:n]), cyclic - middle)
-    bent = flight.body[:n] - flight.body[:n].mean(axis=0)
-    each = np.abs((inside - bent) @ spread.T)
-    needed = float(each.max())
-    room = flight.capacity > 0.0
-    gained = flight.disturbance - flight.disturbance[0]
-    stored = np.abs(rotate_back(_conjugate(flight.q), gained) @ spread.T)[:, room]
-    full = (stored >= flight.capacity[room]).any(axis=1)
-    since = flight.times - flight.times[0]
-    if full.any():
-        return needed, float(since[np.argmax(full)])
-    rate = float(np.linalg.norm(torque)) * float(np.linalg.norm(spread, axis=1)[room].max())
-    left = float((flight.capacity[room] - stored.max(axis=0)).min())
-    return needed, inf if rate == 0.0 else float(since[-1]) + left / rate
-
-
-def _curve(
-    flight: Flight, law: Law | None, least: float, duty: float
-) -> tuple[tuple[Flown, ...], float | None]:  # fmt: skip
-    """The model over the sizes of SIZES, and the recommended one among them."""
-    if law is None or not 0.0 < least < inf:
-        return (), None
-    fine = np.geomspace(1.3, SIZES[-1], 40) * least
-    found = fly(flight, law, fine.tolist())
-    enough = found.duty <= duty
-    recommended = float(fine[np.argmax(enough)]) if enough.any() else None
-    rods = sorted({*(k * least for k in SIZES), *([recommended] if recommended else [])})
-    made = fly(flight, law, rods)
-    rows = zip(rods, made.rms, made.largest, made.duty, strict=True)
-    return tuple(
-        Flown(rod, rod / least, float(a), float(b), float(c)) for rod, a, b, c in rows
-    ), recommended
-
-
-def _in_the_loop(
-    row: Flown, source: Source, options: Options, progress: Callable[[str], None]
-) -> Flown:
+def in_the_loop(
+    row: Flown, source: Source, options: Options,
+    progress: Callable[[str], None] = lambda text: None,
+) -> Flown:  # fmt: skip
     """A size of rods with what the closed loop makes of it."""
     progress(f"the closed loop with rods of {row.rod:.4g} A m2")
-    values = {**options.values, "torquers.m_limit": row.rod, "manager.m_limit": row.rod}
+    plain, _ = prepare(source, options).or_raise()
+    values = {**options.values, "torquers.m_limit": row.rod}
+    if "m_limit" in plain.components["manager"].interface.signals:
+        values["manager.m_limit"] = row.rod
     case = prepare(source, replace(options, values=values))
-    run = simulate(_recording(case)).or_raise(source.target)
     system, _ = case.or_raise()
-    given = values_of(system)
+    run = simulate(replace(case, options=replace(case.options, record=series_for(system),
+                                                 every=1))).or_raise(source.target)  # fmt: skip
     with run.results as results:
-        h, m = results.values("wheels.h_wheel"), results.values("torquers.m_mean_body")
-    sizes = np.linalg.norm(in_body(h, given["spacecraft"]["axes_wheel"]), axis=1)
-    axes = np.reshape(given["torquers"]["axes_coil"], (3, -1))
-    coils = m @ np.linalg.pinv(axes[:, np.linalg.norm(axes, axis=0) > 0.0]).T
+        wheels = "wheels.h_wheel" in results.names()
+        h = results.values("wheels.h_wheel" if wheels else "spacecraft.h_copy_wheel")
+        m = results.values("torquers.m_mean_body")
+    hardware = hardware_of(system)
+    sizes = np.linalg.norm(h @ hardware.axes_wheel.T, axis=1)
+    coils = m @ np.linalg.pinv(hardware.axes_coil).T
     return replace(
         row, loop_rms=float(np.sqrt((sizes**2).mean())), loop_largest=float(sizes.max()),
         loop_duty=float(np.abs(coils).mean()) / row.rod,
     )  # fmt: skip
+
+
+def _wheels(
+    flight: Flight, hardware: Hardware, torque: Array, cyclic: Array, bias: Array
+) -> tuple[float, float]:  # fmt: skip
+    """What the fullest wheel has to hold of the cyclic momentum and of a bias (3,) N m s, body,
+    shared with the least squares, and how long wheels that begin at rest last without dumping
+    (s)."""
+    spread = hardware.spread()
+    n = len(cyclic)
+    inside = in_body_of(flight, cyclic - _middle(cyclic))
+    bent = flight.body[:n] - flight.body[:n].mean(axis=0)
+    needed = float(np.abs((inside - bent + bias) @ spread.T).max())
+    room = hardware.capacity > 0.0
+    capacity = hardware.capacity[room]
+    gained = flight.disturbance - flight.disturbance[0]
+    stored = np.abs(in_body_of(flight, gained) @ spread.T)[:, room]
+    full = (stored >= capacity).any(axis=1)
+    since = flight.times - flight.times[0]
+    if full.any():
+        return needed, float(since[np.argmax(full)])
+    rate = float(np.linalg.norm(torque)) * float(np.linalg.norm(spread, axis=1)[room].max())
+    left = float((capacity - stored.max(axis=0)).min())
+    return needed, inf if rate == 0.0 else float(since[-1]) + left / rate
+
+
+def _slew(hardware: Hardware, wishes: Wishes) -> tuple[float, float]:
+    """Momentum (N m s) and torque (N m) of the fullest wheel in a slew about the worst axis, with
+    the rate of a triangle."""
+    if wishes.slew_time == 0.0:
+        return 0.0, 0.0
+    worst = float(np.linalg.norm(hardware.spread() @ hardware.inertia, axis=1).max())
+    rate = 2.0 * wishes.slew_angle / wishes.slew_time
+    return worst * rate, worst * 2.0 * rate / wishes.slew_time
+
+
+def _propellant(hardware: Hardware, torque: Array, wishes: Wishes) -> float | None:
+    arm = wishes.arm or hardware.arm
+    isp = wishes.specific_impulse or hardware.specific_impulse
+    if arm is None or isp is None:
+        return None
+    return float(np.linalg.norm(torque)) * YEAR / (arm * isp * GRAVITY)
+
+
+def _margins(made: Sizing, worst: float) -> Iterator[Margin]:
+    """What is needed beside what there is, a row each."""
+    if made.least < inf:
+        yield Margin("rods: any law, this day", made.least, made.rod, "A.m2")
+    if made.year and made.least_formula > 0.0:
+        needed = made.least * max(1.0, worst / made.least_formula)
+        yield Margin("rods: any law, worst day of the year", needed, made.rod, "A.m2")
+    if made.recommended is not None:
+        yield Margin(f"rods: {made.law}, duty and margin", made.recommended, made.rod, "A.m2")
+    if made.wheel_capacity < inf:
+        yield Margin("wheels: cyclic momentum", made.wheel_needed, made.wheel_capacity, "N.m.s")
+        if made.slew_momentum > 0.0:
+            both = made.wheel_needed + made.slew_momentum
+            yield Margin("wheels: cyclic momentum and slew", both, made.wheel_capacity, "N.m.s")
+    for row in (r for r in made.curve if r.law == made.law and r.rod == made.rod):
+        if row.filled is not None:
+            yield Margin(f"wheels: {row.law} with its rods", row.filled * made.wheel_capacity,
+                         made.wheel_capacity, "N.m.s")  # fmt: skip
+        if row.duty is not None:
+            yield Margin(f"coils: duty by {row.law} with its rods", row.duty, made.duty, "1")
+    if made.slew_torque > 0.0 and made.wheel_torque < inf:
+        yield Margin("wheels: torque of the slew", made.slew_torque, made.wheel_torque, "N.m")
 
 
 def _problems(made: Sizing) -> list[str]:
@@ -442,20 +753,37 @@ def _problems(made: Sizing) -> list[str]:
     elif made.rod < made.least:
         lines.append(f"rods of {made.rod:.4g} A m2: the secular torque needs at least "
                      f"{made.least:.4g} A m2 with any law")  # fmt: skip
+    else:
+        lines += [
+            f"rods of {m.has:.4g} A m2: the worst day of the year needs at least {m.needed:.4g} "
+            "A m2 with any law" for m in made.margins if "worst day" in m.name and m.ratio < 1.0
+        ]  # fmt: skip
+    lines += [
+        f"wheels of {m.has:.4g} N m s: {made.law} with its rods of {made.rod:.4g} A m2 lets the "
+        f"fullest one come to {m.needed:.4g} N m s" for m in made.margins
+        if m.name == f"wheels: {made.law} with its rods" and m.ratio < 1.0
+    ]  # fmt: skip
     if made.wheel_needed > made.wheel_capacity:
         lines.append(f"wheels of {made.wheel_capacity:.4g} N m s: the cyclic momentum alone needs "
                      f"{made.wheel_needed:.4g} N m s of the fullest one")  # fmt: skip
+    elif made.wheel_needed + made.slew_momentum > made.wheel_capacity:
+        lines.append(
+            f"wheels of {made.wheel_capacity:.4g} N m s: cyclic momentum and slew need "
+            f"{made.wheel_needed + made.slew_momentum:.4g} N m s of the fullest one"
+        )
+    if made.slew_torque > made.wheel_torque:
+        lines.append(f"wheels of {made.wheel_torque:.4g} N m: the slew needs "
+                     f"{made.slew_torque:.4g} N m of the fullest one")  # fmt: skip
     return lines
 
 
-def _notes(made: Sizing, law: Law | None, system: System) -> list[str]:
+def _notes(made: Sizing, attitude: Attitude) -> list[str]:
     """What the numbers do not say, a line each."""
     lines = []
-    if law is None:
-        name = system.components["manager"].source.rpartition("/")[2].removesuffix(".fmu")
-        lines.append(f"{name}: closed loop only; the model has the law of {', '.join(LAWS)}")
     if made.orbits < 14:
         lines.append(f"{made.orbits} whole orbits: a day (--stop 86400) sees the field turn once")
-    if abs(made.least - made.least_formula) > 0.01 * made.least_formula:
+    if made.least < inf and abs(made.least - made.least_formula) > 0.01 * made.least_formula:
         lines.append("formula and linear programme differ by more than 1 %: the latter counts")
+    if attitude.kind == "moving":
+        lines.append("the attitude moves: rods and wheels are those of the run as it was flown")
     return lines

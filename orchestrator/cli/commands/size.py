@@ -2,14 +2,20 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from math import radians
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.table import Table
 
-from ...system.errors import Exit
+from ...system.errors import DesatError, Exit
 from .. import options as o
-from ..console import app, err, out, print_json
+from ..console import app, err, name_of, out, print_json
+
+if TYPE_CHECKING:
+    from ...studies.sizing import Sizing
+    from ...studies.sizing_map import SizingMap
 
 
 @app.command()
@@ -18,78 +24,211 @@ def size(
     duty: Annotated[
         float, typer.Option(metavar="PERCENT", help="Duty of the coils to recommend rods for.")
     ] = 50.0,
+    margin: Annotated[
+        float, typer.Option(metavar="FACTOR", help="Of recommended rods over the least ones.")
+    ] = 1.3,
+    slew: Annotated[
+        str | None, typer.Option(metavar="DEG/S", help="A slew that wheels make: 60/300.")
+    ] = None,
+    tip_off: Annotated[
+        float, typer.Option(metavar="DEG_PER_S", help="Rate after separation.")
+    ] = 5.0,
+    arm: Annotated[
+        float | None, typer.Option(metavar="M", help="Of thrusters (default: the craft's).")
+    ] = None,
+    isp: Annotated[
+        float | None, typer.Option(metavar="S", help="Specific impulse (default: the craft's).")
+    ] = None,
+    laws: Annotated[
+        bool | None,
+        typer.Option(
+            "--laws/--own-law", help="Other laws than the craft's, too (default: yes, of a map no)."
+        ),
+    ] = None,
+    year: Annotated[
+        bool, typer.Option("--year/--no-year", help="The extremes of a year, too.")
+    ] = True,
     loop: Annotated[
         bool, typer.Option("--loop/--no-loop", help="Fly the sizes that count in the closed loop.")
     ] = True,
+    as_map: Annotated[
+        bool, typer.Option("--map", help="A map over rods, inclinations, altitudes, dipoles.")
+    ] = False,
+    rods: Annotated[
+        str | None, typer.Option(metavar="A.M2,...", help="Of a map (default: by the least rod).")
+    ] = None,
+    inclinations: Annotated[
+        str | None, typer.Option(metavar="DEG,...", help="Of a map (default: 10 to 97.5).")
+    ] = None,
+    altitudes: Annotated[
+        str | None, typer.Option(metavar="KM,...", help="Of a map (default: 350 to 900).")
+    ] = None,
+    dipoles: Annotated[
+        str | None, typer.Option(metavar="A.M2,...", help="Of a map (default: by its residual one)")
+    ] = None,
     sets: o.Sets = None,
+    sources: o.Sources = None,
     stop: o.Stop = None,
     blocks: o.Blocks = False,
+    jobs: o.Jobs = o.CPUS,
+    html: Annotated[
+        Path | None, typer.Option(help="Where the page goes (default: runs/size-NAME.html).")
+    ] = None,
     as_json: o.Json = False,
 ) -> None:
-    """Size the wheels and rods of a craft: what its disturbances ask of them, the least rod that
-    any law can do with, and duty and momentum over rods. Ends with 1 where the craft cannot hold.
+    """Size the wheels, rods and propellant of a craft: what its disturbances ask of them, by source
+    and over a year, the least rod that any law can do with, duty and momentum over rods law by
+    law, and the rods for the duty asked for. Ends with 1 where the craft cannot hold.
     """
-    from ...studies import sizing
+    from ...studies import sizing, sizing_map, sizing_page
 
-    options = o.options_of(sets, stop, None, o.Semantics.conserving, blocks)
+    options = o.options_of(sets, stop, None, o.Semantics.conserving, blocks, sources=sources)
+    angle, seconds = _slew(slew)
+    wishes = sizing.Wishes(
+        duty / 100.0,
+        margin,
+        radians(angle),
+        seconds,
+        radians(tip_off),
+        arm,
+        isp,
+        laws is not False,
+        year,
+        loop,
+    )
+    given = {"rods": rods, "inclinations": inclinations, "altitudes": altitudes,
+             "dipoles": dipoles}  # fmt: skip
+    if (lost := [k for k, v in given.items() if v is not None]) and not as_map:
+        raise DesatError(f"--{lost[0]}: it belongs to --map")
+    page = html or Path("runs") / f"size-{'map-' if as_map else ''}{name_of(target)}.html"
     with err.status("") as status:
-        made = sizing.size(
-            target, options, duty / 100.0, loop, lambda text: status.update(f"{text} ...")
-        )
+
+        def progress(text: str) -> None:
+            status.update(f"{text} ...")
+
+        if as_map:
+            values = {k: _numbers(k, v) for k, v in given.items()}
+            values["altitudes"] = tuple(1e3 * x for x in values["altitudes"])
+            axes = sizing_map.Axes(**values, laws=laws is True)
+            map_made = sizing_map.map_of(target, options, axes, wishes, jobs, progress)
+        else:
+            made = sizing.size(target, options, wishes, progress)
+    if as_map:
+        if as_json:
+            print_json(map_made.as_json())
+            return
+        _print_map(map_made)
+        _told(sizing_page.write_map(map_made, page))
+        return
     if as_json:
         print_json(made.as_json())
     else:
         _print(made)
+        _told(sizing_page.write_sizing(made, page))
     for line in made.problems:
-        err.print(f"it cannot hold: {line}")
+        err.print(f"it cannot hold: {line}", highlight=False, markup=False)
     if made.problems:
         raise typer.Exit(Exit.UNMET)
 
 
-def _print(made: object) -> None:
-    from ...studies.sizing import Sizing
+def _told(page: Path) -> None:
+    out.print(f"page: {page.resolve()}", highlight=False, markup=False)
 
-    assert isinstance(made, Sizing)
-    rod = "none of up to 8 times the least" if made.recommended is None else (
-        f"{made.recommended:.4g} A m2"
-    )  # fmt: skip
-    out.print(
-        f"{made.target}: rods of at least {made.least:.4g} A m2, {rod} for a duty of "
-        f"{100.0 * made.duty:.3g} %; it has {made.rod:.4g} A m2. The fullest wheel needs "
-        f"{1e3 * made.wheel_needed:.4g} mN m s beside what is dumped; the smallest holds "
-        f"{1e3 * made.wheel_capacity:.4g} mN m s.",
-    )  # fmt: skip
+
+def _slew(text: str | None) -> tuple[float, float]:
+    """Angle (deg) and time (s). Raises DesatError where they are none."""
+    if text is None:
+        return 0.0, 0.0
+    try:
+        angle, seconds = (float(x) for x in text.split("/"))
+    except ValueError:
+        raise DesatError(f"--slew {text}: an angle in deg and a time in s are needed, as "
+                         "60/300") from None  # fmt: skip
+    if not (angle > 0.0 and seconds > 0.0):
+        raise DesatError(f"--slew {text}: an angle and a time above 0 are needed, as 60/300")
+    return angle, seconds
+
+
+def _numbers(name: str, text: str | None) -> tuple[float, ...]:
+    """The numbers of a list. Raises DesatError for what is none."""
+    if text is None:
+        return ()
+    try:
+        return tuple(float(x) for x in text.split(","))
+    except ValueError:
+        raise DesatError(f"--{name} {text}: numbers are needed, as 1,2,3") from None
+
+
+def _print(made: Sizing) -> None:
+    from ...studies.sizing_page import rows_of, shown
+
+    out.print(made.answer, highlight=False, markup=False)
     out.print()
-    rows = (
-        ("Secular torque", f"{1e6 * sum(x * x for x in made.secular) ** 0.5:.4g}", "uN m"),
-        ("Secular momentum of an orbit", f"{1e3 * made.per_orbit:.4g}", "mN m s"),
-        ("Cyclic momentum, largest about its middle", f"{1e3 * made.cyclic:.4g}", "mN m s"),
-        ("Time without dumping until a wheel is full", f"{made.hours_without / 3600.0:.4g}", "h"),
-        ("Least rod, |s| / mean sum |(a x B) . n|", f"{made.least_formula:.4g}", "A m2"),
-        ("Least rod for any law, linear programme", f"{made.least:.4g}", "A m2"),
-        ("Margin of the rods that it has", f"{made.rod / made.least:.3g}" if made.least else "",
-         "times"),
-    )  # fmt: skip
-    table = Table(box=None, show_header=False, pad_edge=False)
-    table.add_column()
-    table.add_column(justify="right")
-    for row in rows:
-        table.add_row(*row)
-    out.print(table)
+    rows = Table(box=None, show_header=False, pad_edge=False)
+    rows.add_column()
+    rows.add_column(justify="right")
+    for row in rows_of(made):
+        rows.add_row(*row)
+    out.print(rows)
+    if made.margins:
+        out.print()
+        table = _table("margin", "needed", "has", "unit", "times")
+        for m in made.margins:
+            table.add_row(m.name, f"{m.needed:.4g}", f"{m.has:.4g}", m.unit, f"{m.ratio:.3g}")
+        out.print(table)
+    if made.sources:
+        out.print()
+        table = _table("source", "secular, uN m", "share, %", "an orbit, mN m s", "cyclic")
+        for s in made.sources:
+            table.add_row(s.name, f"{1e6 * s.secular:.4g}", f"{100.0 * s.along:.1f}",
+                          f"{1e3 * s.per_orbit:.4g}", f"{1e3 * s.cyclic:.4g}")  # fmt: skip
+        out.print(table)
+    if made.year:
+        out.print()
+        table = _table(
+            "of a year", "day", "activity of the Sun", "secular, uN m", "least rod, A m2"
+        )
+        for name, pick in (("least", min), ("most", max)):
+            d = pick(made.year, key=lambda x: x.least)
+            table.add_row(name, d.day, d.activity, f"{1e6 * d.secular:.4g}", f"{d.least:.4g}")
+        out.print(table)
     if made.curve:
         out.print()
-        curve = Table(box=None, header_style="bold", pad_edge=False)
-        for name in ("rod, A m2", "times the least", "rms, mN m s", "largest", "duty, %",
-                     "closed loop: rms", "largest", "duty, %"):  # fmt: skip
-            curve.add_column(name, justify="right")
+        table = _table("law", "rod, A m2", "times the least", "rms, mN m s", "largest",
+                       "wheel, %", "duty, %", "closed loop: rms", "largest", "duty, %")  # fmt: skip
         for r in made.curve:
-            flown = [] if r.loop_rms is None or r.loop_largest is None or r.loop_duty is None else [
-                f"{1e3 * r.loop_rms:.4g} ({100.0 * (r.rms / r.loop_rms - 1.0):+.1f} %)",
-                f"{1e3 * r.loop_largest:.4g} ({100.0 * (r.largest / r.loop_largest - 1.0):+.1f} %)",
-                f"{100.0 * r.loop_duty:.3g}",
-            ]  # fmt: skip
-            curve.add_row(f"{r.rod:.4g}", f"{r.multiple:.3g}", f"{1e3 * r.rms:.4g}",
-                          f"{1e3 * r.largest:.4g}", f"{100.0 * r.duty:.3g}", *flown)  # fmt: skip
-        out.print(curve)
+            if r.law == made.curve[0].law or r.law == made.law:
+                table.add_row(*shown(r))
+        out.print(table)
+        if others := [f"{b.law} {f'{b.rod:.4g}' if b.rod else 'none'}" for b in made.best[1:]]:
+            out.print(f"recommended under other laws, A m2: {', '.join(others)}", highlight=False)
     for line in made.notes:
-        out.print(f"note: {line}")
+        out.print(f"note: {line}", highlight=False, markup=False)
+
+
+def _table(*columns: str) -> Table:
+    table = Table(box=None, header_style="bold", pad_edge=False)
+    for i, name in enumerate(columns):
+        table.add_column(name, justify="right" if i else "left")
+    return table
+
+
+def _print_map(made: SizingMap) -> None:
+    order = sorted(range(len(made.axes.rods)), key=lambda i: made.axes.rods[i])
+    for k, law in enumerate(made.laws):
+        out.print(f"{law}: the smallest rod (A m2) that holds with a duty of "
+                  f"{100.0 * made.wishes.duty:g} % and a margin of {made.wishes.margin:g}",
+                  highlight=False)  # fmt: skip
+        table = _table("residual dipole, A m2", "altitude, km",
+                       *(f"{i:g} deg" for i in made.axes.inclinations))  # fmt: skip
+        for d, dipole in enumerate(made.axes.dipoles):
+            for a, altitude in enumerate(made.axes.altitudes):
+                cells = []
+                for i in range(len(made.axes.inclinations)):
+                    held = [j for j in order if made.holds[k, i, a, d, j]]
+                    cells.append(f"{made.axes.rods[held[0]]:.3g}" if held else "-")
+                table.add_row(f"{dipole:.3g}", f"{altitude / 1e3:g}", *cells)
+        out.print(table)
+        out.print()
+    for line in made.notes:
+        out.print(f"note: {line}", highlight=False, markup=False)

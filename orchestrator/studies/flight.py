@@ -1,0 +1,373 @@
+"""What no law of momentum management changes of a craft: its field, attitude and disturbances.
+
+Either of a run that was flown (`flight_of`), or flown without one, by the environment's own block
+at the attitude that a run has shown (`Attitude`): at another date, or on another orbit. Torques are
+those of `analyses/motion.py`, which knows the spacecraft's by its parameters.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from math import inf, pi, sqrt
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from desat.components.contract.block import Block, BlockError
+from desat.components.maths.attitude import inverse, product
+from desat.components.physics.gyrostat import carrier_inertia
+from desat.components.physics.orbit import MU, lvlh_attitude
+from desat.fmus.registry import block_class, names
+
+from ..analyses import motion
+from ..numbers.derived import coil_impulse, cross, rotate_back
+from ..system.errors import DesatError
+from ..system.model import Component, System
+from ..system.parameters import Parameter, table, value_of
+
+Array = NDArray[Any]
+ROLES = ("environment", "spacecraft", "torquers", "manager")
+SOURCES = ("gravity gradient", "drag", "radiation", "residual dipole")
+SERIES = ("spacecraft.q_bi", "spacecraft.omega_bi_body", "spacecraft.impulse_eci",
+          "spacecraft.h_copy_wheel", "environment.b_eci", "environment.r_eci",
+          "environment.v_eci", "environment.density", "environment.sun_eci",
+          "environment.sunlight", "torquers.m_mean_body", "thrusters.tau_mean_thruster_body",
+          "wheels.h_wheel")  # fmt: skip
+WANDERS = 0.1
+"""An attitude that stays so near to its mean (rad), 95 % of the time, is one that another orbit can
+be flown at."""
+NODE_TIME = 10.0
+"""Between the rows of the sources of a recorded run (s)."""
+_MOVES = "environment_propagated"
+"""It integrates its orbit: it cannot begin at another date."""
+
+
+@dataclass(frozen=True)
+class Hardware:
+    """What a craft has to hold and move momentum with."""
+
+    axes_wheel: Array
+    """(3, 4)"""
+    capacity: Array
+    """(4,) N m s; 0 where there is no wheel, inf where it has no limit"""
+    torque_limit: float
+    """of a wheel, N m; inf: none"""
+    axes_coil: Array
+    """(3, c)"""
+    m_limit: float
+    """of each coil, A m2"""
+    longest: float
+    """share of m_limit that a coil has in the mean at the most: pulses; inf: no limit"""
+    open: float
+    """share of the time that a coil is not kept off for the magnetometer"""
+    inertia: Array
+    """(3, 3) kg m2, of the whole craft"""
+    carrier: Array
+    """(3, 3) kg m2, without the rotors along their axes"""
+    arm: float | None
+    """m, of the thrusters; None: it has none, or it is not known"""
+    specific_impulse: float | None
+    """s"""
+
+    def spread(self) -> Array:
+        """(4, 3): a momentum as shared by the wheels with the least squares."""
+        return np.asarray(np.linalg.pinv(self.axes_wheel))
+
+
+@dataclass(frozen=True)
+class Flight:
+    """What no law changes, at times t_k (n + 1)."""
+
+    times: Array
+    """(n + 1,) s"""
+    period: float
+    """of the orbit, s"""
+    disturbance: Array
+    """(n + 1, 3) N m s, eci: impulse since the start of all torques but coils' and thrusters'"""
+    q: Array
+    """(n + 1, 4) attitude"""
+    b: Array
+    """(n + 1, 3) T, eci"""
+    body: Array
+    """(n + 1, 3) N m s, body: momentum of the body without the wheels'"""
+    h_start: Array
+    """(3,) N m s, of all wheels at the start, body"""
+    sources: Mapping[str, Array]
+    """name -> impulse (rows, 3) N m s, eci, at `source_times`"""
+    source_times: Array
+    """(rows,) s"""
+    r: Array
+    """(n + 1, 3) m, eci"""
+    v: Array
+    """(n + 1, 3) m/s, eci"""
+    omega: Array
+    """(n + 1, 3) rad/s, body"""
+
+    @property
+    def whole(self) -> float:
+        """The time of all whole orbits (s)."""
+        since = float(self.times[-1] - self.times[0])
+        return self.period * int(since / self.period * (1.0 + 1e-12))
+
+
+class Attitude(NamedTuple):
+    """How a craft points."""
+
+    kind: str
+    """`nadir`: q_bo relative to lvlh stays; `inertial`: q_bi stays; `moving`: neither does"""
+    q: tuple[float, float, float, float]
+    """the one that stays"""
+    wanders: float
+    """rad: the angle from it, for 95 % of the time below"""
+
+
+def values_of(system: System) -> dict[str, dict[str, Any]]:
+    """`role` -> parameter -> value, of all components. Raises DesatError for a role that the
+    system has not."""
+    if lacking := [r for r in ROLES if r not in system.components]:
+        raise DesatError(f"{system.name}: no {lacking[0]}: a craft with {', '.join(ROLES)} is "
+                         "needed")  # fmt: skip
+    every = table(system.components.values())
+    return {role: {k: p.value for k, p in rows.items()} for role, rows in every.items()}
+
+
+def hardware_of(system: System) -> Hardware:
+    """The wheels, coils and thrusters of a system. Raises DesatError where it has no inertia."""
+    given = values_of(system)
+    craft, coils = given["spacecraft"], given["torquers"]
+    wheels, thrusters = given.get("wheels", {}), given.get("thrusters", {})
+    if "inertia" not in craft:
+        raise DesatError(f"{system.name}: spacecraft has no inertia: a rigid body is needed")
+    inertia = np.reshape(craft["inertia"], (3, 3))
+    # without wheels of its own it has ideal ones inside, one along each body axis
+    axes = np.reshape(craft.get("axes_wheel", np.eye(3, 4)), (3, 4))
+    rotors = np.broadcast_to(craft.get("inertia_wheel", 0.0), 4)
+    flat = (tuple(np.ravel(x).tolist()) for x in (inertia, axes, rotors))
+    carrier = np.reshape(carrier_inertia(*flat), (3, 3))
+    there = np.linalg.norm(axes, axis=0) > 0.0
+    capacity = rotors * wheels.get("speed_limit", inf) if wheels else np.full(4, inf)
+    axes_coil = np.reshape(coils["axes_coil"], (3, -1))
+    period, quiet = coils.get("sample_time", 0.0), coils.get("quiet_time", 0.0)
+    drive = str(coils.get("drive"))
+    longest = float(coils["duty_max"]) if drive == "pulsed" else inf if drive == "ideal" else 1.0
+    return Hardware(
+        axes, np.where(there, np.nan_to_num(capacity, posinf=inf), 0.0),
+        float(wheels.get("torque_limit", inf)),
+        axes_coil[:, np.linalg.norm(axes_coil, axis=0) > 0.0], float(coils["m_limit"]),
+        longest, 1.0 - quiet / period if period and drive != "pulsed" else 1.0,
+        inertia, carrier, thrusters.get("arm"), thrusters.get("specific_impulse"),
+    )  # fmt: skip
+
+
+def conjugate(q: Array) -> Array:
+    """q of the turn back, row by row."""
+    return np.asarray(q * np.array([-1.0, -1.0, -1.0, 1.0]))
+
+
+def matrices(q: Array) -> Array:
+    """C(q)' (rows, 3, 3), row by row: from body to eci."""
+    rows = [rotate_back(q, np.broadcast_to(e, (len(q), 3))) for e in np.eye(3)]
+    return np.stack(rows, axis=2)
+
+
+def period_of(r: Array, v: Array) -> float:
+    """The period (s) of the orbit through r (m) with v (m/s)."""
+    axis = 1.0 / (2.0 / float(np.linalg.norm(r)) - float(v @ v) / MU)
+    return 2.0 * pi * sqrt(axis**3 / MU)
+
+
+# --- of a run -----------------------------------------------------------------------------------
+
+
+def series_for(system: System) -> tuple[str, ...]:
+    """What a run has to record for `flight_of`."""
+    fed = motion.feeds(system, "spacecraft") or {}
+    more = {x for x in fed.values() if isinstance(x, str)}
+    return tuple(sorted({s for s in SERIES if s.partition(".")[0] in system.components} | more))
+
+
+def flight_of(system: System, results: Any) -> Flight:
+    """The flight of a run that has recorded each step. Raises DesatError where it is shorter than
+    an orbit."""
+    hardware = hardware_of(system)
+    known = set(results.names())
+    q, omega, impulse, b, r, v, dipole = (
+        results.values(s) for s in SERIES[:3] + SERIES[4:7] + SERIES[10:11]
+    )
+    times = results.times()
+    n = min(len(times), len(q), len(dipole) + 1)
+    times, q, omega, impulse, b, r, v = (x[:n] for x in (times, q, omega, impulse, b, r, v))
+    h = results.values("wheels.h_wheel" if "wheels.h_wheel" in known else SERIES[3])
+    period = period_of(r[0], v[0])
+    if times[-1] - times[0] < period:
+        raise DesatError(f"{system.name}: the run lasts {times[-1] - times[0]:g} s, an orbit "
+                         f"{period:.0f} s: at least one is needed (--stop)")  # fmt: skip
+    disturbance = impulse - coil_impulse(times, b, q, dipole[: n - 1])
+    every = max(1, round(NODE_TIME / float(times[1] - times[0])))
+    rows = slice(0, n - 1)
+    fed = motion.feeds(system, "spacecraft")
+    inputs = motion.recorded(results, fed, rows) if fed else None
+    at, sources = times[rows][::every], {}
+    if inputs is not None:
+        some = {k: x[::every] for k, x in inputs.items()}
+        sources = impulses(system, some, q[rows][::every], at)
+    if SERIES[11] in known:
+        # pulses of thrusters are too short for rows: what they have given is left out
+        if not sources:
+            raise DesatError(f"{system.name}: thrusters fire, and the disturbances of a spacecraft "
+                             "that is not ours cannot be told from them")  # fmt: skip
+        total = np.sum(list(sources.values()), axis=0)
+        disturbance = np.stack([np.interp(times, at, x) for x in total.T], axis=1)
+    body = omega @ hardware.carrier.T
+    return Flight(times, period, disturbance, q, b, body, hardware.axes_wheel @ h[0],
+                  sources, at, r, v, omega)  # fmt: skip
+
+
+def torques(system: System, inputs: dict[str, Array], q: Array) -> dict[str, Array]:
+    """The torque (rows, 3) N m, eci, of each source on a spacecraft of ours at these inputs, which
+    are (rows, elements) each."""
+    given = table([system.components["spacecraft"]])["spacecraft"]
+    off: dict[str, Any] = {
+        "gravity_gradient": False, "aerodynamics": "none", "radiation": "none",
+        "residual_dipole_body": [0.0, 0.0, 0.0], "tau_disturbance_body": [0.0, 0.0, 0.0],
+    }  # fmt: skip
+    still = {k: Parameter(x, "1") for k, x in off.items()}
+    quiet = dict(inputs)
+    for name in ("m_mean_body", "m_slope_body", "tau_mean_thruster_body", "b_rate_eci",
+                 "tau_slope_thruster_body", "tau_ext_body", "b_accel_eci"):  # fmt: skip
+        quiet[name] = np.zeros((len(q), 3))
+    keys = dict(zip(SOURCES, list(off)[:4], strict=True))
+    made = {}
+    for name, key in keys.items():
+        on = {key: given[key]} if key in given else {}
+        if key == "gravity_gradient" and key not in given:
+            on = {key: Parameter(True, "1")}  # of a body that always has it
+        made[name] = rotate_back(q, motion.torque({**given, **still, **on}, quiet, 0.0)(0.0, q))
+    constant = np.asarray(given["tau_disturbance_body"].value, float)
+    if constant.any():
+        made["constant"] = rotate_back(q, np.broadcast_to(constant, (len(q), 3)))
+    return made
+
+
+def impulses(
+    system: System, inputs: dict[str, Array], q: Array, times: Array
+) -> dict[str, Array]:  # fmt: skip
+    """The impulse (rows, 3) N m s, eci, of each source since the start: of `torques`."""
+    return {name: summed(x, times) for name, x in torques(system, inputs, q).items()}
+
+
+def summed(torque: Array, times: Array) -> Array:
+    """The integral of a torque (rows, 3) since the start, by the trapezoidal rule."""
+    steps = np.diff(times)[:, None]
+    parts = 0.5 * (torque[1:] + torque[:-1]) * steps
+    return np.vstack([np.zeros(3), np.cumsum(parts, axis=0)])
+
+
+# --- without a run ------------------------------------------------------------------------------
+
+
+def attitude_of(flight: Flight) -> Attitude:
+    """How a craft points, by the last three quarters of its flight."""
+    rows = slice(len(flight.times) // 4, None, max(1, len(flight.times) // 2000))
+    q = flight.q[rows]
+    lvlh = np.array(
+        [
+            lvlh_attitude(tuple(r), tuple(v))
+            for r, v in zip(flight.r[rows].tolist(), flight.v[rows].tolist(), strict=True)
+        ]
+    )
+    relative = np.array(
+        [
+            product(tuple(a), inverse(tuple(b)))
+            for a, b in zip(q.tolist(), lvlh.tolist(), strict=True)
+        ]
+    )
+    found = []
+    for kind, each in (("nadir", relative), ("inertial", q)):
+        mean = each[-1] + 0.0
+        for _ in range(2):
+            signs = np.where(each @ mean < 0.0, -1.0, 1.0)[:, None]
+            mean = (each * signs).mean(axis=0)
+            mean /= np.linalg.norm(mean)
+        angle = 2.0 * np.arccos(np.clip(np.abs(each @ mean), 0.0, 1.0))
+        x, y, z, w = mean.tolist()
+        found.append(Attitude(kind, (x, y, z, w), float(np.quantile(angle, 0.95))))
+    best = min(found, key=lambda a: a.wanders)
+    return best if best.wanders <= WANDERS else best._replace(kind="moving")
+
+
+def environment_block(component: Component, changes: Mapping[str, Any] | None = None) -> Block:
+    """The bare block of an environment with its parameters, some of them changed. Raises DesatError
+    for one that cannot be flown by itself: not ours, or one that integrates its orbit."""
+    model = component.interface.model
+    if model not in names() or model == _MOVES:
+        why = "it integrates its orbit" if model == _MOVES else "it is no block of ours"
+        raise DesatError(f"{model}: {why}, so other dates and orbits cannot be asked of it")
+    block = block_class(model)()
+    for signal in component.interface.signals.values():
+        if signal.causality == "parameter":
+            block.access([signal.reference]).write([value_of(component, signal.name)])
+    for name, value in (changes or {}).items():
+        if not hasattr(block, name):
+            raise DesatError(f"{model} has no {name}")
+        setattr(block, name, value)
+    block.check()
+    block.start()
+    return block
+
+
+def inputs_at(block: Block, times: Sequence[float]) -> dict[str, Array]:
+    """What an environment gives at times (s), one after the other: (times, elements) each. Raises
+    DesatError for a time that it does not cover."""
+    every = ("r_eci", "v_eci", "b_eci", "sun_eci", "sunlight", "density")
+    kept: dict[str, list[Any]] = {name: [] for name in every}
+    last = None
+    try:
+        for t in times:
+            if last is not None:
+                block.advance(last, t - last)
+            block.output(t)
+            last = t
+            for name, rows in kept.items():
+                rows.append(getattr(block, name))
+    except BlockError as error:
+        raise DesatError(str(error)) from error
+    return {k: np.reshape(np.array(x, float), (len(times), -1)) for k, x in kept.items()}
+
+
+def between(inputs: dict[str, Array], nodes: Array, times: Array) -> dict[str, Array]:
+    """What an environment gives at `times` (s), from what it has given at `nodes` (s) around them:
+    cubic splines, linear for light and air. With nodes at 120 s of a low orbit the field errs by
+    1e-5, and by 1e-4 in the first and last of them."""
+    from scipy.interpolate import CubicSpline
+
+    made = {k: CubicSpline(nodes, inputs[k])(times) for k in ("r_eci", "v_eci", "b_eci", "sun_eci")}
+    for name in ("sunlight", "density"):
+        made[name] = np.interp(times, nodes, inputs[name][:, 0])[:, None]
+    return made
+
+
+def flown_at(system: System, attitude: Attitude, inputs: dict[str, Array], times: Array) -> Flight:
+    """The flight of a craft at an attitude that stays, in an environment that has given `inputs` at
+    `times` (s), from wheels at rest."""
+    r, v = inputs["r_eci"], inputs["v_eci"]
+    pairs = list(zip(map(tuple, r.tolist()), map(tuple, v.tolist()), strict=True))
+    if attitude.kind == "nadir":
+        q = np.array([product(attitude.q, lvlh_attitude(*pair)) for pair in pairs])
+        rate = np.linalg.norm(cross(r, v), axis=1) / (r * r).sum(axis=1)
+        c = matrices(np.array([attitude.q]))[0].T
+        omega = -rate[:, None] * c[:, 1]
+    else:
+        q = np.broadcast_to(np.array(attitude.q), (len(times), 4))
+        omega = np.zeros((len(times), 3))
+    fed = motion.feeds(system, "spacecraft") or {}
+    loose = {k: np.broadcast_to(np.array(x, float), (len(times), len(x)))
+             for k, x in fed.items() if not isinstance(x, str) and k in inputs}  # fmt: skip
+    sources = impulses(system, inputs | loose, q, times)
+    hardware = hardware_of(system)
+    return Flight(
+        times, period_of(r[0], v[0]), np.sum(list(sources.values()), axis=0), q,
+        inputs["b_eci"], omega @ hardware.carrier.T, np.zeros(3), sources, times, r, v, omega,
+    )  # fmt: skip

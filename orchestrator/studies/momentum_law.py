@@ -1,0 +1,170 @@
+"""The law of a manager as the momentum-only model takes it: the manager's own block, asked.
+
+Where a law is a function of time and momentum alone, and affine in it, M = K(t) h + c(t), its block
+says K and c: it takes a sample with the wheels' momentum at its target, and beyond that by a
+momentum along each axis. Nothing of a law is written down here; a law of somebody else's serves
+as well. What is no such law has no model (`UnsuitedError`), and the closed loop alone judges it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from desat.components.bases.dumping import MomentumDumping, TorquerDumping
+from desat.components.bases.momentum_management import MomentumManagement
+from desat.components.contract.block import Block, BlockError
+from desat.components.maths.attitude import rotate
+from desat.fmus.registry import block_class, names
+
+from ..system.model import Component
+from ..system.parameters import value_of
+from .flight import Flight
+
+Array = NDArray[Any]
+ENDLESS = 1e30
+"""A limit of the dipole (A m2) that no law comes to."""
+PROBES = 24
+"""Samples at which a law is looked at closely."""
+STEP = 10.0
+"""Samples of a law that are nearer than this (s) are taken together, where it is slow."""
+SLOW = 0.1
+"""So much of the momentum may a law take out between two samples of the model."""
+
+
+class UnsuitedError(Exception):
+    """A manager whose law the model does not have; the text says why."""
+
+
+@dataclass(frozen=True)
+class Law:
+    """A law of momentum and time alone."""
+
+    name: str
+    block: MomentumDumping
+    sample_time: float
+    """s; 0: at every step"""
+    deadband: float
+    """N m s: no dipole up to this momentum beyond the target"""
+    target: Array
+    """(3,) N m s, body"""
+    limit: str
+    """`each`: axis of body by itself; `whole`: the dipole in its own direction; `none`"""
+
+
+@dataclass(frozen=True)
+class Asked:
+    """A law along a flight, at its rows: M = K (h - target) + c (A m2, body), h (N m s, body) the
+    wheels' momentum."""
+
+    gain: Array
+    """K (rows, 3, 3) 1/(T s)"""
+    offset: Array
+    """c (rows, 3) A m2"""
+
+
+def law_of(component: Component) -> Law:
+    """The law of a manager with its parameters. Raises UnsuitedError for one that the model does
+    not have."""
+    model = component.interface.model
+    if model not in names():
+        raise UnsuitedError("it is no block of ours")
+    values = {
+        s.reference: value_of(component, s.name) for s in component.interface.signals.values()
+        if s.causality == "parameter"
+    }  # fmt: skip
+    block = block_class(model)()
+    for reference, value in values.items():
+        block.access([reference]).write([value])
+    target = [value_of(component, f"h_target_body[{i}]") for i in (1, 2, 3)]
+    return law_by(block, called(block, model), np.array(target, float))
+
+
+def law_by(block: Block, name: str, target: Array) -> Law:
+    """The law of a block whose parameters are given. Raises UnsuitedError for one that the model
+    does not have."""
+    if isinstance(block, TorquerDumping):
+        limit = "each" if block.saturation else "none"
+        block.saturation = False
+    elif isinstance(block, MomentumManagement):
+        limit, block.m_limit = "whole", ENDLESS
+    else:
+        raise UnsuitedError("it is no law of the momentum alone by coils alone")
+    deadband = getattr(block, "h_deadband", 0.0)
+    if deadband:
+        vars(block)["h_deadband"] = 0.0
+    block.enable = block.valid_b = block.valid_q = block.valid_omega = block.valid_h = True
+    return Law(name, block, block.sample_time, deadband, target, limit)
+
+
+def called(block: Block, model: str) -> str:
+    """What a law is called: CCPL is a choice of the cross product's block."""
+    if model == "manager_cross_product":
+        return "ccpl" if getattr(block, "law", 0) == 1 else "cross product"
+    known = {"manager_closed_loop": "CP with gravity", "manager_magnetic_ilqr": "quasi-static LQR"}
+    return known.get(model, model.removeprefix("manager_").replace("_", " "))
+
+
+def ask(law: Law, flight: Flight, rows: Array) -> Asked:
+    """K and c at these rows of a flight. Raises UnsuitedError where the law is not affine in the
+    momentum, or remembers it, and DesatError's like BlockError where its block refuses."""
+    try:
+        law.block.start()
+    except BlockError as error:
+        raise UnsuitedError(str(error)) from error
+    looked = set(np.linspace(0, len(rows) - 1, PROBES).astype(int).tolist())
+    gain, offset = np.empty((len(rows), 3, 3)), np.empty((len(rows), 3))
+    other = np.array([0.6, -0.3, 0.8])
+    state, declared = vars(law.block), {v.name for v in law.block.variables}
+    for k, (t, inputs) in enumerate(_samples(law, flight, rows)):
+        state.update(inputs)
+        before = dict(state)
+        kept = [key for key in before if key not in declared]
+        answers, memories = [], []
+        for h in (*np.eye(3), *([other] if k in looked else [])):
+            answers.append(_dipole(law, t, h))
+            memories.append([state[key] for key in kept])
+            state.update(before)
+        if any(memory != memories[0] for memory in memories):
+            raise UnsuitedError("it remembers the momentum")
+        rest = offset[k] = _dipole(law, t, np.zeros(3))
+        gain[k] = (np.array(answers[:3]) - rest).T
+        if k in looked:
+            miss = np.abs(answers[3] - gain[k] @ other - rest).max()
+            if miss > 1e-9 * np.abs(answers).max():
+                raise UnsuitedError("it is not affine in the momentum")
+    return Asked(gain, offset)
+
+
+def _dipole(law: Law, t: float, h: Array) -> Array:
+    """M (A m2, body) at a momentum h beyond the target; the block keeps what it remembers."""
+    x, y, z = h.tolist()
+    _, (m, _) = law.block.dump(t, t, (x, y, z))
+    return np.array(m)
+
+
+def _samples(law: Law, flight: Flight, rows: Array) -> Iterator[tuple[float, dict[str, Any]]]:
+    """The time and the measured inputs at each row, without errors."""
+    columns = (flight.q, flight.b, flight.r, flight.v, flight.omega)
+    lists = (x[rows].tolist() for x in columns)
+    for t, q, b, r, v, omega in zip(flight.times[rows].tolist(), *lists, strict=True):
+        q, r, v, omega = tuple(q), tuple(r), tuple(v), tuple(omega)
+        yield t, {"q_bi": q, "b_body": rotate(q, tuple(b)), "r_eci": r, "v_eci": v,
+                  "omega_bi_body": omega}  # fmt: skip
+
+
+def hold_of(law: Law, flight: Flight, most: float = STEP) -> int:
+    """Rows of a flight between two samples of the model: the law's own, or where it is slow against
+    them several of them together, of `most` (s) at the most."""
+    step = float(flight.times[1] - flight.times[0])
+    own = max(1, round(law.sample_time / step)) if law.sample_time > 0.0 else 1
+    rows = np.linspace(0, len(flight.times) - 1, PROBES).astype(int)
+    asked = ask(law, flight, rows)
+    b = np.linalg.norm(flight.b[rows], axis=1)
+    rate = float((np.linalg.norm(asked.gain, ord=2, axis=(1, 2)) * b).max())
+    longest = min(most, SLOW / rate) if rate > 0.0 else most
+    return max(own, int(longest / (own * step) + 1e-9) * own)

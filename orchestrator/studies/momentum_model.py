@@ -1,0 +1,133 @@
+"""The momentum-only model: what disturbances and coils make of a craft's momentum, many at once.
+
+Its state is the momentum H of wheels and body in eci, H' = disturbances + coils; the coils by the
+law (`momentum_law.py`), by the rods' limits and at the law's samples. It knows neither pointing
+errors, detumbling and slews, nor the noise of tachometers, which raises the duty where rods are
+large for their craft, nor the saturation of one wheel by momentum in the null space.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..numbers.derived import cross, rotate_back
+from .flight import Flight, Hardware, conjugate, matrices
+from .momentum_law import Law, ask, hold_of
+
+Array = NDArray[Any]
+
+
+class Course(NamedTuple):
+    """What the wheels' momentum comes to, an element a craft: rms and largest size of it in body
+    (N m s), the largest of one wheel in the second half, where the start is forgotten (N m s), and
+    the coils' duty (1)."""
+
+    rms: Array
+    largest: Array
+    wheel: Array
+    duty: Array
+
+
+@dataclass(frozen=True)
+class Track:
+    """A law along a flight, at its samples (n + 1 rows, n steps), for crafts whose disturbances and
+    rods differ."""
+
+    times: Array
+    start: Array
+    """(3,) N m s, eci: of wheels and body"""
+    to_eci: Array
+    """(rows, 3, 3)"""
+    body: Array
+    """(rows, 3) N m s, body"""
+    given: Array
+    """(steps, disturbances, 3) N m s, eci"""
+    push: Array
+    """(steps, coils, 3) N m s, eci: of each coil at 1 A m2"""
+    gain: Array
+    """(rows, 3, 3), transposed"""
+    offset: Array
+    """(rows, 3) A m2, body"""
+
+
+def track_of(
+    flight: Flight, law: Law, hardware: Hardware, disturbances: Sequence[Array] | None = None,
+    hold: int | None = None,
+) -> Track:  # fmt: skip
+    """A law along a flight, at the model's samples, each `hold` rows of it; `disturbances`:
+    impulses (rows, 3) N m s, eci, in place of the flight's. Raises UnsuitedError for a law that the
+    model does not have."""
+    rows = np.arange(0, len(flight.times), hold or hold_of(law, flight))
+    asked = ask(law, flight, rows)
+    q, b, times = flight.q[rows], flight.b[rows], flight.times[rows]
+    each = [flight.disturbance] if disturbances is None else disturbances
+    halfway = q[:-1] + q[1:] * np.where((q[:-1] * q[1:]).sum(axis=1) < 0.0, -1.0, 1.0)[:, None]
+    halfway /= np.linalg.norm(halfway, axis=1, keepdims=True)
+    mean_b = (b[:-1] + b[1:]) / 2.0
+    steps = np.diff(times)[:, None]
+    push = [cross(rotate_back(halfway, np.broadcast_to(a, (len(halfway), 3))), mean_b) * steps
+            for a in hardware.axes_coil.T]  # fmt: skip
+    to_eci, body = matrices(q), flight.body[rows]
+    return Track(
+        times, to_eci[0] @ (flight.h_start + body[0]), to_eci, body,
+        np.stack([np.diff(d[rows], axis=0) for d in each], axis=1), np.stack(push, axis=1),
+        asked.gain.transpose(0, 2, 1), asked.offset,
+    )  # fmt: skip
+
+
+def fly(tracks: Sequence[Track], law: Law, hardware: Hardware, rods: Sequence[float]) -> Course:
+    """The model along each track with each of its disturbances and with rods of these sizes (A m2):
+    (tracks, disturbances, rods) each. The tracks have the same samples."""
+    m = np.asarray(rods, float)
+    first = tracks[0]
+    count, many = len(tracks), first.given.shape[1]
+    shape = (count, many, len(m))
+    most = np.tile(m, many)[None, :, None]
+    reach = hardware.longest * most
+    spare, spread = np.linalg.pinv(hardware.axes_coil).T, hardware.spread().T
+    to_eci, body, gain, offset, push = (
+        np.stack([getattr(t, name) for t in tracks], axis=1)
+        for name in ("to_eci", "body", "gain", "offset", "push")
+    )
+    given = np.repeat(np.stack([t.given for t in tracks], axis=1), len(m), axis=2)
+    total = np.stack([np.broadcast_to(t.start, (many * len(m), 3)) for t in tracks]).copy()
+    squares, largest, duty = (np.zeros(total.shape[:2]) for _ in range(3))
+    wheel = np.zeros(total.shape[:2])
+    away = (body + law.target)[:, :, None]
+    body = body[:, :, None]
+    for k in range(len(first.times)):
+        turned = total @ to_eci[k]
+        h = turned - body[k]
+        size = np.sqrt(np.einsum("ijk,ijk->ij", h, h))
+        squares += size * size
+        np.maximum(largest, size, out=largest)
+        if 2 * k >= len(push):
+            np.maximum(wheel, np.abs(h @ spread).max(axis=2), out=wheel)
+        if k == len(push):
+            break
+        excess = turned - away[k]
+        wanted = excess @ gain[k] + offset[k][:, None]
+        if law.deadband > 0.0:
+            wanted[np.sqrt((excess * excess).sum(axis=2)) <= law.deadband] = 0.0
+        if law.limit == "each":
+            wanted = np.clip(wanted, -most, most)
+        coils = wanted @ spare
+        if law.limit == "whole":
+            coils *= np.minimum(1.0, most / np.maximum(np.abs(coils).max(axis=2, keepdims=True),
+                                                       1e-300))  # fmt: skip
+        coils = hardware.open * np.clip(coils, -reach, reach)
+        duty += np.abs(coils).mean(axis=2)
+        total += given[k] + coils @ push[k]
+    duty /= max(1, len(push)) * most[:, :, 0]
+    rms = np.sqrt(squares / len(first.times))
+    return Course(*(x.reshape(shape) for x in (rms, largest, wheel, duty)))
+
+
+def in_body_of(flight: Flight, vectors: Array) -> Array:
+    """Vectors of eci (rows, 3) in body, at the rows of a flight."""
+    return rotate_back(conjugate(flight.q[: len(vectors)]), vectors)

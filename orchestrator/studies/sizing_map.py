@@ -1,0 +1,258 @@
+"""`desat size --map`: rods by inclination, altitude, residual dipole and law, without runs of them.
+
+The environment's own block flies each orbit for a day at the attitude that one run has shown
+(`flight.py`), and the momentum-only model flies all dipoles and rods on it side by side. What that
+leaves out beside a closed loop: errors of pointing, the drift of a settling craft, noise.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass, replace
+from math import inf
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from desat.components.bases.orbit_start import MEAN
+from desat.components.physics.orbit import EARTH_RADIUS
+
+from ..runs.prepare import prepare, read
+from ..system.errors import DesatError
+from ..system.model import System
+from ..system.options import Options
+from .flight import (
+    Attitude,
+    Flight,
+    attitude_of,
+    between,
+    environment_block,
+    flown_at,
+    hardware_of,
+    inputs_at,
+    summed,
+    values_of,
+)
+from .momentum_law import Law, UnsuitedError, hold_of, law_of
+from .momentum_model import fly, track_of
+from .sizing import Wishes, flown, least_by_formula, other_laws, reach, room_of, secular
+
+Array = NDArray[Any]
+STEP = 10.0
+"""Between the rows of an orbit (s)."""
+SAMPLE = 30.0
+"""Samples of a slow law that are nearer than this (s) are taken together."""
+NODES = 120.0
+"""Between the times at which its environment is asked (s)."""
+DAY = 86400.0
+_RODS = (0.5, 1.0, 1.5, 2.0, 4.0, 8.0)
+_INCLINATIONS = (10.0, 28.5, 51.6, 75.0, 97.5)
+_ALTITUDES = (350e3, 450e3, 550e3, 700e3, 900e3)
+_DIPOLES = (0.0, 0.5, 1.0, 2.0)
+"""The default map: multiples of the craft's least rod, deg, m, multiples of its residual dipole."""
+
+
+@dataclass(frozen=True)
+class Axes:
+    """What a map goes over; an axis that is empty is the default one."""
+
+    rods: tuple[float, ...] = ()
+    """A m2"""
+    inclinations: tuple[float, ...] = ()
+    """deg"""
+    altitudes: tuple[float, ...] = ()
+    """m, of a circular orbit above the equatorial radius"""
+    dipoles: tuple[float, ...] = ()
+    """A m2, size of the residual dipole, along the craft's own"""
+    laws: bool = False
+    """whether other laws than the craft's own are flown too"""
+
+
+@dataclass(frozen=True)
+class SizingMap:
+    """A map; its tables have the shape (laws, inclinations, altitudes, dipoles, rods), `least` that
+    of (inclinations, altitudes, dipoles)."""
+
+    target: str
+    axes: Axes
+    laws: tuple[str, ...]
+    wishes: Wishes
+    least: Array
+    """the least rod, by the formula, A m2"""
+    rms: Array
+    """N m s"""
+    largest: Array
+    """N m s"""
+    filled: Array
+    """share of the wheels' capacity in the second half of the day; 0 without a limit"""
+    duty: Array
+    """1"""
+    notes: tuple[str, ...] = ()
+
+    @property
+    def holds(self) -> Array:
+        """(laws, inclinations, altitudes, dipoles, rods): margin and duty are as asked for."""
+        enough = np.asarray(self.axes.rods) >= self.wishes.margin * self.least[..., None]
+        return np.asarray(enough[None] & (self.duty <= self.wishes.duty) & (self.filled <= 1.0))
+
+    def as_json(self) -> dict[str, Any]:
+        """What `--json` prints; a least rod without end is null."""
+        tables = {n: getattr(self, n).tolist() for n in ("rms", "largest", "filled", "duty")}
+        least = np.where(np.isfinite(self.least), self.least, np.nan).tolist()
+        return {
+            "target": self.target, "axes": asdict(self.axes), "laws": list(self.laws),
+            "wishes": asdict(self.wishes), "least": _null(least), **tables,
+            "holds": self.holds.tolist(), "notes": list(self.notes),
+        }  # fmt: skip
+
+
+def _null(value: Any) -> Any:
+    if isinstance(value, list):
+        return [_null(v) for v in value]
+    return None if value != value else value
+
+
+@dataclass(frozen=True)
+class _Task:
+    """Orbits that one process flies."""
+
+    system: System
+    attitude: Attitude
+    laws: tuple[str, ...]
+    reference: Flight
+    """a day's flight, whose mean field and period the gains of other laws go by"""
+    orbits: tuple[tuple[float, float], ...]
+    """inclination (deg) and altitude (m)"""
+    dipoles: tuple[float, ...]
+    rods: tuple[float, ...]
+
+
+def map_of(
+    target: str, options: Options, axes: Axes, wishes: Wishes, jobs: int = 2,
+    progress: Callable[[str], None] = lambda text: None,
+) -> SizingMap:  # fmt: skip
+    """A map of a scenario's craft. Raises DesatError for a craft whose law, attitude or environment
+    has no model."""
+    case = prepare(read(target), options)
+    system, _ = case.or_raise()
+    progress("the run at the wanted attitude")
+    flight = flown(case, system)
+    attitude = attitude_of(flight)
+    if attitude.kind == "moving":
+        raise DesatError(f"{target}: the attitude moves: a map needs one that stays in lvlh or eci")
+    hardware, notes = hardware_of(system), []
+    try:
+        own = law_of(system.components["manager"])
+        names = ["own"]
+    except UnsuitedError as why:
+        own, names = None, []
+        notes.append(f"{system.components['manager'].source}: closed loop only; {why}")
+    if axes.laws or own is None:
+        names += [law.name for law in other_laws(system, flight, own)]
+    torque, _ = secular(flight)
+    least = least_by_formula(reach(flight, hardware), torque)
+    dipole = float(np.linalg.norm(_residual(system))) or 0.05 * hardware.m_limit
+    axes = replace(
+        axes,
+        rods=axes.rods or tuple(k * least for k in _RODS),
+        inclinations=axes.inclinations or _INCLINATIONS,
+        altitudes=axes.altitudes or _ALTITUDES,
+        dipoles=axes.dipoles or tuple(k * dipole for k in _DIPOLES),
+    )
+    for name in ("rods", "altitudes"):
+        if not all(0.0 < x < inf for x in getattr(axes, name)):
+            raise DesatError(f"--{name}: numbers above 0 are needed")
+    orbits = [(i, a) for i in axes.inclinations for a in axes.altitudes]
+    few = flight if own is None or axes.laws else _thin(flight)
+    tasks = [
+        _Task(system, attitude, tuple(names), few, tuple(orbits[k::jobs]), axes.dipoles, axes.rods)
+        for k in range(min(jobs, len(orbits)))
+    ]
+    progress(f"{len(orbits)} orbits of a day")
+    parts = _side_by_side(tasks)
+    shape = (len(axes.inclinations), len(axes.altitudes), len(axes.dipoles))
+    leasts = np.empty((len(orbits), len(axes.dipoles)))
+    tables = np.empty((4, len(names), len(orbits), len(axes.dipoles), len(axes.rods)))
+    for k, (some, made) in enumerate(parts):
+        leasts[k::jobs], tables[:, :, k::jobs] = some, made
+    room = room_of(hardware)
+    rms, largest, wheel, duty = tables.reshape(4, len(names), *shape, len(axes.rods))
+    named = tuple(own.name if n == "own" and own is not None else n for n in names)
+    return SizingMap(
+        target, axes, named, wishes, leasts.reshape(shape), rms, largest,
+        wheel / room if 0.0 < room < inf else np.zeros_like(wheel), duty, tuple(notes),
+    )  # fmt: skip
+
+
+def _residual(system: System) -> Array:
+    craft = values_of(system)["spacecraft"]
+    return np.asarray(craft.get("residual_dipole_body", [0.0, 0.0, 0.0]), float)
+
+
+def _thin(flight: Flight) -> Flight:
+    """The first rows of a flight: all that a law of the craft's own takes of it."""
+    return replace(flight, **{
+        name: getattr(flight, name)[:2] for name in
+        ("times", "disturbance", "q", "b", "body", "r", "v", "omega", "source_times")
+    }, sources={})  # fmt: skip
+
+
+def _side_by_side(tasks: Sequence[_Task]) -> list[tuple[Array, Array]]:
+    if len(tasks) == 1:
+        return [_flown(tasks[0])]
+    from concurrent.futures import ProcessPoolExecutor
+    from multiprocessing import get_context
+
+    with ProcessPoolExecutor(len(tasks), mp_context=get_context("spawn")) as pool:
+        return list(pool.map(_flown, tasks))
+
+
+def _flown(task: _Task) -> tuple[Array, Array]:
+    """Least rods (orbits, dipoles), and rms, largest, wheel, duty (4, laws, orbits, dipoles,
+    rods)."""
+    system, hardware = task.system, hardware_of(task.system)
+    component = system.components["environment"]
+    own = law_of(system.components["manager"]) if "own" in task.laws else None
+    others = {law.name: law for law in other_laws(system, task.reference, own)}
+    laws: list[Law] = [own if n == "own" and own is not None else others[n] for n in task.laws]
+    residual = _residual(system)
+    size = float(np.linalg.norm(residual))
+    times = np.arange(0.0, DAY + STEP / 2.0, STEP)
+    nodes = np.arange(0.0, DAY + NODES / 2.0, NODES)
+    leasts, tracks = [], [[] for _ in laws]  # type: ignore[var-annotated]
+    holds: list[int] = []
+    for inclination, altitude in task.orbits:
+        block = environment_block(component, _orbit(inclination, altitude))
+        inputs = between(inputs_at(block, nodes.tolist()), nodes, times)
+        flight = flown_at(system, task.attitude, inputs, times)
+        own_part = flight.sources["residual dipole"]
+        if size == 0.0:  # along the diagonal, where the craft has none
+            residual, size = np.full(3, 3.0**-0.5), 1.0
+            own_part = summed(_of_dipole(flight, residual), times)
+            rest = flight.disturbance
+        else:
+            rest = flight.disturbance - own_part
+        each = [rest + d / size * own_part for d in task.dipoles]
+        able = reach(flight, hardware)
+        leasts.append(
+            [least_by_formula(able, secular(replace(flight, disturbance=d))[0]) for d in each]
+        )
+        holds = holds or [hold_of(law, flight, SAMPLE) for law in laws]
+        for law, kept, hold in zip(laws, tracks, holds, strict=True):
+            kept.append(track_of(flight, law, hardware, each, hold))
+    made = [fly(kept, law, hardware, task.rods) for law, kept in zip(laws, tracks, strict=True)]
+    return np.array(leasts), np.array([np.stack(c) for c in made]).transpose(1, 0, 2, 3, 4)
+
+
+def _of_dipole(flight: Flight, dipole: Array) -> Array:
+    """The torque (rows, 3) N m, eci, of a dipole (A m2, body) along a flight."""
+    from ..numbers.derived import cross, rotate_back
+
+    return cross(rotate_back(flight.q, np.broadcast_to(dipole, (len(flight.q), 3))), flight.b)
+
+
+def _orbit(inclination: float, altitude: float) -> dict[str, float]:
+    """A circular orbit, as changes of an environment that takes elements."""
+    return {"orbit_start": MEAN, "semi_major_axis": EARTH_RADIUS + altitude, "eccentricity": 0.0,
+            "inclination": float(np.radians(inclination))}  # fmt: skip
