@@ -45,7 +45,7 @@ def test_no_flag_is_set_but_the_twin_and_counts_are_as_told(desat):
         if name in ("run", "check", "draws", "sweep", "tables", "size")
         and getattr(option, "is_flag", False) and option.default
     }  # fmt: skip
-    assert found == {("run", "twin"), ("size", "loop")}
+    assert found == {("run", "twin"), ("size", "loop"), ("size", "year")}
     for command, line in (
         ("draws", "Number of draws. [default: 20; x>=1]"),
         ("draws", "Seed of the draws. [default: 1; x>=0]"),
@@ -115,7 +115,7 @@ def test_runs_do_not_overwrite(desat, tmp_path):
         (("pack", "uosat12/x"), "no scenario uosat12/x"),
         (("run", NAME, "--source", "manger=x.fmu"), "no component manger; did you mean manager?"),
         (("run", NAME, "--source", "manager"), "the form is COMPONENT=FMU"),
-        (("run", NAME, "--source", "manager=manager_combind"), "mean manager_combined.fmu?"),
+        (("run", NAME, "--source", "manager=manager_combind"), "mean manager_combined?"),
         (("run", NAME, "--source", "manager=environment_kepler"),
          "manager: its FMU lacks what is wired: "),
         (("run", "/dev/null"), "/dev/null: it ends in none of .toml, .ssp, .ssd"),
