@@ -531,6 +531,14 @@ def test_a_checkpoint_is_saved_every_so_many_steps(monkeypatch, tmp_path, second
     assert asked.value.args == (every,)
 
 
+def test_the_time_of_a_run_is_that_of_its_steps(monkeypatch):
+    made, stepping = [], step_case.stepping
+    monkeypatch.setattr(step_case, "stepping", lambda *x: made.append(stepping(*x)) or made[0])
+    given = Options(blocks=True, stop=20.0, inner=1)
+    run = runs.simulate(runs.prepare("gyrostat/light", given))
+    assert run.manifest.us_per_step == pytest.approx(1e6 * made[0].seconds / 20, abs=1.0)
+
+
 @pytest.mark.parametrize("number", [1, 2, 15])
 def test_a_run_that_a_signal_stops_says_which(monkeypatch, number):
     monkeypatch.setattr(step_case, "interruptible", lambda: nullcontext(lambda: number))

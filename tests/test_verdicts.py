@@ -5,7 +5,6 @@ from __future__ import annotations
 import errno
 import math
 import os
-import time
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -195,9 +194,7 @@ def test_a_run_that_a_component_ended_says_how_far_it_came(system, how):
 
 def test_a_run_within_its_range_has_no_remark():
     """Nothing is said of a range that it does not leave."""
-    began = time.perf_counter()
     run = simulate(prepare("gyrostat/light", Options(stop=20.0, inner=1, blocks=True)))
-    assert 0.0 < run.manifest.wall_seconds < time.perf_counter() - began
     assert run.manifest["warnings"] == []
     assert run.code == Exit.COMPLETED
 
