@@ -277,6 +277,9 @@ def test_a_check_as_json_has_the_order_or_none(desat, tmp_path):
     told = json.loads(bad.stdout)
     assert (bad.returncode, told["order"], told["connections"]) == (Exit.UNMET, [], [])
     assert told["problems"]
+    far = desat("check", "gyrostat/heavy-wheels", "--inner", "1", "--blocks")
+    assert "\nwarning: turn and nutation in an inner step" in "\n" + far.stderr
+    assert "\nnote: " in far.stderr
 
 
 def finished(code: int = 0, **more: object) -> Run:
