@@ -652,7 +652,7 @@ def section(part: Part, result: dict[str, Any]) -> list[str]:
     added = sum(bool(m.get("added")) for m in result["mutations"])
     once = sum(not m.get("all") for m in n["open"])
     places = ", ".join(f"`{f}/`" for f in part.folders)
-    order = "in the order drawn" if part.sample is not None else "comparisons and conditions first"
+    order = "the first as drawn" if part.sample is not None else "comparisons and conditions first"
     drawn = (
         f"{result['drawn']:,} were drawn at random with seed {result['seed']} of the "
         f"{result['of']:,} mutations of {places}" if part.sample is not None else
@@ -668,12 +668,12 @@ def section(part: Part, result: dict[str, Any]) -> list[str]:
         f"## Of {part.title}",
         "",
         f"{n['killed']} of {real} mutations that change {part.title} are killed: "
-        f"{100 * n['killed'] / real:.0f} %"
+        f"{100 * n['killed'] / real:.1f} %"
         + (f" (of all {low:.0f} to {high:.0f} %, Clopper-Pearson, 95 %)." if part.sample else "."),
         "",
         f"{drawn}; {len(result['mutations'])} of these change the code, and "
         + (
-            f"the first {n['ran']} of them, {order},"
+            f"{n['ran']} of them, {order},"
             if n["ran"] < len(result["mutations"])
             else "all of them"
         )

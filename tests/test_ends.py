@@ -160,6 +160,7 @@ def test_progress_is_shown_to_people_alone(desat, monkeypatch, arguments, module
 
     monkeypatch.setattr(module, name, made)
     monkeypatch.setattr("desat.cli.commands.size._print", lambda made: print("people"))
+    monkeypatch.setattr("desat.studies.sizing_page.write_sizing", lambda made, page: page)
     done = desat(*arguments, *(["--json"] if as_json else []))
     assert given == ([None] if name == "size" else [not as_json])
     if name != "_drawn":
@@ -181,7 +182,8 @@ def test_a_craft_that_cannot_hold_ends_with_1(desat, monkeypatch, problems, code
         done = desat("size", "a", "--json", *flag)
         assert done.returncode == code
         assert done.stderr.splitlines() == [f"it cannot hold: {line}" for line in problems]
-        assert given[-1][2:4] == (duty, loop)
+        wishes = given[-1][2]
+        assert (wishes.duty, wishes.flown) == (duty, loop)
         assert not given[-1][1].blocks
 
 
