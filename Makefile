@@ -10,8 +10,9 @@ demo: ssp ## build everything, run and pack one scenario, print the paper's tabl
 	@echo
 	$(BIN)/desat tables uosat12
 
-fmus: .venv/.installed ## build the FMUs of all blocks into fmus/dist/
-	$(BIN)/python -m desat.fmus.build
+PLATFORMS ?=
+fmus: .venv/.installed ## build the FMUs of all blocks into fmus/dist/; PLATFORMS=all: native ones for all platforms (pip install ziglang)
+	$(BIN)/python -m desat.fmus.build $(if $(PLATFORMS),--platforms $(PLATFORMS))
 
 ssp: fmus ## write the SSD of every craft; .ssp files are packed on demand: desat pack [NAME]
 	$(BIN)/desat craft

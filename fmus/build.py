@@ -23,7 +23,7 @@ import tempfile
 import time
 import uuid
 import zipfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from importlib.metadata import version
 from multiprocessing import get_context
@@ -139,17 +139,20 @@ def build_all(which: tuple[str, ...], dist: Path = DIST) -> list[Path]:
         )  # fmt: skip
 
 
-def build_native(which: tuple[str, ...], dist: Path) -> dict[str, str]:
+def build_native(
+    which: tuple[str, ...], dist: Path, targets: Sequence[native.Target] = (native.HERE_ALONE,)
+) -> dict[str, str]:  # fmt: skip
     """Build the native FMUs of some blocks below `dist`; name -> why there is none, of the others.
 
     Raises NoCompilerError.
     """
-    compiler()
     with tempfile.TemporaryDirectory() as shared:
-        native.compile_wrapper(Path(shared))
+        native.compile_wrapper(Path(shared), targets)
         with ProcessPoolExecutor(os.cpu_count(), mp_context=get_context("spawn")) as pool:
             n = len(which)
-            results = pool.map(native.tried, which, [dist / "native"] * n, [Path(shared)] * n)
+            results = pool.map(
+                native.tried, which, [dist / "native"] * n, [Path(shared)] * n, [targets] * n
+            )
             tracked = track(results, "native FMUs", total=n, transient=True,
                             disable=not sys.stderr.isatty())  # fmt: skip
             return {name: why for name, why in zip(which, tracked, strict=True) if why}
@@ -180,10 +183,10 @@ def _entry(kind: str, name: str, dist: Path, made_of: str, why: str) -> dict[str
     return {**entry, "why": why} if why else entry
 
 
-def _compiled() -> str:
+def _compiled(platforms: str) -> str:
     """What native FMUs are made of beside their blocks; nothing without a compiler."""
     try:
-        return native.made_of().hex()
+        return native.made_of(native.targets_of(platforms)).hex()
     except NoCompilerError:
         return ""
 
@@ -192,14 +195,15 @@ def _native_digest(made: str, compiled: str) -> str:
     return hashlib.sha256((made + compiled).encode()).hexdigest()
 
 
-def made_of(which: str) -> str:
+def made_of(which: str, platforms: str = "") -> str:
     """A hash of all that the FMUs of a block are made of here. Raises OwnBlockError."""
-    return _native_digest(_digest(which), _compiled())
+    return _native_digest(_digest(which), _compiled(platforms))
 
 
-def update(wanted: tuple[str, ...], dist: Path) -> list[dict[str, Any]]:
-    """Build what of some blocks' FMUs is not there yet; write and return the index."""
-    compiled = _compiled()
+def update(wanted: tuple[str, ...], dist: Path, platforms: str = "") -> list[dict[str, Any]]:
+    """Build what of some blocks' FMUs is not there yet, for these platforms (`native.targets_of`);
+    write and return the index."""
+    compiled = _compiled(platforms)
     called = {identifier(which): which for which in wanted}
     try:
         known = json.loads((dist / INDEX).read_text(encoding="utf-8"))
@@ -230,7 +234,7 @@ def update(wanted: tuple[str, ...], dist: Path) -> list[dict[str, Any]]:
                    if e.get("why") and e.get("with") == both[n]}  # fmt: skip
         todo = tuple(which for n, which in called.items() if n not in refused
                      and not is_current("native", n, both[n]))  # fmt: skip
-        now = build_native(todo, dist) if todo else {}
+        now = build_native(todo, dist, native.targets_of(platforms)) if todo else {}
         why = {**refused, **{identifier(which): text for which, text in now.items()}}
     for name, which in called.items():
         old_entry = kept.get(("python", name), {})
@@ -246,7 +250,8 @@ def update(wanted: tuple[str, ...], dist: Path) -> list[dict[str, Any]]:
         else:
             kept["native", name] = {
                 **_entry("native", name, dist, both[name], ""), "computes": told["computes"],
-                "compiler": native.compiler_version(),
+                "compiler": f"ziglang {version('ziglang')}" if platforms
+                else native.compiler_version(),
             }  # fmt: skip
     return _write(kept, dist)
 
@@ -290,7 +295,13 @@ def main() -> int:
     parser.add_argument("names", nargs="*", metavar="NAME",
                         help="blocks, or files of your own (default: all of ours)")  # fmt: skip
     parser.add_argument("--into", type=Path, help="another folder, and nothing else is written")
+    parser.add_argument("--platforms", default="", help="all, or linux64,win64,...: for these")
     given = parser.parse_args()
+    try:
+        native.targets_of(given.platforms)
+    except (NoCompilerError, ValueError) as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 2
     wanted = tuple(given.names) or names()
     own = [which for which in wanted if is_own(which)]
     if own and given.into is None:
@@ -304,7 +315,7 @@ def main() -> int:
     for why in (wrong := _unusable(wanted)).values():
         print(f"error: {why}", file=sys.stderr)
     wanted = tuple(name for name in wanted if name not in wrong)
-    index = update(wanted, dist)
+    index = update(wanted, dist, given.platforms)
     if given.into is None and whole and not wrong:
         for stale in {*dist.glob("*.fmu"), *dist.glob("native/*.fmu")} - {
             dist / e["file"] for e in index

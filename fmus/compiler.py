@@ -26,6 +26,20 @@ def compiler() -> tuple[str, ...]:
             return (found, *command[1:])
     if wanted:
         raise NoCompilerError(f"CC = {os.environ['CC']}: there is no such command")
-    if find_spec("ziglang"):
-        return (sys.executable, "-m", "ziglang", "cc", "-fno-sanitize=undefined")
-    raise NoCompilerError("no C compiler: install gcc or clang, or `pip install ziglang`")
+    try:
+        return zig()
+    except NoCompilerError:
+        raise NoCompilerError(
+            "no C compiler: install gcc or clang, or `pip install ziglang`"
+        ) from None
+
+
+def zig() -> tuple[str, ...]:
+    """The command of the C compiler of the package ziglang, which knows other machines, too.
+
+    Raises NoCompilerError.
+    """
+    if not find_spec("ziglang"):
+        raise NoCompilerError("for other platforms the package ziglang is needed: "
+                              "`pip install ziglang`")  # fmt: skip
+    return (sys.executable, "-m", "ziglang", "cc", "-fno-sanitize=undefined")

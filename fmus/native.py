@@ -9,17 +9,20 @@ from __future__ import annotations
 import hashlib
 import os
 import shutil
+import struct
 import subprocess
 import sys
 import tempfile
 import uuid
 import zipfile
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
 from functools import cache
 from importlib.metadata import version
 from pathlib import Path
 
-from .compiler import compiler
+from .compiler import compiler, zig
 from .description import DATE, documentation, model_description
 from .own import identifier
 from .registry import block_class
@@ -64,9 +67,51 @@ def library_suffix() -> str:
     return {"linux": ".so", "darwin": ".dylib", "win32": ".dll"}[sys.platform]
 
 
-def made_of() -> bytes:
+@dataclass(frozen=True)
+class Target:
+    """What a library is made for: FMI's name of the platform, and zig's of the target; without one
+    it is made by this machine's compiler."""
+
+    platform: str
+    suffix: str
+    triple: str = ""
+    link: tuple[str, ...] = ("-shared", "-s")
+
+    @property
+    def compiler(self) -> tuple[str, ...]:
+        """The command. Raises NoCompilerError."""
+        return (*zig(), "-target", self.triple) if self.triple else compiler()
+
+
+HERE_ALONE = Target(platform(), library_suffix(), link=LINK)
+EVERYWHERE = (
+    Target("linux64", ".so", "x86_64-linux-gnu.2.17", LINK),
+    Target("win64", ".dll", "x86_64-windows-gnu"),
+    Target("darwin64", ".dylib", "x86_64-macos"),
+    Target("darwin64", ".dylib", "aarch64-macos"),
+    Target("aarch64-linux", ".so", "aarch64-linux-gnu.2.17", LINK),
+)
+"""All platforms that the package ziglang makes libraries for; linux64 for glibc from 2012 on."""
+_PAGE = 1 << 14
+
+
+def targets_of(platforms: str) -> tuple[Target, ...]:
+    """The targets that platforms name: nothing for this machine, `all`, or names with commas.
+    Raises NoCompilerError, ValueError for another name."""
+    if not platforms:
+        return (HERE_ALONE,)
+    zig()
+    known = dict.fromkeys(t.platform for t in EVERYWHERE)
+    wanted = list(known) if platforms == "all" else platforms.split(",")
+    if wrong := [p for p in wanted if p not in known]:
+        raise ValueError(f"platform {wrong[0]}: there is all, {', '.join(known)}")
+    return tuple(t for t in EVERYWHERE if t.platform in wanted)
+
+
+def made_of(targets: Sequence[Target] = (HERE_ALONE,)) -> bytes:
     """A digest of all that native FMUs are made of beside their blocks; raises NoCompilerError."""
-    digest = hashlib.sha256(" ".join((*FLAGS, *LINK, compiler_version())).encode())
+    by = [compiler_version()] if HERE_ALONE in targets else [version("ziglang"), repr(targets)]
+    digest = hashlib.sha256(" ".join((*FLAGS, *LINK, *by)).encode())
     translator = sorted((HERE / "translate").glob("*.py"))
     for path in (*sorted(WRAPPER.iterdir()), *translator, HERE / "native.py"):
         digest.update(path.read_bytes())
@@ -98,36 +143,43 @@ def _run(command: list[str], folder: Path) -> None:
         raise RuntimeError(f"{' '.join(command)}: {done.stderr.strip()[:2000]}")
 
 
-def compile_wrapper(folder: Path) -> None:
+def compile_wrapper(shared: Path, targets: Sequence[Target] = (HERE_ALONE,)) -> None:
     """Compile what all blocks share, into a folder."""
-    for path in WRAPPER.iterdir():
-        (folder / path.name).write_bytes(path.read_bytes())
-    for name in ("runtime", "fmi2"):
-        _run([*compiler(), *FLAGS, "-c", f"{name}.c", "-o", f"{name}.o"], folder)
+    for target in targets:
+        folder = shared / target.triple
+        folder.mkdir(exist_ok=True)
+        for path in WRAPPER.iterdir():
+            (folder / path.name).write_bytes(path.read_bytes())
+        for name in ("runtime", "fmi2"):
+            _run([*target.compiler, *FLAGS, "-c", f"{name}.c", "-o", f"{name}.o"], folder)
 
 
-def compile_block(files: dict[str, str], name: str, folder: Path, shared: Path) -> Path:
+def compile_block(
+    files: dict[str, str], name: str, folder: Path, shared: Path, target: Target = HERE_ALONE
+) -> Path:  # fmt: skip
     """Compile the C of a block, or of a loop of blocks, and link it with what `compile_wrapper` has
     put into `shared`; the library, in `folder`."""
     for file in ("runtime.o", "fmi2.o"):
-        shutil.copy(shared / file, folder / file)
+        shutil.copy(shared / target.triple / file, folder / file)
     own = [file for file in files if not (WRAPPER / file).exists() or file.endswith(".h")]
     for file in own:
         (folder / file).write_text(files[file], encoding="utf-8")
     units = [file.removesuffix(".c") for file in own if file.endswith(".c")]
 
     def one(unit: str) -> None:
-        _run([*compiler(), *FLAGS, "-c", f"{unit}.c", "-o", f"{unit}_.o"], folder)
+        _run([*target.compiler, *FLAGS, "-c", f"{unit}.c", "-o", f"{unit}_.o"], folder)
 
     with ThreadPoolExecutor(os.cpu_count()) as pool:
         list(pool.map(one, units))
-    library = f"{name}{library_suffix()}"
+    library = f"{name}{target.suffix}"
     objects = [*(f"{unit}_.o" for unit in units), "runtime.o", "fmi2.o"]
-    _run([*compiler(), *LINK, *objects, "-lm", "-o", library], folder)
+    _run([*target.compiler, *target.link, *objects, "-lm", "-o", library], folder)
     return folder / library
 
 
-def build(which: str, dist: Path, shared: Path) -> Path:
+def build(
+    which: str, dist: Path, shared: Path, targets: Sequence[Target] = (HERE_ALONE,)
+) -> Path:  # fmt: skip
     """Build the native FMU of a block and return its path.
 
     `which`: one of ours by its name, or a file of the user's own. `shared`: a folder in which
@@ -139,32 +191,54 @@ def build(which: str, dist: Path, shared: Path) -> Path:
     described = model_description(block, name, guid, DATE, version("desat"), sources=units)
     dist.mkdir(parents=True, exist_ok=True)
     page = documentation(block, name)
-    return assemble(files, name, described, page, shared, dist / f"{name}.fmu")
+    return assemble(files, name, described, page, shared, dist / f"{name}.fmu", targets)
 
 
 def assemble(
-    files: dict[str, str], name: str, described: bytes, page: str, shared: Path, target: Path
+    files: dict[str, str], name: str, described: bytes, page: str, shared: Path, file: Path,
+    targets: Sequence[Target] = (HERE_ALONE,),
 ) -> Path:  # fmt: skip
     """Compile and pack a native FMU: its C files by their name, its model description, its page as
     HTML. Raises NoCompilerError."""
-    with tempfile.TemporaryDirectory() as folder:
-        library = compile_block(files, name, Path(folder), shared)
-        binary = library.read_bytes()
+    made: dict[str, list[bytes]] = {}
+    for target in targets:
+        with tempfile.TemporaryDirectory() as folder:
+            library = compile_block(files, name, Path(folder), shared, target)
+            member = f"binaries/{target.platform}/{library.name}"
+            made.setdefault(member, []).append(library.read_bytes())
     members = {
         "modelDescription.xml": described,
         "documentation/index.html": page.encode(),
-        f"binaries/{platform()}/{library.name}": binary,
+        **{member: universal(binaries) for member, binaries in made.items()},
         **{f"sources/{file}": text.encode() for file, text in files.items()},
     }
-    return pack(members, target)
+    return pack(members, file)
 
 
-def tried(which: str, dist: Path, shared: Path) -> str:
+def universal(binaries: Sequence[bytes]) -> bytes:
+    """Libraries of macOS for several processors as one, each on a page of its own; a single one as
+    it is."""
+    if len(binaries) == 1:
+        return binaries[0]
+    at = _PAGE
+    head, body = struct.pack(">II", 0xCAFEBABE, len(binaries)), b""
+    for binary in binaries:
+        processor, kind = struct.unpack_from("<II", binary, 4)
+        head += struct.pack(">IIIII", processor, kind, at, len(binary), _PAGE.bit_length() - 1)
+        room = -len(binary) % _PAGE
+        body += binary + bytes(room)
+        at += len(binary) + room
+    return head + bytes(_PAGE - len(head)) + body
+
+
+def tried(
+    which: str, dist: Path, shared: Path, targets: Sequence[Target] = (HERE_ALONE,)
+) -> str:  # fmt: skip
     """Build the native FMU of a block; why there is none, or nothing."""
     if which in PINNED:
         return PINNED[which]
     try:
-        build(which, dist, shared)
+        build(which, dist, shared, targets)
     except SubsetError as refused:
         return str(refused)
     except (ArithmeticError, AttributeError, LookupError, RuntimeError, TypeError, ValueError) as e:

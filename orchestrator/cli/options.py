@@ -142,6 +142,12 @@ Strict = Annotated[
     typer.Option("--strict", help="Refuse a foreign FMU whose model description breaks the "
                  "standard; else that is a warning."),
 ]  # fmt: skip
+Platforms = Annotated[
+    str,
+    typer.Option(metavar="all|NAMES",
+                 help="Native for these platforms: all, or linux64,win64,darwin64,aarch64-linux "
+                 "(`pip install ziglang`). Default: this one.", show_default=False),
+]  # fmt: skip
 Jobs = Annotated[int, typer.Option(help="Processes.", min=1)]
 CPUS = os.cpu_count() or 1
 

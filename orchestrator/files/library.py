@@ -221,6 +221,17 @@ def index() -> dict[str, dict[str, Any]]:
         return {}
 
 
+def portable() -> bool:
+    """Whether all our native FMUs are for Linux and for Windows."""
+    of_c = [e for e in index().values() if e["kind"] == "native"]
+    return bool(of_c) and all({"linux64", "win64"} <= {*e["platforms"]} for e in of_c)
+
+
+def python_alone() -> list[str]:
+    """Our blocks of which there is no native FMU."""
+    return sorted(e["name"] for e in index().values() if e["kind"] == "python" and e.get("why"))
+
+
 @lru_cache(maxsize=4)
 def _read(file: Path, *_: int) -> dict[str, dict[str, Any]]:
     return {e["sha256"]: e for e in json.loads(file.read_text(encoding="utf-8"))}

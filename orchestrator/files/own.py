@@ -12,6 +12,7 @@ from pathlib import Path
 
 from filelock import FileLock
 
+from desat.fmus.compiler import NoCompilerError
 from desat.fmus.own import OwnBlockError, is_own
 
 from ..system.errors import DesatError
@@ -41,32 +42,36 @@ def folder_of(fmu: Path) -> Path | None:
     return parent if parent.parent == folder() else None
 
 
-def built(file: Path) -> Built:
-    """The FMUs of a block file, built now where they are not yet. Raises DesatError where the file
-    holds no block, or it cannot be built."""
-    from desat.fmus import build  # heavy, and only for who brings a block
+def built(file: Path, platforms: str = "") -> Built:
+    """The FMUs of a block file, built now where they are not yet; the native one for `platforms`
+    (`fmus/native.py`, `targets_of`). Raises DesatError where the file holds no block, or it cannot
+    be built."""
+    from desat.fmus import build, native  # heavy, and only for who brings a block
 
     try:
-        digest = build.made_of(str(file))
-    except OwnBlockError as error:
+        if platforms:
+            native.targets_of(platforms)
+        digest = build.made_of(str(file), platforms)
+    except (OwnBlockError, NoCompilerError, ValueError) as error:
         raise DesatError(str(error)) from error
     where = folder() / digest[:20]
     if not where.is_dir():
         where.parent.mkdir(parents=True, exist_ok=True)
         with FileLock(where.with_suffix(".lock")):
             if not where.is_dir():
-                _build(file, where)
+                _build(file, where, platforms)
     said = {e["kind"]: e for e in json.loads((where / build.INDEX).read_text(encoding="utf-8"))}
-    native = where / said["native"]["file"] if "native" in said else None
-    return Built(where / said["python"]["file"], native, said["python"].get("why", ""))
+    of_c = where / said["native"]["file"] if "native" in said else None
+    return Built(where / said["python"]["file"], of_c, said["python"].get("why", ""))
 
 
-def _build(file: Path, where: Path) -> None:
+def _build(file: Path, where: Path, platforms: str) -> None:
     part = Path(tempfile.mkdtemp(suffix=".part", dir=where.parent))
     try:
         # a process of its own: building spawns others, which need a script that can be imported
         done = subprocess.run(
-            [sys.executable, "-m", "desat.fmus.build", "--into", str(part), str(file)],
+            [sys.executable, "-m", "desat.fmus.build", "--into", str(part),
+             "--platforms", platforms, str(file)],
             capture_output=True, text=True, check=False,
         )  # fmt: skip
         if done.returncode:

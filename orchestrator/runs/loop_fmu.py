@@ -44,11 +44,18 @@ class Wanted:
     """Components that are left out: what they give becomes inputs, what they are given outputs."""
 
 
-def export(target: str, options: Options, wanted: Wanted, file: Path | None) -> Path:
-    """Write a scenario's loop as one FMU (default: NAME.fmu in this folder), and return its path.
+def export(
+    target: str, options: Options, wanted: Wanted, file: Path | None, platforms: str = ""
+) -> Path:  # fmt: skip
+    """Write a scenario's loop as one FMU (default: NAME.fmu in this folder), for these platforms
+    (`fmus/native.py`, `targets_of`), and return its path.
 
     Raises DesatError where a component has no C, or a name is not of the loop.
     """
+    try:
+        targets = native.targets_of(platforms)
+    except (NoCompilerError, ValueError) as error:
+        raise DesatError(str(error)) from error
     case = prepare(target, options)
     system, _ = case.or_raise()
     for name in wanted.without:
@@ -71,12 +78,13 @@ def export(target: str, options: Options, wanted: Wanted, file: Path | None) -> 
         text = made.text(identifier, title)
         on = depends(master, wanted.without, variables)
     files = {f"{model}.c": text for model, text in units.values()} | {f"{identifier}.c": text}
-    return _packed(identifier, system, wanted, files, variables, on, file)
+    return _packed(identifier, system, wanted, files, variables, on, file, targets)
 
 
 def _packed(
     identifier: str, system: System, wanted: Wanted, own: dict[str, str],
     variables: Sequence[Scalars], on: dict[str, set[str]], file: Path | None,
+    targets: Sequence[native.Target],
 ) -> Path:  # fmt: skip
     block = _block(system, wanted, variables, on)
     experiment = {"startTime": system.start, "stopTime": system.stop, "stepSize": system.step}
@@ -91,7 +99,7 @@ def _packed(
     target.parent.mkdir(parents=True, exist_ok=True)
     try:
         with tempfile.TemporaryDirectory() as shared:
-            native.compile_wrapper(Path(shared))
+            native.compile_wrapper(Path(shared), targets)
             page = documentation(block, identifier)
             return native.assemble(files, identifier, described(guid), page, Path(shared), target)
     except NoCompilerError as error:

@@ -21,6 +21,7 @@ def build(
         typer.Option("--out", help="The folder to write to (default: that of the file).",
                      show_default=False),
     ] = None,
+    platforms: o.Platforms = "",
     as_json: o.Json = False,
 ) -> None:  # fmt: skip
     """Build a block file of your own as FMUs: NAME.fmu of Python, and native/NAME.fmu of C where it
@@ -28,7 +29,7 @@ def build(
     from ...files import own
     from ...files.io import replace_text
 
-    made = own.built(file)
+    made = own.built(file, platforms)
     folder = into or file.parent
     wanted = {"python": made.python, "native": made.native}
     written = {}

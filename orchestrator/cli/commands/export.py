@@ -69,6 +69,7 @@ def fmu(
     step: o.Step = None,
     inner: o.Inner = None,
     accuracy: o.Accuracy = None,
+    platforms: o.Platforms = "",
     as_json: o.Json = False,
 ) -> None:  # fmt: skip
     """Write the loop of a scenario as one native FMU, with the same bits as `desat run`."""
@@ -79,7 +80,7 @@ def fmu(
         accuracy=accuracy,
     )  # fmt: skip
     wanted = Wanted(outputs or (), inputs or (), parameters or (), without or ())
-    path = export(target, options, wanted, file)
+    path = export(target, options, wanted, file, platforms)
     if as_json:
         print_json({"fmu": str(path)})
     else:

@@ -11,7 +11,7 @@ from typing import Annotated
 import typer
 
 from .. import options as o
-from ..console import app, out, print_json
+from ..console import app, err, out, print_json
 
 
 @app.command()
@@ -25,16 +25,24 @@ def pack(
             "(.toml) is packed beside it.",
         ),
     ] = None,
-    fmus: o.Fmus = o.FmuKind.python,
+    fmus: Annotated[
+        o.FmuKind | None,
+        typer.Option(
+            help="Which of our FMUs (default: native ones as soon as they are for linux64 "
+            "and win64, `make fmus PLATFORMS=all`; else those of Python).",
+            show_default=False,
+        ),
+    ] = None,
     as_json: o.Json = False,
 ) -> None:
     """Pack scenarios as self-contained .ssp files into ssp/dist/; with native FMUs into
     ssp/dist/native/."""
-    from ...files import paths
+    from ...files import library, paths
     from ...files import ssp_write as pack_module
     from ...files.scenario import find, own, scenarios
     from ...runs.inner_choice import settled
 
+    kind = fmus.value if fmus else "native" if library.portable() else "python"
     files = [Path(n) for n in names or () if n.endswith(".toml")]
     ours = [find(n) for n in names if not n.endswith(".toml")] if names else scenarios().values()
     wanted = [*((own(f), f.with_suffix(".ssp")) for f in files), *((s, None) for s in ours)]
@@ -44,7 +52,7 @@ def pack(
                 scenario,
                 target,
                 force=bool(names),
-                fmus=fmus.value,
+                fmus=kind,
                 choose=partial(settled, scenario.name),
             )
         )
@@ -57,4 +65,8 @@ def pack(
     if as_json:
         print_json(packed)
     else:
+        python = library.python_alone() if kind == "native" else []
+        if python:
+            text = f"{', '.join(python)}: of Python, also where it is packed: its host needs one"
+            err.print(f"note: {text}")
         out.print(f"{len(packed)} packed: {os.path.commonpath(packed)}")
