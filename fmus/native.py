@@ -205,7 +205,7 @@ def assemble(
         with tempfile.TemporaryDirectory() as folder:
             library = compile_block(files, name, Path(folder), shared, target)
             member = f"binaries/{target.platform}/{library.name}"
-            made.setdefault(member, []).append(library.read_bytes())
+            made.setdefault(member, []).append(undated(library.read_bytes()))
     members = {
         "modelDescription.xml": described,
         "documentation/index.html": page.encode(),
@@ -213,6 +213,14 @@ def assemble(
         **{f"sources/{file}": text.encode() for file, text in files.items()},
     }
     return pack(members, file)
+
+
+def undated(library: bytes) -> bytes:
+    """A library without the time when it was linked, which those of Windows have."""
+    if library[:2] != b"MZ":
+        return library
+    (header,) = struct.unpack_from("<I", library, 60)
+    return library[: header + 8] + bytes(4) + library[header + 12 :]
 
 
 def universal(binaries: Sequence[bytes]) -> bytes:

@@ -78,6 +78,18 @@ def test_libraries_of_two_processors_are_one_file():
         assert processor == (7, 12)[i]
 
 
+def test_a_library_of_windows_has_no_time_in_it():
+    def linked(at: int) -> bytes:
+        head = bytearray(b"MZ" + bytes(198))
+        struct.pack_into("<I", head, 60, 120)
+        struct.pack_into("<4sHHI", head, 120, b"PE", 0x8664, 9, at)
+        return bytes(head)
+
+    assert linked(1) != linked(2)
+    assert native.undated(linked(1)) == native.undated(linked(2)) == linked(0)
+    assert native.undated(b"\x7fELF" + bytes(200)) == b"\x7fELF" + bytes(200)
+
+
 def test_a_platform_that_there_is_not_is_named(desat, tmp_path, monkeypatch):
     monkeypatch.setattr(native, "zig", lambda: ("zig",))
     file = tmp_path / "x.py"

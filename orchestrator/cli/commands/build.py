@@ -43,6 +43,6 @@ def build(
         print_json({**written, **({"why": made.why} if made.why else {})})
         return
     for path in written.values():
-        out.print(path, highlight=False, markup=False)
+        out.print(path)
     if made.why:
-        err.print(f"note: there is no native FMU of it: {made.why}", highlight=False, markup=False)
+        err.print(f"note: there is no native FMU of it: {made.why}")

@@ -84,4 +84,4 @@ def fmu(
     if as_json:
         print_json({"fmu": str(path)})
     else:
-        out.print(str(path), highlight=False, markup=False)
+        out.print(str(path))
