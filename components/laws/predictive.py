@@ -1,0 +1,267 @@
+"""A plan of coils and thrusters over a forecast of field and torque, by projected Newton steps.
+
+Over intervals k of dt_k (s), with X (N m s) the wheels' momentum less its target, D_k what the
+forecast adds to it, and actuators j with |u_kj| <= u_max,j, all in one inertial frame:
+
+    X_k+1 = X_k + D_k + sum_j g_kj u_kj
+    J = sum_k dt_k [ sum_j r_j u_kj^2 / 2 + c_j |u_kj|
+                     + q |X_k+1|^2 / 2 + w_p sum_i (h_i / h_s)^16 ] + q_end |X_N|^2 / 2
+
+u is a dipole (A m2; g = e dt a x B) or an on-time (s; g = e tau), h_i = a_ki . X_k+1 + b_i the
+momentum of wheel i. J is convex. Each step takes J to second order in X with the actuators that
+stand at a bound, or at the kink of |u| where they do not want to leave it, held there; the rest
+follows from a backward sweep of 3 x 3 matrices (Riccati), the new u from a forward sweep that
+feeds back what the bounds take away, halved until J falls. So any plan that is left off is one
+that can be flown, and better than the one that was begun with.
+
+Bertsekas, SIAM J. Control Optim. 20 (1982) 221 (projected Newton); Tassa, Mansard, Todorov, IEEE
+ICRA (2014) (its sweep with bounds). The peak as a high power: the space telescope's preview.
+"""
+
+from __future__ import annotations
+
+from math import sqrt
+
+from ..contract.block import Mat33, Table, Vec3
+from ..maths.matrix import multiply, transposed
+from ..maths.vector import mat_t_vec, mat_vec
+
+INTERVALS = 40
+"""The most that a plan may have."""
+ACTUATORS = 7
+"""Four coils and the thrusters' three axes."""
+STEPS = 30
+"""The most Newton steps of a plan."""
+SETTLED = 1e-4
+"""Of J: where a step gains less, the plan is one."""
+_HALVINGS = 12
+_WHEELS = 4
+POWER = 16.0
+NO_PLAN: Table = (0.0,) * (ACTUATORS * INTERVALS)
+
+
+def root(m: Mat33) -> Mat33:
+    """L with m = L L', lower triangular; m symmetric and positive definite."""
+    a = sqrt(m[0])
+    b, c = m[3] / a, m[6] / a
+    d = sqrt(m[4] - b * b)
+    e = (m[7] - c * b) / d
+    return (a, 0.0, 0.0, b, d, 0.0, c, e, sqrt(m[8] - c * c - e * e))
+
+
+def inverse_of_lower(m: Mat33) -> Mat33:
+    """L^-1 of a lower triangular L."""
+    a, b, c = 1.0 / m[0], 1.0 / m[4], 1.0 / m[8]
+    d, e = -m[3] * a * b, -m[7] * b * c
+    return (a, 0.0, 0.0, d, b, 0.0, -(m[6] * a + m[7] * d) * c, e, c)
+
+
+def path_cost(
+    x: Vec3, k: int, rows: Table, bias: Table, q: float, peak: float, size: float
+) -> float:  # fmt: skip
+    """q |X|^2 / 2 + w_p sum (h_i / h_s)^16 at the end of interval k."""
+    cost = 0.5 * q * (x[0] * x[0] + x[1] * x[1] + x[2] * x[2])
+    if peak > 0.0:
+        for i in range(_WHEELS):
+            n = 3 * (_WHEELS * k + i)
+            s = (rows[n] * x[0] + rows[n + 1] * x[1] + rows[n + 2] * x[2] + bias[i]) / size
+            s2 = s * s
+            s4 = s2 * s2
+            s8 = s4 * s4
+            cost += peak * s8 * s8
+    return cost
+
+
+def path_slope(
+    x: Vec3, k: int, rows: Table, bias: Table, q: float, peak: float, size: float
+) -> tuple[Vec3, Mat33]:  # fmt: skip
+    """The first and second derivatives of `path_cost` by X."""
+    gx, gy, gz = q * x[0], q * x[1], q * x[2]
+    xx, xy, xz, yy, yz, zz = q, 0.0, 0.0, q, 0.0, q
+    if peak > 0.0:
+        for i in range(_WHEELS):
+            n = 3 * (_WHEELS * k + i)
+            a, b, c = rows[n], rows[n + 1], rows[n + 2]
+            s = (a * x[0] + b * x[1] + c * x[2] + bias[i]) / size
+            s2 = s * s
+            s4 = s2 * s2
+            s14 = s4 * s4 * s4 * s2
+            first = POWER * peak / size * s14 * s
+            second = POWER * (POWER - 1.0) * peak / (size * size) * s14
+            gx, gy, gz = gx + first * a, gy + first * b, gz + first * c
+            xx, xy, xz = xx + second * a * a, xy + second * a * b, xz + second * a * c
+            yy, yz, zz = yy + second * b * b, yz + second * b * c, zz + second * c * c
+    return (gx, gy, gz), (xx, xy, xz, xy, yy, yz, xz, yz, zz)
+
+
+def solve(
+    count: int, x0: Vec3, first: Table, dt: Table, drift: Table, effect: Table, price: Table,
+    fee: Table, most: Table, rows: Table, bias: Table, q: float, peak: float, size: float,
+    end: float,
+) -> tuple[Table, Vec3, Table, int, bool]:  # fmt: skip
+    """The plan over `count` intervals from X = x0, sought from the plan `first` on.
+
+    dt: of INTERVALS values those in use; drift: D, three an interval; effect: g, ACTUATORS vectors
+    an interval; price, fee, most: r, c and u_max, ACTUATORS an interval (r above 0 where u_max is);
+    rows: a, four vectors an interval; bias: b. Returns u, the costate of the first interval
+    (dJ / dX_1), the course X_1 .. X_count, the steps taken, and whether J had settled.
+    """
+    u = [0.0] * (ACTUATORS * INTERVALS)
+    new = [0.0] * (ACTUATORS * INTERVALS)
+    free = [0.0] * (ACTUATORS * INTERVALS)
+    course = [0.0] * (3 * INTERVALS)
+    ahead = [0.0] * (3 * INTERVALS)
+    back = [0.0] * (24 * INTERVALS)
+    cost = 0.0
+    x = x0
+    for k in range(count):
+        nx, ny, nz = x[0] + drift[3 * k], x[1] + drift[3 * k + 1], x[2] + drift[3 * k + 2]
+        for j in range(ACTUATORS):
+            i = ACTUATORS * k + j
+            v = min(max(first[i], -most[i]), most[i])
+            u[i] = v
+            a, b, c = effect[3 * i], effect[3 * i + 1], effect[3 * i + 2]
+            nx, ny, nz = nx + a * v, ny + b * v, nz + c * v
+            cost += dt[k] * (0.5 * price[i] * v * v + fee[i] * abs(v))
+        x = (nx, ny, nz)
+        course[3 * k], course[3 * k + 1], course[3 * k + 2] = x
+        cost += dt[k] * path_cost(x, k, rows, bias, q, peak, size)
+    cost += 0.5 * end * (x[0] * x[0] + x[1] * x[1] + x[2] * x[2])
+    steps, settled = 0, False
+    while steps < STEPS and not settled:
+        steps += 1
+        # backward: V_k = X' P X / 2 + p X of the change of X; `tied` is the gradient of J by X
+        p: Mat33 = (end, 0.0, 0.0, 0.0, end, 0.0, 0.0, 0.0, end)
+        n = 3 * (count - 1)
+        tied: Vec3 = (end * course[n], end * course[n + 1], end * course[n + 2])
+        value = tied
+        for back_k in range(count):
+            k = count - 1 - back_k
+            here = (course[3 * k], course[3 * k + 1], course[3 * k + 2])
+            slope, curve = path_slope(here, k, rows, bias, q, peak, size)
+            t = dt[k]
+            tied = (tied[0] + t * slope[0], tied[1] + t * slope[1], tied[2] + t * slope[2])
+            m = (value[0] + t * slope[0], value[1] + t * slope[1], value[2] + t * slope[2])
+            big: Mat33 = (
+                p[0] + t * curve[0], p[1] + t * curve[1], p[2] + t * curve[2],
+                p[3] + t * curve[3], p[4] + t * curve[4], p[5] + t * curve[5],
+                p[6] + t * curve[6], p[7] + t * curve[7], p[8] + t * curve[8],
+            )  # fmt: skip
+            sxx, sxy, sxz, syy, syz, szz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+            bx, by, bz = 0.0, 0.0, 0.0
+            for j in range(ACTUATORS):
+                i = ACTUATORS * k + j
+                free[i] = 0.0
+                limit = most[i]
+                if limit > 0.0:
+                    a, b, c = effect[3 * i], effect[3 * i + 1], effect[3 * i + 2]
+                    pull = a * tied[0] + b * tied[1] + c * tied[2] + t * price[i] * u[i]
+                    side = 1.0 if u[i] > 0.0 else -1.0
+                    toll = t * fee[i]
+                    if u[i] == 0.0:
+                        side = -1.0 if pull > 0.0 else 1.0
+                        held = abs(pull) <= toll
+                    else:
+                        held = abs(u[i]) >= limit and side * pull + toll <= 0.0
+                    if not held:
+                        free[i] = side
+                        w = 1.0 / (t * price[i])
+                        rest = w * (t * price[i] * u[i] + toll * side)
+                        bx, by, bz = bx + a * rest, by + b * rest, bz + c * rest
+                        sxx, sxy, sxz = sxx + w * a * a, sxy + w * a * b, sxz + w * a * c
+                        syy, syz, szz = syy + w * b * b, syz + w * b * c, szz + w * c * c
+            s: Mat33 = (sxx, sxy, sxz, sxy, syy, syz, sxz, syz, szz)
+            # with M = L L' and Z = (1 + L'S L)^-1: (1 + S M)^-1 = L'^-1 Z L', and so on, which
+            # keeps what M leaves of the directions that it does not hold
+            low = root(big)
+            up = inverse_of_lower(low)
+            held_back = multiply(transposed(low), multiply(s, low))
+            z = inverse_of_lower(root((
+                1.0 + held_back[0], held_back[1], held_back[2],
+                held_back[3], 1.0 + held_back[4], held_back[5],
+                held_back[6], held_back[7], 1.0 + held_back[8],
+            )))  # fmt: skip
+            zl = multiply(z, transposed(low))
+            shrink = multiply(transposed(multiply(z, up)), zl)
+            p = multiply(transposed(zl), zl)
+            at, off = mat_vec(s, m), (bx, by, bz)
+            y = (at[0] + bx, at[1] + by, at[2] + bz)
+            n = 24 * k
+            for i in range(9):
+                back[n + i] = big[i]
+                back[n + 9 + i] = shrink[i]
+            for i in range(3):
+                back[n + 18 + i] = m[i]
+                back[n + 21 + i] = y[i]
+            kept, lost = mat_t_vec(shrink, m), mat_vec(p, off)
+            value = (kept[0] - lost[0], kept[1] - lost[1], kept[2] - lost[2])
+        share, better, flat = 1.0, False, False
+        for _ in range(_HALVINGS):
+            trial = 0.0
+            x = x0
+            dx, dy, dz = 0.0, 0.0, 0.0
+            for k in range(count):
+                n = 24 * k
+                t = dt[k]
+                vx = dx - share * back[n + 21]
+                vy = dy - share * back[n + 22]
+                vz = dz - share * back[n + 23]
+                ex = back[n + 9] * vx + back[n + 10] * vy + back[n + 11] * vz
+                ey = back[n + 12] * vx + back[n + 13] * vy + back[n + 14] * vz
+                ez = back[n + 15] * vx + back[n + 16] * vy + back[n + 17] * vz
+                lx = back[n] * ex + back[n + 1] * ey + back[n + 2] * ez + share * back[n + 18]
+                ly = back[n + 3] * ex + back[n + 4] * ey + back[n + 5] * ez + share * back[n + 19]
+                lz = back[n + 6] * ex + back[n + 7] * ey + back[n + 8] * ez + share * back[n + 20]
+                nx, ny, nz = x[0] + drift[3 * k], x[1] + drift[3 * k + 1], x[2] + drift[3 * k + 2]
+                for j in range(ACTUATORS):
+                    i = ACTUATORS * k + j
+                    v = u[i]
+                    a, b, c = effect[3 * i], effect[3 * i + 1], effect[3 * i + 2]
+                    if free[i] != 0.0:
+                        rest = share * (t * price[i] * v + t * fee[i] * free[i])
+                        v -= (rest + a * lx + b * ly + c * lz) / (t * price[i])
+                        v = min(max(v, -most[i]), most[i])
+                        if fee[i] > 0.0 and v * free[i] < 0.0:
+                            v = 0.0
+                    new[i] = v
+                    if v != 0.0:
+                        nx, ny, nz = nx + a * v, ny + b * v, nz + c * v
+                        trial += t * (0.5 * price[i] * v * v + fee[i] * abs(v))
+                x = (nx, ny, nz)
+                ahead[3 * k], ahead[3 * k + 1], ahead[3 * k + 2] = x
+                dx, dy, dz = nx - course[3 * k], ny - course[3 * k + 1], nz - course[3 * k + 2]
+                trial += t * path_cost(x, k, rows, bias, q, peak, size)
+            trial += 0.5 * end * (x[0] * x[0] + x[1] * x[1] + x[2] * x[2])
+            if trial < cost:
+                better = True
+                break
+            flat = flat or trial - cost <= SETTLED * SETTLED * cost
+            share *= 0.5
+        if not better:
+            settled = flat
+            break
+        settled = cost - trial <= SETTLED * cost
+        cost = trial
+        for i in range(ACTUATORS * count):
+            u[i] = new[i]
+        for i in range(3 * count):
+            course[i] = ahead[i]
+    n = 3 * (count - 1)
+    tied = (end * course[n], end * course[n + 1], end * course[n + 2])
+    for back_k in range(count):
+        k = count - 1 - back_k
+        here = (course[3 * k], course[3 * k + 1], course[3 * k + 2])
+        slope, _ = path_slope(here, k, rows, bias, q, peak, size)
+        tied = (tied[0] + dt[k] * slope[0], tied[1] + dt[k] * slope[1], tied[2] + dt[k] * slope[2])
+    return tuple(u), tied, tuple(course), steps, settled
+
+
+def largest(count: int, course: Table, rows: Table, bias: Table) -> float:
+    """The largest momentum of a wheel (N m s) on a course."""
+    most = 0.0
+    for k in range(count):
+        for i in range(_WHEELS):
+            n = 3 * (_WHEELS * k + i)
+            h = bias[i] + rows[n] * course[3 * k] + rows[n + 1] * course[3 * k + 1]
+            most = max(most, abs(h + rows[n + 2] * course[3 * k + 2]))
+    return most
