@@ -5,7 +5,7 @@ from math import copysign, inf, pi, sqrt
 
 from ..bases.dumping import DUMPING, FALLBACK, IDLE, MomentumDumping
 from ..bases.earth_field import EarthField
-from ..contract.block import Mat33, Mat34, Output, Parameter, Vec3, Vec4
+from ..contract.block import Mat33, Mat34, Output, Parameter, Table, Vec3, Vec4
 from ..laws import cross_product, predictive, receding_horizon
 from ..laws import disturbance_learning as learning
 from ..laws.blending import Split
@@ -30,7 +30,7 @@ PLANNED = 30.0
 """s between plans, at least."""
 ORBITS, SHARE = 1.25, 0.05
 """Of an orbit: how far a plan reaches, and the longest of its intervals."""
-STIFF, PEAK, CLOSE = 0.9, 0.1, 0.9
+STIFF, PEAK, CLOSE = 0.9, 0.3, 0.85
 """Of momentum against energy: q = (STIFF n)^2 / b^2; w_p = PEAK q h_s^2, h_s = CLOSE times the
 peak."""
 SCALE = 1e-3
@@ -434,44 +434,33 @@ class ManagerPredictive(MomentumDumping, EarthField):
         reach = self.horizon if self.horizon > 0.0 else ORBITS * orbit
         if self.goal == EMPTY:
             reach = self.end - t
-        most_intervals = predictive.INTERVALS
         dt = [0.0] * predictive.INTERVALS
         drift = [0.0] * (3 * predictive.INTERVALS)
         effect = [0.0] * (3 * predictive.ACTUATORS * predictive.INTERVALS)
-        price = [0.0] * (predictive.ACTUATORS * predictive.INTERVALS)
-        fee = [0.0] * (predictive.ACTUATORS * predictive.INTERVALS)
-        most = [0.0] * (predictive.ACTUATORS * predictive.INTERVALS)
         rows = [0.0] * (12 * predictive.INTERVALS)
-        period, longest = self._period(), SHARE * orbit
-        count, sofar, size = 0, 0.0, period
-        if self.goal == EMPTY:
-            samples = int(reach / period + 0.5)
-            # as many single samples first as leave the rest to intervals of whole samples
-            longest = period * float((samples + most_intervals - 1) // most_intervals)
-            while count < most_intervals and sofar < reach - 0.5 * period:
-                left = samples - int(sofar / period + 0.5)
-                slots = most_intervals - count
-                size = period * float((left + slots - 1) // slots)
-                if left > slots and size < longest + period and count < most_intervals // 2:
-                    singles = (left - slots * int(longest / period + 0.5)) < 0
-                    size = period if singles else size
-                size = min(size, reach - sofar)
-                dt[count] = size
-                sofar += size
-                count += 1
-        else:
-            while count < most_intervals and sofar < reach - 0.5 * period:
-                dt[count] = size
-                sofar += size
-                count += 1
-                size = min(2.0 * size, max(longest, period))
+        period = self._period()
+        longest = max(SHARE * orbit, period)
+        each = predictive.COILS if self.goal == HOLD else predictive.ACTUATORS
+        count, begin, size = 0, 0.0, period
+        while count < predictive.INTERVALS and begin < reach - 0.5 * period:
+            dt[count] = size
+            begin += size
+            count += 1
+            if self.goal == HOLD:
+                size = min(2.0 * size, longest)
+            else:
+                # whole samples, as few in each as the intervals that are left allow
+                left = int((reach - begin) / period + 0.5)
+                slots = max(predictive.INTERVALS - count, 1)
+                size = period * float(max((left + slots - 1) // slots, 1))
+        reach = begin
         a, e, inclination, raan, perigee, anomaly = elements_from_state(self.r_eci, self.v_eci)
         to_perigee, onward = perifocal_axes(inclination, raan, perigee)
         from_lvlh = product(q, inverse(lvlh))
         _, given, limits = self._axes()
         bias_0 = self._bias(q, cross(self.r_eci, self.v_eci), dot(self.r_eci, self.r_eci), turning)
         before = bias_0
-        strength, begin = 0.0, 0.0
+        strength, begin, rest = 0.0, 0.0, x0
         for k in range(count):
             step = dt[k]
             push = ZERO
@@ -485,7 +474,7 @@ class ManagerPredictive(MomentumDumping, EarthField):
                     b = add(b, off)
                 push = add(push, scale(0.5 * step, self._torque(pointing, frame, r, b)))
                 for j in range(3):
-                    i = 3 * (predictive.ACTUATORS * k + j)
+                    i = 3 * (each * k + j)
                     f = scale(0.5 * step, cross(rotate_back(pointing, given[j]), b))
                     effect[i] += f[0]
                     effect[i + 1] += f[1]
@@ -494,10 +483,10 @@ class ManagerPredictive(MomentumDumping, EarthField):
                     axis = (self._live[j], self._live[4 + j], self._live[8 + j])
                     f = cross(rotate_back(pointing, axis), b)
                     strength += 0.25 * step * dot(f, f)
-                for j in range(3):
+                for j in range(each - predictive.COILS):
                     gain = 0.5 * self.tau_level[j] * self.thruster_effectiveness[j]
                     f = scale(gain, rotate_back(pointing, AXES[j]))
-                    i = 3 * (predictive.ACTUATORS * k + 4 + j)
+                    i = 3 * (each * k + predictive.COILS + j)
                     effect[i] += f[0]
                     effect[i + 1] += f[1]
                     effect[i + 2] += f[2]
@@ -513,52 +502,89 @@ class ManagerPredictive(MomentumDumping, EarthField):
                 row = rotate_back(pointing, (w[3 * j], w[3 * j + 1], w[3 * j + 2]))
                 i = 3 * (4 * k + j)
                 rows[i], rows[i + 1], rows[i + 2] = row
+            rest = add(rest, push)
+        if self.goal == EMPTY:
+            self._empty(count, rest, tuple(dt), tuple(effect), limits, reach)
+            return
+        stiff = STIFF * n
+        momentum = self.weights[0] * stiff * stiff / max(strength / reach, 1e-30)
+        bias = to_wheels(self._to_wheels, self.h_target_body)
+        lengths, drifts, effects, wheels = tuple(dt), tuple(drift), tuple(effect), tuple(rows)
+        u, costate, course, steps, settled = predictive.held(
+            count, x0, predictive.NO_PLAN, lengths, drifts, effects, self.weights[1], limits,
+            wheels, bias, momentum, 0.0, 1.0,
+        )  # fmt: skip
+        peak = predictive.largest(count, course, wheels, bias)
+        for x in self._bins:
+            peak = max(peak, x)
+        size = CLOSE * max(peak, 1e-9)
+        u, costate, course, more, settled = predictive.held(
+            count, x0, u, lengths, drifts, effects, self.weights[1], limits, wheels, bias, momentum,
+            PEAK * momentum * size * size, size,
+        )  # fmt: skip
+        self._costate, self.plan_steps, self._failed = costate, steps + more, not settled
+
+    def _empty(
+        self, count: int, rest: Vec3, dt: Table, effect: Table, limits: Vec3, reach: float
+    ) -> None:
+        """Plan the dipole and the pulses of the first interval so that `rest` (N m s, eci), what X
+        is at the end without them, becomes zero."""
+        price = [0.0] * (predictive.ACTUATORS * predictive.INTERVALS)
+        fee = [0.0] * (predictive.ACTUATORS * predictive.INTERVALS)
+        most = [0.0] * (predictive.ACTUATORS * predictive.INTERVALS)
+        begin = 0.0
+        for k in range(count):
+            reserve = RESERVE * (1.0 - begin / reach) if k > 0 else 0.0
+            late = 1.0 - PATIENCE * begin / reach
             for j in range(3):
                 i = predictive.ACTUATORS * k + j
                 most[i] = limits[j]
-                price[i] = self.weights[1]
-                if self.goal == EMPTY:
-                    price[i] = COIL_PRICE / (step * max(limits[j] * limits[j], 1e-12))
-                    i += 4
-                    reserve = RESERVE * (1.0 - begin / reach) if k > 0 else 0.0
-                    most[i] = (1.0 - reserve) * step if self.tau_level[j] > 0.0 else 0.0
-                    price[i] = COIL_PRICE / step
-                    fee[i] = self.weights[2] * (1.0 - PATIENCE * begin / reach) / step
-        strength /= max(sofar, 1e-9)
-        stiff = STIFF * n
-        momentum = self.weights[0] * stiff * stiff / max(strength, 1e-30)
-        end = 0.0
-        if self.goal == EMPTY:
-            level = max(max(self.tau_level[0], self.tau_level[1]), self.tau_level[2])
-            end = 10.0 * self.weights[2] / (level * level * self.least_pulse)
-            momentum = 0.0
-        bias = to_wheels(self._to_wheels, self.h_target_body)
-        lengths, drifts, effects, prices, fees, bounds, wheels = (
-            tuple(dt), tuple(drift), tuple(effect), tuple(price), tuple(fee), tuple(most),
-            tuple(rows),
-        )  # fmt: skip
-        u, costate, course, steps, settled = predictive.solve(
-            count, x0, predictive.NO_PLAN, lengths, drifts, effects, prices, fees, bounds, wheels,
-            bias, momentum, 0.0, 1.0, end,
-        )  # fmt: skip
-        if self.goal == HOLD:
-            peak = predictive.largest(count, course, wheels, bias)
-            for x in self._bins:
-                peak = max(peak, x)
-            size = CLOSE * max(peak, 1e-9)
-            u, costate, course, more, settled = predictive.solve(
-                count, x0, u, lengths, drifts, effects, prices, fees, bounds, wheels, bias,
-                momentum, PEAK * momentum * size * size, size, end,
-            )  # fmt: skip
-            steps += more
-        self._costate, self.plan_steps, self._failed = costate, steps, not settled
-        if self.goal == EMPTY:
-            commands, _, _ = self._axes()
-            m = ZERO
+                price[i] = COIL_PRICE / max(limits[j] * limits[j], 1e-12)
+                i += predictive.COILS
+                most[i] = (1.0 - reserve) * dt[k] if self.tau_level[j] > 0.0 else 0.0
+                price[i] = COIL_PRICE
+                fee[i] = self.weights[2] * late
+            begin += dt[k]
+        level = max(self.tau_level[0], self.tau_level[1], self.tau_level[2], 1e-9)
+        least = level * self.least_pulse
+        weight = 10.0 * self.weights[2] / (level * least)
+        prices, fees = tuple(price), tuple(fee)
+        u, self.plan_steps, settled = predictive.emptied(
+            count,
+            rest,
+            effect,
+            prices,
+            fees,
+            tuple(most),
+            weight,
+            0.01 * least,
+            0.5 * self.weights[2] / level,
+        )
+        thrust = (self._pulse(u[3], 0), self._pulse(u[4], 1), self._pulse(u[5], 2))
+        if count == 1:
+            # the coils make up for what the pulses leave
             for j in range(3):
-                m = add(m, scale(u[j], commands[j]))
-            self._dipole_planned = m
-            self._thrust = (self._pulse(u[4], 0), self._pulse(u[5], 1), self._pulse(u[6], 2))
+                on = thrust[j] * self.sample_time / max(self.tau_level[j], 1e-9)
+                i = 3 * (predictive.COILS + j)
+                done = scale(on, (effect[i], effect[i + 1], effect[i + 2]))
+                rest = add(rest, done)
+                most[predictive.COILS + j] = 0.0
+            u, _, settled = predictive.emptied(
+                count,
+                rest,
+                effect,
+                prices,
+                fees,
+                tuple(most),
+                weight,
+                0.01 * least,
+                0.5 * self.weights[2] / level,
+            )
+        commands, _, _ = self._axes()
+        m = ZERO
+        for j in range(3):
+            m = add(m, scale(u[j], commands[j]))
+        self._dipole_planned, self._thrust, self._failed = m, thrust, not settled
 
     def _bias(self, q: Vec4, turn: Vec3, size2: float, turning: bool) -> Vec3:
         """What of the craft's momentum (N m s, eci) is not to be dumped: the body's turn, and the

@@ -1,52 +1,65 @@
-"""A plan of coils and thrusters over a forecast of field and torque, by projected Newton steps.
+"""Plans of coils and thrusters over a forecast of field and torque, by Newton's method.
 
 Over intervals k of dt_k (s), with X (N m s) the wheels' momentum less its target, D_k what the
 forecast adds to it, and actuators j with |u_kj| <= u_max,j, all in one inertial frame:
 
     X_k+1 = X_k + D_k + sum_j g_kj u_kj
-    J = sum_k dt_k [ sum_j r_j u_kj^2 / 2 + c_j |u_kj|
-                     + q |X_k+1|^2 / 2 + w_p sum_i (h_i / h_s)^16 ] + q_end |X_N|^2 / 2
 
-u is a dipole (A m2; g = e dt a x B) or an on-time (s; g = e tau), h_i = a_ki . X_k+1 + b_i the
-momentum of wheel i. J is convex. Each step takes J to second order in X with the actuators that
-stand at a bound, or at the kink of |u| where they do not want to leave it, held there; the rest
-follows from a backward sweep of 3 x 3 matrices (Riccati), the new u from a forward sweep that
-feeds back what the bounds take away, halved until J falls. So any plan that is left off is one
-that can be flown, and better than the one that was begun with.
+u is a dipole (A m2; g = e dt a x B) or an on-time (s; g = e tau). `held` makes
+
+    J = sum_k dt_k [ sum_j r_j u_kj^2 / 2 + q |X_k+1|^2 / 2 + w_p sum_i (h_i / h_s)^16 ]
+
+least, h_i = a_ki . X_k+1 + b_i the momentum of wheel i. Each step takes J to second order in X with
+the actuators that stand at a bound and do not want to leave it held there; the rest follows from a
+backward sweep of 3 x 3 matrices (Riccati), the new u from a forward sweep that feeds back what the
+bounds take away, halved until J falls. So any plan that is left off is one that can be flown, and
+better than the one that was begun with.
+
+`emptied` makes sum (r_j u_kj^2 / 2 + c_kj |u_kj|) + W |X_N|^2 / 2 least. There the costate W X_N is
+the same for all intervals, and three numbers are all that is sought: they make a concave function
+greatest, whose second derivative jumps where an actuator leaves zero or comes to its bound. r is
+large at first.
 
 Bertsekas, SIAM J. Control Optim. 20 (1982) 221 (projected Newton); Tassa, Mansard, Todorov, IEEE
-ICRA (2014) (its sweep with bounds). The peak as a high power: the space telescope's preview.
+ICRA (2014) (the sweep with bounds). The peak as a high power: the space telescope's preview.
 """
 
 from __future__ import annotations
 
-from math import sqrt
+from math import inf, sqrt
 
 from ..contract.block import Mat33, Table, Vec3
 from ..maths.matrix import multiply, transposed
-from ..maths.vector import mat_t_vec, mat_vec
+from ..maths.vector import ZERO, add, dot, mat_t_vec, mat_vec, norm, scale, sub
 
-INTERVALS = 40
+INTERVALS = 64
 """The most that a plan may have."""
-ACTUATORS = 7
-"""Four coils and the thrusters' three axes."""
+COILS = 3
+"""Commands to coils in an interval."""
+ACTUATORS = 6
+"""These, and the thrusters' three axes."""
 STEPS = 30
 """The most Newton steps of a plan."""
+TRIALS = 80
+"""The most of each stage of an emptying."""
 SETTLED = 1e-4
 """Of J: where a step gains less, the plan is one."""
 _HALVINGS = 12
 _WHEELS = 4
+_ROUNDED = 1e-15
+NOTHING: Mat33 = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 POWER = 16.0
-NO_PLAN: Table = (0.0,) * (ACTUATORS * INTERVALS)
+NO_PLAN: Table = (0.0,) * (COILS * INTERVALS)
+_STAGES = (1000.0, 100.0, 10.0, 1.0)
 
 
 def root(m: Mat33) -> Mat33:
     """L with m = L L', lower triangular; m symmetric and positive definite."""
     a = sqrt(m[0])
     b, c = m[3] / a, m[6] / a
-    d = sqrt(m[4] - b * b)
+    d = sqrt(max(m[4] - b * b, _ROUNDED * m[4]))
     e = (m[7] - c * b) / d
-    return (a, 0.0, 0.0, b, d, 0.0, c, e, sqrt(m[8] - c * c - e * e))
+    return (a, 0.0, 0.0, b, d, 0.0, c, e, sqrt(max(m[8] - c * c - e * e, _ROUNDED * m[8])))
 
 
 def inverse_of_lower(m: Mat33) -> Mat33:
@@ -94,21 +107,20 @@ def path_slope(
     return (gx, gy, gz), (xx, xy, xz, xy, yy, yz, xz, yz, zz)
 
 
-def solve(
-    count: int, x0: Vec3, first: Table, dt: Table, drift: Table, effect: Table, price: Table,
-    fee: Table, most: Table, rows: Table, bias: Table, q: float, peak: float, size: float,
-    end: float,
+def held(
+    count: int, x0: Vec3, first: Table, dt: Table, drift: Table, effect: Table, price: float,
+    most: Vec3, rows: Table, bias: Table, q: float, peak: float, size: float,
 ) -> tuple[Table, Vec3, Table, int, bool]:  # fmt: skip
     """The plan over `count` intervals from X = x0, sought from the plan `first` on.
 
-    dt: of INTERVALS values those in use; drift: D, three an interval; effect: g, ACTUATORS vectors
-    an interval; price, fee, most: r, c and u_max, ACTUATORS an interval (r above 0 where u_max is);
-    rows: a, four vectors an interval; bias: b. Returns u, the costate of the first interval
-    (dJ / dX_1), the course X_1 .. X_count, the steps taken, and whether J had settled.
+    dt: of INTERVALS values those in use; drift: D, three an interval; effect: g, COILS vectors an
+    interval; price, most: r and u_max; rows: a, four vectors an interval; bias: b. Returns u, the
+    costate of the first interval (dJ / dX_1), the course X_1 .. X_count, the steps taken, and
+    whether J had settled.
     """
-    u = [0.0] * (ACTUATORS * INTERVALS)
-    new = [0.0] * (ACTUATORS * INTERVALS)
-    free = [0.0] * (ACTUATORS * INTERVALS)
+    u = [0.0] * (COILS * INTERVALS)
+    new = [0.0] * (COILS * INTERVALS)
+    free = [0.0] * (COILS * INTERVALS)
     course = [0.0] * (3 * INTERVALS)
     ahead = [0.0] * (3 * INTERVALS)
     back = [0.0] * (24 * INTERVALS)
@@ -116,25 +128,22 @@ def solve(
     x = x0
     for k in range(count):
         nx, ny, nz = x[0] + drift[3 * k], x[1] + drift[3 * k + 1], x[2] + drift[3 * k + 2]
-        for j in range(ACTUATORS):
-            i = ACTUATORS * k + j
-            v = min(max(first[i], -most[i]), most[i])
+        for j in range(COILS):
+            i = COILS * k + j
+            v = min(max(first[i], -most[j]), most[j])
             u[i] = v
             a, b, c = effect[3 * i], effect[3 * i + 1], effect[3 * i + 2]
             nx, ny, nz = nx + a * v, ny + b * v, nz + c * v
-            cost += dt[k] * (0.5 * price[i] * v * v + fee[i] * abs(v))
+            cost += dt[k] * (0.5 * price * v * v)
         x = (nx, ny, nz)
         course[3 * k], course[3 * k + 1], course[3 * k + 2] = x
         cost += dt[k] * path_cost(x, k, rows, bias, q, peak, size)
-    cost += 0.5 * end * (x[0] * x[0] + x[1] * x[1] + x[2] * x[2])
     steps, settled = 0, False
     while steps < STEPS and not settled:
         steps += 1
         # backward: V_k = X' P X / 2 + p X of the change of X; `tied` is the gradient of J by X
-        p: Mat33 = (end, 0.0, 0.0, 0.0, end, 0.0, 0.0, 0.0, end)
-        n = 3 * (count - 1)
-        tied: Vec3 = (end * course[n], end * course[n + 1], end * course[n + 2])
-        value = tied
+        p: Mat33 = NOTHING
+        tied, value = ZERO, ZERO
         for back_k in range(count):
             k = count - 1 - back_k
             here = (course[3 * k], course[3 * k + 1], course[3 * k + 2])
@@ -149,25 +158,17 @@ def solve(
             )  # fmt: skip
             sxx, sxy, sxz, syy, syz, szz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
             bx, by, bz = 0.0, 0.0, 0.0
-            for j in range(ACTUATORS):
-                i = ACTUATORS * k + j
+            for j in range(COILS):
+                i = COILS * k + j
                 free[i] = 0.0
-                limit = most[i]
+                limit = most[j]
                 if limit > 0.0:
                     a, b, c = effect[3 * i], effect[3 * i + 1], effect[3 * i + 2]
-                    pull = a * tied[0] + b * tied[1] + c * tied[2] + t * price[i] * u[i]
-                    side = 1.0 if u[i] > 0.0 else -1.0
-                    toll = t * fee[i]
-                    if u[i] == 0.0:
-                        side = -1.0 if pull > 0.0 else 1.0
-                        held = abs(pull) <= toll
-                    else:
-                        held = abs(u[i]) >= limit and side * pull + toll <= 0.0
-                    if not held:
-                        free[i] = side
-                        w = 1.0 / (t * price[i])
-                        rest = w * (t * price[i] * u[i] + toll * side)
-                        bx, by, bz = bx + a * rest, by + b * rest, bz + c * rest
+                    pull = a * tied[0] + b * tied[1] + c * tied[2] + t * price * u[i]
+                    if not (abs(u[i]) >= limit and u[i] * pull < 0.0):
+                        free[i] = 1.0
+                        w = 1.0 / (t * price)
+                        bx, by, bz = bx + a * u[i], by + b * u[i], bz + c * u[i]
                         sxx, sxy, sxz = sxx + w * a * a, sxy + w * a * b, sxz + w * a * c
                         syy, syz, szz = syy + w * b * b, syz + w * b * c, szz + w * c * c
             s: Mat33 = (sxx, sxy, sxz, sxy, syy, syz, sxz, syz, szz)
@@ -213,25 +214,21 @@ def solve(
                 ly = back[n + 3] * ex + back[n + 4] * ey + back[n + 5] * ez + share * back[n + 19]
                 lz = back[n + 6] * ex + back[n + 7] * ey + back[n + 8] * ez + share * back[n + 20]
                 nx, ny, nz = x[0] + drift[3 * k], x[1] + drift[3 * k + 1], x[2] + drift[3 * k + 2]
-                for j in range(ACTUATORS):
-                    i = ACTUATORS * k + j
+                for j in range(COILS):
+                    i = COILS * k + j
                     v = u[i]
                     a, b, c = effect[3 * i], effect[3 * i + 1], effect[3 * i + 2]
                     if free[i] != 0.0:
-                        rest = share * (t * price[i] * v + t * fee[i] * free[i])
-                        v -= (rest + a * lx + b * ly + c * lz) / (t * price[i])
-                        v = min(max(v, -most[i]), most[i])
-                        if fee[i] > 0.0 and v * free[i] < 0.0:
-                            v = 0.0
+                        v -= share * v + (a * lx + b * ly + c * lz) / (t * price)
+                        v = min(max(v, -most[j]), most[j])
                     new[i] = v
                     if v != 0.0:
                         nx, ny, nz = nx + a * v, ny + b * v, nz + c * v
-                        trial += t * (0.5 * price[i] * v * v + fee[i] * abs(v))
+                        trial += t * (0.5 * price * v * v)
                 x = (nx, ny, nz)
                 ahead[3 * k], ahead[3 * k + 1], ahead[3 * k + 2] = x
                 dx, dy, dz = nx - course[3 * k], ny - course[3 * k + 1], nz - course[3 * k + 2]
                 trial += t * path_cost(x, k, rows, bias, q, peak, size)
-            trial += 0.5 * end * (x[0] * x[0] + x[1] * x[1] + x[2] * x[2])
             if trial < cost:
                 better = True
                 break
@@ -242,18 +239,77 @@ def solve(
             break
         settled = cost - trial <= SETTLED * cost
         cost = trial
-        for i in range(ACTUATORS * count):
+        for i in range(COILS * count):
             u[i] = new[i]
         for i in range(3 * count):
             course[i] = ahead[i]
-    n = 3 * (count - 1)
-    tied = (end * course[n], end * course[n + 1], end * course[n + 2])
+    tied = ZERO
     for back_k in range(count):
         k = count - 1 - back_k
         here = (course[3 * k], course[3 * k + 1], course[3 * k + 2])
         slope, _ = path_slope(here, k, rows, bias, q, peak, size)
         tied = (tied[0] + dt[k] * slope[0], tied[1] + dt[k] * slope[1], tied[2] + dt[k] * slope[2])
     return tuple(u), tied, tuple(course), steps, settled
+
+
+def emptied(
+    count: int, rest: Vec3, effect: Table, price: Table, fee: Table, most: Table, weight: float,
+    near: float, stride: float,
+) -> tuple[Table, int, bool]:  # fmt: skip
+    """The plan over `count` intervals that leads X_0 + sum D = `rest` (N m s) to zero.
+
+    effect: g, ACTUATORS vectors an interval; price, fee, most: r, c and u_max, ACTUATORS an
+    interval (r above 0); weight: W; near (N m s): how well the end is to be what W makes of it;
+    stride: how far the costate goes in a step, at most.
+    Returns u, the steps taken, and whether it came so near.
+    """
+    u = [0.0] * (ACTUATORS * INTERVALS)
+    best = [0.0] * (ACTUATORS * INTERVALS)
+    costate = ZERO
+    steps, settled = 0, False
+    for stage in _STAGES:
+        share, settled = 1.0, False
+        step = ZERO
+        value = -inf
+        for _ in range(TRIALS):
+            steps += 1
+            tried = add(costate, scale(share, step))
+            total = dot(tried, rest) - 0.5 / weight * dot(tried, tried)
+            gx, gy, gz = sub(rest, scale(1.0 / weight, tried))
+            sxx, sxy, sxz, syy, syz, szz = 1.0 / weight, 0.0, 0.0, 1.0 / weight, 0.0, 1.0 / weight
+            for i in range(ACTUATORS * count):
+                a, b, c = effect[3 * i], effect[3 * i + 1], effect[3 * i + 2]
+                pull = a * tried[0] + b * tried[1] + c * tried[2]
+                beyond, r = abs(pull) - fee[i], stage * price[i]
+                v = 0.0
+                if beyond > 0.0 and most[i] > 0.0:
+                    v = beyond / r
+                    if v < most[i]:
+                        sxx, sxy, sxz = sxx + a * a / r, sxy + a * b / r, sxz + a * c / r
+                        syy, syz, szz = syy + b * b / r, syz + b * c / r, szz + c * c / r
+                    v = min(v, most[i])
+                    total += 0.5 * r * v * v - beyond * v
+                    v = -v if pull > 0.0 else v
+                    gx, gy, gz = gx + a * v, gy + b * v, gz + c * v
+                u[i] = v
+            if total < value:
+                # beyond the top
+                share *= 0.5
+                if share < 1e-9:
+                    settled = True
+                    break
+                continue
+            costate, value, share = tried, total, 1.0
+            for i in range(ACTUATORS * count):
+                best[i] = u[i]
+            if gx * gx + gy * gy + gz * gz <= near * near:
+                settled = True
+                break
+            up = inverse_of_lower(root((sxx, sxy, sxz, sxy, syy, syz, sxz, syz, szz)))
+            step = mat_t_vec(up, mat_vec(up, (gx, gy, gz)))
+            # where nothing is free the slope alone is known
+            step = scale(min(1.0, stride / max(norm(step), 1e-300)), step)
+    return tuple(best), steps, settled
 
 
 def largest(count: int, course: Table, rows: Table, bias: Table) -> float:
