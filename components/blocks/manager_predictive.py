@@ -28,9 +28,9 @@ HOLD, EMPTY = range(2)
 NADIR, _, IGRF = range(3)
 PLANNED = 30.0
 """s between plans, at least."""
-ORBITS, SHARE = 1.25, 0.05
+ORBITS, SHARE = 1.5, 0.05
 """Of an orbit: how far a plan reaches, and the longest of its intervals."""
-STIFF, PEAK, CLOSE = 0.9, 0.3, 0.85
+STIFF, PEAK, CLOSE = 1.0, 0.1, 0.85
 """Of momentum against energy: q = (STIFF n)^2 / b^2; w_p = PEAK q h_s^2, h_s = CLOSE times the
 peak."""
 SCALE = 1e-3
@@ -43,6 +43,8 @@ second is cheaper than a first; share of the thrusters' time that plans leave fr
 UNKNOWN, DRIFT = 0.01, 0.1
 """Torque that is not modelled, as a share of n^2 J, for a sixth of an orbit at a time; what a
 parameter that is learnt may change by in an orbit, as a share of its spread."""
+CLEAR = 2.0
+"""What may stay in the null space, over the largest momentum that a wheel has otherwise."""
 BINS = 8
 """Parts of an orbit whose largest wheel momenta are kept."""
 STRANGE = 0.3
@@ -55,15 +57,15 @@ AT_1, AT_2 = 0.21132486540518713, 0.7886751345948129
 class ManagerPredictive(MomentumDumping, EarthField):
     """One law for every craft: plans on a forecast of field and torque, replanned as it goes
 
-    Every 30 s, or `sample_time` where that is longer, a plan is made over the next 1.25 orbits, or
-    until `end`: what coils and thrusters do in up to 40 intervals, the first as long as the time
+    Every 30 s, or `sample_time` where that is longer, a plan is made over the next 1.5 orbits, or
+    until `end`: what coils and thrusters do in up to 64 intervals, the first as long as the time
     between plans, each next twice as long up to a twentieth of an orbit, so that
 
         sum dt [ w_e u^2 / 2 + q |X|^2 / 2 + 0.1 q h_s^2 sum (h_i / h_s)^16 ]        (hold)
 
     is least: X the wheels' momentum less its target, eci; u the dipoles that coils really give; h_i
-    each wheel's momentum; q = w_m (0.9 n)^2 / b^2, n the orbit rate and b^2 half the mean of
-    sum |a_j x B|^2; h_s 0.9 times the largest wheel momentum of the last orbit and of the plan
+    each wheel's momentum; q = w_m n^2 / b^2, n the orbit rate and b^2 half the mean of
+    sum |a_j x B|^2; h_s 0.85 times the largest wheel momentum of the last orbit and of the plan
     without this term. w_m and w_e are the `weights`, whatever the craft. With `goal` empty the cost
     is the thrusters' time, weighed by the third, and X shall be zero at `end`; thrusters are used
     for that alone. Between plans a coil follows the plan's costate with the measured field.
@@ -77,10 +79,11 @@ class ManagerPredictive(MomentumDumping, EarthField):
     sensors have: `h_noise`, `rate_noise` and `attitude_noise`. `laws/predictive.py` has the solver.
 
     Where the measured field is off the model by more than 0.3 of it, or a plan has not settled
-    after 30 steps, `mode` is fallback: M = 0.9 n (h x B) / |B|^2, the cross-product law, until the
+    after 30 steps, `mode` is fallback: M = n (h x B) / |B|^2, the cross-product law, until the
     next plan. Without a valid field there is no dipole, without a valid attitude nothing. The
     wheels are commanded as by `manager_cross_product`; what they hold in their null space, which no
-    coil can take, decays at the rate n.
+    coil can take, decays at the rate n to twice the largest momentum that a wheel had otherwise in
+    the last orbit: so much of it keeps them from standstill, and less is not made more.
     """
 
     goal: int = Parameter(
@@ -92,7 +95,7 @@ class ManagerPredictive(MomentumDumping, EarthField):
         start=(1.0, 1.0, 1.0), min=0.0,
     )  # fmt: skip
     end: float = Parameter("s", "with goal empty: when, from t = 0 on", min=0.0)
-    horizon: float = Parameter("s", "how far a plan reaches; 0: 1.25 orbits", min=0.0)
+    horizon: float = Parameter("s", "how far a plan reaches; 0: 1.5 orbits", min=0.0)
     sample_time: float = Parameter(
         "s", "time between samples, a multiple of the step; above 0", start=10.0, min=0.0
     )
@@ -222,9 +225,23 @@ class ManagerPredictive(MomentumDumping, EarthField):
         commanded = self._wheel_sample != wheel_sample or self._sample != sample
         if self.valid_h and self.enable and commanded:
             n = norm(self.v_eci) / norm(self.r_eci)
-            a, b, c, d = null_torque(self.h_wheel, self._null, n, inf)
+            null = self._null
+            p, q, r, s = null
+            a, b, c, d = self.h_wheel
+            size2 = p * p + q * q + r * r + s * s
+            along = (p * a + q * b + r * c + s * d) / max(size2, 1.0)
+            left = min(max(along, -CLEAR * self._peak()), CLEAR * self._peak())
+            above = (a - left * p, b - left * q, c - left * r, d - left * s)
+            a, b, c, d = null_torque(above, null, n, inf)
             e, f, g, i = self.tau_cmd_wheel
             self.tau_cmd_wheel = (a + e, b + f, c + g, d + i)
+
+    def _peak(self) -> float:
+        """The largest momentum (N m s) of a wheel over the last orbit, its null space apart."""
+        peak = 0.0
+        for x in self._bins:
+            peak = max(peak, x)
+        return peak
 
     def dump(self, t: float, elapsed: float, h: Vec3) -> tuple[Vec3, Split]:
         nothing = ZERO, (ZERO, ZERO)
@@ -300,7 +317,7 @@ class ManagerPredictive(MomentumDumping, EarthField):
         """The largest wheel momentum of each part of the last orbit."""
         _, orbit = self._motion()
         now = int(t * float(BINS) / orbit)
-        a, b, c, d = self.h_wheel
+        a, b, c, d = to_wheels(self._to_wheels, add(h, self.h_target_body))
         largest = max(abs(a), abs(b), abs(c), abs(d))
         while self._bin < now:
             self._bin = now if self._bin < now - BINS else self._bin + 1
@@ -514,10 +531,7 @@ class ManagerPredictive(MomentumDumping, EarthField):
             count, x0, predictive.NO_PLAN, lengths, drifts, effects, self.weights[1], limits,
             wheels, bias, momentum, 0.0, 1.0,
         )  # fmt: skip
-        peak = predictive.largest(count, course, wheels, bias)
-        for x in self._bins:
-            peak = max(peak, x)
-        size = CLOSE * max(peak, 1e-9)
+        size = CLOSE * max(predictive.largest(count, course, wheels, bias), self._peak(), 1e-9)
         u, costate, course, more, settled = predictive.held(
             count, x0, u, lengths, drifts, effects, self.weights[1], limits, wheels, bias, momentum,
             PEAK * momentum * size * size, size,
