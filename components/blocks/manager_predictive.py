@@ -37,9 +37,12 @@ SCALE = 1e-3
 """Least eigenvalue of the coils' price, as a share of its mean."""
 LEAST_ENERGY = 0.05
 """Price of a dipole of a coil that gives none, as a share."""
-COIL_PRICE, PATIENCE, RESERVE = 2e-3, 1e-3, 0.2
+COIL_PRICE, PATIENCE, RESERVE = 2e-3, 1e-3, 0.35
 """Of an emptying: what a full dipole or a second costs besides, squared and halved; what a last
-second is cheaper than a first; share of the thrusters' time that plans leave free at first."""
+second is cheaper than a first; share of the thrusters' time that plans leave free but in
+their first interval: so thrusters may turn out weaker by that."""
+SPREAD, OWN = 0.2, 0.02
+"""Spread beforehand of constant torques, as a share of n^2 J, and of the own dipole, of m_limit."""
 UNKNOWN, DRIFT = 0.01, 0.1
 """Torque that is not modelled, as a share of n^2 J, for a sixth of an orbit at a time; what a
 parameter that is learnt may change by in an orbit, as a share of its spread."""
@@ -71,19 +74,21 @@ class ManagerPredictive(MomentumDumping, EarthField):
     for that alone. Between plans a coil follows the plan's costate with the measured field.
 
     The forecast: two-body motion from r_eci and v_eci, the attitude fixed to lvlh or eci, whichever
-    the measured rate is nearer to (or at `q_bo` from lvlh), the field of `field_model`, gravity
-    gradient of `inertia`, and what `laws/disturbance_learning.py` has learnt: the size of gravity
-    gradient, torques that are constant in eci, and in lvlh constant or of once an orbit, the
-    craft's own dipole, and the signed `effectiveness` of each coil and thruster axis. A coil that
-    is lost, weak or turned is so planned around; what the filter takes for noise is what the
-    sensors have: `h_noise`, `rate_noise` and `attitude_noise`. `laws/predictive.py` has the solver.
+    the measured rate is nearer to (or at `q_bo` from lvlh), the field of `field_model`, scaled to
+    what was measured over an orbit, gravity gradient of `inertia`, and what
+    `laws/disturbance_learning.py` has learnt: the size of gravity gradient, torques that are
+    constant in eci, and in lvlh constant or of once an orbit, the craft's own dipole, and the
+    signed `effectiveness` of each coil and thruster axis. A coil that is lost, weak or turned is so
+    planned around; what the filter takes for noise is what the sensors have: `h_noise`,
+    `rate_noise` and `attitude_noise`. `laws/predictive.py` has the solver.
 
-    Where the measured field is off the model by more than 0.3 of it, or a plan has not settled
-    after 30 steps, `mode` is fallback: M = n (h x B) / |B|^2, the cross-product law, until the
-    next plan. Without a valid field there is no dipole, without a valid attitude nothing. The
-    wheels are commanded as by `manager_cross_product`; what they hold in their null space, which no
-    coil can take, decays at the rate n to twice the largest momentum that a wheel had otherwise in
-    the last orbit: so much of it keeps them from standstill, and less is not made more.
+    Where the measured field is off the model by more than 0.3 of it, or a plan to hold has not
+    settled after 30 steps, `mode` is fallback: M = n (h x B) / |B|^2, the cross-product law, until
+    the next plan. A plan to empty is flown as far as it has come after four times 80 steps. Without
+    a valid field there is no dipole, without a valid attitude nothing. The wheels are commanded as
+    by `manager_cross_product`; what they hold in their null space, which no coil can take, decays
+    at the rate n to twice the largest momentum that a wheel had otherwise in the last orbit: so
+    much of it keeps them from standstill, and less is not made more.
     """
 
     goal: int = Parameter(
@@ -204,6 +209,8 @@ class ManagerPredictive(MomentumDumping, EarthField):
         self._thrust = ZERO
         self._q: Vec4 = (0.0, 0.0, 0.0, 1.0)
         self._r = self._v = ZERO
+        self._fields = self._models = 0.0
+        self._field_scale = 1.0
         self._planned = -1.0
         self._costate = ZERO
         self._bins = (0.0,) * BINS
@@ -260,6 +267,8 @@ class ManagerPredictive(MomentumDumping, EarthField):
         model = self._field(self.r_eci, self.v_eci, t)
         b = rotate_back(q, self.b_body) if self.valid_b else model
         strange = norm(sub(b, model)) > STRANGE * norm(model)
+        self._weigh(b, model)
+        model = scale(self._field_scale, model)
         self._remember(t, h)
         # fixed to lvlh or to eci
         turning = assumed or norm(sub(rate, orbital)) < norm(rate)
@@ -270,7 +279,7 @@ class ManagerPredictive(MomentumDumping, EarthField):
         self._gravity = rotate_back(q, gravity_gradient(rotate(q, self.r_eci), self._inertia))
         middle = self._coasted(0.5 * self.sample_time)
         soon = self._field(middle[0], middle[1], t + 0.5 * self.sample_time)
-        mean = rotate(q, add(b, sub(soon, model)))
+        mean = rotate(q, add(b, sub(scale(self._field_scale, soon), model)))
         m, n_t = ZERO, self._thrust
         if self._failed or strange:
             self.mode = FALLBACK
@@ -313,6 +322,16 @@ class ManagerPredictive(MomentumDumping, EarthField):
             return rotate_back(lvlh_attitude(r, v), in_lvlh(r))
         return self.field_eci(r, t, igrf=self.field_model == IGRF)
 
+    def _weigh(self, b: Vec3, model: Vec3) -> None:
+        """Take a measured field (T, eci) and the model's into account: how much of the model's the
+        field is, by the last orbit, and 1 as if measured once."""
+        _, orbit = self._motion()
+        kept = max(1.0 - self.sample_time / orbit, 0.0)
+        one = dot(model, model) if self._models == 0.0 else 0.0
+        self._models = kept * self._models + one + dot(model, model)
+        self._fields = kept * self._fields + one + dot(b, model)
+        self._field_scale = self._fields / self._models
+
     def _remember(self, t: float, h: Vec3) -> None:
         """The largest wheel momentum of each part of the last orbit."""
         _, orbit = self._motion()
@@ -343,7 +362,7 @@ class ManagerPredictive(MomentumDumping, EarthField):
         )
         noise = max(noise, 1e-3 * most * self.sample_time)
         if self._deviations[learning.GRAVITY] == 0.0:
-            self._deviations = learning.spreads(most, 0.02 * self.m_limit, noise)
+            self._deviations = learning.spreads(SPREAD * most, OWN * self.m_limit, noise)
             self._p = learning.first_covariance(self._deviations)
             self._x = learning.first_state(h)
         passed = t - self._known
@@ -486,7 +505,7 @@ class ManagerPredictive(MomentumDumping, EarthField):
                 r, v = ellipse_state(a, e, anomaly + n * at, n, to_perigee, onward)
                 frame = lvlh_attitude(r, v)
                 pointing = product(from_lvlh, frame) if turning else q
-                b = self._field(r, v, t + at)
+                b = scale(self._field_scale, self._field(r, v, t + at))
                 if k == 0:
                     b = add(b, off)
                 push = add(push, scale(0.5 * step, self._torque(pointing, frame, r, b)))
@@ -548,7 +567,7 @@ class ManagerPredictive(MomentumDumping, EarthField):
         most = [0.0] * (predictive.ACTUATORS * predictive.INTERVALS)
         begin = 0.0
         for k in range(count):
-            reserve = RESERVE * (1.0 - begin / reach) if k > 0 else 0.0
+            reserve = RESERVE if k > 0 else 0.0
             late = 1.0 - PATIENCE * begin / reach
             for j in range(3):
                 i = predictive.ACTUATORS * k + j
@@ -563,7 +582,7 @@ class ManagerPredictive(MomentumDumping, EarthField):
         least = level * self.least_pulse
         weight = 10.0 * self.weights[2] / (level * least)
         prices, fees = tuple(price), tuple(fee)
-        u, self.plan_steps, settled = predictive.emptied(
+        u, self.plan_steps, _ = predictive.emptied(
             count,
             rest,
             effect,
@@ -583,7 +602,7 @@ class ManagerPredictive(MomentumDumping, EarthField):
                 done = scale(on, (effect[i], effect[i + 1], effect[i + 2]))
                 rest = add(rest, done)
                 most[predictive.COILS + j] = 0.0
-            u, _, settled = predictive.emptied(
+            u, _, _ = predictive.emptied(
                 count,
                 rest,
                 effect,
@@ -598,7 +617,7 @@ class ManagerPredictive(MomentumDumping, EarthField):
         m = ZERO
         for j in range(3):
             m = add(m, scale(u[j], commands[j]))
-        self._dipole_planned, self._thrust, self._failed = m, thrust, not settled
+        self._dipole_planned, self._thrust = m, thrust
 
     def _bias(self, q: Vec4, turn: Vec3, size2: float, turning: bool) -> Vec3:
         """What of the craft's momentum (N m s, eci) is not to be dumped: the body's turn, and the
