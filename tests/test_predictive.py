@@ -14,28 +14,29 @@ from desat.components.contract.block import BlockError
 from desat.components.laws import disturbance_learning as learning
 from desat.components.laws import predictive
 
-N = predictive.INTERVALS
+N, H = predictive.INTERVALS, predictive.HELD
 
 
 @pytest.mark.parametrize("seed", range(6))
 @pytest.mark.parametrize(("most", "peak"), [(50.0, 0.0), (0.25, 0.0), (0.4, 0.05), (50.0, 0.05)])
 def test_held_plan_is_the_least(seed: int, most: float, peak: float) -> None:
     """The same problem by scipy's L-BFGS-B, and the costate by differences."""
-    draw, count, size, q, r = random.Random(seed), 5, 1.2, 0.7, 0.9
+    draw, count, q, r = random.Random(seed), 5, 0.7, 0.9
     x0, bias = (0.8, -0.5, 0.3), (0.1, -0.1, 0.0, 0.05)
-    lengths = tuple(draw.uniform(0.5, 2.0) if k < count else 0.0 for k in range(N))
-    drift = tuple(draw.gauss(0.0, 0.3) for _ in range(3 * N))
-    effect = tuple(draw.gauss(0.0, 0.5) for _ in range(9 * N))
-    rows = tuple(draw.gauss(0.0, 1.0) for _ in range(12 * N))
-    u, costate, course, _, settled = predictive.held(
-        count, x0, predictive.NO_PLAN, lengths, drift, effect, r, (most,) * 3, rows, bias, q, peak,
-        size,
-    )  # fmt: skip
+    lengths = tuple(draw.uniform(0.5, 2.0) if k < count else 0.0 for k in range(H))
+    drift = tuple(draw.gauss(0.0, 0.3) for _ in range(3 * H))
+    effect = tuple(draw.gauss(0.0, 0.5) for _ in range(9 * H))
+    rows = tuple(draw.gauss(0.0, 1.0) for _ in range(12 * H))
+    case = lengths, drift, effect, r, (most,) * 3, rows, bias, q
+    first, _, course, _, settled = predictive.held(count, x0, predictive.NO_PLAN, *case, 0.0, 1.0)
+    assert settled
+    size = 0.85 * predictive.largest(count, course, rows, bias)
+    u, costate, course, _, settled = predictive.held(count, x0, first, *case, peak, size)
     assert settled
     dt = np.array(lengths)[:count]
-    g = np.array(effect).reshape(N, 3, 3)[:count]
-    d = np.array(drift).reshape(N, 3)[:count]
-    a = np.array(rows).reshape(N, 4, 3)[:count]
+    g = np.array(effect).reshape(H, 3, 3)[:count]
+    d = np.array(drift).reshape(H, 3)[:count]
+    a = np.array(rows).reshape(H, 4, 3)[:count]
 
     def cost(u: np.ndarray, first: np.ndarray) -> float:
         x = first + np.cumsum(d + np.einsum("kji,kj->ki", g, u.reshape(count, 3)), axis=0)
@@ -43,16 +44,16 @@ def test_held_plan_is_the_least(seed: int, most: float, peak: float) -> None:
         path = 0.5 * q * (x**2).sum(1) + peak * ((h / size) ** 16).sum(1)
         return float(dt @ (path + 0.5 * r * (u.reshape(count, 3) ** 2).sum(1)))
 
-    first = np.array(x0)
+    begin = np.array(x0)
     ours = np.array(u)[: 3 * count]
     exact = {"maxiter": 5000, "maxfun": 10**6, "ftol": 1e-15}
-    best = minimize(cost, 0.9 * ours, args=(first,), bounds=[(-most, most)] * (3 * count),
+    best = minimize(cost, 0.9 * ours, args=(begin,), bounds=[(-most, most)] * (3 * count),
                     method="L-BFGS-B", options=exact)  # fmt: skip
     assert np.abs(ours).max() <= most
-    assert cost(ours, first) <= best.fun * (1.0 + 3.0 * predictive.SETTLED)
-    end = first + (d + np.einsum("kji,kj->ki", g, ours.reshape(count, 3))).sum(0)
+    assert cost(ours, begin) <= best.fun * (1.0 + 3.0 * predictive.SETTLED)
+    end = begin + (d + np.einsum("kji,kj->ki", g, ours.reshape(count, 3))).sum(0)
     assert course[3 * count - 3 : 3 * count] == pytest.approx(tuple(end), abs=1e-12)
-    slope = [(cost(ours, first + 1e-6 * e) - cost(ours, first - 1e-6 * e)) / 2e-6
+    slope = [(cost(ours, begin + 1e-6 * e) - cost(ours, begin - 1e-6 * e)) / 2e-6
              for e in np.eye(3)]  # fmt: skip
     assert costate == pytest.approx(tuple(slope), rel=1e-5, abs=1e-6)
 
@@ -64,30 +65,24 @@ def test_emptying_takes_hardly_more_than_the_linear_programme(seed: int) -> None
     x0 = draw.normal(size=3)
     x0 *= 2.45 / np.linalg.norm(x0)
     effect = np.zeros((N, 6, 3))
-    price, fee, most = np.ones((N, 6)), np.zeros((N, 6)), np.zeros((N, 6))
     for k in range(count):
         u = phase + 2.0 * math.pi * 10.0 * k / 5860.0
         b = np.array([23e-6 * math.cos(u), 2.4e-6, 46e-6 * math.sin(u)])
         effect[k, :3], effect[k, 3:] = 10.0 * np.cross(np.eye(3), b), tau * np.eye(3)
-        price[k], most[k] = [2e-3 / limit**2] * 3 + [2e-3] * 3, [limit] * 3 + [8.0] * 3
-        fee[k, 3:] = 1.0
-    given = [tuple(x.ravel().tolist()) for x in (effect, price, fee, most)]
-    weight = 10.0 / (tau * tau * 0.05)
+    most = np.zeros((N, 6))
+    most[:count] = [limit] * 3 + [8.0] * 3
+    fee = np.tile([0.0] * 3 + [1.0] * 3, N)
     plan, _, settled = predictive.emptied(
-        count,
-        tuple(x0),
-        *given,
-        weight,
-        2e-5,
-        12.5,  # type: ignore[arg-type]
-    )
+        count, tuple(x0), tuple(effect.ravel().tolist()), 2e-3, (limit,) * 3, (1.0,) * N,
+        tuple(most[:, 3].tolist()), 10.0 / (tau * tau * 0.05), 2e-5, 12.5,
+    )  # fmt: skip
     assert settled
     ours = np.array(plan)
     g = effect.reshape(-1, 3).T
     assert np.linalg.norm(x0 + g @ ours) < 1e-3
     bounds = [(0.0, m) for m in most.ravel()] * 2
-    least = linprog(np.tile(fee.ravel(), 2), A_eq=np.hstack([g, -g]), b_eq=-x0, bounds=bounds)
-    assert least.fun - 0.02 <= fee.ravel() @ np.abs(ours) <= least.fun + 0.05
+    least = linprog(np.tile(fee, 2), A_eq=np.hstack([g, -g]), b_eq=-x0, bounds=bounds)
+    assert least.fun - 0.02 <= fee @ np.abs(ours) <= least.fun + 0.05
 
 
 def test_filter_finds_a_dead_and_a_turned_coil() -> None:
@@ -135,8 +130,3 @@ def test_refuses(values: dict[str, object], text: str) -> None:
         setattr(block, name, value)
     with pytest.raises(BlockError, match=text):
         block.start()
-
-
-def _flown(scenario: str, into: Path, **given: object) -> Result:
-    options = Options(overrides=tuple(f"{k}={v}" for k, v in given.items()))
-    return run(scenario, options, into)

@@ -466,19 +466,27 @@ class ManagerPredictive(MomentumDumping, EarthField):
     ) -> None:  # fmt: skip
         """Make a plan at t (s) with the attitude q, held to lvlh where `turning`; x0: X (N m s,
         eci); off: what the measured field has over the model's (T, eci)."""
-        n, orbit = self._motion()
+        count, dt = self._grid(t)
+        from_lvlh = product(q, inverse(lvlh))
+        # not taken apart, which would be a second copy on the stack
+        ahead = self._forecast(t, q, from_lvlh, turning, off, count, dt)
+        if self.goal == EMPTY:
+            self._empty(count, x0, dt, ahead[0], ahead[1])
+        else:
+            self._hold(count, x0, dt, ahead[0], ahead[1], ahead[2], ahead[3])
+
+    def _grid(self, t: float) -> tuple[int, Table]:
+        """How many intervals a plan at t (s) has, and how long each is (s)."""
+        _, orbit = self._motion()
         reach = self.horizon if self.horizon > 0.0 else ORBITS * orbit
         if self.goal == EMPTY:
             reach = self.end - t
         dt = [0.0] * predictive.INTERVALS
-        drift = [0.0] * (3 * predictive.INTERVALS)
-        effect = [0.0] * (3 * predictive.ACTUATORS * predictive.INTERVALS)
-        rows = [0.0] * (12 * predictive.INTERVALS)
         period = self._period()
         longest = max(SHARE * orbit, period)
-        each = predictive.COILS if self.goal == HOLD else predictive.ACTUATORS
+        most = predictive.HELD if self.goal == HOLD else predictive.INTERVALS
         count, begin, size = 0, 0.0, period
-        while count < predictive.INTERVALS and begin < reach - 0.5 * period:
+        while count < most and begin < reach - 0.5 * period:
             dt[count] = size
             begin += size
             count += 1
@@ -487,16 +495,27 @@ class ManagerPredictive(MomentumDumping, EarthField):
             else:
                 # whole samples, as few in each as the intervals that are left allow
                 left = int((reach - begin) / period + 0.5)
-                slots = max(predictive.INTERVALS - count, 1)
+                slots = max(most - count, 1)
                 size = period * float(max((left + slots - 1) // slots, 1))
-        reach = begin
+        return count, tuple(dt)
+
+    def _forecast(
+        self, t: float, q: Vec4, from_lvlh: Vec4, turning: bool, off: Vec3, count: int, dt: Table
+    ) -> tuple[Table, Table, Table, float]:  # fmt: skip
+        """What X changes by in each interval (N m s, eci), by a unit of each actuator, the wheels'
+        axes at its end (eci), and b^2 (T2); `from_lvlh`: body from lvlh."""
+        drift = [0.0] * (3 * predictive.INTERVALS)
+        effect = [0.0] * (3 * predictive.ACTUATORS * predictive.INTERVALS)
+        rows = [0.0] * (12 * predictive.HELD)
+        hold = self.goal == HOLD
+        each = predictive.COILS if hold else predictive.ACTUATORS
+        n, _ = self._motion()
         a, e, inclination, raan, perigee, anomaly = elements_from_state(self.r_eci, self.v_eci)
         to_perigee, onward = perifocal_axes(inclination, raan, perigee)
-        from_lvlh = product(q, inverse(lvlh))
-        _, given, limits = self._axes()
-        bias_0 = self._bias(q, cross(self.r_eci, self.v_eci), dot(self.r_eci, self.r_eci), turning)
-        before = bias_0
-        strength, begin, rest = 0.0, 0.0, x0
+        _, given, _ = self._axes()
+        turn = cross(self.r_eci, self.v_eci)
+        before = self._bias(q, turn, dot(self.r_eci, self.r_eci), turning)
+        strength, begin = 0.0, 0.0
         for k in range(count):
             step = dt[k]
             push = ZERO
@@ -533,65 +552,55 @@ class ManagerPredictive(MomentumDumping, EarthField):
             push = sub(push, sub(after, before))
             before = after
             drift[3 * k], drift[3 * k + 1], drift[3 * k + 2] = push
-            for j in range(4):
+            for j in range(4 if hold else 0):
                 w = self._to_wheels
                 row = rotate_back(pointing, (w[3 * j], w[3 * j + 1], w[3 * j + 2]))
                 i = 3 * (4 * k + j)
                 rows[i], rows[i + 1], rows[i + 2] = row
-            rest = add(rest, push)
-        if self.goal == EMPTY:
-            self._empty(count, rest, tuple(dt), tuple(effect), limits, reach)
-            return
+        return tuple(drift), tuple(effect), tuple(rows), strength / begin
+
+    def _hold(
+        self, count: int, x0: Vec3, dt: Table, drift: Table, effect: Table, rows: Table,
+        strength: float,
+    ) -> None:  # fmt: skip
+        """Plan a course that is held low from X = x0 (N m s, eci) on."""
+        n, _ = self._motion()
+        _, _, limits = self._axes()
         stiff = STIFF * n
-        momentum = self.weights[0] * stiff * stiff / max(strength / reach, 1e-30)
+        momentum = self.weights[0] * stiff * stiff / max(strength, 1e-30)
         bias = to_wheels(self._to_wheels, self.h_target_body)
-        lengths, drifts, effects, wheels = tuple(dt), tuple(drift), tuple(effect), tuple(rows)
-        u, costate, course, steps, settled = predictive.held(
-            count, x0, predictive.NO_PLAN, lengths, drifts, effects, self.weights[1], limits,
-            wheels, bias, momentum, 0.0, 1.0,
+        u, _, course, steps, _ = predictive.held(
+            count, x0, predictive.NO_PLAN, dt, drift, effect, self.weights[1], limits, rows, bias,
+            momentum, 0.0, 1.0,
         )  # fmt: skip
-        size = CLOSE * max(predictive.largest(count, course, wheels, bias), self._peak(), 1e-9)
-        u, costate, course, more, settled = predictive.held(
-            count, x0, u, lengths, drifts, effects, self.weights[1], limits, wheels, bias, momentum,
+        size = CLOSE * max(predictive.largest(count, course, rows, bias), self._peak(), 1e-9)
+        _, self._costate, _, more, settled = predictive.held(
+            count, x0, u, dt, drift, effect, self.weights[1], limits, rows, bias, momentum,
             PEAK * momentum * size * size, size,
         )  # fmt: skip
-        self._costate, self.plan_steps, self._failed = costate, steps + more, not settled
+        self.plan_steps, self._failed = steps + more, not settled
 
-    def _empty(
-        self, count: int, rest: Vec3, dt: Table, effect: Table, limits: Vec3, reach: float
-    ) -> None:
-        """Plan the dipole and the pulses of the first interval so that `rest` (N m s, eci), what X
-        is at the end without them, becomes zero."""
-        price = [0.0] * (predictive.ACTUATORS * predictive.INTERVALS)
-        fee = [0.0] * (predictive.ACTUATORS * predictive.INTERVALS)
-        most = [0.0] * (predictive.ACTUATORS * predictive.INTERVALS)
-        begin = 0.0
+    def _empty(self, count: int, x0: Vec3, dt: Table, drift: Table, effect: Table) -> None:
+        """Plan the dipole and the pulses of the first interval so that X = x0 (N m s, eci) becomes
+        zero."""
+        fee = [0.0] * predictive.INTERVALS
+        most = [0.0] * predictive.INTERVALS
+        _, _, limits = self._axes()
+        fires = self.tau_level[0] + self.tau_level[1] + self.tau_level[2] > 0.0
+        rest, reach, begin = x0, 0.0, 0.0
         for k in range(count):
-            reserve = RESERVE if k > 0 else 0.0
-            late = 1.0 - PATIENCE * begin / reach
-            for j in range(3):
-                i = predictive.ACTUATORS * k + j
-                most[i] = limits[j]
-                price[i] = COIL_PRICE / max(limits[j] * limits[j], 1e-12)
-                i += predictive.COILS
-                most[i] = (1.0 - reserve) * dt[k] if self.tau_level[j] > 0.0 else 0.0
-                price[i] = COIL_PRICE
-                fee[i] = self.weights[2] * late
+            reach += dt[k]
+            rest = add(rest, (drift[3 * k], drift[3 * k + 1], drift[3 * k + 2]))
+        for k in range(count):
+            fee[k] = self.weights[2] * (1.0 - PATIENCE * begin / reach)
+            most[k] = (1.0 - RESERVE if k > 0 else 1.0) * dt[k] if fires else 0.0
             begin += dt[k]
         level = max(self.tau_level[0], self.tau_level[1], self.tau_level[2], 1e-9)
         least = level * self.least_pulse
         weight = 10.0 * self.weights[2] / (level * least)
-        prices, fees = tuple(price), tuple(fee)
+        near, stride = 0.01 * least, 0.5 * self.weights[2] / level
         u, self.plan_steps, _ = predictive.emptied(
-            count,
-            rest,
-            effect,
-            prices,
-            fees,
-            tuple(most),
-            weight,
-            0.01 * least,
-            0.5 * self.weights[2] / level,
+            count, rest, effect, COIL_PRICE, limits, tuple(fee), tuple(most), weight, near, stride
         )
         thrust = (self._pulse(u[3], 0), self._pulse(u[4], 1), self._pulse(u[5], 2))
         if count == 1:
@@ -601,18 +610,10 @@ class ManagerPredictive(MomentumDumping, EarthField):
                 i = 3 * (predictive.COILS + j)
                 done = scale(on, (effect[i], effect[i + 1], effect[i + 2]))
                 rest = add(rest, done)
-                most[predictive.COILS + j] = 0.0
             u, _, _ = predictive.emptied(
-                count,
-                rest,
-                effect,
-                prices,
-                fees,
-                tuple(most),
-                weight,
-                0.01 * least,
-                0.5 * self.weights[2] / level,
-            )
+                count, rest, effect, COIL_PRICE, limits, tuple(fee),
+                (0.0,) * predictive.INTERVALS, weight, near, stride,
+            )  # fmt: skip
         commands, _, _ = self._axes()
         m = ZERO
         for j in range(3):

@@ -34,6 +34,8 @@ from ..maths.vector import ZERO, add, dot, mat_t_vec, mat_vec, norm, scale, sub
 
 INTERVALS = 64
 """The most that a plan may have."""
+HELD = 40
+"""The most that one has that is held."""
 COILS = 3
 """Commands to coils in an interval."""
 ACTUATORS = 6
@@ -49,7 +51,7 @@ _WHEELS = 4
 _ROUNDED = 1e-15
 NOTHING: Mat33 = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 POWER = 16.0
-NO_PLAN: Table = (0.0,) * (COILS * INTERVALS)
+NO_PLAN: Table = (0.0,) * (COILS * HELD)
 _STAGES = (1000.0, 100.0, 10.0, 1.0)
 
 
@@ -113,17 +115,17 @@ def held(
 ) -> tuple[Table, Vec3, Table, int, bool]:  # fmt: skip
     """The plan over `count` intervals from X = x0, sought from the plan `first` on.
 
-    dt: of INTERVALS values those in use; drift: D, three an interval; effect: g, COILS vectors an
+    dt; drift: D, three an interval; effect: g, COILS vectors an
     interval; price, most: r and u_max; rows: a, four vectors an interval; bias: b. Returns u, the
     costate of the first interval (dJ / dX_1), the course X_1 .. X_count, the steps taken, and
     whether J had settled.
     """
-    u = [0.0] * (COILS * INTERVALS)
-    new = [0.0] * (COILS * INTERVALS)
-    free = [0.0] * (COILS * INTERVALS)
-    course = [0.0] * (3 * INTERVALS)
-    ahead = [0.0] * (3 * INTERVALS)
-    back = [0.0] * (24 * INTERVALS)
+    u = [0.0] * (COILS * HELD)
+    new = [0.0] * (COILS * HELD)
+    free = [0.0] * (COILS * HELD)
+    course = [0.0] * (3 * HELD)
+    ahead = [0.0] * (3 * HELD)
+    back = [0.0] * (24 * HELD)
     cost = 0.0
     x = x0
     for k in range(count):
@@ -253,15 +255,15 @@ def held(
 
 
 def emptied(
-    count: int, rest: Vec3, effect: Table, price: Table, fee: Table, most: Table, weight: float,
-    near: float, stride: float,
+    count: int, rest: Vec3, effect: Table, price: float, limits: Vec3, fee: Table, most: Table,
+    weight: float, near: float, stride: float,
 ) -> tuple[Table, int, bool]:  # fmt: skip
     """The plan over `count` intervals that leads X_0 + sum D = `rest` (N m s) to zero.
 
-    effect: g, ACTUATORS vectors an interval; price, fee, most: r, c and u_max, ACTUATORS an
-    interval (r above 0); weight: W; near (N m s): how well the end is to be what W makes of it;
-    stride: how far the costate goes in a step, at most.
-    Returns u, the steps taken, and whether it came so near.
+    effect: g, ACTUATORS vectors an interval, coils first; price: r of a second, and of a coil's
+    whole dipole, which is one of `limits`; fee, most: c and u_max of thrusters, an interval each;
+    weight: W; near (N m s): how well the end is to be what W makes of it; stride: how far the
+    costate goes in a step, at most. Returns u, the steps taken, and whether it came so near.
     """
     u = [0.0] * (ACTUATORS * INTERVALS)
     best = [0.0] * (ACTUATORS * INTERVALS)
@@ -280,14 +282,17 @@ def emptied(
             for i in range(ACTUATORS * count):
                 a, b, c = effect[3 * i], effect[3 * i + 1], effect[3 * i + 2]
                 pull = a * tried[0] + b * tried[1] + c * tried[2]
-                beyond, r = abs(pull) - fee[i], stage * price[i]
+                k, j = i // ACTUATORS, i % ACTUATORS
+                limit = limits[j] if j < COILS else most[k]
+                unit = max(limit * limit, 1e-12) if j < COILS else 1.0
+                beyond, r = abs(pull) - (0.0 if j < COILS else fee[k]), stage * (price / unit)
                 v = 0.0
-                if beyond > 0.0 and most[i] > 0.0:
+                if beyond > 0.0 and limit > 0.0:
                     v = beyond / r
-                    if v < most[i]:
+                    if v < limit:
                         sxx, sxy, sxz = sxx + a * a / r, sxy + a * b / r, sxz + a * c / r
                         syy, syz, szz = syy + b * b / r, syz + b * c / r, szz + c * c / r
-                    v = min(v, most[i])
+                    v = min(v, limit)
                     total += 0.5 * r * v * v - beyond * v
                     v = -v if pull > 0.0 else v
                     gx, gy, gz = gx + a * v, gy + b * v, gz + c * v
