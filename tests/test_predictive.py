@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import random
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,6 +14,7 @@ from desat.components.blocks.manager_predictive import ManagerPredictive
 from desat.components.contract.block import BlockError
 from desat.components.laws import disturbance_learning as learning
 from desat.components.laws import predictive
+from desat.runs.run import Options, execute
 
 N, H = predictive.INTERVALS, predictive.HELD
 
@@ -130,3 +132,34 @@ def test_refuses(values: dict[str, object], text: str) -> None:
         setattr(block, name, value)
     with pytest.raises(BlockError, match=text):
         block.start()
+
+
+def test_a_turned_coil_is_found_and_used(tmp_path: Path) -> None:
+    run = execute("space_telescope/predictive-flipped", Options(stop=15000.0), tmp_path / "run")
+    seen = run.results.values("manager.effectiveness")
+    assert seen[-2] == pytest.approx((-1.0, 1.0, 1.0, 1.0), abs=0.1)
+    whole = execute("space_telescope/predictive-nominal", Options(stop=15000.0), tmp_path / "whole")
+    peaks = [np.abs(r.results.values("wheels.speed_wheel")[-700:]).max() for r in (run, whole)]
+    assert peaks[0] < 1.3 * peaks[1]
+
+
+@pytest.mark.parametrize("case", ["nominal", "dead_unknown", "thrusters_0_7"])
+def test_wheels_are_empty_at_the_end(tmp_path: Path, case: str) -> None:
+    run = execute(f"uosat12/predictive-{case}", Options(), tmp_path / "run")
+    assert run.manifest.numbers["final_momentum"].value < 0.01
+    fired, bound = (run.manifest.numbers[n].value for n in ("firing_time", "bound_same_end"))
+    assert fired < bound + 1.0
+    seen = run.results.values("manager.effectiveness")[-2]
+    assert seen[1] == pytest.approx(0.0 if case == "dead_unknown" else 1.0, abs=0.05)
+
+
+def test_a_day_is_held_low_and_a_strange_field_falls_back(tmp_path: Path) -> None:
+    day = Options(stop=12000.0)
+    run = execute("nadir_day/laws-predictive-igrf", day, tmp_path / "run")
+    assert set(run.results.values("manager.mode")[:-1].tolist()) == {1}
+    axes = np.reshape(run.manifest.values_of("wheels")["axes_wheel"], (3, 4))
+    together = run.results.values("wheels.h_wheel") @ axes.T
+    assert np.linalg.norm(together[-600:], axis=1).max() < 0.005
+    wrong = Options(stop=600.0, values={"magnetometer.bias_body": (3e-5, 0.0, 0.0)})
+    off = execute("nadir_day/laws-predictive-igrf", wrong, tmp_path / "off")
+    assert set(off.results.values("manager.mode")[:-1].tolist()) == {3}
