@@ -270,11 +270,11 @@ def cost() -> dict[str, str]:
             plan_every = max(1, -(-30 // int(period))) if name != "empty" else 1
             sizes = sorted(plans[plan_every::plan_every])
             found[name] = f"{statistics.median(sizes):.0f} ({sizes[-1]:.0f})"
-    return found | {"stack": stack(path)}
+    return found | {"stack": stack(path, "geomagnetic_model"), "stack_igrf": stack(path, "none")}
 
 
-def stack(path: Path) -> str:
-    """The deepest chain of functions (kB) from a step on, without a kept model of the IGRF."""
+def stack(path: Path, without: str) -> str:
+    """The deepest chain of functions (kB) from a step on, none of them the one named."""
     with tempfile.TemporaryDirectory() as folder:
         with zipfile.ZipFile(path) as packed:
             packed.extractall(folder)
@@ -294,7 +294,7 @@ def stack(path: Path) -> str:
                 calls.setdefault(a, set()).add(b)
 
     def deepest(name: str, seen: frozenset[str] = frozenset()) -> int:
-        if name in seen or "geomagnetic_model" in name:
+        if name in seen or without in name:
             return 0
         under = (deepest(n, seen | {name}) for n in calls.get(name, ()))
         return size.get(name, 0) + max(under, default=0)

@@ -87,8 +87,8 @@ class ManagerPredictive(MomentumDumping, EarthField):
     the next plan. A plan to empty is flown as far as it has come after four times 80 steps. Without
     a valid field there is no dipole, without a valid attitude nothing. The wheels are commanded as
     by `manager_cross_product`; what they hold in their null space, which no coil can take, decays
-    at the rate n to twice the largest momentum that a wheel had otherwise in the last orbit: so
-    much of it keeps them from standstill, and less is not made more.
+    at `null_gain`, or the rate n, to twice the largest momentum that a wheel had otherwise in the
+    last orbit: so much of it keeps them from standstill, and less is not made more.
     """
 
     goal: int = Parameter(
@@ -122,6 +122,11 @@ class ManagerPredictive(MomentumDumping, EarthField):
     least_pulse: float = Parameter(
         "s", "on-times that the thrusters make are multiples of it", start=0.05, min=1e-6
     )
+    null_gain: float = Parameter(
+        "1/s", "rate at which momentum in the wheels' null space decays to what keeps them from "
+        "standstill; 0: the orbit's",
+        min=0.0, needs=("h_wheel", "tau_cmd_wheel"),
+    )  # fmt: skip
     inertia: Mat33 = Parameter(
         "kg.m2", "inertia of the whole craft, wheels locked, body",
         start=(40.45, 0.0, 0.0, 0.0, 42.09, 0.0, 0.0, 0.0, 40.36), shared=True,
@@ -226,22 +231,20 @@ class ManagerPredictive(MomentumDumping, EarthField):
         self.covered(begin, end, self.field_model == IGRF)
         yield from super().foresee(begin, end, wired)
 
-    def compute(self, t: float, dt: float) -> None:
-        sample, wheel_sample = self._sample, self._wheel_sample
-        super().compute(t, dt)
-        commanded = self._wheel_sample != wheel_sample or self._sample != sample
-        if self.valid_h and self.enable and commanded:
-            n = norm(self.v_eci) / norm(self.r_eci)
-            null = self._null
-            p, q, r, s = null
-            a, b, c, d = self.h_wheel
-            size2 = p * p + q * q + r * r + s * s
-            along = (p * a + q * b + r * c + s * d) / max(size2, 1.0)
-            left = min(max(along, -CLEAR * self._peak()), CLEAR * self._peak())
-            above = (a - left * p, b - left * q, c - left * r, d - left * s)
-            a, b, c, d = null_torque(above, null, n, inf)
-            e, f, g, i = self.tau_cmd_wheel
-            self.tau_cmd_wheel = (a + e, b + f, c + g, d + i)
+    def empty_null_space(self) -> None:
+        if not self.enable:
+            return
+        n = norm(self.v_eci) / norm(self.r_eci)
+        p, q, r, s = self._null
+        a, b, c, d = self.h_wheel
+        size2 = p * p + q * q + r * r + s * s
+        along = (p * a + q * b + r * c + s * d) / max(size2, 1.0)
+        left = min(max(along, -CLEAR * self._peak()), CLEAR * self._peak())
+        above = (a - left * p, b - left * q, c - left * r, d - left * s)
+        rate = self.null_gain if self.null_gain > 0.0 else n
+        a, b, c, d = null_torque(above, self._null, rate, inf)
+        e, f, g, i = self.tau_cmd_wheel
+        self.tau_cmd_wheel = (a + e, b + f, c + g, d + i)
 
     def _peak(self) -> float:
         """The largest momentum (N m s) of a wheel over the last orbit, its null space apart."""
