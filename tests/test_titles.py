@@ -421,6 +421,12 @@ TITLES: dict[str, Callable[[Flight], Any] | tuple[Callable[[Flight], Any], float
     "Attitude error at the end": lambda f: f.pointing()[-1],
     "Wheel momentum at the end": lambda f: size(f.momentum())[-1],
     "Wheel momentum in body at the end": lambda f: size(f.momentum())[-1],
+    "Largest momentum of the wheels together after orbit 2":
+        lambda f: size(after_two(f.momentum(), f)).max(),
+    "Momentum of the wheels together after orbit 2, root mean square":
+        lambda f: rms(size(after_two(f.momentum(), f))),
+    "Largest momentum of a wheel after orbit 2":
+        lambda f: np.abs(after_two(f["wheels.h_wheel"], f)).max(),
     "Pointing error, rms": lambda f: rms(f.pointing()),
     "Largest wheel speed": lambda f: np.abs(f["wheels.speed_wheel"]).max(),
     # hausat2

@@ -86,11 +86,13 @@ class MomentumDumping(WheelManager):
                 self.rate() if self.gyroscopic else ZERO,
                 self.h_wheel if self.valid_h else NO_MOMENTUM,
             )
-            if self.null_gain > 0.0 and self.valid_h:
-                self._empty_null_space()
+            if self.valid_h:
+                self.empty_null_space()
 
-    def _empty_null_space(self) -> None:
+    def empty_null_space(self) -> None:
         """Add to the wheels' torques what lets their null-space momentum decay."""
+        if self.null_gain <= 0.0:
+            return
         a, b, c, d = self.h_wheel
         p, q, r, s = to_wheels(self._to_wheels, body_momentum(self.axes_wheel, self.h_wheel))
         w, x, y, z = self.tau_cmd_wheel

@@ -37,8 +37,8 @@ class Torquers(Role):
         electric_energy = sum_i int resistance (m_i / area_turns)^2 dt
 
     on_time counts commands, not the decay. m_body, m_coil and power are what the step just made
-    ended with. From `failed_from` on the failed coil has no dipole; with `failure_known` the
-    allocation at the samples from then on uses the others only.
+    ended with. From `failed_from` on the failed coil has `failed_share` of its dipole; with
+    `failure_known` the allocation at the samples from then on uses the others only.
 
     Source: Chen & Steyn (paper 000), sections V and VI. Resistance and area-turns (defaults: 1.2 W
     at 40 A m2) are not in the paper.
@@ -70,6 +70,10 @@ class Torquers(Role):
         "1", "which coil fails", choices=("none", "1", "2", "3", "4"), start="none"
     )
     failed_from: float = Parameter("s", "when it fails", start=0.0)
+    failed_share: float = Parameter(
+        "1", "share of its dipole that a failed coil still gives: 0: dead, -1: turned", start=0.0,
+        min=-1.0, max=1.0,
+    )  # fmt: skip
     failure_known: bool = Parameter("1", "true: the allocation then leaves the failed coil out")
     m_coil: Vec4 = Output("A.m2", "dipole of each coil at this time")
     power: float = Output("W", "electric power of all coils at this time")
@@ -173,7 +177,8 @@ class Torquers(Role):
         return (begin + width(a), begin + width(b), begin + width(c), begin + width(d))
 
     def _without_failed(self, x: Vec4) -> Vec4:
-        return _replaced(x, self.failed_coil - 1, 0.0)
+        i = self.failed_coil - 1
+        return _replaced(x, i, 0.0 + self.failed_share * x[i])
 
     def _hold(self, dt: float) -> None:
         """A step with constant commands."""

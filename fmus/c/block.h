@@ -12,10 +12,12 @@
 
 #if defined(_MSC_VER)
 #define PY_THREAD __declspec(thread)
+#define PY_APART __declspec(noinline)
 #define PY_NORETURN __declspec(noreturn)
 #define PY_RARE(x) (x)
 #else
 #define PY_THREAD _Thread_local
+#define PY_APART __attribute__((noinline))
 #define PY_NORETURN __attribute__((noreturn, cold))
 #define PY_RARE(x) __builtin_expect(!!(x), 0)
 #endif

@@ -302,7 +302,9 @@ class Program:
         kind = "void" if result in (NONE, NEVER) else self.names(result)
         if spec.memo:
             kind = f"const {kind} *"
-        return f"static {kind} {spec.name}({', '.join(arguments) or 'void'})"
+        # inlined, its lists would lie on the stack for as long as the function around runs
+        apart = "PY_APART " if spec.changed_in_place else ""
+        return f"static {apart}{kind} {spec.name}({', '.join(arguments) or 'void'})"
 
     def function(self, spec: Spec) -> Iterable[str]:
         doc = ast.get_docstring(spec.node)

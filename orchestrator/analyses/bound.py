@@ -252,7 +252,8 @@ class _Truth:
         share = np.full((len(begin), len(given["axes_coil"]) // 3), most)
         if (failed := given.get("failed_coil", "none")) != "none":
             alive = np.clip((given["failed_from"] - begin) / (end - begin), 0.0, 1.0)
-            share[:, int(failed) - 1] *= alive
+            rest = abs(given.get("failed_share", 0.0))
+            share[:, int(failed) - 1] *= alive + (1.0 - alive) * rest
         return share
 
 

@@ -95,7 +95,8 @@ def course_of(manifest: Manifest, results: Results) -> tuple[offline.Course, Any
     given = np.diff(impulse, axis=0)[: count * every] - step * torque
     attitudes = _matrices(_unit(q[: count * every + 1 : every]))
     failed = parameters["torquers"]["failed_coil"]
-    dead = 0 if failed == "none" else int(failed)
+    gives = parameters["torquers"].get("failed_share", 0.0) != 0.0
+    dead = 0 if failed == "none" or gives else int(failed)
     live = laws.without(tuple(parameters["torquers"]["axes_coil"]), dead)
     s = np.reshape(laws.weighting(live), (3, 3))
     inverse = np.linalg.pinv(np.reshape(parameters["wheels"]["axes_wheel"], (3, 4)))

@@ -1,0 +1,648 @@
+from __future__ import annotations
+
+from collections.abc import Iterator
+from math import copysign, inf, pi, sqrt
+
+from ..bases.dumping import DUMPING, FALLBACK, IDLE, MomentumDumping
+from ..bases.earth_field import EarthField
+from ..contract.block import Mat33, Mat34, Output, Parameter, Table, Vec3, Vec4
+from ..laws import cross_product, predictive, receding_horizon
+from ..laws import disturbance_learning as learning
+from ..laws.blending import Split
+from ..laws.integrated import null_torque, null_vector
+from ..laws.momentum_management import reduced, without
+from ..maths.attitude import inverse, normalised, product, rotate, rotate_back
+from ..maths.vector import ZERO, add, cross, dot, mat_vec, norm, scale, sub
+from ..physics.orbit import (
+    elements_from_state,
+    ellipse_state,
+    lvlh_attitude,
+    mean_motion,
+    orbit_plane,
+    perifocal_axes,
+)
+from ..physics.torques import gravity_gradient
+from ..physics.wheel_array import body_momentum, pseudo_inverse, to_wheels
+
+HOLD, EMPTY = range(2)
+NADIR, _, IGRF = range(3)
+PLANNED = 30.0
+"""s between plans, at least."""
+ORBITS, SHARE = 1.5, 0.05
+"""Of an orbit: how far a plan reaches, and the longest of its intervals."""
+STIFF, PEAK, CLOSE = 1.0, 0.1, 0.85
+"""Of momentum against energy: q = (STIFF n)^2 / b^2; w_p = PEAK q h_s^2, h_s = CLOSE times the
+peak."""
+SCALE = 1e-3
+"""Least eigenvalue of the coils' price, as a share of its mean."""
+LEAST_ENERGY = 0.05
+"""Price of a dipole of a coil that gives none, as a share."""
+COIL_PRICE, PATIENCE, RESERVE = 2e-3, 1e-3, 0.35
+"""Of an emptying: what a full dipole or a second costs besides, squared and halved; what a last
+second is cheaper than a first; share of the thrusters' time that plans leave free but in
+their first interval: so thrusters may turn out weaker by that."""
+SPREAD, OWN = 0.2, 0.02
+"""Spread beforehand of constant torques, as a share of n^2 J, and of the own dipole, of m_limit."""
+UNKNOWN, DRIFT = 0.01, 0.1
+"""Torque that is not modelled, as a share of n^2 J, for a sixth of an orbit at a time; what a
+parameter that is learnt may change by in an orbit, as a share of its spread."""
+CLEAR = 2.0
+"""What may stay in the null space, over the largest momentum that a wheel has otherwise."""
+BINS = 8
+"""Parts of an orbit whose largest wheel momenta are kept."""
+STRANGE = 0.3
+"""Share of the field that a measurement may be off the model."""
+AXES: tuple[Vec3, Vec3, Vec3] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+AT_1, AT_2 = 0.21132486540518713, 0.7886751345948129
+"""Gauss's points."""
+
+
+class ManagerPredictive(MomentumDumping, EarthField):
+    """One law for every craft: plans on a forecast of field and torque, replanned as it goes
+
+    Every 30 s, or `sample_time` where that is longer, a plan is made over the next 1.5 orbits, or
+    until `end`: what coils and thrusters do in up to 64 intervals, the first as long as the time
+    between plans, each next twice as long up to a twentieth of an orbit, so that
+
+        sum dt [ w_e u^2 / 2 + q |X|^2 / 2 + 0.1 q h_s^2 sum (h_i / h_s)^16 ]        (hold)
+
+    is least: X the wheels' momentum less its target, eci; u the dipoles that coils really give; h_i
+    each wheel's momentum; q = w_m n^2 / b^2, n the orbit rate and b^2 half the mean of
+    sum |a_j x B|^2; h_s 0.85 times the largest wheel momentum of the last orbit and of the plan
+    without this term. w_m and w_e are the `weights`, whatever the craft. With `goal` empty the cost
+    is the thrusters' time, weighed by the third, and X shall be zero at `end`; thrusters are used
+    for that alone. Between plans a coil follows the plan's costate with the measured field.
+
+    The forecast: two-body motion from r_eci and v_eci, the attitude fixed to lvlh or eci, whichever
+    the measured rate is nearer to (or at `q_bo` from lvlh), the field of `field_model`, scaled to
+    what was measured over an orbit, gravity gradient of `inertia`, and what
+    `laws/disturbance_learning.py` has learnt: the size of gravity gradient, torques that are
+    constant in eci, and in lvlh constant or of once an orbit, the craft's own dipole, and the
+    signed `effectiveness` of each coil and thruster axis. A coil that is lost, weak or turned is so
+    planned around; what the filter takes for noise is what the sensors have: `h_noise`,
+    `rate_noise` and `attitude_noise`. `laws/predictive.py` has the solver.
+
+    Where the measured field is off the model by more than 0.3 of it, or a plan to hold has not
+    settled after 30 steps, `mode` is fallback: M = n (h x B) / |B|^2, the cross-product law, until
+    the next plan. A plan to empty is flown as far as it has come after four times 80 steps. Without
+    a valid field there is no dipole, without a valid attitude nothing. The wheels are commanded as
+    by `manager_cross_product`; what they hold in their null space, which no coil can take, decays
+    at `null_gain`, or the rate n, to twice the largest momentum that a wheel had otherwise in the
+    last orbit: so much of it keeps them from standstill, and less is not made more.
+    """
+
+    goal: int = Parameter(
+        "1", "hold: the momentum is kept low; empty: it is at its target at `end`",
+        choices=("hold", "empty"), start="hold",
+    )  # fmt: skip
+    weights: Vec3 = Parameter(
+        "1", "of momentum, coil energy and propellant; 1 each: as the rules have it",
+        start=(1.0, 1.0, 1.0), min=0.0,
+    )  # fmt: skip
+    end: float = Parameter("s", "with goal empty: when, from t = 0 on", min=0.0)
+    horizon: float = Parameter("s", "how far a plan reaches; 0: 1.5 orbits", min=0.0)
+    sample_time: float = Parameter(
+        "s", "time between samples, a multiple of the step; above 0", start=10.0, min=0.0
+    )
+    axes_coil: Mat34 = Parameter(
+        "1", "M, columns: the coils' axes, body; zero where there is no coil",
+        start=(1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0), shared=True,
+    )  # fmt: skip
+    m_limit: float = Parameter(
+        "A.m2", "largest dipole of each coil, mean over a sample", start=20.0, min=0.0,
+        needs=("b_body", "r_eci", "v_eci", "h_wheel", "m_cmd_body"), follows="torquers.m_limit",
+    )  # fmt: skip
+    dead_coil: int = Parameter(
+        "1", "which coil is known to be dead", choices=("none", "1", "2", "3", "4"), start="none"
+    )
+    tau_level: Vec3 = Parameter(
+        "N.m", "torque of the thrusters about each axis while they fire; 0: none",
+        needs=("tau_cmd_thruster_body",), min=0.0,
+    )  # fmt: skip
+    least_pulse: float = Parameter(
+        "s", "on-times that the thrusters make are multiples of it", start=0.05, min=1e-6
+    )
+    null_gain: float = Parameter(
+        "1/s", "rate at which momentum in the wheels' null space decays to what keeps them from "
+        "standstill; 0: the orbit's",
+        min=0.0, needs=("h_wheel", "tau_cmd_wheel"),
+    )  # fmt: skip
+    inertia: Mat33 = Parameter(
+        "kg.m2", "inertia of the whole craft, wheels locked, body",
+        start=(40.45, 0.0, 0.0, 0.0, 42.09, 0.0, 0.0, 0.0, 40.36), shared=True,
+    )  # fmt: skip
+    inertia_scale: float = Parameter(
+        "1", "the law's own inertia is the inertia times this; 1: right", start=1.0, min=0.0
+    )
+    attitude: int = Parameter(
+        "1", "measured: q_bi; assumed: q_bo from lvlh", choices=("measured", "assumed"),
+        start="measured",
+    )  # fmt: skip
+    q_bo: Vec4 = Parameter(
+        "1", "assumed attitude: body from lvlh, scalar last; normalised", start=(0.0, 0.0, 0.0, 1.0)
+    )
+    field_model: int = Parameter(
+        "1", "model of the field ahead", choices=("orbit_dipole", "dipole", "igrf"), start="igrf"
+    )
+    b_amplitude: Vec3 = Parameter(
+        "T", "orbit_dipole: amplitudes along velocity, minus orbit normal, nadir",
+        start=(23e-6, 2.4e-6, 46e-6),
+    )  # fmt: skip
+    h_noise: float = Parameter(
+        "N.m.s", "standard deviation of a measured wheel momentum", start=1e-4, min=0.0
+    )
+    rate_noise: float = Parameter(
+        "rad/s", "standard deviation of a measured rate", start=1e-5, min=0.0
+    )
+    attitude_noise: float = Parameter(
+        "rad", "standard deviation of a measured attitude", start=2e-4, min=0.0
+    )
+    mode: int = Output(
+        "1", "what the manager does; fallback: the cross-product law", interval=True,
+        choices=("idle", "dumping", "-", "fallback"),
+    )  # fmt: skip
+    effectiveness: Vec4 = Output(
+        "1", "e, the share of its commanded dipole that each coil is seen to have, with its sign",
+        interval=True,
+    )  # fmt: skip
+    thruster_effectiveness: Vec3 = Output(
+        "1", "the same of the thrusters about each axis", interval=True
+    )
+    gravity_scale: float = Output(
+        "1", "s, gravity gradient as it is seen over what the law knows", interval=True
+    )
+    torque_eci: Vec3 = Output("N.m", "the constant torque that is seen, eci", interval=True)
+    plan_steps: int = Output("1", "Newton steps of the last plan", interval=True)
+
+    def start(self) -> None:
+        super().start()
+        a, b, c = self.weights
+        if a + b + c <= 0.0:
+            self.fail("weights = (0, 0, 0): a plan needs a weight that is above 0")
+        if b <= 0.0:
+            self.fail("weights[2] = 0: coil energy needs a weight above 0, as a price sets dipoles")
+        if self.goal == HOLD and a <= 0.0:
+            self.fail("weights[1] = 0: with goal hold the momentum needs a weight above 0")
+        if self.sample_time <= 0.0:
+            self.fail("sample_time = 0 s: a plan is made of samples")
+        if 0.0 < self.horizon < 2.0 * self.sample_time:
+            self.fail(f"horizon = {self.horizon:.10g} s is below two samples of sample_time = "
+                      f"{self.sample_time:.10g} s")  # fmt: skip
+        if self.goal == EMPTY and self.end < 2.0 * self.sample_time:
+            self.fail(f"end = {self.end:.10g} s is before now or within two samples of sample_time "
+                      f"= {self.sample_time:.10g} s")  # fmt: skip
+        if self.goal == EMPTY and c <= 0.0:
+            self.fail("weights[3] = 0: with goal empty propellant needs a weight above 0")
+        live = without(self.axes_coil, self.dead_coil)
+        x, y, z = self.tau_level
+        with_coils = self.m_limit > 0.0 and any(x != 0.0 for x in live)
+        if not with_coils and not (self.goal == EMPTY and x + y + z > 0.0):
+            self.fail(f"m_limit = {self.m_limit:.10g} A m2 with these axes_coil: no coil is left "
+                      "that the law could use")  # fmt: skip
+        self._to_coils = pseudo_inverse(live)
+        self._null = null_vector(self.axes_wheel)
+        self._live = live
+        self._inertia: Mat33 = tuple(self.inertia_scale * x for x in self.inertia)  # type: ignore[assignment]
+        self._q_bo = normalised(self.q_bo)
+        self.start_field(igrf=self.field_model == IGRF)
+        self._x = learning.first_state(ZERO)
+        self._p = (0.0,) * (learning.STATES * learning.STATES)
+        self._deviations = (0.0,) * learning.STATES
+        self._known = -1.0
+        self._b_eci = self._gravity = self._dipole_planned = ZERO
+        self._coils: Vec4 = (0.0, 0.0, 0.0, 0.0)
+        self._thrust = ZERO
+        self._q: Vec4 = (0.0, 0.0, 0.0, 1.0)
+        self._r = self._v = ZERO
+        self._fields = self._models = 0.0
+        self._field_scale = 1.0
+        self._planned = -1.0
+        self._costate = ZERO
+        self._bins = (0.0,) * BINS
+        self._bin = -1
+        self._failed = False
+        self.effectiveness = (1.0, 1.0, 1.0, 1.0)
+        self.thruster_effectiveness = (1.0, 1.0, 1.0)
+        self.gravity_scale = 1.0
+        self.torque_eci = ZERO
+        self.plan_steps = 0
+
+    def foresee(self, begin: float, end: float, wired: frozenset[str]) -> Iterator[str]:
+        self.covered(begin, end, self.field_model == IGRF)
+        yield from super().foresee(begin, end, wired)
+
+    def empty_null_space(self) -> None:
+        if not self.enable:
+            return
+        n = norm(self.v_eci) / norm(self.r_eci)
+        p, q, r, s = self._null
+        a, b, c, d = self.h_wheel
+        size2 = p * p + q * q + r * r + s * s
+        along = (p * a + q * b + r * c + s * d) / max(size2, 1.0)
+        left = min(max(along, -CLEAR * self._peak()), CLEAR * self._peak())
+        above = (a - left * p, b - left * q, c - left * r, d - left * s)
+        rate = self.null_gain if self.null_gain > 0.0 else n
+        a, b, c, d = null_torque(above, self._null, rate, inf)
+        e, f, g, i = self.tau_cmd_wheel
+        self.tau_cmd_wheel = (a + e, b + f, c + g, d + i)
+
+    def _peak(self) -> float:
+        """The largest momentum (N m s) of a wheel over the last orbit, its null space apart."""
+        peak = 0.0
+        for x in self._bins:
+            peak = max(peak, x)
+        return peak
+
+    def dump(self, t: float, elapsed: float, h: Vec3) -> tuple[Vec3, Split]:
+        nothing = ZERO, (ZERO, ZERO)
+        assumed = self.attitude == 1
+        if not (self.valid_q or assumed) or (self.goal == EMPTY and t >= self.end - 1e-6):
+            self.mode, self._coils, self._thrust = IDLE, (0.0, 0.0, 0.0, 0.0), ZERO
+            self._known = -1.0
+            return nothing
+        lvlh = lvlh_attitude(self.r_eci, self.v_eci)
+        q = product(self._q_bo, lvlh) if assumed else self.q_bi
+        size2 = dot(self.r_eci, self.r_eci)
+        turn = scale(1.0 / size2, cross(self.r_eci, self.v_eci))
+        orbital = rotate(q, turn)
+        rate = orbital if assumed else self.rate()
+        self._observe(t, q, add(add(h, self.h_target_body), mat_vec(self._inertia, rate)))
+        model = self._field(self.r_eci, self.v_eci, t)
+        b = rotate_back(q, self.b_body) if self.valid_b else model
+        strange = norm(sub(b, model)) > STRANGE * norm(model)
+        self._weigh(b, model)
+        model = scale(self._field_scale, model)
+        self._remember(t, h)
+        # fixed to lvlh or to eci
+        turning = assumed or norm(sub(rate, orbital)) < norm(rate)
+        if self._planned < 0.0 or t - self._planned >= self._period() - 1e-6:
+            self._plan(t, q, lvlh, turning, rotate_back(q, h), sub(b, model))
+            self._planned = t
+        self._b_eci, self._q, self._r, self._v = b, q, self.r_eci, self.v_eci
+        self._gravity = rotate_back(q, gravity_gradient(rotate(q, self.r_eci), self._inertia))
+        middle = self._coasted(0.5 * self.sample_time)
+        soon = self._field(middle[0], middle[1], t + 0.5 * self.sample_time)
+        mean = rotate(q, add(b, sub(scale(self._field_scale, soon), model)))
+        m, n_t = ZERO, self._thrust
+        if self._failed or strange:
+            self.mode = FALLBACK
+            gain = STIFF * norm(turn)
+            m = cross_product.normalised(h, mean, gain) if self.valid_b else ZERO
+        elif self.valid_b:
+            self.mode = DUMPING
+            m = self._dipole(mean, rotate(q, self._costate))
+        else:
+            self.mode = FALLBACK if norm(n_t) > 0.0 else IDLE
+        m = reduced(m, to_wheels(self._to_coils, m), self.m_limit)
+        self._coils = to_wheels(self._to_coils, m)
+        given = self._given(self._coils)
+        x, y, z = self.thruster_effectiveness
+        absorbed = (x * n_t[0], y * n_t[1], z * n_t[2])
+        return add(cross(given, mean), absorbed), (m, n_t)
+
+    def _period(self) -> float:
+        """s from plan to plan, a multiple of the sample time."""
+        if self.goal == EMPTY:
+            return self.sample_time
+        return self.sample_time * float(int(max(PLANNED / self.sample_time, 1.0) + 0.999999))
+
+    def _motion(self) -> tuple[float, float]:
+        """The orbit's rate (rad/s) and time (s)."""
+        n = mean_motion(elements_from_state(self.r_eci, self.v_eci).semi_major_axis)
+        return n, 2.0 * pi / n
+
+    def _coasted(self, ahead: float) -> tuple[Vec3, Vec3]:
+        """r (m) and v (m/s), eci, `ahead` (s) of now."""
+        a, e, inclination, raan, perigee, anomaly = elements_from_state(self.r_eci, self.v_eci)
+        n = mean_motion(a)
+        p, q = perifocal_axes(inclination, raan, perigee)
+        return ellipse_state(a, e, anomaly + n * ahead, n, p, q)
+
+    def _field(self, r: Vec3, v: Vec3, t: float) -> Vec3:
+        """The model's B (T, eci) at r (m) with v (m/s) at t (s)."""
+        if self.field_model == NADIR:
+            in_lvlh = receding_horizon.orbit_dipole(self.r_eci, self.v_eci, self.b_amplitude)
+            return rotate_back(lvlh_attitude(r, v), in_lvlh(r))
+        return self.field_eci(r, t, igrf=self.field_model == IGRF)
+
+    def _weigh(self, b: Vec3, model: Vec3) -> None:
+        """Take a measured field (T, eci) and the model's into account: how much of the model's the
+        field is, by the last orbit, and 1 as if measured once."""
+        _, orbit = self._motion()
+        kept = max(1.0 - self.sample_time / orbit, 0.0)
+        one = dot(model, model) if self._models == 0.0 else 0.0
+        self._models = kept * self._models + one + dot(model, model)
+        self._fields = kept * self._fields + one + dot(b, model)
+        self._field_scale = self._fields / self._models
+
+    def _remember(self, t: float, h: Vec3) -> None:
+        """The largest wheel momentum of each part of the last orbit."""
+        _, orbit = self._motion()
+        now = int(t * float(BINS) / orbit)
+        a, b, c, d = to_wheels(self._to_wheels, add(h, self.h_target_body))
+        largest = max(abs(a), abs(b), abs(c), abs(d))
+        while self._bin < now:
+            self._bin = now if self._bin < now - BINS else self._bin + 1
+            self._bins = (0.0, *self._bins[:-1])
+        self._bins = (max(self._bins[0], largest), *self._bins[1:])
+
+    def _given(self, coils: Vec4) -> Vec3:
+        """The dipole (A m2, body) that coils give which are commanded these."""
+        a, b, c, d = coils
+        e, f, g, i = self.effectiveness
+        return body_momentum(self._live, (e * a, f * b, g * c, i * d))
+
+    def _observe(self, t: float, q: Vec4, total: Vec3) -> None:
+        """Learn from what the momentum of the craft, `total` (N m s, body), did since the last
+        sample."""
+        h = rotate_back(q, total)
+        n, orbit = self._motion()
+        largest = max(abs(self._inertia[0]), abs(self._inertia[4]), abs(self._inertia[8]))
+        most = n * n * largest
+        from_rate, from_attitude = largest * self.rate_noise, norm(total) * self.attitude_noise
+        noise = sqrt(
+            self.h_noise * self.h_noise + from_rate * from_rate + from_attitude * from_attitude
+        )
+        noise = max(noise, 1e-3 * most * self.sample_time)
+        if self._deviations[learning.GRAVITY] == 0.0:
+            self._deviations = learning.spreads(SPREAD * most, OWN * self.m_limit, noise)
+            self._p = learning.first_covariance(self._deviations)
+            self._x = learning.first_state(h)
+        passed = t - self._known
+        if self._known < 0.0 or passed > 10.0 * self.sample_time or not self.valid_b:
+            # H starts anew; what was learnt stays
+            self._x = (*h, *self._x[3:])
+            self._p = learning.forgotten(self._p, noise)
+        else:
+            b = rotate_back(q, self.b_body)
+            pull = rotate_back(q, gravity_gradient(rotate(q, self.r_eci), self._inertia))
+            then, now = lvlh_attitude(self._r, self._v), lvlh_attitude(self.r_eci, self.v_eci)
+            half = 0.5 * passed
+            (c0, s0), (c1, s1) = self._latitude(self._r), self._latitude(self.r_eci)
+            causes = learning.causes((
+                scale(half, add(self._gravity, pull)),
+                *(scale(passed, axis) for axis in AXES),
+                *(scale(half, add(rotate_back(then, axis), rotate_back(now, axis)))
+                  for axis in AXES),
+                *(scale(half, self._moved(axis, q, b)) for axis in AXES),
+                *(scale(half * coil, self._moved((self._live[i], self._live[4 + i],
+                                                  self._live[8 + i]), q, b))
+                  for i, coil in enumerate(self._coils)),
+                *(scale(half * torque, add(rotate_back(self._q, axis), rotate_back(q, axis)))
+                  for axis, torque in zip(AXES, self._thrust, strict=True)),
+                *(scale(half, add(scale(c0, rotate_back(then, axis)),
+                                  scale(c1, rotate_back(now, axis)))) for axis in AXES),
+                *(scale(half, add(scale(s0, rotate_back(then, axis)),
+                                  scale(s1, rotate_back(now, axis)))) for axis in AXES),
+            ))  # fmt: skip
+            self._x, self._p = learning.learnt(
+                self._x, self._p, h, causes, noise,
+                UNKNOWN * most * sqrt(orbit * passed / 3.0),
+                self._deviations, DRIFT * sqrt(passed / orbit),
+            )  # fmt: skip
+        self._known = t
+        x = self._x
+        self.gravity_scale = x[learning.GRAVITY]
+        self.torque_eci = (x[4], x[5], x[6])
+        self.effectiveness = (x[13], x[14], x[15], x[16])
+        self.thruster_effectiveness = (x[17], x[18], x[19])
+
+    def _latitude(self, r: Vec3) -> tuple[float, float]:
+        """Cosine and sine of the argument of latitude of r (m) on the orbit of now."""
+        orbit = elements_from_state(self.r_eci, self.v_eci)
+        node, ahead, _ = orbit_plane(orbit.inclination, orbit.raan)
+        size = norm(r)
+        return dot(r, node) / size, dot(r, ahead) / size
+
+    def _moved(self, axis: Vec3, q: Vec4, b: Vec3) -> Vec3:
+        """axis x B (T, eci) of the sample before and of this one, with q and b (T, eci), summed;
+        axis: body."""
+        then = cross(rotate_back(self._q, axis), self._b_eci)
+        return add(then, cross(rotate_back(q, axis), b))
+
+    def _axes(self) -> tuple[tuple[Vec3, Vec3, Vec3], tuple[Vec3, Vec3, Vec3], Vec3]:
+        """Three commands (1, body) whose coils' energies add up, what dipole a unit of each really
+        gives (1, body), and how far each may go (A m2)."""
+        p, e = self._to_coils, self.effectiveness
+        xx, xy, xz, yy, yz, zz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+        for i in range(4):
+            w = max(e[i] * e[i], LEAST_ENERGY)
+            a, b, c = p[3 * i], p[3 * i + 1], p[3 * i + 2]
+            xx, xy, xz = xx + w * a * a, xy + w * a * b, xz + w * a * c
+            yy, yz, zz = yy + w * b * b, yz + w * b * c, zz + w * c * c
+        least = SCALE * (xx + yy + zz) / 3.0
+        # R = L L', the commands are the columns of L'^-1
+        l11 = sqrt(xx + least)
+        l21, l31 = xy / l11, xz / l11
+        l22 = sqrt(yy + least - l21 * l21)
+        l32 = (yz - l31 * l21) / l22
+        l33 = sqrt(zz + least - l31 * l31 - l32 * l32)
+        first = (1.0 / l11, 0.0, 0.0)
+        second = (-l21 / (l11 * l22), 1.0 / l22, 0.0)
+        third = ((l21 * l32 - l31 * l22) / (l11 * l22 * l33), -l32 / (l22 * l33), 1.0 / l33)
+        given = (
+            self._given(to_wheels(p, first)), self._given(to_wheels(p, second)),
+            self._given(to_wheels(p, third)),
+        )  # fmt: skip
+        most = (self._reach(first), self._reach(second), self._reach(third))
+        return (first, second, third), given, most
+
+    def _reach(self, command: Vec3) -> float:
+        """How many of a command (A m2) the coils can do."""
+        a, b, c, d = to_wheels(self._to_coils, command)
+        largest = max(abs(a), abs(b), abs(c), abs(d))
+        return self.m_limit / largest if largest > 1e-9 else 0.0
+
+    def _dipole(self, b: Vec3, costate: Vec3) -> Vec3:
+        """The dipole to command (A m2, body) in the field b (T) for a costate, body."""
+        if self.goal == EMPTY:
+            return self._dipole_planned
+        commands, given, most = self._axes()
+        m = ZERO
+        for i in range(3):
+            v = -dot(cross(given[i], b), costate) / self.weights[1]
+            m = add(m, scale(min(max(v, -most[i]), most[i]), commands[i]))
+        return m
+
+    def _plan(
+        self, t: float, q: Vec4, lvlh: Vec4, turning: bool, x0: Vec3, off: Vec3
+    ) -> None:  # fmt: skip
+        """Make a plan at t (s) with the attitude q, held to lvlh where `turning`; x0: X (N m s,
+        eci); off: what the measured field has over the model's (T, eci)."""
+        count, dt = self._grid(t)
+        from_lvlh = product(q, inverse(lvlh))
+        # not taken apart, which would be a second copy on the stack
+        ahead = self._forecast(t, q, from_lvlh, turning, off, count, dt)
+        if self.goal == EMPTY:
+            self._empty(count, x0, dt, ahead[0], ahead[1])
+        else:
+            self._hold(count, x0, dt, ahead[0], ahead[1], ahead[2], ahead[3])
+
+    def _grid(self, t: float) -> tuple[int, Table]:
+        """How many intervals a plan at t (s) has, and how long each is (s)."""
+        _, orbit = self._motion()
+        reach = self.horizon if self.horizon > 0.0 else ORBITS * orbit
+        if self.goal == EMPTY:
+            reach = self.end - t
+        dt = [0.0] * predictive.INTERVALS
+        period = self._period()
+        longest = max(SHARE * orbit, period)
+        most = predictive.HELD if self.goal == HOLD else predictive.INTERVALS
+        count, begin, size = 0, 0.0, period
+        while count < most and begin < reach - 0.5 * period:
+            dt[count] = size
+            begin += size
+            count += 1
+            if self.goal == HOLD:
+                size = min(2.0 * size, longest)
+            else:
+                # whole samples, as few in each as the intervals that are left allow
+                left = int((reach - begin) / period + 0.5)
+                slots = max(most - count, 1)
+                size = period * float(max((left + slots - 1) // slots, 1))
+        return count, tuple(dt)
+
+    def _forecast(
+        self, t: float, q: Vec4, from_lvlh: Vec4, turning: bool, off: Vec3, count: int, dt: Table
+    ) -> tuple[Table, Table, Table, float]:  # fmt: skip
+        """What X changes by in each interval (N m s, eci), by a unit of each actuator, the wheels'
+        axes at its end (eci), and b^2 (T2); `from_lvlh`: body from lvlh."""
+        drift = [0.0] * (3 * predictive.INTERVALS)
+        effect = [0.0] * (3 * predictive.ACTUATORS * predictive.INTERVALS)
+        rows = [0.0] * (12 * predictive.HELD)
+        hold = self.goal == HOLD
+        each = predictive.COILS if hold else predictive.ACTUATORS
+        n, _ = self._motion()
+        a, e, inclination, raan, perigee, anomaly = elements_from_state(self.r_eci, self.v_eci)
+        to_perigee, onward = perifocal_axes(inclination, raan, perigee)
+        _, given, _ = self._axes()
+        turn = cross(self.r_eci, self.v_eci)
+        before = self._bias(q, turn, dot(self.r_eci, self.r_eci), turning)
+        strength, begin = 0.0, 0.0
+        for k in range(count):
+            step = dt[k]
+            push = ZERO
+            for point in (AT_1, AT_2):
+                at = begin + point * step
+                r, v = ellipse_state(a, e, anomaly + n * at, n, to_perigee, onward)
+                frame = lvlh_attitude(r, v)
+                pointing = product(from_lvlh, frame) if turning else q
+                b = scale(self._field_scale, self._field(r, v, t + at))
+                if k == 0:
+                    b = add(b, off)
+                push = add(push, scale(0.5 * step, self._torque(pointing, frame, r, b)))
+                for j in range(3):
+                    i = 3 * (each * k + j)
+                    f = scale(0.5 * step, cross(rotate_back(pointing, given[j]), b))
+                    effect[i] += f[0]
+                    effect[i + 1] += f[1]
+                    effect[i + 2] += f[2]
+                for j in range(4):
+                    axis = (self._live[j], self._live[4 + j], self._live[8 + j])
+                    f = cross(rotate_back(pointing, axis), b)
+                    strength += 0.25 * step * dot(f, f)
+                for j in range(each - predictive.COILS):
+                    gain = 0.5 * self.tau_level[j] * self.thruster_effectiveness[j]
+                    f = scale(gain, rotate_back(pointing, AXES[j]))
+                    i = 3 * (each * k + predictive.COILS + j)
+                    effect[i] += f[0]
+                    effect[i + 1] += f[1]
+                    effect[i + 2] += f[2]
+            begin += step
+            r, v = ellipse_state(a, e, anomaly + n * begin, n, to_perigee, onward)
+            pointing = product(from_lvlh, lvlh_attitude(r, v)) if turning else q
+            after = self._bias(pointing, cross(r, v), dot(r, r), turning)
+            push = sub(push, sub(after, before))
+            before = after
+            drift[3 * k], drift[3 * k + 1], drift[3 * k + 2] = push
+            for j in range(4 if hold else 0):
+                w = self._to_wheels
+                row = rotate_back(pointing, (w[3 * j], w[3 * j + 1], w[3 * j + 2]))
+                i = 3 * (4 * k + j)
+                rows[i], rows[i + 1], rows[i + 2] = row
+        return tuple(drift), tuple(effect), tuple(rows), strength / begin
+
+    def _hold(
+        self, count: int, x0: Vec3, dt: Table, drift: Table, effect: Table, rows: Table,
+        strength: float,
+    ) -> None:  # fmt: skip
+        """Plan a course that is held low from X = x0 (N m s, eci) on."""
+        n, _ = self._motion()
+        _, _, limits = self._axes()
+        stiff = STIFF * n
+        momentum = self.weights[0] * stiff * stiff / max(strength, 1e-30)
+        bias = to_wheels(self._to_wheels, self.h_target_body)
+        u, _, course, steps, _ = predictive.held(
+            count, x0, predictive.NO_PLAN, dt, drift, effect, self.weights[1], limits, rows, bias,
+            momentum, 0.0, 1.0,
+        )  # fmt: skip
+        size = CLOSE * max(predictive.largest(count, course, rows, bias), self._peak(), 1e-9)
+        _, self._costate, _, more, settled = predictive.held(
+            count, x0, u, dt, drift, effect, self.weights[1], limits, rows, bias, momentum,
+            PEAK * momentum * size * size, size,
+        )  # fmt: skip
+        self.plan_steps, self._failed = steps + more, not settled
+
+    def _empty(self, count: int, x0: Vec3, dt: Table, drift: Table, effect: Table) -> None:
+        """Plan the dipole and the pulses of the first interval so that X = x0 (N m s, eci) becomes
+        zero."""
+        fee = [0.0] * predictive.INTERVALS
+        most = [0.0] * predictive.INTERVALS
+        _, _, limits = self._axes()
+        fires = self.tau_level[0] + self.tau_level[1] + self.tau_level[2] > 0.0
+        rest, reach, begin = x0, 0.0, 0.0
+        for k in range(count):
+            reach += dt[k]
+            rest = add(rest, (drift[3 * k], drift[3 * k + 1], drift[3 * k + 2]))
+        for k in range(count):
+            fee[k] = self.weights[2] * (1.0 - PATIENCE * begin / reach)
+            most[k] = (1.0 - RESERVE if k > 0 else 1.0) * dt[k] if fires else 0.0
+            begin += dt[k]
+        level = max(self.tau_level[0], self.tau_level[1], self.tau_level[2], 1e-9)
+        least = level * self.least_pulse
+        weight = 10.0 * self.weights[2] / (level * least)
+        near, stride = 0.01 * least, 0.5 * self.weights[2] / level
+        u, self.plan_steps, _ = predictive.emptied(
+            count, rest, effect, COIL_PRICE, limits, tuple(fee), tuple(most), weight, near, stride
+        )
+        thrust = (self._pulse(u[3], 0), self._pulse(u[4], 1), self._pulse(u[5], 2))
+        if count == 1:
+            # the coils make up for what the pulses leave
+            for j in range(3):
+                on = thrust[j] * self.sample_time / max(self.tau_level[j], 1e-9)
+                i = 3 * (predictive.COILS + j)
+                done = scale(on, (effect[i], effect[i + 1], effect[i + 2]))
+                rest = add(rest, done)
+            u, _, _ = predictive.emptied(
+                count, rest, effect, COIL_PRICE, limits, tuple(fee),
+                (0.0,) * predictive.INTERVALS, weight, near, stride,
+            )  # fmt: skip
+        commands, _, _ = self._axes()
+        m = ZERO
+        for j in range(3):
+            m = add(m, scale(u[j], commands[j]))
+        self._dipole_planned, self._thrust = m, thrust
+
+    def _bias(self, q: Vec4, turn: Vec3, size2: float, turning: bool) -> Vec3:
+        """What of the craft's momentum (N m s, eci) is not to be dumped: the body's turn, and the
+        target. turn (m2/s): r x v; size2 (m2): r^2."""
+        rate = rotate(q, scale(1.0 / size2, turn)) if turning else ZERO
+        return rotate_back(q, add(mat_vec(self._inertia, rate), self.h_target_body))
+
+    def _torque(self, q: Vec4, lvlh: Vec4, r: Vec3, b: Vec3) -> Vec3:
+        """The torque (N m, eci) on the craft as far as it is known, at r (m) in the field b (T)."""
+        x = self._x
+        gravity = rotate_back(q, gravity_gradient(rotate(q, r), self._inertia))
+        own = cross(rotate_back(q, (x[10], x[11], x[12])), b)
+        c, s = self._latitude(r)
+        orbital = rotate_back(lvlh, (
+            x[7] + c * x[20] + s * x[23], x[8] + c * x[21] + s * x[24],
+            x[9] + c * x[22] + s * x[25],
+        ))  # fmt: skip
+        return add(add(scale(x[3], gravity), (x[4], x[5], x[6])), add(orbital, own))
+
+    def _pulse(self, on_time: float, axis: int) -> float:
+        """The mean torque (N m) over a sample of an on-time (s), to whole pulses."""
+        count = int(abs(on_time) / self.least_pulse + 0.5)
+        on = copysign(float(count) * self.least_pulse, on_time)
+        return self.tau_level[axis] * on / self.sample_time

@@ -1,0 +1,165 @@
+"""The predictive law: its solver, what it learns, what it refuses, and what it does in the loop."""
+
+from __future__ import annotations
+
+import math
+import random
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.optimize import linprog, minimize
+
+from desat.components.blocks.manager_predictive import ManagerPredictive
+from desat.components.contract.block import BlockError
+from desat.components.laws import disturbance_learning as learning
+from desat.components.laws import predictive
+from desat.runs.run import Options, execute
+
+N, H = predictive.INTERVALS, predictive.HELD
+
+
+@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize(("most", "peak"), [(50.0, 0.0), (0.25, 0.0), (0.4, 0.05), (50.0, 0.05)])
+def test_held_plan_is_the_least(seed: int, most: float, peak: float) -> None:
+    """The same problem by scipy's L-BFGS-B, and the costate by differences."""
+    draw, count, q, r = random.Random(seed), 5, 0.7, 0.9
+    x0, bias = (0.8, -0.5, 0.3), (0.1, -0.1, 0.0, 0.05)
+    lengths = tuple(draw.uniform(0.5, 2.0) if k < count else 0.0 for k in range(H))
+    drift = tuple(draw.gauss(0.0, 0.3) for _ in range(3 * H))
+    effect = tuple(draw.gauss(0.0, 0.5) for _ in range(9 * H))
+    rows = tuple(draw.gauss(0.0, 1.0) for _ in range(12 * H))
+    case = lengths, drift, effect, r, (most,) * 3, rows, bias, q
+    first, _, course, _, settled = predictive.held(count, x0, predictive.NO_PLAN, *case, 0.0, 1.0)
+    assert settled
+    size = 0.85 * predictive.largest(count, course, rows, bias)
+    u, costate, course, _, settled = predictive.held(count, x0, first, *case, peak, size)
+    assert settled
+    dt = np.array(lengths)[:count]
+    g = np.array(effect).reshape(H, 3, 3)[:count]
+    d = np.array(drift).reshape(H, 3)[:count]
+    a = np.array(rows).reshape(H, 4, 3)[:count]
+
+    def cost(u: np.ndarray, first: np.ndarray) -> float:
+        x = first + np.cumsum(d + np.einsum("kji,kj->ki", g, u.reshape(count, 3)), axis=0)
+        h = np.einsum("kji,ki->kj", a, x) + np.array(bias)
+        path = 0.5 * q * (x**2).sum(1) + peak * ((h / size) ** 16).sum(1)
+        return float(dt @ (path + 0.5 * r * (u.reshape(count, 3) ** 2).sum(1)))
+
+    begin = np.array(x0)
+    ours = np.array(u)[: 3 * count]
+    exact = {"maxiter": 5000, "maxfun": 10**6, "ftol": 1e-15}
+    best = minimize(cost, 0.9 * ours, args=(begin,), bounds=[(-most, most)] * (3 * count),
+                    method="L-BFGS-B", options=exact)  # fmt: skip
+    assert np.abs(ours).max() <= most
+    assert cost(ours, begin) <= best.fun * (1.0 + 3.0 * predictive.SETTLED)
+    end = begin + (d + np.einsum("kji,kj->ki", g, ours.reshape(count, 3))).sum(0)
+    assert course[3 * count - 3 : 3 * count] == pytest.approx(tuple(end), abs=1e-12)
+    slope = [(cost(ours, begin + 1e-6 * e) - cost(ours, begin - 1e-6 * e)) / 2e-6
+             for e in np.eye(3)]  # fmt: skip
+    assert costate == pytest.approx(tuple(slope), rel=1e-5, abs=1e-6)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_emptying_takes_hardly_more_than_the_linear_programme(seed: int) -> None:
+    draw, count, tau, limit = np.random.default_rng(seed), 60, 0.04, 36.0
+    phase = draw.uniform(0.0, 6.0)
+    x0 = draw.normal(size=3)
+    x0 *= 2.45 / np.linalg.norm(x0)
+    effect = np.zeros((N, 6, 3))
+    for k in range(count):
+        u = phase + 2.0 * math.pi * 10.0 * k / 5860.0
+        b = np.array([23e-6 * math.cos(u), 2.4e-6, 46e-6 * math.sin(u)])
+        effect[k, :3], effect[k, 3:] = 10.0 * np.cross(np.eye(3), b), tau * np.eye(3)
+    most = np.zeros((N, 6))
+    most[:count] = [limit] * 3 + [8.0] * 3
+    fee = np.tile([0.0] * 3 + [1.0] * 3, N)
+    plan, _, settled = predictive.emptied(
+        count, tuple(x0), tuple(effect.ravel().tolist()), 2e-3, (limit,) * 3, (1.0,) * N,
+        tuple(most[:, 3].tolist()), 10.0 / (tau * tau * 0.05), 2e-5, 12.5,
+    )  # fmt: skip
+    assert settled
+    ours = np.array(plan)
+    g = effect.reshape(-1, 3).T
+    assert np.linalg.norm(x0 + g @ ours) < 1e-3
+    bounds = [(0.0, m) for m in most.ravel()] * 2
+    least = linprog(np.tile(fee, 2), A_eq=np.hstack([g, -g]), b_eq=-x0, bounds=bounds)
+    assert least.fun - 0.02 <= fee @ np.abs(ours) <= least.fun + 0.05
+
+
+def test_filter_finds_a_dead_and_a_turned_coil() -> None:
+    """Momentum that two good coils, a dead and a turned one make, measured with noise."""
+    draw = random.Random(3)
+    true = [1.0, 2e-4, -1e-4, 0.0, 0.0, 0.0, 3e-4, 0.0, 0.0, 0.0, 0.0, 1.0, -1.0, 0.7, 1.0, 1, 1]
+    true += [0.0] * 6
+    spreads = learning.spreads(1e-3, 0.1, 1e-3)
+    h = [0.1, -0.2, 0.3]
+    x, p = learning.first_state((0.1, -0.2, 0.3)), learning.first_covariance(spreads)
+    for k in range(400):
+        columns = [(0.0, 0.0, 0.0)] * learning.CAUSES
+        columns[1], columns[2], columns[3] = (10.0, 0.0, 0.0), (0.0, 10.0, 0.0), (0.0, 0.0, 10.0)
+        a = 0.02 * k
+        columns[4] = (10.0 * math.cos(a), 10.0 * math.sin(a), 0.0)
+        for j in range(4):
+            columns[10 + j] = tuple(draw.gauss(0.0, 0.02) for _ in range(3))  # type: ignore[assignment]
+        h = [h[i] + sum(t * c[i] for t, c in zip(true, columns, strict=True)) for i in range(3)]
+        seen = tuple(y + draw.gauss(0.0, 1e-3) for y in h)
+        rows = learning.causes(tuple(columns))
+        x, p = learning.learnt(x, p, seen, rows, 1e-3, 1e-4, spreads, 1e-3)  # type: ignore[arg-type]
+    assert x[13:17] == pytest.approx((0.0, 1.0, -1.0, 0.7), abs=0.05)
+    assert x[4] == pytest.approx(2e-4, abs=3e-5)
+    matrix = np.array(p).reshape(learning.STATES, learning.STATES)
+    assert np.linalg.eigvalsh(0.5 * (matrix + matrix.T)).min() > -1e-12
+
+
+@pytest.mark.parametrize(
+    ("values", "text"),
+    [
+        ({"weights": (0.0, 0.0, 0.0)}, r"weights = \(0, 0, 0\)"),
+        ({"weights": (1.0, 0.0, 1.0)}, r"weights\[2\] = 0"),
+        ({"weights": (0.0, 1.0, 1.0)}, r"weights\[1\] = 0"),
+        ({"horizon": 15.0}, r"horizon = 15 s is below two samples of sample_time = 10 s"),
+        ({"goal": 1, "end": 0.0}, r"end = 0 s is before now"),
+        ({"goal": 1, "end": 600.0, "weights": (1.0, 1.0, 0.0)}, r"weights\[3\] = 0"),
+        ({"m_limit": 0.0}, r"m_limit = 0 A m2 .* no coil is left"),
+        ({"axes_coil": (0.0,) * 12}, "no coil is left"),
+        ({"sample_time": 0.0}, "sample_time = 0 s"),
+    ],
+)  # fmt: skip
+def test_refuses(values: dict[str, object], text: str) -> None:
+    block = ManagerPredictive()
+    for name, value in values.items():
+        setattr(block, name, value)
+    with pytest.raises(BlockError, match=text):
+        block.start()
+
+
+def test_a_turned_coil_is_found_and_used(tmp_path: Path) -> None:
+    run = execute("space_telescope/predictive-flipped", Options(stop=15000.0), tmp_path / "run")
+    seen = run.results.values("manager.effectiveness")
+    assert seen[-2] == pytest.approx((-1.0, 1.0, 1.0, 1.0), abs=0.1)
+    whole = execute("space_telescope/predictive-nominal", Options(stop=15000.0), tmp_path / "whole")
+    peaks = [np.abs(r.results.values("wheels.speed_wheel")[-700:]).max() for r in (run, whole)]
+    assert peaks[0] < 1.3 * peaks[1]
+
+
+@pytest.mark.parametrize("case", ["nominal", "dead_unknown", "thrusters_0_7"])
+def test_wheels_are_empty_at_the_end(tmp_path: Path, case: str) -> None:
+    run = execute(f"uosat12/predictive-{case}", Options(), tmp_path / "run")
+    assert run.manifest.numbers["final_momentum"].value < 0.01
+    fired, bound = (run.manifest.numbers[n].value for n in ("firing_time", "bound_same_end"))
+    assert fired < bound + 1.0
+    seen = run.results.values("manager.effectiveness")[-2]
+    assert seen[1] == pytest.approx(0.0 if case == "dead_unknown" else 1.0, abs=0.05)
+
+
+def test_a_day_is_held_low_and_a_strange_field_falls_back(tmp_path: Path) -> None:
+    day = Options(stop=12000.0)
+    run = execute("nadir_day/laws-predictive-igrf", day, tmp_path / "run")
+    assert set(run.results.values("manager.mode")[:-1].tolist()) == {1}
+    axes = np.reshape(run.manifest.values_of("wheels")["axes_wheel"], (3, 4))
+    together = run.results.values("wheels.h_wheel") @ axes.T
+    assert np.linalg.norm(together[-600:], axis=1).max() < 0.005
+    wrong = Options(stop=600.0, values={"magnetometer.bias_body": (3e-5, 0.0, 0.0)})
+    off = execute("nadir_day/laws-predictive-igrf", wrong, tmp_path / "off")
+    assert set(off.results.values("manager.mode")[:-1].tolist()) == {3}
