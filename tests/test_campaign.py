@@ -729,7 +729,7 @@ def test_a_case_that_changes_values_alone_is_the_case_prepared_anew(
     rows = []
     for made in (draws.varied, prepare):
         monkeypatch.setattr(draws, "varied", made)
-        rows.append([replace(case_module.row(plan, n), seconds=0.0) for n in range(5)])
+        rows.append([replace(case_module.row(plan, n, False), seconds=0.0) for n in range(5)])
     assert rows[0] == rows[1]
     if "lag" in more:
         assert {row.code for row in rows[0]} == {0, 2}
@@ -741,5 +741,5 @@ def test_a_worker_prepares_once(monkeypatch):
     plan = Plan("alsat1/basin-y-wheel", "", 5, options=Options(stop=600.0))
     plan_module._source.cache_clear()
     for n in range(5):
-        assert case_module.row(plan, n).code == 0
+        assert case_module.row(plan, n, False).code == 0
     assert len(made) == 1

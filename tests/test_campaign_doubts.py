@@ -153,7 +153,7 @@ def test_a_worker_that_is_told_to_end_gives_no_row(own, monkeypatch):
     monkeypatch.setattr(case, "ran", stopped)
     plan, _ = coordinator.planned(own, 3)
     with pytest.raises(SystemExit):
-        case.row(plan, 1)
+        case.row(plan, 1, False)
 
 
 def test_a_flipped_bit_is_damage(three, tmp_path):

@@ -369,12 +369,12 @@ def test_a_case_of_a_campaign_chooses_and_says_so(tmp_path):
     text = 'stop = 60\n[dispersions]\n"wheels.torque_limit" = { uniform = [0.005, 0.2] }\n'
     target = own(tmp_path, text)
     plan = Plan(target, digest_of(target, Options()), 6)
-    rows = [row(plan, i) for i in range(6)]
+    rows = [row(plan, i, False) for i in range(6)]
     counts = [r.numbers["inner_steps"] for r in rows]
     assert len(set(counts)) > 1
     for r in rows:
         assert 0.0 < r.numbers["estimated_attitude_error"] <= 1e-7
-        again = row(plan, r.case)
+        again = row(plan, r.case, False)
         assert again.numbers == r.numbers
 
 

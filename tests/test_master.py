@@ -216,7 +216,7 @@ def test_a_cycle_is_named():
     assert schedule(broken).order == ("a", "b", "c")
 
 
-def test_undeclared_outputs_are_state_with_a_warning():
+def test_undeclared_outputs_in_a_circle_are_late_with_a_warning():
     parts = draft(
         [component("a", 1, outputs=("undeclared",)), component("b", 1)],
         [("a", "undeclared_y", "b", "u0"), ("b", "interval_y", "a", "u0")],
@@ -224,8 +224,8 @@ def test_undeclared_outputs_are_state_with_a_warning():
     checked = check(parts)
     assert not checked.problems
     assert (
-        "a declares no dependencies: undeclared_y taken as state outputs, one step late"
-        in (checked.warnings[0])
+        "a declares no dependencies: undeclared_y may depend on every input and are taken one "
+        "step late, as they close a circle" in (checked.warnings[0])
     )
     assert {when for _, when in checked.schedule.timing} == {"one step late", "over the step"}
     parts.output_classes["a.undeclared_y"] = "interval"

@@ -266,7 +266,7 @@ def test_the_same_sources_give_the_same_bytes(tmp_path):
 
 
 def test_without_a_compiler_it_says_so(tmp_path, monkeypatch):
-    def none() -> tuple[str, ...]:
+    def none(*_: object) -> tuple[str, ...]:
         raise NoCompilerError("no C compiler")
 
     monkeypatch.setattr(native, "compiler", none)

@@ -184,7 +184,7 @@ def test_what_cannot_be_is_refused(tmp_path: Path, wanted: dict[str, object], to
         ("mine", (), 0, ""),
         ("alone", ("--stop", "3"), 0, ""),
         ("min", (), 2, "no scenario min; did you mean mine?"),
-        ("integrated", (), 2, "integrated is a family of 43 scenarios (desat list integrated)"),
+        ("integrated", (), 2, "integrated is a family of 44 scenarios (desat list integrated)"),
         ("mine", ("--source", "manager=manager_cros"), 2, "did you mean manager_cross_product?"),
         ("mine", ("--set", "torquers.m_limit=0"), 0, "usual is 0.001 to 5000 A.m2"),
         ("mine", ("--set", "wheels.torque_limit=2"), 0, "usual is 1e-06 to 1 N.m"),

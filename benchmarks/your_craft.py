@@ -1,0 +1,112 @@
+"""docs/your-craft.md: two crafts from the first command to the answer, by the commands themselves.
+
+python -m benchmarks.your_craft
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import resource
+import shlex
+import subprocess
+import sys
+import tempfile
+from datetime import UTC, datetime
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+from desat.figures.plots import series_plot
+from desat.report.report import label_of
+from desat.runs.run import load_run
+
+DOCS = Path(__file__).parents[1] / "docs"
+CRAFTS = {
+    "my12u": (
+        "A CubeSat of 12 units",
+        "--altitude 400km --inclination 51.6deg --size 12U --wheels '4 pyramid 30mNms' --rods 0.2 "
+        "--residual-dipole 0.05",
+        [["size", "my12u"], ["run", "my12u"], ["run", "my12u/worst.toml"],
+         ["run", "my12u/detumbling.toml"], ["campaign", "my12u", "-n", "200", "--stop", "6000"]],
+    ),
+    "agile": (
+        "An agile craft of 150 kg",
+        "--sso 600km --ltan 10:30 --mass 150kg --box 0.8,0.8,1.2 --wheels '4 pyramid 4Nms' "
+        "--rods 30 --thrusters '4 1N'",
+        [["size", "agile", "--slew", "60/60"], ["run", "agile"],
+         ["run", "agile/detumbling.toml"]],
+    ),
+}  # fmt: skip
+NUMBERS = ("pointing", "largest_momentum", "final_momentum", "detumbled", "last_rate", "coil_duty")
+HEAD = """# Your craft
+
+Two crafts of one's own, from the first command to the answer: every number is of the commands as
+they stand here, run on {date} by `python -m benchmarks.your_craft` (desat {version}). What
+`desat new craft` is not told is typical of its class and marked so in `craft.toml`; the folder is
+yours to change.
+"""
+
+
+def ran(command: list[str], folder: Path) -> tuple[str, float]:
+    """What a command prints, and its CPU seconds. Raises SystemExit where it cannot run."""
+    before = resource.getrusage(resource.RUSAGE_CHILDREN)
+    done = subprocess.run([sys.executable, "-m", "desat.cli", *command], cwd=folder, text=True,
+                          capture_output=True, check=False,
+                          env={**os.environ, "COLUMNS": "100"})  # fmt: skip
+    if done.returncode > 1:
+        raise SystemExit(f"{shlex.join(command)}: {done.stderr[-2000:]}")
+    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    cpu = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+    return done.stdout, cpu
+
+
+def told(command: list[str], text: str, folder: Path) -> str:
+    """What of a command's output answers."""
+    if command[0] == "size":
+        return text.partition("\n\n")[0]
+    if command[0] == "campaign":
+        lines = [x for x in text.splitlines() if x and not x.startswith("runs/")]
+        return "\n".join(lines)
+    name = Path(command[1]).stem
+    manifest = json.loads((folder / "runs" / name / "manifest.json").read_text(encoding="utf-8"))
+    rows: dict[str, Any] = manifest["numbers"]
+    return "\n".join(f"{rows[n]['title']}: {rows[n]['value']:.4g} {rows[n]['unit']}"
+                     for n in NUMBERS if n in rows and rows[n]["value"] is not None)  # fmt: skip
+
+
+def drawn(name: str, folder: Path, plot: str) -> str:
+    """The SVG of a plot of a run."""
+    run = load_run(folder / "runs" / name)
+    one = label_of(run.manifest), run.results, run.manifest.parameters
+    found = series_plot(run.manifest.content.plots[plot], [one])
+    assert found is not None
+    return found
+
+
+def main() -> int:
+    parts = [HEAD.format(date=datetime.now(UTC).date(), version=version("desat"))]
+    for name, (title, options, commands) in CRAFTS.items():
+        with tempfile.TemporaryDirectory() as text:
+            folder = Path(text)
+            first = ["new", "craft", name, *shlex.split(options)]
+            every, whole = [first, *commands], 0.0
+            parts.append(f"## {title}\n\n{len(every)} lines are typed.\n")
+            for command in every:
+                out, cpu = ran(command, folder)
+                whole += cpu
+                answer = out.splitlines()[0] if command is first else told(command, out, folder)
+                line = f"new craft {name} {options}" if command is first else shlex.join(command)
+                parts.append(f"    desat {line}\n\n```text\n{answer}\n```\n")
+                if command == ["run", name]:
+                    for plot in ("momentum", "dipole"):
+                        file = DOCS / f"your-craft-{name}-{plot}.svg"
+                        file.write_text(drawn(name, folder, plot), encoding="utf-8")
+                        parts.append(f"![{plot} over the day]({file.name})\n")
+            parts.append(f"All of it took {whole:.0f} s of CPU.\n")
+    (DOCS / "your-craft.md").write_text("\n".join(parts), encoding="utf-8")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
