@@ -210,6 +210,17 @@ def test_what_is_wrong_is_refused_by_line(
     assert message in str(caught.value)
 
 
+def test_files_outside_only_when_allowed(tmp_path: Path, gain: Path) -> None:
+    folder = tmp_path / "inside"
+    folder.mkdir()
+    shutil.copy(gain, tmp_path)
+    one = component("a", inline({"u": 3.0}), "../gain.fmu")
+    file = ssp(folder, gain, system("s", one))
+    with pytest.raises(DesatError, match=r"ssd:2: source '../gain.fmu' is outside.*--allow-outs"):
+        prepare(str(file), Options()).or_raise()
+    prepare(str(file), Options(outside=True)).or_raise()
+
+
 PUBLIC = tomllib.loads((Path(__file__).parent / "foreign.toml").read_text())["ssp"]
 
 
@@ -220,10 +231,13 @@ def test_public_ones_become_what_is_told_of_them(told: dict[str, str]) -> None:
     if not file.is_file():
         pytest.skip("not there")
     assert hashlib.sha256(file.read_bytes()).hexdigest() == told["sha256"]
-    times = {"step": 0.001} if "dcmotor" in told["file"] else {}
+    late = "no_algorithm" in told["file"]  # starts at 5 s
+    options = {"inner": 1, "stop": 6.0 if late else 1.0, "outside": True}
+    if any(name in told["file"] for name in ("dcmotor", "no_algorithm")):  # have no step
+        options["step"] = 0.001
     if told["outcome"] == "runs":
-        assert desat.run(str(file), inner=1, stop=1.0, **times).manifest.status == "completed"
+        assert desat.run(str(file), **options).manifest.status == "completed"
     else:
         with pytest.raises(DesatError) as caught:
-            desat.run(str(file), inner=1, stop=1.0)
+            desat.run(str(file), **options)
         assert told["outcome"] in str(caught.value)

@@ -43,9 +43,10 @@ ABOUT = "extra/desat/scenario.json"
 """Where a packed scenario keeps its story, numbers and plots; other tools pass it by."""
 
 
-def read(path: Path) -> Draft:
+def read(path: Path, outside: bool = False) -> Draft:
     """A system from a .ssp, a folder with a SystemStructure.ssd, or an .ssd, interfaces not yet
-    loaded. Raises DesatError where there is nothing to go on with."""
+    loaded; `outside`: it may name files outside its folder. Raises DesatError where there is
+    nothing to go on with."""
     if not path.exists():
         raise DesatError(f"{path}: no such file or folder")
     if not path.is_dir():
@@ -57,7 +58,7 @@ def read(path: Path) -> Draft:
     file = path if path.suffix == ".ssd" else inside(folder, FILE)
     if not file.exists():
         raise DesatError(f"{path}: holds no {FILE}")
-    reader = _Reader(folder, file, where + file.name if where else str(file), where)
+    reader = _Reader(folder, file, where + file.name if where else str(file), where, outside)
     draft = reader.system()
     file = inside(folder, ABOUT)
     if file.exists():
@@ -112,7 +113,8 @@ class _Value(NamedTuple):
 
 
 class _Reader:
-    def __init__(self, folder: Path, file: Path, where: str, prefix: str) -> None:
+    def __init__(self, folder: Path, file: Path, where: str, prefix: str, outside: bool) -> None:
+        self.outside = outside
         self.folder, self.file, self.where, self.prefix = folder, file, where, prefix
         self.problems: list[str] = []
         self.warnings: list[str] = []
@@ -285,10 +287,12 @@ class _Reader:
 
     def inside(self, element: Any, source: str) -> Path | None:
         """The path of a file that the system names; None, and a problem, for one outside."""
+        if self.outside and "\0" not in source:
+            return self.folder / source
         try:
             return inside(self.folder, source)
         except DesatError as error:
-            self.problems.append(f"{self.at(element)}: source {error}")
+            self.problems.append(f"{self.at(element)}: source {error}; --allow-outside allows it")
             return None
 
     def number(self, element: Any, key: str, default: str = "") -> float:
@@ -390,7 +394,7 @@ class _Reader:
             reader = self
         else:
             root, where = self.named_file(element)
-            reader = _Reader(self.folder, self.file, where, self.prefix)
+            reader = _Reader(self.folder, self.file, where, self.prefix, self.outside)
             if root is not None:
                 self.validate(root, "SystemStructureParameterMapping.xsd", where)
         for entry in () if root is None else root.iterfind(f"{{{SSM}}}MappingEntry"):
