@@ -59,6 +59,7 @@ OTHER: dict[str, Unit] = {
     "%": Unit(factor=0.01),
     "deg": Unit(rad=1, factor=pi / 180),
     "rpm": Unit(rad=1, s=-1, factor=pi / 30),
+    "bar": Unit(kg=1, m=-1, s=-2, factor=1e5),
     "min": Unit(s=1, factor=60.0),
     "h": Unit(s=1, factor=3600.0),
     "degC": Unit(K=1, offset=273.15),

@@ -137,6 +137,10 @@ Trust = Annotated[
                  help="A list of sha256 hashes (as of sha256sum): an FMU that is neither ours nor "
                  "of it is refused."),
 ]  # fmt: skip
+Outside = Annotated[
+    bool,
+    typer.Option("--allow-outside", help="Let an SSP name files outside its folder."),
+]
 Strict = Annotated[
     bool,
     typer.Option("--strict", help="Refuse a foreign FMU whose model description breaks the "

@@ -1,11 +1,19 @@
-"""SSP files, read: a .ssp, a folder, or an .ssd; SSP 1.0 with one flat system."""
+"""SSP files, read: a .ssp, a folder, or an .ssd; nested systems become one flat one.
+
+A component `add` of a system `inner` is called `inner_add`. Connectors of systems, and signals of
+dictionaries, hand on what they are given: a connection through them is one from component to
+component, with the product of its transformations, and a value that is given to one is given to
+all that it reaches. As SSP 1.0 has it, values of an outer system come before those of an inner one,
+and of a parameter set with a mapping what is not mapped goes by its own name.
+"""
 
 from __future__ import annotations
 
-from dataclasses import replace
+import re
+from dataclasses import dataclass, replace
 from math import isfinite
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 from urllib.parse import unquote
 
 from lxml import etree
@@ -17,14 +25,17 @@ from ..system.draft import Draft, DraftComponent
 from ..system.errors import DesatError
 from ..system.interface import base_name
 from ..system.model import Connection, Connector
-from ..system.parameters import unit_of
+from ..system.parameters import known_unit, unit_of
 from . import library
+from .fmu import default_experiment
 from .io import contents, inside, regular
 from .xml import parse_bytes, validate
 
 SSD = "http://ssp-standard.org/SSP1/SystemStructureDescription"
 SSC = "http://ssp-standard.org/SSP1/SystemStructureCommon"
 SSV = "http://ssp-standard.org/SSP1/SystemStructureParameterValues"
+SSM = "http://ssp-standard.org/SSP1/SystemStructureParameterMapping"
+SSB = "http://ssp-standard.org/SSP1/SystemStructureSignalDictionary"
 OSP = "http://opensimulationplatform.com/SSP/OSPAnnotations"
 OMS = "https://raw.githubusercontent.com/OpenModelica/OMSimulator/master/schema/oms.xsd"
 FILE = "SystemStructure.ssd"
@@ -32,9 +43,10 @@ ABOUT = "extra/desat/scenario.json"
 """Where a packed scenario keeps its story, numbers and plots; other tools pass it by."""
 
 
-def read(path: Path) -> Draft:
+def read(path: Path, outside: bool = False) -> Draft:
     """A system from a .ssp, a folder with a SystemStructure.ssd, or an .ssd, interfaces not yet
-    loaded. Raises DesatError where there is nothing to go on with."""
+    loaded; `outside`: it may name files outside its folder. Raises DesatError where there is
+    nothing to go on with."""
     if not path.exists():
         raise DesatError(f"{path}: no such file or folder")
     if not path.is_dir():
@@ -46,7 +58,7 @@ def read(path: Path) -> Draft:
     file = path if path.suffix == ".ssd" else inside(folder, FILE)
     if not file.exists():
         raise DesatError(f"{path}: holds no {FILE}")
-    reader = _Reader(folder, file, where + file.name if where else str(file), where)
+    reader = _Reader(folder, file, where + file.name if where else str(file), where, outside)
     draft = reader.system()
     file = inside(folder, ABOUT)
     if file.exists():
@@ -56,63 +68,202 @@ def read(path: Path) -> Draft:
         draft.output_classes.update(content.output_classes)
         draft.inner = content.inner or 1  # what says none was packed before it was said
         draft.accuracy = content.accuracy or draft.accuracy
-    draft.problems = reader.problems
+    draft.problems, draft.warnings = reader.problems, reader.warnings
     return draft
 
 
+PREFIXES = {"ssd": SSD, "ssc": SSC, "ssv": SSV, "ssm": SSM, "ssb": SSB, "osp": OSP, "oms": OMS}
+"""What files that forget to declare a prefix mean by it."""
+
+
+class _End(NamedTuple):
+    """A connector: path of its system or component (`inner.add`; "" is the outermost system)."""
+
+    path: str
+    connector: str
+
+
+@dataclass(frozen=True)
+class _Link:
+    """A connection as it is written, or several one after the other."""
+
+    start: _End
+    end: _End
+    line: int
+    factor: float = 1.0
+    offset: float = 0.0
+    converts: bool = True
+
+    def after(self, first: _Link) -> _Link:
+        """This one behind another, as one."""
+        return replace(
+            self, start=first.start, factor=self.factor * first.factor,
+            offset=self.factor * first.offset + self.offset,
+            converts=self.converts and first.converts,
+        )  # fmt: skip
+
+
+class _Value(NamedTuple):
+    """A value that a parameter set gives, by its name where the set is bound."""
+
+    name: str
+    value: Scalar
+    unit: Unit | None
+    at: str
+
+
 class _Reader:
-    def __init__(self, folder: Path, file: Path, where: str, prefix: str) -> None:
+    def __init__(self, folder: Path, file: Path, where: str, prefix: str, outside: bool) -> None:
+        self.outside = outside
         self.folder, self.file, self.where, self.prefix = folder, file, where, prefix
         self.problems: list[str] = []
+        self.warnings: list[str] = []
+        self.components: dict[str, DraftComponent] = {}
+        """By path."""
+        self.relays: dict[str, str] = {"": ""}
+        """Systems and dictionaries by path -> the path that their connectors are known by."""
+        self.links: list[_Link] = []
+        self.values: list[tuple[str, _Value]] = []
+        """Where each is bound; what comes later stands."""
+        self.hints: list[tuple[DraftComponent, float]] = []
+        """Steps of single components (s)."""
 
     def at(self, element: Any) -> str:
         return f"{self.where}:{element.sourceline}"
 
     def system(self) -> Draft:
-        root = parse_bytes(contents(self.file, self.where), self.where)
+        root = self.parse(self.file, self.where)
         if root.tag != f"{{{SSD}}}SystemStructureDescription":
-            raise DesatError(f"{self.where}: not an SSP 1.0 SystemStructureDescription")
-        self.problems += validate(root, "SystemStructureDescription.xsd", self.where)
+            raise DesatError(f"{self.where}: not an SSP SystemStructureDescription")
+        self.validate(root, "SystemStructureDescription.xsd", self.where)
         element = root.find(f"{{{SSD}}}System")
         if element is None:
             raise DesatError(f"{self.where}: holds no System")
         draft = Draft(element.get("name", ""), self.where)
-        for child in element.iterfind(f"{{{SSD}}}Elements/*"):
-            if child.tag == f"{{{SSD}}}Component":
-                component = self.component(child)
-                if component.name in draft.components:
-                    self.problems.append(f"{self.at(child)}: component {component.name} twice")
-                draft.components[component.name] = component
-            else:
-                tag = etree.QName(child).localname
-                raise DesatError(
-                    f"{self.at(child)}: element {child.get('name')} is a {tag}; only components of "
-                    "one flat system are supported"
-                )
-        draft.connections = [
-            self.connection(c)
-            for c in element.iterfind(f"{{{SSD}}}Connections/{{{SSD}}}Connection")
-        ]
-        for binding, name, value, unit, at in self.bindings(element):
-            owner, _, variable = name.partition(".")
-            if owner in draft.components:
-                _give(draft.components[owner], variable, value, unit, f"{at}: {name}")
-            else:
-                self.problems.append(
-                    f"{self.at(binding)}: parameter {name} belongs to no component"
-                )
+        self.walk(element, "")
+        if not self.components:
+            self.problems.append(f"{self.at(element)}: holds no component: nothing runs")
+        for path, component in self.components.items():
+            if component.name in draft.components:
+                self.problems.append(f"{self.where}:{component.line}: component {path} twice")
+            draft.components[component.name] = component
+        reached = self.flatten(draft)
+        for path, value in self.values:
+            self.give(path, value, value.name, reached)
         self.experiment(root, draft)
-        for child in element.iterfind(f"{{{SSD}}}Elements/{{{SSD}}}Component"):
-            hint = child.find(f".//{{{OSP}}}StepSizeHint")
-            if hint is not None and draft.step:
-                decimation = max(1, round(self.number(hint, "value", "0") / draft.step))
-                draft.components[child.get("name", "")].decimation = decimation
+        for component, step in self.hints:
+            if draft.step:
+                component.decimation = max(1, round(step / draft.step))
         return draft
 
-    def component(self, element: Any) -> DraftComponent:
-        source = unquote(element.get("source", ""))
+    def parse(self, file: Path, where: str) -> Any:
+        """The root of a file; known prefixes that it does not declare are, with a warning."""
+        data, declared = contents(file, where), ""
+        while True:
+            try:
+                return parse_bytes(data, where)
+            except DesatError as error:
+                lacking = re.search(r"Namespace prefix (\w+) .*is not defined", str(error))
+                prefix = lacking.group(1) if lacking else ""
+                if prefix not in PREFIXES or f" {prefix} " in declared:
+                    raise
+                declared += f" {prefix} "
+                text = f' xmlns:{prefix}="{PREFIXES[prefix]}"'.encode()
+                root = re.search(rb"<[^\s?!/>]+", data)
+                data = data[: root.end()] + text + data[root.end() :] if root else data
+                self.warnings.append(f"{where}: prefix {prefix} is not declared: taken for "
+                                     f"{PREFIXES[prefix]}")  # fmt: skip
+
+    def validate(self, root: Any, schema: str, where: str) -> None:
+        version = root.get("version", "")
+        if version.startswith("2."):
+            self.warnings.append(f"{where}: version {version}: read as 1.0, without its schema")
+        else:
+            self.problems += validate(root, schema, where)
+
+    def walk(self, system: Any, path: str) -> None:
+        """Gather what a system has, the innermost first."""
+        for child in system.iterfind(f"{{{SSD}}}Elements/*"):
+            tag, name = etree.QName(child).localname, child.get("name", "")
+            within = f"{path}.{name}" if path else name
+            if within in self.components or within in self.relays:
+                self.problems.append(f"{self.at(child)}: component {within} twice")
+            if tag == "Component":
+                self.components[within] = self.component(child, within)
+                self.values += [(within, value) for value in self.bindings(child)]
+            elif tag == "System":
+                self.relays[within] = within
+                self.walk(child, within)
+            elif tag == "SignalDictionaryReference":
+                self.relays[within] = f"dictionary {child.get('dictionary', '')}"
+            else:
+                raise DesatError(f"{self.at(child)}: element {name} is a {tag}; Component, System "
+                                 "and SignalDictionaryReference are supported")  # fmt: skip
+        for child in system.iterfind(f"{{{SSD}}}Connections/{{{SSD}}}Connection"):
+            self.links.append(self.link(child, path))
+        self.values += [(path, value) for value in self.bindings(system)]
+
+    def flatten(self, draft: Draft) -> dict[_End, list[_Link]]:
+        """Give the draft its connections from component to component; returned: how each connector
+        of a system or dictionary reaches the components that it feeds. Raises DesatError."""
+        into: dict[_End, _Link] = {}
+        systems = set(self.relays.values())
+        for link in self.links:
+            within = link.end.path in systems and link.end.path != ""
+            if within and into.setdefault(link.end, link) is not link:
+                end = ".".join(filter(None, link.end))
+                self.problems.append(f"{self.where}:{link.line}: {end} has two sources, also "
+                                     f"line {into[link.end].line}")  # fmt: skip
+        reached: dict[_End, list[_Link]] = {}
+        for link in self.links:
+            if link.end.path in systems:
+                continue
+            whole, passed = link, set[_End]()
+            while whole.start.path in systems:
+                if whole.start in passed:
+                    raise DesatError(f"{self.where}:{link.line}: {'.'.join(whole.start)} is its "
+                                     "own source")  # fmt: skip
+                passed.add(whole.start)
+                reached.setdefault(whole.start, []).append(whole)
+                if whole.start not in into:
+                    break
+                whole = whole.after(into[whole.start])
+            else:
+                draft.connections.append(Connection(
+                    self.named(whole.start.path), whole.start.connector, self.named(link.end.path),
+                    link.end.connector, link.line, whole.factor, whole.offset, whole.converts,
+                ))  # fmt: skip
+        return reached
+
+    def named(self, path: str) -> str:
+        """The name of a component in the flat system."""
+        return path.replace(".", "_")
+
+    def give(self, path: str, value: _Value, name: str, reached: dict[_End, list[_Link]]) -> None:
+        """Give a value to the component that a name means in a system, or to all that are fed by
+        the connector of this name."""
+        if path in self.components:
+            _give(self.components[path], name, value)
+            return
+        if links := reached.get(_End(self.relays[path], name)):
+            for link in links:
+                if (component := self.components.get(link.end.path)) is not None:
+                    plain = (link.factor, link.offset) == (1.0, 0.0)
+                    number = value.value if plain else link.factor * value.value + link.offset
+                    unit = value.unit if link.converts else None
+                    _give(component, link.end.connector, value._replace(value=number, unit=unit))
+            return
+        element, _, rest = name.partition(".")
+        within = f"{path}.{element}" if path else element
+        if rest and (within in self.components or within in self.relays):
+            self.give(within, value, rest, reached)
+        else:
+            self.warnings.append(f"{value.at}: {value.name} reaches no component: left out")
+
+    def component(self, element: Any, path: str) -> DraftComponent:
+        source = unquote(element.get("source", "")).replace("\\", "/")
         component = DraftComponent(
-            element.get("name", ""), source, line=element.sourceline,
+            self.named(path), source, line=element.sourceline,
             fmu=library.find(source, self.folder) if self.inside(element, source) else None,
         )  # fmt: skip
         for child in element.iterfind(f"{{{SSD}}}Connectors/{{{SSD}}}Connector"):
@@ -129,16 +280,19 @@ class _Reader:
                     f"{self.at(child)}: {component.name}.{connector.name} is listed twice"
                 )
             component.connectors[connector.name] = connector
-        for _, name, value, unit, at in self.bindings(element):
-            _give(component, name, value, unit, f"{at}: {component.name}.{name}")
+        hint = element.find(f".//{{{OSP}}}StepSizeHint")
+        if hint is not None:
+            self.hints.append((component, self.number(hint, "value", "0")))
         return component
 
     def inside(self, element: Any, source: str) -> Path | None:
         """The path of a file that the system names; None, and a problem, for one outside."""
+        if self.outside and "\0" not in source:
+            return self.folder / source
         try:
             return inside(self.folder, source)
         except DesatError as error:
-            self.problems.append(f"{self.at(element)}: source {error}")
+            self.problems.append(f"{self.at(element)}: source {error}; --allow-outside allows it")
             return None
 
     def number(self, element: Any, key: str, default: str = "") -> float:
@@ -151,66 +305,103 @@ class _Reader:
             pass
         raise DesatError(f"{self.at(element)}: {key} = {text[:40]!r}: a finite number is needed")
 
-    def connection(self, element: Any) -> Connection:
-        source, target = element.get("startElement"), element.get("endElement")
-        output, input_ = element.get("startConnector"), element.get("endConnector")
-        if output is None or input_ is None:
-            raise DesatError(f"{self.at(element)}: a connection names two connectors")
-        if source is None or target is None:
-            raise DesatError(
-                f"{self.at(element)}: a connector of the system itself is not supported"
-            )
-        connection = Connection(
-            source, output, target, input_, line=element.sourceline,
-            converts=element.get("suppressUnitConversion", "false") not in ("true", "1"),
-        )  # fmt: skip
+    def link(self, element: Any, path: str) -> _Link:
+        """A connection in the system at a path."""
+        ends = []
+        for which in ("start", "end"):
+            connector, child = element.get(f"{which}Connector"), element.get(f"{which}Element")
+            if connector is None:
+                raise DesatError(f"{self.at(element)}: a connection names two connectors")
+            at = ".".join(filter(None, (path, child))) if child else path
+            ends.append(_End(self.relays.get(at, at), connector))
+        factor, offset = self.transformation(element, f"{ends[0]} -> {ends[1]}")
+        start, end = ends
+        return _Link(start, end, element.sourceline, factor, offset, self.converts(element))
+
+    def converts(self, element: Any) -> bool:
+        return element.get("suppressUnitConversion", "false") not in ("true", "1")
+
+    def transformation(self, element: Any, of: str) -> tuple[float, float]:
+        """Factor and offset of a connection or of an entry of a mapping. Raises DesatError."""
+        factor, offset = 1.0, 0.0
         for child in element:
             if child.tag == f"{{{SSC}}}LinearTransformation":
                 factor = self.number(child, "factor", "1")
                 offset = self.number(child, "offset", "0")
-                connection = replace(connection, factor=factor, offset=offset)
-            elif etree.QName(child).namespace == SSC:
+            elif etree.QName(child).localname.endswith("Transformation"):
                 raise DesatError(
-                    f"{self.at(child)}: {etree.QName(child).localname} of {connection} is not "
+                    f"{self.at(child)}: {etree.QName(child).localname} of {of} is not "
                     "supported; LinearTransformation is"
                 )
-        return connection
+        return factor, offset
 
-    def bindings(self, element: Any) -> list[tuple[Any, str, Scalar, Unit | None, str]]:
-        """(binding, prefixed name, value, its unit where one is given, file and line) of the
-        parameter sets bound to a component or system."""
-        values: list[tuple[Any, str, Scalar, Unit | None, str]] = []
+    def named_file(self, element: Any) -> tuple[Any, str]:
+        """The root of the file that an element names by `source`, and what messages call it; None,
+        and a problem, where it is not there."""
+        source = unquote(element.get("source")).replace("\\", "/")
+        file, where = self.inside(element, source), f"{self.prefix}{source}"
+        if file is None:
+            return None, where
+        if not file.exists():
+            self.problems.append(f"{self.at(element)}: {source} is missing")
+            return None, where
+        return self.parse(file, where), where
+
+    def bindings(self, element: Any) -> list[_Value]:
+        """The values of the parameter sets bound to a component or system, mapped."""
+        values: list[_Value] = []
         given: dict[str, str] = {}
         for binding in element.iterfind(f"{{{SSD}}}ParameterBindings/{{{SSD}}}ParameterBinding"):
-            if binding.find(f"{{{SSD}}}ParameterMapping") is not None:
-                raise DesatError(f"{self.at(binding)}: a ParameterMapping is not supported")
-            prefix = binding.get("prefix", "")
-            source = binding.get("source")
-            if source is None:
+            if binding.get("source") is None:
                 root = binding.find(f"{{{SSD}}}ParameterValues/{{{SSV}}}ParameterSet")
                 where = self.where
             else:
-                file = self.inside(binding, unquote(source))
-                where = f"{self.prefix}{source}"
-                if file is None:
-                    continue
-                if not file.exists():
-                    self.problems.append(f"{self.at(binding)}: {source} is missing")
-                    continue
-                root = parse_bytes(contents(file, where), where)
-                self.problems += validate(root, "SystemStructureParameterValues.xsd", where)
+                root, where = self.named_file(binding)
+                if root is not None:
+                    self.validate(root, "SystemStructureParameterValues.xsd", where)
             if root is None:
                 continue
+            mapped, prefix = self.mapping(binding), binding.get("prefix", "")
             for parameter in root.iterfind(f"{{{SSV}}}Parameters/{{{SSV}}}Parameter"):
                 value = next(iter(parameter), None)
-                if value is not None:
-                    name, at = prefix + parameter.get("name", ""), f"{where}:{value.sourceline}"
+                if value is None:
+                    continue
+                source, at = prefix + parameter.get("name", ""), f"{where}:{value.sourceline}"
+                unit = self.unit(value.get("unit"), root, f"{at}: {source}")
+                number = self.value(value, where)
+                for name, factor, offset, converts in mapped.get(
+                    source, [(source, 1.0, 0.0, True)]
+                ):
                     if name in given:
                         self.problems.append(f"{at} and {given[name]}: {name} is given twice")
                     given[name] = at
-                    unit = self.unit(value.get("unit"), root, f"{at}: {name}")
-                    values.append((binding, name, self.value(value, where), unit, at))
+                    plain = (factor, offset) == (1.0, 0.0)
+                    values.append(_Value(
+                        name, number if plain else factor * number + offset,
+                        unit if converts else None, at,
+                    ))  # fmt: skip
         return values
+
+    def mapping(self, binding: Any) -> dict[str, list[tuple[str, float, float, bool]]]:
+        """Of a binding's mapping: name in the source -> (name of the target, factor, offset,
+        whether units are converted) of each entry."""
+        made: dict[str, list[tuple[str, float, float, bool]]] = {}
+        element = binding.find(f"{{{SSD}}}ParameterMapping")
+        if element is None:
+            return made
+        if element.get("source") is None:
+            root = element.find(f"{{{SSM}}}ParameterMapping")
+            reader = self
+        else:
+            root, where = self.named_file(element)
+            reader = _Reader(self.folder, self.file, where, self.prefix, self.outside)
+            if root is not None:
+                self.validate(root, "SystemStructureParameterMapping.xsd", where)
+        for entry in () if root is None else root.iterfind(f"{{{SSM}}}MappingEntry"):
+            source, target = entry.get("source", ""), entry.get("target", "")
+            transformed = reader.transformation(entry, f"{source} -> {target}")
+            made.setdefault(source, []).append((target, *transformed, reader.converts(entry)))
+        return made
 
     def unit(self, name: str | None, root: Any, where: str) -> Unit | None:
         """The unit that a value is given in: of the parameter set's own units, or one of ours."""
@@ -226,6 +417,8 @@ class _Reader:
                 factor, offset = self.number(base, "factor", "1"), self.number(base, "offset", "0")
                 if base.get("mol", "0") == base.get("cd", "0") == "0":
                     return Unit(**exponents, factor=factor, offset=offset)
+        if (known := known_unit(name)) is not None:
+            return known
         try:
             return unit_of(name)
         except DesatError as error:
@@ -246,25 +439,43 @@ class _Reader:
         raise DesatError(f"{where}:{element.sourceline}: a {kind} value is not supported")
 
     def experiment(self, root: Any, draft: Draft) -> None:
+        """Times of the file; where it has none, those of its FMUs, with a warning."""
         experiment = root.find(f"{{{SSD}}}DefaultExperiment")
-        if experiment is None:
+        if experiment is not None:
+            draft.start = self.number(experiment, "startTime", "0")
+            if experiment.get("stopTime") is not None:
+                draft.stop = self.number(experiment, "stopTime")
+            for element in experiment.iter(f"{{{OSP}}}FixedStepAlgorithm"):
+                if element.get("baseStepSize"):
+                    draft.step = self.number(element, "baseStepSize")
+        for element in root.iterfind(
+            f"{{{SSD}}}System/{{{SSD}}}Annotations//{{{OMS}}}FixedStepMaster"
+        ):
+            if draft.step is None and element.get("stepSize"):
+                draft.step = self.number(element, "stepSize")
+        if draft.step is not None and draft.stop is not None:
             return
-        draft.start = self.number(experiment, "startTime", "0")
-        if experiment.get("stopTime") is not None:
-            draft.stop = self.number(experiment, "stopTime")
-        for element in experiment.iter():
-            if etree.QName(element).localname == "FixedStepAlgorithm" and element.get(
-                "baseStepSize"
-            ):
-                draft.step = self.number(element, "baseStepSize")
+        files = dict.fromkeys(c.fmu for c in draft.components.values() if c.fmu is not None)
+        told = [(file, *default_experiment(file)) for file in files]
+        steps = [(step, file) for file, step, _ in told if step]
+        stops = [(stop, file) for file, _, stop in told if stop]
+        if draft.step is None and steps:
+            draft.step, file = min(steps)
+            self.warnings.append(
+                f"{self.where}: no step: {draft.step:g} s of {file.name}, or --step"
+            )
+        if draft.stop is None and stops:
+            draft.stop, file = max(stops)
+            self.warnings.append(f"{self.where}: no stop time: {draft.stop:g} s of {file.name}, or "
+                                 "--stop")  # fmt: skip
 
 
-def _give(
-    component: DraftComponent, name: str, value: Scalar, unit: Unit | None, where: str
-) -> None:  # fmt: skip
+def _give(component: DraftComponent, name: str, value: _Value) -> None:
     """Give a component's parameter the value that a parameter set has."""
-    component.parameters[name] = value
+    where = f"{value.at}: {component.name}.{name}"
+    component.parameters[name] = value.value
     component.given[name] = where
     component.given.setdefault(base_name(name), where)
-    if unit is not None:
-        component.units[name] = unit
+    component.units.pop(name, None)
+    if value.unit is not None:
+        component.units[name] = value.unit

@@ -55,20 +55,21 @@ class Source:
     target: str
     scenario: Scenario | None
     """None for an SSP file or a folder."""
-    _drafts: dict[tuple[bool, bool], Draft] = field(default_factory=dict)
+    _drafts: dict[tuple[bool, bool, bool], Draft] = field(default_factory=dict)
     _drawable: set[bool] = field(default_factory=set)
     _first: dict[str, tuple[Case, Draft]] = field(default_factory=dict)
     """Of options without values: the first case that was prepared, and its draft."""
 
-    def draft(self, blocks: bool, designed: bool = True) -> Draft:
+    def draft(self, blocks: bool, designed: bool = True, outside: bool = False) -> Draft:
         """Its system, to be changed by options, with what is wrong so far. `blocks`: of bare
-        blocks; `designed` False leaves its design out. Raises DesatError where it has none."""
-        key = blocks, designed
+        blocks; `designed` False leaves its design out; `outside`: an SSP may name
+        files outside its folder. Raises DesatError where it has none."""
+        key = blocks, designed, outside
         if key not in self._drafts:
             if self.scenario is not None:
                 draft = self.scenario.draft(blocks, designed)
             else:
-                draft = ssp.read(Path(self.target))
+                draft = ssp.read(Path(self.target), outside)
                 library.load_interfaces(draft, blocks)
             if told := self.scenario or _told(draft):
                 draft.problems += validation.words(told) or validation.names(told, draft)
@@ -125,7 +126,7 @@ def _prepared(source: Source, options: Options) -> tuple[Case, Draft]:
         raise DesatError(
             f"--design {options.design}: {source.target} is no scenario with a [design]"
         )
-    draft = source.draft(options.blocks, designed=options.design is None)
+    draft = source.draft(options.blocks, options.design is None, options.outside)
     _modify(draft, described, options)
     checked = check(draft)
     if checked.system is not None:
@@ -207,7 +208,7 @@ def resolved(target: str | Source, options: Options) -> tuple[System, Any]:
     the values of each draw, what its scenario says of it. Raises DesatError where it cannot be had.
     """
     source = read(target) if isinstance(target, str) else target
-    draft = source.draft(options.blocks, designed=options.design is None)
+    draft = source.draft(options.blocks, options.design is None, options.outside)
     _modify(draft, source.scenario, options)
     found = resolve(draft)
     if found.system is None:

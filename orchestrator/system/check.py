@@ -49,6 +49,7 @@ def check(draft: Draft) -> Checked:
     if system is None:
         return checked
     checked.problems += _inputs(system)
+    checked.warnings += _at_start(system)
     _shared(system, checked)
     checked.problems += _samples(system)
     checked.problems += _overrides(system, draft.given)
@@ -75,7 +76,7 @@ def _inputs(system: System) -> Iterator[str]:
         for connector in c.connectors.values():
             name = connector.name
             given = (c.name, name) in wired or name in c.parameters
-            if connector.kind == "input" and not given:
+            if connector.kind == "input" and not given and c.interface.role:
                 yield (f"{system.where}:{connector.line}: {c.name}.{name} is listed, but has "
                        "neither a connection nor a value")  # fmt: skip
         arrays: dict[str, list[str]] = defaultdict(list)
@@ -87,6 +88,21 @@ def _inputs(system: System) -> Iterator[str]:
                 array = base_name(missing[0])
                 yield (f"{system.where}:{c.line}: {c.name}.{array} is wired in part: "
                        f"{', '.join(missing)} has neither a connection nor a value")  # fmt: skip
+
+
+def _at_start(system: System) -> Iterator[str]:
+    """Listed inputs of foreign FMUs without a source or value, a line a component."""
+    wired = {(c.target, c.input) for c in system.connections}
+    for c in system.components.values():
+        open_ = [
+            name for name, connector in c.connectors.items()
+            if connector.kind == "input" and (c.name, name) not in wired
+            and name not in c.parameters and not c.interface.role
+        ]  # fmt: skip
+        if open_:
+            yield (f"{system.where}:{c.line}: {c.name}: {', '.join(open_)} "
+                   f"{'is' if len(open_) == 1 else 'are'} listed, but neither wired nor given: the "
+                   "FMU's start value stays")  # fmt: skip
 
 
 def _shared(system: System, checked: Checked) -> None:

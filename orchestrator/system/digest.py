@@ -78,6 +78,7 @@ ASIDE: Mapping[str, Mapping[str, str]] = {
         "record": "which series are kept; what numbers are made of is",
         "trusted": "whether it runs at all",
         "strict": "whether it runs at all",
+        "outside": "whether it runs at all",
         "time_limit": "ends a run that takes long; it is then not completed",
         "call_limit": "ends a run that takes long; it is then not completed",
         "checkpoint": "the same bits",

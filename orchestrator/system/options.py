@@ -77,6 +77,8 @@ class Options:
     """Of a scenario with a [design]: a file with another one, or `now`: made for these values."""
     trusted: frozenset[str] | None = None
     """The sha256 of the FMUs that may run besides ours; None: all may."""
+    outside: bool = False
+    """Whether an SSP may name files outside its folder."""
     strict: bool = False
     """A foreign FMU whose model description breaks the standard is refused."""
     time_limit: float | None = None

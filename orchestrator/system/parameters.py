@@ -31,9 +31,11 @@ def unit_of(text: str) -> Unit:
 
 
 def known_unit(text: str) -> Unit | None:
-    """A unit by its expression; None for one that is none, as other tools' FMUs may have it."""
+    """A unit by its expression, also as other tools write it (`[m]`, and `-` for 1); None for one
+    that is none, as their FMUs may have it."""
+    bare = text.strip().removeprefix("[").removesuffix("]")
     try:
-        return units.unit_of(text)
+        return units.unit_of("1" if bare == "-" else bare)
     except ValueError:
         return None
 

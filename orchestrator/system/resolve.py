@@ -108,12 +108,24 @@ def _parameters(
         where = c.given.get(name, draft.where)
         try:
             signals = interface.elements(name)
-            if name in c.units and signals:
+            if not (signals or interface.role):  # SSP 1.0: what matches no variable is ignored
+                _warn(draft, f"{where}: {c.source} has no variable {name}"
+                             f"{nearest(name, interface.signals)}: left out")  # fmt: skip
+                continue
+            if name in c.units and signals and not (signals[0].unit_name or interface.role):
+                _warn(draft, f"{where}: {name} has no unit: its value, which was given with one, "
+                             "is taken as it is")  # fmt: skip
+            elif name in c.units and signals:
                 value = in_unit_of(signals[0], value, c.units[name], where)
             parameters.update(expand(interface, name, value, f"{where}: {c.name}"))
         except DesatError as error:
             problems.append(str(error))
     return parameters
+
+
+def _warn(draft: Draft, line: str) -> None:
+    if line not in draft.warnings:
+        draft.warnings.append(line)
 
 
 def _connections(draft: Draft, problems: list[str]) -> tuple[Connection, ...]:

@@ -26,6 +26,7 @@ def check(
     classes: o.Classes = None,
     trust: o.Trust = None,
     strict: o.Strict = False,
+    outside: o.Outside = False,
     as_json: o.Json = False,
 ) -> None:
     """Find what is wrong with a system before it runs, and print its schedule."""
@@ -37,7 +38,7 @@ def check(
 
     options = o.options_of(sets, stop, step, o.Semantics.conserving, blocks, classes, sources,
                          inner=inner, accuracy=accuracy, design=design, trust=trust,
-                         strict=strict)  # fmt: skip
+                         strict=strict, outside=outside)  # fmt: skip
     case = prepare(target, options)
     checked, schedule = case.checked, case.checked.schedule
     if checked.system is not None and schedule is not None:

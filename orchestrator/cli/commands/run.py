@@ -67,6 +67,7 @@ def run(
     ] = o.Isolated.foreign,
     trust: o.Trust = None,
     strict: o.Strict = False,
+    outside: o.Outside = False,
     estimate: Annotated[
         bool,
         typer.Option(
@@ -96,6 +97,7 @@ def run(
         sets, stop, step, algorithm, blocks, classes, sources, record=tuple(record or ("*",)),
         every=every, design=design, inner=inner, accuracy=accuracy,
         time_limit=time_limit, loop=loop.value, fmus=fmus.value, trust=trust, strict=strict,
+        outside=outside,
         supervised=True,
         call_limit=call_limit, checkpoint=checkpoint, halvings=halve, isolate=isolate.value,
     )  # fmt: skip

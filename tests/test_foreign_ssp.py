@@ -1,0 +1,243 @@
+"""SSPs as other tools write them: what they nest, map, leave out and forget to declare."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import shutil
+import subprocess
+import sys
+import tomllib
+import zipfile
+from pathlib import Path
+
+import pytest
+
+import desat
+from desat.runs.prepare import prepare
+from desat.system.errors import DesatError
+from desat.system.options import Options
+
+NAMESPACES = " ".join(
+    f'xmlns:{prefix}="http://ssp-standard.org/SSP1/SystemStructure{name}"'
+    for prefix, name in (("ssd", "Description"), ("ssc", "Common"), ("ssv", "ParameterValues"),
+                         ("ssm", "ParameterMapping"), ("ssb", "SignalDictionary"))
+)  # fmt: skip
+DESCRIPTION = """<?xml version="1.0" encoding="UTF-8"?>
+<fmiModelDescription fmiVersion="2.0" modelName="gain" guid="{g}">
+<CoSimulation modelIdentifier="gain" canHandleVariableCommunicationStepSize="true"/>
+<UnitDefinitions><Unit name="bar"/></UnitDefinitions>
+<DefaultExperiment stopTime="2" stepSize="0.5"/>
+<ModelVariables>
+<ScalarVariable name="k" valueReference="0" causality="parameter" variability="tunable">
+<Real start="1"/></ScalarVariable>
+<ScalarVariable name="u" valueReference="1" causality="input">
+<Real start="0" unit="bar"/></ScalarVariable>
+<ScalarVariable name="y" valueReference="2" causality="output"><Real/></ScalarVariable>
+</ModelVariables>
+<ModelStructure><Outputs><Unknown index="3"/></Outputs></ModelStructure>
+</fmiModelDescription>"""
+
+
+@pytest.fixture(scope="module")
+def gain(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    compiler = shutil.which("gcc") or shutil.which("cc")
+    if compiler is None or sys.platform != "linux":
+        pytest.skip("needs Linux and a C compiler")
+    folder = tmp_path_factory.mktemp("gain")
+    source, made = Path(__file__).parent / "gain.c", folder / "gain.so"
+    subprocess.run([compiler, "-shared", "-fPIC", "-o", str(made), str(source)], check=True)
+    with zipfile.ZipFile(folder / "gain.fmu", "w") as file:
+        file.writestr("modelDescription.xml", DESCRIPTION)
+        file.write(made, "binaries/linux64/gain.so")
+    return folder / "gain.fmu"
+
+
+def component(name: str, bindings: str = "", source: str = "resources/gain.fmu") -> str:
+    ends = (("k", "parameter"), ("u", "input"), ("y", "output"))
+    connectors = "".join(
+        f'<ssd:Connector name="{c}" kind="{kind}"><ssc:Real/></ssd:Connector>' for c, kind in ends
+    )
+    return (f'<ssd:Component name="{name}" source="{source}"><ssd:Connectors>{connectors}'
+            f"</ssd:Connectors>{bindings}</ssd:Component>")  # fmt: skip
+
+
+def wire(start: str, end: str, extra: str = "") -> str:
+    """`a.y`, or `y` of the system itself."""
+    text = ""
+    for which, name in (("start", start), ("end", end)):
+        element, dot, connector = name.rpartition(".")
+        text += f' {which}Element="{element}"' if dot else ""
+        text += f' {which}Connector="{connector}"'
+    return f"<ssd:Connection{text}>{extra}</ssd:Connection>"
+
+
+def inline(values: dict[str, float], mapping: str = "", unit: str = "", prefix: str = "") -> str:
+    rows = "".join(
+        f'<ssv:Parameter name="{name}"><ssv:Real value="{value}"{unit}/></ssv:Parameter>'
+        for name, value in values.items()
+    )
+    return (f"<ssd:ParameterBindings><ssd:ParameterBinding{prefix}><ssd:ParameterValues>"
+            f'<ssv:ParameterSet version="1.0" name="p"><ssv:Parameters>{rows}</ssv:Parameters>'
+            f"</ssv:ParameterSet></ssd:ParameterValues>{mapping}</ssd:ParameterBinding>"
+            "</ssd:ParameterBindings>")  # fmt: skip
+
+
+def connectors(*names: str) -> str:
+    rows = "".join(
+        f'<ssd:Connector name="{n}" kind="{"output" if n[0] == "y" else "input"}"><ssc:Real/>'
+        "</ssd:Connector>"
+        for n in names
+    )
+    return f"<ssd:Connectors>{rows}</ssd:Connectors>"
+
+
+def system(name: str, elements: str, wires: str = "", before: str = "") -> str:
+    wires = f"<ssd:Connections>{wires}</ssd:Connections>" if wires else ""
+    return (f'<ssd:System name="{name}">{before}<ssd:Elements>{elements}</ssd:Elements>{wires}'
+            "</ssd:System>")  # fmt: skip
+
+
+def ssp(folder: Path, gain: Path, system: str, after: str = "", **options: str) -> Path:
+    (folder / "resources").mkdir(exist_ok=True)
+    shutil.copy(gain, folder / "resources")
+    version, names = options.get("version", "1.0"), options.get("names", NAMESPACES)
+    file = folder / "SystemStructure.ssd"
+    file.write_text(f'<ssd:SystemStructureDescription version="{version}" name="x" {names}>\n'
+                    f"{system}{after}\n</ssd:SystemStructureDescription>")  # fmt: skip
+    return file
+
+
+def last(file: Path, name: str) -> float:
+    run = desat.run(str(file), stop=2.0, step=0.5, inner=1)
+    assert run.manifest.status == "completed"
+    return float(run.results.values(name)[-1])
+
+
+LINEAR = '<ssc:LinearTransformation factor="2" offset="1"/>'
+INNER = system("inner", component("b"), wire("u", "b.u", LINEAR) + wire("b.y", "y"),
+               connectors("u", "y"))  # fmt: skip
+
+
+def test_nested_systems_become_one_flat_one(tmp_path: Path, gain: Path) -> None:
+    """a -> 3 * -> inner.u -> 2 * + 1 -> b -> inner.y -> c: 7 * 3 = 21, 43, 43 * 10."""
+    elements = component("a", inline({"u": 1.0, "k": 7.0})) + INNER + component("c")
+    three = '<ssc:LinearTransformation factor="3" offset="0"/>'
+    wires = wire("a.y", "inner.u", three) + wire("inner.y", "c.u") + wire("c.y", "y")
+    file = ssp(tmp_path, gain, system("s", elements, wires, connectors("y")
+               + inline({"c.k": 10.0, "inner.b.k": 1.0})))  # fmt: skip
+    assert last(file, "inner_b.y") == 43.0
+    assert last(file, "c.y") == 430.0
+
+
+def test_a_value_of_a_system_reaches_what_its_connector_feeds(tmp_path: Path, gain: Path) -> None:
+    """Through two systems, and before the value that the component's own set has."""
+    inner = INNER.replace(component("b"), component("b", inline({"u": 99.0})))
+    file = ssp(tmp_path, gain, system("s", inner, wire("u0", "inner.u"), connectors("u0")
+               + inline({"u0": 5.0, "inner.b.k": 2.0, "nobody": 1.0})))  # fmt: skip
+    assert last(file, "inner_b.y") == 22.0
+    case = prepare(str(file), Options(stop=2.0, step=0.5))
+    assert any("nobody reaches no component" in w for w in case.checked.warnings)
+
+
+def test_a_mapping_renames_and_transforms_and_leaves_the_rest(tmp_path: Path, gain: Path) -> None:
+    (tmp_path / "resources").mkdir()
+    (tmp_path / "resources" / "m.ssm").write_text(
+        f'<ssm:ParameterMapping version="1.0" {NAMESPACES}>'
+        '<ssm:MappingEntry source="big" target="a.k"/>'
+        f'<ssm:MappingEntry source="big" target="b.k">{LINEAR}</ssm:MappingEntry>'
+        "</ssm:ParameterMapping>"
+    )
+    mapping = '<ssd:ParameterMapping source="resources\\m.ssm"/>'
+    values = inline({"big": 4.0, "a.u": 1.0, "b.u": 1.0}, mapping)
+    file = ssp(tmp_path, gain, system("s", component("a") + component("b"), "", values))
+    assert (last(file, "a.y"), last(file, "b.y")) == (4.0, 9.0)
+
+
+def test_a_signal_dictionary_hands_on(tmp_path: Path, gain: Path) -> None:
+    reference = ('<ssd:SignalDictionaryReference name="{}" dictionary="bus"><ssd:Connectors>'
+                 '<ssd:Connector name="x" kind="inout"><ssc:Real/></ssd:Connector>'
+                 "</ssd:Connectors></ssd:SignalDictionaryReference>")  # fmt: skip
+    inner = system("inner", component("b") + reference.format("there"), wire("there.x", "b.u"))
+    elements = component("a", inline({"u": 6.0})) + reference.format("here") + inner
+    file = ssp(tmp_path, gain, system("s", elements, wire("a.y", "here.x")))
+    assert last(file, "inner_b.y") == 6.0
+
+
+def test_times_of_the_fmus_where_the_file_has_none(tmp_path: Path, gain: Path) -> None:
+    file = ssp(tmp_path, gain, system("s", component("a", inline({"u": 1.0}))))
+    case = prepare(str(file), Options())
+    case.or_raise()
+    assert case.checked.system is not None
+    assert (case.checked.system.step, case.checked.system.stop) == (0.5, 2.0)
+    assert any("no step: 0.5 s of gain.fmu" in w for w in case.checked.warnings)
+
+
+def test_what_is_forgotten_is_a_warning(tmp_path: Path, gain: Path) -> None:
+    """A prefix, a value, a variable, a unit in brackets; version 2.0; backslashes."""
+    one = component("a", inline({"k": 3.0, "lost": 1.0}), "resources\\gain.fmu")
+    two = component("b", inline({"u": 2e5}, unit=' unit="[Pa]"'))
+    hint = ('<ssd:DefaultExperiment stopTime="2"><ssd:Annotations><ssc:Annotation type="osp">'
+            '<osp:Algorithm><osp:FixedStepAlgorithm baseStepSize="0.5"/></osp:Algorithm>'
+            "</ssc:Annotation></ssd:Annotations></ssd:DefaultExperiment>")  # fmt: skip
+    file = ssp(tmp_path, gain, system("s", one + two), hint, version="2.0")
+    case = prepare(str(file), Options())
+    case.or_raise()
+    text = "\n".join(case.checked.warnings)
+    for said in ("prefix osp is not declared", "version 2.0: read as 1.0", "a: u is listed",
+                 "gain.fmu has no variable lost"):  # fmt: skip
+        assert said in text
+    assert last(file, "b.y") == 2.0  # bar
+
+
+@pytest.mark.parametrize(("elements", "wires", "message"), [
+    ("", "", "holds no component"),
+    (component("a") + component("a"), "", "component a twice"),
+    (system("t", component("a"), wire("u", "a.u"), connectors("u")), wire("t.u", "t.u"),
+     "t.u is its own source"),
+    (component("a") + INNER, wire("a.y", "inner.u") * 2, "inner.u has two sources, also line"),
+    (component("a") + INNER, wire("a.y", "iner.u"), "no component iner"),
+    (component("a") + component("b"), wire("a.y", "b.u", '<ssc:BooleanMappingTransformation>'
+     '<ssc:MapEntry source="true" target="false"/></ssc:BooleanMappingTransformation>'),
+     "BooleanMappingTransformation of"),
+])  # fmt: skip
+def test_what_is_wrong_is_refused_by_line(
+    tmp_path: Path, gain: Path, elements: str, wires: str, message: str
+) -> None:
+    file = ssp(tmp_path, gain, system("s", elements, wires))
+    with pytest.raises(DesatError, match=r"SystemStructure\.ssd:\d+: .*") as caught:
+        prepare(str(file), Options(stop=2.0, step=0.5)).or_raise()
+    assert message in str(caught.value)
+
+
+def test_files_outside_only_when_allowed(tmp_path: Path, gain: Path) -> None:
+    folder = tmp_path / "inside"
+    folder.mkdir()
+    shutil.copy(gain, tmp_path)
+    one = component("a", inline({"u": 3.0}), "../gain.fmu")
+    file = ssp(folder, gain, system("s", one))
+    with pytest.raises(DesatError, match=r"ssd:2: source '../gain.fmu' is outside.*--allow-outs"):
+        prepare(str(file), Options()).or_raise()
+    prepare(str(file), Options(outside=True)).or_raise()
+
+
+PUBLIC = tomllib.loads((Path(__file__).parent / "foreign.toml").read_text())["ssp"]
+
+
+@pytest.mark.parametrize("told", PUBLIC, ids=lambda told: f"{told['repository']}/{told['file']}")
+def test_public_ones_become_what_is_told_of_them(told: dict[str, str]) -> None:
+    """Of those that lie in the folder DESAT_FOREIGN; none of them is committed."""
+    file = Path(os.environ.get("DESAT_FOREIGN", "-")) / told["repository"] / told["file"]
+    if not file.is_file():
+        pytest.skip("not there")
+    assert hashlib.sha256(file.read_bytes()).hexdigest() == told["sha256"]
+    late = "no_algorithm" in told["file"]  # starts at 5 s
+    options = {"inner": 1, "stop": 6.0 if late else 1.0, "outside": True}
+    if any(name in told["file"] for name in ("dcmotor", "no_algorithm")):  # have no step
+        options["step"] = 0.001
+    if told["outcome"] == "runs":
+        assert desat.run(str(file), **options).manifest.status == "completed"
+    else:
+        with pytest.raises(DesatError) as caught:
+            desat.run(str(file), **options)
+        assert told["outcome"] in str(caught.value)
