@@ -16,6 +16,7 @@ import desat as library
 from desat.files.new_craft import CUBESATS, SCENARIOS, Wanted, classes, quantity, write
 from desat.fmus import registry
 from desat.runs.prepare import prepare
+from desat.studies.sizing import Wishes, size
 from desat.system.errors import DesatError
 from desat.system.options import Options
 
@@ -137,6 +138,24 @@ def test_a_sun_synchronous_orbit_keeps_its_local_time(tmp_path: Path) -> None:
     assert quantity("", rows["raan"], "deg") == pytest.approx(360.0 - 22.5, abs=2.5)
 
 
+@pytest.mark.parametrize("pointing", ["nadir", "inertial"])
+def test_what_wheels_must_hold_of_an_orbit_is_near_what_size_finds(
+    tmp_path: Path, pointing: str
+) -> None:
+    """A craft that its dipole and gravity alone turn, in an untilted field."""
+    wish = {"altitude": "500km", "inclination": "70deg", "inertia": "0.9,1.2,0.7",
+            "pointing": pointing, "residual_dipole": "0.6"}  # fmt: skip
+    write(tmp_path / "mine", Wanted(**wish, wheels="3 axes 1Nms"), "")  # type: ignore[arg-type]
+    sets = ["environment.field=dipole", "environment.dipole_earth=[0,0,-7.75e15]",
+            "spacecraft.aerodynamics=none", "spacecraft.radiation=none"]  # fmt: skip
+    made = size(str(tmp_path / "mine"), Options(stop=20000.0, sets=sets),
+                Wishes(year=False, laws=False, flown=False))  # fmt: skip
+    with pytest.raises(DesatError, match="in and out of the fullest") as refused:
+        write(tmp_path / "less", Wanted(**wish, wheels="3 axes 1mNms"), "")  # type: ignore[arg-type]
+    told = float(re.findall(r"turn ([\d.]+) mN m s", str(refused.value))[0]) * 1e-3
+    assert told == pytest.approx(made.wheel_needed, rel=0.1)
+
+
 def test_classes_grow_with_their_size() -> None:
     for kind, unit in (("wheels", "N.m.s"), ("rods", "A.m2"), ("thrusters", "N")):
         measure = {"wheels": "capacity", "rods": "dipole", "thrusters": "force"}[kind]
@@ -167,6 +186,8 @@ def test_classes_grow_with_their_size() -> None:
         ({"wheels": "big"}, r"--wheels big: the form is COUNT LAYOUT SIZE"),
         ({"wheels": "3 axes huge"}, r"--wheels huge: no class.*; there is 2mNms"),
         ({"rods": "-1"}, r"--rods -1: above 0 is needed"),
+        ({"wheels": "3 axes 2mNms", "residual_dipole": "1"}, r"--wheels: 2 mN m s a wheel; .*turn "
+         r"\d+\.?\d* mN m s in and out of the fullest within each orbit.*: take at least"),
         ({"pointing": "nadri"}, r"--pointing nadri: there is nadir, inertial; did you mean nadir"),
         ({"epoch": "tomorrow"}, r"--epoch tomorrow: a time is needed"),
         ({"tle": Path("/nowhere.tle")}, r"--tle /nowhere\.tle: "),
@@ -184,9 +205,9 @@ def test_what_cannot_be_is_refused(tmp_path: Path, wanted: dict[str, object], to
         ("mine", (), 0, ""),
         ("alone", ("--stop", "3"), 0, ""),
         ("min", (), 2, "no scenario min; did you mean mine?"),
-        ("integrated", (), 2, "integrated is a family of 44 scenarios (desat list integrated)"),
+        ("integrated", (), 2, "scenarios (desat list integrated); one of them is needed"),
         ("mine", ("--source", "manager=manager_cros"), 2, "did you mean manager_cross_product?"),
-        ("mine", ("--set", "torquers.m_limit=0"), 0, "usual is 0.001 to 5000 A.m2"),
+        ("mine", ("--set", "torquers.m_limit=0"), 2, "m_limit = 0 A.m2: these rods make no dipole"),
         ("mine", ("--set", "wheels.torque_limit=2"), 0, "usual is 1e-06 to 1 N.m"),
         ("mine", ("--set", "wheels.speed_limit=6000"), 0, "usual is 1 to 1100 rad/s"),
     ],

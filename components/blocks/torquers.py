@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+from collections.abc import Iterator
 from math import copysign, inf
 
 from ..contract.block import Mat34, Output, Parameter, Vec3, Vec4
@@ -112,6 +113,12 @@ class Torquers(Role):
                 )
         elif self.quiet_time > 0.0 and self.quiet_time >= period:
             self.fail(f"quiet_time = {self.quiet_time} s must be shorter than sample_time")
+
+    def foresee(self, begin: float, end: float, wired: frozenset[str]) -> Iterator[str]:
+        if self.m_limit == 0.0 and self.drive != IDEAL and "m_cmd_body" in wired:
+            self.fail("m_limit = 0 A.m2: these rods make no dipole, whatever a manager commands; "
+                      "give them one, or fly without torquers")  # fmt: skip
+        yield from super().foresee(begin, end, wired)
 
     def output(self, t: float) -> None:
         a, b, c, d = self.m_coil = self._m

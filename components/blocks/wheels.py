@@ -116,10 +116,12 @@ class Wheels(Role, WheelInertias):
         normal = max(normals, key=norm, default=ZERO)
         if len(axes) > 2 and norm(normal) < FLAT:
             along = ", ".join(f"{x:.3g}" for x in axes[0])
-            yield f"axes_wheel: all are along ({along}): no wheel turns the craft about another"
+            self.fail(
+                f"axes_wheel: all are along ({along}): no wheel turns the craft about another"
+            )
         elif len(axes) > 2 and all(abs(dot(unit(normal), a)) < FLAT for a in axes):
             about = ", ".join(f"{x:.3g}" for x in unit(normal))
-            yield f"axes_wheel: they lie in a plane: no wheel turns the craft about ({about})"
+            self.fail(f"axes_wheel: they lie in a plane: no wheel turns the craft about ({about})")
         yield from super().foresee(begin, end, wired)
 
     def start(self) -> None:

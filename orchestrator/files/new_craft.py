@@ -8,6 +8,7 @@ Rules, each written beside its number:
 - drag and radiation: the mean area of the box as it is seen from all sides, half the sum of its
   three faces; centre of pressure off by 5 % of each side;
 - residual dipole: 5 mA m2 a kilogram, along (1, -0.5, 0.8);
+- wheels: no less than residual dipole and gravity gradient turn in and out of them each orbit;
 - attitude controller: bandwidth 0.1 rad/s, or less where the wheels' torque would not turn an error
   of 5 deg so fast; damping 0.7;
 - manager: gain of the orbit's rate; B-dot: 2 n (1 + sin xi) J_min.
@@ -26,11 +27,19 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from desat.components.contract.units import conversion
-from desat.components.physics import earth
+from desat.components.maths.attitude import matrix
+from desat.components.physics import earth, geomagnetic
+from desat.components.physics import torques as torques_of
 from desat.components.physics.orbit import (
     EARTH_RADIUS,
+    MU,
+    lvlh_attitude,
     mean_motion,
+    orbit_plane,
     sun_synchronous_inclination,
 )
 from desat.components.physics.tle import tle_parameters
@@ -38,6 +47,7 @@ from desat.components.physics.tle import tle_parameters
 from ..system.errors import DesatError, nearest
 from ..system.parameters import unit_of
 
+Array = NDArray[np.float64]
 SCENARIOS = ("nominal", "worst", "detumbling")
 _J2000 = datetime(2000, 1, 1, 12, tzinfo=UTC)
 _UNIT = 1.5
@@ -50,6 +60,8 @@ CUBESATS = {
 """Sides (m) by units: CubeSat Design Specification, and what deployers of the larger ones take."""
 LAYOUTS = ("pyramid", "axes")
 POINTINGS = ("nadir", "inertial")
+DIPOLE = 7.75e15
+"""Of the Earth: mu_0 / (4 pi) times the moment (T m3); IGRF-14, 2025."""
 TILT = 0.2
 """Of the geomagnetic dipole against the Earth's axis (rad)."""
 _NUMBER = re.compile(r"\s*([+-]?\d*\.?\d+(?:[eE][+-]?\d+)?)\s*([A-Za-z%/.0-9]*)\s*")
@@ -171,6 +183,7 @@ def _made(wanted: Wanted, name: str, command: str) -> dict[str, Any]:
         dipole = quantity("--residual-dipole", _dotted(wanted.residual_dipole), "A.m2")
         why = "given"
     along = [x / math.sqrt(1.0 + 0.25 + 0.64) for x in (1.0, -0.5, 0.8)]
+    _holds(wheels, _cyclic(wanted.pointing, orbit, inertia, [dipole * x for x in along]))
     faces = [sides[1] * sides[2], sides[2] * sides[0], sides[0] * sides[1]]
     area = sum(faces) / 2.0
     least = min(inertia)
@@ -304,6 +317,46 @@ def _orbit(wanted: Wanted, epoch: float) -> dict[str, Any]:
     return {"rows": rows, "rate": mean_motion(axis), "inclination": inclination, "tle": False}
 
 
+def _cyclic(
+    pointing: str, orbit: Mapping[str, Any], inertia: list[float], dipole: list[float]
+) -> Array:
+    """(N, 3) N m s, body: the momentum that an orbit turns in and out of the wheels about its
+    middle, of residual dipole and gravity gradient alone, in the field of a dipole along the
+    Earth's axis. Drag, radiation and the field's tilt are left to `desat size`."""
+    to_node, ahead, _ = (np.array(x) for x in orbit_plane(orbit["inclination"], 0.0))
+    u = np.linspace(0.0, 2.0 * math.pi, 361)[:, None]
+    out, along = np.cos(u) * to_node + np.sin(u) * ahead, np.cos(u) * ahead - np.sin(u) * to_node
+    radius = (MU / orbit["rate"] ** 2) ** (1.0 / 3.0)
+    moments = np.diag(inertia).ravel().tolist()
+    turns, torques = [], []
+    for r, v in zip((radius * out).tolist(), along.tolist(), strict=True):
+        c = np.eye(3)
+        if pointing == "nadir":
+            c = np.reshape(matrix(lvlh_attitude(r, v)), (3, 3))
+        field = geomagnetic.dipole(r, (0.0, 0.0, -DIPOLE))
+        gravity = torques_of.gravity_gradient(tuple(c @ r), tuple(moments))
+        turns.append(c)
+        torques.append(c.T @ (np.cross(dipole, c @ field) + gravity))
+    each = np.array(torques)
+    step = 2.0 * math.pi / orbit["rate"] / (len(u) - 1)
+    impulse = np.cumsum(np.vstack([np.zeros(3), (each[1:] + each[:-1]) * step / 2.0]), axis=0)
+    cyclic = impulse - u / u[-1] * impulse[-1]
+    cyclic -= (cyclic.max(axis=0) + cyclic.min(axis=0)) / 2.0
+    return np.asarray(np.einsum("kij,kj->ki", np.array(turns), cyclic))
+
+
+def _holds(wheels: Mapping[str, Any], cyclic: Array) -> None:
+    """Raises DesatError where the fullest wheel cannot hold what an orbit alone brings."""
+    axes = np.array(wheels["axes_si"])
+    needs, has = float(np.abs(cyclic @ np.linalg.pinv(axes).T).max()), wheels["capacity_si"]
+    if needs > has:
+        raise DesatError(
+            f"--wheels: {has * 1e3:.4g} mN m s a wheel; residual dipole and gravity gradient turn "
+            f"{needs * 1e3:.4g} mN m s in and out of the fullest within each orbit, which no rods "
+            f"prevent: take at least {1.3 * needs * 1e3:.2g} mN m s, or a smaller --residual-dipole"
+        )
+
+
 def _hours(text: str) -> float:
     match = re.fullmatch(r"(\d{1,2}):(\d{2})", text)
     if match is None or int(match[1]) > 23 or int(match[2]) > 59:
@@ -352,7 +405,7 @@ def _wheels(wanted: Wanted, inertia: list[float]) -> dict[str, Any]:
     rotor = capacity / speed
     held = "a pyramid along (+-1, +-1, 1)" if count == 4 else "one wheel along each axis"
     return {
-        "axes": ["[" + ", ".join(f"{x:.16g}" for x in row) + "]" for row in axes],
+        "axes_si": axes, "axes": ["[" + ", ".join(f"{x:.16g}" for x in row) + "]" for row in axes],
         "layout_why": held, "null": count == 4,
         "capacity": f"{capacity * 1e3:g} mN m s", "speed": figures["speed"], "class": name,
         "inertia": "[" + ", ".join([f"{rotor:.9g}"] * count + ["0.0"] * (4 - count)) + "]",
