@@ -97,17 +97,6 @@ def description_of(path: Path) -> Any:
     return read_model_description(path, validate=False)
 
 
-def default_experiment(path: Path) -> tuple[float | None, float | None]:
-    """Step and stop time (s) that an FMU's file suggests; None where it says none, or cannot be
-    read, which is said elsewhere."""
-    try:
-        told = description_of(path).defaultExperiment
-        step, stop = (getattr(told, key, None) for key in ("stepSize", "stopTime"))
-        return step and float(step), stop and float(stop)
-    except Exception:  # fmpy raises plain Exception
-        return None, None
-
-
 @lru_cache(maxsize=256)
 def faults(path: Path) -> tuple[str, ...]:
     """What is wrong with the model description of an extracted FMU by the standard, by fmpy's

@@ -27,7 +27,7 @@ from ..system.interface import base_name
 from ..system.model import Connection, Connector
 from ..system.parameters import known_unit, unit_of
 from . import library
-from .fmu import default_experiment
+from .fmu import description_of
 from .io import contents, inside, regular
 from .xml import parse_bytes, validate
 
@@ -456,7 +456,7 @@ class _Reader:
         if draft.step is not None and draft.stop is not None:
             return
         files = dict.fromkeys(c.fmu for c in draft.components.values() if c.fmu is not None)
-        told = [(file, *default_experiment(file)) for file in files]
+        told = [(file, *_suggested(file)) for file in files]
         steps = [(step, file) for file, step, _ in told if step]
         stops = [(stop, file) for file, _, stop in told if stop]
         if draft.step is None and steps:
@@ -468,6 +468,17 @@ class _Reader:
             draft.stop, file = max(stops)
             self.warnings.append(f"{self.where}: no stop time: {draft.stop:g} s of {file.name}, or "
                                  "--stop")  # fmt: skip
+
+
+def _suggested(fmu: Path) -> tuple[float | None, float | None]:
+    """Step and stop time (s) that an FMU's file suggests; None where it says none, or is none,
+    which is said elsewhere."""
+    try:
+        told = description_of(library.load(fmu).folder).defaultExperiment
+        step, stop = (getattr(told, key, None) for key in ("stepSize", "stopTime"))
+        return step and float(step), stop and float(stop)
+    except (DesatError, OSError, ValueError):
+        return None, None
 
 
 def _give(component: DraftComponent, name: str, value: _Value) -> None:
