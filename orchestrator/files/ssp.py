@@ -186,6 +186,9 @@ class _Reader:
         for child in system.iterfind(f"{{{SSD}}}Elements/*"):
             tag, name = etree.QName(child).localname, child.get("name", "")
             within = f"{path}.{name}" if path else name
+            if "." in name:
+                self.problems.append(f"{self.at(child)}: component {name!r}: a name is needed "
+                                     "without ., which parts a system from its own")  # fmt: skip
             if within in self.components or within in self.relays:
                 self.problems.append(f"{self.at(child)}: component {within} twice")
             if tag == "Component":
