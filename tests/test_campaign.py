@@ -87,7 +87,7 @@ def whole(own, tmp_path_factory) -> Path:
 def test_processes_that_die_lose_their_calls_alone():
     tasks = [(n, (n,)) for n in range(12)]
     with Local(dies_or_not, 2, limit=3.0) as workers:
-        found = dict(results(workers, tasks, lambda key, why: None))
+        found = dict(results(workers, tasks, lambda key, why: ()))
     assert sorted(found) == list(range(12))
     for number, result in found.items():
         if number == 6:
@@ -100,7 +100,7 @@ def test_processes_that_die_lose_their_calls_alone():
 
 def test_a_process_that_ends_without_an_answer_is_lost():
     with Local(os._exit, 1, limit=3.0) as workers:
-        found = dict(results(workers, [(0, (0,))], lambda key, why: None))
+        found = dict(results(workers, [(0, (0,))], lambda key, why: ()))
     assert found == {0: Lost("its process ended by exit(0)")}
 
 
@@ -322,9 +322,10 @@ def test_a_packed_system_has_the_same_case_on_a_worker(own, whole, tmp_path):
     plan, _ = coordinator.planned(str(file), 4)
     cluster.keep(plan, cluster.shipped(plan.target))
     file.unlink()
-    made = cluster.on_worker(plan, True, cluster.versions(), 3, False)
+    made = cluster.on_worker(plan, True, cluster.versions(), (3,), 1, "")
     row = store.read(whole).slice(3, 1).to_pylist()[0]
-    assert made.numbers == {k[4:]: v for k, v in row.items() if k.startswith("out.")}
+    [told] = map(json.loads, made.lines)
+    assert told["numbers"] == {k[4:]: v for k, v in row.items() if k.startswith("out.")}
 
 
 def test_clusters_that_do_not_serve(own, whole, tmp_path, monkeypatch, capfd):
@@ -369,14 +370,15 @@ def test_clusters_that_do_not_serve(own, whole, tmp_path, monkeypatch, capfd):
             client.wait_for_workers(1, timeout=60)
             add = store.Store.add
 
-            def later(self: store.Store, row: store.CaseRow) -> None:
-                add(self, row)
-                if self.done() == 5:
+            def later(self: store.Store, batch: store.Batch) -> list[store.CaseRow]:
+                made = add(self, batch)
+                if self.done() >= 5 and not late.exists():
                     late.touch()
                     client.wait_for_workers(2, timeout=60)
-                elif self.done() == 25:
+                elif self.done() >= 25 and scheduler.poll() is None:
                     client.close()
                     scheduler.kill()
+                return made
 
             monkeypatch.setattr(store.Store, "add", later)
             coordinator.run(plan, tmp_path / "c", cluster=str(file), progress=False)
@@ -394,8 +396,10 @@ def _started(*command: object) -> Iterator[subprocess.Popen[bytes]]:
     """A process for as long as it is needed."""
     quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
     with subprocess.Popen([*map(str, command)], **quiet) as process:
-        yield process
-        process.kill()
+        try:
+            yield process
+        finally:
+            process.kill()
 
 
 def _first_alike(folder: Path, whole: Path, count: int) -> None:
@@ -729,7 +733,7 @@ def test_a_case_that_changes_values_alone_is_the_case_prepared_anew(
     rows = []
     for made in (draws.varied, prepare):
         monkeypatch.setattr(draws, "varied", made)
-        rows.append([replace(case_module.row(plan, n, False), seconds=0.0) for n in range(5)])
+        rows.append([replace(case_module.row(plan, n), seconds=0.0) for n in range(5)])
     assert rows[0] == rows[1]
     if "lag" in more:
         assert {row.code for row in rows[0]} == {0, 2}
@@ -741,5 +745,5 @@ def test_a_worker_prepares_once(monkeypatch):
     plan = Plan("alsat1/basin-y-wheel", "", 5, options=Options(stop=600.0))
     plan_module._source.cache_clear()
     for n in range(5):
-        assert case_module.row(plan, n, False).code == 0
+        assert case_module.row(plan, n).code == 0
     assert len(made) == 1

@@ -153,7 +153,7 @@ def test_a_worker_that_is_told_to_end_gives_no_row(own, monkeypatch):
     monkeypatch.setattr(case, "ran", stopped)
     plan, _ = coordinator.planned(own, 3)
     with pytest.raises(SystemExit):
-        case.row(plan, 1, False)
+        case.row(plan, 1)
 
 
 def test_a_flipped_bit_is_damage(three, tmp_path):
@@ -211,14 +211,16 @@ def test_a_file_that_is_being_replaced_is_read_whichever_it_is(three, tmp_path, 
 def test_a_full_disk_is_told_with_the_file(three, tmp_path, name):
     folder = tmp_path / "campaign"
     [row, *_] = store._of_block(three, 0)
-    full = store.Store(folder, 1, {})
+    full = store.Store(folder, 2 if name == store.JOURNAL else 1)
     if name == store.JOURNAL:  # which is open
         full.close()
         full._file = io.TextIOWrapper(io.FileIO("/dev/full", "a"))
     else:
         (folder / name).symlink_to("/dev/full")
+    described = {"out.x": {"title": "x", "unit": "1"}}
+    batch = store.Batch.of([dataclasses.replace(row, described=described)])
     with pytest.raises(OSError, match="No space left on device") as caught:
-        full.add(dataclasses.replace(row, described={"out.x": {"title": "x", "unit": "1"}}))
+        full.add(batch)
     wanted = folder / name.replace("00.tmp", "00.parquet").removesuffix(".tmp")
     assert caught.value.filename == str(wanted)
     with suppress(OSError):  # the rest of what it could not write

@@ -678,14 +678,14 @@ def test_a_case_that_cannot_begin_is_a_row(monkeypatch, error, code):
         return store.CaseRow("completed", 0, "", values=values)
 
     monkeypatch.setattr(campaign_case, "_ran", ran)
-    made = campaign_case.row(SimpleNamespace(values=values), 7, False)
+    made = campaign_case.row(SimpleNamespace(values=values), 7)
     assert (made.code, made.number, made.values) == (code, 7, {"a.k": 1.0})
     assert made.message == ("no" if error else "")
     assert made.status == ("failed" if error else "completed")
     assert 0.0 <= made.seconds < 1.0
     error = RunError("told to end", Exit.INTERRUPTED)
     with pytest.raises(SystemExit) as left:
-        campaign_case.row(SimpleNamespace(values=values), 7, False)
+        campaign_case.row(SimpleNamespace(values=values), 7)
     assert left.value.code == 130
 
 

@@ -98,10 +98,10 @@ def test_a_campaign_names_its_journal(shim, tmp_path):
     """Also where what it could not write is tried again when it is closed."""
     script = f"""
 from pathlib import Path
-from desat.campaign.store import CaseRow, Store
-store = Store(Path({str(tmp_path / "out")!r}), 3, {{}})
+from desat.campaign.store import Batch, CaseRow, Store
+store = Store(Path({str(tmp_path / "out")!r}), 3)
 row = CaseRow("completed", 0, 3000 * "1", number=0)
-for call in (lambda: store.add(row), store.close):
+for call in (lambda: store.add(Batch.of([row])), store.close):
     try:
         call()
     except OSError as error:

@@ -22,25 +22,32 @@ from ..runs.run import Run, simulate
 from ..system.errors import DesatError, Exit
 from .draws import STOPPED, ran
 from .plan import Plan, source, system
-from .store import CaseRow
+from .store import Batch, CaseRow
 
 POINTS = 200
 """Parts of a run that an envelope has a value for."""
 
 
-def row(plan: Plan, number: int, supervised: bool) -> CaseRow:
+def batch(plan: Plan, numbers: Sequence[int], attempt: int, versions: str) -> Batch:
+    """Cases of one block, each made for the `attempt`th time, with these versions."""
+    return Batch.of(row(plan, number, attempt, versions) for number in numbers)
+
+
+def row(plan: Plan, number: int, attempt: int = 1, versions: str = "") -> CaseRow:
     """A case as a row: its inputs, its numbers, how it ended. A case that cannot begin is a row
-    that says so. `supervised`: in a process of its own, which can say what ended it."""
+    that says so. From the second attempt on it is made in a process of its own, which can say what
+    ended it."""
     clock, values = time.perf_counter(), {}
     try:
         values = plan.values(number)
-        made = _ran(plan, values, supervised)
+        made = _ran(plan, values, attempt > 1)
     except DesatError as error:
         if error.code > STOPPED:  # this process was told to end: it is lost
             raise SystemExit(int(error.code)) from error
         made = CaseRow("failed", int(error.code), str(error), values=values)
     return replace(made, number=number, seconds=round(time.perf_counter() - clock, 6),
-                   worker=f"{platform.node()}:{os.getpid()}")  # fmt: skip
+                   worker=f"{platform.node()}:{os.getpid()}", attempts=attempt,
+                   versions=versions)  # fmt: skip
 
 
 def _ran(plan: Plan, values: dict[str, Any], supervised: bool) -> CaseRow:

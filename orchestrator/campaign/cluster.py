@@ -9,7 +9,7 @@ import queue
 import sys
 import threading
 import zipfile
-from collections.abc import Hashable, Mapping
+from collections.abc import Hashable, Mapping, Sequence
 from concurrent.futures import CancelledError
 from dataclasses import replace
 from pathlib import Path
@@ -18,9 +18,9 @@ from typing import Any, Self
 from ..files import library
 from ..files.identity import versions
 from ..system.errors import DesatError, Exit, RunError
-from .case import row
+from .case import batch
 from .plan import Plan, digest_of
-from .store import CaseRow
+from .store import Batch
 from .workers import Lost
 
 WAIT = "15s"
@@ -130,18 +130,18 @@ def _compared_with(plan: Plan) -> str:
 
 
 def on_worker(
-    plan: Plan, sent: bool, here: dict[str, str], number: int, supervised: bool
-) -> CaseRow:
-    """On a worker: a case as a row. A case that takes too long ends its worker, which its nanny
+    plan: Plan, sent: bool, here: dict[str, str], numbers: Sequence[int], attempt: int, told: str
+) -> Batch:
+    """On a worker: cases of one block. Those that take too long end their worker, which its nanny
     replaces. Raises Unfit where the worker has other versions than the head, or another system."""
     if why := unfit(plan, sent, here):
         raise Unfit(why)
     timer = threading.Timer(plan.limit, os._exit, (_LATE,))
     timer.daemon = True
-    if not supervised:
+    if attempt == 1:  # a supervised case ends itself
         timer.start()
     try:
-        return row(_here(plan, sent), number, supervised)
+        return batch(_here(plan, sent), numbers, attempt, told)
     finally:
         timer.cancel()
 
@@ -179,7 +179,7 @@ class Cluster:
                            Exit.INPUT) from error  # fmt: skip
         data = shipped(plan.target)
         self._sent = data is not None
-        self._done: queue.SimpleQueue[tuple[Hashable, tuple[int, bool], Any]] = queue.SimpleQueue()
+        self._done: queue.SimpleQueue[tuple[Hashable, tuple[Any, ...], Any]] = queue.SimpleQueue()
         self._sent_away: list[str] = []
         try:
             if not (threads := self._client.nthreads()):
@@ -224,15 +224,14 @@ class Cluster:
         return bool(self._sent_away)
 
     def submit(self, key: Hashable, *arguments: Any) -> None:
-        """Have a case made: its number, and whether it is supervised."""
-        number, supervised = arguments
+        """Have cases made: their numbers, which attempt it is, and the versions that rows say."""
         future = self._client.submit(
-            on_worker, self._plan, self._sent, versions(), number, supervised, pure=False
+            on_worker, self._plan, self._sent, versions(), *arguments, pure=False
         )
-        future.add_done_callback(lambda ended: self._done.put((key, (number, supervised), ended)))
+        future.add_done_callback(lambda ended: self._done.put((key, arguments, ended)))
 
     def ended(self) -> tuple[Hashable, Any]:
-        """The next case that has ended. Raises RunError where the scheduler is gone."""
+        """The next cases that have ended. Raises RunError where the scheduler is gone."""
         from distributed import KilledWorker
 
         while True:

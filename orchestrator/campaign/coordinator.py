@@ -16,7 +16,6 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from ..analyses import analyses
-from ..files.identity import versions
 from ..files.io import LOCK, claimed
 from ..language.content import Content, dispersed, said
 from ..runs.manifest import write_json
@@ -25,9 +24,19 @@ from ..runs.prepare import read as read_source
 from ..system.errors import DesatError, Exit, RunError, nearest
 from ..system.options import Options
 from . import store
-from .case import kept, row
+from .case import batch, kept
 from .draws import lost, never, whole_numbers
-from .plan import PLAN, Keep, Plan, digest_of, joined, kept_versions, read, same_versions
+from .plan import (
+    PLAN,
+    Keep,
+    Plan,
+    digest_of,
+    joined,
+    kept_versions,
+    read,
+    same_versions,
+    versions_told,
+)
 from .sampling import SAMPLINGS, Sampling, allowed, drawn
 from .workers import Local, Lost, Workers, guarded, results
 
@@ -147,7 +156,7 @@ def _run(
     elif any(p.name != LOCK for p in folder.iterdir()):
         raise DesatError(f"{folder}: it has other files, and no campaign; take another --out")
     plan.write(folder)
-    rows = store.Store(folder, plan.count, versions())
+    rows = store.Store(folder, plan.count)
     if longer:
         rows.forget(Exit.TIMEOUT)  # they may have time enough now
     at = Progressed(plan.count, rows.done(), rows.failed())
@@ -167,7 +176,7 @@ def _run(
 
 def _workers(plan: Plan, jobs: int, cluster: str | None) -> Workers:
     if cluster is None:
-        return Local(row, jobs, 1.25 * plan.limit + 2.0)  # a supervised case ends itself before
+        return Local(batch, jobs, 1.25 * plan.limit + 2.0)  # a supervised case ends itself before
     from .cluster import Cluster
 
     return Cluster(cluster, plan)
@@ -176,39 +185,79 @@ def _workers(plan: Plan, jobs: int, cluster: str | None) -> Workers:
 def _make(
     plan: Plan, workers: Workers, rows: store.Store, at: Progressed, folder: Path, progress: bool
 ) -> None:  # fmt: skip
+    local, versions = isinstance(workers, Local), versions_told()
     attempts: dict[int, int] = {}
-    local = isinstance(workers, Local)
+    sizes = _Sizes(plan, workers.size)
 
-    def arguments(number: int, supervised: bool) -> tuple[Any, ...]:
-        return (plan, number, supervised) if local else (number, supervised)
+    def task(numbers: Sequence[int], attempt: int = 1) -> tuple[Any, tuple[Any, ...]]:
+        key = tuple(numbers)
+        return key, (plan, key, attempt, versions) if local else (key, attempt, versions)
 
-    def again(number: int, reason: Lost) -> tuple[Any, ...] | None:
-        attempts[number] = attempts.get(number, 1) + 1
-        if attempts[number] > _TRIES:
-            attempts[number] = _TRIES
-            return None
-        return arguments(number, attempts[number] > 1)
+    def again(numbers: Sequence[int], reason: Lost) -> list[tuple[Any, tuple[Any, ...]]]:
+        if len(numbers) > 1:  # one of them, nobody knows which
+            return [task([number]) for number in numbers]
+        attempts[numbers[0]] = attempt = attempts.get(numbers[0], 1) + 1
+        return [task(numbers, attempt)] if attempt <= _TRIES else []
 
-    tasks = ((n, arguments(n, False)) for n in rows.missing())
     written = time.monotonic()
     with Shown(at, progress) as show:
-        for number, result in results(workers, tasks, again):
-            made = _without_row(plan, number, result) if isinstance(result, Lost) else result
-            rows.add(replace(made, attempts=attempts.pop(number, 1)))
-            at.done += 1
-            at.failed += not made.completed
+        tasks = map(task, _together(list(rows.missing()), sizes))
+        for numbers, result in results(workers, tasks, again):
+            if isinstance(result, Lost):
+                lost_row = _without_row(plan, numbers[0], result)
+                result = store.Batch.of([replace(lost_row, versions=versions)])
+            made = rows.add(result)
+            sizes.learn(made)
+            at.done += len(made)
+            at.failed += sum(not row.completed for row in made)
             show()
             if time.monotonic() - written > _EACH:
                 written = time.monotonic()
                 write_json(folder / STATUS, at.as_json("running"))
 
 
+class _Sizes:
+    """How many cases are handed out together: as many as take TOGETHER s (and a quarter of the
+    limit of one), so that the head has little to do for each; fewer towards the end, where each
+    worker is to have some."""
+
+    def __init__(self, plan: Plan, workers: int) -> None:
+        self._workers = workers
+        self._longest = min(TOGETHER, 0.25 * plan.limit)
+        self._seconds, self._cases, self._recent = 0.0, 0, math.inf
+
+    def learn(self, made: Sequence[store.CaseRow]) -> None:
+        """From cases that are over."""
+        seconds = sum(row.seconds or 0.0 for row in made)
+        self._seconds, self._cases = self._seconds + seconds, self._cases + len(made)
+        self._recent = max(seconds / len(made), self._seconds / self._cases)
+
+    def next(self, left: int) -> int:
+        """Of so many cases that are not handed out yet."""
+        most = self._longest / max(self._recent, 1e-6)
+        return max(1, min(store.BLOCK, int(most), left // (_SHARES * self._workers)))
+
+
+def _together(missing: Sequence[int], sizes: _Sizes) -> Iterator[Sequence[int]]:
+    """Cases to hand out together, none from two blocks."""
+    first = 0
+    while first < len(missing):
+        last = first + sizes.next(len(missing) - first)
+        block = missing[first] // store.BLOCK
+        yield (some := [n for n in missing[first:last] if n // store.BLOCK == block])
+        first += len(some)
+
+
 def _without_row(plan: Plan, number: int, reason: Lost) -> store.CaseRow:
     """The row of a case that never gave one."""
     made = store.CaseRow(**vars(lost(reason)))
-    return replace(made, number=number, values=plan.values(number))
+    return replace(made, number=number, values=plan.values(number), attempts=_TRIES)
 
 
+TOGETHER = 2.0
+"""How long cases that are handed out together may take, s."""
+_SHARES = 4
+"""Of what is left each worker gets at most this part at once."""
 _TRIES = 3
 """A case whose process dies is made again, supervised, which names the cause; one that is lost so
 often has no row of its own."""
@@ -271,7 +320,7 @@ def _keep(plan: Plan, folder: Path, jobs: int) -> None:
         (n, (plan, n, kept_in(folder, n))) for n in todo
     )  # fmt: skip
     with Local(_kept, min(jobs, len(todo)), 1.25 * plan.limit) as workers:
-        for number, result in results(workers, tasks, lambda key, why: None):
+        for number, result in results(workers, tasks, lambda key, why: ()):
             if isinstance(result, Lost):
                 raise RunError(f"{kept_in(folder, number)}: not kept: {result.why}", Exit.COMPONENT)
 

@@ -163,12 +163,12 @@ def rows_of(
     """
     jobs, tried = max(1, min(jobs, len(tasks))), set()
 
-    def again(key: Any, reason: Lost) -> tuple[Any, ...] | None:
+    def again(key: Any, reason: Lost) -> list[tuple[Any, tuple[Any, ...]]]:
         if key in tried:
-            return None
+            return []
         tried.add(key)
         target, options, *rest = tasks[key]
-        return (target, replace(options, supervised=True), *rest)
+        return [(key, (target, replace(options, supervised=True), *rest))]
 
     if jobs == 1:
         tasks = [(t, replace(o, supervised=True), seed, draw) for t, o, seed, draw in tasks]

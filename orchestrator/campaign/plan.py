@@ -128,6 +128,11 @@ def anew(plan: Plan) -> str:
             f"{sampling}{as_arguments(plan.options)} --out ANOTHER` begins anew")  # fmt: skip
 
 
+def versions_told() -> str:
+    """With which versions cases are made here, as their rows have it."""
+    return json.dumps(versions(), sort_keys=True)
+
+
 def kept_versions(folder: Path) -> dict[str, str]:
     """With which versions a campaign was last gone on with."""
     told: dict[str, str] = json.loads((folder / PLAN).read_text(encoding="utf-8")).get("versions")

@@ -18,9 +18,8 @@ import hashlib
 import json
 import math
 import os
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields
-from dataclasses import replace as replace_of
 from functools import lru_cache
 from pathlib import Path
 from typing import Any, ClassVar
@@ -147,18 +146,42 @@ class CaseRow(RunRow):
         """From the journal, or a row of columns."""
         stopped = told["stopped_when"]
         when = stopped and Stopped(stopped.get("condition", ""), stopped["time"])
-        known = {f.name: told[f.name] for f in fields(cls) if f.name in told}
+        known = {name: told[name] for name in _FIELDS if name in told}
         return cls(**{**known, "number": told["case"], "stopped_when": when})
+
+
+_FIELDS = tuple(f.name for f in fields(CaseRow))
+
+
+@dataclass(frozen=True)
+class Batch:
+    """Cases that were made together: what their head keeps as it is."""
+
+    lines: Sequence[str]
+    """Rows, as the journal has them."""
+    described: Mapping[str, dict[str, str]]
+    """Title and unit of what the rows have."""
+
+    @classmethod
+    def of(cls, rows: Iterable[CaseRow]) -> Batch:
+        """Rows of at most one block."""
+        lines: list[str] = []
+        described: dict[str, dict[str, str]] = {}
+        for row in rows:
+            lines.append(json.dumps(row.to_json()) + "\n")
+            described.update(row.described)
+        return cls(lines, described)
 
 
 class Store:
     """The rows of a campaign that are there, and where further ones go."""
 
-    def __init__(self, folder: Path, count: int, versions: dict[str, str]) -> None:
+    def __init__(self, folder: Path, count: int) -> None:
         self.folder, self._count = folder, count
-        self._versions = json.dumps(versions, sort_keys=True)
         self._described = described(folder)
         self._open: dict[int, dict[int, CaseRow]] = {}
+        self._past = 0
+        """Lines of the journal whose blocks are whole."""
         for kind in (CASES, CURVES):
             (folder / kind).mkdir(parents=True, exist_ok=True)
         self._whole = _parts(folder)
@@ -217,23 +240,28 @@ class Store:
                 _part(self.folder, kind, block).unlink(missing_ok=True)
         self._rewrite()
 
-    def add(self, row: CaseRow) -> None:
-        """Keep a row: in the journal at once, in its file when the block is whole."""
-        row = replace_of(row, versions=self._versions)
-        if not row.described.keys() <= self._described.keys():
-            self._described |= row.described
+    def add(self, batch: Batch) -> list[CaseRow]:
+        """Keep cases of one block: in its file when it is whole, and until then in the journal, at
+        once. Returns their rows."""
+        if not batch.described.keys() <= self._described.keys():
+            self._described |= batch.described
             write_json(self.folder / NUMBERS, dict(sorted(self._described.items())))
-        block = row.case // BLOCK
-        rows = self._open.setdefault(block, {})
-        rows[row.case] = row
-        with naming(self.folder / JOURNAL):
-            self._file.write(json.dumps(row.to_json()) + "\n")
-            self._file.flush()
+        made = [CaseRow.from_json(json.loads(line)) for line in batch.lines]
+        (block,) = {row.case // BLOCK for row in made}
+        before = self._open.pop(block, {})
+        rows = before | {row.case: row for row in made}
         if len(rows) == self._size(block):
             _write(self.folder, block, [rows[n] for n in sorted(rows)])
-            del self._open[block]
             self._whole.add(block)
-            self._rewrite()
+            self._past += len(before)
+            if self._past > sum(map(len, self._open.values())):  # the journal is never twice as
+                self._rewrite()  # long as what it has to say
+        else:
+            self._open[block] = rows
+            with naming(self.folder / JOURNAL):
+                self._file.writelines(batch.lines)
+                self._file.flush()
+        return made
 
     def _rewrite(self) -> None:
         """A journal of nothing but the blocks that are open."""
@@ -247,6 +275,7 @@ class Store:
         if reopen := hasattr(self, "_file"):
             self._file.close()
         part.replace(path)
+        self._past = 0
         if reopen:
             self._file = path.open("a", encoding="utf-8")
 

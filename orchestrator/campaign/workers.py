@@ -13,7 +13,7 @@ import sys
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Hashable, Iterable, Iterator
+from collections.abc import Callable, Hashable, Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from multiprocessing import current_process, get_context
@@ -245,11 +245,11 @@ def _how(code: int) -> str:
 
 def results(
     workers: Workers, tasks: Iterable[tuple[Hashable, tuple[Any, ...]]],
-    again: Callable[[Any, Lost], tuple[Any, ...] | None],
+    again: Callable[[Any, Lost], Sequence[tuple[Hashable, tuple[Any, ...]]]],
 ) -> Iterator[tuple[Any, Any]]:  # fmt: skip
     """Each task's key and result in the order in which they end, with a few in advance of what
-    runs. A lost call is made once more with the arguments that `again` gives; None: its `Lost` is
-    its result."""
+    runs. In place of a lost call those are made that `again` gives; none: its `Lost` is its
+    result."""
     tasks, running, more = iter(tasks), 0, True
     while more or running:
         while more and running < 3 * workers.size:
@@ -260,8 +260,10 @@ def results(
         if not running:
             return
         key, result = workers.ended()
-        if isinstance(result, Lost) and (arguments := again(key, result)) is not None:
-            workers.submit(key, *arguments)
-            continue
         running -= 1
+        if isinstance(result, Lost) and (others := again(key, result)):
+            for other, arguments in others:
+                workers.submit(other, *arguments)
+            running += len(others)
+            continue
         yield key, result

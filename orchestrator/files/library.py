@@ -307,9 +307,9 @@ def is_ours(fmu: Path) -> bool:
     user's own."""
     if fmu.is_dir():
         return False
-    if own.folder_of(fmu) is not None:
+    if any(sha256(p) == sha256(fmu) for p in _ours().get(_size(fmu), ())):
         return True
-    return any(sha256(p) == sha256(fmu) for p in _ours().get(_size(fmu), ()))
+    return own.folder_of(fmu) is not None
 
 
 def _size(path: Path) -> int:
