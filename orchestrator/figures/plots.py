@@ -48,6 +48,8 @@ class Line(NamedTuple):
     """True: each value holds until the next."""
 
 
+FAR = 10.0
+"""A limit of so many times what is drawn is named only."""
 _FIRST: dict[str, Any] = {"width": 1.4}
 _OTHER: dict[str, Any] = {"width": 1.0, "dash": (4.0, 2.0), "alpha": 0.75}
 
@@ -140,7 +142,8 @@ def _draw_limits(
     ax: Axes, limits: list[tuple[str, float, bool]], signed: bool, always: bool = True
 ) -> None:
     """Limit lines and bands (name, value, filled), on both sides of zero where `signed`; those that
-    are beyond what is drawn only where `always`."""
+    are beyond what is drawn only where `always`. Of one so FAR that the lines would be flat beside
+    it there is the name alone."""
     low, high = ax.y_range()
     bands = iter(BANDS * len(limits))
     for name, value, filled in limits:
@@ -150,6 +153,9 @@ def _draw_limits(
         text = f"{'±' if signed else ''}{value:.4g}  {name}" if always else ""
         if filled:
             ax.band(-value if signed else 0.0, value, colour, alpha=0.16, label=text)
+            continue
+        if value > FAR * max(-low, high) > 0.0 and not ax.y.log:
+            ax.plot([np.nan], [np.nan], LIMIT, width=0.9, dash=DOTTED, label=f"{text}: far beyond")
             continue
         ax.level(value, LIMIT, width=0.9, dash=DOTTED, label=text)
         if signed:
