@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from conftest import ROOT
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -12,6 +13,7 @@ from desat.figures.plots import lines_of, series_plot
 from desat.files.scenario import families, find
 from desat.language.scenario import Plot
 from desat.numbers.series import Series
+from desat.numbers.statistics import median_interval
 from desat.papers import pages
 from desat.runs.run import Options, execute
 from desat.system.errors import DesatError
@@ -102,8 +104,37 @@ def test_every_template_becomes_a_file_of_its_own():
         "alsat1", "gyrostat", "hausat2", "integrated", "nadir_day", "space_telescope",
         "uosat12",
     )  # fmt: skip
-    assert set(pages.templates("uosat12")) == {"README.md", "flight.md"}
+    assert set(pages.templates("uosat12")) == {"README.md", "details.md", "flight.md"}
     assert all(pages.templates(f) == {} for f in set(families()) - set(pages.families()))
+
+
+@pytest.mark.parametrize("family", pages.families())
+def test_first_pages_are_short_and_answer_first(family):
+    """Craft, question, answer, a figure, a table of at most ten rows, what does not hold; all else
+    is a click away."""
+    text = (ROOT / "docs" / "papers" / family / "README.md").read_text(encoding="utf-8")
+    assert len(text.splitlines()) <= 160
+    if "details.md" not in pages.templates(family):
+        return
+    parts = ("**Craft.**", "**Question.**", "**Answer.**", "](answer.svg)", "\n|---|",
+             "**What does not hold.**", "](details.md)", "## The paper, item by item")  # fmt: skip
+    places = [text.index(part) for part in parts]
+    assert places == sorted(places)
+    table = text[places[4] : places[5]].strip().splitlines()
+    assert 4 <= len(table) - 1 <= 10
+
+
+def test_the_interval_of_a_median_is_between_two_values():
+    """Of ten values the second and ninth, of 200 the 86th and 115th: binomial tables."""
+    assert median_interval(range(1, 11)) == (5.5, 2, 9)
+    assert median_interval([*range(1, 201)][::-1]) == (100.5, 86, 115)
+    assert median_interval([3.0, 1.0, 2.0]) == (2.0, 1.0, 3.0)
+    inside = sum(
+        low <= 0.0 <= high
+        for seed in range(400)
+        for _, low, high in [median_interval(np.random.default_rng(seed).normal(size=25))]
+    )
+    assert 370 <= inside <= 400
 
 
 @pytest.fixture
