@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import inspect
 import math
 import os
 from dataclasses import replace
@@ -27,7 +28,7 @@ from desat.numbers.text import Value, not_reached
 from desat.papers.comparison import Spread, _row, band_of, counted, share_of
 from desat.runs.run import Run, prepare, simulate
 from desat.runs.stopping import LATE, Condition
-from desat.system.errors import Exit, RunError
+from desat.system.errors import Exit, RunError, nearest
 from desat.system.options import Options
 
 __all__ = ["binary", "system"]  # fixtures
@@ -373,3 +374,112 @@ def test_cells_are_counted_by_what_they_show():
     assert (cell(1.5).heading, cell(1.5, heading="how long").heading) == ("a number", "how long")
     assert (cell(1.5).method, cell(1.5, label="ours").method) == ("", "ours")
     assert cell(1.5, definition="as it says").definition == "as it says"
+
+
+# --- what the last run of mutations left ----------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("name", "known", "said"),
+    [
+        ("abcx", ["abcxyz", "abcxaa"], "; did you mean abcxaa?"),  # the first that it begins
+        ("abc", ["abcdefghijkl"], "; did you mean abcdefghijkl?"),
+        ("ab", ["abcdefghijkl"], "; there is abcdefghijkl"),  # two letters begin too much
+        ("yaw_rate", ["yaw_ratio", "yaw_rates_of_all"], "; did you mean yaw_rates_of_all?"),
+        ("x" * 200, ["y"], "; there is y"),
+        ("x" * 201, ["y"], ""),
+    ],
+)  # fmt: skip
+def test_the_nearest_name(name, known, said):
+    assert nearest(name, known) == said
+
+
+@pytest.mark.parametrize(("count", "said"), [(2000, "; did you mean n7?"), (2001, "")])
+def test_no_nearest_of_very_many_names(count, said):
+    assert nearest("n7 ", (f"n{i}" for i in range(count))) == said
+
+
+@pytest.mark.parametrize(
+    ("arguments", "told"),
+    [
+        (("sweep", "plant/spin", "spacecraft.x=1", "--draws", "-1"), "--draws"),
+        (("campaign", "case", "nowhere", "--", "-1"), "'number'"),
+    ],
+)
+def test_numbers_below_the_least_are_refused(arguments, told, desat):
+    said = desat(*arguments)
+    assert said.returncode == Exit.INPUT
+    assert told in said.stderr
+    assert "greater than or equal to 0" in said.stderr
+
+
+def test_what_size_recommends_by_default():
+    """As its page says: a duty of 50 %, a margin of 1.3, a tip-off of 5 deg/s, other laws, a year's
+    extremes and closed loops."""
+    from desat.cli.commands.size import size
+
+    usual = {name: p.default for name, p in inspect.signature(size).parameters.items()}
+    assert (usual["duty"], usual["margin"], usual["tip_off"]) == (50.0, 1.3, 5.0)
+    assert (usual["laws"], usual["year"], usual["loop"], usual["as_map"]) == (
+        None,
+        True,
+        True,
+        False,
+    )
+
+
+@pytest.mark.parametrize(
+    ("given", "wish", "page"),
+    [
+        ((), True, "size-nadir_day-day-dipole.html"),
+        (("--laws",), True, "size-nadir_day-day-dipole.html"),
+        (("--own-law",), False, "size-nadir_day-day-dipole.html"),
+        (("--map",), False, "size-map-nadir_day-day-dipole.html"),
+        (("--map", "--laws"), True, "size-map-nadir_day-day-dipole.html"),
+        (("--map", "--own-law"), False, "size-map-nadir_day-day-dipole.html"),
+    ],
+)
+def test_other_laws_than_the_crafts_by_default_but_of_maps(
+    given, wish, page, monkeypatch, tmp_path, desat
+):  # fmt: skip
+    from desat.studies import sizing, sizing_map, sizing_page
+
+    asked: dict[str, object] = {}
+    made = SimpleNamespace(problems=[], as_json=dict)
+    monkeypatch.setattr(
+        sizing,
+        "size",
+        lambda target, options, wishes, progress: asked.update(laws=wishes.laws) or made,
+    )
+    monkeypatch.setattr(
+        sizing_map, "map_of",
+        lambda target, options, axes, *rest: asked.update(laws=axes.laws) or made,
+    )  # fmt: skip
+    monkeypatch.setattr("desat.cli.commands.size._print", lambda made: None)
+    monkeypatch.setattr("desat.cli.commands.size._print_map", lambda made: None)
+    for name in ("write_sizing", "write_map"):
+        monkeypatch.setattr(sizing_page, name, lambda made, page: asked.update(page=page) or page)
+    monkeypatch.chdir(tmp_path)
+    assert desat("size", "nadir_day/day-dipole", *given).returncode == 0
+    assert asked["laws"] is wish
+    assert asked["page"] == Path("runs") / page
+
+
+def test_jacobi_records_its_first_row_whatever_is_left_out():
+    """Row 0 is of the start; each second row beside it."""
+    given = Options(algorithm="jacobi", every=2, stop=6.0, blocks=True)
+    run = simulate(prepare("nadir_day/day-dipole", given))
+    assert run.results.times()[:3].tolist() == [0.0, 2.0, 4.0]
+
+
+def test_checkpoints_are_so_many_seconds_of_the_run_apart(tmp_path, monkeypatch):
+    """Not so many steps: a step of half a second has twice as many between two."""
+    apart: list[int] = []
+    monkeypatch.setattr(
+        "desat.runs.step_case.Checkpoints",
+        lambda folder, every, *rest: apart.append(every) or (_ for _ in ()).throw(RunError("seen")),
+    )
+    case = prepare("nadir_day/day-dipole", Options(step=0.5, stop=60.0, checkpoint=10.0))
+    with pytest.raises(RunError, match="seen"):
+        simulate(case, tmp_path / "run")
+    assert apart == [20]
