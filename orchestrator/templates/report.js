@@ -62,7 +62,10 @@
     if (linking) return;
     linking = true;
     const { min, max } = from.scales.x;
-    for (const other of shown) if (other !== from) other.setScale("x", { min, max });
+    for (const other of shown) {
+      const now = other.scales.x;
+      if (now.min !== min || now.max !== max) other.setScale("x", { min, max });
+    }
     const zoomed = min > first || max < last;
     document.documentElement.classList.toggle("zoomed", zoomed);
     linking = false;
