@@ -22,6 +22,7 @@ from lxml import html
 from typer.testing import CliRunner
 
 from desat import cli
+from desat.campaign import store
 from desat.figures import interactive
 from desat.figures.canvas import Figure
 from desat.figures.plots import timeline
@@ -192,8 +193,7 @@ def test_the_page_stands_alone_and_nobodys_names_end_its_script(page):
     assert told.findall(".//img") == []
     assert not told.xpath("//*[@src] | //link | //b[starts-with(., 'x')]")
     assert not re.search(r"url\(|@import", text)
-    scripts = told.findall(".//script")
-    data = json.loads(scripts[0].text)
+    data = json.loads(told.find(".//script[@id='told']").text)
     figures = told.findall(".//figure")
     assert len(data["plots"]) == len(figures) == len(told.xpath("//div[@class='still']/svg"))
     assert all(data["plots"])
@@ -205,7 +205,7 @@ def test_the_page_stands_alone_and_nobodys_names_end_its_script(page):
 
 def test_its_data_are_those_of_the_run(page):
     run = load_run(page.parent)
-    data = json.loads(html.fromstring(page.read_text()).find(".//script").text)
+    data = json.loads(html.fromstring(page.read_text()).find(".//script[@id='told']").text)
     plot = next(p for p in data["plots"] if p["label"].startswith("momentum of each wheel"))
     times = np.frombuffer(base64.b64decode(data["times"][plot["time"]]), "<f8")
     assert np.allclose(times, run.results.times("wheels.h_wheel"), rtol=0.0, atol=1e-9)
@@ -221,6 +221,41 @@ def test_report_open(page, monkeypatch):
         assert done.exit_code == 0
         assert said in done.output
     assert opened == 2 * [page.resolve().as_uri()]
+
+
+# --- a campaign's -------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def campaign(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("campaign") / "a b"
+    done = CliRunner().invoke(cli.app, [
+        "campaign", "integrated/mil-nadir", "-n", "12", "--stop", "20", "--jobs", "1",
+        "--out", str(folder),
+    ])  # fmt: skip
+    assert done.exit_code == 1, done.output  # nothing is dumped in 20 s
+    return folder
+
+
+def test_histograms_name_the_cases_of_each_bar(campaign):
+    told = html.fromstring((campaign / "report.html").read_text())
+    data = json.loads(told.find(".//script[@id='told']").text)
+    assert data["command"] == f"desat campaign case '{campaign}'"
+    figures = told.xpath("//figure[@data-histogram]")
+    assert len(figures) == len(data["histograms"]) > 5
+    for bars in data["histograms"]:
+        assert sorted(c for cases in bars["cases"] for c in cases) == list(range(12))
+        assert list(map(len, bars["cases"])) == bars["counts"]
+        assert 0.0 < bars["edges"][0] < bars["edges"][-1] < 1.0
+        assert (np.diff(bars["edges"]) > 0.0).all()
+    title = "Largest momentum of a wheel, share of its capacity"
+    (k,) = (i for i, f in enumerate(figures) if f.findtext("figcaption").strip() == title)
+    (name,) = (n for n, of in store.described(campaign).items() if of["title"] == title)
+    table, bars = store.read(campaign), data["histograms"][k]
+    assert table["case"].to_pylist() == list(range(12))
+    values = np.array(table[f"out.{name}"].to_pylist())
+    order = [c for cases in bars["cases"] for c in sorted(cases, key=lambda c: values[c])]
+    assert (np.diff(values[order]) >= 0.0).all()
 
 
 # --- in a browser -------------------------------------------------------------------------------
@@ -281,6 +316,26 @@ def test_zoom_and_values_in_a_browser(browser, page, width, scheme):
     assert tab.locator(".still").first.is_visible()
     assert not tab.locator(".live").first.is_visible()
     assert errors == []
+    tab.close()
+
+
+def test_a_click_on_a_bar_names_its_cases_and_on_one_its_command(browser, campaign):
+    tab = browser.new_page(viewport={"width": 420, "height": 900})
+    tab.set_default_timeout(10_000)
+    tab.goto((campaign / "report.html").as_uri())
+    assert tab.evaluate("document.documentElement.scrollWidth") <= 420
+    data = json.loads(tab.evaluate("document.getElementById('told').textContent"))
+    bars = data["histograms"][0]
+    k = int(np.argmax(bars["counts"]))
+    drawn = tab.locator(".many svg").first
+    drawn.scroll_into_view_if_needed()
+    box = drawn.bounding_box()
+    share = 0.5 * (bars["edges"][k] + bars["edges"][k + 1])
+    drawn.click(position={"x": share * box["width"], "y": 0.4 * box["height"]})
+    named = tab.locator("#named")
+    assert named.inner_text().endswith(": " + ", ".join(map(str, bars["cases"][k])))
+    named.locator(".case").last.click()
+    assert f"{data['command']} {bars['cases'][k][-1]}" in named.inner_text()
     tab.close()
 
 

@@ -88,6 +88,6 @@ _MOST = 10_000_000
 """More cases are not told of."""
 
 
-def rerun(folder: Path, case: int) -> str:
+def rerun(folder: Path, case: int | str) -> str:
     """The command that makes a case again."""
     return f"desat campaign case {shlex.quote(str(folder))} {case}"

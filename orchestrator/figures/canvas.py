@@ -204,13 +204,22 @@ class Axes:
         """The lowest and highest y that is drawn, margins included."""
         return _range(self.y, [m.y for m in self.marks])
 
+    def x_range(self) -> Point:
+        """From where to where x goes, margins included."""
+        others = [self.right] if self.right else []
+        spans = [np.ravel(s.spans) for s in self.strips]
+        return _range(self.x, [*spans, *(m.x for a in (self, *others) for m in a.marks)])
+
+    def across(self, values: Any) -> Array:
+        """Where values of x stand in the figure, in tenths of a point from its left."""
+        return _Scale(self.x, self.x_range(), self.left, self.width)(values)
+
     # --- layout ---------------------------------------------------------------------------------
 
     def shapes(self, column: float = COLUMN) -> Iterator[Drawn]:
         """All that they consist of; lines of many points are thinned to columns so wide."""
         others = [self.right] if self.right else []
-        spans = [np.ravel(s.spans) for s in self.strips]
-        x = _range(self.x, [*spans, *(m.x for a in (self, *others) for m in a.marks)])
+        x = self.x_range()
         floor = self.height - STRIP * len({s.row for s in self.strips})
         box = (self.left, self.top, self.width, floor)
         yield from self._grid(x, box)

@@ -140,19 +140,26 @@ def _script(figures: Sequence[Figure]) -> dict[str, Any]:
     """What the page's script needs: data, uPlot with its licence, and itself."""
     told = interactive.told(figures)
     if not any(told["plots"]):
-        return {"plots": "", "uplot_css": "", "most": 0}
-    # in a script element a name of somebody's must not end it
-    data = json.dumps(told, separators=(",", ":")).replace("<", "\\u003c")
-    templates = files("desat") / "templates"
-
-    def part(name: str) -> Markup:
-        return Markup((templates / name).read_text(encoding="utf-8"))
-
+        return {"plots": False, "uplot_css": "", "most": 0}
     return {
-        "plots": Markup(data), "uplot": part("uplot/uPlot.iife.min.js"),
-        "uplot_css": part("uplot/uPlot.min.css"), "licence": part("uplot/LICENSE"),
-        "script": part("report.js"), "most": told["most"],
+        "plots": True, "uplot": _part("uplot/uPlot.iife.min.js"),
+        "uplot_css": _part("uplot/uPlot.min.css"), "licence": _part("uplot/LICENSE"),
+        "script": script("report.js", told), "most": told["most"],
     }  # fmt: skip
+
+
+def _part(name: str) -> Markup:
+    """A part of pages as it is."""
+    return Markup((files("desat") / "templates" / name).read_text(encoding="utf-8"))
+
+
+def script(name: str, told: Any) -> Markup:
+    """The elements of a page's script, and of the data (JSON) that it finds in `#told`."""
+    # a name of somebody's must not end the element
+    data = json.dumps(told, separators=(",", ":")).replace("<", "\\u003c")
+    return Markup(
+        '<script type="application/json" id="told">{}</script>\n<script>{}</script>'
+    ).format(Markup(data), _part(name))
 
 
 def _default(results: Results) -> dict[str, Plot]:

@@ -2,7 +2,7 @@
 // axes of times move together. What cannot be drawn keeps its SVG, as do print and no JavaScript.
 (() => {
   "use strict";
-  const told = JSON.parse(document.getElementById("plots").textContent);
+  const told = JSON.parse(document.getElementById("told").textContent);
   const dark = matchMedia("(prefers-color-scheme: dark)");
   const ROW = 9; // of a strip of modes, px
   const bytes = (text) => Uint8Array.from(atob(text), (c) => c.charCodeAt(0)).buffer;
