@@ -21,12 +21,13 @@ from desat.analyses.manifest import Manifest
 from desat.campaign import draws as study
 from desat.campaign import report
 from desat.campaign.judged import for_half_the_width, more, requirement
-from desat.language.content import Entry
+from desat.language.content import Content, Entry
 from desat.language.scenario import Requirement
+from desat.numbers import verdicts
 from desat.numbers.statistics import clopper_pearson
 from desat.numbers.text import Value, not_reached
 from desat.papers.comparison import Spread, _row, band_of, counted, share_of
-from desat.runs.run import Run, prepare, simulate
+from desat.runs.run import Run, load_run, prepare, simulate
 from desat.runs.stopping import LATE, Condition
 from desat.system.errors import Exit, RunError, nearest
 from desat.system.options import Options
@@ -376,6 +377,7 @@ def test_cells_are_counted_by_what_they_show():
     assert cell(1.5, definition="as it says").definition == "as it says"
 
 
+<<<<<<< HEAD
 # --- what the last run of mutations left ----------------------------------------------------------
 
 
@@ -483,3 +485,91 @@ def test_checkpoints_are_so_many_seconds_of_the_run_apart(tmp_path, monkeypatch)
     with pytest.raises(RunError, match="seen"):
         simulate(case, tmp_path / "run")
     assert apart == [20]
+=======
+# --- requirements of a single run ---------------------------------------------------------------
+
+REQUIRED = """extends = "integrated/mil-nadir"
+stop = 960.0
+without = ["requirements"]
+[requirements.calm]
+number = "pointing_95"
+max = {calm}
+[requirements.dumped]
+number = "dumped"
+max = {dumped}
+"""
+
+
+@pytest.mark.parametrize(
+    ("calm", "dumped", "code"), [(179.0, 7200.0, 0), (0.01, 7200.0, 1), (179.0, 60.0, 1)]
+)
+def test_a_requirement_that_is_not_met_ends_a_run_with_1(desat, tmp_path, calm, dumped, code):
+    """A time that is not reached is not met once the run is over it, and before that unknown."""
+    file, out = tmp_path / "mine.toml", tmp_path / "out"
+    file.write_text(REQUIRED.format(calm=calm, dumped=dumped))
+    done = desat("run", str(file), "--no-twin", "--out", str(out))
+    said = done.stdout + done.stderr
+    assert done.returncode == code
+    assert ("not met: calm: APE" in said) == ("NOT MET" in said) == (calm == 0.01) or dumped < 100
+    assert ("not met: dumped: " in said) == (dumped == 60.0)
+    assert ("not checked: dumped: not reached at 960 s" in said) == (dumped == 7200.0)
+    manifest = load_run(out).manifest
+    verdict = manifest.verdicts["calm"]
+    assert verdict.met == (calm == 179.0) == (verdict.margin > 0.0)
+    assert verdict.value == manifest.numbers["pointing_95"].value
+    page = (out / "report.html").read_text()
+    assert ("NOT MET" in page) == bool(code)
+
+
+def test_requirements_of_draws_are_of_all_together(tmp_path):
+    """One case outside does not end a campaign with 1: its share does."""
+    file = tmp_path / "mine.toml"
+    file.write_text(REQUIRED.format(calm=0.01, dumped=60.0))
+    row = study.one(study.read(str(file)), Options(), 0, None)
+    assert (row.code, row.unmet) == (0, [])
+
+
+def verdict(value: float | None, number: str = "late", until: float = 100.0, **limits: float):
+    content = Content.model_validate({
+        "numbers": {"late": {"signal": "a.b", "measure": "first_below", "unit": "s"},
+                    "then": {"signal": "a.b", "measure": "largest", "window": [50.0, 60.0]}},
+        "requirements": {"r": {"number": number, **limits}},
+    })  # fmt: skip
+    numbers = {number: Value("T", value, "s")}
+    return verdicts.judged(content, numbers, 0.0, until)
+
+
+@pytest.mark.parametrize(
+    ("value", "limits", "met", "margin"),
+    [
+        (50.0, {"max": 100.0}, True, 0.5), (100.0, {"max": 100.0}, True, 0.0),
+        (150.0, {"max": 100.0}, False, -0.5), (50.0, {"min": 100.0}, False, -0.5),
+        (-50.0, {"max": -100.0}, False, -0.5), (50.0, {"min": 40.0, "max": 100.0}, True, 0.25),
+        (math.inf, {"min": 1.0}, False, None), (None, {"max": 100.0}, False, None),
+        (None, {"min": 100.0}, False, None), (1.0, {"min": 0.0}, True, None),
+    ],
+)  # fmt: skip
+def test_a_margin_is_a_share_of_the_nearer_limit(value, limits, met, margin):
+    found, unjudged = verdict(value, **limits)
+    assert (found["r"].met, found["r"].margin, unjudged) == (met, margin, {})
+    assert len(list(verdicts.lines(found))) == (not met)
+
+
+@pytest.mark.parametrize(
+    ("number", "until", "why"),
+    [
+        ("late", 99.0, "not reached at 99 s, where the run ends; it has until 100 s"),
+        ("late", 100.0, ""), ("then", 60.0, ""),
+        ("then", 49.0, "the run ends at 49 s, before 50 s, where its window begins"),
+    ],
+)  # fmt: skip
+def test_a_run_that_is_too_short_does_not_judge(number, until, why):
+    found, unjudged = verdict(None, number, until, max=100.0)
+    assert unjudged == ({number: why} if why else {})
+    assert bool(found) == (not why)
+
+
+def test_a_number_that_is_not_recorded_is_not_judged():
+    content = Content.model_validate({"requirements": {"r": {"number": "x", "max": 1.0}}})
+    assert verdicts.judged(content, {}, 0.0, 1.0) == ({}, {"x": "not recorded"})
+>>>>>>> report27
