@@ -377,7 +377,6 @@ def test_cells_are_counted_by_what_they_show():
     assert cell(1.5, definition="as it says").definition == "as it says"
 
 
-<<<<<<< HEAD
 # --- what the last run of mutations left ----------------------------------------------------------
 
 
@@ -485,7 +484,8 @@ def test_checkpoints_are_so_many_seconds_of_the_run_apart(tmp_path, monkeypatch)
     with pytest.raises(RunError, match="seen"):
         simulate(case, tmp_path / "run")
     assert apart == [20]
-=======
+
+
 # --- requirements of a single run ---------------------------------------------------------------
 
 REQUIRED = """extends = "integrated/mil-nadir"
@@ -572,4 +572,3 @@ def test_a_run_that_is_too_short_does_not_judge(number, until, why):
 def test_a_number_that_is_not_recorded_is_not_judged():
     content = Content.model_validate({"requirements": {"r": {"number": "x", "max": 1.0}}})
     assert verdicts.judged(content, {}, 0.0, 1.0) == ({}, {"x": "not recorded"})
->>>>>>> report27
