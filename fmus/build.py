@@ -1,12 +1,12 @@
 """`python -m desat.fmus.build [NAME ...]`: build the FMUs of the blocks into fmus/dist/.
 
-Two of each block. Of Python, in dist/NAME.fmu: built by pythonfmu, each in a process of its own,
+Three of each block. Of Python, in dist/NAME.fmu: built by pythonfmu, each in a process of its own,
 then packed anew: our model description and documentation, entries sorted, deflated, dated 1980, so
 that the same sources give the same bytes. Such an FMU ships the block, what it imports and the
 adapter in a package whose name is a hash of its contents: FMUs share one interpreter, and equal
 names would share code. Native, in dist/native/NAME.fmu, where the block is in the subset that
-translates to C (`native.py`). dist/index.json lists both; what is made of the same is not built
-again.
+translates to C (`native.py`), and the same as FMI 3.0 in dist/fmi3/NAME.fmu (`fmi3.py`).
+dist/index.json lists them; what is made of the same is not built again.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ from typing import Any
 import pythonfmu
 from rich.progress import track
 
-from . import interfaces, meaning, native
+from . import fmi3, interfaces, meaning, native
 from .compiler import NoCompilerError, compiler
 from .description import DATE, documentation, model_description
 from .meaning import COMPONENTS, sources
@@ -171,7 +171,7 @@ def _digest(which: str) -> str:
 
 
 def _entry(kind: str, name: str, dist: Path, made_of: str, why: str) -> dict[str, Any]:
-    path = dist / ("native" if kind == "native" else "") / f"{name}.fmu"
+    path = dist / ("" if kind == "python" else kind) / f"{name}.fmu"
     data = path.read_bytes()
     with zipfile.ZipFile(path) as archive:
         platforms = sorted({n.split("/")[1] for n in archive.namelist() if n.startswith("binar")})
@@ -218,6 +218,7 @@ def update(wanted: tuple[str, ...], dist: Path, platforms: str = "") -> list[dic
                     and hashlib.sha256(path.read_bytes()).hexdigest() == e["sha256"])  # fmt: skip
 
     made = {name: _digest(which) for name, which in called.items()}
+    anew = hashlib.sha256((HERE / "fmi3.py").read_bytes()).hexdigest()
     both = {name: _native_digest(made[name], compiled) for name in called}
     old = tuple(name for name in called if not is_current("python", name, made[name]))
     if old:
@@ -245,20 +246,25 @@ def update(wanted: tuple[str, ...], dist: Path, platforms: str = "") -> list[dic
             **told,
         }  # fmt: skip
         if name in why:
-            kept.pop(("native", name), None)
-            (dist / "native" / f"{name}.fmu").unlink(missing_ok=True)
-        else:
-            kept["native", name] = {
-                **_entry("native", name, dist, both[name], ""), "computes": told["computes"],
-                "compiler": f"ziglang {version('ziglang')}" if platforms
-                else native.compiler_version(),
-            }  # fmt: skip
+            for kind in ("native", "fmi3"):
+                kept.pop((kind, name), None)
+                (dist / kind / f"{name}.fmu").unlink(missing_ok=True)
+            continue
+        compiled_by = f"ziglang {version('ziglang')}" if platforms else native.compiler_version()
+        of_c = {"computes": told["computes"], "compiler": compiled_by}
+        kept["native", name] = {**_entry("native", name, dist, both[name], ""), **of_c}
+        third = _native_digest(both[name], anew)
+        if not is_current("fmi3", name, third):
+            path = dist / kept["native", name]["file"]
+            fmi3.repack(path, block_class(which), dist / "fmi3" / path.name)
+        kept["fmi3", name] = {**_entry("fmi3", name, dist, third, ""), **of_c}
     return _write(kept, dist)
 
 
 def _write(kept: dict[tuple[str, str], dict[str, Any]], dist: Path) -> list[dict[str, Any]]:
-    """The index, native before Python, written."""
-    index = [kept[key] for key in sorted(kept, key=lambda k: (k[1], k[0] == "python"))]
+    """The index, native before FMI 3.0 before Python, written."""
+    order = ("native", "fmi3", "python")
+    index = [kept[key] for key in sorted(kept, key=lambda k: (k[1], order.index(k[0])))]
     (dist / INDEX).write_text(json.dumps(index, indent=1) + "\n", encoding="utf-8")
     return index
 
@@ -317,9 +323,9 @@ def main() -> int:
     wanted = tuple(name for name in wanted if name not in wrong)
     index = update(wanted, dist, given.platforms)
     if given.into is None and whole and not wrong:
-        for stale in {*dist.glob("*.fmu"), *dist.glob("native/*.fmu")} - {
-            dist / e["file"] for e in index
-        }:
+        for stale in {
+            path for where in ("", "native/", "fmi3/") for path in dist.glob(f"{where}*.fmu")
+        } - {dist / e["file"] for e in index}:
             stale.unlink()
         for left in dist.rglob("*.part"):  # of a build that was killed; one is written at once
             if time.time() - left.stat().st_mtime > 60.0:
@@ -327,8 +333,11 @@ def main() -> int:
         interfaces.write()
     built = {Path(which).stem if is_own(which) else which for which in wanted}
     _print_table([e for e in index if e["name"] in built])
-    natives = sum(e["kind"] == "native" for e in index)
-    print(f"{len(index)} FMUs in {os.path.relpath(dist)}, {natives} of them native")
+    of = {kind: sum(e["kind"] == kind for e in index) for kind in ("native", "fmi3")}
+    print(
+        f"{len(index)} FMUs in {os.path.relpath(dist)}, {of['native']} of them native, "
+        f"{of['fmi3']} native ones of FMI 3.0"
+    )
     try:
         compiler()
     except NoCompilerError as error:

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import inspect
 import json
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from typing import Any
 
 from lxml import etree
 
-from desat.components.contract.block import Block, Variable
+from desat.components.contract.block import Block, Scalar, Variable
 from desat.components.contract.units import unit_of
 
 BASE_UNIT_EXPONENTS = ("kg", "m", "s", "A", "K", "rad")
@@ -70,11 +70,9 @@ def model_description(
         files = etree.SubElement(simulation, "SourceFiles")
         for name in sources:
             etree.SubElement(files, "File", name=name)
-    _unit_definitions(root, block)
-    _log_categories(root)
-    etree.SubElement(
-        root, "DefaultExperiment", {k: repr(v).removesuffix(".0") for k, v in experiment.items()}
-    )
+    unit_definitions(root, block)
+    log_categories(root)
+    default_experiment(root, experiment)
     annotations = etree.SubElement(root, "VendorAnnotations")
     tool = etree.SubElement(annotations, "Tool", name=TOOL)
     etree.SubElement(tool, "Block", name=identifier, role=block.role)
@@ -91,24 +89,27 @@ def model_description(
     structure = etree.SubElement(root, "ModelStructure")
     outputs = etree.SubElement(structure, "Outputs")
     initial = etree.SubElement(structure, "InitialUnknowns")
-    inputs = [v.name for v in block.variables if v.causality == "input"]
-    parameters = [
-        i for v in block.variables if v.causality == "parameter" for i in index_of[v.name]
-    ]
-    for v in block.variables:
-        if v.causality != "output":
-            continue
-        starts_from = sorted(parameters + [i for name in v.starts_from for i in index_of[name]])
-        on = (
-            inputs
-            if depends is None
-            else [name for name in inputs if name in depends.get(v.name, ())]
+    for v, on, start_on in unknowns(block, depends):
+        now, starts_from = (
+            sorted(i for name in names for i in index_of[name]) for names in (on, start_on)
         )
-        now = [i for name in on for i in index_of[name]] if v.interval else []
         for index in index_of[v.name]:
             _unknown(outputs, index, now)
             _unknown(initial, index, starts_from)
     return bytes(etree.tostring(root, xml_declaration=True, encoding="UTF-8", pretty_print=True))
+
+
+def unknowns(
+    block: type[Block], depends: Mapping[str, Collection[str]] | None = None
+) -> Iterator[tuple[Variable, list[str], list[str]]]:
+    """Each output, what it depends on in a step (`depends` as in `model_description`), and what at
+    the start."""
+    inputs = [v.name for v in block.variables if v.causality == "input"]
+    parameters = [v.name for v in block.variables if v.causality == "parameter"]
+    for v in block.variables:
+        if v.causality == "output":
+            on = inputs if depends is None else [n for n in inputs if n in depends.get(v.name, ())]
+            yield v, on if v.interval else [], [*parameters, *v.starts_from]
 
 
 def _unknown(parent: Any, index: int, dependencies: list[int]) -> None:
@@ -118,18 +119,7 @@ def _unknown(parent: Any, index: int, dependencies: list[int]) -> None:
 
 
 def _scalar_variable(parent: Any, v: Variable, name: str, reference: int, start: Any) -> None:
-    variability = "fixed" if v.causality == "parameter" else (
-        "continuous" if v.type == "Real" else "discrete"
-    )  # fmt: skip
-    attributes = {
-        "name": name,
-        "valueReference": str(reference),
-        "description": describe(v),
-        "causality": v.causality,
-        "variability": variability,
-    }
-    if v.causality == "output":
-        attributes["initial"] = "calculated"
+    attributes = {"name": name, "valueReference": str(reference), **common(v)}
     element = etree.SubElement(parent, "ScalarVariable", attributes)
     value = etree.SubElement(element, v.type)
     if v.type == "Real":
@@ -138,27 +128,41 @@ def _scalar_variable(parent: Any, v: Variable, name: str, reference: int, start:
         if bound is not None:
             value.set(key, repr(bound))
     if v.causality != "output":
-        value.set("start", str(start).lower() if v.type == "Boolean" else repr(start))
-    noted = v.choices or v.shared or v.needed_by or v.mean or v.initial or v.follows or v.usual
-    if noted:
+        value.set("start", start_value(start))
+    if note := annotation(v, name):
         tool = etree.SubElement(etree.SubElement(element, "Annotations"), "Tool", name=TOOL)
-        note = etree.SubElement(tool, "Variable")
-        if v.choices:
-            note.set("choices", " ".join(v.choices))
-        if v.shared:
-            note.set("shared", "true")
-        if v.follows:
-            note.set("follows", v.follows)
-        if v.initial:
-            note.set("initial", "true")
-        if v.mean:
-            note.set("mean", "true")
-        if v.slope:
-            note.set("slope", name.replace(v.name, v.slope, 1))
-        if v.needed_by:
-            note.set("neededBy", " ".join(v.needed_by))
-        if v.usual:
-            note.set("usual", " ".join(map(repr, v.usual)))
+        etree.SubElement(tool, "Variable", note)
+
+
+def start_value(x: Scalar) -> str:
+    """A start value in XML."""
+    return str(x).lower() if isinstance(x, bool) else repr(x)
+
+
+def common(v: Variable) -> dict[str, str]:
+    """The attributes that a variable has in FMI 2.0 as in FMI 3.0."""
+    attributes = {
+        "description": describe(v),
+        "causality": v.causality,
+        "variability": "fixed" if v.causality == "parameter"
+        else "continuous" if v.type == "Real" else "discrete",
+    }  # fmt: skip
+    return attributes | ({"initial": "calculated"} if v.causality == "output" else {})
+
+
+def annotation(v: Variable, name: str) -> dict[str, str]:
+    """What our annotation of a variable, or of its element `name`, says; nothing for most."""
+    said = {
+        "choices": " ".join(v.choices),
+        "shared": "true" if v.shared else "",
+        "follows": v.follows,
+        "initial": "true" if v.initial else "",
+        "mean": "true" if v.mean else "",
+        "slope": name.replace(v.name, v.slope, 1) if v.slope else "",
+        "neededBy": " ".join(v.needed_by),
+        "usual": " ".join(map(repr, v.usual or ())),
+    }
+    return {key: text for key, text in said.items() if text}
 
 
 def describe(v: Variable) -> str:
@@ -170,7 +174,8 @@ def describe(v: Variable) -> str:
     )
 
 
-def _unit_definitions(root: Any, block: type[Block]) -> None:
+def unit_definitions(root: Any, block: type[Block]) -> None:
+    """Add the units of a block's variables, as both versions of FMI have them."""
     definitions = etree.SubElement(root, "UnitDefinitions")
     for name in dict.fromkeys(v.unit for v in block.variables if v.type == "Real"):
         unit = unit_of(name)
@@ -182,9 +187,16 @@ def _unit_definitions(root: Any, block: type[Block]) -> None:
             base.set("factor", repr(unit.factor))
 
 
-def _log_categories(root: Any) -> None:
+def log_categories(root: Any) -> None:
+    """Add what the messages are about."""
     categories = etree.SubElement(root, "LogCategories")
     etree.SubElement(categories, "Category", name="logStatusError", description="Failures")
+
+
+def default_experiment(root: Any, experiment: Mapping[str, float]) -> None:
+    """Add startTime, stopTime, stepSize (s), of those that there are."""
+    times = {k: repr(v).removesuffix(".0") for k, v in experiment.items()}
+    etree.SubElement(root, "DefaultExperiment", times)
 
 
 _PAGE = """<!doctype html>

@@ -31,6 +31,8 @@ from .translate.types import SubsetError
 
 HERE = Path(__file__).parent
 WRAPPER = HERE / "c"
+UNITS = tuple(sorted(p.stem for p in WRAPPER.glob("*.c")))
+"""What all libraries have beside their block: each has both faces, FMI 2.0 and FMI 3.0."""
 FLAGS = (
     "-std=c11", "-O3", "-fPIC", "-fvisibility=hidden",
     "-ffp-contract=off",  # no a * b + c in one rounding
@@ -150,7 +152,7 @@ def compile_wrapper(shared: Path, targets: Sequence[Target] = (HERE_ALONE,)) -> 
         folder.mkdir(exist_ok=True)
         for path in WRAPPER.iterdir():
             (folder / path.name).write_bytes(path.read_bytes())
-        for name in ("runtime", "fmi2"):
+        for name in UNITS:
             _run([*target.compiler, *FLAGS, "-c", f"{name}.c", "-o", f"{name}.o"], folder)
 
 
@@ -159,7 +161,8 @@ def compile_block(
 ) -> Path:  # fmt: skip
     """Compile the C of a block, or of a loop of blocks, and link it with what `compile_wrapper` has
     put into `shared`; the library, in `folder`."""
-    for file in ("runtime.o", "fmi2.o"):
+    shared_objects = [f"{unit}.o" for unit in UNITS]
+    for file in shared_objects:
         shutil.copy(shared / target.triple / file, folder / file)
     own = [file for file in files if not (WRAPPER / file).exists() or file.endswith(".h")]
     for file in own:
@@ -172,7 +175,7 @@ def compile_block(
     with ThreadPoolExecutor(os.cpu_count()) as pool:
         list(pool.map(one, units))
     library = f"{name}{target.suffix}"
-    objects = [*(f"{unit}_.o" for unit in units), "runtime.o", "fmi2.o"]
+    objects = [*(f"{unit}_.o" for unit in units), *shared_objects]
     _run([*target.compiler, *target.link, *objects, "-lm", "-o", library], folder)
     return folder / library
 

@@ -22,9 +22,9 @@ def test_energy_adds_up_without_external_torque():
     found, run = numbers("gyrostat/free")
     assert found["energy_mismatch"] < 1e-11
     assert found["impulse_mismatch"] == 0.0
-    ((caption, svg),) = energy.figures(run.manifest, run.results)
+    ((caption, drawn),) = energy.figures(run.manifest, run.results)
     assert caption.startswith("Energy mismatch")
-    assert "<svg" in svg
+    assert "<svg" in drawn.svg()
 
 
 def test_the_balance_is_of_order_six():

@@ -29,7 +29,7 @@ from test_blocks import randomise_inputs
 
 from desat.components.contract.block import Block
 from desat.files import library, paths
-from desat.fmus import build, native, registry, subset
+from desat.fmus import build, fmi3, native, registry, subset
 from desat.fmus.compiler import NoCompilerError, compiler
 from desat.fmus.translate import program
 from desat.fmus.translate.types import SubsetError
@@ -227,7 +227,8 @@ def test_every_block_is_native_but_the_pinned_ones():
         data = (paths.fmus() / e["file"]).read_bytes()
         assert e["bytes"] == len(data)
         assert e["sha256"] == hashlib.sha256(data).hexdigest()
-        assert native.platform() in e["platforms"]
+        here = fmi3.PLATFORMS[native.platform()] if kind == "fmi3" else (native.platform(),)
+        assert {*here} <= {*e["platforms"]}
         assert ("why" in e) == (kind == "python" and name in native.PINNED)
     assert len(native.PINNED) <= 4
 
@@ -247,8 +248,8 @@ def test_it_validates_and_is_described_as_the_python_one(name):
         if kind == "native":
             listed = simulation.find("SourceFiles")
             sources = [f.get("name") for f in listed]
-            assert sources == sorted(("fmi2.c", "runtime.c", f"{name}.c"))
-            assert {f"sources/{f}" for f in (*sources, "block.h")} <= files
+            assert sources == sorted(("fmi2.c", "fmi3.c", "runtime.c", f"{name}.c"))
+            assert {f"sources/{f}" for f in (*sources, "block.h", "fmi2.h")} <= files
             simulation.remove(listed)
             assert simulation.get("needsExecutionTool") == "false"
         for element, key in (
@@ -763,10 +764,10 @@ def sanitized(names: Sequence[str], folder: Path) -> dict[str, str]:
         files, guid = native.sources(name)
         for file, text in files.items():
             (folder / file).write_text(text, encoding="utf-8")
-        for unit in ("host", "runtime", "fmi2", name):
+        for unit in ("host", *native.UNITS, name):
             if unit == name or not (folder / f"{unit}.o").exists():
                 subprocess.run([*build, "-c", f"{unit}.c"], cwd=folder, check=True)
-        units = [f"{unit}.o" for unit in ("host", "runtime", "fmi2", name)]
+        units = [f"{unit}.o" for unit in ("host", *native.UNITS, name)]
         subprocess.run([*build, "-rdynamic", *units, "-lm", "-ldl", "-o", name], cwd=folder,
                        check=True)  # fmt: skip
         ran = subprocess.run([str(folder / name), "itself", guid], capture_output=True, text=True,

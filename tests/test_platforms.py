@@ -99,6 +99,17 @@ def test_a_platform_that_there_is_not_is_named(desat, tmp_path, monkeypatch):
     assert "platform win32: there is all, linux64, win64, darwin64, aarch64-linux" in done.stderr
 
 
+def test_a_loop_is_for_the_platforms_that_are_asked_for(desat, tmp_path, monkeypatch):
+    asked = (native.Target("odd64", ".so"),)
+    given = []
+    monkeypatch.setattr(native, "targets_of", lambda platforms: asked)
+    monkeypatch.setattr(native, "compile_wrapper", lambda folder, targets: given.append(targets))
+    monkeypatch.setattr(native, "assemble", lambda *args: given.append(args[-1]))
+    desat("export", "fmu", "integrated/mil-nadir", "--platforms", "odd64",
+          "--out", str(tmp_path / "x.fmu"))  # fmt: skip
+    assert given == [asked, asked]
+
+
 @pytest.mark.skipif(ZIG, reason="ziglang is there")
 def test_without_ziglang_it_is_said(desat, tmp_path):
     done = desat("build", str(tmp_path / "x.py"), "--platforms", "all")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import inspect
 import math
 import os
 from dataclasses import replace
@@ -20,14 +21,15 @@ from desat.analyses.manifest import Manifest
 from desat.campaign import draws as study
 from desat.campaign import report
 from desat.campaign.judged import for_half_the_width, more, requirement
-from desat.language.content import Entry
+from desat.language.content import Content, Entry
 from desat.language.scenario import Requirement
+from desat.numbers import verdicts
 from desat.numbers.statistics import clopper_pearson
 from desat.numbers.text import Value, not_reached
 from desat.papers.comparison import Spread, _row, band_of, counted, share_of
-from desat.runs.run import Run, prepare, simulate
+from desat.runs.run import Run, load_run, prepare, simulate
 from desat.runs.stopping import LATE, Condition
-from desat.system.errors import Exit, RunError
+from desat.system.errors import Exit, RunError, nearest
 from desat.system.options import Options
 
 __all__ = ["binary", "system"]  # fixtures
@@ -373,3 +375,200 @@ def test_cells_are_counted_by_what_they_show():
     assert (cell(1.5).heading, cell(1.5, heading="how long").heading) == ("a number", "how long")
     assert (cell(1.5).method, cell(1.5, label="ours").method) == ("", "ours")
     assert cell(1.5, definition="as it says").definition == "as it says"
+
+
+# --- what the last run of mutations left ----------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("name", "known", "said"),
+    [
+        ("abcx", ["abcxyz", "abcxaa"], "; did you mean abcxaa?"),  # the first that it begins
+        ("abc", ["abcdefghijkl"], "; did you mean abcdefghijkl?"),
+        ("ab", ["abcdefghijkl"], "; there is abcdefghijkl"),  # two letters begin too much
+        ("yaw_rate", ["yaw_ratio", "yaw_rates_of_all"], "; did you mean yaw_rates_of_all?"),
+        ("x" * 200, ["y"], "; there is y"),
+        ("x" * 201, ["y"], ""),
+    ],
+)  # fmt: skip
+def test_the_nearest_name(name, known, said):
+    assert nearest(name, known) == said
+
+
+@pytest.mark.parametrize(("count", "said"), [(2000, "; did you mean n7?"), (2001, "")])
+def test_no_nearest_of_very_many_names(count, said):
+    assert nearest("n7 ", (f"n{i}" for i in range(count))) == said
+
+
+@pytest.mark.parametrize(
+    ("arguments", "told"),
+    [
+        (("sweep", "plant/spin", "spacecraft.x=1", "--draws", "-1"), "--draws"),
+        (("campaign", "case", "nowhere", "--", "-1"), "'number'"),
+    ],
+)
+def test_numbers_below_the_least_are_refused(arguments, told, desat):
+    said = desat(*arguments)
+    assert said.returncode == Exit.INPUT
+    assert told in said.stderr
+    assert "greater than or equal to 0" in said.stderr
+
+
+def test_what_size_recommends_by_default():
+    """As its page says: a duty of 50 %, a margin of 1.3, a tip-off of 5 deg/s, other laws, a year's
+    extremes and closed loops."""
+    from desat.cli.commands.size import size
+
+    usual = {name: p.default for name, p in inspect.signature(size).parameters.items()}
+    assert (usual["duty"], usual["margin"], usual["tip_off"]) == (50.0, 1.3, 5.0)
+    assert (usual["laws"], usual["year"], usual["loop"], usual["as_map"]) == (
+        None,
+        True,
+        True,
+        False,
+    )
+
+
+@pytest.mark.parametrize(
+    ("given", "wish", "page"),
+    [
+        ((), True, "size-nadir_day-day-dipole.html"),
+        (("--laws",), True, "size-nadir_day-day-dipole.html"),
+        (("--own-law",), False, "size-nadir_day-day-dipole.html"),
+        (("--map",), False, "size-map-nadir_day-day-dipole.html"),
+        (("--map", "--laws"), True, "size-map-nadir_day-day-dipole.html"),
+        (("--map", "--own-law"), False, "size-map-nadir_day-day-dipole.html"),
+    ],
+)
+def test_other_laws_than_the_crafts_by_default_but_of_maps(
+    given, wish, page, monkeypatch, tmp_path, desat
+):  # fmt: skip
+    from desat.studies import sizing, sizing_map, sizing_page
+
+    asked: dict[str, object] = {}
+    made = SimpleNamespace(problems=[], as_json=dict)
+    monkeypatch.setattr(
+        sizing,
+        "size",
+        lambda target, options, wishes, progress: asked.update(laws=wishes.laws) or made,
+    )
+    monkeypatch.setattr(
+        sizing_map, "map_of",
+        lambda target, options, axes, *rest: asked.update(laws=axes.laws) or made,
+    )  # fmt: skip
+    monkeypatch.setattr("desat.cli.commands.size._print", lambda made: None)
+    monkeypatch.setattr("desat.cli.commands.size._print_map", lambda made: None)
+    for name in ("write_sizing", "write_map"):
+        monkeypatch.setattr(sizing_page, name, lambda made, page: asked.update(page=page) or page)
+    monkeypatch.chdir(tmp_path)
+    assert desat("size", "nadir_day/day-dipole", *given).returncode == 0
+    assert asked["laws"] is wish
+    assert asked["page"] == Path("runs") / page
+
+
+def test_jacobi_records_its_first_row_whatever_is_left_out():
+    """Row 0 is of the start; each second row beside it."""
+    given = Options(algorithm="jacobi", every=2, stop=6.0, blocks=True)
+    run = simulate(prepare("nadir_day/day-dipole", given))
+    assert run.results.times()[:3].tolist() == [0.0, 2.0, 4.0]
+
+
+def test_checkpoints_are_so_many_seconds_of_the_run_apart(tmp_path, monkeypatch):
+    """Not so many steps: a step of half a second has twice as many between two."""
+    apart: list[int] = []
+    monkeypatch.setattr(
+        "desat.runs.step_case.Checkpoints",
+        lambda folder, every, *rest: apart.append(every) or (_ for _ in ()).throw(RunError("seen")),
+    )
+    case = prepare("nadir_day/day-dipole", Options(step=0.5, stop=60.0, checkpoint=10.0))
+    with pytest.raises(RunError, match="seen"):
+        simulate(case, tmp_path / "run")
+    assert apart == [20]
+
+
+# --- requirements of a single run ---------------------------------------------------------------
+
+REQUIRED = """extends = "integrated/mil-nadir"
+stop = 960.0
+without = ["requirements"]
+[requirements.calm]
+number = "pointing_95"
+max = {calm}
+[requirements.dumped]
+number = "dumped"
+max = {dumped}
+"""
+
+
+@pytest.mark.parametrize(
+    ("calm", "dumped", "code"), [(179.0, 7200.0, 0), (0.01, 7200.0, 1), (179.0, 60.0, 1)]
+)
+def test_a_requirement_that_is_not_met_ends_a_run_with_1(desat, tmp_path, calm, dumped, code):
+    """A time that is not reached is not met once the run is over it, and before that unknown."""
+    file, out = tmp_path / "mine.toml", tmp_path / "out"
+    file.write_text(REQUIRED.format(calm=calm, dumped=dumped))
+    done = desat("run", str(file), "--no-twin", "--out", str(out))
+    said = done.stdout + done.stderr
+    assert done.returncode == code
+    assert ("not met: calm: APE" in said) == ("NOT MET" in said) == (calm == 0.01) or dumped < 100
+    assert ("not met: dumped: " in said) == (dumped == 60.0)
+    assert ("not checked: dumped: not reached at 960 s" in said) == (dumped == 7200.0)
+    manifest = load_run(out).manifest
+    verdict = manifest.verdicts["calm"]
+    assert verdict.met == (calm == 179.0) == (verdict.margin > 0.0)
+    assert verdict.value == manifest.numbers["pointing_95"].value
+    page = (out / "report.html").read_text()
+    assert ("NOT MET" in page) == bool(code)
+
+
+def test_requirements_of_draws_are_of_all_together(tmp_path):
+    """One case outside does not end a campaign with 1: its share does."""
+    file = tmp_path / "mine.toml"
+    file.write_text(REQUIRED.format(calm=0.01, dumped=60.0))
+    row = study.one(study.read(str(file)), Options(), 0, None)
+    assert (row.code, row.unmet) == (0, [])
+
+
+def verdict(value: float | None, number: str = "late", until: float = 100.0, **limits: float):
+    content = Content.model_validate({
+        "numbers": {"late": {"signal": "a.b", "measure": "first_below", "unit": "s"},
+                    "then": {"signal": "a.b", "measure": "largest", "window": [50.0, 60.0]}},
+        "requirements": {"r": {"number": number, **limits}},
+    })  # fmt: skip
+    numbers = {number: Value("T", value, "s")}
+    return verdicts.judged(content, numbers, 0.0, until)
+
+
+@pytest.mark.parametrize(
+    ("value", "limits", "met", "margin"),
+    [
+        (50.0, {"max": 100.0}, True, 0.5), (100.0, {"max": 100.0}, True, 0.0),
+        (150.0, {"max": 100.0}, False, -0.5), (50.0, {"min": 100.0}, False, -0.5),
+        (-50.0, {"max": -100.0}, False, -0.5), (50.0, {"min": 40.0, "max": 100.0}, True, 0.25),
+        (math.inf, {"min": 1.0}, False, None), (None, {"max": 100.0}, False, None),
+        (None, {"min": 100.0}, False, None), (1.0, {"min": 0.0}, True, None),
+    ],
+)  # fmt: skip
+def test_a_margin_is_a_share_of_the_nearer_limit(value, limits, met, margin):
+    found, unjudged = verdict(value, **limits)
+    assert (found["r"].met, found["r"].margin, unjudged) == (met, margin, {})
+    assert len(list(verdicts.lines(found))) == (not met)
+
+
+@pytest.mark.parametrize(
+    ("number", "until", "why"),
+    [
+        ("late", 99.0, "not reached at 99 s, where the run ends; it has until 100 s"),
+        ("late", 100.0, ""), ("then", 60.0, ""),
+        ("then", 49.0, "the run ends at 49 s, before 50 s, where its window begins"),
+    ],
+)  # fmt: skip
+def test_a_run_that_is_too_short_does_not_judge(number, until, why):
+    found, unjudged = verdict(None, number, until, max=100.0)
+    assert unjudged == ({number: why} if why else {})
+    assert bool(found) == (not why)
+
+
+def test_a_number_that_is_not_recorded_is_not_judged():
+    content = Content.model_validate({"requirements": {"r": {"number": "x", "max": 1.0}}})
+    assert verdicts.judged(content, {}, 0.0, 1.0) == ({}, {"x": "not recorded"})

@@ -2,66 +2,11 @@
    FMUs: the outputs follow inputs and parameters in initialisation mode; what fails is logged, sets
    the output `fault`, and lets no further step begin. */
 
-#include "block.h"
+#include "fmi2.h"
 
 #include <stdarg.h>
 #include <stdio.h>
 #include <stdlib.h>
-
-#if defined(_WIN32)
-#define EXPORT __declspec(dllexport)
-#else
-#define EXPORT __attribute__((visibility("default")))
-#endif
-
-/* --- what the standard declares (FMI 2.0.4, section 2.1) ------------------------------------------ */
-
-typedef double fmi2Real;
-typedef int fmi2Integer, fmi2Boolean;
-typedef char fmi2Char, fmi2Byte;
-typedef const fmi2Char *fmi2String;
-typedef unsigned int fmi2ValueReference;
-typedef void *fmi2Component, *fmi2ComponentEnvironment, *fmi2FMUstate;
-typedef enum { fmi2OK, fmi2Warning, fmi2Discard, fmi2Error, fmi2Fatal, fmi2Pending } fmi2Status;
-typedef enum { fmi2ModelExchange, fmi2CoSimulation } fmi2Type;
-typedef enum {
-    fmi2DoStepStatus, fmi2PendingStatus, fmi2LastSuccessfulTime, fmi2Terminated
-} fmi2StatusKind;
-typedef struct {
-    void (*logger)(fmi2ComponentEnvironment, fmi2String, fmi2Status, fmi2String, fmi2String, ...);
-    void *(*allocateMemory)(size_t, size_t);
-    void (*freeMemory)(void *);
-    void (*stepFinished)(fmi2ComponentEnvironment, fmi2Status);
-    fmi2ComponentEnvironment componentEnvironment;
-} fmi2CallbackFunctions;
-
-/* --- an instance ----------------------------------------------------------------------------------- */
-
-enum { INSTANTIATED, INITIALISING, STEPPING, TERMINATED };
-
-/* all that a saved state has, the block's bytes after it */
-typedef struct {
-    double time;
-    int32_t phase;
-    bool stale;     /* inputs or parameters changed since the last start */
-    bool unstarted; /* start has failed, and nothing else */
-} progress;
-
-/* what get and set need of a variable, in an eighth of its bytes */
-typedef struct {
-    uint32_t offset;
-    char kind;
-    bool fixed; /* once it steps */
-} place;
-
-typedef struct {
-    progress now;
-    void *self; /* the block */
-    place *places; /* by value reference */
-    char *name; /* as given */
-    char *key;  /* by which noise is keyed */
-    fmi2CallbackFunctions call;
-} instance;
 
 typedef struct {
     uint32_t magic;
@@ -180,6 +125,18 @@ static char *key_of(const char *name)
     return key;
 }
 
+/* of the array that variable k begins, by the names: those of `a[1]`, `a[2]`, ... follow each other */
+static uint16_t elements(size_t k)
+{
+    const char *name = the->variables[k].name;
+    const size_t length = strcspn(name, "[");
+    size_t end = k + 1;
+    if (name[length] == 0) return 1;
+    if (k > 0 && strncmp(the->variables[k - 1].name, name, length + 1) == 0) return 0;
+    while (end < the->count && strncmp(the->variables[end].name, name, length + 1) == 0) end++;
+    return (uint16_t)(end - k);
+}
+
 /* --- life -------------------------------------------------------------------------------------------- */
 
 EXPORT const char *fmi2GetTypesPlatform(void) { return "default"; }
@@ -222,7 +179,7 @@ EXPORT fmi2Component fmi2Instantiate(fmi2String name, fmi2Type type, fmi2String 
     }
     for (size_t k = 0; k < the->count; k++) {
         const block_variable *v = the->variables + k;
-        c->places[k] = (place){ (uint32_t)v->offset, v->kind, v->causality == 'p' };
+        c->places[k] = (place){ (uint32_t)v->offset, v->kind, v->causality == 'p', elements(k) };
     }
     strcpy(c->name, name);
     if (type != fmi2CoSimulation || guid == NULL || strcmp(guid, the->guid) != 0) {

@@ -16,7 +16,7 @@ and what of these it has:
     BOUND_KEYS = ("residual_bound",)                # the scenario keys of these bounds
     def unmet(manifest, results) -> list of lines   # what of it is not as it ought to be
     def unchecked(manifest, results) -> {name: why} # which of NUMBERS could not be made of a run
-    def figures(manifest, results) -> [(caption, svg)]
+    def figures(manifest, results) -> [(caption, Figure)]
     def remarks(manifest, results) -> list of lines # what to beware of
 
 and one that has `warnings(system) -> [line]` says what to beware of in a checked system.

@@ -38,6 +38,7 @@ import numpy as np
 from ..engine.master import Master
 from ..engine.node import Kept
 from ..engine.recording.results import Results
+from ..figures.canvas import Figure
 from ..figures.plots import timeline
 from ..figures.style import COLOURS, figure, time_axis
 from ..numbers.derived import rotate_back
@@ -339,18 +340,18 @@ def unmet(manifest: Manifest, results: Results) -> list[str]:
     return lines
 
 
-def figures(manifest: Manifest, results: Results) -> list[tuple[str, str]]:
+def figures(manifest: Manifest, results: Results) -> list[tuple[str, Figure]]:
     """The mismatch of energy over time."""
     balanced = balance(manifest, results)
     if balanced is None:
         return []
     fig, ax = figure()
     seconds, unit = time_axis(balanced.times)
-    ax.plot(balanced.times / seconds, balanced.mismatch, COLOURS[0])
+    ax.plot(balanced.times / seconds, balanced.mismatch, COLOURS[0], name="mismatch")
     timeline(ax, seconds, unit)
     ax.y.label = "[J]"
     caption = "Energy mismatch: what the body has gained beyond the work of its torques"
-    return [(caption, fig.svg())]
+    return [(caption, fig)]
 
 
 # --- The balances of `py` made while a run goes on ---------------------------------------

@@ -12,7 +12,9 @@ from typing import Any
 from ..files import library
 from ..files.identity import of_system, versions
 from ..language.content import Content, said
+from ..numbers import verdicts
 from ..numbers.text import Value
+from ..numbers.verdicts import Verdict
 from ..system.digest import wiring
 from ..system.expression import Table
 from ..system.model import Component, System
@@ -20,7 +22,8 @@ from ..system.options import Options
 from ..system.parameters import Parameter, table
 from . import analyses
 
-AT_THE_END = {"stopped_when", "loop", "numbers", "unmet", "not_checked", "balance"}
+AT_THE_END = {"stopped_when", "loop", "numbers", "verdicts", "unmet", "not_checked",
+              "balance"}  # fmt: skip
 """What is said once a run is over, be it that there is none."""
 UNKNOWN = "?"
 """Stands for what a run that was killed could not say."""
@@ -129,7 +132,10 @@ class Manifest(Mapping[str, Any]):
     wall_seconds: float | str | None = None
     us_per_step: float | str | None = None
     numbers: Mapping[str, Value] = field(default_factory=dict)
+    verdicts: Mapping[str, Verdict] = field(default_factory=dict)
+    """Of the scenario's requirements, by their names, those that this run can judge."""
     unmet: Sequence[str] = ()
+    """What does not add up: a line for each bound of an analysis that is not kept."""
     not_checked: Mapping[str, str] = field(default_factory=dict)
     """Why a number that the run is held against could not be made, by its name."""
     balance: Mapping[str, Any] | None = None
@@ -196,6 +202,11 @@ class Manifest(Mapping[str, Any]):
         """Whether the run reached its end."""
         return self.status == "completed"
 
+    @property
+    def not_met(self) -> list[str]:
+        """A line for each bound and each requirement that is not met."""
+        return [*self.unmet, *verdicts.lines(self.verdicts)]
+
     def values_of(self, component: str) -> dict[str, Any]:
         """The values of a component's parameters by name; none where it is not there."""
         return {name: p.value for name, p in self.parameters.get(component, {}).items()}
@@ -253,4 +264,5 @@ _TYPED: dict[str, Callable[[Any], Any]] = {
     "inner_choice": Choice.from_json,
     "decimated": lambda t: Slow(**t),
     "stopped_when": lambda t: Stopped(**t),
+    "verdicts": lambda t: {name: Verdict(**v) for name, v in t.items()},
 }

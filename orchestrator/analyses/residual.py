@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..engine.recording.results import Results
+from ..figures.canvas import Figure
 from ..figures.plots import timeline
 from ..figures.style import COLOURS, figure, time_axis
 from ..numbers.derived import rotate_back
@@ -145,19 +146,19 @@ def beyond(name: str, number: Value, key: str, bound: float, largest: float) -> 
             f"{largest:.3g} N m s"]  # fmt: skip
 
 
-def figures(manifest: Manifest, results: Results) -> list[tuple[str, str]]:
+def figures(manifest: Manifest, results: Results) -> list[tuple[str, Figure]]:
     """The residual over time."""
     series = momentum(manifest, results)
     caption = "Momentum residual: what the exchange between components loses"
     return [] if series is None else [(caption, plot(series.times, series.residual, results))]
 
 
-def plot(times: Array, residual: Array, results: Results) -> str:
-    """The residual over time as SVG, over the strips of the run's modes."""
+def plot(times: Array, residual: Array, results: Results) -> Figure:
+    """The residual over time, over the strips of the run's modes."""
     fig, ax = figure()
     seconds, unit = time_axis(times)
     for i, axis in enumerate("xyz"):
         ax.plot(times / seconds, residual[:, i], COLOURS[i], label=axis)
     timeline(ax, seconds, unit, results)
     ax.y.label = "[N m s], eci"
-    return fig.svg()
+    return fig

@@ -117,8 +117,10 @@ def ran(
     if run.code > STOPPED:
         run.or_raise(source.target)
     told = run.manifest
+    # requirements are of all draws or cases together, not of one
+    code = Exit.COMPLETED if run.ok and not told.unmet else run.code
     row = RunRow(
-        told.status, int(run.code), told.message or "", told.unmet, told.stopped_when,
+        told.status, int(code), told.message or "", told.unmet, told.stopped_when,
         {name: n.value for name, n in told.numbers.items()}, values,
         {name: {"title": n.title, "unit": n.unit} for name, n in told.numbers.items()},
     )  # fmt: skip

@@ -22,9 +22,7 @@ def requirement(
     failed, or has not the number, or an infinite one, is outside."""
     probability, confidence = entry.probability, entry.confidence
     values = out.get(entry.number, np.full(len(cases), np.nan))
-    low = -math.inf if entry.min is None else entry.min
-    high = math.inf if entry.max is None else entry.max
-    within = completed & np.isfinite(values) & (values <= high) & (values >= low)
+    within = completed & entry.holds(values)
     n, inside = len(cases), int(within.sum())
     # one-sided at the confidence: a two-sided interval with twice the tail
     shown = clopper_pearson(inside, n, 2.0 * confidence - 1.0)[0] / 100.0
@@ -90,6 +88,6 @@ _MOST = 10_000_000
 """More cases are not told of."""
 
 
-def rerun(folder: Path, case: int) -> str:
+def rerun(folder: Path, case: int | str) -> str:
     """The command that makes a case again."""
     return f"desat campaign case {shlex.quote(str(folder))} {case}"

@@ -13,14 +13,13 @@ import numpy as np
 from markupsafe import Markup
 from numpy.typing import NDArray
 
-from ..figures.canvas import Axes, Figure
+from ..figures.canvas import INCH, Axes, Figure
 from ..figures.plots import limits_of, scatter
 from ..figures.style import (
     COLOURS,
     DASHED,
     DOTTED,
     LIMIT,
-    WIDTH,
     axis_label,
     figure,
     pretty_unit,
@@ -32,7 +31,7 @@ from ..language.scenario import Plot
 from ..numbers.numbers import late
 from ..numbers.text import not_reached
 from ..numbers.text import number as shown
-from ..report.report import render, write_page
+from ..report.report import render, script, write_page
 from ..runs.manifest import write_json
 from ..runs.prepare import prepare
 from ..system.errors import DesatError
@@ -51,6 +50,8 @@ BASE = 64
 """Groups of cases from which on Sobol indices are told: of a few, SALib's intervals, which are made
 of the same cases, say nothing."""
 _WORST, _SCATTERS = 3, 4
+_BARS, _NAMED = 40, 12
+"""Of a histogram at the most; the cases of a bar that are named."""
 _NEVER = 1e300
 
 
@@ -215,7 +216,11 @@ def write(folder: Path) -> tuple[Path, dict[str, Any]]:
     write_json(folder / "report.json", told)
     text = render(
         "campaign.html", told=told, plan=plan, title=f"Campaign of {told['target']}",
-        figures=_figures(folder, plan, told),
+        figures=_figures(folder, plan, told), small=(small := _histograms(folder, told)),
+        script=script("campaign.js", {
+            "command": rerun(folder, "").rstrip(),
+            "histograms": [{"edges": s.edges, "cases": s.cases, "counts": s.counts} for s in small],
+        }),
         number=shown, not_reached=not_reached, unit=pretty_unit,
         kept=sorted(p.name for p in (folder / "kept").glob("*")),
     )  # fmt: skip
@@ -232,19 +237,8 @@ class _Figure(NamedTuple):
 
 def _figures(folder: Path, plan: Plan, told: Mapping[str, Any]) -> list[_Figure]:
     made = [*_curves(folder, plan)]
-    limits: dict[str, list[tuple[str, float]]] = {}
-    for name, entry in told["requirements"].items():
-        limits.setdefault(entry["number"], []).extend(
-            (f"{name}, {key}", entry[key]) for key in ("max", "min") if key in entry
-        )
     table = store.read(folder)
     good = np.array([s == "completed" for s in table["status"].to_pylist()])
-    for name, entry in told["numbers"].items():
-        values = flat(table[f"out.{name}"].to_pylist())[good]
-        values = values[np.isfinite(values)]
-        if len(values) and np.ptp(values) > 1e-9 * np.abs(values).max():
-            image = distribution(name, entry["unit"], values, limits.get(name, []))
-            made.append(_Figure(entry["title"], Markup(image)))
     described = store.described(folder)
     strongest = {d["number"]: d for d in reversed(told["drivers"])}  # of each number
     for driver in sorted(strongest.values(), key=lambda d: -abs(d["correlation"]))[:_SCATTERS]:
@@ -259,6 +253,47 @@ def _figures(folder: Path, plan: Plan, told: Mapping[str, Any]) -> list[_Figure]
         below = axis_label(driver["input"], unit, 6.0)
         image = scatter({"": (x, y)}, below, label, size=2.0)
         made.append(_Figure(caption, Markup(image)))
+    return made
+
+
+class _Small(NamedTuple):
+    """A histogram among others: where its bars begin and end, as shares of its width, and the cases
+    of each, the first few by number."""
+
+    title: str
+    image: Markup
+    limits: str
+    edges: Sequence[float]
+    counts: Sequence[int]
+    cases: Sequence[Sequence[int]]
+
+
+def _histograms(folder: Path, told: Mapping[str, Any]) -> list[_Small]:
+    """Of each number that is not the same in all cases."""
+    limits: dict[str, list[tuple[str, float]]] = {}
+    for name, entry in told["requirements"].items():
+        limits.setdefault(entry["number"], []).extend(
+            (f"{name}, {key}", entry[key]) for key in ("max", "min") if key in entry
+        )
+    table, made = store.read(folder), []
+    good = np.array([s == "completed" for s in table["status"].to_pylist()])
+    numbers = np.array(table["case"].to_pylist())[good]
+    for name, entry in told["numbers"].items():
+        values = flat(table[f"out.{name}"].to_pylist())[good]
+        there = np.isfinite(values)
+        cases, values = numbers[there], values[there]
+        if not len(values) or np.ptp(values) <= 1e-9 * np.abs(values).max():
+            continue
+        own = limits.get(name, [])
+        count, edges = np.histogram(values, min(_BARS, max(8, int(np.sqrt(len(values))))))
+        fig, ax = histogram(name, entry["unit"], count, edges, [value for _, value in own])
+        bar = np.clip(np.searchsorted(edges, values, "right") - 1, 0, len(count) - 1)
+        made.append(_Small(
+            entry["title"], Markup(fig.svg()),
+            "; ".join(f"{what} {shown(value)} {pretty_unit(entry['unit'])}" for what, value in own),
+            [round(float(x), 4) for x in ax.across(edges) / (INCH * fig.width)],
+            count.tolist(), [sorted(cases[bar == k].tolist())[:_NAMED] for k in range(len(count))],
+        ))  # fmt: skip
     return made
 
 
@@ -344,22 +379,19 @@ def percentiles(
     return fig.svg()
 
 
-def distribution(title: str, unit: str, values: Array, limits: Sequence[tuple[str, float]]) -> str:
-    """Histogram and cumulative curve of a number, with the limits of requirements."""
-    fig = Figure(WIDTH, 2.7)
-    ax = fig.add(right=0.31)  # room for the other axis
-    count, edges = np.histogram(values, min(60, max(8, int(np.sqrt(len(values))))))
-    ax.bars(edges[:-1], edges[1:], count, COLOURS[0], alpha=0.55, label="cases")
-    ax.x.label, ax.y.label = axis_label(title, unit, 6.0), "cases"
-    ax.x.most, ax.y.low, ax.legend = 7, 0.0, 14
-    ax.right = share = Axes(ax.left, ax.top, ax.width, ax.height)
-    share.y.label, share.y.low, share.y.high = "cumulative [%]", 0.0, 100.0
-    ordered = np.sort(values)
-    share.plot(ordered, 100.0 * np.arange(1, len(ordered) + 1) / len(ordered), COLOURS[1],
-               width=1.2, stepped=True, label="at most this (right)")  # fmt: skip
-    for name, value in limits:
-        ax.upright(value, LIMIT, width=1.2, dash=DASHED, label=f"{name} {value:g}")
-    return fig.svg()
+def histogram(
+    title: str, unit: str, count: Any, edges: Array, limits: Sequence[float]
+) -> tuple[Figure, Axes]:
+    """A small histogram of a number, cases (n,) between edges (n + 1,), with the limits of
+    requirements, and its axes."""
+    fig = Figure(3.4, 2.0)
+    ax = fig.add(left=0.15, right=0.04, top=0.07, bottom=0.27)
+    ax.bars(edges[:-1], edges[1:], count, COLOURS[0], alpha=0.7)
+    for value in limits:
+        ax.upright(value, LIMIT, width=1.2, dash=DASHED)
+    ax.x.label, ax.y.label = axis_label(title, unit, 3.0), "cases"
+    ax.x.most, ax.y.most, ax.y.low = 5, 5, 0.0
+    return fig, ax
 
 
 def flat(values: Any) -> Array:

@@ -44,6 +44,13 @@ class FmuKind(StrEnum):
     python = "python"
 
 
+class FmiVersion(StrEnum):
+    """Which FMI an FMU that is written is of."""
+
+    two = "2"
+    three = "3"
+
+
 def complete_name(incomplete: str) -> list[str]:
     """The scenarios that a shell offers for the beginning of a name."""
     from ..runs import catalogue
@@ -152,6 +159,7 @@ Platforms = Annotated[
                  help="Native for these platforms: all, or linux64,win64,darwin64,aarch64-linux "
                  "(`pip install ziglang`). Default: this one.", show_default=False),
 ]  # fmt: skip
+Fmi = Annotated[FmiVersion, typer.Option(help="Of FMI 2.0 or of FMI 3.0.")]
 Jobs = Annotated[int, typer.Option(help="Processes.", min=1)]
 CPUS = os.cpu_count() or 1
 

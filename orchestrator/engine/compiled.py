@@ -17,7 +17,7 @@ from collections.abc import Iterator, Sequence
 from functools import cache
 from itertools import pairwise
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 
@@ -173,8 +173,10 @@ def _build(command: tuple[str, ...], library: Path) -> None:
 
 CODES = ("TICK", "LENGTH", "TAKE_8", "TAKE_4", "CONVERT", "TRANSFER", "STEP", "COPY", "CLEAR",
           "JOIN", "CUT", "PUT_R", "PUT_I", "PUT_B", "FETCH_R", "FETCH_I", "FETCH_B",
-          "KEEP")  # fmt: skip
+          "KEEP", "TRANSFER_3", "STEP_3", "TO_TYPE", "FROM_TYPE")  # fmt: skip
 _CODE = {name: i for i, name in enumerate(CODES)}
+_CALLS = ("TRANSFER", "STEP", "TRANSFER_3", "STEP_3", "TO_TYPE", "FROM_TYPE")
+"""Those of which the worst status of several counts."""
 
 
 class NotCompiledError(Exception):
@@ -213,7 +215,7 @@ class Program:
         self.operations = (_Operation * len(rows))()
         for i, ((code, n, pointers, numbers), more) in enumerate(rows):
             place = self.operations[i]
-            place.code, place.n, place.more = _CODE[code], n, more and code in ("TRANSFER", "STEP")
+            place.code, place.n, place.more = _CODE[code], n, more and code in _CALLS
             place.word = getattr(self._sources[i], "word", 0)
             place.p[: len(pointers)] = [self._address(p) for p in pointers]
             place.x[: len(numbers)] = numbers
@@ -285,23 +287,16 @@ def _calls(call: Call) -> Iterator[_Row]:
         raise NotCompiledError(f"{instance.name} is not run as an FMU")
     if call.verb not in instance.prepared:
         raise NotCompiledError(f"the steps of {instance.name} may be halved")
-    for i, prepared in enumerate(instance.prepared[call.verb]):
-        function = ctypes.cast(cast(Any, prepared.func), ctypes.c_void_p).value
-        if call.verb == "step":
-            component, t, dt, _ = prepared.args
-            yield "STEP", 1, (function, component.value, t, dt), ()
-        else:
-            component, references, n, values = prepared.args
-            if direct := instance.places[call.verb][i]:
-                kind, places = direct
-                if call.verb == "pull" and kind == "R" and _side_by_side(places):
-                    yield "COPY", 8 * n.value, (values.value, places[0]), ()
-                    continue
-                code = f"{'PUT' if call.verb == 'push' else 'FETCH'}_{kind}"
-                yield code, n.value, (places, values.value), ()
-                continue
-            pointers = (function, component.value, references.value, values.value)
-            yield "TRANSFER", n.value, pointers, ()
+    for moves in instance.prepared[call.verb]:
+        if moves.places is None:
+            yield from ((p.code, p.n, p.pointers, ()) for p in moves.calls)
+            continue
+        n = len(moves.places)
+        if call.verb == "pull" and moves.kind == "R" and _side_by_side(moves.places):
+            yield "COPY", 8 * n, (moves.values, moves.places[0]), ()
+            continue
+        code = f"{'PUT' if call.verb == 'push' else 'FETCH'}_{moves.kind}"
+        yield code, n, (moves.places, moves.values), ()
 
 
 def _side_by_side(places: Sequence[int]) -> bool:

@@ -1,4 +1,4 @@
-/* The master's steps over FMI 2.0 function pointers.
+/* The master's steps over function pointers of FMI 2.0 and FMI 3.0.
  *
  * It does what operations.py does, in the same order and with the same roundings: compiled.py makes
  * its operations from the same plan. Nothing here knows of schedules or rates.
@@ -14,7 +14,8 @@
 #endif
 
 enum code { TICK, LENGTH, TAKE_8, TAKE_4, CONVERT, TRANSFER, STEP, COPY, CLEAR, JOIN, CUT,
-            PUT_R, PUT_I, PUT_B, FETCH_R, FETCH_I, FETCH_B, KEEP };
+            PUT_R, PUT_I, PUT_B, FETCH_R, FETCH_I, FETCH_B, KEEP,
+            TRANSFER_3, STEP_3, TO_TYPE, FROM_TYPE };
 
 /* p and x by code:
  *   TICK      *p0 = start + (k + x0) step
@@ -24,6 +25,10 @@ enum code { TICK, LENGTH, TAKE_8, TAKE_4, CONVERT, TRANSFER, STEP, COPY, CLEAR, 
  *   PUT, FETCH  what sets and gets of our own FMUs do in step mode: *p0[i] = p1[i], or back
  *   TRANSFER  function p0, component p1, value references p2, values p3
  *   STEP      function p0, component p1, time p2, length p3
+ *   TRANSFER_3  of FMI 3.0: the same, with the number of values p4
+ *   STEP_3      the same, and what it says beside its status in p4
+ *   TO_TYPE     p0[p1[i]] = p2[p3[i]], from a value of the loop to one of type p4 (faces.py, TYPES)
+ *   FROM_TYPE   back
  *   COPY      n bytes to p0 from p1
  *   CLEAR     n values of p0 are zero
  *   JOIN      of values p0 with means at p1 and slopes at p2: p3[i] += x0 mean,
@@ -83,6 +88,55 @@ enum result { LOOK, FAILED, NOT_FINITE };
 typedef unsigned transfer(void *, const unsigned *, size_t, void *);
 typedef unsigned do_step(void *, double, double, int);
 
+typedef unsigned transfer_3(void *, const unsigned *, size_t, void *, size_t);
+typedef unsigned do_step_3(void *, double, double, bool, bool *, bool *, bool *, double *);
+
+struct done {
+    bool event, terminate, early;
+    double last;
+};
+
+/* Of a whole number of one type as another, whether it is the same number. */
+#define SAME(A, B) ((int64_t)(A) == (int64_t)(B) && ((A) < 0) == ((B) < 0))
+#define OURS(TYPE, KEEPS)                                                                            \
+    for (i = 0; i < o->n; i++)                                                                       \
+        if (from) {                                                                                  \
+            const TYPE value = ((const TYPE *)o->p[2])[index[i]];                                    \
+            if (!KEEPS(value, (int32_t)value)) return 3;                                             \
+            ((int32_t *)o->p[0])[first[i]] = (int32_t)value;                                         \
+        } else {                                                                                     \
+            const int32_t value = ((const int32_t *)o->p[2])[index[i]];                              \
+            if (!KEEPS(value, (TYPE)value)) return 3;                                                \
+            ((TYPE *)o->p[0])[first[i]] = (TYPE)value;                                               \
+        }                                                                                            \
+    return 0;
+#define REALS(TYPE)                                                                                  \
+    for (i = 0; i < o->n; i++)                                                                       \
+        if (from) ((double *)o->p[0])[first[i]] = ((const TYPE *)o->p[2])[index[i]];                 \
+        else ((TYPE *)o->p[0])[first[i]] = (TYPE)((const double *)o->p[2])[index[i]];                \
+    return 0;
+#define ANY(A, B) true
+
+static unsigned typed(const struct operation *o, bool from)
+{
+    const int64_t *first = o->p[1], *index = o->p[3];
+    int64_t i;
+    switch ((intptr_t)o->p[4]) {
+    case 0: REALS(float)
+    case 1: REALS(double)
+    case 2: OURS(int8_t, SAME)
+    case 3: OURS(int16_t, SAME)
+    case 4: OURS(int32_t, SAME)
+    case 5: OURS(int64_t, SAME)
+    case 6: OURS(uint8_t, SAME)
+    case 7: OURS(uint16_t, SAME)
+    case 8: OURS(uint32_t, SAME)
+    case 9: OURS(uint64_t, SAME)
+    case 10: OURS(bool, ANY)
+    }
+    return 4; /* faces.py knows no other */
+}
+
 static double at(const double *values, int64_t place) { return place < 0 ? 0.0 : values[place]; }
 
 /* value i where our own FMUs have it, and where the loop has it */
@@ -140,6 +194,23 @@ static unsigned perform(struct loop *loop, const struct operation *o)
     case STEP:
         *loop->word = o->word;
         return back(loop, ((do_step *)o->p[0])(o->p[1], *(double *)o->p[2], *(double *)o->p[3], 1));
+    case TRANSFER_3:
+        *loop->word = o->word;
+        return back(loop, ((transfer_3 *)o->p[0])(o->p[1], o->p[2], (size_t)o->n, o->p[3],
+                                                  (size_t)(uintptr_t)o->p[4]));
+    case STEP_3: {
+        struct done *done = o->p[4];
+        *loop->word = o->word;
+        done->terminate = done->early = false;
+        const unsigned status = back(
+            loop, ((do_step_3 *)o->p[0])(o->p[1], *(double *)o->p[2], *(double *)o->p[3], true,
+                                         &done->event, &done->terminate, &done->early, &done->last));
+        return status <= 1 && (done->terminate || done->early) ? 3 : status;
+    }
+    case TO_TYPE:
+        return typed(o, false);
+    case FROM_TYPE:
+        return typed(o, true);
     case COPY:
         memcpy(o->p[0], o->p[1], (size_t)o->n);
         return 0;

@@ -100,6 +100,24 @@ class Mark:
     marker: float = 0.0
     """Width (pt) of a point."""
     hollow: bool = False
+    stepped: bool = False
+    """Each value of a line holds until the next."""
+    name: str = ""
+    """What a line without a label is called where each has a name."""
+    whole: tuple[Array, Array] | None = None
+    """Of an area that a fast line lies within: that line."""
+
+    @property
+    def count(self) -> int:
+        """The points of its path."""
+        return 2 * len(self.x) - 1 if self.stepped and len(self.x) else len(self.x)
+
+    @property
+    def path(self) -> tuple[Array, Array]:
+        """x and y of all its points, corners of steps included."""
+        if not self.stepped:
+            return self.x, self.y
+        return np.repeat(self.x, 2)[1:], np.repeat(self.y, 2)[:-1]
 
 
 @dataclass
@@ -125,6 +143,8 @@ class Axis:
     ticks: Ticks | None = None
     most: int | None = None
     """Ticks at the most; default: as many as there is room for."""
+    seconds: float = 0.0
+    """Of an axis of times: seconds in its unit."""
 
 
 @dataclass
@@ -147,13 +167,9 @@ class Axes:
     right: Axes | None = None
     """Other axes over these, of the same x, whose y stands at the right."""
 
-    def plot(self, x: Any, y: Any, colour: str, *, stepped: bool = False, **look: Any) -> None:
-        """A line, or with `width` 0 and a `marker` points; `stepped`: each value holds until the
-        next."""
-        x, y = np.asarray(x, float), np.asarray(y, float)
-        if stepped and len(x):
-            x, y = np.repeat(x, 2)[1:], np.repeat(y, 2)[:-1]
-        self.marks.append(Mark(x, y, colour, **look))
+    def plot(self, x: Any, y: Any, colour: str, **look: Any) -> None:
+        """A line, or with `width` 0 and a `marker` points."""
+        self.marks.append(Mark(np.asarray(x, float), np.asarray(y, float), colour, **look))
 
     def area(self, x: Any, low: Any, high: Any, colour: str, **look: Any) -> None:
         """What lies between two lines of the same x."""
@@ -188,13 +204,22 @@ class Axes:
         """The lowest and highest y that is drawn, margins included."""
         return _range(self.y, [m.y for m in self.marks])
 
+    def x_range(self) -> Point:
+        """From where to where x goes, margins included."""
+        others = [self.right] if self.right else []
+        spans = [np.ravel(s.spans) for s in self.strips]
+        return _range(self.x, [*spans, *(m.x for a in (self, *others) for m in a.marks)])
+
+    def across(self, values: Any) -> Array:
+        """Where values of x stand in the figure, in tenths of a point from its left."""
+        return _Scale(self.x, self.x_range(), self.left, self.width)(values)
+
     # --- layout ---------------------------------------------------------------------------------
 
     def shapes(self, column: float = COLUMN) -> Iterator[Drawn]:
         """All that they consist of; lines of many points are thinned to columns so wide."""
         others = [self.right] if self.right else []
-        spans = [np.ravel(s.spans) for s in self.strips]
-        x = _range(self.x, [*spans, *(m.x for a in (self, *others) for m in a.marks)])
+        x = self.x_range()
         floor = self.height - STRIP * len({s.row for s in self.strips})
         box = (self.left, self.top, self.width, floor)
         yield from self._grid(x, box)
@@ -328,7 +353,7 @@ class Figure:
         """All shapes and texts, the lowest first."""
         all_axes = [*self.axes, *(a.right for a in self.axes if a.right)]
         room = max((a.width for a in self.axes), default=0.0)
-        dense = sum(len(m.x) > 2.0 * room / COLUMN for a in all_axes for m in a.marks if m.width)
+        dense = sum(m.count > 2.0 * room / COLUMN for a in all_axes for m in a.marks if m.width)
         for axes in self.axes:
             yield from axes.shapes(max(COLUMN, room * dense / COLUMNS))
 
@@ -387,7 +412,8 @@ def _painted(
     mark: Mark, across: _Scale, up: _Scale, box: Box, column: float
 ) -> Iterator[Drawn]:  # fmt: skip
     """A mark as shapes."""
-    points = np.column_stack([across(mark.x), up(mark.y)])
+    x, y = mark.path
+    points = np.column_stack([across(x), up(y)])
     known = np.isfinite(points.sum(axis=1))
     if mark.filled:
         parts = [p for p in _parts(points, known) if len(p) > 2]

@@ -129,13 +129,15 @@ def _draw(
                 name = labels[number]
             name = name if labels else ""
             colour = COLOURS[i % len(COLOURS)]
+            whose = f"{line.name}, {labels[number]}" if labels and len(runs) > 1 else line.name
             if plot.envelope and len(line.times) > BINS:
                 x, low, high = between(line.times, line.values)
                 ax.area(x / seconds, low, high, colour, alpha=0.45,
-                        label=name and f"{name}: least to most")  # fmt: skip
+                        label=name and f"{name}: least to most", name=whose,
+                        whole=(line.times / seconds, line.values))  # fmt: skip
                 continue
             ax.plot(line.times / seconds, line.values, colour, label=name, stepped=line.stepped,
-                    **(_FIRST if number == 0 else _OTHER))  # fmt: skip
+                    name=whose, **(_FIRST if number == 0 else _OTHER))  # fmt: skip
 
 
 def _draw_limits(
@@ -245,7 +247,7 @@ COLUMNS = 800
 def timeline(ax: Axes, seconds: float, unit: str, results: Results | None = None) -> None:
     """Name the axis of times, in `unit` of so many seconds. Under it, a strip of coloured bands for
     each Integer of the results whose values have names: a mode, a phase."""
-    ax.x.label, ax.x.margin = f"time [{unit}]", 0.01
+    ax.x.label, ax.x.margin, ax.x.seconds = f"time [{unit}]", 0.01, seconds
     strips = results.once("strips", lambda: list(_strips(results))) if results else []
     for strip in strips:
         spans = [(begin / seconds, end / seconds) for begin, end in strip.spans]

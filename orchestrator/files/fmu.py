@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import re
 import zipfile
+from collections.abc import Iterator
 from functools import lru_cache
+from itertools import product
+from math import prod
 from pathlib import Path
 from typing import Any
 
@@ -22,11 +26,16 @@ from .xml import parse_bytes
 
 LONGEST_NAME = 200
 """Of a library (characters)."""
+MOST_ELEMENTS = 1_000_000
+"""Of an array."""
+_WHOLE = ("Int8", "Int16", "Int32", "Int64", "UInt8", "UInt16", "UInt32", "UInt64", "Enumeration")
+_KINDS = {"Float32": "Real", "Float64": "Real", **dict.fromkeys(_WHOLE, "Integer")}
+"""What types of FMI 3.0 are here; others are called the same."""
 
 
 def of_fmu(path: Path, called: str = "") -> Interface:
-    """The interface of an FMI 2.0 co-simulation FMU (a file or an extracted folder); `called`: its
-    file's name, for messages.
+    """The interface of a co-simulation FMU of FMI 2.0 or 3.0 (a file or an extracted folder);
+    `called`: its file's name, for messages.
 
     Raises DesatError when it is no such FMU.
     """
@@ -48,22 +57,49 @@ def _interface(root: Any, description: Any) -> Interface:
         u.name: Unit(b.kg, b.m, b.s, b.A, b.K, b.rad, b.factor, b.offset)
         for u in description.unitDefinitions if (b := u.baseUnit) is not None
     }  # fmt: skip
-    classes = _output_classes(description)
+    third = description.fmiVersion.startswith("3.")
+    variables, ours = (_VARIABLES_3, _OURS_3) if third else (_VARIABLES_2, _OURS_2)
     notes = {
         variable.get("name"): dict(note.attrib)
-        for variable in root.iterfind("ModelVariables/ScalarVariable")
-        for note in variable.iterfind(f"Annotations/Tool[@name='{TOOL}']/*")
+        for variable in root.iterfind(variables)
+        for note in variable.iterfind(f"{ours}/*")
     }
-    block = root.find(f"VendorAnnotations/Tool[@name='{TOOL}']/Block")
+    block = root.find(f"{'' if third else 'Vendor'}{ours}/Block")
+    classes = _output_classes(description)
+    scalars = _elements if third else lambda v: [(v.name, v.start, None)]
     return Interface(
         description.modelName,
         description.description or "",
         {
-            v.name: _signal(v, units, classes, notes.get(v.name, {}))
-            for v in description.modelVariables
+            name: _signal(v, units, classes, notes.get(v.name, {}), name, start, element)
+            for v in description.modelVariables for name, start, element in scalars(v)
         },
         "" if block is None else block.get("role", ""),
-    )
+        "3.0" if third else "2.0",
+    )  # fmt: skip
+
+
+_VARIABLES_2, _OURS_2 = "ModelVariables/ScalarVariable", f"Annotations/Tool[@name='{TOOL}']"
+_VARIABLES_3, _OURS_3 = "ModelVariables/*", f"Annotations/Annotation[@type='{TOOL}']"
+
+
+def _elements(v: Any) -> Iterator[tuple[str, str | None, int]]:
+    """The scalars of a variable of FMI 3.0, as those of FMI 2.0 are called: name, start, place."""
+    if v.type == "Clock":
+        raise ValueError(f"{v.name} is a clock: there is no event mode here, in which clocks tick; "
+                         "export it without")  # fmt: skip
+    count = prod(v.shape)
+    if count > MOST_ELEMENTS:
+        raise ValueError(f"{v.name}: {count} elements, more than {MOST_ELEMENTS}")
+    if not v.shape or v.type in ("String", "Binary"):
+        yield v.name, v.start, 0
+        return
+    starts = v.start.split() if v.start else [None]
+    starts = starts * count if len(starts) == 1 else starts
+    if len(starts) != count:
+        raise ValueError(f"{v.name}: {len(starts)} start values for {count} elements")
+    for i, index in enumerate(product(*(range(1, n + 1) for n in v.shape))):
+        yield f"{v.name}[{','.join(map(str, index))}]", starts[i], i
 
 
 def _read(path: Path, called: str) -> tuple[Any, Any]:
@@ -75,11 +111,14 @@ def _read(path: Path, called: str) -> tuple[Any, Any]:
             with zipfile.ZipFile(path) as archive:
                 xml = archive.read("modelDescription.xml")
         root = parse_bytes(xml, f"{called}/modelDescription.xml")
-        version = root.get("fmiVersion")
-        if version != "2.0" or root.find("CoSimulation") is None:
-            kind = f"FMI {version}" if version != "2.0" else "FMI 2.0 for model exchange alone"
-            raise DesatError(f"{called}: {kind}: FMI 2.0 for co-simulation is needed: export it as "
-                             "that")  # fmt: skip
+        version = root.get("fmiVersion") or "of no version"
+        known = version == "2.0" or re.fullmatch(r"3\.0(\.\d+)?", version)
+        if not known or root.find("CoSimulation") is None:
+            alone = "scheduled execution" if root.find("ScheduledExecution") is not None else (
+                "model exchange")  # fmt: skip
+            kind = f"FMI {version} for {alone} alone" if known else f"FMI {version}"
+            raise DesatError(f"{called}: {kind}: FMI 2.0 or 3.0 for co-simulation is needed: "
+                             "export it as that")  # fmt: skip
         _identifier(called, root)
         return root, description_of(path)
     except (OSError, KeyError, zipfile.BadZipFile, etree.XMLSyntaxError) as error:
@@ -132,36 +171,55 @@ def _output_classes(description: Any) -> dict[str, OutputClass]:
 
 
 def _signal(
-    v: Any, units: dict[str, Unit], classes: dict[str, OutputClass], note: dict[str, str]
-) -> Signal:
-    """A scalar variable of fmpy's, with our annotation of it."""
+    v: Any, units: dict[str, Unit], classes: dict[str, OutputClass], note: dict[str, str],
+    name: str, start: str | None, element: int | None,
+) -> Signal:  # fmt: skip
+    """A scalar variable of fmpy's, or an element of one of FMI 3.0, with our annotation of it."""
     declared = v.declaredType
     unit_name = v.unit or (declared.unit if declared else None) or ""
     least, largest = (
         x if x is not None else getattr(declared, key, None)
         for key, x in (("min", v.min), ("max", v.max))
     )
+    kind = v.type if element is None else _KINDS.get(v.type, v.type)
+    if element is not None and v.type == "Enumeration" and declared and declared.items:
+        values = [int(i.value) for i in declared.items]
+        least, largest = min(values), max(values)
+    slope = note.get("slope", "")
     return Signal(
-        name=v.name,
+        name=name,
         causality=v.causality,
-        kind=v.type,
-        reference=v.valueReference,
+        kind=kind,
+        reference=v.valueReference + (element or 0),
+        type="" if element is None else v.type,
+        element=element or 0,
         unit_name=unit_name,
         unit=units.get(unit_name) or (known_unit(unit_name) if unit_name else None),
-        start=_value(v.type, v.start),
+        start=_value(kind, start),
         minimum=None if least is None else float(least),
         maximum=None if largest is None else float(largest),
         description=v.description or "",
-        choices=tuple(note.get("choices", "").split()),
-        output_class=classes.get(v.name, "undeclared") if v.causality == "output" else "state",
+        choices=tuple(note.get("choices", "").split())
+        or _items(declared if element == 0 else None),
+        output_class=classes.get(getattr(v.alias, "name", v.name), "undeclared")
+        if v.causality == "output"
+        else "state",
         initial=note.get("initial") == "true",
         mean=note.get("mean") == "true",
-        slope=note.get("slope", ""),
+        slope=slope and (slope if element is None else name.replace(v.name, slope, 1)),
         shared=note.get("shared") == "true",
         follows=note.get("follows", ""),
         needed_by=tuple(note.get("neededBy", "").split()),
         usual=_range(note.get("usual", "")),
     )
+
+
+def _items(declared: Any) -> tuple[str, ...]:
+    """The names of an enumeration's values, where they have such and are counted from 0."""
+    values = {int(i.value): i.name for i in getattr(declared, "items", None) or ()}
+    if not values or min(values) < 0 or max(values) > 999 or any(" " in n for n in values.values()):
+        return ()
+    return tuple(values.get(i, "-") for i in range(max(values) + 1))
 
 
 def _range(text: str) -> tuple[float, float] | None:

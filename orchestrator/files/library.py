@@ -342,6 +342,14 @@ def told_faults(components: Iterable[Component]) -> Iterator[str]:
             yield f"{c.name}: {fmu.path.name}: not as FMI wants it: {found[0][:300]}{more}"
 
 
+def told_unused(components: Iterable[Component]) -> Iterator[str]:
+    """A line for each FMU with variables of a type that is not handed on."""
+    for c in components:
+        if names := [s.name for s in c.interface.signals.values() if s.kind == "Binary"]:
+            more = f" and {len(names) - 3} more" if len(names) > 3 else ""
+            yield f"{c.name}: Binary variables are not handed on: {', '.join(names[:3])}{more}"
+
+
 def problems(components: Iterable[Component], trusted: frozenset[str] | None) -> Iterator[str]:
     """A line for each FMU that has no code for this platform or, with a list, is not of it."""
     for c in components:
@@ -350,9 +358,10 @@ def problems(components: Iterable[Component], trusted: frozenset[str] | None) ->
         fmu = load(c.fmu)
         if trusted is not None and fmu.sha256 not in trusted:
             yield f"{c.name}: {fmu.path.name} is not of the list of --trust (sha256 {fmu.sha256})"
-        if fmpy.platform not in (known := platforms(fmu.folder)):
+        here = fmpy.platform if fmu.interface.fmi == "2.0" else fmpy.platform_tuple
+        if here not in (known := platforms(fmu.folder)):
             there = ", ".join(known) or "none"
-            yield f"{c.name}: {fmu.path.name} has no binary for {fmpy.platform}; there is {there}"
+            yield f"{c.name}: {fmu.path.name} has no binary for {here}; there is {there}"
 
 
 def notes(components: Iterable[Component]) -> Iterator[str]:
@@ -366,6 +375,6 @@ def notes(components: Iterable[Component]) -> Iterator[str]:
 
 
 def platforms(folder: Path) -> list[str]:
-    """The platforms that an extracted FMU has a library for, as FMI 2.0 names them."""
+    """The platforms that an extracted FMU has a library for, as its version of FMI names them."""
     folders = (p for p in (folder / "binaries").glob("*") if p.is_dir())
     return sorted(p.name for p in folders if any(q.is_file() for q in p.iterdir()))

@@ -27,6 +27,8 @@ class Built:
 
     python: Path
     native: Path | None
+    fmi3: Path | None
+    """The native one as FMI 3.0."""
     why: str
     """Why there is no native one; else nothing."""
 
@@ -37,8 +39,8 @@ def folder() -> Path:
 
 
 def folder_of(fmu: Path) -> Path | None:
-    """The folder with both FMUs of a block file that one of them is of; None for any other FMU."""
-    parent = fmu.parent.parent if fmu.parent.name == "native" else fmu.parent
+    """The folder with the FMUs of a block file that one of them is of; None for any other FMU."""
+    parent = fmu.parent.parent if fmu.parent.name in ("native", "fmi3") else fmu.parent
     return parent if parent.parent == folder() else None
 
 
@@ -61,8 +63,10 @@ def built(file: Path, platforms: str = "") -> Built:
             if not where.is_dir():
                 _build(file, where, platforms)
     said = {e["kind"]: e for e in json.loads((where / build.INDEX).read_text(encoding="utf-8"))}
-    of_c = where / said["native"]["file"] if "native" in said else None
-    return Built(where / said["python"]["file"], of_c, said["python"].get("why", ""))
+    of_c, third = (
+        where / said[kind]["file"] if kind in said else None for kind in ("native", "fmi3")
+    )
+    return Built(where / said["python"]["file"], of_c, third, said["python"].get("why", ""))
 
 
 def _build(file: Path, where: Path, platforms: str) -> None:

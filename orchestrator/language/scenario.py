@@ -170,11 +170,12 @@ class Dispersion(Written):
 
 
 class Requirement(Written):
-    """[requirements.NAME]: what a number must be in so large a share of a campaign's cases."""
+    """[requirements.NAME]: what a number must be, in a run and in so large a share of a campaign's
+    cases."""
 
     NEEDED = ("number",)
     number: Text = key("the number, of [numbers] or of an analysis")
-    max: Maybe[FiniteFloat] = key("a case is within where the number is at most this, in its unit")
+    max: Maybe[FiniteFloat] = key("a run is within where the number is at most this, in its unit")
     min: Maybe[FiniteFloat] = key("or where it is at least this; both may be given")
     probability: Annotated[float, Field(gt=0.0, lt=1.0)] = key(
         "the share of all cases that must be within; default: 0.95", default=0.95
@@ -188,6 +189,12 @@ class Requirement(Written):
         if not self.model_fields_set & {"max", "min"}:
             raise incomplete("max or min is needed")
         return self
+
+    def holds(self, values: Any) -> Any:
+        """Where values, in the number's unit, are finite and within; True or False for one."""
+        low = -math.inf if self.min is None else self.min
+        high = math.inf if self.max is None else self.max
+        return (values <= high) & (values >= low) & (abs(values) < math.inf)
 
 
 class Design(Written):
@@ -306,7 +313,10 @@ class Scenario(Written):
     )
     twin: Text = key("a scenario of this family that the report shows beside this one")
     numbers: dict[str, Number] = key("the numbers of a run")
-    requirements: dict[str, Requirement] = key("what `desat campaign` holds its cases against")
+    requirements: dict[str, Requirement] = key(
+        "what runs are held against: `desat run` ends with 1 where one is not met; a "
+        "campaign judges all cases together"
+    )
     plots: dict[str, Plot] = key("the figures of the report, in this order")
     paper: dict[str, PaperRow] = key("a paper's values beside the numbers")
 

@@ -2,15 +2,21 @@
 
 from __future__ import annotations
 
+import json
+import math
+from collections.abc import Mapping, Sequence
+from importlib.resources import files
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from markupsafe import Markup
 
 from ..analyses import analyses
 from ..analyses.manifest import Manifest
 from ..engine.recording.results import Results
-from ..figures.plots import series_plot
+from ..figures import interactive
+from ..figures.canvas import Figure
+from ..figures.plots import series_figure
 from ..figures.style import pretty_unit
 from ..files.io import replace_text
 from ..language.scenario import Plot
@@ -48,14 +54,14 @@ def write_report(folder: Path, run: Run, twin: Run | None = None) -> Path:
     manifest = run.manifest
     about = manifest.content
     runs = [(label_of(r.manifest), r.results, r.manifest.parameters) for r in (run, twin) if r]
-    figures = [
-        (plot.title, Markup(image))
-        for plot in (about.plots.values() if "plots" in about.written else _default(run.results))
-        if (image := series_plot(plot, runs))
-    ]
+    plots = about.plots if "plots" in about.written else _default(run.results)
+    drawn = [
+        (plot.title, figure)
+        for plot in _deciding_first(plots, manifest) if (figure := series_figure(plot, runs))
+    ]  # fmt: skip
     for analysis in analyses():
-        extra = analysis.figures(manifest, run.results)
-        figures += [(caption, Markup(image)) for caption, image in extra]
+        drawn += analysis.figures(manifest, run.results)
+    figures = [_Drawn(i, c, Markup(figure.svg())) for i, (c, figure) in enumerate(drawn)]
     rows = [
         {
             "title": n.said,
@@ -71,6 +77,7 @@ def write_report(folder: Path, run: Run, twin: Run | None = None) -> Path:
     text = render(
         "report.html",
         title=about.title or manifest.scenario,
+        answer=_answer(manifest),
         story=about.story,
         source=about.source,
         manifest=manifest,
@@ -79,6 +86,7 @@ def write_report(folder: Path, run: Run, twin: Run | None = None) -> Path:
         twin_label=runs[1][0] if twin else "",
         twin_name=twin.manifest.scenario if twin else "",
         figures=figures,
+        **_script([figure for _, figure in drawn]),
         number=number,
         unit=pretty_unit,
         value=lambda v: ", ".join(number(x) for x in v) if isinstance(v, list) else number(v),
@@ -86,6 +94,74 @@ def write_report(folder: Path, run: Run, twin: Run | None = None) -> Path:
     return write_page(folder / REPORT, text)
 
 
-def _default(results: Results) -> list[Plot]:
+class _Drawn(NamedTuple):
+    """A figure of the page, by its place among them."""
+
+    place: int
+    caption: str
+    svg: Markup
+
+
+def _answer(manifest: Manifest) -> str:
+    """The sentence that says how a run stands to what is required of it; empty where nothing is."""
+    told = manifest.verdicts
+    if not told:
+        return ""
+    broken = [name for name, v in told.items() if not v.met]
+    if broken:
+        return f"{len(broken)} of {len(told)} requirements not met: {', '.join(broken)}"
+    least = min(
+        ((v.margin, name) for name, v in told.items() if v.margin is not None), default=None
+    )
+    margin = f"; least margin {100.0 * least[0]:.3g} % ({least[1]})" if least else ""
+    return f"{f'All {len(told)} requirements' if len(told) > 1 else 'The requirement'} met{margin}"
+
+
+def _deciding_first(plots: Mapping[str, Plot], manifest: Manifest) -> list[Plot]:
+    """Plots in their order, but first the one that shows most of what the requirement is made of
+    that is nearest to its limit, or furthest beyond; of several the one of its name."""
+    if not manifest.verdicts:
+        return [*plots.values()]
+    tightest, verdict = min(
+        manifest.verdicts.items(),
+        key=lambda e: (e[1].met, math.inf if e[1].margin is None else e[1].margin),
+    )
+    number = manifest.content.numbers.get(verdict.number)
+    wanted = set(number.signals) if number else set()
+
+    def weight(name: str) -> tuple[int, bool]:
+        return len(wanted & set(plots[name].signals)), name in (tightest, verdict.number)
+
+    deciding = max(plots, key=weight, default="")
+    return [plots[name] for name in sorted(plots, key=lambda name: name != deciding)]
+
+
+def _script(figures: Sequence[Figure]) -> dict[str, Any]:
+    """What the page's script needs: data, uPlot with its licence, and itself."""
+    told = interactive.told(figures)
+    if not any(told["plots"]):
+        return {"plots": False, "uplot_css": "", "most": 0}
+    return {
+        "plots": True, "uplot": _part("uplot/uPlot.iife.min.js"),
+        "uplot_css": _part("uplot/uPlot.min.css"), "licence": _part("uplot/LICENSE"),
+        "script": script("report.js", told), "most": told["most"],
+    }  # fmt: skip
+
+
+def _part(name: str) -> Markup:
+    """A part of pages as it is."""
+    return Markup((files("desat") / "templates" / name).read_text(encoding="utf-8"))
+
+
+def script(name: str, told: Any) -> Markup:
+    """The elements of a page's script, and of the data (JSON) that it finds in `#told`."""
+    # a name of somebody's must not end the element
+    data = json.dumps(told, separators=(",", ":")).replace("<", "\\u003c")
+    return Markup(
+        '<script type="application/json" id="told">{}</script>\n<script>{}</script>'
+    ).format(Markup(data), _part(name))
+
+
+def _default(results: Results) -> dict[str, Plot]:
     """For a system that says nothing about plots: the first dozen series, one each."""
-    return [Plot(title=name, signals=(name,)) for name in results.names()[:12]]
+    return {name: Plot(title=name, signals=(name,)) for name in results.names()[:12]}

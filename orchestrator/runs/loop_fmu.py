@@ -12,7 +12,7 @@ from importlib.metadata import version
 from pathlib import Path
 
 from desat.components.contract.block import Block, Scalar, Variable
-from desat.fmus import native
+from desat.fmus import fmi3, native
 from desat.fmus.compiler import NoCompilerError
 from desat.fmus.description import DATE, documentation, model_description
 
@@ -45,10 +45,11 @@ class Wanted:
 
 
 def export(
-    target: str, options: Options, wanted: Wanted, file: Path | None, platforms: str = ""
+    target: str, options: Options, wanted: Wanted, file: Path | None, platforms: str = "",
+    third: bool = False,
 ) -> Path:  # fmt: skip
     """Write a scenario's loop as one FMU (default: NAME.fmu in this folder), for these platforms
-    (`fmus/native.py`, `targets_of`), and return its path.
+    (`fmus/native.py`, `targets_of`), of FMI 2.0 or (`third`) of FMI 3.0, and return its path.
 
     Raises DesatError where a component has no C, or a name is not of the loop.
     """
@@ -78,13 +79,13 @@ def export(
         text = made.text(identifier, title)
         on = depends(master, wanted.without, variables)
     files = {f"{model}.c": text for model, text in units.values()} | {f"{identifier}.c": text}
-    return _packed(identifier, system, wanted, files, variables, on, file, targets)
+    return _packed(identifier, system, wanted, files, variables, on, file, targets, third)
 
 
 def _packed(
     identifier: str, system: System, wanted: Wanted, own: dict[str, str],
     variables: Sequence[Scalars], on: dict[str, set[str]], file: Path | None,
-    targets: Sequence[native.Target],
+    targets: Sequence[native.Target], third: bool,
 ) -> Path:  # fmt: skip
     block = _block(system, wanted, variables, on)
     experiment = {"startTime": system.start, "stopTime": system.stop, "stepSize": system.step}
@@ -101,7 +102,9 @@ def _packed(
         with tempfile.TemporaryDirectory() as shared:
             native.compile_wrapper(Path(shared), targets)
             page = documentation(block, identifier)
-            return native.assemble(files, identifier, described(guid), page, Path(shared), target)
+            made = Path(shared) / target.name if third else target
+            native.assemble(files, identifier, described(guid), page, Path(shared), made, targets)
+            return fmi3.repack(made, block, target, on, experiment) if third else made
     except NoCompilerError as error:
         raise DesatError(str(error)) from error
 

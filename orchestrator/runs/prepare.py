@@ -134,6 +134,7 @@ def _prepared(source: Source, options: Options) -> tuple[Case, Draft]:
         checked.problems += library.problems(components, options.trusted)
         faults = checked.problems if options.strict else checked.warnings
         faults += library.told_faults(components)
+        checked.warnings += library.told_unused(components)
         checked.problems += validation.recording_problems(checked.system, options)
         checked.problems += validation.not_saved(checked.system, options)
         checked.problems += validation.not_halved(checked.system, options)

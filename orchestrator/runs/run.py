@@ -22,6 +22,7 @@ from ..engine.recording.results import MANIFEST, SERIES, Results
 from ..engine.recording.row_buffer import Layout, Unwritten, recover
 from ..files import library
 from ..language.content import said
+from ..numbers.verdicts import judged
 from ..system.errors import DesatError, Exit, RunError
 from ..system.model import System
 from ..system.options import Options, as_arguments, as_asked
@@ -51,7 +52,7 @@ class Run:
     def code(self) -> Exit:
         """The exit code that says how it ended."""
         if self.ok:
-            return Exit.UNMET if self.manifest.unmet else Exit.COMPLETED
+            return Exit.UNMET if self.manifest.not_met else Exit.COMPLETED
         if self.manifest.exit is not None:
             return Exit(self.manifest.exit)
         if self.manifest.status == stopping.LATE:
@@ -189,7 +190,7 @@ def _simulated(
 
 
 def _measure(run: Run, system: System) -> None:
-    """Add the numbers of a run, and what is unmet, to its manifest."""
+    """Add the numbers of a run, the verdicts on them, and what is unmet, to its manifest."""
     told, results = run.manifest, run.results
     if not len(results.times()):
         return
@@ -204,6 +205,11 @@ def _measure(run: Run, system: System) -> None:
                 warnings=[*told.warnings, *analysis.remarks(told, results)],
                 not_checked={**told.not_checked, **analysis.unchecked(told, results)},
             )  # fmt: skip
+    if told.completed:
+        found, unjudged = judged(
+            said(system.about), told.numbers, system.start, told.end_time or system.start
+        )
+        told = replace(told, verdicts=found, not_checked={**unjudged, **told.not_checked})
     lines = dict.fromkeys([*told.warnings, *not_checked(told.not_checked)])
     run.manifest = replace(told, warnings=list(lines))
 

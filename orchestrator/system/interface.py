@@ -51,6 +51,10 @@ class Signal:
     nor given, or where this output reaches nobody."""
     usual: tuple[float, float] | None = None
     """The range outside of which a value is more likely a slip, in the variable's own unit."""
+    type: str = ""
+    """Of FMI 3.0 the variable's own, Float32 or UInt8 for instance."""
+    element: int = 0
+    """Of FMI 3.0 its place in its array, which `reference` has added to the array's."""
 
     def named(self, value: Any) -> Any:
         """The name of a value, where it is a choice; else the value."""
@@ -66,6 +70,7 @@ class Interface:
     title: str
     signals: dict[str, Signal]
     role: str = ""
+    fmi: str = "2.0"
 
     def of(self, causality: str) -> Iterator[Signal]:
         """The signals of one causality."""

@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from ...system.errors import DesatError
 from .. import options as o
 from ..console import app, err, out, print_json
 
@@ -22,20 +23,25 @@ def build(
                      show_default=False),
     ] = None,
     platforms: o.Platforms = "",
+    fmi: o.Fmi = o.FmiVersion.two,
     as_json: o.Json = False,
 ) -> None:  # fmt: skip
     """Build a block file of your own as FMUs: NAME.fmu of Python, and native/NAME.fmu of C where it
-    translates; why not, where it does not."""
+    translates, or fmi3/NAME.fmu with --fmi 3; why not, where it does not."""
     from ...files import own
     from ...files.io import replace_text
 
     made = own.built(file, platforms)
     folder = into or file.parent
-    wanted = {"python": made.python, "native": made.native}
+    third = fmi is o.FmiVersion.three
+    wanted = {"fmi3": made.fmi3} if third else {"python": made.python, "native": made.native}
+    if third and made.fmi3 is None:
+        raise DesatError(f"{file.name}: FMI 3.0 is for native FMUs, and there is none of it: "
+                         f"{made.why}")  # fmt: skip
     written = {}
     for kind, fmu in wanted.items():
         if fmu is not None:
-            target = folder / ("native" if kind == "native" else "") / fmu.name
+            target = folder / ("" if kind == "python" else kind) / fmu.name
             target.parent.mkdir(parents=True, exist_ok=True)
             replace_text(target, fmu.read_bytes())
             written[kind] = str(target)

@@ -143,7 +143,7 @@ def case(
     made = kept(plan, number, where)
     out.print(f"{where / 'report.html'}")
     if made.or_raise(f"case {number}").code:
-        for line in made.manifest.unmet:
+        for line in made.manifest.not_met:
             err.print(f"not met: {line}")
         raise typer.Exit(made.code)
 

@@ -70,6 +70,7 @@ def fmu(
     inner: o.Inner = None,
     accuracy: o.Accuracy = None,
     platforms: o.Platforms = "",
+    fmi: o.Fmi = o.FmiVersion.two,
     as_json: o.Json = False,
 ) -> None:  # fmt: skip
     """Write the loop of a scenario as one native FMU, with the same bits as `desat run`."""
@@ -80,7 +81,7 @@ def fmu(
         accuracy=accuracy,
     )  # fmt: skip
     wanted = Wanted(outputs or (), inputs or (), parameters or (), without or ())
-    path = export(target, options, wanted, file, platforms)
+    path = export(target, options, wanted, file, platforms, third=fmi is o.FmiVersion.three)
     if as_json:
         print_json({"fmu": str(path)})
     else:

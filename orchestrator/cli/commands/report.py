@@ -7,12 +7,13 @@ from typing import Annotated
 
 import typer
 
-from ..console import app, out
+from ..console import app, out, warn
 
 
 @app.command()
 def report(
     folder: Annotated[Path, typer.Argument(metavar="RUN", help="A run folder.")],
+    show: Annotated[bool, typer.Option("--open", help="Open it in the browser, too.")] = False,
 ) -> None:
     """Write a run's report again; also for a run that was killed."""
     from ...report.report import write_report
@@ -20,4 +21,10 @@ def report(
 
     finished = load_run(folder)
     twin = load_run(folder / "twin") if (folder / "twin").is_dir() else None
-    out.print(str(write_report(folder, finished, twin).resolve()))
+    page = write_report(folder, finished, twin).resolve()
+    out.print(str(page))
+    if show:
+        import webbrowser
+
+        if not webbrowser.open(page.as_uri()):
+            warn([f"{page}: not opened, for no browser was found"])

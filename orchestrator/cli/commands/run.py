@@ -18,6 +18,7 @@ from .. import options as o
 from ..console import app, err, name_of, out, print_json, warn
 
 if TYPE_CHECKING:
+    from ...analyses.manifest import Manifest
     from ...runs.run import Options, Run
 
 TWIN = "twin"
@@ -221,6 +222,16 @@ def _run_twin(finished: Run, options: Options, folder: Path) -> Run | None:
     return other
 
 
+def _verdicts(manifest: Manifest) -> dict[str, str]:
+    """What is required of a run's numbers, by their names, and whether it is met."""
+    told: dict[str, list[str]] = {}
+    for v in manifest.verdicts.values():
+        margin = "" if v.margin is None or not v.met else f" (margin {100.0 * v.margin:.3g} %)"
+        line = f"{v.limits}: {'met' if v.met else 'NOT MET'}{margin}"
+        told.setdefault(v.number, []).append(line)
+    return {number: "; ".join(lines) for number, lines in told.items()}
+
+
 def _report_run(
     finished: Run, other: Run | None, folder: Path, page: Path | None, as_json: bool
 ) -> None:
@@ -236,17 +247,22 @@ def _report_run(
         err.print(f"{manifest.status}: {manifest.message}")
     if stopped := manifest.stopped_when:
         out.print(f"ended at {stopped.time:g} s: {stopped.condition}")
-    for line in manifest.unmet:
+    for line in manifest.not_met:
         err.print(f"not met: {line}")
-    table = Table(box=None, pad_edge=False, show_header=other is not None, header_style="bold")
-    for column in ["", "this run", "twin", ""] if other else ["", "this run", ""]:
+    for line in other.manifest.not_met if other else ():
+        err.print(f"twin: not met: {line}")
+    said = _verdicts(manifest)
+    table = Table(box=None, pad_edge=False, header_style="bold",
+                  show_header=other is not None or bool(said))  # fmt: skip
+    twin, required = ["twin"] * bool(other), ["required"] * bool(said)
+    for column in ["", "this run", *twin, "", *required]:
         table.add_column(column, justify="right" if "run" in column or column == "twin" else "left")
     for name, n in manifest.numbers.items():
         row = [n.said, number(n.value)]
         if other:
             theirs = other.manifest.numbers.get(name)
             row.append(number(theirs.value) if theirs else "")
-        table.add_row(*row, pretty_unit(n.unit))
+        table.add_row(*row, pretty_unit(n.unit), *([said.get(name, "")] if said else []))
     for name, why in manifest.not_checked.items():
         table.add_row(name, "not checked", *([""] if other else []), why)
     if table.row_count:

@@ -6,31 +6,23 @@ import atexit
 import ctypes
 import os
 from collections.abc import Callable, Mapping, Sequence
-from functools import cache, partial
+from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from fmpy.fmi1 import FMICallException
-from fmpy.fmi2 import (
-    FMU2Slave,
-    defaultCallbacks,
-    fmi2CallbackFunctions,
-    fmi2CallbackLoggerTYPE,
-)
-from fmpy.logging import addLoggerProxy
 
 from desat.components.contract.block import Scalar
 
 from ...files.fmu import description_of
 from ...files.library import Fmu
-from ...system.errors import DesatError, plain
+from ...system.errors import DesatError
 from ...system.interface import KINDS, Kind, Signal
 from ...system.model import Component
 from .base import DTYPE, Array, Clock, ComponentError
+from .faces import FACES, Face, Prepared, forget, listen
 
-# fmi2GetReal(c, references, n, values) and so on; fmi2DoStep(c, t, dt, no set state before)
-_CALLS = (*(f"fmi2{verb}{kind}" for verb in ("Get", "Set") for kind in KINDS), "fmi2DoStep")
 _STATUS = ("ok", "warning", "discard", "error", "fatal", "pending")
 _DISCARD = _STATUS.index("discard")
 
@@ -38,29 +30,28 @@ _DISCARD = _STATUS.index("discard")
 class _Library:
     """The loaded library of an FMU, for all its instances in this process."""
 
-    def __init__(self, folder: Path, ours: bool) -> None:
+    def __init__(self, folder: Path, ours: bool, face: type[Face]) -> None:
         description = description_of(folder)
         self.once = description.coSimulation.canBeInstantiatedOnlyOncePerProcess
         self.instances = 0
         try:
-            self.fmu = FMU2Slave(
+            self.fmu = face.slave(
                 guid=description.guid,
                 unzipDirectory=str(folder),
                 modelIdentifier=description.coSimulation.modelIdentifier,
             )
+            # Our FMUs never wait for another thread, so their calls may keep the GIL; a foreign
+            # FMU's step might wait for a Python thread of its own. No argument types: what is
+            # passed is ctypes objects already, which saves a third of a call. Unsigned: a status
+            # below 0, which FMI does not know, is not ok.
+            prototype = (ctypes.PYFUNCTYPE if ours else ctypes.CFUNCTYPE)(ctypes.c_uint)
+            self.calls: dict[str, Any] = {
+                name: prototype(ctypes.cast(self.fmu.dll[name], ctypes.c_void_p).value or 0)
+                for name in face.names
+            }
         except Exception as error:  # fmpy raises plain Exception
             text = str(error).replace(f"{folder}/", "")
             raise DesatError(f"{description.modelName}: {text}") from error
-        self.calls: dict[str, Any] = {}
-        # Our FMUs never wait for another thread, so their calls may keep the GIL; a foreign FMU's
-        # step might wait for a Python thread of its own. No argument types: what is passed is
-        # ctypes objects already, which saves a third of a call. Unsigned: a status below 0, which
-        # FMI does not know, is not ok.
-        prototype = (ctypes.PYFUNCTYPE if ours else ctypes.CFUNCTYPE)(ctypes.c_uint)
-        for name in _CALLS:
-            address = ctypes.cast(self.fmu.dll[name], ctypes.c_void_p).value
-            assert address is not None
-            self.calls[name] = prototype(address)
         self.places: Any = None
         """Of our native FMUs: where values lie (fmi2.c)."""
         if ours and hasattr(self.fmu.dll, "desat_places"):
@@ -73,31 +64,19 @@ class _Library:
 
 
 @cache
-def _library(folder: Path, ours: bool) -> _Library:
-    return _Library(folder, ours)
+def _library(folder: Path, ours: bool, fmi: str) -> _Library:
+    return _Library(folder, ours, FACES[fmi])
 
 
-_listeners: dict[int, list[str]] = {}
-"""Where the messages of each component environment go."""
+class Moves(NamedTuple):
+    """How variables of one kind are set or read, all at once."""
 
-
-def _log(
-    environment: int | None, instance: bytes, status: int, category: bytes, message: bytes
-) -> None:
-    heard = _listeners.get(environment or 0)
-    if heard is not None and status > 0 and len(heard) < 20:
-        heard.append(plain((message or b"").decode(errors="replace").strip()))
-
-
-@cache
-def _callbacks() -> fmi2CallbackFunctions:
-    """One logger for all: fmpy's proxy, which formats C messages, knows only the last one."""
-    made = fmi2CallbackFunctions()
-    made.logger = fmi2CallbackLoggerTYPE(_log)
-    made.allocateMemory = defaultCallbacks.allocateMemory
-    made.freeMemory = defaultCallbacks.freeMemory
-    addLoggerProxy(ctypes.byref(made))
-    return made
+    calls: list[Prepared]
+    kind: str
+    values: int
+    """The address of the array that they come from, or go to."""
+    places: Any
+    """Where they lie in the FMU, addresses; None: unknown."""
 
 
 def _last(name: str, messages: Sequence[str]) -> str:
@@ -112,7 +91,7 @@ def failure(name: str, what: str, status: int, messages: Sequence[str]) -> Compo
 
 
 class FmuInstance:
-    """An FMI 2.0 co-simulation FMU."""
+    """A co-simulation FMU of FMI 2.0 or FMI 3.0: what differs stands in its face."""
 
     def __init__(self, component: Component, fmu: Fmu) -> None:
         self.name, self.place = component.name, 0
@@ -120,19 +99,16 @@ class FmuInstance:
         self.messages: list[str] = []
         """What it has logged beside what is in order."""
         self.foreign, self._process = not fmu.interface.role, os.getpid()
-        self._library = _library(fmu.folder, not self.foreign)
+        self._library = _library(fmu.folder, not self.foreign, fmu.interface.fmi)
         if self._library.once and self._library.instances:
             raise DesatError(f"{self.name}: {fmu.path.name} allows one instance per process")
+        face = FACES[fmu.interface.fmi]
+        self._face = face(self._library.fmu, self._library.calls, fmu.interface)
         self._before = ctypes.c_void_p()
         """Its state before a step that may be halved."""
-        self._callbacks = fmi2CallbackFunctions()
-        ctypes.pointer(self._callbacks)[0] = _callbacks()
-        self._callbacks.componentEnvironment = id(self)
-        _listeners[id(self)] = self.messages
-        self._c = self._library.fmu.fmi2Instantiate(
-            self.name.encode(), 1, self._library.fmu.guid.encode(),
-            (fmu.folder / "resources").as_uri().encode(), ctypes.byref(self._callbacks), 0, 1,
-        )  # fmt: skip
+        listen(id(self), self.messages)
+        self._face.instantiate(fmu, self.name, id(self))
+        self._c = self._face.c
         self._back()
         if not self._c:
             raise ComponentError(f"{self.name}: cannot be instantiated{self._said()}")
@@ -142,7 +118,13 @@ class FmuInstance:
         return _last(self.name, self.messages)
 
     def failed(self, what: str, status: int) -> ComponentError:
+        self.note()
         return failure(self.name, what, status, self.messages)
+
+    def note(self) -> None:
+        """Once something has failed: what of it is no failure of the FMU's own is a message."""
+        if (why := self._face.why()) and why not in self.messages[-1:]:
+            self.messages.append(why)
 
     def _call(self, name: str, *arguments: Any) -> None:
         try:
@@ -165,38 +147,35 @@ class FmuInstance:
     ) -> None:  # fmt: skip
         self.inputs = {k: np.zeros(len(inputs[k]), DTYPE[k]) for k in KINDS if inputs[k]}
         self._keep: list[Any] = [self.inputs, into]  # the calls hold bare addresses
-        step = partial(
-            self._library.calls["fmi2DoStep"],
-            ctypes.c_void_p(self._c), clock.t, clock.dt, ctypes.c_int(1),
-        )  # fmt: skip
-        self.places = {"push": self._places(inputs), "pull": self._places(outputs)}
-        """Of the calls that set and get, where the values lie in the FMU; None: unknown."""
+        self._clock = clock
         self.prepared = {
-            "push": self._transfer("Set", inputs, self.inputs),
-            "step": [step],
-            "pull": self._transfer("Get", outputs, into),
+            "push": self._moves("Set", inputs, self.inputs),
+            "step": [Moves([self._face.step(clock.t, clock.dt, 1)], "", 0, None)],
+            "pull": self._moves("Get", outputs, into),
         }
-        """The calls of each verb, with their arguments."""
+        """What is done for each verb, with its arguments."""
         self.push, self.step, self.pull = map(self._together, self.prepared.values())
 
     def halve(self, times: int) -> None:
         """Once wired: a step that is discarded is made anew from its state before, in 2, 4, …
         parts, `times` times at most."""
-        t, dt, again = *self.prepared.pop("step")[0].args[1:3], ctypes.c_int(0)
-        do, c, before = self._library.calls["fmi2DoStep"], ctypes.c_void_p(self._c), self._before
+        del self.prepared["step"]
+        t, dt, before = self._clock.t, self._clock.dt, self._before
+        whole = self._face.step(t, dt, 0).call
 
         def step() -> int:
-            self._call("fmi2GetFMUstate", ctypes.byref(before))
-            status: int = do(c, t, dt, again)
+            self._state("Get", ctypes.byref(before))
+            status = whole()
             for count in (2**n for n in range(1, times + 1)):
                 if status != _DISCARD:
                     break
-                self._call("fmi2SetFMUstate", before)
+                self._state("Set", before)
                 part, status = dt.value / count, 0
                 for i in range(count):
                     if status < _DISCARD:
                         at = ctypes.c_double(t.value + i * part)
-                        status = max(status, do(c, at, ctypes.c_double(part), again))
+                        made = self._face.step(at, ctypes.c_double(part), 0)
+                        status = max(status, made.call())
                 if status < _DISCARD and len(self.messages) < 20:
                     self.messages.append(f"the step from t = {t.value:g} s was discarded, and made "
                                          f"in {count} parts")  # fmt: skip
@@ -204,88 +183,84 @@ class FmuInstance:
 
         self.step = step
 
-    def _transfer(
-        self, verb: str, signals: dict[Kind, list[Signal]], arrays: dict[Kind, Array]
-    ) -> list[partial[int]]:
-        """One call per type that moves all values at once, its arguments prepared."""
-        calls = []
-        for kind in KINDS:
-            if not (n := len(signals[kind])):
-                continue
-            references = (ctypes.c_uint * n)(*(s.reference for s in signals[kind]))
-            self._keep.append(references)
-            arguments = (
-                ctypes.c_void_p(self._c), ctypes.c_void_p(ctypes.addressof(references)),
-                ctypes.c_size_t(n), ctypes.c_void_p(arrays[kind].ctypes.data),
-            )  # fmt: skip
-            calls.append(partial(self._library.calls[f"fmi2{verb}{kind}"], *arguments))
-        return calls
+    def _state(self, way: str, *arguments: Any) -> None:
+        """Get, set or free a state."""
+        self._call(f"{self._face.prefix}{way}{self._face.state}", *arguments)
 
-    def _places(self, signals: dict[Kind, list[Signal]]) -> list[tuple[str, Any] | None]:
-        found: list[tuple[str, Any] | None] = []
+    def _moves(
+        self, way: Literal["Set", "Get"], signals: dict[Kind, list[Signal]],
+        arrays: dict[Kind, Array],
+    ) -> list[Moves]:  # fmt: skip
+        """Of each type that there is, what moves all values at once, its arguments prepared."""
+        made = []
         for kind in KINDS:
-            if not (n := len(signals[kind])):
-                continue
-            references = (ctypes.c_uint * n)(*(s.reference for s in signals[kind]))
-            places, find = (ctypes.c_void_p * n)(), self._library.places
-            there = find is not None and find(
-                ctypes.c_void_p(self._c), ctypes.c_char(kind[0].encode()), references,
-                ctypes.c_size_t(n), places,
-            )  # fmt: skip
-            found.append((kind[0], places) if there else None)
-        return found
+            if signals[kind]:
+                calls = self._face.moves(way, signals[kind], arrays[kind])
+                data, places = arrays[kind].ctypes.data, self._places(signals[kind])
+                made.append(Moves(calls, kind[0], data, places))
+        return made
+
+    def _places(self, signals: list[Signal]) -> Any:
+        """Where values lie in one of our native FMUs; None: unknown."""
+        n, find = len(signals), self._library.places
+        references, places = (
+            (ctypes.c_uint * n)(*(s.reference for s in signals)), (ctypes.c_void_p * n)()
+        )  # fmt: skip
+        there = find is not None and find(
+            ctypes.c_void_p(self._c), ctypes.c_char(signals[0].kind[0].encode()), references,
+            ctypes.c_size_t(n), places,
+        )  # fmt: skip
+        return places if there else None
 
     def enter(self, start: float, parameters: Mapping[str, Scalar]) -> None:
-        by_kind: dict[str, list[tuple[Signal, Scalar]]] = {}
-        for name, value in parameters.items():
-            signal = self._interface.signals[name]
-            by_kind.setdefault(signal.kind, []).append((signal, value))
-        for kind, pairs in by_kind.items():
-            n = len(pairs)
-            element: Any = ctypes.c_double if kind == "Real" else ctypes.c_int
-            references = (ctypes.c_uint * n)(*(s.reference for s, _ in pairs))
-            values = (element * n)(*(v for _, v in pairs))
-            status = self._back(self._library.calls[f"fmi2Set{kind}"](
-                ctypes.c_void_p(self._c), references, ctypes.c_size_t(n), values
-            ))  # fmt: skip
-            if status > 1:
+        given = [(self._interface.signals[name], value) for name, value in parameters.items()]
+        self._face.given(given)
+        for kind in dict.fromkeys(s.kind for s, _ in given):
+            pairs = [(s, value) for s, value in given if s.kind == kind]
+            for s, value in pairs:
+                if kind == "Integer" and not -(1 << 31) <= value < 1 << 31:
+                    raise ComponentError(f"{self.name}: {s.name} = {value} is beyond 32 bits")
+            values = np.array([value for _, value in pairs], DTYPE[kind])  # type: ignore[index]
+            if (status := self._now("Set", [s for s, _ in pairs], values)) > 1:
                 raise self.failed(f"setting {pairs[0][0].name} …", status)
-        self._call("fmi2SetupExperiment", 0, 0.0, start, 0, 0.0)
-        self._call("fmi2EnterInitializationMode")
+        for name, *arguments in self._face.begin(start):
+            self._call(name, *arguments)
 
     def exit(self) -> None:
-        self._call("fmi2ExitInitializationMode")
+        self._call(f"{self._face.prefix}ExitInitializationMode")
         fault = self._interface.signals.get("fault")
         if fault is not None and fault.kind == "Boolean" and fault.causality == "output":
-            value, reference = ctypes.c_int(0), ctypes.c_uint(fault.reference)
-            self._back(self._library.calls["fmi2GetBoolean"](
-                ctypes.c_void_p(self._c), ctypes.byref(reference), ctypes.c_size_t(1),
-                ctypes.byref(value),
-            ))  # fmt: skip
-            if value.value:
+            value = np.zeros(1, DTYPE["Boolean"])
+            self._now("Get", [fault], value)
+            if value[0]:
                 raise ComponentError(f"{self.name}{self._said()}")
 
+    def _now(self, way: Literal["Set", "Get"], signals: list[Signal], values: Array) -> int:
+        """Set or get variables of one kind once."""
+        calls = self._face.moves(way, signals, values)
+        return self._back(max(prepared.call() for prepared in calls))
+
     def save(self) -> bytes:
-        state = ctypes.c_void_p()
-        self._call("fmi2GetFMUstate", ctypes.byref(state))
+        state, face = ctypes.c_void_p(), self._face
+        self._state("Get", ctypes.byref(state))
         try:
             size = ctypes.c_size_t()
-            self._call("fmi2SerializedFMUstateSize", state, ctypes.byref(size))
+            self._call(f"{face.prefix}Serialized{face.state}Size", state, ctypes.byref(size))
             made = ctypes.create_string_buffer(size.value)
-            self._call("fmi2SerializeFMUstate", state, made, size)
+            self._call(f"{face.prefix}Serialize{face.state}", state, face.bytes(made), size)
         finally:
-            self._call("fmi2FreeFMUstate", ctypes.byref(state))
+            self._state("Free", ctypes.byref(state))
         return made.raw
 
     def restore(self, state: bytes) -> None:
         made = ctypes.c_void_p()
         given = ctypes.create_string_buffer(state, len(state))
         size = ctypes.c_size_t(len(state))
-        self._call("fmi2DeSerializeFMUstate", given, size, ctypes.byref(made))
+        self._call(self._face.deserialise, self._face.bytes(given), size, ctypes.byref(made))
         try:
-            self._call("fmi2SetFMUstate", made)
+            self._state("Set", made)
         finally:
-            self._call("fmi2FreeFMUstate", ctypes.byref(made))
+            self._state("Free", ctypes.byref(made))
 
     def look(self) -> None:
         pass
@@ -293,15 +268,16 @@ class FmuInstance:
     def close(self) -> None:
         if self._c:
             if self._before:
-                self._library.fmu.fmi2FreeFMUstate(self._c, ctypes.byref(self._before))
-            self._library.fmu.fmi2FreeInstance(self._c)
+                self._state("Free", ctypes.byref(self._before))
+            getattr(self._library.fmu, f"{self._face.prefix}FreeInstance")(self._c)
             self._library.instances -= 1
             self._back()
         self._c = None
-        _listeners.pop(id(self), None)
+        forget(id(self))
 
-    def _together(self, calls: list[partial[int]]) -> Callable[[], int]:
+    def _together(self, moves: list[Moves]) -> Callable[[], int]:
         """All calls as one, with the worst of their statuses."""
+        calls = [prepared.call for of in moves for prepared in of.calls]
         if self.foreign:
             return lambda: self._back(max((call() for call in calls), default=0))
         return calls[0] if len(calls) == 1 else lambda: max((call() for call in calls), default=0)

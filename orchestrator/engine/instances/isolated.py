@@ -331,6 +331,8 @@ class _There:
         if words[SET] <= 1 and 0 <= words[MADE] <= 1:
             words[DOING] = PULL
             words[READ] = instance.pull()
+        if max(words[SET], words[MADE], words[READ]) > 1:
+            instance.note()
         words[SAID] = len(instance.messages)
         words[OPEN] = 0  # the last that it does
 

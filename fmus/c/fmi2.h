@@ -1,0 +1,87 @@
+/* What the two faces of an instance, FMI 2.0 (fmi2.c) and FMI 3.0 (fmi3.c), have in common. */
+#ifndef FMI2_H
+#define FMI2_H
+
+#include "block.h"
+
+#if defined(_WIN32)
+#define EXPORT __declspec(dllexport)
+#else
+#define EXPORT __attribute__((visibility("default")))
+#endif
+
+/* --- what the standard declares (FMI 2.0.4, section 2.1) ------------------------------------------ */
+
+typedef double fmi2Real;
+typedef int fmi2Integer, fmi2Boolean;
+typedef char fmi2Char, fmi2Byte;
+typedef const fmi2Char *fmi2String;
+typedef unsigned int fmi2ValueReference;
+typedef void *fmi2Component, *fmi2ComponentEnvironment, *fmi2FMUstate;
+typedef enum { fmi2OK, fmi2Warning, fmi2Discard, fmi2Error, fmi2Fatal, fmi2Pending } fmi2Status;
+typedef enum { fmi2ModelExchange, fmi2CoSimulation } fmi2Type;
+typedef enum {
+    fmi2DoStepStatus, fmi2PendingStatus, fmi2LastSuccessfulTime, fmi2Terminated
+} fmi2StatusKind;
+typedef struct {
+    void (*logger)(fmi2ComponentEnvironment, fmi2String, fmi2Status, fmi2String, fmi2String, ...);
+    void *(*allocateMemory)(size_t, size_t);
+    void (*freeMemory)(void *);
+    void (*stepFinished)(fmi2ComponentEnvironment, fmi2Status);
+    fmi2ComponentEnvironment componentEnvironment;
+} fmi2CallbackFunctions;
+
+/* --- an instance ----------------------------------------------------------------------------------- */
+
+enum { INSTANTIATED, INITIALISING, STEPPING, TERMINATED };
+
+/* all that a saved state has, the block's bytes after it */
+typedef struct {
+    double time;
+    int32_t phase;
+    bool stale;     /* inputs or parameters changed since the last start */
+    bool unstarted; /* start has failed, and nothing else */
+} progress;
+
+/* what get and set need of a variable, in an eighth of its bytes */
+typedef struct {
+    uint32_t offset;
+    char kind;
+    bool fixed; /* once it steps */
+    uint16_t count; /* elements of the array that begins here: 0 within one, 1 of a scalar */
+} place;
+
+typedef struct {
+    progress now;
+    void *self; /* the block */
+    place *places; /* by value reference */
+    char *name; /* as given */
+    char *key;  /* by which noise is keyed */
+    fmi2CallbackFunctions call;
+} instance;
+
+/* what fmi3.c makes of fmi2.c */
+EXPORT void fmi2FreeInstance(fmi2Component);
+EXPORT fmi2Component fmi2Instantiate(fmi2String, fmi2Type, fmi2String, fmi2String,
+                              const fmi2CallbackFunctions *, fmi2Boolean, fmi2Boolean);
+EXPORT fmi2Status fmi2SetupExperiment(fmi2Component, fmi2Boolean, fmi2Real, fmi2Real, fmi2Boolean,
+                               fmi2Real);
+EXPORT fmi2Status fmi2EnterInitializationMode(fmi2Component);
+EXPORT fmi2Status fmi2ExitInitializationMode(fmi2Component);
+EXPORT fmi2Status fmi2Terminate(fmi2Component);
+EXPORT fmi2Status fmi2Reset(fmi2Component);
+EXPORT fmi2Status fmi2DoStep(fmi2Component, fmi2Real, fmi2Real, fmi2Boolean);
+EXPORT fmi2Status fmi2GetReal(fmi2Component, const fmi2ValueReference[], size_t, fmi2Real[]);
+EXPORT fmi2Status fmi2GetInteger(fmi2Component, const fmi2ValueReference[], size_t, fmi2Integer[]);
+EXPORT fmi2Status fmi2GetBoolean(fmi2Component, const fmi2ValueReference[], size_t, fmi2Boolean[]);
+EXPORT fmi2Status fmi2SetReal(fmi2Component, const fmi2ValueReference[], size_t, const fmi2Real[]);
+EXPORT fmi2Status fmi2SetInteger(fmi2Component, const fmi2ValueReference[], size_t, const fmi2Integer[]);
+EXPORT fmi2Status fmi2SetBoolean(fmi2Component, const fmi2ValueReference[], size_t, const fmi2Boolean[]);
+EXPORT fmi2Status fmi2GetFMUstate(fmi2Component, fmi2FMUstate *);
+EXPORT fmi2Status fmi2SetFMUstate(fmi2Component, fmi2FMUstate);
+EXPORT fmi2Status fmi2FreeFMUstate(fmi2Component, fmi2FMUstate *);
+EXPORT fmi2Status fmi2SerializedFMUstateSize(fmi2Component, fmi2FMUstate, size_t *);
+EXPORT fmi2Status fmi2SerializeFMUstate(fmi2Component, fmi2FMUstate, fmi2Byte[], size_t);
+EXPORT fmi2Status fmi2DeSerializeFMUstate(fmi2Component, const fmi2Byte[], size_t, fmi2FMUstate *);
+
+#endif

@@ -1,0 +1,347 @@
+"""FMI 2.0 and FMI 3.0: what of an FMU's calls differs between the two, a class each.
+
+A call is prepared once, with its arguments, as Python makes it and as the compiled loop does. FMI
+3.0 moves whole arrays of many types: where values are not those of the master one by one, they go
+through a buffer of the FMU's type.
+"""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from functools import cache, partial
+from typing import Any, ClassVar, Literal, NamedTuple
+
+import numpy as np
+from fmpy.fmi2 import FMU2Slave, defaultCallbacks, fmi2CallbackFunctions, fmi2CallbackLoggerTYPE
+from fmpy.fmi3 import FMU3Slave, fmi3IntermediateUpdateCallback, fmi3LogMessageCallback
+from fmpy.logging import addLoggerProxy
+
+from desat.components.contract.block import Scalar
+
+from ...files.library import Fmu
+from ...system.errors import plain
+from ...system.interface import KINDS, Interface, Signal
+from .base import Array
+
+Way = Literal["Set", "Get"]
+_ERROR = 3
+_INT32 = np.iinfo(np.int32)
+
+_listeners: dict[int, list[str]] = {}
+"""Where the messages of each component environment go."""
+
+
+def listen(environment: int, messages: list[str]) -> None:
+    """Have what an environment's component says put there."""
+    _listeners[environment] = messages
+
+
+def forget(environment: int) -> None:
+    """Listen no longer."""
+    _listeners.pop(environment, None)
+
+
+def _hear(environment: int | None, status: int, message: bytes | None) -> None:
+    heard = _listeners.get(environment or 0)
+    if heard is not None and status > 0 and len(heard) < 20:
+        heard.append(plain((message or b"").decode(errors="replace").strip()))
+
+
+class Prepared(NamedTuple):
+    """Something that is done to move values or to step: as Python does it, and as an operation of
+    loop.c, with its code, its number of values and its pointers."""
+
+    call: Callable[[], int]
+    code: str
+    n: int
+    pointers: tuple[Any, ...]
+
+
+class Face:
+    """The calls of one instance; `c` is what the FMU knows it by."""
+
+    prefix: ClassVar[str]
+    state: ClassVar[str]
+    """How the functions end that get, set and free a state."""
+    deserialise: ClassVar[str]
+    slave: ClassVar[Any]
+    names: ClassVar[tuple[str, ...]]
+    """The functions that are called in a step, without fmpy."""
+
+    def __init__(self, fmu: Any, calls: Mapping[str, Any], interface: Interface) -> None:
+        self.fmu, self._calls, self._interface = fmu, calls, interface
+        self.c: int | None = None
+
+    def instantiate(self, fmu: Fmu, name: str, environment: int) -> None:
+        """Make the instance; `c` is None where it cannot be had."""
+        raise NotImplementedError
+
+    def begin(self, start: float) -> Sequence[tuple[Any, ...]]:
+        """The calls that enter initialisation mode at a time (s), with their arguments."""
+        raise NotImplementedError
+
+    def moves(self, way: Way, signals: Sequence[Signal], values: Array) -> list[Prepared]:
+        """Set or get variables of one kind, all at once, from or into an array in their order."""
+        raise NotImplementedError
+
+    def step(self, t: Any, dt: Any, no_state_before: int) -> Prepared:
+        """Make a step from t over dt, ctypes doubles that are read when it is made."""
+        raise NotImplementedError
+
+    def given(self, parameters: Iterable[tuple[Signal, Scalar]]) -> None:
+        """Take note of values that were set in `enter`."""
+
+    def bytes(self, of: Any) -> Any:
+        """A buffer of a serialised state as the functions of fmpy take it."""
+        return of
+
+    def why(self) -> str:
+        """What of the last calls failed here and not in the FMU; else nothing."""
+        return ""
+
+    def _function(self, name: str, *arguments: Any) -> Callable[[], int]:
+        return partial(self._calls[name], *arguments)
+
+    def _address(self, name: str) -> int:
+        return ctypes.cast(self._calls[name], ctypes.c_void_p).value or 0
+
+
+def _references(numbers: Sequence[int]) -> Any:
+    return (ctypes.c_uint * len(numbers))(*numbers)
+
+
+# --- FMI 2.0 ------------------------------------------------------------------------------------
+
+
+def _log_2(
+    environment: int | None, instance: bytes, status: int, category: bytes, message: bytes
+) -> None:
+    _hear(environment, status, message)
+
+
+@cache
+def _callbacks() -> fmi2CallbackFunctions:
+    """One logger for all: fmpy's proxy, which formats C messages, knows only the last one."""
+    made = fmi2CallbackFunctions()
+    made.logger = fmi2CallbackLoggerTYPE(_log_2)
+    made.allocateMemory = defaultCallbacks.allocateMemory
+    made.freeMemory = defaultCallbacks.freeMemory
+    addLoggerProxy(ctypes.byref(made))
+    return made
+
+
+class Fmi2(Face):
+    """FMI 2.0: scalars of three types."""
+
+    prefix, state, deserialise, slave = "fmi2", "FMUstate", "fmi2DeSerializeFMUstate", FMU2Slave
+    # fmi2GetReal(c, references, n, values) and so on; fmi2DoStep(c, t, dt, no set state before)
+    names = (*(f"fmi2{way}{kind}" for way in ("Get", "Set") for kind in KINDS), "fmi2DoStep")
+
+    def instantiate(self, fmu: Fmu, name: str, environment: int) -> None:
+        self._callbacks = fmi2CallbackFunctions()
+        ctypes.pointer(self._callbacks)[0] = _callbacks()
+        self._callbacks.componentEnvironment = environment
+        self.c = self.fmu.fmi2Instantiate(
+            name.encode(), 1, self.fmu.guid.encode(),
+            (fmu.folder / "resources").as_uri().encode(), ctypes.byref(self._callbacks), 0, 1,
+        )  # fmt: skip
+
+    def begin(self, start: float) -> Sequence[tuple[Any, ...]]:
+        return (("fmi2SetupExperiment", 0, 0.0, start, 0, 0.0), ("fmi2EnterInitializationMode",))
+
+    def moves(self, way: Way, signals: Sequence[Signal], values: Array) -> list[Prepared]:
+        n, references = len(signals), _references([s.reference for s in signals])
+        name, data = f"fmi2{way}{signals[0].kind}", values.ctypes.data
+        call = self._function(
+            name, ctypes.c_void_p(self.c), references, ctypes.c_size_t(n), ctypes.c_void_p(data)
+        )
+        pointers = (self._address(name), self.c, references, data)
+        return [Prepared(call, "TRANSFER", n, pointers)]
+
+    def step(self, t: Any, dt: Any, no_state_before: int) -> Prepared:
+        c = ctypes.c_void_p(self.c)
+        call = self._function("fmi2DoStep", c, t, dt, ctypes.c_int(no_state_before))
+        return Prepared(call, "STEP", 1, (self._address("fmi2DoStep"), self.c, t, dt))
+
+
+# --- FMI 3.0 ------------------------------------------------------------------------------------
+
+
+def _log_3(environment: int | None, status: int, category: bytes, message: bytes) -> None:
+    _hear(environment, status, message)
+
+
+_logger_3 = fmi3LogMessageCallback(_log_3)
+
+TYPES: dict[str, tuple[str, Any]] = {
+    "Float32": ("Float32", np.float32), "Float64": ("Float64", np.float64),
+    "Int8": ("Int8", np.int8), "Int16": ("Int16", np.int16), "Int32": ("Int32", np.int32),
+    "Int64": ("Int64", np.int64), "UInt8": ("UInt8", np.uint8), "UInt16": ("UInt16", np.uint16),
+    "UInt32": ("UInt32", np.uint32), "UInt64": ("UInt64", np.uint64),
+    "Enumeration": ("Int64", np.int64), "Boolean": ("Boolean", np.bool_),
+}  # fmt: skip
+"""Of each type of FMI 3.0 its functions and its values; the order is that of loop.c's TYPES."""
+_CODES = list(dict.fromkeys(values for _, values in TYPES.values()))
+
+
+class _Done(ctypes.Structure):
+    """What fmi3DoStep says beside its status, as loop.c has it."""
+
+    _fields_ = (
+        ("event", ctypes.c_bool), ("terminate", ctypes.c_bool), ("early", ctypes.c_bool),
+        ("last", ctypes.c_double),
+    )  # fmt: skip
+
+
+class Fmi3(Face):
+    """FMI 3.0: arrays, and more types; no event mode, no early return, no intermediate update."""
+
+    prefix, state, deserialise, slave = "fmi3", "FMUState", "fmi3DeserializeFMUState", FMU3Slave
+    # fmi3GetFloat64(c, references, n, values, n values) and so on
+    names = (*(f"fmi3{way}{name}" for way in ("Get", "Set")
+               for name in dict.fromkeys(name for name, _ in TYPES.values())),
+             "fmi3DoStep")  # fmt: skip
+
+    def __init__(self, fmu: Any, calls: Mapping[str, Any], interface: Interface) -> None:
+        super().__init__(fmu, calls, interface)
+        self._done = _Done()
+        self._arrays: dict[int, list[Signal]] = {}
+        """The elements of each variable, by its value reference."""
+        for s in interface.signals.values():
+            elements = self._arrays.setdefault(_key(s)[0], [])
+            if s.element == len(elements):  # an alias has none of its own
+                elements.append(s)
+        self._values = {_key(s): s.start for a in self._arrays.values() for s in a}
+        self._filled: list[tuple[Array, list[Signal]]] = []
+        self._checked: list[tuple[list[Signal], Array, Array, tuple[float, float]]] = []
+
+    def instantiate(self, fmu: Fmu, name: str, environment: int) -> None:
+        resources = fmu.folder / "resources"
+        self.c = self.fmu.fmi3InstantiateCoSimulation(
+            name.encode(), self.fmu.guid.encode(),
+            f"{resources}/".encode() if resources.is_dir() else None, False, True, False, False,
+            None, 0, ctypes.c_void_p(environment), _logger_3, fmi3IntermediateUpdateCallback(),
+        )  # fmt: skip
+
+    def begin(self, start: float) -> Sequence[tuple[Any, ...]]:
+        return (("fmi3EnterInitializationMode", False, 0.0, start, False, 0.0),)
+
+    def given(self, parameters: Iterable[tuple[Signal, Scalar]]) -> None:
+        self._values |= {_key(s): value for s, value in parameters}
+        for buffer, elements in self._filled:
+            buffer[:] = self._start(elements, buffer.dtype)
+
+    def moves(self, way: Way, signals: Sequence[Signal], values: Array) -> list[Prepared]:
+        by_type: dict[str, list[int]] = {}
+        for i, s in enumerate(signals):
+            by_type.setdefault(TYPES[s.type][0], []).append(i)
+        return [
+            made for name, which in by_type.items()
+            for made in self._of_type(way, name, signals, which, values)
+        ]  # fmt: skip
+
+    def _of_type(
+        self, way: Way, name: str, signals: Sequence[Signal], which: list[int], values: Array
+    ) -> list[Prepared]:
+        """The variables of one type, all elements of each: in place where they are the values one
+        by one, or through a buffer."""
+        wanted = [signals[i] for i in which]
+        variables = list(dict.fromkeys(_key(s)[0] for s in wanted))
+        elements = [e for v in variables for e in self._arrays[v]]
+        keys, of = [_key(e) for e in elements], dict(TYPES.values())[name]
+        if values.dtype == of and keys == [_key(s) for s in signals]:
+            return [self._call(way, name, variables, values)]
+        buffer = self._start(elements, np.dtype(of))
+        at = {key: i for i, key in enumerate(keys)}
+        there = np.array([at[_key(s)] for s in wanted], np.int64)
+        here = np.array(which, np.int64)
+        call = self._call(way, name, variables, buffer)
+        code, limits = _CODES.index(of), _range(buffer.dtype)
+        if way == "Set":
+            self._filled.append((buffer, elements))
+            self._checked.append((wanted, values, here, limits))
+            typed = partial(_moved, values, here, buffer, there, limits)
+            return [
+                Prepared(typed, "TO_TYPE", len(here), (buffer, there, values, here, code)),
+                call,
+            ]
+        self._checked.append((wanted, buffer, there, limits))
+        typed = partial(_moved, buffer, there, values, here, limits)
+        return [call, Prepared(typed, "FROM_TYPE", len(here), (values, here, buffer, there, code))]
+
+    def _start(self, elements: Sequence[Signal], of: Any) -> Array:
+        """What elements have been given, or start with; the nearest that there is of a type: what
+        is beyond it is refused where it is set."""
+        values = [self._values[_key(e)] or 0 for e in elements]
+        if of.kind not in "fb":
+            info = np.iinfo(of)
+            values = [min(max(int(x), info.min), info.max) for x in values]
+        return np.array(values, of)
+
+    def _call(self, way: Way, name: str, variables: list[int], values: Array) -> Prepared:
+        function, references = f"fmi3{way}{name}", _references(variables)
+        n, size, data = len(variables), len(values), values.ctypes.data
+        call = self._function(
+            function, ctypes.c_void_p(self.c), references, ctypes.c_size_t(n),
+            ctypes.c_void_p(data), ctypes.c_size_t(size),
+        )  # fmt: skip
+        pointers = (self._address(function), self.c, references, values, size)
+        return Prepared(call, "TRANSFER_3", n, pointers)
+
+    def step(self, t: Any, dt: Any, no_state_before: int) -> Prepared:
+        done, c = self._done, ctypes.c_void_p(self.c)
+        call = self._function(
+            "fmi3DoStep", c, t, dt, ctypes.c_bool(bool(no_state_before)),
+            *(ctypes.c_void_p(ctypes.addressof(done) + getattr(_Done, f).offset)
+              for f in ("event", "terminate", "early", "last")),
+        )  # fmt: skip
+
+        def step() -> int:
+            done.terminate = done.early = False
+            status = call()
+            return _ERROR if status <= 1 and (done.terminate or done.early) else status
+
+        return Prepared(step, "STEP_3", 1, (self._address("fmi3DoStep"), self.c, t, dt, done))
+
+    def bytes(self, of: Any) -> Any:
+        return ctypes.cast(of, ctypes.POINTER(ctypes.c_uint8))
+
+    def why(self) -> str:
+        if self._done.terminate:
+            return f"it asks for the end of the simulation at t = {self._done.last:g} s"
+        if self._done.early:
+            return (f"it returned early, at t = {self._done.last:g} s, which desat does not offer "
+                    "(earlyReturnAllowed is false)")  # fmt: skip
+        for signals, values, index, (low, high) in self._checked:
+            for s, x in zip(signals, values[index], strict=True):
+                if x < low or x > high:
+                    return f"{s.name} = {x} is beyond {low:.0f} to {high:.0f}"
+        return ""
+
+
+def _key(s: Signal) -> tuple[int, int]:
+    """The value reference of a variable, and which of its elements this is."""
+    return s.reference - s.element, s.element
+
+
+def _range(of: Any) -> tuple[float, float]:
+    """The values that a type of the FMU and the master's have in common."""
+    if of.kind in "fb":
+        return -np.inf, np.inf
+    info = np.iinfo(of)
+    return float(max(info.min, _INT32.min)), float(min(info.max, _INT32.max))
+
+
+def _moved(
+    source: Array, at: Array, target: Array, to: Array, limits: tuple[float, float]
+) -> int:  # fmt: skip
+    """Move values into an array of another type: a status."""
+    values = source[at]
+    if ((values < limits[0]) | (values > limits[1])).any():
+        return _ERROR
+    target[to] = values
+    return 0
+
+
+FACES: dict[str, type[Face]] = {"2.0": Fmi2, "3.0": Fmi3}

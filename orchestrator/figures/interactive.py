@@ -1,0 +1,128 @@
+"""Figures over time for a page's script (`report.js`, which has uPlot draw them): what the SVG of
+`canvas` shows, with more points, as JSON.
+
+Series of a figure share their times. Those of more rows than there is room for are thinned to the
+least and most of parts of equal length; all figures of a page together stay below 1.3 MB.
+"""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .canvas import Axes, Figure, Mark
+
+Array = NDArray[np.float64]
+VALUES = 200_000
+"""Of all figures of a page, of 5.4 bytes each."""
+FEWEST, MOST = 400, 20_000
+"""Values of a line."""
+
+
+def told(figures: Sequence[Figure]) -> dict[str, Any]:
+    """`times`: grids of times (s), base64 of little-endian doubles; `plots`: a figure each, None
+    for one that the script cannot draw, of which the SVG stays; `most`: values of a line."""
+    lines = [[m for m in f.axes[0].marks if _is_line(m)] if _drawable(f) else [] for f in figures]
+    room = min(MOST, max(FEWEST, VALUES // max(sum(map(len, lines)), 1)))
+    grids: dict[bytes, int] = {}
+    plots = [
+        _plot(figure.axes[0], own, room, grids) if own else None
+        for figure, own in zip(figures, lines, strict=True)
+    ]
+    return {"times": [base64.b64encode(g).decode() for g in grids], "plots": plots, "most": room}
+
+
+def _is_across(mark: Mark) -> bool:
+    """Whether it is a level or band from edge to edge."""
+    return len(mark.x) <= 4 and bool(np.isinf(mark.x).all())
+
+
+def _is_line(mark: Mark) -> bool:
+    upright = len(mark.y) == 2 and bool(np.isinf(mark.y).any())
+    return mark.whole is not None or not (mark.filled or upright or _is_across(mark))
+
+
+def _drawable(figure: Figure) -> bool:
+    """Whether it has times below, lines, and of areas and levels those that go across only."""
+    ax = figure.axes[0]
+    known = all(not m.marker and (_is_line(m) or _is_across(m)) for m in ax.marks)
+    return bool(ax.x.seconds) and ax.right is None and known
+
+
+def _plot(ax: Axes, lines: Sequence[Mark], room: int, grids: dict[bytes, int]) -> dict[str, Any]:
+    seconds = ax.x.seconds
+    x, columns = thinned([m.whole or (m.x, m.y) for m in lines], room)
+    across = [m for m in ax.marks if not _is_line(m)]
+    label = " ".join(ax.y.label.split("\n"))
+    bare = label.partition("[")[0].strip() or "value"
+    low, high = ax.y_range()
+    return {
+        "time": grids.setdefault((seconds * x).astype("<f8").tobytes(), len(grids)),
+        "unit": ax.x.label.partition("[")[2].rstrip("]"), "seconds": seconds,
+        "label": label, "log": ax.y.log, "range": [low, high],
+        "series": [
+            {"label": m.name or m.label or bare, "colour": m.colour,
+             "width": m.width or 1.4, "dash": list(m.dash),
+             "stepped": m.stepped and len(x) == len(m.x),
+             "gaps": bool(np.isnan(m.y.min(initial=0.0))),
+             **_packed(values)}
+            for m, values in zip(lines, columns, strict=True)
+        ],
+        "across": [
+            {"label": m.label, "colour": m.colour, "low": float(np.min(m.y)),
+             "high": float(np.max(m.y)), "filled": m.filled, "alpha": m.alpha} for m in across
+        ],
+        "strips": [
+            {"row": s.row, "label": s.label, "colour": s.colour,
+             "spans": [round(seconds * t, 6) for span in s.spans for t in span]}
+            for s in ax.strips
+        ],
+    }  # fmt: skip
+
+
+def thinned(lines: Sequence[tuple[Array, Array]], most: int) -> tuple[Array, list[Array]]:
+    """Lines (times, values) over times that they share, `most` at the most (even): as they are, nan
+    where one has no value, or the least and most in each of `most` / 2 parts, in about the order in
+    which they come."""
+    longest = max((x for x, _ in lines), key=len)
+    alike = all(np.array_equal(x, longest[: len(x)]) for x, _ in lines)
+    shared = longest if alike else np.unique(np.concatenate([x for x, _ in lines]))
+    if len(shared) <= most:
+        columns = [np.full(len(shared), np.nan) for _ in lines]
+        for column, (x, y) in zip(columns, lines, strict=True):
+            column[np.searchsorted(shared, x)] = y
+        return shared, columns
+    parts = most // 2
+    edges = np.linspace(shared[0], shared[-1], parts + 1)
+    quarter = 0.25 * (edges[1] - edges[0])
+    times = np.column_stack([edges[:-1] + quarter, edges[1:] - quarter]).ravel()
+    times[0], times[-1] = shared[0], shared[-1]
+    starts = np.searchsorted(shared, edges[:-1])
+    return times, [_ends(y, starts if alike else np.searchsorted(x, edges[:-1])) for x, y in lines]
+
+
+def _ends(y: Array, starts: NDArray[np.intp]) -> Array:
+    """Least and most of each part that begins at these rows, nan where it has no value."""
+    counts = np.diff(np.minimum(starts, len(y)), append=len(y))
+    some = counts > 0
+    begin = starts[some]
+    least, most = (np.fmin, np.fmax) if np.isnan(y.min()) else (np.minimum, np.maximum)  # faster
+    low, high = least.reduceat(y, begin), most.reduceat(y, begin)
+    falls = y[begin] > y[begin + counts[some] - 1]
+    ends = np.full((len(starts), 2), np.nan)
+    ends[some, 0], ends[some, 1] = np.where(falls, high, low), np.where(falls, low, high)
+    return ends.ravel()
+
+
+def _packed(values: Array) -> dict[str, Any]:
+    """Values as base64 of little-endian floats, less an offset where they hardly differ."""
+    known = values[np.isfinite(values)]
+    low, high = (float(known.min()), float(known.max())) if len(known) else (0.0, 0.0)
+    offset = 0.5 * (low + high) if high - low < 1e-3 * max(abs(low), abs(high)) else 0.0
+    with np.errstate(over="ignore"):  # what a float cannot hold is not drawn
+        data = (values - offset).astype("<f4").tobytes()
+    return {"data": base64.b64encode(data).decode(), "offset": offset}

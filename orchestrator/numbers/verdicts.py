@@ -1,0 +1,100 @@
+"""What a single run says of its scenario's requirements: met, by which margin, or not."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from ..system.expression import factor
+from ..system.parameters import unit_of
+from .numbers import late
+from .text import Value, number
+
+if TYPE_CHECKING:
+    from ..language.content import Content
+    from ..language.scenario import Requirement
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """A requirement in a run. `value` None: the number is not reached, which is not met."""
+
+    number: str
+    title: str
+    value: float | None
+    unit: str
+    met: bool
+    min: float | None = None
+    max: float | None = None
+
+    @property
+    def margin(self) -> float | None:
+        """From the value to the nearer limit as a share of that limit, below zero where it is not
+        met; None where there is no value, or the limit is zero."""
+        if self.value is None or not math.isfinite(self.value):
+            return None
+        shares = [
+            sign * (limit - self.value) / abs(limit)
+            for sign, limit in ((1.0, self.max), (-1.0, self.min)) if limit
+        ]  # fmt: skip
+        return min(shares, default=None)
+
+    @property
+    def limits(self) -> str:
+        """`at least 1, at most 2`, in the number's unit."""
+        told = (("at least", self.min), ("at most", self.max))
+        return ", ".join(f"{word} {number(x)}" for word, x in told if x is not None)
+
+    def to_json(self) -> dict[str, Any]:
+        """As a manifest has it."""
+        return {k: v for k, v in vars(self).items() if v is not None or k == "value"}
+
+
+def judged(
+    content: Content, numbers: Mapping[str, Value], start: float, end: float
+) -> tuple[dict[str, Verdict], dict[str, str]]:
+    """The verdicts on a run from `start` to `end` (s) by its numbers, and by a number's name why
+    there is none: it is not recorded, or the run is too short to tell."""
+    verdicts, unjudged = {}, {}
+    times = late(content)
+    for name, entry in content.requirements.items():
+        if why := _too_little(content, entry, numbers, entry.number in times, start, end):
+            unjudged[entry.number] = why
+            continue
+        found = numbers[entry.number]
+        met = found.value is not None and entry.holds(found.value)
+        verdicts[name] = Verdict(
+            entry.number, found.title, found.value, found.unit, met, entry.min, entry.max
+        )
+    return verdicts, unjudged
+
+
+def _too_little(
+    content: Content, entry: Requirement, numbers: Mapping[str, Value], is_late: bool,
+    start: float, end: float,
+) -> str:  # fmt: skip
+    """Why a run says nothing of a requirement; empty where it does."""
+    if entry.number not in numbers:
+        return "not recorded"
+    found = numbers[entry.number]
+    if found.value is not None:
+        return ""
+    if is_late and entry.max is not None:
+        limit = entry.max * factor(unit_of(found.unit), "s", f"of {entry.number}")
+        if end - start < limit * (1.0 - 1e-9):
+            return f"not reached at {end:g} s, where the run ends; it has until {start + limit:g} s"
+    told = content.numbers.get(entry.number)
+    if told is not None and told.window and end < told.window[0]:
+        return f"the run ends at {end:g} s, before {told.window[0]:g} s, where its window begins"
+    return ""
+
+
+def lines(verdicts: Mapping[str, Verdict]) -> Iterator[str]:
+    """A line for each requirement that is not met."""
+    for name, v in verdicts.items():
+        if not v.met:
+            unit = "" if v.unit in ("", "1") else f" {v.unit}"
+            value = number(v.value) if v.value is None else f"{number(v.value)}{unit}"
+            yield f"{name}: {v.title}: {value}; required: {v.limits}{unit}"

@@ -1,0 +1,243 @@
+// The figures of a page, drawn by uPlot: zoom, values under the pointer, series by the legend; all
+// axes of times move together. What cannot be drawn keeps its SVG, as do print and no JavaScript.
+(() => {
+  "use strict";
+  const told = JSON.parse(document.getElementById("told").textContent);
+  const dark = matchMedia("(prefers-color-scheme: dark)");
+  const ROW = 9; // of a strip of modes, px
+  const bytes = (text) => Uint8Array.from(atob(text), (c) => c.charCodeAt(0)).buffer;
+  const times = told.times.map((text) => new Float64Array(bytes(text)));
+  const first = Math.min(...times.map((t) => t[0]));
+  const last = Math.max(...times.map((t) => t[t.length - 1]));
+  const css = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
+  let shown = [];
+  let linking = false;
+
+  // of dark colours on a dark page, halfway to white
+  const colour = (hex) => !dark.matches ? hex : "#" + [1, 3, 5].map((i) =>
+    Math.round((parseInt(hex.slice(i, i + 2), 16) + 255) / 2).toString(16).padStart(2, "0")).join("");
+
+  // a number to the last digit that tells values `step` apart
+  const text = (value, step) => {
+    if (value === null || value === undefined) return "–";
+    if (value === 0) return "0";
+    const size = Math.abs(value);
+    const digits = step > 0 ? Math.max(0, Math.ceil(-Math.log10(step) - 1e-9)) : 0;
+    if (size >= 1e6 || (size < 1e-3 && step < 1e-4)) {
+      const kept = step > 0 ? Math.max(0, Math.min(8, Math.floor(Math.log10(size)) + digits)) : 3;
+      return value.toExponential(kept).replace(/\.?0+e/, "e").replace("e+", "e").replace(/-/g, "−");
+    }
+    return value.toFixed(Math.min(digits, 12)).replace("-", "−");
+  };
+
+  // uPlot's own ticks end at 1e-16, and know no hours
+  const multiples = (min, max, most) => {
+    const least = (max - min) / Math.max(most, 2);
+    const power = 10 ** Math.floor(Math.log10(least));
+    const step = [1, 2, 2.5, 5, 10].find((n) => n * power >= least * (1 - 1e-9)) * power;
+    const found = [];
+    for (let k = Math.ceil(min / step - 1e-9); k <= max / step + 1e-9; k++) found.push(k * step);
+    return found;
+  };
+  const apart = (at, unit) => (at.length > 1 ? (at[1] - at[0]) / unit : Math.abs(at[0]) / unit || 1);
+  const decades = (min, max) => { // of few of them, twos and fives between
+    const found = [];
+    const parts = Math.log10(max / min) < 2 ? [1, 2, 5] : [1];
+    const every = Math.ceil(Math.log10(max / min) / 7);
+    for (let k = Math.floor(Math.log10(min)); k <= Math.log10(max); k++) {
+      if (k % every === 0) found.push(...parts.map((n) => Number(`${n}e${k}`)));
+    }
+    return found.filter((v) => min <= v && v <= max);
+  };
+  // 2.5 has one digit more than its power of ten
+  const finer = (step) => Math.abs(step / 10 ** Math.floor(Math.log10(step) + 1e-9) - 2.5) < 0.01
+    ? step / 10 : step;
+
+  function values(series) {
+    const raw = new Float32Array(bytes(series.data));
+    return Array.from(raw, (v) => (Number.isFinite(v) ? v + series.offset : null));
+  }
+
+  function link(from) {
+    if (linking) return;
+    linking = true;
+    const { min, max } = from.scales.x;
+    for (const other of shown) {
+      const now = other.scales.x;
+      if (now.min !== min || now.max !== max) other.setScale("x", { min, max });
+    }
+    const zoomed = min > first || max < last;
+    document.documentElement.classList.toggle("zoomed", zoomed);
+    linking = false;
+  }
+
+  function reset() {
+    for (const made of shown) made.setScale("x", { min: first, max: last });
+  }
+
+  function under(u, plot) { // strips of modes, and bands and limits across
+    const { left, top, width, height } = u.bbox;
+    const ctx = u.ctx;
+    const ratio = devicePixelRatio;
+    ctx.save();
+    ctx.beginPath();
+    ctx.rect(left, top, width, height + (1 + rows(plot) * ROW) * ratio);
+    ctx.clip();
+    for (const strip of plot.strips) {
+      ctx.fillStyle = strip.colour;
+      for (let i = 0; i < strip.spans.length; i += 2) {
+        const x = u.valToPos(strip.spans[i], "x", true);
+        const wide = u.valToPos(strip.spans[i + 1], "x", true) - x;
+        ctx.globalAlpha = 1;
+        ctx.fillRect(x, top + height + (1 + strip.row * ROW) * ratio, wide, (ROW - 2) * ratio);
+        if (strip.row === 0 && strip !== plot.strips[0]) { // all but what holds longest
+          ctx.globalAlpha = 0.18;
+          ctx.fillRect(x, top, wide, height);
+        }
+      }
+    }
+    ctx.restore();
+    ctx.save();
+    ctx.beginPath();
+    ctx.rect(left, top, width, height);
+    ctx.clip();
+    for (const level of plot.across) {
+      const low = u.valToPos(level.low, "y", true);
+      const high = u.valToPos(level.high, "y", true);
+      if (level.filled) {
+        ctx.globalAlpha = level.alpha;
+        ctx.fillStyle = level.colour;
+        ctx.fillRect(left, high, width, low - high);
+        continue;
+      }
+      ctx.globalAlpha = 1;
+      ctx.strokeStyle = colour(level.colour);
+      ctx.lineWidth = 1.2 * ratio;
+      ctx.setLineDash([2 * ratio, 3 * ratio]);
+      ctx.beginPath();
+      ctx.moveTo(left, low);
+      ctx.lineTo(left + width, low);
+      ctx.stroke();
+    }
+    ctx.restore();
+  }
+
+  const rows = (plot) => plot.strips.reduce((most, s) => Math.max(most, s.row + 1), 0);
+
+  function key(plot, into) { // what limits and strips are; of strips, what holds under the pointer
+    const list = document.createElement("p");
+    list.className = "key note";
+    const entries = [...plot.across.filter((x) => x.label), ...plot.strips];
+    const spots = entries.map((entry) => {
+      const item = document.createElement("span");
+      const spot = document.createElement("i");
+      spot.style.background = entry.spans || entry.filled ? entry.colour : "none";
+      if (!entry.spans) spot.style.opacity = entry.filled ? 0.5 : 1;
+      if (!entry.spans && !entry.filled) spot.style.borderTop = `2px dotted ${entry.colour}`;
+      item.append(spot, entry.label);
+      list.append(item);
+      return item;
+    });
+    if (entries.length) into.append(list);
+    return (t) => entries.forEach((entry, i) => {
+      if (!entry.spans) return;
+      let holds = false;
+      for (let k = 0; k < entry.spans.length && !holds; k += 2) {
+        holds = t !== null && entry.spans[k] <= t && t < entry.spans[k + 1];
+      }
+      spots[i].classList.toggle("now", holds);
+    });
+  }
+
+  function draw(plot, place) {
+    const x = times[plot.time];
+    const ink = css("--ink");
+    const axis = { stroke: ink, grid: { stroke: css("--grid"), width: 1 }, font: "12px system-ui",
+      labelFont: "12px system-ui", labelSize: 18 };
+    const inks = { ...axis, ticks: { stroke: ink, width: 1, size: 5 } };
+    const depth = rows(plot) * ROW;
+    const y = plot.series.map(values);
+    let now = () => {};
+    const all = (u) => u.series.every((s) => s.show !== false);
+    const whole = (u) => u.scales.x.min == null || u.scales.x.min <= first && u.scales.x.max >= last;
+    const range = (u, min, max) => {
+      if (min === null || (whole(u) && all(u))) return plot.range;
+      if (plot.log) return uPlot.rangeLog(min, max, 10, false);
+      const rim = max > min ? 0.05 * (max - min) : 0.05 * Math.abs(max) || 1;
+      return [min - rim, max + rim];
+    };
+    const wide = (u, labels) => 16 + 7.5 * Math.max(3, ...(labels || []).map((s) => (s || "").length));
+    const options = {
+      width: place.clientWidth, height: 290 + depth,
+      scales: { x: { time: false, range: (u, min, max) => [min, max] },
+        y: { distr: plot.log ? 3 : 1, range } },
+      axes: [
+        { ...inks, ticks: { ...inks.ticks, show: !depth }, label: `time [${plot.unit}]`,
+          size: 32 + depth, gap: 5 + depth,
+          splits: (u, i, min, max) => multiples(min / plot.seconds, max / plot.seconds,
+            (u.width - 80) / 75).map((t) => t * plot.seconds),
+          values: (u, at) => at.map((t) => text(t / plot.seconds, finer(apart(at, plot.seconds)))) },
+        { ...inks, label: plot.label, size: wide,
+          splits: plot.log ? (u, i, min, max) => decades(min, max)
+            : (u, i, min, max) => multiples(min, max, 8),
+          filter: (u, at) => at,
+          values: (u, at) => at.map((v) => text(v, plot.log ? v : finer(apart(at, 1)))) },
+      ],
+      series: [
+        { label: "time", value: (u, t) => (t === null ? "–"
+          : `${text(t / plot.seconds, (last - first) / plot.seconds / 1e4)} ${plot.unit}`) },
+        ...plot.series.map((s) => ({
+          label: s.label, stroke: colour(s.colour), width: s.width, dash: s.dash.map((d) => 1.5 * d),
+          spanGaps: !s.gaps, points: { show: false },
+          paths: s.stepped ? uPlot.paths.stepped({ align: 1 }) : undefined,
+          value: (u, v) => text(v, (u.scales.y.max - u.scales.y.min) / 1e4),
+        })),
+      ],
+      cursor: {
+        y: false,
+        sync: { key: "time", setSeries: false, scales: ["x", null],
+          filters: { pub: (type) => type === "mousemove" || type === "mouseleave" } },
+        drag: { x: true, y: false, setScale: true },
+        bind: { dblclick: () => () => { reset(); return null; } },
+      },
+      hooks: {
+        drawClear: [(u) => under(u, plot)],
+        setScale: [(u, name) => name === "x" && u.status === 1 && link(u)],
+        setCursor: [(u) => now(u.cursor.left >= 0 ? u.posToVal(u.cursor.left, "x") : null)],
+      },
+    };
+    const made = new uPlot(options, [x, ...y], place);
+    now = key(plot, place);
+    new ResizeObserver(() => {
+      if (place.clientWidth && place.clientWidth !== made.width) {
+        made.setSize({ width: place.clientWidth, height: options.height });
+      }
+    }).observe(place);
+    return made;
+  }
+
+  function drawAll() {
+    for (const made of shown) made.destroy();
+    shown = [];
+    told.plots.forEach((plot, i) => {
+      if (!plot) return;
+      const figure = document.getElementById(`plot-${i}`);
+      const place = figure.querySelector(".live");
+      place.replaceChildren();
+      figure.classList.add("drawn");
+      try {
+        shown.push(draw(plot, place));
+      } catch (error) { // the SVG stays
+        console.error(error);
+        figure.classList.remove("drawn");
+      }
+    });
+    reset(); // outputs of intervals have no last row
+    document.documentElement.classList.toggle("lively", shown.length > 0);
+  }
+
+  drawAll();
+  dark.addEventListener("change", drawAll);
+  for (const button of document.querySelectorAll(".whole")) button.addEventListener("click", reset);
+  window.desat = { get shown() { return shown; } };
+})();

@@ -1,0 +1,348 @@
+"""The report of a run: what comes first, the data of its figures, the page in a browser.
+
+A browser is taken where there is one: the package playwright, and Chromium by its name or by the
+variable DESAT_CHROMIUM (CONTRIBUTING.md).
+"""
+
+from __future__ import annotations
+
+import base64
+import json
+import os
+import re
+import shutil
+import webbrowser
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from lxml import html
+from typer.testing import CliRunner
+
+from desat import cli
+from desat.campaign import store
+from desat.figures import interactive
+from desat.figures.canvas import Figure
+from desat.figures.plots import timeline
+from desat.report import report
+from desat.runs.run import Options, execute, load_run
+
+
+def figure(lines, rows=100, *, name="a", step=1.0):
+    drawn = Figure(7.2, 2.9)
+    ax = drawn.add()
+    times = np.arange(rows) * step
+    for i in range(lines):
+        ax.plot(times / 60.0, np.sin(times / 50.0 + i), "#0b62a4", name=f"{name} {i}")
+    timeline(ax, 60.0, "min")
+    return drawn
+
+
+def numbers(series):
+    raw = np.frombuffer(base64.b64decode(series["data"]), "<f4").astype(float)
+    return raw + series["offset"]
+
+
+# --- data of the figures ------------------------------------------------------------------------
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.integers(1, 900), st.integers(10, 60), st.integers(0, 3), st.integers(0, 2**32 - 1))
+def test_thinning_keeps_least_and_most_of_each_part(rows, parts, less, seed):
+    draw = np.random.default_rng(seed)
+    x, y = np.cumsum(draw.uniform(0.1, 3.0, rows)), draw.normal(size=rows)
+    cut = max(1, rows - less)
+    times, (first, second) = interactive.thinned([(x, y), (x[:cut], y[:cut])], 2 * parts)
+    assert len(times) == len(first) == len(second) <= max(2 * parts, 0)
+    assert (np.diff(times) > 0.0).all()
+    assert times[0] == x[0]
+    assert times[-1] == x[-1]
+    if rows <= 2 * parts:
+        assert np.array_equal(first, y)
+        assert np.array_equal(second[:cut], y[:cut])
+        return
+    edges = np.linspace(x[0], x[-1], parts + 1)
+    part = np.clip(np.searchsorted(edges, x, "right") - 1, 0, parts - 1)
+    for k in range(parts):
+        own, pair = y[part == k], first[2 * k : 2 * k + 2]
+        # a sample on an edge may be counted to either side
+        if len(own) and not np.isin(x[part == k], edges).any():
+            assert sorted(pair) == [own.min(), own.max()]
+
+
+def test_lines_of_other_times_stand_at_their_own():
+    fast, slow = np.arange(0.0, 10.0), np.arange(0.5, 10.0, 2.0)
+    times, (a, b) = interactive.thinned([(fast, fast), (slow, -slow)], 100)
+    assert sorted({*fast, *slow}) == list(times)
+    assert np.array_equal(a[np.isfinite(a)], fast)
+    assert np.array_equal(b[np.isfinite(b)], -slow)
+    assert np.array_equal(times[np.isfinite(b)], slow)
+
+
+def test_gaps_stay_gaps():
+    x, y = np.arange(1000.0), np.ones(1000)
+    y[200:400], y[5] = np.nan, np.nan
+    _, (thin,) = interactive.thinned([(x, y)], 100)
+    assert np.isnan(thin[22:38]).all()
+    assert np.isfinite(thin[:20]).all()  # one value of several that lacks is no gap
+
+
+def test_values_that_hardly_differ_keep_their_digits():
+    drawn, x = Figure(7.2, 2.9), np.arange(50.0)
+    ax = drawn.add()
+    ax.plot(x, 7.0e6 + 1e-3 * x, "#0b62a4")
+    timeline(ax, 1.0, "s")
+    (plot,) = interactive.told([drawn])["plots"]
+    assert np.abs(numbers(plot["series"][0]) - (7.0e6 + 1e-3 * x)).max() < 1e-8
+
+
+def test_a_day_of_thirty_series_is_below_3_megabytes():
+    """With the SVG of its figures and the script."""
+    figures = [figure(3, 86_400) for _ in range(10)]
+    told = interactive.told(figures)
+    size = len(json.dumps(told)) + sum(len(f.svg()) for f in figures)
+    script = sum(p.stat().st_size for p in Path(report.__file__).parents[1].glob("templates/**/*"))
+    assert 500_000 < size + script < 3_000_000
+    assert len(told["times"]) == 1  # of all plots
+    assert {len(numbers(s)) for p in told["plots"] for s in p["series"]} == {told["most"]}
+
+
+@pytest.mark.parametrize("of", ["upright", "points", "area", "no times", "two ordinates"])
+def test_what_the_script_cannot_draw_stays_svg(of):
+    drawn = figure(1)
+    (ax,) = drawn.axes
+    if of == "upright":
+        ax.upright(3.0, "#000000")
+    elif of == "points":
+        ax.plot([1.0], [2.0], "#000000", width=0.0, marker=3.0)
+    elif of == "area":
+        ax.area([1.0, 2.0, 3.0], 0.0, 1.0, "#000000")
+    elif of == "no times":
+        ax.x.seconds = 0.0
+    else:
+        ax.right = Figure(1.0, 1.0).add()
+    told = interactive.told([drawn, figure(1)])
+    assert [bool(p) for p in told["plots"]] == [False, True]
+
+
+def test_limits_go_across_and_fast_lines_are_whole():
+    drawn = figure(0)
+    (ax,) = drawn.axes
+    x = np.arange(5000.0)
+    ax.area(x[:5], 0.0, 1.0, "#112233", label="w: least to most", name="w", whole=(x, np.cos(x)))
+    ax.level(2.0, "#000000", label="limit")
+    ax.band(-1.0, 1.0, "#000000", alpha=0.2, label="band")
+    (plot,) = interactive.told([drawn])["plots"]
+    ((series,), level, band) = plot["series"], *plot["across"]
+    assert series["label"] == "w"
+    assert len(numbers(series)) == 5000
+    assert (level["low"], level["high"], level["filled"]) == (2.0, 2.0, False)
+    assert (band["low"], band["high"], band["filled"], band["alpha"]) == (-1.0, 1.0, True, 0.2)
+
+
+# --- the page -----------------------------------------------------------------------------------
+
+MINE = """extends = "integrated/mil-nadir"
+title = "Mine"
+stop = 1200.0
+[requirements.pointing]
+max = 179.0
+[requirements.wheels]
+number = "largest"
+max = 1.0
+[numbers.largest]
+title = "Largest </script><b>wheel"
+signal = "wheels.h_wheel"
+measure = "largest"
+unit = "N.m.s"
+[plots.dipole]
+title = "Dipole </script><img>"
+components = ["</script><b>x", "y", "z"]
+"""
+
+
+@pytest.fixture(scope="module")
+def page(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("report")
+    (folder / "mine.toml").write_text(MINE)
+    run = execute(str(folder / "mine.toml"), Options(), folder / "run")
+    report.write_report(folder / "run", run)
+    return folder / "run" / report.REPORT
+
+
+def test_verdicts_and_the_plot_that_matters_come_first(page):
+    """`wheels` has 98 % left and `pointing` hardly less than all of 179 deg: which is nearer?"""
+    run, told = load_run(page.parent), html.fromstring(page.read_text())
+    nearest = min(run.manifest.verdicts.items(), key=lambda e: e[1].margin)
+    texts = [e.text_content() for e in told.iter("p", "table", "figcaption", "h2")]
+    assert f"All 2 requirements met; least margin {100 * nearest[1].margin:.3g} %" in texts[1]
+    assert nearest[0] in texts[1]
+    first = told.find(".//figure")
+    title = {"wheels": "Wheel momentum", "pointing": "Pointing error"}[nearest[0]]
+    assert first.findtext("figcaption").strip() == title
+    assert texts.index(title + " the whole run") < texts.index("Numbers")
+    captions = [f.findtext("figcaption").strip() for f in told.iter("figure")]
+    assert captions.count(title) == 1
+
+
+def test_the_page_stands_alone_and_nobodys_names_end_its_script(page):
+    text = page.read_text()
+    told = html.fromstring(text)
+    assert told.findall(".//img") == []
+    assert not told.xpath("//*[@src] | //link | //b[starts-with(., 'x')]")
+    assert not re.search(r"url\(|@import", text)
+    data = json.loads(told.find(".//script[@id='told']").text)
+    figures = told.findall(".//figure")
+    assert len(data["plots"]) == len(figures) == len(told.xpath("//div[@class='still']/svg"))
+    assert all(data["plots"])
+    dipole = next(p for f, p in zip(figures, data["plots"], strict=True)
+                  if f.findtext("figcaption").startswith("Dipole </script><img>"))  # fmt: skip
+    assert dipole["series"][0]["label"] == "</script><b>x"
+    assert "Permission is hereby granted" in text  # uPlot's licence
+
+
+def test_its_data_are_those_of_the_run(page):
+    run = load_run(page.parent)
+    data = json.loads(html.fromstring(page.read_text()).find(".//script[@id='told']").text)
+    plot = next(p for p in data["plots"] if p["label"].startswith("momentum of each wheel"))
+    times = np.frombuffer(base64.b64decode(data["times"][plot["time"]]), "<f8")
+    assert np.allclose(times, run.results.times("wheels.h_wheel"), rtol=0.0, atol=1e-9)
+    values = np.column_stack([numbers(s) for s in plot["series"]])
+    assert np.allclose(values, 1e3 * run.results.values("wheels.h_wheel"), rtol=1e-6, atol=1e-9)
+
+
+def test_report_open(page, monkeypatch):
+    opened = []
+    monkeypatch.setattr(webbrowser, "open", lambda uri: opened.append(uri) or len(opened) == 1)
+    for said in ("", "no browser was found"):
+        done = CliRunner().invoke(cli.app, ["report", str(page.parent), "--open"])
+        assert done.exit_code == 0
+        assert said in done.output
+    assert opened == 2 * [page.resolve().as_uri()]
+
+
+# --- a campaign's -------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def campaign(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("campaign") / "a b"
+    done = CliRunner().invoke(cli.app, [
+        "campaign", "integrated/mil-nadir", "-n", "12", "--stop", "20", "--jobs", "1",
+        "--out", str(folder),
+    ])  # fmt: skip
+    assert done.exit_code == 1, done.output  # nothing is dumped in 20 s
+    return folder
+
+
+def test_histograms_name_the_cases_of_each_bar(campaign):
+    told = html.fromstring((campaign / "report.html").read_text())
+    data = json.loads(told.find(".//script[@id='told']").text)
+    assert data["command"] == f"desat campaign case '{campaign}'"
+    figures = told.xpath("//figure[@data-histogram]")
+    assert len(figures) == len(data["histograms"]) > 5
+    for bars in data["histograms"]:
+        assert sorted(c for cases in bars["cases"] for c in cases) == list(range(12))
+        assert list(map(len, bars["cases"])) == bars["counts"]
+        assert 0.0 < bars["edges"][0] < bars["edges"][-1] < 1.0
+        assert (np.diff(bars["edges"]) > 0.0).all()
+    title = "Largest momentum of a wheel, share of its capacity"
+    (k,) = (i for i, f in enumerate(figures) if f.findtext("figcaption").strip() == title)
+    (name,) = (n for n, of in store.described(campaign).items() if of["title"] == title)
+    table, bars = store.read(campaign), data["histograms"][k]
+    assert table["case"].to_pylist() == list(range(12))
+    values = np.array(table[f"out.{name}"].to_pylist())
+    order = [c for cases in bars["cases"] for c in sorted(cases, key=lambda c: values[c])]
+    assert (np.diff(values[order]) >= 0.0).all()
+
+
+# --- in a browser -------------------------------------------------------------------------------
+
+CHROMIUM = os.environ.get("DESAT_CHROMIUM") or shutil.which("chromium") or shutil.which(
+    "google-chrome")  # fmt: skip
+RANGES = "desat.shown.map(u => [u.scales.x.min, u.scales.x.max])"
+
+
+@pytest.fixture(scope="module")
+def browser():
+    api = pytest.importorskip("playwright.sync_api", reason="no playwright")
+    if CHROMIUM is None:
+        pytest.skip("no Chromium")
+    with api.sync_playwright() as started:
+        made = started.chromium.launch(
+            executable_path=CHROMIUM, timeout=30_000,
+            args=["--no-sandbox", "--headless", "--lang=en-US"],
+        )  # fmt: skip
+        yield made
+        made.close()
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+@pytest.mark.parametrize("width", [1400, 420])
+def test_zoom_and_values_in_a_browser(browser, page, width, scheme):
+    """All plots are drawn, nothing is wider than the window, times are linked, values are said."""
+    tab = browser.new_page(viewport={"width": width, "height": 900}, color_scheme=scheme)
+    tab.set_default_timeout(10_000)
+    errors = []
+    tab.on("pageerror", lambda error: errors.append(str(error)))
+    tab.goto(page.as_uri())
+    count = len(html.fromstring(page.read_text()).findall(".//figure"))
+    assert tab.evaluate("desat.shown.length") == count
+    assert tab.evaluate("document.documentElement.scrollWidth") <= width
+    assert tab.evaluate("document.querySelectorAll('.still').length") == count
+    assert not tab.locator(".still").first.is_visible()
+    labels = tab.evaluate("desat.shown.map(u => [u.axes[0].label, u.axes[1].label])")
+    assert all(x.startswith("time [") and y for x, y in labels)
+    assert set(map(tuple, tab.evaluate(RANGES))) == {(0, 1200)}
+    over = tab.locator(".u-over").first
+    box = over.bounding_box()
+    at = box["x"] + 0.25 * box["width"], box["y"] + 0.5 * box["height"]
+    tab.mouse.move(*at)
+    said = tab.locator(".u-legend").nth(1).inner_text()  # of another plot than that under it
+    assert re.search(r"time:?\s*(29|30)\d\.\d s", said.replace("\n", " "))
+    tab.mouse.down()
+    tab.mouse.move(box["x"] + 0.5 * box["width"], at[1], steps=3)
+    tab.mouse.up()
+    ranges = tab.evaluate(RANGES)
+    assert ranges[0] == pytest.approx([300.0, 600.0], abs=8.0)
+    assert all(r == ranges[0] for r in ranges)
+    tab.locator(".whole").first.click()
+    assert set(map(tuple, tab.evaluate(RANGES))) == {(0, 1200)}
+    tab.locator(".u-legend .u-series th").nth(1).click()
+    assert tab.evaluate("desat.shown[0].series[1].show") is False
+    tab.emulate_media(media="print")
+    assert tab.locator(".still").first.is_visible()
+    assert not tab.locator(".live").first.is_visible()
+    assert errors == []
+    tab.close()
+
+
+def test_a_click_on_a_bar_names_its_cases_and_on_one_its_command(browser, campaign):
+    tab = browser.new_page(viewport={"width": 420, "height": 900})
+    tab.set_default_timeout(10_000)
+    tab.goto((campaign / "report.html").as_uri())
+    assert tab.evaluate("document.documentElement.scrollWidth") <= 420
+    data = json.loads(tab.evaluate("document.getElementById('told').textContent"))
+    bars = data["histograms"][0]
+    k = int(np.argmax(bars["counts"]))
+    drawn = tab.locator(".many svg").first
+    drawn.scroll_into_view_if_needed()
+    box = drawn.bounding_box()
+    share = 0.5 * (bars["edges"][k] + bars["edges"][k + 1])
+    drawn.click(position={"x": share * box["width"], "y": 0.4 * box["height"]})
+    named = tab.locator("#named")
+    assert named.inner_text().endswith(": " + ", ".join(map(str, bars["cases"][k])))
+    named.locator(".case").last.click()
+    assert f"{data['command']} {bars['cases'][k][-1]}" in named.inner_text()
+    tab.close()
+
+
+def test_without_javascript_the_svg_is_shown(browser, page):
+    context = browser.new_context(java_script_enabled=False)
+    tab = context.new_page()
+    tab.goto(page.as_uri())
+    assert tab.locator(".still svg").first.is_visible()
+    assert not tab.locator(".live").first.is_visible()
+    context.close()
