@@ -168,7 +168,7 @@ def test_a_family_touches_no_existing_file(repository):
         (repository / name).write_text(text, encoding="utf-8")
     do("desat.fmus.build", "manager_spin_down")
     index = json.loads((repository / "fmus/dist/index.json").read_text(encoding="utf-8"))
-    assert [e.get("why") for e in index] == [None, None], "native and Python"
+    assert [e.get("why") for e in index] == [None] * 3, "native, FMI 3.0, Python"
     do("desat.cli", "craft", "spin_down")
     do("desat.cli", "check", "spin_down/wheels")
     assert "Three wheels spin down" in do("desat.cli", "list", "spin_down")
@@ -194,6 +194,7 @@ def test_a_family_touches_no_existing_file(repository):
     assert {name: after.get(name) for name in before} == before
     assert after.keys() - before.keys() == {
         *FILES, "ssp/spin_down/SystemStructure.ssd", "fmus/dist/manager_spin_down.fmu",
-        "fmus/dist/native/manager_spin_down.fmu", "fmus/dist/index.json",
+        "fmus/dist/native/manager_spin_down.fmu", "fmus/dist/fmi3/manager_spin_down.fmu",
+        "fmus/dist/index.json",
         "docs/papers/spin_down/README.md", "docs/papers/spin_down/momentum.svg",
     }  # fmt: skip
