@@ -21,6 +21,7 @@ from desat.analyses.manifest import Manifest
 from desat.campaign import draws as study
 from desat.campaign import report
 from desat.campaign.judged import for_half_the_width, more, requirement
+from desat.engine.checkpoint import newest
 from desat.language.content import Content, Entry
 from desat.language.scenario import Requirement
 from desat.numbers import verdicts
@@ -572,3 +573,24 @@ def test_a_run_that_is_too_short_does_not_judge(number, until, why):
 def test_a_number_that_is_not_recorded_is_not_judged():
     content = Content.model_validate({"requirements": {"r": {"number": "x", "max": 1.0}}})
     assert verdicts.judged(content, {}, 0.0, 1.0) == ({}, {"x": "not recorded"})
+
+
+def test_a_checkpoint_says_how_long_the_run_took_until_then(tmp_path):
+    given = Options(stop=60.0, checkpoint=10.0, blocks=True)
+    run = simulate(prepare("nadir_day/day-dipole", given), tmp_path / "run")
+    told = newest(tmp_path / "run").told["seconds"]
+    assert 0.0 < told <= run.manifest.wall_seconds
+
+
+def test_the_first_option_that_belongs_to_a_map_is_named(desat):
+    said = desat("size", "nadir_day/day-dipole", "--dipoles", "0.1", "--rods", "1,2")
+    assert said.returncode == Exit.INPUT
+    assert "--rods: it belongs to --map" in said.stderr
+
+
+def test_check_is_as_run_by_default():
+    """It takes an FMU's faults as warnings, and nothing from outside a system's folder."""
+    from desat.cli.commands.check import check
+
+    usual = inspect.signature(check).parameters
+    assert (usual["strict"].default, usual["outside"].default) == (False, False)
