@@ -1,7 +1,7 @@
 """Cases a second of a campaign: through the pool and through Dask, on one and two cores; what of
 that is no case; memory and bytes; and Basilisk's own Monte Carlo on the same kind of day.
 
-    python -m benchmarks.campaign FOLDER CASES pool:N|local:N SECONDS   # one, in its own process
+    python -m benchmarks.campaign FOLDER CASES pool:N|local:N SECONDS [NAME]  # one, in its process
 """
 
 from __future__ import annotations
@@ -22,17 +22,24 @@ DAY = 86400.0
 CASES = 50
 MANY, DAYS = 500, 4
 ROUNDS = 2
+MORE, FEWER = 220, 20
+"""What a case costs beside the start: these cases less those."""
+KINDS = {
+    "an orbit": (NAME, ORBIT),
+    "613 steps": ("alsat1/basin-y-wheel", 6130.0),
+    "a day": (NAME, DAY),
+}
 BASILISK = Path(__file__).parent.parent / ".venv-basilisk" / "bin" / "python"
 
 
-def one(folder: str, cases: str, how: str, stop: str) -> dict[str, Any]:
-    """A campaign of cases until `stop` (s): wall seconds, those within cases, the head's own, and
-    peaks of memory (MB)."""
+def one(folder: str, cases: str, how: str, stop: str, name: str = NAME) -> dict[str, Any]:
+    """A campaign of cases until `stop` (s): wall seconds, those within cases, the head's own CPU
+    and that of all, and peaks of memory (MB)."""
     from desat.campaign import coordinator, store
     from desat.system.options import Options
 
     where, kind, size = Path(folder), *how.split(":")
-    plan, _ = coordinator.planned(NAME, int(cases), options=Options(stop=float(stop)), curves=())
+    plan, _ = coordinator.planned(name, int(cases), options=Options(stop=float(stop)), curves=())
     began, cpu = time.perf_counter(), time.process_time()
     cluster = how if kind == "local" else None
     coordinator.run(plan, where, int(size), cluster, progress=False)
@@ -42,8 +49,10 @@ def one(folder: str, cases: str, how: str, stop: str) -> dict[str, Any]:
     files = [p for p in where.rglob("*") if p.is_file()]
     who = {"head": resource.RUSAGE_SELF, "worker": resource.RUSAGE_CHILDREN}
     peak = {name: resource.getrusage(what).ru_maxrss / 1024.0 for name, what in who.items()}
+    used = [resource.getrusage(what) for what in who.values()]
     return {
         "cases": int(cases), "completed": len(own),
+        "cpu_seconds": sum(x.ru_utime + x.ru_stime for x in used),
         "seconds": seconds, "in_cases": sum(own), "least": min(own),
         "head_ms_per_case": 1e3 * cpu / int(cases),
         "head_mb": peak["head"], "worker_mb": peak["worker"],
@@ -70,6 +79,7 @@ def measure() -> dict[str, Any]:
             for name, how in {"many": "pool:2", "many_dask": "local:2"}.items()
         }
         day = _run(folder, "day", DAYS, "pool:1", DAY)
+        marginal = {kind: _marginal(folder, kind) for kind in KINDS}
     digests = {r["digest"] for rows in found.values() for r in rows}
     few = {how: _median(rows) for how, rows in found.items()}
     for how, entry in few.items():
@@ -81,11 +91,27 @@ def measure() -> dict[str, Any]:
         **few,
         **{n: {**m, "cases_per_second": MANY / m["seconds"]} for n, m in many.items()},
         "day": day,
+        "marginal": marginal,
         "basilisk": {
             f"processes:{n}": {"cases_per_second": CASES / statistics.median(seconds)}
             for n, seconds in basilisk.items() if seconds
         },
     }  # fmt: skip
+
+
+def _marginal(folder: str, kind: str) -> dict[str, float]:
+    """CPU of a case (ms), start-up left out: of all, and of the head. Least of ROUNDS."""
+    name, stop = KINDS[kind]
+    rounds = []
+    for i in range(ROUNDS):
+        fewer, more = (
+            _run(folder, f"{kind}-{i}-{n}".replace(" ", "-"), n, "pool:1", stop, name)
+            for n in (FEWER, MORE)
+        )
+        head = [x["head_ms_per_case"] * x["cases"] for x in (fewer, more)]
+        cpu = more["cpu_seconds"] - fewer["cpu_seconds"]
+        rounds.append((1e3 * cpu / (MORE - FEWER), (head[1] - head[0]) / (MORE - FEWER)))
+    return {"ms": min(x for x, _ in rounds), "head_ms": min(x for _, x in rounds)}
 
 
 def _median(rows: list[dict[str, Any]]) -> dict[str, Any]:
@@ -94,10 +120,10 @@ def _median(rows: list[dict[str, Any]]) -> dict[str, Any]:
 
 
 def _run(
-    folder: str, name: str, cases: int, how: str, stop: float = ORBIT
+    folder: str, name: str, cases: int, how: str, stop: float = ORBIT, system: str = NAME
 ) -> dict[str, Any]:  # fmt: skip
     where = str(Path(folder) / name.replace(":", "-"))
-    arguments = where, str(cases), how, str(stop)
+    arguments = where, str(cases), how, str(stop), system
     return _result([sys.executable, "-m", "benchmarks.campaign", *arguments])
 
 
