@@ -346,3 +346,24 @@ def test_without_javascript_the_svg_is_shown(browser, page):
     assert tab.locator(".still svg").first.is_visible()
     assert not tab.locator(".live").first.is_visible()
     context.close()
+
+
+def test_a_limit_that_is_far_beyond_is_named_and_no_line():
+    """It has no place on the axes, and none among the times that lines share."""
+    figure = Figure(6.0, 3.0)
+    ax = figure.add()
+    ax.x.seconds = 60.0
+    ax.plot([0.0, 1.0], [0.0, 2.0], "#000000", label="x")
+    ax.plot([np.nan], [np.nan], "#ff0000", label="±400 capacity: far beyond")
+    (plot,) = interactive.told([figure])["plots"]
+    assert [line["label"] for line in plot["series"]] == ["x"]
+    assert plot["across"][0]["label"] == "±400 capacity: far beyond"
+    assert plot["across"][0]["low"] is None
+
+
+def test_a_run_without_rows_has_no_plot_of_the_browser_s():
+    figure = Figure(6.0, 3.0)
+    ax = figure.add()
+    ax.x.seconds = 60.0
+    ax.plot([], [], "#000000", label="x")
+    assert interactive.told([figure])["plots"] == [None]

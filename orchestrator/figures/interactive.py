@@ -37,13 +37,15 @@ def told(figures: Sequence[Figure]) -> dict[str, Any]:
 
 
 def _is_across(mark: Mark) -> bool:
-    """Whether it is a level or band from edge to edge."""
-    return len(mark.x) <= 4 and bool(np.isinf(mark.x).all())
+    """Whether it is a level or band from edge to edge, or one so far away that its name alone is
+    shown (nan)."""
+    return 0 < len(mark.x) <= 4 and not np.isfinite(mark.x).any()
 
 
 def _is_line(mark: Mark) -> bool:
     upright = len(mark.y) == 2 and bool(np.isinf(mark.y).any())
-    return mark.whole is not None or not (mark.filled or upright or _is_across(mark))
+    empty = not len(mark.x)
+    return mark.whole is not None or not (mark.filled or upright or empty or _is_across(mark))
 
 
 def _drawable(figure: Figure) -> bool:
@@ -73,8 +75,8 @@ def _plot(ax: Axes, lines: Sequence[Mark], room: int, grids: dict[bytes, int]) -
             for m, values in zip(lines, columns, strict=True)
         ],
         "across": [
-            {"label": m.label, "colour": m.colour, "low": float(np.min(m.y)),
-             "high": float(np.max(m.y)), "filled": m.filled, "alpha": m.alpha} for m in across
+            {"label": m.label, "colour": m.colour, "low": _finite(m.y.min()),
+             "high": _finite(m.y.max()), "filled": m.filled, "alpha": m.alpha} for m in across
         ],
         "strips": [
             {"row": s.row, "label": s.label, "colour": s.colour,
@@ -82,6 +84,10 @@ def _plot(ax: Axes, lines: Sequence[Mark], room: int, grids: dict[bytes, int]) -
             for s in ax.strips
         ],
     }  # fmt: skip
+
+
+def _finite(value: float) -> float | None:
+    return float(value) if np.isfinite(value) else None
 
 
 def thinned(lines: Sequence[tuple[Array, Array]], most: int) -> tuple[Array, list[Array]]:

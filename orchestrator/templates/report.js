@@ -102,6 +102,7 @@
     ctx.rect(left, top, width, height);
     ctx.clip();
     for (const level of plot.across) {
+      if (level.low === null) continue; // far beyond: named alone
       const low = u.valToPos(level.low, "y", true);
       const high = u.valToPos(level.high, "y", true);
       if (level.filled) {
