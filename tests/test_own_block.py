@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import subprocess
+import sys
 from pathlib import Path
 
 import fmpy
@@ -162,3 +164,45 @@ def test_a_file_that_is_not_there_is_said(desat, tmp_path):
     done = desat("run", TARGET, "--source", f"manager={tmp_path / 'none.py'}")
     assert done.returncode == 2
     assert "none.py: No such file" in done.stderr
+
+
+# --- desat new law --------------------------------------------------------------------------------
+
+
+def test_a_new_law_flies_and_its_own_test_holds(desat, cache, tmp_path):
+    """It is native, has the bits of our cross product at the same gain, and its test can fail."""
+    made = desat("new", "law", "my_own", cwd=tmp_path, check=True)
+    assert made.stdout.splitlines()[0] == "my_own.py, test_my_own.py"
+    file = tmp_path / "my_own.py"
+    built = own.built(file)
+    assert built.native is not None, built.why
+    runs = [execute(TARGET, Options(stop=600.0, sources=[f"manager={x}"])) for x in (file, OURS)]
+    first, second = (run.results.values("torquers.m_mean_body") for run in runs)
+    assert abs(first).max() > 0.0
+    np.testing.assert_allclose(first, second, rtol=1e-9, atol=1e-15)
+
+    def tested(*more: str) -> int:
+        given = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "test_my_own.py"]
+        return subprocess.run(
+            [*given, *more], cwd=tmp_path, capture_output=True, timeout=60, check=False
+        ).returncode
+
+    assert tested() == 0
+    file.write_text(file.read_text().replace("cross(h, self.b_body)", "cross(self.b_body, h)"))
+    assert tested("-k", "across") == 1
+
+
+@pytest.mark.parametrize(
+    ("name", "text"),
+    [("manager_b_dot", "a block of ours has this name"), ("my-law", "call it my_law.py"),
+     ("2nd", "call it block_2nd.py"), ("there", "there.py: it exists; --force writes over it")],
+)  # fmt: skip
+def test_a_new_law_that_cannot_be(desat, tmp_path, name, text):
+    (tmp_path / "there.py").write_text("mine")
+    refused = desat("new", "law", name, cwd=tmp_path)
+    assert refused.returncode == 2
+    assert text in refused.stderr
+    assert [x.name for x in tmp_path.iterdir()] == ["there.py"]
+    assert (tmp_path / "there.py").read_text() == "mine"
+    assert desat("new", "law", "there.py", "--force", cwd=tmp_path).returncode == 0
+    assert (tmp_path / "test_there.py").is_file()

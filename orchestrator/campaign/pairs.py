@@ -236,11 +236,17 @@ def _differences(
     a, b = (
         flat(t[name].to_pylist())[[r[c] for c in cases]] for t, r in zip(tables, rows, strict=True)
     )
-    each = sorted(
+    each = [
         difference(x, y) for x, y in zip(a.tolist(), b.tolist(), strict=True)
         if math.isfinite(x) and math.isfinite(y)
-    )  # fmt: skip
-    told = spread(each)
+    ]  # fmt: skip
+    return confident(each, level)
+
+
+def confident(each: Sequence[float], level: float = 0.95) -> dict[str, Any]:
+    """`spread` of differences, the interval of their median (order statistics), and the share of
+    those below 0 with its interval (Clopper-Pearson), both at a level."""
+    told, each = spread(each), sorted(each)
     if not (n := len(each)):
         return told
     # the k-th least and the k-th largest hold the median with at least this confidence

@@ -61,8 +61,8 @@ def series_plot(plot: Plot, runs: Sequence[Run]) -> str | None:
 
 
 def series_figure(plot: Plot, runs: Sequence[Run]) -> Figure | None:
-    """The figure of a scenario's `[plots.NAME]` over runs. The first is drawn in colours, the
-    others dashed. None where a series is not recorded."""
+    """The figure of a scenario's `[plots.NAME]` over runs. Of two the first is drawn in colours,
+    the other dashed; of more each run has a colour. None where a series is not recorded."""
     _, results, parameters = runs[0]
     if (unit := unit_of(plot, results)) is None:
         return None
@@ -119,16 +119,18 @@ def _draw(
     plot: Plot,
 ) -> None:  # fmt: skip
     """The lines of several runs. A line is named in the first run; where there are several runs,
-    the first line of each other one has the run's name, and a lone line always has; without
-    `labels` none has. An `envelope` fills what a line that is faster than the plot is wide lies
-    between."""
+    the first line of each other one has the run's name, and a lone line always has; of more than
+    two runs the first line of each; without `labels` none has. An `envelope` fills what a line that
+    is faster than the plot is wide lies between."""
     for number, lines in enumerate(runs):
         for i, line in enumerate(lines):
             name = line.name if number == 0 else ""
-            if labels and len(runs) > 1 and (len(lines) == 1 or (number and i == 0)):
+            if labels and len(runs) > 2:
+                name = labels[number] if i == 0 else ""
+            elif labels and len(runs) > 1 and (len(lines) == 1 or (number and i == 0)):
                 name = labels[number]
             name = name if labels else ""
-            colour = COLOURS[i % len(COLOURS)]
+            colour = COLOURS[(number if len(runs) > 2 else i) % len(COLOURS)]
             whose = f"{line.name}, {labels[number]}" if labels and len(runs) > 1 else line.name
             if plot.envelope and len(line.times) > BINS:
                 x, low, high = between(line.times, line.values)
@@ -137,7 +139,7 @@ def _draw(
                         whole=(line.times / seconds, line.values))  # fmt: skip
                 continue
             ax.plot(line.times / seconds, line.values, colour, label=name, stepped=line.stepped,
-                    name=whose, **(_FIRST if number == 0 else _OTHER))  # fmt: skip
+                    name=whose, **(_OTHER if number and len(runs) == 2 else _FIRST))  # fmt: skip
 
 
 def _draw_limits(

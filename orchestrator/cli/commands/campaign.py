@@ -154,32 +154,14 @@ def compare(
     second: Annotated[Path, typer.Argument(metavar="OTHER", help="Another's folder.")],
     as_json: o.Json = False,
 ) -> None:
-    """Two campaigns over the same cases, in pairs: the first's numbers less the second's."""
-    from rich.table import Table
-
+    """As `desat compare FOLDER OTHER`, which takes its place."""
     from ...campaign.pairs import compare as of
-    from ...figures.style import pretty_unit
-    from ...numbers.text import number
+    from .compare import show_pairs
 
-    told = of(first, second)
-    warn(told["warnings"])
-    if as_json:
-        print_json(told)
-        return
-    table = Table("number", box=None, header_style="bold", pad_edge=False)
-    for column in ("median", "from", "to", "lower %", "from", "to", "higher %", "pairs"):
-        table.add_column(column, justify="right")
-    table.add_column("unit")
-    for name, entry in told["numbers"].items():
-        if entry["n"]:
-            few = not entry["interval_holds"]  # too few for an interval of the median
-            within = ("", "") if few else tuple(map(number, entry["interval"]))
-            cells = (entry["share_lower"], *entry["share_lower_interval"],
-                     100.0 * entry["higher"] / entry["n"])  # fmt: skip
-            table.add_row(name, number(entry["median"]), *within, *map(number, cells),
-                          str(entry["n"]), pretty_unit(entry["unit"]))  # fmt: skip
-    out.print(f"{told['first']} less {told['second']}, {told['pairs']} pairs; intervals of 95 %:")
-    out.print(table)
+    show_pairs([of(first, second)], as_json)
+    err.print(
+        f"note: desat compare {first} {second} says the same; this goes with the next release"
+    )
 
 
 _REASONS = 3

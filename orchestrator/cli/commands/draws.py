@@ -19,8 +19,9 @@ def draws(
     against: Annotated[
         str | None,
         typer.Option(metavar="OTHER", autocompletion=o.complete_name,
-                     help="Run OTHER in the same draws, and print the paired differences; --set, "
-                     "--source and --design are of NAME alone."),
+                     help="Run OTHER in the same draws, and print the paired differences; --set "
+                     "and --design are of NAME alone. `desat compare NAME OTHER -n 20` takes its "
+                     "place."),
     ] = None,
     sets: o.Sets = None,
     stop: o.Stop = None,
@@ -62,6 +63,9 @@ def draws(
     unmet = [r for each in results for r in each["draws"] if r["unmet"]]
     for row in unmet:
         err.print(f"draw {row['draw']}: not met: {'; '.join(row['unmet'])}")
+    if against is not None:
+        err.print(f"note: desat compare {target} {against} -n {count} says it with intervals; "
+                  "--against goes with the next release")  # fmt: skip
     if failed or unmet:
         raise typer.Exit(max(row["code"] for row in failed + unmet))
 

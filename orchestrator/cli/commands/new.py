@@ -1,4 +1,4 @@
-"""`desat new craft FOLDER`."""
+"""`desat new craft FOLDER`, `desat new law NAME`."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from .. import options as o
 from ..console import app, out, print_json
 
 news = typer.Typer(no_args_is_help=True, rich_markup_mode=None,
-                   help="Begin something of your own: a craft.")  # fmt: skip
+                   help="Begin something of your own: a craft, a law.")  # fmt: skip
 app.add_typer(news, name="new")
 
 
@@ -63,4 +63,24 @@ def craft(
         return
     out.print(f"{shown(folder)}: {', '.join(x.name for x in made)}", highlight=False, markup=False)
     out.print(f"desat run {shown(folder)}    # a day; desat size {shown(folder)} what it needs",
+              highlight=False, markup=False)  # fmt: skip
+
+
+@news.command()
+def law(
+    file: Annotated[Path, typer.Argument(metavar="NAME", help="Of the file: my_law.")],
+    force: Annotated[bool, typer.Option("--force", help="Over files that exist.")] = False,
+    as_json: o.Json = False,
+) -> None:
+    """A law of your own: a manager's block in twenty lines, which flies as it is in any craft with
+    coils and wheels, and a test of it. `desat run CRAFT --source manager=NAME.py` builds it."""
+    from ...files import new_law
+    from ...files.paths import shown
+
+    made = new_law.write(file, force)
+    if as_json:
+        print_json({"files": [str(x) for x in made]})
+        return
+    out.print(", ".join(shown(x) for x in made), highlight=False, markup=False)
+    out.print(f"desat run CRAFT --source manager={shown(made[0])}    # a craft of yours or ours",
               highlight=False, markup=False)  # fmt: skip

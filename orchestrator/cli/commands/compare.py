@@ -1,0 +1,139 @@
+"""`desat compare A B ...`."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+from rich.table import Table
+
+from ...system.errors import DesatError, Exit
+from .. import options as o
+from ..console import app, err, name_of, out, print_json, print_numbers, warn
+
+if TYPE_CHECKING:
+    from ...studies.compare import Comparison
+
+
+@app.command()
+def compare(
+    targets: Annotated[
+        list[str],
+        typer.Argument(metavar="A B ...", autocompletion=o.complete_name,
+                       help="Scenarios, which fly now, and run folders; or campaigns' folders."),
+    ],
+    count: Annotated[
+        int | None,
+        typer.Option("-n", "--count", min=1,
+                     help="Fly so many draws of each scenario, the same of all, and print the "
+                     "statistics of their differences."),
+    ] = None,
+    seed: Annotated[int, typer.Option(help="Seed of the draws.", min=0)] = 1,
+    sets: o.Sets = None,
+    stop: o.Stop = None,
+    step: o.Step = None,
+    inner: o.Inner = None,
+    accuracy: o.Accuracy = None,
+    blocks: o.Blocks = False,
+    fmus: o.Fmus = o.FmuKind.native,
+    time_limit: o.TimeLimit = None,
+    jobs: o.Jobs = o.CPUS,
+    html: Annotated[
+        Path | None, typer.Option(help="Where the page goes (default: runs/compare-A-B.html).")
+    ] = None,
+    as_json: o.Json = False,
+) -> None:  # fmt: skip
+    """Hold scenarios, runs or campaigns against the first: all their numbers in one table with the
+    differences (the first's less the other's), and a page with their series overlaid; with -n, or
+    of campaigns, the differences draw by draw: median, interval, share of draws that are lower.
+    """
+    from ...campaign import pairs
+    from ...studies import compare as study
+
+    options = o.options_of(sets, stop, step, o.Semantics.conserving, blocks, inner=inner,
+                           accuracy=accuracy, time_limit=time_limit, fmus=fmus.value)  # fmt: skip
+    campaigns = study.are_campaigns(targets)
+    given = {"-n": count, "--set": sets, "--stop": stop, "--step": step, "--inner": inner}
+    for name in (k for k, v in given.items() if v is not None and campaigns):
+        raise DesatError(f"{name}: campaigns are compared as they are")
+    if html is not None and (campaigns or count is not None):
+        raise DesatError("--html: there is a page of runs alone, without -n")
+    if campaigns:
+        first, *others = map(Path, targets)
+        show_pairs([pairs.compare(first, other) for other in others], as_json)
+    elif count is not None:
+        _draws(targets, count, seed, options, jobs, as_json)
+    else:
+        with err.status("") as status:
+            made = study.side_by_side(targets, options, lambda text: status.update(f"{text} ..."))
+        page = html or Path("runs") / f"compare-{'-'.join(map(name_of, targets))}.html"
+        _show(made, study.write(made, page), as_json)
+
+
+def _draws(
+    targets: Sequence[str], count: int, seed: int, options: Any, jobs: int, as_json: bool
+) -> None:
+    from ...studies.compare import paired_draws
+
+    told, made = paired_draws(targets, count, seed, options, jobs, progress=not as_json)
+    for each in made:
+        warn(f"{each['scenario']}: {line}" for line in each["warnings"])
+    show_pairs(told, as_json)
+    rows = [(each["scenario"], row) for each in made for row in each["draws"]]
+    for target, row in rows:
+        if row["status"] != "completed":
+            err.print(f"{target}: draw {row['draw']}: {row['status']}: {row['message']}")
+        if row["unmet"]:
+            err.print(f"{target}: draw {row['draw']}: not met: {'; '.join(row['unmet'])}")
+    if code := max(row["code"] for _, row in rows):
+        raise typer.Exit(code)
+
+
+def _show(made: Comparison, page: Path, as_json: bool) -> None:
+    warn(made.warnings)
+    if as_json:
+        print_json({**made.as_json(), "page": str(page)})
+    else:
+        table = Table("", box=None, header_style="bold", pad_edge=False)
+        for heading in made.headings:
+            table.add_column(heading, justify="right")
+        for row in made.rows.values():
+            table.add_row(row.title, *row.cells())
+        print_numbers(table)
+        out.print(f"page: {page.resolve()}")
+    unmet = [(t, line) for t, run in zip(made.targets, made.runs, strict=True)
+             for line in run.manifest.not_met]  # fmt: skip
+    for target, line in unmet:
+        err.print(f"{target}: not met: {line}")
+    if unmet:
+        raise typer.Exit(Exit.UNMET)
+
+
+def show_pairs(told: Sequence[dict[str, Any]], as_json: bool) -> None:
+    """Paired differences (`pairs.compare`) as tables, or for programs: one alone, or a list."""
+    from ...figures.style import pretty_unit
+    from ...numbers.text import number
+
+    for each in told:
+        warn(each["warnings"])
+    if as_json:
+        print_json(told[0] if len(told) == 1 else list(told))
+        return
+    for each in told:
+        table = Table("number", box=None, header_style="bold", pad_edge=False)
+        for column in ("median", "from", "to", "lower %", "from", "to", "higher %", "pairs"):
+            table.add_column(column, justify="right")
+        table.add_column("unit")
+        for name, entry in each["numbers"].items():
+            if entry["n"]:
+                few = not entry["interval_holds"]  # too few for an interval of the median
+                within = ("", "") if few else tuple(map(number, entry["interval"]))
+                cells = (entry["share_lower"], *entry["share_lower_interval"],
+                         100.0 * entry["higher"] / entry["n"])  # fmt: skip
+                table.add_row(name, number(entry["median"]), *within, *map(number, cells),
+                              str(entry["n"]), pretty_unit(entry["unit"]))  # fmt: skip
+        out.print(f"{each['first']} less {each['second']}, {each['pairs']} pairs; intervals of "
+                  "95 %:")  # fmt: skip
+        print_numbers(table)

@@ -1,0 +1,200 @@
+"""`desat compare`: scenarios and runs side by side, or scenarios draw by draw in pairs.
+
+The first is what all others are held against: a difference is the first's number less the other's,
+as in `campaign/pairs.py`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from markupsafe import Markup
+
+from ..campaign.draws import draws
+from ..campaign.pairs import common, confident, difference, differences
+from ..campaign.plan import PLAN
+from ..engine.recording.results import MANIFEST
+from ..figures.plots import series_figure
+from ..figures.style import pretty_unit
+from ..numbers.text import number
+from ..report.report import render, write_page
+from ..runs.prepare import prepare, read
+from ..runs.run import Options, Run, load_run, simulate
+from ..system.errors import DesatError
+
+
+@dataclass(frozen=True)
+class Row:
+    """A number of several runs."""
+
+    title: str
+    unit: str
+    values: tuple[float | None, ...]
+    """One a run; None: not reached."""
+    there: tuple[bool, ...]
+    """Which runs have it, in this unit."""
+
+    @property
+    def differences(self) -> tuple[float | None, ...]:
+        """The first's less each other's; None where one of the two has none."""
+        first, *others = self.values
+        return tuple(
+            None if first is None or x is None else difference(first, x) for x in others
+        )  # fmt: skip
+
+    def cells(self) -> list[str]:
+        """As people read them: the values, the differences, the unit."""
+        values = [number(x) if is_there else "" for x, is_there in
+                  zip(self.values, self.there, strict=True)]  # fmt: skip
+        return [*values, *("" if x is None else number(x) for x in self.differences),
+                pretty_unit(self.unit)]  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """Runs side by side."""
+
+    targets: tuple[str, ...]
+    runs: tuple[Run, ...]
+    rows: dict[str, Row]
+    """By the number's name, those of the first run in its order, then what only others have."""
+    warnings: tuple[str, ...]
+
+    @property
+    def headings(self) -> list[str]:
+        """Of the columns of `Row.cells`."""
+        first, *others = self.targets
+        return [*self.targets, *(f"{first} less {x}" for x in others), "unit"]
+
+    def as_json(self) -> dict[str, Any]:
+        """For programs; a run that lacks a number is not among its values, None: not reached."""
+        return {
+            "targets": list(self.targets), "warnings": list(self.warnings),
+            "not_met": {t: list(r.manifest.not_met)
+                        for t, r in zip(self.targets, self.runs, strict=True)},
+            "numbers": {name: {
+                "title": row.title, "unit": row.unit,
+                "values": {t: x for t, x, there in
+                           zip(self.targets, row.values, row.there, strict=True) if there},
+                "differences": dict(zip(self.targets[1:], row.differences, strict=True)),
+            } for name, row in self.rows.items()},
+        }  # fmt: skip
+
+
+def are_campaigns(targets: Sequence[str]) -> bool:
+    """Whether these are campaigns' folders. Raises DesatError where only some are, where there are
+    fewer than two, and where one comes twice."""
+    if len(targets) < 2:
+        raise DesatError(f"{' '.join(targets)}: two or more are needed to compare")
+    if twice := [t for i, t in enumerate(targets) if t in targets[:i]]:
+        raise DesatError(f"{twice[0]}: it is there twice")
+    folders = [(Path(t) / PLAN).is_file() for t in targets]
+    if any(folders) and not all(folders):
+        raise DesatError(f"{targets[folders.index(True)]} is a campaign, "
+                         f"{targets[folders.index(False)]} is none: campaigns compare with "
+                         "campaigns alone")  # fmt: skip
+    return all(folders)
+
+
+def is_run(target: str) -> bool:
+    """Whether a target is a run's folder."""
+    return (Path(target) / MANIFEST).is_file()
+
+
+def side_by_side(
+    targets: Sequence[str], options: Options, progress: Callable[[str], None] = lambda text: None
+) -> Comparison:
+    """Runs of scenarios, flown now with these options, and run folders as they are. Raises
+    DesatError, RunError too, where one cannot begin or does not complete."""
+    # what is wrong with any is said before the first flies
+    cases = [None if is_run(t) else prepare(t, options) for t in targets]
+    warnings: list[str] = []
+    for case in cases:
+        if case is not None:
+            case.or_raise()
+    runs = []
+    for target, case in zip(targets, cases, strict=True):
+        progress(target)
+        run = load_run(Path(target)) if case is None else simulate(case)
+        runs.append(run.or_raise(target))
+        warnings += [f"{target}: {line}" for line in run.manifest.warnings]
+    ends = [run.manifest.end_time for run in runs]
+    for target, end in zip(targets[1:], ends[1:], strict=True):
+        if end != ends[0]:
+            warnings.append(f"{targets[0]} ends at {ends[0]:g} s, {target} at {end:g} s")
+    return Comparison(tuple(targets), tuple(runs), rows_of(runs), tuple(warnings))
+
+
+def rows_of(runs: Sequence[Run]) -> dict[str, Row]:
+    """The numbers of runs, by name. One whose unit is not that of the first run that has the name
+    stands in a row of its own, `NAME (UNIT)`."""
+    rows = {}
+    for name in dict.fromkeys(n for run in runs for n in run.manifest.numbers):
+        each = [run.manifest.numbers.get(name) for run in runs]
+        given = [x for x in each if x is not None]
+        for i, unit in enumerate(dict.fromkeys(x.unit for x in given)):
+            there = tuple(x is not None and x.unit == unit for x in each)
+            title = next(x.title for x in given if x.unit == unit)
+            rows[f"{name} ({unit})" if i else name] = Row(
+                title, unit,
+                tuple(x.value if x is not None and x.unit == unit else None for x in each), there,
+            )  # fmt: skip
+    return rows
+
+
+def write(made: Comparison, path: Path) -> Path:
+    """The page: the table, and each plot of the first over all runs. Raises OSError where it
+    cannot be written."""
+    overlaid = [
+        (t, run.results, run.manifest.parameters)
+        for t, run in zip(made.targets, made.runs, strict=True)
+    ]  # fmt: skip
+    plots = made.runs[0].manifest.content.plots.values()
+    figures = [(plot.title, Markup(drawn.svg())) for plot in plots
+               if (drawn := series_figure(plot, overlaid))]  # fmt: skip
+    path.parent.mkdir(parents=True, exist_ok=True)
+    return write_page(
+        path,
+        render(
+            "compare.html",
+            made=made,
+            figures=figures,
+            pairs=list(zip(made.targets, made.runs, strict=True)),
+        ),
+    )
+
+
+def paired_draws(
+    targets: Sequence[str], count: int, seed: int, options: Options, jobs: int = 2,
+    progress: bool = False,
+) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:  # fmt: skip
+    """The same draws of several scenarios: each other one's pairs with the first, in the form of
+    `pairs.compare`, and the draws of each as `draws` gives them. Raises DesatError where one draws
+    nothing, or the first and another do not draw alike, and for a run folder."""
+    for target in targets:
+        if is_run(target):
+            raise DesatError(f"{target}: it is a run, and nothing can be drawn for it; name its "
+                             "scenario")  # fmt: skip
+    sources = [read(t) for t in targets]
+    shared = [common(sources[0], other, seed, options, options) for other in sources[1:]]
+    made = [draws(s, count, seed, options, jobs, progress) for s in sources]
+    pairs = []
+    for target, other, names in zip(targets[1:], made[1:], shared, strict=True):
+        numbers = differences(made[0], other)
+        whole = [{r["draw"] for r in x["draws"] if r["status"] == "completed"}
+                 for x in (made[0], other)]  # fmt: skip
+        pairs.append({
+            "first": targets[0], "second": target, "pairs": len(whole[0] & whole[1]),
+            "warnings": [f"drawn in {whose} alone: {', '.join(names[key])}" for key, whose in (
+                ("drawn_only_in_it", targets[0]), ("drawn_only_in_the_other", target),
+            ) if names[key]],
+            "numbers": {
+                name: {"unit": entry["unit"], **confident([x["difference"] for x in entry["each"]]),
+                       "not_reached": entry["not_reached"]}
+                for name, entry in numbers.items()
+            },
+        })  # fmt: skip
+    return pairs, made

@@ -1,0 +1,149 @@
+"""`desat compare`: runs side by side, draws and campaigns in pairs."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+
+from desat.campaign import pairs
+from desat.figures.style import COLOURS
+from desat.files import new_craft
+from desat.numbers.text import Value
+from desat.studies import compare
+from desat.system.errors import Exit
+
+
+@pytest.fixture(scope="module")
+def craft(tmp_path_factory):
+    """A craft's folder `mine`, with a scenario that has half of the gain, and the folder around."""
+    home = tmp_path_factory.mktemp("compare")
+    new_craft.write(home / "mine", new_craft.Wanted(size="12U"), "desat new craft")
+    (home / "mine" / "slow.toml").write_text(
+        'extends = "nominal"\nparameters.manager.gain = 2e-4\nparameters.manager.null_gain = 0.0\n'
+    )
+    (home / "mine" / "tight.toml").write_text(
+        'extends = "nominal"\nstop = 300.0\n'
+        '[requirements.momentum]\nnumber = "largest_momentum"\nmax = 1e-3\n'
+    )
+    return home
+
+
+def table(text, heading):
+    (line,) = [x for x in text.splitlines() if x.startswith(heading)]
+    return line.removeprefix(heading).split()
+
+
+def test_runs_stand_side_by_side_with_their_differences(desat, craft):
+    """A scenario that flies now, a run folder, and one more: one table, one page."""
+    desat("run", "mine/slow.toml", "--stop", "300", "--out", "slow", cwd=craft, check=True)
+    told = desat("compare", "mine", "slow", "mine/tight.toml", "--stop", "300", "--json", cwd=craft)
+    assert told.returncode == Exit.UNMET
+    assert "mine/tight.toml: not met: momentum" in told.stderr
+    made = json.loads(told.stdout)
+    assert made["targets"] == ["mine", "slow", "mine/tight.toml"]
+    entry = made["numbers"]["final_momentum"]
+    kept = json.loads((craft / "slow" / "manifest.json").read_text())["numbers"]["final_momentum"]
+    assert entry["values"]["slow"] == kept["value"]
+    assert entry["differences"] == {
+        t: pytest.approx(entry["values"]["mine"] - entry["values"][t], rel=1e-12)
+        for t in made["targets"][1:]
+    }
+    page = (craft / made["page"]).read_text()
+    assert "Momentum of each wheel" in page
+    assert page.count("<svg") == 5, "each plot of the first"
+    assert all(colour in page for colour in COLOURS[:3]), "a colour a run"
+    shown = desat("compare", "mine", "slow", "--stop", "300", "--html", "a.html", cwd=craft)
+    assert shown.returncode == 0
+    cells = table(shown.stdout, "Momentum of the wheels at the end, body")
+    values = [entry["values"]["mine"], entry["values"]["slow"], entry["differences"]["slow"]]
+    assert [float(x) for x in cells[:3]] == pytest.approx(values, rel=1e-3)
+    assert (craft / "a.html").is_file()
+
+
+def test_runs_of_other_length_are_warned_of(desat, craft):
+    desat("run", "mine", "--stop", "120", "--out", "short", cwd=craft, check=True)
+    told = desat("compare", "mine", "short", "--stop", "60", cwd=craft)
+    assert "warning: mine ends at 60 s, short at 120 s" in told.stderr
+
+
+def test_draws_are_compared_in_pairs(desat, craft):
+    """The same differences as of `draws --against`, with the interval and the share besides."""
+    given = ["-n", "7", "--stop", "100", "--json", "--jobs", "1"]
+    told = desat("compare", "mine", "mine/slow.toml", *given, cwd=craft, check=True)
+    made = json.loads(told.stdout)
+    old = desat("draws", "mine", "--against", "mine/slow.toml", *given, cwd=craft, check=True)
+    assert "note: desat compare mine mine/slow.toml -n 7" in old.stderr
+    before = json.loads(old.stdout)["differences"]
+    assert made["pairs"] == 7
+    assert made["numbers"].keys() == before.keys()
+    for name, entry in made["numbers"].items():
+        for key in ("median", "min", "max", "n", "lower", "higher", "equal", "not_reached"):
+            assert entry[key] == before[name][key]
+    entry = made["numbers"]["final_momentum"]
+    each = [x["difference"] for x in before["final_momentum"]["each"]]
+    assert entry["interval"] == [min(each), max(each)], "98 % with seven pairs"
+    assert entry["share_lower"] == pytest.approx(100.0 * sum(x < 0.0 for x in each) / 7)
+
+
+def test_campaigns_are_compared_as_before(desat, craft):
+    for name, target in (("one", "mine"), ("two", "mine/slow.toml")):
+        desat("campaign", target, "-n", "3", "--stop", "60", "--out", name, "--jobs", "1",
+              cwd=craft)  # fmt: skip
+    told = desat("compare", "one", "two", "--json", cwd=craft, check=True)
+    old = desat("campaign", "compare", "one", "two", "--json", cwd=craft, check=True)
+    assert json.loads(told.stdout) == json.loads(old.stdout)
+    assert json.loads(told.stdout)["pairs"] == 3
+    assert "note: desat compare one two" in old.stderr
+    for arguments, text in (
+        (["mine"], "one is a campaign, mine is none: campaigns compare with campaigns alone"),
+        (["two", "-n", "3"], "-n: campaigns are compared as they are"),
+        (["two", "--html", "a.html"], "--html: there is a page of runs alone, without -n"),
+    ):
+        refused = desat("compare", "one", *arguments, cwd=craft)
+        assert refused.returncode == Exit.INPUT
+        assert text in refused.stderr
+
+
+@pytest.mark.parametrize(
+    ("arguments", "text"),
+    [
+        (["mine"], "mine: two or more are needed to compare"),
+        (["mine", "mine/slow.toml", "mine"], "mine: it is there twice"),
+        (["mine", "min"], "min"),
+        (["mine", "mine/detumbling.toml", "--set", "manager.null_gain=1"], "null_gain"),
+    ],
+)
+def test_what_cannot_be_compared(desat, craft, arguments, text):
+    refused = desat("compare", *arguments, "--stop", "60", cwd=craft)
+    assert refused.returncode == Exit.INPUT
+    assert text in refused.stderr
+    assert "Traceback" not in refused.stderr
+
+
+def test_a_run_has_nothing_to_draw(desat, craft):
+    desat("run", "mine", "--stop", "20", "--out", "drawn", cwd=craft, check=True)
+    refused = desat("compare", "mine", "drawn", "-n", "3", cwd=craft)
+    assert refused.returncode == Exit.INPUT
+    assert "drawn: it is a run, and nothing can be drawn for it" in refused.stderr
+
+
+def test_numbers_of_other_units_have_no_difference():
+    class Told:
+        def __init__(self, **numbers):
+            self.manifest = type("M", (), {"numbers": numbers})
+
+    rows = compare.rows_of([
+        Told(a=Value("A", 1.0, "m"), b=Value("B", None, "s"), c=Value("C", 3.0, "1")),
+        Told(a=Value("A", 2.0, "km"), b=Value("B", 2.0, "s"), c=Value("C", 3.0 + 1e-15, "1")),
+    ])  # fmt: skip
+    assert list(rows) == ["a", "a (km)", "b", "c"]
+    assert rows["a"].cells() == ["1", "", "", "m"]
+    assert rows["a (km)"].cells() == ["", "2", "", "km"]
+    assert rows["b"].cells() == ["not reached", "2", "", "s"]
+    assert rows["c"].differences == (0.0,), "equal but for rounding"
+
+
+def test_no_differences_have_no_interval():
+    assert pairs.confident([])["n"] == 0
+    assert "interval" not in pairs.confident([])
