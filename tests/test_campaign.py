@@ -747,3 +747,10 @@ def test_a_worker_prepares_once(monkeypatch):
     for n in range(5):
         assert case_module.row(plan, n).code == 0
     assert len(made) == 1
+
+
+def test_a_worker_takes_one_thread_of_products_unless_told():
+    """Threads that wait for the next product took a quarter of a day's CPU."""
+    with Local(os.getenv, 1) as workers:
+        found = dict(results(workers, [(0, ("OPENBLAS_NUM_THREADS",))], lambda key, why: ()))
+    assert found == {0: os.environ.get("OPENBLAS_NUM_THREADS", "1")}

@@ -168,7 +168,8 @@ class _Worker:
         self._process = context.Process(
             target=_serve, args=(theirs, function, os.getpid()), daemon=True
         )
-        self._process.start()
+        with process_state.one_thread():
+            self._process.start()
         theirs.close()
 
     def take(self, key: Hashable, arguments: tuple[Any, ...]) -> None:

@@ -14,7 +14,7 @@ from typing import Annotated, Any, NoReturn
 import typer
 from typer.main import get_command
 
-from ..engine.process_state import stop_signals
+from ..engine.process_state import THREADS, stop_signals
 from ..system.errors import DesatError, Exit
 from . import commands
 from .console import app, err, out
@@ -52,6 +52,7 @@ def _terminate(number: int, frame: Any) -> NoReturn:
 
 def main() -> None:
     """Entry of the command: every error is a line, never a traceback."""
+    os.environ.setdefault(THREADS, "1")  # before numpy is loaded
     for number in stop_signals():
         if number != signal.SIGINT:
             signal.signal(number, _terminate)
