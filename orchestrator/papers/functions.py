@@ -86,8 +86,10 @@ class Verbs:
         return value * factor(own, unit, f'of "{text}"') if unit else value
 
     def setting(self, scenario: str, key: str) -> Any:
-        """What a scenario's file says for a key at its top, such as stop."""
-        data = find(self._of.name_of(scenario)).content.data
+        """What a scenario's file says for a key at its top, such as stop; `labels`: those of its
+        cell of the axes."""
+        content = find(self._of.name_of(scenario)).content
+        data = {**content.data, "labels": content.labels}
         if key not in data:
             raise DesatError(f"{scenario} has no {key}{nearest(key, data)}")
         return data[key]
