@@ -3,6 +3,7 @@ the shapes that matplotlib paints for an export."""
 
 from __future__ import annotations
 
+import math
 import re
 
 import numpy as np
@@ -234,3 +235,11 @@ def test_a_plot_without_its_series_is_none():
             return []
 
     assert series_figure(Plot(title="x", signals=["a.b"]), [("", Nothing(), {})]) is None
+
+
+def test_a_time_that_is_not_reached_has_no_point():
+    """It stood at the upper edge, as if that were it."""
+    reached = plots.scatter({"law": ([1.0, 2.0], [10.0, 20.0])}, "x", "y", diagonal="equal")
+    beside = plots.scatter({"law": ([1.0, 2.0, 5.0], [10.0, 20.0, math.inf])}, "x", "y",
+                           diagonal="equal")  # fmt: skip
+    assert beside == reached

@@ -350,12 +350,16 @@ def scatter(
 ) -> str:  # fmt: skip
     """Points of a size (pt): {label: (x, y)}, one without a label in no legend; `diagonal` names
     the line y = x, empty for none; `joined`: a line from each to the next; `log`: the axes that are
-    logarithmic, of "x", "y", "xy"."""
+    logarithmic, of "x", "y", "xy". What is infinite, as a time not reached, has no point."""
     fig, ax = figure()
     ax.x.log, ax.y.log, ax.x.label, ax.y.label = "x" in log, "y" in log, xlabel, ylabel
-    for i, (label, (x, y)) in enumerate(groups.items()):
+    drawn = {
+        label: tuple(np.where(np.isfinite(v), v, np.nan) for v in np.asarray(pair, float))
+        for label, pair in groups.items()
+    }
+    for i, (label, (x, y)) in enumerate(drawn.items()):
         ax.plot(x, y, COLOURS[i % len(COLOURS)], label=label, marker=size, width=float(joined))
     if diagonal:
-        top = max(max(*x, *y) for x, y in groups.values())
+        top = max(float(np.nanmax(v)) for pair in drawn.values() for v in pair)
         ax.plot([0, top], [0, top], "#888888", width=0.9, dash=DOTTED, label=diagonal)
     return fig.svg()

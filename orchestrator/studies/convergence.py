@@ -187,5 +187,5 @@ def plot(result: dict[str, Any], key: str, unit: str) -> str:
     steps = sorted({r["step"] for r in result["rows"]})
     ax.x.ticks = Ticks(tuple(steps), tuple(f"{s:g}" for s in steps))
     ax.x.log = ax.y.log = True
-    ax.x.label, ax.y.label = "step [s]", f"[{unit}]"
+    ax.x.label, ax.y.label = "step [s]", f"largest error [{unit}]"
     return fig.svg()
