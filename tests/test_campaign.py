@@ -35,9 +35,11 @@ from desat.campaign.pairs import compare
 from desat.campaign.plan import Plan
 from desat.campaign.sampling import axes, drawn
 from desat.campaign.workers import Local, Lost, results
+from desat.engine.master import Master
 from desat.runs import prepare as prepare_module
 from desat.runs.prepare import prepare
 from desat.runs.prepare import read as read_source
+from desat.runs.run import simulate
 from desat.system.check import check
 from desat.system.errors import DesatError, Exit
 from desat.system.options import Options
@@ -737,6 +739,43 @@ def test_a_case_that_changes_values_alone_is_the_case_prepared_anew(
     assert rows[0] == rows[1]
     if "lag" in more:
         assert {row.code for row in rows[0]} == {0, 2}
+
+
+@pytest.mark.parametrize(
+    ("name", "more"),
+    [
+        ("alsat1/basin-y-wheel", ""),
+        ("hausat2/start-up-ours", ""),
+        ("integrated/mil-nadir", ""),
+        ("nadir_day/day-igrf", ""),
+        ("nadir_day/day-dipole", "inner = 4"),
+        ("nadir_day/day-dipole", 'inner = "auto"'),
+        ("space_telescope/ours-nominal", ""),
+        ("uosat12/robust-ocdc-nominal", ""),
+    ],
+)
+def test_a_master_that_begins_anew_makes_the_bits_of_a_new_one(tmp_path, monkeypatch, name, more):
+    """Every series, not the numbers alone; a worker makes one master for all its cases."""
+    own = tmp_path / "own.toml"
+    own.write_text(f'extends = "{name}"\nstop = 100.0\n{more}\n')
+    source = prepare_module.read(str(own))
+    system, made, runs = source.to_draw(False), [], {}
+    init = Master.__init__
+    monkeypatch.setattr(Master, "__init__", lambda *a, **k: made.append(1) or init(*a, **k))
+    for prepared in (prepare_module.varied, prepare):
+        if prepared is prepare:
+            # not where others follow what is drawn; "auto" makes some to try
+            assert len(made) == 1 or "telescope" in name or "auto" in more
+        for draw in range(3):
+            options = Options(values=drawn(system, 1, draw))
+            run = simulate(prepared(source, options))
+            assert run.manifest.completed, run.manifest.message
+            results = run.results
+            series = {n: results.values(n).tobytes() for n in results.names()}
+            runs[prepared, draw] = series, run.manifest.numbers, run.manifest.balance
+    for draw in range(3):
+        assert runs[prepare_module.varied, draw] == runs[prepare, draw]
+    assert runs[prepare, 0][0] != runs[prepare, 1][0]
 
 
 def test_a_worker_prepares_once(monkeypatch):

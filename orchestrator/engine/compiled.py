@@ -18,6 +18,7 @@ from functools import cache
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -73,7 +74,7 @@ class CompiledSteps:
 
     def __init__(self, master: Master, recorder: Recorder | None, ending: Ending) -> None:
         self._run, self._master, self._recorder = _library().desat_loop, master, recorder
-        self._program = Program(master.cycle)
+        self._program = _program(master)
         real = master.live["Real"]
         foreign = any(getattr(m.instance, "foreign", False) for m in master.members.values())
         self._loop = _Loop(
@@ -131,6 +132,18 @@ class CompiledSteps:
             raise call.failed(loop.k, loop.status)
         if result == _NOT_FINITE:
             self._master.check_finite()
+
+
+_PROGRAMS: WeakKeyDictionary[Master, tuple[object, Program]] = WeakKeyDictionary()
+
+
+def _program(master: Master) -> Program:
+    """The operations of a master's cycle, made once."""
+    cycle, program = _PROGRAMS.get(master, (None, None))
+    if program is None or cycle is not master.cycle:
+        program = Program(master.cycle)
+        _PROGRAMS[master] = master.cycle, program
+    return program
 
 
 @cache

@@ -36,6 +36,11 @@ class Plan:
         self._lengths = [w * step for _, w in self._rates.parts] if inner > 1 else []
         return self._clocks
 
+    def rewind(self) -> None:
+        """Put the clocks back to the start."""
+        for every, clock in self._clocks.items():
+            clock.t.value, clock.dt.value = self._start, self._step * self._rates.edge(every)
+
     def windows(self) -> None:
         """Give each member the windows of means that it takes from members of another rate."""
         if not self._conserving:

@@ -153,9 +153,10 @@ def _conversion(
 def _options(number: Number, units: list[Unit], parameters: Table) -> dict[str, Any]:
     """The measure's options; a product of parameters has the unit of one of its series."""
     options = dict(number.options)
-    accepted = inspect.signature(MEASURES[number.measure]).parameters
-    for key, value in options.items():
-        if isinstance(value, str) and accepted[key].annotation == "float":
+    texts = {key: value for key, value in options.items() if isinstance(value, str)}
+    accepted = inspect.signature(MEASURES[number.measure]).parameters if texts else {}
+    for key, value in texts.items():
+        if accepted[key].annotation == "float":
             options[key], unit = product(value, parameters)
             if all(unit.dimension != u.dimension for u in units):
                 raise DesatError(f'{key} = "{value}": its unit is that of no signal')

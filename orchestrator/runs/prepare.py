@@ -15,6 +15,7 @@ from ..analyses.manifest import Manifest
 from ..designs import making, origin
 from ..designs import problems as design_problems
 from ..engine.instances.isolated import CAN
+from ..engine.master import Spare
 from ..files import library, scenario, ssp
 from ..files.assembly import modify
 from ..files.scenario import Scenario
@@ -42,6 +43,8 @@ class Case:
     checked: Checked
     manifest: Manifest | None = None
     """Its manifest before it runs, where that is known from another case (`varied`)."""
+    spare: Spare | None = None
+    """Whose master it may run with, where there are others that differ in values alone."""
 
     def or_raise(self) -> tuple[System, Schedule]:
         """The system and its schedule; raises DesatError with every problem, a line each."""
@@ -156,7 +159,8 @@ def varied(source: Source, options: Options) -> Case:
     if key not in source._first:
         case, draft = _prepared(source, options)
         system, _ = case.or_raise()
-        case = replace(case, manifest=Manifest.of(system, options, case.target))
+        manifest = Manifest.of(system, options, case.target)
+        case = replace(case, manifest=manifest, spare=Spare())
         source._first[key] = case, draft
         return case
     first, draft = source._first[key]

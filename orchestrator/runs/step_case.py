@@ -66,9 +66,10 @@ def stepped(
         return ends_it or balanced or selects(options.record, component, signal)
 
     ends, along = stopping.condition(system), _along(case, manifest)
-    with (
-        kept() as changes,
-        Master(
+    keeps = None if along is None else along.kept
+
+    def make() -> Master:
+        return Master(
             system,
             schedule,
             algorithm=options.algorithm,
@@ -76,8 +77,15 @@ def stepped(
             halvings=options.halvings,
             isolated=isolated(system, options),
             limit=min(options.call_limit, options.time_limit or math.inf),
-            kept=None if along is None else along.kept,
-        ) as master,
+            kept=keeps,
+        )
+
+    # what decides which outputs a master reads, beside what all cases of a spare have in common
+    alike = schedule, ends, options.record, None if keeps is None else keeps.outputs
+    spare = case.spare if unwritten is None else None
+    with (
+        kept() as changes,
+        make() if spare is None else spare.take(alike, system, keeps, make) as master,
     ):
         try:
             master.initialise()
@@ -164,6 +172,8 @@ def stepped(
         with interruptible():
             results = recorder.finish(master)
             tell("outcome", outcome)
+        if spare is not None and outcome.status == "completed":
+            spare.keep(master)
     if master.unfreed and outcome.status == "completed":  # all is recorded
         outcome.status, outcome.message = "failed", f"{master.unfreed[0]}, after the run"
         outcome.code = int(master.unfreed[0].code)

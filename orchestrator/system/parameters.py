@@ -7,7 +7,7 @@ import re
 import sys
 import tomllib
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 from desat.components.contract import units
@@ -157,20 +157,20 @@ def table(components: Iterable[Component]) -> dict[str, dict[str, Parameter]]:
     """Every parameter of every component."""
     parameters: dict[str, dict[str, Parameter]] = {}
     for c in components:
+        elements: dict[str, list[Signal]] = {}
         for s in c.interface.signals.values():
-            if s.causality != "parameter" and s.name not in c.parameters:
-                continue
-            rows, name = parameters.setdefault(c.name, {}), base_name(s.name)
-            value, given = s.named(value_of(c, s.name)), s.name in c.parameters
-            if s.name == name:
-                rows[name] = Parameter(value, s.unit_name, given, s.description)
-            elif name not in rows:
-                rows[name] = Parameter([value], s.unit_name, given, s.description)
-            else:
-                rows[name].value.append(value)
-                if given and not rows[name].given:
-                    rows[name] = replace(rows[name], given=True)
+            if s.causality == "parameter" or s.name in c.parameters:
+                elements.setdefault(base_name(s.name), []).append(s)
+        if elements:
+            parameters[c.name] = {name: _parameter(c, name, of) for name, of in elements.items()}
     return parameters
+
+
+def _parameter(component: Component, name: str, elements: list[Signal]) -> Parameter:
+    values = [s.named(value_of(component, s.name)) for s in elements]
+    given, first = any(s.name in component.parameters for s in elements), elements[0]
+    value = values[0] if first.name == name else values
+    return Parameter(value, first.unit_name, given, first.description)
 
 
 def in_unit_of(signal: Signal, value: Scalar, unit: Unit, where: str) -> Scalar:

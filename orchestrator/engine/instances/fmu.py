@@ -240,6 +240,16 @@ class FmuInstance:
         calls = self._face.moves(way, signals, values)
         return self._back(max(prepared.call() for prepared in calls))
 
+    @property
+    def places_known(self) -> bool:
+        """Whether it is one of our native FMUs (`places`)."""
+        return self._library.places is not None
+
+    def reset(self) -> None:
+        """Be as it was when it was made and wired, but for its inputs."""
+        self._call(f"{self._face.prefix}Reset")
+        self.messages.clear()
+
     def save(self) -> bytes:
         state, face = ctypes.c_void_p(), self._face
         self._state("Get", ctypes.byref(state))
