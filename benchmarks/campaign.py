@@ -2,6 +2,7 @@
 that is no case; memory and bytes; and Basilisk's own Monte Carlo on the same kind of day.
 
     python -m benchmarks.campaign FOLDER CASES pool:N|local:N SECONDS [NAME]  # one, in its process
+    python -m benchmarks.campaign split CASES SECONDS NAME                    # where its time goes
 """
 
 from __future__ import annotations
@@ -12,9 +13,13 @@ import statistics
 import subprocess
 import sys
 import time
+from collections.abc import Callable
+from datetime import date
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
+
+from desat.engine.process_state import one_thread
 
 NAME, ORBIT = "nadir_day/day-dipole", 5740.0
 """An orbit of the day that `basilisk_day.py` flies too, at 1 s."""
@@ -24,6 +29,8 @@ MANY, DAYS = 500, 4
 ROUNDS = 2
 MORE, FEWER = 220, 20
 """What a case costs beside the start: these cases less those."""
+EMPTY = 2020
+"""As MORE, through Dask, of the shortest cases: what its head takes for each."""
 KINDS = {
     "an orbit": (NAME, ORBIT),
     "613 steps": ("alsat1/basin-y-wheel", 6130.0),
@@ -71,15 +78,16 @@ def measure() -> dict[str, Any]:
             for how in hows:
                 found[how].append(_run(folder, f"{i}-{how}", CASES, how))
             for processes in basilisk if BASILISK.exists() else ():
-                script = Path(__file__).with_name("basilisk_campaign.py")
-                command = [str(BASILISK), str(script), str(CASES), str(processes), f"{ORBIT:.0f}"]
-                basilisk[processes].append(_result(command)["seconds"])
+                basilisk[processes].append(_basilisk(CASES, processes))
         many = {
             name: _run(folder, name, MANY, how)
             for name, how in {"many": "pool:2", "many_dask": "local:2"}.items()
         }
         day = _run(folder, "day", DAYS, "pool:1", DAY)
         marginal = {kind: _marginal(folder, kind) for kind in KINDS}
+        split = {kind: _split(kind) for kind in KINDS}
+        dask = _marginal(folder, "613 steps", "local:2", EMPTY)
+        many_basilisk = _basilisk(MANY, 2) if BASILISK.exists() else None
     digests = {r["digest"] for rows in found.values() for r in rows}
     few = {how: _median(rows) for how, rows in found.items()}
     for how, entry in few.items():
@@ -91,26 +99,78 @@ def measure() -> dict[str, Any]:
         **few,
         **{n: {**m, "cases_per_second": MANY / m["seconds"]} for n, m in many.items()},
         "day": day,
-        "marginal": marginal,
+        "marginal": marginal, "split": split, "head_dask_ms": dask["head_ms"],
+        "date": str(date.today()),
         "basilisk": {
             f"processes:{n}": {"cases_per_second": CASES / statistics.median(seconds)}
             for n, seconds in basilisk.items() if seconds
-        },
+        } | ({"many": {"cases": MANY, "cases_per_second": MANY / many_basilisk}}
+             if many_basilisk else {}),
     }  # fmt: skip
 
 
-def _marginal(folder: str, kind: str) -> dict[str, float]:
+def _basilisk(cases: int, processes: int) -> float:
+    """The seconds of Basilisk's own Monte Carlo."""
+    script = Path(__file__).with_name("basilisk_campaign.py")
+    command = [str(BASILISK), str(script), str(cases), str(processes), f"{ORBIT:.0f}"]
+    return float(_result(command)["seconds"])
+
+
+def _split(kind: str) -> dict[str, float]:
+    name, stop = KINDS[kind]
+    cases = "20" if stop == DAY else "100"
+    with one_thread():
+        return _result(
+            [sys.executable, "-m", "benchmarks.campaign", "split", cases, str(stop), name]
+        )
+
+
+def split(cases: str, stop: str, name: str) -> dict[str, float]:
+    """CPU of a case in its worker (ms): its steps, its numbers and verdicts, and all else."""
+    from desat.campaign import case, coordinator
+    from desat.engine.compiled import CompiledSteps
+    from desat.runs import run
+    from desat.system.options import Options
+
+    spent = {"steps": 0.0, "numbers": 0.0}
+
+    def clocked(what: str, call: Callable[..., Any]) -> Callable[..., Any]:
+        def timed(*given: Any) -> Any:
+            began = time.process_time()
+            try:
+                return call(*given)
+            finally:
+                spent[what] += time.process_time() - began
+
+        return timed
+
+    plan, _ = coordinator.planned(name, 1000, options=Options(stop=float(stop)), curves=())
+    for i in range(3):
+        case.row(plan, i)
+    CompiledSteps.some = clocked("steps", CompiledSteps.some)  # type: ignore[method-assign]
+    run._measure = clocked("numbers", run._measure)
+    began = time.process_time()
+    for i in range(3, 3 + int(cases)):
+        case.row(plan, i)
+    whole = time.process_time() - began
+    ms = {what: 1e3 * seconds / int(cases) for what, seconds in spent.items()}
+    return {**ms, "rest": 1e3 * whole / int(cases) - sum(ms.values())}
+
+
+def _marginal(
+    folder: str, kind: str, how: str = "pool:1", most: int = MORE
+) -> dict[str, float]:  # fmt: skip
     """CPU of a case (ms), start-up left out: of all, and of the head. Least of ROUNDS."""
     name, stop = KINDS[kind]
     rounds = []
     for i in range(ROUNDS):
         fewer, more = (
-            _run(folder, f"{kind}-{i}-{n}".replace(" ", "-"), n, "pool:1", stop, name)
-            for n in (FEWER, MORE)
+            _run(folder, f"{kind}-{how}-{i}-{n}".replace(" ", "-"), n, how, stop, name)
+            for n in (FEWER, most)
         )
         head = [x["head_ms_per_case"] * x["cases"] for x in (fewer, more)]
         cpu = more["cpu_seconds"] - fewer["cpu_seconds"]
-        rounds.append((1e3 * cpu / (MORE - FEWER), (head[1] - head[0]) / (MORE - FEWER)))
+        rounds.append((1e3 * cpu / (most - FEWER), (head[1] - head[0]) / (most - FEWER)))
     return {"ms": min(x for x, _ in rounds), "head_ms": min(x for _, x in rounds)}
 
 
@@ -134,5 +194,11 @@ def _result(command: list[str]) -> dict[str, Any]:
     return result
 
 
+def main(given: list[str]) -> None:
+    """A campaign, or where its time goes."""
+    made = split(*given[1:]) if given[0] == "split" else one(*given)
+    print("RESULT " + json.dumps(made), flush=True)
+
+
 if __name__ == "__main__":
-    print("RESULT " + json.dumps(one(*sys.argv[1:])), flush=True)
+    main(sys.argv[1:])

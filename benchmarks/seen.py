@@ -117,6 +117,14 @@ def _same_bits(parts: Parts, what: str = "A day at nadir") -> Iterator[str]:
            + f" ({dates(parts)}).")  # fmt: skip
 
 
+def _rows(parts: Parts) -> Iterator[str]:
+    equal = [name for name, part in parts.items() if not part["differing"]]
+    others = sorted({part["other"] for part in parts.values()})
+    yield (f"- The first {min(p['cases'] for p in parts.values())} cases of a scenario of each "
+           f"family, against the code of {', '.join(others)}: rows equal in every bit in "
+           f"{len(equal)} of {len(parts)} ({dates(parts)}).")  # fmt: skip
+
+
 def _targets(parts: Parts) -> Iterator[str]:
     for name, part in parts.items():
         after = ", ".join(f"{x:g}" for x in part["killed_after"])
@@ -176,8 +184,11 @@ def _cell(found: dict[str, Any]) -> str:
 def part() -> str:
     """That part of the page."""
     data = known()
-    writers = {"same bits": _same_bits, "killed": _killed, "soak": _soak, "targets": _targets,
-               "ordinary": _ordinary, "misbehaving": _misbehaving, "prices": _prices}  # fmt: skip
+    writers = {
+        "same bits": _same_bits, "rows": _rows, "killed": _killed, "soak": _soak,
+        "targets": _targets, "ordinary": _ordinary, "misbehaving": _misbehaving,
+        "prices": _prices,
+    }  # fmt: skip
     lines = [line for of, written in writers.items() if of in data for line in written(data[of])]
     for of in (of for of in data if of.startswith(OF)):
         lines += _same_bits(data[of], f"`{of.removeprefix(OF)}`")

@@ -159,8 +159,8 @@ def varied(source: Source, options: Options) -> Case:
     if key not in source._first:
         case, draft = _prepared(source, options)
         system, _ = case.or_raise()
-        manifest = Manifest.of(system, options, case.target)
-        case = replace(case, manifest=manifest, spare=Spare())
+        begun = Manifest.of(system, options, case.target)
+        case = replace(case, manifest=begun, spare=Spare())
         source._first[key] = case, draft
         return case
     first, draft = source._first[key]
