@@ -7,12 +7,14 @@ import math
 import re
 import shutil
 import tomllib
+from itertools import product
 from pathlib import Path
 
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation
 
 from desat import cli
@@ -25,6 +27,7 @@ from desat.language.content import said
 from desat.numbers.derived import euler
 from desat.numbers.measures import first_below, time_of
 from desat.numbers.numbers import evaluate
+from desat.numbers.spline import Spline
 from desat.runs import catalogue, explain, validation
 from desat.runs.run import Options, execute
 from desat.system.errors import DesatError, Exit
@@ -395,14 +398,32 @@ def test_first_below_and_time_of():
     assert math.isnan(time_of(t, mode, 7))
 
 
-@pytest.mark.parametrize("sequence", ["321", "213", "123"])
+SEQUENCES = ["".join(x) for x in product("123", repeat=3) if x[0] != x[1] != x[2]]
+
+
+@pytest.mark.parametrize("sequence", SEQUENCES)
 def test_euler_angles_are_scipys(sequence):
-    """Of a turn by known angles about moving axes, from any reference."""
-    angles = np.array([[10.0, -20.0, 30.0], [-1.0, 2.0, 0.5]])
+    """Of a turn by known angles about moving axes, from any reference; also where the first and
+    the third axis fall together, when the third angle is 0."""
+    middle = 0.0 if sequence[0] == sequence[2] else 90.0
+    angles = np.array([[10.0, 20.0, 30.0], [-1.0, 2.0, 0.5], [40.0, middle, 0.0]])
     axes = "".join("XYZ"[int(a) - 1] for a in sequence)
-    ref = Rotation.from_quat([[0.1, 0.2, 0.3, 0.9], [0.5, -0.5, 0.5, 0.5]])
+    ref = Rotation.from_quat([[0.1, 0.2, 0.3, 0.9], [0.5, -0.5, 0.5, 0.5], [0.0, 0.6, 0.0, 0.8]])
     q = (ref * Rotation.from_euler(axes, angles, degrees=True)).as_quat()
-    assert euler(q, ref.as_quat(), sequence) == pytest.approx(angles)
+    assert euler(q, ref.as_quat(), sequence) == pytest.approx(angles, abs=1e-5)
+    assert euler(q[:2], ref.as_quat()[:2], sequence) == pytest.approx(angles[:2], rel=1e-12)
+    assert np.isnan(euler(np.zeros((1, 4)), ref.as_quat()[:1], sequence)).all()
+
+
+@given(
+    st.integers(2, 40), st.integers(0, 2**32 - 1), st.sampled_from([0.0, 0.4])
+)  # fmt: skip
+def test_a_spline_is_scipys(n, seed, uneven):
+    chance = np.random.default_rng(seed)
+    times = np.cumsum(1.0 + chance.uniform(-uneven, uneven, n))
+    values = chance.normal(size=(n, 2, 3))
+    at = chance.uniform(times[0], times[-1], (5, 3))
+    assert Spline(times, values)(at) == pytest.approx(CubicSpline(times, values)(at), abs=1e-12)
 
 
 @pytest.mark.parametrize(("element", "code"), [(1, 0), (3, 0), (4, 1)])

@@ -19,6 +19,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..engine.recording.results import Results
+from ..numbers.derived import matrices
+from ..numbers.spline import Spline
 from ..numbers.text import Value
 from ..system.errors import DesatError
 from ..system.model import System
@@ -165,11 +167,8 @@ class _Truth:
         self._parameters = {role: manifest.values_of(c) for role, c in vars(who).items()}
         q, h, b, tau, tau_slope, m, m_slope, _ = _series(manifest, results, signals(who))
         self.times = times = results.times()[: len(q)]
-        # scipy takes long to load, and every run loads this module
-        from scipy.interpolate import CubicSpline
-
-        self.attitude = CubicSpline(times, _matrices(q))
-        self._field = CubicSpline(times, b)
+        self.attitude = Spline(times, matrices(q))
+        self._field = Spline(times, b)
         axes = self._parameters["spacecraft"].get("axes_wheel")
         in_body = h @ np.reshape(axes, (3, 4)).T if axes else h[:, :3]
         target = self._parameters["manager"].get("h_target_body", [0.0, 0.0, 0.0])
@@ -270,15 +269,3 @@ def _series(manifest: Manifest, results: Results, names: list[str]) -> list[Arra
     if not all(np.isfinite(values).all() for values in series):
         raise DesatError(f"{scenario}: the run diverged; it has no bound")
     return series
-
-
-def _matrices(q: Array) -> Array:
-    """C(q) (rows, 3, 3) of attitudes (rows, 4), scalar last."""
-    v, w = q[:, :3], q[:, 3]
-    c = 2.0 * v[:, :, None] * v[:, None, :]
-    c += (w**2 - (v**2).sum(axis=1))[:, None, None] * np.eye(3)
-    x, y, z = 2.0 * w * v.T
-    zero = np.zeros_like(w)
-    return np.asarray(
-        c + np.array([[zero, z, -y], [-z, zero, x], [y, -x, zero]]).transpose(2, 0, 1)
-    )

@@ -149,11 +149,9 @@ def pointing(q: Array, q_ref: Array) -> Array:
 def euler(q: Array, q_ref: Array, sequence: str = "321") -> Array:
     """Euler angles (rows, 3; deg) from a reference to an attitude: turns about body axes, first to
     last as in `sequence`."""
-    from scipy.spatial.transform import Rotation
-
-    turn = Rotation.from_quat(q_ref).inv() * Rotation.from_quat(q)
-    axes = "".join("XYZ"[int(axis) - 1] for axis in sequence)
-    return np.asarray(turn.as_euler(axes, degrees=True))
+    with np.errstate(invalid="ignore"):  # of an attitude that is none
+        unit = [x / np.linalg.norm(x, axis=1, keepdims=True) for x in (q_ref, q)]
+    return _angles(matrices(unit[0]), matrices(unit[1]), sequence)
 
 
 @quantity("first", "second", "third", unit="deg")
@@ -163,10 +161,44 @@ def euler_lvlh(q: Array, r: Array, v: Array, sequence: str = "321") -> Array:
     z = -r / np.linalg.norm(r, axis=1, keepdims=True)
     y = -np.cross(r, v)
     y /= np.linalg.norm(y, axis=1, keepdims=True)
-    from scipy.spatial.transform import Rotation
+    return _angles(np.stack([np.cross(y, z), y, z], axis=1), matrices(q), sequence)
 
-    lvlh = Rotation.from_matrix(np.stack([np.cross(y, z), y, z], axis=2)).as_quat()
-    return euler(q, lvlh, sequence)
+
+def matrices(q: Array) -> Array:
+    """C(q) (rows, 3, 3) of attitudes (rows, 4), scalar last: from the frame that they are relative
+    to into body."""
+    v, w = q[:, :3], q[:, 3]
+    c = 2.0 * v[:, :, None] * v[:, None, :]
+    c += (w**2 - (v**2).sum(axis=1))[:, None, None] * np.eye(3)
+    x, y, z = 2.0 * w * v.T
+    zero = np.zeros_like(w)
+    return np.asarray(
+        c + np.array([[zero, z, -y], [-z, zero, x], [y, -x, zero]]).transpose(2, 0, 1)
+    )
+
+
+def _angles(reference: Array, attitude: Array, sequence: str) -> Array:
+    """Euler angles (rows, 3; deg) of the turn from one C (rows, 3, 3) to another. Where first and
+    third axis fall together the third angle is 0."""
+    i, j, k = (int(axis) - 1 for axis in sequence)
+    proper = i == k
+    k = 3 - i - j if proper else k
+    sign = 1.0 if (j - i) % 3 == 1 else -1.0  # of i, j, k in a cycle
+    m = np.einsum("nai,nbi->nab", reference, attitude)  # columns: body axes in the reference
+    if proper:
+        across = np.hypot(m[:, j, i], m[:, k, i])
+        second = np.arctan2(across, m[:, i, i])
+        first = np.arctan2(m[:, j, i], -sign * m[:, k, i])
+        third = np.arctan2(m[:, i, j], sign * m[:, i, k])
+    else:
+        across = np.hypot(m[:, i, i], m[:, i, j])
+        second = np.arctan2(sign * m[:, i, k], across)
+        first = np.arctan2(-sign * m[:, j, k], m[:, k, k])
+        third = np.arctan2(-sign * m[:, i, j], m[:, i, i])
+    together = across < 1e-7
+    first = np.where(together, np.arctan2(sign * m[:, k, j], m[:, j, j]), first)
+    third = np.where(together, 0.0, third)
+    return np.degrees(np.stack([first, second, third], axis=1))
 
 
 @quantity("x", "y", "z", unit="1")

@@ -1,0 +1,66 @@
+"""The cubic spline through rows of a run: that of scipy, which loads longer than a run takes."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+class Spline:
+    """Through values (n, ...) at times (n,), which grow; its third derivative does not jump at the
+    second time and the last but one ("not a knot"). Of three values it is a parabola, of two a
+    line.
+    """
+
+    def __init__(self, times: Array, values: Array) -> None:
+        self._times, self._values = times, values
+        self._slopes = _slopes(times, values.reshape(len(times), -1)).reshape(values.shape)
+
+    def __call__(self, at: Array) -> Array:
+        """Values (*at.shape, ...) at times within those that were given, and beyond them."""
+        left = np.clip(np.searchsorted(self._times, at, "right") - 1, 0, len(self._times) - 2)
+        tail = (1,) * (self._values.ndim - 1)
+        begin, end = (self._times[i].reshape(*at.shape, *tail) for i in (left, left + 1))
+        length = end - begin
+        s = (at.reshape(*at.shape, *tail) - begin) / length
+        y0, y1 = self._values[left], self._values[left + 1]
+        d0, d1 = self._slopes[left] * length, self._slopes[left + 1] * length
+        rise = y1 - y0
+        return np.asarray(
+            y0 + s * (d0 + s * (3.0 * rise - 2.0 * d0 - d1 + s * (d0 + d1 - 2.0 * rise)))
+        )
+
+
+def _slopes(times: Array, y: Array) -> Array:
+    """The slopes (n, m) at the times, from a system of three diagonals: the rows in between are
+    those of any cubic spline, the first and the last say that its two pieces there are one cubic.
+    line.
+    """
+    h = np.diff(times)[:, None]
+    rise = np.diff(y, axis=0) / h
+    n = len(times)
+    if n == 2:
+        return np.repeat(rise, 2, axis=0)
+    if n == 3:
+        middle = (h[1] * rise[0] + h[0] * rise[1]) / (h[0] + h[1])
+        return np.stack([2.0 * rise[0] - middle, middle, 2.0 * rise[1] - middle])
+    below, above = np.ones((2, n, 1))
+    diagonal, right = np.empty((n, 1)), np.empty_like(y)
+    below[1:-1], above[1:-1] = h[1:], h[:-1]
+    diagonal[1:-1] = 2.0 * (h[:-1] + h[1:])
+    right[1:-1] = 3.0 * (h[1:] * rise[:-1] + h[:-1] * rise[1:])
+    for end, inner, a, b in ((0, 0, 0, 1), (-1, -1, -1, -2)):
+        span = h[a] + h[b]
+        diagonal[end] = h[b]
+        (above if end == 0 else below)[inner] = span
+        right[end] = ((h[a] + 2.0 * span) * h[b] * rise[a] + h[a] ** 2 * rise[b]) / span
+    for i in range(1, n):
+        factor = below[i] / diagonal[i - 1]
+        diagonal[i] -= factor * above[i - 1]
+        right[i] -= factor * right[i - 1]
+    right[-1] /= diagonal[-1]
+    for i in range(n - 2, -1, -1):
+        right[i] = (right[i] - above[i] * right[i + 1]) / diagonal[i]
+    return right
