@@ -198,7 +198,7 @@ def _angles(reference: Array, attitude: Array, sequence: str) -> Array:
     together = across < 1e-7
     first = np.where(together, np.arctan2(sign * m[:, k, j], m[:, j, j]), first)
     third = np.where(together, 0.0, third)
-    return np.degrees(np.stack([first, second, third], axis=1))
+    return np.asarray(np.degrees(np.stack([first, second, third], axis=1)))
 
 
 @quantity("x", "y", "z", unit="1")

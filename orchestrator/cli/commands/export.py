@@ -13,7 +13,7 @@ from ..console import WithDefault, app, err, out, print_json
 exports = typer.Typer(
     cls=WithDefault, no_args_is_help=True, rich_markup_mode=None,
     help="For other programs: `desat export RUN` a run's series or plots, `desat export fmu NAME` "
-    "a whole loop as one FMU.",
+    "a whole loop as one FMU, `desat export c BLOCK` a law alone as C.",
 )  # fmt: skip
 app.add_typer(exports, name="export")
 
@@ -86,3 +86,37 @@ def fmu(
         print_json({"fmu": str(path)})
     else:
         out.print(str(path))
+
+
+@exports.command()
+def c(
+    block: Annotated[
+        str, typer.Argument(metavar="BLOCK|FILE.py", help="A block of ours by its name, or a block "
+                                                          "file of your own.")
+    ],
+    into: Annotated[
+        Path | None,
+        typer.Option("--out", help="The folder to write to (default: this one).",
+                     show_default=False),
+    ] = None,
+    compilers: Annotated[
+        list[str] | None,
+        typer.Option("--compiler", metavar="COMMAND", show_default=False,
+                     help="A compiler whose sizes the header states, with its options: "
+                          '"arm-none-eabi-gcc -mcpu=cortex-m7 -mthumb". May be repeated (default: '
+                          "that of this machine).")
+    ] = None,
+    as_json: o.Json = False,
+) -> None:  # fmt: skip
+    """Write a block alone as C99, NAME.h and NAME.c: a struct, init, start and step; no FMI, no
+    heap. Its header states the memory that it takes."""
+    from ...runs.block_c import export
+
+    paths, sizes = export(block, into or Path(), compilers)
+    if as_json:
+        print_json({"files": [str(p) for p in paths], "sizes": [vars(size) for size in sizes]})
+        return
+    for path in paths:
+        out.print(str(path))
+    for size in sizes:
+        err.print(f"note: {size}")

@@ -1,0 +1,313 @@
+"""A block's C alone, without FMI: a header with its struct, and a C99 file without heap and text.
+
+What an FMU has of it in `sources/` is put into one file: Python's arithmetic of block.h and
+runtime.c, the block, and three functions around it.
+"""
+
+from __future__ import annotations
+
+import re
+import shlex
+import subprocess
+import zipfile
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from textwrap import fill
+
+FAILURES = Path(__file__).with_name("alone.c")
+FLAGS = ("-std=c99", "-O2", "-ffp-contract=off")
+KINDS = ("BLOCK_ERROR", "VALUE_ERROR", "ZERO_DIVISION", "OVERFLOW", "INDEX_ERROR", "TYPE_ERROR",
+         "RUNTIME_ERROR", "STOP_ITERATION")  # fmt: skip
+_TYPE = re.compile(r"^typedef (struct \{.*\}) (\w+);$", re.M)
+_VARIABLE = re.compile(
+    r"^    \{\"(.*?)\", (offsetof\(.*?), '([RIB])', '([iop])', (.*?), (.*?), \"", re.M
+)
+_KIND = {"R": "double", "I": "int64_t", "B": "bool"}
+_PROTOTYPE = re.compile(r"^(?! )(?=(?:double|int64_t) \w+\()", re.M)
+
+
+@dataclass(frozen=True)
+class Size:
+    """What a compiler makes of a block alone: bytes of its struct, of code and constants, of static
+    memory, and of the stack of the deepest of its functions, without those of libm; None: that
+    calls itself, or what tells it is not there (`size` of the compiler's, a gcc for the stack)."""
+
+    compiler: str
+    struct: int | None
+    code: int | None
+    static: int | None
+    stack: int | None
+
+    def __str__(self) -> str:
+        struct, code, static, stack = (
+            "not known" if x is None else f"{x:,} bytes"
+            for x in (self.struct, self.code, self.static, self.stack)
+        )
+        return (f"{self.compiler}: struct {struct}, code and constants {code}, static memory "
+                f"{static}, stack without libm's {stack}")  # fmt: skip
+
+
+def alone(fmu: Path, compilers: Sequence[Sequence[str]] = ()) -> tuple[dict[str, str], list[Size]]:
+    """The files NAME.h and NAME.c of a native FMU's block by their names, and what each compiler
+    makes of them, which stands in the header. Raises RuntimeError where one does not compile them.
+    """
+    name = fmu.stem
+    with zipfile.ZipFile(fmu) as archive:
+        files = {n: archive.read(f"sources/{n}").decode()
+                 for n in (f"{name}.c", "block.h", "runtime.c")}  # fmt: skip
+    code, _, table = files[f"{name}.c"].partition("static const block at_start")
+    struct = re.search(r"^struct block \{.*?^\};\n", code, re.M | re.S)
+    assert struct is not None
+    types = _TYPE.findall(code)
+    about = code.partition("#include")[0]
+    source = _source(
+        name, files, code.replace(struct[0], ""), "static const block at_start" + table
+    )
+    header = _header(name, about, struct[0], types, _VARIABLE.findall(table))
+    made = {f"{name}.h": header.replace("@SIZES@", ""), f"{name}.c": source}
+    sizes = [measured(name, made, command) for command in compilers]
+    told = "".join(f"\n   {size}" for size in sizes)
+    return made | {f"{name}.h": header.replace("@SIZES@", told)}, sizes
+
+
+def _header(
+    name: str, about: str, struct: str, types: list[tuple[str, str]],
+    variables: list[tuple[str, str, str, str, str, str]],
+) -> str:  # fmt: skip
+    def renamed(text: str) -> str:
+        for _, of in types:
+            text = re.sub(rf"\b{of}\b", f"{name}_{of}", text)
+        return re.sub(r"\bblock \*", f"{name} *", text)
+
+    words = {"i": "inputs", "o": "outputs", "p": "parameters"}
+    of: dict[str, dict[str, None]] = {c: {} for c in words}
+    for element, _, _, causality, _, _ in variables:
+        of[causality][element.partition("[")[0]] = None
+    listed = "\n".join(
+        fill(f"{words[c]}: {', '.join(names)}", 96, initial_indent=" " * 3,
+             subsequent_indent=" " * 6)
+        for c, names in of.items() if names
+    )  # fmt: skip
+    guard, upper = f"{name.upper()}_H", name.upper()
+    kinds = ", ".join(f"{upper}_{kind}" for kind in KINDS)
+    return f"""{about.rstrip().removesuffix("*/").rstrip()}
+
+   C99, no heap, no input or output. After {name}_init set parameters, inputs
+   and, where it has noise, `instance`, a name that keys it; then {name}_start,
+   and before each {name}_step the inputs.
+
+{listed}
+
+   A function that fails returns what kind of failure it is, and sets `fault`; from then on no step
+   is made. Several laws, and several structs of one law, may live beside each other, but not be
+   called at the same time.@SIZES@
+*/
+#ifndef {guard}
+#define {guard}
+
+#include <stdbool.h>
+#include <stdint.h>
+
+typedef struct {name} {name};
+{"".join(f"typedef {renamed(body)} {name}_{of};" + chr(10) for body, of in types)}
+{renamed(struct).replace("struct block {", f"struct {name} {{", 1)}
+enum {{ {upper}_OK, {kinds}, {upper}_OUT_OF_BOUNDS, {upper}_FAILED_BEFORE, {upper}_NOT_FINITE }};
+
+/* start values of all variables */
+void {name}_init({name} *self);
+
+/* begin at time t (s) with the inputs and parameters that are set; the outputs are those of t */
+int {name}_start({name} *self, double t);
+
+/* a step from t of dt (s) with the inputs that are set; state outputs are those of its end */
+int {name}_step({name} *self, double t, double dt);
+
+#endif
+"""
+
+
+def _source(name: str, files: dict[str, str], code: str, table: str) -> str:
+    upper = name.upper()
+    header = files["block.h"]
+    inline = "static inline double py_sqrt" + header.partition("static inline double py_sqrt")[2]
+    inline = inline.partition("/* --- what a block is")[0]
+    early = [line for line in header.splitlines()
+             if re.match(r"(?:double|int64_t) py_\w+\(", line)]  # fmt: skip
+    inline = "\n".join(line for line in inline.splitlines() if line not in early)
+    floats = files["runtime.c"].partition("/* --- floats ---")[2].partition("\n")[2]
+    body = code.partition('#include "block.h"')[2].replace("typedef struct block block;", "")
+    aliases = "".join(f"typedef {name}_{of} {of};\n" for _, of in _TYPE.findall(code))
+    body = _TYPE.sub("", body)
+    ours = re.compile(rf"\b{name}_(init|start|step)\b")  # functions of the block, named as these
+    body, table = (ours.sub(rf"{name}_own_\1", text) for text in (body, table))
+    start = table.partition("static const block_variable")[0]
+    bounded = [
+        f"    {{{place}, '{kind}', {low}, {high}}},"
+        for _, place, kind, causality, low, high in _VARIABLE.findall(table)
+        if causality in "ip" and kind != "B"
+    ]
+    calls = re.findall(r"^static void do_\w+\(.*?^\}", table, re.M | re.S)
+    return f"""/* {name} alone: see {name}.h. Generated; not to be changed. */
+#include "{name}.h"
+
+#include <errno.h>
+#include <math.h>
+#include <setjmp.h>
+#include <stddef.h>
+#include <string.h>
+
+#if defined(__GNUC__)
+#pragma GCC diagnostic ignored "-Wunused-function"
+#define PY_APART __attribute__((noinline))
+#define PY_NORETURN __attribute__((noreturn))
+#define PY_RARE(x) __builtin_expect(!!(x), 0)
+#else
+#define PY_APART
+#define PY_NORETURN
+#define PY_RARE(x) (x)
+#endif
+#define PY_THREAD
+
+enum {{ {", ".join(f"PY_{kind}" for kind in KINDS)} }};
+
+{FAILURES.read_text(encoding="utf-8")}
+{chr(10).join(f"static {line}" for line in early)}
+
+{inline}
+
+{_PROTOTYPE.sub("static ", floats)}
+typedef {name} block;
+{aliases}{body}
+{start}
+{(chr(10) * 2).join(calls)}
+
+static const struct {{
+    size_t offset;
+    char kind;
+    double low, high;
+}} bounds[] = {{
+{chr(10).join(bounded) or "    {0, 'B', 0.0, 0.0},"}
+}};
+
+/* inputs and parameters within their bounds, and finite */
+static int checked_values(const block *self)
+{{
+    for (size_t i = 0; i < sizeof bounds / sizeof *bounds; i++) {{
+        const char *place = (const char *)self + bounds[i].offset;
+        double x = 0.0;
+        if (bounds[i].kind == 'R') x = *(const double *)place;
+        else if (bounds[i].kind == 'I') x = (double)*(const int64_t *)place;
+        if (!isfinite(x)) return {upper}_NOT_FINITE;
+        if (x < bounds[i].low || x > bounds[i].high) return {upper}_OUT_OF_BOUNDS;
+    }}
+    return {upper}_OK;
+}}
+
+static int ended(block *self, int how)
+{{
+    self->fault = how != {upper}_OK;
+    return how;
+}}
+
+void {name}_init({name} *self)
+{{
+    memcpy(self, &at_start, sizeof *self);
+    self->instance = "{name}";
+}}
+
+int {name}_start({name} *self, double t)
+{{
+    py_frame frame;
+    const int wrong = checked_values(self);
+    if (wrong) return ended(self, wrong);
+    if (!PY_TRY(frame)) return ended(self, 1 + kind_caught);
+    self->fault = false;
+    do_start(self);
+    do_output(self, t);
+    py_end_try();
+    return {upper}_OK;
+}}
+
+int {name}_step({name} *self, double t, double dt)
+{{
+    py_frame frame;
+    const int wrong = checked_values(self);
+    if (self->fault) return {upper}_FAILED_BEFORE;
+    if (wrong) return ended(self, wrong);
+    if (!PY_TRY(frame)) return ended(self, 1 + kind_caught);
+    do_advance(self, t, dt);
+    do_output(self, t + dt);
+    py_end_try();
+    return {upper}_OK;
+}}
+"""
+
+
+# --- what a compiler makes of it ------------------------------------------------------------------
+
+
+def measured(name: str, files: dict[str, str], compiler: Sequence[str]) -> Size:
+    """The sizes that a compiler gives. Raises RuntimeError where it does not compile."""
+    with TemporaryDirectory() as temporary:
+        folder = Path(temporary)
+        for file, text in files.items():
+            (folder / file).write_text(text, encoding="utf-8")
+        probe = f'#include "{name}.h"\nchar size_of[sizeof({name})];\n'
+        (folder / "probe.c").write_text(probe, encoding="utf-8")
+        graph = [] if _run([*compiler, "-fcallgraph-info=su", "-c", "probe.c"], folder)[0] else [
+            "-fcallgraph-info=su"
+        ]  # fmt: skip
+        for file in ("probe", name):
+            failed, said = _run([*compiler, *FLAGS, *graph, "-c", f"{file}.c"], folder)
+            if failed:
+                raise RuntimeError(f"{shlex.join(compiler)}: {said.strip()[:600]}")
+        printed = _run([*compiler, "-print-prog-name=size"], folder)[1].strip() or "size"
+        probed, made = (_run([printed, f"{file}.o"], folder)[1].split() for file in ("probe", name))
+        struct = code = static = None
+        if len(probed) > 8 and len(made) > 8:  # after the words of its head: text, data, bss
+            text, data, bss = map(int, made[6:9])
+            struct, code, static = int(probed[7]) + int(probed[8]), text + data, data + bss
+        version = _run([*compiler, "--version"], folder)[1].splitlines()
+        shown = " ".join([version[0] if version else compiler[0], *compiler[1:]])
+        stack = _deepest((folder / f"{name}.ci").read_text()) if graph else None
+        return Size(shown, struct, code, static, stack)
+
+
+def _run(command: Sequence[str], folder: Path) -> tuple[int, str]:
+    try:
+        done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
+    except OSError as error:
+        return 1, str(error)
+    return done.returncode, done.stdout or done.stderr
+
+
+def _deepest(graph: str) -> int | None:
+    """The bytes of stack of the longest chain of calls; None where a function calls itself, or has
+    no bound of its own."""
+    own: dict[str, int] = {}
+    for of, label in re.findall(r'node: \{ title: "(.*?)" label: "(.*?)"', graph):
+        found = re.search(r"(\d+) bytes \((\w+)", label)
+        if found is not None and found[2] != "static" and "bounded" not in label:
+            return None
+        own[of] = int(found[1]) if found else 0
+    calls: dict[str, set[str]] = {}
+    for caller, called in re.findall(r'edge: \{ sourcename: "(.*?)" targetname: "(.*?)"', graph):
+        calls.setdefault(caller, set()).add(called)
+    known: dict[str, int] = {}
+
+    def depth(function: str, above: frozenset[str]) -> int:
+        if function in above:
+            raise RecursionError
+        if function not in known:
+            inner = above | {function}
+            known[function] = own.get(function, 0) + max(
+                (depth(x, inner) for x in calls.get(function, ())), default=0
+            )
+        return known[function]
+
+    try:
+        return max((depth(x, frozenset()) for x in own), default=0)
+    except RecursionError:
+        return None

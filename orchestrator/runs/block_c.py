@@ -1,0 +1,63 @@
+"""A block alone as C (`fmus/alone.py`), by its name or from a file of the user's own."""
+
+from __future__ import annotations
+
+import shlex
+import shutil
+from collections.abc import Sequence
+from pathlib import Path
+
+from desat.fmus.alone import Size, alone
+from desat.fmus.compiler import NoCompilerError, compiler
+
+from ..files import library, own, paths
+from ..files.io import replace_text
+from ..system.errors import DesatError, nearest
+
+
+def export(
+    block: str, folder: Path, compilers: Sequence[str] | None = None
+) -> tuple[list[Path], list[Size]]:  # fmt: skip
+    """Write NAME.h and NAME.c into a folder, and return their paths and what each compiler makes of
+    them (default: this machine's, where it has one).
+
+    Raises DesatError where there is no such block, it has no C, or a compiler does not compile it.
+    """
+    fmu = _native(block)
+    try:
+        files, sizes = alone(fmu, _commands(compilers))
+    except RuntimeError as error:
+        raise DesatError(f"{block}: {error}") from error
+    folder.mkdir(parents=True, exist_ok=True)
+    written = []
+    for name, text in files.items():
+        replace_text(folder / name, text)
+        written.append(folder / name)
+    return written, sizes
+
+
+def _native(block: str) -> Path:
+    if block.endswith(".py"):
+        made = own.built(Path(block))
+        if made.native is None:
+            raise DesatError(f"{block}: there is no C of it: {made.why}")
+        return made.native
+    known = {path.stem: path for path in (paths.fmus() / "native").glob("*.fmu")}
+    if block in known:
+        return known[block]
+    if library.built(f"{block}.fmu") is not None:
+        raise DesatError(f"{block}: there is no C of it, it runs as Python")
+    raise DesatError(f"{block}: no such block{nearest(block, known)}")
+
+
+def _commands(wanted: Sequence[str] | None) -> list[Sequence[str]]:
+    if wanted is None:
+        try:
+            return [compiler()]
+        except NoCompilerError:
+            return []
+    commands: list[Sequence[str]] = [shlex.split(text) for text in wanted]
+    for command in commands:
+        if not command or shutil.which(command[0]) is None:
+            raise DesatError(f"--compiler {shlex.join(command)}: there is no such command")
+    return commands

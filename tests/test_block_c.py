@@ -1,0 +1,210 @@
+"""A block alone as C: it makes the bits that the same block makes within a run."""
+
+from __future__ import annotations
+
+import ctypes
+import json
+import re
+import shutil
+import subprocess
+
+import numpy as np
+import pytest
+
+from desat.files import paths
+from desat.fmus import alone
+from desat.fmus.compiler import compiler
+from desat.runs.block_c import export
+from desat.runs.prepare import prepare
+from desat.runs.run import simulate
+from desat.system.errors import DesatError
+from desat.system.interface import base_name
+from desat.system.options import Options
+
+STRICT = ["-std=c99", "-pedantic", "-Wall", "-Wextra", "-Werror", "-O1", "-ffp-contract=off"]
+STEPS = 150
+NATIVE = sorted(p.stem for p in (paths.fmus() / "native").glob("*.fmu"))
+
+
+def place(component, signal):
+    """A variable as C, of the struct `s`."""
+    base = base_name(signal.name)
+    elements = component.interface.elements(base)
+    if signal.name == base:
+        return f"s->{base}"
+    return f"s->{base}.e[{[e.name for e in elements].index(signal.name)}]"
+
+
+def library(component, folder, inputs, outputs):
+    """The block of a component, compiled, with its parameters and three functions around it."""
+    name = component.interface.model
+    (header, source), sizes = export(name, folder)
+    assert [header.name, source.name] == [f"{name}.h", f"{name}.c"]
+    assert sizes
+    assert str(sizes[0]) in header.read_text()
+    signals = component.interface.signals
+    given = [
+        f"{place(component, signals[n])} = {str(v).lower() if isinstance(v, bool) else repr(v)};"
+        for n, v in component.parameters.items()
+    ]  # fmt: skip
+    put = [f"{place(component, signals[n])} = x[{i}];" for i, n in enumerate(inputs)]
+    get = [f"y[{i}] = (double){place(component, signals[n])};" for i, n in enumerate(outputs)]
+    (folder / "around.c").write_text(
+        f'#include "{name}.h"\nstatic {name} it, *const s = &it;\n'
+        f'void set(void) {{ {name}_init(s); s->instance = "{component.name}"; '
+        f"{' '.join(given)} }}\n"
+        f"void put(const double *x) {{ (void)x; {' '.join(put)} }}\n"
+        f"void get(double *y) {{ (void)y; {' '.join(get)} }}\n"
+        f"int start(double t) {{ return {name}_start(s, t); }}\n"
+        f"int step(double t, double dt) {{ return {name}_step(s, t, dt); }}\n"
+    )
+    made = folder / "it.so"
+    subprocess.run(
+        [*compiler(), *STRICT, "-shared", "-fPIC", "-o", str(made), str(source),
+         str(folder / "around.c"), "-lm"], check=True,
+    )  # fmt: skip
+    loaded = ctypes.CDLL(str(made))
+    loaded.start.argtypes, loaded.step.argtypes = [ctypes.c_double], [ctypes.c_double] * 2
+    return loaded
+
+
+@pytest.mark.parametrize(
+    ("target", "wanted"),
+    [("nadir_day/day-dipole", ""), ("uosat12/table3-ocdc-ilqr-1", "manager"),
+     ("hausat2/start-up-ours", "manager"), ("integrated/mil-nadir", "manager"),
+     ("space_telescope/ours-nominal", "manager")],
+)  # fmt: skip
+def test_it_replays_a_run_with_its_bits(tmp_path, target, wanted):
+    """Fed with what was recorded of the run."""
+    system, _ = prepare(target, Options()).or_raise()
+    stop = system.start + min(STEPS, system.steps) * system.step
+    case = prepare(target, Options(stop=stop))
+    system, schedule = case.or_raise()
+    run = simulate(case)
+    results, compared = run.results, 0
+
+    def series(component, name):
+        base, columns = base_name(name), system.components[component].interface.elements
+        values = results.values(f"{component}.{base}")
+        index = [e.name for e in columns(base)].index(name)
+        return values if values.ndim == 1 else values[:, index]
+
+    for component in system.components.values():
+        if wanted not in ("", component.name):
+            continue
+        feeds = [c for c in system.connections if c.target == component.name]
+        outputs = [s.name for s in component.interface.of("output") if s.name != "fault"]
+        it = library(component, tmp_path / component.name, [c.input for c in feeds], outputs)
+        rows = np.column_stack(
+            [series(c.source, c.output)[: system.steps] * c.factor + c.offset for c in feeds]
+        ) if feeds else np.zeros((system.steps, 0))  # fmt: skip
+        made = np.zeros((system.steps + 1, len(outputs)))
+        it.set()
+        for k in range(system.steps):
+            row, out = np.ascontiguousarray(rows[k]), made[k + 1]
+            it.put(ctypes.c_void_p(row.ctypes.data))
+            if k == 0:
+                assert it.start(system.start) == 0
+                it.get(ctypes.c_void_p(made[0].ctypes.data))
+            assert it.step(system.start + k * system.step, system.step) == 0
+            it.get(ctypes.c_void_p(out.ctypes.data))
+        for i, name in enumerate(outputs):
+            interval = schedule.classes[component.name, name] == "interval"
+            there = series(component.name, name)
+            mine = made[1:, i] if interval else made[:, i]
+            # at the start a block has settled inputs, here those of the first step
+            first = 0 if interval else 1
+            assert np.array_equal(mine[first:], there[first : len(mine)]), (component.name, name)
+            compared += len(mine)
+    assert compared > 1000 or wanted
+
+
+@pytest.mark.parametrize("name", NATIVE)
+def test_every_native_block_compiles_alone(tmp_path, name):
+    """By a strict C99 compiler; nothing of it takes memory from the heap or writes."""
+    files, _ = alone.alone(paths.fmus() / "native" / f"{name}.fmu")
+    for file, text in files.items():
+        (tmp_path / file).write_text(text)
+    made = tmp_path / "it.o"
+    subprocess.run([*compiler(), *STRICT, "-O0", "-c", "-o", str(made),
+                    str(tmp_path / f"{name}.c")], check=True)  # fmt: skip
+    if (nm := shutil.which("nm")) is None:
+        pytest.skip("there is no nm")
+    wanted = subprocess.run([nm, "-u", str(made)], capture_output=True, text=True, check=True)
+    names = set(re.findall(r"U (\w+)", wanted.stdout))
+    assert not names & {"malloc", "calloc", "realloc", "free", "printf", "snprintf", "strtod"}
+
+
+def test_failures_come_back_as_numbers(tmp_path):
+    system, _ = prepare("nadir_day/day-dipole", Options()).or_raise()
+    manager = system.components["manager"]
+    it = library(manager, tmp_path, ["b_body[1]"], ["fault"])
+    said = (tmp_path / "manager_cross_product.h").read_text()
+    kinds = re.findall(r"MANAGER_CROSS_PRODUCT_(\w+)", said.partition("enum {")[2])
+    x, y = np.array([np.nan]), np.zeros(1)
+    it.set()
+    assert it.start(0.0) == 0
+    it.put(ctypes.c_void_p(x.ctypes.data))
+    assert kinds[it.step(0.0, 1.0)] == "NOT_FINITE"
+    it.get(ctypes.c_void_p(y.ctypes.data))
+    assert y == 1.0
+    x[0] = 2e-5
+    it.put(ctypes.c_void_p(x.ctypes.data))
+    assert kinds[it.step(1.0, 1.0)] == "FAILED_BEFORE"
+    assert it.start(0.0) == 0
+    assert it.step(0.0, 1.0) == 0
+    broken = system.components["manager"].parameters | {"m_limit": -1.0}
+    it = library(
+        type(manager)(**{**vars(manager), "parameters": broken}), tmp_path / "b", [], ["fault"]
+    )
+    it.set()
+    assert kinds[it.start(0.0)] == "OUT_OF_BOUNDS"
+
+
+def test_the_command_writes_a_law_of_ones_own(tmp_path, desat):
+    desat("new", "law", "mine", cwd=tmp_path, check=True)
+    done = desat("export", "c", "mine.py", "--out", "c", "--json", cwd=tmp_path, check=True)
+    told = json.loads(done.stdout)
+    assert len(told["files"]) == 2
+    assert all((tmp_path / x).exists() for x in told["files"])
+    assert told["sizes"][0]["struct"] > 1000
+    assert told["sizes"][0]["stack"] > 100
+
+
+@pytest.mark.parametrize(
+    ("block", "compilers", "said"),
+    [("manager_bdot", None, "manager_bdot: no such block; did you mean manager_b_dot?"),
+     ("environment_tle", None, "environment_tle: there is no C of it, it runs as Python"),
+     ("manager_b_dot", ["nowhere -O9"], "--compiler nowhere -O9: there is no such command"),
+     ("manager_b_dot", ["gcc -march=nothing"], "bad value")],
+)  # fmt: skip
+def test_what_cannot_be_written_is_a_line(tmp_path, block, compilers, said):
+    if compilers and compilers[0].startswith("gcc") and shutil.which("gcc") is None:
+        pytest.skip("there is no gcc")
+    with pytest.raises(DesatError) as error:
+        export(block, tmp_path / "o", compilers)
+    assert said in str(error.value)
+    assert not (tmp_path / "o").exists()
+
+
+def test_for_a_small_processor(tmp_path):
+    """Sizes for a Cortex-M7; where its compiler is installed."""
+    if shutil.which("arm-none-eabi-gcc") is None:
+        pytest.skip("arm-none-eabi-gcc is not installed")
+    cross = "arm-none-eabi-gcc -mcpu=cortex-m7 -mthumb -mfpu=fpv5-d16 -mfloat-abi=hard"
+    _, (size,) = export("manager_cross_product", tmp_path, [cross])
+    assert size.stack is not None
+    assert size.stack < 8192
+    assert "-mcpu=cortex-m7" in (tmp_path / "manager_cross_product.h").read_text()
+
+
+def test_stacks_of_graphs():
+    graph = """node: { title: "a" label: "a\\nx.c:1\\n100 bytes (static)\\n0 dynamic" }
+node: { title: "b" label: "b\\nx.c:2\\n30 bytes (static)\\n0 dynamic" }
+node: { title: "sin" label: "sin\\n<built-in>" }
+edge: { sourcename: "a" targetname: "b" label: "x" }
+edge: { sourcename: "b" targetname: "sin" label: "x" }"""
+    assert alone._deepest(graph) == 130
+    again = graph + '\nedge: { sourcename: "b" targetname: "a" label: "x" }'
+    assert alone._deepest(again) is None
+    assert alone._deepest(graph.replace("30 bytes (static)", "30 bytes (dynamic)")) is None
