@@ -267,8 +267,8 @@ def measured(name: str, files: dict[str, str], compiler: Sequence[str]) -> Size:
         probed, made = (_run([printed, f"{file}.o"], folder)[1].split() for file in ("probe", name))
         struct = code = static = None
         if len(probed) > 8 and len(made) > 8:  # after the words of its head: text, data, bss
-            text, data, bss = map(int, made[6:9])
-            struct, code, static = int(probed[7]) + int(probed[8]), text + data, data + bss
+            read_only, data, zeroed = map(int, made[6:9])
+            struct, code, static = int(probed[7]) + int(probed[8]), read_only + data, data + zeroed
         version = _run([*compiler, "--version"], folder)[1].splitlines()
         shown = " ".join([version[0] if version else compiler[0], *compiler[1:]])
         stack = _deepest((folder / f"{name}.ci").read_text()) if graph else None
