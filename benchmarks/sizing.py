@@ -303,7 +303,7 @@ def secular_of(craft: Craft) -> tuple[Array, float]:
     case = prepare(BASE, craft.options())
     system, _ = case.or_raise()
     flight = sizing.flown(case, system)
-    return sizing.secular(flight)[0], flights.attitude_of(flight).wanders
+    return sizing.secular(flight)[0], flights.attitude_of(flight.q, flight.r, flight.v).wanders
 
 
 def papers() -> Iterator[tuple[tuple[Any, ...], sizing.Sizing]]:

@@ -19,7 +19,7 @@ TERMS = Terms(orbit_rate=1.1e-3, field=3e-5, inertial=False)
 MANAGERS = fitting.managers()
 
 
-def of(target, terms=TERMS, asked=(), **options):
+def of(target, terms=TERMS, asked=(fitting.ALL,), **options):
     found, refused = fitting.fitting(read(target), Options(**options), terms, asked)
     return {f.name: f for f in found}, {r.name: r.why for r in refused}
 

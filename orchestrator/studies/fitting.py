@@ -31,6 +31,7 @@ BANDWIDTH = 5.0
 """Of a craft whose own law gives no rate: so many times the orbit's (1/s over 1/s)."""
 PLAINEST = "manager_cross_product"
 """It comes after the craft's own."""
+ALL = "all"
 SAMPLE = 10.0
 """s, of a law that must sample, where neither the craft's own manager nor its coils do."""
 
@@ -98,19 +99,19 @@ def managers() -> list[str]:
 
 
 def fitting(
-    source: Source, options: Options, terms: Terms, asked: Sequence[str] = (),
+    source: Source, options: Options, terms: Terms, asked: Sequence[str] = (ALL,),
     others: Sequence[str] = (),
 ) -> tuple[list[Fitting], list[Refused]]:  # fmt: skip
     """The laws that fit the craft of a source, its own first, and the managers that do not, with
-    the reason. `asked`: laws or managers by name, these alone; none: all. `others`: block files and
+    the reason. `asked`: laws or managers of ours by name, or all. `others`: block files and
     FMUs of the user's own. Raises DesatError for a name that there is not, or a source with
     something wrong."""
     system, _ = prepare(source, options).or_raise()
     own = system.components[ROLE]
     known = _known(system, own, terms)
     found = [Fitting(law_name(own), own.interface.model, True, options, {})]
-    refused: list[Refused] = []
     some = sorted(_asked(asked), key=lambda m: (m != own.interface.model, m != PLAINEST))
+    refused: list[Refused] = []
     for manager in (*some, *others):
         try:
             block = _block(manager)
@@ -122,7 +123,7 @@ def fitting(
                 refused.append(Refused(label.replace("_", " "), why))
             continue
         for law in _laws(block, manager):
-            if law.name == found[0].name or (asked and not _is_asked(law, manager, asked, others)):
+            if law.name == found[0].name or not _is_asked(law, manager, asked, others):
                 continue
             try:
                 found.append(_fitted(source, options, own, manager, law, known))
@@ -132,9 +133,9 @@ def fitting(
 
 
 def _asked(asked: Sequence[str]) -> list[str]:
-    """The managers of these laws or managers; all of them where none is asked for."""
+    """The managers of these laws or managers."""
     every = managers()
-    if not asked:
+    if ALL in asked:
         return every
     by_law = {law.name: m for m in every for law in _laws(block_class(m), m)}
     known = by_law | {m: m for m in every} | {m.removeprefix("manager_"): m for m in every}
@@ -146,7 +147,7 @@ def _asked(asked: Sequence[str]) -> list[str]:
 
 
 def _is_asked(law: Law, manager: str, asked: Sequence[str], others: Sequence[str]) -> bool:
-    names = (law.name, manager, manager.removeprefix("manager_"))
+    names = (law.name, manager, manager.removeprefix("manager_"), ALL)
     return manager in others or any(n in asked for n in names)
 
 

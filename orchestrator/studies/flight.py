@@ -268,14 +268,16 @@ def summed(torque: Array, times: Array) -> Array:
 # --- without a run ------------------------------------------------------------------------------
 
 
-def attitude_of(flight: Flight) -> Attitude:
-    """How a craft points, by the last three quarters of its flight."""
-    rows = slice(len(flight.times) // 4, None, max(1, len(flight.times) // 2000))
-    q = flight.q[rows]
+def attitude_of(q: Array, r: Array, v: Array) -> Attitude:
+    """How a craft points, by the last three quarters of its attitudes q (n, 4) at r (n, 3) m with
+    v (n, 3) m/s."""
+    count = min(len(q), len(r), len(v))
+    rows = slice(count // 4, count, max(1, count // 2000))
+    q = q[rows]
     lvlh = np.array(
         [
             lvlh_attitude(tuple(r), tuple(v))
-            for r, v in zip(flight.r[rows].tolist(), flight.v[rows].tolist(), strict=True)
+            for r, v in zip(r[rows].tolist(), v[rows].tolist(), strict=True)
         ]
     )
     relative = np.array(

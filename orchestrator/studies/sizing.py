@@ -483,7 +483,7 @@ def size(
     able = reach(flight, hardware)
     progress("the least rod, by a linear programme")
     formula, least = least_by_formula(able, torque), least_by_programme(able, torque)
-    attitude = attitude_of(flight)
+    attitude = attitude_of(flight.q, flight.r, flight.v)
     year: tuple[Date, ...] = ()
     if wishes.year:
         progress("the days of a year")

@@ -138,7 +138,7 @@ def map_of(
     system, _ = case.or_raise()
     progress("the run at the wanted attitude")
     flight = flown(case, system)
-    attitude = attitude_of(flight)
+    attitude = attitude_of(flight.q, flight.r, flight.v)
     if attitude.kind == "moving":
         raise DesatError(f"{target}: the attitude moves: a map needs one that stays in lvlh or eci")
     hardware, notes = hardware_of(system), []
