@@ -33,7 +33,8 @@ ORBIT = ("environment.r_eci", "environment.v_eci", "environment.b_eci", "spacecr
 REFERENCE = "guidance.q_ref_bi"
 DIPOLE, ENERGY = "torquers.m_mean_body", "torquers.electric_energy"
 TORQUE, FIRING = "thrusters.tau_mean_thruster_body", "thrusters.on_time"
-STANDARD = ("peak", "duty", "energy", "pointing")
+STANDARD = ("peak", "duty", "energy", "pointing", "firing")
+"""What laws are ranked by where nothing is asked for, as far as it can be told of the craft."""
 
 
 class Criterion(NamedTuple):
@@ -106,6 +107,11 @@ class Entry:
     def name(self) -> str:
         """Of the law."""
         return self.law.name
+
+    @property
+    def label(self) -> str:
+        """The name, and whether it is the craft's own."""
+        return f"{self.name} (own)" if self.law.own else self.name
 
     @property
     def told(self) -> str:
@@ -203,12 +209,13 @@ def criteria(by: str) -> tuple[Criterion, ...]:
 
 
 def choose(
-    target: str, options: Options, by: Sequence[Criterion], laws: Sequence[str],
+    target: str, options: Options, asked: Sequence[Criterion], laws: Sequence[str],
     others: Sequence[str] = (), progress: Callable[[str], None] = lambda text: None,
 ) -> Choice:  # fmt: skip
     """Fly a craft with its own law and with those that fit it: `laws` by name, or all, and the
-    `others` of the user's own, files. Raises DesatError for a craft that cannot fly with its own,
-    and where a criterion is of something that it has not."""
+    `others` of the user's own, files; `asked` is what they are ranked by, nothing: STANDARD. Raises
+    DesatError for a craft that cannot fly with its own, and where a criterion is of something that
+    it has not."""
     source = read(target)
     own = prepare(source, options)
     system, _ = own.or_raise()
@@ -235,10 +242,12 @@ def choose(
         runs.append(run)
         warnings += [f"{law.name}: {x}" for x in run.manifest.warnings
                      if x not in warnings and not _of_the_other(x)]  # fmt: skip
-    rows = [tuple(c.of(run.manifest, run.results) for c in by) for run in runs]
-    for k, c in enumerate(by):
-        if all(row[k] is None for row in rows):
+    known = [c for c in asked or map(CRITERIA.__getitem__, STANDARD)
+             if any(c.of(run.manifest, run.results) is not None for run in runs)]  # fmt: skip
+    for c in asked or known:
+        if c not in known:
             raise DesatError(f"{target}: --by {c.name}: the {c.title} cannot be told of it")
+    rows = [tuple(c.of(run.manifest, run.results) for c in known) for run in runs]
     whole = [tuple(np.inf if x is None else x for x in row) for row in rows]
     entries = [
         Entry(law, row, not any(_beats(other, row) for other in whole), tuple(run.manifest.not_met))
@@ -246,7 +255,7 @@ def choose(
     ]
     ranked = sorted(entries, key=lambda e: (bool(e.not_met), e.values))
     names = [law.name for law in flown]
-    return Choice(target, tuple(by), tuple(ranked), tuple(refused), held(names, runs, warnings))
+    return Choice(target, tuple(known), tuple(ranked), tuple(refused), held(names, runs, warnings))
 
 
 def _flown(options: Options, source: Source, system: System) -> Run:

@@ -104,7 +104,7 @@ def _laws(
 
     if len(targets) > 1:
         raise DesatError(f"{' '.join(targets)}: --laws flies one craft")
-    criteria = study.criteria(by or ",".join(study.STANDARD))
+    criteria = study.criteria(by) if by is not None else ()
     asked = [x.strip() for x in (laws or "").split(",") if x.strip()]
     with err.status("") as status:
         made = study.choose(targets[0], options, criteria, asked, others,
@@ -121,7 +121,7 @@ def _laws(
         table.add_column("not dominated")
         table.add_column("requirements")
         for e in made.ranked:
-            table.add_row(e.name, *made.cells(e), "yes" if e.front else "",
+            table.add_row(e.label, *made.cells(e), "yes" if e.front else "",
                           "; ".join(e.not_met) or "met")  # fmt: skip
         print_numbers(table)
         for names, why in made.declined():
