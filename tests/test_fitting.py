@@ -61,7 +61,7 @@ def test_thrusters_and_an_attitude_that_stays_let_more_in():
 def test_a_craft_with_one_wheel_has_no_such_law():
     found, refused = of("hausat2/along-field")
     assert [f.own for f in found.values()] == [True]
-    assert refused["predictive"] == "it needs wheels about three axes; the craft's are about 1"
+    assert refused["predictive"] == "it needs wheels about three axes; the craft's span 1 of them"
 
 
 def test_gains_are_the_rules_with_the_crafts_numbers():

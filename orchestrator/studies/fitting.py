@@ -186,7 +186,7 @@ def _instead(need: Need, system: System, terms: Terms) -> str:
     hardware = hardware_of(system)
     if need is Need.WHEELS:
         axes = int(np.linalg.matrix_rank(hardware.axes_wheel, tol=1e-3))
-        return "" if axes == 3 else f"the craft's are about {axes or 'none'}"
+        return "" if axes == 3 else f"the craft's span {axes} of them"
     if need is Need.COILS:
         there = hardware.m_limit > 0.0 and wired("m_cmd_body", "source")
         return "" if there else "the craft has none"
