@@ -495,8 +495,9 @@ With J(t) the impulse of the disturbances, s = J(T) / T over whole orbits, a_i t
 - a year and a map: the environment's own block at other dates and orbits, at the attitude that the
   run has shown; of an attitude that moves there is none.
 
-The model is blind to pointing errors, detumbling and slews, to the noise of tachometers (it raises
-the duty where rods are large for their craft), and to one wheel's saturation by the null space.
+The law has the momentum with the noise of the craft's tachometers, which makes coils at their
+limits do less and others work more. The model is blind to pointing errors, detumbling and slews,
+and to one wheel's saturation by the null space.
 Times of dumping and detumbling are the least that rods at their limits take.
 
 ## Crafts that nobody chose

@@ -70,6 +70,8 @@ class Hardware:
     """m, of the thrusters; None: it has none, or it is not known"""
     specific_impulse: float | None
     """s"""
+    noise: float = 0.0
+    """of the momentum of each wheel as it is measured, standard deviation at each sample, N m s"""
 
     def spread(self) -> Array:
         """(4, 3): a momentum as shared by the wheels with the least squares."""
@@ -158,6 +160,7 @@ def hardware_of(system: System) -> Hardware:
         axes_coil[:, np.linalg.norm(axes_coil, axis=0) > 0.0], float(coils["m_limit"]),
         longest, 1.0 - quiet / period if period and drive != "pulsed" else 1.0,
         inertia, carrier, thrusters.get("arm"), thrusters.get("specific_impulse"),
+        float(given.get("tachometers", {}).get("noise", 0.0)),
     )  # fmt: skip
 
 

@@ -104,6 +104,9 @@ class Wishes:
             raise DesatError(f"--margin {self.margin:g}: a factor of 1 or more is needed")
         if (self.slew_angle > 0.0) != (self.slew_time > 0.0):
             raise DesatError("--slew: an angle and a time above 0 are needed, as 60/300")
+        if self.slew_angle > pi * (1.0 + 1e-9):
+            raise DesatError(f"--slew: {np.degrees(self.slew_angle):.4g} deg: a turn to any "
+                             "attitude is of 180 deg at most; the angle is in deg")  # fmt: skip
         for name in ("arm", "specific_impulse", "tip_off"):
             value = getattr(self, name)
             if value is not None and value <= 0.0:
