@@ -238,3 +238,24 @@ def test_blocks_are_told(desat) -> None:
     wrong = desat("help", "blocks", "wheel")
     assert wrong.returncode == 2
     assert wrong.stderr == "error: wheel: no block and no role; did you mean wheels?\n"
+
+
+def test_standard_numbers_and_plots_come_from_the_roles(desat, tmp_path):
+    """Not from the craft's files, nor from another craft; what a file gives besides is merged."""
+    desat("new", "craft", "mine", "--thrusters", "4 1N", cwd=tmp_path, check=True)
+    own = (tmp_path / "mine" / "nominal.toml").read_text()
+    assert "[numbers" not in own
+    assert "[plots" not in own
+    told = desat("show", str(tmp_path / "mine" / "worst.toml"), "--json", cwd=tmp_path, check=True)
+    by_key = {row["key"]: row for row in json.loads(told.stdout)}
+    assert by_key["numbers.pointing.measure"]["from"].endswith("roles/manager.toml")
+    assert by_key["numbers.propellant.unit"]["from"].endswith("roles/thrusters.toml")
+    made = desat("run", "mine", "--stop", "20", "--json", "--no-twin", cwd=tmp_path, check=True)
+    numbers = json.loads(made.stdout)["numbers"]
+    assert {"pointing", "largest_momentum", "final_momentum", "firing", "propellant"} <= (
+        numbers.keys()
+    )
+    file = tmp_path / "mine" / "nominal.toml"
+    file.write_text(own.replace('"roles/manager", ', '"roles/manger", '))
+    wrong = desat("check", "mine", cwd=tmp_path)
+    assert "extends: no roles/manger; did you mean manager?" in wrong.stdout + wrong.stderr

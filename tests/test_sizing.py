@@ -552,3 +552,10 @@ def test_options_that_make_no_sense_are_refused(desat, arguments, text):
     told = desat("size", NAME, *arguments)
     assert told.returncode == Exit.INPUT
     assert text in told.stderr.replace("\n", " ")
+
+
+def test_where_no_law_fits_the_least_rod_is_the_answer():
+    """One wheel and a boom: a cross product that takes wheels about three axes was said to do."""
+    made = size("alsat1/ours-case-a", Options(stop=7000.0), Wishes(flown=False, year=False))
+    assert made.best == ()
+    assert f"the least rod of any law is {made.least:.3g} A m2 (the model has no law" in made.answer

@@ -443,9 +443,13 @@ class Sizing:
             rods = f"rods of {self.recommended:.3g} A m2 do"
             if self.recommended_year is not None and self.recommended_year > self.recommended:
                 rods += f" ({self.recommended_year:.3g} A m2 on the worst day of the year)"
+        wished = (f" with a duty of {100.0 * self.duty:.3g} % and a margin of "
+                  f"{self.wishes.margin:g} under {self.law}")  # fmt: skip
+        if not self.best and self.least > 0.0:
+            rods = f"the least rod of any law is {self.least:.3g} A m2"
+            wished = " (the model has no law that fits)"
         return (
-            f"{self.target}: {rods} with a duty of {100.0 * self.duty:.3g} % and a margin of "
-            f"{self.wishes.margin:g} under {self.law or 'no law'}, it has {self.rod:.4g} A m2; its "
+            f"{self.target}: {rods}{wished}, it has {self.rod:.4g} A m2; its "
             f"wheels need {1e3 * (self.wheel_needed + self.slew_momentum):.3g} mN m s each and "
             + (
                 f"have {1e3 * self.wheel_capacity:.4g}."
