@@ -8,7 +8,7 @@ import pytest
 
 from desat.campaign import pairs
 from desat.figures.style import COLOURS
-from desat.files import new_craft
+from desat.files import new_craft, paths
 from desat.numbers.text import Value
 from desat.studies import compare
 from desat.system.errors import Exit
@@ -173,10 +173,11 @@ def laws(desat, craft, kept={}):  # noqa: B006 (once for all tests of the module
         return kept["laws"]
     desat("new", "law", "my_law", cwd=craft, check=True)
     (craft / "idle.py").write_text(IDLE)
+    fmu = str(paths.fmus() / "native" / "manager_closed_loop.fmu")
+    mine = [x for file in ("my_law.py", "idle.py", fmu) for x in ("--law", file)]
     kept["laws"] = desat(
-        "compare", "mine", "--laws", "ccpl,predictive,combined", "--law", "my_law.py", "--law",
-        "idle.py", "--by", "peak,duty,energy,pointing", "--stop", "600", "--json",
-        cwd=craft, check=True,
+        "compare", "mine", "--laws", "ccpl,predictive,combined", *mine, "--stop", "600", "--by",
+        "peak,duty,energy,pointing", "--json", cwd=craft, check=True,
     )  # fmt: skip
     return kept["laws"]
 
@@ -184,7 +185,8 @@ def laws(desat, craft, kept={}):  # noqa: B006 (once for all tests of the module
 def test_a_craft_is_flown_with_each_law_that_fits(laws, craft):
     made = json.loads(laws.stdout)
     by_name = {law["name"]: law for law in made["laws"]}
-    assert by_name.keys() == {"cross product", "ccpl", "predictive", "my law"}
+    assert by_name.keys() == {"cross product", "ccpl", "predictive", "my law",
+                              "manager closed loop"}  # fmt: skip
     assert [law["values"]["peak"] for law in made["laws"]] == sorted(
         law["values"]["peak"] for law in made["laws"]
     )
