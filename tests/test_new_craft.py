@@ -235,6 +235,11 @@ def test_blocks_are_told(desat) -> None:
     assert rows["speed_limit"]["allowed"] == ">= 0.001"
     assert rows["command_mode"]["allowed"] == "torque, speed"
     assert "Reaction wheels" in one["text"]
+    told = desat("help", "blocks", "manager_combined", check=True).stdout
+    assert "thrusters that take its command" in told
+    assert "Law: ocdc (law = ilqr, split = ocdc, g_rate = craft.rate, weight_ratio = 1 /" in told
+    told = desat("help", "blocks", "manager_b_dot", check=True).stdout
+    assert "No law that holds the wheels' momentum: it brakes a tumbling craft" in told
     wrong = desat("help", "blocks", "wheel")
     assert wrong.returncode == 2
     assert wrong.stderr == "error: wheel: no block and no role; did you mean wheels?\n"

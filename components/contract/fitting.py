@@ -41,3 +41,9 @@ class Law(NamedTuple):
     gains: Mapping[str, str | bool] = MappingProxyType({})
     rate: str = ""
     """The gain by which others take over the rate of a craft's own law; empty: none."""
+
+
+def needs_of(manager: type) -> list[Need]:
+    """What a craft must have for a manager, by what it and its bases say."""
+    said = {need for c in manager.__mro__ for need in vars(c).get("craft_needs", ())}
+    return [need for need in Need if need in said]

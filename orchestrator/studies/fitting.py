@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from desat.components.contract.block import Block
-from desat.components.contract.fitting import Law, Need
+from desat.components.contract.fitting import Law, Need, needs_of
 from desat.components.contract.roles import Manager
 from desat.fmus.own import OwnBlockError, is_own
 from desat.fmus.registry import block_class, names
@@ -169,9 +169,8 @@ def _lacks(block: type[Block], manager: str, system: System, terms: Terms) -> st
         return f"{manager} is no manager"
     if block.no_law:
         return block.no_law
-    needs = {n for c in block.__mro__ for n in vars(c).get("craft_needs", ())}
-    for need in Need:
-        if need in needs and (has := _instead(need, system, terms)):
+    for need in needs_of(block):
+        if has := _instead(need, system, terms):
             return f"it needs {need.value}; {has}"
     return ""
 
