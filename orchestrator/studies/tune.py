@@ -35,6 +35,8 @@ LOOKED_AT = 7
 """Values of the range that are flown first."""
 REFINED = 8
 """Values that Brent's method may ask for."""
+SAME = 1e-3
+"""Less of the number than that, as a share, is no reason for another value."""
 FINE = 0.02
 """How near it comes, as a share of the range."""
 
@@ -167,7 +169,8 @@ def tune(
     fine = FINE * (places[3] - places[2])
     minimize_scalar(at, bounds=places[:2], method="bounded",
                     options={"maxiter": REFINED, "xatol": fine})  # fmt: skip
-    best = min(sorted(flown), key=lambda x: (cost(x), x != own))
+    best = min(sorted(flown), key=cost)
+    best = own if cost(own) - cost(best) < SAME else best
     points = tuple(flown[x] for x in sorted(flown))
     progress(f"{unseen} unseen draws")
     judges = rows([own, best], range(draws, draws + unseen))
