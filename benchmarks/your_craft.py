@@ -28,13 +28,16 @@ CRAFTS = {
         "--altitude 400km --inclination 51.6deg --size 12U --wheels '4 pyramid 30mNms' --rods 0.2 "
         "--residual-dipole 0.05",
         [["size", "my12u"], ["run", "my12u"], ["run", "my12u/worst.toml"],
-         ["run", "my12u/detumbling.toml"], ["campaign", "my12u", "-n", "200", "--stop", "6000"]],
+         ["run", "my12u/detumbling.toml"], ["compare", "my12u", "--laws", "all"],
+         ["tune", "my12u", "manager.gain", "--for", "sum_rms", "--stop", "12000"],
+         ["campaign", "my12u", "-n", "200", "--stop", "6000"]],
     ),
     "agile": (
         "An agile craft of 150 kg",
         "--sso 600km --ltan 10:30 --mass 150kg --box 0.8,0.8,1.2 --wheels '4 pyramid 4Nms' "
         "--rods 30 --thrusters '4 1N'",
-        [["size", "agile", "--slew", "60/60"], ["run", "agile"],
+        [["size", "agile", "--slew", "60/60"], ["compare", "agile", "--laws", "all"],
+         ["run", "agile"],
          ["run", "agile/detumbling.toml"]],
     ),
 }  # fmt: skip
@@ -65,6 +68,8 @@ def told(command: list[str], text: str, folder: Path) -> str:
     """What of a command's output answers."""
     if command[0] == "size":
         return text.partition("\n\n")[0]
+    if command[0] in ("compare", "tune"):
+        return "\n".join(x.rstrip() for x in text.splitlines() if not x.startswith("page: "))
     if command[0] == "campaign":
         lines = [x for x in text.splitlines() if x and not x.startswith("runs/")]
         return "\n".join(lines)

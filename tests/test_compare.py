@@ -8,7 +8,7 @@ import pytest
 
 from desat.campaign import pairs
 from desat.figures.style import COLOURS
-from desat.files import new_craft
+from desat.files import new_craft, paths
 from desat.numbers.text import Value
 from desat.studies import compare
 from desat.system.errors import Exit
@@ -147,3 +147,101 @@ def test_numbers_of_other_units_have_no_difference():
 def test_no_differences_have_no_interval():
     assert pairs.confident([])["n"] == 0
     assert "interval" not in pairs.confident([])
+
+
+# --- law by law ---------------------------------------------------------------------------------
+
+IDLE = '''
+from __future__ import annotations
+
+from desat.components.bases.dumping import TorquerDumping
+from desat.components.contract.block import Vec3
+
+
+class Nothing(TorquerDumping):
+    """It commands nothing"""
+
+    def dipole(self, elapsed: float, h: Vec3) -> Vec3 | None:
+        return None
+'''
+
+
+@pytest.fixture
+def laws(desat, craft, kept={}):  # noqa: B006 (once for all tests of the module)
+    """`mine` flown law by law for ten minutes, with two laws of the user's own."""
+    if kept:
+        return kept["laws"]
+    desat("new", "law", "my_law", cwd=craft, check=True)
+    (craft / "idle.py").write_text(IDLE)
+    fmu = str(paths.fmus() / "native" / "manager_closed_loop.fmu")
+    mine = [x for file in ("my_law.py", "idle.py", fmu) for x in ("--law", file)]
+    kept["laws"] = desat(
+        "compare", "mine", "--laws", "ccpl,predictive,combined", *mine, "--stop", "600", "--by",
+        "peak,duty,energy,pointing", "--json", cwd=craft, check=True,
+    )  # fmt: skip
+    return kept["laws"]
+
+
+def test_a_craft_is_flown_with_each_law_that_fits(laws, craft):
+    made = json.loads(laws.stdout)
+    by_name = {law["name"]: law for law in made["laws"]}
+    assert by_name.keys() == {"cross product", "ccpl", "predictive", "my law",
+                              "manager closed loop"}  # fmt: skip
+    assert [law["values"]["peak"] for law in made["laws"]] == sorted(
+        law["values"]["peak"] for law in made["laws"]
+    )
+    assert by_name["cross product"]["own"]
+    assert by_name["my law"]["gains"]["gain"].startswith("craft.rate = ")
+    own = by_name["cross product"]["values"]
+    assert by_name["my law"]["values"]["peak"] == pytest.approx(own["peak"], rel=1e-6), (
+        "the same law at the same rate"
+    )
+    assert by_name["predictive"]["values"]["peak"] != own["peak"]
+    why = {r["name"]: r["why"] for r in made["refused"]}
+    assert why["combined"].startswith("it needs thrusters")
+    assert why["idle"] == "it flew, and commanded neither dipole nor thrusters"
+    page = (craft / made["page"]).read_text()
+    assert page.count("<svg") == 3 + 5, "the first criterion over each other, and each plot"
+    assert "does not take" not in laws.stderr, "what the own manager had is no matter"
+    assert made["comparison"]["targets"][0] == "cross product"
+
+
+def test_numbers_of_laws_are_those_of_their_runs(laws, craft, desat):
+    """What `compare` says of a law is what `run` says with the manager and gains that it names."""
+    made = json.loads(laws.stdout)
+    (ccpl,) = [law for law in made["laws"] if law["name"] == "ccpl"]
+    sets = [x for k, v in ccpl["set"].items() for x in ("--set", f"{k}={v}")]
+    told = desat("run", "mine", "--stop", "600", "--json", *sets, cwd=craft, check=True)
+    numbers = json.loads(told.stdout)["numbers"]
+    assert ccpl["values"]["duty"] == numbers["coil_duty"]["value"]
+    assert ccpl["values"]["peak"] == pytest.approx(100.0 - numbers["momentum_margin"]["value"])
+    last = made["comparison"]["numbers"]["final_momentum"]["values"]["ccpl"]
+    assert last == numbers["final_momentum"]["value"]
+
+
+def test_who_beats_whom():
+    from desat.studies.choice import _beats
+
+    assert _beats((1.0, 2.0), (1.0, 3.0))
+    assert not _beats((1.0, 2.0), (1.0, 2.0))
+    assert not _beats((1.0, 4.0), (2.0, 3.0))
+
+
+@pytest.mark.parametrize(
+    ("given", "line"),
+    [
+        (["mine", "--laws", "predictve"], "predictve: no law and no manager; did you mean"),
+        (["mine", "--laws", "all", "--by", "paek"], "--by paek: no paek; did you mean peak?"),
+        (["mine", "slow", "--laws", "all"], "mine slow: --laws flies one craft"),
+        (["mine", "slow", "--by", "peak"], "--by: it ranks laws: --laws all"),
+        (["mine", "--laws", "ccpl", "--by", "firing", "--stop", "60"],
+         "mine: --by firing: the firing time cannot be told of it"),
+        (["mine", "--law", "nowhere.py", "--stop", "60"], "nowhere.py: No such file"),
+        (["mine", "--laws", "all", "-n", "5"], "-n: --laws flies each law once"),
+    ],
+)  # fmt: skip
+def test_wrong_choices_are_refused_in_a_line(desat, craft, given, line):
+    told = desat("compare", *given, cwd=craft)
+    assert told.returncode == Exit.INPUT
+    assert line in told.stderr
+    assert "Traceback" not in told.stderr

@@ -822,6 +822,36 @@ def test_what_is_left_of_a_removal_is_swept(tmp_path, monkeypatch):
     library._root.cache_clear()
 
 
+@pytest.mark.parametrize("late", [False, True])
+def test_a_folder_that_another_process_sweeps_at_once_is_made_again(tmp_path, monkeypatch, late):
+    """Between making it and its lock: campaigns that began together failed with `.lock: No such
+    file or directory`."""
+    from filelock import FileLock
+
+    swept = []
+
+    class Disturbed(FileLock):
+        def acquire(self, *args, **more):
+            folder = Path(self.lock_file).parent
+            first = not swept
+            swept.append(folder)
+            if first and not late:
+                shutil.rmtree(folder)
+                raise FileNotFoundError(self.lock_file)
+            held = super().acquire(*args, **more)
+            if first:
+                shutil.rmtree(folder)
+            return held
+
+    monkeypatch.setattr(library, "FileLock", Disturbed)
+    folder, lock = library._held(tmp_path)
+    assert len(swept) == 2
+    assert swept[0] != swept[1] == folder
+    assert lock.is_locked
+    assert [p.name for p in folder.iterdir()] == [".lock"]
+    lock.release()
+
+
 def test_no_temporary_folder_at_all(desat, tmp_path, monkeypatch):
     monkeypatch.setattr(tempfile, "tempdir", None)
     monkeypatch.setattr(tempfile, "_candidate_tempdir_list", lambda: [str(tmp_path / "none")])

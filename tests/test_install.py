@@ -5,6 +5,8 @@ from __future__ import annotations
 import hashlib
 import json
 import os
+import resource
+import shlex
 import shutil
 import subprocess
 import sys
@@ -129,3 +131,60 @@ def test_what_needs_a_checkout_says_so(installed, tmp_path):
     assert told.strip().endswith("--out FILE writes elsewhere")
     installed("desat", "design", "uosat12/fig2-mec-1", "--out", "mine.toml")
     assert (tmp_path / "mine.toml").is_file()
+
+
+# --- a newcomer's walk --------------------------------------------------------------------------
+# Its first step builds the FMUs, which the test above does; here they are the checkout's, the same
+# bytes. In CI each step is short; what it takes in full stands in docs/your-craft.md.
+
+MOST = 30.0
+"""CPU (s) of a part of the walk."""
+
+
+@pytest.fixture
+def newcomer(home, tmp_path):
+    """A newcomer's shell in an empty folder: a command that ends well, and what it prints."""
+    environment = {k: v for k, v in os.environ.items() if not k.startswith(("PYTHON", "DESAT"))}
+    environment["DESAT_CACHE"] = str(home / "walk")
+    code = "from desat.files import paths; print(paths._cache())"
+    where = _do(home / "env" / "bin" / "python", "-c", code, env=environment)
+    if not (cache := Path(where.stdout.strip()) / "fmus").exists():
+        shutil.copytree(paths.fmus(), cache)
+
+    def command(line: str, code: int = 0) -> str:
+        done = _do(home / "env" / "bin" / "desat", *shlex.split(line), cwd=tmp_path,
+                   env=environment, code=code)  # fmt: skip
+        return done.stdout
+
+    before = resource.getrusage(resource.RUSAGE_CHILDREN)
+    command("new craft my12u --altitude 400km --inclination 51.6deg --size 12U "
+            "--wheels '4 pyramid 30mNms' --rods 0.2 --residual-dipole 0.05")  # fmt: skip
+    yield command
+    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    assert after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime < MOST
+
+
+def test_a_newcomer_flies_and_sizes_a_craft(newcomer, tmp_path):
+    made = json.loads(newcomer("run my12u --stop 600 --json --no-twin"))
+    assert made["status"] == "completed"
+    assert (tmp_path / made["report"]).is_file()
+    told = newcomer("size my12u --stop 6000").splitlines()
+    assert told[0].startswith("my12u: rods of ")
+    assert "it has 0.2 A m2" in told[0]
+    assert (tmp_path / "runs" / "size-my12u.html").is_file()
+
+
+def test_a_newcomer_chooses_a_law_of_all_and_of_her_own(newcomer, tmp_path):
+    newcomer("new law my_law")
+    made = json.loads(newcomer("compare my12u --laws all --law my_law.py --stop 300 --json"))
+    names = {law["name"] for law in made["laws"]}
+    assert {"cross product", "ccpl", "predictive", "my law"} <= names
+    assert (tmp_path / made["page"]).is_file()
+
+
+def test_a_newcomer_is_sure_by_a_campaign(newcomer, tmp_path):
+    told = newcomer("campaign my12u -n 4 --stop 120", code=1)
+    assert "4 of 4 completed" in told
+    assert "0 of 4 outside" in told, "too few to show that requirements hold"
+    (report,) = (tmp_path / "runs").glob("*/report.html")
+    assert "Momentum of the wheels at the end, body" in report.read_text(encoding="utf-8")

@@ -235,6 +235,32 @@ def test_blocks_are_told(desat) -> None:
     assert rows["speed_limit"]["allowed"] == ">= 0.001"
     assert rows["command_mode"]["allowed"] == "torque, speed"
     assert "Reaction wheels" in one["text"]
+    told = desat("help", "blocks", "manager_combined", check=True).stdout
+    assert "thrusters that take its command" in told
+    assert "Law: ocdc (law = ilqr, split = ocdc, g_rate = craft.rate, weight_ratio = 1 /" in told
+    told = desat("help", "blocks", "manager_b_dot", check=True).stdout
+    assert "No law that holds the wheels' momentum: it brakes a tumbling craft" in told
     wrong = desat("help", "blocks", "wheel")
     assert wrong.returncode == 2
     assert wrong.stderr == "error: wheel: no block and no role; did you mean wheels?\n"
+
+
+def test_standard_numbers_and_plots_come_from_the_roles(desat, tmp_path):
+    """Not from the craft's files, nor from another craft; what a file gives besides is merged."""
+    desat("new", "craft", "mine", "--thrusters", "4 1N", cwd=tmp_path, check=True)
+    own = (tmp_path / "mine" / "nominal.toml").read_text()
+    assert "[numbers" not in own
+    assert "[plots" not in own
+    told = desat("show", str(tmp_path / "mine" / "worst.toml"), "--json", cwd=tmp_path, check=True)
+    by_key = {row["key"]: row for row in json.loads(told.stdout)}
+    assert by_key["numbers.pointing.measure"]["from"].endswith("roles/manager.toml")
+    assert by_key["numbers.propellant.unit"]["from"].endswith("roles/thrusters.toml")
+    made = desat("run", "mine", "--stop", "20", "--json", "--no-twin", cwd=tmp_path, check=True)
+    numbers = json.loads(made.stdout)["numbers"]
+    assert {"pointing", "largest_momentum", "final_momentum", "firing", "propellant"} <= (
+        numbers.keys()
+    )
+    file = tmp_path / "mine" / "nominal.toml"
+    file.write_text(own.replace('"roles/manager", ', '"roles/manger", '))
+    wrong = desat("check", "mine", cwd=tmp_path)
+    assert "extends: no roles/manger; did you mean manager?" in wrong.stdout + wrong.stderr

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import json
 import subprocess
 import sys
@@ -12,7 +13,7 @@ import numpy as np
 import pytest
 from fmpy.validation import validate_fmu
 
-from desat.files import own
+from desat.files import new_block, own
 from desat.fmus import own as block_file
 from desat.runs.run import Options, execute
 from desat.system.errors import DesatError
@@ -206,3 +207,39 @@ def test_a_new_law_that_cannot_be(desat, tmp_path, name, text):
     assert (tmp_path / "there.py").read_text() == "mine"
     assert desat("new", "law", "there.py", "--force", cwd=tmp_path).returncode == 0
     assert (tmp_path / "test_there.py").is_file()
+
+
+@pytest.mark.parametrize("role", sorted(new_block.PLAIN))
+def test_a_new_block_is_what_it_begins_with(desat, tmp_path, monkeypatch, role):
+    """It has the role's interface, its own test holds, and that fails once it gives another."""
+    desat("new", "block", role, cwd=tmp_path, check=True)
+    file = tmp_path / f"my_{role}.py"
+    block = block_file.block_class(str(file))
+    assert block.role == role
+    monkeypatch.syspath_prepend(str(tmp_path))
+    test = vars(importlib.import_module(f"test_my_{role}"))
+    (check,) = [f for name, f in test.items() if name.startswith("test_")]
+    check()
+    output = next(v for v in block.variables if v.causality == "output" and v.name != "fault")
+    with monkeypatch.context() as patch:
+        patch.setattr(test[block.__name__], "output", lambda self, t: setattr(
+            self, output.name, "another"))  # fmt: skip
+        patch.setattr(test[block.__name__], "advance", lambda self, t, dt: None)
+        with pytest.raises(AssertionError):
+            check()
+
+
+def test_a_new_sensor_flies_native_and_says_what_cannot_be(desat, cache, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    told = desat("new", "block", "rate_gyro", "mine", "--json", cwd=tmp_path, check=True)
+    assert json.loads(told.stdout)["files"] == ["mine.py", "test_mine.py"]
+    runs = [execute(TARGET, Options(stop=60.0, sources=sources), None)
+            for sources in ([], ["gyro=mine.py"])]  # fmt: skip
+    ours, mine = (run.results.values("spacecraft.q_bi") for run in runs)
+    np.testing.assert_array_equal(ours, mine, strict=True)
+    assert not any("runs as Python" in line for line in runs[1].manifest.warnings)
+    wrong = desat("new", "block", "gyroo", cwd=tmp_path)
+    assert "gyroo: no role and no block of ours; did you mean gyro?" in wrong.stderr
+    assert desat("new", "block", "rate_gyro", "mine", cwd=tmp_path).returncode == 2
+    desat("new", "block", "manager", "law", cwd=tmp_path, check=True)
+    assert "TorquerDumping" in (tmp_path / "law.py").read_text(), "of a manager it is a law"

@@ -45,6 +45,8 @@ class Acquisition(Manager, WheelAxes):
     so that the first gives none; `filtered`: a first-order low-pass of it, of `cut_off`.
     """
 
+    no_law = "it brakes a craft and starts its pitch wheel up: no law for wheels about three axes"
+
     sample_time: float = Parameter(
         "s", "time between samples, a multiple of the step; at most 2 s", start=1.0, min=0.0
     )

@@ -24,6 +24,8 @@ class Boom(Manager, WheelAxes):
     it where the attitude is what is missing; without a valid rate they keep their momentum.
     """
 
+    no_law = "it keeps a craft upright on a boom: attitude and momentum are one law of that craft"
+
     reason: int = Output(
         "1", "what is lost at this sample", interval=True,
         choices=("nothing", "no_field", "no_attitude", "no_rate", "no_momentum"),

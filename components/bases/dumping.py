@@ -6,6 +6,7 @@ from __future__ import annotations
 from abc import abstractmethod
 
 from ..contract.block import Output, Parameter, Vec3, Vec4
+from ..contract.fitting import Need
 from ..contract.roles import WheelManager
 from ..laws.blending import Split
 from ..maths.vector import ZERO, clip, cross, sub
@@ -113,6 +114,8 @@ class TorquerDumping(MomentumDumping):
     whose field or momentum is not valid.
     """
 
+    craft_needs = (Need.COILS,)
+
     saturation: bool = Parameter("1", "true: the dipole is limited to m_limit", start=True)
     m_limit: float = Parameter("A.m2", "largest dipole of each axis", start=20.0, min=0.0,
                                needs=("b_body", "m_cmd_body"),
@@ -136,6 +139,8 @@ class TorquerDumping(MomentumDumping):
 
 class ThrusterDumping(MomentumDumping):
     """Base of managers that dump by thrusters and magnetic torquers together."""
+
+    craft_needs = (Need.THRUSTERS,)
 
     m_limit: float = Parameter("A.m2", "largest dipole of each coil", start=40.0, min=0.0,
                                follows="torquers.m_limit")  # fmt: skip

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from abc import abstractmethod
+from typing import ClassVar
 
 from ..contract.block import Block, Mat33, Mat34, Output, Parameter, Table, Vec3
+from ..contract.fitting import Need
 from ..laws import momentum_management as laws
 from ..laws.blending import Split
 from ..maths.attitude import rotate, rotate_back
@@ -40,6 +42,8 @@ class MomentumManagement(MomentumDumping):
 
     Without a valid field or attitude there is no dipole.
     """
+
+    craft_needs: ClassVar[tuple[Need, ...]] = (Need.COILS,)
 
     axes_coil: Mat34 = Parameter(
         "1", "M, columns: the coils' axes, body; zero where there is no coil",
@@ -154,6 +158,8 @@ class MomentumManagement(MomentumDumping):
 class GroundTables(Block):
     """Tables that the ground computes and sends up: rows evenly from t = 0 on. Of a time beyond
     the last row there is no law."""
+
+    craft_needs: ClassVar[tuple[Need, ...]] = (Need.DESIGN, Need.INERTIAL)
 
     table_nodes: int = Parameter("1", "rows in use", start=4, min=4, max=CAPACITY)
     table_spacing: float = Parameter("s", "time between rows", start=150.0, min=1.0)

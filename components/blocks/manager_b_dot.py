@@ -29,6 +29,8 @@ class ManagerBDot(Manager):
     Guidance, Control, and Dynamics 35 (2012) 1326.
     """
 
+    no_law = "it brakes a tumbling craft and leaves the wheels as they are"
+
     gain: float = Parameter("N.m.s", "gain on B' / |B|^2", start=1e-2, min=0.0,
                             needs=("b_body", "m_cmd_body"))  # fmt: skip
     m_limit: float = Parameter("A.m2", "largest dipole of each axis", start=1.0, min=0.0,

@@ -2,6 +2,7 @@ from __future__ import annotations
 
 from ..bases.momentum_management import MomentumManagement
 from ..contract.block import Output, Parameter, Vec3
+from ..contract.fitting import Law
 from ..laws import momentum_management as laws
 from ..maths.attitude import rotate, rotate_back
 from ..maths.vector import ZERO, add, scale
@@ -26,6 +27,10 @@ class ManagerClosedLoop(MomentumManagement):
 
     Source: Chen, Davenport & Sturch (paper 001), eqs. 5 and 6, Table 1.
     """
+
+    offers = (
+        Law("CP with gravity", {"gain": "craft.rate", "weighting": "identity"}, rate="gain"),
+    )  # fmt: skip
 
     gain: float = Parameter("1/s", "K_M of eq. 5", start=1e-3, min=1e-9)
     centre_gain: float = Parameter("1", "of the centre loop; 0: none", min=0.0, max=1.0)

@@ -2,6 +2,7 @@ from __future__ import annotations
 
 from ..bases.dumping import DUMPING, NO_AXIS, ThrusterDumping
 from ..contract.block import Parameter, Vec3
+from ..contract.fitting import Law, Need
 from ..laws import blending, dumping
 from ..maths.vector import ZERO
 
@@ -39,6 +40,18 @@ class ManagerCombined(ThrusterDumping):
 
     Source: Chen & Steyn (paper 000), eqs. 15-34; the bounded splits are not in the paper.
     """
+
+    craft_needs = (Need.COILS,)
+    offers = (
+        Law("ocdc", {
+            "law": "ilqr", "split": "ocdc", "g_rate": "craft.rate",
+            # a thruster's torque is priced as the dipole that gives it across the field
+            "weight_ratio": "1 / craft.field / craft.field",
+        }),
+        Law("bounded 1-norm", {
+            "law": "ilqr", "split": "bounded_one_norm", "g_rate": "craft.rate",
+        }),
+    )  # fmt: skip
 
     law: int = Parameter("1", "dumping law", choices=("ilqr", "lqr", "mec"), start="ilqr")
     split: int = Parameter(

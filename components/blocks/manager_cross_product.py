@@ -2,6 +2,7 @@ from __future__ import annotations
 
 from ..bases.dumping import TorquerDumping
 from ..contract.block import Parameter, Vec3
+from ..contract.fitting import Law
 from ..laws import cross_product
 from ..maths.vector import norm
 
@@ -25,6 +26,11 @@ class ManagerCrossProduct(TorquerDumping):
 
     Source: Camillo & Markley (1980) for the law; paper 000, eq. 31; paper 004, eq. 19.
     """
+
+    offers = (
+        Law("cross product", {"law": "normalised", "gain": "craft.rate"}, rate="gain"),
+        Law("ccpl", {"law": "ccpl", "gain": "craft.rate / craft.field"}, rate="gain"),
+    )
 
     law: int = Parameter("1", "form of the law", choices=("normalised", "ccpl"), start="normalised")
     gain: float = Parameter("1/s", "gain; for ccpl in 1/(T s)", start=5e-3, min=0.0,

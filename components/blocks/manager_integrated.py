@@ -3,6 +3,7 @@ from __future__ import annotations
 from math import inf
 
 from ..contract.block import SPIN, Output, Parameter, Vec3, Vec4
+from ..contract.fitting import Law, Need
 from ..contract.roles import WheelManager
 from ..laws import integrated
 from ..maths.vector import ZERO, norm, scale
@@ -58,6 +59,15 @@ class ManagerIntegrated(WheelManager):
 
     Source: paper 004, eqs. 9 and 13-26.
     """
+
+    craft_needs = (Need.COILS, Need.CONTROLLER)
+    offers = (
+        # the wheels lose a quarter of t_DES, and no dipole beyond m_limit is asked for
+        Law("integrated", {
+            "magnetic_share": "0.25", "gain": "4 * craft.rate", "gain_emergency": "4 * craft.rate",
+            "torque_limit": "4 * torquers.m_limit * craft.field",
+        }),
+    )  # fmt: skip
 
     magnetic_share: float = Parameter(
         "1", "k: share of the control torque that the coils give", start=0.25, min=0.0, max=1.0,

@@ -4,6 +4,7 @@ from collections.abc import Iterator
 
 from ..bases.dumping import TorquerDumping
 from ..contract.block import SPIN, Parameter, Table, Vec3
+from ..contract.fitting import Law, Need
 from ..laws import magnetic
 
 CAPACITY = 64
@@ -29,6 +30,9 @@ class ManagerMagnetic(TorquerDumping):
 
     Source: Chen & Steyn (paper 000), eqs. 10-14.
     """
+
+    craft_needs = (Need.DESIGN,)
+    offers = (Law("optimal LQR", {"law": "lqr"}), Law("optimal, open loop", {"law": "mec"}))
 
     law: int = Parameter("1", "dumping law", choices=("lqr", "mec"), start="lqr")
     horizon: float = Parameter("s", "final time after the start", start=3000.0, min=1.0)

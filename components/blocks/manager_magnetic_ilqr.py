@@ -2,6 +2,7 @@ from __future__ import annotations
 
 from ..bases.dumping import TorquerDumping
 from ..contract.block import Parameter, Vec3
+from ..contract.fitting import Law
 from ..laws import magnetic, riccati
 from ..maths.matrix import multiply, transposed
 from ..maths.vector import mat_vec, sub
@@ -23,6 +24,13 @@ class ManagerMagneticIlqr(TorquerDumping):
 
     Source: Chen & Steyn (paper 000), eqs. 10-11 and section III.A.
     """
+
+    offers = (
+        # so that momentum across the field goes out at the rate, its price of a dipole being 1
+        Law("quasi-static LQR", {
+            "momentum_weight": "craft.rate * craft.rate / craft.field / craft.field",
+        }),
+    )  # fmt: skip
 
     momentum_weight: Vec3 = Parameter("1/(T2.s2)", "diagonal of F", start=3000.0, min=0.0,
                                       needs=("h_wheel", "omega_bi_body"))  # fmt: skip

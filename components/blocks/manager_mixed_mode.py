@@ -2,6 +2,7 @@ from __future__ import annotations
 
 from ..bases.momentum_management import MomentumManagement, NominalProfile
 from ..contract.block import Vec3
+from ..contract.fitting import Law
 from ..laws import momentum_management as laws
 from ..maths.attitude import rotate
 
@@ -22,6 +23,8 @@ class ManagerMixedMode(MomentumManagement, NominalProfile):
 
     Source: Chen, Davenport & Sturch (paper 001), eq. 4, Table 1.
     """
+
+    offers = (Law("mixed mode"),)
 
     def law(self, t: float, h: Vec3) -> Vec3 | None:
         nominal = self.nominal(t + self.sample_time)

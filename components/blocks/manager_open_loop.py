@@ -7,6 +7,7 @@ from ..bases.dumping import FALLBACK
 from ..bases.earth_field import EarthField
 from ..bases.momentum_management import MomentumManagement, NominalProfile
 from ..contract.block import TURN, Mat33, Output, Parameter, Vec3, Vec4
+from ..contract.fitting import Law
 from ..contract.roles import UPRIGHT
 from ..laws import momentum_management as laws
 from ..laws.attitude_control import eigenaxis, rest_to_rest
@@ -59,6 +60,8 @@ class ManagerOpenLoop(MomentumManagement, NominalProfile, EarthField):
 
     Source: Chen, Davenport & Sturch (paper 001), eqs. 1-3, 7 and 8, Table 1.
     """
+
+    offers = (Law("open loop"),)
 
     desaturation_period: float = Parameter("s", "t_f - t_i", start=600.0, min=1.0)
     update_period: float = Parameter(

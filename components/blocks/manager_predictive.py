@@ -6,6 +6,7 @@ from math import copysign, inf, pi, sqrt
 from ..bases.dumping import DUMPING, FALLBACK, IDLE, MomentumDumping
 from ..bases.earth_field import EarthField
 from ..contract.block import Mat33, Mat34, Output, Parameter, Table, Vec3, Vec4
+from ..contract.fitting import Law, Need
 from ..laws import cross_product, predictive, receding_horizon
 from ..laws import disturbance_learning as learning
 from ..laws.blending import Split
@@ -90,6 +91,9 @@ class ManagerPredictive(MomentumDumping, EarthField):
     at `null_gain`, or the rate n, to twice the largest momentum that a wheel had otherwise in the
     last orbit: so much of it keeps them from standstill, and less is not made more.
     """
+
+    craft_needs = (Need.COILS,)
+    offers = (Law("predictive", {"goal": "hold"}),)
 
     goal: int = Parameter(
         "1", "hold: the momentum is kept low; empty: it is at its target at `end`",

@@ -2,6 +2,7 @@ from __future__ import annotations
 
 from ..bases.momentum_management import CAPACITY, GroundTables, MomentumManagement
 from ..contract.block import Parameter, Table, Vec3
+from ..contract.fitting import Law
 from ..laws import momentum_management as laws
 from ..maths.attitude import rotate, rotate_back
 from ..maths.vector import cross
@@ -27,6 +28,8 @@ class ManagerPreview(MomentumManagement, GroundTables):
 
     Coils, limits and measurements that are not valid: `bases/momentum_management.py`.
     """
+
+    offers = (Law("preview"),)
 
     feedback_table: Table = Parameter(
         "1/(T2.s)", "a row a node: K, eci, its upper triangle xx, xy, xz, yy, yz, zz",

@@ -4,6 +4,7 @@ from functools import cache
 
 from ..bases.momentum_management import CAPACITY
 from ..contract.block import Output, Parameter, Table, Variable, Vec3, Vec4
+from ..contract.fitting import Law
 from ..laws import momentum_learning as learning
 from ..laws import momentum_management as laws
 from ..laws.blending import Split
@@ -29,6 +30,8 @@ class ManagerPreviewLearning(ManagerPreview):
 
     Nothing is learnt while the craft turns, nor over a sample that was left out.
     """
+
+    offers = (Law("preview that learns"),)
 
     lost_table: Table = Parameter(
         "A.m2/T", "a row a node: g with coil 1, 2, 3 or 4 lost, eci",

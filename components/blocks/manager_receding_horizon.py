@@ -52,6 +52,8 @@ class ManagerRecedingHorizon(ThrusterDumping, EarthField):
     by `manager_combined`.
     """
 
+    no_law = "it empties the wheels once, until `horizon`, and rests from then on"
+
     sample_time: float = Parameter(
         "s", "time between samples, a multiple of the step; above 0, and at least horizon / 600",
         start=10.0, min=0.0,

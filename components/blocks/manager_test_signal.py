@@ -15,6 +15,8 @@ class ManagerTestSignal(Manager):
     with t_s the time of the last sample; no dipole, no thrusters, no feedback.
     """
 
+    no_law = "it turns the wheels by a given signal, without feedback"
+
     bias: Vec4 = Parameter("N.m", "constant part for each wheel")
     amplitude: Vec4 = Parameter("N.m", "amplitude for each wheel")
     period: Vec4 = Parameter("s", "period for each wheel", start=600.0, min=1e-3)

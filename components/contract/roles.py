@@ -9,9 +9,10 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections.abc import Iterator
 from math import floor
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 from .block import Block, Flags4, Input, Mat34, Output, Parameter, Sampled, Vec3, Vec4
+from .fitting import Law, Need
 
 UPRIGHT = (0.0, 0.0, 0.0, 1.0)
 ON_THEIR_WAY = 16
@@ -364,6 +365,13 @@ class Manager(Computer):
 
     role = "manager"
 
+    craft_needs: ClassVar[tuple[Need, ...]] = ()
+    """What a craft must have for it to be of use, besides what its bases say."""
+    offers: ClassVar[tuple[Law, ...]] = ()
+    """Its laws that hold the wheels' momentum, each with its gains by rule from the craft."""
+    no_law: ClassVar[str] = ""
+    """Why it has no such law, where it has none."""
+
     b_body: Vec3 = Input("T", "measured geomagnetic field, body", source="magnetometer.b_body")
     q_bi: Vec4 = Input(
         "1",
@@ -429,6 +437,8 @@ class Manager(Computer):
 class WheelManager(Manager, WheelAxes):
     """A manager that commands the wheels, at samples of their own where the attitude control that
     passes through it is faster than the dumping."""
+
+    craft_needs: ClassVar[tuple[Need, ...]] = (Need.WHEELS,)
 
     wheel_sample_time: float = Parameter(
         "s", "time between commands to the wheels, sample_time over a whole number; 0: sample_time",

@@ -21,7 +21,7 @@ from ..runs.prepare import Source, prepare, read, varied
 from ..runs.run import Options, Run, simulate
 from ..system.draft import Draft
 from ..system.errors import DesatError, Exit, RunError
-from ..system.model import AUTO
+from ..system.model import AUTO, System
 from ..system.parameters import parse_assignment
 from .sampling import drawn
 from .workers import Here, Local, Lost, Workers, results
@@ -103,15 +103,7 @@ def ran(
     case = varied(source, replace(options, values={**options.values, **values}))
     system, _ = case.or_raise()
     if options.record == ("*",):
-        content = said(system.about)
-        needed = (*needed_signals(content), *also)
-        if system.inner == AUTO and (parts := coverage.applies(system)):
-            needed += tuple(parts.series)  # it looks at them again
-        for analysis in analyses():
-            if parts := analysis.applies(system):
-                needed += tuple(analysis.signals(parts))
-                if _asked(content, analysis):
-                    needed += tuple(analysis.balanced(parts))
+        needed = (*series_of_numbers(system), *also)
         case = replace(case, options=replace(case.options, record=needed))
     run = simulate(case)
     if run.code > STOPPED:
@@ -127,6 +119,21 @@ def ran(
     look(run)
     run.results.close()
     return row
+
+
+def series_of_numbers(system: System) -> tuple[str, ...]:
+    """What the numbers of a run are made of, and what it is judged by; the rest need not be
+    recorded."""
+    content = said(system.about)
+    needed = tuple(needed_signals(content))
+    if system.inner == AUTO and (parts := coverage.applies(system)):
+        needed += tuple(parts.series)  # it looks at them again
+    for analysis in analyses():
+        if parts := analysis.applies(system):
+            needed += tuple(analysis.signals(parts))
+            if _asked(content, analysis):
+                needed += tuple(analysis.balanced(parts))
+    return needed
 
 
 def _asked(content: Content, analysis: Analysis) -> bool:

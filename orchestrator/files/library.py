@@ -60,14 +60,29 @@ def _root() -> Path:
             f"{usual}: FMUs cannot be extracted to a path with such characters; set TMPDIR to "
             "another folder"
         )
-    folder = Path(tempfile.mkdtemp(prefix=_PREFIX, dir=parent))
-    lock = FileLock(folder / _LOCK)
-    lock.acquire()
+    folder, lock = _held(Path(parent))
     atexit.register(_remove, folder, lock, os.getpid())
     for other in folder.parent.glob(f"{_PREFIX}*"):
         if other != folder and _NAME.fullmatch(other.name):
             _sweep(other)
     return folder
+
+
+def _held(parent: Path) -> tuple[Path, FileLock]:
+    """A new folder and its lock, held. Another process that sweeps may come between the two, take
+    the folder for one of a dead process, and remove it: then there is another."""
+    while True:
+        folder = Path(tempfile.mkdtemp(prefix=_PREFIX, dir=parent))
+        lock = FileLock(folder / _LOCK)
+        try:
+            lock.acquire()
+        except OSError:
+            if folder.exists():
+                raise
+            continue
+        if (folder / _LOCK).exists():
+            return folder, lock
+        lock.release()
 
 
 def _plain(folder: Path) -> bool:

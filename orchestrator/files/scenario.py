@@ -29,6 +29,8 @@ if TYPE_CHECKING:
     from ..system.draft import Draft
 
 ROOT = paths.SCENARIOS
+ROLES = "roles"
+"""Before the name of a role, whose standard numbers and plots a scenario extends."""
 NOMINAL = "nominal.toml"
 """The scenario that the folder of a craft of one's own stands for."""
 
@@ -301,7 +303,9 @@ def load(file: Path, origins: Origins, seen: tuple[Path, ...] = ()) -> dict[str,
     known = [f.stem for f in file.parent.glob("*.toml")]
     for base in [bases] if isinstance(bases, str) else bases:
         below: Origins = {}
-        if "/" in base and not file.is_relative_to(paths.SCENARIOS):
+        if base.startswith(f"{ROLES}/"):
+            table = load(_of_role(base, where), below, (*seen, file))
+        elif "/" in base and not file.is_relative_to(paths.SCENARIOS):
             table = _ours(base, where, below, (*seen, file))
         elif base in known:
             table = load(file.with_name(f"{base}.toml"), below, (*seen, file))
@@ -312,6 +316,15 @@ def load(file: Path, origins: Origins, seen: tuple[Path, ...] = ()) -> dict[str,
     leave_out(merged, data, origins, where)
     merge(merged, data, origins, (where, ""))
     return merged
+
+
+def _of_role(name: str, where: str) -> Path:
+    """The file with the standard numbers and plots of a role, `roles/manager`."""
+    folder = paths.PACKAGE / "templates" / ROLES
+    role, known = name.partition("/")[2], sorted(f.stem for f in folder.glob("*.toml"))
+    if role not in known:
+        raise DesatError(f"{where}: extends: no {name}{nearest(role, known)}")
+    return folder / f"{role}.toml"
 
 
 def _ours(name: str, where: str, origins: Origins, seen: tuple[Path, ...]) -> dict[str, Any]:

@@ -331,7 +331,9 @@ class ScenarioFile(Scenario):
     """A scenario's file."""
 
     extends: TextOrTexts = key(
-        "another file of the folder, or several, merged below this one", default=()
+        "another file of the folder, or several, merged below this one; roles/manager, "
+        "roles/thrusters: the standard numbers and plots of a managed run, of thrusters",
+        default=(),
     )
     abstract: bool = key("true: only for others to extend")
     axes: dict[str, dict[str, Cell]] = key("each axis' values; their product gives scenarios")

@@ -7,6 +7,9 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, get_args, get_origin
 
+from desat.components.contract.block import Block
+from desat.components.contract.fitting import needs_of
+from desat.components.contract.roles import Manager
 from desat.fmus import registry
 
 from ..files import library, reader, scenario
@@ -191,7 +194,8 @@ def blocks(what: str | None) -> tuple[str, list[dict[str, str]]]:
                     "usually": first.follows, "needed by": ", ".join(first.needed_by),
                     "meaning": first.description,
                 })  # fmt: skip
-        return inspect.getdoc(registry.block_class(what)) or "", rows
+        block = registry.block_class(what)
+        return "\n\n".join(filter(None, (inspect.getdoc(block), _laws(block)))), rows
     roles = sorted({i.role for i in known.values()})
     if what is not None and what not in roles:
         raise DesatError(f"{what}: no block and no role{nearest(what, [*known, *roles])}")
@@ -200,6 +204,19 @@ def blocks(what: str | None) -> tuple[str, list[dict[str, str]]]:
         for name, i in sorted(known.items(), key=lambda x: (x[1].role, x[0]))
         if what in (None, i.role)
     ]
+
+
+def _laws(block: type[Block]) -> str:
+    """Of a manager: what it needs of a craft, and its laws with their gains by rule."""
+    if not issubclass(block, Manager):
+        return ""
+    if block.no_law:
+        return f"No law that holds the wheels' momentum: {block.no_law}."
+    lines = [f"Needs: {'; '.join(need.value for need in needs_of(block))}."]
+    for law in block.offers:
+        gains = ", ".join(f"{k} = {rule}" for k, rule in law.gains.items())
+        lines.append(f"Law: {law.name}{f' ({gains})' if gains else ''}")
+    return "\n".join(lines)
 
 
 def _start(elements: list[Signal]) -> str:

@@ -121,11 +121,17 @@ def side_by_side(
         run = load_run(Path(target)) if case is None else simulate(case)
         runs.append(run.or_raise(target))
         warnings += [f"{target}: {line}" for line in run.manifest.warnings]
+    return held(targets, runs, warnings)
+
+
+def held(targets: Sequence[str], runs: Sequence[Run], warnings: Sequence[str]) -> Comparison:
+    """Completed runs side by side, by their names."""
     ends = [run.manifest.end_time for run in runs]
-    for target, end in zip(targets[1:], ends[1:], strict=True):
-        if end != ends[0]:
-            warnings.append(f"{targets[0]} ends at {ends[0]:g} s, {target} at {end:g} s")
-    return Comparison(tuple(targets), tuple(runs), rows_of(runs), tuple(warnings))
+    uneven = [
+        f"{targets[0]} ends at {ends[0]:g} s, {target} at {end:g} s"
+        for target, end in zip(targets[1:], ends[1:], strict=True) if end != ends[0]
+    ]  # fmt: skip
+    return Comparison(tuple(targets), tuple(runs), rows_of(runs), (*warnings, *uneven))
 
 
 def rows_of(runs: Sequence[Run]) -> dict[str, Row]:
@@ -145,9 +151,9 @@ def rows_of(runs: Sequence[Run]) -> dict[str, Row]:
     return rows
 
 
-def write(made: Comparison, path: Path) -> Path:
-    """The page: the table, and each plot of the first over all runs. Raises OSError where it
-    cannot be written."""
+def write(made: Comparison, path: Path, **more: Any) -> Path:
+    """The page: the table, and each plot of the first over all runs; `more` is for its template.
+    Raises OSError where it cannot be written."""
     overlaid = [
         (t, run.results, run.manifest.parameters)
         for t, run in zip(made.targets, made.runs, strict=True)
@@ -156,15 +162,9 @@ def write(made: Comparison, path: Path) -> Path:
     figures = [(plot.title, Markup(drawn.svg())) for plot in plots
                if (drawn := series_figure(plot, overlaid))]  # fmt: skip
     path.parent.mkdir(parents=True, exist_ok=True)
-    return write_page(
-        path,
-        render(
-            "compare.html",
-            made=made,
-            figures=figures,
-            pairs=list(zip(made.targets, made.runs, strict=True)),
-        ),
-    )
+    pairs = list(zip(made.targets, made.runs, strict=True))
+    return write_page(path, render("compare.html", made=made, figures=figures, pairs=pairs,
+                                   **{"choice": None, "pareto": (), **more}))  # fmt: skip
 
 
 def paired_draws(

@@ -70,6 +70,8 @@ class Hardware:
     """m, of the thrusters; None: it has none, or it is not known"""
     specific_impulse: float | None
     """s"""
+    noise: float = 0.0
+    """of the momentum of each wheel as it is measured, standard deviation at each sample, N m s"""
 
     def spread(self) -> Array:
         """(4, 3): a momentum as shared by the wheels with the least squares."""
@@ -158,6 +160,7 @@ def hardware_of(system: System) -> Hardware:
         axes_coil[:, np.linalg.norm(axes_coil, axis=0) > 0.0], float(coils["m_limit"]),
         longest, 1.0 - quiet / period if period and drive != "pulsed" else 1.0,
         inertia, carrier, thrusters.get("arm"), thrusters.get("specific_impulse"),
+        float(given.get("tachometers", {}).get("noise", 0.0)),
     )  # fmt: skip
 
 
@@ -268,14 +271,16 @@ def summed(torque: Array, times: Array) -> Array:
 # --- without a run ------------------------------------------------------------------------------
 
 
-def attitude_of(flight: Flight) -> Attitude:
-    """How a craft points, by the last three quarters of its flight."""
-    rows = slice(len(flight.times) // 4, None, max(1, len(flight.times) // 2000))
-    q = flight.q[rows]
+def attitude_of(q: Array, r: Array, v: Array) -> Attitude:
+    """How a craft points, by the last three quarters of its attitudes q (n, 4) at r (n, 3) m with
+    v (n, 3) m/s."""
+    count = min(len(q), len(r), len(v))
+    rows = slice(count // 4, count, max(1, count // 2000))
+    q = q[rows]
     lvlh = np.array(
         [
             lvlh_attitude(tuple(r), tuple(v))
-            for r, v in zip(flight.r[rows].tolist(), flight.v[rows].tolist(), strict=True)
+            for r, v in zip(r[rows].tolist(), v[rows].tolist(), strict=True)
         ]
     )
     relative = np.array(

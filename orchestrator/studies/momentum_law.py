@@ -23,6 +23,7 @@ from desat.fmus.registry import block_class, names
 
 from ..system.model import Component
 from ..system.parameters import value_of
+from .fitting import law_name
 from .flight import Flight
 
 Array = NDArray[Any]
@@ -81,7 +82,7 @@ def law_of(component: Component) -> Law:
     for reference, value in values.items():
         block.access([reference]).write([value])
     target = [value_of(component, f"h_target_body[{i}]") for i in (1, 2, 3)]
-    return law_by(block, called(block, model), np.array(target, float))
+    return law_by(block, law_name(component), np.array(target, float))
 
 
 def law_by(block: Block, name: str, target: Array) -> Law:
@@ -99,14 +100,6 @@ def law_by(block: Block, name: str, target: Array) -> Law:
         vars(block)["h_deadband"] = 0.0
     block.enable = block.valid_b = block.valid_q = block.valid_omega = block.valid_h = True
     return Law(name, block, block.sample_time, deadband, target, limit)
-
-
-def called(block: Block, model: str) -> str:
-    """What a law is called: CCPL is a choice of the cross product's block."""
-    if model == "manager_cross_product":
-        return "ccpl" if getattr(block, "law", 0) == 1 else "cross product"
-    known = {"manager_closed_loop": "CP with gravity", "manager_magnetic_ilqr": "quasi-static LQR"}
-    return known.get(model, model.removeprefix("manager_").replace("_", " "))
 
 
 def ask(law: Law, flight: Flight, rows: Array) -> Asked:

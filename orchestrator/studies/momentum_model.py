@@ -1,9 +1,10 @@
 """The momentum-only model: what disturbances and coils make of a craft's momentum, many at once.
 
 Its state is the momentum H of wheels and body in eci, H' = disturbances + coils; the coils by the
-law (`momentum_law.py`), by the rods' limits and at the law's samples. It knows neither pointing
-errors, detumbling and slews, nor the noise of tachometers, which raises the duty where rods are
-large for their craft, nor the saturation of one wheel by momentum in the null space.
+law (`momentum_law.py`), by the rods' limits and at the law's samples. The law has the momentum as
+the tachometers measure it: their noise, of a stream of its own, makes coils at their limits do less
+and others work more. It knows neither pointing errors, detumbling and slews, nor the saturation of
+one wheel by momentum in the null space.
 """
 
 from __future__ import annotations
@@ -20,6 +21,8 @@ from .flight import Flight, Hardware, conjugate, matrices
 from .momentum_law import Law, ask, hold_of
 
 Array = NDArray[Any]
+SEED = 1
+"""Of the tachometers' noise, the same for all rods."""
 
 
 class Course(NamedTuple):
@@ -98,6 +101,8 @@ def fly(tracks: Sequence[Track], law: Law, hardware: Hardware, rods: Sequence[fl
     total = np.stack([np.broadcast_to(t.start, (many * len(m), 3)) for t in tracks]).copy()
     squares, largest, duty = (np.zeros(total.shape[:2]) for _ in range(3))
     wheel = np.zeros(total.shape[:2])
+    random = np.random.default_rng(SEED).normal(size=(len(push), 4))
+    noise = hardware.noise * random @ hardware.axes_wheel.T
     away = (body + law.target)[:, :, None]
     body = body[:, :, None]
     for k in range(len(first.times)):
@@ -110,7 +115,7 @@ def fly(tracks: Sequence[Track], law: Law, hardware: Hardware, rods: Sequence[fl
             np.maximum(wheel, np.abs(h @ spread).max(axis=2), out=wheel)
         if k == len(push):
             break
-        excess = turned - away[k]
+        excess = turned - away[k] + noise[k]
         wanted = excess @ gain[k] + offset[k][:, None]
         if law.deadband > 0.0:
             wanted[np.sqrt((excess * excess).sum(axis=2)) <= law.deadband] = 0.0

@@ -19,7 +19,7 @@ The closed loop flies beside the model at the sizes that count.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from datetime import UTC, datetime, timedelta
 from math import inf, pi
@@ -28,8 +28,6 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from desat.fmus.registry import block_class
-
 from ..numbers.derived import cross, rotate_back
 from ..runs.prepare import Case, Source, prepare, read
 from ..runs.run import simulate
@@ -37,6 +35,7 @@ from ..system.errors import DesatError
 from ..system.model import Component, System
 from ..system.options import Options
 from ..system.parameters import value_of
+from .fitting import Terms, fitting, prepared, terms_of
 from .flight import (
     Attitude,
     Flight,
@@ -51,7 +50,7 @@ from .flight import (
     series_for,
     values_of,
 )
-from .momentum_law import Law, UnsuitedError, law_by, law_of
+from .momentum_law import Law, UnsuitedError, law_of
 from .momentum_model import fly, in_body_of, track_of
 
 Array = NDArray[Any]
@@ -71,8 +70,6 @@ YEAR = 365.25 * 86400.0
 GRAVITY = 9.80665
 DIRECTIONS = 400
 """In which the reach of the rods is looked at."""
-BANDWIDTH = 5.0
-"""Of a law whose craft gives no gain: so many times the orbit's rate (1/s over 1/s)."""
 
 
 @dataclass(frozen=True)
@@ -107,6 +104,9 @@ class Wishes:
             raise DesatError(f"--margin {self.margin:g}: a factor of 1 or more is needed")
         if (self.slew_angle > 0.0) != (self.slew_time > 0.0):
             raise DesatError("--slew: an angle and a time above 0 are needed, as 60/300")
+        if self.slew_angle > pi * (1.0 + 1e-9):
+            raise DesatError(f"--slew: {np.degrees(self.slew_angle):.4g} deg: a turn to any "
+                             "attitude is of 180 deg at most; the angle is in deg")  # fmt: skip
         for name in ("arm", "specific_impulse", "tip_off"):
             value = getattr(self, name)
             if value is not None and value <= 0.0:
@@ -225,39 +225,22 @@ def geometry(flight: Flight, hardware: Hardware, able: Array, torque: Array,
 
 # --- laws ---------------------------------------------------------------------------------------
 
-OTHERS: Mapping[str, tuple[str, Callable[[float, float], dict[str, Any]]]] = {
-    "cross product": ("manager_cross_product", lambda k, b: {"law": 0, "gain": k}),
-    "ccpl": ("manager_cross_product", lambda k, b: {"law": 1, "gain": k / b}),
-    "CP with gravity": ("manager_closed_loop", lambda k, b: {"gain": k, "weighting": 0}),
-    "quasi-static LQR": ("manager_magnetic_ilqr",
-                         lambda k, b: {"momentum_weight": ((k / b) ** 2,) * 3}),
-}  # fmt: skip
-"""Laws that need neither tables nor thrusters, with the gains that take momentum across the field
-out at the rate k (1/s) where the field has its mean size b (T)."""
 
-
-def other_laws(system: System, flight: Flight, own: Law | None) -> Iterator[Law]:
-    """The laws of OTHERS for this craft, but for its own, at its own gain where that is a rate, or
-    at BANDWIDTH times the orbit's."""
-    given = values_of(system)
-    manager, craft, coils = given["manager"], given["spacecraft"], given["torquers"]
-    b = float(np.linalg.norm(flight.b, axis=1).mean())
-    name = own.name if own is not None else ""
-    rate = BANDWIDTH * 2.0 * pi / flight.period
-    if name in ("cross product", "ccpl", "CP with gravity"):
-        rate = float(manager["gain"]) * (b if name == "ccpl" else 1.0)
-    sample = float(manager.get("sample_time") or coils.get("sample_time") or 10.0)
-    shared = {k: v for k, v in {**craft, **coils}.items()
-              if k in ("inertia", "axes_wheel", "axes_coil")}  # fmt: skip
-    for other, (model, gains) in OTHERS.items():
-        if other == name:
-            continue
-        block = block_class(model)()
-        for key, value in {**shared, "sample_time": sample, **gains(rate, b)}.items():
-            if hasattr(block, key):
-                several = isinstance(value, (list, tuple))
-                setattr(block, key, tuple(np.ravel(value).tolist()) if several else value)
-        yield law_by(block, other, np.zeros(3) if own is None else own.target)
+def other_laws(
+    source: Source, options: Options, terms: Terms, notes: list[str]
+) -> Iterator[Law]:  # fmt: skip
+    """The laws that fit the craft besides its own (`fitting.py`), as the model has them; what it
+    has not is added to the notes."""
+    without = []
+    for each in fitting(source, options, terms)[0][1:]:
+        system, _ = prepared(source, each).or_raise()
+        try:
+            yield law_of(system.components["manager"])
+        except UnsuitedError:
+            without.append(each.name)
+    if without:
+        notes.append(f"closed loop only, by `desat compare {source.target} --laws all`: "
+                     f"{', '.join(without)}")  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -460,9 +443,13 @@ class Sizing:
             rods = f"rods of {self.recommended:.3g} A m2 do"
             if self.recommended_year is not None and self.recommended_year > self.recommended:
                 rods += f" ({self.recommended_year:.3g} A m2 on the worst day of the year)"
+        wished = (f" with a duty of {100.0 * self.duty:.3g} % and a margin of "
+                  f"{self.wishes.margin:g} under {self.law}")  # fmt: skip
+        if not self.best and self.least > 0.0:
+            rods = f"the least rod of any law is {self.least:.3g} A m2"
+            wished = " (the model has no law that fits)"
         return (
-            f"{self.target}: {rods} with a duty of {100.0 * self.duty:.3g} % and a margin of "
-            f"{self.wishes.margin:g} under {self.law or 'no law'}, it has {self.rod:.4g} A m2; its "
+            f"{self.target}: {rods}{wished}, it has {self.rod:.4g} A m2; its "
             f"wheels need {1e3 * (self.wheel_needed + self.slew_momentum):.3g} mN m s each and "
             + (
                 f"have {1e3 * self.wheel_capacity:.4g}."
@@ -503,7 +490,7 @@ def size(
     able = reach(flight, hardware)
     progress("the least rod, by a linear programme")
     formula, least = least_by_formula(able, torque), least_by_programme(able, torque)
-    attitude = attitude_of(flight)
+    attitude = attitude_of(flight.q, flight.r, flight.v)
     year: tuple[Date, ...] = ()
     if wishes.year:
         progress("the days of a year")
@@ -511,7 +498,11 @@ def size(
             year = tuple(_year(system, hardware, attitude))
         except DesatError as why:
             notes.append(f"no other days of the year: {why}")
-    curve, best = _curves(system, flight, hardware, own, least, wishes, progress, notes)
+    laws = [own] if own is not None else []
+    if wishes.laws or own is None:
+        terms = terms_of(flight.period, flight.b, attitude.kind == "inertial")
+        laws += other_laws(source, options, terms, notes)
+    curve, best = _curves(flight, hardware, laws, least, wishes, progress, notes)
     law, recommended = (best[0].law, best[0].rod) if best else ("", None)
     if wishes.flown and 0.0 < least < inf:
         curve = _beside(curve, recommended, source, options, system, own, least, progress)
@@ -612,15 +603,12 @@ def _activities(component: Component, craft: Mapping[str, Any]) -> list[tuple[st
 
 
 def _curves(
-    system: System, flight: Flight, hardware: Hardware, own: Law | None, least: float,
-    wishes: Wishes, progress: Callable[[str], None], notes: list[str],
+    flight: Flight, hardware: Hardware, laws: Sequence[Law], least: float, wishes: Wishes,
+    progress: Callable[[str], None], notes: list[str],
 ) -> tuple[tuple[Flown, ...], tuple[Best, ...]]:  # fmt: skip
     """The curves of the laws, the craft's own first, and the rods to recommend under each."""
     if not 0.0 < least < inf:
         return (), ()
-    laws = [own] if own is not None else []
-    if wishes.laws or own is None:
-        laws += other_laws(system, flight, own)
     rows: tuple[Flown, ...] = ()
     best: tuple[Best, ...] = ()
     for law in laws:

@@ -22,6 +22,7 @@ from ..runs.prepare import prepare, read
 from ..system.errors import DesatError
 from ..system.model import System
 from ..system.options import Options
+from .fitting import terms_of
 from .flight import (
     Attitude,
     Flight,
@@ -119,9 +120,7 @@ class _Task:
 
     system: System
     attitude: Attitude
-    laws: tuple[str, ...]
-    reference: Flight
-    """a day's flight, whose mean field and period the gains of other laws go by"""
+    laws: tuple[Law, ...]
     orbits: tuple[tuple[float, float], ...]
     """inclination (deg) and altitude (m)"""
     dipoles: tuple[float, ...]
@@ -134,22 +133,23 @@ def map_of(
 ) -> SizingMap:  # fmt: skip
     """A map of a scenario's craft. Raises DesatError for a craft whose law, attitude or environment
     has no model."""
-    case = prepare(read(target), options)
+    source = read(target)
+    case = prepare(source, options)
     system, _ = case.or_raise()
     progress("the run at the wanted attitude")
     flight = flown(case, system)
-    attitude = attitude_of(flight)
+    attitude = attitude_of(flight.q, flight.r, flight.v)
     if attitude.kind == "moving":
         raise DesatError(f"{target}: the attitude moves: a map needs one that stays in lvlh or eci")
     hardware, notes = hardware_of(system), []
     try:
-        own = law_of(system.components["manager"])
-        names = ["own"]
+        laws = [law_of(system.components["manager"])]
     except UnsuitedError as why:
-        own, names = None, []
+        laws = []
         notes.append(f"{system.components['manager'].source}: closed loop only; {why}")
-    if axes.laws or own is None:
-        names += [law.name for law in other_laws(system, flight, own)]
+    if axes.laws or not laws:
+        terms = terms_of(flight.period, flight.b, attitude.kind == "inertial")
+        laws += other_laws(source, options, terms, notes)
     torque, _ = secular(flight)
     least = least_by_formula(reach(flight, hardware), torque)
     dipole = float(np.linalg.norm(_residual(system))) or 0.05 * hardware.m_limit
@@ -164,23 +164,21 @@ def map_of(
         if not all(0.0 < x < inf for x in getattr(axes, name)):
             raise DesatError(f"--{name}: numbers above 0 are needed")
     orbits = [(i, a) for i in axes.inclinations for a in axes.altitudes]
-    few = flight if own is None or axes.laws else _thin(flight)
     tasks = [
-        _Task(system, attitude, tuple(names), few, tuple(orbits[k::jobs]), axes.dipoles, axes.rods)
+        _Task(system, attitude, tuple(laws), tuple(orbits[k::jobs]), axes.dipoles, axes.rods)
         for k in range(min(jobs, len(orbits)))
     ]
     progress(f"{len(orbits)} orbits of a day")
     parts = _side_by_side(tasks)
     shape = (len(axes.inclinations), len(axes.altitudes), len(axes.dipoles))
     leasts = np.empty((len(orbits), len(axes.dipoles)))
-    tables = np.empty((4, len(names), len(orbits), len(axes.dipoles), len(axes.rods)))
+    tables = np.empty((4, len(laws), len(orbits), len(axes.dipoles), len(axes.rods)))
     for k, (some, made) in enumerate(parts):
         leasts[k::jobs], tables[:, :, k::jobs] = some, made
     room = room_of(hardware)
-    rms, largest, wheel, duty = tables.reshape(4, len(names), *shape, len(axes.rods))
-    named = tuple(own.name if n == "own" and own is not None else n for n in names)
+    rms, largest, wheel, duty = tables.reshape(4, len(laws), *shape, len(axes.rods))
     return SizingMap(
-        target, axes, named, wishes, leasts.reshape(shape), rms, largest,
+        target, axes, tuple(law.name for law in laws), wishes, leasts.reshape(shape), rms, largest,
         wheel / room if 0.0 < room < inf else np.zeros_like(wheel), duty, tuple(notes),
     )  # fmt: skip
 
@@ -188,14 +186,6 @@ def map_of(
 def _residual(system: System) -> Array:
     craft = values_of(system)["spacecraft"]
     return np.asarray(craft.get("residual_dipole_body", [0.0, 0.0, 0.0]), float)
-
-
-def _thin(flight: Flight) -> Flight:
-    """The first rows of a flight: all that a law of the craft's own takes of it."""
-    return replace(flight, **{
-        name: getattr(flight, name)[:2] for name in
-        ("times", "disturbance", "q", "b", "body", "r", "v", "omega", "source_times")
-    }, sources={})  # fmt: skip
 
 
 def _side_by_side(tasks: Sequence[_Task]) -> list[tuple[Array, Array]]:
@@ -213,14 +203,11 @@ def _flown(task: _Task) -> tuple[Array, Array]:
     rods)."""
     system, hardware = task.system, hardware_of(task.system)
     component = system.components["environment"]
-    own = law_of(system.components["manager"]) if "own" in task.laws else None
-    others = {law.name: law for law in other_laws(system, task.reference, own)}
-    laws: list[Law] = [own if n == "own" and own is not None else others[n] for n in task.laws]
     residual = _residual(system)
     size = float(np.linalg.norm(residual))
     times = np.arange(0.0, DAY + STEP / 2.0, STEP)
     nodes = np.arange(0.0, DAY + NODES / 2.0, NODES)
-    leasts, tracks = [], [[] for _ in laws]  # type: ignore[var-annotated]
+    leasts, tracks = [], [[] for _ in task.laws]  # type: ignore[var-annotated]
     holds: list[int] = []
     for inclination, altitude in task.orbits:
         block = environment_block(component, _orbit(inclination, altitude))
@@ -238,10 +225,12 @@ def _flown(task: _Task) -> tuple[Array, Array]:
         leasts.append(
             [least_by_formula(able, secular(replace(flight, disturbance=d))[0]) for d in each]
         )
-        holds = holds or [hold_of(law, flight, SAMPLE) for law in laws]
-        for law, kept, hold in zip(laws, tracks, holds, strict=True):
+        holds = holds or [hold_of(law, flight, SAMPLE) for law in task.laws]
+        for law, kept, hold in zip(task.laws, tracks, holds, strict=True):
             kept.append(track_of(flight, law, hardware, each, hold))
-    made = [fly(kept, law, hardware, task.rods) for law, kept in zip(laws, tracks, strict=True)]
+    made = [
+        fly(kept, law, hardware, task.rods) for law, kept in zip(task.laws, tracks, strict=True)
+    ]
     return np.array(leasts), np.array([np.stack(c) for c in made]).transpose(1, 0, 2, 3, 4)
 
 

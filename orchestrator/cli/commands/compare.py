@@ -31,6 +31,21 @@ def compare(
                      "statistics of their differences."),
     ] = None,
     seed: Annotated[int, typer.Option(help="Seed of the draws.", min=0)] = 1,
+    laws: Annotated[
+        str | None,
+        typer.Option(metavar="all|NAME,...",
+                     help="Fly one craft with each manager of ours that fits it, or with these, "
+                     "gains by rule, and rank the laws."),
+    ] = None,
+    law: Annotated[
+        list[str] | None,
+        typer.Option(metavar="FILE", help="A law of your own among them: my_law.py, or an FMU."),
+    ] = None,
+    by: Annotated[
+        str | None,
+        typer.Option(metavar="NAME,...",
+                     help="What laws are ranked by: peak, stored, duty, energy, pointing, firing."),
+    ] = None,
     sets: o.Sets = None,
     stop: o.Stop = None,
     step: o.Step = None,
@@ -48,12 +63,21 @@ def compare(
     """Hold scenarios, runs or campaigns against the first: all their numbers in one table with the
     differences (the first's less the other's), and a page with their series overlaid; with -n, or
     of campaigns, the differences draw by draw: median, interval, share of draws that are lower.
+    With --laws one craft, flown law by law.
     """
     from ...campaign import pairs
     from ...studies import compare as study
 
     options = o.options_of(sets, stop, step, o.Semantics.conserving, blocks, inner=inner,
                            accuracy=accuracy, time_limit=time_limit, fmus=fmus.value)  # fmt: skip
+    if laws is not None or law:
+        if count is not None:
+            raise DesatError("-n: --laws flies each law once; draws of two of them: "
+                             "--law, and a scenario each")  # fmt: skip
+        _laws(targets, laws, law or [], by, options, html, as_json)
+        return
+    if by is not None:
+        raise DesatError("--by: it ranks laws: --laws all")
     campaigns = study.are_campaigns(targets)
     given = {"-n": count, "--set": sets, "--stop": stop, "--step": step, "--inner": inner}
     for name in (k for k, v in given.items() if v is not None and campaigns):
@@ -70,6 +94,41 @@ def compare(
             made = study.side_by_side(targets, options, lambda text: status.update(f"{text} ..."))
         page = html or Path("runs") / f"compare-{'-'.join(map(name_of, targets))}.html"
         _show(made, study.write(made, page), as_json)
+
+
+def _laws(
+    targets: Sequence[str], laws: str | None, others: Sequence[str], by: str | None, options: Any,
+    html: Path | None, as_json: bool,
+) -> None:  # fmt: skip
+    from ...studies import choice as study
+
+    if len(targets) > 1:
+        raise DesatError(f"{' '.join(targets)}: --laws flies one craft")
+    criteria = study.criteria(by) if by is not None else ()
+    asked = [x.strip() for x in (laws or "").split(",") if x.strip()]
+    with err.status("") as status:
+        made = study.choose(targets[0], options, criteria, asked, others,
+                            lambda text: status.update(f"{text} ..."))  # fmt: skip
+    page = made.write(html or Path("runs") / f"compare-{name_of(targets[0])}-laws.html")
+    warn(made.comparison.warnings)
+    if as_json:
+        print_json({**made.as_json(), "page": str(page)})
+    else:
+        out.print(made.answer, highlight=False, markup=False)
+        table = Table("law", box=None, header_style="bold", pad_edge=False)
+        for c in made.by:
+            table.add_column(c.heading, justify="right")
+        table.add_column("not dominated")
+        table.add_column("requirements")
+        for e in made.ranked:
+            table.add_row(e.label, *made.cells(e), "yes" if e.front else "",
+                          "; ".join(e.not_met) or "met")  # fmt: skip
+        print_numbers(table)
+        for names, why in made.declined():
+            out.print(f"does not fit: {names}: {why}", highlight=False, markup=False)
+        out.print(f"page: {page.resolve()}")
+    if made.ranked[0].not_met:
+        raise typer.Exit(Exit.UNMET)
 
 
 def _draws(

@@ -1,4 +1,4 @@
-"""`desat new craft FOLDER`, `desat new law NAME`."""
+"""`desat new craft FOLDER`, `desat new law NAME`, `desat new block ROLE`."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from .. import options as o
 from ..console import app, out, print_json
 
 news = typer.Typer(no_args_is_help=True, rich_markup_mode=None,
-                   help="Begin something of your own: a craft, a law.")  # fmt: skip
+                   help="Begin something of your own: a craft, a law, a block.")  # fmt: skip
 app.add_typer(news, name="new")
 
 
@@ -74,13 +74,39 @@ def law(
 ) -> None:
     """A law of your own: a manager's block in twenty lines, which flies as it is in any craft with
     coils and wheels, and a test of it. `desat run CRAFT --source manager=NAME.py` builds it."""
-    from ...files import new_law
+    from ...files import new_block
+
+    _told(new_block.write_law(file, force), "manager", "a craft of yours or ours", as_json)
+
+
+@news.command()
+def block(
+    what: Annotated[
+        str,
+        typer.Argument(metavar="ROLE|BLOCK", help="magnetometer, or a block of ours: rate_gyro."),
+    ],
+    file: Annotated[
+        Path | None, typer.Argument(metavar="[NAME]", help="Of the file (default: my_ROLE).")
+    ] = None,
+    force: Annotated[bool, typer.Option("--force", help="Over files that exist.")] = False,
+    as_json: o.Json = False,
+) -> None:
+    """A block of your own: a file that derives from a block of ours and flies as it is, with the
+    place where yours goes, and a test of it. Of the role manager it is a law (`new law`)."""
+    from desat.fmus.registry import block_class
+
+    from ...files import new_block
+
+    made = new_block.write(what, file, force)
+    _told(made, block_class(str(made[0])).role, "a craft that has one", as_json)
+
+
+def _told(made: list[Path], role: str, where: str, as_json: bool) -> None:
     from ...files.paths import shown
 
-    made = new_law.write(file, force)
     if as_json:
         print_json({"files": [str(x) for x in made]})
         return
     out.print(", ".join(shown(x) for x in made), highlight=False, markup=False)
-    out.print(f"desat run CRAFT --source manager={shown(made[0])}    # a craft of yours or ours",
+    out.print(f"desat run CRAFT --source {role}={shown(made[0])}    # {where}",
               highlight=False, markup=False)  # fmt: skip

@@ -1,0 +1,100 @@
+"""`desat tune CRAFT component.parameter --for NUMBER`."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+from rich.table import Table
+
+from ...system.errors import DesatError, Exit
+from .. import options as o
+from ..console import app, err, out, print_json, print_numbers
+
+
+@app.command()
+def tune(
+    target: o.Target,
+    parameter: Annotated[
+        str, typer.Argument(metavar="COMP.VAR", help="What is tuned: manager.gain.")
+    ],
+    number: Annotated[
+        str,
+        typer.Option("--for", metavar="NUMBER",
+                     help="Of the scenario, or a standard one such as coil_duty: its median over "
+                     "the draws is made least."),
+    ],
+    most: Annotated[bool, typer.Option("--most", help="Make it as large as can be.")] = False,
+    between: Annotated[
+        str | None,
+        typer.Option(metavar="LOW,HIGH",
+                     help="The range (default: a tenth to ten times what it has)."),
+    ] = None,
+    count: Annotated[
+        int, typer.Option("-n", "--count", min=1, help="Draws that it is tuned with.")
+    ] = 8,
+    unseen: Annotated[int, typer.Option(help="Further draws that judge it.", min=1)] = 16,
+    seed: Annotated[int, typer.Option(help="Seed of the draws.", min=0)] = 1,
+    sets: o.Sets = None,
+    stop: o.Stop = None,
+    step: o.Step = None,
+    inner: o.Inner = None,
+    accuracy: o.Accuracy = None,
+    blocks: o.Blocks = False,
+    fmus: o.Fmus = o.FmuKind.native,
+    time_limit: o.TimeLimit = None,
+    jobs: o.Jobs = o.CPUS,
+    as_json: o.Json = False,
+) -> None:  # fmt: skip
+    """Find the value of a parameter with which a number is least over seeded draws, and no
+    requirement is missed more often than now; draws that it was not made with say whether that
+    holds: 1 where not.
+    """
+    from ...studies import tune as study
+
+    options = o.options_of(sets, stop, step, o.Semantics.conserving, blocks, inner=inner,
+                           accuracy=accuracy, time_limit=time_limit, fmus=fmus.value)  # fmt: skip
+    ends = None
+    if between is not None:
+        try:
+            low, high = (float(x) for x in between.split(","))
+        except ValueError:
+            raise DesatError(f"--between {between}: two numbers are needed, as 1e-4,1e-2") from None
+        ends = low, high
+    with err.status("") as status:
+        made = study.tune(
+            target, parameter, number, options, most=most, between=ends, draws=count,
+            unseen=unseen, seed=seed, jobs=jobs,
+            progress=lambda text: status.update(f"{text} ..."),
+        )  # fmt: skip
+    if as_json:
+        print_json(made.as_json())
+    else:
+        _print(made)
+    if not made.confirmed:
+        raise typer.Exit(Exit.UNMET)
+
+
+def _print(made: object) -> None:
+    from ...figures.style import pretty_unit
+    from ...numbers.text import number
+    from ...studies.tune import Tuned
+
+    assert isinstance(made, Tuned)
+    out.print(made.answer, highlight=False, markup=False)
+    table = Table(f"{made.parameter} [{pretty_unit(made.unit)}]", box=None, header_style="bold",
+                  pad_edge=False)  # fmt: skip
+    table.add_column(f"{made.number} [{pretty_unit(made.number_unit)}], median of {made.draws} "
+                     "tuning draws", justify="right")  # fmt: skip
+    table.add_column("draws that miss a requirement", justify="right")
+    for p in made.points:
+        mark = " (own)" if p.value == made.own else " (best)" if p.value == made.best else ""
+        table.add_row(f"{p.value:.4g}{mark}", number(p.median), str(p.missed))
+    print_numbers(table)
+    told = made.unseen
+    within = "too few for an interval"
+    if told["interval_holds"]:
+        within = f"{number(told['interval'][0])} to {number(told['interval'][1])}"
+    out.print(f"unseen draws, own less best: median {number(told['median'])} ({within}, 95 %) "
+              f"{pretty_unit(made.number_unit)}, {told['n']} pairs; a requirement is missed in "
+              f"{told['missed_own']} and {told['missed_best']}", highlight=False)  # fmt: skip

@@ -1,0 +1,278 @@
+"""Which managers fit a craft, and with which gains: what their blocks declare of themselves
+(`components/contract/fitting.py`), asked of a system."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from math import pi
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from desat.components.contract.block import Block
+from desat.components.contract.fitting import Law, Need, needs_of
+from desat.components.contract.roles import Manager
+from desat.fmus.own import OwnBlockError, is_own
+from desat.fmus.registry import block_class, names
+
+from ..runs.prepare import Case, Source, prepare
+from ..system.errors import DesatError, nearest
+from ..system.expression import product, values_of
+from ..system.interface import base_name
+from ..system.model import Component, System
+from ..system.options import Options
+from ..system.parameters import Parameter, table, value_of
+from .flight import hardware_of
+
+ROLE = "manager"
+BANDWIDTH = 5.0
+"""Of a craft whose own law gives no rate: so many times the orbit's (1/s over 1/s)."""
+PLAINEST = "manager_cross_product"
+"""It comes after the craft's own."""
+ALL = "all"
+SAMPLE = 10.0
+"""s, of a law that must sample, where neither the craft's own manager nor its coils do."""
+
+
+@dataclass(frozen=True)
+class Terms:
+    """What rules of gains go by besides the craft's parameters."""
+
+    orbit_rate: float
+    """rad/s"""
+    field: float
+    """T, mean size"""
+    inertial: bool
+    """whether the attitude stays in eci"""
+
+
+@dataclass(frozen=True)
+class Fitting:
+    """A law that fits a craft."""
+
+    name: str
+    manager: str
+    """its block, or its file as it was given"""
+    own: bool
+    """whether it is what the craft flies, as it flies it"""
+    options: Options
+    """with which the craft flies it"""
+    gains: Mapping[str, str]
+    """parameter -> its rule and what it comes to; of the craft's own: nothing"""
+
+
+@dataclass(frozen=True)
+class Refused:
+    """A manager that does not fit a craft."""
+
+    name: str
+    why: str
+
+
+def law_name(component: Component) -> str:
+    """What the law of a manager is called: that of its block whose choices it has."""
+    model = component.interface.model
+    if model not in names():
+        return model
+    law = _law_of(component)
+    return law.name if law else model.removeprefix("manager_").replace("_", " ")
+
+
+def _law_of(component: Component) -> Law | None:
+    """Of the laws that the block of a component declares, the one that it has."""
+    block = block_class(component.interface.model)
+    laws = block.offers if issubclass(block, Manager) else ()
+    signals = component.interface.signals
+
+    def chosen(law: Law) -> bool:
+        choices = {k: v for k, v in law.gains.items() if k in signals and signals[k].choices}
+        return all(signals[k].named(value_of(component, k)) == v for k, v in choices.items())
+
+    return laws[0] if len(laws) == 1 else next(filter(chosen, laws), None)
+
+
+def managers() -> list[str]:
+    """Our managers, sorted."""
+    return [name for name in names() if issubclass(block_class(name), Manager)]
+
+
+def fitting(
+    source: Source, options: Options, terms: Terms, asked: Sequence[str] = (ALL,),
+    others: Sequence[str] = (),
+) -> tuple[list[Fitting], list[Refused]]:  # fmt: skip
+    """The laws that fit the craft of a source, its own first, and the managers that do not, with
+    the reason. `asked`: laws or managers of ours by name, or all. `others`: block files and
+    FMUs of the user's own. Raises DesatError for a name that there is not, or a source with
+    something wrong."""
+    system, _ = prepare(source, options).or_raise()
+    own = system.components[ROLE]
+    known = _known(system, own, terms)
+    found = [Fitting(law_name(own), own.interface.model, True, options, {})]
+    some = sorted(_asked(asked), key=lambda m: (m != own.interface.model, m != PLAINEST))
+    refused: list[Refused] = []
+    for manager in (*some, *others):
+        try:
+            block = _block(manager)
+        except OwnBlockError as error:
+            raise DesatError(str(error)) from error
+        label = manager if block is None or is_own(manager) else manager.removeprefix("manager_")
+        if why := "" if block is None else _lacks(block, manager, system, terms):
+            if manager != own.interface.model:
+                refused.append(Refused(label.replace("_", " "), why))
+            continue
+        for law in _laws(block, manager):
+            if law.name == found[0].name or not _is_asked(law, manager, asked, others):
+                continue
+            try:
+                found.append(_fitted(source, options, own, manager, law, known))
+            except DesatError as error:
+                refused.append(Refused(law.name, str(error).splitlines()[0]))
+    return found, refused
+
+
+def _asked(asked: Sequence[str]) -> list[str]:
+    """The managers of these laws or managers."""
+    every = managers()
+    if ALL in asked:
+        return every
+    by_law = {law.name: m for m in every for law in _laws(block_class(m), m)}
+    known = by_law | {m: m for m in every} | {m.removeprefix("manager_"): m for m in every}
+    for name in asked:
+        if name not in known:
+            raise DesatError(f"{name}: no law and no manager{nearest(name, known)}; there is "
+                             f"{', '.join(sorted(by_law))}")  # fmt: skip
+    return list(dict.fromkeys(known[name] for name in asked))
+
+
+def _is_asked(law: Law, manager: str, asked: Sequence[str], others: Sequence[str]) -> bool:
+    names = (law.name, manager, manager.removeprefix("manager_"), ALL)
+    return manager in others or any(n in asked for n in names)
+
+
+def _block(manager: str) -> type[Block] | None:
+    """The block of a manager; None for an FMU."""
+    return None if manager.endswith(".fmu") else block_class(manager)
+
+
+def _laws(block: type[Block] | None, manager: str) -> tuple[Law, ...]:
+    """The laws of a manager; what is not ours and declares none flies with its own values."""
+    declared = block.offers if block is not None and issubclass(block, Manager) else ()
+    ours = manager in names()
+    return declared or (() if ours else (Law(Path(manager).stem.replace("_", " ")),))
+
+
+def _lacks(block: type[Block], manager: str, system: System, terms: Terms) -> str:
+    """Why a manager is of no use to a craft; nothing where it may be."""
+    if not issubclass(block, Manager):
+        return f"{manager} is no manager"
+    if block.no_law:
+        return block.no_law
+    for need in needs_of(block):
+        if has := _instead(need, system, terms):
+            return f"it needs {need.value}; {has}"
+    return ""
+
+
+def _instead(need: Need, system: System, terms: Terms) -> str:
+    """What a craft has instead of what is needed; nothing where it has that."""
+
+    def wired(name: str, end: str) -> bool:
+        return any(getattr(c, end) == ROLE and base_name(c.output if end == "source" else c.input)
+                   == name for c in system.connections)  # fmt: skip
+
+    hardware = hardware_of(system)
+    if need is Need.WHEELS:
+        axes = int(np.linalg.matrix_rank(hardware.axes_wheel, tol=1e-3))
+        return "" if axes == 3 else f"the craft's span {axes} of them"
+    if need is Need.COILS:
+        there = hardware.m_limit > 0.0 and wired("m_cmd_body", "source")
+        return "" if there else "the craft has none"
+    if need is Need.THRUSTERS:
+        return "" if wired("tau_cmd_thruster_body", "source") else "the craft has none"
+    if need is Need.CONTROLLER:
+        return "" if wired("tau_ctrl_body", "target") else "the craft has none"
+    if need is Need.DESIGN:
+        return "those of this craft are for its own law alone"
+    return "" if terms.inertial else "the craft turns"
+
+
+def _known(system: System, own: Component, terms: Terms) -> dict[str, Any]:
+    """The parameters of a system, and the terms of rules as those of a component `craft`."""
+    known: dict[str, Any] = dict(table(system.components.values()))
+    law = _law_of(own) if own.interface.model in names() else None
+
+    def with_rate(rate: float) -> dict[str, Any]:
+        return known | {"craft": {
+            "rate": Parameter(rate, "1/s"), "field": Parameter(terms.field, "T"),
+            "orbit_rate": Parameter(terms.orbit_rate, "rad/s"),
+        }}  # fmt: skip
+
+    rate = BANDWIDTH * terms.orbit_rate
+    if law is not None and law.rate:
+        unit = product(str(law.gains[law.rate]), with_rate(1.0))[0]
+        rate = float(str(value_of(own, law.rate))) / unit or rate
+    return with_rate(rate)
+
+
+def _fitted(
+    source: Source, options: Options, own: Component, manager: str, law: Law,
+    known: Mapping[str, Any],
+) -> Fitting:  # fmt: skip
+    """A law of a manager with its gains. Raises DesatError where the craft cannot fly it."""
+    placed = options
+    if manager != own.interface.model:
+        placed = replace(options, sources=[*options.sources, f"{ROLE}={manager}"])
+    system = prepare(source, placed).checked.system
+    if system is None:
+        prepare(source, placed).or_raise()
+        raise AssertionError("a case without a system has a problem")
+    component = system.components[ROLE]
+    values: dict[str, Any] = {}
+    shown: dict[str, str] = {}
+    for key, value, rule in _gains(component, own, law, known):
+        values[f"{ROLE}.{key}"] = value
+        shown[key] = rule
+    made = replace(placed, values={**placed.values, **values})
+    prepare(source, made).or_raise()
+    return Fitting(law.name, manager, False, made, shown)
+
+
+def _gains(
+    component: Component, own: Component, law: Law, known: Mapping[str, Any]
+) -> Iterator[tuple[str, Any, str]]:  # fmt: skip
+    """Parameter, value and what is said of it, of all that a law takes from the craft."""
+    signals = component.interface.signals
+    for key, rule in law.gains.items():
+        elements = component.interface.elements(key)
+        if isinstance(rule, bool) or rule in elements[0].choices:
+            yield key, rule, str(rule)
+            continue
+        number, unit = product(rule, known)
+        number *= unit.factor
+        text = f"{rule} = {number:.4g} {elements[0].unit_name}".removesuffix(" 1")
+        yield key, number if key in signals else [number] * len(elements), text
+    if component.interface.model != own.interface.model:
+        follows = {base_name(s.name): s.follows for s in component.interface.of("parameter")
+                   if s.follows and base_name(s.name) not in law.gains}  # fmt: skip
+        for key, text in follows.items():
+            try:
+                given = list(values_of(component, key, text, known).values())
+            except DesatError:
+                continue  # the craft has none
+            yield key, given[0] if key in signals else given, text
+    if "sample_time" in signals and not value_of(component, "sample_time"):
+        coils = known.get("torquers", {}).get("sample_time")
+        sample = float(coils.value) if coils is not None and coils.value else SAMPLE
+        yield "sample_time", sample, f"{sample:g} s"
+
+
+def terms_of(period: float, b: Any, inertial: bool) -> Terms:
+    """Terms of a flight with this period (s) in this field b (rows, 3; T)."""
+    return Terms(2.0 * pi / period, float(np.linalg.norm(b, axis=1).mean()), inertial)
+
+
+def prepared(source: Source, law: Fitting) -> Case:
+    """A craft with a law that fits it, ready to fly."""
+    return prepare(source, law.options)

@@ -1,0 +1,271 @@
+"""`desat tune`: the value of a parameter with which a number is least, over seeded draws.
+
+The same draws fly at every value, so that the median over them is a function of the value alone:
+looked at over the whole range first, evenly in its logarithm where it is above 0, then by Brent's
+method between the neighbours of the best. A value at which more draws miss a requirement than at
+the craft's own is none. What was found is judged on draws that it was not made with, each paired
+with the same draw at the craft's own value.
+"""
+
+from __future__ import annotations
+
+import math
+import statistics
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from ..analyses import analyses
+from ..campaign.draws import RunRow, rows_of
+from ..campaign.pairs import confident, difference
+from ..language.content import Content, overridden, said
+from ..numbers.numbers import late
+from ..numbers.text import number as text_of
+from ..runs.prepare import Source, prepare, read
+from ..runs.run import Options
+from ..system.errors import DesatError, nearest
+from ..system.interface import Signal, names
+from ..system.parameters import value_of
+
+SPAN = 10.0
+"""Without a range: so many times below and above the craft's own value."""
+LOOKED_AT = 7
+"""Values of the range that are flown first."""
+REFINED = 8
+"""Values that Brent's method may ask for."""
+SAME = 1e-3
+"""Less of the number than that, as a share, is no reason for another value."""
+FINE = 0.02
+"""How near it comes, as a share of the range."""
+
+
+@dataclass(frozen=True)
+class Point:
+    """A value over the draws that it is tuned by."""
+
+    value: float
+    median: float
+    """of the number; inf where a draw does not have it"""
+    missed: int
+    """draws that miss a requirement"""
+
+
+@dataclass(frozen=True)
+class Tuned:
+    """A value, and what unseen draws say of it beside the craft's own."""
+
+    target: str
+    parameter: str
+    unit: str
+    number: str
+    number_unit: str
+    most: bool
+    own: float
+    best: float
+    draws: int
+    points: tuple[Point, ...]
+    """by value"""
+    unseen: dict[str, Any]
+    """`confident` of own less best, draw by draw, the medians, and draws that miss a requirement"""
+
+    @property
+    def confirmed(self) -> bool:
+        """Whether the unseen draws say that it is better, with 95 % confidence, and miss no
+        requirement more often."""
+        told = self.unseen
+        if self.best == self.own or not told.get("interval_holds"):
+            return False
+        low, high = told["interval"]
+        better = high < 0.0 if self.most else low > 0.0
+        return bool(better and told["missed_best"] <= told["missed_own"])
+
+    @property
+    def answer(self) -> str:
+        """The sentence that answers."""
+        told, unit = (
+            self.unseen,
+            f" {self.number_unit}" if self.number_unit not in ("", "1") else "",
+        )
+        if self.best == self.own:
+            return (
+                f"{self.parameter} = {self.own:.4g} {self.unit} is the best of its range already."
+            )
+        won = told["higher"] if not self.most else told["lower"]
+        edge = self.best in (self.points[0].value, self.points[-1].value)
+        verdict = ", at the edge of its range" if edge else ""
+        verdict += "" if self.confirmed else "; that is not confirmed"
+        return (
+            f"{self.parameter} = {self.best:.4g} {self.unit} instead of {self.own:.4g}: "
+            f"{self.number} {text_of(told['median_best'])}{unit} instead of "
+            f"{text_of(told['median_own'])}{unit} over {told['n']} unseen draws, better in "
+            f"{won}{verdict}."
+        )
+
+    def as_json(self) -> dict[str, Any]:
+        """For programs; what is not finite is null."""
+        told = asdict(self) | {"confirmed": self.confirmed, "answer": self.answer}
+        for point in told["points"]:
+            point["median"] = point["median"] if math.isfinite(point["median"]) else None
+        return told
+
+
+def tune(
+    target: str, parameter: str, number: str, options: Options, *, most: bool = False,
+    between: tuple[float, float] | None = None, draws: int = 8, unseen: int = 16, seed: int = 1,
+    jobs: int = 2, progress: Callable[[str], None] = lambda text: None,
+) -> Tuned:  # fmt: skip
+    """Tune `component.parameter`. The draws of the seed before `draws` are those that it is made
+    with, the next `unseen` ones judge it. Raises DesatError for what there is not, and where the
+    craft's own value does not give the number."""
+    source = read(target)
+    system, _ = prepare(source, options).or_raise()
+    content = said(system.about)
+    signal, own = _parameter(source, options, parameter)
+    _number(content, system, number, target)
+    low, high = _range(parameter, signal, own, between)
+    unit, flown = signal.unit_name, {}
+    if not content.dispersions:
+        raise DesatError(f"{target}: it has no [dispersions], so there is nothing to draw")
+
+    def rows(values: Sequence[float], draw: range) -> list[list[RunRow]]:
+        tasks = [(target, replace(options, values={**options.values, parameter: x}), seed, i)
+                 for x in values for i in draw]  # fmt: skip
+        made = rows_of(tasks, jobs, target, False, source)
+        return [made[k : k + len(draw)] for k in range(0, len(made), len(draw))]
+
+    def look(values: Sequence[float]) -> None:
+        progress(f"{parameter} = {', '.join(f'{x:.3g}' for x in values)}")
+        for x, some in zip(values, rows(values, range(draws)), strict=True):
+            flown[x] = Point(x, _median(some, number), sum(_misses(content, r) for r in some))
+
+    log = low > 0.0
+    grid = np.geomspace(low, high, LOOKED_AT) if log else np.linspace(low, high, LOOKED_AT)
+    look(sorted([own, *(x for x in grid.tolist() if not math.isclose(x, own, rel_tol=1e-9))]))
+    first = flown[own]
+    if not math.isfinite(first.median):
+        raise DesatError(f"{target}: {parameter} = {own:g}: not every draw has {number}")
+    scale, sign = abs(first.median) or 1.0, -1.0 if most else 1.0
+
+    def cost(x: float) -> float:
+        point = flown[x]
+        if math.isfinite(point.median) and point.missed <= first.missed:
+            return sign * point.median / scale
+        return 1e3 * (1.0 + point.missed / draws)
+
+    def at(place: float) -> float:
+        x = math.exp(place) if log else place
+        if x not in flown:
+            look([x])
+        return cost(x)
+
+    known = sorted(flown)
+    k = known.index(min(known, key=cost))
+    ends = known[max(k - 1, 0)], known[min(k + 1, len(known) - 1)]
+    from scipy.optimize import minimize_scalar  # takes a while to load
+
+    places = [math.log(x) if log else x for x in (*ends, low, high)]
+    fine = FINE * (places[3] - places[2])
+    minimize_scalar(at, bounds=places[:2], method="bounded",
+                    options={"maxiter": REFINED, "xatol": fine})  # fmt: skip
+    best = min(sorted(flown), key=cost)
+    best = own if cost(own) - cost(best) < SAME else best
+    points = tuple(flown[x] for x in sorted(flown))
+    progress(f"{unseen} unseen draws")
+    judges = rows([own, best], range(draws, draws + unseen))
+    told, number_unit = _verdict(judges[0], judges[1], number, content)
+    return Tuned(target, parameter, unit, number, number_unit, most, own, best, draws, points, told)
+
+
+def _parameter(source: Source, options: Options, name: str) -> tuple[Signal, float]:
+    """The parameter of a name, and its value. Raises DesatError for one that cannot be tuned."""
+    system, _ = prepare(source, options).or_raise()
+    owner, _, variable = name.partition(".")
+    if owner not in system.components:
+        raise DesatError(f"{name}: no component {owner}{nearest(owner, system.components)}")
+    component = system.components[owner]
+    known = names(component.interface, "parameter")
+    signal = component.interface.signals.get(variable)
+    if signal is None or signal.causality != "parameter":
+        what = "an array" if variable in known else f"no parameter{nearest(variable, known)}"
+        raise DesatError(f"{name}: {what}: one number is tuned, of a component")
+    if signal.kind != "Real":
+        raise DesatError(f"{name}: it is no Real: {', '.join(signal.choices) or signal.kind}")
+    if drawn := overridden(source.to_draw(options.blocks), name):
+        raise DesatError(f"{name}: {drawn[0]} is drawn, and so cannot be tuned")
+    return signal, float(str(value_of(component, variable)))
+
+
+def _number(content: Content, system: Any, number: str, target: str) -> None:
+    """Raises DesatError for a number that the runs will not have."""
+    known = {*content.numbers}
+    for analysis in analyses():
+        if analysis.applies(system):
+            known.update(analysis.NUMBERS)
+    if number not in known:
+        raise DesatError(f"--for {number}: {target} has no such number{nearest(number, known)}; "
+                         f"there is {', '.join(sorted(known))}")  # fmt: skip
+
+
+def _range(
+    name: str, signal: Signal, own: float, between: tuple[float, float] | None
+) -> tuple[float, float]:  # fmt: skip
+    """The range that is searched. Raises DesatError for one that is none."""
+    if between is None:
+        if own <= 0.0:
+            raise DesatError(f"{name} = {own:g}: a range is needed: --between LOW,HIGH")
+        low, high = own / SPAN, own * SPAN
+        low = max(low, signal.minimum) if signal.minimum is not None else low
+        high = min(high, signal.maximum) if signal.maximum is not None else high
+    else:
+        low, high = between
+    if not low < high:
+        raise DesatError(f"--between {low:g},{high:g}: the first is to be below the second")
+    for x in (low, high):
+        if (signal.minimum is not None and x < signal.minimum) or (
+            signal.maximum is not None and x > signal.maximum
+        ):
+            raise DesatError(f"--between: {name} = {x:g} is outside [{signal.minimum}, "
+                             f"{signal.maximum}]")  # fmt: skip
+    return low, high
+
+
+def _median(rows: Sequence[RunRow], number: str) -> float:
+    """Over draws; inf where one did not complete, or does not have it."""
+    values = [r.numbers.get(number) if r.completed else None for r in rows]
+    return math.inf if None in values else statistics.median(x for x in values if x is not None)
+
+
+def _misses(content: Content, row: RunRow) -> bool:
+    """Whether a draw misses a requirement; one of a time that it is too short for counts not."""
+    if not row.completed:
+        return True
+    times = late(content)
+    for entry in content.requirements.values():
+        value = row.numbers.get(entry.number)
+        if (value is None and entry.number not in times) or (
+            value is not None and not entry.holds(value)
+        ):
+            return True
+    return False
+
+
+def _verdict(
+    own: Sequence[RunRow], best: Sequence[RunRow], number: str, content: Content
+) -> tuple[dict[str, Any], str]:  # fmt: skip
+    """What pairs of draws say, own less best, and the number's unit."""
+    pairs = [(a.numbers.get(number), b.numbers.get(number)) for a, b in zip(own, best, strict=True)
+             if a.completed and b.completed]  # fmt: skip
+    whole = [(a, b) for a, b in pairs if a is not None and b is not None]
+    told = confident([difference(a, b) for a, b in whole])
+    if not whole:
+        raise DesatError(f"no unseen draw has {number} with both values")
+    told |= {
+        "n": len(whole), "median_own": statistics.median(a for a, _ in whole),
+        "median_best": statistics.median(b for _, b in whole),
+        "missed_own": sum(_misses(content, r) for r in own),
+        "missed_best": sum(_misses(content, r) for r in best),
+    }  # fmt: skip
+    unit = next(r.described[number]["unit"] for r in own if number in r.described)
+    return told, unit

@@ -1,0 +1,97 @@
+"""Which managers fit a craft, and with which gains: what the blocks declare of themselves."""
+
+from __future__ import annotations
+
+from math import pi
+
+import pytest
+
+from desat.components.contract.roles import Manager
+from desat.fmus.registry import block_class
+from desat.runs.prepare import prepare, read
+from desat.runs.run import Options
+from desat.studies import fitting
+from desat.studies.fitting import Terms
+from desat.system.errors import DesatError
+
+DAY = "nadir_day/day-dipole"
+TERMS = Terms(orbit_rate=1.1e-3, field=3e-5, inertial=False)
+MANAGERS = fitting.managers()
+
+
+def of(target, terms=TERMS, asked=(fitting.ALL,), **options):
+    found, refused = fitting.fitting(read(target), Options(**options), terms, asked)
+    return {f.name: f for f in found}, {r.name: r.why for r in refused}
+
+
+@pytest.mark.parametrize("name", MANAGERS)
+def test_every_manager_has_a_law_or_says_why_not(name):
+    block = block_class(name)
+    assert issubclass(block, Manager)
+    assert bool(block.offers) != bool(block.no_law)
+    parameters = {v.name: v for v in block.variables if v.causality == "parameter"}
+    for law in block.offers:
+        assert law.gains.keys() <= parameters.keys()
+        assert not law.rate or law.rate in law.gains
+        for key, rule in law.gains.items():
+            assert not parameters[key].choices or rule in parameters[key].choices
+
+
+def test_each_manager_fits_or_is_refused_by_name():
+    found, refused = of(DAY)
+    assert list(found) == ["cross product", "ccpl", "CP with gravity", "integrated",
+                           "quasi-static LQR", "predictive"]  # fmt: skip
+    said = {f.manager for f in found.values()}
+    said |= {f"manager_{name.replace(' ', '_')}" for name in refused}
+    assert said == set(MANAGERS)
+    assert refused["combined"] == ("it needs thrusters that take its command; the craft has none")
+    assert refused["magnetic"].endswith("those of this craft are for its own law alone")
+    assert refused["b dot"] == "it brakes a tumbling craft and leaves the wheels as they are"
+
+
+def test_thrusters_and_an_attitude_that_stays_let_more_in():
+    found, refused = of("uosat12/table3-ocdc-ilqr-1")
+    assert {"ocdc", "bounded 1-norm"} <= found.keys()
+    assert next(iter(found.values())).own
+    assert "desat design" in refused["preview"], "its tables are made for one craft"
+    found, _ = of("space_telescope/closed-cp-nominal", Terms(1.1e-3, 3e-5, inertial=True))
+    assert next(iter(found)) == "CP with gravity"
+
+
+def test_a_craft_with_one_wheel_has_no_such_law():
+    found, refused = of("hausat2/along-field")
+    assert [f.own for f in found.values()] == [True]
+    assert refused["predictive"] == "it needs wheels about three axes; the craft's span 1 of them"
+
+
+def test_gains_are_the_rules_with_the_crafts_numbers():
+    found, _ = of(DAY)
+    system, _ = prepare(DAY, Options()).or_raise()
+    own = {n: fitting.value_of(system.components["manager"], n) for n in ("gain", "m_limit")}
+    rate, most = own["gain"], own["m_limit"]
+    gain = {n: f.options.values for n, f in found.items()}
+    assert gain["ccpl"]["manager.gain"] == pytest.approx(rate / 3e-5)
+    assert gain["CP with gravity"]["manager.gain"] == pytest.approx(rate)
+    weight = gain["quasi-static LQR"]["manager.momentum_weight"]
+    assert weight == pytest.approx([(rate / 3e-5) ** 2] * 3)
+    assert gain["integrated"]["manager.torque_limit"] == pytest.approx(4.0 * most * 3e-5)
+    assert gain["predictive"]["manager.m_limit"] == most, "follows the coils"
+    assert found["ccpl"].gains["gain"].startswith("craft.rate / craft.field = ")
+    without, _ = of(DAY, sources=["manager=manager_predictive"])
+    rate = without["cross product"].options.values["manager.gain"]
+    assert rate == pytest.approx(5.0 * 1.1e-3), "five times the orbit's"
+
+
+def test_some_are_asked_for_by_name():
+    found, refused = of(DAY, asked=["ccpl", "predictive"])
+    assert list(found) == ["cross product", "ccpl", "predictive"]
+    assert refused == {}
+    _, refused = of(DAY, asked=["manager_combined"])
+    assert list(refused) == ["combined"]
+    with pytest.raises(DesatError, match=r"predictve: no law and no manager.*predictive"):
+        of(DAY, asked=["predictve"])
+
+
+def test_terms_of_a_field():
+    made = fitting.terms_of(5400.0, [[3e-5, 0.0, 4e-5]], True)
+    assert (made.orbit_rate, made.field) == (pytest.approx(2.0 * pi / 5400.0), pytest.approx(5e-5))

@@ -1,0 +1,139 @@
+"""`desat tune`: the best value over draws, judged by draws that it was not made with."""
+
+from __future__ import annotations
+
+import json
+import math
+import random
+
+import pytest
+
+from desat.campaign.draws import RunRow
+from desat.files import new_craft
+from desat.runs.run import Options
+from desat.studies import tune as study
+from desat.system.errors import DesatError, Exit
+
+
+@pytest.fixture(scope="module")
+def home(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("tune")
+    new_craft.write(folder / "mine", new_craft.Wanted(size="12U"), "desat new craft")
+    return folder
+
+
+@pytest.fixture
+def model(home, monkeypatch):
+    """Runs whose number is a function of gain and draw, `of(gain, error of the draw)`."""
+    monkeypatch.chdir(home)
+    asked: list[tuple[float, int]] = []
+
+    def use(of, missed=lambda gain: False):
+        def rows(tasks, jobs, title, progress, *known):
+            made = []
+            for _, options, _seed, draw in tasks:
+                gain = options.values["manager.gain"]
+                asked.append((gain, draw))
+                value = of(gain, random.Random(draw).uniform(-1.0, 1.0))
+                numbers = {"final_momentum": value, "pointing": 9.0 if missed(gain) else 0.1,
+                           "largest_momentum": 10.0}  # fmt: skip
+                made.append(RunRow("completed", 0, "", numbers=numbers, number=draw,
+                                   described={"final_momentum": {"unit": "mN.m.s"}}))  # fmt: skip
+            return made
+
+        monkeypatch.setattr(study, "rows_of", rows)
+        return asked
+
+    return use
+
+
+def bowl(gain, error, best=4e-4):
+    return 1.0 + math.log(gain / best) ** 2 + 0.01 * error
+
+
+def test_the_least_of_a_bowl_is_found_and_confirmed(model):
+    asked = model(bowl)
+    made = study.tune("mine", "manager.gain", "final_momentum", Options(), draws=5, unseen=12)
+    assert made.best == pytest.approx(4e-4, rel=0.1)
+    assert made.confirmed
+    assert "better in 12" in made.answer
+    tuning = {draw for gain, draw in asked if gain not in (made.own, made.best)}
+    judging = {draw for _, draw in asked} - tuning
+    assert (tuning, judging) == (set(range(5)), set(range(5, 17)))
+    assert len({gain for gain, _ in asked}) <= study.LOOKED_AT + 1 + study.REFINED
+
+
+def test_the_most_is_found(model):
+    model(lambda gain, error: -bowl(gain, error))
+    made = study.tune("mine", "manager.gain", "final_momentum", Options(), most=True, draws=3,
+                      unseen=8)  # fmt: skip
+    assert made.best == pytest.approx(4e-4, rel=0.1)
+    assert made.confirmed
+
+
+def test_what_only_tuning_draws_like_is_not_confirmed(model):
+    """Luck of the draws: the number hangs on the draw alone, but for the draws of the tuning."""
+    errors = {random.Random(i).uniform(-1.0, 1.0) for i in range(4)}
+
+    def lucky(gain, error):
+        return bowl(gain, 0.0) if error in errors else 1.0 + 1e-3 * error * math.sin(1e6 * gain)
+
+    model(lucky)
+    made = study.tune("mine", "manager.gain", "final_momentum", Options(), draws=4, unseen=16)
+    assert made.best == pytest.approx(4e-4, rel=0.1)
+    assert not made.confirmed
+    assert made.answer.endswith("that is not confirmed.")
+
+
+def test_a_requirement_is_not_given_up_for_a_number(model):
+    model(bowl, missed=lambda gain: gain < 6e-4)
+    made = study.tune("mine", "manager.gain", "final_momentum", Options(), draws=3, unseen=8)
+    assert 6e-4 <= made.best < made.own
+    assert all(p.missed == 3 for p in made.points if p.value < 6e-4)
+
+
+def test_what_the_craft_has_may_be_the_best(model):
+    model(lambda gain, error: 1.0 + 1e-5 * math.log(gain))
+    made = study.tune("mine", "manager.gain", "final_momentum", Options(), draws=2, unseen=6)
+    assert made.best == made.own
+    assert not made.confirmed
+    assert made.answer.endswith("is the best of its range already.")
+
+
+@pytest.mark.parametrize(
+    ("parameter", "number", "more", "line"),
+    [
+        ("manager.gian", "pointing", {}, "manager.gian: no parameter; did you mean gain?"),
+        ("manger.gain", "pointing", {}, "manger.gain: no component manger; did you mean manager?"),
+        ("controller.gain_matrix", "pointing", {}, "an array: one number is tuned"),
+        ("manager.law", "pointing", {}, "manager.law: it is no Real: normalised, ccpl"),
+        ("environment.mean_anomaly", "pointing", {}, "is drawn, and so cannot be tuned"),
+        ("manager.gain", "pionting", {}, "--for pionting: mine has no such number; did you mean"),
+        ("manager.h_deadband", "pointing", {}, "a range is needed: --between LOW,HIGH"),
+        ("manager.gain", "pointing", {"between": (2.0, 1.0)}, "the first is to be below"),
+        ("manager.gain", "pointing", {"between": (-1.0, 1.0)}, "-1 is outside [0.0, None]"),
+    ],
+)  # fmt: skip
+def test_wrong_wishes_are_refused_before_a_run(model, parameter, number, more, line):
+    asked = model(bowl)
+    with pytest.raises(DesatError) as refused:
+        study.tune("mine", parameter, number, Options(), **more)
+    assert line in str(refused.value)
+    assert asked == []
+
+
+def test_the_command_flies_and_says_both(desat, home):
+    told = desat("tune", "mine", "manager.gain", "--for", "coil_duty", "--stop", "60", "-n", "1",
+                 "--unseen", "6", "--jobs", "1", "--json", cwd=home)  # fmt: skip
+    made = json.loads(told.stdout)
+    assert told.returncode == (Exit.COMPLETED if made["confirmed"] else Exit.UNMET)
+    assert made["best"] < made["own"], "smaller gains work the coils less"
+    assert made["unseen"]["n"] == 6
+    assert made["unseen"]["lower"] == 0, "own less best is above zero"
+    values = [p["value"] for p in made["points"]]
+    assert values == sorted(values)
+    again = desat("draws", "mine", "-n", "1", "--stop", "60", "--jobs", "1", "--json",
+                  "--set", f"manager.gain={made['best']!r}", cwd=home, check=True)  # fmt: skip
+    duty = json.loads(again.stdout)["draws"][0]["numbers"]["coil_duty"]
+    (best,) = [p for p in made["points"] if p["value"] == made["best"]]
+    assert best["median"] == duty
