@@ -171,8 +171,11 @@ class Choice:
 
     def figures(self) -> list[tuple[str, Figure]]:
         """Caption and picture of the first criterion over each other."""
-        return [(f"{other.title} and {self.by[0].title}: the dashed line joins what no law beats "
-                 "in both", self._pareto(k)) for k, other in enumerate(self.by) if k]  # fmt: skip
+        return [
+            (f"{self.by[0].title.capitalize()} over {other.title}: right of and above the dashed "
+             "line a law is beaten in both", self._pareto(k))
+            for k, other in enumerate(self.by) if k
+        ]  # fmt: skip
 
     def write(self, path: Path) -> Path:
         """The page: the ranking, and what `compare` has of runs. Raises OSError where it cannot be
@@ -181,6 +184,7 @@ class Choice:
         return write(self.comparison, path, choice=self, pareto=pareto)
 
     def _pareto(self, k: int) -> Figure:
+        """A law of its own at each point; the front from one edge of the picture to the other."""
         fig, ax = figure()
         points = [(e.values[k], e.values[0]) for e in self.ranked]
         known = [(x, y, e.name, i) for i, (e, (x, y)) in enumerate(zip(self.ranked, points,
@@ -190,6 +194,9 @@ class Choice:
             if not best or y < best[-1][1]:
                 best += [(x, best[-1][1])] if best else []
                 best.append((x, y))
+        if known:
+            best = [(best[0][0], max(y for _, y, *_ in known)), *best,
+                    (max(x for x, *_ in known), best[-1][1])]  # fmt: skip
         ax.plot([x for x, _ in best], [y for _, y in best], "#999999", width=1.0, dash=DASHED)
         for x, y, name, i in known:
             ax.plot([x], [y], COLOURS[i % len(COLOURS)], width=0.0, marker=8.0, label=name)
