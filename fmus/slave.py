@@ -67,9 +67,15 @@ class Slave(Fmi2Slave):  # type: ignore[misc]
     # --- life ---------------------------------------------------------------------------------
 
     def setup_experiment(self, start_time: float, stop_time: Any, tolerance: Any) -> None:
+        if self._phase != _INSTANTIATED:
+            self._fail("set up the experiment", RuntimeError("it has begun"))
+            return
         self._time = start_time
 
     def enter_initialization_mode(self) -> None:
+        if self._phase != _INSTANTIATED:
+            self._fail("enter initialisation", RuntimeError("it was entered before"))
+            return
         self._phase = _INITIALISING
         self._stale = True
 
@@ -78,6 +84,8 @@ class Slave(Fmi2Slave):  # type: ignore[misc]
         self._phase = _STEPPING
 
     def terminate(self) -> None:
+        if self._phase == _TERMINATED:
+            self._fail("terminate", RuntimeError("it was before"))
         self._phase = _TERMINATED
 
     def _refresh(self) -> None:
@@ -136,11 +144,20 @@ class Slave(Fmi2Slave):  # type: ignore[misc]
             self._fail(f"get {kind}", error)
             return [failed] * len(vrs)
 
+    def _name_of(self, vr: int) -> str:
+        variable, index = self._scalars[vr]
+        return variable.name if index is None else list(variable.elements())[index]
+
     def _set(self, vrs: list[int], values: list[Any], kind: str) -> None:
         try:
             known, access, parameter = self._writing[kind]
             if vrs != known:
+                if outputs := [vr for vr in vrs if self._scalars[vr][0].causality == "output"]:
+                    raise ValueError(f"{self._name_of(outputs[0])}: an output is not set")
                 self._writing[kind] = _, access, parameter = self._select(vrs, kind)
+            for vr, value in zip(vrs, values, strict=True) if kind == "Real" else ():
+                if value != value:
+                    raise ValueError(f"{self._name_of(vr)}: nan is no number")
             if parameter and self._phase >= _STEPPING:
                 names = ", ".join(dict.fromkeys(self._scalars[vr][0].name for vr in vrs))
                 raise RuntimeError(f"{names}: a parameter is fixed once the simulation runs")

@@ -23,6 +23,7 @@ from conftest import ROOT, python
 from fmpy import validation
 from fmpy.fmi2 import FMU2Slave
 from test_blocks import begin, fresh, randomise_inputs
+from test_native import OUT_OF_ORDER
 
 from desat.files import library, paths
 from desat.files.fmu import of_fmu
@@ -318,6 +319,17 @@ def test_unknown_and_wrong_references(instance):
     assert np.isnan(j.fmu.getReal([9999])).all()
     j.fmu.setReal([9999], [1.0])
     assert j.get("fault") == [True]
+
+
+@pytest.mark.parametrize("what", OUT_OF_ORDER)
+def test_what_fmi_forbids_is_a_fault(what, instance):
+    """pythonfmu has no status for most of it."""
+    i = instance("torquers").start()
+    i.fmu.doStep(0.0, 1.0)
+    assert i.get("fault") == [False]
+    references = {n.partition("[")[0]: v.valueReference for n, v in reversed(i.variables.items())}
+    OUT_OF_ORDER[what][0](i.fmu, references)
+    assert i.get("fault") == [True]
 
 
 def test_a_broken_state_is_refused(instance):

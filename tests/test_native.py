@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import ctypes
 import hashlib
 import itertools
 import json
@@ -73,8 +74,20 @@ class Beside:
         for v in self.block.variables:
             if v.causality in causalities:
                 value = getattr(self.block, v.name)
+                if value != value:  # which only the block's own arithmetic could give it
+                    self.poke(self.references[v.name][0], value)
+                    continue
                 set_them = getattr(self.fmu, f"set{v.type}")
                 set_them(self.references[v.name], list(value) if v.shape else [value])
+
+    def poke(self, reference: int, value: float) -> None:
+        """Put a Real where it lies, past the wrapper."""
+        place = (ctypes.c_void_p * 1)()
+        find = self.fmu.dll.desat_places
+        find.restype = ctypes.c_bool
+        assert find(ctypes.c_void_p(self.fmu.component), ctypes.c_char(b"R"),
+                    (ctypes.c_uint * 1)(reference), ctypes.c_size_t(1), place)  # fmt: skip
+        ctypes.c_double.from_address(place[0]).value = value
 
     def outputs(self) -> dict[str, list[Any]]:
         return {
@@ -312,6 +325,25 @@ def test_a_plain_c_host_runs_all_of_them_in_an_empty_environment(tmp_path):
         assert "python" not in needed
 
 
+def _twice(fmu):
+    fmu.terminate()
+    fmu.terminate()
+
+
+OUT_OF_ORDER = {
+    "setup": (lambda fmu, of: fmu.setupExperiment(startTime=1.0),
+              "set up the experiment: RuntimeError: it has begun"),
+    "enter": (lambda fmu, of: fmu.enterInitializationMode(),
+              "enter initialisation: RuntimeError: it was entered before"),
+    "terminate": (lambda fmu, of: _twice(fmu), "terminate: RuntimeError: it was before"),
+    "output": (lambda fmu, of: fmu.setReal([of["m_mean_body"]], [1.0]),
+               "set Real: ValueError: m_mean_body[1]: an output is not set"),
+    "nan": (lambda fmu, of: fmu.setReal([of["m_cmd_body"] + 1], [math.nan]),
+            "set Real: ValueError: m_cmd_body[2]: nan is no number"),
+}  # fmt: skip
+"""What FMI forbids while a simulation runs, and what an FMU of ours says."""
+
+
 def test_wrong_calls_are_answered():
     block = registry.block_class("torquers")()
     i = Beside(path("torquers"), block)
@@ -328,6 +360,19 @@ def test_wrong_calls_are_answered():
         i.fmu.reset()
         assert not i.failed()
     finally:
+        i.free()
+    for call, said in OUT_OF_ORDER.values():
+        i = Beside(path("torquers"), block)
+        i.fmu.setupExperiment(startTime=0.0)
+        i.fmu.enterInitializationMode()
+        i.fmu.exitInitializationMode()
+        i.step(0.0, 1.0)
+        assert not i.failed()
+        with pytest.raises(fmpy.fmi1.FMICallException):
+            call(i.fmu, {name: of[0] for name, of in i.references.items()})
+        assert said in i.said[-1]
+        i.fmu.reset()
+        assert not i.failed()
         i.free()
     description = fmpy.read_model_description(path("torquers"))
     other = FMU2Slave(guid="{another}", unzipDirectory=str(library.extract(path("torquers"))),

@@ -179,7 +179,9 @@ EXPORT fmi2Component fmi2Instantiate(fmi2String name, fmi2Type type, fmi2String 
     }
     for (size_t k = 0; k < the->count; k++) {
         const block_variable *v = the->variables + k;
-        c->places[k] = (place){ (uint32_t)v->offset, v->kind, v->causality == 'p', elements(k) };
+        c->places[k] = (place){ (uint32_t)v->offset, v->kind,
+                                v->causality == 'p' ? PARAMETER
+                                : v->causality == 'o' ? OUTPUT : 0, elements(k) };
     }
     strcpy(c->name, name);
     if (type != fmi2CoSimulation || guid == NULL || strcmp(guid, the->guid) != 0) {
@@ -199,6 +201,8 @@ EXPORT fmi2Status fmi2SetupExperiment(fmi2Component p, fmi2Boolean with_toleranc
     instance *c = p;
     (void)with_tolerance, (void)tolerance, (void)with_stop, (void)stop;
     if (c == NULL) return fmi2Error;
+    if (c->now.phase != INSTANTIATED)
+        return fail(c, "set up the experiment", "RuntimeError", "it has begun");
     c->now.time = start;
     return fmi2OK;
 }
@@ -207,6 +211,8 @@ EXPORT fmi2Status fmi2EnterInitializationMode(fmi2Component p)
 {
     instance *c = p;
     if (c == NULL) return fmi2Error;
+    if (c->now.phase != INSTANTIATED)
+        return fail(c, "enter initialisation", "RuntimeError", "it was entered before");
     c->now.phase = INITIALISING;
     c->now.stale = true;
     return fmi2OK;
@@ -228,6 +234,7 @@ EXPORT fmi2Status fmi2Terminate(fmi2Component p)
 {
     instance *c = p;
     if (c == NULL) return fmi2Error;
+    if (c->now.phase == TERMINATED) return fail(c, "terminate", "RuntimeError", "it was before");
     c->now.phase = TERMINATED;
     return fmi2OK;
 }
@@ -327,6 +334,21 @@ static fmi2Status not_there(instance *c, const char *verb, char kind, fmi2ValueR
         return fmi2OK;                                                                               \
     }
 
+static fmi2Status not_set(instance *c, char kind, fmi2ValueReference vr, const char *why)
+{
+    char what[20], text[200];
+    snprintf(what, sizeof what, "set %s", KINDS[(int)kind]);
+    snprintf(text, sizeof text, "%s: %s", the->variables[vr].name, why);
+    return fail(c, what, "ValueError", text);
+}
+
+static fmi2Status output_set(instance *c, char kind, const fmi2ValueReference vr[], size_t n)
+{
+    size_t k = 0;
+    while (k + 1 < n && c->places[vr[k]].fixed != OUTPUT) k++;
+    return not_set(c, kind, vr[k], "an output is not set");
+}
+
 #define SET(FUNCTION, TYPE, KIND, MEMBER, GIVEN)                                                     \
     EXPORT fmi2Status FUNCTION(fmi2Component p, const fmi2ValueReference vr[], size_t n,             \
                                const TYPE value[])                                                   \
@@ -335,14 +357,17 @@ static fmi2Status not_there(instance *c, const char *verb, char kind, fmi2ValueR
         const size_t count = the->count;                                                             \
         const place *at;                                                                             \
         char *self;                                                                                  \
-        bool fixed = false;                                                                          \
+        int fixed = 0;                                                                               \
         if (c == NULL || (n > 0 && (vr == NULL || value == NULL))) return fmi2Error;                 \
         at = c->places, self = c->self;                                                              \
         for (size_t k = 0; k < n; k++) {                                                             \
             if (PY_RARE(vr[k] >= count || at[vr[k]].kind != KIND))                                   \
                 return not_there(c, "set", KIND, vr[k]);                                             \
+            if (PY_RARE(value[k] != value[k]))                                                       \
+                return not_set(c, KIND, vr[k], "nan is no number");                                  \
             fixed |= at[vr[k]].fixed;                                                                \
         }                                                                                            \
+        if (PY_RARE(fixed & OUTPUT)) return output_set(c, KIND, vr, n);                              \
         if (fixed && c->now.phase >= STEPPING) return is_fixed(c, KIND, vr, n);                      \
         for (size_t k = 0; k < n; k++) *(MEMBER *)(self + at[vr[k]].offset) = GIVEN;                 \
         c->now.stale = c->now.phase == INITIALISING;                                                 \
@@ -382,7 +407,8 @@ EXPORT bool desat_places(fmi2Component p, char kind, const fmi2ValueReference vr
 {
     const instance *c = p;
     for (size_t k = 0; k < n; k++) {
-        if (vr[k] >= the->count || c->places[vr[k]].kind != kind || c->places[vr[k]].fixed)
+        if (vr[k] >= the->count || c->places[vr[k]].kind != kind
+            || c->places[vr[k]].fixed == PARAMETER)
             return false;
         found[k] = (char *)c->self + c->places[vr[k]].offset;
     }

@@ -44,10 +44,12 @@ typedef struct {
 } progress;
 
 /* what get and set need of a variable, in an eighth of its bytes */
+enum { PARAMETER = 1, OUTPUT = 2 };
+
 typedef struct {
     uint32_t offset;
     char kind;
-    bool fixed; /* once it steps */
+    char fixed; /* PARAMETER: once it steps; OUTPUT: always; 0: never */
     uint16_t count; /* elements of the array that begins here: 0 within one, 1 of a scalar */
 } place;
 

@@ -23,14 +23,13 @@ class Spline:
         left = np.clip(np.searchsorted(self._times, at, "right") - 1, 0, len(self._times) - 2)
         tail = (1,) * (self._values.ndim - 1)
         begin, end = (self._times[i].reshape(*at.shape, *tail) for i in (left, left + 1))
-        length = end - begin
-        s = (at.reshape(*at.shape, *tail) - begin) / length
-        y0, y1 = self._values[left], self._values[left + 1]
-        d0, d1 = self._slopes[left] * length, self._slopes[left + 1] * length
-        rise = y1 - y0
-        return np.asarray(
-            y0 + s * (d0 + s * (3.0 * rise - 2.0 * d0 - d1 + s * (d0 + d1 - 2.0 * rise)))
-        )
+        length, s = end - begin, at.reshape(*at.shape, *tail) - begin
+        rise = (self._values[left + 1] - self._values[left]) / length
+        d0, d1 = self._slopes[left], self._slopes[left + 1]
+        third = (d0 + d1 - 2.0 * rise) / length
+        # in scipy's order, and so with its bits
+        made = self._values[left] + d0 * s + ((rise - d0) / length - third) * (s * s)
+        return np.asarray(made + third / length * (s * s * s))
 
 
 def _slopes(times: Array, y: Array) -> Array:
@@ -51,11 +50,11 @@ def _slopes(times: Array, y: Array) -> Array:
     below[1:-1], above[1:-1] = h[1:], h[:-1]
     diagonal[1:-1] = 2.0 * (h[:-1] + h[1:])
     right[1:-1] = 3.0 * (h[1:] * rise[:-1] + h[:-1] * rise[1:])
-    for end, inner, a, b in ((0, 0, 0, 1), (-1, -1, -1, -2)):
-        span = h[a] + h[b]
-        diagonal[end] = h[b]
-        (above if end == 0 else below)[inner] = span
-        right[end] = ((h[a] + 2.0 * span) * h[b] * rise[a] + h[a] ** 2 * rise[b]) / span
+    diagonal[0], above[0] = h[1], times[2] - times[0]
+    diagonal[-1], below[-1] = h[-2], times[-1] - times[-3]
+    first, last = above[0], below[-1]
+    right[0] = ((h[0] + 2.0 * first) * h[1] * rise[0] + h[0] ** 2 * rise[1]) / first
+    right[-1] = (h[-1] ** 2 * rise[-2] + (2.0 * last + h[-1]) * h[-2] * rise[-1]) / last
     for i in range(1, n):
         factor = below[i] / diagonal[i - 1]
         diagonal[i] -= factor * above[i - 1]
