@@ -1,6 +1,6 @@
 """100,000 cases of one orbit through the pool, and the first 20,000 of them through a local Dask
-cluster of two workers, of which one is killed, and whose head is interrupted: seconds, memory, and
-whether the data are equal.
+cluster of two workers, of which one is killed, and later the head: seconds, memory, and whether the
+data are equal.
 
     python -m benchmarks.many_cases FOLDER [SECONDS]    # what is left of it, for so long at most
     python -m benchmarks.many_cases FOLDER write        # into latest.json
@@ -24,14 +24,14 @@ from typing import Any
 NAME, ORBIT = "alsat1/basin-y-wheel", "6130"
 HOWS = {"pool": ["--jobs", "2"], "dask": ["--cluster", "local:2"]}
 CASES = {"pool": 100_000, "dask": 20_000}
-KILL, INTERRUPT = 6000, 12_000
-"""Cases after which, through Dask, a worker dies by SIGKILL, and the head is interrupted."""
+KILL, KILL_HEAD = 6000, 12_000
+"""Cases after which, through Dask, a worker and the head die by SIGKILL."""
 _PATIENCE = 90.0
 """Seconds that a head has to end."""
 
 
 def go_on(folder: Path, how: str, end: float) -> bool:
-    """A head until it is done, interrupted or out of time; what was seen goes to HOW.json. True
+    """A head until it is done, killed or out of time; what was seen goes to HOW.json. True
     when all cases are there."""
     where, notes = folder / how, folder / f"{how}.json"
     seen: dict[str, Any] = json.loads(notes.read_text()) if notes.exists() else {
@@ -56,8 +56,11 @@ def go_on(folder: Path, how: str, end: float) -> bool:
             if how == "dask" and done >= KILL and not seen["killed"] and workers:
                 seen["killed"].append({"worker": workers[-1], "at": done})
                 os.kill(workers[-1], signal.SIGKILL)
-            wanted = how == "dask" and done >= INTERRUPT > head["from"]
-            if (wanted or time.monotonic() > end) and state != "done":
+            if how == "dask" and done >= KILL_HEAD > head["from"] and state != "done":
+                head["killed_at"] = done
+                process.kill()
+                process.wait(_PATIENCE)
+            elif time.monotonic() > end and state != "done":
                 head["interrupted_at"] = done
                 process.send_signal(signal.SIGINT)
                 process.wait(_PATIENCE)
@@ -117,7 +120,8 @@ def judged(folder: Path) -> dict[str, Any]:
             "completed": rows["status"].to_pylist().count("completed"),
             "made_again": sum(a > 1 for a in rows["attempts"].to_pylist()),
             "heads": len(heads), "workers_killed": len(seen["killed"]),
-            "interrupted_at": [h["interrupted_at"] for h in heads if "interrupted_at" in h],
+            "worker_killed_at": [x["at"] for x in seen["killed"]],
+            "head_killed_at": [h["killed_at"] for h in heads if "killed_at" in h],
             "seconds": seconds, "cases_per_second": wanted / seconds,
             "ms_per_case": 1e3 * statistics.median(rows["seconds"].to_pylist()),
             "report_seconds": heads[-1]["seconds"] - heads[-1]["cases_seconds"],

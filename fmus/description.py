@@ -22,6 +22,8 @@ GENERATION_TOOL, NATIVE_TOOL = "desat with PythonFMU", "desat"
 """What an FMU of ours says of who made it: of Python, or native."""
 ONE_SECOND = {"startTime": 0.0, "stepSize": 1.0}
 """The default experiment of a block: any step will do."""
+DISPLAY = {"rad": "deg", "rad/s": "deg/s"}
+"""In which unit people read values of a unit: what a host may show."""
 DATE = "1980-01-01T00:00:00Z"
 """Of all of them, so that equal contents are equal."""
 
@@ -54,6 +56,7 @@ def model_description(
         generationDateAndTime=date,
         variableNamingConvention="structured",
     )
+    made_by(root, block)
     simulation = etree.SubElement(
         root,
         "CoSimulation",
@@ -123,7 +126,8 @@ def _scalar_variable(parent: Any, v: Variable, name: str, reference: int, start:
     element = etree.SubElement(parent, "ScalarVariable", attributes)
     value = etree.SubElement(element, v.type)
     if v.type == "Real":
-        value.set("unit", v.unit)
+        for key, unit in units_of(v).items():
+            value.set(key, unit)
     for key, bound in (("min", v.minimum), ("max", v.maximum)):
         if bound is not None:
             value.set(key, repr(bound))
@@ -132,6 +136,11 @@ def _scalar_variable(parent: Any, v: Variable, name: str, reference: int, start:
     if note := annotation(v, name):
         tool = etree.SubElement(etree.SubElement(element, "Annotations"), "Tool", name=TOOL)
         etree.SubElement(tool, "Variable", note)
+
+
+def units_of(v: Variable) -> dict[str, str]:
+    """The unit of a Real, and in which people read it, where that is another."""
+    return {"unit": v.unit} | ({"displayUnit": DISPLAY[v.unit]} if v.unit in DISPLAY else {})
 
 
 def start_value(x: Scalar) -> str:
@@ -174,17 +183,28 @@ def describe(v: Variable) -> str:
     )
 
 
+def made_by(root: Any, block: type[Block]) -> None:
+    """Say whose a block of ours is; not of one of the user's own."""
+    if block.__module__.startswith("desat.components."):
+        root.set("author", "the desat authors")
+        root.set("license", "MIT")
+
+
 def unit_definitions(root: Any, block: type[Block]) -> None:
     """Add the units of a block's variables, as both versions of FMI have them."""
     definitions = etree.SubElement(root, "UnitDefinitions")
     for name in dict.fromkeys(v.unit for v in block.variables if v.type == "Real"):
         unit = unit_of(name)
-        base = etree.SubElement(etree.SubElement(definitions, "Unit", name=name), "BaseUnit")
+        element = etree.SubElement(definitions, "Unit", name=name)
+        base = etree.SubElement(element, "BaseUnit")
         for exponent in BASE_UNIT_EXPONENTS:
             if getattr(unit, exponent):
                 base.set(exponent, str(getattr(unit, exponent)))
         if unit.factor != 1.0:
             base.set("factor", repr(unit.factor))
+        if shown := DISPLAY.get(name):
+            factor = repr(unit.factor / unit_of(shown).factor)
+            etree.SubElement(element, "DisplayUnit", name=shown, factor=factor)
 
 
 def log_categories(root: Any) -> None:

@@ -24,9 +24,11 @@ from .description import (
     common,
     default_experiment,
     log_categories,
+    made_by,
     start_value,
     title,
     unit_definitions,
+    units_of,
     unknowns,
 )
 from .native import pack
@@ -86,6 +88,7 @@ def model_description(
         canSerializeFMUState="true", providesDirectionalDerivatives="false",
         canHandleVariableCommunicationStepSize="true",
     )  # fmt: skip
+    made_by(root, block)
     unit_definitions(root, block)
     _type_definitions(root, block)
     log_categories(root)
@@ -126,7 +129,7 @@ def _variable(parent: Any, v: Variable, reference: int) -> None:
     if v.choices:
         attributes["declaredType"] = v.name
     if v.type == "Real":
-        attributes["unit"] = v.unit
+        attributes |= units_of(v)
     if not v.choices:
         for key, bound in (("min", v.minimum), ("max", v.maximum)):
             if bound is not None:

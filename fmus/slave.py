@@ -146,7 +146,7 @@ class Slave(Fmi2Slave):  # type: ignore[misc]
 
     def _name_of(self, vr: int) -> str:
         variable, index = self._scalars[vr]
-        return variable.name if index is None else list(variable.elements())[index]
+        return str(variable.elements()[index or 0])
 
     def _set(self, vrs: list[int], values: list[Any], kind: str) -> None:
         try:

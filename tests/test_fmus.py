@@ -332,6 +332,19 @@ def test_what_fmi_forbids_is_a_fault(what, instance):
     assert i.get("fault") == [True]
 
 
+def test_angles_are_shown_in_degrees_and_authors_are_named():
+    for name in ("rate_gyro", "wheels"):
+        for kind in ("", "native", "fmi3"):
+            description = fmpy.read_model_description(paths.fmus() / kind / f"{name}.fmu")
+            assert (description.author, description.license) == ("the desat authors", "MIT")
+            shown = {v.unit: v.displayUnit for v in description.modelVariables if v.type in
+                     ("Real", "Float64") and v.unit}  # fmt: skip
+            assert shown["rad/s"] == "deg/s"
+            assert shown["s"] is None
+            (unit,) = (u for u in description.unitDefinitions if u.name == "rad/s")
+            assert unit.displayUnits[0].factor * np.radians(1.0) == pytest.approx(1.0)
+
+
 def test_a_broken_state_is_refused(instance):
     i = instance("torquers").start()
     state = i.fmu.deSerializeFMUstate(b"not a state")
