@@ -34,7 +34,7 @@ from .loop_unit import Unit
 from .run import LATEST
 
 NAME = "nadir_day/day-dipole"
-WIDTHS = {4: ["-mavx2", "-mfma"], 8: ["-mavx512f", "-mavx512dq", "-mprefer-vector-width=512"]}
+WIDTHS = {4: ["-mavx2"], 8: ["-mavx512f", "-mavx512dq", "-mprefer-vector-width=512"]}
 FLAGS = ["-std=c++20", "-O3", "-ffp-contract=off", "-w", "-fpermissive", "-shared", "-fPIC"]
 ROUNDS, STEPS = 3, 20_000
 _C = {"double": (8, 8), "uint64_t": (8, 8), "int64_t": (8, 8), "int32_t": (4, 4), "bool": (1, 1)}

@@ -58,6 +58,26 @@ def test_packed_file_is_in_the_universal_profile(packed):
     assert 'description="oms-ma"' in text
 
 
+def _description(path):
+    with zipfile.ZipFile(path) as archive:
+        return etree.fromstring(archive.read("SystemStructure.ssd")).get("description")
+
+
+def test_what_other_tools_make_otherwise_is_said(packed, tmp_path, desat):
+    """In the file and when it is packed: hints that some ignore, FMUs of FMI 3.0."""
+    assert _description(packed) is None
+    slow, third = tmp_path / "slow.toml", tmp_path / "third.toml"
+    slow.write_text('extends = "nadir_day/day-dipole"\n[decimation]\nenvironment = 2\n')
+    fmu = paths.fmus() / "fmi3" / "rate_gyro.fmu"
+    third.write_text(f'extends = "nadir_day/day-dipole"\nsources.gyro = "{fmu}"\n')
+    for file, said in ((slow, "environment: slower than the step"), (third, "gyro: of FMI 3.0")):
+        done = desat("pack", str(file), check=True)
+        (line,) = done.stderr.splitlines()
+        assert line.startswith(f"note: nadir_day/{file.stem}: ")
+        assert said in line
+        assert said in _description(file.with_suffix(".ssp"))
+
+
 def test_packing_is_reproducible(packed, tmp_path):
     again = pack_scenario(find(NAME), tmp_path / "y.ssp", force=True)
     assert again.read_bytes() == packed.read_bytes()

@@ -32,10 +32,12 @@ from .ssp import ABOUT, FILE, OMS, OSP, SSC, SSD, SSV
 def pack_scenario(
     scenario: Scenario, target: Path | None = None, force: bool = False, fmus: str = "python",
     choose: Callable[[System], System] | None = None,
+    tell: Callable[[str], None] = lambda text: None,
 ) -> Path:  # fmt: skip
     """Check a scenario, write its .ssp (default: among the packed ones) unless it is newer than
     all that it is made of, and return its path. `choose` gives a system with `inner = "auto"` the
-    inner steps that a run of it takes; without it a run of the archive chooses.
+    inner steps that a run of it takes; without it a run of the archive chooses. `tell` gets a line
+    for each thing that other tools make otherwise of what is written.
 
     Raises DesatError with every problem of the scenario.
     """
@@ -50,8 +52,22 @@ def pack_scenario(
     if not force and path.exists() and path.stat().st_mtime_ns > newest:
         return path
     system, _ = check(scenario.draft()).or_raise()
-    pack(choose(system) if choose is not None else system, path, fmus)
+    system = choose(system) if choose is not None else system
+    pack(system, path, fmus)
+    for text in otherwise(system):
+        tell(f"{scenario.name}: {text}")
     return path
+
+
+def otherwise(system: System) -> list[str]:
+    """What other tools make otherwise of a packed system, a line each; its description has them."""
+    lines = []
+    if slow := [c.name for c in system.components.values() if c.decimation > 1]:
+        lines.append(f"{', '.join(slow)}: slower than the step, by a hint (osp:StepSizeHint) that "
+                     "libcosim reads and Ecos, for one, does not: it steps them each time")  # fmt: skip
+    if third := [c.name for c in system.components.values() if c.interface.fmi == "3.0"]:
+        lines.append(f"{', '.join(third)}: of FMI 3.0, which masters of FMI 2.0 alone cannot load")
+    return lines
 
 
 def pack(system: System, target: Path, fmus: str = "python") -> None:
@@ -79,6 +95,8 @@ def pack(system: System, target: Path, fmus: str = "python") -> None:
         # declared here: libcosim takes a declaration further down for content
         nsmap={"ssd": SSD, "ssc": SSC, "ssv": SSV, "osp": OSP, "oms": OMS},
     )
+    if lines := otherwise(system):
+        root.set("description", "In other tools: " + "; ".join(lines))
     top = _sub(root, "System", name="system")
     elements = _sub(top, "Elements")
     for component in system.components.values():

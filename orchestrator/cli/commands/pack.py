@@ -46,6 +46,7 @@ def pack(
     files = [Path(n) for n in names or () if n.endswith(".toml")]
     ours = [find(n) for n in names if not n.endswith(".toml")] if names else scenarios().values()
     wanted = [*((own(f), f.with_suffix(".ssp")) for f in files), *((s, None) for s in ours)]
+    told: list[str] = []
     packed = [
         str(
             pack_module.pack_scenario(
@@ -54,6 +55,7 @@ def pack(
                 force=bool(names),
                 fmus=kind,
                 choose=partial(settled, scenario.name),
+                tell=told.append,
             )
         )
         for scenario, target in wanted
@@ -62,6 +64,8 @@ def pack(
         for left in paths.packed().rglob("*.part"):  # of a command that was killed
             if time.time() - left.stat().st_mtime > 60.0:
                 left.unlink(missing_ok=True)
+    for text in told:
+        err.print(f"note: {text}")
     if as_json:
         print_json(packed)
     else:
