@@ -63,8 +63,10 @@ def otherwise(system: System) -> list[str]:
     """What other tools make otherwise of a packed system, a line each; its description has them."""
     lines = []
     if slow := [c.name for c in system.components.values() if c.decimation > 1]:
-        lines.append(f"{', '.join(slow)}: slower than the step, by a hint (osp:StepSizeHint) that "
-                     "libcosim reads and Ecos, for one, does not: it steps them each time")  # fmt: skip
+        lines.append(
+            f"{', '.join(slow)}: slower than the step, by a hint (osp:StepSizeHint) that libcosim "
+            "reads and Ecos, for one, does not: it steps them each time"
+        )
     if third := [c.name for c in system.components.values() if c.interface.fmi == "3.0"]:
         lines.append(f"{', '.join(third)}: of FMI 3.0, which masters of FMI 2.0 alone cannot load")
     return lines
