@@ -110,6 +110,8 @@ import json
 import sys
 import desat
 assert "numpy" not in sys.modules
+import importlib.resources
+assert (importlib.resources.files("desat") / "py.typed").is_file()
 name, sets = "uosat12/table3-ocdc-ilqr-1", {"manager.split": "crcp"}
 run = desat.run(name, sets, stop=100.0, folder="a")
 assert run.manifest["parameters"]["manager"]["split"]["value"] == "crcp"
