@@ -43,13 +43,27 @@ def differences(ours: pa.Table, theirs: pa.Table) -> list[str]:
             or repr(ours[n].to_pylist()) != repr(theirs[n].to_pylist())]  # fmt: skip
 
 
+def largest(ours: pa.Table, theirs: pa.Table) -> float:
+    """The largest difference of a number that both have, relative to the larger of the two."""
+    worst = 0.0
+    for name in set(ours.column_names) & set(theirs.column_names):
+        for x, y in zip(ours[name].to_pylist(), theirs[name].to_pylist(), strict=True):
+            if isinstance(x, float) and isinstance(y, float) and x != y:
+                worst = max(worst, abs(x - y) / max(abs(x), abs(y)))
+    return worst
+
+
+def _revision(python: str) -> str:
+    command = ["git", "rev-parse", "--short", "HEAD"]
+    done = subprocess.run(command, cwd=Path(python).parents[2], check=True, capture_output=True,
+                          text=True)  # fmt: skip
+    return done.stdout.strip()
+
+
 def main() -> int:
     """Compare each; 1 where something differs."""
     asked, other = seen.asked(), sys.argv[1]
-    revision = subprocess.run(
-        ["git", "rev-parse", "--short", "HEAD"], cwd=Path(other).parents[2], check=True,
-        capture_output=True, text=True,
-    ).stdout.strip()  # fmt: skip
+    revisions = [_revision(python) for python in (sys.executable, other)]
     found: dict[str, Any] = {}
     for name in NAMES:
         with TemporaryDirectory() as folder:
@@ -59,7 +73,8 @@ def main() -> int:
             )
         found[name] = {
             "cases": len(ours), "columns": len(ours.column_names),
-            "differing": differences(ours, theirs), "other": revision,
+            "differing": differences(ours, theirs), "largest": largest(ours, theirs),
+            "of": revisions[0], "other": revisions[1],
         }  # fmt: skip
         print(name, found[name], flush=True)
         if asked:

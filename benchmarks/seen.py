@@ -118,11 +118,12 @@ def _same_bits(parts: Parts, what: str = "A day at nadir") -> Iterator[str]:
 
 
 def _rows(parts: Parts) -> Iterator[str]:
-    equal = [name for name, part in parts.items() if not part["differing"]]
-    others = sorted({part["other"] for part in parts.values()})
+    ours, others = (", ".join(sorted({p[k] for p in parts.values()})) for k in ("of", "other"))
+    off = {name: p["largest"] for name, p in parts.items() if p["differing"]}
+    besides = "".join(f"; {name} differs by at most {x:.0e}, relative" for name, x in off.items())
     yield (f"- The first {min(p['cases'] for p in parts.values())} cases of a scenario of each "
-           f"family, against the code of {', '.join(others)}: rows equal in every bit in "
-           f"{len(equal)} of {len(parts)} ({dates(parts)}).")  # fmt: skip
+           f"family by the code of {ours}, against that of {others}: rows equal in every bit in "
+           f"{len(parts) - len(off)} of {len(parts)}{besides} ({dates(parts)}).")  # fmt: skip
 
 
 def _targets(parts: Parts) -> Iterator[str]:
