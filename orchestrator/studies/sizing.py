@@ -28,6 +28,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from desat.components.laws.least_firing import programme
+
 from ..numbers.derived import cross, rotate_back
 from ..runs.prepare import Case, Source, prepare, read
 from ..runs.run import simulate
@@ -171,19 +173,17 @@ def least_by_programme(able: Array, torque: Array) -> float:
 def _programme(able: Array, torque: Array) -> float:
     """min m,  sum u_i able_i = torque,  |u_i| <= m: (rods, 3) N m to A m2. As max x with
     sum u_i able_i = x torque and |u_i| <= 1, m = 1 / x, it has but three rows."""
-    from scipy.optimize import linprog  # takes a while to load
-
     scale = float(np.abs(able).sum(axis=0).max())
     if scale == 0.0:
         return inf
     size = float(np.linalg.norm(torque))
     columns = np.column_stack([able.T / scale, -torque / size])
     cost = np.append(np.zeros(len(able)), -1.0)
-    bounds = [(-1.0, 1.0)] * len(able) + [(0.0, None)]
-    found = linprog(cost, A_eq=columns, b_eq=np.zeros(3), bounds=bounds, method="highs")
-    if found.status != 0 or -found.fun <= 1e-12:
+    least, most = np.append(np.full(len(able), -1.0), 0.0), np.append(np.ones(len(able)), inf)
+    x, _ = programme(cost, columns, np.zeros(3), least, most)
+    if x is None or x[-1] <= 1e-12:
         return inf
-    return size / (float(-found.fun) * scale)
+    return size / (float(x[-1]) * scale)
 
 
 class Geometry(NamedTuple):
