@@ -94,11 +94,17 @@ def test_unknown_component(broken):
 
 
 def test_wrong_direction(broken):
-    reverse = ('<ssd:Connection startElement="manager" startConnector="b_body[1]" '
-               'endElement="magnetometer" endConnector="b_body[1]"/>')  # fmt: skip
-    problems = broken((CONNECTION, reverse))
+    inputs = ('<ssd:Connection startElement="manager" startConnector="b_body[1]" '
+              'endElement="manager" endConnector="b_body[2]"/>')  # fmt: skip
+    problems = broken((CONNECTION, inputs))
     assert "wrong direction" in problems
     assert "manager.b_body[1] is an input, an output is needed" in problems
+
+
+def test_start_and_end_do_not_say_which_gives(broken):
+    reverse = ('<ssd:Connection startElement="manager" startConnector="b_body[1]" '
+               'endElement="magnetometer" endConnector="b_body[1]"/>')  # fmt: skip
+    assert broken((CONNECTION, reverse)) == ""
 
 
 def test_wrong_kind_in_the_list(broken):

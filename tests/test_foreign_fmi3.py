@@ -223,10 +223,10 @@ def test_a_state_goes_on_in_another_instance(folder):
 
 
 @pytest.mark.parametrize(("text", "said"), [
-    (description(kind="ModelExchange"), "FMI 3.0 for model exchange alone: FMI 2.0 or 3.0 for "
+    (description(kind="ModelExchange"), "FMI 3.0 for model exchange alone: FMI 1.0, 2.0 or 3.0 for "
      "co-simulation is needed"),
     (description(kind="ScheduledExecution"), "FMI 3.0 for scheduled execution alone"),
-    (description(version="3.1"), "FMI 3.1: FMI 2.0 or 3.0 for co-simulation is needed"),
+    (description(version="3.1"), "FMI 3.1: FMI 1.0, 2.0 or 3.0 for co-simulation is needed"),
     (description('<Clock name="tick" valueReference="60" causality="input" intervalVariability='
                  '"triggered"/>'), "tick is a clock: there is no event mode here"),
     (description('<Float64 name="z" valueReference="61" causality="input" start="1 2"><Dimension '

@@ -197,9 +197,9 @@ def test_faults_against_the_standard_are_warnings(tmp_path: Path, library: bytes
         (
             'fmiVersion="2.0"',
             'fmiVersion="1.0"',
-            "FMI 1.0: FMI 2.0 or 3.0 for co-simulation is needed",
+            "FMI 1.0 for model exchange alone: FMI 1.0, 2.0 or 3.0 for co-simulation",
         ),
-        ("CoSimulation", "ModelExchange", "FMI 2.0 for model exchange alone: FMI 2.0 or 3.0 for"),
+        ("CoSimulation", "ModelExchange", "FMI 2.0 for model exchange alone: FMI 1.0, 2.0"),
     ],
 )
 def test_what_cannot_run_is_refused_by_name(

@@ -30,11 +30,11 @@ MOST_ELEMENTS = 1_000_000
 """Of an array."""
 _WHOLE = ("Int8", "Int16", "Int32", "Int64", "UInt8", "UInt16", "UInt32", "UInt64", "Enumeration")
 _KINDS = {"Float32": "Real", "Float64": "Real", **dict.fromkeys(_WHOLE, "Integer")}
-"""What types of FMI 3.0 are here; others are called the same."""
+"""What types are here; others are called the same."""
 
 
 def of_fmu(path: Path, called: str = "") -> Interface:
-    """The interface of a co-simulation FMU of FMI 2.0 or 3.0 (a file or an extracted folder);
+    """The interface of a co-simulation FMU of FMI 1.0, 2.0 or 3.0 (a file or an extracted folder);
     `called`: its file's name, for messages.
 
     Raises DesatError when it is no such FMU.
@@ -58,6 +58,9 @@ def _interface(root: Any, description: Any) -> Interface:
         for u in description.unitDefinitions if (b := u.baseUnit) is not None
     }  # fmt: skip
     third = description.fmiVersion.startswith("3.")
+    if negated := root.xpath("ModelVariables/ScalarVariable[@alias='negatedAlias']"):
+        raise ValueError(f"{negated[0].get('name')} is a negated alias, which FMI 2.0 has no more: "
+                         "export it without")  # fmt: skip
     variables, ours = (_VARIABLES_3, _OURS_3) if third else (_VARIABLES_2, _OURS_2)
     notes = {
         variable.get("name"): dict(note.attrib)
@@ -75,10 +78,14 @@ def _interface(root: Any, description: Any) -> Interface:
             for v in description.modelVariables for name, start, element in scalars(v)
         },
         "" if block is None else block.get("role", ""),
-        "3.0" if third else "2.0",
+        "3.0" if third else description.fmiVersion,
     )  # fmt: skip
 
 
+_KIND = {"1.0": "Implementation/CoSimulation_StandAlone"}
+"""Where a description says that an FMU is for co-simulation and needs no tool to run."""
+_ALONE = (("scheduled execution", "ScheduledExecution"),
+          ("a tool of its own", "Implementation/CoSimulation_Tool"))  # fmt: skip
 _VARIABLES_2, _OURS_2 = "ModelVariables/ScalarVariable", f"Annotations/Tool[@name='{TOOL}']"
 _VARIABLES_3, _OURS_3 = "ModelVariables/*", f"Annotations/Annotation[@type='{TOOL}']"
 
@@ -112,12 +119,12 @@ def _read(path: Path, called: str) -> tuple[Any, Any]:
                 xml = archive.read("modelDescription.xml")
         root = parse_bytes(xml, f"{called}/modelDescription.xml")
         version = root.get("fmiVersion") or "of no version"
-        known = version == "2.0" or re.fullmatch(r"3\.0(\.\d+)?", version)
-        if not known or root.find("CoSimulation") is None:
-            alone = "scheduled execution" if root.find("ScheduledExecution") is not None else (
-                "model exchange")  # fmt: skip
+        known = version in ("1.0", "2.0") or re.fullmatch(r"3\.0(\.\d+)?", version)
+        if not known or root.find(_KIND.get(version, "CoSimulation")) is None:
+            alone = next((kind for kind, element in _ALONE if root.find(element) is not None),
+                         "model exchange")  # fmt: skip
             kind = f"FMI {version} for {alone} alone" if known else f"FMI {version}"
-            raise DesatError(f"{called}: {kind}: FMI 2.0 or 3.0 for co-simulation is needed: "
+            raise DesatError(f"{called}: {kind}: FMI 1.0, 2.0 or 3.0 for co-simulation is needed: "
                              "export it as that")  # fmt: skip
         _identifier(called, root)
         return root, description_of(path)
@@ -150,7 +157,7 @@ def faults(path: Path) -> tuple[str, ...]:
 
 def _identifier(called: str, root: Any) -> None:
     """Raise DesatError unless the name of an FMU's library is one of C, no path to another file."""
-    for kind in root.iterfind("CoSimulation"):
+    for kind in [root] if root.get("fmiVersion") == "1.0" else root.iterfind("CoSimulation"):
         name = kind.get("modelIdentifier", "")
         if not (name.isascii() and name.isidentifier() and len(name) <= LONGEST_NAME):
             raise DesatError(f"{called}: modelIdentifier {name[:80]!r} is no C name")
@@ -181,8 +188,8 @@ def _signal(
         x if x is not None else getattr(declared, key, None)
         for key, x in (("min", v.min), ("max", v.max))
     )
-    kind = v.type if element is None else _KINDS.get(v.type, v.type)
-    if element is not None and v.type == "Enumeration" and declared and declared.items:
+    kind = _KINDS.get(v.type, v.type)
+    if v.type == "Enumeration" and declared and declared.items:
         values = [int(i.value) for i in declared.items]
         least, largest = min(values), max(values)
     slope = note.get("slope", "")
@@ -199,8 +206,7 @@ def _signal(
         minimum=None if least is None else float(least),
         maximum=None if largest is None else float(largest),
         description=v.description or "",
-        choices=tuple(note.get("choices", "").split())
-        or _items(declared if element == 0 else None),
+        choices=tuple(note.get("choices", "").split()) or _items(declared if not element else None),
         output_class=classes.get(getattr(v.alias, "name", v.name), "undeclared")
         if v.causality == "output"
         else "state",
@@ -235,7 +241,7 @@ def _value(kind: str, text: str | None) -> Scalar | str | None:
         return None
     if kind == "Real":
         return float(text)
-    if kind in ("Integer", "Enumeration"):
+    if kind == "Integer":
         return int(text)
     if kind == "Boolean":
         return text in ("true", "1")

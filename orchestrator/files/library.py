@@ -373,7 +373,7 @@ def problems(components: Iterable[Component], trusted: frozenset[str] | None) ->
         fmu = load(c.fmu)
         if trusted is not None and fmu.sha256 not in trusted:
             yield f"{c.name}: {fmu.path.name} is not of the list of --trust (sha256 {fmu.sha256})"
-        here = fmpy.platform if fmu.interface.fmi == "2.0" else fmpy.platform_tuple
+        here = fmpy.platform_tuple if fmu.interface.fmi == "3.0" else fmpy.platform
         if here not in (known := platforms(fmu.folder)):
             there = ", ".join(known) or "none"
             yield f"{c.name}: {fmu.path.name} has no binary for {here}; there is {there}"

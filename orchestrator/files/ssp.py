@@ -76,6 +76,10 @@ PREFIXES = {"ssd": SSD, "ssc": SSC, "ssv": SSV, "ssm": SSM, "ssb": SSB, "osp": O
 """What files that forget to declare a prefix mean by it."""
 
 
+_TAKES = {"input": True, "parameter": True, "output": False, "calculatedParameter": False}
+"""Whether a connector of a kind takes values, or gives them."""
+
+
 class _End(NamedTuple):
     """A connector: path of its system or component (`inner.add`; "" is the outermost system)."""
 
@@ -107,9 +111,24 @@ class _Value(NamedTuple):
     """A value that a parameter set gives, by its name where the set is bound."""
 
     name: str
-    value: Scalar
-    unit: Unit | None
+    value: Scalar | str
+    """A text names an item of an enumeration."""
+    unit: Unit | str | None
+    """A text is a name that nobody explains."""
     at: str
+    also: str = ""
+    """Where its set gives another value by the same name."""
+
+    def through(self, factor: float, offset: float, converts: bool) -> _Value:
+        """This one behind a transformation. Raises DesatError for one of a text."""
+        unit = self.unit if converts else None
+        if (factor, offset) == (1.0, 0.0):
+            return self._replace(unit=unit)
+        if isinstance(self.value, str):
+            raise DesatError(
+                f"{self.at}: {self.name} = {self.value}: a transformation needs a number"
+            )
+        return self._replace(value=factor * self.value + offset, unit=unit)
 
 
 class _Reader:
@@ -122,6 +141,8 @@ class _Reader:
         """By path."""
         self.relays: dict[str, str] = {"": ""}
         """Systems and dictionaries by path -> the path that their connectors are known by."""
+        self.kinds: dict[_End, str] = {}
+        """Of the connectors of components and systems, as the file lists them."""
         self.links: list[_Link] = []
         self.values: list[tuple[str, _Value]] = []
         """Where each is bound; what comes later stands."""
@@ -183,6 +204,8 @@ class _Reader:
 
     def walk(self, system: Any, path: str) -> None:
         """Gather what a system has, the innermost first."""
+        for child in system.iterfind(f"{{{SSD}}}Connectors/{{{SSD}}}Connector"):
+            self.kinds[_End(path, child.get("name", ""))] = child.get("kind", "")
         for child in system.iterfind(f"{{{SSD}}}Elements/*"):
             tag, name = etree.QName(child).localname, child.get("name", "")
             within = f"{path}.{name}" if path else name
@@ -251,10 +274,8 @@ class _Reader:
         if links := reached.get(_End(self.relays[path], name)):
             for link in links:
                 if (component := self.components.get(link.end.path)) is not None:
-                    plain = (link.factor, link.offset) == (1.0, 0.0)
-                    number = value.value if plain else link.factor * value.value + link.offset
-                    unit = value.unit if link.converts else None
-                    _give(component, link.end.connector, value._replace(value=number, unit=unit))
+                    given = value.through(link.factor, link.offset, link.converts)
+                    _give(component, link.end.connector, given)
             return
         element, _, rest = name.partition(".")
         within = f"{path}.{element}" if path else element
@@ -265,6 +286,10 @@ class _Reader:
 
     def component(self, element: Any, path: str) -> DraftComponent:
         source = unquote(element.get("source", "")).replace("\\", "/")
+        if (proxy := re.fullmatch(r"proxyfmu://[^?]*\?file=(.+)", source)) is not None:
+            source = proxy[1]
+            self.warnings.append(f"{self.at(element)}: {path}: of proxyfmu its file alone is used: "
+                                 f"{source} runs here")  # fmt: skip
         component = DraftComponent(
             self.named(path), source, line=element.sourceline,
             fmu=library.find(source, self.folder) if self.inside(element, source) else None,
@@ -283,6 +308,7 @@ class _Reader:
                     f"{self.at(child)}: {component.name}.{connector.name} is listed twice"
                 )
             component.connectors[connector.name] = connector
+            self.kinds[_End(path, connector.name)] = connector.kind
         hint = element.find(f".//{{{OSP}}}StepSizeHint")
         if hint is not None:
             self.hints.append((component, self.number(hint, "value", "0")))
@@ -309,14 +335,20 @@ class _Reader:
         raise DesatError(f"{self.at(element)}: {key} = {text[:40]!r}: a finite number is needed")
 
     def link(self, element: Any, path: str) -> _Link:
-        """A connection in the system at a path."""
-        ends = []
+        """A connection in the system at a path, from what gives to what takes: which is which do
+        the kinds of the connectors say, not start and end (SSP 1.0, `Connection`)."""
+        ends, takes = [], []
         for which in ("start", "end"):
             connector, child = element.get(f"{which}Connector"), element.get(f"{which}Element")
             if connector is None:
                 raise DesatError(f"{self.at(element)}: a connection names two connectors")
             at = ".".join(filter(None, (path, child))) if child else path
+            kind = self.kinds.get(_End(at, connector))
+            inwards = child is None  # what a system takes it gives to what is within
+            takes.append(None if kind not in _TAKES else _TAKES[kind] is not inwards)
             ends.append(_End(self.relays.get(at, at), connector))
+        if takes in ([True, False], [True, None], [None, False]):
+            ends.reverse()
         factor, offset = self.transformation(element, f"{ends[0]} -> {ends[1]}")
         start, end = ends
         return _Link(start, end, element.sourceline, factor, offset, self.converts(element))
@@ -353,7 +385,6 @@ class _Reader:
     def bindings(self, element: Any) -> list[_Value]:
         """The values of the parameter sets bound to a component or system, mapped."""
         values: list[_Value] = []
-        given: dict[str, str] = {}
         for binding in element.iterfind(f"{{{SSD}}}ParameterBindings/{{{SSD}}}ParameterBinding"):
             if binding.get("source") is None:
                 root = binding.find(f"{{{SSD}}}ParameterValues/{{{SSV}}}ParameterSet")
@@ -365,24 +396,21 @@ class _Reader:
             if root is None:
                 continue
             mapped, prefix = self.mapping(binding), binding.get("prefix", "")
+            given: dict[str, _Value] = {}  # another set may give it, too: the later one stands
             for parameter in root.iterfind(f"{{{SSV}}}Parameters/{{{SSV}}}Parameter"):
                 value = next(iter(parameter), None)
                 if value is None:
                     continue
                 source, at = prefix + parameter.get("name", ""), f"{where}:{value.sourceline}"
                 unit = self.unit(value.get("unit"), root, f"{at}: {source}")
-                number = self.value(value, where)
+                read = _Value(source, self.value(value, where), unit, at)
                 for name, factor, offset, converts in mapped.get(
                     source, [(source, 1.0, 0.0, True)]
                 ):
-                    if name in given:
-                        self.problems.append(f"{at} and {given[name]}: {name} is given twice")
-                    given[name] = at
-                    plain = (factor, offset) == (1.0, 0.0)
-                    values.append(_Value(
-                        name, number if plain else factor * number + offset,
-                        unit if converts else None, at,
-                    ))  # fmt: skip
+                    made = read._replace(name=name).through(factor, offset, converts)
+                    if (other := given.setdefault(name, made))[:3] != made[:3]:
+                        made = made._replace(also=other.at)
+                    values.append(made)
         return values
 
     def mapping(self, binding: Any) -> dict[str, list[tuple[str, float, float, bool]]]:
@@ -406,8 +434,9 @@ class _Reader:
             made.setdefault(source, []).append((target, *transformed, reader.converts(entry)))
         return made
 
-    def unit(self, name: str | None, root: Any, where: str) -> Unit | None:
-        """The unit that a value is given in: of the parameter set's own units, or one of ours."""
+    def unit(self, name: str | None, root: Any, where: str) -> Unit | str | None:
+        """The unit that a value is given in: of the parameter set's own units, or one of ours; its
+        name where nobody says what it is."""
         if name is None:
             return None
         for unit in root.iterfind(f"{{{SSV}}}Units/{{{SSC}}}Unit"):
@@ -424,16 +453,17 @@ class _Reader:
             return known
         try:
             return unit_of(name)
-        except DesatError as error:
-            self.problems.append(f"{where}: {error}")
-            return None
+        except DesatError:
+            return name
 
-    def value(self, element: Any, where: str) -> Scalar:
+    def value(self, element: Any, where: str) -> Scalar | str:
         kind, text = etree.QName(element).localname, element.get("value", "")
         try:
             if kind == "Real":
                 return float(text)
-            if kind in ("Integer", "Enumeration"):
+            if kind == "Enumeration":
+                return int(text) if re.fullmatch(r"[+-]?\d+", text) else text
+            if kind == "Integer":
                 return int(text)
             if kind == "Boolean":
                 return {"true": True, "1": True, "false": False, "0": False}[text]
@@ -490,6 +520,9 @@ def _give(component: DraftComponent, name: str, value: _Value) -> None:
     component.parameters[name] = value.value
     component.given[name] = where
     component.given.setdefault(base_name(name), where)
+    component.twice.pop(name, None)
+    if value.also:
+        component.twice[name] = f"{value.at} and {value.also}: {name} is given twice"
     component.units.pop(name, None)
     if value.unit is not None:
         component.units[name] = value.unit

@@ -27,12 +27,14 @@ class DraftComponent:
     name: str
     source: str
     connectors: dict[str, Connector] = field(default_factory=dict)
-    parameters: dict[str, Scalar] = field(default_factory=dict)
-    """Scalar values by element name; inputs may be among them."""
+    parameters: dict[str, Scalar | str] = field(default_factory=dict)
+    """Scalar values, a choice by its name, by element name; inputs may be among them."""
     references: dict[str, str] = field(default_factory=dict)
     """Parameters that are given as other parameters: `gain_matrix = "shared.inertia"`."""
-    units: dict[str, Unit] = field(default_factory=dict)
+    units: dict[str, Unit | str] = field(default_factory=dict)
     """Units that values in `parameters` were given in, where they are not the component's own."""
+    twice: dict[str, str] = field(default_factory=dict)
+    """What to say of variables to which one parameter set gives two values."""
     given: dict[str, str] = field(default_factory=dict)
     """Who gave a variable its value: name -> file and key, or option."""
     line: int = 0

@@ -173,11 +173,14 @@ def _parameter(component: Component, name: str, elements: list[Signal]) -> Param
     return Parameter(value, first.unit_name, given, first.description)
 
 
-def in_unit_of(signal: Signal, value: Scalar, unit: Unit, where: str) -> Scalar:
-    """A value given in `unit` in the unit of its variable. Raises DesatError, which begins with
-    `where`, where it does not fit."""
+def in_unit_of(signal: Signal, value: Scalar, unit: Unit | str, where: str) -> Scalar:
+    """A value given in `unit`, a text for one that nobody explains, in the unit of its variable.
+    Raises DesatError, which begins with `where`, where it does not fit."""
     if signal.unit is None or isinstance(value, bool):
         raise DesatError(f"{where}: {signal.name} has no unit, but its value was given with one")
+    if isinstance(unit, str):
+        raise DesatError(f"{where}: unit {unit} is not known: nothing says how it becomes "
+                         f"{signal.unit_name}")  # fmt: skip
     converted = conversion(unit, signal.unit)
     if converted is None:
         raise DesatError(f"{where}: the unit of {signal.name} = {value} does not fit "

@@ -91,11 +91,12 @@ def _connectors(draft: Draft, c: DraftComponent, interface: Interface) -> Iterat
             continue
         if connector.kind != signal.causality:
             yield f"{where}: listed as {connector.kind}, but it is an {signal.causality}"
-        if connector.type and connector.type != signal.kind:
+        listed = "Integer" if connector.type == "Enumeration" else connector.type
+        if listed and listed != signal.kind:
             yield f"{where}: listed as {connector.type}, but it is {signal.kind}"
         if connector.unit and connector.unit != signal.unit_name and signal.unit is not None:
-            listed = known_unit(connector.unit)
-            if listed is None or conversion(listed, signal.unit) != (1.0, 0.0):
+            unit = known_unit(connector.unit)
+            if unit is None or conversion(unit, signal.unit) != (1.0, 0.0):
                 yield f"{where}: listed in {connector.unit}, but it is in {signal.unit_name or 1}"
 
 
@@ -112,11 +113,16 @@ def _parameters(
                 _warn(draft, f"{where}: {c.source} has no variable {name}"
                              f"{nearest(name, interface.signals)}: left out")  # fmt: skip
                 continue
+            if name in c.twice:
+                problems.append(c.twice[name])
             if name in c.units and signals and not (signals[0].unit_name or interface.role):
                 _warn(draft, f"{where}: {name} has no unit: its value, which was given with one, "
                              "is taken as it is")  # fmt: skip
-            elif name in c.units and signals:
-                value = in_unit_of(signals[0], value, c.units[name], where)
+            elif (
+                signals and not isinstance(value, str)
+                and (unit := c.units.get(name)) is not None and unit != signals[0].unit_name
+            ):  # fmt: skip
+                value = in_unit_of(signals[0], value, unit, where)
             parameters.update(expand(interface, name, value, f"{where}: {c.name}"))
         except DesatError as error:
             problems.append(str(error))

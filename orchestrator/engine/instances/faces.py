@@ -1,4 +1,4 @@
-"""FMI 2.0 and FMI 3.0: what of an FMU's calls differs between the two, a class each.
+"""FMI 1.0, 2.0 and 3.0: what of an FMU's calls differs between them, a class each.
 
 A call is prepared once, with its arguments, as Python makes it and as the compiled loop does. FMI
 3.0 moves whole arrays of many types: where values are not those of the master one by one, they go
@@ -13,6 +13,8 @@ from functools import cache, partial
 from typing import Any, ClassVar, Literal, NamedTuple
 
 import numpy as np
+from fmpy import fmi1
+from fmpy.fmi1 import FMU1Slave, fmi1CallbackFunctions, fmi1CallbackLoggerTYPE
 from fmpy.fmi2 import FMU2Slave, defaultCallbacks, fmi2CallbackFunctions, fmi2CallbackLoggerTYPE
 from fmpy.fmi3 import FMU3Slave, fmi3IntermediateUpdateCallback, fmi3LogMessageCallback
 from fmpy.logging import addLoggerProxy
@@ -67,7 +69,9 @@ class Face:
     deserialise: ClassVar[str]
     slave: ClassVar[Any]
     names: ClassVar[tuple[str, ...]]
-    """The functions that are called in a step, without fmpy."""
+    """The functions that are called without fmpy, those of a step among them."""
+    reset: ClassVar[str]
+    free: ClassVar[str]
 
     def __init__(self, fmu: Any, calls: Mapping[str, Any], interface: Interface) -> None:
         self.fmu, self._calls, self._interface = fmu, calls, interface
@@ -80,6 +84,10 @@ class Face:
     def begin(self, start: float) -> Sequence[tuple[Any, ...]]:
         """The calls that enter initialisation mode at a time (s), with their arguments."""
         raise NotImplementedError
+
+    def end(self) -> tuple[Any, ...]:
+        """The call that leaves initialisation mode, with its arguments."""
+        return (f"{self.prefix}ExitInitializationMode",)
 
     def moves(self, way: Way, signals: Sequence[Signal], values: Array) -> list[Prepared]:
         """Set or get variables of one kind, all at once, from or into an array in their order."""
@@ -99,6 +107,11 @@ class Face:
     def why(self) -> str:
         """What of the last calls failed here and not in the FMU; else nothing."""
         return ""
+
+    @staticmethod
+    def exported(name: str, identifier: str) -> str:
+        """What the library of an FMU with this model identifier calls a function."""
+        return name
 
     def _function(self, name: str, *arguments: Any) -> Callable[[], int]:
         return partial(self._calls[name], *arguments)
@@ -135,6 +148,7 @@ class Fmi2(Face):
     """FMI 2.0: scalars of three types."""
 
     prefix, state, deserialise, slave = "fmi2", "FMUstate", "fmi2DeSerializeFMUstate", FMU2Slave
+    reset, free = "fmi2Reset", "fmi2FreeInstance"
     # fmi2GetReal(c, references, n, values) and so on; fmi2DoStep(c, t, dt, no set state before)
     names = (*(f"fmi2{way}{kind}" for way in ("Get", "Set") for kind in KINDS), "fmi2DoStep")
 
@@ -152,7 +166,7 @@ class Fmi2(Face):
 
     def moves(self, way: Way, signals: Sequence[Signal], values: Array) -> list[Prepared]:
         n, references = len(signals), _references([s.reference for s in signals])
-        name, data = f"fmi2{way}{signals[0].kind}", values.ctypes.data
+        name, data = f"{self.prefix}{way}{signals[0].kind}", values.ctypes.data
         call = self._function(
             name, ctypes.c_void_p(self.c), references, ctypes.c_size_t(n), ctypes.c_void_p(data)
         )
@@ -161,8 +175,9 @@ class Fmi2(Face):
 
     def step(self, t: Any, dt: Any, no_state_before: int) -> Prepared:
         c = ctypes.c_void_p(self.c)
-        call = self._function("fmi2DoStep", c, t, dt, ctypes.c_int(no_state_before))
-        return Prepared(call, "STEP", 1, (self._address("fmi2DoStep"), self.c, t, dt))
+        name = f"{self.prefix}DoStep"
+        call = self._function(name, c, t, dt, ctypes.c_int(no_state_before))
+        return Prepared(call, "STEP", 1, (self._address(name), self.c, t, dt))
 
 
 # --- FMI 3.0 ------------------------------------------------------------------------------------
@@ -198,6 +213,7 @@ class Fmi3(Face):
     """FMI 3.0: arrays, and more types; no event mode, no early return, no intermediate update."""
 
     prefix, state, deserialise, slave = "fmi3", "FMUState", "fmi3DeserializeFMUState", FMU3Slave
+    reset, free = "fmi3Reset", "fmi3FreeInstance"
     # fmi3GetFloat64(c, references, n, values, n values) and so on
     names = (*(f"fmi3{way}{name}" for way in ("Get", "Set")
                for name in dict.fromkeys(name for name, _ in TYPES.values())),
@@ -344,4 +360,57 @@ def _moved(
     return 0
 
 
-FACES: dict[str, type[Face]] = {"2.0": Fmi2, "3.0": Fmi3}
+# --- FMI 1.0 ------------------------------------------------------------------------------------
+
+
+@cache
+def _callbacks_1() -> fmi1CallbackFunctions:
+    made = fmi1CallbackFunctions()
+    made.logger = ctypes.cast(_callbacks().logger, fmi1CallbackLoggerTYPE)  # of the same arguments
+    made.allocateMemory = fmi1.defaultCallbacks.allocateMemory
+    made.freeMemory = fmi1.defaultCallbacks.freeMemory
+    made.stepFinished = None
+    return made
+
+
+class Fmi1(Fmi2):
+    """FMI 1.0: no initialisation mode, truth values of one byte, no state."""
+
+    prefix, slave, reset, free = "fmi1", FMU1Slave, "fmi1ResetSlave", "fmi1FreeSlaveInstance"
+    names = (*(f"fmi1{way}{kind}" for way in ("Get", "Set") for kind in KINDS), "fmi1DoStep",
+             "fmi1InitializeSlave")  # fmt: skip
+
+    @staticmethod
+    def exported(name: str, identifier: str) -> str:
+        return f"{identifier}_{name.replace('fmi1', 'fmi')}"
+
+    def instantiate(self, fmu: Fmu, name: str, environment: int) -> None:
+        self.c = self.fmu.fmi1InstantiateSlave(
+            name.encode(), self.fmu.guid.encode(), fmu.folder.as_uri().encode(),
+            b"application/x-fmu-sharedlibrary", 0.0, b"\0", b"\0", _callbacks_1(), b"\1",
+        )  # fmt: skip
+        if self.c and environment in _listeners:  # the FMU knows nothing but itself
+            listen(self.c, _listeners[environment])
+
+    def begin(self, start: float) -> Sequence[tuple[Any, ...]]:
+        self._start = start
+        return ()
+
+    def end(self) -> tuple[Any, ...]:
+        no = ctypes.c_char(0)
+        return ("fmi1InitializeSlave", ctypes.c_double(self._start), no, ctypes.c_double(0.0))
+
+    def moves(self, way: Way, signals: Sequence[Signal], values: Array) -> list[Prepared]:
+        if signals[0].kind != "Boolean":
+            return super().moves(way, signals, values)
+        bytes_, every = np.zeros(len(signals), np.bool_), np.arange(len(signals))
+        (call,) = super().moves(way, signals, bytes_)
+        ends = (bytes_, values) if way == "Set" else (values, bytes_)
+        code, limits = _CODES.index(np.bool_), (-np.inf, np.inf)
+        typed = partial(_moved, ends[1], every, ends[0], every, limits)
+        name = "TO_TYPE" if way == "Set" else "FROM_TYPE"
+        moved = Prepared(typed, name, len(every), (ends[0], every, ends[1], every, code))
+        return [moved, call] if way == "Set" else [call, moved]
+
+
+FACES: dict[str, type[Face]] = {"1.0": Fmi1, "2.0": Fmi2, "3.0": Fmi3}

@@ -46,8 +46,9 @@ class _Library:
             # below 0, which FMI does not know, is not ok.
             prototype = (ctypes.PYFUNCTYPE if ours else ctypes.CFUNCTYPE)(ctypes.c_uint)
             self.calls: dict[str, Any] = {
-                name: prototype(ctypes.cast(self.fmu.dll[name], ctypes.c_void_p).value or 0)
+                name: prototype(ctypes.cast(self.fmu.dll[called], ctypes.c_void_p).value or 0)
                 for name in face.names
+                if (called := face.exported(name, self.fmu.modelIdentifier))
             }
         except Exception as error:  # fmpy raises plain Exception
             text = str(error).replace(f"{folder}/", "")
@@ -91,7 +92,7 @@ def failure(name: str, what: str, status: int, messages: Sequence[str]) -> Compo
 
 
 class FmuInstance:
-    """A co-simulation FMU of FMI 2.0 or FMI 3.0: what differs stands in its face."""
+    """A co-simulation FMU of FMI 1.0, 2.0 or 3.0: what differs stands in its face."""
 
     def __init__(self, component: Component, fmu: Fmu) -> None:
         self.name, self.place = component.name, 0
@@ -128,6 +129,10 @@ class FmuInstance:
 
     def _call(self, name: str, *arguments: Any) -> None:
         try:
+            if (function := self._library.calls.get(name)) is not None:
+                if (status := function(ctypes.c_void_p(self._c), *arguments)) > 1:
+                    raise self.failed(name, status)
+                return
             getattr(self._library.fmu, name)(self._c, *arguments)
         except FMICallException as error:
             raise self.failed(name, error.status) from error
@@ -227,7 +232,8 @@ class FmuInstance:
             self._call(name, *arguments)
 
     def exit(self) -> None:
-        self._call(f"{self._face.prefix}ExitInitializationMode")
+        name, *arguments = self._face.end()
+        self._call(name, *arguments)
         fault = self._interface.signals.get("fault")
         if fault is not None and fault.kind == "Boolean" and fault.causality == "output":
             value = np.zeros(1, DTYPE["Boolean"])
@@ -247,7 +253,7 @@ class FmuInstance:
 
     def reset(self) -> None:
         """Be as it was when it was made and wired, but for its inputs."""
-        self._call(f"{self._face.prefix}Reset")
+        self._call(self._face.reset)
         self.messages.clear()
 
     def save(self) -> bytes:
@@ -279,9 +285,10 @@ class FmuInstance:
         if self._c:
             if self._before:
                 self._state("Free", ctypes.byref(self._before))
-            getattr(self._library.fmu, f"{self._face.prefix}FreeInstance")(self._c)
+            getattr(self._library.fmu, self._face.free)(self._c)
             self._library.instances -= 1
             self._back()
+            forget(self._c)
         self._c = None
         forget(id(self))
 

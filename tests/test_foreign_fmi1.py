@@ -1,0 +1,153 @@
+"""Co-simulation FMUs of FMI 1.0: values of each type, both loops, FMPy beside, what is refused."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+import sys
+import zipfile
+from pathlib import Path
+
+import fmpy
+import numpy as np
+import pytest
+
+import desat
+from desat.system.errors import DesatError
+
+HERE = Path(__file__).parent
+VARIABLES = (
+    ("k", 0, "Real", "internal", "parameter", "1"),
+    ("u", 1, "Real", "input", "continuous", "0"),
+    ("x", 2, "Real", "output", "continuous", ""),
+    ("n", 0, "Integer", "input", "discrete", "0"),
+    ("m", 1, "Integer", "output", "discrete", ""),
+    ("b", 0, "Boolean", "input", "discrete", "false"),
+    ("c", 1, "Boolean", "output", "discrete", ""),
+)
+DESCRIPTION = (
+    '<?xml version="1.0" encoding="UTF-8"?>\n<fmiModelDescription fmiVersion="1.0" '
+    'modelName="gain" modelIdentifier="gain1" guid="{1}" numberOfContinuousStates="0" '
+    'numberOfEventIndicators="0"><ModelVariables>'
+    + "".join(
+        f'<ScalarVariable name="{name}" valueReference="{reference}" causality="{causality}" '
+        f'variability="{variability}"><{kind}' + (f' start="{start}"' if start else "")
+        + "/></ScalarVariable>"
+        for name, reference, kind, causality, variability, start in VARIABLES
+    )
+    + '</ModelVariables><Implementation><CoSimulation_StandAlone><Capabilities '
+    'canHandleVariableCommunicationStepSize="true"/></CoSimulation_StandAlone></Implementation>'
+    "</fmiModelDescription>"
+)  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def library(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    compiler = shutil.which("gcc") or shutil.which("cc")
+    if compiler is None or sys.platform != "linux":
+        pytest.skip("needs Linux and a C compiler")
+    made = tmp_path_factory.mktemp("gain1") / "gain1.so"
+    subprocess.run(
+        [compiler, "-shared", "-fPIC", "-o", str(made), str(HERE / "gain1.c")], check=True
+    )
+    return made
+
+
+def fmu(path: Path, library: Path, description: str = DESCRIPTION) -> Path:
+    with zipfile.ZipFile(path, "w") as file:
+        file.writestr("modelDescription.xml", description)
+        file.write(library, "binaries/linux64/gain1.so")
+    return path
+
+
+def scenario(folder: Path, values: str = "k = 3.0") -> Path:
+    """a integrates what it is given, b what a has."""
+    names = " ".join(
+        f'xmlns:{p}="http://ssp-standard.org/SSP1/SystemStructure{n}"'
+        for p, n in (("ssd", "Description"), ("ssc", "Common"), ("ssv", "ParameterValues"))
+    )
+    key, value = values.split(" = ")
+
+    def part(name: str, parameters: str) -> str:
+        rows = "".join(
+            f'<ssd:Connector name="{n}" kind="{cause if cause != "internal" else "parameter"}">'
+            f"<ssc:{kind}/></ssd:Connector>" for n, _, kind, cause, *_ in VARIABLES
+        )  # fmt: skip
+        return (
+            f'<ssd:Component name="{name}" source="gain.fmu"><ssd:Connectors>{rows}'
+            "</ssd:Connectors><ssd:ParameterBindings><ssd:ParameterBinding><ssd:ParameterValues>"
+            '<ssv:ParameterSet version="1.0" name="p"><ssv:Parameters>' + parameters
+            + "</ssv:Parameters></ssv:ParameterSet></ssd:ParameterValues></ssd:ParameterBinding>"
+            "</ssd:ParameterBindings></ssd:Component>"
+        )  # fmt: skip
+
+    def given(name: str, kind: str, value: str) -> str:
+        return f'<ssv:Parameter name="{name}"><ssv:{kind} value="{value}"/></ssv:Parameter>'
+
+    wires = "".join(
+        f'<ssd:Connection startElement="a" startConnector="{x}" endElement="b" endConnector="{y}"/>'
+        for x, y in (("x", "u"), ("m", "n"), ("c", "b"))
+    )
+    first = (given(key, "Real", value) + given("u", "Real", "0.5") + given("n", "Integer", "41")
+             + given("b", "Boolean", "false"))  # fmt: skip
+    file = folder / "SystemStructure.ssd"
+    file.write_text(
+        f'<ssd:SystemStructureDescription version="1.0" name="x" {names}><ssd:System name="s">'
+        f"<ssd:Elements>{part('a', first)}{part('b', given('k', 'Real', '2'))}</ssd:Elements>"
+        f"<ssd:Connections>{wires}</ssd:Connections></ssd:System></ssd:SystemStructureDescription>"
+    )
+    return file
+
+
+@pytest.mark.parametrize(("loop", "isolate"), [
+    ("compiled", "none"), ("python", "none"), ("compiled", "foreign"),
+])  # fmt: skip
+def test_values_of_every_type_are_handed_on(
+    tmp_path: Path, library: Path, loop: str, isolate: str
+) -> None:
+    """x' = 3 * 0.5; through b: 43 = 41 + 1 + 1, and not not false."""
+    fmu(tmp_path / "gain.fmu", library)
+    options = {"stop": 2.0, "step": 0.25, "inner": 1, "loop": loop, "isolate": isolate}
+    run = desat.run(str(scenario(tmp_path)), **options)
+    assert run.manifest.status == "completed"
+    # an output that may depend on inputs is that of a step, of which there are eight
+    assert run.results.values("a.x").tolist() == [1.5 * 0.25 * i for i in range(1, 9)]
+    assert run.results.values("b.m")[-1] == 43
+    assert not run.results.values("b.c")[-1]
+
+
+def test_the_series_are_those_of_fmpy(tmp_path: Path, library: Path) -> None:
+    path = fmu(tmp_path / "gain.fmu", library)
+    there = fmpy.simulate_fmu(
+        str(path), validate=False, stop_time=2.0, output_interval=0.25,
+        start_values={"k": 3.0, "u": 0.5, "n": 41}, output=["x", "m", "c"],
+    )  # fmt: skip
+    run = desat.run(str(scenario(tmp_path)), stop=2.0, step=0.25, inner=1)
+    for name in ("x", "m", "c"):
+        np.testing.assert_array_equal(run.results.values(f"a.{name}"), there[name][1:])
+
+
+def test_what_the_fmu_says_is_told(tmp_path: Path, library: Path) -> None:
+    fmu(tmp_path / "gain.fmu", library)
+    with pytest.raises(DesatError, match=r"a: fmi1InitializeSlave returned error: k = -1: 0 or"):
+        desat.run(str(scenario(tmp_path, "k = -1")), stop=2.0, step=0.25, inner=1)
+
+
+@pytest.mark.parametrize(("old", "new", "told"), [
+    ("CoSimulation_StandAlone", "CoSimulation_Tool", "FMI 1.0 for a tool of its own alone"),
+    ("Implementation", "Implemented", "FMI 1.0 for model exchange alone"),
+    ('name="x"', 'name="x" alias="negatedAlias"', "x is a negated alias"),
+    ('modelIdentifier="gain1"', 'modelIdentifier="../gain"', "modelIdentifier '../gain' is no C"),
+])  # fmt: skip
+def test_what_cannot_be_is_refused_by_name(
+    tmp_path: Path, library: Path, old: str, new: str, told: str
+) -> None:
+    fmu(tmp_path / "gain.fmu", library, DESCRIPTION.replace(old, new))
+    with pytest.raises(DesatError, match=rf"a: gain\.fmu.*{told}"):
+        desat.run(str(scenario(tmp_path)), stop=2.0, step=0.25, inner=1)
+
+
+def test_a_state_cannot_be_kept(tmp_path: Path, library: Path) -> None:
+    fmu(tmp_path / "gain.fmu", library)
+    with pytest.raises(DesatError, match=r"--checkpoint: a: gain\.fmu cannot save its state"):
+        desat.run(str(scenario(tmp_path)), stop=2.0, step=0.25, inner=1, checkpoint=1.0)
