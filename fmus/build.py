@@ -35,7 +35,7 @@ from rich.progress import track
 
 from . import fmi3, interfaces, meaning, native
 from .compiler import NoCompilerError, compiler
-from .description import DATE, documentation, model_description
+from .description import DATE, ICON, documentation, model_description
 from .meaning import COMPONENTS, sources
 from .own import OwnBlockError, identifier, is_own, shipped
 from .registry import block_class, names
@@ -108,6 +108,7 @@ def build(which: str, dist: Path = DIST) -> Path:
         block, name, f"{{{guid}}}", DATE, version("desat")
     )
     members["documentation/index.html"] = documentation(block, name).encode()
+    members["model.png"] = ICON.read_bytes()
     dist.mkdir(parents=True, exist_ok=True)
     return native.pack(members, dist / f"{name}.fmu")
 
@@ -166,7 +167,8 @@ def _digest(which: str) -> str:
         digest.update(f"\0{path}\0{len(data)}\0".encode() + data)
     for what in (inspect.getsource(build), ENTRY, inspect.getsource(native.pack)):
         digest.update(what.encode())
-    digest.update((HERE / "description.py").read_bytes())
+    for file in (HERE / "description.py", ICON):
+        digest.update(file.read_bytes())
     return digest.hexdigest()
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import inspect
 import json
 from collections.abc import Collection, Iterator, Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 from lxml import etree
@@ -24,6 +25,8 @@ ONE_SECOND = {"startTime": 0.0, "stepSize": 1.0}
 """The default experiment of a block: any step will do."""
 DISPLAY = {"rad": "deg", "rad/s": "deg/s"}
 """In which unit people read values of a unit: what a host may show."""
+ICON = Path(__file__).with_name("icon.png")
+"""What hosts draw of an FMU of ours: a wheel that turns (96 x 96)."""
 DATE = "1980-01-01T00:00:00Z"
 """Of all of them, so that equal contents are equal."""
 

@@ -64,9 +64,9 @@ def repack(
         for called in PLATFORMS.get(platform, (platform,)):
             members[f"binaries/{called}/{library}"] = data
     files = sorted(n.partition("/")[2] for n in members if n.startswith("sources/"))
+    members["terminalsAndIcons/icon.png"] = members.pop("model.png")
     members["sources/buildDescription.xml"] = _build_description(identifier, files)
-    if wired := terminals(block):
-        members["terminalsAndIcons/terminalsAndIcons.xml"] = wired
+    members["terminalsAndIcons/terminalsAndIcons.xml"] = terminals(block)
     target.parent.mkdir(parents=True, exist_ok=True)
     return pack(members, target)
 
@@ -156,11 +156,16 @@ def _type_definitions(root: Any, block: type[Block]) -> None:
 
 
 def terminals(block: type[Block]) -> bytes:
-    """The terminals of a block as UTF-8 XML: one of its role, with all its outputs, and one of each
-    role that its inputs usually come from, whose members are called as that one's outputs are; none
-    for a loop of blocks."""
+    """Icon and terminals of a block as UTF-8 XML: a terminal of its role, with all its outputs, and
+    one of each role that its inputs usually come from, whose members are called as that one's
+    outputs are; none for a loop of blocks."""
+    root = etree.Element("fmiTerminalsAndIcons", fmiVersion="3.0")
+    drawn = etree.SubElement(root, "GraphicalRepresentation")
+    corners = {"x1": "-100", "y1": "-100", "x2": "100", "y2": "100"}
+    etree.SubElement(drawn, "CoordinateSystem", suggestedScalingFactorTo_mm="0.1", **corners)
+    etree.SubElement(drawn, "Icon", corners)
     if not block.role:
-        return b""
+        return _xml(root)
     members: dict[str, dict[str, str]] = {block.role: {}}
     for v in block.variables:
         if v.causality == "output":
@@ -168,7 +173,6 @@ def terminals(block: type[Block]) -> bytes:
         elif v.causality == "input" and v.source:
             role, _, name = v.source[0].partition(".")
             members.setdefault(role, {}).setdefault(name, v.name)
-    root = etree.Element("fmiTerminalsAndIcons", fmiVersion="3.0")
     made = etree.SubElement(root, "Terminals")
     for role, names in members.items():
         terminal = etree.SubElement(

@@ -23,7 +23,7 @@ from importlib.metadata import version
 from pathlib import Path
 
 from .compiler import compiler, zig
-from .description import DATE, documentation, model_description
+from .description import DATE, ICON, documentation, model_description
 from .own import identifier
 from .registry import block_class
 from .translate.program import translate
@@ -212,6 +212,7 @@ def assemble(
     members = {
         "modelDescription.xml": described,
         "documentation/index.html": page.encode(),
+        "model.png": ICON.read_bytes(),
         **{member: universal(binaries) for member, binaries in made.items()},
         **{f"sources/{file}": text.encode() for file, text in files.items()},
     }

@@ -49,6 +49,7 @@ def test_each_native_block_has_one_whose_files_are_as_the_schemas_want():
             for file, schema in schemas.items():
                 assert schema.validate(etree.fromstring(archive.read(file))), (name, file)
             files = set(archive.namelist())
+            assert {"terminalsAndIcons/icon.png"} <= files
             (library,) = (n for n in two.namelist() if n.startswith("binaries/"))
             here = fmi3.PLATFORMS[native.platform()][0]
             assert archive.read(f"binaries/{here}/{Path(library).name}") == two.read(library)
@@ -92,7 +93,8 @@ def test_a_mode_that_a_block_never_has_is_no_item_and_a_loop_has_no_terminals():
     root = etree.fromstring(fmi3.model_description(Odd, "odd", "{x}", None, {}))
     items = [(i.get("name"), i.get("value")) for i in root.iterfind(".//EnumerationType/Item")]
     assert items == [("off", "0"), ("on", "2"), ("a", "0"), ("b", "1")]
-    assert fmi3.terminals(Odd) == b""
+    assert b"Terminal " not in fmi3.terminals(Odd)
+    assert b"<Icon " in fmi3.terminals(Odd)
 
 
 class Both:

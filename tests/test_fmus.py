@@ -28,6 +28,7 @@ from test_native import OUT_OF_ORDER
 from desat.files import library, paths
 from desat.files.fmu import of_fmu
 from desat.fmus import build, interfaces, registry
+from desat.fmus.description import ICON
 from desat.system import interface
 from desat.system.interface import KINDS
 
@@ -104,6 +105,7 @@ def test_model_description(name):
         page = archive.read("documentation/index.html").decode()
         assert all(v.name.partition("[")[0] in page for v in md.modelVariables)
         assert not any("__pycache__" in n for n in archive.namelist())
+        assert archive.read("model.png") == ICON.read_bytes()
 
 
 def test_a_block_that_cannot_be_one_is_named_and_the_others_are_built(tmp_path):
