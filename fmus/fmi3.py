@@ -162,7 +162,7 @@ def terminals(block: type[Block]) -> bytes:
     root = etree.Element("fmiTerminalsAndIcons", fmiVersion="3.0")
     drawn = etree.SubElement(root, "GraphicalRepresentation")
     corners = {"x1": "-100", "y1": "-100", "x2": "100", "y2": "100"}
-    etree.SubElement(drawn, "CoordinateSystem", suggestedScalingFactorTo_mm="0.1", **corners)
+    etree.SubElement(drawn, "CoordinateSystem", {**corners, "suggestedScalingFactorTo_mm": "0.1"})
     etree.SubElement(drawn, "Icon", corners)
     if not block.role:
         return _xml(root)

@@ -187,6 +187,17 @@ def test_what_cannot_be_written_is_a_line(tmp_path, block, compilers, said):
     assert not (tmp_path / "o").exists()
 
 
+def test_a_field_model_has_room_for_its_degrees_alone(tmp_path):
+    """The rows of IGRF's 15 orders had room for 225."""
+    if shutil.which("gcc") is None:
+        pytest.skip("there is no gcc")
+    _, (size,) = export("environment_kepler", tmp_path, ["gcc"])
+    assert size.static is not None
+    assert size.stack is not None
+    assert 20_000 < size.static < 30_000
+    assert size.stack < 60_000
+
+
 def test_for_a_small_processor(tmp_path):
     """Sizes for a Cortex-M7; where its compiler is installed."""
     if shutil.which("arm-none-eabi-gcc") is None:

@@ -9,6 +9,7 @@ import math
 from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from types import MethodType
 from typing import Any
 
 from .expressions import Expressions, Known, UnknownYetError, _sum
@@ -1001,18 +1002,19 @@ class Calls(Expressions):
             self.line(f"@{name}@{self.code(item)}")
             holes.append(len(self.out) - 1)
 
-        original = self.run
+        # those of a tuple in which this one is an element do not count what this one has
+        before, plain = self.run, MethodType(type(self).run, self)
 
         def run(iteration: Iteration, inner: Any, stop: str = "", hint: str = "k") -> None:
             top = iteration.most
             limits[0] = None if top is None or limits[0] is None else limits[0] * top
-            original(iteration, inner, stop, hint)
+            plain(iteration, inner, stop, hint)
 
         self.run = run  # type: ignore[method-assign,assignment]
         try:
             loops(body)
         finally:
-            self.run = original  # type: ignore[method-assign]
+            self.run = before  # type: ignore[method-assign]
         found: Type = NEVER
         for t in types:
             found = join(found, t)
