@@ -1,0 +1,205 @@
+"""Actuators as they are bought, beside closed forms, quadrature and scipy's integrators."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from test_actuators import IDEAL, LIMITED, PULSED, SKEWED, begin, moments_of, run
+
+from desat.components.contract.block import BlockError
+from desat.components.physics import rod
+
+CURRENT, VOLTAGE = range(2)
+amount = st.floats(-15, 15)
+command = st.tuples(amount, amount, amount)
+
+# --- rods ---------------------------------------------------------------------------------------
+
+DRIVEN = {"supply_voltage": 9.0, "inductance": 12.0, "resistance": 40.0, "area_turns": 60.0,
+          "m_limit": 10.0, "sample_time": 1.0}  # fmt: skip
+"""0.3 s of time constant; 13.5 A m2 held at 293 K."""
+
+
+def driven(**parameters):
+    return begin("torquers_rods", **{**DRIVEN, **parameters})
+
+
+@pytest.mark.parametrize("drive", [IDEAL, LIMITED, PULSED])
+@pytest.mark.parametrize("lag", [0.0, 0.3])
+def test_without_its_options_a_rod_is_a_torquer(drive, lag):
+    same = {"drive": drive, "lag": lag, "sample_time": 2.0, "quiet_time": 0.3, "duty_max": 0.6,
+            "axes_coil": tuple(SKEWED.ravel()), "failed_coil": 2, "failed_from": 5.1,
+            "failed_share": -0.5}  # fmt: skip
+    plain, rods = begin("torquers", **same), begin("torquers_rods", **same)
+    for k in range(9):
+        for block in (plain, rods):
+            block.m_cmd_body = (10.0 - 7.0 * k, 50.0 * (-1) ** k, 3.0 * k)
+        a, b = run(plain, 0.5, 2.0 * (k + 1), 2.0 * k), run(rods, 0.5, 2.0 * (k + 1), 2.0 * k)
+        assert np.array(b) == pytest.approx(np.array(a), rel=1e-12, abs=1e-11)
+        for name in ("m_coil", "power", "on_time", "dipole_energy", "electric_energy"):
+            assert getattr(rods, name) == pytest.approx(getattr(plain, name), rel=1e-12, abs=1e-11)
+
+
+@pytest.mark.parametrize("remanence", [0.01, 0.05])
+def test_what_remains_and_what_a_cycle_loses(remanence):
+    """Rayleigh's law: m_limit at m_limit, `remanence` of it at 0, the area of the loop."""
+    block = begin("torquers_rods", remanence=remanence, m_limit=10.0)
+    path = np.concatenate([np.linspace(0, 10, 101), np.linspace(10, -10, 201),
+                           np.linspace(-10, 10, 201)])  # fmt: skip
+    found = []
+    for k, u in enumerate(path):
+        block.m_cmd_body = (u, 0.0, 0.0)
+        block.advance(float(k), 1.0)
+        block.output(k + 1.0)
+        found.append(block.m_coil[0])
+    m = np.array(found)
+    assert m[100] == pytest.approx(10.0, rel=1e-14)
+    assert m[201] == pytest.approx(10.0 * remanence, rel=1e-13)
+    assert m[301] == pytest.approx(-10.0, rel=1e-13)
+    x, loop = path[101:], m[101:]
+    area = abs(np.trapezoid(np.append(loop, loop[0]), np.append(x, x[0])))
+    exact = 8.0 / 3.0 * remanence * 10.0**2 * (1.0 + 0.5 / rod.PLAYS**2)
+    assert area == pytest.approx(exact, rel=2e-3)  # of paths of 0.1 A m2
+    # on the way up first: (1 - 2 rho) x + 2 rho x^2 / X, Rayleigh's parabola, but for eight plays
+    parabola = (1 - 2 * remanence) * path[:101] + 0.2 * remanence * path[:101] ** 2
+    assert m[:101] == pytest.approx(parabola, abs=10.0 * remanence / (2 * rod.PLAYS**2) * 1.01)
+
+
+def reference(block, u: float, x0: float, regulation: int, stop: float) -> np.ndarray:
+    """Dipole of a rod from m = 0, x = x0 over fine steps: the current by Euler's method of small
+    steps, the plays one by one."""
+    n = 100_000
+    dt, x = stop / n, x0
+    ohm = 40.0 * (1.0 + 0.00393 * (block.temperature - 293.15))
+    full, tau = 60.0 * 9.0 / ohm, 12.0 / ohm
+    aim = u * 40.0 / ohm if regulation == VOLTAGE else u
+    aim = min(max(aim, -full), full)
+    width = [(k + 0.5) * 10.0 / 8 for k in range(8)]
+    plays, found = [0.0] * 8, np.empty(n)
+    for i in range(n):
+        if regulation == VOLTAGE:
+            x = aim + (x - aim) * math.exp(-dt / tau)
+        else:
+            to = math.copysign(full, aim - x)
+            after = to + (x - to) * math.exp(-dt / tau)
+            x = aim if (after - aim) * (x - aim) <= 0.0 else after
+        plays = [min(max(p, x - r), x + r) for p, r in zip(plays, width, strict=True)]
+        found[i] = (1 - 2 * block.remanence) * x + 4 * block.remanence / 8 * sum(plays)
+    return found
+
+
+@pytest.mark.parametrize(("regulation", "temperature", "u"), [
+    (CURRENT, 293.15, 9.0), (CURRENT, 373.15, -10.0), (CURRENT, 460.0, 10.0), (VOLTAGE, 353.0, 8.0),
+])  # fmt: skip
+def test_rise_of_a_rod(regulation, temperature, u):
+    block = driven(regulation=regulation, temperature=temperature, remanence=0.05)
+    fine = reference(block, u, 0.0, regulation, 1.0)
+    block.m_cmd_body = (0.0, u, 0.0)
+    impulse, first = run(block, 1.0, 1.0)
+    t = (np.arange(fine.size) + 0.5) / fine.size
+    assert impulse[1] == pytest.approx(fine.mean(), rel=2e-5)
+    assert first[1] == pytest.approx((t * fine).mean(), rel=2e-5)
+    assert block.m_coil[1] == pytest.approx(fine[-1], rel=2e-5)
+    assert block.dipole_energy == pytest.approx(0.5 * (fine**2).mean(), rel=4e-5)
+
+
+def test_current_is_there_when_the_supply_has_driven_it():
+    """x = X (1 - exp(-t R / L)): 9 of 13.5 A m2 after 0.3 s ln 3."""
+    block = driven(remanence=0.0)
+    block.m_cmd_body = (9.0, 0.0, 0.0)
+    there = 0.3 * math.log(3.0)
+    run(block, there / 8, there)
+    assert block.m_coil[0] == pytest.approx(9.0, rel=1e-12)
+    run(block, 0.01, 1.0 - there, there)
+    assert block.m_mean_body == pytest.approx((9.0, 0.0, 0.0), rel=1e-12)
+    block.m_cmd_body = (0.0, 0.0, 0.0)  # and gone sooner, for the supply is against it
+    gone = 0.3 * math.log((13.5 + 9.0) / 13.5)
+    block.advance(1.0, 0.5 * gone)
+    block.advance(1.0 + 0.5 * gone, 0.5 * gone)
+    block.output(1.0 + gone)
+    assert block.m_coil[0] == pytest.approx(0.0, abs=1e-12)
+
+
+@pytest.mark.parametrize(("parameters", "wanted", "share"), [
+    ({"temperature": 373.15}, 10.0, 1.0),
+    ({"temperature": 393.15, "supply_voltage": 6.0}, 10.0, 60.0 * 6.0 / (40.0 * 1.393) / 10.0),
+    ({"temperature": 253.15, "regulation": VOLTAGE}, 8.0, 1.0 / (1.0 - 0.00393 * 40.0)),
+    ({"temperature": 353.15, "regulation": VOLTAGE}, -8.0, 1.0 / (1.0 + 0.00393 * 60.0)),
+])  # fmt: skip
+def test_what_supply_and_temperature_hold(parameters, wanted, share):
+    block = driven(**parameters)
+    block.m_cmd_body = (wanted, 0.0, 0.0)
+    run(block, 1.0, 20.0)
+    assert block.m_coil[0] == pytest.approx(wanted * share, rel=1e-12)
+    ohm = 40.0 * (1.0 + 0.00393 * (block.temperature - 293.15))
+    assert block.power == pytest.approx(ohm * (block.m_coil[0] / 60.0) ** 2, rel=1e-12)
+
+
+@settings(max_examples=40)
+@given(
+    commands=st.tuples(command, command, command), count=st.integers(2, 60),
+    drive=st.sampled_from([LIMITED, PULSED]), regulation=st.sampled_from([CURRENT, VOLTAGE]),
+    quiet=st.floats(0, 3), remanence=st.sampled_from([0.0, 0.05]), failed=st.integers(0, 4),
+    failed_from=st.floats(0, 30), share=st.sampled_from([0.0, 0.5, -1.0]),
+)  # fmt: skip
+def test_small_steps_of_rods_add_up_to_large_ones(
+    commands, count, drive, regulation, quiet, remanence, failed, failed_from, share
+):
+    found = []
+    for dt in (10.0, 10.0 / count):
+        block = driven(axes_coil=tuple(SKEWED.ravel()), drive=drive, regulation=regulation,
+                       sample_time=10.0, quiet_time=quiet, duty_max=0.6, pulse_delay=0.7,
+                       remanence=remanence, failed_coil=failed, failed_from=failed_from,
+                       failed_share=share, temperature=333.0)  # fmt: skip
+        row = []
+        for k, m in enumerate(commands):
+            block.m_cmd_body = m
+            row += [*run(block, dt, 10.0 * (k + 1), 10.0 * k)]
+        found.append(np.hstack([*row, block.m_coil, block.dipole_energy, block.electric_energy,
+                                block.on_time]))  # fmt: skip
+    size = max(1.0, np.abs(found[0]).max())
+    assert found[1] == pytest.approx(found[0], rel=1e-10, abs=1e-11 * size)
+
+
+@pytest.mark.parametrize("lag", [0.0, 0.4])
+@pytest.mark.parametrize("drive", [LIMITED, PULSED])
+def test_a_turned_coil_is_turned_at_every_sample(drive, lag):
+    """`failed_share` of a coil with lag: the same steps, the same dipole turned."""
+    made = []
+    for share in (1.0, -1.0):
+        block = begin("torquers", drive=drive, lag=lag, sample_time=2.0, duty_max=0.5,
+                      failed_coil=1, failed_share=share)  # fmt: skip
+        block.m_cmd_body = (30.0, 0.0, 0.0)
+        row = []
+        for k in range(12):
+            block.advance(0.5 * k, 0.5)
+            row.append(moments_of(block))
+        made.append(np.array(row))
+    assert np.abs(made[0]).max() > 20.0
+    assert made[1] == pytest.approx(-made[0], abs=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("parameters", "message"),
+    [
+        ({"lag": 0.1}, "lag = 0.1 s beside a supply_voltage"),
+        ({"resistance": 0.0}, "resistance = 0 Ohm: with a supply_voltage"),
+        ({"supply_voltage": 0.0}, "inductance = 12.0 H needs a supply_voltage"),
+        ({"temperature": 30.0}, "temperature = 30.0 K: .* resistance is not above 0"),
+        ({"remanence": 0.05, "drive": IDEAL}, "remanence = 0.05 is a share of m_limit"),
+        ({"remanence": 0.6}, r"remanence = 0.6 is outside \[0.0, 0.5\]"),
+    ],
+)
+def test_rods_that_cannot_be_are_refused(parameters, message):
+    with pytest.raises(BlockError, match=message):
+        driven(**parameters)
+
+
+def test_a_supply_that_does_not_reach_the_limit_is_foreseen():
+    said = list(driven(supply_voltage=5.0).foresee(0.0, 10.0, frozenset({"m_cmd_body"})))
+    assert any("supply_voltage = 5 V holds 7.5 A m2 at 293.15 K" in line for line in said)
+    assert not list(driven().foresee(0.0, 10.0, frozenset({"m_cmd_body"})))
