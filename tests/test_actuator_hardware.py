@@ -203,3 +203,164 @@ def test_a_supply_that_does_not_reach_the_limit_is_foreseen():
     said = list(driven(supply_voltage=5.0).foresee(0.0, 10.0, frozenset({"m_cmd_body"})))
     assert any("supply_voltage = 5 V holds 7.5 A m2 at 293.15 K" in line for line in said)
     assert not list(driven().foresee(0.0, 10.0, frozenset({"m_cmd_body"})))
+
+
+# --- wheels -------------------------------------------------------------------------------------
+
+J = 2e-5
+MOTOR = {"inertia_wheel": (J, 0.0, 0.0, 0.0), "torque_limit": 2e-3, "speed_limit": 800.0,
+         "supply_voltage": 8.0, "torque_constant": 0.01, "motor_constant": 2e-3,
+         "friction_speed": 1.0}  # fmt: skip
+"""800 rad/s without load, K_m^2 = 4e-6: 2 mN m up to 300 rad/s, J / K_m^2 = 5 s."""
+TABLE = {"drag_speed": (0.0, 50.0, 200.0, 700.0, 0.0, 0.0, 0.0, 0.0),
+         "drag_torque": (2e-5, 3e-5, 9e-5, 1.5e-4, 0.0, 0.0, 0.0, 0.0)}  # fmt: skip
+
+
+def spun(stop: float, dt: float, command: float = 0.0, **parameters):
+    block = begin("wheels_motor", **{**MOTOR, **parameters})
+    impulse = first = 0.0
+    block.tau_cmd_wheel = (command, 0.0, 0.0, 0.0)
+    for k in range(round(stop / dt)):
+        block.advance(k * dt, dt)
+        mean, slope = block.tau_mean_wheel[0], block.tau_slope_wheel[0]
+        impulse += dt * mean
+        first += dt * (mean * (k + 0.5) * dt + slope * dt / 12.0)
+    block.output(stop)
+    return block, impulse, first
+
+
+def test_without_its_options_a_motor_turns_as_any_wheel():
+    same = {"torque_limit": 3e-3, "viscous": 2e-6, "coulomb": 1e-4, "motor_lag": 0.1,
+            "compensation": 0.4, "failed": 2, "failed_from": 3.3, "motor_constant": 0.01,
+            "h_start_wheel": (1.0, -2.0, 0.3, 0.0)}  # fmt: skip
+    plain, other = begin("wheels", **same), begin("wheels_motor", **same)
+    for k in range(20):
+        for block in (plain, other):
+            block.tau_cmd_wheel = (1e-3 * (-1) ** (k // 5), 2e-3, 5e-3, 0.0)
+            block.omega_bi_body = (1e-3 * k, 0.0, -2e-3)
+            block.advance(0.5 * k, 0.5)
+            block.output(0.5 * (k + 1))
+        for name in ("h_wheel", "tau_mean_wheel", "tau_slope_wheel", "power", "saturated_wheel"):
+            assert getattr(other, name) == getattr(plain, name)
+
+
+@pytest.mark.parametrize("dt", [0.1, 0.5, 1.0])
+def test_a_motor_on_its_curve(dt):
+    """2 mN m to 300 rad/s, reached after 3 s; from there 800 - 500 exp(-(t - 3) / 5 s)."""
+    block, impulse, _ = spun(2.0, dt, 0.5)
+    assert block.h_wheel[0] == pytest.approx(2.0 * 2e-3, rel=1e-12)
+    block, impulse, first = spun(10.0, dt, 0.5)
+    speed = 800.0 - 500.0 * math.exp(-7.0 / 5.0)
+    assert block.h_wheel[0] == pytest.approx(J * speed, abs=J * 1e-7)
+    assert impulse == pytest.approx(J * speed, abs=J * 1e-7)
+    # int t tau dt = [t h] - int h dt
+    integral = 2e-3 * 4.5 + J * (800.0 * 7.0 - 500.0 * 5.0 * (1.0 - math.exp(-1.4)))
+    assert first == pytest.approx(10.0 * J * speed - integral, rel=1e-8)
+    assert not block.saturated_wheel[0]
+    drive = 4e-6 * (800.0 - speed)
+    assert block.power == pytest.approx(8.0 * drive / 0.01, rel=1e-6)  # voltage times current
+
+
+def test_a_motor_brakes_with_its_whole_torque_and_beyond_no_load_by_itself():
+    block, *_ = spun(1.0, 0.5, -0.5, h_start_wheel=(J * 700.0, 0.0, 0.0, 0.0))
+    assert block.h_wheel[0] == pytest.approx(J * 700.0 - 2e-3, rel=1e-12)
+    block, *_ = spun(1.0, 0.5, 0.0, h_start_wheel=(J * 750.0, 0.0, 0.0, 0.0), supply_voltage=5.0)
+    assert block.h_wheel[0] == pytest.approx(J * (500.0 + 250.0 * math.exp(-0.2)), rel=1e-9)
+    failed = {"failed": 1, "h_start_wheel": (J * 750.0, 0.0, 0.0, 0.0), "supply_voltage": 5.0}
+    block, *_ = spun(1.0, 0.5, 0.0, **failed)
+    assert block.h_wheel[0] == pytest.approx(J * 750.0, rel=1e-14)  # nothing drives it
+
+
+def test_a_wheel_coasts_as_its_table_says():
+    """Between two entries the speed decays exponentially; times from one entry to the next."""
+    block = begin("wheels_motor", **{**MOTOR, **TABLE, "failed": 1,
+                                     "h_start_wheel": (J * 700.0, 0.0, 0.0, 0.0)})  # fmt: skip
+    slope, rest = (1.5e-4 - 9e-5) / 500.0, 9e-5 - 200.0 * (1.5e-4 - 9e-5) / 500.0
+    decays = slope / J
+    to_200 = math.log((700.0 + rest / slope) / (200.0 + rest / slope)) / decays
+    slope, rest = (9e-5 - 3e-5) / 150.0, 1e-5
+    decays = slope / J
+    to_50 = to_200 + math.log((200.0 + rest / slope) / (50.0 + rest / slope)) / decays
+    for k in range(1, 5):
+        for begins, ends, speed in ((0.0, to_200, 200.0), (to_200, to_50, 50.0)):
+            for i in range(2**k):
+                dt = (ends - begins) / 2**k
+                block.advance(begins + i * dt, dt)
+            block.output(ends)
+            assert block.h_wheel[0] == pytest.approx(J * speed, abs=J * 1e-6)
+        block.start()
+
+
+@pytest.mark.parametrize("way", [1.0, -1.0])
+@pytest.mark.parametrize(("lag", "compensation"), [(0.0, 0.0), (0.3, 0.0), (0.3, 0.8)])
+def test_all_of_a_motor_beside_scipy(lag, compensation, way):
+    """Curve, table, lag and compensation, from 350 rad/s through a reversal, while the body
+    turns."""
+    from scipy.integrate import solve_ivp
+
+    start = (way * J * 350.0, 0.0, 0.0, 0.0)
+    block = begin("wheels_motor", **{**MOTOR, **TABLE, "motor_lag": lag, "speed_limit": 1000.0,
+                                     "compensation": compensation,
+                                     "h_start_wheel": start})  # fmt: skip
+    speeds, drags = TABLE["drag_speed"][:4], TABLE["drag_torque"][:4]
+    state = np.array([way * J * 350.0, 0.0, 0.0])
+    turning = 0.02
+
+    def derivative(t, y, command, rate):
+        omega = y[0] / J - rate - turning * t
+        drag = np.interp(abs(omega), speeds, drags) * math.tanh(omega)
+        drive = np.clip((y[1] if lag else command) + y[2], 4e-6 * (-800.0 - omega),
+                        4e-6 * (800.0 - omega))  # fmt: skip
+        return [np.clip(drive, -2e-3, 2e-3) - drag, (command - y[1]) / lag if lag else 0.0,
+                compensation * (drag - y[2])]  # fmt: skip
+
+    for k, command in enumerate([2e-3] * 4 + [-2e-3] * 6 + [1e-4] * 3):
+        rate = turning * k
+        block.omega_bi_body = (rate, 0.0, 0.0)
+        block.tau_cmd_wheel = (way * command, 0.0, 0.0, 0.0)
+        if k < 2:  # until the block foresees that the body turns
+            block._past = (((rate - turning, 0.0, 0.0, 0.0), 1.0),) * 2
+        block.advance(float(k), 1.0)
+        state = solve_ivp(derivative, (0.0, 1.0), state, args=(way * command, rate), rtol=1e-10,
+                          atol=1e-14, max_step=0.005, method="DOP853").y[:, -1]  # fmt: skip
+        block.output(k + 1.0)
+        assert block.h_wheel[0] == pytest.approx(state[0], abs=J * 3e-6)
+    assert abs(state[0]) < J * 350.0
+
+
+def test_a_motor_stays_at_the_speed_limit():
+    block, *_ = spun(10.0, 0.5, 0.5, speed_limit=400.0, **TABLE)
+    assert block.h_wheel[0] == pytest.approx(J * 400.0, rel=1e-12)
+    assert block.saturated_wheel[0]
+    block.tau_cmd_wheel = (-1e-3, 0.0, 0.0, 0.0)
+    block.advance(10.0, 0.5)
+    block.output(10.5)
+    lost = 0.5 * (1e-3 + 9e-5 + 200.0 / 500.0 * 6e-5)
+    assert block.h_wheel[0] == pytest.approx(J * 400.0 - lost, rel=1e-3)
+
+
+ROW = (0.0,) * 4
+
+
+@pytest.mark.parametrize(
+    ("parameters", "message"),
+    [
+        ({"motor_constant": 0.0}, "motor_constant = 0 N m: with a supply_voltage"),
+        ({"stiction": 1e-4}, "stiction = 0.0001 N m: not with"),
+        ({"drag_torque": (1e-5,) * 8}, "drag_torque is given, but no drag_speed"),
+        ({**TABLE, "viscous": 1e-6}, "the table of the drag stands for both"),
+        ({"drag_speed": (0.0, 50.0, 50.0, 60.0, *ROW)}, r"drag_speed\[3\] = 50.0 rad/s is not"),
+        ({"drag_speed": (1.0, 50.0, 60.0, 70.0, *ROW)}, r"drag_speed\[1\] = 1.0 rad/s: the table"),
+        ({"drag_torque": (-1e-5, *ROW, 0.0, 0.0, 0.0)}, r"drag_torque\[1\] = -1e-05 is outside"),
+    ],
+)
+def test_motors_that_cannot_be_are_refused(parameters, message):
+    with pytest.raises(BlockError, match=message):
+        begin("wheels_motor", **{**MOTOR, **parameters})
+
+
+def test_a_voltage_and_a_table_that_end_below_the_speed_limit_are_foreseen():
+    block = begin("wheels_motor", **{**MOTOR, **TABLE, "supply_voltage": 6.0})
+    said = list(block.foresee(0.0, 10.0, frozenset()))
+    assert any("supply_voltage = 6 V turns the wheels at 600 rad/s at most" in x for x in said)
+    assert any("drag_speed ends at 700 rad/s, below speed_limit = 800" in x for x in said)
