@@ -364,3 +364,150 @@ def test_a_voltage_and_a_table_that_end_below_the_speed_limit_are_foreseen():
     said = list(block.foresee(0.0, 10.0, frozenset()))
     assert any("supply_voltage = 6 V turns the wheels at 600 rad/s at most" in x for x in said)
     assert any("drag_speed ends at 700 rad/s, below speed_limit = 800" in x for x in said)
+
+
+# --- thrusters ----------------------------------------------------------------------------------
+
+CLOSED, OPEN = range(2)
+torque = st.floats(-0.06, 0.06)
+
+
+def valves(**parameters):
+    return begin("thrusters_valves", **{"sample_time": 10.0, **parameters})
+
+
+def test_without_their_options_valves_are_nozzles():
+    same = {"sample_time": 5.0, "placement": 1, "schedule_start": (7.0,) + (0.0,) * 7,
+            "schedule_duration": (3.3,) + (0.0,) * 7,
+            "schedule_nozzle": (0.0, 0.5, 0.0, 1.0) + (0.0,) * 60}  # fmt: skip
+    plain, other = begin("thrusters_nozzles", **same), begin("thrusters_valves", **same)
+    for k, wanted in enumerate([(0.01, -0.02, 0.03), (-0.1, 0.0012, -0.04), (0.0, 0.02, 0.0)]):
+        made = []
+        for block in (plain, other):
+            block.tau_cmd_thruster_body = wanted
+            made.append(np.hstack(run(block, 0.5, 5.0 * (k + 1), 5.0 * k)))
+        assert made[1] == pytest.approx(made[0], rel=1e-12, abs=1e-13)
+        for name in ("on_time", "propellant", "on_time_nozzle", "schedule_propellant"):
+            assert getattr(other, name) == pytest.approx(getattr(plain, name), rel=1e-13)
+
+
+@pytest.mark.parametrize("dt", [0.1, 0.5, 10.0])
+def test_impulse_and_centre_of_a_pulse_with_edges(dt):
+    """Of 2 s from 4 s on: u (1 - exp) and its decay; all of the impulse is there, later."""
+    rise, decay = 0.2, 0.35
+    block = valves(rise_time=rise, decay_time=decay, placement=1)
+    block.tau_cmd_thruster_body = (0.04 * 0.2, 0.0, 0.0)
+    impulse, first = run(block, dt, 10.0)
+    end, gone = 1.0 - math.exp(-2.0 / rise), math.exp(-4.0 / decay)
+    up, down = 2.0 - rise * end, decay * end * (1.0 - gone)  # of s while the valve is open, shut
+    assert impulse[0] == pytest.approx(0.04 * (up + down), rel=1e-11)
+    moment = 2.0 - rise * (rise * end - 2.0 * (1.0 - end))  # int t s dt, from 4 s on
+    moment += decay * end * ((2.0 + decay) * (1.0 - gone) - 4.0 * gone)
+    assert first[0] == pytest.approx(0.04 * (moment + 4.0 * (up + down)), rel=1e-11)
+    assert block.on_time == pytest.approx(2.0, rel=1e-12)
+    used = 0.1 * (up + down) / (9.80665 * 68.0)
+    assert block.propellant == pytest.approx(used, rel=1e-11)
+
+
+@settings(max_examples=40)
+@given(
+    commands=st.tuples(*[st.tuples(torque, torque, torque)] * 3), count=st.integers(2, 60),
+    rise=st.sampled_from([0.0, 0.03, 2.0]), decay=st.sampled_from([0.0, 0.05, 3.0]),
+    stuck=st.integers(0, 6), how=st.sampled_from([CLOSED, OPEN]), since=st.floats(0, 30),
+    known=st.booleans(), scatter=st.sampled_from([0.0, 0.1]),
+)  # fmt: skip
+def test_small_steps_of_valves_add_up_to_large_ones(
+    commands, count, rise, decay, stuck, how, since, known, scatter
+):
+    found = []
+    for dt in (10.0, 10.0 / count):
+        block = valves(rise_time=rise, decay_time=decay, stuck_nozzle=stuck, stuck=how,
+                       stuck_from=since, impulse_scatter=scatter,
+                       failure_known=known)  # fmt: skip
+        row = []
+        for k, wanted in enumerate(commands):
+            block.tau_cmd_thruster_body = wanted
+            row += [*run(block, dt, 10.0 * (k + 1), 10.0 * k)]
+        found.append(np.hstack([*row, block.on_time_nozzle, block.propellant]))
+    assert found[1] == pytest.approx(found[0], rel=1e-9, abs=1e-10)
+
+
+def test_scatter_is_of_each_pulse_and_has_its_deviation():
+    block = valves(impulse_scatter=0.05, sample_time=1.0)
+    impulses = []
+    for k in range(3000):
+        block.tau_cmd_thruster_body = (0.02, -0.02, 0.02)
+        block.advance(float(k), 1.0)
+        impulses.append(block.tau_mean_thruster_body)
+    found = np.abs(np.array(impulses)) / 0.02
+    assert found.mean(axis=0) == pytest.approx(np.ones(3), abs=4 * 0.05 / 3000**0.5)
+    assert found.std(axis=0) == pytest.approx(0.05 * np.ones(3), rel=0.06)
+    assert np.abs(np.corrcoef(found.T)[np.triu_indices(3, 1)]).max() < 0.06
+    assert abs(np.corrcoef(found[1:, 0], found[:-1, 0])[0, 1]) < 0.06
+    other = valves(impulse_scatter=0.05, sample_time=1.0, seed=2)
+    other.tau_cmd_thruster_body = (0.02, -0.02, 0.02)
+    other.advance(0.0, 1.0)
+    assert other.tau_mean_thruster_body[0] != impulses[0][0]
+
+
+def test_a_valve_stuck_closed_and_one_stuck_open():
+    """Nozzle 1 is the one of +x: shut from 12.5 s on; or open from then on."""
+    wanted = (0.04 * 0.5, 0.0, 0.0)
+    for how, impulses in ((CLOSED, (5.0, 2.5, 0.0)), (OPEN, (5.0, 2.5 + 7.5, 10.0))):
+        block = valves(stuck_nozzle=1, stuck=how, stuck_from=12.5)
+        for k, seconds in enumerate(impulses):
+            block.tau_cmd_thruster_body = wanted
+            impulse, _ = run(block, 2.5, 10.0 * (k + 1), 10.0 * k)
+            assert impulse == pytest.approx((0.04 * seconds, 0.0, 0.0), abs=1e-12)
+        assert block.on_time == pytest.approx(sum(impulses), rel=1e-12)
+    block = valves(stuck_nozzle=1, stuck=OPEN, failure_known=True)
+    block.tau_cmd_thruster_body = (0.01, 0.004, 0.0)
+    impulse, _ = run(block, 2.5, 10.0)  # nozzle 2 fires against it
+    assert impulse == pytest.approx((0.1, 0.04, 0.0), abs=0.04 * 0.026)
+    assert block.on_time_nozzle[1] == pytest.approx(7.5, abs=0.026)
+
+
+@pytest.mark.parametrize("dt", [0.5, 0.01])
+def test_a_tank_blows_down_and_ends(dt):
+    """thrust = F p, p = 1 / (1 + (B - 1) m / M): m + (B - 1) m^2 / (2 M) = F t / (g0 I_sp)."""
+    flow = 0.1 / (9.80665 * 68.0)
+    tank = 20.0 * flow
+    block = valves(tank=tank, blowdown=3.0, stuck_nozzle=1, stuck=OPEN, sample_time=dt)
+    for k in range(round(20.0 / dt)):
+        block.advance(k * dt, dt)
+    block.output(20.0)
+    share = (math.sqrt(1.0 + 4.0) - 1.0) / 2.0  # of 20 s of full flow: m + m^2 = 1
+    assert block.propellant / tank == pytest.approx(share, rel=0.6 * dt / 10.0)
+    assert block.propellant_left == pytest.approx(tank - block.propellant, rel=1e-12)
+    impulse = 0.0
+    for k in range(round(20.0 / dt), round(60.0 / dt)):
+        block.advance(k * dt, dt)
+        impulse += dt * block.tau_mean_thruster_body[0]
+    block.output(60.0)
+    assert block.propellant == tank
+    assert block.propellant_left == 0.0
+    assert block.tau_mean_thruster_body == (0.0, 0.0, 0.0)
+    left = tank * (1.0 - share) * 9.80665 * 68.0 * 0.4
+    assert impulse == pytest.approx(left, rel=0.6 * dt / 10.0)
+
+
+@pytest.mark.parametrize(
+    ("parameters", "message"),
+    [
+        ({"stuck_nozzle": 7}, "stuck_nozzle = 7: its thrust or direction is 0: no"),
+        ({"stuck_nozzle": 1, "schedule_nozzle": (0.5,) + (0.0,) * 63}, "not beside scheduled"),
+        ({"tank": 1.0, "schedule_duration": (1.0,) + (0.0,) * 7}, "tank = 1.0 kg: not beside"),
+        ({"blowdown": 4.0}, "blowdown = 4.0 needs a tank above 0 kg"),
+        ({"impulse_scatter": -0.1}, "impulse_scatter = -0.1 is outside"),
+    ],
+)
+def test_valves_that_cannot_be_are_refused(parameters, message):
+    with pytest.raises(BlockError, match=message):
+        valves(**parameters)
+
+
+def test_a_valve_that_stays_open_without_a_tank_is_foreseen():
+    block = valves(stuck_nozzle=1, stuck=OPEN)
+    assert any("there is no tank" in x for x in block.foresee(0.0, 10.0, frozenset()))
+    block = valves(stuck_nozzle=1, stuck=OPEN, tank=1.0)
+    assert not list(block.foresee(0.0, 10.0, frozenset()))
