@@ -24,7 +24,7 @@ class WheelsMotor(Wheels):
         friction = tanh(Omega / friction_speed) d(|Omega|)
 
     with d linear between the entries `drag_torque` at `drag_speed`, and as between the last two
-    beyond them. The speed is integrated to 1e-9 rad/s a piece, wherever curve and table bend.
+    beyond them. The speed is integrated to 1e-8 rad/s a piece, wherever curve and table bend.
 
     Source: the equations of a permanent-magnet motor, e.g. Hughes, Electric Motors and Drives,
     ch. 3; else that of `wheels`.

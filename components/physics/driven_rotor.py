@@ -9,15 +9,16 @@ for its current is (voltage - k Omega) / R with k^2 / R = K_m^2 and voltage = k 
 linear between the entries of its table, goes on as the last two do, and turns its sign as
 tanh(Omega / omega_eps). There is no stiction.
 
-The speed is integrated by RK4 whose steps are halved and doubled, two halves against one whole,
-until they differ by less than SMALL_SPEED; so bends of curve and table may fall anywhere.
+What the motor's answer to its command alone would give is in closed form; what curve and drag take
+of that is integrated by RK4 whose steps are halved and doubled, two halves against one whole, until
+they differ by less than SMALL_SPEED; so bends of curve and table may fall anywhere.
 
 Source: the equations of a permanent-magnet motor, e.g. Hughes, Electric Motors and Drives, ch. 3.
 """
 
 from __future__ import annotations
 
-from math import copysign, tanh
+from math import copysign, exp, tanh
 
 from .rotor import (
     AT_LIMIT,
@@ -28,12 +29,13 @@ from .rotor import (
     Rotor,
     at_limit,
     braking,
+    driven,
     friction,
     motor_torque,
-)  # fmt: skip
+)
 
 ENTRIES = 8
-SMALL_SPEED = 1e-9
+SMALL_SPEED = 1e-8
 """By which two halves of a step may differ from the whole (rad/s)."""
 SHORTEST = 2.0**-24
 """No piece is shorter, relative to the step."""
@@ -46,7 +48,7 @@ Curve = tuple[float, float, int, Row, Row]
 drag has (0: none), their speeds (rad/s) and torques (N m)"""
 
 Moving = tuple[float, float, float]
-"""h (N m s), learnt (N m), and the integral of h (N m s2)"""
+"""h less what the motor's answer has given (N m s), learnt (N m), and the integral of the first"""
 
 
 def drag(motor: Motor, curve: Curve, omega: float) -> float:
@@ -111,7 +113,7 @@ def _moving(
     motor: Motor, curve: Curve, rotor: Rotor, command: float, axial: Axial, dt: float,
     fastest: float,
 ) -> tuple[Rotor, float, float]:  # fmt: skip
-    torque, way = rotor[1], rotor[3]
+    torque = rotor[1]
     now: Moving = (rotor[0], rotor[2], 0.0)
     begin, size = 0.0, dt
     for _ in range(PIECES):
@@ -120,64 +122,83 @@ def _moving(
         if error > SMALL_SPEED * motor[0] and size > SHORTEST * dt:
             size *= 0.5
             continue
-        if _beyond(motor, after, axial, begin + size, fastest):
+        if _beyond(motor, torque, command, after, axial, begin + size, fastest):
             least, lasted = 0.0, size
             for _ in range(HALVINGS):
                 middle = 0.5 * (least + lasted)
                 tried, _ = _piece(motor, curve, torque, command, axial, begin, now, middle)
-                if _beyond(motor, tried, axial, begin + middle, fastest):
+                if _beyond(motor, torque, command, tried, axial, begin + middle, fastest):
                     lasted = middle
                 else:
                     least = middle
             after, _ = _piece(motor, curve, torque, command, axial, begin, now, lasted)
             end = begin + lasted
+            (h, after_torque, learnt, way), integral = _there(motor, rotor, command, after, end)
             rate = axial[0] + axial[1] * end
-            h = motor[0] * (copysign(fastest, after[0] / motor[0] - rate) + rate)
-            return (h, motor_torque(motor, torque, command, end), after[1], way), end, after[2]
+            h = motor[0] * (copysign(fastest, h / motor[0] - rate) + rate)
+            return (h, after_torque, learnt, way), end, integral
         now, begin = after, begin + size
         if begin >= dt:
             break
         if 64.0 * error < SMALL_SPEED * motor[0]:
             size *= 2.0
-    return (now[0], motor_torque(motor, torque, command, begin), now[1], way), begin, now[2]
+    turned, total = _there(motor, rotor, command, now, begin)
+    return turned, begin, total
 
 
-def _beyond(motor: Motor, now: Moving, axial: Axial, t: float, fastest: float) -> bool:
+def _there(
+    motor: Motor, rotor: Rotor, command: float, now: Moving, t: float
+) -> tuple[Rotor, float]:
+    """The rotor after t (s), and the integral of its h."""
+    pushed, first, torque, _ = driven(motor, rotor[1], command, t)
+    return (now[0] + pushed, torque, now[1], rotor[3]), now[2] + first
+
+
+def _beyond(
+    motor: Motor, torque: float, command: float, now: Moving, axial: Axial, t: float,
+    fastest: float,
+) -> bool:  # fmt: skip
     """True where the rotor, t (s) after `axial`, is beyond its limit."""
-    return abs(now[0] / motor[0] - axial[0] - axial[1] * t) > fastest * (1.0 + AT_LIMIT)
+    h = now[0] + driven(motor, torque, command, t)[0]
+    return abs(h / motor[0] - axial[0] - axial[1] * t) > fastest * (1.0 + AT_LIMIT)
 
 
 def _piece(
     motor: Motor, curve: Curve, torque: float, command: float, axial: Axial, begin: float,
     now: Moving, size: float,
 ) -> tuple[Moving, float]:  # fmt: skip
-    """The state a time `size` (s) after `begin` (s), by two halves, and by how much (N m s) the
-    whole differs."""
+    """The state a time `size` (s) after `begin` (s), by two halves and, extrapolated, the whole;
+    and by how much (N m s) these differ."""
     half = 0.5 * size
     whole = _runge_kutta(motor, curve, torque, command, axial, begin, now, size)
     middle = _runge_kutta(motor, curve, torque, command, axial, begin, now, half)
     after = _runge_kutta(motor, curve, torque, command, axial, begin + half, middle, half)
-    return after, abs(after[0] - whole[0])
+    apart = after[0] - whole[0]
+    return (after[0] + apart / 15.0, after[1] + (after[1] - whole[1]) / 15.0, after[2]), abs(apart)
 
 
 def _runge_kutta(
     motor: Motor, curve: Curve, torque: float, command: float, axial: Axial, begin: float,
     now: Moving, size: float,
 ) -> Moving:  # fmt: skip
-    j, c, (rate, change) = motor[0], motor[5], axial
-    h, learnt, total = now
+    j, lag, c, (rate, change) = motor[0], motor[1], motor[5], axial
+    y, learnt, total = now
+    excess = torque - command if lag > 0.0 else 0.0
 
-    def changes(s: float, h: float, learnt: float) -> tuple[float, float]:
-        omega = h / j - rate - change * s
+    def changes(s: float, y: float, learnt: float) -> tuple[float, float]:
+        left = exp(-s / lag) if excess else 0.0
+        answer = command + excess * left
+        pushed = command * s + excess * lag * (1.0 - left)
+        omega = (y + pushed) / j - rate - change * s
         lost = drag(motor, curve, omega)
-        drive = motor_torque(motor, torque, command, s) + learnt
-        return limited(motor, curve, drive, omega) - lost, c * (lost - learnt)
+        drive = limited(motor, curve, answer + learnt, omega)
+        return drive - answer - lost, c * (lost - learnt)
 
     half = 0.5 * size
-    p, p2 = changes(begin, h, learnt)
-    q, q2 = changes(begin + half, h + half * p, learnt + half * p2)
-    r, r2 = changes(begin + half, h + half * q, learnt + half * q2)
-    s, s2 = changes(begin + size, h + size * r, learnt + size * r2)
+    p, p2 = changes(begin, y, learnt)
+    q, q2 = changes(begin + half, y + half * p, learnt + half * p2)
+    r, r2 = changes(begin + half, y + half * q, learnt + half * q2)
+    s, s2 = changes(begin + size, y + size * r, learnt + size * r2)
     gained = size / 6.0 * (p + 2.0 * (q + r) + s)
-    total += size * (h + 0.5 * gained + size * (p - s) / 12.0)
-    return h + gained, learnt + size / 6.0 * (p2 + 2.0 * (q2 + r2) + s2), total
+    total += size * (y + 0.5 * gained + size * (p - s) / 12.0)
+    return y + gained, learnt + size / 6.0 * (p2 + 2.0 * (q2 + r2) + s2), total

@@ -303,7 +303,7 @@ def _frictionless(
     return (h, torque, learnt, way), dt * (h - dt * first)
 
 
-def _pushed(
+def driven(
     motor: Motor, torque0: float, command: float, dt: float
 ) -> tuple[float, float, float, float]:
     """What the motor does in dt (s): momentum (N m s), its integral, T at the end, and the motor's
@@ -324,7 +324,7 @@ def _with_friction(
 ) -> tuple[Rotor, float]:
     """The motor's exponential in closed form, friction beside it by RK4."""
     h0, torque0, _, way = rotor
-    pushed, first, torque, excess = _pushed(motor, torque0, command, dt)
+    pushed, first, torque, excess = driven(motor, torque0, command, dt)
     lost, first_lost = _lost(motor, rotor, excess, command, axial, dt)
     return (h0 + pushed - lost, torque, 0.0, way), h0 * dt + first - first_lost
 
@@ -359,7 +359,7 @@ def _compensated(
     end, the loop's exponential is exact."""
     j, c, (rate, change) = motor[0], motor[5], axial
     h0, torque0, learnt, way = rotor
-    pushed, first_pushed, torque, _ = _pushed(motor, torque0, command, dt)
+    pushed, first_pushed, torque, _ = driven(motor, torque0, command, dt)
     start = _drag(motor, h0 / j - rate, way)
     x0 = start - learnt
     decayed = -expm1(-c * dt)
