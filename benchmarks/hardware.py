@@ -2,9 +2,9 @@
 
 `python -m benchmarks.hardware [--draws N] [--only TEXT]` flies the variants below, or those whose
 title has the text, in the same draws as the scenario that each is a variant of, measures what a
-step of it costs, keeps both in `hardware.json`, and writes the page from `docs/hardware.template`.
-`--page` writes the page alone. A variant is a few lines of a scenario file; a new one is a line of
-VARIANTS.
+step of it costs (`--cost`: that alone), keeps both in `hardware.json`, and writes the page from
+`docs/hardware.template`. `--page` writes the page alone. A variant is a few lines of a scenario
+file; a new one is a line of VARIANTS.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ import sys
 import tempfile
 from dataclasses import dataclass
 from datetime import UTC, datetime
+from math import inf
 from pathlib import Path
 from typing import Any
 
@@ -32,7 +33,7 @@ SEED = 2900
 DRAWS = 20
 SURE = 0.9
 """A change is shown where this share of the draws goes the same way."""
-STEPS, ROUNDS = 20_000, 5
+STEPS, ROUNDS = 20_000, 15
 """Of a measurement of cost; variant and scenario in turn."""
 
 
@@ -149,62 +150,74 @@ def file_of(flight: Flight, text: str, folder: Path) -> Path:
 
 
 def cost(flight: Flight, text: str, folder: Path) -> float:
-    """Microseconds a step that a variant takes more than its scenario: medians, in turn."""
-    one = "from pathlib import Path; from benchmarks.run import desat; import sys; "
-    one += f"print(desat(sys.argv[1], {STEPS})['us'])"
-    files = [file_of(flight, x, _made(folder / str(k))) for k, x in enumerate(("", text))]
-    us: list[list[float]] = [[], []]
-    for _ in range(ROUNDS):
-        for k, file in enumerate(files):
-            done = subprocess.run([sys.executable, "-c", one, str(file)], capture_output=True,
-                                  text=True, check=True)  # fmt: skip
-            us[k].append(float(done.stdout))
-    return statistics.median(us[1]) - statistics.median(us[0])
+    """Microseconds a step that a variant takes more than its scenario: the median of the
+    differences of ROUNDS, in turn, in a process of their own."""
+    files = []
+    for k, lines in enumerate(("", text)):
+        (folder / str(k)).mkdir(exist_ok=True)
+        files.append(str(file_of(flight, lines, folder / str(k))))
+    done = subprocess.run([sys.executable, "-c", _IN_TURN, *files], capture_output=True, text=True,
+                          check=True)  # fmt: skip
+    return float(done.stdout)
 
 
-def _made(folder: Path) -> Path:
-    folder.mkdir(exist_ok=True)
-    return folder
+_IN_TURN = f"""
+import statistics, sys
+from benchmarks.run import _master, _timed
+with _master(sys.argv[1], False) as base, _master(sys.argv[2], False) as other:
+    print(statistics.median(
+        -_timed(base, {STEPS}) + _timed(other, {STEPS}) for _ in range({ROUNDS})))
+"""
 
 
-def fly(count: int, only: str, kept: dict[str, Any]) -> None:
-    """Fly scenarios and variants, and keep them."""
+def fly(count: int, only: str, cost_alone: bool, kept: dict[str, Any]) -> None:
+    """Fly scenarios and variants, or measure what they cost alone, and keep that."""
     chosen = [v for v in VARIANTS if only in v.title]
     todo = [(name, v) for v in chosen for name in v.flights]
-    todo = [(name, Variant(FLIGHTS[name].title, "", (name,)))
-            for name in dict.fromkeys(name for name, _ in todo)] + todo  # fmt: skip
-    for name, variant in track(todo, "variants"):
-        flight = FLIGHTS[name]
+    bases = [(name, Variant(FLIGHTS[name].title, "", (name,)))
+             for name in dict.fromkeys(name for name, _ in todo)]  # fmt: skip
+    for name, variant in track([*bases, *todo], "variants"):
+        flight, key = FLIGHTS[name], f"{name} {variant.title}"
         with tempfile.TemporaryDirectory() as made:
             folder = Path(made)
-            numbers = flown(str(file_of(flight, variant.text, folder)), SEED, count, ())
-            wanted = [c for c, _, _ in flight.columns]
-            kept[f"{name} {variant.title}"] = {
-                "numbers": {c: [draw[c] for draw in numbers] for c in wanted},
-                "us": cost(flight, variant.text, folder) if variant.text else 0.0,
-                "made": datetime.now(UTC).strftime("%Y-%m-%d"),
-            }
+            if not cost_alone:
+                numbers = flown(str(file_of(flight, variant.text, folder)), SEED, count, ())
+                wanted = [c for c, _, _ in flight.columns]
+                kept[key] = {
+                    "numbers": {c: [draw[c] for draw in numbers] for c in wanted},
+                    "made": datetime.now(UTC).strftime("%Y-%m-%d"),
+                }
+            kept[key]["us"] = cost(flight, variant.text, folder) if variant.text else 0.0
         STORE.write_text(json.dumps(kept, indent=1, sort_keys=True) + "\n")
 
 
 def shown(x: float) -> str:
     """A number of a table."""
-    return "never" if x == float("inf") else f"{x:.3g}" if abs(x) < 999.5 else f"{x:.0f}"
+    return "never" if x == inf else f"{x:.3g}" if abs(x) < 999.5 else f"{x:.0f}"
+
+
+def signed(x: float) -> str:
+    """A difference of a table, to two digits."""
+    if x in (0.0, inf):
+        return "never" if x else "0"
+    return f"{float(f'{x:.2g}'):+g}"
 
 
 def _change(ours: list[float | None], base: list[float | None], scale: float) -> str:
     """The median, and by how much it differs draw by draw: the median of that where nearly all
-    draws go the same way, else from where to where, if that is more than a hundredth."""
-    a, b = ([float("inf") if x is None else scale * x for x in side] for side in (ours, base))
-    middle = statistics.median(a)
-    apart = [0.0 if x == y else x - y for x, y in zip(a, b, strict=True)]
+    draws go the same way, else from where to where, if that is more than a hundredth. Of the draws
+    whose scenario has the number."""
+    pairs = [(inf if x is None else scale * x, scale * y)
+             for x, y in zip(ours, base, strict=True) if y is not None]  # fmt: skip
+    middle = statistics.median(x for x, _ in pairs)
+    least = 1e-4 * abs(middle)
+    apart = [x - y if abs(x - y) > least else 0.0 for x, y in pairs]
     up, down = (sum(x > 0.0 for x in apart), sum(x < 0.0 for x in apart))
     if max(up, down) >= SURE * len(apart):
-        change = statistics.median(apart)
-        return f"{shown(middle)} ({change:+.2g})" if abs(change) > 1e-4 * middle else shown(middle)
+        return f"{shown(middle)} ({signed(statistics.median(apart))})"
     if max(map(abs, apart)) <= 0.01 * middle:
         return shown(middle)
-    return f"{shown(middle)} ({min(apart):+.2g} to {max(apart):+.2g})"
+    return f"{shown(middle)} ({signed(min(apart))} to {signed(max(apart))})"
 
 
 def table(kept: dict[str, Any], flights: tuple[str, ...]) -> str:
@@ -249,6 +262,8 @@ def page(kept: dict[str, Any]) -> str:
     """docs/hardware.md: the template with its tables."""
     text = (DOCS / "hardware.template").read_text()
     text = text.replace("{{ steps }}", f"{STEPS:,}").replace("{{ rounds }}", str(ROUNDS))
+    dumped = kept[f"cubesat {NADIR.title}"]["numbers"]["dumped"]
+    text = text.replace("{{ dumped }}", f"{sum(x is not None for x in dumped)} of {len(dumped)}")
     for which in ("class", "product"):
         text = text.replace("{{ " + which + " }}", listed(which))
     for flights in dict.fromkeys(v.flights for v in VARIANTS):
@@ -260,11 +275,12 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--draws", type=int, default=DRAWS)
     parser.add_argument("--only", default="", help="variants whose title has this text")
+    parser.add_argument("--cost", action="store_true", help="measure the cost alone")
     parser.add_argument("--page", action="store_true", help="write the page alone")
     given = parser.parse_args()
     kept: dict[str, Any] = json.loads(STORE.read_text()) if STORE.exists() else {}
     if not given.page:
-        fly(given.draws, given.only, kept)
+        fly(given.draws, given.only, given.cost, kept)
     (DOCS / "hardware.md").write_text(page(kept))
     return 0
 

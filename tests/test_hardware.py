@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 
 import pytest
@@ -129,3 +130,14 @@ def test_every_product_has_its_source_and_figures_that_can_be():
             2.0 < quantity("", its["capacity"], "N.m.s") / quantity("", its["torque"], "N.m") < 300
         )
     assert figures("gyro", "product:STIM210")[1]["maker"] == "Sensonor"
+
+
+def test_the_page_is_made_of_what_was_flown():
+    """docs/hardware.md is what its template, the stored flights, classes and products make."""
+    from benchmarks import hardware
+
+    kept = json.loads(hardware.STORE.read_text(encoding="utf-8"))
+    assert (hardware.DOCS / "hardware.md").read_text(encoding="utf-8") == hardware.page(kept)
+    for variant in hardware.VARIANTS:
+        for name in variant.flights:
+            assert f"{name} {variant.title}" in kept, "fly it: python -m benchmarks.hardware"
