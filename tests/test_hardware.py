@@ -9,7 +9,10 @@ import pytest
 
 from desat.files import craft
 from desat.files.hardware import KINDS, figures, known, quantity
+from desat.runs.prepare import prepare
+from desat.studies.flight import hardware_of, values_of
 from desat.system.errors import DesatError
+from desat.system.options import Options
 
 CRAFT = """
 title = "Of classes and products"
@@ -141,3 +144,36 @@ def test_the_page_is_made_of_what_was_flown():
     for variant in hardware.VARIANTS:
         for name in variant.flights:
             assert f"{name} {variant.title}" in kept, "fly it: python -m benchmarks.hardware"
+
+
+@pytest.mark.parametrize(
+    ("lines", "dipole", "share"),
+    [
+        ("", 1.0, 1.0),
+        ("supply_voltage = 0.075", 0.5, 1.0),  # V 200 m2 / 30 Ohm
+        ('supply_voltage = 3.0\nregulation = "voltage"\ntemperature = 393.15', 1 / 1.393, 1.0),
+        ("supply_voltage = 3.0", 1.0, 0.4),
+    ],
+)
+def test_what_a_supply_leaves_is_what_a_craft_is_sized_by(tmp_path, lines, dipole, share):
+    name = "nadir_day/day-dipole"
+    plain = hardware_of(prepare(name, Options(blocks=True)).or_raise()[0])
+    file = tmp_path / "mine.toml"
+    speed = plain_speed(name)
+    file.write_text(
+        f'extends = "{name}"\ntitle = "Supplied"\n'
+        'sources = { torquers = "torquers_rods", wheels = "wheels_motor" }\n'
+        f"[parameters.wheels]\nmotor_constant = 0.01\ntorque_constant = 0.01\n"
+        f"supply_voltage = {share * 0.01 * speed if share < 1.0 else 0.0}\n"
+        f"[parameters.torquers]\nlag = 0.0\nresistance = 30.0\narea_turns = 200.0\n"
+        f"m_limit = 1.0\n{lines}\n",
+        encoding="utf-8",
+    )
+    found = hardware_of(prepare(str(file), Options(blocks=True)).or_raise()[0])
+    assert found.m_limit == pytest.approx(dipole)
+    assert found.capacity == pytest.approx(share * plain.capacity)
+
+
+def plain_speed(name: str) -> float:
+    system, _ = prepare(name, Options(blocks=True)).or_raise()
+    return float(values_of(system)["wheels"]["speed_limit"])

@@ -5,7 +5,7 @@ from math import copysign, log
 
 from ..contract.block import Parameter, Vec3, Vec4
 from ..maths.moments import part
-from ..physics.rod import DEMAGNETISED, Plays, dipole, over
+from ..physics.rod import DEMAGNETISED, Plays, dipole, over, warm
 from ..physics.wheel_array import body_momentum
 from .torquers import IDEAL, Torquers
 
@@ -66,8 +66,7 @@ class TorquersRods(Torquers):
 
     def start(self) -> None:
         super().start()
-        warm = 1.0 + self.temperature_coefficient * (self.temperature - 293.15)
-        if warm <= 0.0:
+        if warm(1.0, self.temperature, self.temperature_coefficient) <= 0.0:
             self.fail(
                 f"temperature = {self.temperature} K: with temperature_coefficient = "
                 f"{self.temperature_coefficient} 1/K the resistance is not above 0"
@@ -75,7 +74,7 @@ class TorquersRods(Torquers):
         if self.remanence > 0.0 and (self.drive == IDEAL or self.m_limit == 0.0):
             self.fail(f"remanence = {self.remanence} is a share of m_limit: it needs one above 0, "
                       "and a drive that keeps it (limited, pulsed)")  # fmt: skip
-        self._ohm = self.resistance * warm
+        self._ohm = warm(self.resistance, self.temperature, self.temperature_coefficient)
         self._most = 0.0  # what the supply can hold, A m2; 0: anything
         self._time_constant = self.lag
         if self.supply_voltage > 0.0:

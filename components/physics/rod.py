@@ -30,6 +30,11 @@ JOINED = 1e-12
 """A play so near, relative to the limit, has joined."""
 
 
+def warm(resistance: float, temperature: float, coefficient: float) -> float:
+    """The resistance (Ohm) of a winding at a temperature (K), from that at 293.15 K."""
+    return resistance * (1.0 + coefficient * (temperature - 293.15))
+
+
 def half_width(k: int, limit: float) -> float:
     """r_k (A m2) of play k, from 0 on."""
     return (k + 0.5) * limit / PLAYS
