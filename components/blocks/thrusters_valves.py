@@ -36,7 +36,7 @@ class ThrustersValves(ThrustersNozzles):
     less what the open one does.
 
     Scheduled firings have neither edges nor scatter; those that take nozzles are refused beside a
-    stuck one, all of them beside a tank. The craft's mass and inertia do not change.
+    stuck one, all of them beside a tank. The craft's inertia does not change.
 
     Source: ours; Boyle's law for the pressure.
     """
