@@ -13,7 +13,8 @@ import numpy as np
 import pytest
 
 import desat as library
-from desat.files.new_craft import CUBESATS, SCENARIOS, Wanted, classes, quantity, write
+from desat.files.hardware import classes, quantity
+from desat.files.new_craft import CUBESATS, SCENARIOS, Wanted, write
 from desat.fmus import registry
 from desat.runs.prepare import prepare
 from desat.studies.sizing import Wishes, size

@@ -460,6 +460,31 @@ def test_a_firing_against_cowell(dt, turning):
     assert math.dist(block.r_eci, later[:3]) < 1e-3
 
 
+@pytest.mark.parametrize("dt", [1.0, 30.0])
+def test_a_firing_takes_mass_with_it(dt):
+    """300 s of 20 N on 50 kg by a specific impulse of 60 s: 10 kg go; against Cowell, by a force on
+    less and less mass, and the rocket equation."""
+    force, isp = 20.0, 60.0
+    flow = force / (9.80665 * isp)
+    block = propagation(firings=True, mass=50.0, specific_impulse=isp, **ECCENTRIC)
+    first = state(block)
+    block.force_mean_thruster_body = (0.0, force, 0.0)
+    run(block, 300.0, dt)
+    assert block.mass_left == pytest.approx(50.0 - 300.0 * flow, rel=1e-13)
+    assert block.mass_left < 40.0
+    expected = cowell(first, 4, 300.0, lambda t, y: np.array((0, force, 0)) / (50.0 - flow * t))
+    assert math.dist(block.r_eci, expected[:3]) < 1e-5
+    assert math.dist(block.v_eci, expected[3:]) < 1e-8
+    free = cowell(first, 4, 300.0)
+    gained = 9.80665 * isp * math.log(50.0 / block.mass_left)
+    assert math.dist(expected[3:], free[3:]) == pytest.approx(gained, rel=0.02)  # and gravity bends
+    block.force_mean_thruster_body = (0.0, 30.0 * force, 0.0)
+    with pytest.raises(BlockError, match=r"at 300 s the thrusters take .* and the craft has 39"):
+        block.advance(300.0, 60.0)
+    with pytest.raises(BlockError, match="specific_impulse = 60 s needs firings = true"):
+        propagation(specific_impulse=isp)
+
+
 def test_a_firing_along_the_velocity_raises_the_orbit():
     """da = 2 a^2 v dv / mu for a short firing."""
     a = 7.0e6

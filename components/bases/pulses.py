@@ -83,11 +83,7 @@ class PulsedThrusters(Thrusters):
             )
         mean, slope, force = [0.0] * 3, [0.0] * 3, [0.0] * 3
         exhaust = STANDARD_GRAVITY * self.specific_impulse
-        for begin, end, i, jet in self._pulses:
-            seconds = _add(mean, slope, force, jet, begin, end, t, dt)
-            self._on_time += seconds
-            self._propellant += seconds * jet[2] / exhaust
-            self.fired(i, seconds)
+        self.fire(mean, slope, force, t, dt)
         for begin, end, i, jet in self._schedule:
             seconds = _add(mean, slope, force, jet, begin, end, t, dt)
             self._schedule_on_time += seconds
@@ -96,6 +92,18 @@ class PulsedThrusters(Thrusters):
         self.tau_mean_thruster_body = (mean[0], mean[1], mean[2])
         self.tau_slope_thruster_body = (slope[0], slope[1], slope[2])
         self.force_mean_thruster_body = (force[0], force[1], force[2])
+
+    def fire(
+        self, mean: list[float], slope: list[float], force: list[float], t: float, dt: float
+    ) -> None:
+        """Add what the pulses do over the step from t on to the torque's mean and slope (N m) and
+        the force's mean (N), body, and count them."""
+        exhaust = STANDARD_GRAVITY * self.specific_impulse
+        for begin, end, i, jet in self._pulses:
+            seconds = _add(mean, slope, force, jet, begin, end, t, dt)
+            self._on_time += seconds
+            self._propellant += seconds * jet[2] / exhaust
+            self.fired(i, seconds)
 
     @abstractmethod
     def wanted(self, period: float) -> Iterable[tuple[float, Jet]]:

@@ -4,9 +4,11 @@ from math import ceil, floor, sqrt
 
 from ..bases.near_earth import NO_AIR, NODE_TIME, NODES, NearEarth, derivatives
 from ..bases.orbit_start import OSCULATING, STATE, OrbitStart
-from ..contract.block import Parameter, Vec3
+from ..bases.pulses import STANDARD_GRAVITY
+from ..contract.block import Output, Parameter, Vec3
 from ..maths.attitude import propagated, rotate_back
 from ..maths.runge_kutta import State, step8
+from ..maths.vector import norm
 from ..physics import earth
 from ..physics.orbit import gravity, state_from_elements
 
@@ -36,7 +38,11 @@ class EnvironmentPropagated(NearEarth, OrbitStart):
     With `firings` the mean force of a step acts over it, in the body that turns on from q_bi with
     omega_bi_body; the orbit goes on from where it leads. `environment.force_mean_thruster_body`,
     `q_bi` and `omega_bi_body` are to be wired from the thrusters and the spacecraft in the craft
-    file. `mass` is constant: propellant that is spent does not lessen it.
+    file. With `specific_impulse` the craft's mass falls by what that force takes,
+
+        m' = -|force_mean_thruster_body| / (g0 specific_impulse)
+
+    which is nothing of what thrusters spend against each other; without it `mass` is constant.
 
     A block of its own, not a choice of environment_kepler: it has a state, which firings change,
     where that one is a function of time.
@@ -57,8 +63,18 @@ class EnvironmentPropagated(NearEarth, OrbitStart):
         needs=("force_mean_thruster_body", "q_bi", "omega_bi_body"),
     )  # fmt: skip
 
+    specific_impulse: float = Parameter(
+        "s", "of the thrusters, by which their force takes mass; 0: none, the mass is constant",
+        min=0.0, needs=("force_mean_thruster_body",),
+    )  # fmt: skip
+    mass_left: float = Output("kg", "mass of the craft")
+
     def start(self) -> None:
         super().start()
+        self._mass, self._flow = self.mass, 0.0
+        if self.specific_impulse > 0.0 and not self.firings:
+            self.fail(f"specific_impulse = {self.specific_impulse:g} s needs firings = true: no "
+                      "force acts on the orbit")  # fmt: skip
         if self.area_drag > 0.0 and self.atmosphere == NO_AIR:
             self.fail(f"area_drag = {self.area_drag:g} m2 needs an atmosphere, which is none")
         elements = self.start_elements(self.zonals + 1, OSCULATING)
@@ -66,6 +82,10 @@ class EnvironmentPropagated(NearEarth, OrbitStart):
         if self.orbit_start == STATE:
             r, v = self.start_state()
         self._new_arc(0.0, (*r, *v, 0.0))
+
+    def output(self, t: float) -> None:
+        super().output(t)
+        self.mass_left = self._mass
 
     def size(self) -> tuple[float, float]:
         return self.start_size()
@@ -99,10 +119,19 @@ class EnvironmentPropagated(NearEarth, OrbitStart):
         """Go on from where the force leads over the step of dt (s) from t (s) on."""
         r, v = self.motion(t)
         y: State = (*r, *v, 0.0)
+        if self.specific_impulse > 0.0:
+            exhaust = STANDARD_GRAVITY * self.specific_impulse
+            self._flow = norm(self.force_mean_thruster_body) / exhaust
+            if self._flow * dt >= self._mass:
+                self.fail(
+                    f"at {t:g} s the thrusters take {self._flow * dt:.3g} kg in a step, and the "
+                    f"craft has {self._mass:.3g} kg left of mass = {self.mass:g} kg"
+                )
         parts = ceil(dt / NODE_TIME)
         for k in range(parts):
             share = k / parts
             y = self._step(t + share * dt, y, dt / parts, firing_since=share * dt)
+        self._mass -= self._flow * dt
         self._new_arc(t + dt, y)
         self._piece = None  # the field is that of another path
 
@@ -152,7 +181,8 @@ class EnvironmentPropagated(NearEarth, OrbitStart):
             if firing_since >= 0.0:
                 q = propagated(self.q_bi, self.omega_bi_body, firing_since + e * dt)
                 fx, fy, fz = rotate_back(q, self.force_mean_thruster_body)
-                ax, ay, az = ax + fx / self.mass, ay + fy / self.mass, az + fz / self.mass
+                mass = self._mass - self._flow * (firing_since + e * dt)
+                ax, ay, az = ax + fx / mass, ay + fy / mass, az + fz / mass
             return (y[3], y[4], y[5], ax, ay, az, 0.0)
 
         return step8(slope, 0.0, y, 1.0, dt)
@@ -164,7 +194,7 @@ class EnvironmentPropagated(NearEarth, OrbitStart):
         if self.area_drag == 0.0:
             return (gx, gy, gz)
         wx, wy, wz = y[3] + self.earth_rate * y[1], y[4] - self.earth_rate * y[0], y[5]
-        k = 0.5 * self.density_at(r, t, sun) * self.drag_coefficient * self.area_drag / self.mass
+        k = 0.5 * self.density_at(r, t, sun) * self.drag_coefficient * self.area_drag / self._mass
         k *= sqrt(wx * wx + wy * wy + wz * wz)
         return (gx - k * wx, gy - k * wy, gz - k * wz)
 

@@ -91,6 +91,7 @@ class Torquers(Role):
         self._command_body = ZERO
         self._begin = self._constant_until = 0.0
         self._coils_on = 0
+        self._failed = False  # as of the last sample
         self._on_time = self._energy = 0.0
         self.m_mean_body = self.m_slope_body = ZERO
 
@@ -145,8 +146,9 @@ class Torquers(Role):
         fails = self.failed_coil != NO_COIL
         failed = fails and t >= self.failed_from
         wanted = self._allocated(failed)
-        if failed:
+        if failed and not self._failed:
             self._m = self._without_failed(self._m)
+        self._failed = failed
         self._command = self._driven(wanted)
         self._begin = t + self.quiet_time + (self.pulse_delay if self.drive == PULSED else 0.0)
         self._end = self._ends(wanted)
@@ -229,7 +231,7 @@ class Torquers(Role):
     def _switched_with_lag(self, i: int, t: float, dt: float) -> Vec3:
         """Mean, slope and end value of coil i over a step: off, on, off, perhaps dead."""
         u, m = self._command[i], self._m[i]
-        alive = min(max(self.failed_from - t, 0.0), dt) if i == self.failed_coil - 1 else dt
+        alive = self._alive(i, t, dt)
         on = min(max(self._begin - t, 0.0), alive)
         off = max(min(self._end[i] - t, alive), on)
         self._on_time += off - on if u != 0.0 else 0.0
@@ -241,6 +243,12 @@ class Torquers(Role):
                 mean, slope = mean + x, slope + lead
                 self._energy += 0.5 * square * (last - first)
         return mean, slope, m if alive == dt else 0.0
+
+    def _alive(self, i: int, t: float, dt: float) -> float:
+        """For how long (s) of a step coil i does what was commanded at the last sample."""
+        if i != self.failed_coil - 1 or self._failed:
+            return dt
+        return min(max(self.failed_from - t, 0.0), dt)
 
 
 def _within(x: float, limit: float) -> float:

@@ -203,14 +203,14 @@ class Wheels(Role, WheelInertias):
     def output(self, t: float) -> None:
         h, saturated = [0.0] * 4, [False] * 4
         rotors, inertia, rates = self._rotors, self.inertia_wheel, self._rates
-        idle, constant, most = self.idle_power, self.motor_constant, self.torque_limit
+        idle, constant = self.idle_power, self.motor_constant
         fastest = self.speed_limit * (1.0 - AT_LIMIT)
         power = 0.0
         for i in self._present:
             h[i], torque, learnt, _ = rotors[i]
             speed = h[i] / inertia[i] - rates[i]
             saturated[i] = abs(speed) >= fastest
-            drive = min(max(torque + learnt, -most), most)
+            drive = self.driven(torque + learnt, speed)
             power += idle + max(0.0, drive * speed)
             if constant > 0.0:
                 power += (drive / constant) ** 2
@@ -233,7 +233,7 @@ class Wheels(Role, WheelInertias):
             speed[i] = h0 / inertia[i] - now[i]
             if torque_mode and self.failed != i + 1:
                 command = min(max(self.tau_cmd_wheel[i], -most), most)
-                rotors[i], integral = step(
+                rotors[i], integral = self.turned(
                     self._motors[i], rotors[i], command, now[i], then[i], dt, self.speed_limit
                 )
             else:
@@ -252,6 +252,17 @@ class Wheels(Role, WheelInertias):
             self._turned = tuple(x % FULL_TURN for x in turned)
             before, self._across = self._across, self._momentum_across(self._speeds())
             self.tau_jitter_body = scale(1.0 / dt, sub(before, self._across))
+
+    def turned(
+        self, motor: Motor, rotor: Rotor, command: float, rate0: float, rate1: float, dt: float,
+        fastest: float,
+    ) -> tuple[Rotor, float]:  # fmt: skip
+        """A rotor after dt (s), and the integral of its h; a block may turn it otherwise."""
+        return step(motor, rotor, command, rate0, rate1, dt, fastest)
+
+    def driven(self, torque: float, speed: float) -> float:
+        """What the motor gives (N m) at a speed (rad/s) where this torque is wanted."""
+        return min(max(torque, -self.torque_limit), self.torque_limit)
 
     def _ahead(self, now: Vec4, dt: float) -> Vec4:
         """The rates about the axes (rad/s) a step dt (s) ahead: a parabola through the last three
@@ -290,7 +301,7 @@ class Wheels(Role, WheelInertias):
             end, command, fastest = min(dt, fails), 0.0, self.speed_limit
             if fails <= begin + EDGE * dt:
                 end, fastest = dt, inf
-                motor, rotor = (*motor[:5], 0.0, *motor[6:]), (rotor[0], 0.0, 0.0, rotor[3])
+                motor, rotor = (*motor[:5], 0.0, motor[6], 0.0), (rotor[0], 0.0, 0.0, rotor[3])
             elif self.command_mode == TORQUE:
                 command = self._limited(self.tau_cmd_wheel[i])
             else:
@@ -300,7 +311,7 @@ class Wheels(Role, WheelInertias):
                 end, command = min(end, (due + 1) * self.speed_sample_time - t), held
             end = dt if end > dt * (1.0 - EDGE) else end
             ahead = then if end == dt else now + (then - now) * end / dt
-            rotor, integral = step(motor, rotor, command, rate, ahead, end - begin, fastest)
+            rotor, integral = self.turned(motor, rotor, command, rate, ahead, end - begin, fastest)
             total, begin, rate = total + integral, end, ahead
         return rotor, total, (sample, held)
 

@@ -94,21 +94,21 @@ def _state(
     h, torque, learnt, way = rotor
     omega, turning = h / j - axial[0], j * axial[1]
     if stiction > 0.0 and way == 0.0:
-        pull = _motor_torque(motor, torque, command, 0.0) - turning
+        pull = motor_torque(motor, torque, command, 0.0) - turning
         if abs(pull) <= stiction:
             return _standing(motor, rotor, command, axial, dt)
         rotor = (h, torque, learnt, copysign(1.0, pull))
     if abs(omega) > fastest * (1.0 + AT_LIMIT):
-        return _braking(motor, rotor, command, axial, dt, fastest)
+        return braking(motor, rotor, command, axial, dt, fastest)
     if abs(omega) >= fastest * (1.0 - AT_LIMIT):
         outwards = copysign(1.0, omega)
         balance = turning + _drag(motor, omega, outwards) - learnt  # of the motor's torque
-        if (_motor_torque(motor, torque, command, 0.0) - balance) * outwards > 0.0:
-            return _at_limit(motor, rotor, command, axial, dt, outwards * fastest, balance)
+        if (motor_torque(motor, torque, command, 0.0) - balance) * outwards > 0.0:
+            return at_limit(motor, rotor, command, axial, dt, outwards * fastest, balance)
     return _moving(motor, rotor, command, axial, dt, fastest)
 
 
-def _motor_torque(motor: Motor, torque: float, command: float, t: float) -> float:
+def motor_torque(motor: Motor, torque: float, command: float, t: float) -> float:
     """T (N m) at t (s) after it was `torque`."""
     lag = motor[1]
     return command + (torque - command) * exp(-t / lag) if lag > 0.0 else command
@@ -142,11 +142,11 @@ def _standing(
     lasted = min(_reaches(motor, torque, command, level), dt)
     way = copysign(1.0, command - torque) if lasted < dt else 0.0
     h = j * (axial[0] + axial[1] * lasted)
-    after = _motor_torque(motor, torque, command, lasted)
+    after = motor_torque(motor, torque, command, lasted)
     return (h, after, 0.0, way), lasted, 0.5 * lasted * (h0 + h)
 
 
-def _at_limit(
+def at_limit(
     motor: Motor, rotor: Rotor, command: float, axial: Axial, dt: float, omega: float,
     balance: float,
 ) -> tuple[Rotor, float, float]:  # fmt: skip
@@ -155,11 +155,11 @@ def _at_limit(
     h0, torque, learnt, way = rotor
     lasted = min(_reaches(motor, torque, command, balance), dt)
     h = motor[0] * (omega + axial[0] + axial[1] * lasted)
-    after = _motor_torque(motor, torque, command, lasted)
+    after = motor_torque(motor, torque, command, lasted)
     return (h, after, learnt, way), lasted, 0.5 * lasted * (h0 + h)
 
 
-def _braking(
+def braking(
     motor: Motor, rotor: Rotor, command: float, axial: Axial, dt: float, fastest: float
 ) -> tuple[Rotor, float, float]:
     """Above the limit, as the body's rate was not what was foreseen: the motor brakes."""
@@ -170,7 +170,7 @@ def _braking(
     falls = torque_limit / j + outwards * axial[1]  # the speed relative to the body, rad/s2
     lasted = min((abs(omega) - fastest) / falls, dt) if falls > 0.0 else dt
     h = h0 - outwards * torque_limit * lasted
-    after = _motor_torque(motor, torque, command, lasted)
+    after = motor_torque(motor, torque, command, lasted)
     return (h, after, learnt, way), lasted, 0.5 * lasted * (h0 + h)
 
 
@@ -303,7 +303,7 @@ def _frictionless(
     return (h, torque, learnt, way), dt * (h - dt * first)
 
 
-def _pushed(
+def driven(
     motor: Motor, torque0: float, command: float, dt: float
 ) -> tuple[float, float, float, float]:
     """What the motor does in dt (s): momentum (N m s), its integral, T at the end, and the motor's
@@ -324,7 +324,7 @@ def _with_friction(
 ) -> tuple[Rotor, float]:
     """The motor's exponential in closed form, friction beside it by RK4."""
     h0, torque0, _, way = rotor
-    pushed, first, torque, excess = _pushed(motor, torque0, command, dt)
+    pushed, first, torque, excess = driven(motor, torque0, command, dt)
     lost, first_lost = _lost(motor, rotor, excess, command, axial, dt)
     return (h0 + pushed - lost, torque, 0.0, way), h0 * dt + first - first_lost
 
@@ -359,7 +359,7 @@ def _compensated(
     end, the loop's exponential is exact."""
     j, c, (rate, change) = motor[0], motor[5], axial
     h0, torque0, learnt, way = rotor
-    pushed, first_pushed, torque, _ = _pushed(motor, torque0, command, dt)
+    pushed, first_pushed, torque, _ = driven(motor, torque0, command, dt)
     start = _drag(motor, h0 / j - rate, way)
     x0 = start - learnt
     decayed = -expm1(-c * dt)
@@ -382,7 +382,7 @@ def _clipped(
     total = 0.0
 
     def changes(s: float, h: float, learnt: float) -> tuple[float, float]:
-        drive = _motor_torque(motor, torque, command, s) + learnt
+        drive = motor_torque(motor, torque, command, s) + learnt
         drag = _drag(motor, h / j - rate - change * s, way)
         return min(max(drive, -limit), limit) - drag, c * (drag - learnt)
 
@@ -399,4 +399,4 @@ def _clipped(
         total += part * (h + 0.5 * gained + part * (a - e) / 12.0)
         h += gained
         learnt += part / 6.0 * (a2 + 2.0 * (b2 + d2) + e2)
-    return (h, _motor_torque(motor, torque, command, dt), learnt, way), total
+    return (h, motor_torque(motor, torque, command, dt), learnt, way), total

@@ -12,6 +12,8 @@
     "manager.b_body" = "magnetometer_2.b_body"
     "spacecraft.density" = false
 
+    [hardware]                            # a class or a product for a component (`hardware.py`)
+    wheels = "class:30mNms"
     [shared]                              # a parameter for every component that has it
     [parameters.manager]                  # parameters (or unconnected inputs) of one component
 
@@ -35,12 +37,12 @@ from ..system.errors import DesatError, nearest
 from ..system.interface import Interface, elements, misfit, names, usual_sources
 from ..system.model import Connection, Connector
 from ..system.parameters import expand
-from . import library, paths
+from . import hardware, library, paths
 from .io import line_of, lines, parsed, text
 
 FILE = "craft.toml"
 ENDING = ".craft.toml"
-KEYS = ("title", "stop", "components", "wiring", "shared", "parameters")
+KEYS = ("title", "stop", "components", "wiring", "hardware", "shared", "parameters")
 
 
 def files(folder: Path) -> list[Path]:
@@ -90,6 +92,7 @@ class _Reader:
                 self.feed(owner, name, wiring)
         for component in self.result.components.values():
             self.list_connectors(component)
+        self.hardware()
         self.parameters()
         self.stop_here()
         return self.result
@@ -243,6 +246,50 @@ class _Reader:
             for s in self.interfaces[component.name].of(causality)
             if s.name in wired
         }
+
+    def hardware(self) -> None:
+        """Give the components what their class or product has."""
+        for name, chosen in self.table("hardware").items():
+            key = f"hardware.{name}"
+            if name not in self.interfaces:
+                self.problem(key, f": no component {name}{nearest(name, self.interfaces)}")
+                continue
+            if not isinstance(chosen, str):
+                self.problem(key, f' = {chosen!r}: "class:NAME" or "product:NAME" is needed')
+                continue
+            mine = self.interfaces[name]
+            role, has = self.roles[name], frozenset(names(mine, "parameter"))
+            try:
+                typical, figures = hardware.figures(role, chosen)
+                present: dict[str, Any] = {
+                    x: self.number(name, x) for x in ("axes_wheel", "arm") if x in has
+                }
+                found = hardware.values(role, typical, figures, has, present)
+            except DesatError as error:
+                self.problem(key, f" = {chosen}: {error}")
+                continue
+            for parameter, value in found.items():
+                if parameter not in has:
+                    self.problem(key, f" = {chosen}: {name} has no parameter {parameter}")
+                    continue
+                for owner in self.owners(name, parameter):
+                    self.assign(owner, parameter, value, key)
+
+    def owners(self, name: str, parameter: str) -> list[str]:
+        """The component, and where its parameter is one that components share, those as well."""
+        if not any(s.shared for s in self.interfaces[name].elements(parameter)):
+            return [name]
+        return [n for n, i in self.interfaces.items() if elements(i, parameter, "parameter")]
+
+    def number(self, owner: str, parameter: str) -> Any:
+        """What the file gives a parameter, in SI, or its start value; an array flat."""
+        own = self.table("parameters").get(owner, {})
+        value = own.get(parameter) if isinstance(own, dict) else None
+        value = self.table("shared").get(parameter) if value is None else value
+        signals = self.interfaces[owner].elements(parameter)
+        given = {} if value is None else expand(self.interfaces[owner], parameter, value, parameter)
+        flat = [given.get(s.name, s.start) for s in signals]
+        return flat if len(flat) > 1 else flat[0]
 
     def parameters(self) -> None:
         """Give the components the values of [shared], then their own."""

@@ -19,18 +19,15 @@ from __future__ import annotations
 import math
 import re
 import shutil
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from datetime import UTC, datetime
-from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from desat.components.contract.units import conversion
 from desat.components.maths.attitude import matrix
 from desat.components.physics import earth, geomagnetic
 from desat.components.physics import torques as torques_of
@@ -45,7 +42,7 @@ from desat.components.physics.orbit import (
 from desat.components.physics.tle import tle_parameters
 
 from ..system.errors import DesatError, nearest
-from ..system.parameters import unit_of
+from .hardware import COMPENSATION, WHEEL_LAG, Figures, classes, friction, is_number, quantity
 
 Array = NDArray[np.float64]
 SCENARIOS = ("nominal", "worst", "detumbling")
@@ -64,7 +61,6 @@ DIPOLE = 7.75e15
 """Of the Earth: mu_0 / (4 pi) times the moment (T m3); IGRF-14, 2025."""
 TILT = 0.2
 """Of the geomagnetic dipole against the Earth's axis (rad)."""
-_NUMBER = re.compile(r"\s*([+-]?\d*\.?\d+(?:[eE][+-]?\d+)?)\s*([A-Za-z%/.0-9]*)\s*")
 
 
 @dataclass(frozen=True)
@@ -86,20 +82,6 @@ class Wanted:
     thrusters: str | None = None
     pointing: str = "nadir"
     residual_dipole: str | None = None
-
-
-def quantity(option: str, text: str, unit: str) -> float:
-    """A number with a unit or, without one, in `unit`. Raises DesatError."""
-    match = _NUMBER.fullmatch(text)
-    if match is None:
-        raise DesatError(f"{option} {text}: a number is needed, with its unit or in {unit}")
-    try:
-        converted = conversion(unit_of(match[2] or unit), unit_of(unit))
-    except DesatError as error:
-        raise DesatError(f"{option} {text}: {error}") from None
-    if converted is None:
-        raise DesatError(f"{option} {text}: {match[2]} does not fit {unit}")
-    return float(match[1]) * converted[0] + converted[1]
 
 
 def write(folder: Path, wanted: Wanted, command: str, force: bool = False) -> list[Path]:
@@ -128,20 +110,14 @@ def write(folder: Path, wanted: Wanted, command: str, force: bool = False) -> li
     return [folder / name for name in texts]
 
 
-def classes() -> dict[str, dict[str, dict[str, str]]]:
-    """Kind of hardware -> class -> its figures, as they are written."""
-    text = files("desat").joinpath("templates/classes.toml").read_text(encoding="utf-8")
-    return tomllib.loads(text)
-
-
 def _of_class(
     option: str, kind: str, measure: str, text: str, unit: str
-) -> tuple[str, dict[str, str], float]:
+) -> tuple[str, Figures, float]:
     """The class that a size belongs to, its figures, and the size."""
     known = classes()[kind]
     if text in known:
         return text, known[text], quantity(option, known[text][measure], unit)
-    if _NUMBER.fullmatch(text) is None:
+    if not is_number(text):
         raise DesatError(f"{option} {text}: no class{nearest(text, known)}; there is "
                          f"{', '.join(known)}, or a number in {unit}")  # fmt: skip
     size = quantity(option, re.sub(r"(?<=[a-zA-Z])(?=Nms|ms\b)", "", _dotted(text)), unit)
@@ -201,6 +177,7 @@ def _made(wanted: Wanted, name: str, command: str) -> dict[str, Any]:
         "inertia": {"value": "[" + ", ".join(_list([x if i == j else 0.0 for j in range(3)])
                     for i, x in enumerate(inertia)) + "]", "why": inertia_why},
         "wheels": wheels, "rods": rods, "thrusters": _thrusters(wanted, sides),
+        "gyro": classes()["gyros"]["mems"], "star_tracker": classes()["star_trackers"]["cubesat"],
         "dipole": {"value": _list(dipole * x for x in along), "why": f"A m2; {why}",
                    "twice": _list(2.0 * dipole * x for x in along)},
         "area": {"value": _text(area), "radiation": _text(1.5 * area),
@@ -403,6 +380,7 @@ def _wheels(wanted: Wanted, inertia: list[float]) -> dict[str, Any]:
     axes = [[s, -s, -s, s], [s, s, -s, -s], [s, s, s, s]] if count == 4 else [
         [1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]]  # fmt: skip
     rotor = capacity / speed
+    viscous, coulomb = friction(torque, speed)
     held = "a pyramid along (+-1, +-1, 1)" if count == 4 else "one wheel along each axis"
     return {
         "axes_si": axes, "axes": ["[" + ", ".join(f"{x:.16g}" for x in row) + "]" for row in axes],
@@ -411,7 +389,8 @@ def _wheels(wanted: Wanted, inertia: list[float]) -> dict[str, Any]:
         "inertia": "[" + ", ".join([f"{rotor:.9g}"] * count + ["0.0"] * (4 - count)) + "]",
         "torque": f"{torque * 1e3:.4g} mN.m", "torque_si": torque, "capacity_si": capacity,
         "why": f"class: {name}" + ("" if abs(share - 1.0) < 1e-9 else f" times {share:.3g}"),
-        "viscous": f"{0.04 * torque / speed:.3g}", "coulomb": f"{0.01 * torque:.3g}",
+        "viscous": f"{viscous:.3g}", "coulomb": f"{coulomb:.3g}",
+        "lag": WHEEL_LAG, "compensation": COMPENSATION,
         "noise": f"{1e-3 * capacity:.3g}",
         "half": _list([0.5 * capacity * (i < count) for i in range(4)]),
     }  # fmt: skip

@@ -19,6 +19,7 @@ from desat.components.contract.block import Block, BlockError
 from desat.components.maths.attitude import inverse, product
 from desat.components.physics.gyrostat import carrier_inertia
 from desat.components.physics.orbit import MU, lvlh_attitude
+from desat.components.physics.rod import warm
 from desat.fmus.registry import block_class, names
 
 from ..analyses import motion
@@ -149,7 +150,7 @@ def hardware_of(system: System) -> Hardware:
     flat = (tuple(np.ravel(x).tolist()) for x in (inertia, axes, rotors))
     carrier = np.reshape(carrier_inertia(*flat), (3, 3))
     there = np.linalg.norm(axes, axis=0) > 0.0
-    capacity = rotors * wheels.get("speed_limit", inf) if wheels else np.full(4, inf)
+    capacity = rotors * _fastest(wheels) if wheels else np.full(4, inf)
     axes_coil = np.reshape(coils["axes_coil"], (3, -1))
     period, quiet = coils.get("sample_time", 0.0), coils.get("quiet_time", 0.0)
     drive = str(coils.get("drive"))
@@ -157,11 +158,29 @@ def hardware_of(system: System) -> Hardware:
     return Hardware(
         axes, np.where(there, np.nan_to_num(capacity, posinf=inf), 0.0),
         float(wheels.get("torque_limit", inf)),
-        axes_coil[:, np.linalg.norm(axes_coil, axis=0) > 0.0], float(coils["m_limit"]),
+        axes_coil[:, np.linalg.norm(axes_coil, axis=0) > 0.0], _largest_dipole(coils),
         longest, 1.0 - quiet / period if period and drive != "pulsed" else 1.0,
         inertia, carrier, thrusters.get("arm"), thrusters.get("specific_impulse"),
         float(given.get("tachometers", {}).get("noise", 0.0)),
     )  # fmt: skip
+
+
+def _fastest(wheels: Mapping[str, Any]) -> float:
+    """The speed (rad/s) that wheels reach: their limit, or what their supply turns them at."""
+    voltage = wheels.get("supply_voltage", 0.0)
+    no_load = voltage / wheels["torque_constant"] if voltage > 0.0 else inf
+    return float(min(wheels.get("speed_limit", inf), no_load))
+
+
+def _largest_dipole(coils: Mapping[str, Any]) -> float:
+    """What a coil can hold (A m2): its limit, or what its supply drives through it."""
+    limit, voltage = float(coils["m_limit"]), coils.get("supply_voltage", 0.0)
+    if voltage == 0.0:
+        return limit
+    cold = coils["resistance"]
+    ohm = warm(cold, coils["temperature"], coils["temperature_coefficient"])
+    share = cold / ohm if coils["regulation"] == "voltage" else 1.0
+    return float(min(share * limit, coils["area_turns"] * voltage / ohm))
 
 
 def conjugate(q: Array) -> Array:

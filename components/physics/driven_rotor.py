@@ -1,0 +1,204 @@
+"""One reaction wheel over a step, as `rotor`, with its motor's curve and a table of its drag.
+
+A motor of the constant K_m (torque by the root of the copper loss, N m / W^(1/2)) on a voltage that
+would turn it at Omega_0 without load gives at the speed Omega, within +-torque limit,
+
+    K_m^2 (-Omega_0 - Omega) <= drive <= K_m^2 (Omega_0 - Omega)
+
+for its current is (voltage - k Omega) / R with k^2 / R = K_m^2 and voltage = k Omega_0. The drag is
+linear between the entries of its table, goes on as the last two do, and turns its sign as
+tanh(Omega / omega_eps). There is no stiction.
+
+What the motor's answer to its command alone would give is in closed form; what curve and drag take
+of that is integrated by RK4 whose steps are halved and doubled, two halves against one whole, until
+they differ by less than SMALL_SPEED; so bends of curve and table may fall anywhere.
+
+Source: the equations of a permanent-magnet motor, e.g. Hughes, Electric Motors and Drives, ch. 3.
+"""
+
+from __future__ import annotations
+
+from math import copysign, exp, tanh
+
+from .rotor import (
+    AT_LIMIT,
+    CHANGES,
+    HALVINGS,
+    Axial,
+    Motor,
+    Rotor,
+    at_limit,
+    braking,
+    driven,
+    friction,
+    motor_torque,
+)
+
+ENTRIES = 8
+SMALL_SPEED = 1e-8
+"""By which two halves of a step may differ from the whole (rad/s)."""
+SHORTEST = 2.0**-24
+"""No piece is shorter, relative to the step."""
+PIECES = 4096
+
+Row = tuple[float, float, float, float, float, float, float, float]
+
+Curve = tuple[float, float, int, Row, Row]
+"""Omega_0 (rad/s; 0: any torque at any speed), K_m^2 (N m s/rad), how many entries the table of the
+drag has (0: none), their speeds (rad/s) and torques (N m)"""
+
+Moving = tuple[float, float, float]
+"""h less what the motor's answer has given (N m s), learnt (N m), and the integral of the first"""
+
+
+def drag(motor: Motor, curve: Curve, omega: float) -> float:
+    """The torque against the rotation (N m)."""
+    _, _, entries, speeds, torques = curve
+    if entries == 0:
+        return friction(omega, motor[2], motor[3], motor[4])
+    speed, k = abs(omega), 1
+    while k < entries - 1 and speed > speeds[k]:
+        k += 1
+    share = (speed - speeds[k - 1]) / (speeds[k] - speeds[k - 1])
+    torque = torques[k - 1] + share * (torques[k] - torques[k - 1])
+    return torque * tanh(omega / motor[4])
+
+
+def limited(motor: Motor, curve: Curve, torque: float, omega: float) -> float:
+    """What the motor gives of a torque (N m) at a speed (rad/s)."""
+    no_load, slope, most = curve[0], curve[1], motor[7]
+    if no_load > 0.0:
+        torque = min(max(torque, slope * (-no_load - omega)), slope * (no_load - omega))
+    return min(max(torque, -most), most)
+
+
+def step(
+    motor: Motor, curve: Curve, rotor: Rotor, command: float, rate0: float, rate1: float,
+    dt: float, fastest: float,
+) -> tuple[Rotor, float]:  # fmt: skip
+    """As `rotor.step`: the state after dt (s) with a held motor command (N m), and the integral of
+    h (N m s2)."""
+    change, rest, total = (rate1 - rate0) / dt, dt, 0.0
+    for _ in range(CHANGES):
+        axial = rate1 - change * rest, change
+        rotor, lasted, integral = _state(motor, curve, rotor, command, axial, rest, fastest)
+        total += integral
+        rest -= lasted
+        if rest <= 0.0:
+            return rotor, total
+    return rotor, total + rest * rotor[0]
+
+
+def _state(
+    motor: Motor, curve: Curve, rotor: Rotor, command: float, axial: Axial, dt: float,
+    fastest: float,
+) -> tuple[Rotor, float, float]:  # fmt: skip
+    """The state when moving, or staying at the limit, ends or after dt (s), how long that was (s),
+    and the integral of h."""
+    j = motor[0]
+    h, torque, learnt, _ = rotor
+    omega = h / j - axial[0]
+    if abs(omega) > fastest * (1.0 + AT_LIMIT):
+        return braking(motor, rotor, command, axial, dt, fastest)
+    if abs(omega) >= fastest * (1.0 - AT_LIMIT):
+        outwards = copysign(1.0, omega)
+        balance = j * axial[1] + drag(motor, curve, omega)
+        now = motor_torque(motor, torque, command, 0.0) + learnt
+        if (limited(motor, curve, now, omega) - balance) * outwards > 0.0:
+            return at_limit(motor, rotor, command, axial, dt, outwards * fastest, balance - learnt)
+    return _moving(motor, curve, rotor, command, axial, dt, fastest)
+
+
+def _moving(
+    motor: Motor, curve: Curve, rotor: Rotor, command: float, axial: Axial, dt: float,
+    fastest: float,
+) -> tuple[Rotor, float, float]:  # fmt: skip
+    torque = rotor[1]
+    now: Moving = (rotor[0], rotor[2], 0.0)
+    begin, size = 0.0, dt
+    for _ in range(PIECES):
+        size = min(size, dt - begin)
+        after, error = _piece(motor, curve, torque, command, axial, begin, now, size)
+        if error > SMALL_SPEED * motor[0] and size > SHORTEST * dt:
+            size *= 0.5
+            continue
+        if _beyond(motor, torque, command, after, axial, begin + size, fastest):
+            least, lasted = 0.0, size
+            for _ in range(HALVINGS):
+                middle = 0.5 * (least + lasted)
+                tried, _ = _piece(motor, curve, torque, command, axial, begin, now, middle)
+                if _beyond(motor, torque, command, tried, axial, begin + middle, fastest):
+                    lasted = middle
+                else:
+                    least = middle
+            after, _ = _piece(motor, curve, torque, command, axial, begin, now, lasted)
+            end = begin + lasted
+            (h, after_torque, learnt, way), integral = _there(motor, rotor, command, after, end)
+            rate = axial[0] + axial[1] * end
+            h = motor[0] * (copysign(fastest, h / motor[0] - rate) + rate)
+            return (h, after_torque, learnt, way), end, integral
+        now, begin = after, begin + size
+        if begin >= dt:
+            break
+        if 64.0 * error < SMALL_SPEED * motor[0]:
+            size *= 2.0
+    turned, total = _there(motor, rotor, command, now, begin)
+    return turned, begin, total
+
+
+def _there(
+    motor: Motor, rotor: Rotor, command: float, now: Moving, t: float
+) -> tuple[Rotor, float]:
+    """The rotor after t (s), and the integral of its h."""
+    pushed, first, torque, _ = driven(motor, rotor[1], command, t)
+    return (now[0] + pushed, torque, now[1], rotor[3]), now[2] + first
+
+
+def _beyond(
+    motor: Motor, torque: float, command: float, now: Moving, axial: Axial, t: float,
+    fastest: float,
+) -> bool:  # fmt: skip
+    """True where the rotor, t (s) after `axial`, is beyond its limit."""
+    h = now[0] + driven(motor, torque, command, t)[0]
+    return abs(h / motor[0] - axial[0] - axial[1] * t) > fastest * (1.0 + AT_LIMIT)
+
+
+def _piece(
+    motor: Motor, curve: Curve, torque: float, command: float, axial: Axial, begin: float,
+    now: Moving, size: float,
+) -> tuple[Moving, float]:  # fmt: skip
+    """The state a time `size` (s) after `begin` (s), by two halves and, extrapolated, the whole;
+    and by how much (N m s) these differ."""
+    half = 0.5 * size
+    whole = _runge_kutta(motor, curve, torque, command, axial, begin, now, size)
+    middle = _runge_kutta(motor, curve, torque, command, axial, begin, now, half)
+    after = _runge_kutta(motor, curve, torque, command, axial, begin + half, middle, half)
+    apart = after[0] - whole[0]
+    return (after[0] + apart / 15.0, after[1] + (after[1] - whole[1]) / 15.0, after[2]), abs(apart)
+
+
+def _runge_kutta(
+    motor: Motor, curve: Curve, torque: float, command: float, axial: Axial, begin: float,
+    now: Moving, size: float,
+) -> Moving:  # fmt: skip
+    j, lag, c, (rate, change) = motor[0], motor[1], motor[5], axial
+    y, learnt, total = now
+    excess = torque - command if lag > 0.0 else 0.0
+
+    def changes(s: float, y: float, learnt: float) -> tuple[float, float]:
+        left = exp(-s / lag) if excess else 0.0
+        answer = command + excess * left
+        pushed = command * s + excess * lag * (1.0 - left)
+        omega = (y + pushed) / j - rate - change * s
+        lost = drag(motor, curve, omega)
+        drive = limited(motor, curve, answer + learnt, omega)
+        return drive - answer - lost, c * (lost - learnt)
+
+    half = 0.5 * size
+    p, p2 = changes(begin, y, learnt)
+    q, q2 = changes(begin + half, y + half * p, learnt + half * p2)
+    r, r2 = changes(begin + half, y + half * q, learnt + half * q2)
+    s, s2 = changes(begin + size, y + size * r, learnt + size * r2)
+    gained = size / 6.0 * (p + 2.0 * (q + r) + s)
+    total += size * (y + 0.5 * gained + size * (p - s) / 12.0)
+    return y + gained, learnt + size / 6.0 * (p2 + 2.0 * (q2 + r2) + s2), total

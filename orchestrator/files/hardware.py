@@ -1,0 +1,123 @@
+"""Classes of hardware and products: what `[hardware]` of a craft file and `desat new craft` take.
+
+    [hardware]                    # component = "class:NAME" or "product:NAME"
+    wheels = "class:30mNms"       # templates/classes.toml: what is typical, each with its reason
+    torquers = "product:UoSAT-12" # templates/products.toml: figures with their source
+
+A class fills what it is typical of, friction and lag included; a product what its source says and
+no more. [shared] and [parameters] go before either.
+"""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from collections.abc import Mapping
+from functools import cache
+from importlib.resources import files
+from typing import Any
+
+from desat.components.contract.units import conversion
+
+from ..system.errors import DesatError, nearest
+from ..system.parameters import unit_of
+
+Figures = Mapping[str, str]
+KINDS = {"wheels": "wheels", "torquers": "rods", "thrusters": "thrusters", "gyro": "gyros",
+         "determination": "star_trackers"}  # fmt: skip
+"""Role -> kind of hardware."""
+FILES = {"class": "classes.toml", "product": "products.toml"}
+WHEEL_LAG, COMPENSATION = "50 ms", "1 1/s"
+COULOMB, VISCOUS = 0.01, 0.04
+"""Friction of a class's wheels: of the torque, the latter at the largest speed."""
+_NUMBER = re.compile(r"\s*([+-]?\d*\.?\d+(?:[eE][+-]?\d+)?)\s*([A-Za-z%/.0-9]*)\s*")
+
+
+def quantity(option: str, text: str, unit: str) -> float:
+    """A number with a unit or, without one, in `unit`. Raises DesatError."""
+    match = _NUMBER.fullmatch(text)
+    if match is None:
+        raise DesatError(f"{option} {text}: a number is needed, with its unit or in {unit}")
+    try:
+        converted = conversion(unit_of(match[2] or unit), unit_of(unit))
+    except DesatError as error:
+        raise DesatError(f"{option} {text}: {error}") from None
+    if converted is None:
+        raise DesatError(f"{option} {text}: {match[2]} does not fit {unit}")
+    return float(match[1]) * converted[0] + converted[1]
+
+
+def is_number(text: str) -> bool:
+    """Whether it is a number, perhaps with a unit."""
+    return _NUMBER.fullmatch(text) is not None
+
+
+@cache
+def known(which: str) -> dict[str, dict[str, Figures]]:
+    """Kind of hardware -> name -> its figures, as they are written; of classes or products."""
+    text = files("desat").joinpath(f"templates/{FILES[which]}").read_text(encoding="utf-8")
+    return tomllib.loads(text)
+
+
+def classes() -> dict[str, dict[str, Figures]]:
+    """Kind of hardware -> class -> its figures."""
+    return known("class")
+
+
+def figures(role: str, text: str) -> tuple[bool, Figures]:
+    """Whether `class:NAME` or `product:NAME` of a role is a class, and its figures. Raises
+    DesatError."""
+    if role not in KINDS:
+        raise DesatError(f"there is no hardware of this role; there is of {', '.join(KINDS)}")
+    which, _, name = text.partition(":")
+    if which not in FILES or not name:
+        raise DesatError('the form is "class:NAME" or "product:NAME"')
+    there = known(which).get(KINDS[role], {})
+    if name not in there:
+        raise DesatError(f"no such {which}{nearest(name, there)}; there is {', '.join(there)}")
+    return which == "class", there[name]
+
+
+def values(
+    role: str, typical: bool, of: Figures, parameters: frozenset[str], present: Mapping[str, Any]
+) -> dict[str, Any]:
+    """What a component's parameters become: name -> value, as a craft file may write it.
+
+    `parameters`: those that it has; `present`: the values that decide how many and where:
+    `axes_wheel` (12 numbers, row by row) and `arm` (m).
+    """
+    if role == "wheels":
+        return _wheels(typical, of, present["axes_wheel"])
+    if role == "torquers":
+        return {"m_limit": of["dipole"]} | ({"lag": of["lag"]} if "lag" in of else {})
+    if role == "thrusters":
+        force = quantity("", of["force"], "N")
+        found: dict[str, Any] = {"specific_impulse": of["impulse"], "least_pulse": of["pulse"]}
+        if "tau_level" in parameters:  # a pair of them each way
+            found["tau_level"] = [2.0 * force * present["arm"]] * 3
+        if "thrust" in parameters:
+            found["thrust"] = [force] * 8
+        return found
+    if role == "gyro":
+        return {"noise": of["noise"]}
+    slow = {"markov_sigma": of["slow"], "correlation_time": of["time"]} if "slow" in of else {}
+    return {"noise": of["noise"], **slow}
+
+
+def _wheels(typical: bool, of: Figures, axes: list[float]) -> dict[str, Any]:
+    speed, torque = quantity("", of["speed"], "rad/s"), quantity("", of["torque"], "N.m")
+    rotor = quantity("", of["capacity"], "N.m.s") / speed
+    found: dict[str, Any] = {
+        "inertia_wheel": [rotor if any(axes[i::4]) else 0.0 for i in range(4)],
+        "torque_limit": of["torque"], "speed_limit": of["speed"],
+    }  # fmt: skip
+    if typical:
+        viscous, coulomb = friction(torque, speed)
+        found |= {"motor_lag": WHEEL_LAG, "compensation": COMPENSATION, "viscous": viscous,
+                  "coulomb": coulomb}  # fmt: skip
+    return found
+
+
+def friction(torque: float, speed: float) -> tuple[float, float]:
+    """Viscous (N m s/rad) and Coulomb (N m) friction of a class's wheel."""
+    return VISCOUS * torque / speed, COULOMB * torque

@@ -1,0 +1,179 @@
+"""Classes of hardware and products, and what a craft makes of them."""
+
+from __future__ import annotations
+
+import json
+import math
+
+import pytest
+
+from desat.files import craft
+from desat.files.hardware import KINDS, figures, known, quantity
+from desat.runs.prepare import prepare
+from desat.studies.flight import hardware_of, values_of
+from desat.system.errors import DesatError
+from desat.system.options import Options
+
+CRAFT = """
+title = "Of classes and products"
+[components]
+environment = "environment_kepler"
+spacecraft = "spacecraft_rigid"
+wheels = "wheels"
+gyro = "rate_gyro"
+determination = "attitude_determination"
+manager = "manager_combined"
+torquers = "torquers"
+thrusters = "thrusters"
+"""
+UNITS = {
+    "wheels": {"capacity": "N.m.s", "torque": "N.m", "speed": "rad/s"},
+    "rods": {"dipole": "A.m2"},
+    "thrusters": {"force": "N", "impulse": "s", "pulse": "s"},
+    "gyros": {"noise": "rad/s"},
+    "star_trackers": {"noise": "rad"},
+}
+RPM = math.pi / 30.0
+
+
+def made(folder, text: str, base: str = CRAFT):
+    (folder / "mine.toml").write_text(base + text, encoding="utf-8")
+    return craft.read(folder / "mine.toml").components
+
+
+def test_a_class_gives_what_is_typical(tmp_path):
+    found = made(
+        tmp_path,
+        """
+[hardware]
+wheels = "class:30mNms"
+torquers = "class:0.2Am2"
+gyro = "class:mems"
+determination = "class:cubesat"
+thrusters = "class:50mN"
+[shared]
+axes_wheel = [[1, 0, 0, 0.6], [0, 1, 0, 0.8], [0, 0, 1, 0]]
+[parameters.thrusters]
+arm = "0.25 m"
+""",
+    )
+    wheels = found["wheels"].parameters
+    rotor = 0.03 / (6500 * RPM)
+    for k in range(1, 5):
+        assert wheels[f"inertia_wheel[{k}]"] == pytest.approx(rotor)
+        assert found["spacecraft"].parameters[f"inertia_wheel[{k}]"] == pytest.approx(rotor)
+    assert wheels["torque_limit"] == pytest.approx(2e-3)
+    assert wheels["speed_limit"] == pytest.approx(6500 * RPM)
+    assert wheels["coulomb"] == pytest.approx(2e-5)
+    assert wheels["viscous"] == pytest.approx(8e-5 / (6500 * RPM))
+    assert wheels["motor_lag"] == pytest.approx(0.05)
+    assert found["torquers"].parameters == pytest.approx({"m_limit": 0.2, "lag": 0.02})
+    assert found["gyro"].parameters == pytest.approx({"noise": math.radians(0.002)})
+    assert found["determination"].parameters["markov_sigma"] == pytest.approx(math.radians(0.01))
+    assert found["thrusters"].parameters["tau_level[2]"] == pytest.approx(2 * 0.05 * 0.25)
+    assert found["wheels"].given["torque_limit"].endswith("mine.toml:14: hardware.wheels")
+
+
+def test_a_product_gives_its_figures_and_no_more_and_a_craft_goes_before(tmp_path):
+    found = made(
+        tmp_path,
+        """
+[hardware]
+wheels = "product:RW0"
+torquers = "product:UoSAT-12"
+thrusters = "product:MONARC-1"
+[parameters.wheels]
+torque_limit = "2 mN.m"
+""",
+        CRAFT.replace('"thrusters"', '"thrusters_nozzles"').replace('"wheels"', '"wheels_motor"'),
+    )
+    wheels = found["wheels"].parameters
+    rotor = 0.02 / (6500 * RPM)
+    assert [wheels[f"inertia_wheel[{k}]"] for k in range(1, 5)] == pytest.approx([rotor] * 3 + [0])
+    assert wheels["torque_limit"] == pytest.approx(2e-3)
+    assert not {"viscous", "coulomb", "motor_lag", "compensation"} & set(wheels)
+    assert found["torquers"].parameters == {"m_limit": 40.0}
+    thrusters = found["thrusters"].parameters
+    assert thrusters["thrust[1]"] == thrusters["thrust[8]"] == 0.9
+    assert thrusters["specific_impulse"] == 227.5
+
+
+@pytest.mark.parametrize(
+    ("line", "message"),
+    [
+        ('wheels = "class:30mNm"', r"wheels = class:30mNm: no such class; did you mean 30mNms\?"),
+        ('wheels = "product:RW"', r"no such product.*there is RWP015, RW0, HR12-12"),
+        ('wheels = "30mNms"', r'wheels = 30mNms: the form is "class:NAME" or "product:NAME"'),
+        ("wheels = 3", r'wheels = 3: "class:NAME" or "product:NAME" is needed'),
+        ('wheel = "class:30mNms"', r"hardware.wheel: no component wheel; did you mean wheels\?"),
+        ('manager = "class:x"', r"manager = class:x: there is no hardware of this role; there is"),
+    ],
+)
+def test_hardware_that_is_not_known_is_refused(tmp_path, line, message):
+    with pytest.raises(DesatError, match=message) as refused:
+        made(tmp_path, f"[hardware]\n{line}\n")
+    assert "mine.toml:13: hardware." in str(refused.value)
+
+
+def test_every_product_has_its_source_and_figures_that_can_be():
+    products = known("product")
+    assert sum(map(len, products.values())) >= 10
+    assert set(products) == set(KINDS.values()) == set(known("class"))
+    for which in ("class", "product"):
+        for kind, of_kind in known(which).items():
+            for name, its in of_kind.items():
+                for figure, unit in UNITS[kind].items():
+                    assert quantity(name, its[figure], unit) > 0.0
+                if which == "product":
+                    assert len(its["source"]) > 30
+                    assert its["maker"]
+    # a wheel is filled by its torque in 2 s to some minutes
+    for its in products["wheels"].values():
+        assert (
+            2.0 < quantity("", its["capacity"], "N.m.s") / quantity("", its["torque"], "N.m") < 300
+        )
+    assert figures("gyro", "product:STIM210")[1]["maker"] == "Sensonor"
+
+
+def test_the_page_is_made_of_what_was_flown():
+    """docs/hardware.md is what its template, the stored flights, classes and products make."""
+    from benchmarks import hardware
+
+    kept = json.loads(hardware.STORE.read_text(encoding="utf-8"))
+    assert (hardware.DOCS / "hardware.md").read_text(encoding="utf-8") == hardware.page(kept)
+    for variant in hardware.VARIANTS:
+        for name in variant.flights:
+            assert f"{name} {variant.title}" in kept, "fly it: python -m benchmarks.hardware"
+
+
+@pytest.mark.parametrize(
+    ("lines", "dipole", "share"),
+    [
+        ("", 1.0, 1.0),
+        ("supply_voltage = 0.075", 0.5, 1.0),  # V 200 m2 / 30 Ohm
+        ('supply_voltage = 3.0\nregulation = "voltage"\ntemperature = 393.15', 1 / 1.393, 1.0),
+        ("supply_voltage = 3.0", 1.0, 0.4),
+    ],
+)
+def test_what_a_supply_leaves_is_what_a_craft_is_sized_by(tmp_path, lines, dipole, share):
+    name = "nadir_day/day-dipole"
+    plain = hardware_of(prepare(name, Options(blocks=True)).or_raise()[0])
+    file = tmp_path / "mine.toml"
+    speed = plain_speed(name)
+    file.write_text(
+        f'extends = "{name}"\ntitle = "Supplied"\n'
+        'sources = { torquers = "torquers_rods", wheels = "wheels_motor" }\n'
+        f"[parameters.wheels]\nmotor_constant = 0.01\ntorque_constant = 0.01\n"
+        f"supply_voltage = {share * 0.01 * speed if share < 1.0 else 0.0}\n"
+        f"[parameters.torquers]\nlag = 0.0\nresistance = 30.0\narea_turns = 200.0\n"
+        f"m_limit = 1.0\n{lines}\n",
+        encoding="utf-8",
+    )
+    found = hardware_of(prepare(str(file), Options(blocks=True)).or_raise()[0])
+    assert found.m_limit == pytest.approx(dipole)
+    assert found.capacity == pytest.approx(share * plain.capacity)
+
+
+def plain_speed(name: str) -> float:
+    system, _ = prepare(name, Options(blocks=True)).or_raise()
+    return float(values_of(system)["wheels"]["speed_limit"])
