@@ -324,6 +324,25 @@ def test_gyro_bias_spreads_with_the_root_of_time():
     assert np.std(ends) == pytest.approx(1e-6 * math.sqrt(100), rel=4 / math.sqrt(2400))
 
 
+def allan_variance(rate, n):
+    """Overlapping Allan variance over n samples, mean of the axes (IEEE Std 952-1997, annex C)."""
+    angle = np.vstack([np.zeros(3), np.cumsum(rate, axis=0)]) / n
+    return float(((angle[2 * n :] - 2 * angle[n:-n] + angle[: -2 * n]) ** 2).mean() / 2)
+
+
+def test_gyro_has_the_allan_deviation_of_its_walks():
+    """N^2 / tau + K^2 tau / 3: both coefficients come out of the record within 10 %."""
+    angle_walk, rate_walk = 1e-4, 1e-5
+    block = sensor(
+        "rate_gyro", angle_random_walk=angle_walk, bias_walk=rate_walk, sample_time=1.0,
+        omega_bi_body=(1e-3, 0.0, 0.0),
+    )  # fmt: skip
+    x = samples(block, "omega_meas_body", N)
+    terms = np.array([[1 / tau, tau / 3] for tau in (1, 100)])
+    found = np.sqrt(np.linalg.solve(terms, [allan_variance(x, tau) for tau in (1, 100)]))
+    assert found == pytest.approx([angle_walk, rate_walk], rel=0.1)
+
+
 def test_gyro_angle_random_walk_needs_a_sample_time():
     with pytest.raises(ValueError, match="angle_random_walk needs a sample_time above 0"):
         sensor("rate_gyro", angle_random_walk=1e-4)
