@@ -285,6 +285,17 @@ def test_magnetometer_and_tachometers_draw_from_streams_of_their_own():
 # --- rate gyro ----------------------------------------------------------------------------------
 
 
+def test_magnetometer_turned_and_scaled():
+    """A sensor turned about z by a reads C(a) b, to a^2; its x axis 10 % too long."""
+    a, (x, y, z) = 1e-4, SENSORS["magnetometer"][2]
+    turned = sensor("magnetometer", response_error=(0.0, a, 0.0, -a, 0.0, 0.0, 0.0, 0.0, 0.0))
+    c, s = math.cos(a), math.sin(a)
+    assert turned.b_body == pytest.approx((c * x + s * y, c * y - s * x, z), abs=a * a * 4e-5)
+    bias = (3e-6, 0.0, 0.0)  # what is read in no field: not scaled
+    scaled = sensor("magnetometer", response_error=(0.1, *(0.0,) * 8), bias_body=bias)
+    assert scaled.b_body == pytest.approx((1.1 * x + 3e-6, y, z), rel=1e-14)
+
+
 def test_gyro_bias_and_scale_error():
     block = sensor("rate_gyro", bias_body=(1e-4, 0.0, -1e-4), scale_error=(0.1, -0.1, 0.0))
     assert block.omega_meas_body == pytest.approx((1.2e-3, -1.8e-3, 2.9e-3), abs=1e-18)

@@ -11,7 +11,7 @@ from ..maths.vector import add, mat_vec, scale
 class Magnetometer(Role, Sensor):
     """Three-axis magnetometer
 
-        b_body = C(q_bi) b_eci + K m_body + bias + noise
+        b_body = (1 + E) (C(q_bi) b_eci + K m_body) + bias + noise
 
     at each sample, held in between; then each axis is rounded to a multiple of `resolution` and
     limited to +-`full_scale`, where these are not 0. A limited value stays valid: it still has
@@ -20,11 +20,17 @@ class Magnetometer(Role, Sensor):
     K m_body is the field of the torquers' own dipole at the magnetometer, at the time of the
     sample: what coils off during a measurement (paper 004) avoid. For a dipole far from
     its coil, r (m) from it in the direction u, K = mu_0 / (4 pi r^3) (3 u u' - 1).
+
+    E holds scale-factor errors on its diagonal; a sensor turned by the small vector a reads
+    b - a x b, the antisymmetric E = -[a x]; axes that are not orthogonal are its symmetric rest.
     """
 
     bias_body: Vec3 = Parameter("T", "constant error, body")
     coil_coupling: Mat33 = Parameter(
         "T/(A.m2)", "K: field at the magnetometer by the torquers' dipole, body", needs=("m_body",)
+    )
+    response_error: Mat33 = Parameter(
+        "1", "E: scale-factor errors, misalignment and non-orthogonality of the axes, body"
     )
     noise: float = Parameter("T", "standard deviation of the noise of each axis", min=0.0)
     resolution: float = Parameter("T", "quantisation step of each axis; 0: none", min=0.0)
@@ -35,9 +41,13 @@ class Magnetometer(Role, Sensor):
         super().start()
 
     def measure(self, sample: int, elapsed: float) -> None:
-        b = add(rotate(self.q_bi, self.b_eci), self.bias_body)
+        field = rotate(self.q_bi, self.b_eci)
+        b = add(field, self.bias_body)
         if any(self.coil_coupling):
-            b = add(b, mat_vec(self.coil_coupling, self.m_body))
+            coils = mat_vec(self.coil_coupling, self.m_body)
+            b, field = add(b, coils), add(field, coils)
+        if any(self.response_error):
+            b = add(b, mat_vec(self.response_error, field))
         if self.noise > 0.0:
             b = add(b, scale(self.noise, normal3(self._noise, sample)))
         self.b_body = digital3(b, self.resolution, self.full_scale)
