@@ -354,6 +354,34 @@ def test_gyro_has_the_allan_deviation_of_its_walks():
     assert found == pytest.approx([angle_walk, rate_walk], rel=0.1)
 
 
+def test_gyro_has_the_floor_of_its_bias_instability():
+    """Alone, at 1.89 correlation times, and below it to either side; stationary from the start."""
+    floor = 2e-6
+    block = sensor(
+        "rate_gyro", bias_instability=floor, instability_time=10.0, sample_time=1.0,
+        omega_bi_body=(0.0, 0.0, 0.0),
+    )  # fmt: skip
+    x = samples(block, "omega_meas_body", N)
+    at = {n: math.sqrt(allan_variance(x, n)) for n in (2, 19, 200)}
+    assert at[19] == pytest.approx(floor, rel=0.1)
+    assert at[2] < 0.75 * floor
+    assert at[200] < 0.75 * floor
+    assert x[:1000].std() == pytest.approx(floor / 0.61736, rel=0.25)
+
+
+def test_gyro_turned_by_a_small_angle():
+    a, (x, y, z) = 1e-4, (1e-3, 2e-3, -3e-3)
+    block = sensor("rate_gyro", misalignment_body=(0.0, 0.0, a), omega_bi_body=(x, y, z))
+    c, s = math.cos(a), math.sin(a)
+    turned = (c * x + s * y, c * y - s * x, z)
+    assert block.omega_meas_body == pytest.approx(turned, abs=a * a * 3e-3)
+
+
+def test_gyro_bias_instability_needs_a_time():
+    with pytest.raises(ValueError, match="bias_instability needs an instability_time above 0"):
+        sensor("rate_gyro", bias_instability=1e-6, instability_time=0.0)
+
+
 def test_gyro_angle_random_walk_needs_a_sample_time():
     with pytest.raises(ValueError, match="angle_random_walk needs a sample_time above 0"):
         sensor("rate_gyro", angle_random_walk=1e-4)

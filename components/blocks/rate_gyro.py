@@ -1,25 +1,33 @@
 from __future__ import annotations
 
-from math import sqrt
+from math import exp, sqrt
 
-from ..bases.sensing import Sensor, digital3
+from ..bases.sensing import Sensor, digital3, gauss_markov
 from ..contract.block import SPIN, Parameter, Vec3
 from ..contract.roles import RateGyro as Role
-from ..maths.noise import normal6, stream
-from ..maths.vector import ZERO, add, scale
+from ..maths.noise import normal3, normal6, stream
+from ..maths.vector import ZERO, add, cross, scale, sub
+
+_PEAK = 0.61736
+"""The largest Allan deviation of a first-order Gauss-Markov process of deviation 1."""
 
 
 class RateGyro(Role, Sensor):
     """Three-axis rate gyro
 
-        omega_meas = (1 + scale_error) omega + b_k + sigma n_k
+        omega_meas = (1 + scale_error) (omega - a x omega) + b_k + d_k + sigma n_k
         b_k = b_(k-1) + bias_walk sqrt(T) w_k,      b_0 = bias
+        d_k = e^(-T / instability_time) d_(k-1) + s_k
         sigma^2 = noise^2 + angle_random_walk^2 / T
 
     at each sample, T = `sample_time` after the last one, held in between; n and w are standard
     normal numbers of each axis. Then each axis is rounded to a multiple of `resolution` and
     limited to +-`full_scale`, where these are not 0. A limited value stays valid: it still has
     the sign. The noise is a function of seed, instance name and sample index.
+
+    a is `misalignment_body`, the small rotation of its axes. d, a first-order Gauss-Markov process
+    from its stationary state on, is what a data sheet calls bias instability: the floor of the
+    Allan deviation, which that of d alone reaches at 1.89 times `instability_time`.
 
     The walks are given by what they come to in one second, so the numbers are those of a data
     sheet in rad/sqrt(s) and rad/s/sqrt(s); 1 deg/sqrt(h) = 2.909e-4 rad/sqrt(s).
@@ -35,6 +43,12 @@ class RateGyro(Role, Sensor):
         "random walk of the bias: standard deviation of its change in 1 s, each axis",
         min=0.0,
     )
+    bias_instability: float = Parameter(
+        "rad/s", "bias instability: the floor of the Allan deviation, each axis", min=0.0
+    )
+    instability_time: float = Parameter(
+        "s", "correlation time of the bias instability; above 0", start=100.0, min=0.0
+    )
     noise: float = Parameter(
         "rad/s",
         "standard deviation of the noise of each axis, whatever the sample time",
@@ -47,6 +61,7 @@ class RateGyro(Role, Sensor):
         min=0.0,
     )
     scale_error: Vec3 = Parameter("1", "scale-factor error of each axis")
+    misalignment_body: Vec3 = Parameter("rad", "small rotation of its axes against the body's")
     resolution: float = Parameter("rad/s", "quantisation step of each axis; 0: none", min=0.0)
     full_scale: float = Parameter("rad/s", "largest magnitude of each axis; 0: no limit", min=0.0)
 
@@ -57,7 +72,10 @@ class RateGyro(Role, Sensor):
                 self.fail("angle_random_walk needs a sample_time above 0 s")
             walk = self.angle_random_walk / sqrt(self.sample_time)
             self._sigma = sqrt(self.noise * self.noise + walk * walk)
-        self._bias = self.bias_body
+        if self.bias_instability > 0.0 and self.instability_time <= 0.0:
+            self.fail("bias_instability needs an instability_time above 0 s")
+        self._bias, self._drift = self.bias_body, ZERO
+        self._instability = stream(self.instance, "bias_instability", self.seed)
         self._noise = stream(self.instance, "omega_meas_body", self.seed)
         super().start()
 
@@ -68,6 +86,14 @@ class RateGyro(Role, Sensor):
             if elapsed > 0.0:
                 self._bias = add(self._bias, scale(self.bias_walk * sqrt(elapsed), walk))
         omega, error, bias, s = self.omega_bi_body, self.scale_error, self._bias, self._sigma
+        if self.bias_instability > 0.0:
+            n = normal3(self._instability, sample)
+            sigma = self.bias_instability / _PEAK
+            decay = exp(-elapsed / self.instability_time) if elapsed > 0.0 else 0.0
+            self._drift = gauss_markov(self._drift, decay, sigma, n)
+            bias = add(bias, self._drift)
+        if any(self.misalignment_body):
+            omega = sub(omega, cross(self.misalignment_body, omega))
         measured = (
             (1.0 + error[0]) * omega[0] + bias[0] + s * white[0],
             (1.0 + error[1]) * omega[1] + bias[1] + s * white[1],
