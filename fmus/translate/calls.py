@@ -6,6 +6,7 @@ import ast
 import bisect
 import builtins
 import math
+import typing
 from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -339,8 +340,12 @@ class Calls(Expressions):
         if isinstance(thing, type) and hasattr(thing, "_fields"):
             values, named = self.arguments(node, node.args, node.keywords)
             values += [named[n] for n in thing._fields[len(values) :]]
-            parts = tuple(Value(F, self.convert(v, F), COND, again=v.again, const=v.const)
-                          if v.type == I else v for v in values)  # fmt: skip
+            kinds = typing.get_type_hints(thing)
+            parts = tuple(
+                Value(F, self.convert(v, F), COND, again=v.again, const=v.const)
+                if v.type == I and kinds[name] is float else v
+                for name, v in zip(thing._fields, values, strict=True)
+            )  # fmt: skip
             return Value(Tuple(tuple(p.type for p in parts), thing._fields), "", parts=parts)
         if isinstance(thing, type) and issubclass(thing, BaseException):
             raise self.refuse(node, f"{thing.__name__} as a value", "raise it")

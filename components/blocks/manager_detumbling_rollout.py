@@ -1,0 +1,219 @@
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from ..contract.block import SPIN, Mat33, Output, Parameter, Vec3, Vec4
+from ..contract.roles import Manager, WheelInertias
+from ..laws import rate_observer, rollout
+from ..laws.acquisition import all_coils
+from ..maths.vector import ZERO, clip
+from ..physics.gyrostat import carrier_inertia, inverse_inertia
+
+IDLE, BRAKING, PLANNED, DETUMBLED = range(4)
+GYRO, OBSERVER = range(2)
+_STILL: Vec4 = (0.0, 0.0, 0.0, 0.0)
+
+
+class ManagerDetumblingRollout(Manager, WheelInertias):
+    """Detumbling with torques of the wheels that are looked for by flying them in a model
+
+    Every coil follows, within its limit, and every wheel, within its limit and where no sequence
+    says otherwise,
+
+        M = gain omega x B,       u_i = gain_wheel g_i . omega
+
+    with g_i the wheels' axes and u_i the torque to the rotor. Each `plan_time` the craft is flown
+    in a model, by Euler's equations with the field held in space, under `rounds` times
+    `candidates` sequences of four torques of `segment` each, after which the law above goes on
+    (`components.laws.rollout`); the one after which every rate is soonest below `rate_limit` is
+    followed. The law alone is always one of them.
+
+    It knows the craft's `inertia`, from which the flight may differ, and neither attitude nor
+    orbit. It is done (`mode` detumbled) once every rate has been below `rate_limit` for
+    `hold_time`; the law above then goes on, so that the craft stays slow, and a search begins
+    again above `rate_again`.
+
+    **Rate.** `gyro`, or `observer`: Euler's equations with the commanded dipole and the wheels'
+    measured momentum, corrected by the field (`bandwidth`): magnetometer and tachometers alone.
+    Without a valid rate nothing is commanded; without a valid field there is no dipole and no
+    search, and the observer begins anew; without a valid h_wheel there is no search.
+
+    One plan takes at most rounds candidates horizon / model_step steps of the model; the work of
+    most is far less, as a sequence is dropped once it takes longer than the best.
+
+    Source: ours; rollout: Bertsekas, Dynamic Programming and Optimal Control, vol. 1, sec. 2.4.
+    """
+
+    no_law = "it brakes a tumbling craft: no law for wheels that hold an attitude"
+
+    inertia: Mat33 = Parameter(
+        "kg.m2", "inertia of the whole craft, wheels locked, body",
+        start=(0.3078, 0.0, 0.0, 0.0, 0.2865, 0.0, 0.0, 0.0, 0.2747), shared=True,
+    )  # fmt: skip
+    m_limit: float = Parameter("A.m2", "largest dipole of each axis", start=2.0, min=0.0,
+                               follows="torquers.m_limit")  # fmt: skip
+    torque_limit: float = Parameter("N.m", "largest torque command to a wheel", start=1e-3,
+                                    min=0.0, follows="wheels.torque_limit")  # fmt: skip
+    h_limit: float = Parameter("N.m.s", "momentum beyond which a wheel is not driven",
+                               start=0.18, min=1e-9,
+                               follows="wheels.inertia_wheel * wheels.speed_limit")  # fmt: skip
+    rate_from: int = Parameter("1", "where the rate is from", choices=("gyro", "observer"))
+    bandwidth: float = Parameter("rad/s", "of the observer", start=0.1, min=1e-6)
+    gain: float = Parameter("A.m2.s/T", "of the coils", start=3e7, min=0.0,
+                            needs=("b_body", "m_cmd_body"))  # fmt: skip
+    gain_wheel: float = Parameter("N.m.s", "of the wheels", start=1e-2, min=0.0)
+    rate_limit: float = Parameter(
+        "rad/s", "detumbled: every rate below", start=3e-3, min=1e-9, usual=SPIN
+    )
+    margin: float = Parameter("1", "of rate_limit, at which a flight of the model ends",
+                              start=0.7, min=1e-3, max=1.0)  # fmt: skip
+    hold_time: float = Parameter("s", "so long, before it is detumbled", min=0.0)
+    rate_again: float = Parameter("rad/s", "detumbled no more: a rate above", start=6e-3,
+                                  min=1e-9, usual=SPIN)  # fmt: skip
+    plan_time: float = Parameter("s", "time between searches", start=10.0, min=0.0)
+    segment: float = Parameter("s", "each torque of a sequence is held", start=15.0, min=1e-3)
+    horizon: float = Parameter("s", "a flight of the model ends at the latest", start=900.0,
+                               min=1e-3)  # fmt: skip
+    model_step: float = Parameter("s", "of the model; at rates of 0.1 rad/s 2 s is too long",
+                                  start=1.0, min=1e-3)  # fmt: skip
+    rounds: int = Parameter("1", "of a search, each closer about its best", start=4, min=0, max=16)
+    candidates: int = Parameter("1", "sequences in a round", start=64, min=1, max=256)
+    mode: int = Output(
+        "1", "what the manager does", interval=True,
+        choices=("idle", "braking", "planned", "detumbled"),
+    )  # fmt: skip
+    coil_saturated: bool = Output("1", "true: a dipole command is at its limit", interval=True)
+    omega_est_body: Vec3 = Output("rad/s", "the rate that the law takes, body", interval=True)
+    time_left: float = Output("s", "until detumbled, as the last search has it", interval=True)
+
+    def start(self) -> None:
+        super().start()
+        carrier = carrier_inertia(self.inertia, self.axes_wheel, self.inertia_wheel)
+        inverse = inverse_inertia(carrier)
+        if self.rate_again <= self.rate_limit:
+            self.fail(f"rate_again = {self.rate_again} rad/s is not above rate_limit = "
+                      f"{self.rate_limit}: it would never be detumbled")  # fmt: skip
+        a, torque = self.axes_wheel, self.torque_limit
+        limits = (
+            torque if any((a[0], a[4], a[8])) else 0.0, torque if any((a[1], a[5], a[9])) else 0.0,
+            torque if any((a[2], a[6], a[10])) else 0.0,
+            torque if any((a[3], a[7], a[11])) else 0.0,
+        )  # fmt: skip
+        self._model = rollout.Model(
+            carrier, inverse, a, self.m_limit, limits, self.h_limit, self.gain, self.gain_wheel,
+            self.margin * self.rate_limit, self.model_step,
+        )  # fmt: skip
+        self._length = max(1, int(self.segment / self.model_step + 0.999999))
+        self._horizon = max(1, int(self.horizon / self.model_step + 0.999999))
+        self._sequence = rollout.none()
+        self._searches = 0
+        self._planned_at = self._slow_since = -1.0
+        self._omega: Vec3 | None = None
+        self._b_model: Vec3 | None = None
+        self._h_before = _STILL
+        self._t_before = 0.0
+        self.tau_cmd_wheel = _STILL
+        self.m_cmd_body = self.tau_cmd_thruster_body = self.omega_est_body = ZERO
+        self.mode = IDLE
+        self.coil_saturated = False
+        self.time_left = 0.0
+
+    def foresee(self, begin: float, end: float, wired: frozenset[str]) -> Iterator[str]:
+        needed = ("h_wheel",) if self.rate_from == OBSERVER else ("omega_bi_body", "h_wheel")
+        for name in needed:
+            if name not in wired:
+                yield f"{name} is not wired: the law of detumbling is of no use without it"
+        yield from super().foresee(begin, end, wired)
+
+    def compute(self, t: float, dt: float) -> None:
+        if not self.due(t):
+            return
+        self._sense(t)
+        omega = self._omega
+        self.tau_cmd_wheel, self.m_cmd_body, self.coil_saturated = _STILL, ZERO, False
+        self.omega_est_body = ZERO if omega is None else omega
+        if not self.enable or omega is None:
+            self.mode, self._sequence, self._slow_since = IDLE, rollout.none(), -1.0
+            self._planned_at = -1.0
+            return
+        self._judge(t, omega)
+        if self.mode != DETUMBLED:
+            self._plan(t, omega)
+        if self.valid_b:
+            self.m_cmd_body = clip(all_coils(omega, self.b_body, self.gain), self.m_limit)
+        self.coil_saturated = any(abs(x) >= self.m_limit for x in self.m_cmd_body)
+        self.tau_cmd_wheel = self._torques(t, omega)
+
+    def _sense(self, t: float) -> None:
+        """The rate at this sample, None where nothing is known of it."""
+        if self.rate_from == GYRO:
+            self._omega = self.omega_bi_body if self.valid_omega else None
+            return
+        if not (self.valid_b and self.valid_h):
+            self._omega = self._b_model = None
+            return
+        h, before = self.h_wheel, self._h_before
+        omega, model = self._omega, self._b_model
+        if omega is None or model is None:
+            self._omega, self._b_model = ZERO, self.b_body
+        else:
+            elapsed = t - self._t_before
+            # the torque is what the momentum has changed by, whatever was commanded
+            u = ((before[0] - h[0]) / elapsed, (before[1] - h[1]) / elapsed,
+                 (before[2] - h[2]) / elapsed, (before[3] - h[3]) / elapsed)  # fmt: skip
+            axes = self.axes_wheel
+            omega, model = rate_observer.predicted(
+                omega, model, self.m_cmd_body, rollout.along(axes, u), rollout.along(axes, before),
+                self._model.carrier, self._model.inverse, elapsed,
+            )  # fmt: skip
+            self._omega, self._b_model = rate_observer.corrected(
+                omega, model, self.b_body, self.bandwidth, elapsed
+            )
+        self._h_before, self._t_before = h, t
+
+    def _judge(self, t: float, omega: Vec3) -> None:
+        """Detumbled or not."""
+        size = rollout.largest(omega)
+        if self.mode == DETUMBLED and size <= self.rate_again:
+            return
+        self.mode = BRAKING
+        if size >= self.rate_limit:
+            self._slow_since = -1.0
+            return
+        if self._slow_since < 0.0:
+            self._slow_since = t
+        if t - self._slow_since >= self.hold_time - 1e-6:
+            self.mode, self._sequence, self._planned_at = DETUMBLED, rollout.none(), -1.0
+            self.time_left = 0.0
+
+    def _plan(self, t: float, omega: Vec3) -> None:
+        """Search, where it is due."""
+        since = t - self._planned_at
+        if self._planned_at >= 0.0 and since < self.plan_time - 1e-6:
+            return
+        if not (self.valid_b and self.valid_h):
+            return
+        before = self._sequence
+        elapsed = before.elapsed
+        if self._planned_at >= 0.0:
+            elapsed += int(since / self.model_step + 0.5)
+        aged = rollout.Sequence(before.torques, before.segments, elapsed)
+        if elapsed >= before.segments * self._length:
+            aged = rollout.none()
+        self._sequence, cost = rollout.sought(
+            self._model, omega, self.b_body, self.h_wheel, aged, self._searches, self.rounds,
+            self.candidates, self._length, self._horizon,
+        )  # fmt: skip
+        self._searches += 1
+        self._planned_at = t
+        self.time_left = self.model_step * min(max(cost, 0.0), self.horizon)
+
+    def _torques(self, t: float, omega: Vec3) -> Vec4:
+        u = rollout.by_law(self._model, omega)
+        plan, length = self._sequence, self._length
+        if self._planned_at >= 0.0 and plan.segments > 0:
+            elapsed = plan.elapsed + int((t - self._planned_at) / self.model_step + 1e-6)
+            if elapsed < plan.segments * length:
+                u = rollout.of_sequence(plan.torques, elapsed // length)
+                self.mode = PLANNED
+        return rollout.allowed(u, self.h_wheel, self._model.h_limit) if self.valid_h else u

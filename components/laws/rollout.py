@@ -1,0 +1,212 @@
+"""Detumbling by rollout: wheel torques chosen by flying many of them in a model, to the end.
+
+The model carries the body's rate omega (rad/s), the field b (T) and the wheels' momenta h_i (N m s)
+from step to step,
+
+    J_r omega' = m x b - sum g_i u_i - omega x (J_r omega + sum g_i h_i),
+    b' = -omega x b,      h_i' = u_i,
+
+so the field is held in space and no attitude is needed. In each step every coil follows the law
+m = K omega x b within its limit, and every wheel a torque of a *sequence*, constant over each
+segment, and after it u_i = K_w g_i . omega within its limit (`law`). What is sought is the sequence
+after which every rate is soonest below a limit: torques that first turn the body about the wheels'
+axes swing momentum from axes that the coils serve badly to those that the wheels take, which no law
+of the present rate does.
+
+The search draws sequences, keeps the best and draws about it, ever closer (random search with
+shrinking spread; rollout: Bertsekas, Dynamic Programming and Optimal Control, vol. 1, sec. 2.4).
+The law alone and what was chosen before are always among those flown, so that in the model no
+choice is later than either. A sequence is dropped once it has taken longer than the best.
+"""
+
+from __future__ import annotations
+
+from math import inf
+from typing import NamedTuple
+
+from ..contract.block import Mat33, Mat34, Table, Vec3, Vec4
+from ..maths.noise import stream, uniform
+from ..maths.vector import add, clip, cross, mat_vec, scale, sub
+from .acquisition import all_coils, within
+
+SEGMENTS = 4
+_WHEELS = 4
+NOTHING: Table = (0.0,) * (SEGMENTS * _WHEELS)
+_KEY = stream("rollout", "sequence", 0)
+_BEYOND = 1.5
+"""Torques are drawn so far beyond their limit, so that a third of them is at it."""
+
+
+class Model(NamedTuple):
+    """What is known of the craft, and the law that its coils and wheels follow."""
+
+    carrier: Mat33
+    """J_r (kg m2, body)"""
+    inverse: Mat33
+    """its inverse (1/(kg m2))"""
+    axes: Mat34
+    """columns: the wheels' axes, body; zero where there is none"""
+    m_limit: float
+    """of each coil (A m2)"""
+    torque_limit: Vec4
+    """of each wheel (N m); 0 where there is none"""
+    h_limit: float
+    """beyond which a wheel is not driven further (N m s)"""
+    gain: float
+    """K (A m2 s/T)"""
+    gain_wheel: float
+    """K_w (N m s)"""
+    rate_limit: float
+    """Detumbled: every rate below (rad/s)"""
+    step: float
+    """of the model (s)"""
+
+
+class Sequence(NamedTuple):
+    """Torques of the wheels over segments that begin `elapsed` steps ago."""
+
+    torques: Table
+    """(SEGMENTS, 4), N m, to each rotor"""
+    segments: int
+    """how many are used; after them the law"""
+    elapsed: int
+    """steps since the first began"""
+
+
+def none() -> Sequence:
+    """The one without torques: the law from now on."""
+    return Sequence(NOTHING, 0, 0)
+
+
+def by_law(model: Model, omega: Vec3) -> Vec4:
+    """u_i = K_w g_i . omega within the limit (N m, to each rotor)."""
+    g = model.axes
+    return (
+        within(model.gain_wheel * (g[0] * omega[0] + g[4] * omega[1] + g[8] * omega[2]),
+               model.torque_limit[0]),
+        within(model.gain_wheel * (g[1] * omega[0] + g[5] * omega[1] + g[9] * omega[2]),
+               model.torque_limit[1]),
+        within(model.gain_wheel * (g[2] * omega[0] + g[6] * omega[1] + g[10] * omega[2]),
+               model.torque_limit[2]),
+        within(model.gain_wheel * (g[3] * omega[0] + g[7] * omega[1] + g[11] * omega[2]),
+               model.torque_limit[3]),
+    )  # fmt: skip
+
+
+def of_sequence(torques: Table, segment: int) -> Vec4:
+    """The torques of a segment (N m)."""
+    k = _WHEELS * segment
+    return (torques[k], torques[k + 1], torques[k + 2], torques[k + 3])
+
+
+def allowed(u: Vec4, h: Vec4, limit: float) -> Vec4:
+    """u without what drives a wheel further beyond its limit."""
+    return (
+        0.0 if abs(h[0]) >= limit and u[0] * h[0] > 0.0 else u[0],
+        0.0 if abs(h[1]) >= limit and u[1] * h[1] > 0.0 else u[1],
+        0.0 if abs(h[2]) >= limit and u[2] * h[2] > 0.0 else u[2],
+        0.0 if abs(h[3]) >= limit and u[3] * h[3] > 0.0 else u[3],
+    )
+
+
+def along(axes: Mat34, x: Vec4) -> Vec3:
+    """sum g_i x_i, body."""
+    return (
+        axes[0] * x[0] + axes[1] * x[1] + axes[2] * x[2] + axes[3] * x[3],
+        axes[4] * x[0] + axes[5] * x[1] + axes[6] * x[2] + axes[7] * x[3],
+        axes[8] * x[0] + axes[9] * x[1] + axes[10] * x[2] + axes[11] * x[3],
+    )
+
+
+def largest(omega: Vec3) -> float:
+    """The largest rate of an axis."""
+    return max(abs(omega[0]), abs(omega[1]), abs(omega[2]))
+
+
+def flown(
+    model: Model, omega: Vec3, b: Vec3, h: Vec4, torques: Table, segments: int, elapsed: int,
+    length: int, horizon: int, best: float,
+) -> float:  # fmt: skip
+    """Steps until every rate is below its limit; where the horizon comes first, its steps and the
+    largest rate in parts of the limit. Infinite once it is above `best`."""
+    planned = segments * length - elapsed
+    for k in range(horizon):
+        size = largest(omega) / model.rate_limit
+        if size < 1.0:
+            return k - 1.0 + size
+        if k > best:
+            return inf
+        m = clip(all_coils(omega, b, model.gain), model.m_limit)
+        free = k >= planned
+        u = by_law(model, omega) if free else of_sequence(torques, (k + elapsed) // length)
+        u = allowed(u, h, model.h_limit)
+        omega, b = stepped(model, omega, b, h, m, u)
+        h = (h[0] + model.step * u[0], h[1] + model.step * u[1],
+             h[2] + model.step * u[2], h[3] + model.step * u[3])  # fmt: skip
+    return horizon + largest(omega) / model.rate_limit
+
+
+def stepped(model: Model, omega: Vec3, b: Vec3, h: Vec4, m: Vec3, u: Vec4) -> tuple[Vec3, Vec3]:
+    """(omega, b) after a step with m (A m2) and u (N m) held: midpoint rule."""
+    dt = model.step
+    tau, w = along(model.axes, u), along(model.axes, h)
+    slope = _slope(model, omega, b, m, tau, w)
+    turn = cross(b, omega)
+    middle = add(omega, scale(0.5 * dt, slope))
+    b_middle = add(b, scale(0.5 * dt, turn))
+    slope = _slope(model, middle, b_middle, m, tau, add(w, scale(0.5 * dt, tau)))
+    return add(omega, scale(dt, slope)), add(b, scale(dt, cross(b_middle, middle)))
+
+
+def _slope(model: Model, omega: Vec3, b: Vec3, m: Vec3, tau: Vec3, w: Vec3) -> Vec3:
+    momentum = add(mat_vec(model.carrier, omega), w)
+    torque = sub(sub(cross(m, b), tau), cross(omega, momentum))
+    return mat_vec(model.inverse, torque)
+
+
+def sought(
+    model: Model,
+    omega: Vec3,
+    b: Vec3,
+    h: Vec4,
+    before: Sequence,
+    index: int,
+    rounds: int,
+    candidates: int,
+    length: int,
+    horizon: int,
+) -> tuple[Sequence, float]:
+    """The best sequence found from here, and its cost (see `flown`).
+
+    index: which search it is, for the draws; candidates: sequences in each round; length (steps):
+    of a segment; horizon (steps): of a flight.
+    """
+    cost = flown(model, omega, b, h, NOTHING, 0, 0, length, horizon, inf)
+    torques, segments, elapsed = NOTHING, 0, 0
+    again = flown(model, omega, b, h, before.torques, before.segments, before.elapsed, length,
+                  horizon, cost)  # fmt: skip
+    if again < cost:
+        cost, torques = again, before.torques
+        segments, elapsed = before.segments, before.elapsed
+    spread = 1.0
+    for k in range(rounds):
+        centre, used, begun = torques, segments, elapsed
+        for i in range(candidates):
+            number = (candidates * k + i) * (SEGMENTS * _WHEELS)
+            anew = k == 0 or used == 0
+            about = NOTHING if anew else centre
+            trial = tuple(
+                within(
+                    about[j] + spread * _BEYOND * model.torque_limit[j % _WHEELS]
+                    * (2.0 * uniform(_KEY, index, number + j) - 1.0),
+                    model.torque_limit[j % _WHEELS],
+                )
+                for j in range(SEGMENTS * _WHEELS)
+            )  # fmt: skip
+            many = 1 + i % SEGMENTS if anew else used
+            since = 0 if anew else begun
+            made = flown(model, omega, b, h, trial, many, since, length, horizon, cost)
+            if made < cost:
+                cost, torques, segments, elapsed = made, trial, many, since
+        spread *= 0.5
+    return Sequence(torques, segments, elapsed), cost
