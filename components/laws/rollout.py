@@ -33,6 +33,8 @@ SEGMENTS = 4
 _WHEELS = 4
 NOTHING: Table = (0.0,) * (SEGMENTS * _WHEELS)
 _KEY = stream("rollout", "sequence", 0)
+TURN = 0.25
+"""Of a step, up to which the model's flight is believed (rad)."""
 _BEYOND = 1.5
 """Torques are drawn so far beyond their limit, so that a third of them is at it."""
 
@@ -125,16 +127,16 @@ def largest(omega: Vec3) -> float:
 
 def flown(
     model: Model, omega: Vec3, b: Vec3, h: Vec4, torques: Table, segments: int, elapsed: int,
-    length: int, horizon: int, best: float,
+    length: int, horizon: int, best: float, fastest: float,
 ) -> float:  # fmt: skip
     """Steps until every rate is below its limit; where the horizon comes first, its steps and the
-    largest rate in parts of the limit. Infinite once it is above `best`."""
+    largest rate in parts of the limit. Infinite once it is above `best`, or a rate `fastest`."""
     planned = segments * length - elapsed
     for k in range(horizon):
         size = largest(omega) / model.rate_limit
         if size < 1.0:
             return k - 1.0 + size
-        if k > best:
+        if k > best or largest(omega) > fastest:
             return inf
         m = clip(all_coils(omega, b, model.gain), model.m_limit)
         free = k >= planned
@@ -181,10 +183,11 @@ def sought(
     index: which search it is, for the draws; candidates: sequences in each round; length (steps):
     of a segment; horizon (steps): of a flight.
     """
-    cost = flown(model, omega, b, h, NOTHING, 0, 0, length, horizon, inf)
+    fastest = max(TURN / model.step, largest(omega))
+    cost = flown(model, omega, b, h, NOTHING, 0, 0, length, horizon, inf, inf)
     torques, segments, elapsed = NOTHING, 0, 0
     again = flown(model, omega, b, h, before.torques, before.segments, before.elapsed, length,
-                  horizon, cost)  # fmt: skip
+                  horizon, cost, fastest)  # fmt: skip
     if again < cost:
         cost, torques = again, before.torques
         segments, elapsed = before.segments, before.elapsed
@@ -205,7 +208,7 @@ def sought(
             )  # fmt: skip
             many = 1 + i % SEGMENTS if anew else used
             since = 0 if anew else begun
-            made = flown(model, omega, b, h, trial, many, since, length, horizon, cost)
+            made = flown(model, omega, b, h, trial, many, since, length, horizon, cost, fastest)
             if made < cost:
                 cost, torques, segments, elapsed = made, trial, many, since
         spread *= 0.5
