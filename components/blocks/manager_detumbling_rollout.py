@@ -29,9 +29,8 @@ class ManagerDetumblingRollout(Manager, WheelInertias):
     followed. The law alone is always one of them.
 
     It knows the craft's `inertia`, from which the flight may differ, and neither attitude nor
-    orbit. It is done (`mode` detumbled) once every rate has been below `rate_limit` for
-    `hold_time`; the law above then goes on, so that the craft stays slow, and a search begins
-    again above `rate_again`.
+    orbit. Once every rate is below `rate_limit` the law above alone goes on, until a rate is above
+    `rate_again`; after `hold_time` below the limit the craft is detumbled (`mode`).
 
     **Rate.** `gyro`, or `observer`: Euler's equations with the commanded dipole and the wheels'
     measured momentum, corrected by the field (`bandwidth`): magnetometer and tachometers alone.
@@ -66,12 +65,12 @@ class ManagerDetumblingRollout(Manager, WheelInertias):
         "rad/s", "detumbled: every rate below", start=3e-3, min=1e-9, usual=SPIN
     )
     margin: float = Parameter("1", "of rate_limit, at which a flight of the model ends",
-                              start=0.7, min=1e-3, max=1.0)  # fmt: skip
-    hold_time: float = Parameter("s", "so long, before it is detumbled", min=0.0)
+                              start=0.9, min=1e-3, max=1.0)  # fmt: skip
+    hold_time: float = Parameter("s", "so long, before it is detumbled", start=60.0, min=0.0)
     rate_again: float = Parameter("rad/s", "detumbled no more: a rate above", start=6e-3,
                                   min=1e-9, usual=SPIN)  # fmt: skip
     plan_time: float = Parameter("s", "time between searches", start=10.0, min=0.0)
-    segment: float = Parameter("s", "each torque of a sequence is held", start=15.0, min=1e-3)
+    segment: float = Parameter("s", "each torque of a sequence is held", start=20.0, min=1e-3)
     horizon: float = Parameter("s", "a flight of the model ends at the latest", start=900.0,
                                min=1e-3)  # fmt: skip
     model_step: float = Parameter("s", "of the model; at rates of 0.1 rad/s 2 s is too long",
@@ -108,6 +107,7 @@ class ManagerDetumblingRollout(Manager, WheelInertias):
         self._sequence = rollout.none()
         self._searches = 0
         self._planned_at = self._slow_since = -1.0
+        self._is_slow = False
         self._omega: Vec3 | None = None
         self._b_model: Vec3 | None = None
         self._h_before = _STILL
@@ -137,7 +137,10 @@ class ManagerDetumblingRollout(Manager, WheelInertias):
             self._planned_at = -1.0
             return
         self._judge(t, omega)
-        if self.mode != DETUMBLED:
+        if self._is_slow:
+            # what is soonest slow once more would not stay so
+            self._sequence, self._planned_at, self.time_left = rollout.none(), -1.0, 0.0
+        else:
             self._plan(t, omega)
         if self.valid_b:
             self.m_cmd_body = clip(all_coils(omega, self.b_body, self.gain), self.m_limit)
@@ -172,19 +175,21 @@ class ManagerDetumblingRollout(Manager, WheelInertias):
         self._h_before, self._t_before = h, t
 
     def _judge(self, t: float, omega: Vec3) -> None:
-        """Detumbled or not."""
+        """Slow or not, and for how long."""
         size = rollout.largest(omega)
-        if self.mode == DETUMBLED and size <= self.rate_again:
-            return
-        self.mode = BRAKING
+        if size > self.rate_again:
+            self._is_slow = False
+        elif size < self.rate_limit:
+            self._is_slow = True
         if size >= self.rate_limit:
             self._slow_since = -1.0
-            return
-        if self._slow_since < 0.0:
+        elif self._slow_since < 0.0:
             self._slow_since = t
-        if t - self._slow_since >= self.hold_time - 1e-6:
-            self.mode, self._sequence, self._planned_at = DETUMBLED, rollout.none(), -1.0
-            self.time_left = 0.0
+        held = self._slow_since >= 0.0 and t - self._slow_since >= self.hold_time - 1e-6
+        if held or (self.mode == DETUMBLED and self._is_slow):
+            self.mode = DETUMBLED
+        else:
+            self.mode = BRAKING
 
     def _plan(self, t: float, omega: Vec3) -> None:
         """Search, where it is due."""

@@ -186,6 +186,8 @@ def sought(
     fastest = max(TURN / model.step, largest(omega))
     cost = flown(model, omega, b, h, NOTHING, 0, 0, length, horizon, inf, inf)
     torques, segments, elapsed = NOTHING, 0, 0
+    if cost <= 0.0:
+        return none(), cost
     again = flown(model, omega, b, h, before.torques, before.segments, before.elapsed, length,
                   horizon, cost, fastest)  # fmt: skip
     if again < cost:
