@@ -4,13 +4,15 @@ from collections.abc import Iterator
 
 from ..contract.block import SPIN, Mat33, Output, Parameter, Vec3, Vec4
 from ..contract.roles import Manager, WheelInertias
-from ..laws import rate_observer, rollout
+from ..laws import rate_filter, rate_observer, rollout
 from ..laws.acquisition import all_coils
 from ..maths.vector import ZERO, clip
 from ..physics.gyrostat import carrier_inertia, inverse_inertia
 
 IDLE, BRAKING, PLANNED, DETUMBLED = range(4)
-GYRO, OBSERVER = range(2)
+GYRO, FILTER = range(2)
+UNKNOWN_RATE = 0.2
+"""Of each axis, where the filter begins (rad/s)."""
 _STILL: Vec4 = (0.0, 0.0, 0.0, 0.0)
 
 
@@ -56,8 +58,13 @@ class ManagerDetumblingRollout(Manager, WheelInertias):
     h_limit: float = Parameter("N.m.s", "momentum beyond which a wheel is not driven",
                                start=0.18, min=1e-9,
                                follows="wheels.inertia_wheel * wheels.speed_limit")  # fmt: skip
-    rate_from: int = Parameter("1", "where the rate is from", choices=("gyro", "observer"))
-    bandwidth: float = Parameter("rad/s", "of the observer", start=0.1, min=1e-6)
+    rate_from: int = Parameter("1", "where the rate is from", choices=("gyro", "filter"))
+    field_noise: float = Parameter("T", "filter: of the magnetometer, each axis", start=3e-7,
+                                   min=1e-12)  # fmt: skip
+    rate_noise: float = Parameter("rad/s", "filter: random walk of the rate over a root second",
+                                  start=1e-4, min=0.0)  # fmt: skip
+    field_turn: float = Parameter("T", "filter: random walk of the field over a root second",
+                                  start=1e-7, min=0.0)  # fmt: skip
     gain: float = Parameter("A.m2.s/T", "of the coils", start=3e7, min=0.0,
                             needs=("b_body", "m_cmd_body"))  # fmt: skip
     gain_wheel: float = Parameter("N.m.s", "of the wheels", start=1e-2, min=0.0)
@@ -111,6 +118,7 @@ class ManagerDetumblingRollout(Manager, WheelInertias):
         self._omega: Vec3 | None = None
         self._b_model: Vec3 | None = None
         self._h_before = _STILL
+        self._rates = self._mixed = self._fields = rate_filter.NONE
         self._t_before = 0.0
         self.tau_cmd_wheel = _STILL
         self.m_cmd_body = self.tau_cmd_thruster_body = self.omega_est_body = ZERO
@@ -119,7 +127,7 @@ class ManagerDetumblingRollout(Manager, WheelInertias):
         self.time_left = 0.0
 
     def foresee(self, begin: float, end: float, wired: frozenset[str]) -> Iterator[str]:
-        needed = ("h_wheel",) if self.rate_from == OBSERVER else ("omega_bi_body", "h_wheel")
+        needed = ("h_wheel",) if self.rate_from == FILTER else ("omega_bi_body", "h_wheel")
         for name in needed:
             if name not in wired:
                 yield f"{name} is not wired: the law of detumbling is of no use without it"
@@ -159,19 +167,28 @@ class ManagerDetumblingRollout(Manager, WheelInertias):
         omega, model = self._omega, self._b_model
         if omega is None or model is None:
             self._omega, self._b_model = ZERO, self.b_body
+            self._rates = rate_filter.diagonal(UNKNOWN_RATE * UNKNOWN_RATE)
+            self._mixed = rate_filter.NONE
+            self._fields = rate_filter.diagonal(self.field_noise * self.field_noise)
         else:
             elapsed = t - self._t_before
             # the torque is what the momentum has changed by, whatever was commanded
             u = ((before[0] - h[0]) / elapsed, (before[1] - h[1]) / elapsed,
                  (before[2] - h[2]) / elapsed, (before[3] - h[3]) / elapsed)  # fmt: skip
-            axes = self.axes_wheel
-            omega, model = rate_observer.predicted(
-                omega, model, self.m_cmd_body, rollout.along(axes, u), rollout.along(axes, before),
-                self._model.carrier, self._model.inverse, elapsed,
+            axes, known = self.axes_wheel, self._model
+            wheel = rollout.along(axes, before)
+            rates, mixed, fields = rate_filter.spread(
+                omega, model, wheel, self._rates, self._mixed, self._fields, known.carrier,
+                known.inverse, self.rate_noise, self.field_turn, elapsed,
             )  # fmt: skip
-            self._omega, self._b_model = rate_observer.corrected(
-                omega, model, self.b_body, self.bandwidth, elapsed
-            )
+            omega, model = rate_observer.predicted(
+                omega, model, self.m_cmd_body, rollout.along(axes, u), wheel, known.carrier,
+                known.inverse, elapsed,
+            )  # fmt: skip
+            self._omega, self._b_model, self._rates, self._mixed, self._fields = (
+                rate_filter.corrected(omega, model, self.b_body, rates, mixed, fields,
+                                      self.field_noise)
+            )  # fmt: skip
         self._h_before, self._t_before = h, t
 
     def _judge(self, t: float, omega: Vec3) -> None:
