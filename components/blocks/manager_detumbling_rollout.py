@@ -62,9 +62,9 @@ class ManagerDetumblingRollout(Manager, WheelInertias):
     field_noise: float = Parameter("T", "filter: of the magnetometer, each axis", start=3e-7,
                                    min=1e-12)  # fmt: skip
     rate_noise: float = Parameter("rad/s", "filter: random walk of the rate over a root second",
-                                  start=1e-4, min=0.0)  # fmt: skip
+                                  start=3e-5, min=0.0)  # fmt: skip
     field_turn: float = Parameter("T", "filter: random walk of the field over a root second",
-                                  start=1e-7, min=0.0)  # fmt: skip
+                                  start=3e-7, min=0.0)  # fmt: skip
     gain: float = Parameter("A.m2.s/T", "of the coils", start=3e7, min=0.0,
                             needs=("b_body", "m_cmd_body"))  # fmt: skip
     gain_wheel: float = Parameter("N.m.s", "of the wheels", start=1e-2, min=0.0)
@@ -196,9 +196,9 @@ class ManagerDetumblingRollout(Manager, WheelInertias):
         size = rollout.largest(omega)
         if size > self.rate_again:
             self._is_slow = False
-        elif size < self.rate_limit:
+        elif size < self.rate_limit and self._is_sure():
             self._is_slow = True
-        if size >= self.rate_limit:
+        if size >= self.rate_limit or not self._is_sure():
             self._slow_since = -1.0
         elif self._slow_since < 0.0:
             self._slow_since = t
@@ -207,6 +207,11 @@ class ManagerDetumblingRollout(Manager, WheelInertias):
             self.mode = DETUMBLED
         else:
             self.mode = BRAKING
+
+    def _is_sure(self) -> bool:
+        """Whether the rate is known within its limit (1 sigma)."""
+        p, limit = self._rates, self.rate_limit * self.rate_limit
+        return self.rate_from == GYRO or (p[0] < limit and p[4] < limit and p[8] < limit)
 
     def _plan(self, t: float, omega: Vec3) -> None:
         """Search, where it is due."""

@@ -17,6 +17,8 @@ magnetometer data, J. Guidance, Control, and Dynamics 13 (1990) 506, without the
 from __future__ import annotations
 
 from ..contract.block import Mat33, Vec3
+from ..maths.matrix import add as plus
+from ..maths.matrix import multiply, scale, subtract, transposed
 from ..maths.vector import IDENTITY, add, inverse, mat_vec, sub
 
 NONE: Mat33 = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
@@ -25,35 +27,6 @@ NONE: Mat33 = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 def diagonal(x: float) -> Mat33:
     """x on the diagonal."""
     return (x, 0.0, 0.0, 0.0, x, 0.0, 0.0, 0.0, x)
-
-
-def times(a: Mat33, b: Mat33) -> Mat33:
-    """a b"""
-    return (
-        a[0] * b[0] + a[1] * b[3] + a[2] * b[6], a[0] * b[1] + a[1] * b[4] + a[2] * b[7],
-        a[0] * b[2] + a[1] * b[5] + a[2] * b[8],
-        a[3] * b[0] + a[4] * b[3] + a[5] * b[6], a[3] * b[1] + a[4] * b[4] + a[5] * b[7],
-        a[3] * b[2] + a[4] * b[5] + a[5] * b[8],
-        a[6] * b[0] + a[7] * b[3] + a[8] * b[6], a[6] * b[1] + a[7] * b[4] + a[8] * b[7],
-        a[6] * b[2] + a[7] * b[5] + a[8] * b[8],
-    )  # fmt: skip
-
-
-def turned(a: Mat33) -> Mat33:
-    """a'"""
-    return (a[0], a[3], a[6], a[1], a[4], a[7], a[2], a[5], a[8])
-
-
-def plus(a: Mat33, b: Mat33) -> Mat33:
-    """a + b"""
-    return (a[0] + b[0], a[1] + b[1], a[2] + b[2], a[3] + b[3], a[4] + b[4], a[5] + b[5],
-            a[6] + b[6], a[7] + b[7], a[8] + b[8])  # fmt: skip
-
-
-def by(s: float, a: Mat33) -> Mat33:
-    """s a"""
-    return (s * a[0], s * a[1], s * a[2], s * a[3], s * a[4], s * a[5], s * a[6], s * a[7],
-            s * a[8])  # fmt: skip
 
 
 def crossing(a: Vec3) -> Mat33:
@@ -70,21 +43,23 @@ def spread(
     rate_noise, field_noise: random walk of rate (rad/s) and field (T) over a root second.
     """
     momentum = add(mat_vec(inertia, omega), wheel)
-    a = times(inverse_inertia,
-              plus(crossing(momentum), by(-1.0, times(crossing(omega), inertia))))  # fmt: skip
-    a = by(elapsed, a)
-    f = plus(plus(IDENTITY, a), by(0.5, times(a, a)))
-    down = by(elapsed, crossing(b))
-    across = plus(IDENTITY, by(-elapsed, crossing(omega)))
-    moved = times(f, rates)
-    new_mixed = plus(times(moved, turned(down)), times(times(f, mixed), turned(across)))
-    half = times(times(down, mixed), turned(across))
-    new_fields = plus(
-        plus(times(times(down, rates), turned(down)), times(times(across, fields), turned(across))),
-        plus(plus(half, turned(half)), diagonal(field_noise * field_noise * elapsed)),
-    )
-    new_rates = plus(times(moved, turned(f)), diagonal(rate_noise * rate_noise * elapsed))
-    return new_rates, new_mixed, new_fields
+    turning = crossing(omega)
+    slope = subtract(crossing(momentum), multiply(turning, inertia))
+    a = scale(elapsed, multiply(inverse_inertia, slope))
+    f = plus(plus(IDENTITY, a), scale(0.5, multiply(a, a)))
+    down = scale(elapsed, crossing(b))
+    across = transposed(subtract(IDENTITY, scale(elapsed, turning)))
+    moved, coupled = multiply(f, rates), multiply(down, mixed)
+    of_both = multiply(coupled, across)
+    return (
+        plus(multiply(moved, transposed(f)), diagonal(rate_noise * rate_noise * elapsed)),
+        plus(multiply(moved, transposed(down)), multiply(multiply(f, mixed), across)),
+        plus(
+            plus(multiply(multiply(down, rates), transposed(down)),
+                 multiply(multiply(transposed(across), fields), across)),
+            plus(plus(of_both, transposed(of_both)), diagonal(field_noise * field_noise * elapsed)),
+        ),
+    )  # fmt: skip
 
 
 def corrected(
@@ -93,10 +68,10 @@ def corrected(
     """(omega, b, P_w, C, P_b) with a measured field (T), of this noise (T) in each axis."""
     gain = inverse(plus(fields, diagonal(noise * noise)))
     d = sub(measured, b)
-    of_rate, of_field = times(mixed, gain), times(fields, gain)
+    of_rate, of_field = multiply(mixed, gain), multiply(fields, gain)
     return (
         add(omega, mat_vec(of_rate, d)), add(b, mat_vec(of_field, d)),
-        plus(rates, by(-1.0, times(of_rate, turned(mixed)))),
-        plus(mixed, by(-1.0, times(of_rate, fields))),
-        plus(fields, by(-1.0, times(of_field, fields))),
+        subtract(rates, multiply(of_rate, transposed(mixed))),
+        subtract(mixed, multiply(of_rate, fields)),
+        subtract(fields, multiply(of_field, fields)),
     )  # fmt: skip
