@@ -5,15 +5,27 @@ from collections.abc import Iterator
 from ..contract.block import SPIN, Mat33, Output, Parameter, Vec3, Vec4
 from ..contract.roles import Manager, WheelInertias
 from ..laws import rate_filter, rate_observer, rollout
-from ..laws.acquisition import all_coils
-from ..maths.vector import ZERO, clip
+from ..laws.acquisition import all_coils, within
+from ..maths.vector import ZERO, clip, dot, mat_vec, sub
 from ..physics.gyrostat import carrier_inertia, inverse_inertia
 
 IDLE, BRAKING, PLANNED, DETUMBLED = range(4)
 GYRO, FILTER = range(2)
 UNKNOWN_RATE = 0.2
 """Of each axis, where the filter begins (rad/s)."""
+FRICTION_TIME = 5.0
+"""Over which a wheel's friction is averaged (s)."""
+MISSES = 5
+"""Samples in a row at which a wheel does not follow, after which it is taken for dead."""
 _STILL: Vec4 = (0.0, 0.0, 0.0, 0.0)
+
+
+def missed(before: int, torque: float, got: float, limit: float) -> int:
+    """Samples in a row at which a wheel gave less than a fifth of a torque (N m) that is more than
+    a third of its limit; smaller ones say nothing."""
+    if abs(torque) <= 0.3 * limit or limit == 0.0:
+        return before
+    return before + 1 if got * torque < 0.2 * torque * torque else 0
 
 
 class ManagerDetumblingRollout(Manager, WheelInertias):
@@ -68,6 +80,14 @@ class ManagerDetumblingRollout(Manager, WheelInertias):
     gain: float = Parameter("A.m2.s/T", "of the coils", start=3e7, min=0.0,
                             needs=("b_body", "m_cmd_body"))  # fmt: skip
     gain_wheel: float = Parameter("N.m.s", "of the wheels", start=1e-2, min=0.0)
+    gain_alone: float = Parameter(
+        "N.m.s", "of the coils on |B|^2, once no wheel follows: 2 n (1 + sin xi) J_min",
+        start=1.2e-3, min=0.0,
+    )  # fmt: skip
+    coil_coupling: Mat33 = Parameter(
+        "T/(A.m2)", "field of a dipole at the magnetometer, taken off",
+        start=(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
+    )  # fmt: skip
     rate_limit: float = Parameter(
         "rad/s", "detumbled: every rate below", start=3e-3, min=1e-9, usual=SPIN
     )
@@ -100,15 +120,16 @@ class ManagerDetumblingRollout(Manager, WheelInertias):
             self.fail(f"rate_again = {self.rate_again} rad/s is not above rate_limit = "
                       f"{self.rate_limit}: it would never be detumbled")  # fmt: skip
         a, torque = self.axes_wheel, self.torque_limit
-        limits = (
+        self._carrier, self._inverse = carrier, inverse
+        self._model = self._modelled((
             torque if any((a[0], a[4], a[8])) else 0.0, torque if any((a[1], a[5], a[9])) else 0.0,
             torque if any((a[2], a[6], a[10])) else 0.0,
             torque if any((a[3], a[7], a[11])) else 0.0,
-        )  # fmt: skip
-        self._model = rollout.Model(
-            carrier, inverse, a, self.m_limit, limits, self.h_limit, self.gain, self.gain_wheel,
-            self.margin * self.rate_limit, self.model_step,
-        )  # fmt: skip
+        ))  # fmt: skip
+        self._friction = _STILL
+        self._was_valid_h = False
+        self._misses = (0, 0, 0, 0)
+        self._b = ZERO
         self._length = max(1, int(self.segment / self.model_step + 0.999999))
         self._horizon = max(1, int(self.horizon / self.model_step + 0.999999))
         self._sequence = rollout.none()
@@ -126,6 +147,13 @@ class ManagerDetumblingRollout(Manager, WheelInertias):
         self.coil_saturated = False
         self.time_left = 0.0
 
+    def _modelled(self, limits: Vec4) -> rollout.Model:
+        """The model of the craft with these torque limits of its wheels (N m)."""
+        return rollout.Model(
+            self._carrier, self._inverse, self.axes_wheel, self.m_limit, limits, self.h_limit,
+            self.gain, self.gain_wheel, self.margin * self.rate_limit, self.model_step,
+        )  # fmt: skip
+
     def foresee(self, begin: float, end: float, wired: frozenset[str]) -> Iterator[str]:
         needed = ("h_wheel",) if self.rate_from == FILTER else ("omega_bi_body", "h_wheel")
         for name in needed:
@@ -136,7 +164,10 @@ class ManagerDetumblingRollout(Manager, WheelInertias):
     def compute(self, t: float, dt: float) -> None:
         if not self.due(t):
             return
+        self._b = sub(self.b_body, mat_vec(self.coil_coupling, self.m_cmd_body))
+        self._watch(t)
         self._sense(t)
+        self._h_before, self._t_before = self.h_wheel, t
         omega = self._omega
         self.tau_cmd_wheel, self.m_cmd_body, self.coil_saturated = _STILL, ZERO, False
         self.omega_est_body = ZERO if omega is None else omega
@@ -151,9 +182,49 @@ class ManagerDetumblingRollout(Manager, WheelInertias):
         else:
             self._plan(t, omega)
         if self.valid_b:
-            self.m_cmd_body = clip(all_coils(omega, self.b_body, self.gain), self.m_limit)
+            self.m_cmd_body = clip(all_coils(omega, self._b, self._coil_gain()), self.m_limit)
         self.coil_saturated = any(abs(x) >= self.m_limit for x in self.m_cmd_body)
         self.tau_cmd_wheel = self._torques(t, omega)
+
+    def _watch(self, t: float) -> None:
+        """What each wheel's momentum has not followed of its command: friction, or a dead wheel."""
+        if not self.valid_h or not self._was_valid_h:
+            self._was_valid_h = self.valid_h
+            return
+        elapsed = t - self._t_before
+        h, before, u, limit = (
+            self.h_wheel, self._h_before, self.tau_cmd_wheel, self._model.torque_limit,
+        )  # fmt: skip
+        got = (
+            (h[0] - before[0]) / elapsed, (h[1] - before[1]) / elapsed,
+            (h[2] - before[2]) / elapsed, (h[3] - before[3]) / elapsed,
+        )  # fmt: skip
+        share, f = min(elapsed / FRICTION_TIME, 1.0), self._friction
+        self._friction = (
+            within(f[0] + share * (u[0] - got[0] - f[0]), limit[0]),
+            within(f[1] + share * (u[1] - got[1] - f[1]), limit[1]),
+            within(f[2] + share * (u[2] - got[2] - f[2]), limit[2]),
+            within(f[3] + share * (u[3] - got[3] - f[3]), limit[3]),
+        )
+        n = self._misses
+        self._misses = (
+            missed(n[0], u[0], got[0], limit[0]), missed(n[1], u[1], got[1], limit[1]),
+            missed(n[2], u[2], got[2], limit[2]), missed(n[3], u[3], got[3], limit[3]),
+        )  # fmt: skip
+        n = self._misses
+        if max(n[0], n[1], n[2], n[3]) >= MISSES:
+            self._model = self._modelled((
+                0.0 if n[0] >= MISSES else limit[0], 0.0 if n[1] >= MISSES else limit[1],
+                0.0 if n[2] >= MISSES else limit[2], 0.0 if n[3] >= MISSES else limit[3],
+            ))  # fmt: skip
+            self._sequence, self._planned_at = rollout.none(), -1.0
+
+    def _coil_gain(self) -> float:
+        """K of the coils (A m2 s/T): without a wheel one that lets the field turn."""
+        size2 = dot(self._b, self._b)
+        if any(self._model.torque_limit) or size2 == 0.0:
+            return self.gain
+        return self.gain_alone / size2
 
     def _sense(self, t: float) -> None:
         """The rate at this sample, None where nothing is known of it."""
@@ -166,7 +237,7 @@ class ManagerDetumblingRollout(Manager, WheelInertias):
         h, before = self.h_wheel, self._h_before
         omega, model = self._omega, self._b_model
         if omega is None or model is None:
-            self._omega, self._b_model = ZERO, self.b_body
+            self._omega, self._b_model = ZERO, self._b
             self._rates = rate_filter.diagonal(UNKNOWN_RATE * UNKNOWN_RATE)
             self._mixed = rate_filter.NONE
             self._fields = rate_filter.diagonal(self.field_noise * self.field_noise)
@@ -186,10 +257,9 @@ class ManagerDetumblingRollout(Manager, WheelInertias):
                 known.inverse, elapsed,
             )  # fmt: skip
             self._omega, self._b_model, self._rates, self._mixed, self._fields = (
-                rate_filter.corrected(omega, model, self.b_body, rates, mixed, fields,
+                rate_filter.corrected(omega, model, self._b, rates, mixed, fields,
                                       self.field_noise)
             )  # fmt: skip
-        self._h_before, self._t_before = h, t
 
     def _judge(self, t: float, omega: Vec3) -> None:
         """Slow or not, and for how long."""
@@ -218,7 +288,8 @@ class ManagerDetumblingRollout(Manager, WheelInertias):
         since = t - self._planned_at
         if self._planned_at >= 0.0 and since < self.plan_time - 1e-6:
             return
-        if not (self.valid_b and self.valid_h):
+        if not (self.valid_b and self.valid_h and any(self._model.torque_limit)):
+            self._sequence = rollout.none()
             return
         before = self._sequence
         elapsed = before.elapsed
@@ -228,7 +299,7 @@ class ManagerDetumblingRollout(Manager, WheelInertias):
         if elapsed >= before.segments * self._length:
             aged = rollout.none()
         self._sequence, cost = rollout.sought(
-            self._model, omega, self.b_body, self.h_wheel, aged, self._searches, self.rounds,
+            self._model, omega, self._b, self.h_wheel, aged, self._searches, self.rounds,
             self.candidates, self._length, self._horizon,
         )  # fmt: skip
         self._searches += 1
@@ -243,4 +314,9 @@ class ManagerDetumblingRollout(Manager, WheelInertias):
             if elapsed < plan.segments * length:
                 u = rollout.of_sequence(plan.torques, elapsed // length)
                 self.mode = PLANNED
-        return rollout.allowed(u, self.h_wheel, self._model.h_limit) if self.valid_h else u
+        if not self.valid_h:
+            return u
+        f, limit = self._friction, self._model.torque_limit
+        u = (within(u[0] + f[0], limit[0]), within(u[1] + f[1], limit[1]),
+             within(u[2] + f[2], limit[2]), within(u[3] + f[3], limit[3]))  # fmt: skip
+        return rollout.allowed(u, self.h_wheel, self._model.h_limit)
