@@ -240,7 +240,8 @@ NAN = math.nan
 # without law; those that detumble, whose losses are in test_hausat2.py: a phase is another law; and
 # those whose coils keep an attitude as well, whose losses are in test_alsat1.py
 OTHERS = ("manager_test_signal", "manager_b_dot", "manager_start_up", "manager_boom",
-          "manager_detumbling_optimal", "manager_boom_feedforward", "manager_detumbling_rollout")  # fmt: skip
+          "manager_detumbling_optimal", "manager_detumbling_rollout",
+          "manager_boom_feedforward")  # fmt: skip
 MANAGERS = [n for n in BLOCKS if n.startswith("manager_") and n not in OTHERS]
 CONTROLLERS = [n for n in BLOCKS if n.startswith("controller_")]
 

@@ -403,10 +403,16 @@ HEAD = """from __future__ import annotations
 import math
 from bisect import bisect_right
 from functools import lru_cache
+from typing import NamedTuple
 
 from desat.components.contract.block import Block, BlockError, Input, Output, Parameter, Vec3
 
 TABLE = (-2.0, -0.5, 0.0, 0.5, 3.0)
+
+
+class Place(NamedTuple):
+    at: int
+    share: float
 
 
 @lru_cache
@@ -663,6 +669,7 @@ ALIKE = (
     "_ = 1.0 / self.x\n(1.0 / self.y, 2.0)\nself.a = (1.0, 2.0, 3.0)",
     "h = 6364136223846793005 * (self.n + 5) & (1 << 64) - 1\nself.fail(f'{h}')",
     "self.a = (self.deep(self.n), 0.0, 0.0)",
+    "p = Place(abs(self.n) % 5, 1)\nself.a = (TABLE[p.at], 0.5 * p.share, 0.0)\nself.k = p.at",
 )
 """What was, or might be, done otherwise in C."""
 
