@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from test_blocks import begin, fresh
 
+import desat
 from desat.components.bases import sensing
 from desat.components.maths import attitude, noise
 from desat.runs.run import Options, prepare
@@ -636,3 +637,33 @@ def test_star_tracker_refuses_a_blinding_that_it_cannot_see(parameter, needed):
     assert not list(block.foresee(0.0, 10.0, frozenset(wires)))
     with pytest.raises(ValueError, match=f"needs {needed}, which has no wire"):
         list(block.foresee(0.0, 10.0, frozenset(wires - {needed})))
+
+
+def test_star_tracker_flies_a_craft_without_determination():
+    """The share of time without stars is that of its drop-outs, and a delay turns a craft that
+    points to nadir by what the orbit turns meanwhile."""
+
+    def number(run, name):
+        return run.manifest["numbers"][name]["value"]
+
+    prompt = desat.run("nadir_day/star-tracker-prompt")
+    late = desat.run("nadir_day/star-tracker-late")
+    lost = prompt.results.values("star_tracker.lost_to")
+    assert set(np.unique(lost)) == {0, 4, 5}, "neither Sun nor Earth, where it is mounted"
+    dropouts = int((lost == 4).sum())
+    assert dropouts == pytest.approx(24, abs=4 * math.sqrt(24))
+    assert (lost == 5).sum() == pytest.approx(9 * dropouts, abs=9)
+    assert 100 * (lost == 0).mean() == pytest.approx(number(prompt, "seen"), abs=0.01)
+    assert prompt.results.values("controller.tau_ctrl_body")[lost == 4].any() == 0
+    orbit = 360.0 / 5739.0  # deg/s
+    found = number(late, "pointing_mean")
+    assert found == pytest.approx(orbit, rel=2e-3)
+    assert number(prompt, "pointing_mean") < 0.2 * orbit
+
+
+def test_star_tracker_mounted_towards_the_earth_sees_no_stars():
+    down = desat.run(
+        "nadir_day/star-tracker-prompt", {"star_tracker.boresight_body": [0.0, 0.0, 1.0]}, stop=60.0
+    )
+    assert (down.results.values("star_tracker.lost_to")[:60] == 2).all()
+    assert not down.results.values("controller.tau_ctrl_body").any()
