@@ -667,3 +667,21 @@ def test_star_tracker_mounted_towards_the_earth_sees_no_stars():
     )
     assert (down.results.values("star_tracker.lost_to")[:60] == 2).all()
     assert not down.results.values("controller.tau_ctrl_body").any()
+
+
+def test_star_tracker_has_the_bits_of_its_python_where_it_is_blinded_and_late():
+    values = {
+        "star_tracker.delay": 3.0,
+        "star_tracker.earth_exclusion": 0.98,
+        "star_tracker.dropout_interval": 30.0,
+        "star_tracker.reacquisition_time": 4.0,
+        "spacecraft.omega_start_body": [0.015, -1e-3, 5e-4],
+    }
+    native, python = (
+        desat.run("nadir_day/star-tracker-late", values, stop=1500.0, fmus=kind)
+        for kind in ("native", "python")
+    )
+    reasons = native.results.values("star_tracker.lost_to")
+    assert set(np.unique(reasons)) == {0, 1, 2, 4, 5, 6}
+    for signal in ("star_tracker.lost_to", "star_tracker.q_meas_bi", "spacecraft.q_bi"):
+        np.testing.assert_array_equal(native.results.values(signal), python.results.values(signal))
