@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from test_blocks import begin, fresh
 
+import desat
 from desat.components.bases import sensing
 from desat.components.maths import attitude, noise
 from desat.runs.run import Options, prepare
@@ -26,6 +27,7 @@ SENSORS = {
     "rate_gyro": ("omega_bi_body", "omega_meas_body", (1e-3, -2e-3, 3e-3)),
     "attitude_determination": ("q_bi", "q_meas_bi", Q),
     "sun_sensor": ("sun_eci", "sun_meas_body", (0.6, 0.0, 0.8)),
+    "star_tracker": ("q_bi", "q_meas_bi", Q),
 }
 # parameters with every random error switched on
 NOISY = {
@@ -34,7 +36,10 @@ NOISY = {
     "rate_gyro": {"noise": 1e-5, "angle_random_walk": 1e-5, "bias_walk": 1e-6},
     "attitude_determination": {"noise": 1e-3, "markov_sigma": 1e-2, "misalignment_norm": 1e-2},
     "sun_sensor": {"noise": 1e-3},
-}
+    "star_tracker": {
+        "noise_cross": 1e-4, "noise_about": 1e-3, "drift_cross": 1e-4, "drift_about": 1e-3,
+    },
+}  # fmt: skip
 
 
 def sensor(name, **values):
@@ -511,3 +516,172 @@ def test_no_sun_where_none_is_modelled():
 def test_boresight_must_be_a_direction():
     with pytest.raises(ValueError, match="boresight_body is zero"):
         sensor("sun_sensor", boresight_body=(0.0, 0.0, 0.0))
+
+
+# --- star tracker -------------------------------------------------------------------------------
+
+
+def test_star_tracker_is_noisier_about_its_boresight():
+    e = np.array((2.0, -1.0, 2.0)) / 3
+    block = sensor(
+        "star_tracker", boresight_body=(2.0, -1.0, 2.0), noise_cross=1e-5, noise_about=8e-5
+    )
+    x = errors(block, N)
+    about = x @ e
+    is_white(about[:, None], 8e-5)
+    across = x - about[:, None] * e
+    u = np.cross(e, (1.0, 0.0, 0.0)) / np.linalg.norm(np.cross(e, (1.0, 0.0, 0.0)))
+    is_white(np.stack([across @ u, across @ np.cross(e, u)], axis=1), 1e-5)
+
+
+def test_star_tracker_drifts_with_its_correlation_time():
+    block = sensor("star_tracker", drift_cross=1e-4, drift_about=5e-4, drift_time=5.0)
+    x = errors(block, N)
+    # a mean over N correlated samples counts as N tanh(1 / 10) independent ones
+    count = N * math.tanh(0.1)
+    assert x.std(axis=0) == pytest.approx([1e-4, 1e-4, 5e-4], rel=5 / math.sqrt(2 * count))
+    for axis in x.T:
+        for lag in (1, 5):
+            found = (axis[:-lag] * axis[lag:]).mean() / axis.var()
+            assert found == pytest.approx(math.exp(-lag / 5), abs=5 / math.sqrt(count))
+
+
+@pytest.mark.parametrize(
+    ("angle", "light", "reason"), [(39.9, 1.0, 1), (40.1, 1.0, 0), (39.9, 0.0, 0)]
+)
+def test_star_tracker_is_blinded_by_a_lit_sun(angle, light, reason):
+    a = math.radians(angle)
+    sun = attitude.rotate_back(Q, (math.sin(a), 0.0, math.cos(a)))  # in body axes, boresight z
+    block = sensor("star_tracker", sun_exclusion=math.radians(40), sun_eci=sun, sunlight=light)
+    assert (block.lost_to, block.valid) == (reason, reason == 0)
+    assert sensor("star_tracker", sun_eci=sun).valid, "off by default"
+
+
+@pytest.mark.parametrize(("beyond", "reason"), [(19.9, 2), (20.1, 0), (-30.0, 2)])
+def test_star_tracker_is_blinded_by_the_earth_up_to_its_limb(beyond, reason):
+    r = 6378137.0 / math.sin(math.radians(64.0))  # from where the Earth fills a cone of 64 deg
+    a = math.radians(64.0 + beyond)
+    up = attitude.rotate_back(Q, (math.sin(a), 0.0, -math.cos(a)))
+    where = tuple(r * x for x in up)
+    block = sensor("star_tracker", earth_exclusion=math.radians(20), r_eci=where)
+    assert (block.lost_to, block.valid) == (reason, reason == 0)
+
+
+@pytest.mark.parametrize(("rate", "reason"), [(0.0199, 0), (0.0201, 3)])
+def test_star_tracker_loses_the_stars_above_its_rate(rate, reason):
+    omega = (0.6 * rate, 0.0, -0.8 * rate)
+    assert sensor("star_tracker", rate_limit=0.02, omega_bi_body=omega).lost_to == reason
+    assert sensor("star_tracker", omega_bi_body=omega).valid
+
+
+def test_star_tracker_holds_until_the_stars_are_acquired_again():
+    block = sensor("star_tracker", rate_limit=0.02, reacquisition_time=3.0, sample_time=1.0)
+    reasons, held = [], []
+    for k in range(10):
+        block.omega_bi_body = (0.03, 0.0, 0.0) if k in (2, 3) else (0.0, 0.0, 0.0)
+        block.q_bi = attitude.propagated(Q, (0.01, 0.0, 0.0), k)
+        block.advance(float(k), 1.0)
+        reasons.append(block.lost_to)
+        held.append(block.q_meas_bi)
+    assert reasons == [0, 0, 3, 3, 5, 5, 0, 0, 0, 0]
+    assert held[1] == held[2] == held[5] != held[6]
+
+
+def test_star_tracker_drops_out_at_its_mean_interval():
+    block = sensor("star_tracker", dropout_interval=50.0, sample_time=2.0)
+    lost = samples(block, "lost_to", N, 2.0) == 4
+    share = 1 - math.exp(-2.0 / 50.0)
+    assert lost.mean() == pytest.approx(share, abs=5 * math.sqrt(share / N))
+    gaps = np.diff(np.flatnonzero(lost))  # geometric: as scattered as they are long
+    assert gaps.std() == pytest.approx(math.sqrt(1 - share) / share, rel=0.15)
+
+
+def test_star_tracker_is_late_by_its_delay():
+    rate = (0.0, 1e-3, 2e-3)
+    block = sensor("star_tracker", sample_time=0.5, delay=1.5)
+    assert (block.valid, block.lost_to) == (False, 6), "nothing can have come out yet"
+    for k in range(12):
+        block.q_bi = attitude.propagated(Q, rate, 0.5 * k)
+        block.advance(0.5 * k, 0.5)
+        assert block.valid == (k >= 3)
+        if block.valid:
+            late = attitude.error_angle(block.q_bi, block.q_meas_bi)
+            assert late == pytest.approx(1.5 * math.hypot(*rate), rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("values", "message"),
+    [
+        ({"boresight_body": (0.0, 0.0, 0.0)}, "boresight_body is zero"),
+        ({"delay": 1.0}, "delay = 1.0 s is not 1 to 16 times sample_time = 0.0 s"),
+        ({"delay": 0.7, "sample_time": 0.5}, "delay = 0.7 s is not 1 to 16 times"),
+        ({"delay": 17.0, "sample_time": 1.0}, "delay = 17.0 s is not 1 to 16 times"),
+        ({"sun_exclusion": 0.5, "sun_eci": (0.0, 0.0, 0.0)}, "needs sun_eci, which is zero"),
+        ({"earth_exclusion": 0.5, "r_eci": (1.0, 0.0, 0.0)}, "below its surface"),
+        ({"sun_exclusion": 3.2}, "sun_exclusion"),
+        ({"noise_cross": -1.0}, "noise_cross"),
+    ],
+)
+def test_star_tracker_refuses_what_cannot_be(values, message):
+    with pytest.raises(ValueError, match=message):
+        sensor("star_tracker", **values)
+
+
+@pytest.mark.parametrize(
+    ("parameter", "needed"),
+    [("sun_exclusion", "sun_eci"), ("earth_exclusion", "r_eci"), ("rate_limit", "omega_bi_body")],
+)
+def test_star_tracker_refuses_a_blinding_that_it_cannot_see(parameter, needed):
+    block = sensor("star_tracker", sun_eci=(1.0, 0.0, 0.0), **{parameter: 0.1})
+    wires = {"q_bi", "sun_eci", "r_eci", "omega_bi_body"}
+    assert not list(block.foresee(0.0, 10.0, frozenset(wires)))
+    with pytest.raises(ValueError, match=f"needs {needed}, which has no wire"):
+        list(block.foresee(0.0, 10.0, frozenset(wires - {needed})))
+
+
+def test_star_tracker_flies_a_craft_without_determination():
+    """The share of time without stars is that of its drop-outs, and a delay turns a craft that
+    points to nadir by what the orbit turns meanwhile."""
+
+    def number(run, name):
+        return run.manifest["numbers"][name]["value"]
+
+    prompt = desat.run("nadir_day/star-tracker-prompt")
+    late = desat.run("nadir_day/star-tracker-late")
+    lost = prompt.results.values("star_tracker.lost_to")
+    assert set(np.unique(lost)) == {0, 4, 5}, "neither Sun nor Earth, where it is mounted"
+    dropouts = int((lost == 4).sum())
+    assert dropouts == pytest.approx(24, abs=4 * math.sqrt(24))
+    assert (lost == 5).sum() == pytest.approx(9 * dropouts, abs=9)
+    assert 100 * (lost == 0).mean() == pytest.approx(number(prompt, "seen"), abs=0.01)
+    assert prompt.results.values("controller.tau_ctrl_body")[lost == 4].any() == 0
+    orbit = 360.0 / 5739.0  # deg/s
+    found = number(late, "pointing_mean")
+    assert found == pytest.approx(orbit, rel=2e-3)
+    assert number(prompt, "pointing_mean") < 0.2 * orbit
+
+
+def test_star_tracker_mounted_towards_the_earth_sees_no_stars():
+    down = desat.run(
+        "nadir_day/star-tracker-prompt", {"star_tracker.boresight_body": [0.0, 0.0, 1.0]}, stop=60.0
+    )
+    assert (down.results.values("star_tracker.lost_to")[:60] == 2).all()
+    assert not down.results.values("controller.tau_ctrl_body").any()
+
+
+def test_star_tracker_has_the_bits_of_its_python_where_it_is_blinded_and_late():
+    values = {
+        "star_tracker.delay": 3.0,
+        "star_tracker.earth_exclusion": 0.98,
+        "star_tracker.dropout_interval": 30.0,
+        "star_tracker.reacquisition_time": 4.0,
+        "spacecraft.omega_start_body": [0.015, -1e-3, 5e-4],
+    }
+    native, python = (
+        desat.run("nadir_day/star-tracker-late", values, stop=1500.0, fmus=kind)
+        for kind in ("native", "python")
+    )
+    reasons = native.results.values("star_tracker.lost_to")
+    assert set(np.unique(reasons)) == {0, 1, 2, 4, 5, 6}
+    for signal in ("star_tracker.lost_to", "star_tracker.q_meas_bi", "spacecraft.q_bi"):
+        np.testing.assert_array_equal(native.results.values(signal), python.results.values(signal))

@@ -552,6 +552,8 @@ TITLES: dict[str, Callable[[Flight], Any] | tuple[Callable[[Flight], Any], float
     "Integral of the squared coil dipoles over slew, lead and lag time": (
         lambda f: f.between(f.squared_dipole(), 6600.0, 9300.0 - 1e-3).sum(), 1e-3),
     "Share of the desired torque along the field after orbit 2, root mean squares": along_field,
+    "Share of time with a valid attitude": (
+        lambda f: 100.0 * f["star_tracker.valid"][:-1].mean(), 1e-4),
     "Largest pointing error after the first 30 min":
         lambda f: f.between(f.pointing(), 1800.0).max(),
     "Largest condition of the costate's matrix after orbit 2":

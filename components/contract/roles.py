@@ -290,6 +290,40 @@ class SunSensor(Sampled):
     )
 
 
+class StarTracker(Sampled):
+    """Measures the attitude by the stars.
+
+    It feeds the laws itself where there is no `determination`.
+    """
+
+    role = "star_tracker"
+
+    q_bi: Vec4 = Input(
+        "1", "attitude: body from eci, scalar last", start=UPRIGHT, source="spacecraft.q_bi"
+    )
+    omega_bi_body: Vec3 = Input(
+        "rad/s", "angular rate of the body relative to eci, body", source="spacecraft.omega_bi_body"
+    )
+    r_eci: Vec3 = Input("m", "position, eci", start=(7.0e6, 0.0, 0.0), source="environment.r_eci")
+    sun_eci: Vec3 = Input("1", "unit vector to the Sun, eci", source="environment.sun_eci")
+    sunlight: float = Input(
+        "1", "the Sun's light over that at 1 astronomical unit", start=1.0,
+        source="environment.sunlight",
+    )  # fmt: skip
+    q_meas_bi: Vec4 = Output(
+        "1",
+        "measured attitude: body from eci, scalar last",
+        interval=True,
+        starts_from=("q_bi", "omega_bi_body", "r_eci", "sun_eci", "sunlight"),
+    )
+    valid: bool = Output(
+        "1",
+        "true: the measurement may be used",
+        interval=True,
+        starts_from=("q_bi", "omega_bi_body", "r_eci", "sun_eci", "sunlight"),
+    )
+
+
 class Guidance(Sampled):
     """Says which attitude is wanted."""
 
@@ -321,7 +355,7 @@ class Controller(Computer):
         "1",
         "measured attitude: body from eci, scalar last",
         start=UPRIGHT,
-        source=("determination.q_meas_bi", "spacecraft.q_bi"),
+        source=("determination.q_meas_bi", "star_tracker.q_meas_bi", "spacecraft.q_bi"),
     )
     omega_bi_body: Vec3 = Input(
         "rad/s",
@@ -340,7 +374,12 @@ class Controller(Computer):
         source="guidance.omega_ref_body",
     )
     enable: bool = Input("1", "false: no torque, integral at zero", start=True)
-    valid_q: bool = Input("1", "false: q_bi is not used", start=True, source="determination.valid")
+    valid_q: bool = Input(
+        "1",
+        "false: q_bi is not used",
+        start=True,
+        source=("determination.valid", "star_tracker.valid"),
+    )
     valid_omega: bool = Input(
         "1", "false: omega_bi_body is not used", start=True, source="gyro.valid"
     )
@@ -377,7 +416,7 @@ class Manager(Computer):
         "1",
         "measured attitude: body from eci, scalar last",
         start=UPRIGHT,
-        source=("determination.q_meas_bi", "spacecraft.q_bi"),
+        source=("determination.q_meas_bi", "star_tracker.q_meas_bi", "spacecraft.q_bi"),
     )
     omega_bi_body: Vec3 = Input(
         "rad/s",
@@ -411,7 +450,12 @@ class Manager(Computer):
     valid_b: bool = Input(
         "1", "false: b_body is not used, no dipole", start=True, source="magnetometer.valid"
     )
-    valid_q: bool = Input("1", "false: q_bi is not used", start=True, source="determination.valid")
+    valid_q: bool = Input(
+        "1",
+        "false: q_bi is not used",
+        start=True,
+        source=("determination.valid", "star_tracker.valid"),
+    )
     valid_omega: bool = Input(
         "1", "false: omega_bi_body is not used", start=True, source="gyro.valid"
     )

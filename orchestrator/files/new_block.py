@@ -18,6 +18,7 @@ from ..system.errors import DesatError, nearest
 PLAIN = {
     "environment": "environment_kepler", "spacecraft": "spacecraft_rigid", "wheels": "wheels",
     "magnetometer": "magnetometer", "gyro": "rate_gyro", "sun_sensor": "sun_sensor",
+    "star_tracker": "star_tracker",
     "determination": "attitude_determination", "tachometers": "tachometers",
     "guidance": "guidance_nadir", "controller": "controller_pid", "torquers": "torquers",
     "thrusters": "thrusters",

@@ -1,0 +1,201 @@
+from __future__ import annotations
+
+from collections.abc import Iterator
+from math import acos, asin, cos, exp
+from typing import Annotated
+
+from ..bases.sensing import Sensor, gauss_markov
+from ..contract.block import SMALL_ANGLE, SPIN, Output, Parameter, Vec3, Vec4
+from ..contract.roles import StarTracker as Role
+from ..maths.attitude import propagated, rotate_back
+from ..maths.noise import normal6, stream, uniform
+from ..maths.vector import ZERO, add, dot, norm, scale, unit
+from ..physics.orbit import EARTH_RADIUS
+
+ON_THEIR_WAY = 16
+"""Measurements that `delay` may hold back at a time."""
+SUN, EARTH, RATE, DROPOUT, ACQUIRING, LATE = 1, 2, 3, 4, 5, 6
+
+
+class StarTracker(Role, Sensor):
+    """Star tracker
+
+        q_meas = dq(a_k) (x) q_bi,      a_k = S (noise_cross, noise_about) n_k + x_k
+        x_k = p x_(k-1) + sqrt(1 - p^2) S (drift_cross, drift_about) w_k
+        S (c, d) v = c (v - (v.e) e) + d (v.e) e,       p = exp(-T / drift_time)
+
+    at each sample, T = `sample_time` after the last one, held in between, and given out `delay`
+    later. dq(a) is the rotation by |a| about a, in body axes, e the boresight, n and w are standard
+    normal numbers, x is the low-frequency error (a first-order Gauss-Markov process from its
+    stationary state on).
+
+    No stars are seen while the Sun is lit and within `sun_exclusion` of the boresight, the limb of
+    the (spherical) Earth within `earth_exclusion` of it, the rate above `rate_limit`, and in
+    drop-outs, which come at random. It is valid again at the first sample that is
+    `reacquisition_time` or more after the last one without stars. The errors and drop-outs are
+    functions of seed, instance name and sample index. While invalid the last attitude stays.
+
+    Source: Markley & Crassidis, Fundamentals of Spacecraft Attitude Determination and Control
+    (2014), sec. 4.2; Gelb, Applied Optimal Estimation (1974), ch. 3.
+    """
+
+    boresight_body: Vec3 = Parameter("1", "boresight, body; normalised", start=(0.0, 0.0, 1.0))
+    noise_cross: float = Parameter(
+        "rad", "standard deviation of the white error, each of two axes across the boresight",
+        min=0.0, usual=SMALL_ANGLE,
+    )  # fmt: skip
+    noise_about: float = Parameter(
+        "rad", "standard deviation of the white error about the boresight",
+        min=0.0, usual=SMALL_ANGLE,
+    )  # fmt: skip
+    drift_cross: float = Parameter(
+        "rad", "standard deviation of the low-frequency error, each of two axes across",
+        min=0.0, usual=SMALL_ANGLE,
+    )  # fmt: skip
+    drift_about: float = Parameter(
+        "rad", "standard deviation of the low-frequency error about the boresight",
+        min=0.0, usual=SMALL_ANGLE,
+    )  # fmt: skip
+    drift_time: float = Parameter(
+        "s", "correlation time of the low-frequency error; 0: white", start=100.0, min=0.0
+    )
+    sun_exclusion: float = Parameter(
+        "rad", "smallest angle from the boresight to the Sun; 0: not blinded", min=0.0,
+        max=3.141592653589793,
+    )  # fmt: skip
+    earth_exclusion: float = Parameter(
+        "rad", "smallest angle from the boresight to the Earth's limb; 0: not blinded", min=0.0,
+        max=3.141592653589793,
+    )  # fmt: skip
+    rate_limit: float = Parameter(
+        "rad/s", "largest angular rate at which stars are seen; 0: any", min=0.0, usual=SPIN
+    )
+    dropout_interval: float = Parameter(
+        "s", "mean time between drop-outs, which have no memory; 0: none", min=0.0
+    )
+    reacquisition_time: float = Parameter(
+        "s", "from the last sample without stars to the next valid one", min=0.0
+    )
+    delay: float = Parameter(
+        "s", f"from a sample to its output: up to {ON_THEIR_WAY} times sample_time", min=0.0
+    )
+
+    lost_to: int = Output(
+        "1",
+        "why it is not valid: 0 it is, 1 Sun, 2 Earth, 3 rate, 4 drop-out, 5 reacquiring, "
+        "6 nothing has come out yet; of a failed one the last reason",
+        interval=True,
+        starts_from=("q_bi", "omega_bi_body", "r_eci", "sun_eci", "sunlight"),
+    )
+
+    def foresee(self, begin: float, end: float, wired: frozenset[str]) -> Iterator[str]:
+        if self.sun_exclusion > 0.0 and "sun_eci" not in wired:
+            self.fail(f"sun_exclusion = {self.sun_exclusion} rad needs sun_eci, which has no wire")
+        if self.earth_exclusion > 0.0 and "r_eci" not in wired:
+            self.fail(
+                f"earth_exclusion = {self.earth_exclusion} rad needs r_eci, which has no wire"
+            )
+        if self.rate_limit > 0.0 and "omega_bi_body" not in wired:
+            self.fail(
+                f"rate_limit = {self.rate_limit} rad/s needs omega_bi_body, which has no wire"
+            )
+        yield from super().foresee(begin, end, wired)
+
+    def start(self) -> None:
+        if not any(self.boresight_body):
+            self.fail("boresight_body is zero; it must be a direction")
+        self._boresight = unit(self.boresight_body)
+        self._late = 0
+        if self.delay > 0.0:
+            samples = self.delay / self.sample_time if self.sample_time > 0.0 else 0.5
+            self._late = round(samples)
+            if abs(samples - self._late) > 1e-6 or not 1 <= self._late <= ON_THEIR_WAY:
+                self.fail(
+                    f"delay = {self.delay} s is not 1 to {ON_THEIR_WAY} times "
+                    f"sample_time = {self.sample_time} s"
+                )
+        self._noise = stream(self.instance, "q_meas_bi", self.seed)
+        self._dropouts = stream(self.instance, "dropout", self.seed)
+        _, drift = normal6(self._noise, 0)
+        self._drift = self._shaped(self.drift_cross, self.drift_about, drift)
+        self._wait = 0.0
+        # (sample, why there are no stars, attitude), in order; the newest one as well
+        self._waiting: Annotated[
+            tuple[tuple[float, float, float, float, float, float], ...], ON_THEIR_WAY + 1
+        ] = ()
+        super().start()
+
+    def measure(self, sample: int, elapsed: float) -> None:
+        reason = self._blind(sample, elapsed)
+        if reason:
+            self._wait = self.reacquisition_time
+        elif self._wait > 0.0:
+            self._wait -= elapsed
+            if self._wait > 1e-6:
+                reason = ACQUIRING
+        q = self._attitude(sample, elapsed)
+        if self._late > 0:
+            before = self._waiting if sample > 0 else ()
+            self._waiting = (*before, (float(sample), float(reason), q[0], q[1], q[2], q[3]))
+            reason, q = self.lost_to if sample > 0 else LATE, self.q_meas_bi
+            while self._waiting and self._waiting[0][0] + self._late <= sample:
+                _, came, x, y, z, w = self._waiting[0]
+                reason, q = int(came), (x, y, z, w)
+                self._waiting = self._waiting[1:]
+        self.valid, self.lost_to = reason == 0, reason
+        if self.valid:
+            self.q_meas_bi = q
+
+    def _blind(self, sample: int, elapsed: float) -> int:
+        """Why no stars are seen; 0: they are."""
+        if self.sun_exclusion > 0.0 or self.earth_exclusion > 0.0:
+            boresight = rotate_back(self.q_bi, self._boresight)
+            if self.sun_exclusion > 0.0:
+                size = norm(self.sun_eci)
+                if size == 0.0:
+                    self.fail(
+                        f"sun_exclusion = {self.sun_exclusion} rad needs sun_eci, which is zero: "
+                        "the environment has no Sun"
+                    )
+                near = dot(boresight, self.sun_eci) > size * cos(self.sun_exclusion)
+                if near and self.sunlight > 0.0:
+                    return SUN
+            if self.earth_exclusion > 0.0:
+                r = norm(self.r_eci)
+                if r < EARTH_RADIUS:
+                    self.fail(
+                        f"earth_exclusion = {self.earth_exclusion} rad needs r_eci, which is "
+                        f"{r} m from the Earth's centre, below its surface"
+                    )
+                down = min(max(-dot(boresight, self.r_eci) / r, -1.0), 1.0)
+                if acos(down) - asin(EARTH_RADIUS / r) < self.earth_exclusion:
+                    return EARTH
+        if self.rate_limit > 0.0 and norm(self.omega_bi_body) > self.rate_limit:
+            return RATE
+        if self.dropout_interval > 0.0 and elapsed > 0.0:
+            stays = exp(-elapsed / self.dropout_interval)
+            if uniform(self._dropouts, sample) > stays:
+                return DROPOUT
+        return 0
+
+    def _attitude(self, sample: int, elapsed: float) -> Vec4:
+        """What the stars say; errors go on where none are seen."""
+        white, drift = ZERO, ZERO
+        if (
+            self.noise_cross > 0.0
+            or self.noise_about > 0.0
+            or self.drift_cross > 0.0
+            or self.drift_about > 0.0
+        ):
+            white, drift = normal6(self._noise, sample)
+        if elapsed > 0.0:
+            decay = exp(-elapsed / self.drift_time) if self.drift_time > 0.0 else 0.0
+            n = self._shaped(self.drift_cross, self.drift_about, drift)
+            self._drift = gauss_markov(self._drift, decay, 1.0, n)
+        white = self._shaped(self.noise_cross, self.noise_about, white)
+        return propagated(self.q_bi, add(white, self._drift), 1.0)
+
+    def _shaped(self, across: float, about: float, v: Vec3) -> Vec3:
+        """v, times `across` across the boresight and `about` about it."""
+        e = self._boresight
+        return add(scale(across, v), scale((about - across) * dot(v, e), e))
