@@ -182,10 +182,19 @@ def test_draws_do_not_depend_on_count_or_processes(desat):
     assert rows("-n", "1", "--seed", "6")["draws"][0]["numbers"] != three["draws"][0]["numbers"]
     times = sorted(d["numbers"]["firing_time"] for d in three["draws"])
     assert three["summary"]["firing_time"] == {
-        "unit": "s", "median": times[1], "min": times[0], "max": times[2], "n": 3,
-        "not_reached": 0,
+        "unit": "s", "median": times[1], "low": times[0], "high": times[2], "min": times[0],
+        "max": times[2], "n": 3, "not_reached": 0,
     }  # fmt: skip
     assert len({d["values"]["magnetometer.seed"] for d in four["draws"]}) == 4
+
+
+def test_draws_print_statistics_and_each_draw_where_asked(desat):
+    short = ("draws", NAME, "-n", "2", "--stop", "20", "--jobs", "1")
+    title = desat(*short, check=True).stdout.splitlines()[0].split()
+    statistics = ["number", "median", "95", "%", "from", "to", "min", "max"]
+    assert title == [*statistics, "unit", "not", "reached"]
+    title = desat(*short, "--each", check=True).stdout.splitlines()[0].split()
+    assert title == [*statistics, "draw", "0", "draw", "1", "unit", "not", "reached"]
 
 
 LEAN_MANAGER = '''

@@ -95,8 +95,8 @@ def test_every_measure_of_a_time_is_late():
 def test_medians_rank_what_is_not_reached():
     rows = [{"t": x, "y": x} for x in (3.0, None, 1.0, None, 2.0)]
     told = spreads(rows, {"t": "s", "y": "s"}, {"t"})
-    assert told["t"] == {"unit": "s", "median": 3.0, "min": 1.0, "max": None, "n": 3,
-                         "not_reached": 2}  # fmt: skip
+    assert told["t"] == {"unit": "s", "median": 3.0, "low": 1.0, "high": None, "min": 1.0,
+                         "max": None, "n": 3, "not_reached": 2}  # fmt: skip
     assert (told["y"]["median"], told["y"]["max"]) == (2.0, 3.0), "no time: of those that have it"
     diverged = [{"y": math.inf}] * 3
     assert spreads(diverged, {"y": "s"}, set())["y"]["max"] == math.inf

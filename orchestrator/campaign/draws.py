@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import itertools
 import math
-import statistics
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar
@@ -17,6 +16,7 @@ from ..analyses import Analysis, analyses, coverage
 from ..analyses.manifest import Stopped
 from ..language.content import Content, overridden, said
 from ..numbers.numbers import late, ranked
+from ..numbers.statistics import median_interval
 from ..runs.prepare import Source, prepare, read, varied
 from ..runs.run import Options, Run, simulate
 from ..system.draft import Draft
@@ -238,20 +238,21 @@ def summary(rows: list[RunRow], late: Collection[str]) -> dict[str, dict[str, An
 def spreads(
     rows: Sequence[Mapping[str, Any]], units: Mapping[str, str], late: Collection[str]
 ) -> dict[str, dict[str, Any]]:  # fmt: skip
-    """Of each number that has a unit here: unit, median, least, largest, how many rows `n` have
-    reached it and how many have not. Of those in `late` (`numbers.late`) median and largest are of
-    all rows, None where they are not reached; of others of the rows that have them."""
+    """Of each number that has a unit here: unit, median with its 95 % interval (`low`, `high`),
+    least, largest, how many rows `n` have reached it and how many have not. Of those in `late`
+    (`numbers.late`) they are of all rows, None where not reached; of others of the rows that have
+    them."""
     numbers = {}
     for name, unit in units.items():
         given = [r.get(name) for r in rows]
         values = [x for x in ranked(given, name in late) if x is not None]
-        middle = statistics.median(values) if values else None
-        ends = middle, min(values, default=None), max(values, default=None)
+        middle, low, high = median_interval(values) if values else (None, None, None)
+        ends = middle, low, high, min(values, default=None), max(values, default=None)
         there = sum(x is not None for x in given)
         numbers[name] = {
             "unit": unit,
             **{key: None if name in late and x == math.inf else x
-               for key, x in zip(("median", "min", "max"), ends, strict=True)},
+               for key, x in zip(("median", "low", "high", "min", "max"), ends, strict=True)},
             "n": there,
             "not_reached": len(rows) - there,
         }  # fmt: skip

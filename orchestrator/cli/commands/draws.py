@@ -34,6 +34,7 @@ def draws(
     design: o.DesignOption = None,
     time_limit: o.TimeLimit = None,
     jobs: o.Jobs = o.CPUS,
+    every: Annotated[bool, typer.Option("--each", help="A column for each draw.")] = False,
     as_json: o.Json = False,
 ) -> None:  # fmt: skip
     """Run seeded draws of a scenario's dispersions."""
@@ -54,7 +55,7 @@ def draws(
     if as_json:
         print_json(result)
     elif against is None:
-        _print_draws(result)
+        _print_draws(result, every)
     else:
         _print_differences(result)
     failed = [r for each in results for r in each["draws"] if r["status"] != "completed"]
@@ -70,19 +71,20 @@ def draws(
         raise typer.Exit(max(row["code"] for row in failed + unmet))
 
 
-def _print_draws(result: dict[str, Any]) -> None:
+def _print_draws(result: dict[str, Any], every: bool) -> None:
+    """A row a number: median with its interval, least, largest; and every draw's, if asked."""
     from ...figures.style import pretty_unit
     from ...numbers.text import not_reached, number
 
     table = Table("number", box=None, header_style="bold", pad_edge=False)
-    shared = ("median", "min", "max")
-    for column in (*shared, *(f"draw {row['draw']}" for row in result["draws"])):
+    rows = result["draws"] if every else []
+    for column in ("median", "95 % from", "to", "min", "max", *(f"draw {r['draw']}" for r in rows)):
         table.add_column(column, justify="right")
     table.add_column("unit")
     table.add_column("not reached", justify="right")
     for name, entry in result["summary"].items():
-        values = [entry[key] for key in shared]
-        values += [row["numbers"].get(name) for row in result["draws"]]
+        values = [entry[key] for key in ("median", "low", "high", "min", "max")]
+        values += [row["numbers"].get(name) for row in rows]
         share = not_reached(entry)
         table.add_row(name, *map(number, values), pretty_unit(entry["unit"]), share)
     print_numbers(table)
