@@ -48,9 +48,10 @@ def test_a_run_that_never_slows_says_so(desat, own, tmp_path):
 
 
 def test_draws_that_never_slow_say_so_with_their_share(desat, own):
-    said = desat("draws", own(NEVER), "-n", "4", "--blocks", "--jobs", "1", check=True).stdout
+    said = desat("draws", own(NEVER), "-n", "4", "--each", "--blocks", "--jobs", "1",
+                 check=True).stdout  # fmt: skip
     line = next(x for x in said.splitlines() if x.startswith("detumbled"))
-    assert line.count("not reached") == 3 + 4, "median, least, largest, and each draw"
+    assert line.count("not reached") == 5 + 4, "median, its interval, the ends, and each draw"
     assert "4 of 4 (100 %)" in line
     assert "20.00" not in line
 
