@@ -176,14 +176,14 @@ def test_friction_is_given_beside_the_law() -> None:
 def test_a_dead_wheel_is_noticed_and_the_coils_take_the_gain_that_lets_the_field_turn() -> None:
     flight = Flight(dead=True)
     block = flight.go(60)
-    assert block._model.torque_limit == (0.0, 1e-3, 0.0, 0.0)
+    assert block._limits == (0.0, 1e-3, 0.0, 0.0)
     only = Flight(
         dead=True, axes_wheel=(0.0, 0.0, 0.0, 0.0, -1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
     )
     block = only.go(60)
-    assert not any(block._model.torque_limit)
+    assert not any(block._limits)
     assert block._coil_gain() == pytest.approx(block.gain_alone / np.dot(only.b, only.b), rel=0.01)
-    assert block._sequence == rollout.none()
+    assert block._segments == 0
 
 
 def test_without_a_rate_nothing_is_commanded_and_without_a_field_no_dipole() -> None:

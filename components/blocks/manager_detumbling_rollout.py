@@ -121,20 +121,20 @@ class ManagerDetumblingRollout(Manager, WheelInertias):
                       f"{self.rate_limit}: it would never be detumbled")  # fmt: skip
         a, torque = self.axes_wheel, self.torque_limit
         self._carrier, self._inverse = carrier, inverse
-        self._model = self._modelled((
+        self._limits: Vec4 = (
             torque if any((a[0], a[4], a[8])) else 0.0, torque if any((a[1], a[5], a[9])) else 0.0,
             torque if any((a[2], a[6], a[10])) else 0.0,
             torque if any((a[3], a[7], a[11])) else 0.0,
-        ))  # fmt: skip
+        )  # fmt: skip
         self._friction = _STILL
         self._was_valid_h = False
         self._misses = (0, 0, 0, 0)
         self._b = ZERO
         self._length = max(1, int(self.segment / self.model_step + 0.999999))
         self._horizon = max(1, int(self.horizon / self.model_step + 0.999999))
-        self._sequence = rollout.none()
+        self._drop()
         self._searches = 0
-        self._planned_at = self._slow_since = -1.0
+        self._slow_since = -1.0
         self._is_slow = False
         self._omega: Vec3 | None = None
         self._b_model: Vec3 | None = None
@@ -147,12 +147,17 @@ class ManagerDetumblingRollout(Manager, WheelInertias):
         self.coil_saturated = False
         self.time_left = 0.0
 
-    def _modelled(self, limits: Vec4) -> rollout.Model:
-        """The model of the craft with these torque limits of its wheels (N m)."""
+    def _model(self) -> rollout.Model:
+        """The craft as it is known now."""
         return rollout.Model(
-            self._carrier, self._inverse, self.axes_wheel, self.m_limit, limits, self.h_limit,
+            self._carrier, self._inverse, self.axes_wheel, self.m_limit, self._limits, self.h_limit,
             self.gain, self.gain_wheel, self.margin * self.rate_limit, self.model_step,
         )  # fmt: skip
+
+    def _drop(self) -> None:
+        """Follow no sequence, and search at the next sample."""
+        self._planned, self._segments, self._elapsed = rollout.NOTHING, 0, 0
+        self._planned_at = -1.0
 
     def foresee(self, begin: float, end: float, wired: frozenset[str]) -> Iterator[str]:
         needed = ("h_wheel",) if self.rate_from == FILTER else ("omega_bi_body", "h_wheel")
@@ -172,19 +177,20 @@ class ManagerDetumblingRollout(Manager, WheelInertias):
         self.tau_cmd_wheel, self.m_cmd_body, self.coil_saturated = _STILL, ZERO, False
         self.omega_est_body = ZERO if omega is None else omega
         if not self.enable or omega is None:
-            self.mode, self._sequence, self._slow_since = IDLE, rollout.none(), -1.0
-            self._planned_at = -1.0
+            self.mode, self._slow_since = IDLE, -1.0
+            self._drop()
             return
         self._judge(t, omega)
         if self._is_slow:
             # what is soonest slow once more would not stay so
-            self._sequence, self._planned_at, self.time_left = rollout.none(), -1.0, 0.0
+            self.time_left = 0.0
+            self._drop()
         else:
             self._plan(t, omega)
         if self.valid_b:
             self.m_cmd_body = clip(all_coils(omega, self._b, self._coil_gain()), self.m_limit)
         self.coil_saturated = any(abs(x) >= self.m_limit for x in self.m_cmd_body)
-        self.tau_cmd_wheel = self._torques(t, omega)
+        self.tau_cmd_wheel = self._command(t, omega)
 
     def _watch(self, t: float) -> None:
         """What each wheel's momentum has not followed of its command: friction, or a dead wheel."""
@@ -193,7 +199,7 @@ class ManagerDetumblingRollout(Manager, WheelInertias):
             return
         elapsed = t - self._t_before
         h, before, u, limit = (
-            self.h_wheel, self._h_before, self.tau_cmd_wheel, self._model.torque_limit,
+            self.h_wheel, self._h_before, self.tau_cmd_wheel, self._limits,
         )  # fmt: skip
         got = (
             (h[0] - before[0]) / elapsed, (h[1] - before[1]) / elapsed,
@@ -212,17 +218,18 @@ class ManagerDetumblingRollout(Manager, WheelInertias):
             missed(n[2], u[2], got[2], limit[2]), missed(n[3], u[3], got[3], limit[3]),
         )  # fmt: skip
         n = self._misses
-        if max(n[0], n[1], n[2], n[3]) >= MISSES:
-            self._model = self._modelled((
-                0.0 if n[0] >= MISSES else limit[0], 0.0 if n[1] >= MISSES else limit[1],
-                0.0 if n[2] >= MISSES else limit[2], 0.0 if n[3] >= MISSES else limit[3],
-            ))  # fmt: skip
-            self._sequence, self._planned_at = rollout.none(), -1.0
+        left = (
+            0.0 if n[0] >= MISSES else limit[0], 0.0 if n[1] >= MISSES else limit[1],
+            0.0 if n[2] >= MISSES else limit[2], 0.0 if n[3] >= MISSES else limit[3],
+        )  # fmt: skip
+        if left != limit:
+            self._limits = left
+            self._drop()
 
     def _coil_gain(self) -> float:
         """K of the coils (A m2 s/T): without a wheel one that lets the field turn."""
         size2 = dot(self._b, self._b)
-        if any(self._model.torque_limit) or size2 == 0.0:
+        if any(self._limits) or size2 == 0.0:
             return self.gain
         return self.gain_alone / size2
 
@@ -246,15 +253,15 @@ class ManagerDetumblingRollout(Manager, WheelInertias):
             # the torque is what the momentum has changed by, whatever was commanded
             u = ((before[0] - h[0]) / elapsed, (before[1] - h[1]) / elapsed,
                  (before[2] - h[2]) / elapsed, (before[3] - h[3]) / elapsed)  # fmt: skip
-            axes, known = self.axes_wheel, self._model
+            axes, carrier, inverse = self.axes_wheel, self._carrier, self._inverse
             wheel = rollout.along(axes, before)
             rates, mixed, fields = rate_filter.spread(
-                omega, model, wheel, self._rates, self._mixed, self._fields, known.carrier,
-                known.inverse, self.rate_noise, self.field_turn, elapsed,
+                omega, model, wheel, self._rates, self._mixed, self._fields, carrier,
+                inverse, self.rate_noise, self.field_turn, elapsed,
             )  # fmt: skip
             omega, model = rate_observer.predicted(
-                omega, model, self.m_cmd_body, rollout.along(axes, u), wheel, known.carrier,
-                known.inverse, elapsed,
+                omega, model, self.m_cmd_body, rollout.along(axes, u), wheel, carrier,
+                inverse, elapsed,
             )  # fmt: skip
             self._omega, self._b_model, self._rates, self._mixed, self._fields = (
                 rate_filter.corrected(omega, model, self._b, rates, mixed, fields,
@@ -288,35 +295,36 @@ class ManagerDetumblingRollout(Manager, WheelInertias):
         since = t - self._planned_at
         if self._planned_at >= 0.0 and since < self.plan_time - 1e-6:
             return
-        if not (self.valid_b and self.valid_h and any(self._model.torque_limit)):
-            self._sequence = rollout.none()
+        if not (self.valid_b and self.valid_h and any(self._limits)):
+            self._drop()
             return
-        before = self._sequence
-        elapsed = before.elapsed
+        elapsed = self._elapsed
         if self._planned_at >= 0.0:
             elapsed += int(since / self.model_step + 0.5)
-        aged = rollout.Sequence(before.torques, before.segments, elapsed)
-        if elapsed >= before.segments * self._length:
-            aged = rollout.none()
-        self._sequence, cost = rollout.sought(
-            self._model, omega, self._b, self.h_wheel, aged, self._searches, self.rounds,
+        is_over = elapsed >= self._segments * self._length
+        before = (
+            rollout.none() if is_over else rollout.Sequence(self._planned, self._segments, elapsed)
+        )
+        found, cost = rollout.sought(
+            self._model(), omega, self._b, self.h_wheel, before, self._searches, self.rounds,
             self.candidates, self._length, self._horizon,
         )  # fmt: skip
+        self._planned, self._segments, self._elapsed = found
         self._searches += 1
         self._planned_at = t
         self.time_left = self.model_step * min(max(cost, 0.0), self.horizon)
 
-    def _torques(self, t: float, omega: Vec3) -> Vec4:
-        u = rollout.by_law(self._model, omega)
-        plan, length = self._sequence, self._length
-        if self._planned_at >= 0.0 and plan.segments > 0:
-            elapsed = plan.elapsed + int((t - self._planned_at) / self.model_step + 1e-6)
-            if elapsed < plan.segments * length:
-                u = rollout.of_sequence(plan.torques, elapsed // length)
+    def _command(self, t: float, omega: Vec3) -> Vec4:
+        """The torque to each rotor, with what friction takes."""
+        u = rollout.by_law(self._model(), omega)
+        if self._planned_at >= 0.0:
+            elapsed = self._elapsed + int((t - self._planned_at) / self.model_step + 1e-6)
+            if elapsed < self._segments * self._length:
+                u = rollout.of_sequence(self._planned, elapsed // self._length)
                 self.mode = PLANNED
         if not self.valid_h:
             return u
-        f, limit = self._friction, self._model.torque_limit
+        f, limit = self._friction, self._limits
         u = (within(u[0] + f[0], limit[0]), within(u[1] + f[1], limit[1]),
              within(u[2] + f[2], limit[2]), within(u[3] + f[3], limit[3]))  # fmt: skip
-        return rollout.allowed(u, self.h_wheel, self._model.h_limit)
+        return rollout.allowed(u, self.h_wheel, self.h_limit)
