@@ -177,6 +177,11 @@ def test_a_dead_wheel_is_noticed_and_the_coils_take_the_gain_that_lets_the_field
     flight = Flight(dead=True)
     block = flight.go(60)
     assert block._limits == (0.0, 1e-3, 0.0, 0.0)
+    assert block.wheels_dead == 1
+    block.enable = False
+    flight.go(1)
+    assert block._limits == (1e-3, 1e-3, 0.0, 0.0)
+    assert block.wheels_dead == 0
     only = Flight(
         dead=True, axes_wheel=(0.0, 0.0, 0.0, 0.0, -1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
     )
@@ -202,6 +207,13 @@ def test_without_a_rate_nothing_is_commanded_and_without_a_field_no_dipole() -> 
 def test_a_limit_above_that_of_going_on_is_refused() -> None:
     with pytest.raises(BlockError, match=r"rate_again = 0\.001 rad/s is not above rate_limit"):
         Flight(rate_again=1e-3)
+
+
+def test_a_search_without_end_is_refused() -> None:
+    with pytest.raises(
+        BlockError, match=r"horizon = 900\.0 s is 9000 steps of model_step = 0\.1 s"
+    ):
+        Flight(model_step=0.1)
 
 
 def test_the_known_field_of_the_coils_is_taken_off() -> None:

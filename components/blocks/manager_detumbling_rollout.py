@@ -13,6 +13,8 @@ IDLE, BRAKING, PLANNED, DETUMBLED = range(4)
 GYRO, FILTER = range(2)
 UNKNOWN_RATE = 0.2
 """Of each axis, where the filter begins (rad/s)."""
+MOST_STEPS = 4000
+"""The most that a flight of the model may have."""
 FRICTION_TIME = 5.0
 """Over which a wheel's friction is averaged (s)."""
 MISSES = 5
@@ -46,10 +48,18 @@ class ManagerDetumblingRollout(Manager, WheelInertias):
     orbit. Once every rate is below `rate_limit` the law above alone goes on, until a rate is above
     `rate_again`; after `hold_time` below the limit the craft is detumbled (`mode`).
 
-    **Rate.** `gyro`, or `observer`: Euler's equations with the commanded dipole and the wheels'
-    measured momentum, corrected by the field (`bandwidth`): magnetometer and tachometers alone.
-    Without a valid rate nothing is commanded; without a valid field there is no dipole and no
-    search, and the observer begins anew; without a valid h_wheel there is no search.
+    **Rate.** `gyro`, or `filter`: an extended Kalman filter of magnetometer and tachometers
+    (`components.laws.rate_filter`), by whose covariance alone the craft counts as slow. Without a
+    valid rate nothing is commanded; without a valid field there is no dipole and no search, and the
+    filter begins anew; without a valid h_wheel there is no search.
+
+    **Wheels.** What a wheel's momentum does not follow of its command is taken for friction and
+    given beside it. One that gives less than a fifth of a torque above a third of its limit, five
+    samples in a row, is taken for dead (`wheels_dead`) until `enable` has been false; without any
+    wheel the coils follow gain_alone / |B|^2 for `gain`. Momentum is taken into the wheels, up to
+    `h_limit`, and stays there.
+
+    **Field.** `coil_coupling` times the dipole commanded last is taken off the measured field.
 
     One plan takes at most rounds candidates horizon / model_step steps of the model; the work of
     most is far less, as a sequence is dropped once it takes longer than the best.
@@ -110,28 +120,25 @@ class ManagerDetumblingRollout(Manager, WheelInertias):
     )  # fmt: skip
     coil_saturated: bool = Output("1", "true: a dipole command is at its limit", interval=True)
     omega_est_body: Vec3 = Output("rad/s", "the rate that the law takes, body", interval=True)
+    wheels_dead: int = Output("1", "how many wheels are taken for dead", interval=True)
     time_left: float = Output("s", "until detumbled, as the last search has it", interval=True)
 
     def start(self) -> None:
         super().start()
         carrier = carrier_inertia(self.inertia, self.axes_wheel, self.inertia_wheel)
-        inverse = inverse_inertia(carrier)
+        self._carrier, self._inverse = carrier, inverse_inertia(carrier)
         if self.rate_again <= self.rate_limit:
             self.fail(f"rate_again = {self.rate_again} rad/s is not above rate_limit = "
                       f"{self.rate_limit}: it would never be detumbled")  # fmt: skip
-        a, torque = self.axes_wheel, self.torque_limit
-        self._carrier, self._inverse = carrier, inverse
-        self._limits: Vec4 = (
-            torque if any((a[0], a[4], a[8])) else 0.0, torque if any((a[1], a[5], a[9])) else 0.0,
-            torque if any((a[2], a[6], a[10])) else 0.0,
-            torque if any((a[3], a[7], a[11])) else 0.0,
-        )  # fmt: skip
+        self._trust()
         self._friction = _STILL
         self._was_valid_h = False
-        self._misses = (0, 0, 0, 0)
         self._b = ZERO
         self._length = max(1, int(self.segment / self.model_step + 0.999999))
         self._horizon = max(1, int(self.horizon / self.model_step + 0.999999))
+        if self._horizon > MOST_STEPS:
+            self.fail(f"horizon = {self.horizon} s is {self._horizon} steps of model_step = "
+                      f"{self.model_step} s; at most {MOST_STEPS} are allowed")  # fmt: skip
         self._drop()
         self._searches = 0
         self._slow_since = -1.0
@@ -153,6 +160,17 @@ class ManagerDetumblingRollout(Manager, WheelInertias):
             self._carrier, self._inverse, self.axes_wheel, self.m_limit, self._limits, self.h_limit,
             self.gain, self.gain_wheel, self.margin * self.rate_limit, self.model_step,
         )  # fmt: skip
+
+    def _trust(self) -> None:
+        """Take every wheel that there is for one that works."""
+        a, torque = self.axes_wheel, self.torque_limit
+        self._limits: Vec4 = (
+            torque if any((a[0], a[4], a[8])) else 0.0, torque if any((a[1], a[5], a[9])) else 0.0,
+            torque if any((a[2], a[6], a[10])) else 0.0,
+            torque if any((a[3], a[7], a[11])) else 0.0,
+        )  # fmt: skip
+        self._misses = (0, 0, 0, 0)
+        self.wheels_dead = 0
 
     def _drop(self) -> None:
         """Follow no sequence, and search at the next sample."""
@@ -179,6 +197,8 @@ class ManagerDetumblingRollout(Manager, WheelInertias):
         if not self.enable or omega is None:
             self.mode, self._slow_since = IDLE, -1.0
             self._drop()
+            if not self.enable:
+                self._trust()
             return
         self._judge(t, omega)
         if self._is_slow:
@@ -224,6 +244,7 @@ class ManagerDetumblingRollout(Manager, WheelInertias):
         )  # fmt: skip
         if left != limit:
             self._limits = left
+            self.wheels_dead += 1
             self._drop()
 
     def _coil_gain(self) -> float:
