@@ -8,15 +8,18 @@ imports them as they do each other.
 from __future__ import annotations
 
 import ast
+import difflib
 import hashlib
 import inspect
 import pkgutil
 import re
 import sys
+import textwrap
 import traceback
 from importlib.util import find_spec
 from pathlib import Path
 from types import ModuleType
+from typing import Any
 
 from desat.components import blocks
 from desat.components.contract.block import Block
@@ -124,7 +127,59 @@ def block_class(which: str) -> type[Block]:
     if open_:
         raise OwnBlockError(f"{path.name}:{first}: {block.__name__} lacks what its role leaves to "
                             f"it: write `def {open_[0]}`")  # fmt: skip
+    if left := unassigned(block):
+        raise OwnBlockError(f"{path.name}:{first}: {block.__name__}.{left[0]}")
     return block
+
+
+def unassigned(block: type[Block]) -> list[str]:
+    """The outputs of a block that keep their start value for ever, a line each: those that neither
+    `start` nor `output` (of a state), `advance` (of an interval output), or what these call,
+    assign; and those that `start` alone does, where another name that is nearest to theirs is
+    assigned and not declared."""
+    declared = {v.name for v in block.variables}
+    begun, *rest = (_assigned(block, name) for name in ("start", "output", "advance"))
+    if any("*" in names for names in (begun, *rest)):
+        return []  # by setattr or vars: it cannot be told
+    strange = {n for names in (begun, *rest) for n in names if n[0] != "_"} - declared
+    lines = []
+    for v in block.variables:
+        method = "advance" if v.interval else "output"
+        if v.causality != "output" or v.name == "fault" or v.name in rest[v.interval]:
+            continue
+        meant = difflib.get_close_matches(v.name, strange, 1)
+        if meant or v.name not in begun:
+            hint = f"; it assigns self.{meant[0]}, which is not declared" if meant else ""
+            lines.append(f"{v.name}: {method} does not assign this output{hint}")
+    return lines
+
+
+def _assigned(block: type[Block], method: str) -> set[str]:
+    """The attributes of `self` that a method and what it calls of the block assign; `*` where some
+    are by setattr or vars."""
+    mro, found = block.__mro__[:-1], set[str]()
+    seen, todo = set[Any](), [(method, mro)]
+    while todo:
+        name, classes = todo.pop()
+        owner = next((c for c in classes if name in vars(c)), None)
+        made = owner and vars(owner)[name]
+        made = made.fget if isinstance(made, property) else made
+        if owner is None or not inspect.isfunction(made) or made in seen:
+            continue
+        seen.add(made)
+        for node in ast.walk(ast.parse(textwrap.dedent(inspect.getsource(made)))):
+            if isinstance(node, ast.Name) and node.id in ("setattr", "vars"):
+                found.add("*")
+            if not isinstance(node, ast.Attribute):
+                continue
+            of = ast.unparse(node.value)
+            if of == "self" and isinstance(node.ctx, ast.Store):
+                found.add(node.attr)
+            elif of == "self":
+                todo.append((node.attr, mro))
+            elif of == "super()":
+                todo.append((node.attr, mro[mro.index(owner) + 1 :]))
+    return found
 
 
 def _text(path: Path) -> str:

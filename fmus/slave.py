@@ -80,7 +80,8 @@ class Slave(Fmi2Slave):  # type: ignore[misc]
         self._stale = True
 
     def exit_initialization_mode(self) -> None:
-        self._refresh()
+        self._stale = self._stale or self._unstarted
+        self._refresh(ends=True)
         self._phase = _STEPPING
 
     def terminate(self) -> None:
@@ -88,8 +89,9 @@ class Slave(Fmi2Slave):  # type: ignore[misc]
             self._fail("terminate", RuntimeError("it was before"))
         self._phase = _TERMINATED
 
-    def _refresh(self) -> None:
-        """Initialisation mode: bring the outputs up to date with inputs and parameters."""
+    def _refresh(self, ends: bool = False) -> None:
+        """Initialisation mode: bring the outputs up to date with inputs and parameters; that the
+        block cannot start is logged when the mode ends: until then inputs may not have arrived."""
         if not self._stale or self._phase != _INITIALISING:
             return
         self._stale = False
@@ -101,7 +103,9 @@ class Slave(Fmi2Slave):  # type: ignore[misc]
             self._block.output(self._time)
         except BaseException as error:
             self._unstarted = not self._block.fault
-            self._fail("start", error)
+            self._block.fault = True
+            if ends:
+                self._fail("start", error)
 
     def do_step(self, current_time: float, step_size: float) -> bool:
         if self._block.fault:

@@ -6,7 +6,9 @@ Every function takes its random numbers as arguments; `noise.py` makes them.
 from __future__ import annotations
 
 from abc import abstractmethod
+from collections.abc import Iterator
 from math import pi, sqrt
+from typing import ClassVar
 
 from ..contract.block import Parameter, Sampled, Vec3
 
@@ -21,7 +23,17 @@ class Sensor(Sampled):
         "1", "seed of the errors; instance name and variable key them as well", start=1
     )
 
+    white: ClassVar[tuple[str, ...]] = ("noise",)
+    """Parameters that are the deviation of a number drawn anew at each sample."""
+
     valid: bool
+
+    def foresee(self, begin: float, end: float, wired: frozenset[str]) -> Iterator[str]:
+        drawn = [name for name in self.white if getattr(self, name) > 0.0]
+        if drawn and self.sample_time <= 0.0:
+            yield (f"{drawn[0]} = {getattr(self, drawn[0]):g} is drawn anew at every step, "
+                   "without a sample_time: what it does depends on the step")  # fmt: skip
+        yield from super().foresee(begin, end, wired)
 
     def start(self) -> None:
         super().start()

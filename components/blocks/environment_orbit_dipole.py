@@ -4,7 +4,7 @@ from math import cos, sin
 
 from ..contract.block import TURN, Parameter
 from ..contract.roles import Environment
-from ..maths.vector import add, scale
+from ..maths.vector import ZERO, add, scale
 from ..physics.orbit import EARTH_RADIUS, mean_motion, orbit_plane
 
 
@@ -41,6 +41,7 @@ class EnvironmentOrbitDipole(Environment):
         radius = EARTH_RADIUS + self.altitude
         self._radius, self._rate = radius, mean_motion(radius)
         self._node, self._ahead, self._normal = orbit_plane(self.inclination, self.raan)
+        self.sun_eci, self.sunlight, self.density = ZERO, 0.0, 0.0  # the paper has neither
 
     def output(self, t: float) -> None:
         n = self._rate

@@ -6,6 +6,7 @@ from typing import Annotated
 
 from ..bases.sensing import Sensor, gauss_markov
 from ..contract.block import SMALL_ANGLE, SPIN, Output, Parameter, Vec3, Vec4
+from ..contract.roles import UPRIGHT
 from ..contract.roles import StarTracker as Role
 from ..maths.attitude import propagated, rotate_back
 from ..maths.noise import normal6, stream, uniform
@@ -33,7 +34,8 @@ class StarTracker(Role, Sensor):
     the (spherical) Earth within `earth_exclusion` of it, the rate above `rate_limit`, and in
     drop-outs, which come at random. It is valid again at the first sample that is
     `reacquisition_time` or more after the last one without stars. The errors and drop-outs are
-    functions of seed, instance name and sample index. While invalid the last attitude stays.
+    functions of seed, instance name and sample index. While invalid the last valid attitude stays;
+    before the first it is that of eci, (0, 0, 0, 1).
 
     Source: Markley & Crassidis, Fundamentals of Spacecraft Attitude Determination and Control
     (2014), sec. 4.2; Gelb, Applied Optimal Estimation (1974), ch. 3.
@@ -80,6 +82,8 @@ class StarTracker(Role, Sensor):
         "s", f"from a sample to its output: up to {ON_THEIR_WAY} times sample_time", min=0.0
     )
 
+    white = ("noise_cross", "noise_about")
+
     lost_to: int = Output(
         "1",
         "why it is not valid: 0 it is, 1 Sun, 2 Earth, 3 rate, 4 drop-out, 5 reacquiring, "
@@ -119,6 +123,7 @@ class StarTracker(Role, Sensor):
         _, drift = normal6(self._noise, 0)
         self._drift = self._shaped(self.drift_cross, self.drift_about, drift)
         self._wait = 0.0
+        self.q_meas_bi = UPRIGHT
         # (sample, why there are no stars, attitude), in order; the newest one as well
         self._waiting: Annotated[
             tuple[tuple[float, float, float, float, float, float], ...], ON_THEIR_WAY + 1

@@ -81,10 +81,12 @@ static void check(const instance *c)
     }
 }
 
-/* initialisation mode: bring the outputs up to date with inputs and parameters */
-static void refresh(instance *c)
+/* initialisation mode: bring the outputs up to date with inputs and parameters; that the block
+   cannot start is logged when the mode ends: until then inputs may not have arrived */
+static void refresh(instance *c, bool ends)
 {
     py_frame frame;
+    if (ends && c->now.unstarted) c->now.stale = true;
     if (!c->now.stale || c->now.phase != INITIALISING) return;
     c->now.stale = false;
     if (c->now.unstarted) *fault_of(c) = c->now.unstarted = false; /* inputs may have settled */
@@ -95,7 +97,8 @@ static void refresh(instance *c)
         py_end_try();
     } else {
         c->now.unstarted = !*fault_of(c);
-        fail(c, "start", py_caught_name(), py_caught_text());
+        *fault_of(c) = true;
+        if (ends) fail(c, "start", py_caught_name(), py_caught_text());
     }
 }
 
@@ -225,7 +228,7 @@ EXPORT fmi2Status fmi2ExitInitializationMode(fmi2Component p)
     if (c == NULL) return fmi2Error;
     if (c->now.phase == INSTANTIATED)
         return fail(c, "leave initialisation", "RuntimeError", "it was not entered");
-    refresh(c);
+    refresh(c, true);
     c->now.phase = STEPPING;
     return *fault_of(c) ? fmi2Warning : fmi2OK;
 }
@@ -318,7 +321,7 @@ static fmi2Status not_there(instance *c, const char *verb, char kind, fmi2ValueR
         const place *at;                                                                             \
         const char *self;                                                                            \
         if (c == NULL || (n > 0 && (vr == NULL || value == NULL))) return fmi2Error;                 \
-        if (c->now.stale) refresh(c);                                                                \
+        if (c->now.stale) refresh(c, false);                                                        \
         at = c->places, self = c->self;                                                              \
         for (size_t k = 0; k < n; k++) {                                                             \
             const fmi2ValueReference r = vr[k];                                                      \

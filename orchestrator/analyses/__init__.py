@@ -19,7 +19,8 @@ and what of these it has:
     def figures(manifest, results) -> [(caption, Figure)]
     def remarks(manifest, results) -> list of lines # what to beware of
 
-and one that has `warnings(system) -> [line]` says what to beware of in a checked system.
+and one that has `warnings(system) -> [line]` says what to beware of in a checked system, one that
+has `problems(system) -> [line]` what stands against running it.
 """
 
 from __future__ import annotations
@@ -90,8 +91,16 @@ def titled(rows: Mapping[str, tuple[str, float | None, str]]) -> dict[str, Value
 
 def warnings(system: System) -> list[str]:
     """What to beware of in a checked system, a line each."""
-    modules = (m for m in _modules() if hasattr(m, "warnings"))
-    return [line for m in modules for line in m.warnings(system)]
+    return _lines("warnings", system)
+
+
+def problems(system: System) -> list[str]:
+    """What stands against running a checked system, a line each."""
+    return _lines("problems", system)
+
+
+def _lines(kind: str, system: System) -> list[str]:
+    return [line for m in _modules() if hasattr(m, kind) for line in getattr(m, kind)(system)]
 
 
 def not_checked(reasons: Mapping[str, str]) -> list[str]:

@@ -1,16 +1,105 @@
 """Firings of thrusters: scheduled ones that a run does not see to their end or that wheels cannot
-take, and a force that is wired to an orbit which it does not move."""
+take, a force that is wired to an orbit which it does not move, and commands that never fire."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
+from ..engine.recording.results import Results
+from ..numbers.text import Value
 from ..system.model import Component, System
 from ..system.parameters import value_of
+from . import Parts as Named
+from .manifest import Manifest
 
+KEY = "firings"
+NUMBERS = ()
+COUNTS = 0.01
+"""From this share of the largest momentum of a wheel on commanded impulse counts."""
+MOST = 0.5
+"""Of what is commanded about an axis, no more than this share is fired: a warning."""
 START, DURATION, TORQUE = "schedule_start", "schedule_duration", "schedule_tau_body"
 LIMIT = "torque_limit"
 INPUT, OPTION = "force_mean_thruster_body", "firings"
+
+
+@dataclass(frozen=True)
+class Parts(Named):
+    """Who commands, who fires, and whose momentum it is."""
+
+    manager: str
+    thrusters: str
+    spacecraft: str
+    scheduled: bool
+    """whether firings are scheduled beside, which the torque holds, too"""
+
+
+def applies(system: System) -> Parts | None:
+    """By the connections; None where nobody commands thrusters of a craft with wheels."""
+    command, given = "tau_cmd_thruster_body[1]", "tau_mean_thruster_body[1]"
+    ends = [(c.source, c.target) for c in system.connections if c.input == command]
+    bodies = {c.source: c.target for c in system.connections if c.input == given}
+    for manager, thrusters in ends:
+        body, of = bodies.get(thrusters), system.components[thrusters]
+        if body is None or not system.components[body].interface.elements("h_copy_wheel"):
+            continue
+        if of.interface.elements("on_time"):
+            times = [value_of(of, s.name) for s in of.interface.elements(DURATION)]
+            return Parts(manager, thrusters, body, any(times))
+    return None
+
+
+def numbers(manifest: Manifest, results: Results) -> dict[str, Value]:
+    """None: what fires has its numbers in the roles' file."""
+    return {}
+
+
+def unmet(manifest: Manifest, results: Results) -> list[str]:
+    """A line where thrusters are commanded and never fire."""
+    impulses = _impulses(manifest, results)
+    if impulses is None or impulses[2] > 0.0 or not any(impulses[0]):
+        return []
+    parts: Parts = manifest.parts[KEY]
+    return [f"{parts.thrusters}: commanded {np.sum(impulses[0]):.3g} N m s, never fired: on-times "
+            "below half of least_pulse, or below least_on_time, are left out"]  # fmt: skip
+
+
+def remarks(manifest: Manifest, results: Results) -> list[str]:
+    """A line for each axis about which most of what is commanded is not fired."""
+    impulses, parts = _impulses(manifest, results), manifest.parts[KEY]
+    if impulses is None or impulses[2] == 0.0 or parts.scheduled:
+        return []
+    commanded, given, _ = impulses
+    return [
+        f"{parts.thrusters}: commanded {commanded[i]:.3g} N m s about {axis}, fired "
+        f"{given[i]:.3g}: shorter on-times than it can give are left out"
+        for i, axis in enumerate("xyz") if given[i] < MOST * commanded[i]
+    ]  # fmt: skip
+
+
+def _impulses(
+    manifest: Manifest, results: Results
+) -> tuple[list[float], list[float], float] | None:
+    """What was commanded and what was given about each axis (N m s; 0 where too little was
+    commanded to count), and the time on (s); None where it is not recorded."""
+    parts: Parts = manifest.parts[KEY]
+    names = (f"{parts.manager}.tau_cmd_thruster_body", f"{parts.thrusters}.tau_mean_thruster_body",
+             f"{parts.thrusters}.on_time", f"{parts.spacecraft}.h_copy_wheel")  # fmt: skip
+    if not set(names) <= set(results.names()):
+        return None
+    command, torque, on_time, h = (results.values(n) for n in names)
+    times = results.times()
+    if not len(on_time) or len(times) < 2 or not len(command):
+        return None
+    steps = np.append(np.diff(times), times[-1] - times[-2])
+    commanded, given = (
+        np.abs(x * steps[: len(x), None]).sum(axis=0) for x in (command, torque)
+    )  # fmt: skip
+    counts = commanded > COUNTS * float(np.abs(h).max())
+    return (commanded * counts).tolist(), given.tolist(), float(on_time[-1])
 
 
 def warnings(system: System) -> list[str]:

@@ -3,30 +3,48 @@
 Of wheels with axes A (columns) and momenta h the coils can act on the sum A h alone. What is left,
 h - A^+ A h, adds up to nothing: no torque on the body changes it. A mean over wheels cannot tell
 the two apart, so each has its number; the others say how near wheels and coils are to their limits.
+
+What management takes out is said against the same run without it: the external impulse less that of
+coils and thrusters, at the attitudes that were flown, would be in the wheels. A law that is to hold
+the momentum and leaves more of it in the second half of a run than none would has its goal not met.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
+
+from desat.components.contract.roles import Manager
+from desat.fmus.registry import block_class, names
 
 from ..engine.recording.results import Results
+from ..language.content import said
+from ..numbers.derived import coil_impulse, matrices, rotate_back
 from ..numbers.text import Value
-from ..system.model import System
+from ..system.model import Component, System
+from ..system.parameters import choice_of, number_of, value_of
 from . import Parts as Named
 from . import titled
 from .manifest import Manifest
+from .residual import carrier_of, missing
 
 KEY = "management"
 NUMBERS = (
     "sum_rms", "sum_largest", "null_rms", "coil_duty", "coil_limit_share", "momentum_margin",
-    "limit_time", "crossings",
+    "limit_time", "crossings", "left_rms", "unmanaged_rms",
 )  # fmt: skip
 AT_LIMIT = 0.999
 """Share of its limit from which on a coil counts as at it: one with a lag never is quite."""
+SMALL = 1e-3
+"""Momentum that counts as nothing, as a share of a wheel's capacity: what its tachometer sees."""
+ACROSS = 1e-3
+"""A target across the orbit's normal by more than this share of its size turns with the craft."""
 _OF_WHEELS = ("saturated_wheel", "speed_wheel")
+Array = NDArray[Any]
 
 
 @dataclass(frozen=True)
@@ -36,6 +54,16 @@ class Parts(Named):
     spacecraft: str
     torquers: str
     wheels: str | None = None
+    field: str | None = None
+    """the series of the geomagnetic field, eci"""
+    thrusters: str | None = None
+    """whose firings are all management's"""
+    target: tuple[float, ...] | None = None
+    """N m s, body: the sum of the wheels' momentum that is wanted; None: it changes"""
+    holds: bool = False
+    """whether the law is to hold the momentum there as long as the run lasts"""
+    deadband: float = 0.0
+    """N m s, within which it does nothing"""
 
 
 def applies(system: System) -> Parts | None:
@@ -54,10 +82,71 @@ def applies(system: System) -> Parts | None:
         if body is None or not system.components[body].interface.elements("h_copy_wheel"):
             continue
         wheels = target(manager, "tau_cmd_wheel[1]")
-        if wheels and all(system.components[wheels].interface.elements(n) for n in _OF_WHEELS):
-            return Parts(body, torquers, wheels)
-        return Parts(body, torquers)
+        if wheels and not all(
+            system.components[wheels].interface.elements(n) for n in _OF_WHEELS
+        ):  # fmt: skip
+            wheels = None
+        law = system.components[manager]
+        thrusters = _feeding(system, body, "tau_mean_thruster_body")
+        return Parts(
+            body, torquers, wheels, _feeding(system, body, "b_eci"),
+            None if thrusters is None else thrusters.partition(".")[0],
+            _target(system, law), said(system.about).stop_when is None and _holds(law),
+            number_of(law, "h_deadband") if "h_deadband" in law.interface.signals else 0.0,
+        )  # fmt: skip
     return None
+
+
+def _feeding(system: System, target: str, name: str) -> str | None:
+    """The series that feeds an input of a component."""
+    return next((f"{c.source}.{c.output.partition('[')[0]}" for c in system.connections
+                 if c.target == target and c.input == f"{name}[1]"), None)  # fmt: skip
+
+
+def _target(system: System, law: Component) -> tuple[float, ...] | None:
+    """The momentum that a manager is to keep (3,) N m s, body; None where another component says
+    it."""
+    if _feeding(system, law.name, "h_target_body") is not None:
+        return None
+    elements = law.interface.elements("h_target_body")
+    return tuple(number_of(law, s.name) for s in elements) or (0.0, 0.0, 0.0)
+
+
+def _holds(law: Component) -> bool:
+    """Whether a manager holds momentum, by what its block says of its laws (`Manager.offers`):
+    the choices that these have in common are its own. One that is not ours does."""
+    signals = law.interface.signals
+    if "enable" in signals and not value_of(law, "enable"):
+        return False
+    if law.interface.model not in names():
+        return True
+    block = block_class(law.interface.model)
+    if not issubclass(block, Manager) or block.no_law or not block.offers:
+        return False
+    first, *others = ({k: v for k, v in x.gains.items() if k in signals and signals[k].choices}
+                      for x in block.offers)  # fmt: skip
+    common = {k: v for k, v in first.items() if all(x.get(k) == v for x in others)}
+    return all(choice_of(law, k) == v for k, v in common.items())
+
+
+def problems(system: System) -> Iterator[str]:
+    """A line where a manager is to keep a bias across the orbit's normal, in a craft that turns
+    with its orbit: the bias would have to turn in eci, which no law here makes it do."""
+    guides = (c for c in system.components.values() if c.interface.model == "guidance_nadir")
+    managers = [c for c in system.components.values() if c.interface.role == "manager"]
+    for guide in guides:
+        for manager in managers:
+            wanted = np.array(_target(system, manager) or (0.0, 0.0, 0.0))
+            offset = [number_of(guide, s.name) for s in guide.interface.elements("q_bo")]
+            normal = matrices(np.array([offset or [0.0, 0.0, 0.0, 1.0]]))[0] @ [0.0, -1.0, 0.0]
+            across = wanted - (wanted @ normal) * normal
+            if np.linalg.norm(across) > ACROSS * np.linalg.norm(wanted):
+                shown = ", ".join(f"{x:g}" for x in wanted.tolist())
+                where = manager.given.get("h_target_body", system.where)
+                yield (f"{where}: {manager.name}.h_target_body = ({shown}) N m s: the craft turns "
+                       "with its orbit, and no law turns a bias with it; only one along the "
+                       f"orbit's normal, ({', '.join(f'{x:.3g}' for x in normal)}) in body, stays"
+                       )  # fmt: skip
 
 
 def signals(parts: Parts) -> list[str]:
@@ -70,7 +159,7 @@ def numbers(manifest: Manifest, results: Results) -> dict[str, Value]:
     """The standard numbers of a completed run, as a manifest has them; none where too little was
     recorded, and only those for which the parameters are known."""
     parts: Parts = manifest.parts[KEY]
-    if not manifest.completed or not set(signals(parts)) <= set(results.names()):
+    if not manifest.completed or missing(signals(parts), results):
         return {}
     h = results.values(f"{parts.spacecraft}.h_copy_wheel")
     axes = np.reshape(manifest.values_of(parts.spacecraft).get("axes_wheel", np.eye(3, 4)), (3, 4))
@@ -79,23 +168,113 @@ def numbers(manifest: Manifest, results: Results) -> dict[str, Value]:
     stored = h @ axes.T
     size = np.linalg.norm(stored, axis=1)
     idle = h - stored @ np.linalg.pinv(axes).T
+    times = results.times()
     rows: dict[str, tuple[str, float | None, str]] = {
-        "sum_rms": ("Momentum that coils can act on, sum g h: rms", _rms(size), "N.m.s"),
+        "sum_rms": ("Momentum that coils can act on, sum g h: rms over time", _rms(size, times),
+                    "N.m.s"),
         "sum_largest": ("Momentum that coils can act on, sum g h: largest", float(size.max()),
                         "N.m.s"),
-        "null_rms": ("Null-space part of a wheel's momentum: rms of the largest wheel",
-                     _rms(np.abs(idle).max(axis=1)), "N.m.s"),
+        "null_rms": ("Null-space part of a wheel's momentum: rms of the largest wheel over time",
+                     _rms(np.abs(idle).max(axis=1), times), "N.m.s"),
     }  # fmt: skip
     m = results.values(f"{parts.torquers}.m_mean_body")
     rows |= _of_coils(m, manifest.values_of(parts.torquers), manifest.step)
     if parts.wheels:
         own = manifest.values_of(parts.wheels)
         rows |= _of_wheels(parts.wheels, own, results, np.abs(h), there)
+    if (compared := compare(manifest, results)) is not None:
+        left, without = compared
+        rows["left_rms"] = ("Wheel momentum less its target, second half: rms", left, "N.m.s")
+        rows["unmanaged_rms"] = ("The same without management (estimated)", without, "N.m.s")
     return titled(rows)
 
 
-def _rms(values: Any) -> float:
-    return float(np.sqrt((values**2).mean()))
+def _rms(values: Array, times: Array) -> float:
+    """The root of the mean over time of the square, linear between rows (rows,) at times (s)."""
+    times = times[: len(values)]
+    if len(values) < 2:
+        return float(np.abs(values).mean())
+    return float(np.sqrt(np.trapezoid(values**2, times) / (times[-1] - times[0])))
+
+
+def needed(parts: Parts) -> list[str]:
+    """The series that `compare` is made of."""
+    own = [f"{parts.spacecraft}.{n}" for n in ("q_bi", "omega_bi_body", "impulse_eci")]
+    fired = [f"{parts.thrusters}.tau_mean_thruster_body"] if parts.thrusters else []
+    return [*own, f"{parts.spacecraft}.h_copy_wheel", f"{parts.torquers}.m_mean_body",
+            str(parts.field), *fired]  # fmt: skip
+
+
+def compare(manifest: Manifest, results: Results) -> tuple[float, float] | None:
+    """The wheels' momentum less its target over the second half, and what it would have been
+    without management: rms (N m s). None where too little is recorded or known."""
+    return results.once("managed", lambda: _compare(manifest, results))
+
+
+def _compare(manifest: Manifest, results: Results) -> tuple[float, float] | None:
+    parts: Parts = manifest.parts[KEY]
+    given = manifest.parameters.get(parts.spacecraft, {})
+    if (
+        parts.field is None or parts.target is None or manifest.algorithm != "conserving"
+        or missing(needed(parts), results)
+    ):  # fmt: skip
+        return None
+    if parts.thrusters and any(np.ravel(manifest.values_of(parts.thrusters).get(
+            "schedule_duration", 0.0)).tolist()):  # fmt: skip
+        return None  # the torque of what is scheduled is a disturbance
+    q, omega, impulse, h, dipole, b, *fired = (results.values(s) for s in needed(parts))
+    count = min(len(q), len(b), len(dipole) + 1)
+    times, q, omega, impulse, h = (x[:count] for x in (results.times(), q, omega, impulse, h))
+    if count < 4:
+        return None
+    axes = np.reshape(manifest.values_of(parts.spacecraft).get("axes_wheel", np.eye(3, 4)), (3, 4))
+    body = omega @ carrier_of(given)[0].T if {"inertia", "inertia_wheel"} <= given.keys() else 0.0
+    managed = coil_impulse(times, b[:count], q, dipole[: count - 1])
+    for torque in fired:
+        steps = np.diff(times)[:, None]
+        managed[1:] += np.cumsum(rotate_back(q[:-1], torque[: count - 1]) * steps, axis=0)
+    stored = h @ axes.T
+    first = rotate_back(q[:1], (stored + body)[:1])
+    conjugate = q * np.array([-1.0, -1.0, -1.0, 1.0])
+    without = rotate_back(conjugate, first + impulse - impulse[:1] - managed) - body
+    late = times >= (times[0] + times[-1]) / 2.0
+    left, other = (
+        _rms(np.linalg.norm(x[late] - np.array(parts.target), axis=1), times[late])
+        for x in (stored, without)
+    )
+    return left, other
+
+
+def unchecked(manifest: Manifest, results: Results) -> dict[str, str]:
+    """Which numbers could not be made, and why, by their names."""
+    parts: Parts = manifest.parts[KEY]
+    if why := missing(signals(parts), results):
+        return dict.fromkeys(NUMBERS, why)
+    if parts.holds and parts.field is not None and (why := missing(needed(parts), results)):
+        return dict.fromkeys(("left_rms", "unmanaged_rms"), why)
+    return {}
+
+
+def unmet(manifest: Manifest, results: Results) -> list[str]:
+    """A line where a law that is to hold the momentum leaves more than none would."""
+    parts: Parts = manifest.parts[KEY]
+    compared = compare(manifest, results) if manifest.completed else None
+    if not parts.holds or compared is None:
+        return []
+    left, without = compared
+    capacity = _capacity(manifest.values_of(parts.wheels or ""))
+    if left <= max(without, parts.deadband) + SMALL * capacity:
+        return []
+    return [f"management: wheel momentum less its target is {left:.3g} N m s rms in the second "
+            f"half of the run, without management it would be {without:.3g}"]  # fmt: skip
+
+
+def _capacity(wheels: dict[str, Any]) -> float:
+    """The capacity of the smallest wheel that is there (N m s); 0 where it is not known."""
+    if "inertia_wheel" not in wheels or "speed_limit" not in wheels:
+        return 0.0
+    there = [j for j in np.ravel(wheels["inertia_wheel"]).tolist() if j > 0.0]
+    return float(min(there, default=0.0) * wheels["speed_limit"])
 
 
 def _of_coils(m: Any, given: dict[str, Any], step: float) -> dict[str, tuple[str, float, str]]:

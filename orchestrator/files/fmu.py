@@ -19,7 +19,7 @@ from desat.components.contract.units import Unit
 from desat.fmus.description import TOOL
 
 from ..system.errors import DesatError
-from ..system.interface import Interface, OutputClass, Signal
+from ..system.interface import Interface, OutputClass, Signal, apart
 from ..system.parameters import known_unit
 from .io import contents
 from .xml import parse_bytes
@@ -70,13 +70,15 @@ def _interface(root: Any, description: Any) -> Interface:
     block = root.find(f"{'' if third else 'Vendor'}{ours}/Block")
     classes = _output_classes(description)
     scalars = _elements if third else lambda v: [(v.name, v.start, None)]
+    signals = {
+        name: _signal(v, units, classes, notes.get(v.name, {}), name, start, element)
+        for v in description.modelVariables for name, start, element in scalars(v)
+    }  # fmt: skip
+    signals |= apart(s for s in signals.values() if s.causality == "output")
     return Interface(
         description.modelName,
         description.description or "",
-        {
-            name: _signal(v, units, classes, notes.get(v.name, {}), name, start, element)
-            for v in description.modelVariables for name, start, element in scalars(v)
-        },
+        signals,
         "" if block is None else block.get("role", ""),
         "3.0" if third else description.fmiVersion,
     )  # fmt: skip

@@ -99,7 +99,7 @@ def values(
             found["thrust"] = [force] * 8
         return found
     if role == "gyro":
-        return {"noise": of["noise"]}
+        return {"angle_random_walk": walk(of)}
     slow = {"markov_sigma": of["slow"], "correlation_time": of["time"]} if "slow" in of else {}
     return {"noise": of["noise"], **slow}
 
@@ -116,6 +116,12 @@ def _wheels(typical: bool, of: Figures, axes: list[float]) -> dict[str, Any]:
         found |= {"motor_lag": WHEEL_LAG, "compensation": COMPENSATION, "viscous": viscous,
                   "coulomb": coulomb}  # fmt: skip
     return found
+
+
+def walk(gyro: Figures) -> float:
+    """Its angle random walk as the block has it: the angle (rad) after 1 s; it grows with the root
+    of the time, and the figure is that after 1 h."""
+    return quantity("", gyro["walk"], "rad") / 60.0
 
 
 def friction(torque: float, speed: float) -> tuple[float, float]:

@@ -42,7 +42,7 @@ from desat.components.physics.orbit import (
 from desat.components.physics.tle import tle_parameters
 
 from ..system.errors import DesatError, nearest
-from .hardware import COMPENSATION, WHEEL_LAG, Figures, classes, friction, is_number, quantity
+from .hardware import COMPENSATION, WHEEL_LAG, Figures, classes, friction, is_number, quantity, walk
 
 Array = NDArray[np.float64]
 SCENARIOS = ("nominal", "worst", "detumbling")
@@ -177,7 +177,7 @@ def _made(wanted: Wanted, name: str, command: str) -> dict[str, Any]:
         "inertia": {"value": "[" + ", ".join(_list([x if i == j else 0.0 for j in range(3)])
                     for i, x in enumerate(inertia)) + "]", "why": inertia_why},
         "wheels": wheels, "rods": rods, "thrusters": _thrusters(wanted, sides),
-        "gyro": classes()["gyros"]["mems"], "star_tracker": classes()["star_trackers"]["cubesat"],
+        "gyro": _gyro(), "star_tracker": classes()["star_trackers"]["cubesat"],
         "dipole": {"value": _list(dipole * x for x in along), "why": f"A m2; {why}",
                    "twice": _list(2.0 * dipole * x for x in along)},
         "area": {"value": _text(area), "radiation": _text(1.5 * area),
@@ -401,6 +401,12 @@ def _rods(wanted: Wanted, mass: float) -> dict[str, str]:
     name, figures, dipole = _of_class("--rods", "rods", "dipole", text, "A.m2")
     why = "given" if wanted.rods else "class: 20 mA m2 a kilogram"
     return {"dipole": f"{dipole:g} A.m2", "lag": figures["lag"], "why": f"{why}; lag as {name}"}
+
+
+def _gyro() -> dict[str, str]:
+    """Its angle random walk: the angle after 1 s (deg), and after 1 h, as its class has it."""
+    figures = classes()["gyros"]["mems"]
+    return {"in_1_s": _text(math.degrees(walk(figures))), "in_1_h": figures["walk"]}
 
 
 def _thrusters(wanted: Wanted, sides: tuple[float, float, float]) -> Mapping[str, str] | None:

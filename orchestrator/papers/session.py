@@ -14,7 +14,6 @@ from ..files.scenario import find
 from ..language.content import said
 from ..runs.run import Options, Run, execute, prepare
 from ..system.errors import DesatError, nearest
-from ..system.interface import base_name
 from . import stored, tables
 from .comparison import Row
 
@@ -67,7 +66,7 @@ class Sources:
         """What must be recorded of a scenario."""
         system, _ = prepare(name, Options()).or_raise()
         outputs = {
-            f"{c.name}.{base_name(s.name)}"
+            f"{c.name}.{s.series}"
             for c in system.components.values() for s in c.interface.of("output")
         }  # fmt: skip
         content = said(system.about)

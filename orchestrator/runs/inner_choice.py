@@ -43,7 +43,6 @@ from ..files import library
 from ..files.fmu import description_of
 from ..numbers.derived import pointing
 from ..system.errors import DesatError
-from ..system.interface import base_name
 from ..system.model import AUTO, MOST_INNER, Component, System
 from ..system.options import Options
 from ..system.schedule import schedule
@@ -311,14 +310,14 @@ class _Flights:
         system = replace(self._system, inner=inner)
         columns = {tuple(name.rsplit(".", 1)) for name in self._series}
         master = Master(
-            system, schedule(system), watched=lambda c, s: (c, base_name(s.name)) in columns,
+            system, schedule(system), watched=lambda c, s: (c, s.series) in columns,
             isolated=isolated(system, self._options), limit=self._options.call_limit,
         )  # fmt: skip
         with master:
             master.initialise()
             index = [
                 slot.index for name in self._series for slot in master.slots
-                if f"{slot.component}.{base_name(slot.signal.name)}" == name
+                if f"{slot.component}.{slot.signal.series}" == name
             ]  # fmt: skip
             loop, live = stepping(master, None, NEVER, self._options.loop), master.live["Real"]
             rows = np.empty((steps + 1, len(index)))

@@ -10,7 +10,7 @@ from typing import Any
 
 from desat.components.contract.block import Scalar
 
-from ..analyses import warnings
+from ..analyses import problems, warnings
 from ..analyses.manifest import Manifest
 from ..designs import making, origin
 from ..designs import problems as design_problems
@@ -273,6 +273,7 @@ def _check_wishes(
         name = content.name or system.name
         checked.problems += [f"{name}: {'.'.join(path)}: {text}"
                              for path, text in validation.numbers(content, system)]  # fmt: skip
+    checked.problems += problems(system)
     checked.warnings += warnings(system)
     if options.algorithm == "jacobi":
         checked.warnings += _under_jacobi(system, schedule)

@@ -58,7 +58,7 @@ class Condition:
 
     def reads(self, component: str, signal: Signal) -> bool:
         """True for an element of its signal."""
-        return component == self.component and base_name(signal.name) == self.variable
+        return component == self.component and signal.series == self.variable
 
 
 def condition(system: System) -> Condition | None:
@@ -95,8 +95,8 @@ def _signal(system: System, name: str) -> Signal:
         hint = nearest(owner, system.components)
         raise DesatError(f"stop_when.signal: no component {owner}{hint}")
     elements = component.interface.elements(variable)
-    if not elements or elements[0].causality != "output":
-        known = {base_name(s.name) for s in component.interface.of("output")}
+    if not elements or elements[0].causality != "output" or elements[0].series != variable:
+        known = {s.series for s in component.interface.of("output")}
         hint = nearest(variable, known)
         raise DesatError(f"stop_when.signal: {owner} has no output {variable}{hint}")
     return elements[0]

@@ -180,7 +180,7 @@ def wants(scenario: Scenario, system: System) -> list[str]:
 def numbers(content: Content, system: System) -> list[tuple[Keys, str]]:
     """What is wrong with the numbers that a scenario wants of a resolved system."""
     units = {
-        f"{c.name}.{base_name(s.name)}": s.unit_name
+        f"{c.name}.{s.series}": s.unit_name
         for c in system.components.values() for s in c.interface.of("output")
     }  # fmt: skip
     return problems(content, units, table(system.components.values()))
@@ -251,8 +251,10 @@ def _elements(
     if component.interface is None:
         return []
     elements = component.interface.elements(variable)
-    if not elements or elements[0].causality not in causalities:
-        known = {base_name(s.name) for c in causalities for s in component.interface.of(c)}
+    if not elements or elements[0].causality not in causalities or (
+        elements[0].causality == "output" and elements[0].series != variable
+    ):  # fmt: skip
+        known = {s.series for c in causalities for s in component.interface.of(c)}
         return f"{owner} has no {causalities[0]} {variable}{nearest(variable, known)}"
     return elements
 
@@ -380,10 +382,10 @@ def recording_problems(system: System, options: Options) -> Iterator[str]:
     outputs = [(c.name, s) for c in system.components.values() for s in c.interface.of("output")]
     for pattern in options.record:
         if pattern != "*" and not any(selects([pattern], name, signal) for name, signal in outputs):
-            known = {f"{name}.{base_name(s.name)}" for name, s in outputs}
+            known = {f"{name}.{s.series}" for name, s in outputs}
             yield f"--record {pattern}: no output fits{nearest(pattern, known)}"
     for name, signal in outputs:
-        text = base_name(signal.name)
+        text = signal.series
         if not (text.isprintable() and text.strip(". ") and "/" not in text) and any(
             selects([pattern], name, signal) for pattern in options.record
         ):

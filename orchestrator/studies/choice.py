@@ -23,7 +23,6 @@ from ..numbers.text import number
 from ..runs.prepare import Source, prepare, read
 from ..runs.run import Options, Run, simulate
 from ..system.errors import DesatError, RunError, nearest
-from ..system.interface import base_name
 from ..system.model import System
 from .compare import Comparison, held, write
 from .fitting import ROLE, Fitting, Refused, fitting, prepared, terms_of
@@ -273,7 +272,7 @@ def _flown(options: Options, source: Source, system: System) -> Run:
     for analysis in analyses():
         if parts := analysis.applies(system):
             wanted.update(analysis.balanced(parts))
-    there = {f"{c.name}.{base_name(s.name)}" for c in system.components.values()
+    there = {f"{c.name}.{s.series}" for c in system.components.values()
              for s in c.interface.of("output")}  # fmt: skip
     return simulate(prepare(source, replace(options, record=tuple(sorted(wanted & there)))))
 

@@ -5,9 +5,11 @@ Read from an FMU's model description (`files/fmu.py`) or from a bare block; both
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+import re
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, replace
 from functools import cache, cached_property, lru_cache
+from itertools import product
 from typing import Any, Literal
 
 from desat.components.contract import roles
@@ -55,6 +57,13 @@ class Signal:
     """Of FMI 3.0 the variable's own, Float32 or UInt8 for instance."""
     element: int = 0
     """Of FMI 3.0 its place in its array, which `reference` has added to the array's."""
+    alone: bool = False
+    """An output that is recorded under its own name: its array is not numbered from 1 in order."""
+
+    @property
+    def series(self) -> str:
+        """The variable whose series it is recorded in."""
+        return self.name if self.alone else base_name(self.name)
 
     def named(self, value: Any) -> Any:
         """The name of a value, where it is a choice; else the value."""
@@ -93,6 +102,37 @@ class Interface:
     def slopes(self) -> frozenset[str]:
         """The outputs that are the slope of a mean."""
         return frozenset(s.slope for s in self.signals.values() if s.slope)
+
+
+def apart(outputs: Iterable[Signal]) -> dict[str, Signal]:
+    """Of outputs in the order of their description those that make no series together, marked so:
+    elements of an array that is not numbered from 1, whole, in order, in one row, of one class and
+    one unit."""
+    counts: dict[str, int] = {}
+    arrays: dict[str, list[tuple[int, Signal]]] = {}
+    for signal in outputs:
+        place = counts[signal.kind] = counts.get(signal.kind, 0) + 1
+        arrays.setdefault(base_name(signal.name), []).append((place, signal))
+    return {
+        s.name: replace(s, alone=True) for elements in arrays.values()
+        if not _in_order(elements) for _, s in elements
+    }  # fmt: skip
+
+
+def _in_order(elements: list[tuple[int, Signal]]) -> bool:
+    """Whether these are x, or x[1], x[2], ... or x[1,1], x[1,2], ... one behind the other."""
+    first, signal = elements[0]
+    base = base_name(signal.name)
+    if [s.name for _, s in elements] == [base]:
+        return True
+    found = [re.fullmatch(r"\[(\d+(?:,\d+)*)\]", s.name.removeprefix(base)) for _, s in elements]
+    indices = [tuple(map(int, m[1].split(","))) if m else () for m in found]
+    whole = list(product(*(range(1, n + 1) for n in indices[-1])))
+    return indices == whole and all(
+        place == first + k and (s.kind, s.output_class, s.unit_name)
+        == (signal.kind, signal.output_class, signal.unit_name)
+        for k, (place, s) in enumerate(elements)
+    )  # fmt: skip
 
 
 @lru_cache(maxsize=1 << 16)

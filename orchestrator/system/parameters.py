@@ -135,6 +135,11 @@ def value_of(component: Component, name: str) -> object:
     return component.parameters.get(name, component.interface.signals[name].start)
 
 
+def number_of(component: Component, name: str) -> float:
+    """The value of a Real, Integer or Boolean parameter or input, as a number."""
+    return float(value_of(component, name))  # type: ignore[arg-type]
+
+
 def choice_of(component: Component, name: str) -> str:
     """The choice that a parameter with choices has, by its name; its value as text without."""
     choices, value = component.interface.signals[name].choices, value_of(component, name)

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...system.errors import DesatError
-from ...system.interface import KINDS, Kind, base_name
+from ...system.interface import KINDS, Kind
 from ..instances.base import DTYPE
 from ..master import Master
 from ..node import Slot
@@ -72,8 +72,9 @@ class Recorder:
         groups: dict[tuple[str, str], list[Slot]] = defaultdict(list)
         for slot in master.slots:
             if selects(patterns, slot.component, slot.signal):
-                groups[slot.component, base_name(slot.signal.name)].append(slot)
-        series = [_series(*name, slots) for name, slots in groups.items()]
+                groups[slot.component, slot.signal.series].append(slot)
+        series = [_series(*name, slots)
+                  for group in groups.items() for name, slots in _rows(*group)]  # fmt: skip
         index, sets = None, [self._own(s) for s in series]
         if len(series) > shared_tables.MANY:
             index, sets = self._tables(series)
@@ -275,9 +276,20 @@ class Recorder:
         return Results.open(self.path)
 
 
+def _rows(
+    name: tuple[str, str], slots: list[Slot]
+) -> Iterator[tuple[tuple[str, str], list[Slot]]]:  # fmt: skip
+    """A series' name and slots; each slot by itself where a scenario has made some of its elements
+    interval outputs, so that they do not stand in one row."""
+    slots.sort(key=lambda s: s.index)
+    if slots[-1].index - slots[0].index == len(slots) - 1:
+        yield name, slots
+        return
+    yield from (((name[0], s.signal.name), [s]) for s in slots)
+
+
 def _series(component: str, variable: str, slots: list[Slot]) -> shared_tables.Series:
     """A variable with what is known of it, from the slots of its elements."""
-    slots.sort(key=lambda s: s.index)
     signal = slots[0].signal
     attributes = {
         "unit": signal.unit_name,

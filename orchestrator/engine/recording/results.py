@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 
 from ...files.io import regular
 from ...system.errors import DesatError, nearest
-from ...system.interface import Signal, base_name
+from ...system.interface import Signal
 from . import shared_tables
 
 T = TypeVar("T")
@@ -53,7 +53,7 @@ def selects(patterns: Iterable[str], component: str, signal: Signal) -> bool:
 
     `fault` must be named: a fault ends the run anyhow.
     """
-    name = f"{component}.{base_name(signal.name)}"
+    name = f"{component}.{signal.series}"
     if name in patterns:
         return True
     open_ = (p for p in patterns if "*" in p or "?" in p or "[" in p)

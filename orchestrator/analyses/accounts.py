@@ -1,0 +1,53 @@
+"""Figures of a craft that two of its components hold, each for itself, where they must be one: what
+they come to in one component is an account that the other's contradicts."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from ..system.model import Component, System
+from ..system.parameters import choice_of, number_of
+
+FORCE = "force_mean_thruster_body"
+IMPULSE = "specific_impulse"
+DRAG = ("area_drag", "drag_coefficient")
+BY_AREA = "area"
+
+
+def problems(system: System) -> Iterator[str]:
+    """A line for an orbit that loses another mass to a force than the thrusters that give it
+    spend."""
+    ends = dict.fromkeys(
+        (c.source, c.target) for c in system.connections if c.input.partition("[")[0] == FORCE
+    )  # fmt: skip
+    for source, target in ends:
+        thrusters, orbit = system.components[source], system.components[target]
+        if IMPULSE not in thrusters.interface.signals or IMPULSE not in orbit.interface.signals:
+            continue
+        theirs, its = number_of(thrusters, IMPULSE), number_of(orbit, IMPULSE)
+        if its > 0.0 and abs(its - theirs) > 1e-9 * theirs:
+            where = orbit.given.get(IMPULSE, f"{system.where}: default")
+            yield (f"{where}: {target}.{IMPULSE} = {its:g} s, but {source}.{IMPULSE} = "
+                   f"{theirs:g} s: the mass that leaves the craft is not the propellant that is "
+                   f'spent; given as "{source}.{IMPULSE}" it follows')  # fmt: skip
+
+
+def warnings(system: System) -> Iterator[str]:
+    """A line for each figure of the drag that the orbit has otherwise than the attitude."""
+    bodies = [c for c in system.components.values() if _has_drag(c, "aerodynamics")]
+    orbits = [c for c in system.components.values() if _has_drag(c, "zonals")]
+    for body in bodies:
+        by = choice_of(body, "aerodynamics")
+        for orbit in orbits if by == BY_AREA else ():
+            for name in DRAG if number_of(orbit, DRAG[0]) > 0.0 else ():
+                its, other = number_of(orbit, name), number_of(body, name)
+                if abs(its - other) > 1e-9 * abs(other):
+                    where = orbit.given.get(name, f"{system.where}: default")
+                    unit = " m2" if name == DRAG[0] else ""
+                    yield (f"{where}: {orbit.name}.{name} = {its:g}{unit}, but {body.name}.{name} "
+                           f"= {other:g}{unit}: two accounts of one drag")  # fmt: skip
+
+
+def _has_drag(component: Component, option: str) -> bool:
+    """Whether it has the figures of a drag, and this option of its model."""
+    return all(name in component.interface.signals for name in (*DRAG, option))
