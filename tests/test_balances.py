@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -65,11 +66,13 @@ def test_balances_are_made_for_every_inner_and_for_rows_left_out(options):
     assert run.manifest["not_checked"] == {}
 
 
-def test_made_while_it_runs_they_have_the_values_of_the_rows():
-    """Every second row is kept, so that rows cannot serve, but each step is there."""
+def test_made_while_it_runs_they_have_the_values_of_the_rows(monkeypatch):
+    """Where rows cannot serve, as with inner steps."""
     rows, run = made("gyrostat/pulses", inner=1, stop=100.0)
     assert run.manifest["balance"] is None
-    along, run = made("gyrostat/pulses", inner=1, stop=100.0, every=2)
+    by_rows = energy.applies
+    monkeypatch.setattr(energy, "applies", lambda s: replace(by_rows(s), rows=False))
+    along, run = made("gyrostat/pulses", inner=1, stop=100.0)
     assert run.manifest["balance"] is not None
     for name in MADE:
         assert along[name] == pytest.approx(rows[name], rel=1e-12, abs=0.0)
@@ -185,7 +188,8 @@ def test_a_torque_that_a_body_computes_otherwise_shows_at_every_inner(monkeypatc
 @pytest.mark.parametrize("inner", [1, 2])
 def test_what_is_not_checked_is_said_with_why(options, why, names, inner):
     found, run = made("gyrostat/light", stop=5.0, inner=inner, **options)
-    told = run.manifest["not_checked"]
+    told = {k: x for k, x in run.manifest["not_checked"].items()
+            if k in MADE | {"momentum_residual"}}  # fmt: skip
     if inner == 2 and "wheels.*" in str(options):  # made while it runs: it needs no series for it
         names = set()
     assert set(told) == names
@@ -226,10 +230,12 @@ def test_a_fixed_attitude_has_its_balance():
 
 
 @pytest.mark.parametrize("every", [2, 3])
-def test_a_fixed_attitude_whose_rows_are_left_out_is_not_checked(every):
-    run = execute("uosat12/table3-ocdc-ilqr-1", Options(stop=60.0, every=every, blocks=True))
-    assert run.manifest["not_checked"] == {"impulse_mismatch": "rows are left out"}
-    assert "impulse_mismatch" not in run.manifest["numbers"]
+def test_a_fixed_attitude_whose_rows_are_left_out_has_the_balance_of_all(every):
+    name, whole = "uosat12/table3-ocdc-ilqr-1", Options(stop=60.0, blocks=True)
+    run, rows = execute(name, whole), execute(name, replace(whole, every=every))
+    assert run.manifest.numbers == rows.manifest.numbers
+    assert "impulse_mismatch" in rows.manifest.numbers
+    assert len(rows.results.times()) == -(-len(run.results.times()) // every)
 
 
 def test_a_fixed_attitude_that_computes_a_torque_otherwise_is_not_met(monkeypatch):

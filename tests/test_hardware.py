@@ -5,10 +5,12 @@ from __future__ import annotations
 import json
 import math
 
+import numpy as np
 import pytest
 
 from desat.files import craft
-from desat.files.hardware import KINDS, figures, known, quantity
+from desat.files.hardware import KINDS, figures, known, quantity, values
+from desat.fmus.registry import block_class
 from desat.runs.prepare import prepare
 from desat.studies.flight import hardware_of, values_of
 from desat.system.errors import DesatError
@@ -30,7 +32,7 @@ UNITS = {
     "wheels": {"capacity": "N.m.s", "torque": "N.m", "speed": "rad/s"},
     "rods": {"dipole": "A.m2"},
     "thrusters": {"force": "N", "impulse": "s", "pulse": "s"},
-    "gyros": {"noise": "rad/s"},
+    "gyros": {"walk": "rad"},
     "star_trackers": {"noise": "rad"},
 }
 RPM = math.pi / 30.0
@@ -68,7 +70,7 @@ arm = "0.25 m"
     assert wheels["viscous"] == pytest.approx(8e-5 / (6500 * RPM))
     assert wheels["motor_lag"] == pytest.approx(0.05)
     assert found["torquers"].parameters == pytest.approx({"m_limit": 0.2, "lag": 0.02})
-    assert found["gyro"].parameters == pytest.approx({"noise": math.radians(0.002)})
+    assert found["gyro"].parameters == pytest.approx({"angle_random_walk": math.radians(0.002)})
     assert found["determination"].parameters["markov_sigma"] == pytest.approx(math.radians(0.01))
     assert found["thrusters"].parameters["tau_level[2]"] == pytest.approx(2 * 0.05 * 0.25)
     assert found["wheels"].given["torque_limit"].endswith("mine.toml:14: hardware.wheels")
@@ -133,6 +135,43 @@ def test_every_product_has_its_source_and_figures_that_can_be():
             2.0 < quantity("", its["capacity"], "N.m.s") / quantity("", its["torque"], "N.m") < 300
         )
     assert figures("gyro", "product:STIM210")[1]["maker"] == "Sensonor"
+
+
+@pytest.mark.parametrize("which", ["class", "product"])
+def test_a_gyros_figure_is_the_same_angle_after_an_hour_at_any_sample_time(which):
+    """Its white noise sums up to the sheet's deg/sqrt(h), whatever the time between samples."""
+    for name, its in known(which)["gyros"].items():
+        walk = values("gyro", True, figures("gyro", f"{which}:{name}")[1], frozenset(), {})
+        for period in (1.0, 0.1, 0.01):
+            gyro = block_class("rate_gyro")()
+            gyro.sample_time, gyro.angle_random_walk = period, walk["angle_random_walk"]
+            gyro.start()
+            rates = []
+            for k in range(4000):
+                gyro.advance(k * period, period)
+                rates += gyro.omega_meas_body
+            hourly = math.degrees(np.std(rates)) * math.sqrt(period) * math.sqrt(3600.0)
+            assert hourly == pytest.approx(float(its["walk"].split()[0]), rel=0.03)
+
+
+@pytest.mark.parametrize("role", sorted(KINDS))
+@pytest.mark.parametrize("which", ["class", "product"])
+def test_what_a_figure_makes_of_a_component_does_not_depend_on_the_step(role, which):
+    """What depends on the time between samples is said where that is the step's."""
+    model = {"gyro": "rate_gyro", "determination": "attitude_determination"}.get(role, role)
+    block = block_class(model)()
+    has = frozenset(v.name for v in block.variables)
+    present = {"axes_wheel": list(getattr(block, "axes_wheel", ())), "arm": 0.3}
+    for name in known(which)[KINDS[role]]:
+        found = values(role, which == "class", figures(role, f"{which}:{name}")[1], has, present)
+        assert found.keys() <= has
+        if white := found.keys() & set(getattr(block, "white", ())):
+            fresh = block_class(model)()
+            fresh.noise = quantity(name, found["noise"], "rad")
+            assert white == {"noise"}
+            assert any("depends on the step" in x for x in fresh.foresee(0.0, 1.0, frozenset()))
+            fresh.sample_time = 0.5
+            assert not list(fresh.foresee(0.0, 1.0, frozenset()))
 
 
 def test_the_page_is_made_of_what_was_flown():

@@ -191,7 +191,7 @@ def test_strong_jets_are_warned_of():
     assert any("torque of all actuators" in w for w in manifest["warnings"])
     (error, _), manifest = flown("gyrostat/pulses", inner=AUTO, values=values)
     holds(manifest, error)
-    assert manifest["warnings"] == []
+    assert not any("inner" in w for w in manifest["warnings"])
 
 
 def test_what_a_jet_makes_of_a_craft_at_rest_is_looked_at():

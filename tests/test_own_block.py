@@ -15,6 +15,7 @@ from fmpy.validation import validate_fmu
 
 from desat.files import new_block, own
 from desat.fmus import own as block_file
+from desat.fmus.registry import block_class, names
 from desat.runs.run import Options, execute
 from desat.system.errors import DesatError
 
@@ -243,3 +244,59 @@ def test_a_new_sensor_flies_native_and_says_what_cannot_be(desat, cache, tmp_pat
     assert desat("new", "block", "rate_gyro", "mine", cwd=tmp_path).returncode == 2
     desat("new", "block", "manager", "law", cwd=tmp_path, check=True)
     assert "TorquerDumping" in (tmp_path / "law.py").read_text(), "of a manager it is a law"
+
+
+# --- outputs that nobody assigns ----------------------------------------------------------------
+
+MAGNETOMETER = '''"""A magnetometer of one's own."""
+
+from __future__ import annotations
+
+from desat.components.contract.block import Vec3
+from desat.components.contract.roles import Magnetometer
+from desat.components.maths.attitude import rotate
+
+
+class Mine(Magnetometer):
+    """A magnetometer of one's own"""
+
+    def start(self) -> None:
+        super().start()
+        self.valid = True
+        BEGIN
+
+    def advance(self, t: float, dt: float) -> None:
+        self.read(rotate(self.q_bi, self.b_eci))
+
+    def read(self, b: Vec3) -> None:
+        self.b_bdy = b
+'''
+
+
+@pytest.mark.parametrize("begin", ["pass", "self.b_body = (0.0, 0.0, 0.0)"])
+def test_an_output_that_is_never_assigned_is_refused(tmp_path, desat, begin):
+    """It flew with zeros, or with what `start` gave."""
+    file = tmp_path / "my_magnetometer.py"
+    file.write_text(MAGNETOMETER.replace("BEGIN", begin))
+    given = TARGET, "--source", f"magnetometer={file}"
+    for command in (("build", str(file)), ("run", *given), ("check", *given)):
+        done = desat(*command, cwd=tmp_path)
+        assert done.returncode == 2, (command, done.stderr)
+        text = " ".join(done.stderr.split())
+        assert "my_magnetometer.py:10: Mine.b_body: advance does not assign this output" in text
+        assert "it assigns self.b_bdy, which is not declared" in text
+    file.write_text(MAGNETOMETER.replace("BEGIN", begin).replace("b_bdy", "b_body"))
+    assert issubclass(block_file.block_class(str(file)), object)
+
+
+def test_a_block_that_assigns_by_name_is_not_refused(tmp_path):
+    file = tmp_path / "my_magnetometer.py"
+    text = MAGNETOMETER.replace("BEGIN", "pass").replace("self.b_bdy = b",
+                                                         'setattr(self, "b_body", b)')  # fmt: skip
+    file.write_text(text)
+    block_file.block_class(str(file))
+
+
+def test_every_block_of_ours_assigns_its_outputs():
+    found = {name: block_file.unassigned(block_class(name)) for name in names()}
+    assert {name: lines for name, lines in found.items() if lines} == {}

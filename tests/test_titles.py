@@ -18,6 +18,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy import integrate
+from scipy.spatial.transform import Rotation
 
 from desat.analyses import management
 from desat.figures.plots import lines_of
@@ -678,8 +680,26 @@ def test_a_number_at_a_time_is_of_that_time_alone():
             assert begin == end, f"{where[0][0]}: {number['title']}"
 
 
+def over_time(values: np.ndarray, t: np.ndarray) -> float:
+    """The rms over time: between rows the square changes linearly."""
+    return float(np.sqrt(integrate.trapezoid(values**2, t) / (t[-1] - t[0])))
+
+
+def left_without(f: Flight) -> tuple[float, float]:
+    """What management leaves in the wheels, and what would be in them had the coils done nothing,
+    over the second half: rms. By scipy's rotations, coils' torque at both ends of each step."""
+    turn, late = Rotation.from_quat(f["spacecraft.q_bi"]), f.t >= 0.5 * (f.t[0] + f.t[-1])
+    m, b = f["torquers.m_mean_body"], f["environment.b_eci"]
+    ends = [np.cross(r.apply(m), x) for r, x in ((turn[:-1], b[:-1]), (turn[1:], b[1:]))]
+    coils = np.vstack([np.zeros(3), np.cumsum(sum(ends) / 2.0 * np.diff(f.t)[:, None], axis=0)])
+    stored = f.momentum("spacecraft.h_copy_wheel")
+    without = stored - turn.inv().apply(coils)
+    return tuple(over_time(size(x)[late], f.t[late]) for x in (stored, without))
+
+
 def standard(f: Flight) -> dict[str, Any]:
     """The standard numbers of a managed run (analyses/management.py), from their titles."""
+    left, without = left_without(f)
     stored, h = size(f.momentum("spacecraft.h_copy_wheel")), f["spacecraft.h_copy_wheel"]
     axes, there = f.axes("spacecraft"), f.there()
     # what adds up to nothing: h less the least h of the same sum
@@ -691,14 +711,16 @@ def standard(f: Flight) -> dict[str, Any]:
     # speeds are recorded with the body's rate of a step's begin, and limited with that within
     limited = [np.abs(speed) >= f.p("wheels.speed_limit") * (1.0 - x) for x in (0.0, 1e-4)]
     return {
-        "sum_rms": rms(stored),
+        "sum_rms": over_time(stored, f.t),
         "sum_largest": stored.max(),
-        "null_rms": rms(np.abs(idle).max(axis=1)),
+        "null_rms": over_time(np.abs(idle).max(axis=1), f.t),
         "coil_duty": 100.0 * coils.mean() / most,
         "coil_limit_share": share((coils >= 0.999 * most).any(axis=1)),
         "momentum_margin": 100.0 - 100.0 * (np.abs(h[:, there]) / f.capacity()).max(),
         "limit_time": tuple(steps_ @ x.any(axis=1) for x in limited),
         "crossings": changes(speed),
+        "left_rms": left,
+        "unmanaged_rms": (0.9999 * without, 1.0001 * without),
     }
 
 

@@ -4,7 +4,6 @@ that was lost, wheels that were full."""
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -20,8 +19,16 @@ KEY = "health"
 NUMBERS = ()
 LOST = 30.0
 """An attitude whose error is above this (deg), rms over the second half of a run, is lost."""
+SELDOM = 0.05
+"""A sensor that is valid for less of the time is told of."""
+TIME = 600.0
+"""A run that lasts so long (s) has time to reach it."""
+HELD, WHILE = 10.0, 60.0
+"""One whose error stayed below this (deg) for so long (s) before had been held."""
 FULL = 0.01
 """Of the time: wheels at their limit for longer are said to be full."""
+BRAKES = "velocity_dumping"
+"""A manager's option that lets the attitude go while the craft turns fast."""
 _SENSORS = ("determination", "gyro", "magnetometer", "star_tracker", "sun_sensor", "tachometers")
 
 
@@ -60,7 +67,10 @@ def _fails_at_once(system: System, name: str) -> bool:
 
 def _attitude(system: System) -> tuple[str, str] | None:
     """The attitude of the craft and the reference that a controller which is on follows; None:
-    nobody controls it so."""
+    nobody controls it so, or a manager brakes the craft first (paper 004, section 4)."""
+    parts = system.components.values()
+    if any(BRAKES in c.interface.signals and value_of(c, BRAKES) for c in parts):
+        return None
     crafts = [
         c
         for c in system.components.values()
@@ -91,11 +101,10 @@ def unmet(manifest: Manifest, results: Results) -> list[str]:
         series = f"{name}.valid"
         if series in there and len(valid := results.values(series)) and not valid.any():
             lines.append(f"{name}: it was never valid{_reason(manifest, results, name)}")
-    if parts.attitude is not None and set(parts.attitude) <= there:
-        error = _error(results, parts.attitude)
-        if len(error) and error[-1] > LOST and (rms := float(np.sqrt((error**2).mean()))) > LOST:
-            lines.append(f"the attitude was lost: {rms:.3g} deg from its reference, rms in the "
-                         "second half of the run")  # fmt: skip
+    error, held = _attitude_error(parts, results)
+    if error > LOST and held:
+        lines.append(f"the attitude was lost: {error:.3g} deg from its reference, rms in the "
+                     "second half of the run")  # fmt: skip
     return lines
 
 
@@ -108,20 +117,41 @@ def _reason(manifest: Manifest, results: Results, name: str) -> str:
     return f" (lost_to = {most} most often: {results.attribute(series, 'description')})"
 
 
-def _error(results: Results, attitude: tuple[str, str]) -> Any:
-    """The error (deg) at the rows of the second half."""
-    q, reference = (results.values(s) for s in attitude)
+def _attitude_error(parts: Parts, results: Results) -> tuple[float, bool]:
+    """The rms error of the attitude (deg) in the second half, and whether it had been held before;
+    0 where it is not known."""
+    if parts.attitude is None or not set(parts.attitude) <= set(results.names()):
+        return 0.0, False
+    q, reference = (results.values(s) for s in parts.attitude)
     count = min(len(q), len(reference))
-    half = slice(count // 2, count)
-    return pointing(q[half], reference[half])
+    if count < 2:
+        return 0.0, False
+    error, times = pointing(q[:count], reference[:count]), results.times()[:count]
+    away = np.flatnonzero(np.append(error >= HELD, True))
+    begins = np.append(0, away[:-1] + 1)
+    lasts = times[np.minimum(away, count - 1)] - times[np.minimum(begins, count - 1)]
+    late = error[count // 2 :]
+    return float(np.sqrt((late**2).mean())), bool((lasts >= WHILE).any())
 
 
 def remarks(manifest: Manifest, results: Results) -> list[str]:
-    """A line for wheels that were full."""
+    """A line for wheels that were full, for sensors that were seldom valid, and for an attitude
+    that was never reached."""
     parts: Parts = manifest.parts[KEY]
-    series = f"{parts.wheels}.saturated_wheel"
-    if series not in set(results.names()) or not len(full := results.values(series)):
-        return []
-    share = np.atleast_2d(full.astype(float).T).mean(axis=1)
-    return [f"{parts.wheels}: wheel {i + 1} was at its speed limit for {100.0 * x:.3g} % of the run"
-            for i, x in enumerate(share) if x > FULL]  # fmt: skip
+    series, lines = f"{parts.wheels}.saturated_wheel", []
+    if series in set(results.names()) and len(full := results.values(series)):
+        share = np.atleast_2d(full.astype(float).T).mean(axis=1)
+        lines += [f"{parts.wheels}: wheel {i + 1} was at its speed limit for {100.0 * x:.3g} % of "
+                  "the run" for i, x in enumerate(share.tolist()) if x > FULL]  # fmt: skip
+    for name in parts.sensors:
+        there = f"{name}.valid" in set(results.names())
+        valid = results.values(f"{name}.valid") if there else np.empty(0)
+        if len(valid) and 0.0 < (share := float(valid.mean())) < SELDOM:
+            lines.append(f"{name}: it was valid in {100.0 * share:.2g} % of the run"
+                         f"{_reason(manifest, results, name)}")  # fmt: skip
+    error, held = _attitude_error(parts, results)
+    times = results.times()
+    if error > LOST and not held and times[-1] - times[0] >= TIME:
+        lines.append(f"the attitude never stayed within {HELD:g} deg of its reference for "
+                     f"{WHILE:g} s: {error:.3g} deg rms in the second half of the run")  # fmt: skip
+    return lines

@@ -133,7 +133,8 @@ def problems(system: System) -> Iterator[str]:
     """A line where a manager is to keep a bias across the orbit's normal, in a craft that turns
     with its orbit: the bias would have to turn in eci, which no law here makes it do."""
     guides = (c for c in system.components.values() if c.interface.model == "guidance_nadir")
-    managers = [c for c in system.components.values() if c.interface.role == "manager"]
+    managers = [c for c in system.components.values()
+                if c.interface.role == "manager" and _holds(c)]  # fmt: skip
     for guide in guides:
         for manager in managers:
             wanted = np.array(_target(system, manager) or (0.0, 0.0, 0.0))

@@ -56,7 +56,7 @@ class _Loop(ctypes.Structure):
         ("steps", ctypes.c_int64), ("edges", ctypes.c_void_p), ("operations", ctypes.c_void_p),
         ("failed", ctypes.c_int64), ("status", ctypes.c_int64),
         ("real", ctypes.c_void_p), ("reals", ctypes.c_int64),
-        ("ahead", ctypes.c_int64), ("every", ctypes.c_int64), ("capacity", ctypes.c_int64),
+        ("ahead", ctypes.c_int64), ("capacity", ctypes.c_int64),
         ("taken", ctypes.c_void_p), ("times", ctypes.c_void_p),
         ("tables", ctypes.c_int64), ("table", _Table * len(KINDS)),
         ("how", ctypes.c_int64), ("watched", ctypes.c_int64), ("asked", ctypes.c_int64),
@@ -93,7 +93,7 @@ class CompiledSteps:
     def _record(self, master: Master, recorder: Recorder) -> None:
         """Say where rows are taken from."""
         loop, rows = self._loop, recorder.unwritten.active.rows
-        loop.every, loop.tables = recorder.every, len(rows)
+        loop.tables = len(rows)
         for place, kind in zip(loop.table, rows, strict=False):
             place.source, place.bytes = master.row[kind].ctypes.data, rows[kind].strides[0]
 

@@ -69,7 +69,7 @@ struct loop {
     const double *real;
     int64_t reals;
     /* rows */
-    int64_t ahead, every, capacity;
+    int64_t ahead, capacity;
     int64_t *taken;
     double *times;
     int64_t tables;
@@ -270,8 +270,6 @@ static int all_of(struct loop *loop, int64_t from, int64_t to)
 static void take_row(struct loop *loop)
 {
     int64_t k = loop->k + loop->ahead, row = *loop->taken;
-    if (k % loop->every)
-        return;
     loop->times[row] = loop->start + (double)k * loop->step;
     for (int64_t i = 0; i < loop->tables; i++) {
         const struct table *t = loop->table + i;

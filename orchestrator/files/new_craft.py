@@ -28,19 +28,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from desat.components.maths.attitude import matrix
-from desat.components.physics import earth, geomagnetic
-from desat.components.physics import torques as torques_of
+from desat.components.physics import earth
 from desat.components.physics.orbit import (
     EARTH_RADIUS,
-    MU,
-    lvlh_attitude,
     mean_motion,
-    orbit_plane,
     sun_synchronous_inclination,
 )
 from desat.components.physics.tle import tle_parameters
 
+from ..system import cyclic
 from ..system.errors import DesatError, nearest
 from .hardware import COMPENSATION, WHEEL_LAG, Figures, classes, friction, is_number, quantity, walk
 
@@ -57,8 +53,6 @@ CUBESATS = {
 """Sides (m) by units: CubeSat Design Specification, and what deployers of the larger ones take."""
 LAYOUTS = ("pyramid", "axes")
 POINTINGS = ("nadir", "inertial")
-DIPOLE = 7.75e15
-"""Of the Earth: mu_0 / (4 pi) times the moment (T m3); IGRF-14, 2025."""
 TILT = 0.2
 """Of the geomagnetic dipole against the Earth's axis (rad)."""
 
@@ -159,7 +153,7 @@ def _made(wanted: Wanted, name: str, command: str) -> dict[str, Any]:
         dipole = quantity("--residual-dipole", _dotted(wanted.residual_dipole), "A.m2")
         why = "given"
     along = [x / math.sqrt(1.0 + 0.25 + 0.64) for x in (1.0, -0.5, 0.8)]
-    _holds(wheels, _cyclic(wanted.pointing, orbit, inertia, [dipole * x for x in along]))
+    _holds(wanted.pointing, orbit, inertia, wheels, [dipole * x for x in along])
     faces = [sides[1] * sides[2], sides[2] * sides[0], sides[0] * sides[1]]
     area = sum(faces) / 2.0
     least = min(inertia)
@@ -294,43 +288,19 @@ def _orbit(wanted: Wanted, epoch: float) -> dict[str, Any]:
     return {"rows": rows, "rate": mean_motion(axis), "inclination": inclination, "tle": False}
 
 
-def _cyclic(
-    pointing: str, orbit: Mapping[str, Any], inertia: list[float], dipole: list[float]
-) -> Array:
-    """(N, 3) N m s, body: the momentum that an orbit turns in and out of the wheels about its
-    middle, of residual dipole and gravity gradient alone, in the field of a dipole along the
-    Earth's axis. Drag, radiation and the field's tilt are left to `desat size`."""
-    to_node, ahead, _ = (np.array(x) for x in orbit_plane(orbit["inclination"], 0.0))
-    u = np.linspace(0.0, 2.0 * math.pi, 361)[:, None]
-    out, along = np.cos(u) * to_node + np.sin(u) * ahead, np.cos(u) * ahead - np.sin(u) * to_node
-    radius = (MU / orbit["rate"] ** 2) ** (1.0 / 3.0)
-    moments = np.diag(inertia).ravel().tolist()
-    turns, torques = [], []
-    for r, v in zip((radius * out).tolist(), along.tolist(), strict=True):
-        c = np.eye(3)
-        if pointing == "nadir":
-            c = np.reshape(matrix(lvlh_attitude(r, v)), (3, 3))
-        field = geomagnetic.dipole(r, (0.0, 0.0, -DIPOLE))
-        gravity = torques_of.gravity_gradient(tuple(c @ r), tuple(moments))
-        turns.append(c)
-        torques.append(c.T @ (np.cross(dipole, c @ field) + gravity))
-    each = np.array(torques)
-    step = 2.0 * math.pi / orbit["rate"] / (len(u) - 1)
-    impulse = np.cumsum(np.vstack([np.zeros(3), (each[1:] + each[:-1]) * step / 2.0]), axis=0)
-    cyclic = impulse - u / u[-1] * impulse[-1]
-    cyclic -= (cyclic.max(axis=0) + cyclic.min(axis=0)) / 2.0
-    return np.asarray(np.einsum("kij,kj->ki", np.array(turns), cyclic))
-
-
-def _holds(wheels: Mapping[str, Any], cyclic: Array) -> None:
+def _holds(
+    pointing: str, orbit: Mapping[str, Any], inertia: list[float], wheels: Mapping[str, Any],
+    dipole: list[float],
+) -> None:  # fmt: skip
     """Raises DesatError where the fullest wheel cannot hold what an orbit alone brings."""
-    axes = np.array(wheels["axes_si"])
-    needs, has = float(np.abs(cyclic @ np.linalg.pinv(axes).T).max()), wheels["capacity_si"]
+    a, b, c = inertia
+    momentum = cyclic.momentum(pointing == "nadir", orbit["rate"], orbit["inclination"],
+                               (a, 0.0, 0.0, 0.0, b, 0.0, 0.0, 0.0, c), dipole)  # fmt: skip
+    needs, has = cyclic.fullest(np.array(wheels["axes_si"]), momentum), wheels["capacity_si"]
     if needs > has:
         raise DesatError(
-            f"--wheels: {has * 1e3:.4g} mN m s a wheel; residual dipole and gravity gradient turn "
-            f"{needs * 1e3:.4g} mN m s in and out of the fullest within each orbit, which no rods "
-            f"prevent: take at least {1.3 * needs * 1e3:.2g} mN m s, or a smaller --residual-dipole"
+            f"--wheels: {cyclic.told(needs, has)}: take at least {1.3 * needs * 1e3:.2g} mN m s, "
+            "or a smaller --residual-dipole"
         )
 
 

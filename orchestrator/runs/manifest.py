@@ -76,6 +76,16 @@ def numbers(content: Content, results: Results, parameters: Table) -> dict[str, 
     return rows
 
 
+def unrecorded(content: Content, results: Results) -> dict[str, str]:
+    """Why a scenario's number could not be made of what was recorded, by its name."""
+    known = set(results.names())
+    lacking = {name: [s for s in number.signals if s not in known]
+               for name, number in content.numbers.items()}  # fmt: skip
+    return {
+        name: f"not recorded: {', '.join(dict.fromkeys(x))}" for name, x in lacking.items() if x
+    }
+
+
 def related_to(manifest: Manifest, others: Mapping[str, Manifest]) -> Manifest:
     """With the numbers that compare a run with others (by scenario name, without the family)."""
     made = dict(manifest.numbers)

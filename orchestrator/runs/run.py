@@ -28,7 +28,7 @@ from ..system.model import System
 from ..system.options import Options, as_arguments, as_asked
 from ..system.schedule import schedule
 from . import inner_choice, stopping, supervisor
-from .manifest import end_manifest, gone_on, numbers, read_manifest
+from .manifest import end_manifest, gone_on, numbers, read_manifest, unrecorded
 from .prepare import Case, prepare
 from .step_case import Outcome, stepped
 
@@ -106,6 +106,8 @@ def simulate(
         if folder is not None:
             remove(folder)
         choice, checkpoint = more, None
+    if case.options.every > 1 and run.ok:  # numbers are of all rows
+        run.results.thin(case.options.every)
     return run
 
 
@@ -194,9 +196,11 @@ def _measure(run: Run, system: System) -> None:
     told, results = run.manifest, run.results
     if not len(results.times()):
         return
+    content = said(system.about)
     told = run.manifest = replace(
-        told, numbers=numbers(said(system.about), results, told.parameters)
-    )
+        told, numbers=numbers(content, results, told.parameters),
+        not_checked=unrecorded(content, results),
+    )  # fmt: skip
     for analysis in analyses():
         if told.parts.get(analysis.KEY) is not None:
             told = replace(told, numbers={**told.numbers, **analysis.numbers(told, results)})
@@ -206,9 +210,7 @@ def _measure(run: Run, system: System) -> None:
                 not_checked={**told.not_checked, **analysis.unchecked(told, results)},
             )  # fmt: skip
     if told.completed:
-        found, unjudged = judged(
-            said(system.about), told.numbers, system.start, told.end_time or system.start
-        )
+        found, unjudged = judged(content, told.numbers, system.start, told.end_time or system.start)
         told = replace(told, verdicts=found, not_checked={**unjudged, **told.not_checked})
     lines = dict.fromkeys([*told.warnings, *not_checked(told.not_checked)])
     run.manifest = replace(told, warnings=list(lines))

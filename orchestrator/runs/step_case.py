@@ -105,7 +105,6 @@ def stepped(
             folder and folder / SERIES,
             master,
             options.record,
-            options.every,
             unwritten,
             None if checkpoint is None else checkpoint.rows,
             attributes(manifest),
@@ -188,7 +187,7 @@ def _along(case: Case, manifest: Manifest) -> Along | None:
     parts: energy.Parts | None = manifest.parts[energy.KEY]
     if parts is None or parts.why or options.algorithm != "conserving":
         return None
-    if parts.rows and options.every == 1:
+    if parts.rows:
         return None
     wanted = [name.partition(".") for name in energy.of_work(parts)]
     all_of_it = all(

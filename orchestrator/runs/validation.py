@@ -423,13 +423,13 @@ def not_halved(system: System, options: Options) -> Iterator[str]:
 
 
 def size(system: System, options: Options) -> int:
-    """What the series of a run to its stop time take (bytes)."""
+    """What the series of a run to its stop time take (bytes) before any row is left out."""
     row = 8 + sum(
         _BYTES[s.kind]
         for c in system.components.values() for s in c.interface.of("output")
         if s.kind in KINDS and selects(options.record, c.name, s)
     )  # fmt: skip
-    return row * (system.steps // options.every + 1)
+    return row * (system.steps + 1)
 
 
 def room(system: System, options: Options, folder: Path) -> str:
@@ -440,4 +440,4 @@ def room(system: System, options: Options, folder: Path) -> str:
     if needed < (free := disk.free) or not disk.total:  # no size: no disk
         return ""
     return (f"the series may take {needed / 1e9:.3g} GB, {free / 1e9:.3g} GB are free in {folder}: "
-            "record less (--record, --every)")  # fmt: skip
+            "record less (--record)")  # fmt: skip

@@ -45,7 +45,10 @@ def run(
         list[str] | None,
         typer.Option(help="Record only outputs that fit, as 'manager.*'. May be repeated."),
     ] = None,
-    every: Annotated[int, typer.Option(help="Record every n-th step.", min=1)] = 1,
+    every: Annotated[
+        int,
+        typer.Option(help="Keep the rows of every n-th step; numbers are made of all.", min=1),
+    ] = 1,
     csv: Annotated[bool, typer.Option("--csv", help="Write series.csv too.")] = False,
     twin: Annotated[
         bool, typer.Option(help="Also run the scenario's twin, and show it beside.")

@@ -42,6 +42,11 @@ class Rows:
         self._all[there:wanted] = rows
         self._rows = wanted
 
+    def thin(self, every: int) -> None:
+        """Keep each so many-th row, from the first on."""
+        self._all = self._all[: self._rows : every].copy()
+        self._rows = len(self._all)
+
     def __getitem__(self, at: Any) -> NDArray[Any]:
         # a copy, as from a file: what is done with it does not change the series
         return np.array(self._all[: self._rows][at])
@@ -72,6 +77,13 @@ class File:
 
     def __iter__(self) -> Iterator[str]:
         return iter(sorted(self._groups))
+
+    def thin(self, every: int) -> None:
+        """Keep each so many-th row of every data set."""
+        for group in self._groups.values():
+            for rows in group.values() if isinstance(group, dict) else (group,):
+                if isinstance(rows, Rows):
+                    rows.thin(every)
 
     def flush(self) -> None:
         """There is nothing to write to."""

@@ -44,7 +44,8 @@ _Place = tuple[Kind, Places, bool]
 
 
 class Recorder:
-    """Writes the outputs of a master that fit `patterns`, every `every`-th step.
+    """Writes the outputs of a master that fit `patterns`, at every step: a run's numbers are of
+    all rows, whatever is kept of them (`Results.thin`).
 
     `path` None keeps them in memory. On disk the file is `NAME.part` until `finish`. With `go_on`
     the first so many rows are those of the file that is there: of a run that was ended. `about`
@@ -52,11 +53,11 @@ class Recorder:
     """
 
     def __init__(
-        self, path: Path | None, master: Master, patterns: Iterable[str] = ("*",), every: int = 1,
+        self, path: Path | None, master: Master, patterns: Iterable[str] = ("*",),
         unwritten: Unwritten | None = None, go_on: int | None = None,
         about: Mapping[str, str] = MappingProxyType({}),
     ) -> None:  # fmt: skip
-        self.path, self.every = path, every
+        self.path = path
         self._part = None if path is None else path.with_name(path.name + ".part")
         if self._part is None:
             self._file: Any = memory.File()
@@ -68,7 +69,7 @@ class Recorder:
         self._start, self._step = master.start, master.step_size
         live = {k: master.live[k] for k in KINDS if len(master.live[k])}
         fit = _ROOM // (2 * (8 + sum(a.nbytes for a in live.values())))
-        self._chunk = max(1, min(ROWS, fit, master.system.steps // every + 1))
+        self._chunk = max(1, min(ROWS, fit, master.system.steps + 1))
         groups: dict[tuple[str, str], list[Slot]] = defaultdict(list)
         for slot in master.slots:
             if selects(patterns, slot.component, slot.signal):
@@ -163,9 +164,8 @@ class Recorder:
 
     def record(self, k: int, live: dict[Kind, Any]) -> None:
         """Take the row of step k."""
-        if k % self.every == 0:
-            self._take(k, live)
-            self.make_room()
+        self._take(k, live)
+        self.make_room()
 
     def _take(self, k: int, live: dict[Kind, Any]) -> None:
         half = self.unwritten.active
@@ -257,7 +257,7 @@ class Recorder:
 
     def finish(self, master: Master) -> Results:
         """Take the last row, close the file under its final name, and open it for reading."""
-        last = self._conserving and master.k % self.every == 0
+        last = self._conserving
         if last:
             self.unwritten.ends_next()
             self._take(master.k, master.live)

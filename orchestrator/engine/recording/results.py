@@ -26,7 +26,8 @@ from numpy.typing import NDArray
 from ...files.io import regular
 from ...system.errors import DesatError, nearest
 from ...system.interface import Signal
-from . import shared_tables
+from . import memory, shared_tables
+from .series_file import pack
 
 T = TypeVar("T")
 Array = NDArray[Any]
@@ -153,6 +154,19 @@ class Results:
     def close(self) -> None:
         """Close the file."""
         self._file.close()
+
+    def thin(self, every: int) -> None:
+        """Keep each so many-th row of every series, from the first on, in the file as well."""
+        self._made.clear()
+        self._recent.clear()
+        if isinstance(self._file, memory.File):
+            self._file.thin(every)
+            return
+        path = Path(self._file.filename)
+        self._file.close()
+        pack(path, every)
+        self._file = h5py.File(path, "r")
+        self._index = shared_tables.index(self._file)
 
     def names(self) -> list[str]:
         """`component.variable` of every series."""

@@ -30,6 +30,7 @@ from .shared_tables import INTERVAL
 
 T = TypeVar("T")
 _LEVEL = 1
+_OF_SCALES = ("CLASS", "NAME", "DIMENSION_LABELS", "DIMENSION_LIST", "REFERENCE_LIST")
 _FULL = (OSError, RuntimeError)
 """What h5py makes of a full disk."""
 
@@ -47,12 +48,13 @@ def aside(work: Callable[..., T], *given: Any) -> T:
         return thread.submit(work, *given).result()
 
 
-def pack(path: Path) -> None:
-    """Pack a closed file in its place. Where the disk has no room for both it stays as it is."""
-    aside(_pack, path)
+def pack(path: Path, every: int = 1) -> None:
+    """Pack a closed file in its place, with each so many-th row of it, from the first on. Where the
+    disk has no room for both it stays as it is."""
+    aside(_pack, path, every)
 
 
-def _pack(path: Path) -> None:
+def _pack(path: Path, every: int) -> None:
     with h5py.File(path, "r") as file:
         sets = [file["time"], *shared_tables.data_sets(file)]
         index = file[shared_tables.INDEX][()] if shared_tables.INDEX in file else None
@@ -60,8 +62,8 @@ def _pack(path: Path) -> None:
         packing.leave_room(file.id.get_filesize())
         for i, source in enumerate(sets):
             many = source.chunks[0]
-            for first in range(0, len(source), many):
-                packing.take(i, source[first : first + many])
+            for first in range(0, len(source), many * every):
+                packing.take(i, source[first : first + many * every : every])
         made = packing.finish()
     if made is not None:
         made.replace(path)
@@ -80,8 +82,9 @@ class Plan:
 
     @classmethod
     def of(cls, source: Any) -> Plan:
-        """A data set of a file."""
-        return cls(source.name, source.shape[1:], source.dtype, source.chunks, dict(source.attrs))
+        """A data set of a file; what makes it one with scales is made anew."""
+        attributes = {k: v for k, v in source.attrs.items() if k not in _OF_SCALES}
+        return cls(source.name, source.shape[1:], source.dtype, source.chunks, attributes)
 
     @property
     def interval(self) -> bool:

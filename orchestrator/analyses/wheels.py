@@ -1,0 +1,110 @@
+"""What a controller wants of wheels beyond what they can: axes about which none that works turns
+the craft, and more momentum than they hold."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from desat.components.physics.orbit import EARTH_RADIUS, mean_motion
+
+from ..numbers.derived import matrices
+from ..system import cyclic
+from ..system.model import Component, System
+from ..system.parameters import choice_of, number_of
+
+ROUND = 0.1
+"""Up to this eccentricity an orbit is taken for a circle."""
+FLAT = 1e-3
+"""Axes whose smallest singular value, against the largest, is below this lie in a plane."""
+
+
+def warnings(system: System) -> Iterator[str]:
+    """A line each for wheels that leave an axis out, for what a failure leaves out, and for wheels
+    that hold less than an orbit turns in and out of them."""
+    yield from _axes(system)
+    yield from _capacity(system)
+
+
+def _capacity(system: System) -> Iterator[str]:
+    parts = {c.interface.role: c for c in system.components.values() if c.interface.role}
+    wheels, craft, guide = (parts.get(x) for x in ("wheels", "spacecraft", "guidance"))
+    orbit = _orbit(parts.get("environment"))
+    if wheels is None or craft is None or guide is None or orbit is None:
+        return
+    if not all(craft.interface.elements(x) for x in ("inertia", "residual_dipole_body")):
+        return
+    if guide.interface.model not in ("guidance_nadir", "guidance_inertial") or not all(
+        wheels.interface.elements(x) for x in ("inertia_wheel", "speed_limit", "axes_wheel")
+    ):  # fmt: skip
+        return
+    spin = np.array(_values(wheels, "inertia_wheel"))
+    axes = np.reshape(_values(wheels, "axes_wheel"), (3, 4))[:, spin > 0.0]
+    if not axes.size or _left_out(axes):
+        return  # which is said
+    has = float(spin[spin > 0.0].min()) * number_of(wheels, "speed_limit")
+    nadir = guide.interface.model == "guidance_nadir"
+    q = _values(guide, "q_bo" if nadir else "q_target_bi")
+    xx, xy, xz, yx, yy, yz, zx, zy, zz = _values(craft, "inertia")
+    dipole, turned = _values(craft, "residual_dipole_body"), matrices(np.array([q]))[0]
+    brings = cyclic.momentum(nadir, *orbit, (xx, xy, xz, yx, yy, yz, zx, zy, zz),
+                             dipole, turned)  # fmt: skip
+    if (needs := cyclic.fullest(axes, brings)) > has:
+        where = craft.given.get("residual_dipole_body", system.where)
+        yield f"{where}: {wheels.name}: {cyclic.told(needs, has)}"
+
+
+def _orbit(environment: Component | None) -> tuple[float, float] | None:
+    """Mean motion (rad/s) and inclination (rad) of an orbit that is nearly circular; None for
+    another one."""
+    names = environment.interface.signals if environment is not None else {}
+    if environment is None or "inclination" not in names:
+        return None
+    if "eccentricity" in names and number_of(environment, "eccentricity") > ROUND:
+        return None
+    inclination = number_of(environment, "inclination")
+    if "mean_motion" in names:
+        return number_of(environment, "mean_motion"), inclination
+    if "altitude" in names:
+        return mean_motion(EARTH_RADIUS + number_of(environment, "altitude")), inclination
+    if choice_of(environment, "orbit_start") == "state":
+        return None
+    return mean_motion(number_of(environment, "semi_major_axis")), inclination
+
+
+def _axes(system: System) -> Iterator[str]:
+    if not any(c.input.partition("[")[0] == "tau_ctrl_body" for c in system.connections):
+        return  # nobody wants three axes: a boom, a bias wheel
+    for c in system.components.values():
+        if c.interface.role != "wheels" or not c.interface.elements("axes_wheel"):
+            continue
+        there = np.array(_values(c, "inertia_wheel")) > 0.0
+        axes = np.reshape(_values(c, "axes_wheel"), (3, 4))
+        if lost := _left_out(axes[:, there]):
+            yield (f"{c.name}: {int(there.sum())} wheels: none turns the craft about {lost}, which "
+                   "the controller wants")  # fmt: skip
+            continue
+        failed, since = choice_of(c, "failed"), number_of(c, "failed_from")
+        if failed.isdecimal() and since < system.stop:
+            there[int(failed) - 1] = False
+            if lost := _left_out(axes[:, there]):
+                where, begin = c.given.get("failed", system.where), max(since, system.start)
+                yield (f"{where}: {c.name}.failed = {failed}: from {begin:g} s on no wheel turns "
+                       f"the craft about {lost}, which the controller wants")  # fmt: skip
+
+
+def _left_out(axes: NDArray[np.float64]) -> str:
+    """The direction that axes (3, n) do not reach, for people; empty: none."""
+    left, sizes, _ = np.linalg.svd(axes) if axes.size else (np.eye(3), np.zeros(3), None)
+    if len(sizes) == 3 and sizes[2] > FLAT * sizes[0]:
+        return ""
+    if len(sizes) < 2 or sizes[1] <= FLAT * sizes[0]:
+        return "two axes"
+    normal = left[:, 2] * np.sign(left[np.argmax(np.abs(left[:, 2])), 2]) + 0.0
+    return "(" + ", ".join(f"{x:.3g}" for x in normal) + ")"
+
+
+def _values(component: Component, name: str) -> list[float]:
+    return [number_of(component, s.name) for s in component.interface.elements(name)]
