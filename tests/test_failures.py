@@ -470,6 +470,53 @@ def test_a_component_that_fails_politely(system, tmp_path):
         assert run.results.times()[-1] == 4.0
 
 
+WAYS = [("compiled", "none"), ("python", "none"), ("compiled", "foreign")]
+"""Both loops, and a process of its own."""
+
+
+@pytest.mark.parametrize(("loop", "isolate"), WAYS)
+def test_a_warning_by_status_is_told_once(system, loop, isolate):
+    for how, call in (("READ_WARNS", "reading its outputs"), ("STEP_WARNS", "the step")):
+        run = simulate(prepare(str(system), options(how, loop=loop, isolate=isolate)))
+        assert run.code == Exit.COMPLETED
+        said = [line for line in run.manifest["warnings"] if line.startswith("bad: ")]
+        assert said == [f"bad: {call} returned warning, the first time at t = 3 s"]
+
+
+@pytest.mark.parametrize(("loop", "isolate"), WAYS)
+def test_one_that_asks_for_the_end_of_the_simulation_is_named(system, loop, isolate):
+    run = simulate(prepare(str(system), options("ASKS_END", loop=loop, isolate=isolate)))
+    assert run.code == Exit.COMPONENT
+    assert run.manifest["message"] == (
+        "bad: the step from t = 3 s returned discard: it asks for the end of the simulation at "
+        "t = 3.5 s"
+    )
+
+
+@pytest.mark.parametrize(("loop", "isolate"), WAYS)
+def test_one_that_does_not_terminate_is_named(system, loop, isolate):
+    """Once all is recorded; after a failure it is not asked to, and of a run that was stopped it
+    is a warning."""
+    run = simulate(prepare(str(system), options("ENDS_BADLY", loop=loop, isolate=isolate)))
+    assert run.code == Exit.COMPONENT
+    said = "bad: fmi2Terminate returned error: not now"
+    assert run.manifest["message"] == f"{said}, after the run"
+    assert run.results.times()[-1] == 10.0
+    late = options("ENDS_BADLY", loop=loop, isolate=isolate, time_limit=0.0, supervised=False)
+    run = simulate(prepare(str(system), late))
+    assert run.code == Exit.TIMEOUT
+    assert said in run.manifest["warnings"]
+    failed = options("STEP_ERROR", loop=loop, isolate=isolate)
+    run = simulate(prepare(str(system), failed))
+    assert "fmi2Terminate" not in str([run.manifest["message"], run.manifest["warnings"]])
+
+
+@pytest.mark.parametrize("isolate", ["none", "foreign"])
+def test_a_status_below_0_of_initialisation_is_refused(system, isolate):
+    with pytest.raises(DesatError, match=r"^bad: fmi2EnterInitializationMode returned -1$"):
+        simulate(prepare(str(system), options("START_NEGATIVE", isolate=isolate)))
+
+
 def test_a_discarded_step_is_made_in_parts(system, tmp_path, binary):
     """Where it is asked for, and the FMU can."""
     with pytest.raises(DesatError, match=r"--halve: bad: failing\.fmu cannot step anew"):
@@ -1340,7 +1387,11 @@ PROVOKED = {
     "one of ours": "is_ours", "in a flight": "_Flights|inner_choice", "instantiated": "REFUSES",
     "or in initialisation": '"IN_START"', "it is freed": '"IN_FREE"',
     "library to be loaded": "no library", "returns discard": '"DISCARD"', "error,": '"STEP_ERROR"',
-    "fatal": '"FATAL"', "does not know": '"NEGATIVE"', "NaN": '"NOT_FINITE"', "--halve": "halvings",
+    "fatal": '"FATAL"', "returns warning": '"READ_WARNS".*"STEP_WARNS"',
+    "asks for the end": '"ASKS_END"', "does not terminate": '"ENDS_BADLY"',
+    "below 0": '"START_NEGATIVE"', "ok for a step": "lastSuccessfulTime",
+    "another version": "VERSION",
+    "does not know": '"NEGATIVE"', "NaN": '"NOT_FINITE"', "--halve": "halvings",
     "it forks": '"FORK"', "any call": '"FORK_BESIDE"', "finds open": '"SCRIBBLE"',
     "process group": '"KILL_GROUP"', "daemons": '"DAEMON"', "does not return": '"HANG"',
     "`draws`": r"\bdraws\(", "`sweep`": r"sweep\(", "`tables`": r"tables\.", "`page`": "Sources",
