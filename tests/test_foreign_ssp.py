@@ -164,6 +164,37 @@ def test_a_signal_dictionary_hands_on(tmp_path: Path, gain: Path) -> None:
     assert last(file, "inner_b.y") == 6.0
 
 
+def test_a_dictionary_is_that_of_the_system_around(tmp_path: Path, gain: Path) -> None:
+    """Two systems have each a dictionary `bus` of their own, and one within them finds it there."""
+    reference = ('<ssd:SignalDictionaryReference name="{}" dictionary="bus"><ssd:Connectors>'
+                 '<ssd:Connector name="x" kind="inout"><ssc:Real/></ssd:Connector>'
+                 "</ssd:Connectors></ssd:SignalDictionaryReference>")  # fmt: skip
+    declared = ('<ssd:SignalDictionaries><ssd:SignalDictionary name="bus" source="d.ssb"/>'
+                "</ssd:SignalDictionaries></ssd:System>")  # fmt: skip
+    (tmp_path / "d.ssb").write_text(
+        f'<ssb:SignalDictionary {NAMESPACES} version="1.0"><ssb:DictionaryEntry name="x">'
+        "<ssc:Real/></ssb:DictionaryEntry></ssb:SignalDictionary>"
+    )
+    within = system("deep", component("b") + reference.format("there"), wire("there.x", "b.u"))
+
+    def one(name: str, value: float) -> str:
+        parts = component("a", inline({"u": value})) + reference.format("here") + within
+        made = system(name, parts, wire("a.y", "here.x"))
+        return made[: -len("</ssd:System>")] + declared
+
+    file = ssp(tmp_path, gain, system("s", one("p", 6.0) + one("q", 7.0)))
+    assert last(file, "p_deep_b.y") == 6.0
+    assert last(file, "q_deep_b.y") == 7.0
+    assert not any("has a dictionary" in w for w in prepare(str(file), Options()).checked.warnings)
+    (tmp_path / "d.ssb").unlink()
+    with pytest.raises(DesatError, match=r"SystemStructure\.ssd:\d+: d\.ssb is missing"):
+        prepare(str(file), Options()).or_raise()
+    alone = ssp(tmp_path, gain, system("s", component("b", inline({"u": 1.0}))
+                                       + reference.format("r"), wire("r.x", "b.u")))  # fmt: skip
+    told = prepare(str(alone), Options(stop=2.0, step=0.5)).checked.warnings
+    assert any("r: no system that it is in has a dictionary bus: taken" in w for w in told)
+
+
 def test_start_and_end_say_not_what_gives(tmp_path: Path, gain: Path) -> None:
     """The kinds of the connectors do (SSP 1.0), of systems, too: all wires the other way round."""
     inner = system("inner", component("b"), wire("b.u", "u", LINEAR) + wire("y", "b.y"),
