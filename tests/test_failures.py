@@ -390,6 +390,8 @@ def test_where_no_process_can_be_had_it_is_said(system, monkeypatch):
     assert preparing.isolated(case.or_raise()[0], case.options) == frozenset()
     (line,) = [w for w in case.checked.warnings if "POSIX" in w]
     assert line.startswith("bad: foreign FMUs run in the process of the run")
+    run = simulate(prepare(str(system), options("NOTHING", isolate="foreign")))
+    assert (run.code, run.manifest["loop"]["name"]) == (Exit.COMPLETED, "compiled")
     with pytest.raises(DesatError, match="--isolate all: it needs processes that can be forked"):
         prepare(str(system), Options(step=1.0, isolate="all")).or_raise()
     assert prepare(str(system), Options(step=1.0, isolate="none")).checked.warnings == []
@@ -460,6 +462,8 @@ def test_a_component_that_fails_politely(system, tmp_path):
         ("NEGATIVE", "-1", "python"), ("FATAL", "fatal", "compiled"), ("FATAL", "fatal", "python"),
         ("DISCARD", "discard", "compiled"),
     ):  # fmt: skip
+        alone = options(how, supervised=False, isolate="foreign")
+        assert f" returned {status}" in simulate(prepare(str(system), alone)).manifest["message"]
         run = simulate(prepare(str(system), options(how, loop=loop, supervised=False)))
         assert (run.code, run.manifest["loop"]["name"]) == (Exit.COMPONENT, loop)
         assert run.manifest["message"] == f"bad: the step from t = 3 s returned {status}"
