@@ -18,6 +18,7 @@ import sys
 import tempfile
 import time
 import zipfile
+from collections.abc import Iterator
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -209,6 +210,15 @@ sys.exit(cli._code())
         assert told == f"a flight beforehand failed: {crash}"
 
 
+@pytest.fixture
+def hang_up_is_heard() -> Iterator[None]:
+    """SIGHUP as a process has it by default: whoever runs the tests may have it ignored."""
+    before = signal.signal(signal.SIGHUP, signal.SIG_DFL)
+    yield
+    signal.signal(signal.SIGHUP, before)
+
+
+@pytest.mark.usefixtures("hang_up_is_heard")
 @pytest.mark.parametrize(("number", "raised"), [
     (signal.SIGINT, KeyboardInterrupt), (signal.SIGTERM, SystemExit), (signal.SIGHUP, SystemExit),
 ])  # fmt: skip
@@ -411,6 +421,7 @@ def test_isolated_runs_have_the_same_bits(tmp_path):
     assert len(found[0]) > 10
 
 
+@pytest.mark.usefixtures("hang_up_is_heard")
 @pytest.mark.parametrize(("number", "raised"), [
     (signal.SIGINT, KeyboardInterrupt), (signal.SIGTERM, SystemExit), (signal.SIGHUP, SystemExit),
 ])  # fmt: skip
@@ -662,12 +673,27 @@ def test_signals_end_alike(system, tmp_path, number, code):
 def test_nohup_is_heeded(system, tmp_path):
     """Whoever starts it may have it ignore SIGHUP; it ended all the same."""
     process = started(system, tmp_path, "SLOW", hang_up=signal.SIG_IGN)
-    process.send_signal(signal.SIGHUP)
+    for one in (psutil.Process(process.pid), *psutil.Process(process.pid).children(recursive=True)):
+        one.send_signal(signal.SIGHUP)  # a terminal that closes tells all of them
     with pytest.raises(subprocess.TimeoutExpired):
         process.communicate(timeout=1.0)
     process.terminate()
     _, error = process.communicate(timeout=60)
     assert process.returncode == Exit.TERMINATED, error
+
+
+def test_who_runs_the_tests_may_have_hang_up_ignored():
+    """By nohup: those that send SIGHUP within their own process failed, or tried nothing."""
+    named = [f"{__file__}::{name}" for name in (
+        "test_a_signal_in_a_flight_beforehand_ends_it[1-SystemExit]",
+        "test_a_signal_before_the_first_step_is_no_bug_of_ours[1-SystemExit]",
+    )]  # fmt: skip
+    done = subprocess.run(
+        [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", *named],
+        preexec_fn=lambda: signal.signal(signal.SIGHUP, signal.SIG_IGN),
+        capture_output=True, text=True, cwd=ROOT, timeout=200, check=False,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stdout
 
 
 @pytest.mark.parametrize(
@@ -694,6 +720,7 @@ main()
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.usefixtures("hang_up_is_heard")
 @pytest.mark.parametrize(
     ("whom", "number", "status", "code"),
     [
