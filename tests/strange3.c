@@ -3,6 +3,7 @@
 #include <math.h>
 #include <stdbool.h>
 #include <stdint.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -23,7 +24,8 @@ typedef struct { model m; void *to; log_message *log; } instance;
 
 /* what it does otherwise, by its parameter `trick`, once its time is beyond 3 s */
 enum { NOTHING, ENDS, IS_EARLY, DISCARDS, IS_BEYOND, IS_SHORT, WANTS_EVENT, GETTER_WARNS, SETTER_WARNS,
-       STEP_WARNS, EXIT_WARNS, ENTER_NEGATIVE, TERMINATE_WARNS, TERMINATE_FAILS, IS_NO_NUMBER };
+       STEP_WARNS, EXIT_WARNS, ENTER_NEGATIVE, TERMINATE_WARNS, TERMINATE_FAILS, IS_NO_NUMBER,
+       LOGS_OK, LOGS_WARNINGS };
 
 #ifndef VERSION
 #define VERSION "3.0"
@@ -90,6 +92,10 @@ int fmi3DoStep(instance *c, double t, double dt, bool no, bool *event, bool *ter
     *event = trick == WANTS_EVENT;
     if (trick == IS_SHORT) *last = t + dt / 4.0;
     if (trick == IS_NO_NUMBER) *last = NAN;
+    char text[40];
+    snprintf(text, sizeof text, "now at %g s", t);
+    if (c->m.trick == LOGS_OK) c->log(c->to, 0, "info", text);
+    if (c->m.trick == LOGS_WARNINGS) c->log(c->to, 1, "warning", text);
     follow(&c->m);
     return trick == STEP_WARNS;
 }

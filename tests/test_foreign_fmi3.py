@@ -113,11 +113,13 @@ WIRES = [
 ]
 
 
-def system(folder: Path, **parameters: object):
-    """Two in a row, b with these parameters."""
+def system(folder: Path, of: str = "b", **parameters: object):
+    """Two in a row, one of them with these parameters."""
     interface = library.load(folder).interface
-    given = {"a": {"u[1]": 0.5, "u[2]": 1.5, "u[3]": 7.0},
-             "b": {"u[1]": 0.5, "u[3]": 2.5, **parameters}}  # fmt: skip
+    given: dict[str, dict[str, object]] = {
+        "a": {"u[1]": 0.5, "u[2]": 1.5, "u[3]": 7.0}, "b": {"u[1]": 0.5, "u[3]": 2.5},
+    }  # fmt: skip
+    given[of] |= parameters
     parts = {
         n: DraftComponent(n, "strange3.fmu", fmu=folder, interface=interface, parameters=given[n])
         for n in "ab"
@@ -288,6 +290,34 @@ def test_a_parameter_beyond_its_type_and_one_that_is_structural_are_refused(fold
         m.initialise()
     with pytest.raises(DesatError, match=r"b\.?.*\bn\b"):
         system(folder, n=5)
+
+
+@pytest.mark.parametrize("loop", BOTH)
+def test_the_last_value_of_a_type_is_one_of_it(folder, loop):
+    """Set, handed on and read: b gives one more than a, which gives one more than it is given."""
+    most = (1 << 31) - 1
+    with Master(*system(folder, int8_in=-128, uint8_in=255, int32_in=most)) as m:
+        m.initialise()
+    got = rows(folder, loop, 4, of="a", int64_in=most - 2, int8_in=-128, uint8_in=253)
+    assert set(got["b.int64_out"]) == {most}
+    assert (got["a.int8_out"][0], got["b.uint8_out"][0]) == (-127, 255)
+    with pytest.raises(ComponentError, match=rf"b: .*int64_out = {most + 1} is beyond -2147483648"):
+        rows(folder, loop, 4, of="a", int64_in=most - 1)
+    for values in ({"int8_in": 127, "uint8_in": 300}, {"int8_in": -128, "uint8_in": -1}):
+        with (
+            Master(*system(folder, **values)) as m,
+            pytest.raises(ComponentError, match=rf": uint8_in = {values['uint8_in']} is beyond"),
+        ):
+            m.initialise()
+
+
+@pytest.mark.parametrize(("loop", "isolated"), WAYS)
+def test_what_is_logged_is_told_where_it_is_no_ok_and_twenty_times(folder, loop, isolated):
+    for trick, told in ((15, []), (16, [f"b: now at {0.5 * k:g} s" for k in range(20)])):
+        with Master(*system(folder, trick=trick), isolated=isolated) as m:
+            m.initialise()
+            run(m, stepping(m, None, NEVER, loop), 30, Recorder(None, m))
+            assert m.messages() == told
 
 
 def test_a_step_that_is_discarded_is_halved(folder):
