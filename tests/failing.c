@@ -25,7 +25,7 @@ enum { NOTHING, SEGFAULT, ABORT, KILL, EXIT_0, EXIT_3, HANG, OVERFLOW, IN_FREE, 
        CHDIR, ROUNDING, LOCALE, HANDLER, PRINT, LOG, STEP_ERROR, SLOW, DISCARD, NOT_FINITE,
        NEGATIVE, FORK, LEAVE, TRAPS, UMASK, ROUNDED, SCRIBBLE, KILL_GROUP, DAEMON,
        SCRIBBLE_EARLY, DOT, FATAL, FLUSHED, FORK_BESIDE, STAY,
-       SCRIBBLE_LONG };
+       SCRIBBLE_LONG, READ_WARNS, STEP_WARNS, ASKS_END, ENDS_BADLY, START_NEGATIVE };
 
 static int recurse(int n) { volatile char big[65536]; big[n & 65535] = 1; return recurse(n + 1) + big[0]; }
 
@@ -76,6 +76,7 @@ int fmi2EnterInitializationMode(component c)
 {
     (void)c;
     if (me.how == IN_START) ruin(SEGFAULT);
+    if (me.how == START_NEGATIVE) return -1;
     if (me.how == FORK_BESIDE) fork();
     if (me.how == SCRIBBLE_EARLY) into_all("\0\0\0\4abcd", 8); /* a message of four letters */
     if (me.how == SCRIBBLE_LONG) into_all("\0\1\0\0", 4); /* a message of 65,536, which does not come */
@@ -92,7 +93,7 @@ int fmi2GetReal(component c, const unsigned *r, size_t n, double *v)
 {
     (void)c, (void)r;
     for (size_t i = 0; i < n; i++) v[i] = me.y;
-    return 0;
+    return me.how == READ_WARNS && me.t > 3.5;
 }
 int fmi2DoStep(component c, double t, double dt, int no)
 {
@@ -131,7 +132,21 @@ int fmi2DoStep(component c, double t, double dt, int no)
     if (me.how == HANDLER) signal(SIGPIPE, SIG_DFL), signal(SIGFPE, SIG_IGN);
     if (me.how == LOG && t < 3.5)
         callbacks.log(callbacks.environment, name, 1, "w", "low \033[31mpressure at %g", t);
-    return me.how == STEP_ERROR ? 3 : me.how == FATAL ? 4 : me.how == NEGATIVE ? -1 : 0;
+    if (me.how == ASKS_END) return me.t = t + 0.5, 2;
+    return me.how == STEP_WARNS ? 1 : me.how == STEP_ERROR ? 3 : me.how == FATAL ? 4 : me.how == NEGATIVE ? -1 : 0;
+}
+/* of status 2 the time of its last success, of 3 whether it wants to end */
+int fmi2GetRealStatus(component c, int of, double *v) { (void)c; return of == 2 ? *v = me.t, 0 : 3; }
+int fmi2GetBooleanStatus(component c, int of, int *v)
+{
+    (void)c;
+    return of == 3 ? *v = me.how == ASKS_END, 0 : 3;
+}
+int fmi2Terminate(component c)
+{
+    (void)c;
+    if (me.how == ENDS_BADLY) callbacks.log(callbacks.environment, name, 3, "e", "not now");
+    return me.how == ENDS_BADLY ? 3 : 0;
 }
 int fmi2GetFMUstate(component c, void **state)
 {
@@ -151,9 +166,9 @@ int fmi2DeSerializeFMUstate(component c, const char *from, size_t n, void **stat
     return 0;
 }
 #define NONE(name) int name() { return 0; }
-NONE(fmi2SetDebugLogging) NONE(fmi2Terminate) NONE(fmi2Reset) NONE(fmi2GetInteger)
+NONE(fmi2SetDebugLogging) NONE(fmi2Reset) NONE(fmi2GetInteger)
 NONE(fmi2GetBoolean) NONE(fmi2GetString) NONE(fmi2SetReal) NONE(fmi2SetBoolean) NONE(fmi2SetString)
 NONE(fmi2GetDirectionalDerivative)
 NONE(fmi2SetRealInputDerivatives) NONE(fmi2GetRealOutputDerivatives) NONE(fmi2CancelStep)
-NONE(fmi2GetStatus) NONE(fmi2GetRealStatus) NONE(fmi2GetIntegerStatus) NONE(fmi2GetBooleanStatus)
+NONE(fmi2GetStatus) NONE(fmi2GetIntegerStatus)
 NONE(fmi2GetStringStatus)

@@ -32,12 +32,12 @@ int F(InitializeSlave)(void *c, double t, char stops, double stop)
     }
     return c_->begun++ ? 3 : 0;
 }
-int F(TerminateSlave)(void *c) { (void)c; return 0; }
+int F(TerminateSlave)(void *c) { return C(c)->r[0] == 13.0 ? 3 : C(c)->r[0] == 12.0; }
 int F(ResetSlave)(void *c) { (void)c; return 0; }
 void F(FreeSlaveInstance)(void *c) { (void)c; }
 int F(SetDebugLogging)(void *c, char on) { (void)c, (void)on; return 0; }
 #define MOVE(kind, type, of) \
-    int F(Get##kind)(void *c, const unsigned *v, size_t n, type *x) { for (size_t k = 0; k < n; k++) x[k] = C(c)->of[v[k]]; return 0; } \
+    int F(Get##kind)(void *c, const unsigned *v, size_t n, type *x) { for (size_t k = 0; k < n; k++) x[k] = C(c)->of[v[k]]; return C(c)->r[0] == 11.0 && c_->begun; } \
     int F(Set##kind)(void *c, const unsigned *v, size_t n, const type *x) { for (size_t k = 0; k < n; k++) C(c)->of[v[k]] = x[k]; return 0; }
 MOVE(Real, double, r) MOVE(Integer, int, i) MOVE(Boolean, char, b)
 int F(DoStep)(void *c, double t, double dt, char fresh)

@@ -3,6 +3,7 @@
 #include <math.h>
 #include <stdbool.h>
 #include <stdint.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -21,7 +22,15 @@ typedef struct {
 } model;
 typedef struct { model m; void *to; log_message *log; } instance;
 
-const char *fmi3GetVersion(void) { return "3.0"; }
+/* what it does otherwise, by its parameter `trick`, once its time is beyond 3 s */
+enum { NOTHING, ENDS, IS_EARLY, DISCARDS, IS_BEYOND, IS_SHORT, WANTS_EVENT, GETTER_WARNS, SETTER_WARNS,
+       STEP_WARNS, EXIT_WARNS, ENTER_NEGATIVE, TERMINATE_WARNS, TERMINATE_FAILS, IS_NO_NUMBER,
+       LOGS_OK, LOGS_WARNINGS };
+
+#ifndef VERSION
+#define VERSION "3.0"
+#endif
+const char *fmi3GetVersion(void) { return VERSION; }
 void *fmi3InstantiateCoSimulation(const char *name, const char *token, const char *where, bool visible,
                                   bool logging, bool event, bool early, const unsigned *vr, size_t n,
                                   void *to, log_message *log, void *update)
@@ -43,7 +52,7 @@ int fmi3EnterInitializationMode(instance *c, bool a, double b, double start, boo
 {
     (void)a, (void)b, (void)d, (void)e;
     c->m.t = start;
-    return 0;
+    return c->m.trick == ENTER_NEGATIVE ? -1 : 0;
 }
 
 static void follow(model *m)
@@ -54,12 +63,17 @@ static void follow(model *m)
 #define NEXT(NAME, TYPE, VR) m->NAME[1] = (TYPE)(m->NAME[0] + 1);
     EACH(NEXT)
     m->Int64[1] = m->Int64[0] + 1;
-    if (m->trick == 4 && m->t > 3.0) m->Int64[1] += INT64_C(1) << 40;
+    if (m->trick == IS_BEYOND && m->t > 3.0) m->Int64[1] += INT64_C(1) << 40;
     m->mode[1] = m->mode[0];
     m->Boolean[1] = !m->Boolean[0];
 }
 
-int fmi3ExitInitializationMode(instance *c) { follow(&c->m); return 0; }
+int fmi3ExitInitializationMode(instance *c) { follow(&c->m); return c->m.trick == EXIT_WARNS; }
+int fmi3Terminate(instance *c)
+{
+    if (c->m.trick == TERMINATE_FAILS) c->log(c->to, 3, "error", "not now");
+    return c->m.trick == TERMINATE_FAILS ? 3 : c->m.trick == TERMINATE_WARNS;
+}
 int fmi3DoStep(instance *c, double t, double dt, bool no, bool *event, bool *terminate, bool *early,
                double *last)
 {
@@ -67,15 +81,23 @@ int fmi3DoStep(instance *c, double t, double dt, bool no, bool *event, bool *ter
     *event = *terminate = *early = false;
     *last = t;
     if (fabs(t - c->m.t) > 1e-9) return 3;
-    if (c->m.trick == 3 && dt > 0.3) {
+    if (c->m.trick == DISCARDS && dt > 0.3) {
         c->log(c->to, 2, "error", "100 % too long");
         return 2;
     }
     c->m.t = *last = t + dt;
-    *terminate = c->m.trick == 1 && c->m.t > 3.0;
-    *early = c->m.trick == 2 && c->m.t > 3.0;
+    const int trick = c->m.t > 3.0 ? c->m.trick : NOTHING;
+    *terminate = trick == ENDS;
+    *early = trick == IS_EARLY;
+    *event = trick == WANTS_EVENT;
+    if (trick == IS_SHORT) *last = t + dt / 4.0;
+    if (trick == IS_NO_NUMBER) *last = NAN;
+    char text[40];
+    snprintf(text, sizeof text, "now at %g s", t);
+    if (c->m.trick == LOGS_OK) c->log(c->to, 0, "info", text);
+    if (c->m.trick == LOGS_WARNINGS) c->log(c->to, 1, "warning", text);
     follow(&c->m);
-    return 0;
+    return trick == STEP_WARNS;
 }
 
 /* n variables, all values of each */
@@ -93,6 +115,7 @@ int fmi3DoStep(instance *c, double t, double dt, bool no, bool *event, bool *ter
             if (from == NULL || size > total) return 3;                                              \
             memcpy(v, from, size * sizeof *v);                                                       \
         }                                                                                            \
+        if (c->m.trick == GETTER_WARNS && c->m.t > 3.0 && !total) return 1;                          \
         return total ? 3 : 0;                                                                        \
     }                                                                                                \
     int fmi3Set##NAME(instance *c, const unsigned *vr, size_t n, const TYPE *v, size_t total)        \
@@ -103,6 +126,7 @@ int fmi3DoStep(instance *c, double t, double dt, bool no, bool *event, bool *ter
             memcpy(to, v, size * sizeof *v);                                                         \
         }                                                                                            \
         follow(&c->m);                                                                               \
+        if (c->m.trick == SETTER_WARNS && c->m.t > 3.0 && !total) return 1;                          \
         return total ? 3 : 0;                                                                        \
     }
 

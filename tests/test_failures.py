@@ -18,6 +18,7 @@ import sys
 import tempfile
 import time
 import zipfile
+from collections.abc import Iterator
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -209,6 +210,15 @@ sys.exit(cli._code())
         assert told == f"a flight beforehand failed: {crash}"
 
 
+@pytest.fixture
+def hang_up_is_heard() -> Iterator[None]:
+    """SIGHUP as a process has it by default: whoever runs the tests may have it ignored."""
+    before = signal.signal(signal.SIGHUP, signal.SIG_DFL)
+    yield
+    signal.signal(signal.SIGHUP, before)
+
+
+@pytest.mark.usefixtures("hang_up_is_heard")
 @pytest.mark.parametrize(("number", "raised"), [
     (signal.SIGINT, KeyboardInterrupt), (signal.SIGTERM, SystemExit), (signal.SIGHUP, SystemExit),
 ])  # fmt: skip
@@ -390,6 +400,8 @@ def test_where_no_process_can_be_had_it_is_said(system, monkeypatch):
     assert preparing.isolated(case.or_raise()[0], case.options) == frozenset()
     (line,) = [w for w in case.checked.warnings if "POSIX" in w]
     assert line.startswith("bad: foreign FMUs run in the process of the run")
+    run = simulate(prepare(str(system), options("NOTHING", isolate="foreign")))
+    assert (run.code, run.manifest["loop"]["name"]) == (Exit.COMPLETED, "compiled")
     with pytest.raises(DesatError, match="--isolate all: it needs processes that can be forked"):
         prepare(str(system), Options(step=1.0, isolate="all")).or_raise()
     assert prepare(str(system), Options(step=1.0, isolate="none")).checked.warnings == []
@@ -409,6 +421,7 @@ def test_isolated_runs_have_the_same_bits(tmp_path):
     assert len(found[0]) > 10
 
 
+@pytest.mark.usefixtures("hang_up_is_heard")
 @pytest.mark.parametrize(("number", "raised"), [
     (signal.SIGINT, KeyboardInterrupt), (signal.SIGTERM, SystemExit), (signal.SIGHUP, SystemExit),
 ])  # fmt: skip
@@ -460,6 +473,8 @@ def test_a_component_that_fails_politely(system, tmp_path):
         ("NEGATIVE", "-1", "python"), ("FATAL", "fatal", "compiled"), ("FATAL", "fatal", "python"),
         ("DISCARD", "discard", "compiled"),
     ):  # fmt: skip
+        alone = options(how, supervised=False, isolate="foreign")
+        assert f" returned {status}" in simulate(prepare(str(system), alone)).manifest["message"]
         run = simulate(prepare(str(system), options(how, loop=loop, supervised=False)))
         assert (run.code, run.manifest["loop"]["name"]) == (Exit.COMPONENT, loop)
         assert run.manifest["message"] == f"bad: the step from t = 3 s returned {status}"
@@ -468,6 +483,53 @@ def test_a_component_that_fails_politely(system, tmp_path):
         run = simulate(prepare(str(system), options("NOT_FINITE", loop=loop)))
         assert (run.code, run.manifest["message"]) == (Exit.COMPONENT, "bad.y = nan at t = 4 s")
         assert run.results.times()[-1] == 4.0
+
+
+WAYS = [("compiled", "none"), ("python", "none"), ("compiled", "foreign")]
+"""Both loops, and a process of its own."""
+
+
+@pytest.mark.parametrize(("loop", "isolate"), WAYS)
+def test_a_warning_by_status_is_told_once(system, loop, isolate):
+    for how, call in (("READ_WARNS", "reading its outputs"), ("STEP_WARNS", "the step")):
+        run = simulate(prepare(str(system), options(how, loop=loop, isolate=isolate)))
+        assert run.code == Exit.COMPLETED
+        said = [line for line in run.manifest["warnings"] if line.startswith("bad: ")]
+        assert said == [f"bad: {call} returned warning, the first time at t = 3 s"]
+
+
+@pytest.mark.parametrize(("loop", "isolate"), WAYS)
+def test_one_that_asks_for_the_end_of_the_simulation_is_named(system, loop, isolate):
+    run = simulate(prepare(str(system), options("ASKS_END", loop=loop, isolate=isolate)))
+    assert run.code == Exit.COMPONENT
+    assert run.manifest["message"] == (
+        "bad: the step from t = 3 s returned discard: it asks for the end of the simulation at "
+        "t = 3.5 s"
+    )
+
+
+@pytest.mark.parametrize(("loop", "isolate"), WAYS)
+def test_one_that_does_not_terminate_is_named(system, loop, isolate):
+    """Once all is recorded; after a failure it is not asked to, and of a run that was stopped it
+    is a warning."""
+    run = simulate(prepare(str(system), options("ENDS_BADLY", loop=loop, isolate=isolate)))
+    assert run.code == Exit.COMPONENT
+    said = "bad: fmi2Terminate returned error: not now"
+    assert run.manifest["message"] == f"{said}, after the run"
+    assert run.results.times()[-1] == 10.0
+    late = options("ENDS_BADLY", loop=loop, isolate=isolate, time_limit=0.0, supervised=False)
+    run = simulate(prepare(str(system), late))
+    assert run.code == Exit.TIMEOUT
+    assert said in run.manifest["warnings"]
+    failed = options("STEP_ERROR", loop=loop, isolate=isolate)
+    run = simulate(prepare(str(system), failed))
+    assert "fmi2Terminate" not in str([run.manifest["message"], run.manifest["warnings"]])
+
+
+@pytest.mark.parametrize("isolate", ["none", "foreign"])
+def test_a_status_below_0_of_initialisation_is_refused(system, isolate):
+    with pytest.raises(DesatError, match=r"^bad: fmi2EnterInitializationMode returned -1$"):
+        simulate(prepare(str(system), options("START_NEGATIVE", isolate=isolate)))
 
 
 def test_a_discarded_step_is_made_in_parts(system, tmp_path, binary):
@@ -611,12 +673,27 @@ def test_signals_end_alike(system, tmp_path, number, code):
 def test_nohup_is_heeded(system, tmp_path):
     """Whoever starts it may have it ignore SIGHUP; it ended all the same."""
     process = started(system, tmp_path, "SLOW", hang_up=signal.SIG_IGN)
-    process.send_signal(signal.SIGHUP)
+    for one in (psutil.Process(process.pid), *psutil.Process(process.pid).children(recursive=True)):
+        one.send_signal(signal.SIGHUP)  # a terminal that closes tells all of them
     with pytest.raises(subprocess.TimeoutExpired):
         process.communicate(timeout=1.0)
     process.terminate()
     _, error = process.communicate(timeout=60)
     assert process.returncode == Exit.TERMINATED, error
+
+
+def test_who_runs_the_tests_may_have_hang_up_ignored():
+    """By nohup: those that send SIGHUP within their own process failed, or tried nothing."""
+    named = [f"{__file__}::{name}" for name in (
+        "test_a_signal_in_a_flight_beforehand_ends_it[1-SystemExit]",
+        "test_a_signal_before_the_first_step_is_no_bug_of_ours[1-SystemExit]",
+    )]  # fmt: skip
+    done = subprocess.run(
+        [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", *named],
+        preexec_fn=lambda: signal.signal(signal.SIGHUP, signal.SIG_IGN),
+        capture_output=True, text=True, cwd=ROOT, timeout=200, check=False,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stdout
 
 
 @pytest.mark.parametrize(
@@ -643,6 +720,7 @@ main()
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.usefixtures("hang_up_is_heard")
 @pytest.mark.parametrize(
     ("whom", "number", "status", "code"),
     [
@@ -1340,7 +1418,11 @@ PROVOKED = {
     "one of ours": "is_ours", "in a flight": "_Flights|inner_choice", "instantiated": "REFUSES",
     "or in initialisation": '"IN_START"', "it is freed": '"IN_FREE"',
     "library to be loaded": "no library", "returns discard": '"DISCARD"', "error,": '"STEP_ERROR"',
-    "fatal": '"FATAL"', "does not know": '"NEGATIVE"', "NaN": '"NOT_FINITE"', "--halve": "halvings",
+    "fatal": '"FATAL"', "returns warning": '"READ_WARNS".*"STEP_WARNS"',
+    "asks for the end": '"ASKS_END"', "does not terminate": '"ENDS_BADLY"',
+    "below 0": '"START_NEGATIVE"', "ok for a step": "lastSuccessfulTime",
+    "another version": "VERSION",
+    "does not know": '"NEGATIVE"', "NaN": '"NOT_FINITE"', "--halve": "halvings",
     "it forks": '"FORK"', "any call": '"FORK_BESIDE"', "finds open": '"SCRIBBLE"',
     "process group": '"KILL_GROUP"', "daemons": '"DAEMON"', "does not return": '"HANG"',
     "`draws`": r"\bdraws\(", "`sweep`": r"sweep\(", "`tables`": r"tables\.", "`page`": "Sources",

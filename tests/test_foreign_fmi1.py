@@ -133,6 +133,26 @@ def test_what_the_fmu_says_is_told(tmp_path: Path, library: Path) -> None:
         desat.run(str(scenario(tmp_path, "k = -1")), stop=2.0, step=0.25, inner=1)
 
 
+@pytest.mark.parametrize(("loop", "isolate"), [
+    ("compiled", "none"), ("python", "none"), ("compiled", "foreign"),
+])  # fmt: skip
+@pytest.mark.parametrize(("k", "said", "status"), [
+    (11, "a: reading its outputs returned warning, the first time at t = 0 s", "completed"),
+    (12, "a: fmi1TerminateSlave returned warning", "completed"),
+    (13, "a: fmi1TerminateSlave returned error, after the run", "failed"),
+])  # fmt: skip
+def test_what_a_status_says_is_told_and_it_is_terminated(
+    tmp_path: Path, library: Path, loop: str, isolate: str, k: int, said: str, status: str
+) -> None:
+    fmu(tmp_path / "gain.fmu", library)
+    options = {"stop": 2.0, "step": 0.25, "inner": 1, "loop": loop, "isolate": isolate}
+    run = desat.run(str(scenario(tmp_path, f"k = {k}")), **options)
+    assert run.manifest.status == status
+    lines = [*run.manifest.warnings, *run.manifest.message.splitlines()]
+    assert [line for line in lines if line.startswith("a: ")] == [said]
+    assert len(run.results.times()) == 9
+
+
 @pytest.mark.parametrize(("old", "new", "told"), [
     ("CoSimulation_StandAlone", "CoSimulation_Tool", "FMI 1.0 for a tool of its own alone"),
     ("Implementation", "Implemented", "FMI 1.0 for model exchange alone"),

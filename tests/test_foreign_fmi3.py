@@ -13,6 +13,7 @@ import fmpy
 import numpy as np
 import pytest
 
+import desat
 from desat import prepare
 from desat.engine.compiled import CODES, Program
 from desat.engine.ending import NEVER
@@ -81,10 +82,14 @@ def description(more: str = "", kind: str = "CoSimulation", version: str = "3.0"
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The stranger's folder."""
+    return made(tmp_path_factory.mktemp("strange3"))
+
+
+def made(where: Path, *flags: str) -> Path:
+    """The folder `where` as the stranger's, compiled with these flags."""
     compiler = shutil.which("gcc") or shutil.which("cc")
     if compiler is None or sys.platform != "linux":
         pytest.skip("needs Linux and a C compiler")
-    where = tmp_path_factory.mktemp("strange3")
     library_ = where / "binaries" / fmpy.platform_tuple / "strange3.so"
     library_.parent.mkdir(parents=True)
     source = (Path(__file__).parent / "strange3.c").read_text()
@@ -94,8 +99,8 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
                for name in ("Float32", "Float64", "Boolean", *WHOLE)}  # fmt: skip
     code = where / "strange3.c"
     code.write_text(source + "".join(f"int {f}(void) {{ return 3; }}\n" for f in sorted(others)))
-    subprocess.run([compiler, "-shared", "-fPIC", "-O1", "-w", "-o", str(library_), str(code),
-                    "-lm"], check=True)  # fmt: skip
+    subprocess.run([compiler, "-shared", "-fPIC", "-O1", "-w", *flags, "-o", str(library_),
+                    str(code), "-lm"], check=True)  # fmt: skip
     (where / "modelDescription.xml").write_text(description())
     return where
 
@@ -108,11 +113,13 @@ WIRES = [
 ]
 
 
-def system(folder: Path, **parameters: object):
-    """Two in a row, b with these parameters."""
+def system(folder: Path, of: str = "b", **parameters: object):
+    """Two in a row, one of them with these parameters."""
     interface = library.load(folder).interface
-    given = {"a": {"u[1]": 0.5, "u[2]": 1.5, "u[3]": 7.0},
-             "b": {"u[1]": 0.5, "u[3]": 2.5, **parameters}}  # fmt: skip
+    given: dict[str, dict[str, object]] = {
+        "a": {"u[1]": 0.5, "u[2]": 1.5, "u[3]": 7.0}, "b": {"u[1]": 0.5, "u[3]": 2.5},
+    }  # fmt: skip
+    given[of] |= parameters
     parts = {
         n: DraftComponent(n, "strange3.fmu", fmu=folder, interface=interface, parameters=given[n])
         for n in "ab"
@@ -177,11 +184,94 @@ def test_every_type_comes_through_alike_in_both_loops(folder):
     (3, "b: the step from t = 0 s returned discard: 100 % too long"),
     (4, "b: reading its outputs after t = 3 s returned error: int64_out = 1099511627779 is "
         "beyond -2147483648 to 2147483647"),
+    (5, "b: the step from t = 3 s returned error: it says ok, but came to t = 3.125 s "
+        "(lastSuccessfulTime)"),
+    (6, "b: the step from t = 3 s returned error: it wants an event handled at t = 3.5 s, which "
+        "desat does not offer (eventModeUsed is false)"),
+    (14, "b: the step from t = 3 s returned error: it says ok, but came to t = nan s "
+         "(lastSuccessfulTime)"),
 ])  # fmt: skip
 def test_what_a_step_may_not_end_with_is_said(folder, loop, trick, said):
     with pytest.raises(ComponentError) as error:
         rows(folder, loop, trick=trick)
     assert str(error.value) == said
+
+
+WAYS = [("compiled", ()), ("python", ()), ("python", ("a", "b"))]
+"""Both loops, and a process each."""
+
+
+@pytest.mark.parametrize(("loop", "isolated"), WAYS)
+@pytest.mark.parametrize(("trick", "said"), [
+    (5, "it says ok, but came to t = 3.125 s"), (6, "it wants an event handled"), (14, "nan s"),
+])  # fmt: skip
+def test_a_step_that_is_none_is_refused_in_every_way(folder, loop, isolated, trick, said):
+    with pytest.raises(ComponentError, match=f"b: the step from t = 3 s returned error: .*{said}"):
+        rows(folder, loop, isolated=isolated, trick=trick)
+
+
+@pytest.mark.parametrize(("loop", "isolated"), WAYS)
+@pytest.mark.parametrize(("trick", "call"), [
+    (7, "reading its outputs returned warning, the first time at t = 3 s"),
+    (8, "setting its inputs returned warning, the first time at t = 3.5 s"),
+    (9, "the step returned warning, the first time at t = 3 s"),
+    (10, "fmi3ExitInitializationMode returned warning"),
+    (12, "fmi3Terminate returned warning"),
+])  # fmt: skip
+def test_a_status_of_warning_is_told_once(folder, loop, isolated, trick, call):
+    with Master(*system(folder, trick=trick), isolated=isolated) as m:
+        m.initialise()
+        run(m, stepping(m, None, NEVER, loop), 20, Recorder(None, m))
+        assert m.k == 20
+        m.terminate()
+        assert m.messages() == [f"b: {call}"]
+
+
+@pytest.mark.parametrize("isolated", [(), ("a", "b")])
+def test_a_status_below_0_is_none_of_fmi(folder, isolated):
+    with (
+        Master(*system(folder, trick=11), isolated=isolated) as m,
+        pytest.raises(ComponentError, match=r"^b: fmi3EnterInitializationMode returned -1$"),
+    ):
+        m.initialise()
+
+
+@pytest.mark.parametrize("isolate", ["none", "foreign"])
+@pytest.mark.parametrize(("trick", "status", "told"), [
+    (12, "completed", "b: fmi3Terminate returned warning"),
+    (13, "failed", "b: fmi3Terminate returned error: not now, after the run"),
+    (6, "failed", "b: the step from t = 3 s returned error: it wants"),  # and is not terminated
+])  # fmt: skip
+def test_a_run_that_has_not_failed_terminates_it(folder, tmp_path, isolate, trick, status, told):
+    """All rows are there; at the end of one that has failed no more is said."""
+    shutil.make_archive(str(tmp_path / "strange3"), "zip", folder)
+    (tmp_path / "strange3.zip").rename(tmp_path / "strange3.fmu")
+    (tmp_path / "SystemStructure.ssd").write_text(
+        '<ssd:SystemStructureDescription xmlns:ssd="http://ssp-standard.org/SSP1/'
+        'SystemStructureDescription" name="s" version="1.0"><ssd:System name="s"><ssd:Elements>'
+        '<ssd:Component name="b" source="strange3.fmu"/></ssd:Elements></ssd:System>'
+        "</ssd:SystemStructureDescription>"
+    )
+    options = {"step": 0.5, "stop": 5.0, "isolate": isolate}
+    ran = desat.run(str(tmp_path), {"b.trick": trick}, **options)
+    assert ran.manifest.status == status
+    assert len(ran.results.times()) == (11 if trick > 10 else 7)
+    said = [ran.manifest.message, *ran.manifest.warnings]
+    (own,) = (x for x in said if x.startswith("b: ") and "returned" in x)
+    assert own.startswith(told)
+    assert sum("Terminate" in line for line in said) == (trick > 10)
+
+
+@pytest.mark.parametrize("isolate", ["none", "foreign"])
+def test_a_library_of_another_version_is_refused(tmp_path, isolate):
+    other = made(tmp_path / "other", '-DVERSION="3.9"')
+    isolated = ("a", "b") if isolate == "foreign" else ()
+    with pytest.raises(DesatError) as error:
+        Master(*system(other), isolated=isolated)
+    assert str(error.value) == (
+        "a: other: its library says that it is of FMI 3.9 (fmi3GetVersion), its "
+        "modelDescription.xml of FMI 3.0: both must be the same"
+    )
 
 
 def test_in_a_process_of_its_own_it_does_the_same(folder):
@@ -200,6 +290,34 @@ def test_a_parameter_beyond_its_type_and_one_that_is_structural_are_refused(fold
         m.initialise()
     with pytest.raises(DesatError, match=r"b\.?.*\bn\b"):
         system(folder, n=5)
+
+
+@pytest.mark.parametrize("loop", BOTH)
+def test_the_last_value_of_a_type_is_one_of_it(folder, loop):
+    """Set, handed on and read: b gives one more than a, which gives one more than it is given."""
+    most = (1 << 31) - 1
+    with Master(*system(folder, int8_in=-128, uint8_in=255, int32_in=most)) as m:
+        m.initialise()
+    got = rows(folder, loop, 4, of="a", int64_in=most - 2, int8_in=-128, uint8_in=253)
+    assert set(got["b.int64_out"]) == {most}
+    assert (got["a.int8_out"][0], got["b.uint8_out"][0]) == (-127, 255)
+    with pytest.raises(ComponentError, match=rf"b: .*int64_out = {most + 1} is beyond -2147483648"):
+        rows(folder, loop, 4, of="a", int64_in=most - 1)
+    for values in ({"int8_in": 127, "uint8_in": 300}, {"int8_in": -128, "uint8_in": -1}):
+        with (
+            Master(*system(folder, **values)) as m,
+            pytest.raises(ComponentError, match=rf": uint8_in = {values['uint8_in']} is beyond"),
+        ):
+            m.initialise()
+
+
+@pytest.mark.parametrize(("loop", "isolated"), WAYS)
+def test_what_is_logged_is_told_where_it_is_no_ok_and_twenty_times(folder, loop, isolated):
+    for trick, told in ((15, []), (16, [f"b: now at {0.5 * k:g} s" for k in range(20)])):
+        with Master(*system(folder, trick=trick), isolated=isolated) as m:
+            m.initialise()
+            run(m, stepping(m, None, NEVER, loop), 30, Recorder(None, m))
+            assert m.messages() == told
 
 
 def test_a_step_that_is_discarded_is_halved(folder):
@@ -227,6 +345,8 @@ def test_a_state_goes_on_in_another_instance(folder):
      "co-simulation is needed"),
     (description(kind="ScheduledExecution"), "FMI 3.0 for scheduled execution alone"),
     (description(version="3.1"), "FMI 3.1: FMI 1.0, 2.0 or 3.0 for co-simulation is needed"),
+    (description(version="3.9"), "FMI 3.9: FMI 1.0, 2.0 or 3.0 for co-simulation is needed"),
+    (description(version="3.0-beta.2"), "FMI 3.0-beta.2: FMI 1.0, 2.0 or 3.0 for co-sim"),
     (description('<Clock name="tick" valueReference="60" causality="input" intervalVariability='
                  '"triggered"/>'), "tick is a clock: there is no event mode here"),
     (description('<Float64 name="z" valueReference="61" causality="input" start="1 2"><Dimension '

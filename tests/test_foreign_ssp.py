@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -12,6 +13,7 @@ import zipfile
 from pathlib import Path
 
 import pytest
+from test_failures import HOW, compiled, fmu
 
 import desat
 from desat.runs.prepare import prepare
@@ -164,6 +166,37 @@ def test_a_signal_dictionary_hands_on(tmp_path: Path, gain: Path) -> None:
     assert last(file, "inner_b.y") == 6.0
 
 
+def test_a_dictionary_is_that_of_the_system_around(tmp_path: Path, gain: Path) -> None:
+    """Two systems have each a dictionary `bus` of their own, and one within them finds it there."""
+    reference = ('<ssd:SignalDictionaryReference name="{}" dictionary="bus"><ssd:Connectors>'
+                 '<ssd:Connector name="x" kind="inout"><ssc:Real/></ssd:Connector>'
+                 "</ssd:Connectors></ssd:SignalDictionaryReference>")  # fmt: skip
+    declared = ('<ssd:SignalDictionaries><ssd:SignalDictionary name="bus" source="d.ssb"/>'
+                "</ssd:SignalDictionaries></ssd:System>")  # fmt: skip
+    (tmp_path / "d.ssb").write_text(
+        f'<ssb:SignalDictionary {NAMESPACES} version="1.0"><ssb:DictionaryEntry name="x">'
+        "<ssc:Real/></ssb:DictionaryEntry></ssb:SignalDictionary>"
+    )
+    within = system("deep", component("b") + reference.format("there"), wire("there.x", "b.u"))
+
+    def one(name: str, value: float) -> str:
+        parts = component("a", inline({"u": value})) + reference.format("here") + within
+        made = system(name, parts, wire("a.y", "here.x"))
+        return made[: -len("</ssd:System>")] + declared
+
+    file = ssp(tmp_path, gain, system("s", one("p", 6.0) + one("q", 7.0)))
+    assert last(file, "p_deep_b.y") == 6.0
+    assert last(file, "q_deep_b.y") == 7.0
+    assert not any("has a dictionary" in w for w in prepare(str(file), Options()).checked.warnings)
+    (tmp_path / "d.ssb").unlink()
+    with pytest.raises(DesatError, match=r"SystemStructure\.ssd:\d+: d\.ssb is missing"):
+        prepare(str(file), Options()).or_raise()
+    alone = ssp(tmp_path, gain, system("s", component("b", inline({"u": 1.0}))
+                                       + reference.format("r"), wire("r.x", "b.u")))  # fmt: skip
+    told = prepare(str(alone), Options(stop=2.0, step=0.5)).checked.warnings
+    assert any("r: no system that it is in has a dictionary bus: taken" in w for w in told)
+
+
 def test_start_and_end_say_not_what_gives(tmp_path: Path, gain: Path) -> None:
     """The kinds of the connectors do (SSP 1.0), of systems, too: all wires the other way round."""
     inner = system("inner", component("b"), wire("b.u", "u", LINEAR) + wire("y", "b.y"),
@@ -288,6 +321,189 @@ def test_files_outside_only_when_allowed(tmp_path: Path, gain: Path) -> None:
     with pytest.raises(DesatError, match=r"ssd:2: source '../gain.fmu' is outside.*--allow-outs"):
         prepare(str(file), Options()).or_raise()
     prepare(str(file), Options(outside=True)).or_raise()
+
+
+# --- stand-ins for the public ones: what makes each of their outcomes; their ways to write -----
+
+OMS_NAMES = "https://raw.githubusercontent.com/OpenModelica/OMSimulator/master/schema/oms.xsd"
+OMS = ('<ssd:Annotations><ssc:Annotation type="org.openmodelica"><oms:Annotations><oms:'
+       'SimulationMetaData><oms:FixedStepMaster description="oms-ma" stepSize="0.25"/>'
+       "</oms:SimulationMetaData></oms:Annotations></ssc:Annotation>"
+       "</ssd:Annotations>")  # fmt: skip
+EXPERIMENT = '<ssd:DefaultExperiment startTime="{}" stopTime="{}"/>'
+BAR = ('<ssv:Units><ssc:Unit name="bar"><ssc:BaseUnit kg="1" m="-2"/></ssc:Unit></ssv:Units>'
+       "</ssv:ParameterSet>")  # fmt: skip
+
+
+def parameters(name: str, file: str) -> str:
+    """A binding of a file of parameters, mapped by m.ssm."""
+    return (f'<ssd:ParameterBindings><ssd:ParameterBinding source="{file}">'
+            f'<ssd:ParameterMapping source="{name}"/></ssd:ParameterBinding>'
+            "</ssd:ParameterBindings>")  # fmt: skip
+
+
+def other(gain: Path, folder: Path, name: str, **changes: tuple[str, str]) -> None:
+    """A copy of gain.fmu whose entries, or the description's text, are changed: old, new."""
+    entries, texts = changes.get("entry", ("", "")), changes.get("text", ("", ""))
+    (folder / "resources").mkdir(exist_ok=True)
+    with zipfile.ZipFile(gain) as old, zipfile.ZipFile(folder / "resources" / name, "w") as new:
+        for entry in old.infolist():
+            data = old.read(entry).replace(texts[0].encode(), texts[1].encode())
+            new.writestr(entry.filename.replace(*entries), data if texts[0] else old.read(entry))
+
+
+def made_elsewhere(folder: Path, gain: Path) -> str:
+    other(gain, folder, "their.fmu", entry=("linux64", "win64"))
+    return system("s", component("a", source="resources/their.fmu"))
+
+
+def model_exchange(folder: Path, gain: Path) -> str:
+    other(gain, folder, "their.fmu", text=("CoSimulation", "ModelExchange"))
+    return system("s", component("a", source="resources/their.fmu"))
+
+
+def leaving(folder: Path, gain: Path) -> str:
+    other(gain, folder, "their.fmu", entry=("binaries/linux64", "../binaries/linux64"))
+    return system("s", component("a", source="resources/their.fmu"))
+
+
+def not_finite(folder: Path, gain: Path) -> str:
+    """In the first step, which begins at 5 s."""
+    fmu(folder / "resources/failing.fmu", compiled(folder))
+    how = inline({"how": HOW.index("NOT_FINITE")}).replace("Real", "Integer")
+    return system("s", f'<ssd:Component name="a" source="resources/failing.fmu">{how}'
+                  "</ssd:Component>") + EXPERIMENT.format(5, 6)  # fmt: skip
+
+
+def of_a_step_beyond_the_end(folder: Path, gain: Path) -> str:
+    other(gain, folder, "their.fmu", text=('stepSize="0.5"', 'stepSize="3"'))
+    one = component("a", source="resources/their.fmu")
+    return system("s", one) + EXPERIMENT.format(0, 1)
+
+
+def in_another_unit(folder: Path, gain: Path) -> str:
+    values = inline({"u": 1.0}, unit=' unit="bar"').replace("</ssv:ParameterSet>", BAR)
+    return system("s", component("a", values))
+
+
+def by_bad_values(folder: Path, gain: Path) -> str:
+    (folder / "p.ssv").write_text(f'<ssv:ParameterSet version="1.0" name="p" {NAMESPACES}>'
+                                  '<ssv:Parameters to="b"/></ssv:ParameterSet>')  # fmt: skip
+    (folder / "m.ssm").write_text(f'<ssm:ParameterMapping version="1.0" {NAMESPACES}/>')
+    return system("s", component("a"), "", parameters("m.ssm", "p.ssv"))
+
+
+def by_a_bad_mapping(folder: Path, gain: Path) -> str:
+    (folder / "p.ssv").write_text(f'<ssv:ParameterSet version="1.0" name="p" {NAMESPACES}>'
+                                  "<ssv:Parameters/></ssv:ParameterSet>")  # fmt: skip
+    (folder / "m.ssm").write_text(
+        f'<ssm:ParameterMapping version="1.0" {NAMESPACES}><ssm:MappingEntry from="x"/>'
+        "</ssm:ParameterMapping>"
+    )
+    return system("s", component("a"), "", parameters("m.ssm", "p.ssv"))
+
+
+STAND_INS = {
+    "no step of": of_a_step_beyond_the_end,
+    "no binary for linux64": made_elsewhere,
+    "is missing": lambda *_: system("s", component("a", source="resources/lost.fmu")),
+    "does not fit bar": in_another_unit,
+    "holds no component": lambda *_: f'<ssd:System name="s">{inline({"u": 1.0})}</ssd:System>',
+    "not expected": lambda *_: system("s", component("a"), before="<ssd:Parameters/>"),
+    "not allowed": lambda *_: system("s", component("a").replace(' name="a"', ' name="a" to="b"')),
+    "not allowed, of an .ssv": by_bad_values,
+    "not allowed, of an .ssm": by_a_bad_mapping,
+    "model exchange": model_exchange,
+    "would leave the folder": leaving,
+    "fails": not_finite,
+}
+"""What is said, or becomes of it, and what lets it: a function of the folder and gain.fmu."""
+
+
+@pytest.mark.parametrize("said", STAND_INS)
+def test_what_becomes_of_public_ones_becomes_of_their_kind(
+    tmp_path: Path, gain: Path, said: str
+) -> None:
+    file = ssp(tmp_path, gain, STAND_INS[said](tmp_path, gain))
+    if said == "fails":
+        run = desat.run(str(file), step=0.5, inner=1)
+        assert run.manifest.status == "failed"
+        assert run.manifest.message == "a.y = nan at t = 5.5 s"
+        return
+    with pytest.raises(DesatError) as caught:
+        desat.run(str(file), inner=1)
+    what, _, kind = said.partition(", of an ")
+    lines = [line for line in str(caught.value).splitlines() if what in line]
+    assert lines
+    assert not kind or re.match(rf"\w+\{kind}:\d+: ", lines[0])
+
+
+def of_their_annotation(folder: Path, gain: Path) -> Path:
+    """The step is OMSimulator's, in an annotation of the system."""
+    one = system("s", component("a", inline({"k": 2.0, "u": 3.0})))
+    one = one.replace("</ssd:System>", f"{OMS}</ssd:System>")
+    names = NAMESPACES + f' xmlns:oms="{OMS_NAMES}"'
+    return ssp(folder, gain, one, EXPERIMENT.format(0, 1), names=names)
+
+
+def of_files_in_files(folder: Path, gain: Path) -> Path:
+    """An archive whose systems and component have a file of parameters each, one with a mapping."""
+    for name, rows in (("top", {"inner.a.k": 2.0}), ("inner", {"wide": 4.0}), ("a", {"u": 9.0})):
+        text = re.sub(
+            r".*(<ssv:ParameterSet)(.*</ssv:ParameterSet>).*", r"\1 NAMES\2", inline(rows)
+        )
+        (folder / f"{name}.ssv").write_text(text.replace("NAMES", NAMESPACES))
+    (folder / "m.ssm").write_text(
+        f'<ssm:ParameterMapping version="1.0" {NAMESPACES}><ssm:MappingEntry source="wide" '
+        'target="a.u"><ssc:LinearTransformation factor="0.5" offset="1"/></ssm:MappingEntry>'
+        "</ssm:ParameterMapping>"
+    )
+    binding = (
+        '<ssd:ParameterBindings><ssd:ParameterBinding source="{}.ssv"/></ssd:ParameterBindings>'
+    )
+    inner = system(
+        "inner", component("a", binding.format("a")), "", parameters("m.ssm", "inner.ssv")
+    )
+    file = ssp(folder, gain, system("s", inner, "", binding.format("top")), EXPERIMENT.format(0, 1))
+    packed = folder / "their.ssp"
+    with zipfile.ZipFile(packed, "w") as archive:
+        for path in (file, *folder.glob("*.ss[vm]"), folder / "resources/gain.fmu"):
+            archive.write(path, path.relative_to(folder))
+    file.unlink()
+    return packed
+
+
+def of_no_times(folder: Path, gain: Path) -> Path:
+    """Neither the file nor its FMU, which lies outside, has a step."""
+    (folder / "in").mkdir()
+    text = ('<DefaultExperiment stopTime="2" stepSize="0.5"/>', "")
+    other(gain, folder, "their.fmu", text=text)
+    one = component("a", inline({"k": 2.0, "u": 3.0}), "../resources/their.fmu")
+    return ssp(folder / "in", gain, system("s", one), EXPERIMENT.format(0, 1))
+
+
+@pytest.mark.parametrize(("made", "options", "name"), [
+    (of_their_annotation, {}, "a.y"),
+    (of_files_in_files, {"step": 0.25}, "inner_a.y"),
+    (of_no_times, {"step": 0.25, "outside": True}, "a.y"),
+])  # fmt: skip
+def test_their_ways_to_write_run_to_the_end(
+    tmp_path: Path, gain: Path, made, options: dict[str, object], name: str
+) -> None:
+    file = made(tmp_path, gain)
+    run = desat.run(str(file), inner=1, **options)
+    assert run.manifest.status == "completed"
+    assert (run.manifest.steps_done, run.results.values(name)[-1]) == (4, 6.0)
+    if "outside" in options:
+        with pytest.raises(DesatError, match=r"no step is given; use --step"):
+            desat.run(str(file), inner=1, outside=True)
+        with pytest.raises(DesatError, match=r"is outside the folder"):
+            desat.run(str(file), inner=1, step=0.25)
+
+
+def test_each_outcome_of_public_ones_has_a_stand_in() -> None:
+    known = {said.partition(",")[0] for said in STAND_INS}
+    assert {told["outcome"] for told in PUBLIC} - {"runs"} == known
 
 
 PUBLIC = tomllib.loads((Path(__file__).parent / "foreign.toml").read_text())["ssp"]

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import re
+
 import fuzz
 import pytest
-from fuzz.seeds import ABOUT, FILES, SSD, SSV, TARGETS, TOML
+from conftest import ROOT
+from fuzz.seeds import ABOUT, FILES, SSB, SSD, SSM, SSV, TARGETS, TOML, seeds
 
 from desat.runs.prepare import prepare
 from desat.system.errors import DesatError
@@ -22,6 +25,36 @@ def test_mutated_files_are_refused_in_lines(tmp_path, capsys):
     assert len(outcome.lines) > 600
 
 
+def test_what_the_page_says_is_fuzzed_is():
+    """Each kind of file that it names, and model descriptions of each FMI that is read."""
+    page = (ROOT / "docs/failures.md").read_text(encoding="utf-8")
+    said = re.search(r"puts mutated files \(([\w, .]+)\)", page)
+    assert said is not None
+    assert set(said[1].split(", ")) == {k for k in seeds() if k != "craft" and k[:3] != "xml"}
+    texts = [data for kind, data in seeds().items() if kind.startswith("xml")]
+    assert [re.search(rb'fmiVersion="(.*?)"', t)[1] for t in texts] == [b"2.0", b"1.0", b"3.0"]
+
+
+@pytest.mark.parametrize("kind", TARGETS)
+def test_a_file_of_each_kind_is_read(tmp_path, kind):
+    """What is mutated is looked at: right as it is, and refused by its name where it is cut."""
+    write_all(tmp_path)
+    target, file = TARGETS[kind]
+    data = seeds()[kind]
+    (tmp_path / file).write_bytes(fuzz._wrapped(kind, data))
+    prepare(str(tmp_path / target), fuzz._options(kind)).or_raise()
+    (tmp_path / file).write_bytes(fuzz._wrapped(kind, data[: len(data) // 2]))
+    with pytest.raises(DesatError, match=re.escape(file.rpartition("/")[2])):
+        prepare(str(tmp_path / target), fuzz._options(kind)).or_raise()
+
+
+def write_all(folder):
+    """All files of the seeds, as they are."""
+    for file, data in FILES.items():
+        (folder / file).parent.mkdir(parents=True, exist_ok=True)
+        (folder / file).write_bytes(data())
+
+
 SOURCE = b'startConnector="tau_cmd_wheel[1]" '
 CAUSES = {
     "a connection without a connector": ("ssd", SSD, SOURCE, b""),
@@ -33,15 +66,15 @@ CAUSES = {
     "a number that is none": ("ssd", SSD, b'factor="2.0"', b'factor="two"'),
     "a time that is none": ("ssd", SSD, b'stopTime="10"', b'stopTime="soon"'),
     "an exponent that is none": ("ssv", SSV, b'rad="1"', b'rad="one"'),
+    "a factor of a mapping that is none": ("ssm", SSM, b'factor="0.5"', b'factor="half"'),
+    "a signal of a dictionary without a name": ("ssb", SSB, b'name="x"', b""),
 }
 
 
 @pytest.mark.parametrize("cause", CAUSES)
 def test_what_once_was_internal_is_a_line(tmp_path, cause):
     kind, _, old, new = CAUSES[cause]
-    for file, data in FILES.items():
-        (tmp_path / file).parent.mkdir(parents=True, exist_ok=True)
-        (tmp_path / file).write_bytes(data())
+    write_all(tmp_path)
     target, file = TARGETS[kind]
     data = FILES[file]()
     assert old in data

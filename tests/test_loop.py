@@ -125,6 +125,7 @@ typedef void logger(void *, const char *, int, const char *, const char *, ...);
 typedef struct { logger *log; void *a, *b, *c, *environment; } callbacks;
 typedef struct { double r[5]; int i[4]; int b[1]; callbacks on; } probe;
 /* reals: u, x, y, fail_at, nan_at; integers: i, n, status, largest; boolean: late */
+const char *fmi2GetVersion(void) { return "2.0"; }
 void *fmi2Instantiate(const char *n, int t, const char *g, const char *l, const callbacks *on,
                       int v, int d)
 {
@@ -159,7 +160,7 @@ ACCESS(Real, double, r)
 ACCESS(Integer, int, i)
 ACCESS(Boolean, int, b)
 """
-OTHERS = ("GetTypesPlatform GetVersion SetDebugLogging Terminate Reset GetString SetString "
+OTHERS = ("GetTypesPlatform SetDebugLogging Terminate Reset GetString SetString "
           "GetFMUstate SetFMUstate FreeFMUstate SerializedFMUstateSize SerializeFMUstate "
           "DeSerializeFMUstate GetDirectionalDerivative SetRealInputDerivatives "
           "GetRealOutputDerivatives CancelStep GetStatus GetRealStatus GetIntegerStatus "

@@ -11,8 +11,13 @@ import pytest
 from desat.components.blocks.manager_detumbling_rollout import (
     BRAKING,
     DETUMBLED,
+    FILTER,
     IDLE,
+    MISSES,
+    MOST_STEPS,
+    PLANNED,
     ManagerDetumblingRollout,
+    missed,
 )
 from desat.components.contract.block import BlockError, Vec3, Vec4
 from desat.components.laws import rate_filter, rate_observer, rollout
@@ -87,6 +92,44 @@ def test_a_flight_is_dropped_once_it_is_later_or_too_fast_for_the_model() -> Non
     found, cost = rollout.sought(ALONE, omega, FIELD, STILL, spun, 0, 4, 64, 20, 900)
     assert found == rollout.none()
     assert cost < 0.0
+
+
+def test_a_sequence_that_has_begun_goes_on_where_it_was() -> None:
+    """Its segments are counted from its own beginning: as one of what is left of it."""
+    a, b, c, d = (1e-3, -5e-4, -1e-3, 7e-4)
+    begun = rollout.Sequence(tuple(x for u in (a, b, c, d) for x in (u, 0.0, 0.0, 0.0)), 4, 20)
+    left = rollout.Sequence(tuple(x for u in (b, c, d, 0) for x in (u, 0.0, 0.0, 0.0)), 3, 0)
+    assert flown(begun) == flown(left)
+    assert flown(begun) != flown(left._replace(segments=2))
+    half = rollout.Sequence(left.torques, 2, 10)
+    parts = rollout.Sequence(tuple(x for u in (b, c, c, 0) for x in (u, 0.0, 0.0, 0.0)), 3, 0)
+    by_tens = rollout.flown(ALONE, (0.1, -0.1, 0.1), FIELD, STILL, parts.torques, 3, 0, 10, 900,
+                            inf, inf)  # fmt: skip
+    assert flown(half) == by_tens
+
+
+def test_a_rate_at_its_limit_is_above_it_and_a_wheel_at_its_limit_is_not_driven() -> None:
+    at = (MODEL.rate_limit, 0.0, 0.0)
+    still = MODEL._replace(carrier=INERTIA, inverse=inverse_inertia(INERTIA), gain=0.0,
+                           gain_wheel=0.0)  # fmt: skip
+    whole = rollout.flown(still, at, ZERO, STILL, rollout.NOTHING, 0, 0, 20, 7, inf, inf)
+    assert whole == 7.0 + 1.0  # turning about a principal axis
+    spun = rollout.flown(still, at, ZERO, STILL, rollout.NOTHING, 0, 0, 20, 7, inf, at[0])
+    assert spun == whole  # as fast as is believed, and no faster
+    assert rollout.flown(still, at, ZERO, STILL, rollout.NOTHING, 0, 0, 20, 7, 6.0, inf) == whole
+    assert rollout.flown(still, at, ZERO, STILL, rollout.NOTHING, 0, 0, 20, 7, 5.0, inf) == inf
+    u, limit = (1e-3, -1e-3, 1e-3, -1e-3), 0.1
+    assert rollout.allowed(u, (limit, limit, -limit, -limit), limit) == (0.0, -1e-3, 1e-3, 0.0)
+    assert rollout.allowed(u, (0.09, 0.09, -0.09, -0.09), limit) == u
+
+
+def test_what_a_wheel_gave_is_counted_from_a_third_of_its_limit_on() -> None:
+    assert missed(2, 0.3, 0.0, 1.0) == 2  # says nothing
+    assert missed(2, 0.31, 0.0, 1.0) == 3
+    assert missed(2, -0.31, 0.0, 1.0) == 3
+    assert missed(2, 1.0, 0.2, 1.0) == 0  # a fifth is enough
+    assert missed(2, 1.0, 0.19, 1.0) == 3
+    assert missed(2, 1.0, 0.0, 0.0) == 2  # there is none, or none any more
 
 
 def test_the_filter_knows_the_rate_along_the_field_and_how_well() -> None:
@@ -202,6 +245,82 @@ def test_without_a_rate_nothing_is_commanded_and_without_a_field_no_dipole() -> 
     block = flight.go(1)
     assert not any(block.m_cmd_body)
     assert any(block.tau_cmd_wheel)
+
+
+def test_it_is_detumbled_at_the_end_of_the_hold_time_and_no_more_above_its_second_limit() -> None:
+    """By rates that are given: both limits count as not reached."""
+    flight = Flight(plan_time=1e3)
+    block, modes = flight.block, []
+
+    def at(rate: float) -> int:
+        flight.omega = (rate, 0.0, 0.0)
+        return flight.go(1).mode
+
+    assert at(block.rate_limit) != DETUMBLED
+    assert block._slow_since < 0.0
+    assert not block._is_slow
+    modes = [at(0.9 * block.rate_limit) for _ in range(12)]
+    assert modes.index(DETUMBLED) == 10  # the eleventh sample is 10 s after the first
+    assert at(block.rate_again) == DETUMBLED
+    assert at(1.01 * block.rate_again) != DETUMBLED
+    assert block.mode in (BRAKING, PLANNED)
+
+
+def test_what_is_slow_from_the_start_is_detumbled_after_the_hold_time_too() -> None:
+    flight = Flight(plan_time=1e3)
+    flight.omega = (1e-3, 0.0, 0.0)
+    assert [flight.go(1).mode for _ in range(11)].index(DETUMBLED) == 10
+
+
+def test_a_rate_is_sure_where_its_error_is_below_the_limit() -> None:
+    block = Flight(rate_from=FILTER).block
+    limit = block.rate_limit * block.rate_limit
+    for axis in range(3):
+        for variance, sure in ((limit, False), (0.99 * limit, True)):
+            parts = [0.5 * limit] * 3
+            parts[axis] = variance
+            x, y, z = parts
+            block._rates = (x, 0.0, 0.0, 0.0, y, 0.0, 0.0, 0.0, z)
+            assert block._is_sure() == sure
+
+
+def test_a_dead_wheel_is_one_at_the_fifth_sample_and_a_plan_is_made_anew_when_it_is_due() -> None:
+    flight = Flight(gain_wheel=0.0, rounds=0, plan_time=3.0)
+    block = flight.block
+    for k in range(1, 8):
+        flight.go(1)
+        assert block._searches == 1 + (k - 1) // 3
+    flight = Flight(dead=True, gain_wheel=1.0, rounds=0)
+    counts = [flight.go(1).wheels_dead for _ in range(MISSES + 2)]
+    assert counts == [0] * MISSES + [1, 1]  # the first sample has no torque before it
+    first = flight.block._planned_at
+    assert first == MISSES
+
+
+def test_a_sequence_is_followed_for_its_segments_and_no_longer() -> None:
+    flight = Flight(rounds=0, plan_time=1e3, segment=2.0, gain_wheel=0.0)
+    block = flight.go(1)
+    block._planned = (5e-4, 0.0, 0.0, 0.0, -5e-4, 0.0, 0.0, 0.0) + (0.0,) * 8
+    block._segments, block._elapsed = 2, 0
+    block.torque_limit = block.h_limit = 1.0
+    block._watch = lambda t: None  # type: ignore[method-assign]
+    seen = [(flight.go(1).mode, block.tau_cmd_wheel[0]) for _ in range(4)]
+    assert seen == [(PLANNED, 5e-4), (PLANNED, -5e-4), (PLANNED, -5e-4), (BRAKING, 0.0)]
+
+
+def test_a_coil_at_its_limit_is_saturated() -> None:
+    flight = Flight(m_limit=0.5)
+    assert flight.go(1).coil_saturated
+    assert max(map(abs, flight.block.m_cmd_body)) == 0.5
+    assert not Flight(gain=1e3).go(1).coil_saturated
+
+
+def test_the_longest_flight_is_allowed_and_equal_limits_are_not() -> None:
+    Flight(horizon=float(MOST_STEPS))
+    with pytest.raises(BlockError, match=r"4001 steps"):
+        Flight(horizon=MOST_STEPS + 1.0)
+    with pytest.raises(BlockError, match=r"rate_again = 0\.003 rad/s is not above rate_limit"):
+        Flight(rate_again=3e-3)
 
 
 def test_a_limit_above_that_of_going_on_is_refused() -> None:

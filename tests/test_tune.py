@@ -100,6 +100,43 @@ def test_what_the_craft_has_may_be_the_best(model):
     assert made.answer.endswith("is the best of its range already.")
 
 
+def tuned(best=2.0, **told):
+    """A result over four values, 2 the craft's own plus what was found."""
+    unseen = {"interval_holds": True, "interval": (0.1, 0.4), "n": 8, "lower": 1, "higher": 7,
+              "median_own": 2.0, "median_best": 1.0, "missed_own": 2, "missed_best": 2,
+              **told}  # fmt: skip
+    points = tuple(study.Point(x, x, 0) for x in (1.0, 2.0, 3.0, 4.0))
+    most = unseen.pop("most", False)
+    return study.Tuned("t", "c.p", "s", "n", "", most, 5.0, best, (1.0, 4.0), 8, points, unseen)
+
+
+def test_the_edge_of_the_range_is_its_first_or_last_value_alone(model):
+    told = {x: tuned(x).answer for x in (1.0, 2.0, 3.0, 4.0)}
+    assert [x for x, text in told.items() if ", at the edge of its range." in text] == [1.0, 4.0]
+    ends = (1e-4, 1e-3)  # of a range that the craft's own value is not in: it is no end of it
+    for best, range_ in ((1e-3, ends), (1e-4, (1e-4, 1e-2)), (1e-2, (1e-4, 1e-2))):
+        model(lambda gain, error, best=best: bowl(gain, error, best))
+        made = study.tune("mine", "manager.gain", "final_momentum", Options(), draws=2, unseen=6,
+                          between=range_)  # fmt: skip
+        assert made.own == pytest.approx(1.10678e-3)
+        assert made.best == best
+        assert "at the edge of its range" in made.answer
+
+
+def test_what_touches_none_is_not_confirmed():
+    """An interval that ends at 0, or one more draw that misses a requirement."""
+    assert tuned().confirmed
+    assert not tuned(interval=(0.0, 0.4)).confirmed
+    assert not tuned(missed_best=3).confirmed
+    assert not tuned(best=5.0).confirmed
+    assert not tuned(interval_holds=False).confirmed
+    assert tuned(most=True, interval=(-0.4, -0.1)).confirmed
+    assert not tuned(most=True, interval=(-0.4, 0.0)).confirmed
+    assert "better in 7;" not in tuned().answer
+    assert "better in 7" in tuned().answer
+    assert "better in 1" in tuned(most=True).answer
+
+
 @pytest.mark.parametrize(
     ("parameter", "number", "more", "line"),
     [

@@ -139,6 +139,7 @@ class Plant:
             master.initialise()
             recorder = Recorder(None, master, (MOMENTUM, DIPOLE, ENERGY))
             run(master, stepping(master, recorder), system.steps, recorder)
+            master.terminate()
             with recorder.finish(master) as results:
                 return Flight(
                     results.values(MOMENTUM)[:, :3], results.values(DIPOLE),

@@ -55,6 +55,7 @@ class _Loop(ctypes.Structure):
         ("start", ctypes.c_double), ("step", ctypes.c_double),
         ("steps", ctypes.c_int64), ("edges", ctypes.c_void_p), ("operations", ctypes.c_void_p),
         ("failed", ctypes.c_int64), ("status", ctypes.c_int64),
+        ("warned", ctypes.c_void_p), ("warnings", ctypes.c_int64),
         ("real", ctypes.c_void_p), ("reals", ctypes.c_int64),
         ("ahead", ctypes.c_int64), ("capacity", ctypes.c_int64),
         ("taken", ctypes.c_void_p), ("times", ctypes.c_void_p),
@@ -76,6 +77,7 @@ class CompiledSteps:
         self._run, self._master, self._recorder = _library().desat_loop, master, recorder
         self._program = _program(master)
         real = master.live["Real"]
+        self._warned = np.zeros(len(self._program.operations), np.int64)
         foreign = any(getattr(m.instance, "foreign", False) for m in master.members.values())
         self._loop = _Loop(
             process=os.getpid() if foreign else 0,
@@ -84,6 +86,7 @@ class CompiledSteps:
             start=master.start, step=master.step_size, steps=len(master.cycle),
             edges=self._program.edges.ctypes.data,
             operations=ctypes.addressof(self._program.operations),
+            warned=self._warned.ctypes.data,
             real=real.ctypes.data, reals=len(real), ahead=master.ahead,
         )  # fmt: skip
         if recorder is not None:
@@ -126,12 +129,20 @@ class CompiledSteps:
         self._master.k = loop.k
         if self._recorder is not None:
             self._recorder.make_room()
+        if loop.warnings:
+            for i in np.flatnonzero(self._warned):
+                self._call(int(i)).warn(int(self._warned[i]) - 1)
+            loop.warnings = 0
         if result == _FAILED:
-            call = self._program.source(loop.failed)
-            assert isinstance(call, Call)
-            raise call.failed(loop.k, loop.status)
+            raise self._call(loop.failed).failed(loop.k, loop.status)
         if result == _NOT_FINITE:
             self._master.check_finite()
+
+    def _call(self, i: int) -> Call:
+        """The call that operation i is of."""
+        call = self._program.source(i)
+        assert isinstance(call, Call)
+        return call
 
 
 _PROGRAMS: WeakKeyDictionary[Master, tuple[object, Program]] = WeakKeyDictionary()

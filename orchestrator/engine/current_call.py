@@ -14,8 +14,8 @@ from collections.abc import Sequence
 
 VERBS = ("", "instantiating it", "entering initialisation", "leaving initialisation",
          "setting its inputs", "the step", "reading its outputs", "freeing it",
-         "saving its state", "restoring its state")  # fmt: skip
-INSTANTIATE, ENTER, EXIT, PUSH, STEP, PULL, FREE, SAVE, RESTORE = range(1, 10)
+         "saving its state", "restoring its state", "terminating it")  # fmt: skip
+INSTANTIATE, ENTER, EXIT, PUSH, STEP, PULL, FREE, SAVE, RESTORE, TERMINATE = range(1, 11)
 PLACE = 16
 """A word is so many times a component's place, and the verb."""
 

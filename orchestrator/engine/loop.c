@@ -65,6 +65,10 @@ struct loop {
     /* a failure */
     int64_t failed;
     int64_t status;
+    /* of each operation the number after that of the step in which it first gave a warning, or 0;
+     * and how many of these are new */
+    int64_t *warned;
+    int64_t warnings;
     /* what must be finite */
     const double *real;
     int64_t reals;
@@ -92,9 +96,10 @@ typedef unsigned transfer_3(void *, const unsigned *, size_t, void *, size_t);
 typedef unsigned do_step_3(void *, double, double, bool, bool *, bool *, bool *, double *);
 
 struct done {
-    bool event, terminate, early;
+    bool event, terminate, early, whole;
     double last;
 };
+#define NEAR 0.01 /* as in faces.py */
 
 /* Of a whole number of one type as another, whether it is the same number. */
 #define SAME(A, B) ((int64_t)(A) == (int64_t)(B) && ((A) < 0) == ((B) < 0))
@@ -201,11 +206,15 @@ static unsigned perform(struct loop *loop, const struct operation *o)
     case STEP_3: {
         struct done *done = o->p[4];
         *loop->word = o->word;
-        done->terminate = done->early = false;
+        const double t = *(double *)o->p[2], dt = *(double *)o->p[3], end = t + dt;
+        done->event = done->terminate = done->early = false;
+        done->last = end;
         const unsigned status = back(
-            loop, ((do_step_3 *)o->p[0])(o->p[1], *(double *)o->p[2], *(double *)o->p[3], true,
-                                         &done->event, &done->terminate, &done->early, &done->last));
-        return status <= 1 && (done->terminate || done->early) ? 3 : status;
+            loop, ((do_step_3 *)o->p[0])(o->p[1], t, dt, true, &done->event, &done->terminate,
+                                         &done->early, &done->last));
+        done->whole = status > 1 || fabs(done->last - end) <= NEAR * dt;
+        return status <= 1 && (done->terminate || done->early || done->event || !done->whole)
+                   ? 3 : status;
     }
     case TO_TYPE:
         return typed(o, false);
@@ -260,6 +269,10 @@ static int all_of(struct loop *loop, int64_t from, int64_t to)
                 loop->failed = i;
                 loop->status = worst;
                 return 1;
+            }
+            if (worst == 1 && !loop->warned[i]) {
+                loop->warned[i] = loop->k + 1;
+                loop->warnings++;
             }
             worst = 0;
         }

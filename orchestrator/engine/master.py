@@ -36,8 +36,28 @@ from ..system.model import Component, Connection, System
 from ..system.options import ALGORITHMS, Algorithm
 from ..system.parameters import value_of
 from ..system.schedule import Rates, Schedule, graded
-from .current_call import ENTER, EXIT, FREE, INSTANTIATE, PLACE, PULL, PUSH, time, word
-from .instances.base import Array, ComponentError, EndedError, Instance, each
+from .current_call import (
+    ENTER,
+    EXIT,
+    FREE,
+    INSTANTIATE,
+    PLACE,
+    PULL,
+    PUSH,
+    TERMINATE,
+    VERBS,
+    time,
+    word,
+)
+from .instances.base import (
+    Array,
+    ComponentError,
+    EndedError,
+    Instance,
+    each,
+    is_of_status,
+    warn_of,
+)
 from .instances.block import BlockInstance
 from .instances.fmu import FmuInstance
 from .instances.isolated import IsolatedInstance
@@ -282,9 +302,8 @@ class Master:
             for name, member in self.members.items():
                 for gather in gathers[name]:
                     gather()
-                word[0] = member.instance.place + PUSH
-                if gathers[name] and (status := member.instance.push()) > 1:
-                    raise member.instance.failed("setting its inputs", status)
+                if gathers[name]:
+                    self._judged(member, PUSH, member.instance.push)
                 self._pull(member)
             if all(before[kind].tobytes() == self.live[kind].tobytes() for kind in KINDS):
                 return
@@ -300,11 +319,17 @@ class Master:
 
     def _pull(self, member: Member) -> None:
         """Read a component's outputs and show them at once."""
-        word[0] = member.instance.place + PULL
-        if (status := member.instance.pull()) > 1:
-            raise member.instance.failed("reading its outputs", status)
+        self._judged(member, PULL, member.instance.pull)
         for show in self.shown(member):
             show()
+
+    def _judged(self, member: Member, verb: int, call: Callable[[], int]) -> None:
+        """Make a call of a component. Raises ComponentError for its status."""
+        word[0] = member.instance.place + verb
+        if (status := call()) > 1:
+            raise member.instance.failed(VERBS[verb], status)
+        if status:
+            warn_of(member.instance, VERBS[verb], f", the first time at t = {self.start:g} s")
 
     # --- stepping -----------------------------------------------------------------------------
 
@@ -322,6 +347,12 @@ class Master:
         if self.live["Real"].dot(self._zeros) != 0.0:  # NaN or infinity times 0 is not 0
             self.check_finite()
 
+    def terminate(self) -> None:
+        """Tell all components that a simulation which has not failed is over. Raises
+        ComponentError with a line for each that does not end."""
+        each(self._within(m, TERMINATE, m.instance.terminate) for m in self.members.values())
+        word[0] = 0
+
     def memory(self) -> dict[str, Array]:
         """All arrays that the next step of an initialised master depends on, by name: what is in
         them may be saved, and put back. The states of the components come beside."""
@@ -335,12 +366,14 @@ class Master:
         return kept
 
     def messages(self) -> list[str]:
-        """A line for each message that the components have logged."""
+        """A line for each message that the components have logged, and after these for each call
+        that returned a warning: their order is that of no loop."""
         for member in self.members.values():
             member.instance.look()
         lines = [
             f"{name}: {text}"
-            for name, member in self.members.items() for text in member.instance.messages
+            for name, member in self.members.items()
+            for text in sorted(member.instance.messages, key=lambda m: m * is_of_status(m))
         ]  # fmt: skip
         return list(dict.fromkeys(lines))
 

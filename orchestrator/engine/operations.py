@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 
 from ..system.interface import Kind
 from ..system.schedule import Share
-from .current_call import PULL, PUSH, STEP, time, word
-from .instances.base import Array, ComponentError, Instance
+from .current_call import PLACE, PULL, PUSH, STEP, VERBS, time, word
+from .instances.base import Array, ComponentError, Instance, warn_of
 
 Verb = Literal["push", "step", "pull"]
 _DOING: dict[Verb, str] = {
@@ -109,6 +109,13 @@ class Call:
         word[0] = self.word
         if (status := self.call()) > 1:
             raise self.failed(k, status)
+        if status:
+            self.warn(k)
+
+    def warn(self, k: int) -> None:
+        """Say once that the call returned a warning, in step k."""
+        when = f", the first time at t = {self.tick.t(k):g} s"
+        warn_of(self.instance, VERBS[self.word % PLACE], when)
 
     def failed(self, k: int, status: int) -> ComponentError:
         """The error for an FMI status in step k."""

@@ -10,9 +10,11 @@ and of a parameter set with a mapping what is not mapped goes by its own name.
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from math import isfinite
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, NamedTuple
 from urllib.parse import unquote
 
@@ -202,8 +204,10 @@ class _Reader:
         else:
             self.problems += validate(root, schema, where)
 
-    def walk(self, system: Any, path: str) -> None:
-        """Gather what a system has, the innermost first."""
+    def walk(self, system: Any, path: str, above: Mapping[str, str] = MappingProxyType({})) -> None:
+        """Gather what a system has, the innermost first. `above`: what the connectors of the
+        dictionaries of those that it is in are known by."""
+        dictionaries = {**above, **self.dictionaries(system, path)}
         for child in system.iterfind(f"{{{SSD}}}Connectors/{{{SSD}}}Connector"):
             self.kinds[_End(path, child.get("name", ""))] = child.get("kind", "")
         for child in system.iterfind(f"{{{SSD}}}Elements/*"):
@@ -219,15 +223,33 @@ class _Reader:
                 self.values += [(within, value) for value in self.bindings(child)]
             elif tag == "System":
                 self.relays[within] = within
-                self.walk(child, within)
+                self.walk(child, within, dictionaries)
             elif tag == "SignalDictionaryReference":
-                self.relays[within] = f"dictionary {child.get('dictionary', '')}"
+                of = child.get("dictionary", "")
+                if of not in dictionaries:
+                    self.warnings.append(
+                        f"{self.at(child)}: {within}: no system that it is in has a dictionary "
+                        f"{of}: taken for one of the whole file"
+                    )
+                self.relays[within] = dictionaries.get(of, f"dictionary {of}")
             else:
                 raise DesatError(f"{self.at(child)}: element {name} is a {tag}; Component, System "
                                  "and SignalDictionaryReference are supported")  # fmt: skip
         for child in system.iterfind(f"{{{SSD}}}Connections/{{{SSD}}}Connection"):
             self.links.append(self.link(child, path))
         self.values += [(path, value) for value in self.bindings(system)]
+
+    def dictionaries(self, system: Any, path: str) -> dict[str, str]:
+        """What the connectors of each signal dictionary of a system are known by; its file (.ssb)
+        is held against the schema, and no more, for what it names are types."""
+        made = {}
+        for child in system.iterfind(f"{{{SSD}}}SignalDictionaries/{{{SSD}}}SignalDictionary"):
+            made[child.get("name", "")] = f"dictionary {path}.{child.get('name', '')}"
+            if child.get("source") is not None:
+                root, where = self.named_file(child)
+                if root is not None:
+                    self.validate(root, "SystemStructureSignalDictionary.xsd", where)
+        return made
 
     def flatten(self, draft: Draft) -> dict[_End, list[_Link]]:
         """Give the draft its connections from component to component; returned: how each connector

@@ -48,6 +48,7 @@ def validate(root: Any, schema: str, where: str) -> list[str]:
 def _plain(message: str) -> str:
     """Without the namespaces that make a schema message unreadable."""
     for uri in ("SystemStructureDescription", "SystemStructureCommon",
-                "SystemStructureParameterValues"):  # fmt: skip
+                "SystemStructureParameterValues", "SystemStructureParameterMapping",
+                "SystemStructureSignalDictionary"):  # fmt: skip
         message = message.replace(f"{{http://ssp-standard.org/SSP1/{uri}}}", "")
     return message

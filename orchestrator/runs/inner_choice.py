@@ -326,6 +326,7 @@ class _Flights:
                 loop.some(1)
                 if master.k > k:
                     rows[master.k] = live[index]
+            master.terminate()
         times = system.start + system.step * np.arange(steps + 1)
         return _Flight(times, *np.split(rows, [4, 7, 11], axis=1))
 

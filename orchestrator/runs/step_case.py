@@ -125,7 +125,7 @@ def stepped(
                      "balance": None if along is None else along.state()}  # fmt: skip
             return {**state, "seconds": before + steps.seconds, **wanted}
 
-        checkpoints = None
+        checkpoints, sound = None, True
         try:
             if folder is not None and options.checkpoint is not None:
                 every = max(1, round(options.checkpoint / system.step))
@@ -158,6 +158,7 @@ def stepped(
             if checkpoints is not None and outcome.status != "completed":
                 checkpoints.save()
         except ComponentError as error:
+            sound = False
             outcome.status, outcome.message = "failed", "\n".join(refused(system, str(error)))
             if isinstance(error, EndedError):
                 outcome.code = int(error.code)
@@ -166,6 +167,8 @@ def stepped(
         outcome.steps = master.k
         if along is not None:
             outcome.balance = along.finish(master, outcome.status == "failed")
+        if sound:
+            _terminate(master, outcome)
         _add(outcome.warnings, [*changes("while it ran"), *master.messages()])
         # a day's series take seconds to compress; then it is told how it ended
         with interruptible():
@@ -178,6 +181,20 @@ def stepped(
         outcome.code = int(master.unfreed[0].code)
         tell("outcome", outcome)
     return outcome, results
+
+
+def _terminate(master: Master, outcome: Outcome) -> None:
+    """Terminate the components of a run that has not failed; it has where one of them does not
+    end, all of which is recorded by then."""
+    try:
+        master.terminate()
+    except ComponentError as error:
+        if outcome.status != "completed":  # that it was stopped says more
+            outcome.warnings += str(error).splitlines()
+            return
+        outcome.status, outcome.message = "failed", f"{error}, after the run"
+        if isinstance(error, EndedError):
+            outcome.code = int(error.code)
 
 
 def _along(case: Case, manifest: Manifest) -> Along | None:

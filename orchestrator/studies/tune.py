@@ -64,6 +64,8 @@ class Tuned:
     most: bool
     own: float
     best: float
+    searched: tuple[float, float]
+    """the range"""
     draws: int
     points: tuple[Point, ...]
     """by value"""
@@ -93,7 +95,7 @@ class Tuned:
                 f"{self.parameter} = {self.own:.4g} {self.unit} is the best of its range already."
             )
         won = told["higher"] if not self.most else told["lower"]
-        edge = self.best in (self.points[0].value, self.points[-1].value)
+        edge = self.best in self.searched
         verdict = ", at the edge of its range" if edge else ""
         verdict += "" if self.confirmed else "; that is not confirmed"
         return (
@@ -175,7 +177,8 @@ def tune(
     progress(f"{unseen} unseen draws")
     judges = rows([own, best], range(draws, draws + unseen))
     told, number_unit = _verdict(judges[0], judges[1], number, content)
-    return Tuned(target, parameter, unit, number, number_unit, most, own, best, draws, points, told)
+    return Tuned(target, parameter, unit, number, number_unit, most, own, best, (low, high), draws,
+                 points, told)  # fmt: skip
 
 
 def _parameter(source: Source, options: Options, name: str) -> tuple[Signal, float]:

@@ -122,17 +122,19 @@ def _one(folder: Path, kind: str, data: bytes, traced: Outcome | None) -> str:
 
 
 def _options(kind: str) -> Options:
-    return Options(step=1.0, stop=2.0, blocks=kind not in ("fmu", "xml", "ssp"))
+    theirs = kind in ("fmu", "ssp") or kind.startswith("xml")
+    return Options(step=1.0, stop=2.0, blocks=not theirs)
 
 
 def _wrapped(kind: str, data: bytes) -> bytes:
-    """The file with an input: a model description is within an archive."""
-    if kind != "xml":
+    """The file with an input: a model description, of any FMI, is within an archive."""
+    if not kind.startswith("xml"):
         return data
     buffer = io.BytesIO()
     with zipfile.ZipFile(buffer, "w") as made:
         made.writestr("modelDescription.xml", data)
-        made.writestr("binaries/linux64/theirs.so", b"")
+        for folder in ("linux64", "x86_64-linux"):  # of FMI 1.0 and 2.0, of FMI 3.0
+            made.writestr(f"binaries/{folder}/theirs.so", b"")
     return buffer.getvalue()
 
 

@@ -29,16 +29,24 @@ SSD = b"""<?xml version="1.0" encoding="UTF-8"?>
    </ssd:Component>
    <ssd:Component name="wheels" type="application/x-fmu-sharedlibrary"
     source="resources/SECOND.fmu">
-    <ssd:ParameterBindings><ssd:ParameterBinding source="p.ssv"/></ssd:ParameterBindings>
+    <ssd:ParameterBindings><ssd:ParameterBinding source="p.ssv">
+     <ssd:ParameterMapping source="p.ssm"/></ssd:ParameterBinding></ssd:ParameterBindings>
    </ssd:Component>
+   <ssd:SignalDictionaryReference name="bus" dictionary="signals"><ssd:Connectors>
+    <ssd:Connector name="x" kind="inout"><ssc:Real unit="N.m"/></ssd:Connector></ssd:Connectors>
+   </ssd:SignalDictionaryReference>
   </ssd:Elements>
   <ssd:Connections>
-   <ssd:Connection startElement="source" startConnector="tau_cmd_wheel[1]" endElement="wheels"
+   <ssd:Connection startElement="source" startConnector="tau_cmd_wheel[1]" endElement="bus"
+    endConnector="x"/>
+   <ssd:Connection startElement="bus" startConnector="x" endElement="wheels"
     endConnector="tau_cmd_wheel[1]"/>
    <ssd:Connection startElement="source" startConnector="tau_cmd_wheel[2]" endElement="wheels"
     endConnector="tau_cmd_wheel[2]" suppressUnitConversion="true">
     <ssc:LinearTransformation factor="2.0" offset="0.5"/></ssd:Connection>WIRES
   </ssd:Connections>
+  <ssd:SignalDictionaries><ssd:SignalDictionary name="signals" source="d.ssb"/>
+  </ssd:SignalDictionaries>
  </ssd:System>
  <ssd:DefaultExperiment startTime="0" stopTime="10"><ssd:Annotations>
   <ssc:Annotation type="com.opensimulationplatform"><osp:Algorithm>
@@ -57,6 +65,21 @@ SSV = b"""<?xml version="1.0" encoding="UTF-8"?>
  <ssv:Units><ssc:Unit name="turn"><ssc:BaseUnit rad="1" s="-1" factor="6.28"/></ssc:Unit>
  </ssv:Units>
 </ssv:ParameterSet>
+"""
+SSM = b"""<?xml version="1.0" encoding="UTF-8"?>
+<ssm:ParameterMapping xmlns:ssm="http://ssp-standard.org/SSP1/SystemStructureParameterMapping"
+ xmlns:ssc="http://ssp-standard.org/SSP1/SystemStructureCommon" version="1.0">
+ <ssm:MappingEntry source="speed_limit" target="speed_limit" suppressUnitConversion="false">
+  <ssc:LinearTransformation factor="0.5" offset="1.0"/></ssm:MappingEntry>
+ <ssm:MappingEntry source="seed" target="seed"/>
+</ssm:ParameterMapping>
+"""
+SSB = b"""<?xml version="1.0" encoding="UTF-8"?>
+<ssb:SignalDictionary xmlns:ssb="http://ssp-standard.org/SSP1/SystemStructureSignalDictionary"
+ xmlns:ssc="http://ssp-standard.org/SSP1/SystemStructureCommon" version="1.0">
+ <ssb:DictionaryEntry name="x"><ssc:Real unit="N.m"/></ssb:DictionaryEntry>
+ <ssb:Units><ssc:Unit name="N.m"><ssc:BaseUnit kg="1" m="2" s="-2"/></ssc:Unit></ssb:Units>
+</ssb:SignalDictionary>
 """
 ABOUT = json.dumps({
     "name": "small", "title": "Small", "story": "Two.", "cell": {"method": "x"},
@@ -179,6 +202,79 @@ XML = b"""<?xml version="1.0" encoding="UTF-8"?>
 <InitialUnknowns><Unknown index="3"/></InitialUnknowns></ModelStructure>
 </fmiModelDescription>
 """
+XML_1 = b"""<?xml version="1.0" encoding="UTF-8"?>
+<fmiModelDescription fmiVersion="1.0" modelName="theirs" modelIdentifier="theirs" guid="{1}"
+ numberOfContinuousStates="0" numberOfEventIndicators="0">
+<UnitDefinitions><BaseUnit unit="rad"><DisplayUnitDefinition displayUnit="deg" gain="57.3"/>
+</BaseUnit></UnitDefinitions>
+<TypeDefinitions><Type name="Torque"><RealType unit="N.m" min="-1" max="1"/></Type>
+</TypeDefinitions>
+<DefaultExperiment startTime="0.0" stopTime="1.0" tolerance="0.0001"/>
+<ModelVariables>
+<ScalarVariable name="u[1]" valueReference="0" causality="input"><Real start="0.0" unit="N.m"/>
+</ScalarVariable>
+<ScalarVariable name="u[2]" valueReference="1" causality="input"><Real start="0"/></ScalarVariable>
+<ScalarVariable name="tau_cmd_wheel[1]" valueReference="2" causality="output">
+<Real declaredType="Torque"/><DirectDependency><Name>u[1]</Name></DirectDependency></ScalarVariable>
+<ScalarVariable name="tau_cmd_wheel[2]" valueReference="3" causality="output"><Real/>
+</ScalarVariable>
+<ScalarVariable name="again" valueReference="3" causality="output" alias="alias"><Real/>
+</ScalarVariable>
+<ScalarVariable name="torque_limit" valueReference="4" causality="internal" variability="parameter">
+<Real start="1" unit="N.m"/></ScalarVariable>
+<ScalarVariable name="speed_limit" valueReference="5" causality="internal" variability="parameter">
+<Real start="1" unit="rad/s"/></ScalarVariable>
+<ScalarVariable name="h_start_wheel[1]" valueReference="6" causality="internal"
+ variability="parameter"><Real start="1" unit="N.m.s"/></ScalarVariable>
+<ScalarVariable name="seed" valueReference="0" causality="internal" variability="parameter">
+<Integer start="1" min="0" max="9"/></ScalarVariable>
+<ScalarVariable name="b" valueReference="0" causality="input"><Boolean start="true"/>
+</ScalarVariable>
+<ScalarVariable name="h_wheel[1]" valueReference="7" causality="output"><Real unit="N.m.s"/>
+</ScalarVariable>
+</ModelVariables>
+<Implementation><CoSimulation_StandAlone><Capabilities
+ canHandleVariableCommunicationStepSize="true"/></CoSimulation_StandAlone></Implementation>
+</fmiModelDescription>
+"""
+XML_3 = b"""<?xml version="1.0" encoding="UTF-8"?>
+<fmiModelDescription fmiVersion="3.0" modelName="theirs" instantiationToken="{1}" description="d">
+<CoSimulation modelIdentifier="theirs" canHandleVariableCommunicationStepSize="true"/>
+<UnitDefinitions><Unit name="N.m"><BaseUnit kg="1" m="2" s="-2" factor="1.0"/></Unit>
+<Unit name="rad/s"><BaseUnit rad="1" s="-1"/></Unit>
+<Unit name="N.m.s"><BaseUnit kg="1" m="2" s="-1"/></Unit>
+</UnitDefinitions>
+<TypeDefinitions><Float64Type name="Torque" unit="N.m" min="-1" max="1"/>
+<EnumerationType name="M"><Item name="off" value="0"/><Item name="on" value="1"/></EnumerationType>
+</TypeDefinitions>
+<DefaultExperiment startTime="0.0" stopTime="1.0" stepSize="0.1"/>
+<ModelVariables>
+<Float64 name="time" valueReference="0" causality="independent"/>
+<UInt64 name="n" valueReference="1" causality="structuralParameter" start="2"/>
+<Float64 name="u" valueReference="2" causality="input" start="0.0 0.5" unit="N.m">
+<Dimension valueReference="1"/></Float64>
+<Float64 name="tau_cmd_wheel" valueReference="5" causality="output" declaredType="Torque">
+<Dimension start="2"/></Float64>
+<Float32 name="torque_limit" valueReference="8" causality="parameter" variability="fixed" start="1"
+ unit="N.m"/>
+<Float64 name="speed_limit" valueReference="9" causality="parameter" variability="fixed" start="1"
+ unit="rad/s"/>
+<Float64 name="h_start_wheel" valueReference="10" causality="parameter" variability="fixed"
+ start="1" unit="N.m.s"><Dimension start="1"/></Float64>
+<Int32 name="seed" valueReference="12" causality="parameter" variability="fixed" start="1" min="0"/>
+<Boolean name="b" valueReference="13" causality="parameter" variability="fixed" start="true">
+<Annotations><Annotation type="desat"><Variable choices="a b" mean="true"/></Annotation>
+</Annotations></Boolean>
+<Enumeration name="m" declaredType="M" valueReference="14" causality="input" start="1"/>
+<String name="said" valueReference="15" causality="parameter"><Start value="x"/></String>
+<Binary name="blob" valueReference="16" causality="input"/>
+<Float64 name="h_wheel" valueReference="17" causality="output" unit="N.m.s"><Dimension start="1"/>
+</Float64>
+</ModelVariables>
+<ModelStructure><Output valueReference="5" dependencies="2"/><Output valueReference="17"/>
+<InitialUnknown valueReference="5"/></ModelStructure>
+</fmiModelDescription>
+"""
 
 
 def _zip(entries: dict[str, bytes]) -> bytes:
@@ -209,19 +305,24 @@ THEIRS = THEIRS.replace(b'endConnector="tau_cmd_wheel[', b'endConnector="u[')
 def seeds() -> dict[str, bytes]:
     """A seed of each kind of file."""
     fmu = _zip({"modelDescription.xml": XML, "binaries/linux64/theirs.so": b""})
-    files = {"SystemStructure.ssd": THEIRS, "p.ssv": SSV, "extra/desat/scenario.json": ABOUT,
-             "resources/theirs.fmu": fmu}  # fmt: skip
-    return {"ssd": OURS, "ssv": SSV, "json": ABOUT, "toml": TOML, "craft": CRAFT, "xml": XML,
-            "fmu": fmu, "ssp": _zip(files)}  # fmt: skip
+    files = {"SystemStructure.ssd": THEIRS, "p.ssv": SSV, "p.ssm": SSM, "d.ssb": SSB,
+             "extra/desat/scenario.json": ABOUT, "resources/theirs.fmu": fmu}  # fmt: skip
+    return {"ssd": OURS, "ssv": SSV, "ssm": SSM, "ssb": SSB, "json": ABOUT, "toml": TOML,
+            "craft": CRAFT, "xml": XML, "xml1": XML_1, "xml3": XML_3, "fmu": fmu,
+            "ssp": _zip(files)}  # fmt: skip
 
 
 TARGETS = {
     "ssd": ("ours", "ours/SystemStructure.ssd"),
     "ssv": ("ours", "ours/p.ssv"),
+    "ssm": ("ours", "ours/p.ssm"),
+    "ssb": ("ours", "ours/d.ssb"),
     "json": ("ours", "ours/extra/desat/scenario.json"),
     "toml": ("own/own.toml", "own/own.toml"),
     "craft": ("own/own.toml", "own/craft.toml"),
     "xml": ("theirs", "theirs/resources/theirs.fmu"),
+    "xml1": ("theirs", "theirs/resources/theirs.fmu"),
+    "xml3": ("theirs", "theirs/resources/theirs.fmu"),
     "fmu": ("theirs", "theirs/resources/theirs.fmu"),
     "ssp": ("packed.ssp", "packed.ssp"),
 }
@@ -229,11 +330,15 @@ TARGETS = {
 FILES: dict[str, Callable[[], bytes]] = {
     "ours/SystemStructure.ssd": lambda: OURS,
     "ours/p.ssv": lambda: SSV,
+    "ours/p.ssm": lambda: SSM,
+    "ours/d.ssb": lambda: SSB,
     "ours/extra/desat/scenario.json": lambda: ABOUT,
     "own/own.toml": lambda: TOML,
     "own/craft.toml": lambda: CRAFT,
     "theirs/SystemStructure.ssd": lambda: THEIRS,
     "theirs/p.ssv": lambda: SSV,
+    "theirs/p.ssm": lambda: SSM,
+    "theirs/d.ssb": lambda: SSB,
     "theirs/resources/theirs.fmu": lambda: seeds()["fmu"],
 }
 """The files around."""

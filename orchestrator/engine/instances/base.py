@@ -89,8 +89,25 @@ class Instance(Protocol):
         """Of one in a process of its own: add to `messages` what the component has changed there,
         which is put back."""
 
+    def terminate(self) -> None:
+        """End a simulation that has not failed. Raises ComponentError where it does not end."""
+
     def close(self) -> None:
         """Free the component. May be called at any time, also twice."""
+
+
+_WARNED = " returned warning"
+
+
+def warn_of(instance: Instance, call: str, when: str = "") -> None:
+    """Have an instance say once that a call returned a warning, which is no failure."""
+    if not any(text.startswith(f"{call}{_WARNED}") for text in instance.messages):
+        instance.messages.append(f"{call}{_WARNED}{when}")
+
+
+def is_of_status(text: str) -> bool:
+    """Whether a message is one of `warn_of`, and not the component's own."""
+    return _WARNED in text
 
 
 def each(calls: Iterable[Callable[[], None]]) -> None:

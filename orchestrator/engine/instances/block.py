@@ -100,6 +100,9 @@ class BlockInstance:
     def look(self) -> None:
         pass
 
+    def terminate(self) -> None:
+        pass
+
     def close(self) -> None:
         pass
 

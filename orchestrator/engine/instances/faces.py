@@ -8,6 +8,7 @@ through a buffer of the FMU's type.
 from __future__ import annotations
 
 import ctypes
+import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import cache, partial
 from typing import Any, ClassVar, Literal, NamedTuple
@@ -27,7 +28,10 @@ from ...system.interface import KINDS, Interface, Signal
 from .base import Array
 
 Way = Literal["Set", "Get"]
-_ERROR = 3
+_DISCARD, _ERROR = 2, 3
+NEAR = 0.01
+"""So far from its end, as a share of it, a step of FMI 3.0 may say that it ended: an FMU that adds
+up its time has the sum's rounding, 0.002 of a step of 0.1 s after 10^7."""
 _INT32 = np.iinfo(np.int32)
 
 _listeners: dict[int, list[str]] = {}
@@ -71,7 +75,10 @@ class Face:
     names: ClassVar[tuple[str, ...]]
     """The functions that are called without fmpy, those of a step among them."""
     reset: ClassVar[str]
+    terminate: ClassVar[str]
     free: ClassVar[str]
+    version: ClassVar[str]
+    """What its library may say of which FMI it is, as a pattern."""
 
     def __init__(self, fmu: Any, calls: Mapping[str, Any], interface: Interface) -> None:
         self.fmu, self._calls, self._interface = fmu, calls, interface
@@ -104,8 +111,8 @@ class Face:
         """A buffer of a serialised state as the functions of fmpy take it."""
         return of
 
-    def why(self) -> str:
-        """What of the last calls failed here and not in the FMU; else nothing."""
+    def why(self, status: int) -> str:
+        """What is known of a failure, of this status, beside what the FMU has logged."""
         return ""
 
     @staticmethod
@@ -144,11 +151,15 @@ def _callbacks() -> fmi2CallbackFunctions:
     return made
 
 
+_LAST_SUCCESSFUL_TIME, _TERMINATED = 2, 3  # of fmi2StatusKind
+
+
 class Fmi2(Face):
     """FMI 2.0: scalars of three types."""
 
     prefix, state, deserialise, slave = "fmi2", "FMUstate", "fmi2DeSerializeFMUstate", FMU2Slave
-    reset, free = "fmi2Reset", "fmi2FreeInstance"
+    reset, terminate, free = "fmi2Reset", "fmi2Terminate", "fmi2FreeInstance"
+    version = r"2\.0(\.\d+)?"
     # fmi2GetReal(c, references, n, values) and so on; fmi2DoStep(c, t, dt, no set state before)
     names = (*(f"fmi2{way}{kind}" for way in ("Get", "Set") for kind in KINDS), "fmi2DoStep")
 
@@ -179,6 +190,18 @@ class Fmi2(Face):
         call = self._function(name, c, t, dt, ctypes.c_int(no_state_before))
         return Prepared(call, "STEP", 1, (self._address(name), self.c, t, dt))
 
+    def why(self, status: int) -> str:
+        ended, last = ctypes.c_int(0), ctypes.c_double(math.nan)
+        if status != _DISCARD or not self._ask("Boolean", _TERMINATED, ended) or not ended.value:
+            return ""
+        self._ask("Real", _LAST_SUCCESSFUL_TIME, last)
+        return f"it asks for the end of the simulation at t = {last.value:g} s"
+
+    def _ask(self, kind: str, of: int, answer: Any) -> bool:
+        """Have a status of the last step written into `answer`; whether there is such a one."""
+        function = self.fmu.dll[f"fmi2Get{kind}Status"]
+        return function(ctypes.c_void_p(self.c), of, ctypes.byref(answer)) in (0, 1)
+
 
 # --- FMI 3.0 ------------------------------------------------------------------------------------
 
@@ -205,7 +228,7 @@ class _Done(ctypes.Structure):
 
     _fields_ = (
         ("event", ctypes.c_bool), ("terminate", ctypes.c_bool), ("early", ctypes.c_bool),
-        ("last", ctypes.c_double),
+        ("whole", ctypes.c_bool), ("last", ctypes.c_double),
     )  # fmt: skip
 
 
@@ -213,7 +236,8 @@ class Fmi3(Face):
     """FMI 3.0: arrays, and more types; no event mode, no early return, no intermediate update."""
 
     prefix, state, deserialise, slave = "fmi3", "FMUState", "fmi3DeserializeFMUState", FMU3Slave
-    reset, free = "fmi3Reset", "fmi3FreeInstance"
+    reset, terminate, free = "fmi3Reset", "fmi3Terminate", "fmi3FreeInstance"
+    version = r"3\.0(\.\d+)?"
     # fmi3GetFloat64(c, references, n, values, n values) and so on
     names = (*(f"fmi3{way}{name}" for way in ("Get", "Set")
                for name in dict.fromkeys(name for name, _ in TYPES.values())),
@@ -221,7 +245,7 @@ class Fmi3(Face):
 
     def __init__(self, fmu: Any, calls: Mapping[str, Any], interface: Interface) -> None:
         super().__init__(fmu, calls, interface)
-        self._done = _Done()
+        self._done = _Done(whole=True)
         self._arrays: dict[int, list[Signal]] = {}
         """The elements of each variable, by its value reference."""
         for s in interface.signals.values():
@@ -314,21 +338,29 @@ class Fmi3(Face):
         )  # fmt: skip
 
         def step() -> int:
-            done.terminate = done.early = False
+            done.event = done.terminate = done.early = False
+            done.last = end = t.value + dt.value
             status = call()
-            return _ERROR if status <= 1 and (done.terminate or done.early) else status
+            done.whole = status > 1 or abs(done.last - end) <= NEAR * dt.value
+            other = done.terminate or done.early or done.event or not done.whole
+            return _ERROR if status <= 1 and other else status
 
         return Prepared(step, "STEP_3", 1, (self._address("fmi3DoStep"), self.c, t, dt, done))
 
     def bytes(self, of: Any) -> Any:
         return ctypes.cast(of, ctypes.POINTER(ctypes.c_uint8))
 
-    def why(self) -> str:
+    def why(self, status: int) -> str:
         if self._done.terminate:
             return f"it asks for the end of the simulation at t = {self._done.last:g} s"
         if self._done.early:
             return (f"it returned early, at t = {self._done.last:g} s, which desat does not offer "
                     "(earlyReturnAllowed is false)")  # fmt: skip
+        if self._done.event:
+            return (f"it wants an event handled at t = {self._done.last:g} s, which desat does not "
+                    "offer (eventModeUsed is false)")  # fmt: skip
+        if not self._done.whole:
+            return f"it says ok, but came to t = {self._done.last:g} s (lastSuccessfulTime)"
         for signals, values, index, (low, high) in self._checked:
             for s, x in zip(signals, values[index], strict=True):
                 if x < low or x > high:
@@ -376,7 +408,9 @@ def _callbacks_1() -> fmi1CallbackFunctions:
 class Fmi1(Fmi2):
     """FMI 1.0: no initialisation mode, truth values of one byte, no state."""
 
-    prefix, slave, reset, free = "fmi1", FMU1Slave, "fmi1ResetSlave", "fmi1FreeSlaveInstance"
+    prefix, slave, reset = "fmi1", FMU1Slave, "fmi1ResetSlave"
+    terminate, free = "fmi1TerminateSlave", "fmi1FreeSlaveInstance"
+    version = r"1\.0"
     names = (*(f"fmi1{way}{kind}" for way in ("Get", "Set") for kind in KINDS), "fmi1DoStep",
              "fmi1InitializeSlave")  # fmt: skip
 
@@ -399,6 +433,9 @@ class Fmi1(Fmi2):
     def end(self) -> tuple[Any, ...]:
         no = ctypes.c_char(0)
         return ("fmi1InitializeSlave", ctypes.c_double(self._start), no, ctypes.c_double(0.0))
+
+    def why(self, status: int) -> str:
+        return ""  # it has no word for the end of a simulation
 
     def moves(self, way: Way, signals: Sequence[Signal], values: Array) -> list[Prepared]:
         if signals[0].kind != "Boolean":

@@ -5,6 +5,7 @@ from __future__ import annotations
 import atexit
 import ctypes
 import os
+import re
 from collections.abc import Callable, Mapping, Sequence
 from functools import cache
 from pathlib import Path
@@ -17,14 +18,16 @@ from desat.components.contract.block import Scalar
 
 from ...files.fmu import description_of
 from ...files.library import Fmu
-from ...system.errors import DesatError
+from ...system.errors import DesatError, plain
 from ...system.interface import KINDS, Kind, Signal
 from ...system.model import Component
-from .base import DTYPE, Array, Clock, ComponentError
+from .base import DTYPE, Array, Clock, ComponentError, is_of_status, warn_of
 from .faces import FACES, Face, Prepared, forget, listen
 
 _STATUS = ("ok", "warning", "discard", "error", "fatal", "pending")
 _DISCARD = _STATUS.index("discard")
+_UNSIGNED = 1 << 32
+"""A status below 0, which fmpy takes for one that is in order, is as much less than this."""
 
 
 class _Library:
@@ -53,6 +56,9 @@ class _Library:
         except Exception as error:  # fmpy raises plain Exception
             text = str(error).replace(f"{folder}/", "")
             raise DesatError(f"{description.modelName}: {text}") from error
+        said = getattr(self.fmu, f"{face.prefix}GetVersion")()
+        self.version = plain((said or b"none").decode(errors="replace"))
+        """Of FMI, by what the library says."""
         self.places: Any = None
         """Of our native FMUs: where values lie (fmi2.c)."""
         if ours and hasattr(self.fmu.dll, "desat_places"):
@@ -81,7 +87,7 @@ class Moves(NamedTuple):
 
 
 def _last(name: str, messages: Sequence[str]) -> str:
-    said = messages[-1] if messages else ""
+    said = next((text for text in reversed(messages) if not is_of_status(text)), "")
     return f": {said.removeprefix(f'{name}: ')}" if said else ""  # so our adapter begins
 
 
@@ -104,6 +110,12 @@ class FmuInstance:
         if self._library.once and self._library.instances:
             raise DesatError(f"{self.name}: {fmu.path.name} allows one instance per process")
         face = FACES[fmu.interface.fmi]
+        if not re.fullmatch(face.version, self._library.version):
+            raise DesatError(
+                f"{self.name}: {fmu.path.name}: its library says that it is of FMI "
+                f"{self._library.version} ({face.exported(f'{face.prefix}GetVersion', '')}), its "
+                f"modelDescription.xml of FMI {fmu.interface.fmi}: both must be the same"
+            )
         self._face = face(self._library.fmu, self._library.calls, fmu.interface)
         self._before = ctypes.c_void_p()
         """Its state before a step that may be halved."""
@@ -119,25 +131,32 @@ class FmuInstance:
         return _last(self.name, self.messages)
 
     def failed(self, what: str, status: int) -> ComponentError:
-        self.note()
+        self.note(status)
         return failure(self.name, what, status, self.messages)
 
-    def note(self) -> None:
-        """Once something has failed: what of it is no failure of the FMU's own is a message."""
-        if (why := self._face.why()) and why not in self.messages[-1:]:
+    def note(self, status: int) -> None:
+        """Once something has failed: what is known of it beside what the FMU says is a message."""
+        if (why := self._face.why(status)) and why not in self.messages[-1:]:
             self.messages.append(why)
 
     def _call(self, name: str, *arguments: Any) -> None:
         try:
             if (function := self._library.calls.get(name)) is not None:
-                if (status := function(ctypes.c_void_p(self._c), *arguments)) > 1:
-                    raise self.failed(name, status)
-                return
-            getattr(self._library.fmu, name)(self._c, *arguments)
+                status = function(ctypes.c_void_p(self._c), *arguments)
+            else:
+                status = getattr(self._library.fmu, name)(self._c, *arguments) % _UNSIGNED
         except FMICallException as error:
-            raise self.failed(name, error.status) from error
+            status = error.status
         finally:
             self._back()
+        self._judge(name, status)
+
+    def _judge(self, what: str, status: int) -> None:
+        """Raise the error of a status, or say that it is a warning."""
+        if status > 1:
+            raise self.failed(what, status)
+        if status:
+            warn_of(self, what)
 
     def _back(self, status: int = 0) -> int:
         """The status of a call that has come back; where the component has forked a process, and
@@ -226,8 +245,8 @@ class FmuInstance:
                 if kind == "Integer" and not -(1 << 31) <= value < 1 << 31:
                     raise ComponentError(f"{self.name}: {s.name} = {value} is beyond 32 bits")
             values = np.array([value for _, value in pairs], DTYPE[kind])  # type: ignore[index]
-            if (status := self._now("Set", [s for s, _ in pairs], values)) > 1:
-                raise self.failed(f"setting {pairs[0][0].name} …", status)
+            status = self._now("Set", [s for s, _ in pairs], values)
+            self._judge(f"setting {pairs[0][0].name} …", status)
         for name, *arguments in self._face.begin(start):
             self._call(name, *arguments)
 
@@ -237,7 +256,7 @@ class FmuInstance:
         fault = self._interface.signals.get("fault")
         if fault is not None and fault.kind == "Boolean" and fault.causality == "output":
             value = np.zeros(1, DTYPE["Boolean"])
-            self._now("Get", [fault], value)
+            self._judge("reading fault", self._now("Get", [fault], value))
             if value[0]:
                 raise ComponentError(f"{self.name}{self._said()}")
 
@@ -280,6 +299,9 @@ class FmuInstance:
 
     def look(self) -> None:
         pass
+
+    def terminate(self) -> None:
+        self._call(self._face.terminate)
 
     def close(self) -> None:
         if self._c:

@@ -36,9 +36,21 @@ from ...system.errors import DesatError, Exit
 from ...system.interface import KINDS, Interface, Kind, Signal
 from ...system.model import Component
 from .. import current_call
-from ..current_call import ENTER, EXIT, FREE, INSTANTIATE, PULL, PUSH, RESTORE, SAVE, STEP
+from ..current_call import (
+    ENTER,
+    EXIT,
+    FREE,
+    INSTANTIATE,
+    PULL,
+    PUSH,
+    RESTORE,
+    SAVE,
+    STEP,
+    TERMINATE,
+    VERBS,
+)
 from ..process_state import kept
-from .base import DTYPE, Array, Clock, ComponentError, EndedError
+from .base import DTYPE, Array, Clock, ComponentError, EndedError, warn_of
 from .fmu import FmuInstance, failure
 
 CAN = hasattr(os, "fork")
@@ -134,6 +146,8 @@ class IsolatedInstance:
             self._hear("messages")
         if (status := self._words[SET]) > 1:
             raise self.failed(current_call.told(PUSH), status)
+        if status:
+            warn_of(self, VERBS[PUSH], f", the first time at t = {current_call.time[0]:g} s")
 
     # --- calls that are rare ------------------------------------------------------------------
 
@@ -154,6 +168,9 @@ class IsolatedInstance:
         """Add what the component has changed of its process, which is put back, to what it said."""
         if self._socket is not None and not self._ended:
             self._hear("look")
+
+    def terminate(self) -> None:
+        self._ask("terminate")
 
     def close(self) -> None:
         if self._socket is None:
@@ -256,7 +273,8 @@ class IsolatedInstance:
 # `isolated.py` is the other side.
 
 
-_VERBS = {"enter": ENTER, "exit": EXIT, "save": SAVE, "restore": RESTORE, "close": FREE}
+_VERBS = {"enter": ENTER, "exit": EXIT, "save": SAVE, "restore": RESTORE, "terminate": TERMINATE,
+          "close": FREE}  # fmt: skip
 DOING, DUE, SET, MADE, READ, SAID, OPEN = range(7)
 """The shared words: the verb that the process is in; whether inputs are to be set; the statuses of
 setting them, of the step and of reading outputs; how many messages there are; whether a turn is
@@ -331,8 +349,8 @@ class _There:
         if words[SET] <= 1 and 0 <= words[MADE] <= 1:
             words[DOING] = PULL
             words[READ] = instance.pull()
-        if max(words[SET], words[MADE], words[READ]) > 1:
-            instance.note()
+        if (worst := max(words[SET], words[MADE], words[READ])) > 1:
+            instance.note(worst)
         words[SAID] = len(instance.messages)
         words[OPEN] = 0  # the last that it does
 
