@@ -12,6 +12,7 @@ import subprocess
 import sys
 import threading
 import time
+import zipfile
 from dataclasses import FrozenInstanceError
 from pathlib import Path
 
@@ -25,6 +26,10 @@ from scipy.io import loadmat
 
 import desat as desat_package
 from desat.analyses.manifest import Manifest
+from desat.engine.ending import NEVER
+from desat.engine.loop import run as step_on
+from desat.engine.loop import stepping
+from desat.engine.master import Master
 from desat.engine.recording import recorder as recorder_module
 from desat.engine.recording import results as results_module
 from desat.engine.recording import series_file, shared_tables
@@ -41,6 +46,8 @@ from desat.report.export import export, no_formula
 from desat.runs.manifest import read_manifest
 from desat.runs.prepare import read
 from desat.runs.run import Options, execute, load_run
+from desat.system.check import check
+from desat.system.draft import Draft, DraftComponent
 from desat.system.errors import DesatError
 from desat.system.interface import of_block
 from desat.system.parameters import Parameter
@@ -475,3 +482,46 @@ def test_what_was_made_lately_is_kept_within_bounds(folder, monkeypatch):
         assert results.recent("a", lambda: np.ones(10)) is not first
         large = results.recent("c", lambda: np.ones(100))
         assert results.recent("c", lambda: np.zeros(100)) is large
+
+
+# --- names of foreign arrays --------------------------------------------------------------------
+
+ELEMENTS = [
+    (["x[1]", "x[2]", "x[3]"], {"x": [0, 1, 2]}),
+    (["x[3]", "x[5]", "x[6]"], {"x[3]": [0], "x[5]": [1], "x[6]": [2]}),
+    (["x[0]", "x[1]", "x[2]"], {"x[0]": [0], "x[1]": [1], "x[2]": [2]}),
+    (["x[2]", "x[1]", "y"], {"x[2]": [0], "x[1]": [1], "y": [2]}),
+    (["x[1]", "y", "x[2]"], {"x[1]": [0], "y": [1], "x[2]": [2]}),
+    (["x", "x[1]", "y"], {"x": [0], "x[1]": [1], "y": [2]}),
+    (["x[1,1]", "x[1,2]", "y"], {"x": [0, 1], "y": [2]}),
+    (["x[a]", "x[b]", "y"], {"x[a]": [0], "x[b]": [1], "y": [2]}),
+]
+"""Names of three outputs in the order of the description, and the series that they make."""
+
+
+@pytest.mark.parametrize(("names", "series"), ELEMENTS, ids=lambda x: " ".join(x))
+def test_a_foreign_array_keeps_its_own_names(tmp_path, names, series):
+    """They were numbered anew, in the order of the description, and what stood between them was
+    one of them."""
+    folder = tmp_path / "mine"
+    with zipfile.ZipFile(ROOT / "fmus/dist/native/magnetometer.fmu") as archive:
+        archive.extractall(folder)
+    xml = folder / "modelDescription.xml"
+    text = xml.read_text()
+    for i, name in enumerate(names, 1):
+        assert f'name="b_body[{i}]"' in text
+        text = text.replace(f'name="b_body[{i}]"', f'name="{name}"')
+    xml.write_text(text)
+    b = {f"b_eci[{i + 1}]": 1e-5 * (i + 1) for i in range(3)}
+    interface = library.load(folder).interface
+    part = DraftComponent("mine", "mine.fmu", fmu=folder, interface=interface, parameters=b)
+    checked = check(Draft("mine", "here", {"mine": part}, [], step=1.0, stop=3.0))
+    with Master(*checked.or_raise()) as m:
+        m.initialise()
+        recorder = Recorder(None, m)
+        step_on(m, stepping(m, recorder, NEVER, "python"), 3, recorder)
+        with recorder.finish(m) as results:
+            kept = {n: results.values(n)[0] for n in results.names() if n != "mine.valid"}
+    assert kept.keys() == {f"mine.{n}" for n in series}
+    for name, places in series.items():
+        assert np.atleast_1d(kept[f"mine.{name}"]).tolist() == [1e-5 * (i + 1) for i in places]
