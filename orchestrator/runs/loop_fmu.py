@@ -122,7 +122,7 @@ def _unit(component: Component) -> tuple[str, str]:
         if f"sources/{model}.c" not in archive.namelist():
             raise DesatError(f"{name}: {model} has no C, it runs as Python; {instead}")
         text = archive.read(f"sources/{model}.c").decode()
-    return model, text.replace("the_block", f"{model}_block")
+    return model, text.replace("desat_the_block", f"desat_{model}_block")
 
 
 def _block(
