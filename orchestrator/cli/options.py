@@ -80,6 +80,18 @@ def number(asked: Quantity, metavar: str, text: str) -> Any:
     return typer.Option(asked.option, parser=asked.__call__, metavar=metavar, help=text)
 
 
+def written(option: str, text: str) -> Any:
+    """An option that names a file to write: what cannot be written is refused at once."""
+
+    def checked(given: str | Path) -> Path:
+        from ..files.io import place_of
+
+        place_of(Path(given), option)
+        return Path(given)
+
+    return typer.Option(option, parser=checked, metavar="FILE", show_default=False, help=text)
+
+
 def refuse(ctx: typer.Context, why: str, *names: str) -> None:
     """Raise DesatError, which names it, for an option that is typed and would be ignored."""
     for param in ctx.command.params:

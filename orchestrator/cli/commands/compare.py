@@ -57,7 +57,7 @@ def compare(
     time_limit: o.TimeLimit = None,
     jobs: o.Jobs = o.CPUS,
     html: Annotated[
-        Path | None, typer.Option(help="Where the page goes (default: runs/compare-A-B.html).")
+        Path | None, o.written("--html", "Where the page goes (default: runs/compare-A-B.html).")
     ] = None,
     as_json: o.Json = False,
 ) -> None:  # fmt: skip

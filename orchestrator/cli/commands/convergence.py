@@ -37,7 +37,8 @@ def convergence(
     blocks: o.Blocks = False,
     jobs: o.Jobs = o.CPUS,
     html: Annotated[
-        Path | None, typer.Option(help="Where the page goes (default: runs/convergence-NAME.html).")
+        Path | None,
+        o.written("--html", "Where the page goes (default: runs/convergence-NAME.html)."),
     ] = None,
     as_json: o.Json = False,
 ) -> None:

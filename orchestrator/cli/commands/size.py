@@ -72,7 +72,7 @@ def size(
     blocks: o.Blocks = False,
     jobs: o.Jobs = o.CPUS,
     html: Annotated[
-        Path | None, typer.Option(help="Where the page goes (default: runs/size-NAME.html).")
+        Path | None, o.written("--html", "Where the page goes (default: runs/size-NAME.html).")
     ] = None,
     as_json: o.Json = False,
 ) -> None:
