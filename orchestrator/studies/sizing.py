@@ -33,11 +33,11 @@ from desat.components.laws.least_firing import programme
 from ..numbers.derived import cross, rotate_back
 from ..runs.prepare import Case, Source, prepare, read
 from ..runs.run import simulate
+from ..system import asked
 from ..system.errors import DesatError
 from ..system.model import Component, System
 from ..system.options import Options
 from ..system.parameters import value_of
-from . import asked
 from .fitting import Terms, fitting, prepared, terms_of
 from .flight import (
     Attitude,

@@ -19,10 +19,10 @@ from desat.components.bases.orbit_start import MEAN
 from desat.components.physics.orbit import EARTH_RADIUS
 
 from ..runs.prepare import prepare, read
+from ..system import asked
 from ..system.errors import DesatError
 from ..system.model import System
 from ..system.options import Options
-from . import asked
 from .fitting import terms_of
 from .flight import (
     Attitude,

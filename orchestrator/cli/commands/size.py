@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from rich.table import Table
 
-from ...studies import asked
+from ...system import asked
 from ...system.errors import DesatError, Exit
 from .. import options as o
 from ..console import app, err, name_of, out, print_json
