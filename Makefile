@@ -29,7 +29,7 @@ check: .venv/.installed ## lint, types, and blocks within what translates to C
 	$(BIN)/python -m desat.fmus.subset
 
 HOURS ?= 1
-fuzz: fmus ## mutated files through all readers, for HOURS; what fails is kept in tests/fuzz/corpus
+fuzz: fmus ## mutated files through all readers, changed command lines, for HOURS; what fails is kept in tests/fuzz/corpus
 	$(BIN)/python tests/fuzz --seed $$(date +%s) --hours $(HOURS)
 
 builds: fmus ## native FMUs by a second compiler (package ziglang, or CC) and under sanitizers: same bits?

@@ -17,6 +17,8 @@ from fmpy import extract, read_model_description
 from fmpy.fmi2 import FMU2Slave
 from numpy.typing import NDArray
 
+_PREFIX = re.compile(r"\b(?:desat|DESAT)_")
+"""Of names of C: in the C++ each block has a namespace."""
 _STATIC = re.compile(r"^static (?!inline)(.*)$", re.M)
 _MEMORY = re.compile(r"^ +static PY_THREAD (struct \{.*\}) (\w+);$", re.M)
 _VARIABLE = re.compile(r"^    \{\"[^\"]*\", (offsetof\(.*?), '[RIB]', ", re.M)
@@ -63,10 +65,10 @@ class Unit:
         self._description = read_model_description(self._folder)
         with zipfile.ZipFile(fmu) as archive:
             self._sources = {
-                Path(n).stem: archive.read(n).decode()
+                Path(n).stem: _PREFIX.sub("", archive.read(n).decode())
                 for n in archive.namelist() if n.startswith("sources/") and n.endswith(".c")
             }  # fmt: skip
-            self._header = archive.read("sources/block.h").decode()
+            self._header = _PREFIX.sub("", archive.read("sources/block.h").decode())
         assert self._description.coSimulation is not None
         self._loop = self._sources[self._description.coSimulation.modelIdentifier]
         head = self._loop.partition("parts[PARTS] = {")[2].partition("};")[0]

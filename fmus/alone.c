@@ -5,44 +5,44 @@ typedef struct py_frame {
     struct py_frame *outer;
 } py_frame;
 
-static py_frame *top, *first;
-static int kind_caught;
+static py_frame *py_top, *py_first;
+static int py_kind_caught;
 
-enum { DEEPEST = 256 << 10, LONGEST = 1000 };
+enum { PY_DEEPEST = 256 << 10, PY_LONGEST = 1000 };
 
 static void py_try(py_frame *frame)
 {
-    if (top == NULL) first = frame;
-    frame->outer = top;
-    top = frame;
+    if (py_top == NULL) py_first = frame;
+    frame->outer = py_top;
+    py_top = frame;
 }
 
 #define PY_TRY(frame) (py_try(&(frame)), setjmp((frame).jump) == 0)
 
-static void py_end_try(void) { top = top->outer; }
+static void py_end_try(void) { py_top = py_top->outer; }
 
 static PY_NORETURN void py_raise_again(void)
 {
-    py_frame *frame = top;
-    top = frame->outer;
+    py_frame *frame = py_top;
+    py_top = frame->outer;
     longjmp(frame->jump, 1);
 }
 
 static PY_NORETURN void py_raise(int kind, const char *text)
 {
     (void)text;
-    kind_caught = kind;
+    py_kind_caught = kind;
     py_raise_again();
 }
 
 static void py_recursion(void)
 {
     const char here = 0;
-    const intptr_t deep = (intptr_t)&here - (intptr_t)first;
-    if (PY_RARE(deep > DEEPEST || deep < -DEEPEST)) py_raise(PY_RUNTIME_ERROR, "");
+    const intptr_t deep = (intptr_t)&here - (intptr_t)py_first;
+    if (PY_RARE(deep > PY_DEEPEST || deep < -PY_DEEPEST)) py_raise(PY_RUNTIME_ERROR, "");
 }
 
-static bool py_caught(int kinds) { return (kinds >> kind_caught & 1) != 0; }
+static bool py_caught(int kinds) { return (kinds >> py_kind_caught & 1) != 0; }
 static const char *py_caught_text(void) { return ""; }
 static const char *py_caught_name(void) { return ""; }
 
@@ -65,18 +65,18 @@ static PY_NORETURN void py_not_integer(double x)
 }
 
 /* the keys of noise are texts; the numbers of messages are left out of them */
-static char texts[LONGEST];
-static int at;
+static char py_texts[PY_LONGEST];
+static int py_at;
 
-static void py_text_begin(void) { texts[at = 0] = 0; }
+static void py_text_begin(void) { py_texts[py_at = 0] = 0; }
 
 static void py_text(const char *text)
 {
-    while (*text && at < LONGEST - 1) texts[at++] = *text++;
-    texts[at] = 0;
+    while (*text && py_at < PY_LONGEST - 1) py_texts[py_at++] = *text++;
+    py_texts[py_at] = 0;
 }
 
-static const char *py_text_end(void) { return texts; }
+static const char *py_text_end(void) { return py_texts; }
 static void py_text_float(double x) { (void)x; }
 static void py_text_int(int64_t x) { (void)x; }
 static void py_text_mask(uint64_t x) { (void)x; }

@@ -20,10 +20,11 @@ FAILURES = Path(__file__).with_name("alone.c")
 FLAGS = ("-std=c99", "-O2", "-ffp-contract=off")
 KINDS = ("BLOCK_ERROR", "VALUE_ERROR", "ZERO_DIVISION", "OVERFLOW", "INDEX_ERROR", "TYPE_ERROR",
          "RUNTIME_ERROR", "STOP_ITERATION")  # fmt: skip
-_TYPE = re.compile(r"^typedef (struct \{.*\}) (\w+);$", re.M)
+_TYPE = re.compile(r"^typedef (struct \{.*\}) desat_(\w+);$", re.M)
 _VARIABLE = re.compile(
     r"^    \{\"(.*?)\", (offsetof\(.*?), '([RIB])', '([iop])', (.*?), (.*?), \"", re.M
 )
+_AT_START = "static const desat_block desat_at_start"
 _KIND = {"R": "double", "I": "int64_t", "B": "bool"}
 _PROTOTYPE = re.compile(r"^(?! )(?=(?:double|int64_t) \w+\()", re.M)
 
@@ -57,14 +58,12 @@ def alone(fmu: Path, compilers: Sequence[Sequence[str]] = ()) -> tuple[dict[str,
     with zipfile.ZipFile(fmu) as archive:
         files = {n: archive.read(f"sources/{n}").decode()
                  for n in (f"{name}.c", "block.h", "runtime.c")}  # fmt: skip
-    code, _, table = files[f"{name}.c"].partition("static const block at_start")
-    struct = re.search(r"^struct block \{.*?^\};\n", code, re.M | re.S)
+    code, _, table = files[f"{name}.c"].partition(_AT_START)
+    struct = re.search(r"^struct desat_block \{.*?^\};\n", code, re.M | re.S)
     assert struct is not None
     types = _TYPE.findall(code)
     about = code.partition("#include")[0]
-    source = _source(
-        name, files, code.replace(struct[0], ""), "static const block at_start" + table
-    )
+    source = _source(name, files, code.replace(struct[0], ""), _AT_START + table)
     header = _header(name, about, struct[0], types, _VARIABLE.findall(table))
     made = {f"{name}.h": header.replace("@SIZES@", ""), f"{name}.c": source}
     sizes = [measured(name, made, command) for command in compilers]
@@ -78,8 +77,8 @@ def _header(
 ) -> str:  # fmt: skip
     def renamed(text: str) -> str:
         for _, of in types:
-            text = re.sub(rf"\b{of}\b", f"{name}_{of}", text)
-        return re.sub(r"\bblock \*", f"{name} *", text)
+            text = re.sub(rf"\bdesat_{of}\b", f"{name}_{of}", text)
+        return re.sub(r"\bdesat_block \*", f"{name} *", text)
 
     words = {"i": "inputs", "o": "outputs", "p": "parameters"}
     of: dict[str, dict[str, None]] = {c: {} for c in words}
@@ -112,7 +111,7 @@ def _header(
 
 typedef struct {name} {name};
 {"".join(f"typedef {renamed(body)} {name}_{of};" + chr(10) for body, of in types)}
-{renamed(struct).replace("struct block {", f"struct {name} {{", 1)}
+{renamed(struct).replace("struct desat_block {", f"struct {name} {{", 1)}
 enum {{ {upper}_OK, {kinds}, {upper}_OUT_OF_BOUNDS, {upper}_FAILED_BEFORE, {upper}_NOT_FINITE }};
 
 /* start values of all variables */
@@ -137,18 +136,18 @@ def _source(name: str, files: dict[str, str], code: str, table: str) -> str:
              if re.match(r"(?:double|int64_t) py_\w+\(", line)]  # fmt: skip
     inline = "\n".join(line for line in inline.splitlines() if line not in early)
     floats = files["runtime.c"].partition("/* --- floats ---")[2].partition("\n")[2]
-    body = code.partition('#include "block.h"')[2].replace("typedef struct block block;", "")
-    aliases = "".join(f"typedef {name}_{of} {of};\n" for _, of in _TYPE.findall(code))
+    body = code.partition('#include "block.h"')[2].replace(
+        "typedef struct desat_block desat_block;", ""
+    )
+    aliases = "".join(f"typedef {name}_{of} desat_{of};\n" for _, of in _TYPE.findall(code))
     body = _TYPE.sub("", body)
-    ours = re.compile(rf"\b{name}_(init|start|step)\b")  # functions of the block, named as these
-    body, table = (ours.sub(rf"{name}_own_\1", text) for text in (body, table))
     start = table.partition("static const block_variable")[0]
     bounded = [
         f"    {{{place}, '{kind}', {low}, {high}}},"
         for _, place, kind, causality, low, high in _VARIABLE.findall(table)
         if causality in "ip" and kind != "B"
     ]
-    calls = re.findall(r"^static void do_\w+\(.*?^\}", table, re.M | re.S)
+    calls = re.findall(r"^static void desat_do_\w+\(.*?^\}", table, re.M | re.S)
     return f"""/* {name} alone: see {name}.h. Generated; not to be changed. */
 #include "{name}.h"
 
@@ -178,7 +177,7 @@ enum {{ {", ".join(f"PY_{kind}" for kind in KINDS)} }};
 {inline}
 
 {_PROTOTYPE.sub("static ", floats)}
-typedef {name} block;
+typedef {name} desat_block;
 {aliases}{body}
 {start}
 {(chr(10) * 2).join(calls)}
@@ -187,25 +186,25 @@ static const struct {{
     size_t offset;
     char kind;
     double low, high;
-}} bounds[] = {{
+}} desat_bounds[] = {{
 {chr(10).join(bounded) or "    {0, 'B', 0.0, 0.0},"}
 }};
 
 /* inputs and parameters within their bounds, and finite */
-static int checked_values(const block *self)
+static int desat_checked(const desat_block *self)
 {{
-    for (size_t i = 0; i < sizeof bounds / sizeof *bounds; i++) {{
-        const char *place = (const char *)self + bounds[i].offset;
+    for (size_t i = 0; i < sizeof desat_bounds / sizeof *desat_bounds; i++) {{
+        const char *place = (const char *)self + desat_bounds[i].offset;
         double x = 0.0;
-        if (bounds[i].kind == 'R') x = *(const double *)place;
-        else if (bounds[i].kind == 'I') x = (double)*(const int64_t *)place;
+        if (desat_bounds[i].kind == 'R') x = *(const double *)place;
+        else if (desat_bounds[i].kind == 'I') x = (double)*(const int64_t *)place;
         if (!isfinite(x)) return {upper}_NOT_FINITE;
-        if (x < bounds[i].low || x > bounds[i].high) return {upper}_OUT_OF_BOUNDS;
+        if (x < desat_bounds[i].low || x > desat_bounds[i].high) return {upper}_OUT_OF_BOUNDS;
     }}
     return {upper}_OK;
 }}
 
-static int ended(block *self, int how)
+static int desat_ended(desat_block *self, int how)
 {{
     self->fault = how != {upper}_OK;
     return how;
@@ -213,19 +212,19 @@ static int ended(block *self, int how)
 
 void {name}_init({name} *self)
 {{
-    memcpy(self, &at_start, sizeof *self);
+    memcpy(self, &desat_at_start, sizeof *self);
     self->instance = "{name}";
 }}
 
 int {name}_start({name} *self, double t)
 {{
     py_frame frame;
-    const int wrong = checked_values(self);
-    if (wrong) return ended(self, wrong);
-    if (!PY_TRY(frame)) return ended(self, 1 + kind_caught);
+    const int wrong = desat_checked(self);
+    if (wrong) return desat_ended(self, wrong);
+    if (!PY_TRY(frame)) return desat_ended(self, 1 + py_kind_caught);
     self->fault = false;
-    do_start(self);
-    do_output(self, t);
+    desat_do_start(self);
+    desat_do_output(self, t);
     py_end_try();
     return {upper}_OK;
 }}
@@ -233,12 +232,12 @@ int {name}_start({name} *self, double t)
 int {name}_step({name} *self, double t, double dt)
 {{
     py_frame frame;
-    const int wrong = checked_values(self);
+    const int wrong = desat_checked(self);
     if (self->fault) return {upper}_FAILED_BEFORE;
-    if (wrong) return ended(self, wrong);
-    if (!PY_TRY(frame)) return ended(self, 1 + kind_caught);
-    do_advance(self, t, dt);
-    do_output(self, t + dt);
+    if (wrong) return desat_ended(self, wrong);
+    if (!PY_TRY(frame)) return desat_ended(self, 1 + py_kind_caught);
+    desat_do_advance(self, t, dt);
+    desat_do_output(self, t + dt);
     py_end_try();
     return {upper}_OK;
 }}

@@ -20,7 +20,10 @@ def compiler() -> tuple[str, ...]:
 
     Raises NoCompilerError.
     """
-    wanted = shlex.split(os.environ.get("CC", ""))
+    try:
+        wanted = shlex.split(os.environ.get("CC", ""))
+    except ValueError as error:
+        raise NoCompilerError(f"CC = {os.environ['CC']}: {str(error).lower()}") from None
     for command in [wanted] if wanted else (["gcc"], ["cc"], ["clang"]):
         if found := shutil.which(command[0]):
             return (found, *command[1:])

@@ -1,4 +1,5 @@
-"""Readers under mutated files: refused in lines, never a traceback, never long."""
+"""Readers under mutated files, commands under changed lines: refused in lines, never a traceback,
+never long."""
 
 from __future__ import annotations
 
@@ -7,12 +8,13 @@ import re
 import fuzz
 import pytest
 from conftest import ROOT
+from fuzz import commands
 from fuzz.seeds import ABOUT, FILES, SSB, SSD, SSM, SSV, TARGETS, TOML, seeds
 
 from desat.runs.prepare import prepare
 from desat.system.errors import DesatError
 
-SEED, COUNT = 1, 2000
+SEED, COUNT, LINES = 1, 2000, 150
 
 
 def test_mutated_files_are_refused_in_lines(tmp_path, capsys):
@@ -82,3 +84,11 @@ def test_what_once_was_internal_is_a_line(tmp_path, cause):
     with pytest.raises(DesatError) as refused:
         prepare(str(tmp_path / target), fuzz._options(kind)).or_raise()
     assert file.rpartition("/")[2] in str(refused.value)
+
+
+def test_changed_command_lines_never_are_a_bug(tmp_path):
+    folder = tmp_path / "in"
+    folder.mkdir()
+    tried, wrong = commands.run(folder, SEED, LINES)
+    assert wrong == []
+    assert tried == LINES + len(commands.QUICK)

@@ -1,7 +1,7 @@
 /* What the C of a block stands on: Python's arithmetic where it is not C's, failures, text, and what
    the FMI wrapper is told of the block. C99, but for thread-local storage. */
-#ifndef BLOCK_H
-#define BLOCK_H
+#ifndef DESAT_BLOCK_H
+#define DESAT_BLOCK_H
 
 #include <math.h>
 #include <setjmp.h>
@@ -271,7 +271,7 @@ typedef struct block_description {
 
 /* A block begins with `const char *instance`; all else in it is plain numbers, so that its bytes
    are its state. */
-extern const block_description the_block;
+extern const block_description desat_the_block;
 
 static inline size_t block_room(size_t size) { return (size + 15) / 16 * 16; }
 

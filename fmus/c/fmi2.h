@@ -1,13 +1,13 @@
 /* What the two faces of an instance, FMI 2.0 (fmi2.c) and FMI 3.0 (fmi3.c), have in common. */
-#ifndef FMI2_H
-#define FMI2_H
+#ifndef DESAT_FMI2_H
+#define DESAT_FMI2_H
 
 #include "block.h"
 
 #if defined(_WIN32)
-#define EXPORT __declspec(dllexport)
+#define FMI2_EXPORT __declspec(dllexport)
 #else
-#define EXPORT __attribute__((visibility("default")))
+#define FMI2_EXPORT __attribute__((visibility("default")))
 #endif
 
 /* --- what the standard declares (FMI 2.0.4, section 2.1) ------------------------------------------ */
@@ -33,7 +33,7 @@ typedef struct {
 
 /* --- an instance ----------------------------------------------------------------------------------- */
 
-enum { INSTANTIATED, INITIALISING, STEPPING, TERMINATED };
+enum { FMI2_INSTANTIATED, FMI2_INITIALISING, FMI2_STEPPING, FMI2_TERMINATED };
 
 /* all that a saved state has, the block's bytes after it */
 typedef struct {
@@ -41,49 +41,49 @@ typedef struct {
     int32_t phase;
     bool stale;     /* inputs or parameters changed since the last start */
     bool unstarted; /* start has failed, and nothing else */
-} progress;
+} fmi2_progress;
 
 /* what get and set need of a variable, in an eighth of its bytes */
-enum { PARAMETER = 1, OUTPUT = 2 };
+enum { FMI2_PARAMETER = 1, FMI2_OUTPUT = 2 };
 
 typedef struct {
     uint32_t offset;
     char kind;
     char fixed; /* PARAMETER: once it steps; OUTPUT: always; 0: never */
     uint16_t count; /* elements of the array that begins here: 0 within one, 1 of a scalar */
-} place;
+} fmi2_place;
 
 typedef struct {
-    progress now;
+    fmi2_progress now;
     void *self; /* the block */
-    place *places; /* by value reference */
+    fmi2_place *places; /* by value reference */
     char *name; /* as given */
     char *key;  /* by which noise is keyed */
     fmi2CallbackFunctions call;
-} instance;
+} fmi2_instance;
 
 /* what fmi3.c makes of fmi2.c */
-EXPORT void fmi2FreeInstance(fmi2Component);
-EXPORT fmi2Component fmi2Instantiate(fmi2String, fmi2Type, fmi2String, fmi2String,
+FMI2_EXPORT void fmi2FreeInstance(fmi2Component);
+FMI2_EXPORT fmi2Component fmi2Instantiate(fmi2String, fmi2Type, fmi2String, fmi2String,
                               const fmi2CallbackFunctions *, fmi2Boolean, fmi2Boolean);
-EXPORT fmi2Status fmi2SetupExperiment(fmi2Component, fmi2Boolean, fmi2Real, fmi2Real, fmi2Boolean,
+FMI2_EXPORT fmi2Status fmi2SetupExperiment(fmi2Component, fmi2Boolean, fmi2Real, fmi2Real, fmi2Boolean,
                                fmi2Real);
-EXPORT fmi2Status fmi2EnterInitializationMode(fmi2Component);
-EXPORT fmi2Status fmi2ExitInitializationMode(fmi2Component);
-EXPORT fmi2Status fmi2Terminate(fmi2Component);
-EXPORT fmi2Status fmi2Reset(fmi2Component);
-EXPORT fmi2Status fmi2DoStep(fmi2Component, fmi2Real, fmi2Real, fmi2Boolean);
-EXPORT fmi2Status fmi2GetReal(fmi2Component, const fmi2ValueReference[], size_t, fmi2Real[]);
-EXPORT fmi2Status fmi2GetInteger(fmi2Component, const fmi2ValueReference[], size_t, fmi2Integer[]);
-EXPORT fmi2Status fmi2GetBoolean(fmi2Component, const fmi2ValueReference[], size_t, fmi2Boolean[]);
-EXPORT fmi2Status fmi2SetReal(fmi2Component, const fmi2ValueReference[], size_t, const fmi2Real[]);
-EXPORT fmi2Status fmi2SetInteger(fmi2Component, const fmi2ValueReference[], size_t, const fmi2Integer[]);
-EXPORT fmi2Status fmi2SetBoolean(fmi2Component, const fmi2ValueReference[], size_t, const fmi2Boolean[]);
-EXPORT fmi2Status fmi2GetFMUstate(fmi2Component, fmi2FMUstate *);
-EXPORT fmi2Status fmi2SetFMUstate(fmi2Component, fmi2FMUstate);
-EXPORT fmi2Status fmi2FreeFMUstate(fmi2Component, fmi2FMUstate *);
-EXPORT fmi2Status fmi2SerializedFMUstateSize(fmi2Component, fmi2FMUstate, size_t *);
-EXPORT fmi2Status fmi2SerializeFMUstate(fmi2Component, fmi2FMUstate, fmi2Byte[], size_t);
-EXPORT fmi2Status fmi2DeSerializeFMUstate(fmi2Component, const fmi2Byte[], size_t, fmi2FMUstate *);
+FMI2_EXPORT fmi2Status fmi2EnterInitializationMode(fmi2Component);
+FMI2_EXPORT fmi2Status fmi2ExitInitializationMode(fmi2Component);
+FMI2_EXPORT fmi2Status fmi2Terminate(fmi2Component);
+FMI2_EXPORT fmi2Status fmi2Reset(fmi2Component);
+FMI2_EXPORT fmi2Status fmi2DoStep(fmi2Component, fmi2Real, fmi2Real, fmi2Boolean);
+FMI2_EXPORT fmi2Status fmi2GetReal(fmi2Component, const fmi2ValueReference[], size_t, fmi2Real[]);
+FMI2_EXPORT fmi2Status fmi2GetInteger(fmi2Component, const fmi2ValueReference[], size_t, fmi2Integer[]);
+FMI2_EXPORT fmi2Status fmi2GetBoolean(fmi2Component, const fmi2ValueReference[], size_t, fmi2Boolean[]);
+FMI2_EXPORT fmi2Status fmi2SetReal(fmi2Component, const fmi2ValueReference[], size_t, const fmi2Real[]);
+FMI2_EXPORT fmi2Status fmi2SetInteger(fmi2Component, const fmi2ValueReference[], size_t, const fmi2Integer[]);
+FMI2_EXPORT fmi2Status fmi2SetBoolean(fmi2Component, const fmi2ValueReference[], size_t, const fmi2Boolean[]);
+FMI2_EXPORT fmi2Status fmi2GetFMUstate(fmi2Component, fmi2FMUstate *);
+FMI2_EXPORT fmi2Status fmi2SetFMUstate(fmi2Component, fmi2FMUstate);
+FMI2_EXPORT fmi2Status fmi2FreeFMUstate(fmi2Component, fmi2FMUstate *);
+FMI2_EXPORT fmi2Status fmi2SerializedFMUstateSize(fmi2Component, fmi2FMUstate, size_t *);
+FMI2_EXPORT fmi2Status fmi2SerializeFMUstate(fmi2Component, fmi2FMUstate, fmi2Byte[], size_t);
+FMI2_EXPORT fmi2Status fmi2DeSerializeFMUstate(fmi2Component, const fmi2Byte[], size_t, fmi2FMUstate *);
 
 #endif

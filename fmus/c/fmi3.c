@@ -36,12 +36,12 @@ typedef void (*fmi3IntermediateUpdateCallback)(fmi3InstanceEnvironment, fmi3Floa
 typedef struct {
     fmi3InstanceEnvironment environment;
     fmi3LogMessageCallback log;
-} listener;
+} fmi3_listener;
 
-static void hear(fmi2ComponentEnvironment to, fmi2String name, fmi2Status status,
+static void fmi3_hear(fmi2ComponentEnvironment to, fmi2String name, fmi2Status status,
                  fmi2String category, fmi2String format, ...)
 {
-    const listener *l = to;
+    const fmi3_listener *l = to;
     char text[2048];
     size_t k = 0;
     (void)name;
@@ -54,57 +54,57 @@ static void hear(fmi2ComponentEnvironment to, fmi2String name, fmi2Status status
     l->log(l->environment, (fmi3Status)status, category, text);
 }
 
-static fmi3Status refuse(fmi3Instance p, const char *what, const char *name, const char *why)
+static fmi3Status fmi3_refuse(fmi3Instance p, const char *what, const char *name, const char *why)
 {
-    const instance *c = p;
+    const fmi2_instance *c = p;
     char text[400];
     if (c == NULL) return fmi3Error;
     snprintf(text, sizeof text, "%s: %s%s%s: %s", c->name, what, *name ? " " : "", name, why);
-    hear(c->call.componentEnvironment, c->name, fmi2Error, "logStatusError", text);
+    fmi3_hear(c->call.componentEnvironment, c->name, fmi2Error, "logStatusError", text);
     return fmi3Error;
 }
 
 /* --- life -------------------------------------------------------------------------------------------- */
 
-EXPORT const char *fmi3GetVersion(void) { return "3.0"; }
+FMI2_EXPORT const char *fmi3GetVersion(void) { return "3.0"; }
 
-EXPORT fmi3Status fmi3SetDebugLogging(fmi3Instance p, fmi3Boolean on, size_t n,
+FMI2_EXPORT fmi3Status fmi3SetDebugLogging(fmi3Instance p, fmi3Boolean on, size_t n,
                                       const fmi3String categories[])
 {
     (void)on, (void)n, (void)categories;
     return p == NULL ? fmi3Error : fmi3OK;
 }
 
-EXPORT void fmi3FreeInstance(fmi3Instance p)
+FMI2_EXPORT void fmi3FreeInstance(fmi3Instance p)
 {
-    instance *c = p;
+    fmi2_instance *c = p;
     if (c == NULL) return;
     free(c->call.componentEnvironment);
     fmi2FreeInstance(c);
 }
 
-EXPORT fmi3Instance fmi3InstantiateCoSimulation(
+FMI2_EXPORT fmi3Instance fmi3InstantiateCoSimulation(
     fmi3String name, fmi3String token, fmi3String resources, fmi3Boolean visible,
     fmi3Boolean logging, fmi3Boolean event_mode, fmi3Boolean early_return,
     const fmi3ValueReference intermediate[], size_t n, fmi3InstanceEnvironment environment,
     fmi3LogMessageCallback log, fmi3IntermediateUpdateCallback update)
 {
-    listener *l = malloc(sizeof *l);
+    fmi3_listener *l = malloc(sizeof *l);
     fmi2CallbackFunctions call = { 0 };
     fmi3Instance made;
     (void)early_return, (void)intermediate, (void)n, (void)update;
     if (l == NULL) return NULL;
-    *l = (listener){ environment, log };
-    call.logger = hear;
+    *l = (fmi3_listener){ environment, log };
+    call.logger = fmi3_hear;
     call.componentEnvironment = l;
-    if (event_mode) hear(l, name, fmi2Error, "logStatusError", "there is no event mode");
+    if (event_mode) fmi3_hear(l, name, fmi2Error, "logStatusError", "there is no event mode");
     made = event_mode ? NULL : fmi2Instantiate(name, fmi2CoSimulation, token, resources, &call,
                                                visible, logging);
     if (made == NULL) free(l);
     return made;
 }
 
-EXPORT fmi3Instance fmi3InstantiateModelExchange(fmi3String name, fmi3String token,
+FMI2_EXPORT fmi3Instance fmi3InstantiateModelExchange(fmi3String name, fmi3String token,
                                                  fmi3String resources, fmi3Boolean visible,
                                                  fmi3Boolean logging,
                                                  fmi3InstanceEnvironment environment,
@@ -115,7 +115,7 @@ EXPORT fmi3Instance fmi3InstantiateModelExchange(fmi3String name, fmi3String tok
     return NULL;
 }
 
-EXPORT fmi3Instance fmi3InstantiateScheduledExecution(
+FMI2_EXPORT fmi3Instance fmi3InstantiateScheduledExecution(
     fmi3String name, fmi3String token, fmi3String resources, fmi3Boolean visible,
     fmi3Boolean logging, fmi3InstanceEnvironment environment, fmi3LogMessageCallback log,
     void (*update)(fmi3InstanceEnvironment), void (*lock)(void), void (*unlock)(void))
@@ -124,7 +124,7 @@ EXPORT fmi3Instance fmi3InstantiateScheduledExecution(
     return fmi3InstantiateModelExchange(name, token, resources, visible, logging, environment, log);
 }
 
-EXPORT fmi3Status fmi3EnterInitializationMode(fmi3Instance p, fmi3Boolean with_tolerance,
+FMI2_EXPORT fmi3Status fmi3EnterInitializationMode(fmi3Instance p, fmi3Boolean with_tolerance,
                                               fmi3Float64 tolerance, fmi3Float64 start,
                                               fmi3Boolean with_stop, fmi3Float64 stop)
 {
@@ -133,19 +133,19 @@ EXPORT fmi3Status fmi3EnterInitializationMode(fmi3Instance p, fmi3Boolean with_t
     return (fmi3Status)(status == fmi2OK ? fmi2EnterInitializationMode(p) : status);
 }
 
-EXPORT fmi3Status fmi3ExitInitializationMode(fmi3Instance p)
+FMI2_EXPORT fmi3Status fmi3ExitInitializationMode(fmi3Instance p)
 {
     return (fmi3Status)fmi2ExitInitializationMode(p);
 }
 
-EXPORT fmi3Status fmi3Terminate(fmi3Instance p) { return (fmi3Status)fmi2Terminate(p); }
-EXPORT fmi3Status fmi3Reset(fmi3Instance p) { return (fmi3Status)fmi2Reset(p); }
+FMI2_EXPORT fmi3Status fmi3Terminate(fmi3Instance p) { return (fmi3Status)fmi2Terminate(p); }
+FMI2_EXPORT fmi3Status fmi3Reset(fmi3Instance p) { return (fmi3Status)fmi2Reset(p); }
 
-EXPORT fmi3Status fmi3DoStep(fmi3Instance p, fmi3Float64 t, fmi3Float64 dt,
+FMI2_EXPORT fmi3Status fmi3DoStep(fmi3Instance p, fmi3Float64 t, fmi3Float64 dt,
                              fmi3Boolean no_set_prior, fmi3Boolean *event, fmi3Boolean *terminate,
                              fmi3Boolean *early, fmi3Float64 *last)
 {
-    const instance *c = p;
+    const fmi2_instance *c = p;
     const fmi2Status status = fmi2DoStep(p, t, dt, no_set_prior);
     if (event != NULL) *event = false;
     if (terminate != NULL) *terminate = false;
@@ -157,159 +157,159 @@ EXPORT fmi3Status fmi3DoStep(fmi3Instance p, fmi3Float64 t, fmi3Float64 dt,
 /* --- values ------------------------------------------------------------------------------------------ */
 
 /* elements of the variable, or why it has none; time has one, that is read as a Float64 */
-static size_t size_of(const instance *c, fmi3ValueReference vr, char kind, const char **why)
+static size_t fmi3_size_of(const fmi2_instance *c, fmi3ValueReference vr, char kind, const char **why)
 {
-    *why = vr >= the_block.count ? "there is no such variable"
+    *why = vr >= desat_the_block.count ? "there is no such variable"
          : c->places[vr].kind != kind ? "it is of another type"
          : c->places[vr].count == 0 ? "an array is read and set as a whole, from its first element"
          : "there are too few values";
-    return vr < the_block.count && c->places[vr].kind == kind ? c->places[vr].count : 0;
+    return vr < desat_the_block.count && c->places[vr].kind == kind ? c->places[vr].count : 0;
 }
 
-static const char *name_of(fmi3ValueReference vr, char room[40])
+static const char *fmi3_name_of(fmi3ValueReference vr, char room[40])
 {
-    if (vr < the_block.count) return the_block.variables[vr].name;
+    if (vr < desat_the_block.count) return desat_the_block.variables[vr].name;
     snprintf(room, 40, "value reference %u", (unsigned)vr);
     return room;
 }
 
 /* ONE moves element `r` of the instance from or to values[k] by a call of fmi2.c */
-#define MOVE(WHAT, KIND, FIRST, ONE)                                                                 \
-    const instance *c = p;                                                                           \
-    size_t k = 0;                                                                                    \
-    char room[40];                                                                                   \
-    if (c == NULL || (n > 0 && (vr == NULL || values == NULL))) return fmi3Error;                    \
-    for (size_t i = 0; i < n; i++) {                                                                 \
-        const char *why;                                                                             \
-        size_t count;                                                                                \
-        FIRST                                                                                        \
-        count = size_of(c, vr[i], KIND, &why);                                                       \
-        if (count == 0 || count > m - k) return refuse(p, WHAT, name_of(vr[i], room), why);          \
-        for (fmi3ValueReference r = vr[i]; r < vr[i] + count; r++, k++) {                            \
-            fmi2Status status;                                                                       \
-            ONE                                                                                      \
-            if (status != fmi2OK) return (fmi3Status)status;                                         \
-        }                                                                                            \
-    }                                                                                                \
-    return k == m ? fmi3OK : refuse(p, WHAT, "", "there are too many values");
+#define FMI3_MOVE(WHAT, KIND, FIRST, ONE)                                                           \
+    const fmi2_instance *c = p;                                                                     \
+    size_t k = 0;                                                                                   \
+    char room[40];                                                                                  \
+    if (c == NULL || (n > 0 && (vr == NULL || values == NULL))) return fmi3Error;                   \
+    for (size_t i = 0; i < n; i++) {                                                                \
+        const char *why;                                                                            \
+        size_t count;                                                                               \
+        FIRST                                                                                       \
+        count = fmi3_size_of(c, vr[i], KIND, &why);                                                 \
+        if (count == 0 || count > m - k) return fmi3_refuse(p, WHAT, fmi3_name_of(vr[i], room), why); \
+        for (fmi3ValueReference r = vr[i]; r < vr[i] + count; r++, k++) {                           \
+            fmi2Status status;                                                                      \
+            ONE                                                                                     \
+            if (status != fmi2OK) return (fmi3Status)status;                                        \
+        }                                                                                           \
+    }                                                                                               \
+    return k == m ? fmi3OK : fmi3_refuse(p, WHAT, "", "there are too many values");
 
-#define MOVES(VERB, NAME, CONST)                                                                     \
-    EXPORT fmi3Status fmi3##VERB##NAME(fmi3Instance p, const fmi3ValueReference vr[], size_t n,      \
+#define FMI3_MOVES(VERB, NAME, CONST)                                                               \
+    FMI2_EXPORT fmi3Status fmi3##VERB##NAME(fmi3Instance p, const fmi3ValueReference vr[], size_t n, \
                                        CONST fmi3##NAME values[], size_t m)
 
-MOVES(Get, Float64, )
+FMI3_MOVES(Get, Float64, )
 {
-    MOVE("get Float64", 'R',
-         if (vr[i] == the_block.count && k < m) {
+    FMI3_MOVE("get Float64", 'R',
+         if (vr[i] == desat_the_block.count && k < m) {
              values[k++] = c->now.time;
              continue;
          },
          status = fmi2GetReal(p, &r, 1, values + k);)
 }
 
-MOVES(Set, Float64, const)
+FMI3_MOVES(Set, Float64, const)
 {
-    MOVE("set Float64", 'R', , status = fmi2SetReal(p, &r, 1, values + k);)
+    FMI3_MOVE("set Float64", 'R', , status = fmi2SetReal(p, &r, 1, values + k);)
 }
 
-MOVES(Get, Int64, )
+FMI3_MOVES(Get, Int64, )
 {
-    MOVE("get Int64", 'I', , fmi2Integer value; status = fmi2GetInteger(p, &r, 1, &value);
+    FMI3_MOVE("get Int64", 'I', , fmi2Integer value; status = fmi2GetInteger(p, &r, 1, &value);
          values[k] = value;)
 }
 
-MOVES(Set, Int64, const)
+FMI3_MOVES(Set, Int64, const)
 {
-    MOVE("set Int64", 'I', , const fmi2Integer value = (fmi2Integer)values[k];
-         if (value != values[k]) return refuse(p, "set Int64", name_of(r, room), "beyond 32 bits");
+    FMI3_MOVE("set Int64", 'I', , const fmi2Integer value = (fmi2Integer)values[k];
+         if (value != values[k]) return fmi3_refuse(p, "set Int64", fmi3_name_of(r, room), "beyond 32 bits");
          status = fmi2SetInteger(p, &r, 1, &value);)
 }
 
-MOVES(Get, Boolean, )
+FMI3_MOVES(Get, Boolean, )
 {
-    MOVE("get Boolean", 'B', , fmi2Boolean value; status = fmi2GetBoolean(p, &r, 1, &value);
+    FMI3_MOVE("get Boolean", 'B', , fmi2Boolean value; status = fmi2GetBoolean(p, &r, 1, &value);
          values[k] = value != 0;)
 }
 
-MOVES(Set, Boolean, const)
+FMI3_MOVES(Set, Boolean, const)
 {
-    MOVE("set Boolean", 'B', , const fmi2Boolean value = values[k];
+    FMI3_MOVE("set Boolean", 'B', , const fmi2Boolean value = values[k];
          status = fmi2SetBoolean(p, &r, 1, &value);)
 }
 
 /* of these there is none: all right for no variables */
-#define NONE(NAME)                                                                                   \
-    MOVES(Get, NAME, )                                                                               \
-    {                                                                                                \
-        (void)vr, (void)values, (void)m;                                                             \
-        return n == 0 && p != NULL ? fmi3OK : refuse(p, "get " #NAME, "", "there is none");          \
-    }                                                                                                \
-    MOVES(Set, NAME, const)                                                                          \
-    {                                                                                                \
-        (void)vr, (void)values, (void)m;                                                             \
-        return n == 0 && p != NULL ? fmi3OK : refuse(p, "set " #NAME, "", "there is none");          \
+#define FMI3_NONE(NAME)                                                                             \
+    FMI3_MOVES(Get, NAME, )                                                                         \
+    {                                                                                               \
+        (void)vr, (void)values, (void)m;                                                            \
+        return n == 0 && p != NULL ? fmi3OK : fmi3_refuse(p, "get " #NAME, "", "there is none");    \
+    }                                                                                               \
+    FMI3_MOVES(Set, NAME, const)                                                                    \
+    {                                                                                               \
+        (void)vr, (void)values, (void)m;                                                            \
+        return n == 0 && p != NULL ? fmi3OK : fmi3_refuse(p, "set " #NAME, "", "there is none");    \
     }
 
-NONE(Float32) NONE(Int8) NONE(UInt8) NONE(Int16) NONE(UInt16) NONE(Int32) NONE(UInt32) NONE(UInt64)
-NONE(String)
+FMI3_NONE(Float32) FMI3_NONE(Int8) FMI3_NONE(UInt8) FMI3_NONE(Int16) FMI3_NONE(UInt16) FMI3_NONE(Int32) FMI3_NONE(UInt32) FMI3_NONE(UInt64)
+FMI3_NONE(String)
 
-EXPORT fmi3Status fmi3GetBinary(fmi3Instance p, const fmi3ValueReference vr[], size_t n,
+FMI2_EXPORT fmi3Status fmi3GetBinary(fmi3Instance p, const fmi3ValueReference vr[], size_t n,
                                 size_t sizes[], fmi3Binary values[], size_t m)
 {
     (void)vr, (void)sizes, (void)values, (void)m;
-    return n == 0 && p != NULL ? fmi3OK : refuse(p, "get Binary", "", "there is none");
+    return n == 0 && p != NULL ? fmi3OK : fmi3_refuse(p, "get Binary", "", "there is none");
 }
 
-EXPORT fmi3Status fmi3SetBinary(fmi3Instance p, const fmi3ValueReference vr[], size_t n,
+FMI2_EXPORT fmi3Status fmi3SetBinary(fmi3Instance p, const fmi3ValueReference vr[], size_t n,
                                 const size_t sizes[], const fmi3Binary values[], size_t m)
 {
     (void)vr, (void)sizes, (void)values, (void)m;
-    return n == 0 && p != NULL ? fmi3OK : refuse(p, "set Binary", "", "there is none");
+    return n == 0 && p != NULL ? fmi3OK : fmi3_refuse(p, "set Binary", "", "there is none");
 }
 
-EXPORT fmi3Status fmi3GetClock(fmi3Instance p, const fmi3ValueReference vr[], size_t n,
+FMI2_EXPORT fmi3Status fmi3GetClock(fmi3Instance p, const fmi3ValueReference vr[], size_t n,
                                fmi3Clock values[])
 {
     (void)vr, (void)values;
-    return n == 0 && p != NULL ? fmi3OK : refuse(p, "get Clock", "", "there is none");
+    return n == 0 && p != NULL ? fmi3OK : fmi3_refuse(p, "get Clock", "", "there is none");
 }
 
-EXPORT fmi3Status fmi3SetClock(fmi3Instance p, const fmi3ValueReference vr[], size_t n,
+FMI2_EXPORT fmi3Status fmi3SetClock(fmi3Instance p, const fmi3ValueReference vr[], size_t n,
                                const fmi3Clock values[])
 {
     (void)vr, (void)values;
-    return n == 0 && p != NULL ? fmi3OK : refuse(p, "set Clock", "", "there is none");
+    return n == 0 && p != NULL ? fmi3OK : fmi3_refuse(p, "set Clock", "", "there is none");
 }
 
 /* --- state ------------------------------------------------------------------------------------------- */
 
-EXPORT fmi3Status fmi3GetFMUState(fmi3Instance p, fmi3FMUState *state)
+FMI2_EXPORT fmi3Status fmi3GetFMUState(fmi3Instance p, fmi3FMUState *state)
 {
     return (fmi3Status)fmi2GetFMUstate(p, state);
 }
 
-EXPORT fmi3Status fmi3SetFMUState(fmi3Instance p, fmi3FMUState state)
+FMI2_EXPORT fmi3Status fmi3SetFMUState(fmi3Instance p, fmi3FMUState state)
 {
     return (fmi3Status)fmi2SetFMUstate(p, state);
 }
 
-EXPORT fmi3Status fmi3FreeFMUState(fmi3Instance p, fmi3FMUState *state)
+FMI2_EXPORT fmi3Status fmi3FreeFMUState(fmi3Instance p, fmi3FMUState *state)
 {
     return (fmi3Status)fmi2FreeFMUstate(p, state);
 }
 
-EXPORT fmi3Status fmi3SerializedFMUStateSize(fmi3Instance p, fmi3FMUState state, size_t *size)
+FMI2_EXPORT fmi3Status fmi3SerializedFMUStateSize(fmi3Instance p, fmi3FMUState state, size_t *size)
 {
     return (fmi3Status)fmi2SerializedFMUstateSize(p, state, size);
 }
 
-EXPORT fmi3Status fmi3SerializeFMUState(fmi3Instance p, fmi3FMUState state, fmi3Byte bytes[],
+FMI2_EXPORT fmi3Status fmi3SerializeFMUState(fmi3Instance p, fmi3FMUState state, fmi3Byte bytes[],
                                         size_t size)
 {
     return (fmi3Status)fmi2SerializeFMUstate(p, state, (fmi2Byte *)bytes, size);
 }
 
-EXPORT fmi3Status fmi3DeserializeFMUState(fmi3Instance p, const fmi3Byte bytes[], size_t size,
+FMI2_EXPORT fmi3Status fmi3DeserializeFMUState(fmi3Instance p, const fmi3Byte bytes[], size_t size,
                                           fmi3FMUState *state)
 {
     return (fmi3Status)fmi2DeSerializeFMUstate(p, (const fmi2Byte *)bytes, size, state);
@@ -317,56 +317,56 @@ EXPORT fmi3Status fmi3DeserializeFMUState(fmi3Instance p, const fmi3Byte bytes[]
 
 /* --- what there is not, by the modelDescription.xml too --------------------------------------------- */
 
-#define LACKS(NAME, WHY, PARAMETERS)                                                                  \
-    EXPORT fmi3Status fmi3##NAME PARAMETERS { return refuse(p, #NAME, "", WHY); }
-#define REFERENCES const fmi3ValueReference vr[], size_t n
+#define FMI3_LACKS(NAME, WHY, PARAMETERS)                                                           \
+    FMI2_EXPORT fmi3Status fmi3##NAME PARAMETERS { return fmi3_refuse(p, #NAME, "", WHY); }
+#define FMI3_REFERENCES const fmi3ValueReference vr[], size_t n
 
-#define CLOCKS "there are no clocks"
-#define MODES "there is no such mode"
-#define DERIVATIVES "derivatives are not provided"
-#define EXCHANGE "it is for co-simulation only"
+#define FMI3_CLOCKS "there are no clocks"
+#define FMI3_MODES "there is no such mode"
+#define FMI3_DERIVATIVES "derivatives are not provided"
+#define FMI3_EXCHANGE "it is for co-simulation only"
 
-LACKS(GetNumberOfVariableDependencies, "they stand in the modelDescription.xml", (fmi3Instance p,
+FMI3_LACKS(GetNumberOfVariableDependencies, "they stand in the modelDescription.xml", (fmi3Instance p,
       fmi3ValueReference vr, size_t *n))
-LACKS(GetVariableDependencies, "they stand in the modelDescription.xml", (fmi3Instance p,
+FMI3_LACKS(GetVariableDependencies, "they stand in the modelDescription.xml", (fmi3Instance p,
       fmi3ValueReference vr, size_t at[], fmi3ValueReference on[], size_t on_at[],
       fmi3DependencyKind kinds[], size_t n))
-LACKS(GetDirectionalDerivative, DERIVATIVES, (fmi3Instance p, REFERENCES, const fmi3ValueReference
+FMI3_LACKS(GetDirectionalDerivative, FMI3_DERIVATIVES, (fmi3Instance p, FMI3_REFERENCES, const fmi3ValueReference
       known[], size_t m, const fmi3Float64 seed[], size_t seeds, fmi3Float64 found[], size_t finds))
-LACKS(GetAdjointDerivative, DERIVATIVES, (fmi3Instance p, REFERENCES, const fmi3ValueReference
+FMI3_LACKS(GetAdjointDerivative, FMI3_DERIVATIVES, (fmi3Instance p, FMI3_REFERENCES, const fmi3ValueReference
       known[], size_t m, const fmi3Float64 seed[], size_t seeds, fmi3Float64 found[], size_t finds))
-LACKS(GetOutputDerivatives, DERIVATIVES, (fmi3Instance p, REFERENCES, const fmi3Int32 orders[],
+FMI3_LACKS(GetOutputDerivatives, FMI3_DERIVATIVES, (fmi3Instance p, FMI3_REFERENCES, const fmi3Int32 orders[],
       fmi3Float64 values[], size_t m))
-LACKS(EnterConfigurationMode, MODES, (fmi3Instance p))
-LACKS(ExitConfigurationMode, MODES, (fmi3Instance p))
-LACKS(EnterEventMode, MODES, (fmi3Instance p))
-LACKS(EnterStepMode, MODES, (fmi3Instance p))
-LACKS(EvaluateDiscreteStates, MODES, (fmi3Instance p))
-LACKS(UpdateDiscreteStates, MODES, (fmi3Instance p, fmi3Boolean *update, fmi3Boolean *terminate,
+FMI3_LACKS(EnterConfigurationMode, FMI3_MODES, (fmi3Instance p))
+FMI3_LACKS(ExitConfigurationMode, FMI3_MODES, (fmi3Instance p))
+FMI3_LACKS(EnterEventMode, FMI3_MODES, (fmi3Instance p))
+FMI3_LACKS(EnterStepMode, FMI3_MODES, (fmi3Instance p))
+FMI3_LACKS(EvaluateDiscreteStates, FMI3_MODES, (fmi3Instance p))
+FMI3_LACKS(UpdateDiscreteStates, FMI3_MODES, (fmi3Instance p, fmi3Boolean *update, fmi3Boolean *terminate,
       fmi3Boolean *nominals, fmi3Boolean *changed, fmi3Boolean *defined, fmi3Float64 *time))
-LACKS(GetIntervalDecimal, CLOCKS, (fmi3Instance p, REFERENCES, fmi3Float64 intervals[],
+FMI3_LACKS(GetIntervalDecimal, FMI3_CLOCKS, (fmi3Instance p, FMI3_REFERENCES, fmi3Float64 intervals[],
       fmi3IntervalQualifier of[]))
-LACKS(GetIntervalFraction, CLOCKS, (fmi3Instance p, REFERENCES, fmi3UInt64 counters[], fmi3UInt64
+FMI3_LACKS(GetIntervalFraction, FMI3_CLOCKS, (fmi3Instance p, FMI3_REFERENCES, fmi3UInt64 counters[], fmi3UInt64
       resolutions[], fmi3IntervalQualifier of[]))
-LACKS(GetShiftDecimal, CLOCKS, (fmi3Instance p, REFERENCES, fmi3Float64 shifts[]))
-LACKS(GetShiftFraction, CLOCKS, (fmi3Instance p, REFERENCES, fmi3UInt64 counters[], fmi3UInt64
+FMI3_LACKS(GetShiftDecimal, FMI3_CLOCKS, (fmi3Instance p, FMI3_REFERENCES, fmi3Float64 shifts[]))
+FMI3_LACKS(GetShiftFraction, FMI3_CLOCKS, (fmi3Instance p, FMI3_REFERENCES, fmi3UInt64 counters[], fmi3UInt64
       resolutions[]))
-LACKS(SetIntervalDecimal, CLOCKS, (fmi3Instance p, REFERENCES, const fmi3Float64 intervals[]))
-LACKS(SetIntervalFraction, CLOCKS, (fmi3Instance p, REFERENCES, const fmi3UInt64 counters[], const
+FMI3_LACKS(SetIntervalDecimal, FMI3_CLOCKS, (fmi3Instance p, FMI3_REFERENCES, const fmi3Float64 intervals[]))
+FMI3_LACKS(SetIntervalFraction, FMI3_CLOCKS, (fmi3Instance p, FMI3_REFERENCES, const fmi3UInt64 counters[], const
       fmi3UInt64 resolutions[]))
-LACKS(SetShiftDecimal, CLOCKS, (fmi3Instance p, REFERENCES, const fmi3Float64 shifts[]))
-LACKS(SetShiftFraction, CLOCKS, (fmi3Instance p, REFERENCES, const fmi3UInt64 counters[], const
+FMI3_LACKS(SetShiftDecimal, FMI3_CLOCKS, (fmi3Instance p, FMI3_REFERENCES, const fmi3Float64 shifts[]))
+FMI3_LACKS(SetShiftFraction, FMI3_CLOCKS, (fmi3Instance p, FMI3_REFERENCES, const fmi3UInt64 counters[], const
       fmi3UInt64 resolutions[]))
-LACKS(ActivateModelPartition, CLOCKS, (fmi3Instance p, fmi3ValueReference clock, fmi3Float64 time))
-LACKS(EnterContinuousTimeMode, EXCHANGE, (fmi3Instance p))
-LACKS(CompletedIntegratorStep, EXCHANGE, (fmi3Instance p, fmi3Boolean no_set_prior, fmi3Boolean
+FMI3_LACKS(ActivateModelPartition, FMI3_CLOCKS, (fmi3Instance p, fmi3ValueReference clock, fmi3Float64 time))
+FMI3_LACKS(EnterContinuousTimeMode, FMI3_EXCHANGE, (fmi3Instance p))
+FMI3_LACKS(CompletedIntegratorStep, FMI3_EXCHANGE, (fmi3Instance p, fmi3Boolean no_set_prior, fmi3Boolean
       *event, fmi3Boolean *terminate))
-LACKS(SetTime, EXCHANGE, (fmi3Instance p, fmi3Float64 time))
-LACKS(SetContinuousStates, EXCHANGE, (fmi3Instance p, const fmi3Float64 states[], size_t n))
-LACKS(GetContinuousStateDerivatives, EXCHANGE, (fmi3Instance p, fmi3Float64 derivatives[], size_t
+FMI3_LACKS(SetTime, FMI3_EXCHANGE, (fmi3Instance p, fmi3Float64 time))
+FMI3_LACKS(SetContinuousStates, FMI3_EXCHANGE, (fmi3Instance p, const fmi3Float64 states[], size_t n))
+FMI3_LACKS(GetContinuousStateDerivatives, FMI3_EXCHANGE, (fmi3Instance p, fmi3Float64 derivatives[], size_t
       n))
-LACKS(GetEventIndicators, EXCHANGE, (fmi3Instance p, fmi3Float64 indicators[], size_t n))
-LACKS(GetContinuousStates, EXCHANGE, (fmi3Instance p, fmi3Float64 states[], size_t n))
-LACKS(GetNominalsOfContinuousStates, EXCHANGE, (fmi3Instance p, fmi3Float64 nominals[], size_t n))
-LACKS(GetNumberOfEventIndicators, EXCHANGE, (fmi3Instance p, size_t *n))
-LACKS(GetNumberOfContinuousStates, EXCHANGE, (fmi3Instance p, size_t *n))
+FMI3_LACKS(GetEventIndicators, FMI3_EXCHANGE, (fmi3Instance p, fmi3Float64 indicators[], size_t n))
+FMI3_LACKS(GetContinuousStates, FMI3_EXCHANGE, (fmi3Instance p, fmi3Float64 states[], size_t n))
+FMI3_LACKS(GetNominalsOfContinuousStates, FMI3_EXCHANGE, (fmi3Instance p, fmi3Float64 nominals[], size_t n))
+FMI3_LACKS(GetNumberOfEventIndicators, FMI3_EXCHANGE, (fmi3Instance p, size_t *n))
+FMI3_LACKS(GetNumberOfContinuousStates, FMI3_EXCHANGE, (fmi3Instance p, size_t *n))

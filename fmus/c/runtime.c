@@ -9,52 +9,52 @@
 
 /* --- failures ----------------------------------------------------------------------------------- */
 
-enum { DEEPEST = 256 << 10 };
+enum { PY_DEEPEST = 256 << 10 };
 
-static PY_THREAD py_frame *top, *first;
-static PY_THREAD int kind_caught;
-static PY_THREAD char text_caught[1000];
+static PY_THREAD py_frame *py_top, *py_first;
+static PY_THREAD int py_kind_caught;
+static PY_THREAD char py_text_caught[1000];
 
-static const char *const NAMES[] = {
+static const char *const PY_NAMES[] = {
     "BlockError", "ValueError", "ZeroDivisionError", "OverflowError", "IndexError", "TypeError",
     "RuntimeError", "StopIteration"
 };
 
 void py_try(py_frame *frame)
 {
-    if (top == NULL) first = frame;
-    frame->outer = top;
-    top = frame;
+    if (py_top == NULL) py_first = frame;
+    frame->outer = py_top;
+    py_top = frame;
 }
 
 /* a function that calls itself, before it takes the host's stack */
 void py_recursion(void)
 {
     const char here = 0;
-    const intptr_t deep = (intptr_t)&here - (intptr_t)first;
-    if (PY_RARE(deep > DEEPEST || deep < -DEEPEST))
+    const intptr_t deep = (intptr_t)&here - (intptr_t)py_first;
+    if (PY_RARE(deep > PY_DEEPEST || deep < -PY_DEEPEST))
         py_raise(PY_RUNTIME_ERROR, "maximum recursion depth exceeded");
 }
 
-void py_end_try(void) { top = top->outer; }
+void py_end_try(void) { py_top = py_top->outer; }
 
 void py_raise(int kind, const char *text)
 {
-    kind_caught = kind;
-    if (text != text_caught) snprintf(text_caught, sizeof text_caught, "%s", text);
+    py_kind_caught = kind;
+    if (text != py_text_caught) snprintf(py_text_caught, sizeof py_text_caught, "%s", text);
     py_raise_again();
 }
 
 void py_raise_again(void)
 {
-    py_frame *frame = top;
-    top = frame->outer;
+    py_frame *frame = py_top;
+    py_top = frame->outer;
     longjmp(frame->jump, 1);
 }
 
-bool py_caught(int kinds) { return (kinds >> kind_caught & 1) != 0; }
-const char *py_caught_text(void) { return text_caught; }
-const char *py_caught_name(void) { return NAMES[kind_caught]; }
+bool py_caught(int kinds) { return (kinds >> py_kind_caught & 1) != 0; }
+const char *py_caught_text(void) { return py_text_caught; }
+const char *py_caught_name(void) { return PY_NAMES[py_kind_caught]; }
 
 void py_no_value(void) { py_raise(PY_TYPE_ERROR, "a value is None"); }
 void py_zero_division(const char *text) { py_raise(PY_ZERO_DIVISION, text); }
@@ -88,28 +88,28 @@ void py_not_integer(double x)
 
 /* --- text: several may be in use at a time, each up to LONGEST ----------------------------------- */
 
-enum { LONGEST = 1000, ROOM = 8000 };
+enum { PY_LONGEST = 1000, PY_ROOM = 8000 };
 
-static PY_THREAD char texts[ROOM];
-static PY_THREAD int begun, at;
+static PY_THREAD char py_texts[PY_ROOM];
+static PY_THREAD int py_begun, py_at;
 
 void py_text_begin(void)
 {
-    if (at > ROOM - LONGEST) at = 0;
-    begun = at;
-    texts[at] = 0;
+    if (py_at > PY_ROOM - PY_LONGEST) py_at = 0;
+    py_begun = py_at;
+    py_texts[py_at] = 0;
 }
 
 void py_text(const char *text)
 {
-    while (*text && at < begun + LONGEST - 1) texts[at++] = *text++;
-    texts[at] = 0;
+    while (*text && py_at < py_begun + PY_LONGEST - 1) py_texts[py_at++] = *text++;
+    py_texts[py_at] = 0;
 }
 
 const char *py_text_end(void)
 {
-    at++;
-    return texts + begun;
+    py_at++;
+    return py_texts + py_begun;
 }
 
 void py_text_int(int64_t x)
@@ -126,7 +126,7 @@ void py_text_mask(uint64_t x)
     py_text(text);
 }
 
-static bool special(double x)
+static bool py_special(double x)
 {
     if (isnan(x)) py_text("nan");
     else if (isinf(x)) py_text(x > 0.0 ? "inf" : "-inf");
@@ -137,7 +137,7 @@ static bool special(double x)
 void py_text_format(char kind, int precision, double x)
 {
     char text[400], format[] = "%.*g";
-    if (special(x)) return;
+    if (py_special(x)) return;
     format[3] = kind;
     snprintf(text, sizeof text, format, precision, x);
     py_text(text);
@@ -145,7 +145,7 @@ void py_text_format(char kind, int precision, double x)
 
 /* one more in the last digit: below a power of two numbers lie closer, so that the nearest decimal
    may be another number, and the next one not */
-static void increased(char *text)
+static void py_increased(char *text)
 {
     char *last = strchr(text, 'e') - 1;
     while (last > text && *last == '9') last--;
@@ -158,11 +158,11 @@ void py_text_float(double x)
 {
     char text[40], digits[20], out[64];
     int precision, exponent, n = 0, k = 0;
-    if (special(x)) return;
+    if (py_special(x)) return;
     for (precision = 0; precision < 17; precision++) {
         snprintf(text, sizeof text, "%.*e", precision, x);
         if (strtod(text, NULL) == x) break;
-        increased(text);
+        py_increased(text);
         if (strtod(text, NULL) == x) break;
     }
     for (const char *c = text; *c && *c != 'e'; c++)
@@ -197,7 +197,7 @@ void py_text_float(double x)
 /* --- floats -------------------------------------------------------------------------------------- */
 
 /* the result of a function of libm: Python says where there is none */
-static double checked(double x, double r, bool may_overflow)
+static double py_checked(double x, double r, bool may_overflow)
 {
     if (PY_RARE(!isfinite(r))) {
         if (isnan(r) && !isnan(x)) py_domain();
@@ -209,18 +209,18 @@ static double checked(double x, double r, bool may_overflow)
     return r;
 }
 
-double py_sin(double x) { return checked(x, sin(x), false); }
-double py_cos(double x) { return checked(x, cos(x), false); }
-double py_tan(double x) { return checked(x, tan(x), false); }
-double py_asin(double x) { return checked(x, asin(x), false); }
-double py_acos(double x) { return checked(x, acos(x), false); }
-double py_atan(double x) { return checked(x, atan(x), false); }
-double py_exp(double x) { return checked(x, exp(x), true); }
-double py_expm1(double x) { return checked(x, expm1(x), true); }
-double py_log1p(double x) { return checked(x, log1p(x), false); }
-double py_sinh(double x) { return checked(x, sinh(x), true); }
-double py_cosh(double x) { return checked(x, cosh(x), true); }
-double py_tanh(double x) { return checked(x, tanh(x), false); }
+double py_sin(double x) { return py_checked(x, sin(x), false); }
+double py_cos(double x) { return py_checked(x, cos(x), false); }
+double py_tan(double x) { return py_checked(x, tan(x), false); }
+double py_asin(double x) { return py_checked(x, asin(x), false); }
+double py_acos(double x) { return py_checked(x, acos(x), false); }
+double py_atan(double x) { return py_checked(x, atan(x), false); }
+double py_exp(double x) { return py_checked(x, exp(x), true); }
+double py_expm1(double x) { return py_checked(x, expm1(x), true); }
+double py_log1p(double x) { return py_checked(x, log1p(x), false); }
+double py_sinh(double x) { return py_checked(x, sinh(x), true); }
+double py_cosh(double x) { return py_checked(x, cosh(x), true); }
+double py_tanh(double x) { return py_checked(x, tanh(x), false); }
 
 double py_log(double x)
 {

@@ -18,8 +18,10 @@ from .function import Translation
 from .order import fields_changed
 from .source import Info, Nested, Spec
 from .types import (
+    BLOCK,
     NEVER,
     NONE,
+    PREFIX,
     B,
     Callee,
     F,
@@ -208,7 +210,7 @@ class Program:
         name = spec.info.name.strip("_")
         if isinstance(spec.callee.function, Nested):
             stem = spec.callee.function.spec.name
-        base = safe(f"{stem}_{name}")
+        base = f"{PREFIX}{stem.removeprefix(PREFIX)}_{name}"
         self.c_names[base] = self.c_names.get(base, 0) + 1
         n = self.c_names[base]
         return base if n == 1 else f"{base}_{n}"
@@ -233,10 +235,10 @@ class Program:
             return None
         key = id(const)
         if key not in self.tables:
-            name = safe(self.table_names.get(key, "table"))
+            name = PREFIX + self.table_names.get(key, "table")
             taken = {n for _, n, _ in self.tables.values()}
             k = 1
-            unique = name if name != "table" else "table_of_1"
+            unique = name if key in self.table_names else f"{name}_of_1"
             while unique in taken:
                 k += 1
                 unique = f"{name}_of_{k}"
@@ -255,7 +257,7 @@ class Program:
             "*/",
             '#include "block.h"',
             "",
-            "typedef struct block block;",
+            f"typedef struct {BLOCK} {BLOCK};",
         ]
         state = [
             (n, t) for n, t in self.fields.items()
@@ -267,7 +269,7 @@ class Program:
         for spec in self.order:
             functions += ["", *self.function(spec)]
         lines += [*self.names.definitions, ""]
-        lines += ["struct block {", "    const char *instance;"]
+        lines += [f"struct {BLOCK} {{", "    const char *instance;"]
         for v in self.block.variables:
             comment = f"{v.unit}: {v.description}".replace("*/", "* /")
             lines.append(f"    {self.names(self.declared[v.name])} {safe(v.name)}; /* {comment} */")
@@ -282,7 +284,7 @@ class Program:
     def head(self, spec: Spec) -> str:
         arguments = []
         if spec.takes_self:
-            arguments.append("block *self")
+            arguments.append(f"{BLOCK} *self")
         if spec.callee.captured:
             arguments.append(f"const {self.names(Function((spec.callee,)))} *all")
         for k, (n, t) in enumerate(spec.arguments):
@@ -319,7 +321,7 @@ class Program:
         yield self.head(spec)
         yield "{"
         if spec.self_captured:
-            yield "    block *self = all->self;"
+            yield f"    {BLOCK} *self = all->self;"
         if spec.memo:
             members = " ".join(f"{self.names(t)} {safe(n)};" for n, t in spec.arguments)
             kind = self.names(spec.result)
@@ -352,18 +354,18 @@ class Program:
 
     def description(self, name: str, guid: str) -> Iterable[str]:
         """The start values, the table of the variables, and the entries."""
-        yield "static const block at_start = {"
+        yield f"static const {BLOCK} {PREFIX}at_start = {{"
         for v in self.block.variables:
             yield f"    .{safe(v.name)} = {initial(v.start, self.declared[v.name])},"
         yield "};"
         yield ""
-        yield "static const block_variable variables[] = {"
+        yield f"static const block_variable {PREFIX}variables[] = {{"
         for v in self.block.variables:
             kind, cause = v.type[0], v.causality[0]
             low, high = (("NAN", "None") if x is None else (number(float(x)), repr(x))
                          for x in (v.minimum, v.maximum))  # fmt: skip
             for k, element in enumerate(v.elements()):
-                at = f"offsetof(block, {safe(v.name)})"
+                at = f"offsetof({BLOCK}, {safe(v.name)})"
                 at += f" + {k} * sizeof({self.names(KINDS[v.type])})" if k else ""
                 yield (f"    {{{c_text(element)}, {at}, '{kind}', '{cause}', {low[0]}, {high[0]}, "
                        f"{c_text(f'[{low[1]}, {high[1]}]')}}},")  # fmt: skip
@@ -372,17 +374,18 @@ class Program:
         for spec, (entry, types) in zip(self.entries, ENTRIES.items(), strict=True):
             declared = "".join(f", double {n}" for n in ("t", "dt")[: len(types)])
             given = "".join(f", {n}" for n in ("t", "dt")[: len(types)])
-            yield f"static void do_{entry}(void *self{declared})"
+            yield f"static void {PREFIX}do_{entry}(void *self{declared})"
             yield "{"
             yield f"    {spec.name}(self{given});"
             yield "}"
             yield ""
-        yield "const block_description the_block = {"
+        yield f"const block_description {PREFIX}the_block = {{"
         yield f"    .name = {c_text(name)}, .guid = {c_text(guid)},"
-        yield "    .size = sizeof(block), .at_start = &at_start,"
-        yield "    .variables = variables, .count = sizeof variables / sizeof *variables,"
-        yield "    .fault = offsetof(block, fault),"
-        yield "    .start = do_start, .output = do_output, .advance = do_advance,"
+        table = f"{PREFIX}variables"
+        yield f"    .size = sizeof({BLOCK}), .at_start = &{PREFIX}at_start,"
+        yield f"    .variables = {table}, .count = sizeof {table} / sizeof *{table},"
+        yield f"    .fault = offsetof({BLOCK}, fault),"
+        yield "    " + " ".join(f".{entry} = {PREFIX}do_{entry}," for entry in ENTRIES)
         yield "};"
 
 

@@ -176,7 +176,8 @@ class Names:
             item, n = element(t), most(t)
             base = self(item)
             if isinstance(item, Scalar):
-                name = {F: "double", B: "bool", I: "int", U: "mask", S: "text"}[item] + str(n)
+                kind = {F: "double", B: "bool", I: "int", U: "mask", S: "text"}[item]
+                name = f"{PREFIX}{kind}{n}"
                 if isinstance(t, Array):
                     return self(Tuple((item,) * n))
                 if any(f" {name};" in d for d in self.definitions):
@@ -203,13 +204,13 @@ class Names:
             body = "int which;" if rest else " ".join(members) or "char nothing;"
         else:
             raise AssertionError(t)
-        name = name or f"{_kind(t)}{len(self.definitions) + 1}"
+        name = name or f"{PREFIX}{_kind(t)}{len(self.definitions) + 1}"
         self.definitions.append(f"typedef struct {{ {body} }} {name};")
         return name
 
     def member(self, t: Type) -> str:
         """The type of a captured variable; the block by its address."""
-        return "block *" if t == "self" else self(t)
+        return f"{BLOCK} *" if t == "self" else self(t)
 
 
 def hidden(t: Type) -> bool:
@@ -227,6 +228,9 @@ def member_names(t: Tuple) -> list[str]:
     return [f"x{i}" for i in range(len(t.items))]
 
 
+PREFIX = "desat_"
+"""What each name begins with that is known in the whole of a C file: none of a library does."""
+BLOCK = f"{PREFIX}block"
 _WORDS = """auto break case char const continue default do double else enum extern float for goto if
 inline int long register restrict return short signed sizeof static struct switch typedef union
 unsigned void volatile while bool true false self block main signal NULL INFINITY NAN abs div errno
@@ -236,4 +240,4 @@ _RESERVED = frozenset(_WORDS.split())
 
 def safe(name: str) -> str:
     """A Python name that C takes as well."""
-    return f"{name}_" if name in _RESERVED or name.startswith("py_") else name
+    return f"{name}_" if name in _RESERVED or name.startswith(("py_", PREFIX)) else name

@@ -10,9 +10,14 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from ..system.errors import DesatError
+from ..system.quantity import Quantity
 
 if TYPE_CHECKING:
     from ..system.options import Algorithm, Options
+
+
+LONGEST = 1e7
+"""Of a wall time that can be asked for (s)."""
 
 
 class Semantics(StrEnum):
@@ -70,6 +75,31 @@ def complete_family(incomplete: str) -> list[str]:
     return [n for n in families() if n.startswith(incomplete)]
 
 
+def number(asked: Quantity, metavar: str, text: str) -> Any:
+    """An option of one number; each that is typed is one of these, or a whole one of typer's."""
+    return typer.Option(asked.option, parser=asked.__call__, metavar=metavar, help=text)
+
+
+def written(option: str, text: str) -> Any:
+    """An option that names a file to write: what cannot be written is refused at once."""
+
+    def checked(given: str | Path) -> Path:
+        from ..files.io import place_of
+
+        place_of(Path(given), option)
+        return Path(given)
+
+    return typer.Option(option, parser=checked, metavar="FILE", show_default=False, help=text)
+
+
+def refuse(ctx: typer.Context, why: str, *names: str) -> None:
+    """Raise DesatError, which names it, for an option that is typed and would be ignored."""
+    for param in ctx.command.params:
+        source = ctx.get_parameter_source(str(param.name))
+        if param.name in names and source is not None and source.name == "COMMANDLINE":
+            raise DesatError(f"{param.opts[0]}: {why}")
+
+
 TARGET = typer.Argument(
     metavar="NAME|FILE|FOLDER",
     help="A scenario (see `desat list`), a scenario file of your own (.toml), an .ssp file, or a "
@@ -92,8 +122,8 @@ Sources = Annotated[
                  "block file of your own (.py), which is built. Parameters that both declare alike "
                  "stay. May be repeated."),
 ]  # fmt: skip
-Stop = Annotated[float | None, typer.Option(help="Stop time, s.")]
-Step = Annotated[float | None, typer.Option(help="Step, s.")]
+Stop = Annotated[float | None, number(Quantity("--stop", "s"), "S", "Stop time, s.")]
+Step = Annotated[float | None, number(Quantity("--step", "s"), "S", "Step, s.")]
 Inner = Annotated[
     str | None,
     typer.Option(metavar="N|auto",
@@ -102,8 +132,8 @@ Inner = Annotated[
 ]  # fmt: skip
 Accuracy = Annotated[
     float | None,
-    typer.Option(metavar="RAD",
-                 help="Attitude error, as the run estimates it, that --inner auto keeps below."),
+    number(Quantity("--accuracy", "rad", 0.0, 1.0, above=True), "RAD",
+           "Attitude error, as the run estimates it, that --inner auto keeps below."),
 ]  # fmt: skip
 Alg = Annotated[
     Semantics,
@@ -134,9 +164,9 @@ DesignOption = Annotated[
 ]  # fmt: skip
 TimeLimit = Annotated[
     float | None,
-    typer.Option(metavar="SECONDS", min=0.0,
-                 help="Wall time that a run may take to step; what it has by then is kept, and the "
-                 "command ends with 5."),
+    number(Quantity("--time-limit", "s", 0.0, LONGEST), "SECONDS",
+           "Wall time that a run may take to step; what it has by then is kept, and the command "
+           "ends with 5."),
 ]  # fmt: skip
 Trust = Annotated[
     Path | None,

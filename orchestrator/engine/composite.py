@@ -105,7 +105,7 @@ class Composite:
 
     def _variable(self, component: str, kind: str, reference: int) -> str:
         """A variable of a part."""
-        return f"{kind.upper()}({self._parts[component]}, {reference})"
+        return f"DESAT_{kind.upper()}({self._parts[component]}, {reference})"
 
     # --- operations -------------------------------------------------------------------------------
 
@@ -175,7 +175,7 @@ class Composite:
         yield from self._opened("input", member.name)
         kept = self._master.memory()
         t, dt = (self._element(kept[f"clock {member.every} {what}"]) for what in ("t", "dt"))
-        yield f"stepped(c, {self._parts[member.name]}, {t}, {dt});"
+        yield f"desat_stepped(c, {self._parts[member.name]}, {t}, {dt});"
 
     def _pull(self, member: Member) -> Iterator[str]:
         for kind in KINDS:
@@ -235,7 +235,7 @@ class Composite:
         if not text:
             return ""
         if text not in self._functions:
-            self._functions[text] = f"do_{len(self._functions)}_{what}"
+            self._functions[text] = f"desat_do_{len(self._functions)}_{what}"
         return self._functions[text]
 
     def _calls(self, operations: Iterable[Operation]) -> Iterator[str]:
@@ -256,7 +256,7 @@ class Composite:
             if gathers and name in self._parts:
                 push = self._function(self._push(member), f"push_{name}")
                 yield f"    {push}(c);"
-                yield f"    begun(c, {self._parts[name]});"
+                yield f"    desat_begun(c, {self._parts[name]});"
             yield from self._pulled(member)
 
     def _pulled(self, member: Member) -> Iterator[str]:
@@ -269,7 +269,7 @@ class Composite:
     def _parameters(self) -> Iterator[str]:
         for name, i in self._parts.items():
             member = self._master.members[name]
-            yield f"    renewed(c, {i});"
+            yield f"    desat_renewed(c, {i});"
             for key, value in self._master.parameters(member).items():
                 signal = member.component.interface.signals[key]
                 target = self._variable(name, signal.kind, signal.reference)
@@ -294,52 +294,57 @@ class Composite:
             f"   The components {', '.join(parts)}, and the operations of desat's master for a "
             "step, written out: generated, not to be changed. */",
             '#include "block.h"', "",
-            "typedef struct block block;",
-            f"enum {{ PARTS = {len(parts)}, LIVE = {len(master.live['Real'])}, "
-            f"STEPS = {len(steps)} }};",
-            *(f"extern const block_description {b}_block;" for b in blocks),
-            "static const block_description *const parts[PARTS] = {",
-            *(f"    &{self._models[n]}_block," for n in parts), "};",
-            "static const char *const instances[PARTS] = {",
+            "typedef struct desat_block desat_block;",
+            f"enum {{ DESAT_PARTS = {len(parts)}, DESAT_LIVE = {len(master.live['Real'])}, "
+            f"DESAT_STEPS = {len(steps)} }};",
+            *(f"extern const block_description desat_{b}_block;" for b in blocks),
+            "static const block_description *const desat_parts[DESAT_PARTS] = {",
+            *(f"    &desat_{self._models[n]}_block," for n in parts), "};",
+            "static const char *const desat_instances[DESAT_PARTS] = {",
             *(f"    {c_text(n)}," for n in parts), "};",
-            "static const char *const live_names[LIVE] = {",
+            "static const char *const desat_live_names[DESAT_LIVE] = {",
             *(f"    {c_text(f'{s.component}.{s.signal.name}')}," for s in master.slots
               if s.kind == "Real"), "};", "",
-            "struct block {", "    const char *instance;", "    bool fault, begun;",
+            "struct desat_block {", "    const char *instance;", "    bool fault, begun;",
             "    int64_t k;", "    double start;",
             *(f"    {_OWN[v.kind]} v{n}[{len(v.elements)}]; /* {v.name} */"
               for n, v in enumerate(self._variables)),
             *(f"    {field}" for field in self._fields), "};", "",
-            "static const block at_start = {", "    .fault = false,",
+            "static const desat_block desat_at_start = {", "    .fault = false,",
             *(f"    .v{n} = {{{', '.join(_shown(x) for x in v.starts)}}},"
               for n, v in enumerate(self._variables) if v.causality != "output"), "};", "",
-            "static const block_variable variables[] = {",
-            '    {"fault", offsetof(block, fault), \'B\', \'o\', NAN, NAN, ""},',
+            "static const block_variable desat_variables[] = {",
+            '    {"fault", offsetof(desat_block, fault), \'B\', \'o\', NAN, NAN, ""},',
             *self._table(), "};", _ENGINE,
         ]  # fmt: skip
         for body, name in self._functions.items():
-            lines += [f"static void {name}(context *c)", "{", "    block *self = c->self;",
-                      "    (void)self;", body, "}", ""]  # fmt: skip
+            lines += [f"static void {name}(desat_context *c)", "{",
+                      "    desat_block *self = c->self;", "    (void)self;", body,
+                      "}", ""]  # fmt: skip
         for i, calls in enumerate(steps):
-            lines += [f"static void step_{i}(context *c)", "{", *calls, "}", ""]
-        for name, own in (("parameters", list(self._parameters())), ("settling", settling),
-                           ("ended", final), ("shown", shown)):  # fmt: skip
-            lines += [f"static void {name}(context *c)", "{", "    block *self = c->self;",
-                      "    (void)self;", *own, "}", ""]  # fmt: skip
+            lines += [f"static void desat_step_{i}(desat_context *c)", "{", *calls, "}", ""]
+        for name, own in (("desat_parameters", list(self._parameters())),
+                          ("desat_settling", settling), ("desat_ended", final),
+                          ("desat_shown", shown)):  # fmt: skip
+            lines += [f"static void {name}(desat_context *c)", "{",
+                      "    desat_block *self = c->self;", "    (void)self;", *own,
+                      "}", ""]  # fmt: skip
         lines += [
-            "static void (*const steps[STEPS])(context *) = {",
-            *(f"    step_{i}," for i in range(len(steps))), "};", "",
-            f"#define STEP {number(master.step_size)}",
-            f"#define PASSES {len(master.members) + 2}",
+            "static void (*const desat_steps[DESAT_STEPS])(desat_context *) = {",
+            *(f"    desat_step_{i}," for i in range(len(steps))), "};", "",
+            f"#define DESAT_STEP {number(master.step_size)}",
+            f"#define DESAT_PASSES {len(master.members) + 2}",
             _ENTRIES.replace("/*CLOCKS*/", "\n".join(self._clocks()))
             .replace("/*ROW*/", "\n".join(self._first_row())),
-            "const block_description the_block = {",
+            "const block_description desat_the_block = {",
             f'    .name = {c_text(identifier)}, .guid = "@GUID@",',
-            "    .size = sizeof(block), .at_start = &at_start,",
-            "    .parts = parts, .part_count = PARTS,",
-            "    .variables = variables, .count = sizeof variables / sizeof *variables,",
-            "    .fault = offsetof(block, fault),",
-            "    .start = do_start, .output = do_output, .advance = do_advance,", "};",
+            "    .size = sizeof(desat_block), .at_start = &desat_at_start,",
+            "    .parts = desat_parts, .part_count = DESAT_PARTS,",
+            "    .variables = desat_variables,",
+            "    .count = sizeof desat_variables / sizeof *desat_variables,",
+            "    .fault = offsetof(desat_block, fault),",
+            "    .start = desat_do_start, .output = desat_do_output, .advance = desat_do_advance,",
+            "};",
         ]  # fmt: skip
         return "\n".join(lines) + "\n"
 
@@ -365,7 +370,7 @@ class Composite:
                 bounds = (None, None) if v.causality == "output" else (s.minimum, s.maximum)
                 low, high = (("NAN", "None") if x is None else (number(float(x)), repr(x))
                              for x in bounds)  # fmt: skip
-                yield (f"    {{{c_text(element)}, offsetof(block, v{n}) + {i} * "
+                yield (f"    {{{c_text(element)}, offsetof(desat_block, v{n}) + {i} * "
                        f"sizeof({_OWN[v.kind]}), '{v.kind[0]}', '{v.causality[0]}', {low[0]}, "
                        f"{high[0]}, {c_text(f'[{low[1]}, {high[1]}]')}}},")  # fmt: skip
 
@@ -438,44 +443,44 @@ def _shown(x: Scalar) -> str:
 
 _ENGINE = """
 typedef struct {
-    block *self;
-    char *part[PARTS];
+    desat_block *self;
+    char *part[DESAT_PARTS];
     double t;
-    bool failed[PARTS];
+    bool failed[DESAT_PARTS];
     char said[400]; /* by the last part that failed to start */
-} context;
+} desat_context;
 
-#define AT(p, v) (c->part[p] + parts[p]->variables[v].offset)
-#define REAL(p, v) (*(double *)AT(p, v))
-#define INTEGER(p, v) (*(int64_t *)AT(p, v))
-#define BOOLEAN(p, v) (*(bool *)AT(p, v))
+#define DESAT_AT(p, v) (c->part[p] + desat_parts[p]->variables[v].offset)
+#define DESAT_REAL(p, v) (*(double *)DESAT_AT(p, v))
+#define DESAT_INTEGER(p, v) (*(int64_t *)DESAT_AT(p, v))
+#define DESAT_BOOLEAN(p, v) (*(bool *)DESAT_AT(p, v))
 
 /* where the parts are, and their names, which are no part of a state */
-static void opened(context *c, block *self, double t)
+static void desat_opened(desat_context *c, desat_block *self, double t)
 {
-    char *at = (char *)self + block_room(sizeof(block));
+    char *at = (char *)self + block_room(sizeof(desat_block));
     memset(c, 0, sizeof *c);
     c->self = self;
     c->t = t;
-    for (int i = 0; i < PARTS; i++) {
+    for (int i = 0; i < DESAT_PARTS; i++) {
         c->part[i] = at;
-        *(const char **)at = instances[i];
-        at += block_room(parts[i]->size);
+        *(const char **)at = desat_instances[i];
+        at += block_room(desat_parts[i]->size);
     }
 }
 
-static void closed(context *c)
+static void desat_closed(desat_context *c)
 {
-    for (int i = 0; i < PARTS; i++) *(const char **)c->part[i] = NULL;
+    for (int i = 0; i < DESAT_PARTS; i++) *(const char **)c->part[i] = NULL;
 }
 
-static void renewed(context *c, int i)
+static void desat_renewed(desat_context *c, int i)
 {
-    memcpy(c->part[i], parts[i]->at_start, parts[i]->size);
-    *(const char **)c->part[i] = instances[i];
+    memcpy(c->part[i], desat_parts[i]->at_start, desat_parts[i]->size);
+    *(const char **)c->part[i] = desat_instances[i];
 }
 
-static void named(const char *instance, const char *what, const char *text)
+static void desat_named(const char *instance, const char *what, const char *text)
 {
     py_text_begin();
     py_text(instance);
@@ -486,43 +491,43 @@ static void named(const char *instance, const char *what, const char *text)
 }
 
 /* initialisation mode: the inputs may settle, so that a later start does not fail */
-static void begun(context *c, int i)
+static void desat_begun(desat_context *c, int i)
 {
     py_frame frame;
     if (PY_TRY(frame)) {
-        parts[i]->start(c->part[i]);
-        parts[i]->output(c->part[i], c->t);
+        desat_parts[i]->start(c->part[i]);
+        desat_parts[i]->output(c->part[i], c->t);
         py_end_try();
         c->failed[i] = false;
     } else {
         c->failed[i] = true;
-        named(instances[i], py_caught_name(), py_caught_text());
+        desat_named(desat_instances[i], py_caught_name(), py_caught_text());
         strncpy(c->said, py_text_end(), sizeof c->said - 1);
     }
 }
 
-static void stepped(context *c, int i, double t, double dt)
+static void desat_stepped(desat_context *c, int i, double t, double dt)
 {
     py_frame frame;
     if (PY_TRY(frame)) {
-        parts[i]->advance(c->part[i], t, dt);
-        parts[i]->output(c->part[i], t + dt);
+        desat_parts[i]->advance(c->part[i], t, dt);
+        desat_parts[i]->output(c->part[i], t + dt);
         py_end_try();
         return;
     }
-    named(instances[i], py_caught_name(), py_caught_text());
+    desat_named(desat_instances[i], py_caught_name(), py_caught_text());
     py_raise(PY_BLOCK_ERROR, py_text_end());
 }
 
-static void finite(const block *self)
+static void desat_finite(const desat_block *self)
 {
     double sum = 0.0;
-    for (int i = 0; i < LIVE; i++) sum += 0.0 * self->live.r[i];
+    for (int i = 0; i < DESAT_LIVE; i++) sum += 0.0 * self->live.r[i];
     if (sum == 0.0) return;
-    for (int i = 0; i < LIVE; i++)
+    for (int i = 0; i < DESAT_LIVE; i++)
         if (!isfinite(self->live.r[i])) {
             py_text_begin();
-            py_text(live_names[i] != NULL ? live_names[i] : "a mean");
+            py_text(desat_live_names[i] != NULL ? desat_live_names[i] : "a mean");
             py_text(" = ");
             py_text_float(self->live.r[i]);
             py_raise(PY_BLOCK_ERROR, py_text_end());
@@ -531,68 +536,69 @@ static void finite(const block *self)
 """
 
 _ENTRIES = """
-static void initialised(context *c, double t)
+static void desat_initialised(desat_context *c, double t)
 {
-    block *self = c->self;
+    desat_block *self = c->self;
     char before[sizeof self->live];
-    memset((char *)self + offsetof(block, live), 0, sizeof(block) - offsetof(block, live));
+    memset((char *)self + offsetof(desat_block, live), 0,
+           sizeof(desat_block) - offsetof(desat_block, live));
     self->k = 0;
     self->start = t;
 /*CLOCKS*/
-    parameters(c);
-    for (int i = 0; i < PARTS; i++) begun(c, i);
-    ended(c);
+    desat_parameters(c);
+    for (int i = 0; i < DESAT_PARTS; i++) desat_begun(c, i);
+    desat_ended(c);
     for (int pass = 0;; pass++) {
-        if (pass == PASSES) py_raise(PY_BLOCK_ERROR, "initialisation does not settle");
+        if (pass == DESAT_PASSES) py_raise(PY_BLOCK_ERROR, "initialisation does not settle");
         memcpy(before, &self->live, sizeof before);
-        settling(c);
+        desat_settling(c);
         if (memcmp(before, &self->live, sizeof before) == 0) break;
     }
-    for (int i = 0; i < PARTS; i++)
+    for (int i = 0; i < DESAT_PARTS; i++)
         if (c->failed[i]) py_raise(PY_BLOCK_ERROR, c->said);
-    ended(c);
-    finite(self);
+    desat_ended(c);
+    desat_finite(self);
 /*ROW*/
     self->begun = true;
-    shown(c);
+    desat_shown(c);
 }
 
-static void do_start(void *self)
+static void desat_do_start(void *self)
 {
-    ((block *)self)->begun = false;
+    ((desat_block *)self)->begun = false;
 }
 
-static void do_output(void *self, double t)
+static void desat_do_output(void *self, double t)
 {
-    context c;
-    if (((block *)self)->begun) return;
-    opened(&c, self, t);
-    initialised(&c, t);
-    closed(&c);
+    desat_context c;
+    if (((desat_block *)self)->begun) return;
+    desat_opened(&c, self, t);
+    desat_initialised(&c, t);
+    desat_closed(&c);
 }
 
 /* as many steps of the loop as there are in dt */
-static void do_advance(void *given, double t, double dt)
+static void desat_do_advance(void *given, double t, double dt)
 {
-    block *self = given;
-    context c;
-    const double n = nearbyint(dt / STEP);
-    if (n < 1.0 || fabs(dt - n * STEP) > 1e-6 * STEP) {
+    desat_block *self = given;
+    desat_context c;
+    const double n = nearbyint(dt / DESAT_STEP);
+    if (n < 1.0 || fabs(dt - n * DESAT_STEP) > 1e-6 * DESAT_STEP) {
         py_text_begin();
         py_text("a step of ");
         py_text_float(dt);
         py_text(" s, which is no multiple of ");
-        py_text_float(STEP);
+        py_text_float(DESAT_STEP);
         py_text(" s");
         py_raise(PY_RUNTIME_ERROR, py_text_end());
     }
-    opened(&c, self, t);
+    desat_opened(&c, self, t);
     for (int64_t i = 0; i < (int64_t)n; i++) {
-        steps[self->k % STEPS](&c);
+        desat_steps[self->k % DESAT_STEPS](&c);
         self->k++;
-        finite(self);
+        desat_finite(self);
     }
-    shown(&c);
-    closed(&c);
+    desat_shown(&c);
+    desat_closed(&c);
 }
 """

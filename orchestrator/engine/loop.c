@@ -13,9 +13,12 @@
 #include <unistd.h>
 #endif
 
-enum code { TICK, LENGTH, TAKE_8, TAKE_4, CONVERT, TRANSFER, STEP, COPY, CLEAR, JOIN, CUT,
-            PUT_R, PUT_I, PUT_B, FETCH_R, FETCH_I, FETCH_B, KEEP,
-            TRANSFER_3, STEP_3, TO_TYPE, FROM_TYPE };
+enum desat_code {
+    DESAT_TICK, DESAT_LENGTH, DESAT_TAKE_8, DESAT_TAKE_4, DESAT_CONVERT, DESAT_TRANSFER,
+    DESAT_STEP, DESAT_COPY, DESAT_CLEAR, DESAT_JOIN, DESAT_CUT, DESAT_PUT_R, DESAT_PUT_I,
+    DESAT_PUT_B, DESAT_FETCH_R, DESAT_FETCH_I, DESAT_FETCH_B, DESAT_KEEP, DESAT_TRANSFER_3,
+    DESAT_STEP_3, DESAT_TO_TYPE, DESAT_FROM_TYPE
+};
 
 /* p and x by code:
  *   TICK      *p0 = start + (k + x0) step
@@ -36,7 +39,7 @@ enum code { TICK, LENGTH, TAKE_8, TAKE_4, CONVERT, TRANSFER, STEP, COPY, CLEAR, 
  *   CUT       the same places: p0[p3[i]] = mean + x0 slope, p0[p4[i]] = x1 slope
  *   KEEP      of rows p0 of n values the one of number p1, which rises by one, is p2[p3[i]]
  * A place below 0 is none: its value is 0, and nothing is put there. */
-struct operation {
+struct desat_operation {
     int32_t code;
     int32_t more; /* a further call of the same verb follows */
     int64_t n;
@@ -45,15 +48,15 @@ struct operation {
     double x[3];
 };
 
-struct table {
+struct desat_table {
     const char *source;
     char *rows;
     int64_t bytes; /* of a row */
 };
 
-enum how { NEVER, BELOW, ABOVE, REACHES, ALWAYS };
+enum desat_how { DESAT_NEVER, DESAT_BELOW, DESAT_ABOVE, DESAT_REACHES, DESAT_ALWAYS };
 
-struct loop {
+struct desat_loop {
     int64_t k;
     int64_t process; /* where a component may fork it: what comes back in another one ends */
     int64_t *word; /* of current_call.py: the call that the process is in, and its time */
@@ -61,7 +64,7 @@ struct loop {
     double start, step;
     int64_t steps; /* of a cycle */
     const int64_t *edges; /* of step i: before its row from edges[2 i], after it from edges[2 i + 1] */
-    const struct operation *operations;
+    const struct desat_operation *operations;
     /* a failure */
     int64_t failed;
     int64_t status;
@@ -77,7 +80,7 @@ struct loop {
     int64_t *taken;
     double *times;
     int64_t tables;
-    struct table table[3];
+    struct desat_table table[3];
     /* when to ask whether the run ends here: `asked` is whether the condition was met before */
     int64_t how, watched, asked;
     const int64_t *places;
@@ -86,73 +89,73 @@ struct loop {
     double limit;
 };
 
-enum result { LOOK, FAILED, NOT_FINITE };
+enum desat_result { DESAT_LOOK, DESAT_FAILED, DESAT_NOT_FINITE };
 
 /* unsigned: a status below 0, which FMI does not know, is not ok */
-typedef unsigned transfer(void *, const unsigned *, size_t, void *);
-typedef unsigned do_step(void *, double, double, int);
+typedef unsigned desat_transfer(void *, const unsigned *, size_t, void *);
+typedef unsigned desat_do_step(void *, double, double, int);
 
-typedef unsigned transfer_3(void *, const unsigned *, size_t, void *, size_t);
-typedef unsigned do_step_3(void *, double, double, bool, bool *, bool *, bool *, double *);
+typedef unsigned desat_transfer_3(void *, const unsigned *, size_t, void *, size_t);
+typedef unsigned desat_do_step_3(void *, double, double, bool, bool *, bool *, bool *, double *);
 
-struct done {
+struct desat_done {
     bool event, terminate, early, whole;
     double last;
 };
-#define NEAR 0.01 /* as in faces.py */
+#define DESAT_NEAR 0.01 /* as in faces.py */
 
 /* Of a whole number of one type as another, whether it is the same number. */
-#define SAME(A, B) ((int64_t)(A) == (int64_t)(B) && ((A) < 0) == ((B) < 0))
-#define OURS(TYPE, KEEPS)                                                                            \
-    for (i = 0; i < o->n; i++)                                                                       \
-        if (from) {                                                                                  \
-            const TYPE value = ((const TYPE *)o->p[2])[index[i]];                                    \
-            if (!KEEPS(value, (int32_t)value)) return 3;                                             \
-            ((int32_t *)o->p[0])[first[i]] = (int32_t)value;                                         \
-        } else {                                                                                     \
-            const int32_t value = ((const int32_t *)o->p[2])[index[i]];                              \
-            if (!KEEPS(value, (TYPE)value)) return 3;                                                \
-            ((TYPE *)o->p[0])[first[i]] = (TYPE)value;                                               \
-        }                                                                                            \
+#define DESAT_SAME(A, B) ((int64_t)(A) == (int64_t)(B) && ((A) < 0) == ((B) < 0))
+#define DESAT_OURS(TYPE, KEEPS)                                                                     \
+    for (i = 0; i < o->n; i++)                                                                      \
+        if (from) {                                                                                 \
+            const TYPE value = ((const TYPE *)o->p[2])[index[i]];                                   \
+            if (!KEEPS(value, (int32_t)value)) return 3;                                            \
+            ((int32_t *)o->p[0])[first[i]] = (int32_t)value;                                        \
+        } else {                                                                                    \
+            const int32_t value = ((const int32_t *)o->p[2])[index[i]];                             \
+            if (!KEEPS(value, (TYPE)value)) return 3;                                               \
+            ((TYPE *)o->p[0])[first[i]] = (TYPE)value;                                              \
+        }                                                                                           \
     return 0;
-#define REALS(TYPE)                                                                                  \
-    for (i = 0; i < o->n; i++)                                                                       \
-        if (from) ((double *)o->p[0])[first[i]] = ((const TYPE *)o->p[2])[index[i]];                 \
-        else ((TYPE *)o->p[0])[first[i]] = (TYPE)((const double *)o->p[2])[index[i]];                \
+#define DESAT_REALS(TYPE)                                                                           \
+    for (i = 0; i < o->n; i++)                                                                      \
+        if (from) ((double *)o->p[0])[first[i]] = ((const TYPE *)o->p[2])[index[i]];                \
+        else ((TYPE *)o->p[0])[first[i]] = (TYPE)((const double *)o->p[2])[index[i]];               \
     return 0;
-#define ANY(A, B) true
+#define DESAT_ANY(A, B) true
 
-static unsigned typed(const struct operation *o, bool from)
+static unsigned desat_typed(const struct desat_operation *o, bool from)
 {
     const int64_t *first = o->p[1], *index = o->p[3];
     int64_t i;
     switch ((intptr_t)o->p[4]) {
-    case 0: REALS(float)
-    case 1: REALS(double)
-    case 2: OURS(int8_t, SAME)
-    case 3: OURS(int16_t, SAME)
-    case 4: OURS(int32_t, SAME)
-    case 5: OURS(int64_t, SAME)
-    case 6: OURS(uint8_t, SAME)
-    case 7: OURS(uint16_t, SAME)
-    case 8: OURS(uint32_t, SAME)
-    case 9: OURS(uint64_t, SAME)
-    case 10: OURS(bool, ANY)
+    case 0: DESAT_REALS(float)
+    case 1: DESAT_REALS(double)
+    case 2: DESAT_OURS(int8_t, DESAT_SAME)
+    case 3: DESAT_OURS(int16_t, DESAT_SAME)
+    case 4: DESAT_OURS(int32_t, DESAT_SAME)
+    case 5: DESAT_OURS(int64_t, DESAT_SAME)
+    case 6: DESAT_OURS(uint8_t, DESAT_SAME)
+    case 7: DESAT_OURS(uint16_t, DESAT_SAME)
+    case 8: DESAT_OURS(uint32_t, DESAT_SAME)
+    case 9: DESAT_OURS(uint64_t, DESAT_SAME)
+    case 10: DESAT_OURS(bool, DESAT_ANY)
     }
     return 4; /* faces.py knows no other */
 }
 
-static double at(const double *values, int64_t place) { return place < 0 ? 0.0 : values[place]; }
+static double desat_at(const double *values, int64_t place) { return place < 0 ? 0.0 : values[place]; }
 
 /* value i where our own FMUs have it, and where the loop has it */
-#define THERE(TYPE) ((TYPE **)o->p[0])[i]
-#define HERE(TYPE) ((TYPE *)o->p[1])[i]
-#define MOVE(ONE)                                                                                    \
-    for (i = 0; i < o->n; i++) ONE;                                                                  \
+#define DESAT_THERE(TYPE) ((TYPE **)o->p[0])[i]
+#define DESAT_HERE(TYPE) ((TYPE *)o->p[1])[i]
+#define DESAT_MOVE(ONE)                                                                             \
+    for (i = 0; i < o->n; i++) ONE;                                                                 \
     return 0;
 
 /* The status of a call that has come back, in our process. */
-static unsigned back(const struct loop *loop, unsigned status)
+static unsigned desat_back(const struct desat_loop *loop, unsigned status)
 {
 #ifndef _WIN32
     if (loop->process && getpid() != loop->process)
@@ -161,92 +164,94 @@ static unsigned back(const struct loop *loop, unsigned status)
     return status;
 }
 
-static unsigned perform(struct loop *loop, const struct operation *o)
+static unsigned desat_perform(struct desat_loop *loop, const struct desat_operation *o)
 {
     double *target = o->p[0];
     const int64_t *first = o->p[1], *second = o->p[2], *index = o->p[3];
     int64_t i;
     switch (o->code) {
-    case TICK:
+    case DESAT_TICK:
         *loop->time = *target = loop->start + ((double)loop->k + o->x[0]) * loop->step;
         return 0;
-    case LENGTH:
+    case DESAT_LENGTH:
         *target = o->x[0];
         return 0;
-    case TAKE_8:
+    case DESAT_TAKE_8:
         for (i = 0; i < o->n; i++)
             target[first[i]] = ((const double *)o->p[2])[index[i]];
         return 0;
-    case TAKE_4:
+    case DESAT_TAKE_4:
         for (i = 0; i < o->n; i++)
             ((int32_t *)o->p[0])[first[i]] = ((const int32_t *)o->p[2])[index[i]];
         return 0;
-    case CONVERT: {
+    case DESAT_CONVERT: {
         const double *source = o->p[2], *factor = o->p[4], *offset = o->p[5];
         for (i = 0; i < o->n; i++)
             target[first[i]] = source[index[i]] * factor[i] + offset[i];
         return 0;
     }
-    case PUT_R: MOVE(*THERE(double) = HERE(double))
-    case PUT_I: MOVE(*THERE(int64_t) = HERE(int32_t))
-    case PUT_B: MOVE(*THERE(bool) = HERE(int32_t) != 0)
-    case FETCH_R: MOVE(HERE(double) = *THERE(double))
-    case FETCH_I: MOVE(HERE(int32_t) = (int32_t)*THERE(int64_t))
-    case FETCH_B: MOVE(HERE(int32_t) = *THERE(bool))
-    case TRANSFER:
+    case DESAT_PUT_R: DESAT_MOVE(*DESAT_THERE(double) = DESAT_HERE(double))
+    case DESAT_PUT_I: DESAT_MOVE(*DESAT_THERE(int64_t) = DESAT_HERE(int32_t))
+    case DESAT_PUT_B: DESAT_MOVE(*DESAT_THERE(bool) = DESAT_HERE(int32_t) != 0)
+    case DESAT_FETCH_R: DESAT_MOVE(DESAT_HERE(double) = *DESAT_THERE(double))
+    case DESAT_FETCH_I: DESAT_MOVE(DESAT_HERE(int32_t) = (int32_t)*DESAT_THERE(int64_t))
+    case DESAT_FETCH_B: DESAT_MOVE(DESAT_HERE(int32_t) = *DESAT_THERE(bool))
+    case DESAT_TRANSFER:
         *loop->word = o->word;
-        return back(loop, ((transfer *)o->p[0])(o->p[1], o->p[2], (size_t)o->n, o->p[3]));
-    case STEP:
+        return desat_back(loop,
+                          ((desat_transfer *)o->p[0])(o->p[1], o->p[2], (size_t)o->n, o->p[3]));
+    case DESAT_STEP:
         *loop->word = o->word;
-        return back(loop, ((do_step *)o->p[0])(o->p[1], *(double *)o->p[2], *(double *)o->p[3], 1));
-    case TRANSFER_3:
+        return desat_back(loop, ((desat_do_step *)o->p[0])(o->p[1], *(double *)o->p[2],
+                                                           *(double *)o->p[3], 1));
+    case DESAT_TRANSFER_3:
         *loop->word = o->word;
-        return back(loop, ((transfer_3 *)o->p[0])(o->p[1], o->p[2], (size_t)o->n, o->p[3],
+        return desat_back(loop, ((desat_transfer_3 *)o->p[0])(o->p[1], o->p[2], (size_t)o->n, o->p[3],
                                                   (size_t)(uintptr_t)o->p[4]));
-    case STEP_3: {
-        struct done *done = o->p[4];
+    case DESAT_STEP_3: {
+        struct desat_done *done = o->p[4];
         *loop->word = o->word;
         const double t = *(double *)o->p[2], dt = *(double *)o->p[3], end = t + dt;
         done->event = done->terminate = done->early = false;
         done->last = end;
-        const unsigned status = back(
-            loop, ((do_step_3 *)o->p[0])(o->p[1], t, dt, true, &done->event, &done->terminate,
+        const unsigned status = desat_back(
+            loop, ((desat_do_step_3 *)o->p[0])(o->p[1], t, dt, true, &done->event, &done->terminate,
                                          &done->early, &done->last));
-        done->whole = status > 1 || fabs(done->last - end) <= NEAR * dt;
+        done->whole = status > 1 || fabs(done->last - end) <= DESAT_NEAR * dt;
         return status <= 1 && (done->terminate || done->early || done->event || !done->whole)
                    ? 3 : status;
     }
-    case TO_TYPE:
-        return typed(o, false);
-    case FROM_TYPE:
-        return typed(o, true);
-    case COPY:
+    case DESAT_TO_TYPE:
+        return desat_typed(o, false);
+    case DESAT_FROM_TYPE:
+        return desat_typed(o, true);
+    case DESAT_COPY:
         memcpy(o->p[0], o->p[1], (size_t)o->n);
         return 0;
-    case CLEAR:
+    case DESAT_CLEAR:
         for (i = 0; i < o->n; i++)
             target[i] = 0.0;
         return 0;
-    case JOIN: {
+    case DESAT_JOIN: {
         double *mean = o->p[3], *slope = o->p[4];
         for (i = 0; i < o->n; i++) {
-            double m = at(target, first[i]), s = at(target, second[i]);
+            double m = desat_at(target, first[i]), s = desat_at(target, second[i]);
             mean[i] += o->x[0] * m;
             slope[i] += o->x[1] * m + o->x[2] * s;
         }
         return 0;
     }
-    case CUT: {
+    case DESAT_CUT: {
         const int64_t *slopes = o->p[4];
         for (i = 0; i < o->n; i++) {
-            double m = at(target, first[i]), s = at(target, second[i]);
+            double m = desat_at(target, first[i]), s = desat_at(target, second[i]);
             target[index[i]] = m + o->x[0] * s;
             if (slopes[i] >= 0)
                 target[slopes[i]] = o->x[1] * s;
         }
         return 0;
     }
-    case KEEP: {
+    case DESAT_KEEP: {
         double *row = target + *(int64_t *)o->p[1] * o->n;
         for (i = 0; i < o->n; i++)
             row[i] = ((const double *)o->p[2])[index[i]];
@@ -257,12 +262,12 @@ static unsigned perform(struct loop *loop, const struct operation *o)
     return 4; /* compiled.py makes no other */
 }
 
-static int all_of(struct loop *loop, int64_t from, int64_t to)
+static int desat_all_of(struct desat_loop *loop, int64_t from, int64_t to)
 {
     unsigned worst = 0;
     for (int64_t i = from; i < to; i++) {
-        const struct operation *o = loop->operations + i;
-        unsigned status = perform(loop, o);
+        const struct desat_operation *o = loop->operations + i;
+        unsigned status = desat_perform(loop, o);
         worst = status > worst ? status : worst;
         if (!o->more) {
             if (worst > 1) {
@@ -280,19 +285,19 @@ static int all_of(struct loop *loop, int64_t from, int64_t to)
     return 0;
 }
 
-static void take_row(struct loop *loop)
+static void desat_take_row(struct desat_loop *loop)
 {
     int64_t k = loop->k + loop->ahead, row = *loop->taken;
     loop->times[row] = loop->start + (double)k * loop->step;
     for (int64_t i = 0; i < loop->tables; i++) {
-        const struct table *t = loop->table + i;
+        const struct desat_table *t = loop->table + i;
         memcpy(t->rows + row * t->bytes, t->source, (size_t)t->bytes);
     }
     *loop->taken = row + 1;
 }
 
 /* zero times what is not finite is not a number, nor is a sum with it */
-static int is_finite(const struct loop *loop)
+static int desat_is_finite(const struct desat_loop *loop)
 {
     const double *x = loop->real;
     double sum[4] = {0.0};
@@ -305,45 +310,45 @@ static int is_finite(const struct loop *loop)
     return sum[0] + sum[1] + sum[2] + sum[3] == 0.0;
 }
 
-static int is_met(const struct loop *loop)
+static int desat_is_met(const struct desat_loop *loop)
 {
     double largest = 0.0;
-    if (loop->how == NEVER || loop->how == ALWAYS)
-        return loop->how == ALWAYS;
+    if (loop->how == DESAT_NEVER || loop->how == DESAT_ALWAYS)
+        return loop->how == DESAT_ALWAYS;
     for (int64_t i = 0; i < loop->watched; i++) {
         int64_t place = loop->places[i];
         double value = loop->watched_reals ? loop->watched_reals[place]
                                            : (double)loop->watched_integers[place];
-        if (loop->how == REACHES && value != loop->limit)
+        if (loop->how == DESAT_REACHES && value != loop->limit)
             return 0;
         largest = fmax(largest, fabs(value));
     }
-    return loop->how == REACHES || (loop->how == BELOW ? largest < loop->limit
+    return loop->how == DESAT_REACHES || (loop->how == DESAT_BELOW ? largest < loop->limit
                                                        : largest > loop->limit);
 }
 
 /* So many steps, or fewer where there is something to look at: rows to write, a condition that is
  * met, or was one step ago. */
-int desat_loop(struct loop *loop, int64_t steps)
+int desat_loop(struct desat_loop *loop, int64_t steps)
 {
     for (int64_t until = loop->k + steps; loop->k < until;) {
         const int64_t *edges = loop->edges + 2 * (loop->k % loop->steps);
-        if (all_of(loop, edges[0], edges[1]))
-            return FAILED;
+        if (desat_all_of(loop, edges[0], edges[1]))
+            return DESAT_FAILED;
         if (loop->taken)
-            take_row(loop);
-        if (all_of(loop, edges[1], edges[2]))
-            return FAILED;
+            desat_take_row(loop);
+        if (desat_all_of(loop, edges[1], edges[2]))
+            return DESAT_FAILED;
         *loop->word = 0;
         loop->k++;
-        if (!is_finite(loop)) {
+        if (!desat_is_finite(loop)) {
             loop->asked = 1;
-            return NOT_FINITE;
+            return DESAT_NOT_FINITE;
         }
-        int64_t met = is_met(loop), ask = met || loop->asked;
+        int64_t met = desat_is_met(loop), ask = met || loop->asked;
         loop->asked = met;
         if (ask || (loop->taken && *loop->taken == loop->capacity))
-            return LOOK;
+            return DESAT_LOOK;
     }
-    return LOOK;
+    return DESAT_LOOK;
 }

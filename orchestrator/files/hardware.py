@@ -10,17 +10,14 @@ no more. [shared] and [parameters] go before either.
 
 from __future__ import annotations
 
-import re
 import tomllib
 from collections.abc import Mapping
 from functools import cache
 from importlib.resources import files
 from typing import Any
 
-from desat.components.contract.units import conversion
-
 from ..system.errors import DesatError, nearest
-from ..system.parameters import unit_of
+from ..system.quantity import Quantity
 
 Figures = Mapping[str, str]
 KINDS = {"wheels": "wheels", "torquers": "rods", "thrusters": "thrusters", "gyro": "gyros",
@@ -30,26 +27,11 @@ FILES = {"class": "classes.toml", "product": "products.toml"}
 WHEEL_LAG, COMPENSATION = "50 ms", "1 1/s"
 COULOMB, VISCOUS = 0.01, 0.04
 """Friction of a class's wheels: of the torque, the latter at the largest speed."""
-_NUMBER = re.compile(r"\s*([+-]?\d*\.?\d+(?:[eE][+-]?\d+)?)\s*([A-Za-z%/.0-9]*)\s*")
 
 
 def quantity(option: str, text: str, unit: str) -> float:
     """A number with a unit or, without one, in `unit`. Raises DesatError."""
-    match = _NUMBER.fullmatch(text)
-    if match is None:
-        raise DesatError(f"{option} {text}: a number is needed, with its unit or in {unit}")
-    try:
-        converted = conversion(unit_of(match[2] or unit), unit_of(unit))
-    except DesatError as error:
-        raise DesatError(f"{option} {text}: {error}") from None
-    if converted is None:
-        raise DesatError(f"{option} {text}: {match[2]} does not fit {unit}")
-    return float(match[1]) * converted[0] + converted[1]
-
-
-def is_number(text: str) -> bool:
-    """Whether it is a number, perhaps with a unit."""
-    return _NUMBER.fullmatch(text) is not None
+    return Quantity(option, unit)(text)
 
 
 @cache

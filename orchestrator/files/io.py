@@ -1,4 +1,4 @@
-"""Files that are whole or not there."""
+"""Files that are whole or not there: `replacing` writes each that a command is asked for."""
 
 from __future__ import annotations
 
@@ -31,16 +31,33 @@ def naming(path: Path) -> Iterator[None]:
         raise
 
 
+def place_of(path: Path, option: str = "") -> Path:
+    """Where a file is written that is asked for by an option: at the end of links, which stay.
+
+    Raises DesatError where there is something else than a regular file: a folder, a pipe, a device.
+    """
+    where = f"{option} {paths.shown(path)}".strip()
+    try:
+        if not stat.S_ISREG(path.stat().st_mode):
+            raise DesatError(f"{where}: not a regular file; nothing is written in its place")
+    except FileNotFoundError:
+        pass
+    except (OSError, ValueError) as error:  # a loop of links; a byte that no path has
+        raise DesatError(f"{where}: {getattr(error, 'strerror', None) or error}") from error
+    return Path(os.path.realpath(path))
+
+
 @contextmanager
 def replacing(path: Path) -> Iterator[Path]:
-    """Within: a temporary name to write a file under, which then has its own; its folder is made.
-    Where that fails nothing is left of it, and an OSError names the file."""
-    part = path.with_name(f"{path.name}.tmp")  # `.part` is what a run that goes on has
-    path.parent.mkdir(parents=True, exist_ok=True)
+    """Within: a temporary name to write a file under, which then has its own (`place_of`); its
+    folder is made. Where that fails nothing is left of it, and an OSError names the file."""
+    place = place_of(path)
+    part = place.with_name(f"{place.name}.tmp")  # `.part` is what a run that goes on has
+    place.parent.mkdir(parents=True, exist_ok=True)
     try:
         with naming(path):
             yield part
-        part.replace(path)
+        part.replace(place)
     except BaseException:
         part.unlink(missing_ok=True)
         raise

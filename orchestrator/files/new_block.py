@@ -14,6 +14,7 @@ from desat.fmus.own import SUFFIX, OwnBlockError, identifier
 from desat.fmus.registry import block_class, names
 
 from ..system.errors import DesatError, nearest
+from . import io
 
 PLAIN = {
     "environment": "environment_kepler", "spacecraft": "spacecraft_rigid", "wheels": "wheels",
@@ -80,6 +81,7 @@ def _write(file: Path, kind: str, more: Mapping[str, Any], force: bool) -> list[
     for path in made:
         if path.exists() and not force:
             raise DesatError(f"{path}: it exists; --force writes over it")
+        io.place_of(path)
     from jinja2 import Environment, PackageLoader, StrictUndefined
 
     environment = Environment(
@@ -94,5 +96,5 @@ def _write(file: Path, kind: str, more: Mapping[str, Any], force: bool) -> list[
     file.parent.mkdir(parents=True, exist_ok=True)
     for path, template in made.items():
         text = environment.get_template(f"{template}.jinja").render(told)
-        path.write_text(text, encoding="utf-8")
+        io.replace_text(path, text)
     return list(made)

@@ -21,7 +21,7 @@ import re
 import shutil
 from collections.abc import Mapping
 from dataclasses import dataclass
-from datetime import UTC, datetime
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any
 
@@ -34,11 +34,13 @@ from desat.components.physics.orbit import (
     mean_motion,
     sun_synchronous_inclination,
 )
-from desat.components.physics.tle import tle_parameters
+from desat.components.physics.tle import teme_state, tle_parameters
 
 from ..system import cyclic
-from ..system.errors import DesatError, nearest
-from .hardware import COMPENSATION, WHEEL_LAG, Figures, classes, friction, is_number, quantity, walk
+from ..system.errors import DesatError, nearest, plain
+from ..system.quantity import Quantity, is_number
+from . import io
+from .hardware import COMPENSATION, WHEEL_LAG, Figures, classes, friction, quantity, walk
 
 Array = NDArray[np.float64]
 SCENARIOS = ("nominal", "worst", "detumbling")
@@ -55,6 +57,21 @@ LAYOUTS = ("pyramid", "axes")
 POINTINGS = ("nadir", "inertial")
 TILT = 0.2
 """Of the geomagnetic dipole against the Earth's axis (rad)."""
+HEIGHTS = 150.0, 2000.0
+"""Of a circular orbit (km)."""
+INCLINATION = Quantity("--inclination", "deg", 0.0, 180.0)
+MASS = Quantity("--mass", "kg", 0.0, 1e6, above=True)
+BOX = Quantity("--box", "m", 0.0, 100.0, above=True, what="sides")
+INERTIA = Quantity("--inertia", "kg.m2", 0.0, 1e9, above=True, what="moments")
+WHEELS = Quantity("--wheels", "N.m.s", 0.0, 1e5, above=True)
+RODS = Quantity("--rods", "A.m2", 0.0, 1e5, above=True)
+THRUSTERS = Quantity("--thrusters", "N", 0.0, 1e5, above=True)
+RESIDUAL = Quantity("--residual-dipole", "A.m2", 0.0, 1e4)
+YEARS = 1957, 2056
+"""Of an epoch: those that two-line elements can name."""
+DOUBTFUL, MEANINGLESS = 7.0, 30.0
+"""Age of two-line elements (days): from the first on SGP4 is off by tens of kilometres, from the
+second on by hundreds."""
 
 
 @dataclass(frozen=True)
@@ -83,7 +100,11 @@ def write(folder: Path, wanted: Wanted, command: str, force: bool = False) -> li
     `force`, or where something wanted cannot be; then nothing is written."""
     if folder.exists() and not force:
         raise DesatError(f"{folder}: it exists; --force writes the craft into it")
-    made = _made(wanted, folder.name, command)
+    name = folder.absolute().name
+    if not re.fullmatch(r"[\w.+ -]+", name):
+        raise DesatError(f"{plain(str(folder))}: a name of letters, digits, blanks and . _ + - is "
+                         "needed")  # fmt: skip
+    made = _made(wanted, name, plain(command))
     from jinja2 import Environment, PackageLoader, StrictUndefined
 
     environment = Environment(
@@ -96,27 +117,23 @@ def write(folder: Path, wanted: Wanted, command: str, force: bool = False) -> li
     folder.mkdir(parents=True, exist_ok=True)
     try:
         for name, text in texts.items():
-            (folder / name).write_text(text, encoding="utf-8")
-    except OSError:
+            io.replace_text(folder / name, text)
+    except (OSError, DesatError):
         if fresh:
             shutil.rmtree(folder, ignore_errors=True)
         raise
     return [folder / name for name in texts]
 
 
-def _of_class(
-    option: str, kind: str, measure: str, text: str, unit: str
-) -> tuple[str, Figures, float]:
+def _of_class(asked: Quantity, kind: str, measure: str, text: str) -> tuple[str, Figures, float]:
     """The class that a size belongs to, its figures, and the size."""
-    known = classes()[kind]
+    known, option, unit = classes()[kind], asked.option, asked.unit
     if text in known:
         return text, known[text], quantity(option, known[text][measure], unit)
     if not is_number(text):
         raise DesatError(f"{option} {text}: no class{nearest(text, known)}; there is "
                          f"{', '.join(known)}, or a number in {unit}")  # fmt: skip
-    size = quantity(option, re.sub(r"(?<=[a-zA-Z])(?=Nms|ms\b)", "", _dotted(text)), unit)
-    if size <= 0.0:
-        raise DesatError(f"{option} {text}: above 0 is needed")
+    size = asked(_dotted(text))
     name = min(known, key=lambda n: abs(math.log(size / quantity(option, known[n][measure], unit))))
     return name, known[name], size
 
@@ -150,7 +167,7 @@ def _made(wanted: Wanted, name: str, command: str) -> dict[str, Any]:
     dipole = 0.005 * mass
     why = "class: 5 mA m2 a kilogram, no magnetic cleanliness"
     if wanted.residual_dipole is not None:
-        dipole = quantity("--residual-dipole", _dotted(wanted.residual_dipole), "A.m2")
+        dipole = RESIDUAL(_dotted(wanted.residual_dipole))
         why = "given"
     along = [x / math.sqrt(1.0 + 0.25 + 0.64) for x in (1.0, -0.5, 0.8)]
     _holds(wanted.pointing, orbit, inertia, wheels, [dipole * x for x in along])
@@ -197,9 +214,7 @@ def _sides(wanted: Wanted) -> tuple[tuple[float, float, float], str, int]:
         parts = wanted.box.split(",")
         if len(parts) != 3:
             raise DesatError(f"--box {wanted.box}: three sides are needed, as 0.5,0.5,0.8 in m")
-        a, b, c = (quantity("--box", x, "m") for x in parts)
-        if min(a, b, c) <= 0.0:
-            raise DesatError(f"--box {wanted.box}: sides above 0 are needed")
+        a, b, c = BOX.many(wanted.box)
         return (a, b, c), f"a box of {a:g} x {b:g} x {c:g} m", 0
     text = (wanted.size or "6U").strip()
     match = re.fullmatch(r"(\d+)[uU]", text)
@@ -211,9 +226,7 @@ def _sides(wanted: Wanted) -> tuple[tuple[float, float, float], str, int]:
 
 def _mass(wanted: Wanted, sides: tuple[float, float, float], units: int) -> tuple[float, str]:
     if wanted.mass is not None:
-        mass = quantity("--mass", wanted.mass, "kg")
-        if mass <= 0.0:
-            raise DesatError(f"--mass {wanted.mass}: above 0 is needed")
+        mass = MASS(wanted.mass)
         return mass, f"{mass:g} kg"
     if units:
         return _UNIT * units, f"class: {_UNIT:g} kg a unit"
@@ -228,25 +241,55 @@ def _inertia(
     if wanted.inertia is None:
         square = [x * x for x in sides]
         return [mass / 12.0 * (sum(square) - x) for x in square], f"a homogeneous body of {why}"
-    values = [quantity("--inertia", x, "kg.m2") for x in wanted.inertia.split(",")]
+    values = list(INERTIA.many(wanted.inertia))
     if len(values) != 3:
         raise DesatError(f"--inertia {wanted.inertia}: three moments are needed, as 0.2,0.2,0.1")
-    if min(values) <= 0.0 or max(values) > sum(values) - max(values):
+    if max(values) > sum(values) - max(values):
         raise DesatError(f"--inertia {wanted.inertia}: no body has these moments: each is above 0, "
                          "and none is more than the two others together")  # fmt: skip
     return values, "given"
 
 
 def _epoch(wanted: Wanted) -> datetime:
+    """Of t = 0: what is given, else that of two-line elements, to a second."""
+    of_tle = None if wanted.tle is None else _of_file(wanted.tle)["epoch_tle_j2000"]
     if wanted.epoch is None:
-        return datetime(2027, 1, 1, tzinfo=UTC)
+        if of_tle is None:
+            return datetime(2027, 1, 1, tzinfo=UTC)
+        return _J2000 + timedelta(seconds=round(of_tle))
     try:
         made = datetime.fromisoformat(wanted.epoch)
     except ValueError:
         raise DesatError(
             f"--epoch {wanted.epoch}: a time is needed, as 2027-01-01T00:00:00Z"
         ) from None
-    return made if made.tzinfo else made.replace(tzinfo=UTC)
+    made = made if made.tzinfo else made.replace(tzinfo=UTC)
+    if not YEARS[0] <= made.year <= YEARS[1]:
+        raise DesatError(f"--epoch {wanted.epoch}: a year from {YEARS[0]} to {YEARS[1]} is needed")
+    if of_tle is not None and abs(age := _days(made, of_tle)) > MEANINGLESS:
+        raise DesatError(f"--epoch {wanted.epoch}: {_aged(age)} those of --tle {wanted.tle}; SGP4 "
+                         f"means nothing beyond {MEANINGLESS:g} days")  # fmt: skip
+    return made
+
+
+def _days(epoch: datetime, elements: float) -> float:
+    """From the epoch of two-line elements (s since J2000) to another (days)."""
+    return ((epoch - _J2000).total_seconds() - elements) / 86400.0
+
+
+def _aged(days: float) -> str:
+    return f"{abs(days):.0f} days {'after' if days > 0.0 else 'before'}"
+
+
+def doubts(wanted: Wanted) -> list[str]:
+    """What makes what is wanted doubtful, though it can be. Raises DesatError."""
+    if wanted.tle is None:
+        return []
+    age = _days(_epoch(wanted), _of_file(wanted.tle)["epoch_tle_j2000"])
+    if abs(age) <= DOUBTFUL:
+        return []
+    return [f"--epoch {wanted.epoch}: {_aged(age)} those of --tle {wanted.tle}; beyond "
+            f"{DOUBTFUL:g} days SGP4 is off by tens of kilometres"]  # fmt: skip
 
 
 def _orbit(wanted: Wanted, epoch: float) -> dict[str, Any]:
@@ -257,16 +300,17 @@ def _orbit(wanted: Wanted, epoch: float) -> dict[str, Any]:
     if len(names) > 1:
         raise DesatError(f"{names[0]}, {names[1]}: one of them says the orbit")
     if wanted.tle is not None:
-        return _of_tle(wanted.tle)
+        for option, value in (("--inclination", wanted.inclination), ("--ltan", wanted.ltan)):
+            if value is not None:
+                raise DesatError(f"{option} {value}: --tle {wanted.tle} says the orbit")
+        return _of_tle(wanted.tle, epoch)
     text = wanted.sso or wanted.altitude or "500 km"
-    height = quantity(names[0] if names else "--altitude", text, "km") * 1e3
-    if not 150e3 <= height <= 2000e3:
-        raise DesatError(f"{(names or ['--altitude'])[0]} {text}: 150 to 2000 km are covered")
+    height = Quantity((names or ["--altitude"])[0], "km", *HEIGHTS)(text) * 1e3
     axis, raan, raan_why = EARTH_RADIUS + height, 0.0, "class"
     if wanted.altitude is not None and wanted.sso is None:
         if wanted.ltan is not None:
             raise DesatError(f"--ltan {wanted.ltan}: it is of a Sun-synchronous orbit (--sso)")
-        inclination = math.radians(quantity("--inclination", wanted.inclination or "51.6", "deg"))
+        inclination = math.radians(INCLINATION(wanted.inclination or "51.6"))
         why = "given" if wanted.inclination else "class: that of the ISS"
     else:
         if wanted.inclination is not None:
@@ -276,8 +320,6 @@ def _orbit(wanted: Wanted, epoch: float) -> dict[str, Any]:
         hours = _hours(wanted.ltan or "10:30")
         raan = earth.raan_of_local_time(hours, epoch)
         raan_why = f"ascending node at {wanted.ltan or '10:30, class'} local time"
-    if not 0.0 <= inclination <= math.pi:
-        raise DesatError(f"--inclination {wanted.inclination}: 0 to 180 deg")
     rows = [
         ("semi_major_axis", f'"{axis / 1e3:.9g} km"', f"{height / 1e3:g} km above 6378.137 km"),
         ("inclination", f'"{math.degrees(inclination):.6g} deg"', why),
@@ -311,17 +353,30 @@ def _hours(text: str) -> float:
     return int(match[1]) + int(match[2]) / 60.0
 
 
-def _of_tle(file: Path) -> dict[str, Any]:
-    try:
-        lines = [x for x in file.read_text(encoding="utf-8").splitlines() if x[:2] in ("1 ", "2 ")]
-    except (OSError, UnicodeDecodeError) as error:
-        raise DesatError(f"--tle {file}: {error}") from None
+def _of_file(file: Path) -> dict[str, float]:
+    """The parameters of a file with two-line elements. Raises DesatError."""
+    text = io.text(file, f"--tle {file}")
+    lines = [x for x in text.splitlines() if x[:2] in ("1 ", "2 ")]
     if len(lines) != 2:
         raise DesatError(f"--tle {file}: two lines that begin with 1 and 2 are needed")
     try:
-        values = tle_parameters(lines[0], lines[1])
+        return tle_parameters(lines[0], lines[1])
+    except ValueError as error:  # BlockError is one
+        raise DesatError(f"--tle {file}: {plain(str(error))}") from None
+
+
+def _of_tle(file: Path, epoch: float) -> dict[str, Any]:
+    """As `_orbit`. Raises DesatError for elements that SGP4 has no orbit of at the epoch."""
+    values = _of_file(file)
+    at, bstar, *others = (values[k] for k in (
+        "epoch_tle_j2000", "bstar", "eccentricity", "argument_of_perigee", "inclination",
+        "mean_anomaly", "mean_motion", "raan"))  # fmt: skip
+    try:
+        state = teme_state((at, bstar, *others), epoch - at)  # type: ignore[arg-type]
     except ValueError as error:
         raise DesatError(f"--tle {file}: {error}") from None
+    if not all(math.isfinite(x) for part in state for x in part):
+        raise DesatError(f"--tle {file}: no orbit has these elements")
     rows = [(name, repr(value), f"of {file.name}, SI") for name, value in values.items()
             if name != "epoch_j2000"]  # fmt: skip
     return {"rows": rows, "rate": values["mean_motion"], "inclination": values["inclination"],
@@ -342,7 +397,7 @@ def _wheels(wanted: Wanted, inertia: list[float]) -> dict[str, Any]:
                          f"{', '.join(LAYOUTS)}")  # fmt: skip
     if count != {"pyramid": 4, "axes": 3}[layout]:
         raise DesatError(f"--wheels {text}: {layout} has {4 if layout == 'pyramid' else 3} wheels")
-    name, figures, capacity = _of_class("--wheels", "wheels", "capacity", match[3], "N.m.s")
+    name, figures, capacity = _of_class(WHEELS, "wheels", "capacity", match[3])
     speed = quantity("--wheels", figures["speed"], "rad/s")
     share = capacity / quantity("--wheels", figures["capacity"], "N.m.s")
     torque = share * quantity("--wheels", figures["torque"], "N.m")
@@ -368,7 +423,7 @@ def _wheels(wanted: Wanted, inertia: list[float]) -> dict[str, Any]:
 
 def _rods(wanted: Wanted, mass: float) -> dict[str, str]:
     text = wanted.rods or f"{0.02 * mass:.2g}"
-    name, figures, dipole = _of_class("--rods", "rods", "dipole", text, "A.m2")
+    name, figures, dipole = _of_class(RODS, "rods", "dipole", text)
     why = "given" if wanted.rods else "class: 20 mA m2 a kilogram"
     return {"dipole": f"{dipole:g} A.m2", "lag": figures["lag"], "why": f"{why}; lag as {name}"}
 
@@ -382,9 +437,11 @@ def _gyro() -> dict[str, str]:
 def _thrusters(wanted: Wanted, sides: tuple[float, float, float]) -> Mapping[str, str] | None:
     if wanted.thrusters is None:
         return None
-    match = re.fullmatch(r"\s*(?:(\d+)\s+)?(.+?)\s*", wanted.thrusters)
-    assert match is not None
-    name, figures, force = _of_class("--thrusters", "thrusters", "force", match[2], "N")
+    match = re.fullmatch(r"\s*(?:4\s+)?([^\s].*?)\s*", wanted.thrusters)
+    if match is None or re.match(r"\d+\s+\d", match[1]):
+        raise DesatError(f"--thrusters {wanted.thrusters}: the form is 4 SIZE, as 4 1N: pairs both "
+                         "ways about each axis")  # fmt: skip
+    name, figures, force = _of_class(THRUSTERS, "thrusters", "force", match[1])
     arm = max(sides) / 2.0
     return {"torque": _list([2.0 * force * arm] * 3), "force": f"{force:g} N", "arm": _text(arm),
             "impulse": figures["impulse"], "pulse": figures["pulse"], "class": name}  # fmt: skip

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import io
 import json
-import os
 import zipfile
 from collections.abc import Callable
 from pathlib import Path
@@ -25,6 +24,7 @@ from ..system.errors import DesatError, nearest
 from ..system.model import Component, System
 from ..system.resolve import resolve
 from . import craft, library, paths, ssp
+from .io import place_of, replace_text
 from .scenario import ROOT, Scenario, families
 from .ssp import ABOUT, FILE, OMS, OSP, SSC, SSD, SSV
 
@@ -191,7 +191,6 @@ def _default_experiment(root: Any, system: System) -> None:
 
 
 def _write_archive(members: dict[str, bytes], target: Path) -> None:
-    target.parent.mkdir(parents=True, exist_ok=True)
     buffer = io.BytesIO()
     with zipfile.ZipFile(buffer, "w") as archive:
         for name, data in sorted(members.items()):
@@ -199,9 +198,7 @@ def _write_archive(members: dict[str, bytes], target: Path) -> None:
             info.create_system, info.external_attr = 3, 0o644 << 16
             # hundreds of these with the same FMUs: level 6 takes thrice the time for 10 % less
             archive.writestr(info, data, zipfile.ZIP_DEFLATED, compresslevel=1)
-    part = target.with_name(f"{target.name}.{os.getpid()}.part")
-    part.write_bytes(buffer.getvalue())
-    part.replace(target)
+    replace_text(target, buffer.getvalue())
 
 
 # --- The SSD of a craft file, a standard SSP 1.0 file that is committed beside it ---------------
@@ -229,9 +226,10 @@ def target(path: Path) -> Path:
 def write(path: Path) -> tuple[Path, bool]:
     """Write the SSD of a craft file where it differs: its path, and whether it was written."""
     file, new = target(path), text(path).encode()
+    place_of(file)
     if file.exists() and file.read_bytes() == new:
         return file, False
-    file.write_bytes(new)
+    replace_text(file, new)
     return file, True
 
 

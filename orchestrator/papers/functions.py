@@ -400,6 +400,8 @@ class Verbs:
 
     def _figure(self, file: str, caption: str, svg: str) -> str:
         """The Markdown of a figure, which is kept."""
+        if not re.fullmatch(r"\w[\w.-]*", file):
+            raise DesatError(f"figure {file!r}: a name of letters, digits and . _ - is needed")
         name = f"{file}.svg"
         if name in self._figures:
             raise DesatError(f"figure {file}: it is there already")

@@ -17,7 +17,7 @@ import pyarrow as pa
 from ..figures.canvas import INCH, INK, Dots, Figure, Words
 from ..files import io, paths
 from ..runs.run import Run, load_run
-from ..system.errors import DesatError
+from ..system.errors import DesatError, plain
 
 FORMATS = ("csv", "parquet", "mat", "png", "pdf")
 ANCHORS = {"start": "left", "middle": "center", "end": "right"}
@@ -33,7 +33,7 @@ def export(folder: Path, form: str, into: Path | None = None) -> tuple[list[Path
     run = load_run(folder)
     into = into or folder
     if form in ("png", "pdf"):
-        return _plots(run, form, into), ""
+        return _plots(run, form, folder, into), ""
     path, note = into / f"series.{form}", ""
     with io.replacing(path) as part:
         if form == "mat":
@@ -93,7 +93,7 @@ def _structs(run: Run) -> dict[str, Any]:
     return structs
 
 
-def _plots(run: Run, form: str, into: Path) -> list[Path]:
+def _plots(run: Run, form: str, folder: Path, into: Path) -> list[Path]:
     from ..figures.plots import series_figure
     from .report import label_of
 
@@ -103,6 +103,8 @@ def _plots(run: Run, form: str, into: Path) -> list[Path]:
         figure = series_figure(plot, runs)
         if figure is None:
             continue
+        if "/" in name or "\\" in name:
+            raise DesatError(f"{folder}: plot {plain(name)}: a file's name has no / and no \\")
         path = into / f"{name}.{form}"
         with io.replacing(path) as part:
             _paint(figure, part, form)

@@ -56,8 +56,13 @@ def _commands(wanted: Sequence[str] | None) -> list[Sequence[str]]:
             return [compiler()]
         except NoCompilerError:
             return []
-    commands: list[Sequence[str]] = [shlex.split(text) for text in wanted]
-    for command in commands:
+    commands: list[Sequence[str]] = []
+    for text in wanted:
+        try:
+            command = shlex.split(text)
+        except ValueError as error:
+            raise DesatError(f"--compiler {text}: {str(error).lower()}") from None
         if not command or shutil.which(command[0]) is None:
-            raise DesatError(f"--compiler {shlex.join(command)}: there is no such command")
+            raise DesatError(f"--compiler {text}: there is no such command")
+        commands.append(command)
     return commands

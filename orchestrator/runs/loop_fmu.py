@@ -18,7 +18,7 @@ from desat.fmus.description import DATE, documentation, model_description
 
 from ..engine.composite import Composite, Scalars, depends
 from ..engine.master import Master
-from ..files import library
+from ..files import io, library
 from ..language.content import said
 from ..system.errors import DesatError, nearest
 from ..system.interface import KINDS, Signal, base_name
@@ -53,6 +53,8 @@ def export(
 
     Raises DesatError where a component has no C, or a name is not of the loop.
     """
+    if file is not None:
+        io.place_of(file, "--out")
     try:
         targets = native.targets_of(platforms)
     except (NoCompilerError, ValueError) as error:
@@ -97,16 +99,18 @@ def _packed(
 
     files, guid = native.with_wrapper(own, described(""))
     target = file or Path(f"{identifier}.fmu")
-    target.parent.mkdir(parents=True, exist_ok=True)
     try:
         with tempfile.TemporaryDirectory() as shared:
             native.compile_wrapper(Path(shared), targets)
             page = documentation(block, identifier)
-            made = Path(shared) / target.name if third else target
+            made = Path(shared) / "loop.fmu"
             native.assemble(files, identifier, described(guid), page, Path(shared), made, targets)
-            return fmi3.repack(made, block, target, on, experiment) if third else made
+            if third:
+                made = fmi3.repack(made, block, Path(shared) / "loop3.fmu", on, experiment)
+            io.replace_text(target, made.read_bytes())
     except NoCompilerError as error:
         raise DesatError(str(error)) from error
+    return target
 
 
 def _unit(component: Component) -> tuple[str, str]:
@@ -122,7 +126,7 @@ def _unit(component: Component) -> tuple[str, str]:
         if f"sources/{model}.c" not in archive.namelist():
             raise DesatError(f"{name}: {model} has no C, it runs as Python; {instead}")
         text = archive.read(f"sources/{model}.c").decode()
-    return model, text.replace("the_block", f"{model}_block")
+    return model, text.replace("desat_the_block", f"desat_{model}_block")
 
 
 def _block(

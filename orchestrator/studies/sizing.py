@@ -33,6 +33,7 @@ from desat.components.laws.least_firing import programme
 from ..numbers.derived import cross, rotate_back
 from ..runs.prepare import Case, Source, prepare, read
 from ..runs.run import simulate
+from ..system import asked
 from ..system.errors import DesatError
 from ..system.model import Component, System
 from ..system.options import Options
@@ -102,18 +103,18 @@ class Wishes:
         """Raises DesatError for a wish that makes no sense."""
         if not 0.0 < self.duty < 1.0:
             raise DesatError(f"--duty {100.0 * self.duty:g}: a share between 0 and 100 % is needed")
-        if self.margin < 1.0:
-            raise DesatError(f"--margin {self.margin:g}: a factor of 1 or more is needed")
+        asked.MARGIN(self.margin)
         if (self.slew_angle > 0.0) != (self.slew_time > 0.0):
             raise DesatError("--slew: an angle and a time above 0 are needed, as 60/300")
         if self.slew_angle > pi * (1.0 + 1e-9):
             raise DesatError(f"--slew: {np.degrees(self.slew_angle):.4g} deg: a turn to any "
                              "attitude is of 180 deg at most; the angle is in deg")  # fmt: skip
-        for name in ("arm", "specific_impulse", "tip_off"):
-            value = getattr(self, name)
-            if value is not None and value <= 0.0:
-                option = {"specific_impulse": "isp", "tip_off": "tip-off"}.get(name, name)
-                raise DesatError(f"--{option} {value:g}: a number above 0 is needed")
+        for quantity, value in ((asked.ARM, self.arm), (asked.ISP, self.specific_impulse),
+                                (asked.TIP_OFF, float(np.degrees(self.tip_off)))):  # fmt: skip
+            if value is not None:
+                quantity(value)
+        if self.slew_time > 0.0:
+            asked.SLEW_TIME(self.slew_time)
 
 
 # --- momentum -----------------------------------------------------------------------------------

@@ -19,6 +19,7 @@ from desat.components.bases.orbit_start import MEAN
 from desat.components.physics.orbit import EARTH_RADIUS
 
 from ..runs.prepare import prepare, read
+from ..system import asked
 from ..system.errors import DesatError
 from ..system.model import System
 from ..system.options import Options
@@ -160,9 +161,11 @@ def map_of(
         altitudes=axes.altitudes or _ALTITUDES,
         dipoles=axes.dipoles or tuple(k * dipole for k in _DIPOLES),
     )
-    for name in ("rods", "altitudes"):
-        if not all(0.0 < x < inf for x in getattr(axes, name)):
-            raise DesatError(f"--{name}: numbers above 0 are needed")
+    for quantity, values in ((asked.RODS, axes.rods), (asked.INCLINATIONS, axes.inclinations),
+                             (asked.ALTITUDES, tuple(x / 1e3 for x in axes.altitudes)),
+                             (asked.DIPOLES, axes.dipoles)):  # fmt: skip
+        for x in values:
+            quantity(x)
     orbits = [(i, a) for i in axes.inclinations for a in axes.altitudes]
     tasks = [
         _Task(system, attitude, tuple(laws), tuple(orbits[k::jobs]), axes.dipoles, axes.rods)

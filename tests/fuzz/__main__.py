@@ -1,4 +1,5 @@
-"""`python tests/fuzz [--seed N] [--count N] [--hours H]`: fuzz all readers; 1 where one failed."""
+"""`python tests/fuzz [--seed N] [--count N] [--lines N] [--hours H]`: fuzz all readers, and the
+commands with their options; 1 where one failed."""
 
 from __future__ import annotations
 
@@ -11,6 +12,7 @@ from pathlib import Path
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 import fuzz
+from fuzz import commands
 
 
 def main() -> int:
@@ -18,15 +20,21 @@ def main() -> int:
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--count", type=int, default=5000, help="inputs a round")
     parser.add_argument("--hours", type=float, default=0.0, help="rounds, each with the next seed")
+    parser.add_argument("--lines", type=int, default=200, help="command lines a round")
     given = parser.parse_args()
     end, seed, failed = time.monotonic() + 3600.0 * given.hours, given.seed, 0
     while True:
         with tempfile.TemporaryDirectory() as folder:
             outcome = fuzz.run(Path(folder) / "in", seed, given.count)
         print(f"seed {seed}: {outcome}", flush=True)
-        for line in outcome.failures:
+        with tempfile.TemporaryDirectory() as folder:
+            (Path(folder) / "in").mkdir()
+            every = (*commands.QUICK, *commands.SLOW)
+            tried, wrong = commands.run(Path(folder) / "in", seed, given.lines, every)
+        print(f"seed {seed}: {tried} command lines, {len(wrong)} failed", flush=True)
+        for line in (*outcome.failures, *wrong):
             print(f"  {line}")
-        failed += len(outcome.failures)
+        failed += len(outcome.failures) + len(wrong)
         seed += 1
         if time.monotonic() >= end:
             return int(failed > 0)

@@ -8,6 +8,7 @@ from typing import Annotated, Any
 import typer
 
 from ...system.errors import Exit
+from ...system.quantity import Quantity
 from .. import options as o
 from ..console import WithDefault, app, err, name_of, out, print_json, warn
 
@@ -59,8 +60,8 @@ def run(
                      "percentile curves (default: the first). May be repeated."),
     ] = None,
     limit: Annotated[
-        float, typer.Option("--case-limit", metavar="SECONDS", min=0.1, max=1e7,
-                            help="Wall time of a case."),
+        float, o.number(Quantity("--case-limit", "s", 0.1, o.LONGEST), "SECONDS",
+                        "Wall time of a case."),
     ] = 600.0,
     jobs: o.Jobs = o.CPUS,
     cluster: Annotated[

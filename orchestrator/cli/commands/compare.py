@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
 @app.command()
 def compare(
+    ctx: typer.Context,
     targets: Annotated[
         list[str],
         typer.Argument(metavar="A B ...", autocompletion=o.complete_name,
@@ -56,7 +57,7 @@ def compare(
     time_limit: o.TimeLimit = None,
     jobs: o.Jobs = o.CPUS,
     html: Annotated[
-        Path | None, typer.Option(help="Where the page goes (default: runs/compare-A-B.html).")
+        Path | None, o.written("--html", "Where the page goes (default: runs/compare-A-B.html).")
     ] = None,
     as_json: o.Json = False,
 ) -> None:  # fmt: skip
@@ -70,6 +71,8 @@ def compare(
 
     options = o.options_of(sets, stop, step, o.Semantics.conserving, blocks, inner=inner,
                            accuracy=accuracy, time_limit=time_limit, fmus=fmus.value)  # fmt: skip
+    if count is None:
+        o.refuse(ctx, "it goes with -n", "seed")
     if laws is not None or law:
         if count is not None:
             raise DesatError("-n: --laws flies each law once; draws of two of them: "
@@ -79,9 +82,9 @@ def compare(
     if by is not None:
         raise DesatError("--by: it ranks laws: --laws all")
     campaigns = study.are_campaigns(targets)
-    given = {"-n": count, "--set": sets, "--stop": stop, "--step": step, "--inner": inner}
-    for name in (k for k, v in given.items() if v is not None and campaigns):
-        raise DesatError(f"{name}: campaigns are compared as they are")
+    if campaigns:
+        o.refuse(ctx, "campaigns are compared as they are", "count", "sets", "stop", "step",
+                 "inner", "accuracy", "blocks", "fmus", "time_limit")  # fmt: skip
     if html is not None and (campaigns or count is not None):
         raise DesatError("--html: there is a page of runs alone, without -n")
     if campaigns:

@@ -8,12 +8,15 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from rich.table import Table
 
-from ...system.errors import DesatError
+from ...system.quantity import Quantity
 from .. import options as o
 from ..console import app, name_of, out, print_json
 
 if TYPE_CHECKING:
     from ...system.options import Algorithm
+
+
+STEPS = Quantity("--steps", "s", 0.0, above=True, what="steps")
 
 
 @app.command()
@@ -34,27 +37,24 @@ def convergence(
     blocks: o.Blocks = False,
     jobs: o.Jobs = o.CPUS,
     html: Annotated[
-        Path | None, typer.Option(help="Where the page goes (default: runs/convergence-NAME.html).")
+        Path | None,
+        o.written("--html", "Where the page goes (default: runs/convergence-NAME.html)."),
     ] = None,
     as_json: o.Json = False,
 ) -> None:
     """Hold a gyrostat scenario at several steps against its monolithic reference."""
     from ...studies import convergence as convergence_module
-    from ...system.parameters import parse_value
 
     options = o.options_of(sets, stop, None, o.Semantics.conserving, blocks, inner=inner)
     sizes: tuple[float, ...] | None = None
     if steps is not None:
-        given = parse_value(steps)
-        sizes = tuple(given if isinstance(given, list) else [given])
-        if not all(isinstance(s, (int, float)) for s in sizes):
-            raise DesatError(f"--steps {steps}: positive numbers are needed, as 1,0.5,0.25")
+        sizes = STEPS.many(steps)
     wanted: tuple[Algorithm, ...] = tuple(a.value for a in algorithm or list(o.Semantics))
-    result = convergence_module.study(
-        target, options, sizes and tuple(float(s) for s in sizes), wanted, jobs, not as_json
-    )
+    result = convergence_module.study(target, options, sizes, wanted, jobs, not as_json)
     if as_json:
         print_json(result)
+        if html is not None:
+            convergence_module.write_html(result, html)
         return
     table = Table(box=None, header_style="bold", pad_edge=False)
     columns = {

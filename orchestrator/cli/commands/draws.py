@@ -13,6 +13,7 @@ from ..console import app, err, out, print_json, print_numbers, warn
 
 @app.command()
 def draws(
+    ctx: typer.Context,
     target: o.Target,
     count: Annotated[int, typer.Option("-n", "--count", help="Number of draws.", min=1)] = 20,
     seed: Annotated[int, typer.Option(help="Seed of the draws.", min=0)] = 1,
@@ -40,6 +41,8 @@ def draws(
     """Run seeded draws of a scenario's dispersions."""
     from ...campaign import draws as study
 
+    if against is not None:
+        o.refuse(ctx, "differences have none: leave --against out", "every")
     options = o.options_of(sets, stop, step, algorithm, blocks, inner=inner, accuracy=accuracy,
                          design=design, time_limit=time_limit, fmus=fmus.value)  # fmt: skip
     if against is None:

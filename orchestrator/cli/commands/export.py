@@ -61,7 +61,7 @@ def fmu(
     ] = None,
     file: Annotated[
         Path | None,
-        typer.Option("--out", help="The file to write (default: NAME.fmu).", show_default=False),
+        o.written("--out", "The file to write (default: NAME.fmu)."),
     ] = None,
     sets: o.Sets = None,
     sources: o.Sources = None,

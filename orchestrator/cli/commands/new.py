@@ -10,7 +10,7 @@ from typing import Annotated
 import typer
 
 from .. import options as o
-from ..console import app, out, print_json
+from ..console import app, out, print_json, warn
 
 news = typer.Typer(no_args_is_help=True, rich_markup_mode=None,
                    help="Begin something of your own: a craft, a law, a block.")  # fmt: skip
@@ -58,6 +58,7 @@ def craft(
     )  # fmt: skip
     command = shlex.join(["desat", *sys.argv[1:]])
     made = new_craft.write(folder, wanted, command, force)
+    warn(new_craft.doubts(wanted))
     if as_json:
         print_json({"files": [str(x) for x in made]})
         return

@@ -8,6 +8,7 @@ from typing import Annotated
 
 import typer
 
+from ...system.quantity import Quantity
 from .. import options as o
 from ..console import app, out
 
@@ -24,8 +25,8 @@ def page(
     ] = None,
     draft: Annotated[
         float | None,
-        typer.Option(metavar="SECONDS", min=1.0,
-                     help="To try a template: runs end after so many seconds at the latest."),
+        o.number(Quantity("--draft", "s", 1.0), "SECONDS",
+                 "To try a template: runs end after so many seconds at the latest."),
     ] = None,
     jobs: o.Jobs = o.CPUS,
 ) -> None:  # fmt: skip

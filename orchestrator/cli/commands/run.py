@@ -14,6 +14,7 @@ from rich.table import Table
 
 from ...files import io
 from ...system.errors import DesatError, Exit, RunError
+from ...system.quantity import Quantity
 from .. import options as o
 from ..console import app, err, name_of, out, print_json, warn
 
@@ -58,11 +59,8 @@ def run(
     loop: o.LoopOption = o.Stepping.compiled,
     call_limit: Annotated[
         float,
-        typer.Option(
-            metavar="SECONDS",
-            min=0.1,
-            help="Wall time that one call of a component may take; the command then ends with 5.",
-        ),
+        o.number(Quantity("--call-limit", "s", 0.1, o.LONGEST), "SECONDS",
+                 "Wall time that one call of a component may take; the command then ends with 5."),
     ] = 300.0,
     isolate: Annotated[
         o.Isolated,
@@ -87,9 +85,9 @@ def run(
     ] = 0,
     checkpoint: Annotated[
         float | None,
-        typer.Option(metavar="SECONDS",
-                     help="Save the run each time so many simulated seconds are over: `desat "
-                     "resume RUN` goes on from there."),
+        o.number(Quantity("--checkpoint", "s"), "SECONDS",
+                 "Save the run each time so many simulated seconds are over: `desat resume RUN` "
+                 "goes on from there."),
     ] = None,
     as_json: o.Json = False,
 ) -> None:  # fmt: skip

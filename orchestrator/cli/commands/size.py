@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from rich.table import Table
 
+from ...system import asked
 from ...system.errors import DesatError, Exit
 from .. import options as o
 from ..console import app, err, name_of, out, print_json
@@ -20,24 +21,23 @@ if TYPE_CHECKING:
 
 @app.command()
 def size(
+    ctx: typer.Context,
     target: o.Target,
     duty: Annotated[
-        float, typer.Option(metavar="PERCENT", help="Duty of the coils to recommend rods for.")
+        float, o.number(asked.DUTY, "PERCENT", "Duty of the coils to recommend rods for.")
     ] = 50.0,
     margin: Annotated[
-        float, typer.Option(metavar="FACTOR", help="Of recommended rods over the least ones.")
+        float, o.number(asked.MARGIN, "FACTOR", "Of recommended rods over the least ones.")
     ] = 1.3,
     slew: Annotated[
         str | None, typer.Option(metavar="DEG/S", help="A slew that wheels make: 60/300.")
     ] = None,
-    tip_off: Annotated[
-        float, typer.Option(metavar="DEG_PER_S", help="Rate after separation.")
-    ] = 5.0,
+    tip_off: Annotated[float, o.number(asked.TIP_OFF, "DEG_PER_S", "Rate after separation.")] = 5.0,
     arm: Annotated[
-        float | None, typer.Option(metavar="M", help="Of thrusters (default: the craft's).")
+        float | None, o.number(asked.ARM, "M", "Of thrusters (default: the craft's).")
     ] = None,
     isp: Annotated[
-        float | None, typer.Option(metavar="S", help="Specific impulse (default: the craft's).")
+        float | None, o.number(asked.ISP, "S", "Specific impulse (default: the craft's).")
     ] = None,
     laws: Annotated[
         bool | None,
@@ -72,7 +72,7 @@ def size(
     blocks: o.Blocks = False,
     jobs: o.Jobs = o.CPUS,
     html: Annotated[
-        Path | None, typer.Option(help="Where the page goes (default: runs/size-NAME.html).")
+        Path | None, o.written("--html", "Where the page goes (default: runs/size-NAME.html).")
     ] = None,
     as_json: o.Json = False,
 ) -> None:
@@ -96,10 +96,14 @@ def size(
         year,
         loop,
     )
-    given = {"rods": rods, "inclinations": inclinations, "altitudes": altitudes,
-             "dipoles": dipoles}  # fmt: skip
-    if (lost := [k for k, v in given.items() if v is not None]) and not as_map:
-        raise DesatError(f"--{lost[0]}: it belongs to --map")
+    given = {"rods": (asked.RODS, rods), "inclinations": (asked.INCLINATIONS, inclinations),
+             "altitudes": (asked.ALTITUDES, altitudes),
+             "dipoles": (asked.DIPOLES, dipoles)}  # fmt: skip
+    if as_map:
+        o.refuse(ctx, "a map has none of it: leave --map out", "slew", "tip_off", "arm", "isp",
+                 "year", "loop")  # fmt: skip
+    else:
+        o.refuse(ctx, "it belongs to --map", *given)
     page = html or Path("runs") / f"size-{'map-' if as_map else ''}{name_of(target)}.html"
     with err.status("") as status:
 
@@ -107,7 +111,8 @@ def size(
             status.update(f"{text} ...")
 
         if as_map:
-            values = {k: _numbers(k, v) for k, v in given.items()}
+            values = {k: quantity.many(text) if text is not None else ()
+                      for k, (quantity, text) in given.items()}  # fmt: skip
             values["altitudes"] = tuple(1e3 * x for x in values["altitudes"])
             axes = sizing_map.Axes(**values, laws=laws is True)
             map_made = sizing_map.map_of(target, options, axes, wishes, jobs, progress)
@@ -116,12 +121,17 @@ def size(
     if as_map:
         if as_json:
             print_json(map_made.as_json())
-            return
-        _print_map(map_made)
-        _told(sizing_page.write_map(map_made, page))
+        else:
+            _print_map(map_made)
+        if html is not None or not as_json:
+            written = sizing_page.write_map(map_made, page)
+            if not as_json:
+                _told(written)
         return
     if as_json:
         print_json(made.as_json())
+        if html is not None:
+            sizing_page.write_sizing(made, page)
     else:
         _print(made)
         _told(sizing_page.write_sizing(made, page))
@@ -139,24 +149,13 @@ def _slew(text: str | None) -> tuple[float, float]:
     """Angle (deg) and time (s). Raises DesatError where they are none."""
     if text is None:
         return 0.0, 0.0
-    try:
-        angle, seconds = (float(x) for x in text.split("/"))
-    except ValueError:
-        raise DesatError(f"--slew {text}: an angle in deg and a time in s are needed, as "
-                         "60/300") from None  # fmt: skip
+    parts = text.split("/")
+    if len(parts) != 2:
+        raise DesatError(f"--slew {text}: an angle in deg and a time in s are needed, as 60/300")
+    angle, seconds = asked.SLEW_ANGLE(parts[0]), asked.SLEW_TIME(parts[1])
     if not (angle > 0.0 and seconds > 0.0):
         raise DesatError(f"--slew {text}: an angle and a time above 0 are needed, as 60/300")
     return angle, seconds
-
-
-def _numbers(name: str, text: str | None) -> tuple[float, ...]:
-    """The numbers of a list. Raises DesatError for what is none."""
-    if text is None:
-        return ()
-    try:
-        return tuple(float(x) for x in text.split(","))
-    except ValueError:
-        raise DesatError(f"--{name} {text}: numbers are needed, as 1,2,3") from None
 
 
 def _print(made: Sizing) -> None:

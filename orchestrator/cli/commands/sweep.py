@@ -13,6 +13,7 @@ from ..console import app, err, out, print_json, print_numbers, warn
 
 @app.command()
 def sweep(
+    ctx: typer.Context,
     target: o.Target,
     axes: Annotated[
         list[str],
@@ -39,6 +40,8 @@ def sweep(
     """Run a system at several values of parameters, and print its numbers by value."""
     from ...campaign import draws as study
 
+    if not draws:
+        o.refuse(ctx, "it goes with --draws", "seed")
     options = o.options_of(sets, stop, step, algorithm, blocks, inner=inner, accuracy=accuracy,
                          time_limit=time_limit, fmus=fmus.value)  # fmt: skip
     result = study.sweep(target, study.axes_of(axes), options, jobs, not as_json, draws=draws,

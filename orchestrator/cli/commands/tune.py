@@ -8,8 +8,11 @@ import typer
 from rich.table import Table
 
 from ...system.errors import DesatError, Exit
+from ...system.quantity import Quantity
 from .. import options as o
 from ..console import app, err, out, print_json, print_numbers
+
+BETWEEN = Quantity("--between")
 
 
 @app.command()
@@ -56,11 +59,10 @@ def tune(
                            accuracy=accuracy, time_limit=time_limit, fmus=fmus.value)  # fmt: skip
     ends = None
     if between is not None:
-        try:
-            low, high = (float(x) for x in between.split(","))
-        except ValueError:
-            raise DesatError(f"--between {between}: two numbers are needed, as 1e-4,1e-2") from None
-        ends = low, high
+        numbers = BETWEEN.many(between)
+        if len(numbers) != 2:
+            raise DesatError(f"--between {between}: two numbers are needed, as 1e-4,1e-2")
+        ends = numbers[0], numbers[1]
     with err.status("") as status:
         made = study.tune(
             target, parameter, number, options, most=most, between=ends, draws=count,

@@ -1,0 +1,17 @@
+"""What a sizing is asked, as quantities: what options take, and what programs may give."""
+
+from __future__ import annotations
+
+from .quantity import Quantity
+
+DUTY = Quantity("--duty", "%")
+MARGIN = Quantity("--margin", "1", 1.0, 100.0, what="a factor of")
+SLEW_ANGLE = Quantity("--slew", "deg")
+SLEW_TIME = Quantity("--slew", "s", 0.0, 1e6, above=True, what="a time")
+TIP_OFF = Quantity("--tip-off", "deg/s", 0.0, 1000.0, above=True, what="a number")
+ARM = Quantity("--arm", "m", 0.0, 100.0, above=True, what="a number")
+ISP = Quantity("--isp", "s", 0.0, 1e5, above=True, what="a number")
+INCLINATIONS = Quantity("--inclinations", "deg", 0.0, 180.0)
+ALTITUDES = Quantity("--altitudes", "km", 150.0, 2000.0)
+RODS = Quantity("--rods", "A.m2", 0.0, 1e5, above=True, what="numbers")
+DIPOLES = Quantity("--dipoles", "A.m2", 0.0, 1e4)

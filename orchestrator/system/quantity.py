@@ -1,0 +1,87 @@
+"""Quantities as people type them: a finite number, with its unit or in the usual one, within a
+range. Each option that takes one has a `Quantity`, which reads it and names the option where it
+refuses."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from math import inf, isfinite
+
+from .errors import DesatError
+
+_NUMBER = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*([A-Za-z%/.0-9]*)\s*")
+
+
+def is_number(text: str) -> bool:
+    """Whether it is a number, perhaps with a unit."""
+    return _NUMBER.fullmatch(text) is not None
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """What an option takes: a number in `unit`, or in another that fits, from `least` to `most`."""
+
+    option: str
+    """as messages name it: --altitude"""
+    unit: str = "1"
+    least: float = -inf
+    most: float = inf
+    above: bool = False
+    """`least` itself is not allowed"""
+    what: str = ""
+    """that is in the range: a factor of"""
+
+    def __call__(self, given: str | float) -> float:
+        """What is typed, or what a program gives. Raises DesatError."""
+        if isinstance(given, (int, float)):
+            return self._within(float(given), f"{given:g}")
+        return self._within(self._read(given, given), given)
+
+    def many(self, text: str) -> tuple[float, ...]:
+        """Numbers with commas between. Raises DesatError."""
+        return tuple(self._within(self._read(x, text, many=True), text) for x in text.split(","))
+
+    def _read(self, text: str, whole: str, many: bool = False) -> float:
+        match = _NUMBER.fullmatch(text)
+        if match is None:
+            needed = "numbers are needed, as 1,2,3" if many else "a number is needed"
+            unit = f", with its unit or in {self.unit}" if self.unit != "1" else ""
+            raise DesatError(f"{self.option} {whole}: {needed}{unit}")
+        return (
+            float(match[1]) if not match[2] else self._converted(float(match[1]), match[2], whole)
+        )
+
+    def _converted(self, number: float, unit: str, whole: str) -> float:
+        from desat.components.contract.units import conversion
+
+        from .parameters import unit_of
+
+        try:
+            converted = conversion(unit_of(unit), unit_of(self.unit))
+        except DesatError as error:
+            raise DesatError(f"{self.option} {whole}: {error}") from None
+        if converted is None:
+            wanted = self.unit if self.unit != "1" else "a number without a unit"
+            raise DesatError(f"{self.option} {whole}: {unit} does not fit {wanted}")
+        return number * converted[0] + converted[1]
+
+    def _within(self, value: float, given: str) -> float:
+        low = value <= self.least if self.above else value < self.least
+        if isfinite(value) and not low and value <= self.most:
+            return value
+        raise DesatError(f"{self.option} {given}: {self._needed(isfinite(value))}")
+
+    def _needed(self, finite: bool) -> str:
+        unit = f" {self.unit}" if self.unit != "1" else ""
+        if finite and self.least > -inf and self.most < inf and not (self.above or self.what):
+            return f"{self.least:g} to {self.most:g}{unit} are covered"
+        range_ = ""
+        if self.least > -inf:
+            range_ = f"above {self.least:g}" if self.above else f"{self.least:g} or more"
+        needed = " ".join(filter(None, (self.what, range_)))
+        if not finite or not needed:
+            needed = " ".join(filter(None, ("a finite number", range_)))
+        verb = "are" if self.what.endswith("s") else "is"
+        most = f", {self.most:g}{unit} at most" if self.most < inf else ""
+        return f"{needed} {verb} needed{most}"

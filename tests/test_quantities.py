@@ -1,0 +1,149 @@
+"""What is typed as a number is finite, of a unit that fits and within its range; an option that
+would be ignored is refused by its name."""
+
+from __future__ import annotations
+
+import shlex
+import tomllib
+from pathlib import Path
+
+import pytest
+from fuzz import commands
+
+from desat.files.new_craft import Wanted, doubts, write
+from desat.studies.sizing import Wishes
+from desat.system.errors import DesatError
+from desat.system.quantity import Quantity
+
+TLE = commands.TLE
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory) -> Path:
+    made = tmp_path_factory.mktemp("quantities")
+    commands.prepare(made)
+    return made
+
+
+@pytest.mark.parametrize(
+    ("given", "wanted"),
+    [("5", 5.0), ("5 km", 5.0), ("5000m", 5.0), (" .5e1 ", 5.0), (5.0, 5.0), (3, 3.0)],
+)
+def test_a_quantity_is_a_number_with_its_unit_or_without(given, wanted):
+    assert Quantity("--x", "km", 1.0, 9.0)(given) == wanted
+
+
+@pytest.mark.parametrize(
+    ("given", "told"),
+    [
+        ("inf", "--x inf: a number is needed, with its unit or in km"),
+        ("nan", "--x nan: a number is needed, with its unit or in km"),
+        ("1e309", "--x 1e309: a finite number 1 or more is needed, 9 km at most"),
+        (float("inf"), "--x inf: a finite number 1 or more is needed, 9 km at most"),
+        (float("nan"), "--x nan: a finite number 1 or more is needed, 9 km at most"),
+        ("10", "--x 10: 1 to 9 km are covered"),
+        ("1e300 m", "--x 1e300 m: 1 to 9 km are covered"),
+        ("5 s", "--x 5 s: s does not fit km"),
+        ("5 kmm", "--x 5 kmm: unit kmm is not known"),
+        ("", "--x : a number is needed"),
+    ],
+)
+def test_what_is_none_is_refused_with_the_option(given, told):
+    with pytest.raises(DesatError) as refused:
+        Quantity("--x", "km", 1.0, 9.0)(given)
+    assert str(refused.value).startswith(told)
+
+
+REFUSED = {
+    "new craft x --residual-dipole 1e309": "--residual-dipole 1e309: a finite number",
+    "new craft x --mass 1e309": "--mass 1e309: a finite number",
+    "new craft x --box 1,1,1e309": "--box 1,1,1e309: a finite number",
+    "new craft x --inertia 1,1e309,1e309": "--inertia 1,1e309,1e309: a finite number",
+    "new craft x --wheels '3 axes 1e309'": "--wheels 1e309: a finite number",
+    "new craft x --thrusters '7 1N'": "--thrusters 7 1N: the form is 4 SIZE",
+    "new craft x --epoch 1000-01-01": "--epoch 1000-01-01: a year from 1957 to 2056 is needed",
+    "new craft x --tle iss.tle --inclination 10deg": "--inclination 10deg: --tle iss.tle says the",
+    "new craft x --tle iss.tle --ltan 10:30": "--ltan 10:30: --tle iss.tle says the orbit",
+    "new craft x --tle iss.tle --altitude 400km": "--altitude, --tle: one of them says the orbit",
+    "new craft x --tle iss.tle --epoch 2027-01-01": "--epoch 2027-01-01: 2579 days after those of",
+    "new craft 'a\"b'": 'a"b: a name of letters, digits, blanks and . _ + - is needed',
+    "size mine --margin inf": "--margin inf: a number is needed",
+    "size mine --margin 1e300": "--margin 1e300: a factor of 1 or more is needed, 100 at most",
+    "size mine --duty nan": "--duty nan: a number is needed",
+    "size mine --tip-off inf": "--tip-off inf: a number is needed",
+    "size mine --arm 1e300": "--arm 1e300: a number above 0 is needed, 100 m at most",
+    "size mine --isp nan": "--isp nan: a number is needed",
+    "size mine --slew 60/inf": "--slew inf: a number is needed",
+    "size mine --map --altitudes 4": "--altitudes 4: 150 to 2000 km are covered",
+    "size mine --map --inclinations 1e300": "--inclinations 1e300: 0 to 180 deg are covered",
+    "size mine --map --rods 1e309": "--rods 1e309: a finite number above 0 are needed",
+    "size mine --map --dipoles -1": "--dipoles -1: 0 to 10000 A.m2 are covered",
+    "size mine --map --slew 60/300": "--slew: a map has none of it",
+    "size mine --map --no-year": "--year: a map has none of it",
+    "size mine --rods 1": "--rods: it belongs to --map",
+    "tune mine manager.gain --for peak --between 1e-4,inf": "--between 1e-4,inf: numbers are",
+    "tune mine manager.gain --for peak --between 1,1e309": "--between 1,1e309: a finite number",
+    "compare mine mine --seed 3": "--seed: it goes with -n",
+    "compare mine mine --accuracy 1e300": "--accuracy 1e300: above 0 is needed, 1 rad at most",
+    "draws mine --against mine --each": "--each: differences have none",
+    "sweep mine manager.gain=1 --seed 3": "--seed: it goes with --draws",
+    "run mine --stop nan": "--stop nan: a number is needed",
+    "run mine --call-limit inf": "--call-limit inf: a number is needed",
+    "run mine --time-limit 1e300": "--time-limit 1e300: 0 to 1e+07 s are covered",
+    "run mine --checkpoint nan": "--checkpoint nan: a number is needed",
+    "campaign mine --case-limit inf": "--case-limit inf: a number is needed",
+    "page --draft inf": "--draft inf: a number is needed",
+    "convergence gyrostat/free --steps 1,inf": "--steps 1,inf: numbers are needed",
+    "export c magnetometer --compiler '\"'": '--compiler ": no closing quotation',
+    "export c magnetometer --compiler ''": "--compiler : there is no such command",
+}
+
+
+@pytest.mark.parametrize("line", REFUSED)
+def test_what_is_typed_and_means_nothing_is_a_line(folder, line):
+    code, said = commands.ended(shlex.split(line), folder)
+    assert (code, said.strip().count("\n")) == (2, 0), said
+    assert said.startswith(f"error: {REFUSED[line]}")
+    assert not (folder / "x").exists()
+
+
+def test_a_compiler_of_the_environment_that_is_no_command_is_a_line(folder, monkeypatch):
+    from desat.fmus.compiler import NoCompilerError, compiler
+
+    monkeypatch.setenv("CC", '"')
+    compiler.cache_clear()
+    try:
+        with pytest.raises(NoCompilerError, match='CC = ": no closing quotation'):
+            compiler()
+    finally:
+        compiler.cache_clear()
+
+
+@pytest.mark.parametrize("wish", ["margin", "arm", "specific_impulse", "tip_off", "slew_time"])
+@pytest.mark.parametrize("value", [float("inf"), float("nan"), 1e300])
+def test_a_program_is_refused_the_same(wish, value):
+    with pytest.raises(DesatError):
+        Wishes(**{wish: value, **({"slew_angle": 1.0} if wish == "slew_time" else {})})
+
+
+def test_the_epoch_of_a_craft_is_that_of_its_elements(tmp_path):
+    file = tmp_path / "iss.tle"
+    file.write_text(TLE)
+    write(tmp_path / "mine", Wanted(tle=file), "")
+    made = tomllib.loads((tmp_path / "mine" / "nominal.toml").read_text())
+    assert made["epoch"].isoformat() == "2019-12-09T16:38:29+00:00"  # day 343.69339541
+    assert doubts(Wanted(tle=file)) == []
+    assert doubts(Wanted(tle=file, epoch="2019-12-12")) == []
+    (told,) = doubts(Wanted(tle=file, epoch="2019-12-20T00:00:00Z"))
+    assert told.startswith("--epoch 2019-12-20T00:00:00Z: 10 days after those of --tle ")
+    with pytest.raises(DesatError, match=r"--epoch 2019-10-01: 70 days before those of --tle .*"
+                                         r"SGP4 means nothing beyond 30 days"):  # fmt: skip
+        doubts(Wanted(tle=file, epoch="2019-10-01"))
+
+
+def test_numbers_have_units_on_the_command_line(folder):
+    code, said = commands.ended(
+        shlex.split("run mine --blocks --stop '2000 ms' --step 1 --inner 1 --json"), folder
+    )
+    assert code in (0, 1), said
+    assert '"steps_done": 2' in said
