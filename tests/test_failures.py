@@ -174,7 +174,7 @@ def ours(tmp_path_factory) -> Path:
 
     def crashing(name: str) -> tuple[dict[str, str], str]:
         files, guid = sources(name)
-        begins = "static void do_advance(void *self, double t, double dt)\n{"
+        begins = "static void desat_do_advance(void *self, double t, double dt)\n{"
         text = files[f"{name}.c"]
         assert begins in text
         crash = f"{begins}\n    if (t > 2.5) *(volatile int *)8 = 1;"

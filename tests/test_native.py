@@ -463,6 +463,7 @@ class Tried(Block):
         self._k = 0
         self._u = 0.0
         self._t = (1.0, 2.0, 3.0)
+        self.a, self.k = (0.0, 0.0, 0.0), 0
 
     def bump(self) -> int:
         self._k += 1

@@ -27,13 +27,14 @@ SEED = 1
 
 class Course(NamedTuple):
     """What the wheels' momentum comes to, an element a craft: rms and largest size of it in body
-    (N m s), the largest of one wheel in the second half, where the start is forgotten (N m s), and
-    the coils' duty (1)."""
+    (N m s), the largest of one wheel in the second half, where the start is forgotten (N m s), the
+    coils' duty (1), and the largest of one wheel at any time (N m s)."""
 
     rms: Array
     largest: Array
     wheel: Array
     duty: Array
+    peak: Array
 
 
 @dataclass(frozen=True)
@@ -99,8 +100,7 @@ def fly(tracks: Sequence[Track], law: Law, hardware: Hardware, rods: Sequence[fl
     )
     given = np.repeat(np.stack([t.given for t in tracks], axis=1), len(m), axis=2)
     total = np.stack([np.broadcast_to(t.start, (many * len(m), 3)) for t in tracks]).copy()
-    squares, largest, duty = (np.zeros(total.shape[:2]) for _ in range(3))
-    wheel = np.zeros(total.shape[:2])
+    squares, largest, duty, wheel, peak = (np.zeros(total.shape[:2]) for _ in range(5))
     random = np.random.default_rng(SEED).normal(size=(len(push), 4))
     noise = hardware.noise * random @ hardware.axes_wheel.T
     away = (body + law.target)[:, :, None]
@@ -111,8 +111,10 @@ def fly(tracks: Sequence[Track], law: Law, hardware: Hardware, rods: Sequence[fl
         size = np.sqrt(np.einsum("ijk,ijk->ij", h, h))
         squares += size * size
         np.maximum(largest, size, out=largest)
+        fullest = np.abs(h @ spread).max(axis=2)
+        np.maximum(peak, fullest, out=peak)
         if 2 * k >= len(push):
-            np.maximum(wheel, np.abs(h @ spread).max(axis=2), out=wheel)
+            np.maximum(wheel, fullest, out=wheel)
         if k == len(push):
             break
         excess = turned - away[k] + noise[k]
@@ -130,7 +132,7 @@ def fly(tracks: Sequence[Track], law: Law, hardware: Hardware, rods: Sequence[fl
         total += given[k] + coils @ push[k]
     duty /= max(1, len(push)) * most[:, :, 0]
     rms = np.sqrt(squares / len(first.times))
-    return Course(*(x.reshape(shape) for x in (rms, largest, wheel, duty)))
+    return Course(*(x.reshape(shape) for x in (rms, largest, wheel, duty, peak)))
 
 
 def in_body_of(flight: Flight, vectors: Array) -> Array:

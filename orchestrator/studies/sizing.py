@@ -14,25 +14,31 @@ C(t), and the impulse J(t) of the disturbances. On these alone stand
 - a year's extremes: the same s, cyclic part and least rod at other dates, flown by the
   environment's own block at the attitude that the run has shown.
 
-The closed loop flies beside the model at the sizes that count.
+What is recommended holds on the worst of these days, by the same model, and with it the scenario
+`worst.toml` beside the craft's meets its requirements in the closed loop. The closed loop flies
+beside the model at the sizes that count.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from datetime import UTC, datetime, timedelta
-from math import inf, pi
+from math import ceil, floor, inf, log10, pi
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from desat.components.laws.least_firing import programme
+from desat.components.maths.allocation import least_on_times
 
+from ..analyses.manifest import Manifest
+from ..campaign.draws import series_of_numbers
+from ..files.scenario import NOMINAL
 from ..numbers.derived import cross, rotate_back
 from ..runs.prepare import Case, Source, prepare, read
-from ..runs.run import simulate
+from ..runs.run import Run, simulate
 from ..system import asked
 from ..system.errors import DesatError
 from ..system.model import Component, System
@@ -44,6 +50,8 @@ from .flight import (
     Flight,
     Hardware,
     attitude_of,
+    between,
+    conjugate,
     environment_block,
     flight_of,
     flown_at,
@@ -63,14 +71,23 @@ SIZES = (0.8, 1.0, WHOLE, 1.3, 1.6, 2.0, 3.0, 5.0, 8.0)
 """Rods of the curve, as multiples of the least."""
 LARGEST = 30.0
 """The largest rod that is looked at, as a multiple of the least, or the craft's own if larger."""
-FLOWN = (1.0, 1.3)
+FLOWN = (1.3,)
 """Rods that fly in the closed loop beside the recommended one, as multiples of the least."""
+WORST = "worst.toml"
+"""The scenario beside a craft's own that what is recommended has to meet, too."""
+TRIES, STEP_UP = 6, 1.5
+"""So often rods are made larger for it, each time by this where the model does not say by how
+much."""
+SAMPLE = 10.0
+"""Time between the rows of the worst day (s)."""
 PROGRAMME = 1440
 """Times that the linear programme has at most: as many minutes as a day has."""
 DATES, DAYS, YEAR_STEP = 13, 28, 120.0
 """Days of a year that are looked at, how far apart, and the time between their rows (s)."""
 YEAR = 365.25 * 86400.0
 GRAVITY = 9.80665
+ATTITUDES = 720
+"""At which the cost of a dump by thrusters is looked at."""
 DIRECTIONS = 400
 """In which the reach of the rods is looked at."""
 
@@ -274,10 +291,9 @@ def curve_of(
     given = [*(k * least for k in SIZES), *([hardware.m_limit] if hardware.m_limit else [])]
     rods = np.array([*fine, *given])
     made = fly([track_of(flight, law, hardware)], law, hardware, rods.tolist())
-    rms, largest, wheel, duty = (x[0, 0] for x in made)
+    rms, largest, wheel, duty, _ = (x[0, 0] for x in made)
     room = room_of(hardware)
-    enough = (duty[: len(fine)] <= wishes.duty) & (wheel[: len(fine)] <= room)
-    best = int(np.argmax(enough)) if enough.any() else None
+    best = _smallest(duty[: len(fine)], wheel[: len(fine)], room, wishes)
     kept = sorted([*range(len(fine), len(rods)), *([] if best is None else [best])],
                   key=lambda i: rods[i])  # fmt: skip
     rows = tuple(
@@ -286,6 +302,42 @@ def curve_of(
         for i in kept
     )  # fmt: skip
     return rows, None if best is None else float(rods[best])
+
+
+def _smallest(duty: Array, wheel: Array, room: float, wishes: Wishes) -> int | None:
+    """The first rod whose duty is as asked for and whose wheels hold with the margin; None: none.
+    `wheel` (N m s) is what the fullest wheel comes to, `room` what one holds."""
+    enough = (duty <= wishes.duty) & (wheel * wishes.margin <= room)
+    return int(np.argmax(enough)) if enough.any() else None
+
+
+@dataclass(frozen=True)
+class WorstDay:
+    """The day of the year that asks most of rods."""
+
+    day: str
+    activity: str
+    """of the Sun; empty: as the scenario has it"""
+    least: float
+    """rod for any law, by the linear programme, A m2"""
+    flight: Flight
+
+
+def on_worst_day(
+    worst: WorstDay, law: Law, hardware: Hardware, rods: Array
+) -> tuple[Array, Array]:  # fmt: skip
+    """Duty (1) and what the fullest wheel comes to (N m s) with each of these rods (A m2) under a
+    law. Raises UnsuitedError for a law that the model does not have."""
+    made = fly([track_of(worst.flight, law, hardware)], law, hardware, rods.tolist())
+    return made.duty[0, 0], made.wheel[0, 0]
+
+
+def _up(rod: float) -> float:
+    """A rod (A m2) rounded up to three digits: as it is printed, and typed again."""
+    if not 0.0 < rod < inf:
+        return rod
+    digit = 10.0 ** (floor(log10(rod)) - 2)
+    return float(f"{ceil(rod / digit * (1.0 - 1e-12)) * digit:.3g}")
 
 
 def room_of(hardware: Hardware) -> float:
@@ -394,9 +446,16 @@ class Sizing:
     law: str
     """of the recommended rods, the first of these"""
     recommended: float | None
-    """the smallest with the margin and the duty asked for, with which the wheels suffice"""
-    recommended_year: float | None
-    """the same for the worst day of the year: by the ratio of the least rods"""
+    """the smallest with the margin and the duty asked for on the worst day of the year, with which
+    the wheels suffice and `worst.toml` meets its requirements; None: there is none"""
+    recommended_day: float | None
+    """the same for the day of the scenario alone"""
+    worst_day: str
+    """and the activity of the Sun on it; empty: no other day was looked at"""
+    least_year: float
+    """least rod for any law on that day, by the linear programme"""
+    worst_scenario: str
+    """the scenario that the recommended rods meet, too; empty: there is none, or it did not fly"""
     weakest: tuple[float, ...]
     """eci: against a torque along it the rods do least"""
     weakness: float
@@ -409,12 +468,19 @@ class Sizing:
     """least time in which its rods, at their limits, take that out of a craft that tumbles"""
     first_dump: float
     """the same at the wanted attitude, from its wheels, in the worst direction"""
+    detumbling_recommended: float | None
+    """as `detumbling`, with the recommended rods"""
+    first_dump_recommended: float | None
+    """as `first_dump`, with these"""
     start_momentum: float
     """of the wheels at the start"""
     start_dump: float
     """the same for that"""
     propellant: float | None
-    """kg a year, of thrusters alone; None: neither arm nor specific impulse is known"""
+    """kg a year, of thrusters alone in this layout, where dumps begin as a wheel is full; None:
+    they are not known"""
+    propellant_least: float | None
+    """the same where each dump waits for the attitude at which it costs least"""
     wishes: Wishes
     curve: tuple[Flown, ...]
     margins: tuple[Margin, ...]
@@ -437,27 +503,52 @@ class Sizing:
     def answer(self) -> str:
         """The sentence that answers."""
         if self.problems:
-            return f"{self.target} cannot hold: {self.problems[0]}."
-        if self.recommended is None:
-            rods = f"no rods of up to {LARGEST:g} times the least, {self.least:.3g} A m2, do"
-        else:
-            rods = f"rods of {self.recommended:.3g} A m2 do"
-            if self.recommended_year is not None and self.recommended_year > self.recommended:
-                rods += f" ({self.recommended_year:.3g} A m2 on the worst day of the year)"
+            rods = "" if self.recommended is None or self.recommended <= self.rod else (
+                f" Rods of {self.recommended:.3g} A m2 do.")  # fmt: skip
+            return f"{self.target} cannot hold: {self.problems[0]}.{rods}"
         wished = (f" with a duty of {100.0 * self.duty:.3g} % and a margin of "
                   f"{self.wishes.margin:g} under {self.law}")  # fmt: skip
-        if not self.best and self.least > 0.0:
-            rods = f"the least rod of any law is {self.least:.3g} A m2"
-            wished = " (the model has no law that fits)"
-        return (
-            f"{self.target}: {rods}{wished}, it has {self.rod:.4g} A m2; its "
-            f"wheels need {1e3 * (self.wheel_needed + self.slew_momentum):.3g} mN m s each and "
-            + (
-                f"have {1e3 * self.wheel_capacity:.4g}."
-                if self.wheel_capacity < inf
-                else "have no limit."
-            )
-        )
+        if not self.best:
+            rods = (f"the least rod of any law is {max(self.least, self.least_year):.3g} A m2 (the "
+                    "model has no law that fits)")  # fmt: skip
+            wished = ""
+        elif self.recommended is None:
+            rods = (f"no rods of up to {LARGEST:g} times the least, "
+                    f"{max(self.least, self.least_year):.3g} A m2, do")  # fmt: skip
+        else:
+            rods = f"rods of {self.recommended:.3g} A m2 hold"
+            if self.worst_day:
+                rods += f" on the worst day of the year ({self.worst_day})"
+            if self.recommended_day is not None and self.recommended_day < self.recommended:
+                rods += f" ({self.recommended_day:.3g} A m2 on the day of the scenario)"
+        text = f"{self.target}: {rods}{wished}; it has {self.rod:.4g} A m2. "
+        if self.detumbling_recommended is not None and self.first_dump_recommended is not None:
+            text += (f"With {self.recommended:.3g} A m2 detumbling takes at least "
+                     f"{duration(self.detumbling_recommended)}, the first dump "
+                     f"{duration(self.first_dump_recommended)}. ")  # fmt: skip
+        needs, has = self.wheel_needed + self.slew_momentum, self.wheel_capacity
+        if has == inf:
+            return text + f"Its wheels need {momenta(needs)} each and have no limit."
+        return text + f"Its wheels need {momenta(needs, has)} each."
+
+
+def momenta(needed: float, has: float | None = None) -> str:
+    """Momenta (N m s) for people, both in one unit."""
+    large = max(needed, has or 0.0) >= 1.0
+    factor, unit = (1.0, "N m s") if large else (1e3, "mN m s")
+    shown = [f"{factor * x:.3g}" if factor * x < 1000.0 else f"{factor * x:.0f}"
+             for x in ((needed,) if has is None else (needed, has))]  # fmt: skip
+    return f"{shown[0]} of {shown[1]} {unit}" if has is not None else f"{shown[0]} {unit}"
+
+
+def duration(seconds: float) -> str:
+    """A time (s) for people."""
+    if seconds == inf:
+        return "for ever"
+    for unit, name in ((86400.0, "d"), (3600.0, "h"), (60.0, "min")):
+        if seconds >= 2.0 * unit:
+            return f"{seconds / unit:.3g} {name}"
+    return f"{seconds:.3g} s"
 
 
 def _finite(value: Any) -> Any:
@@ -493,10 +584,13 @@ def size(
     formula, least = least_by_formula(able, torque), least_by_programme(able, torque)
     attitude = attitude_of(flight.q, flight.r, flight.v)
     year: tuple[Date, ...] = ()
+    hardest: WorstDay | None = None
     if wishes.year:
         progress("the days of a year")
         try:
-            year = tuple(_year(system, hardware, attitude))
+            days = list(_year(system, hardware, attitude))
+            year = tuple(day for day, _ in days)
+            hardest = _worst_day(system, hardware, attitude, days)
         except DesatError as why:
             notes.append(f"no other days of the year: {why}")
     laws = [own] if own is not None else []
@@ -504,7 +598,18 @@ def size(
         terms = terms_of(flight.period, flight.b, attitude.kind == "inertial")
         laws += other_laws(source, options, terms, notes)
     curve, best = _curves(flight, hardware, laws, least, wishes, progress, notes)
-    law, recommended = (best[0].law, best[0].rod) if best else ("", None)
+    law, day = (best[0].law, best[0].rod) if best else ("", None)
+    model = next((x for x in laws if x.name == law), None)
+    recommended = _for_the_year(day, hardest, model, hardware, least, wishes)
+    told: list[str] = []
+    beside = _beside_craft(source) if wishes.flown else None
+    if beside is not None:
+        recommended, unmet = _for_worst(beside, options, hardware, recommended, model, progress)
+        told += unmet
+    filled = None
+    if model is not None and hardest is not None and hardware.m_limit > 0.0:
+        _, wheel = on_worst_day(hardest, model, hardware, np.array([hardware.m_limit]))
+        filled = float(wheel[0])
     if wishes.flown and 0.0 < least < inf:
         curve = _beside(curve, recommended, source, options, system, own, least, progress)
     component = system.components["manager"]
@@ -512,24 +617,120 @@ def size(
     needed, lasts = _wheels(flight, hardware, torque, cyclic, np.array(bias, float))
     where = geometry(flight, hardware, able, torque, least)
     slew = _slew(hardware, wishes)
-    worst = max((d.least for d in year), default=0.0)
     tip_off = float(np.linalg.eigvalsh(hardware.inertia)[-1]) * wishes.tip_off
     start = float(np.linalg.norm(flight.h_start))
-    tumbling, against = (hardware.m_limit * max(x, 1e-300) for x in
-                         (where.tumbling, where.against))  # fmt: skip
+    tumbling, against = (max(x, 1e-300) for x in (where.tumbling, where.against))
+
+    def takes(momentum: float, torque: float, rod: float | None) -> float | None:
+        """How long (s) rods (A m2) of a torque for each A m2 take for a momentum."""
+        return None if rod is None else momentum / (torque * max(rod, 1e-300))
+
+    rod = hardware.m_limit
+    spent, spent_least = _propellant(system, flight, hardware, torque, wishes)
     made = Sizing(
         target, round(flight.whole / flight.period), flight.period, attitude.kind,
         tuple(torque.tolist()), float(np.linalg.norm(torque)) * flight.period, _span(cyclic),
         *_sources(flight, torque), year, needed, *slew, room_of(hardware), hardware.torque_limit,
-        lasts, formula, least, hardware.m_limit, best, law, recommended,
-        None if recommended is None or formula == 0.0 else
-        recommended * max(1.0, worst / formula),
+        lasts, formula, least, rod, best, law, recommended, day and _up(day),
+        "" if hardest is None else f"{hardest.day}, {hardest.activity} activity of the Sun"
+        if hardest.activity else hardest.day,
+        0.0 if hardest is None else max(least, hardest.least), "" if beside is None else beside.target,
         tuple(where.weakest.tolist()), where.weakness, where.blind, tip_off,
-        tip_off / tumbling, tip_off / against, start, start / against,
-        _propellant(hardware, torque, wishes), wishes, curve, (), (), (),
+        takes(tip_off, tumbling, rod) or 0.0, takes(tip_off, against, rod) or 0.0,
+        takes(tip_off, tumbling, recommended), takes(tip_off, against, recommended),
+        start, takes(start, against, rod) or 0.0,
+        spent, spent_least, wishes, curve, (), (), (),
     )  # fmt: skip
-    made = replace(made, margins=tuple(_margins(made, worst)))
-    return replace(made, problems=tuple(_problems(made)), notes=(*notes, *_notes(made, attitude)))
+    made = replace(made, margins=tuple(_margins(made, filled)))
+    problems = (*_problems(made), *told)
+    return replace(made, problems=problems, notes=(*notes, *_notes(made, attitude)))
+
+
+def _for_the_year(
+    day: float | None, hardest: WorstDay | None, law: Law | None, hardware: Hardware, least: float,
+    wishes: Wishes,
+) -> float | None:  # fmt: skip
+    """The rods (A m2) that hold on the scenario's day, which takes `day`, and on the worst one;
+    None: there are none."""
+    if day is None or law is None:
+        return None
+    if hardest is None or hardest.least == 0.0:
+        return _up(day)
+    if hardest.least == inf:
+        return None
+    most = max(LARGEST, hardware.m_limit / hardest.least)
+    rods = np.array([_up(x) for x in np.geomspace(wishes.margin, most, 60) * hardest.least])
+    rods = np.maximum(rods, _up(day))
+    found = _smallest(*on_worst_day(hardest, law, hardware, rods), room_of(hardware), wishes)
+    return None if found is None else float(rods[found])
+
+
+def _beside_craft(source: Source) -> Source | None:
+    """The worst scenario of a craft of one's own, where the source is its nominal one."""
+    file = source.scenario.file if source.scenario is not None else None
+    if file is None or file.name != NOMINAL or not (there := file.parent / WORST).is_file():
+        return None
+    return read(str(there))
+
+
+def _for_worst(
+    source: Source, options: Options, hardware: Hardware, rod: float | None, law: Law | None,
+    progress: Callable[[str], None],
+) -> tuple[float | None, list[str]]:  # fmt: skip
+    """Rods (A m2), from `rod` on, with which a scenario meets its requirements in the closed loop;
+    None: there are none. And a line for each requirement that it misses with the craft's own."""
+
+    def flown_with(size: float) -> tuple[Manifest, Flight | None]:
+        progress(f"{WORST} with rods of {size:.4g} A m2")
+        run = _with_rods(source, options, size, more=series_of_numbers)
+        with run.results as results:
+            try:
+                found = flight_of(prepare(source, options).or_raise()[0], results)
+            except DesatError:  # it is shorter than an orbit
+                found = None
+        return run.manifest, found
+
+    known: dict[float, tuple[Manifest, Flight | None]] = {}
+    own, largest = hardware.m_limit, max(LARGEST * (rod or 0.0), hardware.m_limit)
+    while rod is not None:
+        manifest, found = known[rod] = known.get(rod) or flown_with(rod)
+        if not manifest.not_met:
+            break
+        rod = _larger(manifest, found, hardware, rod, law, largest) if len(known) < TRIES else None
+    missed: list[str] = []
+    if own > 0.0 and (rod is None or own < rod):
+        missed = (known.get(own) or flown_with(own))[0].not_met
+    return rod, [f"{WORST} with its rods of {own:.4g} A m2: {line}" for line in missed]
+
+
+def _larger(
+    manifest: Manifest, flight: Flight | None, hardware: Hardware, rod: float, law: Law | None,
+    largest: float,
+) -> float | None:  # fmt: skip
+    """The next rod to try where a run with `rod` misses a requirement: by the model where that is
+    one on the wheels' largest momentum, in a craft that keeps its attitude. None: it is larger than
+    all that are looked at."""
+    over = [v.value / v.max for v in manifest.verdicts.values()
+            if not v.met and v.max and v.value and v.number == "largest_momentum"]  # fmt: skip
+    step = _up(STEP_UP * rod)
+    if over and flight is not None and law is not None and not manifest.unmet:
+        rods = np.array([_up(x) for x in np.geomspace(rod, max(largest, 1.01 * rod), 40)])
+        peak = fly([track_of(flight, law, hardware)], law, hardware, rods.tolist()).peak[0, 0]
+        enough = peak <= 0.99 * peak[0] / max(over)
+        step = max(step, float(rods[int(np.argmax(enough))]) if enough.any() else inf)
+    return step if step <= largest else None
+
+
+def _worst_day(
+    system: System, hardware: Hardware, attitude: Attitude, days: Sequence[tuple[Date, Any]]
+) -> WorstDay:  # fmt: skip
+    """The day of the largest least rod, flown at rows that the model can take."""
+    date, (inputs, nodes) = max(days, key=lambda d: d[0].least)
+    times = np.linspace(nodes[0], nodes[-1], round((nodes[-1] - nodes[0]) / SAMPLE) + 1)
+    flight = flown_at(system, attitude, between(inputs, nodes, times), times)
+    torque, _ = secular(flight)
+    return WorstDay(date.day, date.activity, least_by_programme(reach(flight, hardware), torque),
+                    flight)  # fmt: skip
 
 
 def _manager(system: System) -> str:
@@ -559,8 +760,11 @@ def _sources(flight: Flight, torque: Array) -> tuple[tuple[Share, ...], float | 
     return tuple(rows), float(np.linalg.norm(torque - known))
 
 
-def _year(system: System, hardware: Hardware, attitude: Attitude) -> Iterator[Date]:
-    """The days of a year, one after the other. Raises DesatError where they cannot be asked for."""
+def _year(
+    system: System, hardware: Hardware, attitude: Attitude
+) -> Iterator[tuple[Date, tuple[dict[str, Array], Array]]]:  # fmt: skip
+    """The days of a year, one after the other, each with what the environment gives and the times
+    (s). Raises DesatError where they cannot be asked for."""
     if attitude.kind == "moving":
         raise DesatError(f"the attitude stays neither in eci nor in lvlh ("
                          f"{np.degrees(attitude.wanders):.3g} deg from its mean)")  # fmt: skip
@@ -583,9 +787,10 @@ def _year(system: System, hardware: Hardware, attitude: Attitude) -> Iterator[Da
             flight = flown_at(system, attitude, inputs, times)
             torque, cyclic = secular(flight)
             size = float(np.linalg.norm(torque))
-            yield Date((begin + timedelta(days=DAYS * k)).date().isoformat(), name, size,
-                       size * flight.period, _span(cyclic),
-                       least_by_formula(reach(flight, hardware), torque))  # fmt: skip
+            date = Date((begin + timedelta(days=DAYS * k)).date().isoformat(), name, size,
+                        size * flight.period, _span(cyclic),
+                        least_by_formula(reach(flight, hardware), torque))  # fmt: skip
+            yield date, (inputs, times)
 
 
 def _activities(component: Component, craft: Mapping[str, Any]) -> list[tuple[str, dict[str, int]]]:
@@ -647,14 +852,8 @@ def in_the_loop(
 ) -> Flown:  # fmt: skip
     """A size of rods with what the closed loop makes of it."""
     progress(f"the closed loop with rods of {row.rod:.4g} A m2")
-    plain, _ = prepare(source, options).or_raise()
-    values = {**options.values, "torquers.m_limit": row.rod}
-    if "m_limit" in plain.components["manager"].interface.signals:
-        values["manager.m_limit"] = row.rod
-    case = prepare(source, replace(options, values=values))
-    system, _ = case.or_raise()
-    run = simulate(replace(case, options=replace(case.options, record=series_for(system),
-                                                 every=1))).or_raise(source.target)  # fmt: skip
+    run = _with_rods(source, options, row.rod).or_raise(source.target)
+    system, _ = prepare(source, options).or_raise()
     with run.results as results:
         wheels = "wheels.h_wheel" in results.names()
         h = results.values("wheels.h_wheel" if wheels else "spacecraft.h_copy_wheel")
@@ -666,6 +865,21 @@ def in_the_loop(
         row, loop_rms=float(np.sqrt((sizes**2).mean())), loop_largest=float(sizes.max()),
         loop_duty=float(np.abs(coils).mean()) / row.rod,
     )  # fmt: skip
+
+
+def _with_rods(
+    source: Source, options: Options, rod: float,
+    more: Callable[[System], Iterable[str]] = lambda system: (),
+) -> Run:  # fmt: skip
+    """A run with rods of this size (A m2), which has recorded what a flight takes, and more."""
+    plain, _ = prepare(source, options).or_raise()
+    values = {**options.values, "torquers.m_limit": rod}
+    if "m_limit" in plain.components["manager"].interface.signals:
+        values["manager.m_limit"] = rod
+    case = prepare(source, replace(options, values=values))
+    system, _ = case.or_raise()
+    record = tuple(sorted({*series_for(system), *more(system)}))
+    return simulate(replace(case, options=replace(case.options, record=record, every=1)))
 
 
 def _wheels(
@@ -702,23 +916,68 @@ def _slew(hardware: Hardware, wishes: Wishes) -> tuple[float, float]:
     return worst * rate, worst * 2.0 * rate / wishes.slew_time
 
 
-def _propellant(hardware: Hardware, torque: Array, wishes: Wishes) -> float | None:
-    arm = wishes.arm or hardware.arm
+def _propellant(
+    system: System, flight: Flight, hardware: Hardware, torque: Array, wishes: Wishes
+) -> tuple[float | None, float | None]:
+    """kg a year that thrusters alone take for the secular torque: where dumps begin as the fullest
+    wheel is fullest, and where each waits for the attitude at which it costs least. None where
+    they are not known.
+
+    An impulse along the body direction u costs |u|_1 / (arm g0 I_sp) of pairs that give a torque
+    about one axis each, and of nozzles what their own on-times come to (`least_on_times`).
+    """
+    size = float(np.linalg.norm(torque))
     isp = wishes.specific_impulse or hardware.specific_impulse
-    if arm is None or isp is None:
+    cost = _cost_of(system, hardware, wishes)
+    if cost is None or isp is None:
+        return None, None
+    if size == 0.0:
+        return 0.0, 0.0
+    rows = slice(None, None, max(1, len(flight.q) // ATTITUDES))
+    along = rotate_back(conjugate(flight.q[rows]), np.broadcast_to(torque / size, (len(
+        flight.q[rows]), 3)))  # fmt: skip
+    costs = np.array([cost(u) for u in along]) / (isp * GRAVITY)
+    full = np.abs(along @ hardware.spread().T).max(axis=1)
+    at_begin = float(costs[full >= (1.0 - 1e-3) * full.max()].mean())
+    return size * YEAR * at_begin, size * YEAR * float(costs.min())
+
+
+def _cost_of(
+    system: System, hardware: Hardware, wishes: Wishes
+) -> Callable[[Array], float] | None:  # fmt: skip
+    """The impulse of force (N s) that an angular impulse of 1 N m s along a body direction takes;
+    None where it is not known."""
+    arm = wishes.arm or hardware.arm
+    if arm is not None:
+        return lambda u: float(np.abs(u).sum()) / arm
+    thrusters = values_of(system).get("thrusters", {})
+    if "position_nozzle" not in thrusters:
         return None
-    return float(np.linalg.norm(torque)) * YEAR / (arm * isp * GRAVITY)
+    thrust = np.array(thrusters["thrust"], float)
+    forces = np.reshape(thrusters["direction_nozzle"], (-1, 3)) * thrust[:, None]
+    torques = np.cross(np.reshape(thrusters["position_nozzle"], (-1, 3)), forces)
+
+    def cost(u: Array) -> float:
+        x, y, z = u.tolist()
+        times = least_on_times(tuple(map(tuple, torques.tolist())), (x, y, z), 1e9)
+        left = u - np.array(times) @ torques
+        return float(np.array(times) @ thrust) if np.linalg.norm(left) < 1e-3 else inf
+
+    return cost
 
 
-def _margins(made: Sizing, worst: float) -> Iterator[Margin]:
-    """What is needed beside what there is, a row each."""
+def _margins(made: Sizing, filled: float | None) -> Iterator[Margin]:
+    """What is needed beside what there is, a row each. `filled`: what the fullest wheel comes to
+    on the worst day with the craft's rods (N m s); None: it is not known."""
     if made.least < inf:
         yield Margin("rods: any law, this day", made.least, made.rod, "A.m2")
-    if made.year and made.least_formula > 0.0:
-        needed = made.least * max(1.0, worst / made.least_formula)
-        yield Margin("rods: any law, worst day of the year", needed, made.rod, "A.m2")
+    if made.least_year > 0.0:
+        yield Margin("rods: any law, worst day of the year", made.least_year, made.rod, "A.m2")
     if made.recommended is not None:
         yield Margin(f"rods: {made.law}, duty and margin", made.recommended, made.rod, "A.m2")
+    if filled is not None and 0.0 < made.wheel_capacity < inf:
+        yield Margin(f"wheels: {made.law} with its rods, worst day", filled, made.wheel_capacity,
+                     "N.m.s")  # fmt: skip
     if made.wheel_capacity < inf:
         yield Margin("wheels: cyclic momentum", made.wheel_needed, made.wheel_capacity, "N.m.s")
         if made.slew_momentum > 0.0:
@@ -748,17 +1007,18 @@ def _problems(made: Sizing) -> list[str]:
             "A m2 with any law" for m in made.margins if "worst day" in m.name and m.ratio < 1.0
         ]  # fmt: skip
     lines += [
-        f"wheels of {m.has:.4g} N m s: {made.law} with its rods of {made.rod:.4g} A m2 lets the "
-        f"fullest one come to {m.needed:.4g} N m s" for m in made.margins
-        if m.name == f"wheels: {made.law} with its rods" and m.ratio < 1.0
-    ]  # fmt: skip
+        f"wheels of {momenta(m.has)}: {made.law} with its rods of {made.rod:.4g} A m2 lets the "
+        f"fullest one come to {momenta(m.needed)}{' on the worst day' * m.name.endswith('day')}"
+        for m in made.margins
+        if m.name.startswith(f"wheels: {made.law} with its rods") and m.ratio < 1.0
+    ]
     if made.wheel_needed > made.wheel_capacity:
-        lines.append(f"wheels of {made.wheel_capacity:.4g} N m s: the cyclic momentum alone needs "
-                     f"{made.wheel_needed:.4g} N m s of the fullest one")  # fmt: skip
+        lines.append(f"wheels of {momenta(made.wheel_capacity)}: the cyclic momentum alone needs "
+                     f"{momenta(made.wheel_needed)} of the fullest one")  # fmt: skip
     elif made.wheel_needed + made.slew_momentum > made.wheel_capacity:
         lines.append(
-            f"wheels of {made.wheel_capacity:.4g} N m s: cyclic momentum and slew need "
-            f"{made.wheel_needed + made.slew_momentum:.4g} N m s of the fullest one"
+            f"wheels of {momenta(made.wheel_capacity)}: cyclic momentum and slew need "
+            f"{momenta(made.wheel_needed + made.slew_momentum)} of the fullest one"
         )
     if made.slew_torque > made.wheel_torque:
         lines.append(f"wheels of {made.wheel_torque:.4g} N m: the slew needs "

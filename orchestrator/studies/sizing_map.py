@@ -234,7 +234,7 @@ def _flown(task: _Task) -> tuple[Array, Array]:
     made = [
         fly(kept, law, hardware, task.rods) for law, kept in zip(task.laws, tracks, strict=True)
     ]
-    return np.array(leasts), np.array([np.stack(c) for c in made]).transpose(1, 0, 2, 3, 4)
+    return np.array(leasts), np.array([np.stack(c[:4]) for c in made]).transpose(1, 0, 2, 3, 4)
 
 
 def _of_dipole(flight: Flight, dipole: Array) -> Array:

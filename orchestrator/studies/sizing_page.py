@@ -15,7 +15,7 @@ from markupsafe import Markup
 from ..figures.canvas import Figure, Ticks
 from ..figures.style import COLOURS, DASHED, DOTTED, LIMIT, figure
 from ..report.report import render, write_page
-from .sizing import Flown, Sizing
+from .sizing import Flown, Sizing, duration
 from .sizing_map import SizingMap
 
 SHADES = ("#fdf3c0", "#f6d36b", "#7ecb8f", "#35a3a0", "#2a6fb0", "#33307e", "#1a1037")
@@ -58,37 +58,46 @@ def rows_of(made: Sizing) -> list[tuple[str, str, str]]:
         ("Secular momentum of an orbit", f"{1e3 * made.per_orbit:.4g}", "mN m s"),
         ("Cyclic momentum, largest about its middle", f"{1e3 * made.cyclic:.4g}", "mN m s"),
         ("Fullest wheel, beside what is dumped", f"{1e3 * made.wheel_needed:.4g}", "mN m s"),
-        ("Time without dumping until a wheel is full", _time(made.time_without), ""),
+        ("Time without dumping until a wheel is full", duration(made.time_without), ""),
         ("Least rod, |s| / mean Σ |(a × B) · n|", f"{made.least_formula:.4g}", "A m²"),
         ("Least rod for any law, linear programme", f"{made.least:.4g}", "A m²"),
-        ("Longest time in which 1.3 times that cannot undo s", _time(made.blind), ""),
+        ("Longest time in which 1.3 times that cannot undo s", duration(made.blind), ""),
         ("Rods along the direction where they do least, over the mean", f"{made.weakness:.3f}", ""),
         ("That direction, eci", ", ".join(f"{x:.2f}" for x in made.weakest), ""),
         ("Momentum after separation", f"{1e3 * made.tip_off:.4g}", "mN m s"),
-        ("Detumbling, least time by rods at their limits", _time(made.detumbling), ""),
-        ("First dump of it from the wheels, least time", _time(made.first_dump), ""),
+        ("Detumbling, least time by its rods at their limits", duration(made.detumbling), ""),
+        ("First dump of it from the wheels, least time", duration(made.first_dump), ""),
     ]  # fmt: skip
+    if made.least_year > 0.0:
+        rows.insert(7, (f"The same on the worst day of the year ({made.worst_day})",
+                        f"{made.least_year:.4g}", "A m²"))  # fmt: skip
+    if made.detumbling_recommended is not None and made.first_dump_recommended is not None:
+        rows += [
+            (f"Detumbling with {made.recommended:.3g} A m²", duration(made.detumbling_recommended),
+             ""),
+            ("First dump with these", duration(made.first_dump_recommended), ""),
+        ]  # fmt: skip
     if made.start_momentum > 0.0:
         rows += [("Wheels at the start", f"{1e3 * made.start_momentum:.4g}", "mN m s"),
-                 ("Dump of that, least time", _time(made.start_dump), "")]  # fmt: skip
+                 ("Dump of that, least time", duration(made.start_dump), "")]  # fmt: skip
     if made.slew_momentum > 0.0:
         rows += [
             ("Slew, momentum of the fullest wheel, 2 I θ / T", f"{1e3 * made.slew_momentum:.4g}",
              "mN m s"),
             ("Slew, torque of it, 4 I θ / T²", f"{1e3 * made.slew_torque:.4g}", "mN m"),
         ]  # fmt: skip
-    if made.propellant is not None:
-        rows.append(("Propellant a year by thrusters alone", f"{1e3 * made.propellant:.4g}", "g"))
+    if made.propellant is not None and made.propellant_least is not None:
+        rows += [
+            ("Propellant a year by thrusters alone, dumps as a wheel is full",
+             _grams(made.propellant), "g"),
+            ("The same, each dump where it costs least", _grams(made.propellant_least), "g"),
+        ]  # fmt: skip
     return rows
 
 
-def _time(seconds: float) -> str:
-    if seconds == inf:
-        return "never"
-    for unit, name in ((86400.0, "d"), (3600.0, "h"), (60.0, "min")):
-        if seconds >= 2.0 * unit:
-            return f"{seconds / unit:.3g} {name}"
-    return f"{seconds:.3g} s"
+def _grams(mass: float) -> str:
+    """A mass (kg) in grams."""
+    return "no layout gives it" if mass == inf else f"{1e3 * mass:.4g}"
 
 
 def shown(row: Flown) -> list[str]:
