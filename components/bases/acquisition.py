@@ -46,6 +46,7 @@ class Acquisition(Manager, WheelAxes):
     """
 
     no_law = "it brakes a craft and starts its pitch wheel up: no law for wheels about three axes"
+    brakes = True
 
     sample_time: float = Parameter(
         "s", "time between samples, a multiple of the step; at most 2 s", start=1.0, min=0.0

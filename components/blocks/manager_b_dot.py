@@ -20,8 +20,9 @@ class ManagerBDot(Manager):
 
         gain = 2 n (1 + sin xi) J_min
 
-    is the fastest that still lets the field turn under the craft. What is left are the turns of
-    the field along the orbit, about 2 n.
+    is the fastest that still lets the field turn under the craft, as its source has it; flown from
+    a tumble, crafts with one small moment are slow with it, and up to ten times as quick with 7 n
+    times the mean moment. What is left are the turns of the field along the orbit, about 2 n.
 
     There is no dipole at the first sample, nor at one whose field or that before is not valid.
 
@@ -30,6 +31,7 @@ class ManagerBDot(Manager):
     """
 
     no_law = "it brakes a tumbling craft and leaves the wheels as they are"
+    brakes = True
 
     gain: float = Parameter("N.m.s", "gain on B' / |B|^2", start=1e-2, min=0.0,
                             needs=("b_body", "m_cmd_body"))  # fmt: skip

@@ -68,6 +68,7 @@ class ManagerDetumblingRollout(Manager, WheelInertias):
     """
 
     no_law = "it brakes a tumbling craft: no law for wheels that hold an attitude"
+    brakes = True
 
     inertia: Mat33 = Parameter(
         "kg.m2", "inertia of the whole craft, wheels locked, body",

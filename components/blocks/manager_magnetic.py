@@ -51,7 +51,8 @@ class ManagerMagnetic(TorquerDumping):
     def foresee(self, begin: float, end: float, wired: frozenset[str]) -> Iterator[str]:
         law, name = ("mec", "costate") if self.law == MEC else ("lqr", "gain_table")
         if not any(getattr(self, name)):
-            yield f"{name} = 0: law = {law} commands no dipole without it; `desat design` makes it"
+            self.fail(f"{name} = 0: law = {law} commands no dipole without it; `desat design` "
+                      "makes it")  # fmt: skip
         yield from super().foresee(begin, end, wired)
 
     def dipole(self, elapsed: float, h: Vec3) -> Vec3 | None:

@@ -93,7 +93,12 @@ class ManagerPredictive(MomentumDumping, EarthField):
     """
 
     craft_needs = (Need.COILS,)
-    offers = (Law("predictive", {"goal": "hold"}),)
+    offers = (
+        Law("predictive", {
+            "goal": "hold", "h_noise": "craft.h_noise", "rate_noise": "craft.rate_noise",
+            "attitude_noise": "craft.attitude_noise",
+        }),
+    )  # fmt: skip
 
     goal: int = Parameter(
         "1", "hold: the momentum is kept low; empty: it is at its target at `end`",

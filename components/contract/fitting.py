@@ -32,7 +32,9 @@ class Law(NamedTuple):
     - `craft.rate`, 1/s: at which momentum across the field is to go out: five times the orbit's
       rate, or what the craft's own law has;
     - `craft.field`, T: the field's mean size;
-    - `craft.orbit_rate`, rad/s.
+    - `craft.orbit_rate`, rad/s;
+    - `craft.h_noise`, N m s, `craft.rate_noise`, rad/s, and `craft.attitude_noise`, rad: standard
+      deviations at each sample of what its sensors measure.
 
     A parameter that `follows` something of the craft does so without a rule.
     """

@@ -410,6 +410,8 @@ class Manager(Computer):
     """Its laws that hold the wheels' momentum, each with its gains by rule from the craft."""
     no_law: ClassVar[str] = ""
     """Why it has no such law, where it has none."""
+    brakes: ClassVar[bool] = False
+    """Whether it takes the rate out of a craft that tumbles."""
 
     b_body: Vec3 = Input("T", "measured geomagnetic field, body", source="magnetometer.b_body")
     q_bi: Vec4 = Input(

@@ -7,11 +7,14 @@ from collections.abc import Iterator
 
 from ..system.model import Component, System
 from ..system.parameters import choice_of, number_of
+from ..system.sensors import KNOWN, noise_of
 
 FORCE = "force_mean_thruster_body"
 IMPULSE = "specific_impulse"
 DRAG = ("area_drag", "drag_coefficient")
 BY_AREA = "area"
+ABOUT = 3.0
+"""A filter that is told a noise within this factor is told it."""
 
 
 def problems(system: System) -> Iterator[str]:
@@ -33,7 +36,22 @@ def problems(system: System) -> Iterator[str]:
 
 
 def warnings(system: System) -> Iterator[str]:
-    """A line for each figure of the drag that the orbit has otherwise than the attitude."""
+    """A line for each figure of the drag that the orbit has otherwise than the attitude, and for
+    each noise that a manager's filter is told otherwise than the sensors have it."""
+    yield from _drag(system)
+    noise = noise_of(system)
+    for c in system.components.values():
+        for name, unit in KNOWN.items() if c.interface.role == "manager" else ():
+            if name not in c.interface.signals or noise[name] == 0.0:
+                continue
+            told, is_so = number_of(c, name), noise[name]
+            if not is_so / ABOUT <= told <= is_so * ABOUT:
+                yield (f"{c.given.get(name, f'{system.where}: default')}: {c.name}.{name} = "
+                       f"{told:.3g} {unit}, but the craft's sensors have {is_so:.3g}: what the law "
+                       f"filters errs; --set {c.name}.{name}={is_so:.3g} tells it")  # fmt: skip
+
+
+def _drag(system: System) -> Iterator[str]:
     bodies = [c for c in system.components.values() if _has_drag(c, "aerodynamics")]
     orbits = [c for c in system.components.values() if _has_drag(c, "zonals")]
     for body in bodies:

@@ -36,6 +36,7 @@ KEY = "management"
 NUMBERS = (
     "sum_rms", "sum_largest", "null_rms", "coil_duty", "coil_limit_share", "momentum_margin",
     "limit_time", "crossings", "left_rms", "unmanaged_rms",
+    "least_braking",
 )  # fmt: skip
 AT_LIMIT = 0.999
 """Share of its limit from which on a coil counts as at it: one with a lag never is quite."""
@@ -64,6 +65,8 @@ class Parts(Named):
     """whether the law is to hold the momentum there as long as the run lasts"""
     deadband: float = 0.0
     """N m s, within which it does nothing"""
+    brakes: bool = False
+    """whether the law takes the rate out of a craft that tumbles"""
 
 
 def applies(system: System) -> Parts | None:
@@ -93,6 +96,7 @@ def applies(system: System) -> Parts | None:
             None if thrusters is None else thrusters.partition(".")[0],
             _target(system, law), said(system.about).stop_when is None and _holds(law),
             number_of(law, "h_deadband") if "h_deadband" in law.interface.signals else 0.0,
+            _brakes(law),
         )  # fmt: skip
     return None
 
@@ -127,6 +131,12 @@ def _holds(law: Component) -> bool:
                       for x in block.offers)  # fmt: skip
     common = {k: v for k, v in first.items() if all(x.get(k) == v for x in others)}
     return all(choice_of(law, k) == v for k, v in common.items())
+
+
+def _brakes(law: Component) -> bool:
+    """Whether a manager of ours takes the rate out of a craft that tumbles."""
+    block = block_class(law.interface.model) if law.interface.model in names() else None
+    return block is not None and issubclass(block, Manager) and block.brakes
 
 
 def problems(system: System) -> Iterator[str]:
@@ -187,7 +197,33 @@ def numbers(manifest: Manifest, results: Results) -> dict[str, Value]:
         left, without = compared
         rows["left_rms"] = ("Wheel momentum less its target, second half: rms", left, "N.m.s")
         rows["unmanaged_rms"] = ("The same without management (estimated)", without, "N.m.s")
+    if (least := _least_braking(manifest, results)) is not None:
+        title = "Least time in which coils at their limit take the body's momentum out"
+        rows["least_braking"] = (title, least, "s")
     return titled(rows)
+
+
+def _least_braking(manifest: Manifest, results: Results) -> float | None:
+    """How long (s) coils at their limit take at least for the momentum that the body has at the
+    start: a rod across the field B gives m |B|, and half of that in the mean over the attitudes of
+    a craft that tumbles. None where it is not known, or the run is shorter."""
+    parts: Parts = manifest.parts[KEY]
+    given, coils = manifest.parameters.get(parts.spacecraft, {}), manifest.values_of(parts.torquers)
+    series = f"{parts.spacecraft}.omega_bi_body", str(parts.field)
+    if not parts.brakes or missing(list(series), results) or "inertia" not in given:
+        return None
+    if coils.get("drive") == "ideal" or "m_limit" not in coils or "axes_coil" not in coils:
+        return None
+    omega, b = (results.values(s) for s in series)
+    begun = float(np.linalg.norm(np.reshape(given["inertia"].value, (3, 3)) @ omega[0]))
+    axes = np.reshape(coils["axes_coil"], (3, -1))
+    most = float(coils["m_limit"]) * int((np.linalg.norm(axes, axis=0) > 0.0).sum())
+    times = results.times()[: len(b)]
+    given_each = 0.5 * most * np.linalg.norm(b, axis=1)[:-1] * np.diff(times)
+    taken = np.concatenate([[0.0], np.cumsum(given_each)])
+    if taken[-1] < begun:
+        return None
+    return float(np.interp(begun, taken, times)) - float(times[0])
 
 
 def _rms(values: Array, times: Array) -> float:

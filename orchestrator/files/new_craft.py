@@ -11,7 +11,8 @@ Rules, each written beside its number:
 - wheels: no less than residual dipole and gravity gradient turn in and out of them each orbit;
 - attitude controller: bandwidth 0.1 rad/s, or less where the wheels' torque would not turn an error
   of 5 deg so fast; damping 0.7;
-- manager: gain of the orbit's rate; B-dot: 2 n (1 + sin xi) J_min.
+- manager: gain of the orbit's rate; B-dot: BRAKING orbit rates times the mean
+  moment of inertia.
 """
 
 from __future__ import annotations
@@ -55,8 +56,11 @@ CUBESATS = {
 """Sides (m) by units: CubeSat Design Specification, and what deployers of the larger ones take."""
 LAYOUTS = ("pyramid", "axes")
 POINTINGS = ("nadir", "inertial")
-TILT = 0.2
-"""Of the geomagnetic dipole against the Earth's axis (rad)."""
+BRAKING = 7.0
+"""Of B-dot: gain over the mean moment of inertia, in orbit rates. Of gains from 0.003 to 0.03 1/s,
+flown on 24 random crafts of 1U to 150 kg, it is within 1.3 of the quickest in 23. Stronger rods are
+at their limit for less long, which does not move the best gain; Avanzini & Giulietti (2012), 2 n
+(1 + sin xi) J_min, are up to ten times slower where J_min is far below the others."""
 HEIGHTS = 150.0, 2000.0
 """Of a circular orbit (km)."""
 INCLINATION = Quantity("--inclination", "deg", 0.0, 180.0)
@@ -173,12 +177,10 @@ def _made(wanted: Wanted, name: str, command: str) -> dict[str, Any]:
     _holds(wanted.pointing, orbit, inertia, wheels, [dipole * x for x in along])
     faces = [sides[1] * sides[2], sides[2] * sides[0], sides[0] * sides[1]]
     area = sum(faces) / 2.0
-    least = min(inertia)
     bandwidth = min(0.1, math.sqrt(wheels["torque_si"] / (max(inertia) * math.radians(5.0))))
     enough = bandwidth == 0.1
-    rate, inclination = orbit["rate"], orbit["inclination"]
+    rate = orbit["rate"]
     tumble = 5.0 if mass < 50.0 else 1.0
-    xi = min(abs(math.sin(inclination)) + TILT, 1.0)
     return {
         "title": name, "command": command, "pointing": wanted.pointing, "orbit": orbit,
         "epoch": epoch.strftime("%Y-%m-%dT%H:%M:%SZ"),
@@ -200,7 +202,7 @@ def _made(wanted: Wanted, name: str, command: str) -> dict[str, Any]:
             "why": "fast beside the orbit, slow beside a sample of 1 s" if enough
             else "what the wheels' torque turns an error of 5 deg with",
             "manager": _text(rate), "start": _text(0.1 * wheels["capacity_si"]),
-            "b_dot": _text(2.0 * rate * (1.0 + xi) * least),
+            "b_dot": _text(BRAKING * rate * sum(inertia) / 3.0),
         },
         "tumble": _text(tumble), "tumble_size": _text(math.radians(tumble) * math.sqrt(3.0)),
     }  # fmt: skip

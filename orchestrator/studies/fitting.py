@@ -17,6 +17,7 @@ from desat.components.contract.roles import Manager
 from desat.fmus.own import OwnBlockError, is_own
 from desat.fmus.registry import block_class, names
 
+from ..analyses.needs import instead
 from ..runs.prepare import Case, Source, prepare
 from ..system.errors import DesatError, nearest
 from ..system.expression import product, values_of
@@ -24,7 +25,7 @@ from ..system.interface import base_name
 from ..system.model import Component, System
 from ..system.options import Options
 from ..system.parameters import Parameter, table, value_of
-from .flight import hardware_of
+from ..system.sensors import KNOWN, noise_of
 
 ROLE = "manager"
 BANDWIDTH = 5.0
@@ -177,36 +178,24 @@ def _lacks(block: type[Block], manager: str, system: System, terms: Terms) -> st
 
 def _instead(need: Need, system: System, terms: Terms) -> str:
     """What a craft has instead of what is needed; nothing where it has that."""
-
-    def wired(name: str, end: str) -> bool:
-        return any(getattr(c, end) == ROLE and base_name(c.output if end == "source" else c.input)
-                   == name for c in system.connections)  # fmt: skip
-
-    hardware = hardware_of(system)
-    if need is Need.WHEELS:
-        axes = int(np.linalg.matrix_rank(hardware.axes_wheel, tol=1e-3))
-        return "" if axes == 3 else f"the craft's span {axes} of them"
-    if need is Need.COILS:
-        there = hardware.m_limit > 0.0 and wired("m_cmd_body", "source")
-        return "" if there else "the craft has none"
-    if need is Need.THRUSTERS:
-        return "" if wired("tau_cmd_thruster_body", "source") else "the craft has none"
-    if need is Need.CONTROLLER:
-        return "" if wired("tau_ctrl_body", "target") else "the craft has none"
     if need is Need.DESIGN:
         return "those of this craft are for its own law alone"
-    return "" if terms.inertial else "the craft turns"
+    if need is Need.INERTIAL:
+        return "" if terms.inertial else "the craft turns"
+    return instead(need, system, ROLE)
 
 
 def _known(system: System, own: Component, terms: Terms) -> dict[str, Any]:
     """The parameters of a system, and the terms of rules as those of a component `craft`."""
     known: dict[str, Any] = dict(table(system.components.values()))
     law = _law_of(own) if own.interface.model in names() else None
+    noise = noise_of(system)
 
     def with_rate(rate: float) -> dict[str, Any]:
         return known | {"craft": {
             "rate": Parameter(rate, "1/s"), "field": Parameter(terms.field, "T"),
             "orbit_rate": Parameter(terms.orbit_rate, "rad/s"),
+            **{name: Parameter(noise[name], unit) for name, unit in KNOWN.items()},
         }}  # fmt: skip
 
     rate = BANDWIDTH * terms.orbit_rate

@@ -634,7 +634,8 @@ def size(
         lasts, formula, least, rod, best, law, recommended, day and _up(day),
         "" if hardest is None else f"{hardest.day}, {hardest.activity} activity of the Sun"
         if hardest.activity else hardest.day,
-        0.0 if hardest is None else max(least, hardest.least), "" if beside is None else beside.target,
+        0.0 if hardest is None else max(least, hardest.least),
+        "" if beside is None else beside.target,
         tuple(where.weakest.tolist()), where.weakness, where.blind, tip_off,
         takes(tip_off, tumbling, rod) or 0.0, takes(tip_off, against, rod) or 0.0,
         takes(tip_off, tumbling, recommended), takes(tip_off, against, recommended),

@@ -1,0 +1,86 @@
+"""What a manager of ours needs of a craft to be of any use (`Manager.craft_needs`), and what the
+craft has instead."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from desat.components.contract.fitting import Need, needs_of
+from desat.components.contract.roles import Manager
+from desat.fmus.registry import block_class, names
+
+from ..system.interface import base_name
+from ..system.model import Component, System
+from ..system.parameters import number_of, value_of
+
+FLAT = 1e-3
+"""Axes count up to this part of the longest."""
+
+
+def problems(system: System) -> Iterator[str]:
+    """A line for each thing that a manager needs and the craft has not: it would fly without doing
+    anything."""
+    for c in system.components.values():
+        if c.interface.role != "manager" or c.interface.model not in names():
+            continue
+        block = block_class(c.interface.model)
+        if not issubclass(block, Manager) or _is_off(c):
+            continue
+        if not block.no_law and _turns(system) and instead(Need.CONTROLLER, system, c.name):
+            yield (f"{system.where}: {c.name}: {c.interface.model} has no law of the attitude, and "
+                   "nobody else controls it: its tau_ctrl_body has no wire")  # fmt: skip
+        for need in needs_of(block):
+            if has := instead(need, system, c.name):
+                yield f"{system.where}: {c.name}: {c.interface.model} needs {need.value}; {has}"
+
+
+def _turns(system: System) -> bool:
+    """Whether the craft's attitude is what torques make of it."""
+    return any(c.interface.role == "spacecraft" and c.interface.elements("inertia")
+               for c in system.components.values())  # fmt: skip
+
+
+def _is_off(manager: Component) -> bool:
+    return "enable" in manager.interface.signals and not value_of(manager, "enable")
+
+
+def instead(need: Need, system: System, manager: str) -> str:
+    """What a craft has instead of what its manager needs; nothing where it has that, or where it is
+    no matter of wires and hardware."""
+
+    def wired(name: str, end: str) -> bool:
+        return any(
+            getattr(c, end) == manager and base_name(c.output if end == "source" else c.input)
+            == name for c in system.connections
+        )  # fmt: skip
+
+    parts = {c.interface.role: c for c in system.components.values() if c.interface.role}
+    if need is Need.WHEELS:
+        axes = _axes(parts.get("spacecraft"))
+        return "" if axes == 3 else f"the craft's span {axes} of them"
+    if need is Need.COILS:
+        coils = parts.get("torquers")
+        there = coils is None or "m_limit" not in coils.interface.signals or (
+            number_of(coils, "m_limit") > 0.0
+        )  # fmt: skip
+        return "" if there and wired("m_cmd_body", "source") else "the craft has none"
+    if need is Need.THRUSTERS:
+        return "" if wired("tau_cmd_thruster_body", "source") else "the craft has none"
+    if need is Need.CONTROLLER:
+        return "" if wired("tau_ctrl_body", "target") else "the craft has none"
+    return ""
+
+
+def _axes(craft: Component | None) -> int:
+    """How many axes the wheels of a craft span; three where they are ideal ones within it, or it
+    is not known."""
+    elements = craft.interface.elements("axes_wheel") if craft is not None else []
+    if craft is None or not elements:
+        return 3
+    axes = np.reshape([number_of(craft, s.name) for s in elements], (3, 4))
+    if spins := craft.interface.elements("inertia_wheel"):
+        axes = axes * (np.array([number_of(craft, s.name) for s in spins]) > 0.0)
+    sizes = np.linalg.svd(axes, compute_uv=False)
+    return int((sizes > FLAT * max(float(sizes[0]), 1e-300)).sum())
