@@ -2,6 +2,8 @@
 
 - Ten crafts that nobody chose (`drawn`: mass, box, orbit, attitude, dipole, surfaces, wheels and
   law by a seed): the model beside the closed loop at sizes of rods above 1.15 times the least.
+- Thirty crafts of `desat new craft`: what is recommended, accepted and flown in their worst
+  scenario, and B-dot's gain beside a sweep.
 - The five papers' crafts: what it says beside what the paper chose.
 - Two crafts whose secular torque is estimated anew (`estimated`): another orbit, another field
   (ppigrf), torques written down from the textbook, none of our code.
@@ -12,13 +14,17 @@
 from __future__ import annotations
 
 import argparse
+import random
 import resource
+import tempfile
 import time
 from collections.abc import Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from importlib.metadata import version
-from math import inf, pi, sqrt
+from math import inf, log10, pi, sqrt
+from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
@@ -26,8 +32,11 @@ import numpy as np
 from numpy.typing import NDArray
 from rich.progress import track
 
+from desat.files import new_craft
+from desat.files.new_craft import CUBESATS, Wanted
 from desat.numbers.text import number
 from desat.runs.prepare import prepare, read
+from desat.runs.run import execute
 from desat.studies import choice, sizing, sizing_map, sizing_page
 from desat.studies import flight as flights
 from desat.studies.fitting import ALL
@@ -35,6 +44,7 @@ from desat.studies.momentum_law import law_of
 from desat.studies.momentum_model import fly, track_of
 from desat.studies.sizing import Wishes
 from desat.system.options import Options
+from desat.system.parameters import number_of
 
 Array = NDArray[Any]
 DOCS = Path(__file__).parent.parent / "docs"
@@ -351,22 +361,152 @@ def _worked() -> float:
     )
 
 
+# --- crafts of `desat new craft`: what is recommended, and how they are braked -------------------
+
+
+@dataclass(frozen=True)
+class DrawnCraft:
+    """A craft of `desat new craft`, drawn by a seed, and what became of what `size` said of it."""
+
+    wanted: Wanted
+    rod: float
+    """its own, A m2"""
+    least: float
+    """for any law on the worst day, A m2"""
+    recommended: float | None
+    accepted: list[str]
+    """what `size` has against the recommended rods"""
+    worst: list[str]
+    """which requirements `worst.toml` misses with them"""
+    refused: list[str]
+    """what `size` has against 0.7 of the least rods"""
+
+
+def drawn_wanted(seed: int) -> Wanted:
+    """1U to 200 kg, 350 to 900 km, Sun-synchronous or of any inclination, nadir or inertial."""
+    draw = random.Random(seed)
+    given: dict[str, str] = {}
+    if draw.random() < 2.0 / 3.0:
+        given["size"] = f"{draw.choice(tuple(CUBESATS))}U"
+    else:
+        mass = 10.0 ** draw.uniform(log10(30.0), log10(200.0))
+        side = (mass / 250.0) ** (1.0 / 3.0)
+        given["mass"] = f"{mass:.1f}kg"
+        given["box"] = ",".join(f"{side * draw.uniform(0.7, 1.4):.3f}" for _ in range(3))
+    if draw.random() < 0.4:
+        given["sso"] = f"{draw.uniform(400.0, 900.0):.3f}km"
+    else:
+        given["altitude"] = f"{draw.uniform(350.0, 900.0):.3f}km"
+        given["inclination"] = f"{draw.uniform(5.0, 98.0):.2f}deg"
+    if draw.random() < 0.3:
+        given["pointing"] = "inertial"
+    return Wanted(**given)  # type: ignore[arg-type]
+
+
+def drawn_craft(seed: int, into: Path) -> DrawnCraft:
+    """What `size` recommends for a drawn craft, tried."""
+    folder, wanted = into / f"craft{seed}", drawn_wanted(seed)
+    new_craft.write(folder, wanted, "desat new craft")
+    wishes = sizing.Wishes(laws=False)
+
+    def sized(rod: float) -> list[str]:
+        given = Options(values={"torquers.m_limit": rod})
+        return list(sizing.size(str(folder), given, wishes).problems)
+
+    made = sizing.size(str(folder), Options(), wishes)
+    least, rod = max(made.least, made.least_year), made.recommended
+    accepted: list[str] = []
+    worst: list[str] = []
+    if rod is not None:
+        accepted = sized(rod)
+        given = Options(values={"torquers.m_limit": rod})
+        worst = execute(str(folder / sizing.WORST), given).manifest.not_met
+    return DrawnCraft(wanted, made.rod, least, rod, accepted, worst, sized(0.7 * least))
+
+
+BRAKES = (0.003, 0.0045, 0.006, 0.0075, 0.009, 0.011, 0.014, 0.02, 0.03)
+"""Gains of B-dot over the mean moment of inertia (1/s) that a sweep has."""
+
+
+def braked(seed: int, into: Path) -> tuple[float, float]:
+    """Time (h) in which a drawn craft is detumbled as `new craft` writes it, and the least of a
+    sweep of gains."""
+    folder = into / f"craft{seed}"
+    if not folder.exists():
+        new_craft.write(folder, drawn_wanted(seed), "desat new craft")
+    target = str(folder / "detumbling.toml")
+    system, _ = prepare(target, Options()).or_raise()
+    body = system.components["spacecraft"]
+    mean = sum(number_of(body, f"inertia[{i},{i}]") for i in (1, 2, 3)) / 3.0
+    own = number_of(system.components["manager"], "gain")
+
+    def takes(gain: float) -> float:
+        given = Options(values={"manager.gain": gain}, stop=40000.0,
+                        record=("spacecraft.omega_bi_body",))  # fmt: skip
+        found = execute(target, given).manifest.numbers["detumbled"].value
+        return inf if found is None else found
+
+    own_time = takes(own)
+    return own_time, min(own_time, *(takes(k * mean) for k in BRAKES))
+
+
+def new_crafts(count: int) -> tuple[list[DrawnCraft], list[tuple[float, float]]]:
+    """So many drawn crafts, and how they are braked, side by side."""
+    with tempfile.TemporaryDirectory() as folder, ProcessPoolExecutor(
+        mp_context=get_context("spawn")
+    ) as pool:  # fmt: skip
+        there = [Path(folder)] * count
+        crafts = list(pool.map(drawn_craft, range(count), there))
+        return crafts, list(pool.map(braked, range(count), there))
+
+
+def _of_drawn(crafts: Sequence[DrawnCraft], brakes: Sequence[tuple[float, float]]) -> Iterator[str]:
+    have = [c for c in crafts if c.recommended is not None]
+    good = [c for c in have if not c.accepted and not c.worst]
+    quick = [own / best for own, best in brakes if best < inf]
+    yield "## Crafts of `desat new craft`"
+    yield ""
+    yield (f"{len(crafts)} crafts of 1U to 200 kg are drawn by a seed, each with what its class "
+           f"has. `size` recommends rods for {len(have)}; with them it accepts the craft, and the "
+           f"craft's own `worst.toml` meets its requirements, in {len(good)} of these. With 0.7 of "
+           "the least rods for any law on the worst day it refuses "
+           f"{sum(bool(c.refused) for c in crafts)} of {len(crafts)}.")  # fmt: skip
+    yield ""
+    yield "| craft | orbit | rods, A m2 | least, worst day | recommended | accepted, worst met |"
+    yield "|---|---|---|---|---|---|"
+    for c in crafts:
+        w = c.wanted
+        orbit = f"{w.sso}, Sun-synchronous" if w.sso else f"{w.altitude}, {w.inclination}"
+        rod = "none" if c.recommended is None else f"{c.recommended:.3g}"
+        held = "; ".join([*c.accepted, *c.worst]) or ("yes" if c.recommended else "")
+        yield (f"| {w.size or w.mass}, {w.pointing} | {orbit} | {c.rod:.3g} | {c.least:.3g} "
+               f"| {rod} | {held} |")  # fmt: skip
+    yield ""
+    yield ("B-dot's gain that `new craft` writes, beside the quickest of "
+           f"{len(BRAKES)} gains from {BRAKES[0]:g} to {BRAKES[-1]:g} 1/s times the mean moment of "
+           f"inertia: within 1.3 of it for {sum(x <= 1.3 for x in quick)} of {len(quick)}, at the "
+           f"most {max(quick):.2f} times as long.")  # fmt: skip
+    yield ""
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
     """All of it, into docs/sizing.md; 1 where the bar is not held."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--crafts", type=int, default=10)
+    parser.add_argument("--drawn", type=int, default=30, help="crafts of `desat new craft`")
     given = parser.parse_args(arguments)
     found = list(unseen(given.crafts))
     good = sum(x["held"] for x in found)
     others = [(c, secular_of(c), estimated(c), dual(c)) for c in (TWELVE, AGILE)]
-    text = _page(found, list(papers()), list(chosen()), others, speed())
+    text = _page(found, list(papers()), list(chosen()), others, speed(), new_crafts(given.drawn))
     (DOCS / "sizing.md").write_text(text, encoding="utf-8")
     print(f"{good} of {len(found)} crafts within {100.0 * BAR:g} %: {DOCS / 'sizing.md'}")
     return 0 if good >= ENOUGH * len(found) / 10.0 else 1
 
 
 def _page(found: Sequence[dict[str, Any]], made: Sequence[Any], laws: Sequence[choice.Choice],
-          others: Sequence[Any], took: dict[str, float]) -> str:  # fmt: skip
+          others: Sequence[Any], took: dict[str, float],
+          of_new: tuple[list[DrawnCraft], list[tuple[float, float]]]) -> str:  # fmt: skip
     today = datetime.now(UTC).date().isoformat()
     good = sum(x["held"] for x in found)
     lines = [_HEAD.format(today=today, desat=version("desat"), numpy=version("numpy"),
@@ -385,7 +525,8 @@ def _page(found: Sequence[dict[str, Any]], made: Sequence[Any], laws: Sequence[c
             f"{_three(100.0 * r.largest for r in rows)} | "
             f"{_three(100.0 * (r.duty - r.loop_duty) for r in rows)} |"
         )
-    lines += ["", _PAPERS, "| scenario | paper has | secular, µN m | least rod, any law | "
+    lines += ["", *_of_drawn(*of_new)]
+    lines += [_PAPERS, "| scenario | paper has | secular, µN m | least rod, any law | "
               "recommended | wheels need / have, mN m s | dump of the start, detumbling |",
               "|---|---|---|---|---|---|---|"]  # fmt: skip
     for (name, _, paper, has), m in made:

@@ -11,7 +11,7 @@ from typing import Any
 import fmpy
 import numpy as np
 import pytest
-from conftest import python
+from conftest import ROOT, python
 from fmpy.fmi2 import FMU2Slave
 from fmpy.validation import validate_fmu
 
@@ -276,3 +276,18 @@ def test_a_block_that_has_no_c_is_named(desat, tmp_path):
     assert done.returncode == 2
     assert "environment: environment_tle has no C" in done.stderr
     assert "`--without environment` leaves it out" in done.stderr
+
+
+def test_each_output_says_of_which_time_it_is(desat, tmp_path):
+    """A reference is of the step that has ended, an attitude of its end: who subtracts them takes
+    them a step apart."""
+    file = tmp_path / "day.fmu"
+    desat("export", "fmu", "nadir_day/day-dipole", "--out", str(file), "--outputs",
+          "spacecraft.q_bi", "--outputs", "guidance.q_ref_bi", check=True)  # fmt: skip
+    said = {v.name: v.description for v in fmpy.read_model_description(file).modelVariables}
+    assert said["spacecraft.q_bi[1]"].endswith("after a step: of its end")
+    assert said["guidance.q_ref_bi[1]"].endswith("after a step: of the step that has just ended")
+    assert all("after a step: " in text for name, text in said.items()
+               if name.startswith(("spacecraft.", "guidance.")))  # fmt: skip
+    page = (ROOT / "docs/loop-fmu.md").read_text()
+    assert page.index("takes attitudes a step apart") < page.index("| option |")

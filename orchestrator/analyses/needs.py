@@ -38,7 +38,7 @@ def problems(system: System) -> Iterator[str]:
 
 def _turns(system: System) -> bool:
     """Whether the craft's attitude is what torques make of it."""
-    return any(c.interface.role == "spacecraft" and c.interface.elements("inertia")
+    return any(c.interface.role == "spacecraft" and c.interface.elements("omega_start_body")
                for c in system.components.values())  # fmt: skip
 
 

@@ -66,7 +66,7 @@ def settled(times: Array, good: NDArray[np.bool_]) -> float:
 __all__ = ["LATE", "MEASURES", "OWN_UNIT", "Measure"]
 
 
-SCALARS = ("last", "growth_in", "mean_rate")
+SCALARS = ("last", "growth_in", "steps_in", "mean_rate")
 """Measures of one element."""
 
 SIZES: dict[str, Callable[[Array], Array]] = {
@@ -109,8 +109,20 @@ def rms(times: Array, values: Array, each: int = 0) -> float:
 
 @measure
 def growth_in(times: Array, values: Array, time: float, multiple: float = 1.0) -> float:
-    """How much a scalar grows in `time` seconds, from first to last row, times `multiple`."""
+    """How much a scalar grows in `time` seconds, from first to last row, times `multiple`; of what
+    grows now and then take `steps_in`."""
     return float(multiple * time * (values[-1, 0] - values[0, 0]) / (times[-1] - times[0]))
+
+
+@in_unit("1")
+def steps_in(times: Array, values: Array, time: float) -> float:
+    """How often a scalar that grows now and then does so in `time` seconds: between its first and
+    its last rise, so that neither the time before nor that after counts; nan with less than two."""
+    rises = np.flatnonzero(np.diff(values[:, 0]) > 0.0)
+    rises = rises[np.append(True, np.diff(rises) > 1)] if len(rises) else rises
+    if len(rises) < 2:
+        return float("nan")
+    return float(time * (len(rises) - 1) / (times[rises[-1]] - times[rises[0]]))
 
 
 @in_unit("%")

@@ -147,6 +147,10 @@ def _block(
     return made
 
 
+_OF_STEP = "after a step: of the step that has just ended"
+_OF_END = "after a step: of its end"
+
+
 def _declared(v: Scalars, inputs: tuple[str, ...], on: dict[str, set[str]]) -> Variable:
     """A variable of the loop as one of a block."""
     signal = v.signals[0][0][1]
@@ -155,10 +159,12 @@ def _declared(v: Scalars, inputs: tuple[str, ...], on: dict[str, set[str]]) -> V
         x if x is None or v.kind == "Real" else int(x) for x in (signal.minimum, signal.maximum)
     )
     shape = tuple(int(n) for n in index[1:-1].split(",")) if index else ()
+    text = signal.description.partition(": 0 = ")[0] if signal.choices else signal.description
+    if v.causality == "output":
+        text += f"; {_OF_STEP if signal.output_class == 'interval' else _OF_END}"
     return Variable(
         v.name, v.causality, v.kind, shape, signal.unit_name or "1",  # type: ignore[arg-type]
-        signal.description.partition(": 0 = ")[0] if signal.choices else signal.description,
-        v.starts if shape else v.starts[0], low, high, signal.choices,
+        text, v.starts if shape else v.starts[0], low, high, signal.choices,
         interval=bool(on.get(v.name)), starts_from=inputs if v.causality == "output" else (),
     )  # fmt: skip
 
