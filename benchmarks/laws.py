@@ -12,13 +12,11 @@ import argparse
 import itertools
 import json
 import math
-import re
 import statistics
 import subprocess
 import sys
 import tempfile
 import time
-import zipfile
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
@@ -197,10 +195,11 @@ def shown(x: float) -> str:
 
 def cost() -> dict[str, str]:
     """What a plan takes on this machine: a native FMU of the law, alone, with the recorded inputs
-    of flights; and the deepest chain of its functions' stack by gcc."""
+    of flights; and the memory that `desat export c` states by gcc."""
     from fmpy import extract, read_model_description
     from fmpy.fmi2 import FMU2Slave
 
+    from desat.fmus.alone import alone
     from desat.fmus.registry import block_class
     from desat.runs.run import Options, execute
 
@@ -270,38 +269,8 @@ def cost() -> dict[str, str]:
             plan_every = max(1, -(-30 // int(period))) if name != "empty" else 1
             sizes = sorted(plans[plan_every::plan_every])
             found[name] = f"{statistics.median(sizes):.0f} ({sizes[-1]:.0f})"
-    return found | {"stack": stack(path, "geomagnetic_model"), "stack_igrf": stack(path, "none")}
-
-
-def stack(path: Path, without: str) -> str:
-    """The deepest chain of functions (kB) from a step on, none of them the one named."""
-    with tempfile.TemporaryDirectory() as folder:
-        with zipfile.ZipFile(path) as packed:
-            packed.extractall(folder)
-        flags = ["-std=c11", "-O2", "-ffp-contract=off", "-fno-builtin-pow", "-fwrapv",
-                 "-fcallgraph-info=su", "-c"]  # fmt: skip
-        sources = Path(folder) / "sources"
-        subprocess.run(["gcc", *flags, "manager_predictive.c", "fmi2.c", "runtime.c"],
-                       cwd=sources, check=True)  # fmt: skip
-        size: dict[str, int] = {}
-        calls: dict[str, set[str]] = {}
-        for text in (f.read_text() for f in sources.glob("*.ci")):
-            for name, label in re.findall(r'node: { title: "([^"]+)" label: "([^"]+)"', text):
-                amount = re.search(r"(\d+) bytes", label)
-                if amount:
-                    size[name] = int(amount[1])
-            for a, b in re.findall(r'sourcename: "([^"]+)" targetname: "([^"]+)"', text):
-                calls.setdefault(a, set()).add(b)
-
-    def deepest(name: str, seen: frozenset[str] = frozenset()) -> int:
-        if name in seen or without in name:
-            return 0
-        under = (deepest(n, seen | {name}) for n in calls.get(name, ()))
-        return size.get(name, 0) + max(under, default=0)
-
-    return (
-        f"{max(deepest(n) for n in size if 'do_advance' in n or 'roles_advance' in n) / 1024:.0f}"
-    )
+    _, (size,) = alone(path, [["gcc"]])
+    return found | {"stack_igrf": f"{size.stack:,}", "static_igrf": f"{size.static:,}"}
 
 
 FORMS = {

@@ -24,6 +24,8 @@ RADIUS = 6378136.3
 MU_SUN, MU_MOON = 1.32712440018e20, 4.9028e12
 EPOCH = 820497600.0
 """2026-01-01, s since J2000"""
+NODE, NODES = 1.0, 12
+"""Right ascension of the ascending node (rad), and how many others are looked at besides."""
 # EGM96, fully normalised: n, m, C, S. The zonals are those of `gravity`.
 TESSERALS = (
     (2, 2, 2.43914352398e-06, -1.40016683654e-06),
@@ -104,9 +106,11 @@ def third(r: Array, body: Array, mu: float) -> Array:
     return pulled
 
 
-def day(altitude: float, inclination: float, forces: tuple[str, ...], seconds: float) -> Array:
+def day(
+    altitude: float, inclination: float, forces: tuple[str, ...], seconds: float, node: float = NODE
+) -> Array:  # fmt: skip
     """Position and velocity (rows, 6) each minute of an orbit (m, rad) under J2 to J4 and more."""
-    start = Elements(6378137.0 + altitude, 1e-3, inclination, 1.0, 0.5, 0.3)
+    start = Elements(6378137.0 + altitude, 1e-3, inclination, node, 0.5, 0.3)
     angle = earth.earth_angle(EPOCH)
 
     def slope(t: float, y: Array) -> Array:
@@ -129,6 +133,19 @@ def day(altitude: float, inclination: float, forces: tuple[str, ...], seconds: f
                       rtol=1e-12, atol=1e-6)  # fmt: skip
     rows: Array = found.y.T
     return rows
+
+
+def by_node(altitude: float, inclination: float, seconds: float = 86400.0) -> tuple[float, float]:
+    """The least and the largest of the largest distance by all that is left out (m), over nodes all
+    around: where the Earth's tesseral harmonics stand as the orbit begins decides it."""
+    found = []
+    for k in range(NODES):
+        node = 2.0 * math.pi * k / NODES
+        kept, whole = (
+            day(altitude, inclination, f, seconds, node) for f in ((), ("tesserals", "sun", "moon"))
+        )
+        found.append(float(np.linalg.norm((whole - kept)[:, :3], axis=1).max()))
+    return min(found), max(found)
 
 
 def of_a_day(altitude: float, inclination: float, seconds: float = 86400.0) -> dict[str, Any]:
@@ -156,6 +173,7 @@ def of_a_day(altitude: float, inclination: float, seconds: float = 86400.0) -> d
             **{f: float(np.linalg.norm((x - kept)[:, :3], axis=1).max()) for f, x in away.items()},
             "all": float(np.linalg.norm((whole - kept)[:, :3], axis=1).max()),
         },
+        "by_node": by_node(altitude, inclination, seconds),
         "field": max(float(np.linalg.norm(a - b)) for a, b in fields),
         "field_share": max(float(np.linalg.norm(a - b) / np.linalg.norm(a)) for a, b in fields),
         "nadir": float(np.linalg.norm(up[0] - up[1], axis=1).max()),

@@ -234,7 +234,8 @@ def page(told: Mapping[str, Any]) -> str:
         f"| {o['altitude'] / 1e3:.0f} km, {np.degrees(o['inclination']):.1f} deg | "
         + " | ".join(f"{o['distance'][f]:,.0f}" for f in ("tesserals", "sun", "moon", "all"))
         + f" | {1e9 * o['field']:.0f} nT, {100 * o['field_share']:.2f} % "
-        f"| {np.degrees(o['nadir']):.3f} |"
+        f"| {np.degrees(o['nadir']):.3f} "
+        f"| {o['by_node'][0] / 1e3:.1f} to {o['by_node'][1] / 1e3:.1f} km |"
         for o in orbit
     ]
     most = max(c["desat"]["64"]["attitude"] for c in told["cases"].values())
@@ -292,10 +293,11 @@ apart, so these are all that differs. With all but one of them:
 
 `environment_propagated` has J2 to J4. Without the harmonics that turn with the Earth (EGM96, here
 to degree 4), Sun and Moon it is so far away (m) within 24 h from the same start, with a field
-(IGRF) and a direction to nadir (deg) that differ by at most
+(IGRF) and a direction to nadir (deg) that differ by at most what the columns say for one node; the
+last column has the distance over twelve nodes all around, on which it depends most:
 
-| orbit | harmonics | Sun | Moon | all | field | nadir |
-|---|---|---|---|---|---|---|
+| orbit | harmonics | Sun | Moon | all | field | nadir | all, by node |
+|---|---|---|---|---|---|---|---|
 {orbits}
 
 The distance is along the orbit: the craft meets the same field and the same torques a few seconds

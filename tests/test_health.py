@@ -15,10 +15,13 @@ from desat.analyses import management
 from desat.files import new_craft
 from desat.files.new_craft import Wanted
 from desat.fmus.registry import block_class, names
+from desat.numbers.measures import MEASURES
 from desat.runs.prepare import prepare
 from desat.runs.run import execute
 from desat.system.errors import DesatError, Exit
 from desat.system.options import Options
+from desat.system.parameters import value_of
+from desat.system.sensors import noise_of
 
 DAY = "nadir_day/day-dipole"
 WORSE = '''"""A law with the sign of its cross product the wrong way round."""
@@ -249,3 +252,136 @@ def test_two_accounts_of_propellant_are_refused(tmp_path, desat):
     drag = [*same, "environment.area_drag=1", "environment.mass=20"]
     lines = prepare(str(file.parent), Options(sets=drag)).checked.warnings
     assert any("area_drag = 1 m2, but spacecraft.area_drag" in x for x in lines)
+
+
+# --- laws that can do nothing, and laws that are told -------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("target", "manager", "text"),
+    [
+        ("hausat2/start-up-ours", "manager_predictive", "needs wheels about three axes"),
+        ("alsat1/ours-one-wheel", "manager_predictive", "needs wheels about three axes"),
+        ("alsat1/firing-ours", "manager_predictive", "its tau_ctrl_body has no wire"),
+        ("alsat1/firing-ours", "manager_cross_product", "its tau_ctrl_body has no wire"),
+        (DAY, "manager_magnetic", "gain_table = 0: law = lqr commands no dipole without it"),
+        (DAY, "manager_preview", "its tables are missing"),
+    ],
+)
+def test_a_law_that_can_do_nothing_is_refused(target, manager, text):
+    case = prepare(target, Options(sources=[f"manager={manager}"]))
+    with pytest.raises(DesatError, match=text):
+        case.or_raise()
+
+
+def test_the_predictive_law_is_told_what_the_sensors_have(tmp_path, desat):
+    """It was flown with another craft's noise, which put it seventh of eight."""
+    wanted = Wanted(
+        sso="600km", mass="150kg", box="0.8,0.8,1.2", wheels="4 pyramid 4Nms", rods="30"
+    )
+    new_craft.write(tmp_path / "agile", wanted, "desat new craft")
+    target = str(tmp_path / "agile")
+    done = desat("compare", target, "--laws", "cross product", "--laws", "predictive", "--json",
+                 "--stop", "43200", cwd=tmp_path)  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    untold = prepare(target, Options(sources=["manager=manager_predictive"]))
+    assert any("manager.h_noise = 0.0001 N.m.s, but the craft's sensors have 0.004" in line
+               for line in untold.checked.warnings)  # fmt: skip
+    rows = {row["name"]: row for row in json.loads(done.stdout)["laws"]}
+    assert "craft.h_noise = 0.004" in json.dumps(rows["predictive"])
+    told = {f"manager.{n}": x for n, x in noise_of(untold.or_raise()[0]).items()}
+    both = [execute(target, replace(untold.options, stop=43200.0, values=v)) for v in ({}, told)]
+    fill = [run.manifest.numbers["largest_momentum"].value for run in both]
+    assert fill[1] < 0.8 * fill[0]
+
+
+# --- detumbling ---------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "given",
+    [{"size": "3U", "altitude": "721.863km", "inclination": "90deg", "rods": "0.2"},
+     {"size": "1U", "altitude": "500km", "inclination": "72.58deg", "rods": "0.0915"},
+     {"size": "6U", "sso": "800km"}],
+    ids=lambda g: g["size"],
+)  # fmt: skip
+def test_detumbling_is_within_a_third_of_the_quickest_gain(tmp_path, given):
+    """It was seven to ten times as slow for the first of these."""
+    new_craft.write(tmp_path / "c", Wanted(**given), "desat new craft")
+    target = str(tmp_path / "c" / "detumbling.toml")
+    own = execute(target, Options()).manifest.numbers
+    system, _ = prepare(target, Options()).or_raise()
+    gain = value_of(system.components["manager"], "gain")
+    others = [
+        execute(target, Options(values={"manager.gain": k * gain}, stop=20000.0))
+        for k in (0.4, 0.7, 1.5, 2.5)
+    ]
+    times = [run.manifest.numbers["detumbled"].value for run in others]
+    assert own["detumbled"].value <= 1.3 * min(x for x in times if x is not None)
+    assert 0.0 < own["least_braking"].value / 3600.0 < own["detumbled"].value
+
+
+# --- numbers are of all rows --------------------------------------------------------------------
+
+ROWS = ("uosat12/table3-ocdc-ilqr-1", "integrated/mil-nadir", "hausat2/detumbling-ours",
+        "alsat1/momentum-solar", "space_telescope/closed-me-nominal", "gyrostat/light",
+        "plant/light", DAY)  # fmt: skip
+
+
+@pytest.mark.parametrize("target", [*ROWS, "craft"])
+def test_what_is_kept_of_the_rows_changes_no_number(craft, tmp_path, desat, target):
+    """All numbers, verdicts and exit codes of a run whose every tenth row is kept."""
+    target = str(craft) if target == "craft" else target
+    stop = {DAY: 12000.0, str(craft): 12000.0}.get(target, 3000.0)
+    runs = [execute(target, Options(stop=stop, every=n)) for n in (1, 10)]
+    whole, thin = (run.manifest for run in runs)
+    assert whole.numbers == thin.numbers
+    assert whole.verdicts == thin.verdicts
+    assert whole.unmet == thin.unmet
+    assert runs[0].code == runs[1].code
+    kept = runs[1].results.times()
+    assert kept.tolist() == runs[0].results.times()[::10].tolist()
+
+
+def test_a_requirement_is_judged_by_all_rows(craft, tmp_path, desat):
+    """The largest momentum was that of the rows that were kept."""
+    whole = execute(str(craft), Options(stop=6000.0)).manifest.numbers["largest_momentum"].value
+    file = craft / "tight.toml"
+    file.write_text(f'extends = "nominal"\n[requirements.momentum]\nnumber = "largest_momentum"\n'
+                    f"max = {0.9999 * whole}\n")  # fmt: skip
+    for every in ("1", "10"):
+        done = desat("run", str(file), "--stop", "6000", "--every", every,
+                     "--out", str(tmp_path / every))  # fmt: skip
+        assert done.returncode == Exit.UNMET, done.stderr
+
+
+def test_what_is_not_recorded_is_not_checked(craft):
+    run = execute(str(craft), Options(stop=3000.0, record=("manager.*",)))
+    told = run.manifest.not_checked
+    assert told["largest_momentum"] == "not recorded: wheels.h_wheel"
+    assert told["sum_rms"].startswith("not recorded: ")
+    assert not {"largest_momentum", "sum_rms", "pointing"} & run.manifest.numbers.keys()
+    assert run.manifest.verdicts == {}
+
+
+def test_rms_is_over_time():
+    """Of the square between rows that are not evenly apart as well; a mean over rows is not."""
+    times = np.array([0.0, 1.0, 2.0, 10.0])
+    assert management._rms(np.array([2.0, 2.0, 2.0, 2.0]), times) == 2.0
+    assert management._rms(np.array([0.0, 0.0, 0.0, 3.0]), times) == pytest.approx(
+        np.sqrt(0.5 * 9.0 * 8.0 / 10.0)
+    )
+
+
+def test_dumps_are_counted_between_the_first_and_the_last():
+    """Neither the filling before the first counts nor what comes after the last."""
+    week = 7 * 86400.0
+    times = np.arange(0.0, 60.0 * 86400.0, 3600.0)
+    dumps = np.zeros(len(times))
+    for day in (11.0, 18.62, 26.24, 33.86, 41.48, 49.1):
+        dumps[times >= day * 86400.0] += 0.5
+        dumps[times >= day * 86400.0 + 3600.0] += 0.5  # over two rows
+    found = MEASURES["steps_in"](times, dumps[:, None], week)
+    assert found == pytest.approx(7.0 / 7.62, rel=2e-3)
+    assert MEASURES["growth_in"](times, dumps[:, None], week) < 0.8
+    assert np.isnan(MEASURES["steps_in"](times, 0.0 * dumps[:, None], week))
