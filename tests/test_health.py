@@ -16,6 +16,7 @@ from desat.files import new_craft
 from desat.files.new_craft import Wanted
 from desat.fmus.registry import block_class, names
 from desat.numbers.measures import MEASURES
+from desat.report import report
 from desat.runs.prepare import prepare
 from desat.runs.run import execute
 from desat.system.errors import DesatError, Exit
@@ -63,6 +64,8 @@ def test_a_law_that_is_worse_than_none_is_not_met(craft, tmp_path):
     assert "in the second half of the run, without management it would be" in line
     assert run.code == Exit.UNMET
     assert all(v.met for v in run.manifest.verdicts.values()), "its requirements do not see it"
+    answer = report._answer(run.manifest)
+    assert answer.startswith("Not met: 1 check of the run, above; 2 requirements of the scenario")
 
 
 def test_what_there_would_be_without_management_is_what_flies_without(craft):

@@ -114,6 +114,9 @@ def _answer(manifest: Manifest) -> str:
         ((v.margin, name) for name, v in told.items() if v.margin is not None), default=None
     )
     margin = f"; least margin {100.0 * least[0]:.3g} % ({least[1]})" if least else ""
+    if count := len(manifest.unmet):
+        met = f"{len(told)} requirement{'s' * (len(told) > 1)} of the scenario met"
+        return f"Not met: {count} check{'s' * (count > 1)} of the run, above; {met}{margin}"
     return f"{f'All {len(told)} requirements' if len(told) > 1 else 'The requirement'} met{margin}"
 
 
