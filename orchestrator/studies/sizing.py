@@ -518,9 +518,9 @@ class Sizing:
         else:
             rods = f"rods of {self.recommended:.3g} A m2 hold"
             if self.worst_day:
-                rods += f" on the worst day of the year ({self.worst_day})"
+                rods += f" on the worst day of the year, {self.worst_day},"
             if self.recommended_day is not None and self.recommended_day < self.recommended:
-                rods += f" ({self.recommended_day:.3g} A m2 on the day of the scenario)"
+                rods += f" and {self.recommended_day:.3g} A m2 on the day of the scenario,"
         text = f"{self.target}: {rods}{wished}; it has {self.rod:.4g} A m2. "
         if self.detumbling_recommended is not None and self.first_dump_recommended is not None:
             text += (f"With {self.recommended:.3g} A m2 detumbling takes at least "
