@@ -388,3 +388,16 @@ def test_dumps_are_counted_between_the_first_and_the_last():
     assert found == pytest.approx(7.0 / 7.62, rel=2e-3)
     assert MEASURES["growth_in"](times, dumps[:, None], week) < 0.8
     assert np.isnan(MEASURES["steps_in"](times, 0.0 * dumps[:, None], week))
+
+
+def test_a_law_that_is_worse_than_none_comes_last(craft, tmp_path, desat):
+    """`compare` ranks it behind all that leave less, whatever it is ranked by."""
+    file = tmp_path / "worse_law.py"
+    file.write_text(WORSE)
+    done = desat("compare", str(craft), "--laws", "cross product", "--law", str(file), "--json",
+                 "--by", "energy", "--stop", "9000", "--set", "manager.gain=1e-4",
+                 cwd=tmp_path)  # fmt: skip
+    rows = json.loads(done.stdout)["laws"]
+    assert [row["name"] for row in rows] == ["cross product", "worse law"]
+    assert not rows[0]["not_met"]
+    assert any("without management it would be" in line for line in rows[1]["not_met"])

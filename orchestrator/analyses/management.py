@@ -234,12 +234,14 @@ def _rms(values: Array, times: Array) -> float:
     return float(np.sqrt(np.trapezoid(values**2, times) / (times[-1] - times[0])))
 
 
-def needed(parts: Parts) -> list[str]:
-    """The series that `compare` is made of."""
+def balanced(parts: Parts) -> list[str]:
+    """The series that `compare` is made of; none where it cannot be made."""
+    if parts.field is None:
+        return []
     own = [f"{parts.spacecraft}.{n}" for n in ("q_bi", "omega_bi_body", "impulse_eci")]
     fired = [f"{parts.thrusters}.tau_mean_thruster_body"] if parts.thrusters else []
     return [*own, f"{parts.spacecraft}.h_copy_wheel", f"{parts.torquers}.m_mean_body",
-            str(parts.field), *fired]  # fmt: skip
+            parts.field, *fired]  # fmt: skip
 
 
 def compare(manifest: Manifest, results: Results) -> tuple[float, float] | None:
@@ -253,13 +255,13 @@ def _compare(manifest: Manifest, results: Results) -> tuple[float, float] | None
     given = manifest.parameters.get(parts.spacecraft, {})
     if (
         parts.field is None or parts.target is None or manifest.algorithm != "conserving"
-        or missing(needed(parts), results)
+        or missing(balanced(parts), results)
     ):  # fmt: skip
         return None
     if parts.thrusters and any(np.ravel(manifest.values_of(parts.thrusters).get(
             "schedule_duration", 0.0)).tolist()):  # fmt: skip
         return None  # the torque of what is scheduled is a disturbance
-    q, omega, impulse, h, dipole, b, *fired = (results.values(s) for s in needed(parts))
+    q, omega, impulse, h, dipole, b, *fired = (results.values(s) for s in balanced(parts))
     count = min(len(q), len(b), len(dipole) + 1)
     times, q, omega, impulse, h = (x[:count] for x in (results.times(), q, omega, impulse, h))
     if count < 4:
@@ -287,7 +289,7 @@ def unchecked(manifest: Manifest, results: Results) -> dict[str, str]:
     parts: Parts = manifest.parts[KEY]
     if why := missing(signals(parts), results):
         return dict.fromkeys(NUMBERS, why)
-    if parts.holds and parts.field is not None and (why := missing(needed(parts), results)):
+    if parts.holds and (why := missing(balanced(parts), results)):
         return dict.fromkeys(("left_rms", "unmanaged_rms"), why)
     return {}
 
