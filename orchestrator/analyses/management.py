@@ -40,8 +40,9 @@ NUMBERS = (
 )  # fmt: skip
 AT_LIMIT = 0.999
 """Share of its limit from which on a coil counts as at it: one with a lag never is quite."""
-SMALL = 1e-3
-"""Momentum that counts as nothing, as a share of a wheel's capacity: what its tachometer sees."""
+SMALL, ALIKE = 1e-3, 0.01
+"""Momentum that counts as nothing, as a share of a wheel's capacity: what its tachometer sees; and
+as a share of what there would be without management, which is estimated."""
 ACROSS = 1e-3
 """A target across the orbit's normal by more than this share of its size turns with the craft."""
 _OF_WHEELS = ("saturated_wheel", "speed_wheel")
@@ -302,7 +303,7 @@ def unmet(manifest: Manifest, results: Results) -> list[str]:
         return []
     left, without = compared
     capacity = _capacity(manifest.values_of(parts.wheels or ""))
-    if left <= max(without, parts.deadband) + SMALL * capacity:
+    if left <= (1.0 + ALIKE) * max(without, parts.deadband) + SMALL * capacity:
         return []
     return [f"management: wheel momentum less its target is {left:.3g} N m s rms in the second "
             f"half of the run, without management it would be {without:.3g}"]  # fmt: skip

@@ -28,7 +28,7 @@ def problems(system: System) -> Iterator[str]:
         block = block_class(c.interface.model)
         if not issubclass(block, Manager) or _is_off(c):
             continue
-        if not block.no_law and _turns(system) and instead(Need.CONTROLLER, system, c.name):
+        if block.offers and _turns(system) and instead(Need.CONTROLLER, system, c.name):
             yield (f"{system.where}: {c.name}: {c.interface.model} has no law of the attitude, and "
                    "nobody else controls it: its tau_ctrl_body has no wire")  # fmt: skip
         for need in needs_of(block):

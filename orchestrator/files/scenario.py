@@ -142,6 +142,13 @@ def cells(file: Path, family: str) -> dict[str, Scenario]:
 
 
 @cache
+def _cell(file: Path, family: str, name: str) -> Scenario | None:
+    """The scenario of this name of a file, read alone; None where the file makes none of the name.
+    Raises DesatError, a line a problem with it."""
+    return next(iter(_read(file, family, name)), None)
+
+
+@cache
 def survey(family: str) -> tuple[dict[str, Scenario], dict[str, str]]:
     """The scenarios of a family by name, and what is wrong with its other files by their stem."""
     good: dict[str, Scenario] = {}
@@ -176,7 +183,7 @@ def _of_its_file(name: str) -> Scenario | None:
     files = (ROOT / family / "scenarios").glob("*.toml") if family in families() else ()
     found = [f for f in files if f"{rest}-".startswith(f"{f.stem}-")]
     try:
-        made = [known[name] for f in found if name in (known := cells(f, family))]
+        made = [scenario for f in found if (scenario := _cell(f, family, name)) is not None]
     except DesatError:
         return None
     return made[0] if len(made) == 1 else None
@@ -346,7 +353,9 @@ def _ours(name: str, where: str, origins: Origins, seen: tuple[Path, ...]) -> di
     return {**data, "family": family}
 
 
-def _read(file: Path, family: str) -> list[Scenario]:
+def _read(file: Path, family: str, only: str | None = None) -> list[Scenario]:
+    """The scenarios that a file makes, or the one of a name. Raises DesatError, a line a problem
+    with these."""
     given: Origins = {}
     where = paths.shown(file)
     data = load(file, given)
@@ -358,6 +367,9 @@ def _read(file: Path, family: str) -> list[Scenario]:
     cells = []
     for values in itertools.product(*(axis.items() for axis in axes.values())):
         cell = dict(zip(axes, (key for key, _ in values), strict=True))
+        name = f"{home}/" * bool(home) + "-".join([file.stem, *cell.values()])
+        if only not in (None, name):
+            continue
         merged, origins = copy(data), dict(given)
         for axis, (value, partial) in zip(axes, values, strict=True):
             partial = copy(partial)
@@ -368,7 +380,6 @@ def _read(file: Path, family: str) -> list[Scenario]:
             continue
         labels = {axis: axes[axis][value].get("label", value) for axis, value in cell.items()}
         texts = {k: fill(merged[k], labels) for k in ("title", "story") if k in merged}
-        name = f"{home}/" * bool(home) + "-".join([file.stem, *cell.values()])
         said = {**fill(merged, cell), **texts, "name": name, "cell": cell, "labels": labels}
         cells.append(Scenario(_content(said, axes, origins, where), file, ROOT / home, origins))
     return cells

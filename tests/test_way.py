@@ -1,0 +1,42 @@
+"""The way of a target to its run: no longer than it was. A limit may only be lowered."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from conftest import ROOT
+
+SSP = "the .ssp of nadir_day/day-dipole"
+LIMITS = {
+    # target -> functions, calls from file to file, all calls
+    "uosat12/table3-ocdc-ilqr-1": (312, 205, 24_600),
+    "nadir_day/day-dipole": (326, 223, 24_600),
+    "space_telescope/ours-nominal": (367, 271, 292_100),
+    SSP: (324, 208, 37_300),
+}
+
+
+def counted(target: str, folder: Path) -> dict[str, int]:
+    """The counts of a target, in a process of its own: what another one has read or imported is not
+    counted."""
+    done = subprocess.run([sys.executable, str(ROOT / "tests" / "way.py"), target], text=True,
+                          capture_output=True, check=True, cwd=folder)  # fmt: skip
+    found: dict[str, int] = json.loads(done.stdout)
+    return found
+
+
+@pytest.mark.parametrize("target", LIMITS)
+def test_the_way_of_a_target_does_not_grow(target, tmp_path, desat):
+    place = target
+    if target == SSP:
+        file = tmp_path / "day.toml"  # what is packed of a file of one's own lies beside it
+        file.write_text('extends = "nadir_day/day-dipole"\n')
+        desat("pack", str(file), check=True)
+        place = str(file.with_suffix(".ssp"))
+    counted(place, tmp_path)  # what is made once for a user, the loop's library, is there
+    found = counted(place, tmp_path)
+    assert all(x <= most for x, most in zip(found.values(), LIMITS[target], strict=True)), found
