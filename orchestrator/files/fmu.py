@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 import zipfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from functools import lru_cache
 from itertools import product
 from math import prod
@@ -69,11 +69,11 @@ def _interface(root: Any, description: Any) -> Interface:
     }
     block = root.find(f"{'' if third else 'Vendor'}{ours}/Block")
     classes = _output_classes(description)
-    scalars = _elements if third else lambda v: [(v.name, v.start, None)]
-    signals = {
-        name: _signal(v, units, classes, notes.get(v.name, {}), name, start, element)
-        for v in description.modelVariables for name, start, element in scalars(v)
-    }  # fmt: skip
+    signals: dict[str, Signal] = {}
+    for v in description.modelVariables:
+        note = notes.get(v.name, {})
+        for name, start, element in _elements(v) if third else ((v.name, v.start, None),):
+            signals[name] = _signal(v, units, classes, note, name, start, element)
     signals |= apart(s for s in signals.values() if s.causality == "output")
     return Interface(
         description.modelName,
@@ -186,10 +186,8 @@ def _signal(
     """A scalar variable of fmpy's, or an element of one of FMI 3.0, with our annotation of it."""
     declared = v.declaredType
     unit_name = v.unit or (declared.unit if declared else None) or ""
-    least, largest = (
-        x if x is not None else getattr(declared, key, None)
-        for key, x in (("min", v.min), ("max", v.max))
-    )
+    least = v.min if v.min is not None else getattr(declared, "min", None)
+    largest = v.max if v.max is not None else getattr(declared, "max", None)
     kind = _KINDS.get(v.type, v.type)
     if v.type == "Enumeration" and declared and declared.items:
         values = [int(i.value) for i in declared.items]
@@ -204,11 +202,15 @@ def _signal(
         element=element or 0,
         unit_name=unit_name,
         unit=units.get(unit_name) or (known_unit(unit_name) if unit_name else None),
-        start=_value(kind, start),
+        start=None if start is None else _READ.get(kind, str)(start),
         minimum=None if least is None else float(least),
         maximum=None if largest is None else float(largest),
         description=v.description or "",
-        choices=tuple(note.get("choices", "").split()) or _items(declared if not element else None),
+        choices=tuple(note["choices"].split())
+        if note.get("choices")
+        else ()
+        if declared is None or element
+        else _items(declared),
         output_class=classes.get(getattr(v.alias, "name", v.name), "undeclared")
         if v.causality == "output"
         else "state",
@@ -218,8 +220,14 @@ def _signal(
         shared=note.get("shared") == "true",
         follows=note.get("follows", ""),
         needed_by=tuple(note.get("neededBy", "").split()),
-        usual=_range(note.get("usual", "")),
+        usual=_range(note["usual"]) if "usual" in note else None,
     )
+
+
+_READ: dict[str, Callable[[str], Scalar]] = {
+    "Real": float, "Integer": int, "Boolean": frozenset(("true", "1")).__contains__,
+}  # fmt: skip
+"""How a start value is read, by the variable's kind; any other is a text."""
 
 
 def _items(declared: Any) -> tuple[str, ...]:
@@ -236,15 +244,3 @@ def _range(text: str) -> tuple[float, float] | None:
     except ValueError:  # none, or of somebody who writes it otherwise
         return None
     return low, high
-
-
-def _value(kind: str, text: str | None) -> Scalar | str | None:
-    if text is None:
-        return None
-    if kind == "Real":
-        return float(text)
-    if kind == "Integer":
-        return int(text)
-    if kind == "Boolean":
-        return text in ("true", "1")
-    return text

@@ -58,7 +58,9 @@ def merge(
 
 def copy(value: Any) -> Any:
     """Its own tables; lists are shared, for nobody changes them."""
-    return {k: copy(v) for k, v in value.items()} if isinstance(value, dict) else value
+    if not isinstance(value, dict):
+        return value
+    return {k: copy(v) if isinstance(v, dict) else v for k, v in value.items()}
 
 
 def _forget(origins: Origins, path: Keys) -> None:
@@ -67,9 +69,17 @@ def _forget(origins: Origins, path: Keys) -> None:
 
 
 def _leaves(value: Any, path: Keys) -> list[Keys]:
-    if isinstance(value, dict) and value:
-        return [leaf for k, v in value.items() for leaf in _leaves(v, (*path, k))]
-    return [path]
+    """The paths of the values that are no tables, or empty ones."""
+    if not isinstance(value, dict) or not value:
+        return [path]
+    leaves: list[Keys] = []
+    for k, v in value.items():
+        here = (*path, k)
+        leaves += _leaves(v, here) if isinstance(v, dict) else [here]
+    return leaves
+
+
+_FILLED = (str, dict, list)
 
 
 def fill(value: Any, cell: dict[str, str]) -> Any:
@@ -79,7 +89,7 @@ def fill(value: Any, cell: dict[str, str]) -> Any:
             value = value.replace(f"{{{axis}}}", name)
         return value
     if isinstance(value, dict):
-        return {k: fill(v, cell) for k, v in value.items()}
+        return {k: fill(v, cell) if isinstance(v, _FILLED) else v for k, v in value.items()}
     if isinstance(value, list):
-        return [fill(v, cell) for v in value]
+        return [fill(v, cell) if isinstance(v, _FILLED) else v for v in value]
     return value

@@ -166,10 +166,10 @@ def drop_unwanted(draft: Draft, component: DraftComponent) -> None:
     if component.interface is None:
         return
     name, signals = component.name, component.interface.signals
-    fmu, bases = PurePath(component.source).name, {base_name(s) for s in signals}
+    fmu, bases = PurePath(component.source).name, component.interface.variables
     unwanted = [c for c in draft.connections if c.target == name and c.input not in signals]
     if unwanted:
-        whole = {base_name(c.input) for c in unwanted} - bases
+        whole = {base_name(c.input) for c in unwanted}.difference(bases)
         names = (b if (b := base_name(c.input)) in whole else c.input for c in unwanted)
         inputs = ", ".join(sorted(set(names)))
         draft.warnings.append(f"{name}: {fmu} has no input {inputs}: left unwired")

@@ -6,7 +6,7 @@ Read from an FMU's model description (`files/fmu.py`) or from a bare block; both
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Collection, Iterable
 from dataclasses import dataclass, replace
 from functools import cache, cached_property, lru_cache
 from itertools import product
@@ -81,15 +81,27 @@ class Interface:
     role: str = ""
     fmi: str = "2.0"
 
-    def of(self, causality: str) -> Iterator[Signal]:
+    def of(self, causality: str) -> tuple[Signal, ...]:
         """The signals of one causality."""
-        return (s for s in self.signals.values() if s.causality == causality)
+        return self._by_causality.get(causality, ())
+
+    @cached_property
+    def _by_causality(self) -> dict[str, tuple[Signal, ...]]:
+        found: dict[str, list[Signal]] = {}
+        for signal in self.signals.values():
+            found.setdefault(signal.causality, []).append(signal)
+        return {causality: tuple(signals) for causality, signals in found.items()}
 
     def elements(self, name: str) -> list[Signal]:
         """The scalar `name`, or the elements `name[...]` of an array; empty when unknown."""
         if name in self.signals:
             return [self.signals[name]]
         return list(self._arrays.get(name, ()))
+
+    @property
+    def variables(self) -> Collection[str]:
+        """The names of all variables, arrays by theirs."""
+        return self._arrays.keys()
 
     @cached_property
     def _arrays(self) -> dict[str, list[Signal]]:

@@ -70,12 +70,15 @@ def expand(interface: Interface, name: str, value: Any, where: str) -> dict[str,
     row; a text gives a choice by its name. Raises DesatError for an unknown or set-only-by-others
     variable, a wrong count or type, and a value outside the bounds.
     """
-    signals = interface.elements(name)
+    signal = interface.signals.get(name)
+    signals = interface.elements(name) if signal is None else [signal]
     if not signals:
         known = {base_name(s.name) for c in ("parameter", "input") for s in interface.of(c)}
         raise DesatError(f"{where} has no variable {name}{nearest(name, known)}")
     if signals[0].causality not in ("parameter", "input"):
         raise DesatError(f"{where}.{name} is an {signals[0].causality}: it cannot be set")
+    if signal is not None and not isinstance(value, (list, tuple)):
+        return {name: _scalar(signal, value, f"{where}.{name}")}
     values = _flat(value)
     if len(values) != len(signals):
         raise DesatError(f"{where}.{name} needs {len(signals)} values, got {len(values)}")
@@ -85,12 +88,26 @@ def expand(interface: Interface, name: str, value: Any, where: str) -> dict[str,
 
 
 def _flat(value: Any) -> list[Any]:
-    if isinstance(value, (list, tuple)):
-        return [x for item in value for x in _flat(item)]
-    return [value]
+    """The elements of a list, row by row; of what is none, itself."""
+    if not isinstance(value, (list, tuple)):
+        return [value]
+    flat: list[Any] = []
+    for item in value:
+        if isinstance(item, (list, tuple)):
+            flat += _flat(item)
+        else:
+            flat.append(item)
+    return flat
 
 
 def _scalar(signal: Signal, value: Any, where: str) -> Scalar:
+    """One scalar, checked. Raises DesatError, which begins with `where`."""
+    low, high = signal.minimum, signal.maximum
+    if (
+        type(value) is float and signal.kind == "Real" and math.isfinite(value)
+        and (low is None or value >= low) and (high is None or value <= high)
+    ):  # fmt: skip
+        return value  # as nearly all of a table's thousands are
     if isinstance(value, int) and abs(value) > sys.float_info.max:
         raise DesatError(f"{where}: a number of {len(str(value))} digits: it is too large")
     if signal.choices and isinstance(value, str):
@@ -104,7 +121,7 @@ def _scalar(signal: Signal, value: Any, where: str) -> Scalar:
         if isinstance(value, int) and not isinstance(value, bool):
             return int(_within(signal, value, where))
     elif signal.kind == "Real":
-        if is_quantity(value):
+        if isinstance(value, str) and is_quantity(value):
             return _within(signal, _quantity(signal, value, where), where)
         if isinstance(value, (int, float)) and not isinstance(value, bool):
             return _within(signal, float(value), where)
@@ -172,8 +189,11 @@ def table(components: Iterable[Component]) -> dict[str, dict[str, Parameter]]:
 
 
 def _parameter(component: Component, name: str, elements: list[Signal]) -> Parameter:
-    values = [s.named(value_of(component, s.name)) for s in elements]
-    given, first = any(s.name in component.parameters for s in elements), elements[0]
+    own, first = component.parameters, elements[0]
+    values = [own.get(s.name, s.start) for s in elements]
+    if first.choices:
+        values = [first.named(value) for value in values]
+    given = not own.keys().isdisjoint([s.name for s in elements])
     value = values[0] if first.name == name else values
     return Parameter(value, first.unit_name, given, first.description)
 

@@ -108,7 +108,8 @@ def _parameters(
     for name, value in c.parameters.items():
         where = c.given.get(name, draft.where)
         try:
-            signals = interface.elements(name)
+            own = interface.signals.get(name)
+            signals = interface.elements(name) if own is None else [own]
             if not (signals or interface.role):  # SSP 1.0: what matches no variable is ignored
                 _warn(draft, f"{where}: {c.source} has no variable {name}"
                              f"{nearest(name, interface.signals)}: left out")  # fmt: skip
