@@ -235,11 +235,13 @@ def family(tmp_path, monkeypatch):
     monkeypatch.setattr(paths, "SCENARIOS", tmp_path / "ssp")
     scenario.families.cache_clear()
     scenario.cells.cache_clear()
+    scenario._cell.cache_clear()
     scenario.survey.cache_clear()
     scenario.scenarios.cache_clear()
     yield folder
     scenario.families.cache_clear()
     scenario.cells.cache_clear()
+    scenario._cell.cache_clear()
     scenario.survey.cache_clear()
     scenario.scenarios.cache_clear()
 
@@ -262,6 +264,7 @@ def test_a_scenario_names_its_craft_or_its_ssd(family):
     def system(line: str):
         file.write_text(line + text, encoding="utf-8")
         scenario.cells.cache_clear()
+        scenario._cell.cache_clear()
         scenario.survey.cache_clear()
         scenario.scenarios.cache_clear()
         return scenario.find("mine/one").draft()

@@ -406,8 +406,8 @@ def test_a_resumed_run_keeps_its_choice(tmp_path, monkeypatch):
     [
         (("--inner", "some"), "--inner some: an integer or auto is needed"),
         (("--inner", "1001"), "inner = 1001: auto is needed, or an integer from 1 to 1000"),
-        (("--accuracy", "0"), "accuracy = 0.0: an angle above 0 rad is needed"),
-        (("--accuracy", "nan"), "accuracy = nan: an angle above 0 rad is needed"),
+        (("--accuracy", "0"), "--accuracy 0: above 0 is needed"),
+        (("--accuracy", "nan"), "--accuracy nan: a number is needed"),
     ],
 )
 def test_options_that_are_none(desat, tmp_path, arguments, message):

@@ -255,7 +255,7 @@ def test_the_model_follows_a_loop_whose_tachometers_are_noisy(monkeypatch):
 
     def errors():
         rows = [r for r in size(NAME, options, wishes).curve if r.loop_rms is not None]
-        assert len(rows) >= 2
+        assert rows
         return [abs(r.rms / r.loop_rms - 1.0) for r in rows if r.multiple > 1.15]
 
     assert max(errors()) < 0.05
@@ -475,7 +475,7 @@ def test_wheels_below_the_cyclic_momentum_and_no_rod_at_all_are_said(made):
     full = replace(made, wheel_capacity=0.9 * made.wheel_needed, least=np.inf)
     rods, wheels = sizing._problems(full)
     assert rods.startswith("no rod takes the secular torque out")
-    assert wheels.startswith(f"wheels of {full.wheel_capacity:.4g} N m s: the cyclic momentum")
+    assert wheels.startswith(f"wheels of {sizing.momenta(full.wheel_capacity)}: the cyclic momentum")
     enough = replace(made, rod=made.least, margins=(), wheel_torque=inf,
                      wheel_capacity=made.wheel_needed + made.slew_momentum)  # fmt: skip
     assert sizing._problems(enough) == []

@@ -190,6 +190,7 @@ def scenario_module():
     yield scenario
     scenario.families.cache_clear()
     scenario.cells.cache_clear()
+    scenario._cell.cache_clear()
     scenario.survey.cache_clear()
     scenario.scenarios.cache_clear()
 
@@ -211,6 +212,7 @@ def test_scenario_files(tmp_path, monkeypatch, scenario_module):
             (folder / f"{name}.toml").write_text(text)
         scenario.families.cache_clear()
         scenario.cells.cache_clear()
+        scenario._cell.cache_clear()
         scenario.survey.cache_clear()
         scenario.scenarios.cache_clear()
         return scenario.scenarios()

@@ -728,7 +728,7 @@ def standard(f: Flight) -> dict[str, Any]:
 def test_the_standard_numbers_are_what_their_titles_say(scenario):
     f = flown(scenario)
     found = standard(f)
-    assert found.keys() == set(management.NUMBERS)
+    assert found.keys() == set(management.NUMBERS) - {"least_braking"}  # of laws that brake
     for name, value in found.items():
         said = f.run.manifest["numbers"][name]["value"]
         low, high = value if isinstance(value, tuple) else (value, value)

@@ -48,7 +48,8 @@ class Parts:
 
     def to_json(self) -> dict[str, Any]:
         """As a manifest has it: what is not there is left out, but for `feeds`."""
-        return {k: v for k, v in vars(self).items() if v is not None or k == "feeds"}
+        told = {k: v for k, v in vars(self).items() if v is not None or k == "feeds"}
+        return {k: list(v) if isinstance(v, tuple) else v for k, v in told.items()}
 
 
 _NOTHING: dict[str, Any] = {

@@ -15,6 +15,8 @@ from ..system.interface import base_name
 from ..system.model import Component, System
 from ..system.parameters import number_of, value_of
 
+ROWS = 64
+"""An array of more elements is a table."""
 FLAT = 1e-3
 """Axes count up to this part of the longest."""
 
@@ -34,6 +36,21 @@ def problems(system: System) -> Iterator[str]:
         for need in needs_of(block):
             if has := instead(need, system, c.name):
                 yield f"{system.where}: {c.name}: {c.interface.model} needs {need.value}; {has}"
+
+
+def undesigned(system: System) -> Iterator[str]:
+    """A line where a manager of ours needs tables made for one craft and has none: of one that is
+    put in another's place, as a design is made with a manager that has none yet."""
+    for c in system.components.values():
+        if c.interface.role != "manager" or c.interface.model not in names():
+            continue
+        block = block_class(c.interface.model)
+        tables = [v.name for v in block.variables if v.causality == "parameter" and v.size > ROWS]
+        if not (issubclass(block, Manager) and Need.DESIGN in needs_of(block)) or _is_off(c):
+            continue
+        if not any(number_of(c, s.name) for t in tables for s in c.interface.elements(t)):
+            yield (f"{system.where}: {c.name}: {c.interface.model} needs {Need.DESIGN.value}; "
+                   f"{', '.join(tables)} {'is' if len(tables) == 1 else 'are'} 0")  # fmt: skip
 
 
 def _turns(system: System) -> bool:

@@ -61,7 +61,7 @@ BRAKING = 7.0
 flown on 24 random crafts of 1U to 150 kg, it is within 1.3 of the quickest in 23. Stronger rods are
 at their limit for less long, which does not move the best gain; Avanzini & Giulietti (2012), 2 n
 (1 + sin xi) J_min, are up to ten times slower where J_min is far below the others."""
-HEIGHTS = 150.0, 2000.0
+ALTITUDES = 150.0, 2000.0
 """Of a circular orbit (km)."""
 INCLINATION = Quantity("--inclination", "deg", 0.0, 180.0)
 MASS = Quantity("--mass", "kg", 0.0, 1e6, above=True)
@@ -307,7 +307,7 @@ def _orbit(wanted: Wanted, epoch: float) -> dict[str, Any]:
                 raise DesatError(f"{option} {value}: --tle {wanted.tle} says the orbit")
         return _of_tle(wanted.tle, epoch)
     text = wanted.sso or wanted.altitude or "500 km"
-    height = Quantity((names or ["--altitude"])[0], "km", *HEIGHTS)(text) * 1e3
+    height = Quantity((names or ["--altitude"])[0], "km", *ALTITUDES)(text) * 1e3
     axis, raan, raan_why = EARTH_RADIUS + height, 0.0, "class"
     if wanted.altitude is not None and wanted.sso is None:
         if wanted.ltan is not None:

@@ -12,6 +12,7 @@ from desat.components.contract.block import Scalar
 
 from ..analyses import problems, warnings
 from ..analyses.manifest import Manifest
+from ..analyses.needs import undesigned
 from ..designs import making, origin
 from ..designs import problems as design_problems
 from ..engine.instances.isolated import CAN
@@ -258,6 +259,7 @@ def _check_wishes(
     """Add what of a sound system does not suit what its scenario, and the options, want of it;
     what another FMU lacks, which the options put in a place, is left out of the content."""
     if options.sources:
+        checked.problems += undesigned(system)
         content, left_out = validation.fitted(said(system.about), system)
         checked.system = system = replace(system, about=content)
         checked.warnings += [described.where(path) + f": {text}" if described
