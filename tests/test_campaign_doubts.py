@@ -105,7 +105,7 @@ probability = 0.3
     told = report.summary(flown(target, tmp_path / "campaign"))
     assert told["requirements"]["residual"]["outside"] == 0
     assert told["requirements"]["residual"]["lacking"] == 0
-    assert len(told["unmet"]) == 6
+    assert len(told["unmet"]) == 6, told["unmet"]
     assert all("above" in line for line in told["unmet"])
     rows = draws(target, 2, 1, Options(), jobs=1)["draws"]
     assert [len(r["unmet"]) for r in rows] == [2, 2]

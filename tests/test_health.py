@@ -267,7 +267,11 @@ def test_two_accounts_of_propellant_are_refused(tmp_path, desat):
         ("alsat1/ours-one-wheel", "manager_predictive", "needs wheels about three axes"),
         ("alsat1/firing-ours", "manager_predictive", "its tau_ctrl_body has no wire"),
         ("alsat1/firing-ours", "manager_cross_product", "its tau_ctrl_body has no wire"),
-        (DAY, "manager_magnetic", r"needs tables made for one craft.*gain_table, offset_table are 0"),
+        (
+            DAY,
+            "manager_magnetic",
+            r"needs tables made for one craft.*gain_table, offset_table are 0",
+        ),
         (DAY, "manager_preview", "its tables are missing"),
     ],
 )

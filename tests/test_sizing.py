@@ -475,7 +475,9 @@ def test_wheels_below_the_cyclic_momentum_and_no_rod_at_all_are_said(made):
     full = replace(made, wheel_capacity=0.9 * made.wheel_needed, least=np.inf)
     rods, wheels = sizing._problems(full)
     assert rods.startswith("no rod takes the secular torque out")
-    assert wheels.startswith(f"wheels of {sizing.momenta(full.wheel_capacity)}: the cyclic momentum")
+    assert wheels.startswith(
+        f"wheels of {sizing.momenta(full.wheel_capacity)}: the cyclic momentum"
+    )
     enough = replace(made, rod=made.least, margins=(), wheel_torque=inf,
                      wheel_capacity=made.wheel_needed + made.slew_momentum)  # fmt: skip
     assert sizing._problems(enough) == []
