@@ -602,10 +602,9 @@ def test_a_condition_is_to_hold_for_its_time(interval, algorithm):
     """From the row that it holds at, which of an interval output began a step ago; anew where it
     was broken."""
     live = {"Real": np.array([0.0, 1.0])}
-    slot = SimpleNamespace(component="a", signal=SimpleNamespace(name="x", series="x"), kind="Real", index=1,
-                           interval=interval)  # fmt: skip
-    others = [SimpleNamespace(component="b", signal=slot.signal),
-              SimpleNamespace(component="a", signal=SimpleNamespace(name="y", series="y"))]  # fmt: skip
+    x, y = (SimpleNamespace(name=name, series=name) for name in "xy")
+    slot = SimpleNamespace(component="a", signal=x, kind="Real", index=1, interval=interval)
+    others = [SimpleNamespace(component="b", signal=x), SimpleNamespace(component="a", signal=y)]
     master = SimpleNamespace(slots=[*others, slot], live=live, start=3.0, step_size=0.1, k=0,
                              algorithm=algorithm)  # fmt: skip
     at_start = not (interval and algorithm == "conserving")
@@ -623,8 +622,8 @@ def test_a_condition_is_to_hold_for_its_time(interval, algorithm):
 
 
 def test_a_condition_that_has_just_held_long_enough_is_met():
-    slot = SimpleNamespace(component="a", signal=SimpleNamespace(name="x", series="x"), kind="Real", index=0,
-                           interval=False)  # fmt: skip
+    x = SimpleNamespace(name="x", series="x")
+    slot = SimpleNamespace(component="a", signal=x, kind="Real", index=0, interval=False)
     master = SimpleNamespace(slots=[slot], live={"Real": np.array([1.0])}, start=0.0, k=2,
                              step_size=0.5, algorithm="conserving")  # fmt: skip
     held = 1.0 + 1e-9
