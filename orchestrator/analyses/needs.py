@@ -40,9 +40,12 @@ def problems(system: System) -> Iterator[str]:
 
 def undesigned(system: System) -> Iterator[str]:
     """A line where a manager of ours needs tables made for one craft and has none: of one that is
-    put in another's place, as a design is made with a manager that has none yet."""
+    put in another's place, as a design is made with a manager that has none yet. Tables that say
+    what they are made for are looked at where they are made (`designs.momentum_tables`)."""
     for c in system.components.values():
         if c.interface.role != "manager" or c.interface.model not in names():
+            continue
+        if "made_for" in c.interface.signals:
             continue
         block = block_class(c.interface.model)
         tables = [v.name for v in block.variables if v.causality == "parameter" and v.size > ROWS]
