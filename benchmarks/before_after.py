@@ -36,9 +36,8 @@ STEPS = 40
 EVERY = 9
 """Of all scenarios one in so many is flown."""
 ASIDE = ("began", "seconds", "created", "host", "machine", "versions", "desat", "timing", "cpu",
-         "started", "finished", "wall", "speed", "processes", "folder", "run", "memory", "us_per")  # fmt: skip
-OURS = ("alsat1", "gyrostat", "hausat2", "integrated", "nadir_day", "plant", "space_telescope",
-        "uosat12")  # fmt: skip
+         "started", "finished", "wall", "speed", "processes", "folder", "run", "memory",
+         "us_per")  # fmt: skip
 
 
 def checked(target: str) -> tuple[str, Any]:
@@ -113,6 +112,7 @@ def _mutated(data: dict[str, Any], rng: random.Random) -> dict[str, Any]:
 
 def _toml(data: dict[str, Any]) -> str:
     """Data as TOML, all inline."""
+
     def of(x: Any) -> str:
         if isinstance(x, dict):
             return "{" + ", ".join(f"{json.dumps(k)} = {of(v)}" for k, v in x.items()) + "}"
@@ -146,7 +146,7 @@ def wrong(folder: Path) -> list[str]:
                     del axis[other]
             data = _mutated(data, rng)
         else:  # a craft of one's own, with all that a cell has
-            names = [n for n in scenario.cells(file, family)]
+            names = list(scenario.cells(file, family))
             if not names:
                 continue
             data = copy.deepcopy(scenario.find(rng.choice(names)).content.data)
@@ -182,7 +182,7 @@ def main() -> int:
     if not file.exists():
         file.write_text(json.dumps(now, indent=1, ensure_ascii=False))
         kinds = re.findall(r"refused|traceback", json.dumps(now))
-        print(f"{len(now)} answers; {({k: kinds.count(k) for k in set(kinds)})}")
+        print(f"{len(now)} answers; { ({k: kinds.count(k) for k in set(kinds)}) }")
         return 0
     before, differing = json.loads(file.read_text()), 0
     for name in sorted({*before, *now}):

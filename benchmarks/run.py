@@ -33,7 +33,7 @@ from desat.engine.master import Master
 from desat.engine.operations import Call
 from desat.engine.recording.recorder import Recorder
 from desat.engine.recording.results import SERIES
-from desat.files import library, paths
+from desat.files import paths
 from desat.files.scenario import find
 from desat.files.ssp_write import pack_scenario
 from desat.runs.run import Options, prepare
@@ -103,7 +103,7 @@ def fmpy(path: str, steps: int) -> dict[str, Any]:
     fmus: dict[str, Any] = {}
     for c in system.components.values():
         assert c.fmu is not None
-        folder = library.extract(c.fmu)
+        folder = c.fmu.folder
         description = fmpy_package.read_model_description(folder)
         fmu = FMU2Slave(
             guid=description.guid,

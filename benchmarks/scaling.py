@@ -38,9 +38,9 @@ def _master(components: int, wired: int | None = None) -> Master:
     them (default: all)."""
     native = paths.fmus() / "native" / "magnetometer.fmu"
     file = native if native.exists() else paths.fmus() / "magnetometer.fmu"
-    interface = library.load(file).interface
+    fmu = library.load(file)
     names = [f"m{i:04}" for i in range(components)]
-    parts = {n: DraftComponent(n, file.name, fmu=file, interface=interface) for n in names}
+    parts = {n: DraftComponent(n, file.name, fmu=fmu, interface=fmu.interface) for n in names}
     wires = [Connection(a, f"b_body[{i}]", b, f"b_eci[{i}]")
              for a, b in list(pairwise(names))[:wired] for i in (1, 2, 3)]  # fmt: skip
     draft = Draft("chain", "benchmarks/scaling.py", parts, wires, step=1.0, stop=1e7)

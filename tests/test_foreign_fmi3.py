@@ -115,13 +115,13 @@ WIRES = [
 
 def system(folder: Path, of: str = "b", **parameters: object):
     """Two in a row, one of them with these parameters."""
-    interface = library.load(folder).interface
+    fmu = library.load(folder)
     given: dict[str, dict[str, object]] = {
         "a": {"u[1]": 0.5, "u[2]": 1.5, "u[3]": 7.0}, "b": {"u[1]": 0.5, "u[3]": 2.5},
     }  # fmt: skip
     given[of] |= parameters
     parts = {
-        n: DraftComponent(n, "strange3.fmu", fmu=folder, interface=interface, parameters=given[n])
+        n: DraftComponent(n, "strange3.fmu", fmu=fmu, interface=fmu.interface, parameters=given[n])
         for n in "ab"
     }
     return check(Draft("strange", "here", parts, list(WIRES), step=0.5, stop=1e6)).or_raise()

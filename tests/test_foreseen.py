@@ -244,11 +244,12 @@ def test_a_default_is_usual():
 
 def test_what_is_usual_is_in_the_fmu():
     from desat.files import library
+    from desat.files.fmu import of_fmu
 
     seen = 0
     for name in names():
         file = library.built(name + ".fmu")
-        signals, block = library.load(file).interface.signals, library.interface_of_block(name)
+        signals, block = of_fmu(file).signals, library.interface_of_block(name)
         for s in block.signals.values():
             assert signals[s.name].usual == s.usual, (name, s.name)
             seen += s.usual is not None

@@ -212,15 +212,15 @@ WIRES = [Connection("a", "x", "b", "u", factor=3.0, offset=-0.1), Connection("a"
 
 
 @cache
-def _parts(folder: Path) -> object:
-    return library.load(folder).interface
+def _fmu(folder: Path) -> library.FmuFile:
+    return library.load(folder)
 
 
 def system(folder: Path, wires=WIRES, stop: float = 1e6, **parameters: object):
     """Three of them in a row, b with these parameters."""
     given = {"b": parameters}
     parts = {
-        n: DraftComponent(n, "probe.fmu", fmu=folder, interface=_parts(folder),
+        n: DraftComponent(n, "probe.fmu", fmu=_fmu(folder), interface=_fmu(folder).interface,
                           parameters=given.get(n, {}), decimation=2 if n == "c" else 1)
         for n in "abc"
     }  # fmt: skip

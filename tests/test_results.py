@@ -37,6 +37,7 @@ from desat.engine.recording.recorder import Recorder
 from desat.engine.recording.results import Results
 from desat.figures.style import pretty_unit
 from desat.files import library, paths
+from desat.files.fmu import of_fmu
 from desat.fmus import registry
 from desat.language.scenario import Number
 from desat.numbers import derived
@@ -368,7 +369,7 @@ def test_modes_have_names_of_their_block(tmp_path):
         "manager_cross_product": ("idle", "dumping"),
     }
     for name, choices in own.items():
-        fmu = library.load(paths.fmus() / f"{name}.fmu").interface.signals["mode"]
+        fmu = of_fmu(paths.fmus() / f"{name}.fmu").signals["mode"]
         block = of_block(name, registry.block_class(name)).signals["mode"]
         assert fmu.choices == block.choices == choices
     run = execute("integrated/velocity-to-pointing", Options(stop=20.0), tmp_path)
@@ -513,8 +514,8 @@ def test_a_foreign_array_keeps_its_own_names(tmp_path, names, series):
         text = text.replace(f'name="b_body[{i}]"', f'name="{name}"')
     xml.write_text(text)
     b = {f"b_eci[{i + 1}]": 1e-5 * (i + 1) for i in range(3)}
-    interface = library.load(folder).interface
-    part = DraftComponent("mine", "mine.fmu", fmu=folder, interface=interface, parameters=b)
+    fmu = library.load(folder)
+    part = DraftComponent("mine", "mine.fmu", fmu=fmu, interface=fmu.interface, parameters=b)
     checked = check(Draft("mine", "here", {"mine": part}, [], step=1.0, stop=3.0))
     with Master(*checked.or_raise()) as m:
         m.initialise()

@@ -170,7 +170,7 @@ class Manifest(Mapping[str, Any]):
             ssp={"file": path.name, "sha256": library.sha256(path)}
             if path.suffix == ".ssp" else None,
             fmus={
-                c.name: {"source": c.source, "sha256": library.load(c.fmu).sha256}
+                c.name: {"source": c.source, "sha256": c.fmu.sha256}
                 for c in system.components.values() if c.fmu is not None
             },
             parts={a.KEY: a.applies(system) for a in analyses()},

@@ -29,7 +29,6 @@ from typing import Any, Self
 
 import numpy as np
 
-from ..files import library
 from ..system.errors import DesatError
 from ..system.interface import KINDS, Kind, Signal
 from ..system.model import Component, Connection, System
@@ -72,7 +71,7 @@ def instance_for(component: Component) -> Instance:
     """The instance of a component: its FMU, or its bare block."""
     if component.fmu is None:
         return BlockInstance(component)
-    return FmuInstance(component, library.load(component.fmu))
+    return FmuInstance(component, component.fmu)
 
 
 class Master:
@@ -118,7 +117,7 @@ class Master:
                 word[0], component = places[name] + INSTANTIATE, system.components[name]
                 instance: Instance
                 if name in isolated and component.fmu is not None:
-                    instance = IsolatedInstance(component, library.load(component.fmu), limit)
+                    instance = IsolatedInstance(component, component.fmu, limit)
                 else:
                     instance = instance_for(component)
                 instance.place = places[name]

@@ -30,12 +30,10 @@ def refusals(
     """What the components of a checked system refuse when they are initialised, a line each:
     problems, and warnings for those that were tried without the outputs of a foreign FMU that
     they need. `trusted`: the sha256 of FMUs that may run besides ours."""
-    files = {n: c.fmu for n, c in system.components.items() if c.fmu is not None}
-    if not files:
+    fmus = {n: c.fmu for n, c in system.components.items() if c.fmu is not None}
+    if not fmus:
         return _initialised(system, schedule), []
-    ours = {
-        n: library.load(file).folder for n, file in files.items() if library.runs(file, trusted)
-    }
+    ours = {n for n, fmu in fmus.items() if fmu.ours or fmu.sha256 in (trusted or ())}
     if not ours:
         return [], []
     # what a foreign FMU shows at the start is not known here, nor what follows from it
@@ -45,7 +43,7 @@ def refusals(
     }  # fmt: skip
     while more := {c.target for c in system.connections if c.source in blind} - blind:
         blind |= more
-    lines = _in_a_process(_part(system, ours), _part_of(schedule, set(ours)))
+    lines = _in_a_process(_part(system, ours), _part_of(schedule, ours))
     unsure = [line for line in lines if line.partition(":")[0] in blind]
     return (
         [line for line in lines if line not in unsure],
@@ -53,10 +51,10 @@ def refusals(
     )
 
 
-def _part(system: System, folders: dict[str, Path]) -> System:
-    """The components that have these extracted folders, and what connects them."""
-    components = {n: replace(system.components[n], fmu=folder) for n, folder in folders.items()}
-    connections = tuple(c for c in system.connections if {c.source, c.target} <= set(folders))
+def _part(system: System, names: set[str]) -> System:
+    """The components of these names, and what connects them."""
+    components = {n: c for n, c in system.components.items() if n in names}
+    connections = tuple(c for c in system.connections if {c.source, c.target} <= names)
     return replace(system, components=components, connections=connections, about=None)
 
 

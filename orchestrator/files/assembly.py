@@ -107,7 +107,7 @@ def _place(
         component.placed = ": ".join(given(("sources", name)))
         component.fmu = library.find(component.source, folder)
         if ours and component.fmu is None:
-            component.fmu = library.built(component.source)
+            component.fmu = library.of_ours(component.source)
 
 
 # --- The options of a run applied to a draft: times, values, other FMUs in components' places ---
@@ -193,11 +193,11 @@ def _replace(draft: Draft, text: str, options: Options) -> None:
             raise DesatError(f"--source {text}: --blocks runs our blocks, not a file of your own")
         made = own.built(file)
         component.source = f"resources/{file.stem}.fmu"
-        component.fmu = made.native or made.python
+        component.fmu = library.load(made.native or made.python)
         if made.why and options.fmus == "native":
             draft.warnings.append(f"{name}: {file.name} runs as Python: {made.why}")
     else:
-        component.fmu = file if file.is_file() else library.built(component.source)
+        component.fmu = library.load(file) if file.is_file() else library.of_ours(component.source)
     old = component.interface
     if not library.load_interface(draft, component, options.blocks):
         return

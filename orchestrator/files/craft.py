@@ -35,7 +35,7 @@ from desat.fmus import registry
 from ..system.draft import Draft, DraftComponent
 from ..system.errors import DesatError, nearest
 from ..system.interface import Interface, elements, misfit, names, usual_sources
-from ..system.model import Connection, Connector
+from ..system.model import Connection, Connector, Fmu
 from ..system.parameters import expand
 from . import hardware, library, paths
 from .io import line_of, lines, parsed, text
@@ -152,16 +152,17 @@ class _Reader:
                 fmu=fmu, interface=interface,
             )  # fmt: skip
 
-    def from_file(self, source: str) -> tuple[Path, Interface]:
+    def from_file(self, source: str) -> tuple[Fmu, Interface]:
         path = self.folder / source
         if not path.exists():
             raise DesatError(f"no such file in {self.folder}")
-        return path, library.load(path).interface
+        fmu = library.load(path)
+        return fmu, fmu.interface
 
-    def from_block(self, source: str) -> tuple[Path | None, Interface]:
+    def from_block(self, source: str) -> tuple[Fmu | None, Interface]:
         if source not in registry.names():
             raise DesatError(f"no such block{nearest(source, registry.names())}")
-        return library.built(f"{source}.fmu"), library.interface_of_block(source)
+        return library.of_ours(f"{source}.fmu"), library.interface_of_block(source)
 
     def role(self, name: str, source: str, interface: Interface) -> str:
         """The role of a component; nothing, and a problem, where its name says another."""

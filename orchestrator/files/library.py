@@ -11,8 +11,7 @@ import shutil
 import tempfile
 import time
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
-from functools import cache, lru_cache
+from functools import cache, cached_property, lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -24,9 +23,9 @@ from desat.fmus import meaning, registry
 from ..system.draft import Draft, DraftComponent
 from ..system.errors import DesatError, nearest
 from ..system.interface import Interface, of_block
-from ..system.model import Component
+from ..system.model import Component, Fmu
 from . import io, own, paths
-from .fmu import faults, of_fmu
+from .fmu import description_of, faults, of_fmu
 from .io import contents, regular, text
 
 _PREFIX, _LOCK = "desat-", ".lock"
@@ -38,14 +37,63 @@ removed it, after so long (s)."""
 _ELSEWHERE = ("/tmp", "/var/tmp")
 
 
-@dataclass(frozen=True)
-class Fmu:
-    """An FMU on disk: its file, the folder where it is extracted, its hash and its interface."""
+class FmuFile:
+    """An FMU on disk, a file or a folder with its contents: what is known of it, each read once,
+    when it is asked for. Raises DesatError for what cannot be read."""
 
-    path: Path
-    folder: Path
-    sha256: str
-    interface: Interface
+    def __init__(self, path: Path) -> None:
+        self.path = path
+
+    @cached_property
+    def sha256(self) -> str:
+        """Of its file; of a folder that of all its files."""
+        if not self.path.is_dir():
+            return sha256(self.path)
+        digest = hashlib.sha256()
+        for file in sorted(p for p in self.path.rglob("*") if not p.is_dir()):
+            name = file.relative_to(self.path).as_posix()
+            data = contents(file, f"{self.path.name}/{name}", io.LARGEST)
+            digest.update(name.encode() + data)
+        return digest.hexdigest()
+
+    @cached_property
+    def ours(self) -> bool:
+        """Whether it is, byte by byte, one that we have built, of a block of ours or of the user's
+        own: a description may say anything."""
+        return is_ours(self.path)
+
+    @cached_property
+    def folder(self) -> Path:
+        """Where it is extracted."""
+        return self.path if self.path.is_dir() else extract(self.path)
+
+    @cached_property
+    def interface(self) -> Interface:
+        """Its variables. Those of a block of ours, built of the Python that is here, are the
+        block's: its description says the same."""
+        entry = {} if self.path.is_dir() else index().get(self.sha256, {})
+        if entry.get("kind") in ("native", "python") and any(
+            (e["name"], e["computes"]) == (entry["name"], entry["computes"]) and meaning.is_as(e)
+            for e in index().values() if e["kind"] == "python"
+        ):  # fmt: skip
+            return interface_of_block(entry["name"])
+        return of_fmu(self.folder, self.path.name)
+
+    @cached_property
+    def description(self) -> Any:
+        """What fmpy makes of its model description, whatever faults that has."""
+        return description_of(self.folder)
+
+    @cached_property
+    def faults(self) -> tuple[str, ...]:
+        """What is wrong with its model description by the standard; nothing of one of ours."""
+        return () if self.ours else faults(self.folder)
+
+    @cached_property
+    def platforms(self) -> list[str]:
+        """Those that it has a library for, as its version of FMI names them."""
+        folders = (p for p in (self.folder / "binaries").glob("*") if p.is_dir())
+        return sorted(p.name for p in folders if any(q.is_file() for q in p.iterdir()))
 
 
 @cache
@@ -164,13 +212,19 @@ def extract(path: Path) -> Path:
     return _by_contents[digest]
 
 
-def find(source: str, folder: Path) -> Path | None:
-    """The file that an SSD's `source` stands for: beside the SSD, or, for an SSD in our own ssp/
+def find(source: str, folder: Path) -> Fmu | None:
+    """What an SSD's `source` stands for: beside the SSD, or, for an SSD in our own ssp/
     alone, one of our built FMUs (a foreign system never runs ours because of an equal name)."""
     beside = folder / source
-    if beside.exists():
-        return beside
-    return built(source) if folder.resolve().is_relative_to(paths.SCENARIOS) else None
+    if not beside.exists():
+        return of_ours(source) if folder.resolve().is_relative_to(paths.SCENARIOS) else None
+    return load(beside)
+
+
+def of_ours(source: str, kind: str = "native") -> Fmu | None:
+    """As `built`."""
+    path = built(source, kind)
+    return load(path) if path is not None else None
 
 
 def built(source: str, kind: str = "native") -> Path | None:
@@ -182,37 +236,36 @@ def built(source: str, kind: str = "native") -> Path | None:
     return next((path for path in candidates if path.exists()), None)
 
 
-def of_kind(path: Path, kind: str) -> Path:
+def of_kind(fmu: Fmu, kind: str) -> Fmu:
     """One of our built FMUs, or of a block file of the user's own, as native or as Python one; any
     other as it is."""
+    path = fmu.path
     if (folder := own.folder_of(path)) is not None:
         wanted = folder / ("native" if kind == "native" else "") / path.name
-        return wanted if wanted.exists() else path
+        return load(wanted) if wanted.exists() else fmu
     ours = path.parent in (paths.fmus(), paths.fmus() / "native")
-    return (built(path.name, kind) or path) if ours else path
+    return (of_ours(path.name, kind) or fmu) if ours else fmu
 
 
-def load(path: Path) -> Fmu:
-    """An FMU from its file, or from a folder with its contents."""
+_loaded: dict[tuple[Path, int, int], FmuFile] = {}
+
+
+def load(path: Path) -> FmuFile:
+    """An FMU by its file, the same as long as that does not change, or by a folder with its
+    contents."""
     if path.is_dir():
-        digest = hashlib.sha256()
-        for file in sorted(p for p in path.rglob("*") if not p.is_dir()):
-            name = file.relative_to(path).as_posix()
-            data = contents(file, f"{path.name}/{name}", io.LARGEST)
-            digest.update(name.encode() + data)
-        return Fmu(path, path, digest.hexdigest(), of_fmu(path))
-    folder = extract(path)
-    return Fmu(path, folder, sha256(path), of_fmu(folder, path.name))
+        return FmuFile(path)
+    stat = path.stat()
+    return _loaded.setdefault((path, stat.st_mtime_ns, stat.st_size), FmuFile(path))
 
 
-def computes(name: str, fmu: Path | None) -> str:
+def computes(name: str, fmu: Fmu | None) -> str:
     """What computes a component: of a foreign FMU, or of one of ours that is not of those built
     here, the sha256 of its file; of a block of ours (`fmu` None: the bare one of this name) the
     hash of its Python, the same for its native FMU, for that of Python and for the bare block."""
     if fmu is not None:
-        digest = load(fmu).sha256
-        entry = index().get(digest, {})
-        return f"block {entry['computes']}" if "computes" in entry else f"file {digest}"
+        entry = index().get(fmu.sha256, {})
+        return f"block {entry['computes']}" if "computes" in entry else f"file {fmu.sha256}"
     for entry in index().values():
         if entry["name"] == name and entry["kind"] == "python" and meaning.is_as(entry):
             return f"block {entry['computes']}"
@@ -292,7 +345,7 @@ def _interface(c: DraftComponent, blocks: bool) -> Interface:
         hint = nearest(name, known) or "; run `make fmus`"
         hint = hint if name not in known else ""  # a system of others does not run ours
         raise DesatError(f"FMU {c.source} is missing{hint}")
-    return load(c.fmu).interface
+    return c.fmu.interface
 
 
 # ------------------------------------------------------------------------------------------------
@@ -340,21 +393,13 @@ def _ours() -> dict[int, list[Path]]:
     return by_size
 
 
-def runs(fmu: Path, trusted: frozenset[str] | None) -> bool:
-    """Whether the code of an FMU is ours or that of a list."""
-    return is_ours(fmu) or load(fmu).sha256 in (trusted or ())
-
-
 def told_faults(components: Iterable[Component]) -> Iterator[str]:
     """A line for each foreign FMU whose model description breaks the standard, with the first of
     its faults."""
     for c in components:
-        if c.fmu is None or is_ours(c.fmu):
-            continue
-        fmu = load(c.fmu)
-        if found := faults(fmu.folder):
+        if c.fmu is not None and (found := c.fmu.faults):
             more = f" ({len(found) - 1} more)" if len(found) > 1 else ""
-            yield f"{c.name}: {fmu.path.name}: not as FMI wants it: {found[0][:300]}{more}"
+            yield f"{c.name}: {c.fmu.path.name}: not as FMI wants it: {found[0][:300]}{more}"
 
 
 def told_unused(components: Iterable[Component]) -> Iterator[str]:
@@ -368,13 +413,13 @@ def told_unused(components: Iterable[Component]) -> Iterator[str]:
 def problems(components: Iterable[Component], trusted: frozenset[str] | None) -> Iterator[str]:
     """A line for each FMU that has no code for this platform or, with a list, is not of it."""
     for c in components:
-        if c.fmu is None or is_ours(c.fmu):
+        if c.fmu is None or c.fmu.ours:
             continue
-        fmu = load(c.fmu)
+        fmu = c.fmu
         if trusted is not None and fmu.sha256 not in trusted:
             yield f"{c.name}: {fmu.path.name} is not of the list of --trust (sha256 {fmu.sha256})"
         here = fmpy.platform_tuple if fmu.interface.fmi == "3.0" else fmpy.platform
-        if here not in (known := platforms(fmu.folder)):
+        if here not in (known := fmu.platforms):
             there = ", ".join(known) or "none"
             yield f"{c.name}: {fmu.path.name} has no binary for {here}; there is {there}"
 
@@ -382,14 +427,7 @@ def problems(components: Iterable[Component], trusted: frozenset[str] | None) ->
 def notes(components: Iterable[Component]) -> Iterator[str]:
     """A line for each foreign FMU: what it is built for, and its hash."""
     for c in components:
-        if c.fmu is not None and not is_ours(c.fmu):
-            fmu = load(c.fmu)
-            known = ", ".join(platforms(fmu.folder)) or "no platform"
-            what = f"is foreign native code, for {known}; sha256 {fmu.sha256}"
-            yield f"{c.name}: {fmu.path.name} {what}"
-
-
-def platforms(folder: Path) -> list[str]:
-    """The platforms that an extracted FMU has a library for, as its version of FMI names them."""
-    folders = (p for p in (folder / "binaries").glob("*") if p.is_dir())
-    return sorted(p.name for p in folders if any(q.is_file() for q in p.iterdir()))
+        if c.fmu is not None and not c.fmu.ours:
+            known = ", ".join(c.fmu.platforms) or "no platform"
+            what = f"is foreign native code, for {known}; sha256 {c.fmu.sha256}"
+            yield f"{c.name}: {c.fmu.path.name} {what}"

@@ -26,10 +26,9 @@ from desat.components.contract.units import Unit
 from ..system.draft import Draft, DraftComponent
 from ..system.errors import DesatError
 from ..system.interface import base_name
-from ..system.model import Connection, Connector
+from ..system.model import Connection, Connector, Fmu
 from ..system.parameters import known_unit, unit_of
 from . import library
-from .fmu import description_of
 from .io import contents, inside, regular
 from .xml import parse_bytes, validate
 
@@ -510,26 +509,26 @@ class _Reader:
                 draft.step = self.number(element, "stepSize")
         if draft.step is not None and draft.stop is not None:
             return
-        files = dict.fromkeys(c.fmu for c in draft.components.values() if c.fmu is not None)
-        told = [(file, *_suggested(file)) for file in files]
-        steps = [(step, file) for file, step, _ in told if step]
-        stops = [(stop, file) for file, _, stop in told if stop]
+        fmus = dict.fromkeys(c.fmu for c in draft.components.values() if c.fmu is not None)
+        suggested = [(fmu.path, *_suggested(fmu)) for fmu in fmus]
+        steps = [(step, path) for path, step, _ in suggested if step]
+        stops = [(stop, path) for path, _, stop in suggested if stop]
         if draft.step is None and steps:
-            draft.step, file = min(steps)
+            draft.step, path = min(steps)
             self.warnings.append(
-                f"{self.where}: no step: {draft.step:g} s of {file.name}, or --step"
+                f"{self.where}: no step: {draft.step:g} s of {path.name}, or --step"
             )
         if draft.stop is None and stops:
-            draft.stop, file = max(stops)
-            self.warnings.append(f"{self.where}: no stop time: {draft.stop:g} s of {file.name}, or "
+            draft.stop, path = max(stops)
+            self.warnings.append(f"{self.where}: no stop time: {draft.stop:g} s of {path.name}, or "
                                  "--stop")  # fmt: skip
 
 
-def _suggested(fmu: Path) -> tuple[float | None, float | None]:
+def _suggested(fmu: Fmu) -> tuple[float | None, float | None]:
     """Step and stop time (s) that an FMU's file suggests; None where it says none, or is none,
     which is said elsewhere."""
     try:
-        told = description_of(library.load(fmu).folder).defaultExperiment
+        told = fmu.description.defaultExperiment
         step, stop = (getattr(told, key, None) for key in ("stepSize", "stopTime"))
         return step and float(step), stop and float(stop)
     except (DesatError, OSError, ValueError):

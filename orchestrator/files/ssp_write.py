@@ -106,7 +106,7 @@ def pack(system: System, target: Path, fmus: str = "python") -> None:
             raise DesatError(f"{system.where}: {component.name}: no FMU {component.source}")
         # the component's name: Ecos instantiates by the file, and noise is keyed by the instance
         source = f"resources/{component.name}.fmu"
-        members[source] = library.of_kind(component.fmu, fmus).read_bytes()
+        members[source] = library.of_kind(component.fmu, fmus).path.read_bytes()
         element = _sub(
             elements, "Component", name=component.name, type="application/x-fmu-sharedlibrary",
             implementation="CoSimulation", source=source,

@@ -40,7 +40,6 @@ from ..engine.loop import stepping
 from ..engine.master import Master
 from ..engine.recording.results import Results
 from ..files import library
-from ..files.fmu import description_of
 from ..numbers.derived import pointing
 from ..system.errors import DesatError
 from ..system.model import AUTO, MOST_INNER, Component, System
@@ -244,9 +243,9 @@ def _foreign(system: System, options: Options, every: Mapping[str, int]) -> str:
         assert component.fmu is not None
         if name not in isolated(system, options):
             return f"{name} is a foreign FMU without a process of its own: it is not run twice"
-        of = description_of(library.load(component.fmu).folder).coSimulation
+        of = component.fmu.description.coSimulation
         if every[name] == 1 and not of.canHandleVariableCommunicationStepSize:
-            return (f"{name}: {component.fmu.name} takes steps of one length only "
+            return (f"{name}: {component.fmu.path.name} takes steps of one length only "
                     "(canHandleVariableCommunicationStepSize)")  # fmt: skip
     return ""
 
@@ -375,6 +374,6 @@ def _on_natives(system: System) -> System:
     same bits."""
     components = {}
     for name, c in system.components.items():
-        fmu = library.built(c.source) if c.fmu is None else library.of_kind(c.fmu, "native")
+        fmu = library.of_ours(c.source) if c.fmu is None else library.of_kind(c.fmu, "native")
         components[name] = replace(c, fmu=fmu)
     return replace(system, components=components)

@@ -18,7 +18,7 @@ from desat.fmus.description import DATE, documentation, model_description
 
 from ..engine.composite import Composite, Scalars, depends
 from ..engine.master import Master
-from ..files import io, library
+from ..files import io
 from ..language.content import said
 from ..system.errors import DesatError, nearest
 from ..system.interface import KINDS, Signal, base_name
@@ -117,12 +117,12 @@ def _unit(component: Component) -> tuple[str, str]:
     """The name and the C of a component's block, out of its native FMU. Raises DesatError."""
     fmu, name = component.fmu, component.name
     instead = f"`--without {name}` leaves it out"
-    if fmu is None or not library.is_ours(fmu):
+    if fmu is None or not fmu.ours:
         raise DesatError(
             f"{name}: {component.source} is no FMU of ours, whose C is known; {instead}"
         )
     model = component.interface.model
-    with zipfile.ZipFile(fmu) as archive:
+    with zipfile.ZipFile(fmu.path) as archive:
         if f"sources/{model}.c" not in archive.namelist():
             raise DesatError(f"{name}: {model} has no C, it runs as Python; {instead}")
         text = archive.read(f"sources/{model}.c").decode()

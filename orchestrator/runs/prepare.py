@@ -323,7 +323,7 @@ def wanted(system: System, options: Options) -> frozenset[str]:
         return frozenset()
     return frozenset(
         c.name for c in system.components.values()
-        if c.fmu is not None and (options.isolate == "all" or not library.is_ours(c.fmu))
+        if c.fmu is not None and (options.isolate == "all" or not c.fmu.ours)
     )  # fmt: skip
 
 

@@ -14,8 +14,6 @@ from typing import Any
 
 from ..analyses import analyses
 from ..engine.recording.results import selects
-from ..files import library
-from ..files.fmu import description_of
 from ..files.scenario import Scenario
 from ..language.content import Content
 from ..language.paper import OfNumber
@@ -403,9 +401,9 @@ def not_saved(system: System, options: Options) -> Iterator[str]:
     for c in system.components.values():
         if c.fmu is None:
             continue
-        of = description_of(library.load(c.fmu).folder).coSimulation
+        of = c.fmu.description.coSimulation
         if not (of.canGetAndSetFMUstate and of.canSerializeFMUstate):
-            yield (f"--checkpoint: {c.name}: {c.fmu.name} cannot save its state "
+            yield (f"--checkpoint: {c.name}: {c.fmu.path.name} cannot save its state "
                    "(canGetAndSetFMUstate, canSerializeFMUstate)")  # fmt: skip
 
 
@@ -416,9 +414,9 @@ def not_halved(system: System, options: Options) -> Iterator[str]:
         yield "--halve: it has no effect without a foreign FMU"
     for c in foreign if options.halvings else ():
         assert c.fmu is not None
-        of = description_of(library.load(c.fmu).folder).coSimulation
+        of = c.fmu.description.coSimulation
         if not (of.canGetAndSetFMUstate and of.canHandleVariableCommunicationStepSize):
-            yield (f"--halve: {c.name}: {c.fmu.name} cannot step anew with another length "
+            yield (f"--halve: {c.name}: {c.fmu.path.name} cannot step anew with another length "
                    "(canGetAndSetFMUstate, canHandleVariableCommunicationStepSize)")  # fmt: skip
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
-from pathlib import Path, PurePath
+from pathlib import PurePath
 from typing import Any
 
 from desat.components.contract.block import Scalar
@@ -16,7 +16,7 @@ from desat.components.contract.units import Unit
 
 from .errors import DesatError, nearest
 from .interface import Interface, OutputClass, base_name
-from .model import ACCURACY, AUTO, Connection, Connector, Inner, Told
+from .model import ACCURACY, AUTO, Connection, Connector, Fmu, Inner, Told
 from .parameters import expand, is_quantity
 
 
@@ -40,8 +40,8 @@ class DraftComponent:
     line: int = 0
     placed: str = ""
     """Who put another FMU in its place: file and key, or option; "" where nobody did."""
-    fmu: Path | None = None
-    """The file that `source` stands for; None where there is none, and for a bare block."""
+    fmu: Fmu | None = None
+    """What `source` stands for; None where there is none, and for a bare block."""
     interface: Interface | None = None
     decimation: int = 1
 

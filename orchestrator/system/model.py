@@ -52,6 +52,40 @@ class Connection:
         return f"{self.source}.{self.output} -> {self.target}.{self.input}"
 
 
+class Fmu(Protocol):
+    """What is known of an FMU; `files/library.py` reads it."""
+
+    path: Path
+
+    @property
+    def sha256(self) -> str:
+        """Of its file."""
+
+    @property
+    def ours(self) -> bool:
+        """Whether we have built it."""
+
+    @property
+    def folder(self) -> Path:
+        """Where it is extracted."""
+
+    @property
+    def interface(self) -> Interface:
+        """Its variables."""
+
+    @property
+    def description(self) -> Any:
+        """What fmpy makes of its model description."""
+
+    @property
+    def faults(self) -> tuple[str, ...]:
+        """What is wrong with that by the standard, a line each."""
+
+    @property
+    def platforms(self) -> list[str]:
+        """Those that it has a library for."""
+
+
 @dataclass(frozen=True)
 class Component:
     """An instance of an FMU or of a bare block."""
@@ -61,8 +95,8 @@ class Component:
     interface: Interface
     parameters: Mapping[str, Scalar] = field(default_factory=dict)
     """Scalar values by element name, in the variable's own unit; inputs may be among them."""
-    fmu: Path | None = None
-    """The FMU's file; None: it is the bare block of the interface's name."""
+    fmu: Fmu | None = None
+    """None: it is the bare block of the interface's name."""
     decimation: int = 1
     """The component steps once in so many steps of the master."""
     connectors: Mapping[str, Connector] = field(default_factory=dict)

@@ -22,9 +22,9 @@ from fmpy.logging import addLoggerProxy
 
 from desat.components.contract.block import Scalar
 
-from ...files.library import Fmu
 from ...system.errors import plain
 from ...system.interface import KINDS, Interface, Signal
+from ...system.model import Fmu
 from .base import Array
 
 Way = Literal["Set", "Get"]

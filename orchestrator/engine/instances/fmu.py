@@ -17,10 +17,9 @@ from fmpy.fmi1 import FMICallException
 from desat.components.contract.block import Scalar
 
 from ...files.fmu import description_of
-from ...files.library import Fmu
 from ...system.errors import DesatError, plain
 from ...system.interface import KINDS, Kind, Signal
-from ...system.model import Component
+from ...system.model import Component, Fmu
 from .base import DTYPE, Array, Clock, ComponentError, is_of_status, warn_of
 from .faces import FACES, Face, Prepared, forget, listen
 

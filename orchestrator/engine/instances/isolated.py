@@ -31,10 +31,9 @@ import numpy as np
 
 from desat.components.contract.block import Scalar
 
-from ...files.library import Fmu
 from ...system.errors import DesatError, Exit
 from ...system.interface import KINDS, Interface, Kind, Signal
-from ...system.model import Component
+from ...system.model import Component, Fmu
 from .. import current_call
 from ..current_call import (
     ENTER,
