@@ -103,7 +103,7 @@ def by_desat(fmu: Path) -> dict[str, float]:
     what it commands, is refused. Raises DesatError."""
     of = library.load(fmu)
     clock = Clock(0.0, 1.0)
-    outputs = {k: [s for s in of.interface.of("output") if s.kind == k] for k in KINDS_OF}
+    outputs = {k: [s for s in of.interface.outputs if s.kind == k] for k in KINDS_OF}
     into = {k: np.zeros(len(outputs[k]), DTYPE[k]) for k in KINDS_OF}
     it = FmuInstance(Component("it", fmu.name, of.interface), of)
     it.wire({k: [] for k in KINDS_OF}, outputs, into, clock)

@@ -44,7 +44,6 @@ from desat.studies.momentum_law import law_of
 from desat.studies.momentum_model import fly, track_of
 from desat.studies.sizing import Wishes
 from desat.system.options import Options
-from desat.system.parameters import number_of
 
 Array = NDArray[Any]
 DOCS = Path(__file__).parent.parent / "docs"
@@ -437,8 +436,8 @@ def braked(seed: int, into: Path) -> tuple[float, float]:
     target = str(folder / "detumbling.toml")
     system, _ = prepare(target, Options()).or_raise()
     body = system.components["spacecraft"]
-    mean = sum(number_of(body, f"inertia[{i},{i}]") for i in (1, 2, 3)) / 3.0
-    own = number_of(system.components["manager"], "gain")
+    mean = sum(body.values[f"inertia[{i},{i}]"] for i in (1, 2, 3)) / 3.0
+    own = system.components["manager"].values["gain"]
 
     def takes(gain: float) -> float:
         given = Options(values={"manager.gain": gain}, stop=40000.0,

@@ -93,7 +93,7 @@ def test_it_replays_a_run_with_its_bits(tmp_path, target, wanted):
         if wanted not in ("", component.name):
             continue
         feeds = [c for c in system.connections if c.target == component.name]
-        outputs = [s.name for s in component.interface.of("output") if s.name != "fault"]
+        outputs = [s.name for s in component.interface.outputs if s.name != "fault"]
         it = library(component, tmp_path / component.name, [c.input for c in feeds], outputs)
         rows = np.column_stack(
             [series(c.source, c.output)[: system.steps] * c.factor + c.offset for c in feeds]

@@ -67,7 +67,7 @@ def test_a_craft_with_one_wheel_has_no_such_law():
 def test_gains_are_the_rules_with_the_crafts_numbers():
     found, _ = of(DAY)
     system, _ = prepare(DAY, Options()).or_raise()
-    own = {n: fitting.value_of(system.components["manager"], n) for n in ("gain", "m_limit")}
+    own = {n: system.components["manager"].values[n] for n in ("gain", "m_limit")}
     rate, most = own["gain"], own["m_limit"]
     gain = {n: f.options.values for n, f in found.items()}
     assert gain["ccpl"]["manager.gain"] == pytest.approx(rate / 3e-5)

@@ -418,7 +418,7 @@ for round in range(2):
         fmu = library.load(path)
         units.append(FmuInstance(Component(path.stem + str(round), path.name, fmu.interface), fmu))
 for unit in units:
-    outputs = {k: [s for s in unit._interface.of("output") if s.kind == k] for k in KINDS}
+    outputs = {k: [s for s in unit._interface.outputs if s.kind == k] for k in KINDS}
     import numpy as np
     from desat.engine.instances.base import DTYPE
     into = {k: np.zeros(len(outputs[k]), DTYPE[k]) for k in KINDS}

@@ -21,7 +21,6 @@ from desat.runs.prepare import prepare
 from desat.runs.run import execute
 from desat.system.errors import DesatError, Exit
 from desat.system.options import Options
-from desat.system.parameters import value_of
 from desat.system.sensors import noise_of
 
 DAY = "nadir_day/day-dipole"
@@ -318,7 +317,7 @@ def test_detumbling_is_within_a_third_of_the_quickest_gain(tmp_path, given):
     target = str(tmp_path / "c" / "detumbling.toml")
     own = execute(target, Options()).manifest.numbers
     system, _ = prepare(target, Options()).or_raise()
-    gain = value_of(system.components["manager"], "gain")
+    gain = system.components["manager"].values["gain"]
     others = [
         execute(target, Options(values={"manager.gain": k * gain}, stop=20000.0))
         for k in (0.4, 0.7, 1.5, 2.5)

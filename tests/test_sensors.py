@@ -15,7 +15,6 @@ import desat
 from desat.components.bases import sensing
 from desat.components.maths import attitude, noise
 from desat.runs.run import Options, prepare
-from desat.system.parameters import value_of
 
 Q = attitude.normalised((0.3, -0.5, 0.2, 0.8))
 N = 20000
@@ -107,12 +106,12 @@ def test_no_two_channels_of_a_scenario_correlate(scenario):
     for name, component in system.components.items():
         model = component.interface.model
         if model == "wheels":
-            keys.append(noise.stream(name, "tau_jitter_body", value_of(component, "seed")))
+            keys.append(noise.stream(name, "tau_jitter_body", component.values["seed"]))
             channels += [[noise.uniform(keys[-1], k, i) for k in range(n)] for i in range(4)]
         if model not in SENSORS:
             continue
         block = fresh(model)
-        block.instance, block.seed, block.noise = name, value_of(component, "seed"), 1e-4
+        block.instance, block.seed, block.noise = name, component.values["seed"], 1e-4
         if model != "attitude_determination":  # its components are the errors' at q = 1
             setattr(block, SENSORS[model][0], SENSORS[model][2])
         begin(block)

@@ -6,7 +6,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from ..system.model import Component, System
-from ..system.parameters import choice_of, number_of
 from ..system.sensors import KNOWN, noise_of
 
 FORCE = "force_mean_thruster_body"
@@ -27,7 +26,7 @@ def problems(system: System) -> Iterator[str]:
         thrusters, orbit = system.components[source], system.components[target]
         if IMPULSE not in thrusters.interface.signals or IMPULSE not in orbit.interface.signals:
             continue
-        theirs, its = number_of(thrusters, IMPULSE), number_of(orbit, IMPULSE)
+        theirs, its = thrusters.values[IMPULSE], orbit.values[IMPULSE]
         if its > 0.0 and abs(its - theirs) > 1e-9 * theirs:
             where = orbit.given.get(IMPULSE, f"{system.where}: default")
             yield (f"{where}: {target}.{IMPULSE} = {its:g} s, but {source}.{IMPULSE} = "
@@ -44,7 +43,7 @@ def warnings(system: System) -> Iterator[str]:
         for name, unit in KNOWN.items() if c.interface.role == "manager" else ():
             if name not in c.interface.signals or noise[name] == 0.0:
                 continue
-            told, is_so = number_of(c, name), noise[name]
+            told, is_so = c.values[name], noise[name]
             if not is_so / ABOUT <= told <= is_so * ABOUT:
                 yield (f"{c.given.get(name, f'{system.where}: default')}: {c.name}.{name} = "
                        f"{told:.3g} {unit}, but the craft's sensors have {is_so:.3g}: what the law "
@@ -55,10 +54,10 @@ def _drag(system: System) -> Iterator[str]:
     bodies = [c for c in system.components.values() if _has_drag(c, "aerodynamics")]
     orbits = [c for c in system.components.values() if _has_drag(c, "zonals")]
     for body in bodies:
-        by = choice_of(body, "aerodynamics")
+        by = body.choice("aerodynamics")
         for orbit in orbits if by == BY_AREA else ():
-            for name in DRAG if number_of(orbit, DRAG[0]) > 0.0 else ():
-                its, other = number_of(orbit, name), number_of(body, name)
+            for name in DRAG if orbit.values[DRAG[0]] > 0.0 else ():
+                its, other = orbit.values[name], body.values[name]
                 if abs(its - other) > 1e-9 * abs(other):
                     where = orbit.given.get(name, f"{system.where}: default")
                     unit = " m2" if name == DRAG[0] else ""

@@ -32,8 +32,7 @@ from numpy.typing import NDArray
 
 from ..engine.recording.results import Results
 from ..numbers.text import Value
-from ..system.model import AUTO, Component, System
-from ..system.parameters import value_of
+from ..system.model import AUTO, System
 from . import Parts as Named
 from . import residual
 from .manifest import Manifest
@@ -97,14 +96,14 @@ def body_of(system: System) -> Body | None:
     if parts is None:
         return None
     craft = system.components[parts.spacecraft]
-    axes = _values(craft, "axes_wheel").reshape(3, 4)
-    spin = _values(craft, "inertia_wheel")
-    inertia = _values(craft, "inertia").reshape(3, 3)
+    axes = np.reshape(craft.values["axes_wheel"], (3, 4))
+    spin = np.array(craft.values["inertia_wheel"])
+    inertia = np.reshape(craft.values["inertia"], (3, 3))
     wheels = system.components[parts.wheels.partition(".")[0]]
     carrier = inertia - (axes * spin) @ axes.T
     if np.linalg.eigvalsh(carrier).min() <= 0.0:
         return None
-    return Body(carrier, axes, _values(wheels, "h_start_wheel"))
+    return Body(carrier, axes, np.array(wheels.values.get("h_start_wheel", (0.0,) * 4)))
 
 
 def bound(system: System) -> Bound | None:
@@ -115,7 +114,7 @@ def bound(system: System) -> Bound | None:
         return None
     parts = residual.applies(system)
     assert parts is not None
-    omega = _values(system.components[parts.spacecraft], "omega_start_body")
+    omega = np.array(system.components[parts.spacecraft].values.get("omega_start_body", (0.0,) * 3))
     step = system.step / system.parts
     turn = step * float(body.turning(omega[None], body.h_start[None])[0])
     return Bound(turn, max((kick for _, kick in _kicks(system, body, step)), default=0.0))
@@ -134,15 +133,16 @@ def _kicks(system: System, body: Body, step: float) -> Iterator[tuple[str, float
 def _torques(system: System, name: str, body: Body) -> Iterator[Any]:
     """The largest torques (3,; N m, body) that a component may give."""
     component = system.components[name]
-    if _has(component, "inertia_wheel") and _has(component, "torque_limit"):
-        spin = _values(component, "inertia_wheel") > 0.0
-        yield from (body.axes * spin * _values(component, "torque_limit")).T
-    if _has(component, "m_mean_body") and _has(component, "m_limit"):
+    has, values = component.interface.arrays.keys(), component.values
+    if has >= {"inertia_wheel", "torque_limit"}:
+        spin = np.array(values["inertia_wheel"]) > 0.0
+        yield from (body.axes * spin * np.array(values["torque_limit"])).T
+    if has >= {"m_mean_body", "m_limit"}:
         weakest = np.linalg.eigh(body.carrier)[1][:, 0]
-        yield weakest * FIELD * float(np.abs(_values(component, "m_limit")).max())
-    if _has(component, "schedule_tau_body"):
-        begin, long = (_values(component, f"schedule_{n}") for n in ("start", "duration"))
-        torque = _values(component, "schedule_tau_body").reshape(-1, 3)
+        yield weakest * FIELD * float(np.abs(np.array(values["m_limit"])).max())
+    if has >= {"schedule_tau_body"}:
+        begin, long = (np.array(values[f"schedule_{n}"]) for n in ("start", "duration"))
+        torque = np.array(values["schedule_tau_body"]).reshape(-1, 3)
         for t in begin[long > 0.0]:
             yield torque[(long > 0.0) & (begin <= t) & (t < begin + long)].sum(axis=0)
 
@@ -200,17 +200,6 @@ def _line(what: str, value: float, limit: float) -> str:
     return f"{what}: {value:.3g} rad, accuracy is shown up to {limit:g} rad only: {REMEDY}"
 
 
-def _has(component: Component, name: str) -> bool:
-    return bool(component.interface.elements(name))
-
-
-def _values(component: Component, name: str) -> Any:
-    """The values of a parameter, zeros where the component has none of this name."""
-    signals = component.interface.elements(name)
-    values: list[Any] = [value_of(component, s.name) for s in signals]
-    return np.array(values if values else [0.0] * 4, dtype=float)
-
-
 # --- after a run ----------------------------------------------------------------------------------
 
 
@@ -261,9 +250,9 @@ def applies(system: System) -> Parts | None:
     craft = parts.spacecraft
     series = [f"{craft}.q_bi", f"{craft}.omega_bi_body", parts.wheels, f"{craft}.impulse_eci"]
     wheels = system.components[parts.wheels.partition(".")[0]]
-    spin = _values(system.components[craft], "inertia_wheel").tolist()
+    spin = system.components[craft].values["inertia_wheel"]
     return Parts(series, body.axes.tolist(), body.carrier.tolist(), spin,
-                 float(_values(wheels, "unbalance").max()))  # fmt: skip
+                 float(np.max(wheels.values.get("unbalance", 0.0))))  # fmt: skip
 
 
 def of_run(parts: Parts | None, results: Results) -> Reached | None:

@@ -44,9 +44,8 @@ from ..figures.style import COLOURS, figure, time_axis
 from ..numbers.derived import rotate_back
 from ..numbers.text import Value
 from ..system.expression import Table
-from ..system.interface import Signal, base_name
+from ..system.interface import Signal
 from ..system.model import System
-from ..system.parameters import value_of
 from ..system.schedule import graded
 from . import motion, not_checked, residual
 from .manifest import Manifest
@@ -413,13 +412,13 @@ class Along:
         """The body's inputs, (steps, elements) each: what it is given, and the values of others."""
         columns = {name: i for i, name in enumerate(self.kept.inputs)}
         made: dict[str, Array] = {}
-        for name in dict.fromkeys(base_name(s.name) for s in self._body.interface.of("input")):
+        for name in dict.fromkeys(s.array for s in self._body.interface.inputs):
             elements = [s.name for s in self._body.interface.elements(name)]
             if self._body.interface.signals[elements[0]].kind != "Real":
                 continue
             columns_of_it = [
                 given[:, columns[e]] if e in columns
-                else np.full(len(given), value_of(self._body, e), float)
+                else np.full(len(given), self._body.values[e], float)
                 for e in elements
             ]  # fmt: skip
             made[name] = np.column_stack(columns_of_it)

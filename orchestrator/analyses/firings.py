@@ -4,14 +4,12 @@ take, a force that is wired to an orbit which it does not move, and commands tha
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from ..engine.recording.results import Results
 from ..numbers.text import Value
 from ..system.model import Component, System
-from ..system.parameters import value_of
 from . import Parts as Named
 from .manifest import Manifest
 
@@ -44,10 +42,10 @@ def applies(system: System) -> Parts | None:
     bodies = {c.source: c.target for c in system.connections if c.input == given}
     for manager, thrusters in ends:
         body, of = bodies.get(thrusters), system.components[thrusters]
-        if body is None or not system.components[body].interface.elements("h_copy_wheel"):
+        if body is None or "h_copy_wheel" not in system.components[body].interface.arrays:
             continue
-        if of.interface.elements("on_time"):
-            times = [value_of(of, s.name) for s in of.interface.elements(DURATION)]
+        if "on_time" in of.interface.arrays:
+            times = of.values.get(DURATION, ())
             return Parts(manager, thrusters, body, any(times))
     return None
 
@@ -112,11 +110,12 @@ def _scheduled(system: System) -> list[str]:
     a manager with feed-forward is to cancel and its limit does not let it."""
     lines = []
     for component in system.components.values():
-        if component.interface.elements(TORQUE) and component.interface.elements(LIMIT):
+        if component.interface.arrays.keys() >= {TORQUE, LIMIT}:
             lines += _too_strong(component)
         if "tau_mean_thruster_body[1]" not in component.interface.signals:
             continue
-        times = zip(_values(component, START), _values(component, DURATION), strict=True)
+        values = component.values
+        times = zip(values.get(START, ()), values.get(DURATION, ()), strict=True)
         for i, (start, duration) in enumerate(times, 1):
             if duration > 0.0 and start < system.stop < start + duration:
                 lines.append(
@@ -128,20 +127,17 @@ def _scheduled(system: System) -> list[str]:
 
 
 def _too_strong(component: Component) -> list[str]:
-    most, durations = _values(component, LIMIT)[0], _values(component, DURATION)
-    names = [s.name for s in component.interface.elements(TORQUE)]
+    most = component.values[component.interface.arrays[LIMIT][0].name]
+    durations = component.values.get(DURATION, ())
+    names = [s.name for s in component.interface.arrays[TORQUE]]
     lines = []
-    for k, torque in enumerate(_values(component, TORQUE)):
+    for k, torque in enumerate(component.values[TORQUE]):
         if durations[k // 3] > 0.0 and abs(torque) > most:
             lines.append(
                 f"{component.name}.{names[k]} = {torque:g} N m: more than {LIMIT} = {most:g} "
                 "N m; flown saturated where there is a wheel"
             )
     return lines
-
-
-def _values(component: Component, name: str) -> list[Any]:
-    return [value_of(component, s.name) for s in component.interface.elements(name)]
 
 
 def _unmoved(system: System) -> list[str]:
@@ -155,7 +151,7 @@ def _unmoved(system: System) -> list[str]:
         if OPTION not in component.interface.signals:
             lines.append(f"{name}.{INPUT}: {component.source} has no {OPTION}; its orbit does not "
                          "move by it (environment_propagated's does)")  # fmt: skip
-        elif not value_of(component, OPTION):
+        elif not component.values[OPTION]:
             lines.append(f"{name}.{INPUT}: {name}.{OPTION} is false, so the orbit does not move by "
                          "it")  # fmt: skip
     return lines

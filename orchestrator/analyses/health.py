@@ -11,7 +11,6 @@ from ..engine.recording.results import Results
 from ..numbers.derived import pointing
 from ..numbers.text import Value
 from ..system.model import System
-from ..system.parameters import number_of, value_of
 from . import Parts as Named
 from .manifest import Manifest
 
@@ -47,11 +46,11 @@ def applies(system: System) -> Parts | None:
     read = {c.source for c in system.connections}
     sensors = tuple(
         c.name for c in system.components.values()
-        if c.interface.role in _SENSORS and c.name in read and c.interface.elements("valid")
+        if c.interface.role in _SENSORS and c.name in read and "valid" in c.interface.arrays
         and not _fails_at_once(system, c.name)
     )  # fmt: skip
     wheels = next((c.name for c in system.components.values()
-                   if c.interface.role == "wheels" and c.interface.elements("saturated_wheel")),
+                   if c.interface.role == "wheels" and "saturated_wheel" in c.interface.arrays),
                   None)  # fmt: skip
     found = Parts(sensors, _attitude(system), wheels)
     return found if found != Parts() else None
@@ -59,28 +58,26 @@ def applies(system: System) -> Parts | None:
 
 def _fails_at_once(system: System, name: str) -> bool:
     """Whether a scenario has a sensor fail before its first measurement."""
-    component = system.components[name]
-    if "fail_time" not in component.interface.signals:
-        return False
-    return 0.0 <= number_of(component, "fail_time") <= system.start
+    since = system.components[name].values.get("fail_time", -1.0)
+    return bool(0.0 <= since <= system.start)
 
 
 def _attitude(system: System) -> tuple[str, str] | None:
     """The attitude of the craft and the reference that a controller which is on follows; None:
     nobody controls it so, or a manager brakes the craft first (paper 004, section 4)."""
     parts = system.components.values()
-    if any(BRAKES in c.interface.signals and value_of(c, BRAKES) for c in parts):
+    if any(BRAKES in c.interface.signals and c.values[BRAKES] for c in parts):
         return None
     crafts = [
         c
         for c in system.components.values()
-        if c.interface.role == "spacecraft" and c.interface.elements("omega_bi_body")
+        if c.interface.role == "spacecraft" and "omega_bi_body" in c.interface.arrays
     ]
     for c in system.connections:
         follower = system.components[c.target]
         if c.input != "q_ref_bi[1]" or follower.interface.role != "controller" or len(crafts) != 1:
             continue
-        if "enable" in follower.interface.signals and not value_of(follower, "enable"):
+        if "enable" in follower.interface.signals and not follower.values["enable"]:
             continue
         return f"{crafts[0].name}.q_bi", f"{c.source}.{c.output.partition('[')[0]}"
     return None

@@ -26,7 +26,6 @@ from ..language.content import said
 from ..numbers.derived import coil_impulse, matrices, rotate_back
 from ..numbers.text import Value
 from ..system.model import Component, System
-from ..system.parameters import choice_of, number_of, value_of
 from . import Parts as Named
 from . import titled
 from .manifest import Manifest
@@ -45,7 +44,7 @@ SMALL, ALIKE = 1e-3, 0.01
 as a share of what there would be without management, which is estimated."""
 ACROSS = 1e-3
 """A target across the orbit's normal by more than this share of its size turns with the craft."""
-_OF_WHEELS = ("saturated_wheel", "speed_wheel")
+_OF_WHEELS = {"saturated_wheel", "speed_wheel"}
 Array = NDArray[Any]
 
 
@@ -83,11 +82,11 @@ def applies(system: System) -> Parts | None:
             continue
         manager, torquers = c.source, c.target
         body = target(torquers, "m_mean_body[1]")
-        if body is None or not system.components[body].interface.elements("h_copy_wheel"):
+        if body is None or "h_copy_wheel" not in system.components[body].interface.arrays:
             continue
         wheels = target(manager, "tau_cmd_wheel[1]")
-        if wheels and not all(
-            system.components[wheels].interface.elements(n) for n in _OF_WHEELS
+        if wheels and not (
+            system.components[wheels].interface.arrays.keys() >= _OF_WHEELS
         ):  # fmt: skip
             wheels = None
         law = system.components[manager]
@@ -96,7 +95,7 @@ def applies(system: System) -> Parts | None:
             body, torquers, wheels, _feeding(system, body, "b_eci"),
             None if thrusters is None else thrusters.partition(".")[0],
             _target(system, law), said(system.about).stop_when is None and _holds(law),
-            number_of(law, "h_deadband") if "h_deadband" in law.interface.signals else 0.0,
+            law.values["h_deadband"] if "h_deadband" in law.interface.signals else 0.0,
             _brakes(law),
         )  # fmt: skip
     return None
@@ -113,15 +112,14 @@ def _target(system: System, law: Component) -> tuple[float, ...] | None:
     it."""
     if _feeding(system, law.name, "h_target_body") is not None:
         return None
-    elements = law.interface.elements("h_target_body")
-    return tuple(number_of(law, s.name) for s in elements) or (0.0, 0.0, 0.0)
+    return tuple(law.values.get("h_target_body", (0.0, 0.0, 0.0)))
 
 
 def _holds(law: Component) -> bool:
     """Whether a manager holds momentum, by what its block says of its laws (`Manager.offers`):
     the choices that these have in common are its own. One that is not ours does."""
     signals = law.interface.signals
-    if "enable" in signals and not value_of(law, "enable"):
+    if "enable" in signals and not law.values["enable"]:
         return False
     if law.interface.model not in names():
         return True
@@ -131,7 +129,7 @@ def _holds(law: Component) -> bool:
     first, *others = ({k: v for k, v in x.gains.items() if k in signals and signals[k].choices}
                       for x in block.offers)  # fmt: skip
     common = {k: v for k, v in first.items() if all(x.get(k) == v for x in others)}
-    return all(choice_of(law, k) == v for k, v in common.items())
+    return all(law.choice(k) == v for k, v in common.items())
 
 
 def _brakes(law: Component) -> bool:
@@ -149,7 +147,7 @@ def problems(system: System) -> Iterator[str]:
     for guide in guides:
         for manager in managers:
             wanted = np.array(_target(system, manager) or (0.0, 0.0, 0.0))
-            offset = [number_of(guide, s.name) for s in guide.interface.elements("q_bo")]
+            offset = guide.values["q_bo"]
             normal = matrices(np.array([offset or [0.0, 0.0, 0.0, 1.0]]))[0] @ [0.0, -1.0, 0.0]
             across = wanted - (wanted @ normal) * normal
             if np.linalg.norm(across) > ACROSS * np.linalg.norm(wanted):

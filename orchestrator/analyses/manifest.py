@@ -177,7 +177,7 @@ class Manifest(Mapping[str, Any]):
             choices={
                 f"{c.name}.{s.name}": list(s.choices)
                 for c in system.components.values()
-                for s in c.interface.of("output") if s.choices
+                for s in c.interface.outputs if s.choices
             },
             parameters=table(system.components.values()),
             digest=of_system(system, options),

@@ -23,7 +23,7 @@ from ..engine.recording.results import Results
 from ..numbers.derived import cross, rotate_back
 from ..system.interface import base_name
 from ..system.model import System
-from ..system.parameters import Parameter, value_of
+from ..system.parameters import Parameter
 
 Array = NDArray[np.float64]
 
@@ -160,10 +160,10 @@ def feeds(system: System, body: str) -> Feeds | None:
         return None
     fed: Feeds = {}
     for name in INPUTS:
-        signals = interface.elements(name)
+        signals = interface.arrays.get(name, ())
         wires = [c for c in system.connections if c.target == body and base_name(c.input) == name]
         if not wires:
-            fed[name] = [value_of(component, s.name) for s in signals]
+            fed[name] = [component.values[s.name] for s in signals]
             continue
         wire = wires[0]
         source = system.components[wire.source]

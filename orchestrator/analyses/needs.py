@@ -13,7 +13,6 @@ from desat.fmus.registry import block_class, names
 
 from ..system.interface import base_name
 from ..system.model import Component, System
-from ..system.parameters import number_of, value_of
 
 ROWS = 64
 """An array of more elements is a table."""
@@ -51,19 +50,19 @@ def undesigned(system: System) -> Iterator[str]:
         tables = [v.name for v in block.variables if v.causality == "parameter" and v.size > ROWS]
         if not (issubclass(block, Manager) and Need.DESIGN in needs_of(block)) or _is_off(c):
             continue
-        if not any(number_of(c, s.name) for t in tables for s in c.interface.elements(t)):
+        if not any(x for t in tables for x in c.values[t]):
             yield (f"{system.where}: {c.name}: {c.interface.model} needs {Need.DESIGN.value}; "
                    f"{', '.join(tables)} {'is' if len(tables) == 1 else 'are'} 0")  # fmt: skip
 
 
 def _turns(system: System) -> bool:
     """Whether the craft's attitude is what torques make of it."""
-    return any(c.interface.role == "spacecraft" and c.interface.elements("omega_start_body")
+    return any(c.interface.role == "spacecraft" and "omega_start_body" in c.interface.arrays
                for c in system.components.values())  # fmt: skip
 
 
 def _is_off(manager: Component) -> bool:
-    return "enable" in manager.interface.signals and not value_of(manager, "enable")
+    return "enable" in manager.interface.signals and not manager.values["enable"]
 
 
 def instead(need: Need, system: System, manager: str) -> str:
@@ -83,7 +82,7 @@ def instead(need: Need, system: System, manager: str) -> str:
     if need is Need.COILS:
         coils = parts.get("torquers")
         there = coils is None or "m_limit" not in coils.interface.signals or (
-            number_of(coils, "m_limit") > 0.0
+            coils.values["m_limit"] > 0.0
         )  # fmt: skip
         return "" if there and wired("m_cmd_body", "source") else "the craft has none"
     if need is Need.THRUSTERS:
@@ -96,11 +95,10 @@ def instead(need: Need, system: System, manager: str) -> str:
 def _axes(craft: Component | None) -> int:
     """How many axes the wheels of a craft span; three where they are ideal ones within it, or it
     is not known."""
-    elements = craft.interface.elements("axes_wheel") if craft is not None else []
-    if craft is None or not elements:
+    if craft is None or "axes_wheel" not in craft.interface.arrays:
         return 3
-    axes = np.reshape([number_of(craft, s.name) for s in elements], (3, 4))
-    if spins := craft.interface.elements("inertia_wheel"):
-        axes = axes * (np.array([number_of(craft, s.name) for s in spins]) > 0.0)
+    axes = np.reshape(craft.values["axes_wheel"], (3, 4))
+    if "inertia_wheel" in craft.values:
+        axes = axes * (np.array(craft.values["inertia_wheel"]) > 0.0)
     sizes = np.linalg.svd(axes, compute_uv=False)
     return int((sizes > FLAT * max(float(sizes[0]), 1e-300)).sum())

@@ -32,7 +32,7 @@ NUMBERS = ("momentum_residual",)
 BOUND_KEYS = ("residual_bound",)
 BOUND = 1e-9
 """Of the residual, as a share of the largest momentum, where a scenario has no `residual_bound`."""
-_NEEDED = ("inertia", "axes_wheel", "inertia_wheel", "q_bi", "omega_bi_body", "impulse_eci")
+_NEEDED = {"inertia", "axes_wheel", "inertia_wheel", "q_bi", "omega_bi_body", "impulse_eci"}
 
 
 @dataclass(frozen=True)
@@ -48,7 +48,7 @@ def applies(system: System) -> Parts | None:
     no such component."""
     for c in system.connections:
         target = system.components[c.target].interface
-        if c.input == "h_wheel[1]" and all(target.elements(n) for n in _NEEDED):
+        if c.input == "h_wheel[1]" and target.arrays.keys() >= _NEEDED:
             wheels = f"{c.source}.{c.output.partition('[')[0]}"
             return Parts(c.target, wheels)
     return None

@@ -13,7 +13,6 @@ from desat.components.physics.orbit import EARTH_RADIUS, mean_motion
 from ..numbers.derived import matrices
 from ..system import cyclic
 from ..system.model import Component, System
-from ..system.parameters import choice_of, number_of
 
 ROUND = 0.1
 """Up to this eccentricity an orbit is taken for a circle."""
@@ -34,21 +33,21 @@ def _capacity(system: System) -> Iterator[str]:
     orbit = _orbit(parts.get("environment"))
     if wheels is None or craft is None or guide is None or orbit is None:
         return
-    if not all(craft.interface.elements(x) for x in ("inertia", "residual_dipole_body")):
+    if not craft.interface.arrays.keys() >= {"inertia", "residual_dipole_body"}:
         return
-    if guide.interface.model not in ("guidance_nadir", "guidance_inertial") or not all(
-        wheels.interface.elements(x) for x in ("inertia_wheel", "speed_limit", "axes_wheel")
-    ):  # fmt: skip
+    if guide.interface.model not in ("guidance_nadir", "guidance_inertial") or not (
+        wheels.interface.arrays.keys() >= {"inertia_wheel", "speed_limit", "axes_wheel"}
+    ):
         return
-    spin = np.array(_values(wheels, "inertia_wheel"))
-    axes = np.reshape(_values(wheels, "axes_wheel"), (3, 4))[:, spin > 0.0]
+    spin = np.array(wheels.values["inertia_wheel"])
+    axes = np.reshape(wheels.values["axes_wheel"], (3, 4))[:, spin > 0.0]
     if not axes.size or _left_out(axes):
         return  # which is said
-    has = float(spin[spin > 0.0].min()) * number_of(wheels, "speed_limit")
+    has = float(spin[spin > 0.0].min()) * wheels.values["speed_limit"]
     nadir = guide.interface.model == "guidance_nadir"
-    q = _values(guide, "q_bo" if nadir else "q_target_bi")
-    xx, xy, xz, yx, yy, yz, zx, zy, zz = _values(craft, "inertia")
-    dipole, turned = _values(craft, "residual_dipole_body"), matrices(np.array([q]))[0]
+    q = guide.values["q_bo" if nadir else "q_target_bi"]
+    xx, xy, xz, yx, yy, yz, zx, zy, zz = craft.values["inertia"]
+    dipole, turned = craft.values["residual_dipole_body"], matrices(np.array([q]))[0]
     brings = cyclic.momentum(nadir, *orbit, (xx, xy, xz, yx, yy, yz, zx, zy, zz),
                              dipole, turned)  # fmt: skip
     if (needs := cyclic.fullest(axes, brings)) > has:
@@ -62,31 +61,31 @@ def _orbit(environment: Component | None) -> tuple[float, float] | None:
     names = environment.interface.signals if environment is not None else {}
     if environment is None or "inclination" not in names:
         return None
-    if "eccentricity" in names and number_of(environment, "eccentricity") > ROUND:
+    if "eccentricity" in names and environment.values["eccentricity"] > ROUND:
         return None
-    inclination = number_of(environment, "inclination")
+    inclination = environment.values["inclination"]
     if "mean_motion" in names:
-        return number_of(environment, "mean_motion"), inclination
+        return environment.values["mean_motion"], inclination
     if "altitude" in names:
-        return mean_motion(EARTH_RADIUS + number_of(environment, "altitude")), inclination
-    if choice_of(environment, "orbit_start") == "state":
+        return mean_motion(EARTH_RADIUS + environment.values["altitude"]), inclination
+    if environment.choice("orbit_start") == "state":
         return None
-    return mean_motion(number_of(environment, "semi_major_axis")), inclination
+    return mean_motion(environment.values["semi_major_axis"]), inclination
 
 
 def _axes(system: System) -> Iterator[str]:
     if not any(c.input.partition("[")[0] == "tau_ctrl_body" for c in system.connections):
         return  # nobody wants three axes: a boom, a bias wheel
     for c in system.components.values():
-        if c.interface.role != "wheels" or not c.interface.elements("axes_wheel"):
+        if c.interface.role != "wheels" or "axes_wheel" not in c.interface.arrays:
             continue
-        there = np.array(_values(c, "inertia_wheel")) > 0.0
-        axes = np.reshape(_values(c, "axes_wheel"), (3, 4))
+        there = np.array(c.values["inertia_wheel"]) > 0.0
+        axes = np.reshape(c.values["axes_wheel"], (3, 4))
         if lost := _left_out(axes[:, there]):
             yield (f"{c.name}: {int(there.sum())} wheels: none turns the craft about {lost}, which "
                    "the controller wants")  # fmt: skip
             continue
-        failed, since = choice_of(c, "failed"), number_of(c, "failed_from")
+        failed, since = c.choice("failed"), c.values["failed_from"]
         if failed.isdecimal() and since < system.stop:
             there[int(failed) - 1] = False
             if lost := _left_out(axes[:, there]):
@@ -104,7 +103,3 @@ def _left_out(axes: NDArray[np.float64]) -> str:
         return "two axes"
     normal = left[:, 2] * np.sign(left[np.argmax(np.abs(left[:, 2])), 2]) + 0.0
     return "(" + ", ".join(f"{x:.3g}" for x in normal) + ")"
-
-
-def _values(component: Component, name: str) -> list[float]:
-    return [number_of(component, s.name) for s in component.interface.elements(name)]

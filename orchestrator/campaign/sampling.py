@@ -30,7 +30,6 @@ from ..language.content import dispersed
 from ..language.scenario import Dispersion
 from ..system.draft import Draft
 from ..system.errors import DesatError, nearest
-from ..system.interface import base_name
 
 Sampling = Literal["random", "latin-hypercube", "sobol", "saltelli"]
 SAMPLINGS: tuple[str, ...] = get_args(Sampling)
@@ -72,9 +71,9 @@ def _size(system: Draft, name: str) -> int:
     component = system.component(owner, f"{system.where}: dispersions")
     if size := len(component.elements(variable)):
         return size
-    signals = component.interface.of("parameter") if component.interface else ()
+    signals = component.interface.parameters if component.interface else ()
     raise DesatError(f"{system.where}: dispersions: {name}: no such parameter"
-                     f"{nearest(variable, {base_name(s.name) for s in signals})}")  # fmt: skip
+                     f"{nearest(variable, {s.array for s in signals})}")  # fmt: skip
 
 
 def _random(system: Draft, name: str, spec: Dispersion, seed: int, draw: int) -> Any:

@@ -15,7 +15,6 @@ from ..system.check import check
 from ..system.errors import DesatError
 from ..system.model import System
 from ..system.options import Options
-from ..system.parameters import choice_of
 from . import Design, kinds
 from .origin import TABLE, asked, computed, draft_of, made_of, owner
 
@@ -66,7 +65,7 @@ def _no_kind(system: System) -> str:
     if manager is not None:
         what = f" for {manager.interface.model}"
         for signal in manager.interface.elements("law"):
-            what += f" {choice_of(manager, signal.name)}"
+            what += f" {manager.choice(signal.name)}"
     return f"no design{what}; there is one for {names}"
 
 

@@ -39,10 +39,8 @@ from desat.fmus.registry import block_class
 from ..files.scenario import Scenario
 from ..system.check import check
 from ..system.errors import DesatError
-from ..system.interface import base_name
 from ..system.model import Component, System
 from ..system.options import Options
-from ..system.parameters import choice_of, value_of
 from . import Design
 from .origin import asked as asked_of
 from .origin import draft_of
@@ -185,7 +183,7 @@ def _coils(course: offline.Course, x: offline.Optimum) -> Any:
 def _lost(manager: Component, course: offline.Course, turns: Any) -> list[offline.Course | None]:
     """The course with coil 1, 2, 3 or 4 lost; None where the coils left do not span space, or the
     weighting is not of coils."""
-    if choice_of(manager, "weighting") != "coils":
+    if manager.choice("weighting") != "coils":
         return [None] * 4
     courses: list[offline.Course | None] = []
     known = laws.without(_value(manager, "axes_coil"), int(_value(manager, "dead_coil")))
@@ -205,12 +203,12 @@ def _course(system: System, dt: float, count: int) -> tuple[offline.Course, floa
     scaled = _value(manager, "inertia_scale") * np.array(_value(manager, "inertia"))
     inertia: Any = tuple(float(x) for x in scaled)
     live = laws.without(_value(manager, "axes_coil"), int(_value(manager, "dead_coil")))
-    kind, axes_wheel = choice_of(manager, "weighting"), _value(manager, "axes_wheel")
+    kind, axes_wheel = manager.choice("weighting"), _value(manager, "axes_wheel")
     axes = axes_wheel if kind == "wheels" else live
     s = np.eye(3) if kind == "identity" else np.reshape(laws.weighting(axes), (3, 3))
     size, wheels = 2 * count + 1, np.linalg.pinv(np.reshape(axes_wheel, (3, 4)))
     field, gravity, turns = np.empty((size, 3)), np.empty((size, 3)), np.empty((size, 3, 3))
-    rate, igrf = 0.0, choice_of(system.components["environment"], "field") == "igrf"
+    rate, igrf = 0.0, system.components["environment"].choice("field") == "igrf"
     for k in range(size):  # begin, middle and end of each sample
         t = system.start + 0.5 * k * dt
         r, v = (environment.to_eci(x) for x in environment.motion(t))
@@ -247,7 +245,7 @@ def _bare(component: Component) -> Any:
 
 def _value(component: Component, name: str) -> Any:
     """A parameter; an array as a tuple."""
-    values = tuple(value_of(component, s.name) for s in component.interface.elements(name))
+    values = tuple(component.values[s.name] for s in component.interface.elements(name))
     return values[0] if values and component.interface.elements(name)[0].name == name else values
 
 
@@ -270,10 +268,10 @@ def made_for(system: System) -> float:
         component = system.components.get(name)
         if component is None:
             continue
-        for signal in component.interface.of("parameter"):
-            base = base_name(signal.name)
+        for signal in component.interface.parameters:
+            base = signal.array
             if base in wanted if wanted is not None else base != "sample_time":
-                about[f"{name}.{signal.name}"] = value_of(component, signal.name)
+                about[f"{name}.{signal.name}"] = component.values[signal.name]
     digest = hashlib.sha256(json.dumps(about, sort_keys=True).encode()).hexdigest()
     return float(int(digest[:12], 16))
 

@@ -31,7 +31,7 @@ from ..system.check import check
 from ..system.errors import DesatError, nearest
 from ..system.model import Component
 from ..system.options import Options
-from ..system.parameters import choice_of, expand, value_of
+from ..system.parameters import expand
 from .origin import draft_of
 
 Array = NDArray[np.floating[Any]]
@@ -123,8 +123,8 @@ class Plant:
         """A parameter of the manager; a choice by its name."""
         signals = self.manager.interface.elements(name)
         if signals[0].choices:
-            return choice_of(self.manager, signals[0].name)
-        values = [value_of(self.manager, s.name) for s in signals]
+            return self.manager.choice(signals[0].name)
+        values = [self.manager.values[s.name] for s in signals]
         return values if signals[0].name != name else values[0]
 
     def fly(self, **parameters: Any) -> Flight:

@@ -12,7 +12,6 @@ from scipy.optimize import brentq
 from ..engine.instances.base import ComponentError
 from ..system.errors import DesatError
 from ..system.model import System
-from ..system.parameters import choice_of
 from . import Design
 from .plant import Array, Flight, Plant
 
@@ -26,7 +25,7 @@ def flies(system: System, model: str, law: str = "") -> bool:
     manager = system.components.get("manager")
     if manager is None or manager.interface.model != model:
         return False
-    return (choice_of(manager, "law") if "law" in manager.interface.signals else "") == law
+    return (manager.choice("law") if "law" in manager.interface.signals else "") == law
 
 
 def of_flight(

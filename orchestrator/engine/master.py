@@ -33,7 +33,6 @@ from ..system.errors import DesatError
 from ..system.interface import KINDS, Kind, Signal
 from ..system.model import Component, Connection, System
 from ..system.options import ALGORITHMS, Algorithm
-from ..system.parameters import value_of
 from ..system.schedule import Rates, Schedule, graded
 from .current_call import (
     ENTER,
@@ -204,10 +203,10 @@ class Master:
         """A component with the outputs that are read of it, not yet placed."""
         name = component.name
         read = {c.output for c in self.system.connections if c.source == name}
-        pairs = [(s.name, s.slope) for s in component.interface.of("output") if s.slope]
+        pairs = [(s.name, s.slope) for s in component.interface.outputs if s.slope]
         read |= {end for pair in pairs if read & set(pair) for end in pair}
         slots: dict[Kind, list[Slot]] = {kind: [] for kind in KINDS}
-        for s in component.interface.of("output"):
+        for s in component.interface.outputs:
             if s.kind in KINDS and (s.name in read or watched(name, s)):
                 interval = self.schedule.classes[name, s.name] == "interval"
                 slots[s.kind].append(Slot(name, s, s.kind, interval))
@@ -250,7 +249,7 @@ class Master:
         inner = len(self._rates.parts) > 1 and member.every == 1
         if not inner or "sample_time" not in member.component.interface.signals:
             return given
-        return {**given, "sample_time": value_of(member.component, "sample_time") or self.step_size}
+        return {**given, "sample_time": member.component.values["sample_time"] or self.step_size}
 
     def home(self, member: Member, kind: Kind) -> Array:
         """Where a member pulls its outputs of a type into."""

@@ -88,7 +88,7 @@ class _Reader:
         self.stop_here()
         wiring = self.wiring()
         for owner, interface in self.interfaces.items():
-            for name in names(interface, "input"):
+            for name in dict.fromkeys(s.array for s in interface.inputs):
                 self.feed(owner, name, wiring)
         for component in self.result.components.values():
             self.list_connectors(component)
@@ -239,12 +239,12 @@ class _Reader:
 
     def list_connectors(self, component: DraftComponent) -> None:
         """List what is wired of a component, as an SSD does."""
+        own = self.interfaces[component.name]
         wired = {c.input for c in self.result.connections if c.target == component.name}
         wired |= {c.output for c in self.result.connections if c.source == component.name}
         component.connectors = {
             s.name: Connector(s.name, s.causality, s.kind, line=component.line)
-            for causality in ("input", "output")
-            for s in self.interfaces[component.name].of(causality)
+            for s in (*own.inputs, *own.outputs)
             if s.name in wired
         }
 

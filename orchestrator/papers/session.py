@@ -67,7 +67,7 @@ class Sources:
         system, _ = prepare(name, Options()).or_raise()
         outputs = {
             f"{c.name}.{s.series}"
-            for c in system.components.values() for s in c.interface.of("output")
+            for c in system.components.values() for s in c.interface.outputs
         }  # fmt: skip
         content = said(system.about)
         needed = [n for n in self._named if n in outputs] + needed_signals(content)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import inspect
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any, get_args, get_origin
 
@@ -17,7 +17,7 @@ from ..files.merge import origin
 from ..files.scenario import Scenario
 from ..numbers.measures import LATE, MEASURES
 from ..system.errors import DesatError, nearest
-from ..system.interface import Signal, base_name
+from ..system.interface import Signal
 from ..system.resolve import resolve
 from . import validation
 
@@ -183,7 +183,7 @@ def blocks(what: str | None) -> tuple[str, list[dict[str, str]]]:
         interface = known[what]
         rows = []
         for kind in ("parameter", "input", "output"):
-            for name in dict.fromkeys(base_name(s.name) for s in interface.of(kind)):
+            for name in dict.fromkeys(s.array for s in interface.of(kind)):
                 elements = interface.elements(name)
                 first = elements[0]
                 rows.append({
@@ -219,7 +219,7 @@ def _laws(block: type[Block]) -> str:
     return "\n".join(lines)
 
 
-def _start(elements: list[Signal]) -> str:
+def _start(elements: Sequence[Signal]) -> str:
     values = [s.named(s.start) for s in elements]
     text = str(values[0]) if len(set(map(str, values))) == 1 else ", ".join(map(str, values))
     return text if len(text) <= 40 else f"{text[:39]}…"

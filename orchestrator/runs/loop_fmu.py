@@ -21,10 +21,9 @@ from ..engine.master import Master
 from ..files import io
 from ..language.content import said
 from ..system.errors import DesatError, nearest
-from ..system.interface import KINDS, Signal, base_name
+from ..system.interface import KINDS, Signal
 from ..system.model import Component, System
 from ..system.options import Options
-from ..system.parameters import value_of
 from ..system.schedule import schedule
 from . import inner_choice
 from .prepare import prepare
@@ -193,9 +192,9 @@ def _matching(
     ]  # fmt: skip  # a part that fails ends the loop, whose own output `fault` tells
     found: dict[tuple[str, str], Signal] = {}
     for pattern in patterns:
-        hits = [(n, s) for n, s in known if fnmatchcase(f"{n}.{base_name(s.name)}", pattern)]
+        hits = [(n, s) for n, s in known if fnmatchcase(f"{n}.{s.array}", pattern)]
         if not hits:
-            names = dict.fromkeys(f"{n}.{base_name(s.name)}" for n, s in known)
+            names = dict.fromkeys(f"{n}.{s.array}" for n, s in known)
             raise DesatError(f"{option} {pattern}: {system.name} has no {causality} of this name"
                              f"{nearest(pattern, names)}")  # fmt: skip
         found |= {(n, s.name): s for n, s in hits}
@@ -218,14 +217,14 @@ def _variables(
     open_ = _matching(system, wanted.inputs, "input", "--inputs", wanted.without)
     for name, signal in open_:
         if (name, signal.name) in fed:
-            raise DesatError(f"--inputs {name}.{base_name(signal.name)}: something in the loop "
+            raise DesatError(f"--inputs {name}.{signal.array}: something in the loop "
                              "feeds it")  # fmt: skip
 
     def start(name: str, signal: Signal) -> Scalar:
         if (name, signal.name) in live:
             value = live[name, signal.name].item()
         else:
-            value = value_of(system.components[name], signal.name)
+            value = system.components[name].values[signal.name]
         number = float(value or 0)
         return number if signal.kind == "Real" else (
             bool(number) if signal.kind == "Boolean" else int(number))  # fmt: skip
@@ -233,7 +232,7 @@ def _variables(
     def grouped(of: list[tuple[str, Signal]], causality: str) -> Iterator[Scalars]:
         arrays: dict[str, list[tuple[str, Signal]]] = {}
         for name, signal in of:
-            arrays.setdefault(f"{name}.{base_name(signal.name)}", []).append((name, signal))
+            arrays.setdefault(f"{name}.{signal.array}", []).append((name, signal))
         for array, elements in arrays.items():
             elements.sort(key=lambda e: e[1].reference)
             yield Scalars(
@@ -259,11 +258,11 @@ def _shared(
     base = name.removeprefix("shared.")
     owners = [
         (n, c) for n, c in system.components.items() if n not in without
-        and any(base_name(s.name) == base and s.shared for s in c.interface.of("parameter"))
+        and any(s.array == base and s.shared for s in c.interface.parameters)
     ]  # fmt: skip
     if not owners:
-        known = {f"shared.{base_name(s.name)}" for c in system.components.values()
-                 for s in c.interface.of("parameter") if s.shared}  # fmt: skip
+        known = {f"shared.{s.array}" for c in system.components.values()
+                 for s in c.interface.parameters if s.shared}  # fmt: skip
         raise DesatError(f"--parameters {name}: no component shares it{nearest(name, known)}")
     first = sorted(owners[0][1].interface.elements(base), key=lambda s: s.reference)
     return Scalars(

@@ -30,7 +30,7 @@ from ..language.content import said
 from ..language.scenario import StopWhen
 from ..system.errors import DesatError, nearest
 from ..system.expression import factor, product
-from ..system.interface import Signal, base_name
+from ..system.interface import Signal
 from ..system.model import System
 from ..system.parameters import table, unit_of
 
@@ -96,7 +96,7 @@ def _signal(system: System, name: str) -> Signal:
         raise DesatError(f"stop_when.signal: no component {owner}{hint}")
     elements = component.interface.elements(variable)
     if not elements or elements[0].causality != "output" or elements[0].series != variable:
-        known = {s.series for s in component.interface.of("output")}
+        known = {s.series for s in component.interface.outputs}
         hint = nearest(variable, known)
         raise DesatError(f"stop_when.signal: {owner} has no output {variable}{hint}")
     return elements[0]
@@ -104,7 +104,7 @@ def _signal(system: System, name: str) -> Signal:
 
 def _reaches(signal: Signal, value: Any) -> int:
     """The number that the signal is to have."""
-    where = f"stop_when.reaches: got {value!r}; {base_name(signal.name)} is"
+    where = f"stop_when.reaches: got {value!r}; {signal.array} is"
     if signal.kind == "Real":
         raise DesatError(f"{where} a Real, which has below and above")
     if (signal.kind == "Boolean") != isinstance(value, bool):

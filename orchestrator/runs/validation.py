@@ -6,7 +6,7 @@ from __future__ import annotations
 import inspect
 import re
 import shutil
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from copy import deepcopy
 from math import inf
 from pathlib import Path
@@ -179,7 +179,7 @@ def numbers(content: Content, system: System) -> list[tuple[Keys, str]]:
     """What is wrong with the numbers that a scenario wants of a resolved system."""
     units = {
         f"{c.name}.{s.series}": s.unit_name
-        for c in system.components.values() for s in c.interface.of("output")
+        for c in system.components.values() for s in c.interface.outputs
     }  # fmt: skip
     return problems(content, units, table(system.components.values()))
 
@@ -239,7 +239,7 @@ def _named(value: Any) -> list[str]:
 
 def _elements(
     system: Draft | System, name: str, causalities: tuple[str, ...]
-) -> list[Signal] | str:
+) -> Sequence[Signal] | str:
     """The elements of `component.variable`, or what is wrong with the name; none where the
     component's FMU is missing, which is said elsewhere."""
     owner, _, variable = name.partition(".")
@@ -247,7 +247,7 @@ def _elements(
     if component is None:
         return f"no component {owner}{nearest(owner, system.components)}"
     if component.interface is None:
-        return []
+        return ()
     elements = component.interface.elements(variable)
     if not elements or elements[0].causality not in causalities or (
         elements[0].causality == "output" and elements[0].series != variable
@@ -274,7 +274,7 @@ def _series(content: Content, system: Draft | System) -> Iterator[tuple[Keys, st
     for path, key, entry in entries:
         ends = [_elements(system, signal, ("output",)) for signal in entry.signals]
         yield from (((*path, key), problem) for problem in ends if isinstance(problem, str))
-        known = [e for e in ends if isinstance(e, list) and e]
+        known = [e for e in ends if not isinstance(e, str) and e]
         first = isinstance(entry, Number) or entry.derive
         for what, text in _entry(entry, known[:1] if first else known):
             yield (*path, what), text
@@ -286,7 +286,7 @@ def _series(content: Content, system: Draft | System) -> Iterator[tuple[Keys, st
                     yield ("plots", name, "limits"), problem
 
 
-def _entry(entry: Number | Plot, signals: list[list[Signal]]) -> Iterator[tuple[str, str]]:
+def _entry(entry: Number | Plot, signals: Sequence[Sequence[Signal]]) -> Iterator[tuple[str, str]]:
     """What of a number or plot does not fit the elements of its signals: key and text."""
     quantity, number = derived.of_entry(entry), entry if isinstance(entry, Number) else None
     own = number and (number.measure in OWN_UNIT or number.percent_of is not None)
@@ -328,7 +328,7 @@ def _dispersions(content: Content, system: Draft) -> Iterator[tuple[Keys, str]]:
 
 
 def _misfit(
-    system: Draft, owner: str, variable: str, elements: list[Signal], spec: Dispersion
+    system: Draft, owner: str, variable: str, elements: Sequence[Signal], spec: Dispersion
 ) -> str:
     kind = spec.kind
     given = getattr(spec, kind)
@@ -377,7 +377,7 @@ _BYTES = {"Real": 8, "Integer": 4, "Boolean": 4}
 
 def recording_problems(system: System, options: Options) -> Iterator[str]:
     """A line for each pattern that no output fits, and for rows too rare to be any."""
-    outputs = [(c.name, s) for c in system.components.values() for s in c.interface.of("output")]
+    outputs = [(c.name, s) for c in system.components.values() for s in c.interface.outputs]
     for pattern in options.record:
         if pattern != "*" and not any(selects([pattern], name, signal) for name, signal in outputs):
             known = {f"{name}.{s.series}" for name, s in outputs}
@@ -424,7 +424,7 @@ def size(system: System, options: Options) -> int:
     """What the series of a run to its stop time take (bytes) before any row is left out."""
     row = 8 + sum(
         _BYTES[s.kind]
-        for c in system.components.values() for s in c.interface.of("output")
+        for c in system.components.values() for s in c.interface.outputs
         if s.kind in KINDS and selects(options.record, c.name, s)
     )  # fmt: skip
     return row * (system.steps + 1)

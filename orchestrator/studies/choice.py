@@ -273,7 +273,7 @@ def _flown(options: Options, source: Source, system: System) -> Run:
         if parts := analysis.applies(system):
             wanted.update(analysis.balanced(parts))
     there = {f"{c.name}.{s.series}" for c in system.components.values()
-             for s in c.interface.of("output")}  # fmt: skip
+             for s in c.interface.outputs}  # fmt: skip
     return simulate(prepare(source, replace(options, record=tuple(sorted(wanted & there)))))
 
 

@@ -21,10 +21,9 @@ from ..analyses.needs import instead
 from ..runs.prepare import Case, Source, prepare
 from ..system.errors import DesatError, nearest
 from ..system.expression import product, values_of
-from ..system.interface import base_name
 from ..system.model import Component, System
 from ..system.options import Options
-from ..system.parameters import Parameter, table, value_of
+from ..system.parameters import Parameter, table
 from ..system.sensors import KNOWN, noise_of
 
 ROLE = "manager"
@@ -89,7 +88,7 @@ def _law_of(component: Component) -> Law | None:
 
     def chosen(law: Law) -> bool:
         choices = {k: v for k, v in law.gains.items() if k in signals and signals[k].choices}
-        return all(signals[k].named(value_of(component, k)) == v for k, v in choices.items())
+        return all(signals[k].named(component.values[k]) == v for k, v in choices.items())
 
     return laws[0] if len(laws) == 1 else next(filter(chosen, laws), None)
 
@@ -201,7 +200,7 @@ def _known(system: System, own: Component, terms: Terms) -> dict[str, Any]:
     rate = BANDWIDTH * terms.orbit_rate
     if law is not None and law.rate:
         unit = product(str(law.gains[law.rate]), with_rate(1.0))[0]
-        rate = float(str(value_of(own, law.rate))) / unit or rate
+        rate = float(str(own.values[law.rate])) / unit or rate
     return with_rate(rate)
 
 
@@ -243,15 +242,15 @@ def _gains(
         text = f"{rule} = {number:.4g} {elements[0].unit_name}".removesuffix(" 1")
         yield key, number if key in signals else [number] * len(elements), text
     if component.interface.model != own.interface.model:
-        follows = {base_name(s.name): s.follows for s in component.interface.of("parameter")
-                   if s.follows and base_name(s.name) not in law.gains}  # fmt: skip
+        follows = {s.array: s.follows for s in component.interface.parameters
+                   if s.follows and s.array not in law.gains}  # fmt: skip
         for key, text in follows.items():
             try:
                 given = list(values_of(component, key, text, known).values())
             except DesatError:
                 continue  # the craft has none
             yield key, given[0] if key in signals else given, text
-    if "sample_time" in signals and not value_of(component, "sample_time"):
+    if "sample_time" in signals and not component.values["sample_time"]:
         coils = known.get("torquers", {}).get("sample_time")
         sample = float(coils.value) if coils is not None and coils.value else SAMPLE
         yield "sample_time", sample, f"{sample:g} s"

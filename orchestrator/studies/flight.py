@@ -26,7 +26,7 @@ from ..analyses import motion
 from ..numbers.derived import coil_impulse, cross, rotate_back
 from ..system.errors import DesatError
 from ..system.model import Component, System
-from ..system.parameters import Parameter, table, value_of
+from ..system.parameters import Parameter, table
 
 Array = NDArray[Any]
 ROLES = ("environment", "spacecraft", "torquers", "manager")
@@ -332,7 +332,7 @@ def environment_block(component: Component, changes: Mapping[str, Any] | None = 
     block = block_class(model)()
     for signal in component.interface.signals.values():
         if signal.causality == "parameter":
-            block.access([signal.reference]).write([value_of(component, signal.name)])
+            block.access([signal.reference]).write([component.values[signal.name]])
     for name, value in (changes or {}).items():
         if not hasattr(block, name):
             raise DesatError(f"{model} has no {name}")

@@ -22,7 +22,6 @@ from desat.components.maths.attitude import rotate
 from desat.fmus.registry import block_class, names
 
 from ..system.model import Component
-from ..system.parameters import value_of
 from .fitting import law_name
 from .flight import Flight
 
@@ -75,13 +74,13 @@ def law_of(component: Component) -> Law:
     if model not in names():
         raise UnsuitedError("it is no block of ours")
     values = {
-        s.reference: value_of(component, s.name) for s in component.interface.signals.values()
+        s.reference: component.values[s.name] for s in component.interface.signals.values()
         if s.causality == "parameter"
     }  # fmt: skip
     block = block_class(model)()
     for reference, value in values.items():
         block.access([reference]).write([value])
-    target = [value_of(component, f"h_target_body[{i}]") for i in (1, 2, 3)]
+    target = [component.values[f"h_target_body[{i}]"] for i in (1, 2, 3)]
     return law_by(block, law_name(component), np.array(target, float))
 
 

@@ -34,7 +34,6 @@ from desat.components.physics.rotor import friction
 from ..system.errors import DesatError
 from ..system.interface import base_name
 from ..system.model import System
-from ..system.parameters import value_of
 
 # ------------------------------------------------------------------------------------------------
 # What the monolithic reference knows: blocks, parameters, wires; all else it refuses by name
@@ -141,15 +140,13 @@ class Values:
         """The values of a parameter, or of an input's start, as floats in a tuple."""
         component = self._system.components[role]
         assert component.interface is not None
-        values: list[Any] = [
-            value_of(component, s.name) for s in component.interface.elements(name)
-        ]
+        values: list[Any] = [component.values[s.name] for s in component.interface.elements(name)]
         return tuple(float(x) for x in values)
 
     def has(self, role: str, name: str) -> bool:
         """True when a role's block declares a variable."""
         component = self._system.components[role]
-        return component.interface is not None and bool(component.interface.elements(name))
+        return component.interface is not None and name in component.interface.arrays
 
     def one(self, role: str, name: str) -> float:
         """The value of a scalar parameter; of a choice its number."""
@@ -172,13 +169,13 @@ class Values:
             assert component.interface is not None
             free = {*known.used.split(), *known.idle.split()}
             for signal in component.interface.signals.values():
-                name = base_name(signal.name)
+                name = signal.array
                 given = signal.causality == "parameter" or signal.name in component.parameters
                 if not given or name in free:
                     continue
                 wanted, value = (
                     known.fixed.get(name, signal.start),
-                    value_of(component, signal.name),
+                    component.values[signal.name],
                 )
                 if value != wanted:
                     yield f"needs {role}.{signal.name} = {wanted}, it is {value}"

@@ -43,7 +43,6 @@ from ..system import asked
 from ..system.errors import DesatError
 from ..system.model import Component, System
 from ..system.options import Options
-from ..system.parameters import value_of
 from .fitting import Terms, fitting, prepared, terms_of
 from .flight import (
     Attitude,
@@ -613,7 +612,7 @@ def size(
     if wishes.flown and 0.0 < least < inf:
         curve = _beside(curve, recommended, source, options, system, own, least, progress)
     component = system.components["manager"]
-    bias = [value_of(component, f"h_target_body[{i}]") for i in (1, 2, 3)]
+    bias = [component.values[f"h_target_body[{i}]"] for i in (1, 2, 3)]
     needed, lasts = _wheels(flight, hardware, torque, cyclic, np.array(bias, float))
     where = geometry(flight, hardware, able, torque, least)
     slew = _slew(hardware, wishes)

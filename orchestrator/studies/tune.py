@@ -27,7 +27,6 @@ from ..runs.prepare import Source, prepare, read
 from ..runs.run import Options
 from ..system.errors import DesatError, nearest
 from ..system.interface import Signal, names
-from ..system.parameters import value_of
 
 SPAN = 10.0
 """Without a range: so many times below and above the craft's own value."""
@@ -197,7 +196,7 @@ def _parameter(source: Source, options: Options, name: str) -> tuple[Signal, flo
         raise DesatError(f"{name}: it is no Real: {', '.join(signal.choices) or signal.kind}")
     if drawn := overridden(source.to_draw(options.blocks), name):
         raise DesatError(f"{name}: {drawn[0]} is drawn, and so cannot be tuned")
-    return signal, float(str(value_of(component, variable)))
+    return signal, float(str(component.values[variable]))
 
 
 def _number(content: Content, system: Any, number: str, target: str) -> None:

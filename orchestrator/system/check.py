@@ -13,9 +13,9 @@ from desat.fmus.registry import block_class, names
 from .draft import Draft
 from .errors import DesatError, nearest
 from .expression import named, values_of
-from .interface import Signal, base_name, computers, of_block
+from .interface import base_name, computers, of_block
 from .model import Component, System
-from .parameters import table, value_of
+from .parameters import table
 from .refusal import REFUSES, told
 from .resolve import resolve
 from .schedule import Schedule, schedule
@@ -80,8 +80,8 @@ def _inputs(system: System) -> Iterator[str]:
                 yield (f"{system.where}:{connector.line}: {c.name}.{name} is listed, but has "
                        "neither a connection nor a value")  # fmt: skip
         arrays: dict[str, list[str]] = defaultdict(list)
-        for signal in c.interface.of("input"):
-            arrays[base_name(signal.name)].append(signal.name)
+        for signal in c.interface.inputs:
+            arrays[signal.array].append(signal.name)
         for elements in arrays.values():
             missing = [e for e in elements if (c.name, e) not in wired and e not in c.parameters]
             if 0 < len(missing) < len(elements):
@@ -112,10 +112,10 @@ def _shared(system: System, checked: Checked) -> None:
     err: dict[tuple[str, str], str] = {}
     # the craft first: a computer's model is of it
     for c in sorted(system.components.values(), key=lambda c: c.interface.role in computers()):
-        for signal in c.interface.of("parameter"):
+        for signal in c.interface.parameters:
             if not signal.shared:
                 continue
-            value, name = value_of(c, signal.name), base_name(signal.name)
+            value, name = c.values[signal.name], signal.array
             owner, other = values.setdefault(signal.name, (c.name, value))
             if value == other:
                 continue
@@ -139,7 +139,7 @@ def _follows(system: System, draft: Draft) -> Iterator[str]:
     known |= {c.interface.role: known[c.name] for c in system.components.values()
               if c.name in known and c.interface.role not in known}  # fmt: skip
     for c in system.components.values():
-        for name, text in {base_name(s.name): s.follows for s in c.interface.of("parameter")
+        for name, text in {s.array: s.follows for s in c.interface.parameters
                            if s.follows}.items():  # fmt: skip
             if name in draft.components[c.name].references:
                 continue
@@ -148,7 +148,7 @@ def _follows(system: System, draft: Draft) -> Iterator[str]:
             except DesatError:  # that craft has none, or several that differ
                 continue
             signals = c.interface.elements(name)
-            own = [float(str(value_of(c, s.name))) for s in signals]
+            own = [float(str(c.values[s.name])) for s in signals]
             ends = [known[owner][p] for owner, _, p in (n.partition(".") for n in named(text))]
             given = any(s.name in c.parameters for s in signals) or any(e.given for e in ends)
             least = 1e-9 * max(map(abs, usual))
@@ -176,7 +176,7 @@ def _samples(system: System) -> Iterator[str]:
         step = system.step * c.decimation
         names = [n for n in c.interface.signals if n.endswith("sample_time") or n == "delay"]
         for name in names if "sample_time" in names else ():
-            sample = value_of(c, name)
+            sample = c.values[name]
             ratio = float(sample) / step if isinstance(sample, (int, float)) else 0.0
             if ratio and (ratio < 1.0 - 1e-9 or abs(ratio - round(ratio)) > 1e-6):
                 yield (f"{system.where}: {c.name}.{name} = {sample:g} s is not a multiple of "
@@ -229,8 +229,8 @@ def unwired(system: System) -> dict[str, Unwired]:
     result = {}
     for c in system.components.values():
         given = {base_name(name) for name in c.parameters}
-        inputs = dict.fromkeys(base_name(s.name) for s in c.interface.of("input"))
-        outputs = dict.fromkeys(base_name(s.name) for s in c.interface.of("output"))
+        inputs = dict.fromkeys(s.array for s in c.interface.inputs)
+        outputs = dict.fromkeys(s.array for s in c.interface.outputs)
         result[c.name] = Unwired(
             tuple(n for n in inputs if (c.name, n) not in wired and n not in given),
             tuple(n for n in outputs if (c.name, n) not in read and n != "fault"),
@@ -243,12 +243,12 @@ def without_effect(system: System, open_ends: dict[str, Unwired]) -> Iterator[st
     wired = {(c.target, base_name(c.input)) for c in system.connections}
     for c in system.components.values():
         mine = open_ends[c.name]
-        needed_by = {base_name(s.name): s.needed_by for s in c.interface.signals.values()}
+        needed_by = {name: of[-1].needed_by for name, of in c.interface.arrays.items()}
         for name in (*mine.inputs_at_default, *mine.outputs_unread):
             for other in needed_by[name]:
                 if (c.name, other) in wired:
                     user = f"{c.name}.{other} is wired and"
-                elif any(_values(c, c.interface.elements(other))):
+                elif any(c.values[s.name] for s in c.interface.elements(other)):
                     user = f"{c.name}.{other}{_value_text(c, other)}"
                 else:
                     continue
@@ -260,16 +260,12 @@ def without_effect(system: System, open_ends: dict[str, Unwired]) -> Iterator[st
                 yield f"{system.where}: {user} needs {name}, {lack}"
 
 
-def _values(c: Component, signals: list[Signal]) -> list[object]:
-    return [c.parameters.get(s.name, s.start) for s in signals]
-
-
 def _value_text(c: Component, name: str) -> str:
     """` = value` of a scalar, a choice by its name; nothing for an array."""
     signal = c.interface.signals.get(name)
     if signal is None:
         return ""
-    value = _values(c, [signal])[0]
+    value = c.values[name]
     if not signal.choices and isinstance(value, bool):
         return f" = {str(value).lower()}"
     return f" = {signal.named(value)}"
@@ -293,7 +289,7 @@ def foreseen(system: System, open_ends: dict[str, Unwired]) -> tuple[list[str], 
             continue
         ends = open_ends[c.name]
         left = {*ends.inputs_at_default, *ends.outputs_unread}
-        wired = frozenset({base_name(s.name) for s in c.interface.signals.values()} - left)
+        wired = frozenset(c.interface.arrays.keys() - left)
         given = tuple((c.interface.signals[n].reference, x) for n, x in c.parameters.items())
         lines, refusal = _of_block(c.interface.model, given, system.start, system.stop, wired)
         for line in lines:

@@ -29,6 +29,7 @@ from .model import Connection, System
 FORM = "2"
 """Of the digest, before a colon: digests of another form are of no use to each other."""
 
+_FOLLOWS = "follows from the others"
 _OF_CODE = "is of what computes it, which stands beside"
 ASIDE: Mapping[str, Mapping[str, str]] = {
     "System": {
@@ -48,6 +49,11 @@ ASIDE: Mapping[str, Mapping[str, str]] = {
     },
     "Interface": {
         "title": "a text",
+        "arrays": _FOLLOWS,
+        "inputs": _FOLLOWS,
+        "outputs": _FOLLOWS,
+        "parameters": _FOLLOWS,
+        "slopes": _FOLLOWS,
     },
     "Signal": {
         "description": "a text",
@@ -59,6 +65,8 @@ ASIDE: Mapping[str, Mapping[str, str]] = {
         "shared": "values that differ are refused, or said",
         "usual": "a value outside of it is said",
         "needed_by": "what is missing is refused",
+        "array": _FOLLOWS,
+        "series": _FOLLOWS,
     },
     "Options": {
         "sets": "in the resolved system",

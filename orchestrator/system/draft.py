@@ -129,7 +129,7 @@ class Draft:
         """Give a parameter to every component that has it; what is wrong becomes problems."""
         owners = self.having(name)
         if not owners:
-            known = {base_name(s.name) for i in self.interfaces() for s in i.of("parameter")}
+            known = {s.array for i in self.interfaces() for s in i.parameters}
             text = f"no component has a parameter {name}{nearest(name, known)}"
             self.problems.append(f"{where}: shared: {text}")
         for component in owners:
@@ -166,7 +166,7 @@ def drop_unwanted(draft: Draft, component: DraftComponent) -> None:
     if component.interface is None:
         return
     name, signals = component.name, component.interface.signals
-    fmu, bases = PurePath(component.source).name, component.interface.variables
+    fmu, bases = PurePath(component.source).name, component.interface.arrays
     unwanted = [c for c in draft.connections if c.target == name and c.input not in signals]
     if unwanted:
         whole = {base_name(c.input) for c in unwanted}.difference(bases)
@@ -178,7 +178,7 @@ def drop_unwanted(draft: Draft, component: DraftComponent) -> None:
     ]
     if any(c.source == name and c not in missing for c in draft.connections):
         for output, reads in sorted(_by_output(missing).items()):
-            hint = nearest(output, {base_name(s.name) for s in component.interface.of("output")})
+            hint = nearest(output, {s.array for s in component.interface.outputs})
             draft.warnings.append(
                 f"{name}: {fmu} has no output {output}{hint}: {', '.join(reads)} "
                 f"keep{'s' if len(reads) == 1 else ''} the start value"
@@ -206,7 +206,7 @@ def adopt_shared(draft: Draft, component: DraftComponent) -> None:
     """Give a replaced component the craft's values of the shared parameters that nobody gave it,
     in place of its own defaults, which are another craft's."""
     shared = {
-        base_name(s.name) for s in component.interface.of("parameter") if s.shared
+        s.array for s in component.interface.parameters if s.shared
     } if component.interface else set()  # fmt: skip
     given = {base_name(name) for name in component.parameters} | component.references.keys()
     for name in sorted(shared - given):

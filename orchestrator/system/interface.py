@@ -6,9 +6,9 @@ Read from an FMU's model description (`files/fmu.py`) or from a bare block; both
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Iterable
-from dataclasses import dataclass, replace
-from functools import cache, cached_property, lru_cache
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from functools import cache, lru_cache
 from itertools import product
 from typing import Any, Literal
 
@@ -60,10 +60,15 @@ class Signal:
     alone: bool = False
     """An output that is recorded under its own name: its array is not numbered from 1 in order."""
 
-    @property
-    def series(self) -> str:
-        """The variable whose series it is recorded in."""
-        return self.name if self.alone else base_name(self.name)
+    array: str = field(init=False, repr=False, compare=False)
+    """The variable that it is an element of; itself, where it is none."""
+    series: str = field(init=False, repr=False, compare=False)
+    """The variable whose series it is recorded in."""
+
+    def __post_init__(self) -> None:
+        array = self.name.partition("[")[0]
+        object.__setattr__(self, "array", array)
+        object.__setattr__(self, "series", self.name if self.alone else array)
 
     def named(self, value: Any) -> Any:
         """The name of a value, where it is a choice; else the value."""
@@ -80,40 +85,37 @@ class Interface:
     signals: dict[str, Signal]
     role: str = ""
     fmi: str = "2.0"
+    arrays: Mapping[str, tuple[Signal, ...]] = field(init=False, repr=False, compare=False)
+    """The scalars of each variable by its name: of an array its elements."""
+    inputs: tuple[Signal, ...] = field(init=False, repr=False, compare=False)
+    outputs: tuple[Signal, ...] = field(init=False, repr=False, compare=False)
+    parameters: tuple[Signal, ...] = field(init=False, repr=False, compare=False)
+    slopes: frozenset[str] = field(init=False, repr=False, compare=False)
+    """The outputs that are the slope of a mean."""
 
-    def of(self, causality: str) -> tuple[Signal, ...]:
-        """The signals of one causality."""
-        return self._by_causality.get(causality, ())
-
-    @cached_property
-    def _by_causality(self) -> dict[str, tuple[Signal, ...]]:
-        found: dict[str, list[Signal]] = {}
-        for signal in self.signals.values():
-            found.setdefault(signal.causality, []).append(signal)
-        return {causality: tuple(signals) for causality, signals in found.items()}
-
-    def elements(self, name: str) -> list[Signal]:
-        """The scalar `name`, or the elements `name[...]` of an array; empty when unknown."""
-        if name in self.signals:
-            return [self.signals[name]]
-        return list(self._arrays.get(name, ()))
-
-    @property
-    def variables(self) -> Collection[str]:
-        """The names of all variables, arrays by theirs."""
-        return self._arrays.keys()
-
-    @cached_property
-    def _arrays(self) -> dict[str, list[Signal]]:
+    def __post_init__(self) -> None:
+        """Sort the signals, once."""
         arrays: dict[str, list[Signal]] = {}
-        for signal in self.signals.values():
-            arrays.setdefault(base_name(signal.name), []).append(signal)
-        return arrays
+        sides: dict[str, list[Signal]] = {"input": [], "output": [], "parameter": []}
+        for s in self.signals.values():
+            arrays.setdefault(s.array, []).append(s)
+            sides.setdefault(s.causality, []).append(s)
+        found = {
+            "arrays": {name: tuple(of) for name, of in arrays.items()},
+            **{f"{side}s": tuple(sides[side]) for side in ("input", "output", "parameter")},
+            "slopes": frozenset(s.slope for s in self.signals.values() if s.slope),
+        }
+        for name, value in found.items():
+            object.__setattr__(self, name, value)
 
-    @cached_property
-    def slopes(self) -> frozenset[str]:
-        """The outputs that are the slope of a mean."""
-        return frozenset(s.slope for s in self.signals.values() if s.slope)
+    def of(self, causality: str) -> Iterator[Signal]:
+        """The signals of one causality."""
+        return (s for s in self.signals.values() if s.causality == causality)
+
+    def elements(self, name: str) -> tuple[Signal, ...]:
+        """The scalar `name`, or the elements `name[...]` of an array; empty when unknown."""
+        signal = self.signals.get(name)
+        return self.arrays.get(name, ()) if signal is None else (signal,)
 
 
 def apart(outputs: Iterable[Signal]) -> dict[str, Signal]:
@@ -124,7 +126,7 @@ def apart(outputs: Iterable[Signal]) -> dict[str, Signal]:
     arrays: dict[str, list[tuple[int, Signal]]] = {}
     for signal in outputs:
         place = counts[signal.kind] = counts.get(signal.kind, 0) + 1
-        arrays.setdefault(base_name(signal.name), []).append((place, signal))
+        arrays.setdefault(signal.array, []).append((place, signal))
     return {
         s.name: replace(s, alone=True) for elements in arrays.values()
         if not _in_order(elements) for _, s in elements
@@ -134,7 +136,7 @@ def apart(outputs: Iterable[Signal]) -> dict[str, Signal]:
 def _in_order(elements: list[tuple[int, Signal]]) -> bool:
     """Whether these are x, or x[1], x[2], ... or x[1,1], x[1,2], ... one behind the other."""
     first, signal = elements[0]
-    base = base_name(signal.name)
+    base = signal.array
     if [s.name for _, s in elements] == [base]:
         return True
     found = [re.fullmatch(r"\[(\d+(?:,\d+)*)\]", s.name.removeprefix(base)) for _, s in elements]
@@ -207,7 +209,7 @@ def computers() -> frozenset[str]:
 
 def names(interface: Interface, causality: str) -> dict[str, None]:
     """The variables of one causality, arrays by their names."""
-    return dict.fromkeys(base_name(s.name) for s in interface.of(causality))
+    return dict.fromkeys(s.array for s in interface.of(causality))
 
 
 def elements(interface: Interface, name: str, causality: str) -> dict[str, Signal]:
@@ -215,7 +217,7 @@ def elements(interface: Interface, name: str, causality: str) -> dict[str, Signa
     return {
         s.name.removeprefix(name): s
         for s in interface.elements(name)
-        if s.causality == causality and base_name(s.name) == name
+        if s.causality == causality and s.array == name
     }
 
 

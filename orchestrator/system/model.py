@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 from typing import Any, Literal, Protocol
 
@@ -104,6 +105,23 @@ class Component:
     line: int = 0
     given: Mapping[str, str] = field(default_factory=dict, compare=False, repr=False)
     """Who gave a variable its value: name -> file and key, or option."""
+
+    @cached_property
+    def values(self) -> Mapping[str, Any]:
+        """The value of each variable, in its own unit: the scenario's, or the start value of its
+        declaration. An array stands by its name with the list of its elements, and each of these
+        by its own."""
+        found: dict[str, Any] = {}
+        for name, signals in self.interface.arrays.items():
+            values = [self.parameters.get(s.name, s.start) for s in signals]
+            found.update(zip([s.name for s in signals], values, strict=True))
+            if name not in found:
+                found[name] = values
+        return found
+
+    def choice(self, name: str) -> str:
+        """The choice that a parameter with choices has, by its name; its value as text without."""
+        return str(self.interface.signals[name].named(self.values[name]))
 
 
 class Told(Protocol):

@@ -15,7 +15,7 @@ from desat.components.contract.block import Scalar
 from desat.components.contract.units import Unit, conversion
 
 from .errors import DesatError, nearest
-from .interface import Interface, Signal, base_name
+from .interface import Interface, Signal
 from .model import Component
 
 
@@ -73,7 +73,7 @@ def expand(interface: Interface, name: str, value: Any, where: str) -> dict[str,
     signal = interface.signals.get(name)
     signals = interface.elements(name) if signal is None else [signal]
     if not signals:
-        known = {base_name(s.name) for c in ("parameter", "input") for s in interface.of(c)}
+        known = {s.array for c in ("parameter", "input") for s in interface.of(c)}
         raise DesatError(f"{where} has no variable {name}{nearest(name, known)}")
     if signals[0].causality not in ("parameter", "input"):
         raise DesatError(f"{where}.{name} is an {signals[0].causality}: it cannot be set")
@@ -147,22 +147,6 @@ def _within(signal: Signal, value: float, where: str) -> float:
     return value
 
 
-def value_of(component: Component, name: str) -> object:
-    """The value of a parameter: the scenario's, or the start value of its declaration."""
-    return component.parameters.get(name, component.interface.signals[name].start)
-
-
-def number_of(component: Component, name: str) -> float:
-    """The value of a Real, Integer or Boolean parameter or input, as a number."""
-    return float(value_of(component, name))  # type: ignore[arg-type]
-
-
-def choice_of(component: Component, name: str) -> str:
-    """The choice that a parameter with choices has, by its name; its value as text without."""
-    choices, value = component.interface.signals[name].choices, value_of(component, name)
-    return choices[value] if choices and isinstance(value, int) else str(value)
-
-
 @dataclass(frozen=True)
 class Parameter:
     """A parameter of a component as people read it."""
@@ -182,7 +166,7 @@ def table(components: Iterable[Component]) -> dict[str, dict[str, Parameter]]:
         elements: dict[str, list[Signal]] = {}
         for s in c.interface.signals.values():
             if s.causality == "parameter" or s.name in c.parameters:
-                elements.setdefault(base_name(s.name), []).append(s)
+                elements.setdefault(s.array, []).append(s)
         if elements:
             parameters[c.name] = {name: _parameter(c, name, of) for name, of in elements.items()}
     return parameters

@@ -167,7 +167,7 @@ class Schedule:
 
 def output_class(system: System, component: str, signal: Signal) -> OutputClass:
     """The class of an output: a scenario's override, else what its component declares."""
-    for name in (signal.name, base_name(signal.name)):
+    for name in (signal.name, signal.array):
         if override := system.output_classes.get(f"{component}.{name}"):
             return override
     return signal.output_class
@@ -178,7 +178,7 @@ def schedule(system: System) -> Schedule:
     in a circle, and where means cannot be handed on between components of different rates."""
     classes: dict[tuple[str, str], OutputClass] = {}
     for name, component in system.components.items():
-        for signal in component.interface.of("output"):
+        for signal in component.interface.outputs:
             classes[name, signal.name] = output_class(system, name, signal)
     silent = {key for key, of in classes.items() if of == "undeclared"}
     classes |= dict.fromkeys(silent, "interval")

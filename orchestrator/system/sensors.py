@@ -5,7 +5,6 @@ from __future__ import annotations
 from math import hypot, sqrt
 
 from .model import Component, System
-from .parameters import number_of
 
 KNOWN = {"h_noise": "N.m.s", "rate_noise": "rad/s", "attitude_noise": "rad"}
 """Standard deviations at each sample, by the names that managers' parameters have, and units."""
@@ -29,6 +28,4 @@ def noise_of(system: System) -> dict[str, float]:
 
 
 def _of(component: Component | None, name: str) -> float:
-    if component is None or name not in component.interface.signals:
-        return 0.0
-    return number_of(component, name)
+    return 0.0 if component is None else float(component.values.get(name, 0.0))

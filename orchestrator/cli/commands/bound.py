@@ -57,4 +57,4 @@ def _by_coils(target: str) -> bool:
             return "axes_coil" in run.manifest.values_of("manager")
     system, _ = prepare(target, Options()).or_raise()
     manager = system.components.get("manager")
-    return manager is not None and bool(manager.interface.elements("axes_coil"))
+    return manager is not None and "axes_coil" in manager.interface.arrays
