@@ -189,7 +189,7 @@ def main() -> int:
         a, b = before.get(name), now.get(name)
         if a != b:
             differing += 1
-            if differing <= 40:
+            if differing <= 200:
                 print(f"DIFFERS: {name}")
                 for line in _differences(a, b):
                     print(f"    {line[:400]}")

@@ -95,7 +95,8 @@ def checked(name: str = "f/t-a") -> str:
     try:
         found = scenario.find(name)
         draft = found.draft(blocks=True)
-        draft.problems += validation.words(found) or validation.names(found, draft)
+        wrong = validation.content_problems(found.content, draft.components)
+        draft.problems += [f"{found.where(path)}: {text}" for path, text in wrong]
     except DesatError as error:
         return str(error)
     return "\n".join(draft.problems)
@@ -467,7 +468,8 @@ def test_all_of_ours_are_sound():
     for name in [
         n for n in good if n.endswith(("-1", "dumping", "nadir", "cross-product", "full"))
     ]:
-        problems += validation.names(good[name], good[name].draft(blocks=True))
+        components = good[name].draft(blocks=True).components
+        problems += validation.content_problems(good[name].content, components)
     assert problems == []
 
 

@@ -19,8 +19,8 @@ and what of these it has:
     def figures(manifest, results) -> [(caption, Figure)]
     def remarks(manifest, results) -> list of lines # what to beware of
 
-and one that has `warnings(system) -> [line]` says what to beware of in a checked system, one that
-has `problems(system) -> [line]` what stands against running it.
+What to beware of in a checked system (`warnings(system) -> lines`), and what stands against running
+it (`problems(system) -> lines`), are functions beside these; `runs/prepare.py` lists them.
 """
 
 from __future__ import annotations
@@ -34,7 +34,6 @@ from types import ModuleType
 from typing import Any, Self
 
 from ..numbers.text import Value
-from ..system.model import System
 
 
 @dataclass(frozen=True)
@@ -72,36 +71,17 @@ class Analysis:
 
 
 @cache
-def _modules() -> tuple[ModuleType, ...]:
-    found = (m.name for m in pkgutil.walk_packages(__path__, f"{__name__}."))
-    return tuple(
-        importlib.import_module(name) for name in sorted(found, key=lambda n: n.split(".")[::-1])
-    )
-
-
-@cache
 def analyses() -> tuple[Analysis, ...]:
     """The analyses that there are, by the names of their files."""
-    return tuple(Analysis(m) for m in _modules() if hasattr(m, "applies"))
+    found = (m.name for m in pkgutil.walk_packages(__path__, f"{__name__}."))
+    names = sorted(found, key=lambda n: n.split(".")[::-1])
+    modules = (importlib.import_module(name) for name in names)
+    return tuple(Analysis(m) for m in modules if hasattr(m, "applies"))
 
 
 def titled(rows: Mapping[str, tuple[str, float | None, str]]) -> dict[str, Value]:
     """Numbers of title, value and unit; what is not known is left out."""
     return {name: Value(*row) for name, row in rows.items() if row[1] is not None}
-
-
-def warnings(system: System) -> list[str]:
-    """What to beware of in a checked system, a line each."""
-    return _lines("warnings", system)
-
-
-def problems(system: System) -> list[str]:
-    """What stands against running a checked system, a line each."""
-    return _lines("problems", system)
-
-
-def _lines(kind: str, system: System) -> list[str]:
-    return [line for m in _modules() if hasattr(m, kind) for line in getattr(m, kind)(system)]
 
 
 def not_checked(reasons: Mapping[str, str]) -> list[str]:

@@ -31,16 +31,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from ..engine.master import Master
 from ..engine.node import Kept
 from ..engine.recording.results import Results
-from ..figures.canvas import Figure
-from ..figures.plots import timeline
-from ..figures.style import COLOURS, figure, time_axis
 from ..numbers.derived import rotate_back
 from ..numbers.text import Value
 from ..system.expression import Table
@@ -50,6 +47,10 @@ from ..system.schedule import graded
 from . import motion, not_checked, residual
 from .manifest import Manifest
 from .motion import NODES, WEIGHTS, Array, Steps
+
+if TYPE_CHECKING:
+    from ..figures.canvas import Figure
+
 
 KEY = "energy"
 BOUND = 1e-6
@@ -344,6 +345,9 @@ def figures(manifest: Manifest, results: Results) -> list[tuple[str, Figure]]:
     balanced = balance(manifest, results)
     if balanced is None:
         return []
+    from ..figures.plots import timeline  # heavy, and only for a report
+    from ..figures.style import COLOURS, figure, time_axis
+
     fig, ax = figure()
     seconds, unit = time_axis(balanced.times)
     ax.plot(balanced.times / seconds, balanced.mismatch, COLOURS[0], name="mismatch")

@@ -44,7 +44,7 @@ SMALL, ALIKE = 1e-3, 0.01
 as a share of what there would be without management, which is estimated."""
 ACROSS = 1e-3
 """A target across the orbit's normal by more than this share of its size turns with the craft."""
-_OF_WHEELS = {"saturated_wheel", "speed_wheel"}
+_OF_WHEELS = ("saturated_wheel", "speed_wheel")
 Array = NDArray[Any]
 
 
@@ -86,7 +86,7 @@ def applies(system: System) -> Parts | None:
             continue
         wheels = target(manager, "tau_cmd_wheel[1]")
         if wheels and not (
-            system.components[wheels].interface.arrays.keys() >= _OF_WHEELS
+            system.components[wheels].interface.arrays.keys() >= set(_OF_WHEELS)
         ):  # fmt: skip
             wheels = None
         law = system.components[manager]

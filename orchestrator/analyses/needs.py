@@ -13,6 +13,7 @@ from desat.fmus.registry import block_class, names
 
 from ..system.interface import base_name
 from ..system.model import Component, System
+from ..system.options import Options
 
 ROWS = 64
 """An array of more elements is a table."""
@@ -37,11 +38,11 @@ def problems(system: System) -> Iterator[str]:
                 yield f"{system.where}: {c.name}: {c.interface.model} needs {need.value}; {has}"
 
 
-def undesigned(system: System) -> Iterator[str]:
+def undesigned(system: System, options: Options) -> Iterator[str]:
     """A line where a manager of ours needs tables made for one craft and has none: of one that is
     put in another's place, as a design is made with a manager that has none yet. Tables that say
     what they are made for are looked at where they are made (`designs.momentum_tables`)."""
-    for c in system.components.values():
+    for c in system.components.values() if options.sources else ():
         if c.interface.role != "manager" or c.interface.model not in names():
             continue
         if "made_for" in c.interface.signals:

@@ -10,21 +10,22 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from math import lcm
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..engine.recording.results import Results
-from ..figures.canvas import Figure
-from ..figures.plots import timeline
-from ..figures.style import COLOURS, figure, time_axis
 from ..numbers.derived import rotate_back
 from ..numbers.text import Value
 from ..system.model import System
 from ..system.parameters import Parameter
 from . import Parts as Named
 from .manifest import Manifest
+
+if TYPE_CHECKING:
+    from ..figures.canvas import Figure
+
 
 Array = NDArray[np.float64]
 KEY = "rigid_body"
@@ -155,6 +156,9 @@ def figures(manifest: Manifest, results: Results) -> list[tuple[str, Figure]]:
 
 def plot(times: Array, residual: Array, results: Results) -> Figure:
     """The residual over time, over the strips of the run's modes."""
+    from ..figures.plots import timeline  # heavy, and only for a report
+    from ..figures.style import COLOURS, figure, time_axis
+
     fig, ax = figure()
     seconds, unit = time_axis(times)
     for i, axis in enumerate("xyz"):

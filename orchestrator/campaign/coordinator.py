@@ -19,7 +19,7 @@ from ..analyses import analyses
 from ..files.io import LOCK, claimed
 from ..language.content import Content, dispersed, said
 from ..runs.manifest import write_json
-from ..runs.prepare import Case, Source, prepare
+from ..runs.prepare import Case, Target, prepare
 from ..runs.prepare import read as read_source
 from ..system.errors import DesatError, Exit, RunError, nearest
 from ..system.options import Options
@@ -118,7 +118,7 @@ def _power(count: int) -> int:
     return 1 << (count - 1).bit_length()
 
 
-def _first(source: Source, options: Options, values: dict[str, Any]) -> Case:
+def _first(source: Target, options: Options, values: dict[str, Any]) -> Case:
     """The first case. Raises DesatError where it is none."""
     case = prepare(source, replace(options, values=values))
     try:
@@ -126,7 +126,7 @@ def _first(source: Source, options: Options, values: dict[str, Any]) -> Case:
         return case
     except DesatError as error:
         prepare(source, options).or_raise()  # not only of what is drawn
-        raise DesatError(f"{source.target}: case 0: {error}") from error
+        raise DesatError(f"{source.text}: case 0: {error}") from error
 
 
 def run(

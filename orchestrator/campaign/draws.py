@@ -17,7 +17,7 @@ from ..analyses.manifest import Stopped
 from ..language.content import Content, overridden, said
 from ..numbers.numbers import late, ranked
 from ..numbers.statistics import median_interval
-from ..runs.prepare import Source, prepare, read, varied
+from ..runs.prepare import Target, prepare, read, varied
 from ..runs.run import Options, Run, simulate
 from ..system.draft import Draft
 from ..system.errors import DesatError, Exit, RunError
@@ -67,8 +67,8 @@ class One:
     """Makes runs of sources, by target: each is read once a process. (They are not sent to those
     that start: what is larger than a pipe blocks where one ends before it has read it.)"""
 
-    def __init__(self, *known: Source) -> None:
-        self._known = {source.target: source for source in known}
+    def __init__(self, *known: Target) -> None:
+        self._known = {source.text: source for source in known}
 
     def __call__(
         self, target: str, options: Options, seed: int, draw: int | None
@@ -79,12 +79,12 @@ class One:
         return one(self._known[target], options, seed, draw)
 
 
-def one(source: Source, options: Options, seed: int, draw: int | None) -> RunRow:
+def one(source: Target, options: Options, seed: int, draw: int | None) -> RunRow:
     """A run with the values drawn (`draw` None: nothing is).
 
     Raises DesatError, which names target and draw, for one that could not begin or was stopped.
     """
-    target = source.target
+    target = source.text
     values = {} if draw is None else drawn(source.to_draw(options.blocks), seed, draw)
     try:
         return replace(ran(source, options, values), number=draw)
@@ -95,7 +95,7 @@ def one(source: Source, options: Options, seed: int, draw: int | None) -> RunRow
 
 
 def ran(
-    source: Source, options: Options, values: dict[str, Any], also: Sequence[str] = (),
+    source: Target, options: Options, values: dict[str, Any], also: Sequence[str] = (),
     look: Callable[[Run], None] = lambda run: None,
 ) -> RunRow:  # fmt: skip
     """A run with some values, at which `look` may look; recorded is what the numbers are made of,
@@ -107,7 +107,7 @@ def ran(
         case = replace(case, options=replace(case.options, record=needed))
     run = simulate(case)
     if run.code > STOPPED:
-        run.or_raise(source.target)
+        run.or_raise(source.text)
     told = run.manifest
     # requirements are of all draws or cases together, not of one
     code = Exit.COMPLETED if run.ok and not told.unmet else run.code
@@ -163,7 +163,7 @@ def needed_signals(content: Content) -> list[str]:
 
 def rows_of(
     tasks: Sequence[tuple[str, Options, int, int | None]], jobs: int, title: str, progress: bool,
-    *known: Source,
+    *known: Target,
 ) -> list[RunRow]:  # fmt: skip
     """The row (`one`) of each task, over so many processes; `known`: sources read before.
 
@@ -195,7 +195,7 @@ def rows_of(
 
 
 def draws(
-    target: str | Source, count: int, seed: int, options: Options, jobs: int = 2,
+    target: str | Target, count: int, seed: int, options: Options, jobs: int = 2,
     progress: bool = False, first: int = 0,
 ) -> dict[str, Any]:  # fmt: skip
     """Run the draws from `first` to before `count` and return rows and, for each number, median,
@@ -204,7 +204,7 @@ def draws(
     Draw i of a seed is the same whatever the count and the number of processes.
     """
     source = read(target) if isinstance(target, str) else target
-    target, system = source.target, source.to_draw(options.blocks)
+    target, system = source.text, source.to_draw(options.blocks)
     if not said(system.about).dispersions:
         raise DesatError(f"{target}: it has no [dispersions], so there is nothing to draw")
     whole_numbers(target, seed=(seed, 0), count=(count, first + 1))
@@ -326,7 +326,7 @@ def sweep(
     }  # fmt: skip
 
 
-def _warnings(source: Source, axes: Mapping[str, Sequence[Any]], options: Options) -> list[str]:
+def _warnings(source: Target, axes: Mapping[str, Sequence[Any]], options: Options) -> list[str]:
     """The warnings of each value beside the others' first. Raises DesatError for what is wrong."""
     first = {name: values[0] for name, values in axes.items()}
     tried = [first, *({**first, name: v} for name, values in axes.items() for v in values[1:])]

@@ -15,7 +15,7 @@ from typing import Any
 
 from ..language.content import dispersed
 from ..numbers.statistics import clopper_pearson
-from ..runs.prepare import Source
+from ..runs.prepare import Target
 from ..runs.prepare import read as read_source
 from ..runs.run import Options
 from ..system.errors import DesatError
@@ -50,13 +50,13 @@ def paired(
 
 
 def common(
-    one: Source, another: Source, seed: int, options: Options, plain: Options
+    one: Target, another: Target, seed: int, options: Options, plain: Options
 ) -> dict[str, list[str]]:  # fmt: skip
     """The names that two systems both draw, as `drawn_in_both`, and those that only one draws.
 
     Raises DesatError where there is none of the former, or one is drawn in another way.
     """
-    target, other = one.target, another.target
+    target, other = one.text, another.text
     systems = one.to_draw(options.blocks), another.to_draw(plain.blocks)
     ours, theirs = (dispersed(s) for s in systems)
     names = sorted(ours.keys() & theirs.keys())

@@ -12,7 +12,7 @@ from typing import Any
 
 from ..files.identity import of_system, other, versions
 from ..runs.manifest import write_json
-from ..runs.prepare import Source, resolved
+from ..runs.prepare import Target, resolved
 from ..runs.prepare import read as read_source
 from ..system.digest import comparable
 from ..system.draft import Draft
@@ -172,14 +172,14 @@ def _short(value: Any) -> str:
     return text if len(text) < 80 else f"{text[:77]}..."
 
 
-def source(plan: Plan) -> Source:
+def source(plan: Plan) -> Target:
     """What a campaign's system is read from, read once a process. Raises DesatError where there is
     none."""
     return _source(plan.target, plan.digest)
 
 
 @lru_cache(maxsize=2)
-def _source(target: str, digest: str) -> Source:
+def _source(target: str, digest: str) -> Target:
     return read_source(target)
 
 
@@ -188,7 +188,7 @@ def system(plan: Plan) -> Draft:
     return source(plan).to_draw(plan.options.blocks)
 
 
-def digest_of(target: str | Source, options: Options) -> str:
+def digest_of(target: str | Target, options: Options) -> str:
     """The digest of a system before anything is drawn: of all that a row depends on beside seed,
     number and sampling. Raises DesatError where it cannot be had."""
     system, design = resolved(target, options)

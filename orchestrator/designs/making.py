@@ -16,7 +16,7 @@ from ..system.errors import DesatError
 from ..system.model import System
 from ..system.options import Options
 from . import Design, kinds
-from .origin import TABLE, asked, computed, draft_of, made_of, owner
+from .origin import TABLE, asked, computed, draft_of, made_of, owner, system_of
 
 PACKAGES = ("desat", "numpy", "scipy")
 COMMON = ("of", "assume", "each_draw")
@@ -110,7 +110,12 @@ def text(scenario: Scenario, made: Design, options: Options | None = None) -> st
         *(_assignment(name, value) for name, value in made.parameters.items()),
     ]
     without = {f"{made.component}.{k}" for k in made.parameters}
-    return "\n".join(lines) + "\n" + origin_text(made_of(scenario, options or Options(), without))
+    system = system_of(scenario, options or Options())
+    made_from = made_of(scenario, system, without)
+    for given in options.sources if options else ():
+        name, _, source = given.partition("=")
+        made_from[f"source.{name}"] = Path(source).stem
+    return "\n".join(lines) + "\n" + origin_text(made_from)
 
 
 def origin_text(values: dict[str, Any]) -> str:
@@ -165,7 +170,7 @@ def stamp(scenario: Scenario) -> bool:
         if not np.abs(now - kept).max() <= ROUNDING * np.abs(kept).max():
             return False
     content = scenario.design.read_text(encoding="utf-8").partition(f"\n[{TABLE}]\n")[0]
-    origin = origin_text(made_of(scenario, Options(), computed(file)))
+    origin = origin_text(made_of(scenario, system_of(scenario, Options()), computed(file)))
     replace_text(scenario.design, content + origin)
     return True
 

@@ -18,8 +18,9 @@ from ..files.reader import design
 from ..files.scenario import Scenario, find
 from ..language.scenario import Design, DesignFile
 from ..system.draft import Draft
+from ..system.errors import DesatError
 from ..system.interface import base_name
-from ..system.model import Connection
+from ..system.model import Connection, System
 from ..system.options import Options
 from ..system.parameters import parse_assignment, table
 from ..system.resolve import resolve
@@ -50,35 +51,39 @@ LONGEST = 12
 """An array longer than this is kept as a digest."""
 
 
+def system_of(scenario: Scenario, options: Options) -> System:
+    """The system that a scenario's design is made for, resolved, whatever FMU the options put in a
+    place. Raises DesatError where it cannot be."""
+    found = resolve(draft_of(scenario, replace(options, sources=[])))
+    if found.system is None:
+        raise DesatError("\n".join(found.problems))
+    return found.system
+
+
 def made_of(
-    scenario: Scenario, options: Options, without: set[str], known: Container[str] | None = None
+    scenario: Scenario, system: System, without: set[str], known: Container[str] | None = None
 ) -> dict[str, Any]:
-    """What a scenario's design is made of, `component.parameter` -> value and more; `without` the
-    parameters that it computes. A choice stands by its name. With `known`, parameters that are
-    neither in it nor given by anybody are left out: a block has got them since."""
-    draft = draft_of(scenario, replace(options, sources=[]))
-    found = resolve(draft)
-    wiring = sorted(map(_wire, found.system.connections if found.system else draft.connections))
+    """What a scenario's design is made of, `component.parameter` -> value and more, where it is
+    made for this system; `without` the parameters that it computes. A choice stands by its name.
+    With `known`, parameters that are neither in it nor given by anybody are left out: a block has
+    got them since."""
     values: dict[str, Any] = {
-        "start": draft.start,
-        "stop": draft.stop,
-        "step": draft.step,
-        **({"inner": draft.inner} if draft.inner != 1 else {}),
-        "wiring": _digest(wiring),
+        "start": system.start,
+        "stop": system.stop,
+        "step": system.step,
+        **({"inner": system.inner} if system.inner != 1 else {}),
+        "wiring": _digest(sorted(map(_wire, system.connections))),
         **{f"design.{k}": v for k, v in asked(scenario).written.items() if k != "assume"},
     }
     if end := asked(scenario).end_of:
         other = find(f"{scenario.family}/{end}")
         given = other.parameters()
-        values["end_of"] = _digest([made_of(other, Options(), set()), given])
-    for c in draft.components.values():
+        values["end_of"] = _digest([made_of(other, system_of(other, Options()), set()), given])
+    for c in system.components.values():
         values[f"source.{c.name}"] = Path(c.source).stem
         if c.decimation > 1:
             values[f"decimation.{c.name}"] = c.decimation
-    for text in options.sources:
-        name, _, source = text.partition("=")
-        values[f"source.{name}"] = Path(source).stem
-    for name, rows in table(found.components.values()).items():
+    for name, rows in table(system.components.values()).items():
         for k, entry in rows.items():
             if known is None or entry.given or f"{name}.{k}" in known:
                 values[f"{name}.{k}"] = _kept(entry.value)
@@ -129,9 +134,9 @@ def computed(file: DesignFile) -> set[str]:
     return {f"{name}.{k}" for name, values in file.parameters.items() for k in values}
 
 
-def warnings(scenario: Scenario, options: Options) -> list[str]:
-    """What to say of a run of a scenario, with these options, that uses a kept design made for
-    other values: with the command that makes one for them."""
+def warnings(scenario: Scenario, options: Options, system: System) -> list[str]:
+    """What to say of a run of a scenario that uses a kept design made for other values: with the
+    command that makes one for them. `system`: the one that runs, with these options."""
     if scenario.design is None or not scenario.design.exists():
         return []
     file = design(scenario.design)
@@ -140,7 +145,11 @@ def warnings(scenario: Scenario, options: Options) -> list[str]:
     if not file.made_of:
         return [f"{scenario.name}: its design does not say what it was made from; {again} does"]
     before, without = file.made_of, computed(file)
-    now = made_of(other, fitting, without, before)
+    apart = other is not scenario or fitting.sources or asked(other).assume
+    now = made_of(other, system_of(other, fitting) if apart else system, without, before)
+    for text in fitting.sources:
+        name, _, source = text.partition("=")
+        now[f"source.{name}"] = Path(source).stem
     differing = [
         f"{key} = {_short(before.get(key))}, now {_short(now.get(key))}"
         for key in dict.fromkeys([*before, *now])
@@ -148,7 +157,7 @@ def warnings(scenario: Scenario, options: Options) -> list[str]:
     ]
     lines = []
     if differing:
-        if made_of(other, Options(), without, before) == before:
+        if made_of(other, system_of(other, Options()), without, before) == before:
             again = f"`desat run {scenario.name} ... --design now` makes one for these"
         else:
             again += " makes it again"

@@ -23,7 +23,8 @@ from desat.fmus import meaning, registry
 from ..system.draft import Draft, DraftComponent
 from ..system.errors import DesatError, nearest
 from ..system.interface import Interface, of_block
-from ..system.model import Component, Fmu
+from ..system.model import Component, Fmu, System
+from ..system.options import Options
 from . import io, own, paths
 from .fmu import description_of, faults, of_fmu
 from .io import contents, regular, text
@@ -393,26 +394,27 @@ def _ours() -> dict[int, list[Path]]:
     return by_size
 
 
-def told_faults(components: Iterable[Component]) -> Iterator[str]:
+def told_faults(system: System) -> Iterator[str]:
     """A line for each foreign FMU whose model description breaks the standard, with the first of
     its faults."""
-    for c in components:
+    for c in system.components.values():
         if c.fmu is not None and (found := c.fmu.faults):
             more = f" ({len(found) - 1} more)" if len(found) > 1 else ""
             yield f"{c.name}: {c.fmu.path.name}: not as FMI wants it: {found[0][:300]}{more}"
 
 
-def told_unused(components: Iterable[Component]) -> Iterator[str]:
+def told_unused(system: System) -> Iterator[str]:
     """A line for each FMU with variables of a type that is not handed on."""
-    for c in components:
+    for c in system.components.values():
         if names := [s.name for s in c.interface.signals.values() if s.kind == "Binary"]:
             more = f" and {len(names) - 3} more" if len(names) > 3 else ""
             yield f"{c.name}: Binary variables are not handed on: {', '.join(names[:3])}{more}"
 
 
-def problems(components: Iterable[Component], trusted: frozenset[str] | None) -> Iterator[str]:
+def problems(system: System, options: Options) -> Iterator[str]:
     """A line for each FMU that has no code for this platform or, with a list, is not of it."""
-    for c in components:
+    trusted = options.trusted
+    for c in system.components.values():
         if c.fmu is None or c.fmu.ours:
             continue
         fmu = c.fmu

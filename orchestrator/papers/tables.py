@@ -22,7 +22,7 @@ from ..files.identity import PACKAGES
 from ..files.scenario import Scenario, find, scenarios
 from ..numbers.text import number
 from ..report.report import render, write_page
-from ..runs.validation import words
+from ..runs.validation import word_problems
 from ..system.errors import DesatError, Exit, RunError
 from ..system.options import Options
 from .comparison import Numbers, Row, Share, Spread, counted, rows_of
@@ -40,7 +40,11 @@ def rows(
     those that are not among them are left out, and `stored.outdated` names them.
     """
     given = {n: s for n, s in scenarios(family).items() if s.content.entries}
-    if wrong := [line for s in given.values() for line in words(s)]:
+    if wrong := [
+        f"{s.where(path)}: {text}"
+        for s in given.values()
+        for path, text in word_problems(s.content)
+    ]:
         raise DesatError("\n".join(dict.fromkeys(wrong)))
     if not given:
         raise DesatError(f"{family}: no scenario has paper values")

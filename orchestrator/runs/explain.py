@@ -29,23 +29,27 @@ def readable(
     False: as far as their files say without the system that they describe."""
     good, lines = scenario.readable(family)
     for name in list(good):
-        wrong = validation.words(good[name]) or _design(good[name])
-        if wrong := wrong or (_of_system(good[name]) if of_systems else []):
+        wrong = _design(good[name])
+        if wrong := wrong or _of_content(good[name], of_systems):
             lines += wrong
             del good[name]
     return good, list(dict.fromkeys(lines))
 
 
-def _of_system(given: Scenario) -> list[str]:
-    """What is wrong with a scenario's system on bare blocks, and with what it names of it."""
+def _of_content(given: Scenario, of_systems: bool) -> list[str]:
+    """What is wrong with what a scenario says, and with its system on bare blocks."""
+    if not of_systems:
+        wrong = validation.word_problems(given.content)
+        return [f"{given.where(path)}: {text}" for path, text in wrong]
     try:
         draft = given.draft(blocks=True)
     except DesatError as error:
         return str(error).splitlines()
-    if wrong := draft.problems or validation.names(given, draft):
-        return wrong
+    if draft.problems:
+        return draft.problems
     system = resolve(draft).system
-    return [] if system is None else validation.wants(given, system)
+    wrong = validation.content_problems(given.content, draft.components, system)
+    return [f"{given.where(path)}: {text}" for path, text in wrong]
 
 
 def _design(given: Scenario) -> list[str]:

@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 from desat.components.contract.block import Scalar
 
-from ..analyses import problems, warnings
+from ..analyses import accounts, coverage, energy, firings, fixed, management, needs, wheels
 from ..analyses.manifest import Manifest
-from ..analyses.needs import undesigned
 from ..designs import making, origin
 from ..designs import problems as design_problems
 from ..engine.instances.isolated import CAN
@@ -30,7 +29,7 @@ from ..system.options import Options
 from ..system.parameters import expand
 from ..system.resolve import resolve
 from ..system.schedule import Schedule
-from . import stopping, validation
+from . import validation
 
 
 @dataclass(frozen=True)
@@ -53,10 +52,10 @@ class Case:
 
 
 @dataclass(frozen=True)
-class Source:
+class Target:
     """A target as it is read, before options change it: what many cases of it have in common."""
 
-    target: str
+    text: str
     scenario: Scenario | None
     """None for an SSP file or a folder."""
     _drafts: dict[tuple[bool, bool, bool], Draft] = field(default_factory=dict)
@@ -73,10 +72,8 @@ class Source:
             if self.scenario is not None:
                 draft = self.scenario.draft(blocks, designed)
             else:
-                draft = ssp.read(Path(self.target), outside)
+                draft = ssp.read(Path(self.text), outside)
                 library.load_interfaces(draft, blocks)
-            if told := self.scenario or _told(draft):
-                draft.problems += validation.words(told) or validation.names(told, draft)
             self._drafts[key] = draft
         return self._drafts[key].copy()
 
@@ -84,72 +81,103 @@ class Source:
         """Its system, to draw values for. Raises DesatError where something is wrong with it."""
         draft = self.draft(blocks)
         if blocks not in self._drawable:
-            if self.scenario is not None and not draft.problems:
-                draft.problems += validation.dispersions(self.scenario, draft)
+            given = self.scenario or _told(draft)
+            if given is not None and not draft.problems:
+                found = validation.dispersions(given.content, draft.components)
+                draft.problems += [f"{given.where(path)}: {text}" for path, text in found]
             if draft.problems:
                 raise DesatError("\n".join(draft.problems))
             self._drawable.add(blocks)
         return draft
 
 
-def read(target: str) -> Source:
+def read(target: str) -> Target:
     """The source that a target names: a scenario's name, a scenario file, an .ssp, an .ssd or a
     folder. Raises DesatError where there is none."""
     path = Path(target)
     if (own := path / scenario.NOMINAL).is_file():
-        return Source(target, scenario.own(own))
+        return Target(target, scenario.own(own))
     if path.suffix in (".ssp", ".ssd") or path.is_dir():
-        return Source(target, None)
+        return Target(target, None)
     if path.suffix != ".toml" and (beside := Path(f"{target}.toml")).is_file():
         path = beside
     if path.suffix == ".toml":
-        return Source(target, scenario.own(path))
+        return Target(target, scenario.own(path))
     try:
-        return Source(target, scenario.find(target))
+        return Target(target, scenario.find(target))
     except DesatError:
         if not path.exists():
             raise
     raise DesatError(f"{target}: it ends in none of .toml, .ssp, .ssd, and is no folder")
 
 
-def prepare(target: str | Source, options: Options) -> Case:
-    """Read a system, apply the options, and check it; warns of a design made for other values.
-    Who makes many cases of it reads it once (`read`).
+RUNS: tuple[Callable[[System, Options], Iterable[str]], ...]
+"""What stands against a run with its options, each a line a problem."""
+SYSTEMS: tuple[Callable[[System], Iterable[str]], ...]
+"""What stands against running a system."""
+WARNINGS: tuple[Callable[[System], Iterable[str]], ...]
+"""What to beware of in one."""
+
+
+def prepare(target: str | Target, options: Options) -> Case:
+    """Read a system, apply the options, and check it. Who makes many cases of it reads it once
+    (`read`).
 
     Raises DesatError where there is nothing to check, or an option is wrong.
     """
     return _prepared(read(target) if isinstance(target, str) else target, options)[0]
 
 
-def _prepared(source: Source, options: Options) -> tuple[Case, Draft]:
+def _prepared(target: Target, options: Options) -> tuple[Case, Draft]:
     """As `prepare`, and the draft that was checked."""
-    described = source.scenario
-    if options.design is None and options.values and described and described.each_draw:
+    scenario = target.scenario
+    if options.design is None and options.values and scenario and scenario.each_draw:
         options = replace(options, design=making.NOW)
-    if options.design is not None and described is None:
-        raise DesatError(
-            f"--design {options.design}: {source.target} is no scenario with a [design]"
-        )
-    draft = source.draft(options.blocks, options.design is None, options.outside)
-    _modify(draft, described, options)
+    if options.design is not None and scenario is None:
+        raise DesatError(f"--design {options.design}: {target.text} is no scenario with a [design]")
+    draft = target.draft(options.blocks, options.design is None, options.outside)
+    _modify(draft, scenario, options)
     checked = check(draft)
-    if checked.system is not None:
-        components = checked.system.components.values()
-        checked.problems += library.problems(components, options.trusted)
-        faults = checked.problems if options.strict else checked.warnings
-        faults += library.told_faults(components)
-        checked.warnings += library.told_unused(components)
-        checked.problems += validation.recording_problems(checked.system, options)
-        checked.problems += validation.not_saved(checked.system, options)
-        checked.problems += validation.not_halved(checked.system, options)
-        checked.problems += _isolation_problems(checked.system, options)
-        checked.warnings += _isolation_warnings(checked.system, options)
-        if checked.schedule is not None:
-            _check_wishes(checked, checked.system, checked.schedule, described, options)
-    return Case(source.target, options, draft.where, checked), draft
+    system, sound = checked.system, checked.schedule is not None
+    if system is not None:
+        checked.problems += [line for find in RUNS for line in find(system, options)]
+        faults = library.told_faults(system)
+        (checked.problems if options.strict else checked.warnings).extend(faults)
+    if (given := scenario or _told(draft)) is not None:
+        _hold(checked, draft, given, target, options)
+    if system is not None and options.design is None and (
+        described := scenario or _packed_from(draft)
+    ):  # fmt: skip
+        checked.warnings += origin.warnings(described, options, system)
+    if system is not None and sound:
+        checked.problems += [line for find in SYSTEMS for line in find(system)]
+        checked.warnings += [line for find in WARNINGS for line in find(system)]
+    if system is not None and checked.schedule is not None:
+        checked.warnings += _run_warnings(system, checked.schedule, options)
+    return Case(target.text, options, draft.where, checked), draft
 
 
-def varied(source: Source, options: Options) -> Case:
+def _hold(
+    checked: Checked, draft: Draft, given: Scenario, target: Target, options: Options
+) -> None:  # fmt: skip
+    """Add what of a scenario's content does not suit the system; what another FMU lacks, which the
+    options put in a place, is left out of the content instead."""
+    system = checked.system
+    wrong = validation.content_problems(
+        given.content, draft.components, system if checked.schedule else None
+    )
+    if not options.sources or system is None:
+        checked.problems += [f"{given.where(path)}: {text}" for path, text in wrong]
+        return
+    own = target.draft(options.blocks, options.design is None, options.outside)
+    known = [*validation.content_problems(given.content, own.components)]
+    checked.problems += [f"{given.where(path)}: {text}" for path, text in known]
+    content, left_out = validation.fitted(given.content, system)
+    checked.system = replace(system, about=content)
+    checked.warnings += [f"{given.where(path)}: {text}" for path, text in left_out]
+
+
+def varied(target: Target, options: Options) -> Case:
     """As `prepare`, for one of many cases that differ in values alone (`options.values`): only the
     components that get a value are resolved and checked anew. What its system is and what is wrong
     with it is as `prepare` has it; its warnings are those of the first case.
@@ -157,23 +185,23 @@ def varied(source: Source, options: Options) -> Case:
     Raises DesatError as `prepare`.
     """
     key = repr(replace(options, values=dict.fromkeys(sorted(options.values))))
-    if key not in source._first:
-        case, draft = _prepared(source, options)
+    if key not in target._first:
+        case, draft = _prepared(target, options)
         system, _ = case.or_raise()
         begun = Manifest.of(system, options, case.target)
         case = replace(case, manifest=begun, spare=Spare())
-        source._first[key] = case, draft
+        target._first[key] = case, draft
         return case
-    first, draft = source._first[key]
+    first, draft = target._first[key]
     system, schedule = first.or_raise()
     changed = _changed(system, draft, options.values)
     if changed is None:
-        return prepare(source, options)
+        return prepare(target, options)
     system = replace(system, components={**system.components, **changed})
     some = replace(system, components=changed)
     ends = first.checked.unwired
     if [*without_effect(some, ends), *foreseen(some, ends)[0]]:
-        return prepare(source, options)  # which says what is wrong as it is always said
+        return prepare(target, options)  # which says what is wrong as it is always said
     manifest = first.manifest and first.manifest.varied(system, changed.values())
     checked = replace(first.checked, system=system, schedule=schedule)
     return replace(first, options=options, checked=checked, manifest=manifest)
@@ -209,28 +237,29 @@ def _changed(
     }
 
 
-def resolved(target: str | Source, options: Options) -> tuple[System, Any]:
+def resolved(target: str | Target, options: Options) -> tuple[System, Any]:
     """The system of a target with the options applied, unchecked; and, where its design is made for
     the values of each draw, what its scenario says of it. Raises DesatError where it cannot be had.
     """
-    source = read(target) if isinstance(target, str) else target
-    draft = source.draft(options.blocks, options.design is None, options.outside)
-    _modify(draft, source.scenario, options)
+    target = read(target) if isinstance(target, str) else target
+    draft = target.draft(options.blocks, options.design is None, options.outside)
+    _modify(draft, target.scenario, options)
     found = resolve(draft)
     if found.system is None:
         raise DesatError("\n".join(found.problems))
-    return found.system, source.scenario and source.scenario.each_draw
+    return found.system, target.scenario and target.scenario.each_draw
 
 
-def _modify(draft: Draft, described: Scenario | None, options: Options) -> None:
-    """Change a system as the options say; warn of a design made for other values."""
-    drawn = _drawn(draft, described, options)
-    if described is None or options.design is None:
-        modify(draft, options, drawn=drawn)
-        if source := described or _packed_from(draft):
-            draft.warnings += origin.warnings(source, options)
-    else:
-        modify(draft, options, _designed(described, options), drawn)
+def _modify(draft: Draft, scenario: Scenario | None, options: Options) -> None:
+    """Change a system as the options say."""
+    designed = None
+    if scenario is not None and options.design is not None:
+        own = scenario.parameters(designed=False)
+        designed = {  # but for what the scenario gives itself
+            name: {k: v for k, v in values.items() if k not in own.get(name, {})}
+            for name, values in making.parameters_for(scenario, options).items()
+        }
+    modify(draft, options, designed, _drawn(draft, scenario, options))
     if options.fmus != "native":
         for component in draft.components.values():
             if component.fmu is not None:
@@ -252,37 +281,14 @@ def _drawn(draft: Draft, described: Scenario | None, options: Options) -> dict[s
     return where
 
 
-def _check_wishes(
-    checked: Checked, system: System, schedule: Schedule, described: Scenario | None,
-    options: Options,
-) -> None:  # fmt: skip
-    """Add what of a sound system does not suit what its scenario, and the options, want of it;
-    what another FMU lacks, which the options put in a place, is left out of the content."""
-    if options.sources:
-        checked.problems += undesigned(system)
-        content, left_out = validation.fitted(said(system.about), system)
-        checked.system = system = replace(system, about=content)
-        checked.warnings += [described.where(path) + f": {text}" if described
-                             else f"{system.where}: {'.'.join(path)}: {text}"
-                             for path, text in left_out]  # fmt: skip
-    elif described is not None:
-        checked.problems += validation.wants(described, system)
-    else:
-        checked.problems += [f"{system.where}: {t}" for t in stopping.problems(system)]
-    checked.problems += design_problems(system)
-    if not options.sources:
-        content = said(system.about)
-        name = content.name or system.name
-        checked.problems += [f"{name}: {'.'.join(path)}: {text}"
-                             for path, text in validation.numbers(content, system)]  # fmt: skip
-    checked.problems += problems(system)
-    checked.warnings += warnings(system)
-    if options.algorithm == "jacobi":
-        checked.warnings += _under_jacobi(system, schedule)
-
-
-def _under_jacobi(system: System, schedule: Schedule) -> Iterator[str]:
-    """What the other masters' semantics leaves out."""
+def _run_warnings(system: System, schedule: Schedule, options: Options) -> Iterator[str]:
+    """What of the options has no effect: of inner steps and means under the semantics of other
+    masters, and of processes where foreign FMUs can have none."""
+    if not CAN and options.isolate == "foreign" and (names := sorted(wanted(system, options))):
+        yield (f"{', '.join(names)}: foreign FMUs run in the process of the run, which they may "
+               "end: a process each needs POSIX")  # fmt: skip
+    if options.algorithm != "jacobi":
+        return
     if system.parts > 1:
         yield f"jacobi takes no inner steps: inner = {system.inner} has no effect"
     if any(text.startswith(("mean of", "its part of")) for _, text in schedule.timing):
@@ -302,16 +308,6 @@ def _packed_from(draft: Draft) -> Scenario | None:
     """The scenario of ours that a packed system was packed from."""
     name = said(draft.about).name
     return scenario.find(name) if scenario.exists(name) else None
-
-
-def _designed(described: Scenario, options: Options) -> dict[str, dict[str, Any]]:
-    """The parameters of the design that the options ask for, but for those that the scenario
-    gives itself."""
-    own = described.parameters(designed=False)
-    return {
-        name: {k: v for k, v in values.items() if k not in own.get(name, {})}
-        for name, values in making.parameters_for(described, options).items()
-    }
 
 
 # --- Which components run in processes of their own, and what to say where there can be none ----
@@ -342,8 +338,14 @@ def _isolation_problems(system: System, options: Options) -> Iterator[str]:
         yield "--isolate all: it has no effect without an FMU"
 
 
-def _isolation_warnings(system: System, options: Options) -> Iterator[str]:
-    """A line where foreign FMUs are to have a process each, and none can."""
-    if not CAN and options.isolate == "foreign" and (names := sorted(wanted(system, options))):
-        yield (f"{', '.join(names)}: foreign FMUs run in the process of the run, which they may "
-               "end: a process each needs POSIX")  # fmt: skip
+RUNS = (
+    library.problems, validation.recording_problems, validation.not_saved, validation.not_halved,
+    _isolation_problems, needs.undesigned,
+)  # fmt: skip
+SYSTEMS = (
+    design_problems, accounts.problems, management.problems, needs.problems,
+)  # fmt: skip
+WARNINGS = (
+    library.told_unused, accounts.warnings, coverage.warnings, energy.warnings, firings.warnings,
+    fixed.warnings, wheels.warnings,
+)  # fmt: skip

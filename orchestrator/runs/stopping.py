@@ -78,12 +78,15 @@ def condition(system: System) -> Condition | None:
     return Condition(owner, variable, how, limit, given.held, text)
 
 
-def problems(system: System) -> list[str]:
-    """What is wrong with a system's condition, beginning with the key; a line, or none."""
+def problems(system: System) -> list[tuple[tuple[str, ...], str]]:
+    """What is wrong with a system's condition, key and text: one, or none."""
+    if said(system.about).stop_when is None:
+        return []
     try:
         condition(system)
     except DesatError as error:
-        return [str(error)]
+        key, _, text = str(error).partition(": ")
+        return [(tuple(key.split(".")), text)]
     return []
 
 

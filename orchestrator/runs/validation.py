@@ -6,7 +6,7 @@ from __future__ import annotations
 import inspect
 import re
 import shutil
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from copy import deepcopy
 from math import inf
 from pathlib import Path
@@ -14,22 +14,22 @@ from typing import Any
 
 from ..analyses import analyses
 from ..engine.recording.results import selects
-from ..files.scenario import Scenario
 from ..language.content import Content
 from ..language.paper import OfNumber
 from ..language.scenario import Dispersion, Number, Plot
 from ..numbers import derived
 from ..numbers.measures import MEASURES, OWN_UNIT, SCALARS, SIZES
 from ..numbers.numbers import problems, scale
-from ..system.draft import Draft
+from ..system.draft import DraftComponent
 from ..system.errors import DesatError, nearest
 from ..system.interface import KINDS, Signal, base_name
-from ..system.model import System
+from ..system.model import Component, System
 from ..system.options import Options
 from ..system.parameters import expand, table
 from . import stopping
 
 Keys = tuple[str, ...]
+Part = DraftComponent | Component
 
 
 def options_of(measure: str) -> tuple[list[str], dict[str, Any]]:
@@ -40,20 +40,33 @@ def options_of(measure: str) -> tuple[list[str], dict[str, Any]]:
     return series, {p.name: p.default for p in given if p.name not in series}
 
 
-def words(scenario: Scenario) -> list[str]:
+def content_problems(
+    content: Content, components: Mapping[str, Part], system: System | None = None
+) -> Iterator[tuple[Keys, str]]:
+    """What is wrong with what a scenario says, keys and text: by itself; if it is right, held
+    against components, of which some interfaces may be missing; and if it fits them, against the
+    system that they make."""
+    lines = list(word_problems(content))
+    if not lines:
+        lines = [*_series(content, components), *dispersions(content, components)]
+    if not lines and system is not None:
+        lines = [*_analysed(content, system), *stopping.problems(system), *numbers(content, system)]
+    yield from lines
+
+
+def word_problems(content: Content) -> Iterator[tuple[Keys, str]]:
     """Measures, options and derived quantities that there are not; no system is needed."""
-    content = scenario.content
-    problems = [*_words(content), *unmeetable(content), *_rows(content)]
-    return [f"{scenario.where(path)}: {text}" for path, text in problems]
+    yield from _words(content)
+    yield from unmeetable(content)
+    yield from _rows(content)
 
 
 def _words(content: Content) -> Iterator[tuple[Keys, str]]:
-    known = _numbers(content)
     for name, number in content.numbers.items():
         problems = _measured(number) if number.signals else ()
         yield from ((("numbers", name, *path), text) for path, text in problems)
-        if number.of and number.of not in known:
-            yield ("numbers", name, "of"), f"no number {number.of}{nearest(number.of, known)}"
+        if number.of:
+            yield from _unknown(content, number.of, ("numbers", name, "of"))
         yield from ((("numbers", name, key), text) for key, text in _derived(number))
     for name, plot in content.plots.items():
         yield from ((("plots", name, key), text) for key, text in _derived(plot))
@@ -61,9 +74,13 @@ def _words(content: Content) -> Iterator[tuple[Keys, str]]:
             yield ("plots", name, "derive"), f"{plot.derive} is of numbers only"
 
 
-def _numbers(content: Content) -> set[str]:
-    """The numbers that a run may have."""
-    return {*content.numbers, *(n for a in analyses() for n in a.NUMBERS)}
+def _unknown(content: Content, name: str, path: Keys) -> Iterator[tuple[Keys, str]]:
+    """A line where no number of a name is computed of a run."""
+    if name in content.numbers:
+        return
+    known = {*content.numbers, *(n for a in analyses() for n in a.NUMBERS)}
+    if name not in known:
+        yield path, f"no number {name}{nearest(name, known)}"
 
 
 def _measured(number: Number) -> Iterator[tuple[Keys, str]]:
@@ -96,21 +113,20 @@ def _measured(number: Number) -> Iterator[tuple[Keys, str]]:
 
 def _rows(content: Content) -> Iterator[tuple[Keys, str]]:
     """Rows of a paper's table whose number nobody computes."""
-    known = _numbers(content)
     for row, entry in content.judged.items():
         named = [("number" if entry.number else "quantity", entry.of)]
         if isinstance(entry.tolerance, OfNumber):
             named.append(("tolerance", entry.tolerance.of))
         for key, number in named:
-            if number not in known:
-                yield ("paper", row, key), f"no number {number}{nearest(number, known)}"
+            yield from _unknown(content, number, ("paper", row, key))
 
 
 def _analysed(content: Content, system: System) -> Iterator[tuple[Keys, str]]:
     """Rows whose number is of an analysis that does not apply to the system."""
     for row, entry in content.judged.items():
-        of = [a for a in analyses() if entry.of in a.NUMBERS]
-        if entry.of not in content.numbers and not any(a.applies(system) for a in of):
+        if entry.of not in content.numbers and not any(
+            entry.of in a.NUMBERS and a.applies(system) for a in analyses()
+        ):  # fmt: skip
             yield ("paper", row), f"no number {entry.of} of this system"
 
 
@@ -151,30 +167,6 @@ def _unfit(option: str, annotation: str, value: Any) -> str:
     return "" if type(value) in (int, float, str) else "a number"
 
 
-def names(scenario: Scenario, system: Draft) -> list[str]:
-    """Series, units, limits and dispersions that do not fit the system, interfaces loaded."""
-    problems = [
-        f"{scenario.where(path)}: {text}" for path, text in _series(scenario.content, system)
-    ]
-    return problems + dispersions(scenario, system)
-
-
-def dispersions(scenario: Scenario, system: Draft) -> list[str]:
-    """Dispersions that do not fit the system, interfaces loaded."""
-    problems = _dispersions(scenario.content, system)
-    return [f"{scenario.where(path)}: {text}" for path, text in problems]
-
-
-def wants(scenario: Scenario, system: System) -> list[str]:
-    """What a scenario wants of a resolved system that is not to be had: numbers of an analysis that
-    does not apply to it, and a condition that it cannot meet."""
-    problems = list(_analysed(scenario.content, system))
-    for line in stopping.problems(system):
-        path, _, text = line.partition(": ")
-        problems.append((tuple(path.split(".")), text))
-    return [f"{scenario.where(path)}: {text}" for path, text in problems]
-
-
 def numbers(content: Content, system: System) -> list[tuple[Keys, str]]:
     """What is wrong with the numbers that a scenario wants of a resolved system."""
     units = {
@@ -190,14 +182,16 @@ def fitted(content: Content, system: System) -> tuple[Content, list[tuple[Keys, 
     told = deepcopy(content.written)
     tables = {t: told.get(t, {}) for t in ("numbers", "plots", "requirements", "paper")}
     left: dict[Keys, str] = {}
-    for path, text in [*_series(content, system), *numbers(content, system)]:
+    for path, text in [*_series(content, system.components), *numbers(content, system)]:
         what, name, *key = path
         if name not in tables[what]:
             continue
         entry = tables[what][name]
-        some = [x for x in entry.get("signals", []) if not _lacks(x, system, ("output",))]
+        some = [
+            x for x in entry.get("signals", []) if not _lacks(x, system.components, ("output",))
+        ]
         if key == ["limits"]:
-            entry["limits"] = [x for x in entry["limits"] if not _lacks(x, system)]
+            entry["limits"] = [x for x in entry["limits"] if not _lacks(x, system.components)]
         elif key == ["signals"] and some and "derive" not in entry:
             entry["signals"] = some
         else:
@@ -216,19 +210,18 @@ def fitted(content: Content, system: System) -> tuple[Content, list[tuple[Keys, 
     for path, text in _analysed(content, system):
         tables["paper"].pop(path[1], None)
         left[path] = f"{text}: left out"
-    for line in stopping.problems(system):
+    for path, text in stopping.problems(system):
         told.pop("stop_when", None)
-        path_text, _, text = line.partition(": ")
-        left[tuple(path_text.split("."))] = f"{text}: left out, the run goes on to its stop time"
+        left[path] = f"{text}: left out, the run goes on to its stop time"
     return (Content.model_validate(told) if left else content), list(left.items())
 
 
 def _lacks(
-    written: Any, system: System, kinds: tuple[str, ...] = ("parameter", "input")
+    written: Any, components: Mapping[str, Part], kinds: tuple[str, ...] = ("parameter", "input")
 ) -> bool:  # fmt: skip
     """Whether a limit or signal of a plot, as it is written, names a variable that is not there."""
     value = written.get("value") if isinstance(written, dict) else written
-    return any(isinstance(_elements(system, name, kinds), str) for name in _named(value))
+    return any(isinstance(_elements(components, name, kinds), str) for name in _named(value))
 
 
 def _named(value: Any) -> list[str]:
@@ -238,14 +231,14 @@ def _named(value: Any) -> list[str]:
 
 
 def _elements(
-    system: Draft | System, name: str, causalities: tuple[str, ...]
+    components: Mapping[str, Part], name: str, causalities: tuple[str, ...]
 ) -> Sequence[Signal] | str:
     """The elements of `component.variable`, or what is wrong with the name; none where the
     component's FMU is missing, which is said elsewhere."""
     owner, _, variable = name.partition(".")
-    component = system.components.get(owner)
+    component = components.get(owner)
     if component is None:
-        return f"no component {owner}{nearest(owner, system.components)}"
+        return f"no component {owner}{nearest(owner, components)}"
     if component.interface is None:
         return ()
     elements = component.interface.elements(variable)
@@ -266,13 +259,13 @@ def _unit(own: str, unit: str) -> str:
     return ""
 
 
-def _series(content: Content, system: Draft | System) -> Iterator[tuple[Keys, str]]:
+def _series(content: Content, components: Mapping[str, Part]) -> Iterator[tuple[Keys, str]]:
     entries: list[tuple[Keys, str, Number | Plot]] = [
         *((("numbers", name), "signal", number) for name, number in content.numbers.items()),
         *((("plots", name), "signals", plot) for name, plot in content.plots.items()),
     ]
     for path, key, entry in entries:
-        ends = [_elements(system, signal, ("output",)) for signal in entry.signals]
+        ends = [_elements(components, signal, ("output",)) for signal in entry.signals]
         yield from (((*path, key), problem) for problem in ends if isinstance(problem, str))
         known = [e for e in ends if not isinstance(e, str) and e]
         first = isinstance(entry, Number) or entry.derive
@@ -281,7 +274,7 @@ def _series(content: Content, system: Draft | System) -> Iterator[tuple[Keys, st
     for name, plot in content.plots.items():
         for limit in plot.limits:
             for parameter in _named(limit.value):
-                problem = _elements(system, parameter, ("parameter", "input"))
+                problem = _elements(components, parameter, ("parameter", "input"))
                 if isinstance(problem, str):
                     yield ("plots", name, "limits"), problem
 
@@ -309,27 +302,28 @@ def _is_number(text: str) -> bool:
     return True
 
 
-def _dispersions(content: Content, system: Draft) -> Iterator[tuple[Keys, str]]:
+def dispersions(
+    content: Content, components: Mapping[str, Part]
+) -> Iterator[tuple[Keys, str]]:  # fmt: skip
+    """Dispersions that do not fit the components."""
     for key, spec in content.dispersions.items():
         path = ("dispersions", key)
         owner, _, variable = key.partition(".")
         owners = [owner]
         if owner == "*":
-            owners = [n for n, c in system.components.items()
-                      if c.interface and c.interface.elements(variable)]  # fmt: skip
-            if not owners and all(c.interface for c in system.components.values()):
+            owners = [n for n, c in components.items()
+                      if c.interface and variable in c.interface.arrays]  # fmt: skip
+            if not owners and all(c.interface for c in components.values()):
                 yield path, f"no component has a parameter {variable}"
         for name in owners:
-            elements = _elements(system, f"{name}.{variable}", ("parameter", "input"))
+            elements = _elements(components, f"{name}.{variable}", ("parameter", "input"))
             if isinstance(elements, str):
                 yield path, elements
-            elif elements and (text := _misfit(system, name, variable, elements, spec)):
+            elif elements and (text := _misfit(components[name], variable, elements, spec)):
                 yield path, text
 
 
-def _misfit(
-    system: Draft, owner: str, variable: str, elements: Sequence[Signal], spec: Dispersion
-) -> str:
+def _misfit(part: Part, variable: str, elements: Sequence[Signal], spec: Dispersion) -> str:
     kind = spec.kind
     given = getattr(spec, kind)
     wanted = {"signs": len(given) if kind == "signs" else 0, "attitude": 4, "seed": 1}
@@ -341,11 +335,10 @@ def _misfit(
         type_ = "Integer" if kind == "seed" else "Real"
         other = elements[0].kind != type_
         return f"{kind}: {variable} is of type {elements[0].kind}, not {type_}" if other else ""
-    interface = system.components[owner].interface
-    assert interface is not None
+    assert part.interface is not None
     for value in given:
         try:
-            expand(interface, variable, value, owner)
+            expand(part.interface, variable, value, part.name)
         except DesatError as error:
             return f"one_of: {error}"
     return ""
@@ -356,12 +349,10 @@ def _misfit(
 
 def unmeetable(content: Content) -> Iterator[tuple[Keys, str]]:
     """Requirements of a number that nobody computes, or that nothing can meet."""
-    known = _numbers(content)
     for name, entry in content.requirements.items():
         path, number = ("requirements", name), entry.number
-        if number not in known:
-            yield (*path, "number"), f"no number {number}{nearest(number, known)}"
-        elif number in content.numbers and content.numbers[number].of:
+        yield from _unknown(content, number, (*path, "number"))
+        if number in content.numbers and content.numbers[number].of:
             yield (*path, "number"), f"{number} compares runs: a case has no such number"
         if entry.min is not None and entry.max is not None and entry.min > entry.max:
             yield (*path, "min"), "it is above max: nothing can be within"

@@ -20,7 +20,7 @@ from ..figures.style import COLOURS, DASHED, figure, pretty_unit
 from ..language.content import said
 from ..numbers.derived import pointing
 from ..numbers.text import number
-from ..runs.prepare import Source, prepare, read
+from ..runs.prepare import Target, prepare, read
 from ..runs.run import Options, Run, simulate
 from ..system.errors import DesatError, RunError, nearest
 from ..system.model import System
@@ -264,7 +264,7 @@ def choose(
     return Choice(target, tuple(known), tuple(ranked), tuple(refused), held(names, runs, warnings))
 
 
-def _flown(options: Options, source: Source, system: System) -> Run:
+def _flown(options: Options, source: Target, system: System) -> Run:
     """A run that has recorded what it is judged by and what its plots show."""
     plots = said(system.about).plots.values()
     wanted = {*series_of_numbers(system), *(s for p in plots for s in p.signals), *ORBIT, REFERENCE,

@@ -18,7 +18,7 @@ from desat.fmus.own import OwnBlockError, is_own
 from desat.fmus.registry import block_class, names
 
 from ..analyses.needs import instead
-from ..runs.prepare import Case, Source, prepare
+from ..runs.prepare import Case, Target, prepare
 from ..system.errors import DesatError, nearest
 from ..system.expression import product, values_of
 from ..system.model import Component, System
@@ -99,7 +99,7 @@ def managers() -> list[str]:
 
 
 def fitting(
-    source: Source, options: Options, terms: Terms, asked: Sequence[str] = (ALL,),
+    source: Target, options: Options, terms: Terms, asked: Sequence[str] = (ALL,),
     others: Sequence[str] = (),
 ) -> tuple[list[Fitting], list[Refused]]:  # fmt: skip
     """The laws that fit the craft of a source, its own first, and the managers that do not, with
@@ -205,7 +205,7 @@ def _known(system: System, own: Component, terms: Terms) -> dict[str, Any]:
 
 
 def _fitted(
-    source: Source, options: Options, own: Component, manager: str, law: Law,
+    source: Target, options: Options, own: Component, manager: str, law: Law,
     known: Mapping[str, Any],
 ) -> Fitting:  # fmt: skip
     """A law of a manager with its gains. Raises DesatError where the craft cannot fly it."""
@@ -261,6 +261,6 @@ def terms_of(period: float, b: Any, inertial: bool) -> Terms:
     return Terms(2.0 * pi / period, float(np.linalg.norm(b, axis=1).mean()), inertial)
 
 
-def prepared(source: Source, law: Fitting) -> Case:
+def prepared(source: Target, law: Fitting) -> Case:
     """A craft with a law that fits it, ready to fly."""
     return prepare(source, law.options)

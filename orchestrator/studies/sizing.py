@@ -37,7 +37,7 @@ from ..analyses.manifest import Manifest
 from ..campaign.draws import series_of_numbers
 from ..files.scenario import NOMINAL
 from ..numbers.derived import cross, rotate_back
-from ..runs.prepare import Case, Source, prepare, read
+from ..runs.prepare import Case, Target, prepare, read
 from ..runs.run import Run, simulate
 from ..system import asked
 from ..system.errors import DesatError
@@ -244,7 +244,7 @@ def geometry(flight: Flight, hardware: Hardware, able: Array, torque: Array,
 
 
 def other_laws(
-    source: Source, options: Options, terms: Terms, notes: list[str]
+    source: Target, options: Options, terms: Terms, notes: list[str]
 ) -> Iterator[Law]:  # fmt: skip
     """The laws that fit the craft besides its own (`fitting.py`), as the model has them; what it
     has not is added to the notes."""
@@ -256,7 +256,7 @@ def other_laws(
         except UnsuitedError:
             without.append(each.name)
     if without:
-        notes.append(f"closed loop only, by `desat compare {source.target} --laws all`: "
+        notes.append(f"closed loop only, by `desat compare {source.text} --laws all`: "
                      f"{', '.join(without)}")  # fmt: skip
 
 
@@ -634,7 +634,7 @@ def size(
         "" if hardest is None else f"{hardest.day}, {hardest.activity} activity of the Sun"
         if hardest.activity else hardest.day,
         0.0 if hardest is None else max(least, hardest.least),
-        "" if beside is None else beside.target,
+        "" if beside is None else beside.text,
         tuple(where.weakest.tolist()), where.weakness, where.blind, tip_off,
         takes(tip_off, tumbling, rod) or 0.0, takes(tip_off, against, rod) or 0.0,
         takes(tip_off, tumbling, recommended), takes(tip_off, against, recommended),
@@ -665,7 +665,7 @@ def _for_the_year(
     return None if found is None else float(rods[found])
 
 
-def _beside_craft(source: Source) -> Source | None:
+def _beside_craft(source: Target) -> Target | None:
     """The worst scenario of a craft of one's own, where the source is its nominal one."""
     file = source.scenario.file if source.scenario is not None else None
     if file is None or file.name != NOMINAL or not (there := file.parent / WORST).is_file():
@@ -674,7 +674,7 @@ def _beside_craft(source: Source) -> Source | None:
 
 
 def _for_worst(
-    source: Source, options: Options, hardware: Hardware, rod: float | None, law: Law | None,
+    source: Target, options: Options, hardware: Hardware, rod: float | None, law: Law | None,
     progress: Callable[[str], None],
 ) -> tuple[float | None, list[str]]:  # fmt: skip
     """Rods (A m2), from `rod` on, with which a scenario meets its requirements in the closed loop;
@@ -829,7 +829,7 @@ def _curves(
 
 
 def _beside(
-    curve: tuple[Flown, ...], recommended: float | None, source: Source, options: Options,
+    curve: tuple[Flown, ...], recommended: float | None, source: Target, options: Options,
     system: System, own: Law | None, least: float, progress: Callable[[str], None],
 ) -> tuple[Flown, ...]:  # fmt: skip
     """The rows of the craft's own manager with the closed loop at the sizes that count; rows of the
@@ -847,12 +847,12 @@ def _beside(
 
 
 def in_the_loop(
-    row: Flown, source: Source, options: Options,
+    row: Flown, source: Target, options: Options,
     progress: Callable[[str], None] = lambda text: None,
 ) -> Flown:  # fmt: skip
     """A size of rods with what the closed loop makes of it."""
     progress(f"the closed loop with rods of {row.rod:.4g} A m2")
-    run = _with_rods(source, options, row.rod).or_raise(source.target)
+    run = _with_rods(source, options, row.rod).or_raise(source.text)
     system, _ = prepare(source, options).or_raise()
     with run.results as results:
         wheels = "wheels.h_wheel" in results.names()
@@ -868,7 +868,7 @@ def in_the_loop(
 
 
 def _with_rods(
-    source: Source, options: Options, rod: float,
+    source: Target, options: Options, rod: float,
     more: Callable[[System], Iterable[str]] = lambda system: (),
 ) -> Run:  # fmt: skip
     """A run with rods of this size (A m2), which has recorded what a flight takes, and more."""

@@ -23,7 +23,7 @@ from ..campaign.pairs import confident, difference
 from ..language.content import Content, overridden, said
 from ..numbers.numbers import late
 from ..numbers.text import number as text_of
-from ..runs.prepare import Source, prepare, read
+from ..runs.prepare import Target, prepare, read
 from ..runs.run import Options
 from ..system.errors import DesatError, nearest
 from ..system.interface import Signal, names
@@ -180,7 +180,7 @@ def tune(
                  points, told)  # fmt: skip
 
 
-def _parameter(source: Source, options: Options, name: str) -> tuple[Signal, float]:
+def _parameter(source: Target, options: Options, name: str) -> tuple[Signal, float]:
     """The parameter of a name, and its value. Raises DesatError for one that cannot be tuned."""
     system, _ = prepare(source, options).or_raise()
     owner, _, variable = name.partition(".")
