@@ -58,7 +58,7 @@ def prepared(kind: str) -> None:
 def blocks_of(scenarios: Sequence[str]) -> tuple[str, ...]:
     """The native blocks of scenarios; all where none is named."""
     systems = [prepare(name, Options()).or_raise()[0] for name in scenarios]
-    used = {c.fmu.stem for s in systems for c in s.components.values() if c.fmu}
+    used = {c.fmu.path.stem for s in systems for c in s.components.values() if c.fmu}
     return tuple(n for n in test_native.NATIVE if not scenarios or n in used)
 
 

@@ -29,7 +29,7 @@ NATIVE = sorted(p.stem for p in (paths.fmus() / "native").glob("*.fmu"))
 def place(component, signal):
     """A variable as C, of the struct `s`."""
     base = base_name(signal.name)
-    elements = component.interface.elements(base)
+    elements = component.interface.elements.get(base, ())
     if signal.name == base:
         return f"s->{base}"
     return f"s->{base}.e[{[e.name for e in elements].index(signal.name)}]"

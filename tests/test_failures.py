@@ -160,7 +160,7 @@ def test_a_component_that_ends_the_process(system, tmp_path, how, text):
 @pytest.mark.parametrize("how", ["SEGFAULT", "EXIT_0"])
 def test_a_crash_of_one_of_ours_ends_the_run(system, tmp_path, monkeypatch, how):
     """Ours run together, and so not in processes of their own."""
-    monkeypatch.setattr(library, "is_ours", lambda fmu: True)
+    monkeypatch.setattr(library.FmuFile, "ours", True)
     run = simulate(prepare(str(system), options(how, isolate="foreign")), tmp_path / "out")
     assert run.code == Exit.COMPONENT
     assert run.manifest["message"].startswith(CALL)
@@ -193,7 +193,7 @@ def test_a_crash_of_one_of_ours_is_named_also_in_a_flight_beforehand(ours, tmp_p
 import sys
 from desat import cli
 from desat.files import library
-library.is_ours = lambda fmu: True
+library.FmuFile.ours = True
 sys.argv = ["desat", "run", "nadir_day/day-dipole", "--source", "controller={ours}", "--stop", "10",
             "--inner", "{inner}", "--out", {str(tmp_path / "out")!r}]
 sys.exit(cli._code())
@@ -934,6 +934,7 @@ def test_no_temporary_folder_at_all(desat, tmp_path, monkeypatch):
     monkeypatch.setattr(tempfile, "tempdir", None)
     monkeypatch.setattr(tempfile, "_candidate_tempdir_list", lambda: [str(tmp_path / "none")])
     monkeypatch.setattr(library, "_by_contents", {})  # as no other test had extracted it
+    monkeypatch.setattr(library, "_loaded", {})
     library._root.cache_clear()
     done = desat("run", "gyrostat/free", "--out", str(tmp_path / "out"))
     library._root.cache_clear()
@@ -1188,7 +1189,7 @@ def test_a_parameter_file_outside_is_refused(system):
 @pytest.mark.parametrize("identifier", ["../../failing", "a/b", "", "a b", "é", "x" * 300])
 def test_a_library_has_a_c_name(tmp_path, identifier):
     with pytest.raises(DesatError, match="is no C name"):
-        library.load(fmu(tmp_path / "x.fmu", b"", identifier))
+        _ = library.load(fmu(tmp_path / "x.fmu", b"", identifier)).interface
 
 
 def test_devices_and_pipes_are_not_read(system, tmp_path):
@@ -1415,7 +1416,8 @@ def test_a_report_that_fails_leaves_the_manifest(system, tmp_path, monkeypatch, 
 PROVOKED = {
     "segmentation fault": '"SEGFAULT"', "stack overflow": '"OVERFLOW"', "abort": '"ABORT"',
     "kill -9": r'"KILL"|SIGKILL|trials\(', "exit(0)": '"EXIT_0"', "exit(3)": '"EXIT_3"',
-    "one of ours": "is_ours", "in a flight": "_Flights|inner_choice", "instantiated": "REFUSES",
+    "one of ours": "FmuFile", "in a flight": "_Flights|inner_choice",
+    "instantiated": "REFUSES",
     "or in initialisation": '"IN_START"', "it is freed": '"IN_FREE"',
     "library to be loaded": "no library", "returns discard": '"DISCARD"', "error,": '"STEP_ERROR"',
     "fatal": '"FATAL"', "returns warning": '"READ_WARNS".*"STEP_WARNS"',

@@ -15,7 +15,8 @@ from desat.engine.operations import Part, Places, Whole
 from desat.files.ssp_write import pack
 from desat.runs.run import Options, execute, prepare
 from desat.system.errors import DesatError, Exit
-from desat.system.schedule import Link, Rates, graded, late
+from desat.system.model import Connection
+from desat.system.schedule import Rates, graded, late
 
 numbers = st.floats(-1e3, 1e3)
 counts = st.integers(1, 12)
@@ -79,8 +80,8 @@ def test_joined_parts_keep_integral_and_first_moment(values, sloped):
     assert live[2] / 2.0 + live[3] / 12.0 == pytest.approx(moment, abs=1e-10)
 
 
-def links(*pairs: str) -> list[Link]:
-    return [Link(*pair.split(">"), text=pair) for pair in pairs]
+def links(*pairs: str) -> list[Connection]:
+    return [Connection(a, "y", b, "u") for a, b in (pair.split(">") for pair in pairs)]
 
 
 def test_equal_rates_step_as_they_are():
@@ -99,7 +100,7 @@ def test_a_slow_source_steps_at_the_start():
 def test_rates_that_do_not_nest_are_refused():
     _, problems = late(links("a>b"), {"a": 2, "b": 3})
     assert len(problems) == 1
-    assert "a>b" in problems[0]
+    assert "a.y -> b.u" in problems[0]
     assert "multiple" in problems[0]
 
 
@@ -107,7 +108,7 @@ def test_a_slow_one_between_two_fast_ones_is_refused_by_name():
     stepping, problems = late(links("a>b", "b>c"), {"a": 1, "b": 10, "c": 1})
     assert stepping == {"b"}
     assert len(problems) == 1
-    for word in ("b>c", "a>b", "decimation of 10", "c steps 10 times"):
+    for word in ("b.y -> c.u", "a.y -> b.u", "decimation of 10", "c steps 10 times"):
         assert word in problems[0]
 
 

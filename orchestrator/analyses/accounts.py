@@ -20,7 +20,7 @@ def problems(system: System) -> Iterator[str]:
     """A line for an orbit that loses another mass to a force than the thrusters that give it
     spend."""
     ends = dict.fromkeys(
-        (c.source, c.target) for c in system.connections if c.input.partition("[")[0] == FORCE
+        (c.source, c.target) for c in system.connections if c.input_array == FORCE
     )  # fmt: skip
     for source, target in ends:
         thrusters, orbit = system.components[source], system.components[target]

@@ -95,9 +95,9 @@ def applies(system: System) -> Parts | None:
     rows, why = system.parts == 1 and body.decimation == 1, ""
     for name in PAIR:
         feeds = [c for c in system.connections if c.target == body.name
-                 and c.input.partition("[")[0] == name]  # fmt: skip
+                 and c.input_array == name]  # fmt: skip
         series = {f"{c.source}.{c.output.partition('[')[0]}" for c in feeds}
-        if len(series) != 1 or len(feeds) != len(body.interface.elements(name)):
+        if len(series) != 1 or len(feeds) != len(body.interface.elements.get(name, ())):
             why = why or f"{body.name}.{name} does not come from one component"
             continue
         pair[name] = series.pop()
@@ -381,7 +381,7 @@ class Along:
         names = [(self._body.name, n) for n in _STATES] + [(wheels, momentum)]
         outputs = [
             (owner, s.name) for owner, n in names
-            for s in system.components[owner].interface.elements(n)
+            for s in system.components[owner].interface.elements.get(n, ())
         ]  # fmt: skip
         self.kept = Kept(self._body.name, outputs)
         self._known = motion.known(system, self._body.name)
@@ -417,7 +417,7 @@ class Along:
         columns = {name: i for i, name in enumerate(self.kept.inputs)}
         made: dict[str, Array] = {}
         for name in dict.fromkeys(s.array for s in self._body.interface.inputs):
-            elements = [s.name for s in self._body.interface.elements(name)]
+            elements = [s.name for s in self._body.interface.elements.get(name, ())]
             if self._body.interface.signals[elements[0]].kind != "Real":
                 continue
             columns_of_it = [

@@ -143,7 +143,7 @@ def _too_strong(component: Component) -> list[str]:
 def _unmoved(system: System) -> list[str]:
     """A line for each component that is given the force and has not the option, or has it off."""
     wired = dict.fromkeys(
-        c.target for c in system.connections if c.input.partition("[")[0] == INPUT
+        c.target for c in system.connections if c.input_array == INPUT
     )  # fmt: skip
     lines = []
     for name in wired:

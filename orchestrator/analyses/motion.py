@@ -21,7 +21,6 @@ from desat.components.physics.torques import PLATE_COLUMNS, SOLAR_PRESSURE
 
 from ..engine.recording.results import Results
 from ..numbers.derived import cross, rotate_back
-from ..system.interface import base_name
 from ..system.model import System
 from ..system.parameters import Parameter
 
@@ -161,13 +160,13 @@ def feeds(system: System, body: str) -> Feeds | None:
     fed: Feeds = {}
     for name in INPUTS:
         signals = interface.arrays.get(name, ())
-        wires = [c for c in system.connections if c.target == body and base_name(c.input) == name]
+        wires = [c for c in system.connections if c.target == body and c.input_array == name]
         if not wires:
             fed[name] = [component.values[s.name] for s in signals]
             continue
         wire = wires[0]
         source = system.components[wire.source]
-        series = {f"{c.source}.{base_name(c.output)}" for c in wires}
+        series = {f"{c.source}.{c.output_array}" for c in wires}
         signal = source.interface.signals.get(wire.output) if source.interface else None
         same = all(c.factor == 1.0 and c.offset == 0.0 for c in wires)
         if not (

@@ -74,7 +74,7 @@ def _orbit(environment: Component | None) -> tuple[float, float] | None:
 
 
 def _axes(system: System) -> Iterator[str]:
-    if not any(c.input.partition("[")[0] == "tau_ctrl_body" for c in system.connections):
+    if not any(c.input_array == "tau_ctrl_body" for c in system.connections):
         return  # nobody wants three axes: a boom, a bias wheel
     for c in system.components.values():
         if c.interface.role != "wheels" or "axes_wheel" not in c.interface.arrays:

@@ -64,7 +64,7 @@ def _no_kind(system: System) -> str:
     what = ""
     if manager is not None:
         what = f" for {manager.interface.model}"
-        for signal in manager.interface.elements("law"):
+        for signal in manager.interface.elements.get("law", ()):
             what += f" {manager.choice(signal.name)}"
     return f"no design{what}; there is one for {names}"
 

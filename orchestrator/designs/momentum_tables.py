@@ -245,8 +245,8 @@ def _bare(component: Component) -> Any:
 
 def _value(component: Component, name: str) -> Any:
     """A parameter; an array as a tuple."""
-    values = tuple(component.values[s.name] for s in component.interface.elements(name))
-    return values[0] if values and component.interface.elements(name)[0].name == name else values
+    value = component.values.get(name, ())
+    return tuple(value) if isinstance(value, list) else value
 
 
 def _padded(rows: Any) -> Any:

@@ -121,7 +121,7 @@ class Plant:
 
     def manager_value(self, name: str) -> Any:
         """A parameter of the manager; a choice by its name."""
-        signals = self.manager.interface.elements(name)
+        signals = self.manager.interface.elements.get(name, ())
         if signals[0].choices:
             return self.manager.choice(signals[0].name)
         values = [self.manager.values[s.name] for s in signals]

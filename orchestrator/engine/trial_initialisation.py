@@ -43,7 +43,9 @@ def refusals(
     }  # fmt: skip
     while more := {c.target for c in system.connections if c.source in blind} - blind:
         blind |= more
-    lines = _in_a_process(_part(system, ours), _part_of(schedule, ours))
+    part = _part(system, ours)
+    library.unpack(part)
+    lines = _in_a_process(part, _part_of(schedule, ours))
     unsure = [line for line in lines if line.partition(":")[0] in blind]
     return (
         [line for line in lines if line not in unsure],

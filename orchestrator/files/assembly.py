@@ -225,6 +225,6 @@ def _keep_alike(component: DraftComponent, old: Interface | None) -> list[str]:
     component.parameters = {key: value for key, value in given.items() if alike(key)}
     component.references = {
         name: text for name, text in component.references.items()
-        if old is not None and all(alike(s.name) for s in old.elements(name))
+        if old is not None and all(alike(s.name) for s in old.elements.get(name, ()))
     }  # fmt: skip
     return list(dict.fromkeys(base_name(k) for k in given if k not in component.parameters))

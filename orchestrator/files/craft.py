@@ -278,7 +278,7 @@ class _Reader:
 
     def owners(self, name: str, parameter: str) -> list[str]:
         """The component, and where its parameter is one that components share, those as well."""
-        if not any(s.shared for s in self.interfaces[name].elements(parameter)):
+        if not any(s.shared for s in self.interfaces[name].elements.get(parameter, ())):
             return [name]
         return [n for n, i in self.interfaces.items() if elements(i, parameter, "parameter")]
 
@@ -287,7 +287,7 @@ class _Reader:
         own = self.table("parameters").get(owner, {})
         value = own.get(parameter) if isinstance(own, dict) else None
         value = self.table("shared").get(parameter) if value is None else value
-        signals = self.interfaces[owner].elements(parameter)
+        signals = self.interfaces[owner].elements.get(parameter, ())
         given = {} if value is None else expand(self.interfaces[owner], parameter, value, parameter)
         flat = [given.get(s.name, s.start) for s in signals]
         return flat if len(flat) > 1 else flat[0]

@@ -61,7 +61,7 @@ class FmuFile:
     def ours(self) -> bool:
         """Whether it is, byte by byte, one that we have built, of a block of ours or of the user's
         own: a description may say anything."""
-        return is_ours(self.path)
+        return self.sha256 in index() or own.folder_of(self.path) is not None
 
     @cached_property
     def folder(self) -> Path:
@@ -260,6 +260,13 @@ def load(path: Path) -> FmuFile:
     return _loaded.setdefault((path, stat.st_mtime_ns, stat.st_size), FmuFile(path))
 
 
+def unpack(system: System) -> None:
+    """Extract the FMUs of a system: a process forked from this one does not clean up after it."""
+    for component in system.components.values():
+        if component.fmu is not None:
+            _ = component.fmu.folder
+
+
 def computes(name: str, fmu: Fmu | None) -> str:
     """What computes a component: of a foreign FMU, or of one of ours that is not of those built
     here, the sha256 of its file; of a block of ours (`fmu` None: the bare one of this name) the
@@ -369,29 +376,6 @@ def hashes(path: Path) -> frozenset[str]:
         if line and match:
             known.add(match[1].lower())
     return frozenset(known)
-
-
-def is_ours(fmu: Path) -> bool:
-    """True for an FMU that is, byte by byte, one that we have built, of a block of ours or of the
-    user's own."""
-    if fmu.is_dir():
-        return False
-    if any(sha256(p) == sha256(fmu) for p in _ours().get(_size(fmu), ())):
-        return True
-    return own.folder_of(fmu) is not None
-
-
-def _size(path: Path) -> int:
-    return path.stat().st_size
-
-
-@cache
-def _ours() -> dict[int, list[Path]]:
-    """Our FMUs by their size, so that few need be hashed."""
-    by_size: dict[int, list[Path]] = {}
-    for path in paths.fmus().rglob("*.fmu"):
-        by_size.setdefault(_size(path), []).append(path)
-    return by_size
 
 
 def told_faults(system: System) -> Iterator[str]:

@@ -188,7 +188,7 @@ def blocks(what: str | None) -> tuple[str, list[dict[str, str]]]:
         rows = []
         for kind in ("parameter", "input", "output"):
             for name in dict.fromkeys(s.array for s in interface.of(kind)):
-                elements = interface.elements(name)
+                elements = interface.elements.get(name, ())
                 first = elements[0]
                 rows.append({
                     "name": name + (f" ({len(elements)})" if len(elements) > 1 else ""),

@@ -218,7 +218,7 @@ def _from(system: System, t: float, state: list[Array]) -> System:
 def _with(component: Component, given: dict[str, list[Scalar]]) -> Component:
     values = dict(component.parameters)
     for name, elements in given.items():
-        signals = component.interface.elements(name)
+        signals = component.interface.elements.get(name, ())
         values |= {s.name: x for s, x in zip(signals, elements, strict=bool(signals))}
     return replace(component, parameters=values)
 

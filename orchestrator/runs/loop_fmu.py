@@ -264,7 +264,7 @@ def _shared(
         known = {f"shared.{s.array}" for c in system.components.values()
                  for s in c.interface.parameters if s.shared}  # fmt: skip
         raise DesatError(f"--parameters {name}: no component shares it{nearest(name, known)}")
-    first = sorted(owners[0][1].interface.elements(base), key=lambda s: s.reference)
+    first = sorted(owners[0][1].interface.elements.get(base, ()), key=lambda s: s.reference)
     return Scalars(
         name, tuple(f"shared.{s.name}" for s in first),
         tuple(tuple((n, c.interface.signals[s.name]) for n, c in owners) for s in first),

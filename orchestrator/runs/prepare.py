@@ -221,7 +221,7 @@ def _changed(
         component = system.components.get(owner)
         if component is None or isinstance(value, str):
             return None
-        signals = component.interface.elements(variable)
+        signals = component.interface.elements.get(variable, ())
         if any(s.shared for s in signals) or variable.endswith("sample_time") or (
             variable == "delay" or base_name(variable) in named
         ):  # fmt: skip

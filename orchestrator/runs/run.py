@@ -224,6 +224,7 @@ def _supervised(
     system, schedule = case.or_raise()
     options, unwritten = case.options, Unwritten.shared()
     place = folder or library.scratch("run")
+    library.unpack(system)
 
     def work(tell: Callable[[str, Any], None], unwritten: Unwritten) -> None:
         stepped(case, place, manifest, progress, checkpoint, unwritten, tell)

@@ -210,7 +210,7 @@ def _along(case: Case, manifest: Manifest) -> Along | None:
     all_of_it = all(
         selects(options.record, owner, signal)
         for owner, _, name in wanted
-        for signal in system.components[owner].interface.elements(name)
+        for signal in system.components[owner].interface.elements.get(name, ())
     )
     return Along(system, parts, manifest.parameters) if all_of_it else None
 

@@ -97,7 +97,7 @@ def _signal(system: System, name: str) -> Signal:
     if component is None:
         hint = nearest(owner, system.components)
         raise DesatError(f"stop_when.signal: no component {owner}{hint}")
-    elements = component.interface.elements(variable)
+    elements = component.interface.elements.get(variable, ())
     if not elements or elements[0].causality != "output" or elements[0].series != variable:
         known = {s.series for s in component.interface.outputs}
         hint = nearest(variable, known)

@@ -241,7 +241,7 @@ def _elements(
         return f"no component {owner}{nearest(owner, components)}"
     if component.interface is None:
         return ()
-    elements = component.interface.elements(variable)
+    elements = component.interface.elements.get(variable, ())
     if not elements or elements[0].causality not in causalities or (
         elements[0].causality == "output" and elements[0].series != variable
     ):  # fmt: skip

@@ -233,7 +233,7 @@ def _gains(
     """Parameter, value and what is said of it, of all that a law takes from the craft."""
     signals = component.interface.signals
     for key, rule in law.gains.items():
-        elements = component.interface.elements(key)
+        elements = component.interface.elements.get(key, ())
         if isinstance(rule, bool) or rule in elements[0].choices:
             yield key, rule, str(rule)
             continue

@@ -32,7 +32,6 @@ from desat.components.physics.orbit import ellipse_state, mean_motion, perifocal
 from desat.components.physics.rotor import friction
 
 from ..system.errors import DesatError
-from ..system.interface import base_name
 from ..system.model import System
 
 # ------------------------------------------------------------------------------------------------
@@ -138,10 +137,7 @@ class Values:
 
     def many(self, role: str, name: str) -> Any:
         """The values of a parameter, or of an input's start, as floats in a tuple."""
-        component = self._system.components[role]
-        assert component.interface is not None
-        values: list[Any] = [component.values[s.name] for s in component.interface.elements(name)]
-        return tuple(float(x) for x in values)
+        return tuple(float(x) for x in self._system.components[role].values.get(name, ()))
 
     def has(self, role: str, name: str) -> bool:
         """True when a role's block declares a variable."""
@@ -182,7 +178,7 @@ class Values:
 
     def _wires(self) -> Iterator[str]:
         connections = self._system.connections
-        wired = {(c.target, f"{c.source}.{base_name(c.output)}") for c in connections}
+        wired = {(c.target, f"{c.source}.{c.output_array}") for c in connections}
         for role, known in self.known.items():
             wires = known.wires + (
                 THRUSTER_WIRES if role == "spacecraft" and "thrusters" in self.known else ""

@@ -147,7 +147,7 @@ def _follows(system: System, draft: Draft) -> Iterator[str]:
                 usual = [float(x) for x in values_of(c, name, text, known).values()]
             except DesatError:  # that craft has none, or several that differ
                 continue
-            signals = c.interface.elements(name)
+            signals = c.interface.elements.get(name, ())
             own = [float(str(c.values[s.name])) for s in signals]
             ends = [known[owner][p] for owner, _, p in (n.partition(".") for n in named(text))]
             given = any(s.name in c.parameters for s in signals) or any(e.given for e in ends)
@@ -191,7 +191,7 @@ def _overrides(system: System, given: Mapping[str, str]) -> Iterator[str]:
         component = system.components.get(owner)
         if component is None:
             yield f"{where}: no component {owner}{nearest(owner, system.components)}"
-        elif not any(s.causality == "output" for s in component.interface.elements(name)):
+        elif not any(s.causality == "output" for s in component.interface.elements.get(name, ())):
             yield f"{where}: {owner} has no output {name}"
         if value not in ("state", "interval"):
             yield f'{where}: {key} = "{value}"; state or interval is needed'
@@ -224,8 +224,8 @@ class Unwired:
 
 def unwired(system: System) -> dict[str, Unwired]:
     """What each component leaves open. `fault` is for the master and counts nowhere."""
-    wired = {(c.target, base_name(c.input)) for c in system.connections}
-    read = {(c.source, base_name(c.output)) for c in system.connections}
+    wired = {(c.target, c.input_array) for c in system.connections}
+    read = {(c.source, c.output_array) for c in system.connections}
     result = {}
     for c in system.components.values():
         given = {base_name(name) for name in c.parameters}
@@ -240,7 +240,7 @@ def unwired(system: System) -> dict[str, Unwired]:
 
 def without_effect(system: System, open_ends: dict[str, Unwired]) -> Iterator[str]:
     """An error a parameter (or wired input) and each variable that it needs and that is open."""
-    wired = {(c.target, base_name(c.input)) for c in system.connections}
+    wired = {(c.target, c.input_array) for c in system.connections}
     for c in system.components.values():
         mine = open_ends[c.name]
         needed_by = {name: of[-1].needed_by for name, of in c.interface.arrays.items()}
@@ -248,7 +248,7 @@ def without_effect(system: System, open_ends: dict[str, Unwired]) -> Iterator[st
             for other in needed_by[name]:
                 if (c.name, other) in wired:
                     user = f"{c.name}.{other} is wired and"
-                elif any(c.values[s.name] for s in c.interface.elements(other)):
+                elif any(c.values[s.name] for s in c.interface.elements.get(other, ())):
                     user = f"{c.name}.{other}{_value_text(c, other)}"
                 else:
                     continue
@@ -316,7 +316,7 @@ def _unusual(c: Component, where: str) -> Iterator[str]:
 def _no_attitudes(c: Component, where: str) -> Iterator[str]:
     """A line a quaternion (q_..., scalar last) that is zero: it is no attitude."""
     for name in {base_name(n) for n in c.parameters if n.startswith("q_")}:
-        values = [c.parameters.get(s.name, s.start) for s in c.interface.elements(name)]
+        values = [c.parameters.get(s.name, s.start) for s in c.interface.elements.get(name, ())]
         if len(values) == 4 and not any(values):
             yield (f"{c.given.get(name, where)}: {c.name}.{name} = (0, 0, 0, 0): a quaternion of "
                    "size 0 is no attitude; (0, 0, 0, 1) is none turned")  # fmt: skip

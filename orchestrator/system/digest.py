@@ -29,7 +29,6 @@ from .model import Connection, System
 FORM = "2"
 """Of the digest, before a colon: digests of another form are of no use to each other."""
 
-_FOLLOWS = "follows from the others"
 _OF_CODE = "is of what computes it, which stands beside"
 ASIDE: Mapping[str, Mapping[str, str]] = {
     "System": {
@@ -49,11 +48,6 @@ ASIDE: Mapping[str, Mapping[str, str]] = {
     },
     "Interface": {
         "title": "a text",
-        "arrays": _FOLLOWS,
-        "inputs": _FOLLOWS,
-        "outputs": _FOLLOWS,
-        "parameters": _FOLLOWS,
-        "slopes": _FOLLOWS,
     },
     "Signal": {
         "description": "a text",
@@ -65,8 +59,6 @@ ASIDE: Mapping[str, Mapping[str, str]] = {
         "shared": "values that differ are refused, or said",
         "usual": "a value outside of it is said",
         "needed_by": "what is missing is refused",
-        "array": _FOLLOWS,
-        "series": _FOLLOWS,
     },
     "Options": {
         "sets": "in the resolved system",
@@ -149,12 +141,12 @@ def _entry(entry: Any) -> Any:
 
 @cache
 def _kept(kind: Any) -> Callable[[Any], tuple[Any, ...]] | None:
-    """What gets the fields of a dataclass that are in the digest, after its class; None for another
-    class."""
+    """What gets the fields of a dataclass that are in the digest, after its class: those that are
+    given, not what follows from them. None for another class."""
     if not isinstance(kind, type) or not is_dataclass(kind):
         return None
     aside = ASIDE.get(kind.__name__, {})
-    names = tuple(f.name for f in fields(kind) if f.name not in aside)
+    names = tuple(f.name for f in fields(kind) if f.init and f.name not in aside)
     return attrgetter("__class__.__name__", *names)
 
 

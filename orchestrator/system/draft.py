@@ -47,7 +47,7 @@ class DraftComponent:
 
     def elements(self, name: str) -> list[str]:
         """The scalars of a variable by name; none where the interface is not known."""
-        return [s.name for s in self.interface.elements(name)] if self.interface else []
+        return [s.name for s in self.interface.elements.get(name, ())] if self.interface else []
 
     def assign(self, name: str, value: Any, where: str) -> None:
         """Give a parameter (or input) its value, or the text of one that follows from others.
@@ -58,7 +58,7 @@ class DraftComponent:
         """
         if self.interface is None:
             return
-        signals = self.interface.elements(name)
+        signals = self.interface.elements.get(name, ())
         text = isinstance(value, str) and not is_quantity(value)
         if text and signals and signals[0].kind == "Real":
             expand(self.interface, name, [s.start or 0.0 for s in signals], where)
@@ -169,13 +169,11 @@ def drop_unwanted(draft: Draft, component: DraftComponent) -> None:
     fmu, bases = PurePath(component.source).name, component.interface.arrays
     unwanted = [c for c in draft.connections if c.target == name and c.input not in signals]
     if unwanted:
-        whole = {base_name(c.input) for c in unwanted}.difference(bases)
-        names = (b if (b := base_name(c.input)) in whole else c.input for c in unwanted)
+        whole = {c.input_array for c in unwanted}.difference(bases)
+        names = (b if (b := c.input_array) in whole else c.input for c in unwanted)
         inputs = ", ".join(sorted(set(names)))
         draft.warnings.append(f"{name}: {fmu} has no input {inputs}: left unwired")
-    missing = [
-        c for c in draft.connections if c.source == name and base_name(c.output) not in bases
-    ]
+    missing = [c for c in draft.connections if c.source == name and c.output_array not in bases]
     if any(c.source == name and c not in missing for c in draft.connections):
         for output, reads in sorted(_by_output(missing).items()):
             hint = nearest(output, {s.array for s in component.interface.outputs})
@@ -198,7 +196,7 @@ def _by_output(connections: Iterable[Connection]) -> dict[str, list[str]]:
     """The inputs that each output feeds, arrays as a whole."""
     feeds: dict[str, dict[str, None]] = {}
     for c in connections:
-        feeds.setdefault(base_name(c.output), {})[f"{c.target}.{base_name(c.input)}"] = None
+        feeds.setdefault(c.output_array, {})[f"{c.target}.{c.input_array}"] = None
     return {output: list(inputs) for output, inputs in feeds.items()}
 
 

@@ -170,7 +170,7 @@ def _names(waiting: Iterable[tuple[str, str]]) -> set[str]:
 
 def values_of(component: Component, name: str, text: str, known: Table) -> dict[str, Scalar]:
     """The scalars that a text gives to a parameter. Raises DesatError where it does not fit."""
-    signals = component.interface.elements(name)
+    signals = component.interface.elements.get(name, ())
     value: Any
     if is_name(text):
         value, unit = entry(text, known)[0], unit_of(entry(text, known)[1])

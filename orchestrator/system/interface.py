@@ -87,6 +87,8 @@ class Interface:
     fmi: str = "2.0"
     arrays: Mapping[str, tuple[Signal, ...]] = field(init=False, repr=False, compare=False)
     """The scalars of each variable by its name: of an array its elements."""
+    elements: Mapping[str, tuple[Signal, ...]] = field(init=False, repr=False, compare=False)
+    """The same, and each element by its own name, alone."""
     inputs: tuple[Signal, ...] = field(init=False, repr=False, compare=False)
     outputs: tuple[Signal, ...] = field(init=False, repr=False, compare=False)
     parameters: tuple[Signal, ...] = field(init=False, repr=False, compare=False)
@@ -100,8 +102,10 @@ class Interface:
         for s in self.signals.values():
             arrays.setdefault(s.array, []).append(s)
             sides.setdefault(s.causality, []).append(s)
-        found = {
-            "arrays": {name: tuple(of) for name, of in arrays.items()},
+        whole = {name: tuple(of) for name, of in arrays.items()}
+        found: dict[str, Any] = {
+            "arrays": whole,
+            "elements": whole | {s.name: (s,) for s in self.signals.values()},
             **{f"{side}s": tuple(sides[side]) for side in ("input", "output", "parameter")},
             "slopes": frozenset(s.slope for s in self.signals.values() if s.slope),
         }
@@ -111,11 +115,6 @@ class Interface:
     def of(self, causality: str) -> Iterator[Signal]:
         """The signals of one causality."""
         return (s for s in self.signals.values() if s.causality == causality)
-
-    def elements(self, name: str) -> tuple[Signal, ...]:
-        """The scalar `name`, or the elements `name[...]` of an array; empty when unknown."""
-        signal = self.signals.get(name)
-        return self.arrays.get(name, ()) if signal is None else (signal,)
 
 
 def apart(outputs: Iterable[Signal]) -> dict[str, Signal]:
@@ -216,7 +215,7 @@ def elements(interface: Interface, name: str, causality: str) -> dict[str, Signa
     """The scalars of a variable by what follows its name: nothing, `[1]`, `[3,4]`."""
     return {
         s.name.removeprefix(name): s
-        for s in interface.elements(name)
+        for s in interface.elements.get(name, ())
         if s.causality == causality and s.array == name
     }
 

@@ -48,6 +48,13 @@ class Connection:
     offset: float = 0.0
     converts: bool = True
     """False: units are not converted (suppressUnitConversion)."""
+    output_array: str = field(init=False, repr=False, compare=False)
+    """The variable that the output is an element of."""
+    input_array: str = field(init=False, repr=False, compare=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "output_array", self.output.partition("[")[0])
+        object.__setattr__(self, "input_array", self.input.partition("[")[0])
 
     def __str__(self) -> str:
         return f"{self.source}.{self.output} -> {self.target}.{self.input}"
@@ -152,12 +159,11 @@ class System:
     about: Told | None = None
     """What its scenario says (`language/content.py`, `said`); None of a foreign system."""
 
-    @property
-    def parts(self) -> int:
-        """The inner steps of a step; one as long as they are not chosen."""
-        return 1 if self.inner == AUTO else self.inner
+    parts: int = field(init=False, repr=False, compare=False)
+    """The inner steps of a step; one as long as they are not chosen."""
+    steps: int = field(init=False, repr=False, compare=False)
+    """From start to stop."""
 
-    @property
-    def steps(self) -> int:
-        """The number of steps from start to stop."""
-        return round((self.stop - self.start) / self.step)
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "parts", 1 if self.inner == AUTO else self.inner)
+        object.__setattr__(self, "steps", round((self.stop - self.start) / self.step))

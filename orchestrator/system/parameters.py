@@ -71,7 +71,7 @@ def expand(interface: Interface, name: str, value: Any, where: str) -> dict[str,
     variable, a wrong count or type, and a value outside the bounds.
     """
     signal = interface.signals.get(name)
-    signals = interface.elements(name) if signal is None else [signal]
+    signals = interface.elements.get(name, ()) if signal is None else [signal]
     if not signals:
         known = {s.array for c in ("parameter", "input") for s in interface.of(c)}
         raise DesatError(f"{where} has no variable {name}{nearest(name, known)}")

@@ -14,7 +14,7 @@ from desat.components.contract.units import conversion
 from .draft import Draft, DraftComponent
 from .errors import DesatError, nearest
 from .expression import evaluate
-from .interface import Interface, Signal, base_name
+from .interface import Interface, Signal
 from .model import Component, Connection, System
 from .parameters import expand, in_unit_of, known_unit
 
@@ -109,7 +109,7 @@ def _parameters(
         where = c.given.get(name, draft.where)
         try:
             own = interface.signals.get(name)
-            signals = interface.elements(name) if own is None else [own]
+            signals = interface.elements.get(name, ()) if own is None else [own]
             if not (signals or interface.role):  # SSP 1.0: what matches no variable is ignored
                 _warn(draft, f"{where}: {c.source} has no variable {name}"
                              f"{nearest(name, interface.signals)}: left out")  # fmt: skip
@@ -144,21 +144,21 @@ def _connections(draft: Draft, problems: list[str]) -> tuple[Connection, ...]:
     for c in draft.connections:
         if len(problems) > before + MOST:
             break
-        where = f"{draft.where}:{c.line}: {c}"
-        source = _end(draft, c.source, c.output, "output", where, problems, lacking)
-        target = _end(draft, c.target, c.input, "input", where, problems, lacking)
+        source = _end(draft, c, "output", problems, lacking)
+        target = _end(draft, c, "input", problems, lacking)
         if source is None or target is None:
             continue
+        where = f"{draft.where}:{c.line}"
         if source.kind != target.kind:
-            problems.append(f"{where}: type {source.kind} does not fit {target.kind}")
+            problems.append(f"{where}: {c}: type {source.kind} does not fit {target.kind}")
         other = driven.setdefault((c.target, c.input), c)
         if other is not c:
-            problems.append(f"{where}: {c.target}.{c.input} has two sources, also {other.source}."
-                            f"{other.output} (line {other.line})")  # fmt: skip
+            problems.append(f"{where}: {c}: {c.target}.{c.input} has two sources, also "
+                            f"{other.source}.{other.output} (line {other.line})")  # fmt: skip
         try:
             result.append(_converted(c, source, target))
         except DesatError as error:
-            problems.append(f"{where}: {error}")
+            problems.append(f"{where}: {c}: {error}")
     problems += [
         f"{draft.components[name].placed}: {name}: its FMU lacks what is wired: {', '.join(ends)}"
         for name, ends in lacking.items()
@@ -167,31 +167,35 @@ def _connections(draft: Draft, problems: list[str]) -> tuple[Connection, ...]:
 
 
 def _end(
-    draft: Draft, element: str, connector: str, causality: str, where: str, problems: list[str],
+    draft: Draft, c: Connection, causality: str, problems: list[str],
     lacking: Mapping[str, dict[str, None]],
 ) -> Signal | None:  # fmt: skip
     """The variable at one end of a connection; None where there is none that fits. What an FMU
     lacks that was put in a component's place goes to `lacking`, by component."""
+    outgoing = causality == "output"
+    element, connector = (c.source, c.output) if outgoing else (c.target, c.input)
     component = draft.components.get(element)
+    where = f"{draft.where}:{c.line}"
     if component is None:
-        problems.append(f"{where}: no component {element}{nearest(element, draft.components)}")
+        hint = nearest(element, draft.components)
+        problems.append(f"{where}: {c}: no component {element}{hint}")
         return None
     signals = component.interface.signals if component.interface else {}
     known = component.connectors or signals
     signal = signals.get(connector)
     fits = signal is not None and signal.causality == causality
     if component.placed and component.interface is not None and not fits:
-        whole = base_name(connector)
-        part = component.interface.elements(whole) and signal is None
+        whole = c.output_array if outgoing else c.input_array
+        part = component.interface.elements.get(whole, ()) and signal is None
         lacking[element][f"{causality} {connector if part else whole}"] = None
         return None
     if connector not in known:
         hint = nearest(connector, known)
-        problems.append(f"{where}: {element} has no connector {connector}{hint}")
+        problems.append(f"{where}: {c}: {element} has no connector {connector}{hint}")
         return None
     if signal is not None and signal.causality != causality:
-        end = "start" if causality == "output" else "end"
-        problems.append(f"{where}: wrong direction: the {end} {element}.{connector} is an "
+        end = "start" if outgoing else "end"
+        problems.append(f"{where}: {c}: wrong direction: the {end} {element}.{connector} is an "
                         f"{signal.causality}, an {causality} is needed")  # fmt: skip
         return None
     return signal

@@ -68,16 +68,7 @@ class Rates:
         return [(a, b - a) for a, b in pairwise(edges)]
 
 
-@dataclass(frozen=True)
-class Link:
-    """A connection from an output that is a mean over the step, or the slope of one."""
-
-    source: str
-    target: str
-    text: str
-
-
-def rates(system: System, links: Sequence[Link]) -> tuple[Rates, list[str]]:
+def rates(system: System, links: Sequence[Connection]) -> tuple[Rates, list[str]]:
     """How often the components of a system step, and what cannot be done, a line each."""
     inner = system.parts
     decimation = {name: c.decimation for name, c in system.components.items()}
@@ -97,7 +88,7 @@ def rates(system: System, links: Sequence[Link]) -> tuple[Rates, list[str]]:
     return Rates(graded(inner), every, slow), problems + more
 
 
-def _group(system: System, links: Iterable[Link]) -> set[str]:
+def _group(system: System, links: Iterable[Connection]) -> set[str]:
     """The components that have inner steps."""
     group = {name for link in links for name in (link.source, link.target)}
     incoming: dict[str, set[str]] = {name: set() for name in system.components}
@@ -119,14 +110,14 @@ def _continuous(interface: Interface) -> bool:
     return "sample_time" not in interface.signals
 
 
-def late(links: Iterable[Link], every: Mapping[str, int]) -> tuple[frozenset[str], list[str]]:
+def late(links: Iterable[Connection], every: Mapping[str, int]) -> tuple[frozenset[str], list[str]]:
     """The components that step at the end of their window, and what cannot be done, a line each.
 
     `every` gives each component's rate: it steps once in so many parts.
     """
     links = list(links)
     problems = [
-        f"{x.text}: rates of 1 in {every[x.source]} and 1 in {every[x.target]} steps: one must be "
+        f"{x}: rates of 1 in {every[x.source]} and 1 in {every[x.target]} steps: one must be "
         "a multiple of the other, or the mean would not be handed on whole"
         for x in links
         if max(every[x.source], every[x.target]) % min(every[x.source], every[x.target])
@@ -140,8 +131,8 @@ def late(links: Iterable[Link], every: Mapping[str, int]) -> tuple[frozenset[str
                 reasons[x.target] = reasons[source]
                 todo.append(x.target)
     problems += [
-        f"{x.text}: {x.target} steps {every[x.source] // every[x.target]} times within the step of "
-        f"{x.source}, which needs the mean over it first ({reasons[x.source].text}): give "
+        f"{x}: {x.target} steps {every[x.source] // every[x.target]} times within the step of "
+        f"{x.source}, which needs the mean over it first ({reasons[x.source]}): give "
         f"{x.target} a decimation of {every[x.source]}, or {x.source} one of {every[x.target]}"
         for x in links
         if every[x.source] > every[x.target] and x.source in reasons
@@ -199,7 +190,7 @@ def schedule(system: System) -> Schedule:
     means = {
         c: None for c in system.connections if _is_mean(system, c, classes[c.source, c.output])
     }
-    paces, problems = rates(system, [Link(c.source, c.target, str(c)) for c in means])
+    paces, problems = rates(system, list(means))
     if problems:
         raise DesatError("\n".join(f"{system.where}: {text}" for text in problems))
     timing = tuple(
@@ -307,7 +298,7 @@ def _warnings(
     for c, text in timing:
         if text.startswith(("held", "one of")) and {c.source, c.target} <= exchanging:
             outputs = lines.setdefault((c.source, c.target, text), [])
-            outputs.append(base_name(c.output))
+            outputs.append(c.output_array)
     for (source, target, text), outputs in lines.items():
         listed = ", ".join(f"{source}.{name}" for name in dict.fromkeys(outputs))
         yield f"{target} takes {listed}: {text}, which costs accuracy (decimation)"
@@ -326,7 +317,7 @@ def _circle(
             and classes[c.source, c.output] == "interval"
         )  # fmt: skip
         links.append(connection)
-    text = " -> ".join(f"{c.source}.{base_name(c.output)}" for c in links)
+    text = " -> ".join(f"{c.source}.{c.output_array}" for c in links)
     example = f'"{links[-1].source}.{base_name(links[-1].output)}" = "state"'
     return (
         f"{system.where}: cycle over the step: {text} -> {members[0]}; to take one of them a "

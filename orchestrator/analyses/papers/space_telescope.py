@@ -57,7 +57,7 @@ def applies(system: System) -> Parts | None:
     for signal in SIGNALS:
         name, _, output = signal.partition(".")
         component = system.components.get(name)
-        if component is None or not component.interface.elements(output):
+        if component is None or not component.interface.elements.get(output, ()):
             return None
     return Parts()
 

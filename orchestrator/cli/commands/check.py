@@ -33,7 +33,6 @@ def check(
     from ...engine.trial_initialisation import refusals
     from ...files.library import notes
     from ...runs.prepare import prepare
-    from ...system.interface import base_name
     from ...system.refusal import told
 
     options = o.options_of(sets, stop, step, o.Semantics.conserving, blocks, classes, sources,
@@ -48,8 +47,8 @@ def check(
         checked.notes += notes(checked.system.components.values())
     timing: dict[str, str] = {}
     for connection, when in schedule.timing if schedule else ():
-        key = (f"{connection.source}.{base_name(connection.output)} -> "
-               f"{connection.target}.{base_name(connection.input)}")  # fmt: skip
+        key = (f"{connection.source}.{connection.output_array} -> "
+               f"{connection.target}.{connection.input_array}")  # fmt: skip
         timing[key] = when
     if as_json:
         print_json(

@@ -65,6 +65,7 @@ class IsolatedInstance:
         self.name, self.place = component.name, 0
         self.messages: list[str] = []
         self._heard, self._limit, self._ended, self._read = 0, limit, "", False
+        _ = fmu.folder  # extracted here: the process does not clean up
         ours, theirs = socket.socketpair()
         head = os.getpid()
         with warnings.catch_warnings():  # the child uses nothing that another thread may hold
