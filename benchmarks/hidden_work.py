@@ -15,11 +15,11 @@ from datetime import UTC, datetime
 from importlib.metadata import version
 from typing import Any
 
+from benchmarks.validation import separation
 from desat.analyses import energy
 from desat.files import paths
 from desat.files.scenario import families, scenarios
 from desat.runs.run import Options, prepare
-from desat.studies import separation
 
 STEPS = 6000
 

@@ -11,6 +11,7 @@ import pytest
 from test_campaign_doubts import flown
 from typer.testing import CliRunner
 
+from benchmarks.validation import separation
 from desat.analyses import energy
 from desat.analyses.manifest import Manifest
 from desat.campaign import report
@@ -20,7 +21,6 @@ from desat.engine import node
 from desat.engine.instances.base import ComponentError
 from desat.engine.master import Master
 from desat.runs.run import Options, execute, resume
-from desat.studies import separation
 from desat.system.errors import Exit
 
 MADE = set(energy.NUMBERS)

@@ -29,7 +29,7 @@ NAME = "uosat12/table3-ocdc-ilqr-1"
 
 def test_help(desat):
     for command in ((), ("run",), ("draws",), ("check",), ("pack",), ("tables",), ("report",),
-                    ("bound",), ("convergence",), ("design",),
+                    ("bound",), ("design",),
                     ("list",)):  # fmt: skip
         result = desat(*command, "--help")
         assert result.returncode == 0

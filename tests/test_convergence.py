@@ -3,7 +3,6 @@ its own error, and the bound that it warns by."""
 
 from __future__ import annotations
 
-import json
 import math
 from dataclasses import fields, replace
 
@@ -12,14 +11,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from benchmarks.validation import convergence, estimate
+from benchmarks.validation.reference import Gyrostat
+from benchmarks.validation.reference_events import advance
+from benchmarks.validation.reference_plant import STANDING, H, Held, L, Q
 from desat.analyses import coverage
 from desat.components.maths import attitude
 from desat.components.physics.rotor import friction
 from desat.runs.run import Options, prepare
-from desat.studies import convergence, estimate
-from desat.studies.reference import Gyrostat
-from desat.studies.reference_events import advance
-from desat.studies.reference_plant import STANDING, H, Held, L, Q
 from desat.system.errors import DesatError
 
 # attitude error (rad): as it was with one exchange a step, and what is promised with the scenario's
@@ -390,27 +389,11 @@ def test_it_refuses_other_wires():
 # --- the commands ---------------------------------------------------------------------------------
 
 
-def test_convergence_prints_estimates(desat):
-    result = desat("convergence", "gyrostat/slow-samples", "--json", "--blocks", "--steps", "10,5",
-                   "--inner", "1", "--algorithm", "conserving", check=True)  # fmt: skip
-    rows = json.loads(result.stdout)["rows"]
+def test_convergence_has_estimates():
+    options = Options(blocks=True, inner=1)
+    found = convergence.study("gyrostat/slow-samples", options, (10.0, 5.0), ("conserving",))
+    rows = found["rows"]
     assert [r["step"] for r in rows] == [10.0, 5.0]
     for row in rows:
         assert 0.2 < row["estimate"] / row["attitude_error"] < 5.0
         assert 0.2 < row["estimate_wheel_momentum"] / row["wheel_momentum_error"] < 5.0
-
-
-def test_a_run_estimates_its_error(desat, tmp_path):
-    folder = tmp_path / "run"
-    desat(
-        "run", "gyrostat/slow-samples", "--blocks", "--estimate", "--out", str(folder), check=True
-    )
-    manifest = json.loads((folder / "manifest.json").read_text())
-    assert manifest["estimate"] == {"companion_inner": 16, "factor": pytest.approx(4 / 3)}
-    number = manifest["numbers"]["estimated_attitude_error"]
-    assert 1e-8 < number["value"] < CASES["slow-samples"][1]
-    assert number["title"] in (folder / "report.html").read_text()
-    refused = desat("run", "uosat12/table3-ocdc-ilqr-1", "--blocks", "--estimate", "--stop", "60",
-                    "--out", str(tmp_path / "other"))  # fmt: skip
-    assert refused.returncode == 2
-    assert "has no rigid body with wheels" in refused.stderr

@@ -17,6 +17,8 @@ import numpy as np
 import pytest
 from test_checkpoint import broken
 
+from benchmarks.validation.estimate import difference
+from benchmarks.validation.reference import Gyrostat
 from desat.analyses import coverage
 from desat.campaign.case import row
 from desat.campaign.draws import draws
@@ -27,8 +29,6 @@ from desat.numbers.derived import pointing
 from desat.runs import inner_choice
 from desat.runs import run as running
 from desat.runs.run import Options, prepare, resume, simulate
-from desat.studies.estimate import difference
-from desat.studies.reference import Gyrostat
 from desat.system.errors import DesatError
 from desat.system.model import AUTO
 

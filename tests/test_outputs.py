@@ -38,7 +38,6 @@ WRITERS = {
     "size mine --map --html OUT": "--html",
     f"compare mine mine --html OUT {QUICK}": "--html",
     f"compare mine --laws manager_cross_product --html OUT {QUICK}": "--html",
-    "convergence gyrostat/free --html OUT": "--html",
 }
 
 

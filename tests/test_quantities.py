@@ -93,7 +93,6 @@ REFUSED = {
     "run mine --checkpoint nan": "--checkpoint nan: a number is needed",
     "campaign mine --case-limit inf": "--case-limit inf: a number is needed",
     "page --draft inf": "--draft inf: a number is needed",
-    "convergence gyrostat/free --steps 1,inf": "--steps 1,inf: numbers are needed",
     "export c magnetometer --compiler '\"'": '--compiler ": no closing quotation',
     "export c magnetometer --compiler ''": "--compiler : there is no such command",
 }

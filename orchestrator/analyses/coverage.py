@@ -65,7 +65,7 @@ TEXTS = {
     "turn": "turn and nutation in an inner step",
     "kick": "turn by the largest torque of {} in an inner step",
 }
-REMEDY = "--inner auto takes as many as it needs, --estimate says how much it errs"
+REMEDY = "--inner auto takes as many as it needs, and says how much it errs"
 
 
 @dataclass(frozen=True)

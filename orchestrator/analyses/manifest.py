@@ -144,8 +144,6 @@ class Manifest(Mapping[str, Any]):
     """The rows that hold values, where the file has others too."""
     exit: int | None = None
     """The exit code, where the status does not say it."""
-    estimate: Mapping[str, float] | None = None
-    """What the companion run was that its error was estimated from."""
     more: Mapping[str, Any] = field(default_factory=dict)
     """What another version has said beside."""
 

@@ -35,7 +35,6 @@ from ..runs.prepare import read
 from ..runs.run import Options, prepare
 from ..system.errors import DesatError, nearest
 from ..system.expression import factor, product
-from ..system.model import AUTO
 from . import comparison as cells
 from . import stored, tables
 from .session import Change, Sources
@@ -309,86 +308,17 @@ class Verbs:
             raise DesatError(f"law: no function {function} in components/laws/{module}.py")
         return verb
 
-    def convergence(self, scenario: str) -> dict[str, Any]:
-        """A scenario at several steps against its monolithic reference: `rows`, `order`."""
-        from ..studies import convergence
-
-        options = Options(stop=self._of.end_of(scenario, None))
-        return convergence.study(self._of.name_of(scenario), options, jobs=self._of.jobs)
-
-    def exchange(self, scenario: str, inner: int | None = None) -> dict[str, Any]:
-        """A scenario at its own step against its reference, with other inner steps: errors, the
-        run's own estimate, and the numbers that it is covered by."""
-        from ..analyses import coverage
-        from ..studies import convergence
-
-        options = Options(stop=self._of.end_of(scenario, None), inner=inner)
-        name, step = self._of.name_of(scenario), float(self.setting(scenario, "step"))
-        study = convergence.study(name, options, (step,), ("conserving",), self._of.jobs)
-        bound = coverage.bound(prepare(name, options).or_raise()[0])
-        return {**study["rows"][0], **(asdict(bound) if bound else {})}
-
-    def chosen(self, scenario: str) -> dict[str, Any]:
-        """A scenario whose run chooses its inner steps, against its reference: the error with one
-        (`once`), with those that it takes, its own estimate (rad), their number, and how many it
-        has flown beforehand for each of the run's."""
-        from ..studies import convergence
-        from ..studies.estimate import difference
-        from ..studies.reference import Gyrostat
-
-        name, stop = self._of.name_of(scenario), self._of.end_of(scenario, None)
-        system, _ = prepare(name, Options(stop=stop)).or_raise()
-        ideal = Gyrostat(system).ideal()
-        once, run = (convergence.fly(name, Options(stop=stop, inner=n)) for n in (1, AUTO))
-        errors = [difference(f.q, f.h, ideal.q, ideal.h)[0] for f in (once, run)]
-        choice = run.choice
-        assert choice is not None
-        share = choice.flown / (choice.inner * system.steps)
-        return {**choice.to_json(), "once": errors[0], "error": errors[1], "flown_share": share}
-
     def covered(self) -> dict[str, float]:
         """Up to where the exchange is shown to be exact: `turn`, `kick`."""
         from ..analyses import coverage
 
         return asdict(coverage.LIMITS)
 
-    def hidden_work(self, scenario: str, inner: int) -> dict[str, Any]:
-        """The error of a run against one with 64 inner steps, and the work that its steps hide; of
-        a scenario, or of a craft of `separation.JETS`."""
-        from ..studies import separation
-
-        values = separation.JETS.get(scenario)
-        name = self._of.name_of("pulses" if values else scenario)
-        stop = self._of.end_of("pulses" if values else scenario, None)
-        return separation.held(scenario, name, (inner,), values, stop)[0]._asdict()
-
-    def told_apart(self, first: int, count: int) -> dict[str, Any]:
-        """So many craft made at random, from this seed on: `rows`, and what they sum up to."""
-        from ..studies import separation
-
-        short = {} if self._of.draft is None else {"stop": self._of.draft}
-        rows = separation.at_random(range(first, first + count), **short)
-        return {**separation.summed(rows), "rows": [r._asdict() for r in rows]}
-
-    def summed(self, rows: Sequence[dict[str, Any]]) -> dict[str, Any]:
-        """The same sums of rows from elsewhere."""
-        from ..studies import separation
-
-        return separation.summed(separation.Row(**r) for r in rows)
-
     def energy_bound(self) -> float:
         """Of the hidden work, where a scenario gives no other."""
         from ..analyses import energy
 
         return energy.ENERGY_BOUND
-
-    def convergence_plot(
-        self, file: str, caption: str, study: dict[str, Any], key: str, unit: str
-    ) -> str:
-        """An error of such a study over the steps."""
-        from ..studies import convergence
-
-        return self._figure(file, caption, convergence.plot(study, key, unit))
 
     # --- how ----------------------------------------------------------------------------------
 

@@ -45,14 +45,15 @@ def families() -> tuple[str, ...]:
 
 
 def write(
-    family: str, into: Path | None = None, jobs: int = 1, draft: float | None = None
-) -> list[Path]:
+    family: str, into: Path | None = None, jobs: int = 1, draft: float | None = None,
+    verbs: type[Verbs] = Verbs,
+) -> list[Path]:  # fmt: skip
     """Write the pages of a family and their figures into a folder; figures there that no page has
     any more are removed. `into` None: the family's folder under docs/papers.
 
-    `draft`: to try a template in a short time, runs end after so many seconds at the latest, stored
-    draws stay as they are, and the page says so. Raises DesatError, with the template's line, for
-    what is wrong with it.
+    `verbs`: what templates may call. `draft`: to try a template in a short time, runs end after so
+    many seconds at the latest, stored draws stay as they are, and the page says so. Raises
+    DesatError, with the template's line, for what is wrong with it.
     """
     if not (known := templates(family)):
         hint = nearest(family, families())
@@ -65,13 +66,13 @@ def write(
             )
     folder = into or paths.DRAWS / family
     texts = [p.read_text(encoding="utf-8") for p in known.values()]
-    verbs = Verbs(Sources(family, texts, jobs, draft))
-    pages = {file: _rendered(template, verbs) + _origin(draft) for file, template in known.items()}
+    of = verbs(Sources(family, texts, jobs, draft))
+    pages = {file: _rendered(template, of) + _origin(draft) for file, template in known.items()}
     folder.mkdir(parents=True, exist_ok=True)
-    for name, svg in verbs.figures.items():
+    for name, svg in of.figures.items():
         write_page(folder / name, svg)
     for old in folder.glob("*.svg"):
-        if old.name not in verbs.figures:
+        if old.name not in of.figures:
             old.unlink()
     return [write_page(folder / file, text) for file, text in pages.items()]
 

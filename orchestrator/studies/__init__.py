@@ -1,1 +1,1 @@
-"""Studies that make runs of their own: convergence, the estimate, the reference."""
+"""Studies that make runs of their own."""

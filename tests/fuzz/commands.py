@@ -56,7 +56,6 @@ QUICK = (
     f"compare nowhere other -n 1 --seed 1 --jobs 1 {FLIGHT}",
     f"draws nowhere -n 1 --seed 1 --accuracy 1e-7 --time-limit 9 --jobs 1 {FLIGHT}",
     "campaign nowhere -n 1 --sampling random --keep every:1 --case-limit 10",
-    "convergence nowhere --steps 1,0.5",
 )
 """What ends at once: `nowhere` is no scenario, which is seen when the options have been read."""
 SLOW = (
@@ -69,7 +68,6 @@ SLOW = (
     "size mine --map --jobs 1 --rods 0.1 --inclinations 10 --altitudes 400 --dipoles 0.1",
     f"tune mine manager.gain --for peak --between 1e-4,1e-2 -n 1 --unseen 1 --jobs 1 {FLIGHT}",
     "campaign mine -n 1 --jobs 1 --blocks --stop 3 --out made_campaign",
-    "convergence gyrostat/free --steps 1 --stop 2 --blocks --jobs 1",
     "export c magnetometer --out c",
     "export fmu mine --platforms linux64 --out made.fmu",
 )

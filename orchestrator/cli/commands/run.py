@@ -70,13 +70,6 @@ def run(
     trust: o.Trust = None,
     strict: o.Strict = False,
     outside: o.Outside = False,
-    estimate: Annotated[
-        bool,
-        typer.Option(
-            "--estimate",
-            help="Also run with twice the inner steps, and say how much the run may err by them.",
-        ),
-    ] = False,
     halve: Annotated[
         int,
         typer.Option(metavar="TIMES", min=0, max=20,
@@ -112,12 +105,6 @@ def run(
         warn(case.checked.warnings)
         finished = simulate(case, place, progress=not as_json)
         warn(finished.manifest.warnings[len(case.checked.warnings) :])
-        if estimate and finished.ok:
-            from ...runs.manifest import end_manifest
-            from ...studies import estimate as estimate_module
-
-            estimate_module.add(finished, target, options)
-            end_manifest(place, finished.manifest)
         conclude(finished, options, place, csv=csv, twin=twin, as_json=as_json)
 
 

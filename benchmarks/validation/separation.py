@@ -12,8 +12,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..analyses.energy import ENERGY_BOUND
-from ..runs.run import Options, execute
+from desat.analyses.energy import ENERGY_BOUND
+from desat.runs.run import Options, execute
+
 from .estimate import difference
 
 GOOD, BAD = 1e-5, 1e-3

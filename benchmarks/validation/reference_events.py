@@ -15,8 +15,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from desat.components.maths import attitude
+from desat.system.errors import DesatError
 
-from ..system.errors import DesatError
 from .reference_plant import LEARNT, STANDING, Array, H, Held, Late, Plant, Q, State, part
 
 if TYPE_CHECKING:  # they take long to load, and all analyses are found by loading their modules

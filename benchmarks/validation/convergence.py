@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass, replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..analyses.manifest import Choice
-from ..figures.canvas import Ticks
-from ..figures.style import COLOURS, DASHED, figure
-from ..runs.run import Options, prepare, simulate
-from ..system.errors import DesatError
-from ..system.options import ALGORITHMS, Algorithm
+from desat.analyses.manifest import Choice
+from desat.figures.canvas import Ticks
+from desat.figures.style import COLOURS, DASHED, figure
+from desat.runs.run import Options, prepare, simulate
+from desat.system.errors import DesatError
+from desat.system.options import ALGORITHMS, Algorithm
+
 from .estimate import companion, difference, estimate
 from .reference import Gyrostat, Trajectory
 
@@ -146,31 +146,6 @@ def order(steps: list[float], errors: list[float]) -> float | None:
     if len(set(steps)) < 2 or min(errors) <= 0.0:
         return None
     return float(np.polyfit(np.log(steps), np.log(errors), 1)[0])
-
-
-def write_html(result: dict[str, Any], path: Path) -> Path:
-    """The study as a self-contained page."""
-    from markupsafe import Markup
-
-    from ..report.report import render, write_page
-
-    figures = [
-        (
-            "Largest attitude error against the monolithic reference",
-            Markup(plot(result, "attitude_error", "rad")),
-        ),
-        (
-            "Largest error of the wheels' momentum",
-            Markup(plot(result, "wheel_momentum_error", "N m s")),
-        ),
-        (
-            "Momentum residual: what the exchange loses",
-            Markup(plot(result, "momentum_drift", "N m s")),
-        ),
-    ]
-    text = render("convergence.html", result=result, figures=figures)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    return write_page(path, text)
 
 
 def plot(result: dict[str, Any], key: str, unit: str) -> str:

@@ -22,9 +22,9 @@ from desat.components.contract.block import Vec3, Vec4
 from desat.components.laws import attitude_control, cross_product
 from desat.components.maths import attitude, vector
 from desat.components.physics import wheel_array
+from desat.system.errors import DesatError
+from desat.system.model import System
 
-from ..system.errors import DesatError
-from ..system.model import System
 from .reference_events import Piece, advance
 from .reference_plant import (
     LEARNT,

@@ -30,9 +30,8 @@ from desat.components.physics.earth import earth_angle
 from desat.components.physics.gyrostat import carrier_inertia
 from desat.components.physics.orbit import ellipse_state, mean_motion, perifocal_axes
 from desat.components.physics.rotor import friction
-
-from ..system.errors import DesatError
-from ..system.model import System
+from desat.system.errors import DesatError
+from desat.system.model import System
 
 # ------------------------------------------------------------------------------------------------
 # What the monolithic reference knows: blocks, parameters, wires; all else it refuses by name
@@ -137,7 +136,8 @@ class Values:
 
     def many(self, role: str, name: str) -> Any:
         """The values of a parameter, or of an input's start, as floats in a tuple."""
-        return tuple(float(x) for x in self._system.components[role].values.get(name, ()))
+        value = self._system.components[role].values.get(name, ())
+        return tuple(float(x) for x in (value if isinstance(value, (list, tuple)) else [value]))
 
     def has(self, role: str, name: str) -> bool:
         """True when a role's block declares a variable."""

@@ -1,0 +1,78 @@
+"""`python -m benchmarks.validation`: a scenario against the reference, and pages with its verbs."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import sys
+
+from desat.papers import pages
+from desat.runs.run import Options
+from desat.system.errors import DesatError
+
+from . import convergence
+from .verbs import ValidationVerbs
+
+COLUMNS = {
+    "step": "step s", "attitude_error": "attitude rad", "estimate": "its estimate",
+    "wheel_momentum_error": "wheel momentum N m s", "estimate_wheel_momentum": "its estimate",
+    "momentum_drift": "momentum residual N m s",
+    "attitude_error_same_delays": "attitude, same delays",
+    "wheel_momentum_error_same_delays": "wheel momentum, same delays",
+}  # fmt: skip
+
+
+def _convergence(given: argparse.Namespace) -> None:
+    """Print the errors of a scenario at several steps."""
+    steps = None if given.steps is None else tuple(map(float, given.steps.split(",")))
+    options = Options(stop=given.stop, inner=given.inner)
+    result = convergence.study(given.target, options, steps, jobs=given.jobs, progress=True)
+    if given.json:
+        print(json.dumps(result, indent=1))
+        return
+    print(" | ".join(("algorithm", *COLUMNS.values())))
+    for row in result["rows"]:
+        cells = ["" if row[key] is None else f"{row[key]:.2e}" for key in COLUMNS]
+        print(" | ".join((row["algorithm"], f"{row['step']:g}", *cells[1:])))
+    for note in dict.fromkeys(filter(None, (row["note"] for row in result["rows"]))):
+        print(f"same delays: {note}")
+    if result["order"] is not None:
+        print(f"observed order (conserving): {result['order']:.2f} in attitude, "
+              f"{result['order_wheel_momentum']:.2f} in the wheels' momentum")  # fmt: skip
+
+
+def _page(given: argparse.Namespace) -> None:
+    """Write the pages of families."""
+    for family in given.families or pages.families():
+        for path in pages.write(family, jobs=given.jobs, verbs=ValidationVerbs):
+            print(os.path.relpath(path))
+
+
+def main() -> int:
+    """The two commands."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    commands = parser.add_subparsers(required=True)
+    one = commands.add_parser("convergence", help=_convergence.__doc__)
+    one.add_argument("target")
+    one.add_argument("--steps", help="s, as 1,0.5 (default: the scenario's, and three finer ones)")
+    one.add_argument("--stop", type=float, help="s")
+    one.add_argument("--inner", type=int)
+    one.add_argument("--json", action="store_true")
+    one.set_defaults(does=_convergence)
+    page = commands.add_parser("page", help=_page.__doc__)
+    page.add_argument("families", nargs="*", metavar="FAMILY")
+    page.set_defaults(does=_page)
+    for command in (one, page):
+        command.add_argument("--jobs", type=int, default=os.cpu_count() or 1)
+    given = parser.parse_args()
+    try:
+        given.does(given)
+    except (DesatError, ValueError) as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 2
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
