@@ -26,7 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from desat.campaign.sampling import drawn
-from desat.runs.loop_fmu import Wanted, export
+from desat.export.loop_fmu import Wanted, export
 from desat.runs.prepare import read
 from desat.system.options import Options
 

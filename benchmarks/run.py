@@ -33,9 +33,9 @@ from desat.engine.master import Master
 from desat.engine.operations import Call
 from desat.engine.recording.recorder import Recorder
 from desat.engine.recording.results import SERIES
+from desat.export.packing import pack_scenario
 from desat.files import paths
 from desat.files.scenario import find
-from desat.files.ssp_write import pack_scenario
 from desat.runs.run import Options, prepare
 from desat.system.interface import KINDS
 from desat.system.options import Loop

@@ -21,9 +21,9 @@ from typing import Any
 
 import numpy as np
 
+from desat.export.packing import pack_scenario
 from desat.files.assembly import modify
 from desat.files.scenario import find
-from desat.files.ssp_write import pack_scenario
 from desat.runs.prepare import read
 from desat.runs.run import Case, Options, prepare, simulate
 from desat.system.check import check

@@ -32,17 +32,20 @@ import numpy as np
 from numpy.typing import NDArray
 from rich.progress import track
 
-from desat.files import new_craft
-from desat.files.new_craft import CUBESATS, Wanted
+from desat.begin import craft as new_craft
+from desat.begin.craft import CUBESATS, Wanted
 from desat.numbers.text import number
 from desat.runs.prepare import prepare, read
 from desat.runs.run import execute
-from desat.studies import choice, sizing, sizing_map, sizing_page
-from desat.studies import flight as flights
-from desat.studies.fitting import ALL
-from desat.studies.momentum_law import law_of
-from desat.studies.momentum_model import fly, track_of
-from desat.studies.sizing import Wishes
+from desat.sizing import flight as flights
+from desat.sizing import map as sizing_map
+from desat.sizing import page as sizing_page
+from desat.sizing import sizing
+from desat.sizing.compatibility import ALL
+from desat.sizing.law import law_of
+from desat.sizing.model import fly, track_of
+from desat.sizing.sizing import Wishes
+from desat.studies import ranking
 from desat.system.options import Options
 
 Array = NDArray[Any]
@@ -317,10 +320,10 @@ def secular_of(craft: Craft) -> tuple[Array, float]:
     return sizing.secular(flight)[0], flights.attitude_of(flight.q, flight.r, flight.v).wanders
 
 
-def chosen() -> Iterator[choice.Choice]:
+def chosen() -> Iterator[ranking.Choice]:
     """The papers' crafts, each flown with every law that fits it."""
     for name, stop, *_ in track(PAPERS, "papers' crafts, law by law"):
-        yield choice.choose(name, Options(stop=stop), (), [ALL])
+        yield ranking.choose(name, Options(stop=stop), (), [ALL])
 
 
 def papers() -> Iterator[tuple[tuple[Any, ...], sizing.Sizing]]:
@@ -503,7 +506,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     return 0 if good >= ENOUGH * len(found) / 10.0 else 1
 
 
-def _page(found: Sequence[dict[str, Any]], made: Sequence[Any], laws: Sequence[choice.Choice],
+def _page(found: Sequence[dict[str, Any]], made: Sequence[Any], laws: Sequence[ranking.Choice],
           others: Sequence[Any], took: dict[str, float],
           of_new: tuple[list[DrawnCraft], list[tuple[float, float]]]) -> str:  # fmt: skip
     today = datetime.now(UTC).date().isoformat()
@@ -550,10 +553,10 @@ def _page(found: Sequence[dict[str, Any]], made: Sequence[Any], laws: Sequence[c
     return "\n".join(lines)
 
 
-def _law_by_law(laws: Sequence[choice.Choice]) -> Iterator[str]:
+def _law_by_law(laws: Sequence[ranking.Choice]) -> Iterator[str]:
     """What `compare --laws all` says of the papers' crafts."""
-    names = [c.title for c in choice.CRITERIA.values() if c.name in choice.STANDARD]
-    units = [c.heading for c in choice.CRITERIA.values() if c.name in choice.STANDARD]
+    names = [c.title for c in ranking.CRITERIA.values() if c.name in ranking.STANDARD]
+    units = [c.heading for c in ranking.CRITERIA.values() if c.name in ranking.STANDARD]
     yield _LAWS
     yield f"| scenario | law | {' | '.join(units)} | not dominated | requirements |"
     yield "|---" * (len(names) + 4) + "|"

@@ -33,7 +33,7 @@ from benchmarks import seen  # noqa: E402
 from benchmarks.seen import FAILURES  # noqa: E402
 from desat.engine.current_call import how  # noqa: E402
 from desat.engine.recording.results import Results  # noqa: E402
-from desat.files.ssp_write import pack  # noqa: E402
+from desat.export.packing import pack  # noqa: E402
 from desat.runs.run import Options, prepare  # noqa: E402
 
 PATIENCE = 10.0

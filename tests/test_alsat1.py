@@ -21,9 +21,9 @@ from desat.components.maths.vector import cross, dot, mat_vec, norm
 from desat.components.physics import geomagnetic
 from desat.components.physics.gyrostat import check_inertia
 from desat.engine import trial_initialisation
+from desat.export.packing import pack_scenario
 from desat.figures.plots import lines_of
 from desat.files.scenario import find, scenarios
-from desat.files.ssp_write import pack_scenario
 from desat.numbers import derived, measures
 from desat.papers import stored
 from desat.runs.run import Options, execute, prepare

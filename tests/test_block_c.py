@@ -7,14 +7,15 @@ import json
 import re
 import shutil
 import subprocess
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from desat.export.block_c import export
 from desat.files import paths
 from desat.fmus import alone
 from desat.fmus.compiler import compiler
-from desat.runs.block_c import export
 from desat.runs.prepare import prepare
 from desat.runs.run import simulate
 from desat.system.errors import DesatError
@@ -84,9 +85,9 @@ def test_it_replays_a_run_with_its_bits(tmp_path, target, wanted):
     results, compared = run.results, 0
 
     def series(component, name):
-        base, columns = base_name(name), system.components[component].interface.elements
+        base, arrays = base_name(name), system.components[component].interface.arrays
         values = results.values(f"{component}.{base}")
-        index = [e.name for e in columns(base)].index(name)
+        index = [e.name for e in arrays[base]].index(name)
         return values if values.ndim == 1 else values[:, index]
 
     for component in system.components.values():
@@ -154,9 +155,7 @@ def test_failures_come_back_as_numbers(tmp_path):
     assert it.start(0.0) == 0
     assert it.step(0.0, 1.0) == 0
     broken = system.components["manager"].parameters | {"m_limit": -1.0}
-    it = library(
-        type(manager)(**{**vars(manager), "parameters": broken}), tmp_path / "b", [], ["fault"]
-    )
+    it = library(replace(manager, parameters=broken), tmp_path / "b", [], ["fault"])
     it.set()
     assert kinds[it.start(0.0)] == "OUT_OF_BOUNDS"
 

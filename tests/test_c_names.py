@@ -10,10 +10,10 @@ from pathlib import Path
 
 import pytest
 
+from desat.export.block_c import export as export_c
+from desat.export.loop_fmu import Wanted, export
 from desat.files import library, paths
 from desat.fmus import native
-from desat.runs.block_c import export as export_c
-from desat.runs.loop_fmu import Wanted, export
 from desat.system.options import Options
 
 OURS = re.compile(r"py_|PY_|block_|desat_|DESAT_|fmi2|FMI2_|fmi3|FMI3_")

@@ -317,8 +317,8 @@ def test_a_worker_says_why_it_cannot_make_the_cases(own):
 
 def test_a_packed_system_has_the_same_case_on_a_worker(own, whole, tmp_path):
     from desat.campaign import cluster
+    from desat.export.packing import pack_scenario
     from desat.files.scenario import own as scenario
-    from desat.files.ssp_write import pack_scenario
 
     file = pack_scenario(scenario(own), tmp_path / "mine.ssp", force=True, fmus="native")
     plan, _ = coordinator.planned(str(file), 4)

@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 from lxml import etree
 
+from desat.export.series import _paint
 from desat.figures import canvas, plots
 from desat.figures.canvas import INCH, Dots, Figure, Shape, Words
 from desat.figures.plots import series_figure
 from desat.language.scenario import Plot
 from desat.numbers.series import Series
-from desat.report.export import _paint
 
 SVG = "{http://www.w3.org/2000/svg}"
 

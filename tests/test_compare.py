@@ -6,9 +6,10 @@ import json
 
 import pytest
 
+from desat.begin import craft as new_craft
 from desat.campaign import pairs
 from desat.figures.style import COLOURS
-from desat.files import new_craft, paths
+from desat.files import paths
 from desat.numbers.text import Value
 from desat.studies import compare
 from desat.system.errors import Exit
@@ -220,7 +221,7 @@ def test_numbers_of_laws_are_those_of_their_runs(laws, craft, desat):
 
 
 def test_who_beats_whom():
-    from desat.studies.choice import _beats
+    from desat.studies.ranking import _beats
 
     assert _beats((1.0, 2.0), (1.0, 3.0))
     assert not _beats((1.0, 2.0), (1.0, 2.0))

@@ -9,7 +9,8 @@ import pytest
 from conftest import ROOT
 
 from desat.components.contract import roles
-from desat.files import craft, paths, scenario, ssp, ssp_write
+from desat.export import packing
+from desat.files import craft, paths, scenario, ssp
 from desat.runs.run import Options, execute
 from desat.system.errors import DesatError
 from desat.system.interface import elements, misfit, of_block, usual_sources
@@ -79,8 +80,8 @@ def test_all_511():
 
 @pytest.mark.parametrize("file", CRAFTS, ids=lambda f: f"{f.parent.name}/{f.name}")
 def test_the_ssd_is_current_and_says_the_same(file):
-    target = ssp_write.target(file)
-    assert target.read_text(encoding="utf-8") == ssp_write.text(file), "run `desat craft`"
+    target = packing.target(file)
+    assert target.read_text(encoding="utf-8") == packing.text(file), "run `desat craft`"
     system = ssp.read(target)
     assert system.problems == []
     same_system(system, craft.read(file))
@@ -126,9 +127,9 @@ def test_what_a_craft_says_goes_before_the_usual(tmp_path):
     assert system.components["manager"].parameters["split"] == 2
     assert {c.parameters["sample_time"] for c in system.components.values()
             if "sample_time" in c.interface.signals} == {1.0}  # fmt: skip
-    file, written = ssp_write.write(tmp_path / "mine.toml")
+    file, written = packing.write(tmp_path / "mine.toml")
     assert (file.name, written) == ("mine.ssd", True)
-    assert ssp_write.write(tmp_path / "mine.toml") == (file, False)
+    assert packing.write(tmp_path / "mine.toml") == (file, False)
     (tmp_path / "resources").symlink_to(paths.fmus())
     again = ssp.read(file)
     assert again.problems == []
@@ -274,7 +275,7 @@ def test_a_scenario_names_its_craft_or_its_ssd(family):
         'spacecraft = "spacecraft_fixed_attitude"\n', encoding="utf-8",
     )  # fmt: skip
     assert list(system('craft = "small.craft.toml"\n').components) == ["environment", "spacecraft"]
-    ssp_write.write(family / "craft.toml")
+    packing.write(family / "craft.toml")
     (family / "resources").symlink_to(paths.fmus())
     from_ssd = system('ssd = "SystemStructure.ssd"\n')
     assert from_ssd.where.endswith("SystemStructure.ssd")

@@ -177,7 +177,7 @@ def test_native_and_python_fmus_and_bare_blocks_are_one(name):
 
 
 def test_a_packed_system_has_the_digest_of_its_scenario(tmp_path):
-    from desat.files.ssp_write import pack_scenario
+    from desat.export.packing import pack_scenario
 
     file = pack_scenario(find("nadir_day/day-dipole"), tmp_path / "a.ssp", force=True,
                          fmus="native")  # fmt: skip

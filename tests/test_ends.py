@@ -37,7 +37,7 @@ from desat.runs.run import Run
 from desat.runs.step_case import Outcome
 from desat.runs.stopping import LATE, Condition
 from desat.runs.supervisor import Ended
-from desat.studies import sizing
+from desat.sizing import sizing
 from desat.system.errors import DesatError, Exit, RunError, nearest, plain
 from desat.system.options import Options
 
@@ -478,7 +478,8 @@ def test_a_supervised_run_ends_as_its_process(monkeypatch, tmp_path, ended, resu
         scratch.mkdir()
     monkeypatch.setattr(runs.library, "scratch", lambda name: scratch)
     options = SimpleNamespace(call_limit=3.0, time_limit=2.0 if kept else None)
-    case = SimpleNamespace(or_raise=lambda: (None, SimpleNamespace(order=[])), options=options)
+    system, schedule = SimpleNamespace(components={}), SimpleNamespace(order=[])
+    case = SimpleNamespace(or_raise=lambda: (system, schedule), options=options)
     given = raised(runs._supervised, case, tmp_path if kept else None, None, False)
     assert limits == [2.0 if kept else 3.0]
     if given[1] == (tmp_path if kept else scratch):
@@ -578,7 +579,7 @@ def test_a_run_whose_components_cannot_be_freed_ends_as_the_first(monkeypatch):
     ],
 )  # fmt: skip
 def test_what_a_condition_may_reach(kind, value, result):
-    signal = SimpleNamespace(kind=kind, name="mode", choices=["a", "b"])
+    signal = SimpleNamespace(kind=kind, array="mode", choices=["a", "b"])
     if isinstance(result, int):
         assert stopping._reaches(signal, value) == result
     else:

@@ -35,8 +35,8 @@ from desat.engine.recording.recorder import Recorder
 from desat.engine.recording.results import Results
 from desat.engine.recording.row_buffer import Half
 from desat.engine.recording.series_file import Packing
+from desat.export.packing import pack
 from desat.files import io, library
-from desat.files.ssp_write import pack
 from desat.fmus import native
 from desat.papers import tables
 from desat.papers.session import Sources

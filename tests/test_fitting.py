@@ -10,17 +10,17 @@ from desat.components.contract.roles import Manager
 from desat.fmus.registry import block_class
 from desat.runs.prepare import prepare, read
 from desat.runs.run import Options
-from desat.studies import fitting
-from desat.studies.fitting import Terms
+from desat.sizing import compatibility
+from desat.sizing.compatibility import Terms
 from desat.system.errors import DesatError
 
 DAY = "nadir_day/day-dipole"
 TERMS = Terms(orbit_rate=1.1e-3, field=3e-5, inertial=False)
-MANAGERS = fitting.managers()
+MANAGERS = compatibility.managers()
 
 
-def of(target, terms=TERMS, asked=(fitting.ALL,), **options):
-    found, refused = fitting.fitting(read(target), Options(**options), terms, asked)
+def of(target, terms=TERMS, asked=(compatibility.ALL,), **options):
+    found, refused = compatibility.fitting(read(target), Options(**options), terms, asked)
     return {f.name: f for f in found}, {r.name: r.why for r in refused}
 
 
@@ -93,5 +93,5 @@ def test_some_are_asked_for_by_name():
 
 
 def test_terms_of_a_field():
-    made = fitting.terms_of(5400.0, [[3e-5, 0.0, 4e-5]], True)
+    made = compatibility.terms_of(5400.0, [[3e-5, 0.0, 4e-5]], True)
     assert (made.orbit_rate, made.field) == (pytest.approx(2.0 * pi / 5400.0), pytest.approx(5e-5))

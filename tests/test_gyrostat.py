@@ -15,9 +15,9 @@ from conftest import ROOT
 
 from benchmarks.validation import convergence
 from benchmarks.validation.reference import Gyrostat
+from desat.export.packing import pack_scenario
 from desat.files.scenario import find
 from desat.files.ssp import read
-from desat.files.ssp_write import pack_scenario
 from desat.numbers.derived import pointing
 from desat.runs.run import Options, execute, prepare
 from desat.system.errors import DesatError

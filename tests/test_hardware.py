@@ -12,7 +12,7 @@ from desat.files import craft
 from desat.files.hardware import KINDS, figures, known, quantity, values
 from desat.fmus.registry import block_class
 from desat.runs.prepare import prepare
-from desat.studies.flight import hardware_of, values_of
+from desat.sizing.flight import hardware_of, values_of
 from desat.system.errors import DesatError
 from desat.system.options import Options
 

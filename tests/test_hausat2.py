@@ -22,8 +22,8 @@ from desat.components.laws import acquisition as laws
 from desat.components.laws import field_rate, rate_observer
 from desat.components.maths.vector import cross, dot, norm, sub
 from desat.engine import trial_initialisation
+from desat.export.packing import pack_scenario
 from desat.files.scenario import find, scenarios
-from desat.files.ssp_write import pack_scenario
 from desat.language.paper import OfNumber
 from desat.numbers import derived, measures
 from desat.papers import stored, tables

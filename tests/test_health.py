@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 from desat.analyses import management
-from desat.files import new_craft
-from desat.files.new_craft import Wanted
+from desat.begin import craft as new_craft
+from desat.begin.craft import Wanted
 from desat.fmus.registry import block_class, names
 from desat.numbers.measures import MEASURES
 from desat.report import report

@@ -23,8 +23,8 @@ from desat.analyses import coverage
 from desat.campaign.case import row
 from desat.campaign.draws import draws
 from desat.campaign.plan import Plan, digest_of, read
+from desat.export.packing import pack_scenario
 from desat.files import library, scenario
-from desat.files.ssp_write import pack_scenario
 from desat.numbers.derived import pointing
 from desat.runs import inner_choice
 from desat.runs import run as running

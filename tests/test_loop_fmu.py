@@ -15,9 +15,9 @@ from conftest import ROOT, python
 from fmpy.fmi2 import FMU2Slave
 from fmpy.validation import validate_fmu
 
+from desat.export.loop_fmu import Wanted, export
 from desat.fmus import native
 from desat.fmus.compiler import compiler
-from desat.runs.loop_fmu import Wanted, export
 from desat.runs.prepare import prepare
 from desat.runs.run import Options, Run, execute
 from desat.system.interface import base_name

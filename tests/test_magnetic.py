@@ -19,8 +19,8 @@ from desat import cli
 from desat.components.laws import magnetic, riccati
 from desat.components.laws import magnetic_offline as offline
 from desat.designs import making as design_module
+from desat.export.packing import pack_scenario
 from desat.files.scenario import find, scenarios
-from desat.files.ssp_write import pack_scenario
 from desat.fmus.registry import block_class
 from desat.runs.run import Options, execute
 from desat.system.errors import DesatError

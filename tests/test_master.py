@@ -351,7 +351,7 @@ def test_same_bits_again_and_from_the_packed_file():
     name = "uosat12/table3-ocdc-mec-2"
     first = execute(name, Options())
     assert bits(first) == bits(execute(name, Options()))
-    from desat.files.ssp_write import pack_scenario
+    from desat.export.packing import pack_scenario
 
     packed = execute(str(pack_scenario(find(name))), Options())
     assert bits(first) == bits(packed)

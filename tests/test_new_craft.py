@@ -13,11 +13,11 @@ import numpy as np
 import pytest
 
 import desat as library
+from desat.begin.craft import CUBESATS, SCENARIOS, Wanted, write
 from desat.files.hardware import classes, quantity
-from desat.files.new_craft import CUBESATS, SCENARIOS, Wanted, write
 from desat.fmus import registry
 from desat.runs.prepare import prepare
-from desat.studies.sizing import Wishes, size
+from desat.sizing.sizing import Wishes, size
 from desat.system.errors import DesatError
 from desat.system.options import Options
 

@@ -12,10 +12,10 @@ from pathlib import Path
 import pytest
 from fuzz import commands
 
+from desat.begin.craft import Wanted, write
+from desat.export.series import export
 from desat.files import io
-from desat.files.new_craft import Wanted, write
 from desat.papers.functions import Verbs
-from desat.report.export import export
 from desat.runs.run import execute
 from desat.system.errors import DesatError
 from desat.system.options import Options

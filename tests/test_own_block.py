@@ -13,7 +13,8 @@ import numpy as np
 import pytest
 from fmpy.validation import validate_fmu
 
-from desat.files import new_block, own
+from desat.begin import block as new_block
+from desat.files import own
 from desat.fmus import own as block_file
 from desat.fmus.registry import block_class, names
 from desat.runs.run import Options, execute

@@ -10,8 +10,8 @@ from pathlib import Path
 import pytest
 from fuzz import commands
 
-from desat.files.new_craft import Wanted, doubts, write
-from desat.studies.sizing import Wishes
+from desat.begin.craft import Wanted, doubts, write
+from desat.sizing.sizing import Wishes
 from desat.system.errors import DesatError
 from desat.system.quantity import Quantity
 

@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from desat.engine.operations import Part, Places, Whole
-from desat.files.ssp_write import pack
+from desat.export.packing import pack
 from desat.runs.run import Options, execute, prepare
 from desat.system.errors import DesatError, Exit
 from desat.system.model import Connection

@@ -35,6 +35,7 @@ from desat.engine.recording import results as results_module
 from desat.engine.recording import series_file, shared_tables
 from desat.engine.recording.recorder import Recorder
 from desat.engine.recording.results import Results
+from desat.export.series import export, no_formula
 from desat.figures.style import pretty_unit
 from desat.files import library, paths
 from desat.files.fmu import of_fmu
@@ -43,7 +44,6 @@ from desat.language.scenario import Number
 from desat.numbers import derived
 from desat.numbers.measures import MEASURES
 from desat.numbers.numbers import evaluate, problems, related, relative, scale
-from desat.report.export import export, no_formula
 from desat.runs.manifest import read_manifest
 from desat.runs.prepare import read
 from desat.runs.run import Options, execute, load_run

@@ -12,19 +12,21 @@ import pytest
 from scipy.optimize import minimize
 
 from benchmarks import sizing as bench
+from desat.begin import craft as new_craft
+from desat.begin.craft import Wanted
 from desat.components.laws import cross_product
-from desat.files import new_craft
-from desat.files.new_craft import Wanted
 from desat.fmus.registry import block_class
 from desat.numbers.derived import cross
 from desat.runs.prepare import prepare
 from desat.runs.run import Options
-from desat.studies import flight as flights
-from desat.studies import sizing, sizing_map, sizing_page
-from desat.studies.flight import Flight, Hardware
-from desat.studies.momentum_law import UnsuitedError, ask, law_by, law_of
-from desat.studies.momentum_model import fly, track_of
-from desat.studies.sizing import (
+from desat.sizing import flight as flights
+from desat.sizing import map as sizing_map
+from desat.sizing import page as sizing_page
+from desat.sizing import sizing
+from desat.sizing.flight import Flight, Hardware
+from desat.sizing.law import UnsuitedError, ask, law_by, law_of
+from desat.sizing.model import fly, track_of
+from desat.sizing.sizing import (
     Wishes,
     geometry,
     least_by_formula,

@@ -12,9 +12,9 @@ import pytest
 from conftest import ROOT, one_of_each_craft
 from lxml import etree
 
+from desat.export.packing import pack, pack_scenario
 from desat.files import io, paths, scenario, ssp
 from desat.files.scenario import families, find, scenarios
-from desat.files.ssp_write import pack, pack_scenario
 from desat.files.xml import parse_bytes, validate
 from desat.runs.prepare import read
 from desat.runs.run import Options, execute

@@ -12,8 +12,9 @@ import pytest
 from conftest import ROOT
 
 HOME = ROOT / "orchestrator"
-ROOMS = ("system", "language", "files", "engine", "numbers", "designs", "figures", "analyses",
-         "runs", "report", "campaign", "studies", "papers", "study", "cli")  # fmt: skip
+ROOMS = ("system", "language", "files", "begin", "engine", "numbers", "designs", "figures",
+         "analyses", "runs", "report", "export", "campaign", "sizing", "studies", "papers",
+         "cli")  # fmt: skip
 """The rooms of orchestrator/; each imports from those before it."""
 MOST = 25
 """Files of a room."""

@@ -8,8 +8,8 @@ import random
 
 import pytest
 
+from desat.begin import craft as new_craft
 from desat.campaign.draws import RunRow
-from desat.files import new_craft
 from desat.runs.run import Options
 from desat.studies import tune as study
 from desat.system.errors import DesatError, Exit

@@ -444,7 +444,9 @@ def test_what_size_recommends_by_default():
 def test_other_laws_than_the_crafts_by_default_but_of_maps(
     given, wish, page, monkeypatch, tmp_path, desat
 ):  # fmt: skip
-    from desat.studies import sizing, sizing_map, sizing_page
+    from desat.sizing import map as sizing_map
+    from desat.sizing import page as sizing_page
+    from desat.sizing import sizing
 
     asked: dict[str, object] = {}
     made = SimpleNamespace(problems=[], as_json=dict)

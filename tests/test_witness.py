@@ -11,10 +11,10 @@ import pytest
 from conftest import python
 
 from benchmarks import seen
+from desat.export.packing import pack, pack_scenario
 from desat.files.library import load_interfaces
 from desat.files.scenario import find, own
 from desat.files.ssp import read
-from desat.files.ssp_write import pack, pack_scenario
 from desat.runs.run import Options, execute
 from desat.system.check import check
 

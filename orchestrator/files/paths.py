@@ -110,7 +110,7 @@ def _cache() -> Path:
 
 def _sources() -> Iterable[Path]:
     """All that FMUs and packed systems are made of."""
-    rooms = ("components", "files", "fmus", "language", "ssp", "system")
+    rooms = ("components", "export", "files", "fmus", "language", "ssp", "system")
     folders = (PACKAGE / name for name in rooms)
     return sorted(
         p for folder in folders for p in folder.rglob("*")

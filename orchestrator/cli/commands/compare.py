@@ -103,7 +103,7 @@ def _laws(
     targets: Sequence[str], laws: str | None, others: Sequence[str], by: str | None, options: Any,
     html: Path | None, as_json: bool,
 ) -> None:  # fmt: skip
-    from ...studies import choice as study
+    from ...studies import ranking as study
 
     if len(targets) > 1:
         raise DesatError(f"{' '.join(targets)}: --laws flies one craft")

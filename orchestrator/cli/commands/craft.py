@@ -20,12 +20,13 @@ def craft(
     as_json: o.Json = False,
 ) -> None:
     """Write the standard SSD of every craft file beside it."""
-    from ...files import paths, ssp_write
+    from ...export import packing
+    from ...files import paths
 
     paths.writable("`desat craft`")
     written = {}
-    for file in ssp_write.craft_files(families or []):
-        path, changed = ssp_write.write(file)
+    for file in packing.craft_files(families or []):
+        path, changed = packing.write(file)
         written[os.path.relpath(path)] = changed
     if as_json:
         print_json(written)

@@ -30,7 +30,7 @@ def run(
     ] = None,
 ) -> None:
     """Write a run's series or plots for other programs."""
-    from ...report.export import export as write
+    from ...export.series import export as write
 
     paths, note = write(folder, form, into)
     for path in paths:
@@ -74,7 +74,7 @@ def fmu(
     as_json: o.Json = False,
 ) -> None:  # fmt: skip
     """Write the loop of a scenario as one native FMU, with the same bits as `desat run`."""
-    from ...runs.loop_fmu import Wanted, export
+    from ...export.loop_fmu import Wanted, export
 
     options = o.options_of(
         sets, stop, step, o.Semantics.conserving, False, None, sources, inner=inner,
@@ -110,7 +110,7 @@ def c(
 ) -> None:  # fmt: skip
     """Write a block alone as C99, NAME.h and NAME.c: a struct, init, start and step; no FMI, no
     heap. Its header states the memory that it takes."""
-    from ...runs.block_c import export
+    from ...export.block_c import export
 
     paths, sizes = export(block, into or Path(), compilers)
     if as_json:

@@ -49,7 +49,7 @@ def craft(
 ) -> None:
     """A craft of your own: a folder with craft.toml and the scenarios nominal, worst and
     detumbling, which runs at once. What you do not say is typical of its class, and marked."""
-    from ...files import new_craft
+    from ...begin import craft as new_craft
     from ...files.paths import shown
 
     wanted = new_craft.Wanted(
@@ -75,7 +75,7 @@ def law(
 ) -> None:
     """A law of your own: a manager's block in twenty lines, which flies as it is in any craft with
     coils and wheels, and a test of it. `desat run CRAFT --source manager=NAME.py` builds it."""
-    from ...files import new_block
+    from ...begin import block as new_block
 
     _told(new_block.write_law(file, force), "manager", "a craft of yours or ours", as_json)
 
@@ -96,7 +96,7 @@ def block(
     place where yours goes, and a test of it. Of the role manager it is a law (`new law`)."""
     from desat.fmus.registry import block_class
 
-    from ...files import new_block
+    from ...begin import block as new_block
 
     made = new_block.write(what, file, force)
     _told(made, block_class(str(made[0])).role, "a craft that has one", as_json)

@@ -37,8 +37,8 @@ def pack(
 ) -> None:
     """Pack scenarios as self-contained .ssp files into ssp/dist/; with native FMUs into
     ssp/dist/native/."""
+    from ...export import packing as pack_module
     from ...files import library, paths
-    from ...files import ssp_write as pack_module
     from ...files.scenario import find, own, scenarios
     from ...runs.inner_choice import settled
 

@@ -137,7 +137,7 @@ def _report(finished: Run, other: Run | None, folder: Path) -> Path | None:
 
 def _csv(finished: Run, folder: Path) -> None:
     """Write the series as CSV, too."""
-    from ...report.export import export
+    from ...export.series import export
 
     with _room(finished, folder, "series.csv"):
         _, note = export(folder, "csv")

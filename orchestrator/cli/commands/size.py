@@ -15,8 +15,8 @@ from .. import options as o
 from ..console import app, err, name_of, out, print_json
 
 if TYPE_CHECKING:
-    from ...studies.sizing import Sizing
-    from ...studies.sizing_map import SizingMap
+    from ...sizing.map import SizingMap
+    from ...sizing.sizing import Sizing
 
 
 @app.command()
@@ -80,7 +80,9 @@ def size(
     and over a year, the least rod that any law can do with, duty and momentum over rods law by
     law, and the rods for the duty asked for. Ends with 1 where the craft cannot hold.
     """
-    from ...studies import sizing, sizing_map, sizing_page
+    from ...sizing import map as sizing_map
+    from ...sizing import page as sizing_page
+    from ...sizing import sizing
 
     options = o.options_of(sets, stop, None, o.Semantics.conserving, blocks, sources=sources)
     angle, seconds = _slew(slew)
@@ -159,7 +161,7 @@ def _slew(text: str | None) -> tuple[float, float]:
 
 
 def _print(made: Sizing) -> None:
-    from ...studies.sizing_page import rows_of, shown
+    from ...sizing.page import rows_of, shown
 
     out.print(made.answer, highlight=False, markup=False)
     out.print()

@@ -9,7 +9,7 @@ C(t), and the impulse J(t) of the disturbances. On these alone stand
   sum_i |(a_i x B) . n|, n = s / |s|; so no law does with less than |s| / kappa. That the rest must
   come to nothing, too, makes it the larger  max over y of (y . s) / mean sum_i |(a_i x B) . y|,  a
   linear programme (its dual) whose answer any law can have that knows the whole time before;
-- the curves of momentum and duty over rods, law by law (`momentum_model.py`), and the rods that
+- the curves of momentum and duty over rods, law by law (`model.py`), and the rods that
   hold with the margin and the duty asked for;
 - a year's extremes: the same s, cyclic part and least rod at other dates, flown by the
   environment's own block at the attitude that the run has shown.
@@ -43,7 +43,7 @@ from ..system import asked
 from ..system.errors import DesatError
 from ..system.model import Component, System
 from ..system.options import Options
-from .fitting import Terms, fitting, prepared, terms_of
+from .compatibility import Terms, fitting, prepared, terms_of
 from .flight import (
     Attitude,
     Flight,
@@ -60,8 +60,8 @@ from .flight import (
     series_for,
     values_of,
 )
-from .momentum_law import Law, UnsuitedError, law_of
-from .momentum_model import fly, in_body_of, track_of
+from .law import Law, UnsuitedError, law_of
+from .model import fly, in_body_of, track_of
 
 Array = NDArray[Any]
 WHOLE = 1.15
@@ -246,7 +246,7 @@ def geometry(flight: Flight, hardware: Hardware, able: Array, torque: Array,
 def other_laws(
     source: Target, options: Options, terms: Terms, notes: list[str]
 ) -> Iterator[Law]:  # fmt: skip
-    """The laws that fit the craft besides its own (`fitting.py`), as the model has them; what it
+    """The laws that fit the craft besides its own (`compatibility.py`), as the model has them; what it
     has not is added to the notes."""
     without = []
     for each in fitting(source, options, terms)[0][1:]:

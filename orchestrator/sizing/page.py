@@ -15,8 +15,8 @@ from markupsafe import Markup
 from ..figures.canvas import Figure, Ticks
 from ..figures.style import COLOURS, DASHED, DOTTED, LIMIT, figure
 from ..report.report import render, write_page
+from .map import SizingMap
 from .sizing import Flown, Sizing, duration
-from .sizing_map import SizingMap
 
 SHADES = ("#fdf3c0", "#f6d36b", "#7ecb8f", "#35a3a0", "#2a6fb0", "#33307e", "#1a1037")
 """Of the smallest to the largest rod of a map."""

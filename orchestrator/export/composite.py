@@ -17,11 +17,11 @@ import numpy as np
 from desat.components.contract.block import Scalar
 from desat.fmus.translate.value import c_text, number
 
+from ..engine.instances.base import Array
+from ..engine.master import Master
+from ..engine.node import Member, Slot
+from ..engine.operations import Call, Cut, Gather, Join, Length, Operation, Show, Tick
 from ..system.interface import KINDS, Kind, Signal
-from .instances.base import Array
-from .master import Master
-from .node import Member, Slot
-from .operations import Call, Cut, Gather, Join, Length, Operation, Show, Tick
 
 _TYPE: dict[Kind, str] = {"Real": "double", "Integer": "int32_t", "Boolean": "int32_t"}
 _OWN: dict[Kind, str] = {"Real": "double", "Integer": "int64_t", "Boolean": "bool"}

@@ -1,4 +1,4 @@
-"""`desat compare CRAFT --laws all`: a craft flown with every law that fits it (`fitting.py`), and
+"""`desat compare CRAFT --laws all`: a craft flown with every law that fits it (`compatibility.py`), and
 the laws ranked by what is asked for."""
 
 from __future__ import annotations
@@ -22,11 +22,11 @@ from ..numbers.derived import pointing
 from ..numbers.text import number
 from ..runs.prepare import Target, prepare, read
 from ..runs.run import Options, Run, simulate
+from ..sizing.compatibility import ROLE, Fitting, Refused, fitting, prepared, terms_of
+from ..sizing.flight import attitude_of, period_of, values_of
 from ..system.errors import DesatError, RunError, nearest
 from ..system.model import System
 from .compare import Comparison, held, write
-from .fitting import ROLE, Fitting, Refused, fitting, prepared, terms_of
-from .flight import attitude_of, period_of, values_of
 
 ORBIT = ("environment.r_eci", "environment.v_eci", "environment.b_eci", "spacecraft.q_bi")
 REFERENCE = "guidance.q_ref_bi"

@@ -23,7 +23,7 @@ from ..system import asked
 from ..system.errors import DesatError
 from ..system.model import System
 from ..system.options import Options
-from .fitting import terms_of
+from .compatibility import terms_of
 from .flight import (
     Attitude,
     Flight,
@@ -36,8 +36,8 @@ from .flight import (
     summed,
     values_of,
 )
-from .momentum_law import Law, UnsuitedError, hold_of, law_of
-from .momentum_model import fly, track_of
+from .law import Law, UnsuitedError, hold_of, law_of
+from .model import fly, track_of
 from .sizing import Wishes, flown, least_by_formula, other_laws, reach, room_of, secular
 
 Array = NDArray[Any]

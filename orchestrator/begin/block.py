@@ -13,8 +13,8 @@ from desat.components.contract.roles import Computer, Manager
 from desat.fmus.own import SUFFIX, OwnBlockError, identifier
 from desat.fmus.registry import block_class, names
 
+from ..files import io
 from ..system.errors import DesatError, nearest
-from . import io
 
 PLAIN = {
     "environment": "environment_kepler", "spacecraft": "spacecraft_rigid", "wheels": "wheels",

@@ -19,14 +19,14 @@ from lxml import etree
 
 from desat.components.contract.roles import ECI
 
+from ..files import craft, library, paths, ssp
+from ..files.io import place_of, replace_text
+from ..files.scenario import ROOT, Scenario, families
+from ..files.ssp import ABOUT, FILE, OMS, OSP, SSC, SSD, SSV
 from ..system.check import check
 from ..system.errors import DesatError, nearest
 from ..system.model import Component, System
 from ..system.resolve import resolve
-from . import craft, library, paths, ssp
-from .io import place_of, replace_text
-from .scenario import ROOT, Scenario, families
-from .ssp import ABOUT, FILE, OMS, OSP, SSC, SSD, SSV
 
 
 def pack_scenario(
@@ -45,7 +45,7 @@ def pack_scenario(
     path = target or folder / f"{scenario.name}.ssp"
     inputs = [
         *(ROOT / scenario.family).rglob("*.toml"), *(ROOT / scenario.family).rglob("*.ssd"),
-        *paths.fmus().rglob("*.fmu"), *Path(__file__).parent.glob("*.py"),
+        *paths.fmus().rglob("*.fmu"), Path(__file__), *(paths.PACKAGE / "files").glob("*.py"),
         *(paths.PACKAGE / "language").glob("*.py"),
     ]  # fmt: skip
     newest = max(p.stat().st_mtime_ns for p in inputs)

@@ -95,7 +95,7 @@ def _structs(run: Run) -> dict[str, Any]:
 
 def _plots(run: Run, form: str, folder: Path, into: Path) -> list[Path]:
     from ..figures.plots import series_figure
-    from .report import label_of
+    from ..report.report import label_of
 
     made = []
     runs = [(label_of(run.manifest), run.results, run.manifest.parameters)]

@@ -22,7 +22,7 @@ from desat.components.maths.attitude import rotate
 from desat.fmus.registry import block_class, names
 
 from ..system.model import Component
-from .fitting import law_name
+from .compatibility import law_name
 from .flight import Flight
 
 Array = NDArray[Any]

@@ -37,11 +37,11 @@ from desat.components.physics.orbit import (
 )
 from desat.components.physics.tle import teme_state, tle_parameters
 
+from ..files import io
+from ..files.hardware import COMPENSATION, WHEEL_LAG, Figures, classes, friction, quantity, walk
 from ..system import cyclic
 from ..system.errors import DesatError, nearest, plain
 from ..system.quantity import Quantity, is_number
-from . import io
-from .hardware import COMPENSATION, WHEEL_LAG, Figures, classes, friction, quantity, walk
 
 Array = NDArray[np.float64]
 SCENARIOS = ("nominal", "worst", "detumbling")

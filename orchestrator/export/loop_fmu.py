@@ -16,17 +16,17 @@ from desat.fmus import fmi3, native
 from desat.fmus.compiler import NoCompilerError
 from desat.fmus.description import DATE, documentation, model_description
 
-from ..engine.composite import Composite, Scalars, depends
 from ..engine.master import Master
 from ..files import io
 from ..language.content import said
+from ..runs import inner_choice
+from ..runs.prepare import prepare
 from ..system.errors import DesatError, nearest
 from ..system.interface import KINDS, Signal
 from ..system.model import Component, System
 from ..system.options import Options
 from ..system.schedule import schedule
-from . import inner_choice
-from .prepare import prepare
+from .composite import Composite, Scalars, depends
 
 
 @dataclass(frozen=True)

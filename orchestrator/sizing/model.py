@@ -1,7 +1,7 @@
 """The momentum-only model: what disturbances and coils make of a craft's momentum, many at once.
 
 Its state is the momentum H of wheels and body in eci, H' = disturbances + coils; the coils by the
-law (`momentum_law.py`), by the rods' limits and at the law's samples. The law has the momentum as
+law (`law.py`), by the rods' limits and at the law's samples. The law has the momentum as
 the tachometers measure it: their noise, of a stream of its own, makes coils at their limits do less
 and others work more. It knows neither pointing errors, detumbling and slews, nor the saturation of
 one wheel by momentum in the null space.
@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from ..numbers.derived import cross, rotate_back
 from .flight import Flight, Hardware, conjugate, matrices
-from .momentum_law import Law, ask, hold_of
+from .law import Law, ask, hold_of
 
 Array = NDArray[Any]
 SEED = 1

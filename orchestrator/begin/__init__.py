@@ -1,0 +1,1 @@
+"""What a user begins with: a craft's folder, a block's file."""

@@ -1,1 +1,0 @@
-"""The old name of what `desat` itself has; it goes with the next release."""
