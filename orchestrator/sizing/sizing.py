@@ -246,8 +246,8 @@ def geometry(flight: Flight, hardware: Hardware, able: Array, torque: Array,
 def other_laws(
     source: Target, options: Options, terms: Terms, notes: list[str]
 ) -> Iterator[Law]:  # fmt: skip
-    """The laws that fit the craft besides its own (`compatibility.py`), as the model has them; what it
-    has not is added to the notes."""
+    """The laws that fit the craft besides its own (`compatibility.py`), as the model has them; what
+    it has not is added to the notes."""
     without = []
     for each in fitting(source, options, terms)[0][1:]:
         system, _ = prepared(source, each).or_raise()

@@ -1,5 +1,5 @@
-"""`desat compare CRAFT --laws all`: a craft flown with every law that fits it (`compatibility.py`), and
-the laws ranked by what is asked for."""
+"""`desat compare CRAFT --laws all`: a craft flown with every law that fits it
+(`sizing/compatibility.py`), and the laws ranked by what is asked for."""
 
 from __future__ import annotations
 
