@@ -1,5 +1,5 @@
 """`python tests/mutations.py PART SECONDS FOLDER`: mutations of a part of the code against the
-quick tests that run the mutated line; results in docs/mutations.json, the page from them.
+quick tests that run the mutated line; results in build/mutations.json, the page from them.
 
 A part is a seeded sample of mutations of some folders, or all of some functions (PARTS).
 
@@ -45,7 +45,7 @@ from pathlib import Path
 from typing import Any
 
 ROOT = Path(__file__).resolve().parents[1]
-STORED = ROOT / "docs" / "mutations.json"
+STORED = ROOT / "build" / "mutations.json"
 PAGE = ROOT / "docs" / "mutations.md"
 SEED, SAMPLE = 11, 200
 LONGEST = 3.0
@@ -716,7 +716,7 @@ def page(stored: Mapping[str, Any]) -> str:
         "",
         "What the tests do not notice when the code is changed by one of cosmic-ray's operators "
         "(those that hardly any test can miss left out): `tests/mutations.py`, results in "
-        f"`docs/mutations.json`. Each mutation ran against at most {MOST} quick tests that run its "
+        f"`build/mutations.json` (not in git). Each mutation ran against at most {MOST} quick tests that run its "
         "line, which was found by coverage (in the processes that it forks, too), and what these "
         "left against all quick tests that run it, of blocks against the files of tests of its "
         "module. A test that fails as well where nothing is mutated, as it compares hashes of "
@@ -792,6 +792,7 @@ def main() -> int:
             result.setdefault("controls", {})[str(k)] = ended
         result["date"] = f"{datetime.now(UTC):%Y-%m-%d}"
         result["versions"] = _versions()
+        STORED.parent.mkdir(exist_ok=True)
         new = STORED.with_suffix(f".{given.part}")
         new.write_text(json.dumps({**_stored(), given.part: result}, indent=1) + "\n")
         new.replace(STORED)
