@@ -305,7 +305,7 @@ def page_s_draws() -> tuple[Starts, dict[str, list[float | None]]]:
     }
     system = read("hausat2/gain-k-1e5").to_draw(blocks=True)
     count = min(map(len, times.values()))
-    drawn = [sampling.drawn(system, kept["seed"], i) for i in range(count)]
+    drawn = [sampling.draw_of(system, kept["seed"], i) for i in range(count)]
     return Starts(
         *(np.array([d[f"spacecraft.{n}"] for d in drawn]).T
           for n in ("q_start_bi", "omega_start_body")),

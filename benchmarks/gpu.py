@@ -25,8 +25,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from desat.campaign.sampling import drawn
-from desat.export.loop_fmu import Wanted, export
+from desat.campaign.sampling import draw_of
+from desat.export.loop_fmu import LoopEnds, export
 from desat.runs.prepare import read
 from desat.system.options import Options
 
@@ -144,8 +144,8 @@ def measure(count: int, steps: int) -> dict[str, Any]:
                              "gpu": has_gpu(), "compiled": False}  # fmt: skip
     with TemporaryDirectory() as temporary:
         folder = Path(temporary)
-        names = tuple(drawn(read(NAME).to_draw(blocks=False), 1, 0))
-        unit = Unit(export(NAME, Options(), Wanted(parameters=names), folder / "loop.fmu"),
+        names = tuple(draw_of(read(NAME).to_draw(blocks=False), 1, 0))
+        unit = Unit(export(NAME, Options(), LoopEnds(parameters=names), folder / "loop.fmu"),
                     folder / "fmu")  # fmt: skip
         text = unit.text()
         layout = Layout(text, 1)

@@ -23,7 +23,7 @@ from typing import Any
 
 from rich.progress import track
 
-from desat.files.hardware import KINDS, known
+from desat.files.hardware import KINDS, known_figures
 
 from .laws import flown
 
@@ -259,7 +259,7 @@ def listed(which: str) -> str:
     if which == "class":
         lines = [f"| component | {which} | figures |", "|---|---|---|"]
     for role, kind in KINDS.items():
-        for name, its in known(which)[kind].items():
+        for name, its in known_figures(which)[kind].items():
             shown = ", ".join(f"{k} {v}" for k, v in its.items() if k not in ("maker", "source"))
             row = f"| `{role}` | `{which}:{name}` | {shown} |"
             lines.append(f"{row} {its['maker']}: {its['source']} |" if "source" in its else row)

@@ -25,8 +25,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from desat.campaign.sampling import drawn
-from desat.export.loop_fmu import Wanted, export
+from desat.campaign.sampling import draw_of
+from desat.export.loop_fmu import LoopEnds, export
 from desat.runs.prepare import read
 from desat.system.options import Options
 
@@ -280,7 +280,7 @@ def cases(
     states = []
     for draw in range(count):
         values: dict[str, Any] = {}
-        for name, value in drawn(draft, 1, draw).items():
+        for name, value in draw_of(draft, 1, draw).items():
             of = value if isinstance(value, list) else [value]
             names = [name] if name in known else [f"{name}[{i}]" for i in range(1, len(of) + 1)]
             values |= zip(names, of, strict=True)
@@ -293,11 +293,11 @@ def measure() -> dict[str, Any]:
     whether their bits are those of the scalar code, and of drawn cases each block's share of the
     time and of the steps in which its lanes go apart."""
     has = Path("/proc/cpuinfo").read_text()
-    draws = drawn(read(NAME).to_draw(blocks=False), 1, 0)
+    draws = draw_of(read(NAME).to_draw(blocks=False), 1, 0)
     found: dict[str, Any] = {"system": NAME, "steps": STEPS, "date": str(date.today())}
     with TemporaryDirectory() as temporary:
         folder = Path(temporary)
-        wanted = Wanted(parameters=tuple(draws))
+        wanted = LoopEnds(parameters=tuple(draws))
         fmu = export(NAME, Options(), wanted, folder / "loop.fmu")
         unit = Unit(fmu, folder / "fmu")
         text = unit.text()

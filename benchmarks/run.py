@@ -355,7 +355,7 @@ def _result(command: list[str]) -> dict[str, Any]:
 
 def packed(scenario: str, fmus: str = "python") -> str:
     """The path of a scenario's .ssp, packed now if needed; of native FMUs beside that of others."""
-    target = paths.packed() / f"{scenario}.native.ssp" if fmus == "native" else None
+    target = paths.packed_folder() / f"{scenario}.native.ssp" if fmus == "native" else None
     return str(pack_scenario(find(scenario), target, fmus=fmus))
 
 

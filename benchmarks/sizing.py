@@ -33,7 +33,7 @@ from numpy.typing import NDArray
 from rich.progress import track
 
 from desat.begin import craft as new_craft
-from desat.begin.craft import CUBESATS, Wanted
+from desat.begin.craft import CUBESATS, CraftFacts
 from desat.numbers.text import number
 from desat.runs.prepare import prepare, read
 from desat.runs.run import execute
@@ -189,7 +189,7 @@ def beside(craft: Craft, multiples: Sequence[float], stop: float | None) -> tupl
     source = read(BASE)
     case = prepare(source, options)
     system, _ = case.or_raise()
-    hardware, flight = flights.hardware_of(system), sizing.flown(case, system)
+    hardware, flight = flights.hardware_of(system), sizing.fly_case(case, system)
     torque, _ = sizing.secular(flight)
     least = sizing.least_by_programme(sizing.reach(flight, hardware), torque)
     law = law_of(system.components["manager"])
@@ -295,7 +295,7 @@ def dual(craft: Craft) -> tuple[float, float, float]:
 
     case = prepare(BASE, craft.options())
     system, _ = case.or_raise()
-    hardware, flight = flights.hardware_of(system), sizing.flown(case, system)
+    hardware, flight = flights.hardware_of(system), sizing.fly_case(case, system)
     torque, _ = sizing.secular(flight)
     able = sizing.reach(flight, hardware)
     some = able[:: -(-len(able) // sizing.PROGRAMME)].reshape(-1, 3)
@@ -316,11 +316,11 @@ def secular_of(craft: Craft) -> tuple[Array, float]:
     wandering."""
     case = prepare(BASE, craft.options())
     system, _ = case.or_raise()
-    flight = sizing.flown(case, system)
+    flight = sizing.fly_case(case, system)
     return sizing.secular(flight)[0], flights.attitude_of(flight.q, flight.r, flight.v).wanders
 
 
-def chosen() -> Iterator[ranking.Choice]:
+def chosen() -> Iterator[ranking.Ranking]:
     """The papers' crafts, each flown with every law that fits it."""
     for name, stop, *_ in track(PAPERS, "papers' crafts, law by law"):
         yield ranking.choose(name, Options(stop=stop), (), [ALL])
@@ -335,12 +335,12 @@ def papers() -> Iterator[tuple[tuple[Any, ...], sizing.Sizing]]:
 def speed() -> dict[str, float]:
     """Seconds of a map of 600 crafts on two cores, of their work, and of one rod of the model."""
     begin, worked = time.perf_counter(), _worked()
-    made = sizing_map.map_of(BASE, TWELVE.options(20000.0), sizing_map.Axes(), Wishes(), 2)
+    made = sizing_map.map_of(BASE, TWELVE.options(20000.0), sizing_map.MapAxes(), Wishes(), 2)
     whole, work = time.perf_counter() - begin, _worked() - worked
     (DOCS / "sizing.svg").write_text(sizing_page.heat_map(made, 0).svg() + "\n", encoding="utf-8")
     case = prepare(BASE, TWELVE.options())
     system, _ = case.or_raise()
-    hardware, flight = flights.hardware_of(system), sizing.flown(case, system)
+    hardware, flight = flights.hardware_of(system), sizing.fly_case(case, system)
     law = law_of(system.components["manager"])
     times = {}
     for count in (1, 60, 600):
@@ -370,7 +370,7 @@ def _worked() -> float:
 class DrawnCraft:
     """A craft of `desat new craft`, drawn by a seed, and what became of what `size` said of it."""
 
-    wanted: Wanted
+    wanted: CraftFacts
     rod: float
     """its own, A m2"""
     least: float
@@ -384,7 +384,7 @@ class DrawnCraft:
     """what `size` has against 0.7 of the least rods"""
 
 
-def drawn_wanted(seed: int) -> Wanted:
+def drawn_wanted(seed: int) -> CraftFacts:
     """1U to 200 kg, 350 to 900 km, Sun-synchronous or of any inclination, nadir or inertial."""
     draw = random.Random(seed)
     given: dict[str, str] = {}
@@ -402,7 +402,7 @@ def drawn_wanted(seed: int) -> Wanted:
         given["inclination"] = f"{draw.uniform(5.0, 98.0):.2f}deg"
     if draw.random() < 0.3:
         given["pointing"] = "inertial"
-    return Wanted(**given)  # type: ignore[arg-type]
+    return CraftFacts(**given)  # type: ignore[arg-type]
 
 
 def drawn_craft(seed: int, into: Path) -> DrawnCraft:
@@ -506,7 +506,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     return 0 if good >= ENOUGH * len(found) / 10.0 else 1
 
 
-def _page(found: Sequence[dict[str, Any]], made: Sequence[Any], laws: Sequence[ranking.Choice],
+def _page(found: Sequence[dict[str, Any]], made: Sequence[Any], laws: Sequence[ranking.Ranking],
           others: Sequence[Any], took: dict[str, float],
           of_new: tuple[list[DrawnCraft], list[tuple[float, float]]]) -> str:  # fmt: skip
     today = datetime.now(UTC).date().isoformat()
@@ -553,7 +553,7 @@ def _page(found: Sequence[dict[str, Any]], made: Sequence[Any], laws: Sequence[r
     return "\n".join(lines)
 
 
-def _law_by_law(laws: Sequence[ranking.Choice]) -> Iterator[str]:
+def _law_by_law(laws: Sequence[ranking.Ranking]) -> Iterator[str]:
     """What `compare --laws all` says of the papers' crafts."""
     names = [c.title for c in ranking.CRITERIA.values() if c.name in ranking.STANDARD]
     units = [c.heading for c in ranking.CRITERIA.values() if c.name in ranking.STANDARD]

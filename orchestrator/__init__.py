@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from xarray import Dataset
 
     from .campaign.sampling import Sampling
-    from .papers.comparison import Row
+    from .papers.comparison import PaperCell
     from .runs.prepare import Case, prepare
     from .runs.run import Run, simulate
     from .system.options import Options
@@ -160,7 +160,7 @@ def cases(
     return load(folder)
 
 
-def tables(family: str, *, jobs: int = 1, **options: Any) -> list[Row]:
+def tables(family: str, *, jobs: int = 1, **options: Any) -> list[PaperCell]:
     """Run a family's scenarios and return the cells of its paper's tables: each the paper's value,
     ours, unit and band. Medians of draws are the stored ones. `jobs` as for `draws`; `options`:
     fields of `desat.Options`.

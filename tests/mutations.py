@@ -716,12 +716,13 @@ def page(stored: Mapping[str, Any]) -> str:
         "",
         "What the tests do not notice when the code is changed by one of cosmic-ray's operators "
         "(those that hardly any test can miss left out): `tests/mutations.py`, results in "
-        f"`build/mutations.json` (not in git). Each mutation ran against at most {MOST} quick tests that run its "
-        "line, which was found by coverage (in the processes that it forks, too), and what these "
-        "left against all quick tests that run it, of blocks against the files of tests of its "
-        "module. A test that fails as well where nothing is mutated, as it compares hashes of "
-        "code, kills nothing. Tests that take long, and those of FMUs and pages, did not run: they "
-        "can only raise the score. Line numbers are those of the code that ran.",
+        f"`build/mutations.json` (not in git). Each mutation ran against at most {MOST} quick "
+        "tests that run its line, which was found by coverage (in the processes that it forks, "
+        "too), and what these left against all quick tests that run it, "
+        "of blocks against the files of tests of its module. A test that fails as well where "
+        "nothing is mutated, as it compares hashes of code, kills nothing. Tests that take "
+        "long, and those of FMUs and pages, did not run: they can only raise the score. Line "
+        "numbers are those of the code that ran.",
         "",
     ]
     for name in stored:

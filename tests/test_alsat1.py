@@ -27,7 +27,7 @@ from desat.files.scenario import find, scenarios
 from desat.numbers import derived, measures
 from desat.papers import stored
 from desat.runs.run import Options, execute, prepare
-from desat.system.refusal import told
+from desat.system.refusal import explain
 
 N = 0.0010252474302388003
 MOMENTS, PRODUCTS = (153.0, 153.0, 5.0), (-0.25, 0.0005, 0.1)
@@ -457,7 +457,7 @@ def test_table_5_as_printed_is_refused_by_name_and_the_resolved_one_is_named(tmp
     file = tmp_path / "mine.toml"
     file.write_text(f'extends = "alsat1/firing-z-wheel"\n[shared]\ninertia = {rows}\n')
     system, schedule = prepare(str(file), Options(blocks=True)).or_raise()
-    (line,) = told(system, "\n".join(trial_initialisation.refusals(system, schedule)[0]))
+    (line,) = explain(system, "\n".join(trial_initialisation.refusals(system, schedule)[0]))
     text = "inertia[1,2] = 0 and inertia[2,1] = -0.25 kg m2: they must be equal"
     assert line.startswith(f"{file}: shared.inertia: spacecraft: {text}")
     flown = find("alsat1/open-loop-z-products").content.written

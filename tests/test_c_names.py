@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from desat.export.block_c import export as export_c
-from desat.export.loop_fmu import Wanted, export
+from desat.export.loop_fmu import LoopEnds, export
 from desat.files import library, paths
 from desat.fmus import native
 from desat.system.options import Options
@@ -101,7 +101,7 @@ def test_names_of_a_block_alone_have_a_prefix(tmp_path):
 
 
 def test_names_of_a_loop_have_a_prefix(tmp_path):
-    made = export("integrated/mil-nadir", Options(), Wanted(), tmp_path / "x.fmu")
+    made = export("integrated/mil-nadir", Options(), LoopEnds(), tmp_path / "x.fmu")
     with zipfile.ZipFile(made) as archive:
         sources = [n for n in archive.namelist() if n.startswith("sources/") and n.endswith(".c")]
         texts = {n: archive.read(n).decode() for n in sources}
@@ -111,7 +111,7 @@ def test_names_of_a_loop_have_a_prefix(tmp_path):
 
 @pytest.mark.skipif(not ZIG, reason="the package ziglang is not installed")
 def test_a_loop_compiles_for_every_platform(tmp_path):
-    made = export("nadir_day/day-dipole", Options(), Wanted(), tmp_path / "x.fmu", "all")
+    made = export("nadir_day/day-dipole", Options(), LoopEnds(), tmp_path / "x.fmu", "all")
     with zipfile.ZipFile(made) as archive:
         there = {Path(n).parts[1] for n in archive.namelist() if n.startswith("binaries/")}
     assert there == {t.platform for t in native.EVERYWHERE}

@@ -32,8 +32,8 @@ from desat.campaign import coordinator, draws, judged, report, sampling, store
 from desat.campaign import pairs as comparing
 from desat.campaign import plan as plan_module
 from desat.campaign.pairs import compare
-from desat.campaign.plan import Plan
-from desat.campaign.sampling import axes, drawn
+from desat.campaign.plan import CampaignPlan
+from desat.campaign.sampling import axes, draw_of
 from desat.campaign.workers import Local, Lost, results
 from desat.engine.master import Master
 from desat.runs import prepare as prepare_module
@@ -120,9 +120,9 @@ def test_samplings_fill_the_space_evenly(system, kind):
     more or less do."""
     width = sum(axes(system)[1]) + 2
     count = 16 * width if kind == "saltelli" else 256
-    cases = [drawn(system, 3, i, kind, count) for i in range(count)]
-    assert cases[5] == drawn(system, 3, 5, kind, count)
-    assert cases[5] != drawn(system, 4, 5, kind, count)
+    cases = [draw_of(system, 3, i, kind, count) for i in range(count)]
+    assert cases[5] == draw_of(system, 3, 5, kind, count)
+    assert cases[5] != draw_of(system, 4, 5, kind, count)
     momenta = np.array([c["wheels.h_start_wheel"] for c in cases])
     mean, _ = system.about.dispersions["wheels.h_start_wheel"].normal
     assert (momenta < mean).sum(axis=0).tolist() == [count // 2] * momenta.shape[1]
@@ -132,7 +132,8 @@ def test_samplings_fill_the_space_evenly(system, kind):
 
 
 def test_latin_hypercube_has_one_case_in_each_stratum(system):
-    cases = [drawn(system, 1, i, "latin-hypercube", 50)["wheels.h_start_wheel"] for i in range(50)]
+    draws = [draw_of(system, 1, i, "latin-hypercube", 50) for i in range(50)]
+    cases = [x["wheels.h_start_wheel"] for x in draws]
     spec = system.about.dispersions["wheels.h_start_wheel"]
     mean, deviation = spec.normal
     low, high = ndtr((np.array(spec.within) - mean) / deviation)
@@ -147,7 +148,7 @@ def test_a_cut_normal_stays_within_and_leaves_the_other_draws_as_they_were(syste
     written = copy.deepcopy(system.about.written["dispersions"])
     del written[name]["within"]
     free = replace(system, about=but(system.about, dispersions=written))
-    cut, whole = ([drawn(s, 1, i)[name] for i in range(100)] for s in (system, free))
+    cut, whole = ([draw_of(s, 1, i)[name] for i in range(100)] for s in (system, free))
     changed = [i for i in range(100) if cut[i] != whole[i]]
     assert changed == [i for i in range(100) if max(map(abs, whole[i])) > 0.02]
     assert 33 in changed
@@ -170,7 +171,7 @@ def test_a_sampling_draws_what_a_dispersion_says(tmp_path, given, share):
     path.write_text('extends = "gyrostat/light"\n[dispersions]\n'
                     f'"wheels.h_start_wheel" = {given}\n')  # fmt: skip
     draft = read_source(str(path)).to_draw(blocks=False)
-    cases = [drawn(draft, 1, i, "latin-hypercube", 20)["wheels.h_start_wheel"] for i in range(20)]
+    cases = [draw_of(draft, 1, i, "latin-hypercube", 20)["wheels.h_start_wheel"] for i in range(20)]
     for size, element in enumerate(np.array(cases).T, 1):
         if share is None:
             assert sorted(element) == [-size] * 10 + [size] * 10
@@ -200,7 +201,7 @@ def test_a_campaign_of_two_hundred(whole):
         blocks=False
     )
     row = table.slice(77, 1).to_pylist()[0]
-    assert row["in.wheels.h_start_wheel[3]"] == drawn(system, 1, 77)["wheels.h_start_wheel"][2]
+    assert row["in.wheels.h_start_wheel[3]"] == draw_of(system, 1, 77)["wheels.h_start_wheel"][2]
     curves = store.read(whole, store.CURVES)
     assert curves.num_rows == COUNT
     assert coordinator.status(whole)["state"] == "done"
@@ -731,7 +732,7 @@ def test_a_case_that_changes_values_alone_is_the_case_prepared_anew(
     own.write_text(
         f'extends = "{name}"\nstop = 100.0\n' + (f"[dispersions]\n{more}\n" if more else "")
     )
-    plan = Plan(str(own), "", 5)
+    plan = CampaignPlan(str(own), "", 5)
     rows = []
     for made in (draws.varied, prepare):
         monkeypatch.setattr(draws, "varied", made)
@@ -762,26 +763,26 @@ def test_a_master_that_begins_anew_makes_the_bits_of_a_new_one(tmp_path, monkeyp
     system, made, runs = source.to_draw(False), [], {}
     init = Master.__init__
     monkeypatch.setattr(Master, "__init__", lambda *a, **k: made.append(1) or init(*a, **k))
-    for prepared in (prepare_module.varied, prepare):
+    for prepared in (prepare_module.with_values, prepare):
         if prepared is prepare:
             # not where others follow what is drawn; "auto" makes some to try
             assert len(made) == 1 or "telescope" in name or "auto" in more
         for draw in range(3):
-            options = Options(values=drawn(system, 1, draw))
+            options = Options(values=draw_of(system, 1, draw))
             run = simulate(prepared(source, options))
             assert run.manifest.completed, run.manifest.message
             results = run.results
             series = {n: results.values(n).tobytes() for n in results.names()}
             runs[prepared, draw] = series, run.manifest.numbers, run.manifest.balance
     for draw in range(3):
-        assert runs[prepare_module.varied, draw] == runs[prepare, draw]
+        assert runs[prepare_module.with_values, draw] == runs[prepare, draw]
     assert runs[prepare, 0][0] != runs[prepare, 1][0]
 
 
 def test_a_worker_prepares_once(monkeypatch):
     made = []
     monkeypatch.setattr(prepare_module, "check", lambda draft: made.append(1) or check(draft))
-    plan = Plan("alsat1/basin-y-wheel", "", 5, options=Options(stop=600.0))
+    plan = CampaignPlan("alsat1/basin-y-wheel", "", 5, options=Options(stop=600.0))
     plan_module._source.cache_clear()
     for n in range(5):
         assert case_module.row(plan, n).code == 0

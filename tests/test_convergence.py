@@ -324,7 +324,7 @@ def test_the_limits_are_what_the_cases_reach():
     for name, inner in runs:
         case = prepare(f"gyrostat/{name}", Options(blocks=True, inner=inner))
         reached.append(coverage.bound(case.or_raise()[0]))
-    for f in fields(coverage.Bound):
+    for f in fields(coverage.StepCriteria):
         limit = getattr(coverage.LIMITS, f.name)
         assert 0.9 * limit <= max(getattr(b, f.name) for b in reached) <= limit
 

@@ -191,15 +191,15 @@ def test_it_is_of_what_an_fmu_was_built_of_not_of_the_sources_beside_it(monkeypa
     assert library.computes("wheels", None) == before
     monkeypatch.setattr(library.meaning, "is_as", lambda entry: False)
     monkeypatch.setattr(library.meaning, "computed", lambda name: {"computes": "other"})
-    library._computed.cache_clear()
+    library._hash_of.cache_clear()
     assert library.computes("wheels", fmu) == before
     assert library.computes("wheels", None) == "block other"
-    library._computed.cache_clear()
+    library._hash_of.cache_clear()
 
 
 def test_a_foreign_fmu_is_its_file(tmp_path):
     copy = tmp_path / "wheels.fmu"
-    shutil.copy(library.built("wheels.fmu"), copy)
+    shutil.copy(library.our_file("wheels.fmu"), copy)
     with copy.open("ab") as file:
         file.write(b"\0" * 8)
     assert library.computes("wheels", library.load(copy)) == f"file {library.sha256(copy)}"

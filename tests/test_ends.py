@@ -19,7 +19,7 @@ from test_verdicts import FAILED, LATE_ONE, UNMET, WELL, cell
 
 from desat import cli
 from desat.analyses import coverage, energy, fixed, residual
-from desat.analyses.manifest import Choice, Manifest, Stopped
+from desat.analyses.manifest import InnerChoice, Manifest, Stopped
 from desat.campaign import case as campaign_case
 from desat.campaign import coordinator, pairs, plan, store
 from desat.campaign import draws as study
@@ -159,8 +159,8 @@ def test_progress_is_shown_to_people_alone(desat, monkeypatch, arguments, module
         return {**DRAWS, "draws": [] if name == "paired" else DRAWS["draws"]}
 
     monkeypatch.setattr(module, name, made)
-    monkeypatch.setattr("desat.cli.commands.size._print", lambda made: print("people"))
-    monkeypatch.setattr("desat.studies.sizing_page.write_sizing", lambda made, page: page)
+    monkeypatch.setattr("desat.cli.commands.size._print_sizing", lambda made: print("people"))
+    monkeypatch.setattr("desat.sizing.page.write_sizing", lambda made, page: page)
     done = desat(*arguments, *(["--json"] if as_json else []))
     assert given == ([None] if name == "size" else [not as_json])
     if name != "_drawn":
@@ -195,7 +195,7 @@ def test_a_craft_that_cannot_hold_ends_with_1(desat, monkeypatch, problems, code
 def test_paired_draws_end_as_the_worst_of_both(desat, monkeypatch, rows, others, code):
     both = [{"warnings": [f"w{k}"], "draws": [{"draw": 0, **row} for row in x]}
             for k, x in enumerate((rows, others))]  # fmt: skip
-    monkeypatch.setattr(pairs, "paired", lambda *_, **__: {**DRAWS, "draws": both})
+    monkeypatch.setattr(pairs, "fly_pairs", lambda *_, **__: {**DRAWS, "draws": both})
     done = desat("draws", "a", "--against", "b")
     assert done.returncode == code
     assert done.stderr.splitlines()[:2] == ["warning: w0", "warning: w1"]
@@ -208,7 +208,7 @@ def test_paired_draws_end_as_the_worst_of_both(desat, monkeypatch, rows, others,
 def test_tables_are_printed_as_they_are(desat, monkeypatch, tmp_path, origin):
     rows = [cell(1.5, values=1.6, definition="how [b] it is"), cell(3.0, values=1.5, unit="s")]
     told = []
-    monkeypatch.setattr(tables_command, "_drawn", lambda *_, **__: ({"a": 1}, origin))
+    monkeypatch.setattr(tables_command, "_draws_of", lambda *_, **__: ({"a": 1}, origin))
     monkeypatch.setattr(tables, "rows", lambda *args: told.append(args) or rows)
     monkeypatch.setattr(tables, "write_html", lambda *args: told.append(args) or args[2])
     done = desat("tables", "uosat12", "--html", str(tmp_path / "a.html"), "--jobs", "3")
@@ -237,7 +237,7 @@ def test_verdicts_alone_are_coloured(desat, monkeypatch):
     console = plain_console(file=file, force_terminal=True, color_system="standard", width=200)
     rows = [cell(1.5, values=1.6), cell(3.0, values=1.5)]
     monkeypatch.setattr(tables_command, "out", console)
-    monkeypatch.setattr(tables_command, "_drawn", lambda *_, **__: (None, None))
+    monkeypatch.setattr(tables_command, "_draws_of", lambda *_, **__: (None, None))
     monkeypatch.setattr(tables, "rows", lambda *_: rows)
     monkeypatch.setattr(tables, "write_html", lambda *args: args[2])
     assert desat("tables", "uosat12").returncode == 0
@@ -389,7 +389,7 @@ def test_a_case_made_again_ends_as_it_did(desat, monkeypatch, number, text, code
     monkeypatch.setattr(plan, "anew", lambda plan: "begin anew")
     monkeypatch.setattr(plan, "same_versions", lambda *args: compared.append(args))
     monkeypatch.setattr(store, "versions_of", lambda folder, number: row)
-    monkeypatch.setattr(campaign_case, "kept", lambda *_: finished(code))
+    monkeypatch.setattr(campaign_case, "repeat", lambda *_: finished(code))
     monkeypatch.setattr(coordinator, "kept_in", lambda folder, number: folder / "[b]")
     into = ["--out", "[o]"] if row else []
     done = desat("campaign", "case", "c", str(number), *into)
@@ -480,7 +480,7 @@ def test_a_supervised_run_ends_as_its_process(monkeypatch, tmp_path, ended, resu
     options = SimpleNamespace(call_limit=3.0, time_limit=2.0 if kept else None)
     system, schedule = SimpleNamespace(components={}), SimpleNamespace(order=[])
     case = SimpleNamespace(or_raise=lambda: (system, schedule), options=options)
-    given = raised(runs._supervised, case, tmp_path if kept else None, None, False)
+    given = raised(runs._simulate_apart, case, tmp_path if kept else None, None, False)
     assert limits == [2.0 if kept else 3.0]
     if given[1] == (tmp_path if kept else scratch):
         made = given[0]
@@ -704,13 +704,13 @@ def test_a_case_that_is_kept_needs_room_and_no_signal(monkeypatch, tmp_path, cod
 
     monkeypatch.setattr(campaign_case, "simulate", simulate)
     monkeypatch.setattr(campaign_case, "write_report", lambda *args: written.append(args[0]))
-    of = plan.Plan("a", "", 3, limit=9.0)
-    monkeypatch.setattr(plan.Plan, "values", lambda self, number: {"a.k": 1.0})
+    of = plan.CampaignPlan("a", "", 3, limit=9.0)
+    monkeypatch.setattr(plan.CampaignPlan, "values", lambda self, number: {"a.k": 1.0})
     if raises:
         with pytest.raises(RunError):
-            campaign_case.kept(of, 1, tmp_path)
+            campaign_case.repeat(of, 1, tmp_path)
     else:
-        assert campaign_case.kept(of, 1, tmp_path).code == code
+        assert campaign_case.repeat(of, 1, tmp_path).code == code
     assert written == [tmp_path] * (not raises)
 
 
@@ -733,14 +733,14 @@ def test_a_number_at_the_limit_of_the_range_is_no_warning():
         0.46, 0.0076, 0.0103, 1e-6
     )  # fmt: skip
     for scale in (1.0, 1.0 + 1e-9):
-        assert list(coverage._beyond(coverage.Bound(limits.turn * scale, limits.kick))) == []
-    above = coverage.Bound(limits.turn * (1.0 + 2e-9), limits.kick)
+        assert list(coverage._beyond(coverage.StepCriteria(limits.turn * scale, limits.kick))) == []
+    above = coverage.StepCriteria(limits.turn * (1.0 + 2e-9), limits.kick)
     assert list(coverage._beyond(above)) == [("turn", above.turn)]
     assert coverage._of_jitter(1e-6, "now") == []
     assert len(coverage._of_jitter(math.nextafter(1e-6, 1.0), "now")) == 1
 
 
-PARTS = coverage.Parts(["a.q", "a.w", "w.h", "a.i"], np.eye(3, 4).tolist(), np.eye(3).tolist(),
+PARTS = coverage.StepParts(["a.q", "a.w", "w.h", "a.i"], np.eye(3, 4).tolist(), np.eye(3).tolist(),
                        [0.01] * 4, 0.0)  # fmt: skip
 
 
@@ -781,7 +781,7 @@ def test_a_run_says_how_much_the_jitter_of_faster_wheels_leaves():
 
 
 def test_a_run_that_chose_says_what_it_could_not_look_at():
-    flown = Choice(4, 1e-7, 5e-8, steps=30, reached=(1.0, 1.0, 1.0))
+    flown = InnerChoice(4, 1e-7, 5e-8, steps=30, reached=(1.0, 1.0, 1.0))
     assert remarked(inner_choice=flown) == []
     (line,) = remarked(inner_choice=flown, lacking=["a.w", "a.i"])
     assert line == ("its inner steps are chosen by its first 30 steps, and not looked at again: "
@@ -827,7 +827,7 @@ def test_the_largest_residual_is_that_of_a_row(monkeypatch):
 
 
 def test_why_there_is_no_residual():
-    parts = residual.Parts("a", "w.h")
+    parts = residual.RigidBodyParts("a", "w.h")
     series = [*(f"a.{n}" for n in ("q_bi", "omega_bi_body", "impulse_eci")), "w.h"]
     for names, why in (
         (series, "there are no rows"), (series[1:], "not recorded: a.q_bi"),
@@ -881,7 +881,7 @@ def test_the_numbers_of_a_balance(monkeypatch, given, share, impulse):
     wanted = {"energy_mismatch": share, "hidden_work": given is not None and 3.0,
               "impulse_mismatch": impulse}  # fmt: skip
     assert found == {k: v for k, v in wanted.items() if v}
-    parts = energy.Parts("a", "w.h")
+    parts = energy.EnergyParts("a", "w.h")
     lacking = energy.unchecked(told(parts={energy.KEY: parts}), None)
     if given is None:
         assert lacking == dict.fromkeys(energy.NUMBERS, "why")
@@ -919,7 +919,7 @@ def series_of(names: list[str], times: list[float], lacking: str = "", **counts:
 )
 def test_why_rows_have_no_balance(more, times, lacking, counts, why):
     of = {k: more.pop(k) for k in ("why", "rows") if k in more}
-    parts = energy.Parts("a", "w.h", "w.mean", "w.slope", None, **{"rows": True, **of})
+    parts = energy.EnergyParts("a", "w.h", "w.mean", "w.slope", None, **{"rows": True, **of})
     results = series_of(energy.of_work(parts), times, lacking, **counts)
     found = energy._not_of_rows(told(parts={energy.KEY: parts}, **more), results)
     assert found.startswith(why)
@@ -967,7 +967,7 @@ def test_a_balance_at_its_bound_is_met(monkeypatch, hidden, impulse, about, line
     ],
 )
 def test_why_a_fixed_attitude_has_no_balance(more, times, lacking, why):
-    parts = fixed.Parts("a", {"x": "b.c"}, more.pop("why", ""))
+    parts = fixed.FixedAttitudeParts("a", {"x": "b.c"}, more.pop("why", ""))
     results = series_of(fixed.balanced(parts), times, lacking)
     manifest = told(parts={fixed.KEY: parts}, **more)
     assert fixed._why_not(manifest, results) == why

@@ -33,7 +33,7 @@ from desat.campaign.draws import draws, sweep
 from desat.cli.console import plain_console
 from desat.engine.recording.recorder import Recorder
 from desat.engine.recording.results import Results
-from desat.engine.recording.row_buffer import Half
+from desat.engine.recording.row_buffer import Bank
 from desat.engine.recording.series_file import Packing
 from desat.export.packing import pack
 from desat.files import io, library
@@ -397,7 +397,7 @@ def test_where_no_process_can_be_had_it_is_said(system, monkeypatch):
     """Elsewhere than on POSIX."""
     monkeypatch.setattr(preparing, "CAN", False)
     case = prepare(str(system), Options(step=1.0))
-    assert preparing.isolated(case.or_raise()[0], case.options) == frozenset()
+    assert preparing.isolated_in(case.or_raise()[0], case.options) == frozenset()
     (line,) = [w for w in case.checked.warnings if "POSIX" in w]
     assert line.startswith("bad: foreign FMUs run in the process of the run")
     run = simulate(prepare(str(system), options("NOTHING", isolate="foreign")))
@@ -774,7 +774,7 @@ def test_killed_at_the_end_all_rows_are_saved(tmp_path, monkeypatch, packed):
             return finish(packing, *last)
         return packing.drop()
 
-    def killed(recorder: Recorder, half: Half, last: bool = False) -> None:
+    def killed(recorder: Recorder, half: Bank, last: bool = False) -> None:
         write(recorder, half, last)
         os.kill(os.getpid(), signal.SIGKILL)
 
@@ -922,7 +922,7 @@ def test_a_folder_that_another_process_sweeps_at_once_is_made_again(tmp_path, mo
             return held
 
     monkeypatch.setattr(library, "FileLock", Disturbed)
-    folder, lock = library._held(tmp_path)
+    folder, lock = library._hold(tmp_path)
     assert len(swept) == 2
     assert swept[0] != swept[1] == folder
     assert lock.is_locked
@@ -1018,7 +1018,7 @@ def test_no_room_for_rows(system, tmp_path, monkeypatch, number, text):
     """What the system says where a disk is full, or a quota used up."""
     write, count = Recorder._write, [0]
 
-    def full(recorder: Recorder, half: Half, last: bool = False) -> None:
+    def full(recorder: Recorder, half: Bank, last: bool = False) -> None:
         count[0] += 1
         if count[0] == 2:
             raise OSError(number, os.strerror(number))

@@ -13,7 +13,7 @@ from desat.files.fmu import of_fmu
 from desat.files.scenario import scenarios
 from desat.fmus import registry
 from desat.runs.run import Options, execute, prepare
-from desat.system.expression import named
+from desat.system.expression import names_in
 from desat.system.parameters import table
 
 INERTIA = "[[21.0, 0.6, -0.4], [0.6, 18.0, 0.3], [-0.4, 0.3, 13.0]]"
@@ -138,7 +138,7 @@ def test_what_is_followed_is_there():
         "tau_level",
     }  # fmt: skip
     for block, v in following:
-        ends = named(v.follows)
+        ends = names_in(v.follows)
         assert ends <= known.keys(), f"{block.__name__}.{v.name}"
         if v.name == "gain_matrix":
             continue
@@ -151,7 +151,7 @@ def test_fmus_say_what_their_blocks_say():
     """So the interface of one of ours need not be read: `FmuFile.interface` takes the block's."""
     for name in registry.names():
         for kind in ("native", "python"):
-            file = library.built(f"{name}.fmu", kind)
+            file = library.our_file(f"{name}.fmu", kind)
             assert of_fmu(file) == library.interface_of_block(name), (name, kind)
 
 

@@ -248,7 +248,7 @@ def test_what_is_usual_is_in_the_fmu():
 
     seen = 0
     for name in names():
-        file = library.built(name + ".fmu")
+        file = library.our_file(name + ".fmu")
         signals, block = of_fmu(file).signals, library.interface_of_block(name)
         for s in block.signals.values():
             assert signals[s.name].usual == s.usual, (name, s.name)

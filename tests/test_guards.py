@@ -237,13 +237,13 @@ def test_stored_draws_are_stale_when_their_code_changes(monkeypatch, tmp_path):
         ("maths/vector.py", "ONE_MORE = 1.0", True),
         ("blocks/manager_combined.py", "ONE_MORE = 1.0", True),
     ):
-        library._computed.cache_clear()
+        library._hash_of.cache_clear()
         path = tmp_path / "components" / file
         before = path.read_text()
         path.write_text(f"{before}\n{text}\n")
         assert (name in stored.outdated(kept)) is stale, (file, text)
         path.write_text(before)
-    library._computed.cache_clear()
+    library._hash_of.cache_clear()
 
 
 CODE = """\"\"\"What it is.\"\"\"

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from desat.files import craft
-from desat.files.hardware import KINDS, figures, known, quantity, values
+from desat.files.hardware import KINDS, figures, known_figures, quantity, values
 from desat.fmus.registry import block_class
 from desat.runs.prepare import prepare
 from desat.sizing.flight import hardware_of, values_of
@@ -118,11 +118,11 @@ def test_hardware_that_is_not_known_is_refused(tmp_path, line, message):
 
 
 def test_every_product_has_its_source_and_figures_that_can_be():
-    products = known("product")
+    products = known_figures("product")
     assert sum(map(len, products.values())) >= 10
-    assert set(products) == set(KINDS.values()) == set(known("class"))
+    assert set(products) == set(KINDS.values()) == set(known_figures("class"))
     for which in ("class", "product"):
-        for kind, of_kind in known(which).items():
+        for kind, of_kind in known_figures(which).items():
             for name, its in of_kind.items():
                 for figure, unit in UNITS[kind].items():
                     assert quantity(name, its[figure], unit) > 0.0
@@ -140,7 +140,7 @@ def test_every_product_has_its_source_and_figures_that_can_be():
 @pytest.mark.parametrize("which", ["class", "product"])
 def test_a_gyros_figure_is_the_same_angle_after_an_hour_at_any_sample_time(which):
     """Its white noise sums up to the sheet's deg/sqrt(h), whatever the time between samples."""
-    for name, its in known(which)["gyros"].items():
+    for name, its in known_figures(which)["gyros"].items():
         walk = values("gyro", True, figures("gyro", f"{which}:{name}")[1], frozenset(), {})
         for period in (1.0, 0.1, 0.01):
             gyro = block_class("rate_gyro")()
@@ -162,7 +162,7 @@ def test_what_a_figure_makes_of_a_component_does_not_depend_on_the_step(role, wh
     block = block_class(model)()
     has = frozenset(v.name for v in block.variables)
     present = {"axes_wheel": list(getattr(block, "axes_wheel", ())), "arm": 0.3}
-    for name in known(which)[KINDS[role]]:
+    for name in known_figures(which)[KINDS[role]]:
         found = values(role, which == "class", figures(role, f"{which}:{name}")[1], has, present)
         assert found.keys() <= has
         if white := found.keys() & set(getattr(block, "white", ())):

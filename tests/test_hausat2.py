@@ -30,7 +30,7 @@ from desat.papers import stored, tables
 from desat.papers.comparison import rows_of
 from desat.runs.run import Options, execute, prepare
 from desat.system.errors import DesatError
-from desat.system.refusal import told
+from desat.system.refusal import explain
 
 J = (0.3078, 0.0, 0.0, 0.0, 0.2865, 0.0, 0.0, 0.0, 0.2747)
 MINUS_Y = (0.0, 0.0, 0.0, 0.0, -1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
@@ -495,7 +495,7 @@ def test_a_refusal_names_file_component_variable_got_and_allowed(
     file = tmp_path / "mine.toml"
     file.write_text(f'extends = "hausat2/detumbling-wheel"\n{given}\n')
     system, schedule = prepare(str(file), Options(blocks=True)).or_raise()
-    (line,) = told(system, "\n".join(trial_initialisation.refusals(system, schedule)[0]))
+    (line,) = explain(system, "\n".join(trial_initialisation.refusals(system, schedule)[0]))
     line = line.replace("0.17999999995879792", "0.18")
     assert line.startswith(f"{file}: {key}: ")
     assert got in line
@@ -703,7 +703,7 @@ def test_a_difference_of_draws_is_the_median_of_the_differences_draw_by_draw():
         [r["numbers"]["detumbled"] for r in kept[f"hausat2/detumbling-{law}"]["draws"]]
         for law in ("b-dot", "wheel")
     )
-    found = tables._paired(find("hausat2/detumbling-b-dot"), kept)["summary"]["longer"]
+    found = tables._pairs_of(find("hausat2/detumbling-b-dot"), kept)["summary"]["longer"]
     assert found["median"] == pytest.approx(np.median(np.subtract(ours, theirs)), abs=1e-9)
     assert 40.0 <= found["median"] <= 65.0  # the paper's 50 min
     assert found["median"] != pytest.approx(np.median(ours) - np.median(theirs), abs=1e-3)

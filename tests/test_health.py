@@ -13,7 +13,7 @@ import pytest
 
 from desat.analyses import management
 from desat.begin import craft as new_craft
-from desat.begin.craft import Wanted
+from desat.begin.craft import CraftFacts
 from desat.fmus.registry import block_class, names
 from desat.numbers.measures import MEASURES
 from desat.report import report
@@ -46,7 +46,7 @@ class WorseLaw(TorquerDumping):
 @pytest.fixture(scope="module")
 def craft(tmp_path_factory) -> Path:
     folder = tmp_path_factory.mktemp("crafts") / "my12u"
-    wanted = Wanted(size="12U", altitude="400km", inclination="51.6deg", rods="0.2")
+    wanted = CraftFacts(size="12U", altitude="400km", inclination="51.6deg", rods="0.2")
     new_craft.write(folder, wanted, "desat new craft")
     return folder
 
@@ -282,7 +282,7 @@ def test_a_law_that_can_do_nothing_is_refused(target, manager, text):
 
 def test_the_predictive_law_is_told_what_the_sensors_have(tmp_path, desat):
     """It was flown with another craft's noise, which put it seventh of eight."""
-    wanted = Wanted(
+    wanted = CraftFacts(
         sso="600km", mass="150kg", box="0.8,0.8,1.2", wheels="4 pyramid 4Nms", rods="30"
     )
     new_craft.write(tmp_path / "agile", wanted, "desat new craft")
@@ -313,7 +313,7 @@ def test_the_predictive_law_is_told_what_the_sensors_have(tmp_path, desat):
 )  # fmt: skip
 def test_detumbling_is_within_a_third_of_the_quickest_gain(tmp_path, given):
     """It was seven to ten times as slow for the first of these."""
-    new_craft.write(tmp_path / "c", Wanted(**given), "desat new craft")
+    new_craft.write(tmp_path / "c", CraftFacts(**given), "desat new craft")
     target = str(tmp_path / "c" / "detumbling.toml")
     own = execute(target, Options()).manifest.numbers
     system, _ = prepare(target, Options()).or_raise()

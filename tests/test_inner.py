@@ -22,7 +22,7 @@ from benchmarks.validation.reference import Gyrostat
 from desat.analyses import coverage
 from desat.campaign.case import row
 from desat.campaign.draws import draws
-from desat.campaign.plan import Plan, digest_of, read
+from desat.campaign.plan import CampaignPlan, digest_of, read
 from desat.export.packing import pack_scenario
 from desat.files import library, scenario
 from desat.numbers.derived import pointing
@@ -138,7 +138,7 @@ def test_auto_on_random_craft():
         name, values = random_craft(seed)
         case = prepare(name, Options(inner=AUTO, stop=200.0, values=values))
         try:
-            inner_choice.chosen(name, case.or_raise()[0], case.options)
+            inner_choice.choose(name, case.or_raise()[0], case.options)
         except DesatError:
             with pytest.raises(DesatError, match="the attitude would still err by"):
                 simulate(case)
@@ -326,7 +326,7 @@ def test_a_run_that_leaves_the_range_of_its_flights_is_made_again(monkeypatch):
     run = simulate(prepare("gyrostat/pulses", options))
     choice = run.manifest["inner_choice"]
     quiet = prepare("gyrostat/pulses", replace(options, values=light | jets()))
-    first = inner_choice.chosen("quiet", quiet.or_raise()[0], quiet.options)
+    first = inner_choice.choose("quiet", quiet.or_raise()[0], quiet.options)
     assert first is not None
     assert len(choice["again"]) >= 1
     assert choice["again"][0].startswith(("at t = 349 s", "at t = 35"))
@@ -345,7 +345,7 @@ def test_a_run_that_leaves_the_range_of_its_flights_is_made_again(monkeypatch):
 
 def test_a_run_is_made_three_times_at_most(monkeypatch):
     """And says that it would want more still."""
-    made, simulated = [], running._simulated
+    made, simulated = [], running._simulate
 
     def more(target, system, options, choice, results):
         again = [*choice.again, "it turns"]
@@ -356,7 +356,7 @@ def test_a_run_is_made_three_times_at_most(monkeypatch):
         return simulated(case, choice, *rest)
 
     monkeypatch.setattr(inner_choice, "looked_at_again", more)
-    monkeypatch.setattr(running, "_simulated", counted)
+    monkeypatch.setattr(running, "_simulate", counted)
     run = simulate(prepare("gyrostat/pulses", Options(inner=AUTO, stop=20.0)))
     first = made[0]
     assert made == [first, 2 * first, 4 * first]
@@ -368,7 +368,7 @@ def test_a_run_is_made_three_times_at_most(monkeypatch):
 def test_a_case_of_a_campaign_chooses_and_says_so(tmp_path):
     text = 'stop = 60\n[dispersions]\n"wheels.torque_limit" = { uniform = [0.005, 0.2] }\n'
     target = own(tmp_path, text)
-    plan = Plan(target, digest_of(target, Options()), 6)
+    plan = CampaignPlan(target, digest_of(target, Options()), 6)
     rows = [row(plan, i, False) for i in range(6)]
     counts = [r.numbers["inner_steps"] for r in rows]
     assert len(set(counts)) > 1
@@ -393,7 +393,7 @@ def test_a_resumed_run_keeps_its_choice(tmp_path, monkeypatch):
     target = own(tmp_path, "stop = 200")
     whole = simulate(prepare(target, Options()), tmp_path / "whole").manifest
     broken(target, Options(checkpoint=10.0), tmp_path / "cut", monkeypatch, 100)
-    monkeypatch.setattr(inner_choice, "chosen", None)  # it is not made anew
+    monkeypatch.setattr(inner_choice, "choose", None)  # it is not made anew
     cut = resume(tmp_path / "cut").manifest
     assert cut["status"] == "completed"
     assert cut["inner"] == whole["inner"] > 1
@@ -440,7 +440,7 @@ def test_every_actuator_has_its_torque():
 def test_a_foreign_fmu_is_flown_too_where_it_has_a_process_of_its_own(tmp_path):
     """And is no reason to refuse: one inner step it is then, with the reason."""
     foreign = tmp_path / "mine.fmu"
-    foreign.write_bytes(library.built("manager_cross_product.fmu", "python").read_bytes())
+    foreign.write_bytes(library.our_file("manager_cross_product.fmu", "python").read_bytes())
     with zipfile.ZipFile(foreign, "a") as archive:
         archive.writestr("resources/of-somebody.txt", "")
     target = own(tmp_path, "stop = 30")

@@ -512,13 +512,13 @@ def test_a_row_of_a_share_says_its_interval_and_is_held_against_its_band():
     row = found["draws_with_a_saturated_wheel"]
     assert (row.ours, row.within, row.out_of_sample) == (15.0, False, True)
     assert row.draws == Share(20, 3, pytest.approx([3.21, 37.89], abs=0.01))
-    assert "3 of 20; of all 3 to 38 %" in tables.shown(row)["draws"]
+    assert "3 of 20; of all 3 to 38 %" in tables.texts_of(row)["draws"]
     assert found["coil_load"].tuned
     assert not found["coil_load"].out_of_sample
     assert not found["mean_wheel_at_3_h"].out_of_sample, "it had a part in a choice"
     assert "limit = 5.0" in found["settling_time"].definition
     assert "from 0 s to 3600 s" in found["settling_time"].definition
-    counted = comparison.counted(list(found.values()))
+    counted = comparison.count(list(found.values()))
     assert (counted["tuned"], counted["in_sample"]) == (1, 1)
     assert counted["banded"] == 6
 
@@ -534,7 +534,7 @@ def test_flags_are_yes_and_no():
     entry = scenario.content.entries["saturated"]
     draws = Spread(20, 0.0, 0.0, (0.0, 0.0))
     row = comparison._row(scenario, entry, 0.0, {}, draws)
-    told = tables.shown(row)
+    told = tables.texts_of(row)
     assert (told["paper"], told["ours"], told["band"]) == ("no", "no", "no")
     assert told["draws"] == "no in all 20"
 
@@ -545,13 +545,13 @@ def test_a_band_may_be_open_at_one_end():
     draws = Spread(2, 1.05, 9e9, (1.0, inf))
     row = comparison._row(scenario, entry, 9e9, {}, draws)
     assert row.within
-    told = tables.shown(row)
+    told = tables.texts_of(row)
     assert told["band"] == "at least 1.100"
     assert told["draws"].endswith("of 2 (each: at least 1)")
     [made] = tables.as_json("integrated", [row])["rows"]
     assert (made["band"], made["draws"]["band"]) == ([1.1, tables.LARGEST], [1.0, tables.LARGEST])
     row.band = (-inf, 0.0)
-    assert tables.shown(row)["band"] == "at most 0.000"
+    assert tables.texts_of(row)["band"] == "at most 0.000"
 
 
 @pytest.mark.parametrize("band", [[-inf, inf], [inf, inf], [nan, 1.0], [inf, 1.0], [2.0, 1.0]])
@@ -632,7 +632,7 @@ def test_a_second_panel_shows_the_steady_state_and_an_envelope_the_extremes():
 
 def test_a_stored_draw_comes_out_again(current):
     """The first draw of the shortest scenario, bit for bit."""
-    from desat.campaign.sampling import drawn as values_of
+    from desat.campaign.sampling import draw_of as values_of
     from desat.runs.prepare import read
 
     name = "integrated/velocity-dumping"
@@ -646,7 +646,7 @@ def test_tables_pack_nothing_and_record_only_what_numbers_need(monkeypatch, tmp_
     """A paper's 78 runs took 42 s, most of it for packing, extracting and recording all series."""
     name, run = "uosat12/table3-ocdc-ilqr-1", []
     monkeypatch.setattr(tables, "scenarios", lambda family: {name: find(name)})
-    monkeypatch.setattr(paths, "packed", lambda: tmp_path)
+    monkeypatch.setattr(paths, "packed_folder", lambda: tmp_path)
     simulate = draws.simulate
     monkeypatch.setattr(draws, "simulate", lambda case: run.append(case) or simulate(case))
     found = {row.quantity: row.ours for row in rows("uosat12", Options(), jobs=1)}
@@ -672,5 +672,5 @@ def test_rows_of_draws_have_the_median_and_the_file_is_named(drawn, monkeypatch)
     assert (row["draws"]["min"], row["draws"]["max"]) == (summary["min"], summary["max"])
     assert row["within"] is True
     lost = replace(rows("integrated", Options(), drawn=drawn)[0], draws=None)
-    assert tables.shown(lost)["draws"] == ""
+    assert tables.texts_of(lost)["draws"] == ""
     assert json.dumps(data)

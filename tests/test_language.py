@@ -18,12 +18,12 @@ from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation
 
 from desat import cli
-from desat.campaign.sampling import drawn
+from desat.campaign.sampling import draw_of
 from desat.files import paths, scenario
 from desat.files.scenario import find, load, own
 from desat.language import paper
 from desat.language import scenario as language
-from desat.language.content import said
+from desat.language.content import content_of
 from desat.numbers.derived import euler
 from desat.numbers.measures import first_below, time_of
 from desat.numbers.numbers import evaluate
@@ -208,7 +208,7 @@ def test_list_reads_again_what_has_changed(family, command, monkeypatch):
     for arguments in (["list"], ["list", "--all"]):
         assert command(*arguments) == (0, [])
         with monkeypatch.context() as patch:
-            patch.setattr(catalogue, "_read", None)  # would fail if it were called
+            patch.setattr(catalogue, "_load", None)  # would fail if it were called
             assert command("list") == command(*arguments) == (0, [])
     catalogue._file("f").write_text("{")
     assert command("list") == (0, [])
@@ -283,7 +283,7 @@ def test_a_value_that_is_refused_later_has_its_line_too(family):
 
 def test_a_manifest_of_another_language_is_one_line():
     with pytest.raises(DesatError, match=r"^about\.plots\.rate\.signls: .*: no content that"):
-        said({"name": "f/x", "plots": [{"name": "rate", "title": "x", "signls": ["a.b"]}]})
+        content_of({"name": "f/x", "plots": [{"name": "rate", "title": "x", "signls": ["a.b"]}]})
 
 
 def test_a_band_by_a_number_that_is_not_there(family):
@@ -381,7 +381,7 @@ def test_signs_and_one_of(family):
     family(t=BASE.replace("{ direction = 2.0 }", spec))
     assert checked() == ""
     system = scenario.find("f/t-a").draft(blocks=True)
-    found = [drawn(system, 1, i) for i in range(40)]
+    found = [draw_of(system, 1, i) for i in range(40)]
     h = np.array([d["spacecraft.h_start_body"] for d in found])
     assert np.array_equal(np.abs(h), np.tile([0.1, 0.2, 0.3], (40, 1)))
     assert len({tuple(row) for row in np.sign(h)}) == 8

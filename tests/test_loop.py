@@ -25,7 +25,7 @@ from desat.engine.master import Master
 from desat.engine.recording import recorder as recorder_module
 from desat.engine.recording import series_file
 from desat.engine.recording.recorder import Recorder
-from desat.engine.recording.row_buffer import Layout, Unwritten
+from desat.engine.recording.row_buffer import Layout, RowBuffer
 from desat.files import library
 from desat.fmus.compiler import NoCompilerError, compiler
 from desat.runs import step_case
@@ -359,7 +359,7 @@ def test_a_disk_without_room_for_packed_series(probe, monkeypatch, tmp_path):
 
 def test_rows_that_are_in_memory_when_a_process_dies():
     """Those of both halves, the older first, whatever the writing thread was at."""
-    unwritten = Unwritten()
+    unwritten = RowBuffer()
     unwritten.lay_out(Layout(4, {"Integer": (3, "<i4"), "Real": (1, "<f8")}, ()))
 
     def take(times: list[float]) -> None:

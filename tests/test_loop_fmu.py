@@ -15,7 +15,7 @@ from conftest import ROOT, python
 from fmpy.fmi2 import FMU2Slave
 from fmpy.validation import validate_fmu
 
-from desat.export.loop_fmu import Wanted, export
+from desat.export.loop_fmu import LoopEnds, export
 from desat.fmus import native
 from desat.fmus.compiler import compiler
 from desat.runs.prepare import prepare
@@ -120,7 +120,7 @@ def _quickly_compiled(monkeypatch):
 @pytest.mark.parametrize("name", ONE_OF_EACH)
 def test_every_series_is_that_of_a_run_bit_by_bit(name, tmp_path):
     options = short(name)
-    path = export(name, options, Wanted(outputs=["*"]), tmp_path / "loop.fmu")
+    path = export(name, options, LoopEnds(outputs=["*"]), tmp_path / "loop.fmu")
     run = execute(name, options, None)
     assert run.ok
     compared, wrong = differing(path, run, tmp_path / "x", len(run.results.times()) - 1)
@@ -139,9 +139,9 @@ def made(tmp_path_factory):
     options = short(NADIR, 120, inner=3)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(native, "FLAGS", tuple("-O1" if f == "-O3" else f for f in native.FLAGS))
-        whole = export(NADIR, options, Wanted(parameters=["manager.gain*", "shared.inertia"]),
+        whole = export(NADIR, options, LoopEnds(parameters=["manager.gain*", "shared.inertia"]),
                        folder / "whole.fmu")  # fmt: skip
-        open_ = export(NADIR, options, Wanted(["wheels.*", "spacecraft.*"], without=["manager"]),
+        open_ = export(NADIR, options, LoopEnds(["wheels.*", "spacecraft.*"], without=["manager"]),
                        folder / "open.fmu")  # fmt: skip
     return whole, open_, execute(NADIR, options, None), folder
 

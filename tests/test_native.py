@@ -43,7 +43,7 @@ KINDS = ["native", "python"]
 
 
 def path(name: str, kind: str = "native") -> Path:
-    found = library.built(f"{name}.fmu", kind)
+    found = library.our_file(f"{name}.fmu", kind)
     assert found is not None
     return found
 

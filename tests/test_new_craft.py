@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 import desat as library
-from desat.begin.craft import CUBESATS, SCENARIOS, Wanted, write
+from desat.begin.craft import CUBESATS, SCENARIOS, CraftFacts, write
 from desat.files.hardware import classes, quantity
 from desat.fmus import registry
 from desat.runs.prepare import prepare
@@ -21,9 +21,9 @@ from desat.sizing.sizing import Wishes, size
 from desat.system.errors import DesatError
 from desat.system.options import Options
 
-TWELVE = Wanted(altitude="400km", inclination="51.6deg", size="12U", wheels="4 pyramid 30mNms",
+TWELVE = CraftFacts(altitude="400km", inclination="51.6deg", size="12U", wheels="4 pyramid 30mNms",
                 rods="0.2", residual_dipole="0.05")  # fmt: skip
-AGILE = Wanted(sso="600km", ltan="10:30", mass="150kg", box="0.8,0.8,1.2",
+AGILE = CraftFacts(sso="600km", ltan="10:30", mass="150kg", box="0.8,0.8,1.2",
                wheels="4 pyramid 4Nms", rods="30", thrusters="4 1N")  # fmt: skip
 ISS = """1 25544U 98067A   19343.69339541  .00001764  00000-0  38792-4 0  9991
 2 25544  51.6439 211.2001 0007417  17.6667  85.6398 15.50103472202482
@@ -52,8 +52,8 @@ def test_the_command_writes_what_runs_from_its_folder(desat, tmp_path: Path) -> 
 
 
 @pytest.mark.parametrize("scenario", SCENARIOS)
-@pytest.mark.parametrize("wanted", [TWELVE, AGILE, Wanted()], ids=["12u", "agile", "class"])
-def test_each_scenario_is_sound(tmp_path: Path, wanted: Wanted, scenario: str) -> None:
+@pytest.mark.parametrize("wanted", [TWELVE, AGILE, CraftFacts()], ids=["12u", "agile", "class"])
+def test_each_scenario_is_sound(tmp_path: Path, wanted: CraftFacts, scenario: str) -> None:
     folder = tmp_path / "mine"
     write(folder, wanted, "desat new craft mine")
     case = prepare(str(folder / f"{scenario}.toml"), Options())
@@ -124,14 +124,16 @@ def test_numbers_have_units_and_are_converted(twelve: Path, tmp_path: Path) -> N
 
 def test_an_orbit_may_be_a_two_line_element_set(tmp_path: Path) -> None:
     (tmp_path / "iss.tle").write_text("ISS\n" + ISS)
-    write(tmp_path / "mine", Wanted(tle=tmp_path / "iss.tle", epoch="2019-12-10T00:00:00Z"), "")
+    write(tmp_path / "mine", CraftFacts(tle=tmp_path / "iss.tle", epoch="2019-12-10T00:00:00Z"), "")
     run = library.run(str(tmp_path / "mine"), stop=20.0)
     r = np.linalg.norm(run.results.values("environment.r_eci"), axis=1)
     assert ((r > 6.78e6) & (r < 6.81e6)).all()
 
 
 def test_a_sun_synchronous_orbit_keeps_its_local_time(tmp_path: Path) -> None:
-    write(tmp_path / "mine", Wanted(sso="500km", ltan="10:30", epoch="2027-03-21T00:00:00Z"), "")
+    write(
+        tmp_path / "mine", CraftFacts(sso="500km", ltan="10:30", epoch="2027-03-21T00:00:00Z"), ""
+    )
     rows = tomllib.loads((tmp_path / "mine" / "craft.toml").read_text())["parameters"][
         "environment"
     ]
@@ -147,13 +149,13 @@ def test_what_wheels_must_hold_of_an_orbit_is_near_what_size_finds(
     """A craft that its dipole and gravity alone turn, in an untilted field."""
     wish = {"altitude": "500km", "inclination": "70deg", "inertia": "0.9,1.2,0.7",
             "pointing": pointing, "residual_dipole": "0.6"}  # fmt: skip
-    write(tmp_path / "mine", Wanted(**wish, wheels="3 axes 1Nms"), "")  # type: ignore[arg-type]
+    write(tmp_path / "mine", CraftFacts(**wish, wheels="3 axes 1Nms"), "")  # type: ignore[arg-type]
     sets = ["environment.field=dipole", "environment.dipole_earth=[0,0,-7.75e15]",
             "spacecraft.aerodynamics=none", "spacecraft.radiation=none"]  # fmt: skip
     made = size(str(tmp_path / "mine"), Options(stop=20000.0, sets=sets),
                 Wishes(year=False, laws=False, flown=False))  # fmt: skip
     with pytest.raises(DesatError, match="in and out of the fullest") as refused:
-        write(tmp_path / "less", Wanted(**wish, wheels="3 axes 1mNms"), "")  # type: ignore[arg-type]
+        write(tmp_path / "less", CraftFacts(**wish, wheels="3 axes 1mNms"), "")  # type: ignore[arg-type]
     told = float(re.findall(r"turn ([\d.]+) mN m s", str(refused.value))[0]) * 1e-3
     assert told == pytest.approx(made.wheel_needed, rel=0.1)
 
@@ -197,7 +199,7 @@ def test_classes_grow_with_their_size() -> None:
 )  # fmt: skip
 def test_what_cannot_be_is_refused(tmp_path: Path, wanted: dict[str, object], told: str) -> None:
     with pytest.raises(DesatError, match=told):
-        write(tmp_path / "mine", Wanted(**wanted), "")  # type: ignore[arg-type]
+        write(tmp_path / "mine", CraftFacts(**wanted), "")  # type: ignore[arg-type]
     assert not (tmp_path / "mine").exists()
 
 

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 from fuzz import commands
 
-from desat.begin.craft import Wanted, write
+from desat.begin.craft import CraftFacts, write
 from desat.export.series import export
 from desat.files import io
 from desat.papers.functions import Verbs
@@ -68,7 +68,7 @@ PLANTED = {
 @pytest.mark.parametrize("line", PLANTED)
 @pytest.mark.parametrize("kind", ["pipe", "link", "loop", "folder"])
 def test_what_is_planted_where_a_file_goes(tmp_path, line, kind):
-    write(tmp_path / "craft", Wanted(size="3U"), "")
+    write(tmp_path / "craft", CraftFacts(size="3U"), "")
     (tmp_path / "own.toml").write_text('extends = "nadir_day/day-dipole"\n')
     (tmp_path / "own.craft.toml").write_bytes((tmp_path / "craft" / "craft.toml").read_bytes())
     if line.startswith("build"):

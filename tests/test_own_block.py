@@ -83,14 +83,14 @@ def test_a_law_of_ones_own_runs_as_ours_does_bit_by_bit(law):
 
 
 def test_it_is_built_once_and_kept_by_its_contents(law, tmp_path, monkeypatch):
-    first = own.built(law)
+    first = own.build(law)
     monkeypatch.setattr(own, "_build", lambda *_: pytest.fail("it is built again"))
     copied = tmp_path / law.name
     copied.write_text(LAW)
-    assert own.built(copied) == first
+    assert own.build(copied) == first
     copied.write_text(LAW.replace("5e-3", "4e-3"))
     with pytest.raises(pytest.fail.Exception):
-        own.built(copied)
+        own.build(copied)
 
 
 def test_the_command_builds_both_fmus_which_any_tool_can_run(law, desat, tmp_path):
@@ -119,7 +119,7 @@ def test_what_does_not_translate_runs_as_python_and_says_why(cache, tmp_path, de
                  "--out", str(tmp_path / "run"))  # fmt: skip
     assert done.returncode in (0, 1), done.stderr
     assert "by_dict.py runs as Python: by_dict.py:12: a dict" in done.stderr
-    built = own.built(file)
+    built = own.build(file)
     assert built.native is None
     assert built.python.is_file()
 
@@ -154,7 +154,7 @@ def test_what_is_refused_names_file_line_and_what_to_write(tmp_path, name, old, 
         assert block_file.block_class(str(file)).__name__ == "MyLaw"
         return
     with pytest.raises(DesatError) as caught:
-        own.built(file)
+        own.build(file)
     assert said in str(caught.value)
     assert str(caught.value).startswith(name)
     assert "\n" not in str(caught.value)
@@ -177,7 +177,7 @@ def test_a_new_law_flies_and_its_own_test_holds(desat, cache, tmp_path):
     made = desat("new", "law", "my_own", cwd=tmp_path, check=True)
     assert made.stdout.splitlines()[0] == "my_own.py, test_my_own.py"
     file = tmp_path / "my_own.py"
-    built = own.built(file)
+    built = own.build(file)
     assert built.native is not None, built.why
     runs = [execute(TARGET, Options(stop=600.0, sources=[f"manager={x}"])) for x in (file, OURS)]
     first, second = (run.results.values("torquers.m_mean_body") for run in runs)

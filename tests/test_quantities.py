@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 from fuzz import commands
 
-from desat.begin.craft import Wanted, doubts, write
+from desat.begin.craft import CraftFacts, doubts, write
 from desat.sizing.sizing import Wishes
 from desat.system.errors import DesatError
 from desat.system.quantity import Quantity
@@ -128,16 +128,16 @@ def test_a_program_is_refused_the_same(wish, value):
 def test_the_epoch_of_a_craft_is_that_of_its_elements(tmp_path):
     file = tmp_path / "iss.tle"
     file.write_text(TLE)
-    write(tmp_path / "mine", Wanted(tle=file), "")
+    write(tmp_path / "mine", CraftFacts(tle=file), "")
     made = tomllib.loads((tmp_path / "mine" / "nominal.toml").read_text())
     assert made["epoch"].isoformat() == "2019-12-09T16:38:29+00:00"  # day 343.69339541
-    assert doubts(Wanted(tle=file)) == []
-    assert doubts(Wanted(tle=file, epoch="2019-12-12")) == []
-    (told,) = doubts(Wanted(tle=file, epoch="2019-12-20T00:00:00Z"))
+    assert doubts(CraftFacts(tle=file)) == []
+    assert doubts(CraftFacts(tle=file, epoch="2019-12-12")) == []
+    (told,) = doubts(CraftFacts(tle=file, epoch="2019-12-20T00:00:00Z"))
     assert told.startswith("--epoch 2019-12-20T00:00:00Z: 10 days after those of --tle ")
     with pytest.raises(DesatError, match=r"--epoch 2019-10-01: 70 days before those of --tle .*"
                                          r"SGP4 means nothing beyond 30 days"):  # fmt: skip
-        doubts(Wanted(tle=file, epoch="2019-10-01"))
+        doubts(CraftFacts(tle=file, epoch="2019-10-01"))
 
 
 def test_numbers_have_units_on_the_command_line(folder):

@@ -94,14 +94,14 @@ def test_values_that_hardly_differ_keep_their_digits():
     ax = drawn.add()
     ax.plot(x, 7.0e6 + 1e-3 * x, "#0b62a4")
     timeline(ax, 1.0, "s")
-    (plot,) = interactive.told([drawn])["plots"]
+    (plot,) = interactive.data_of([drawn])["plots"]
     assert np.abs(numbers(plot["series"][0]) - (7.0e6 + 1e-3 * x)).max() < 1e-8
 
 
 def test_a_day_of_thirty_series_is_below_3_megabytes():
     """With the SVG of its figures and the script."""
     figures = [figure(3, 86_400) for _ in range(10)]
-    told = interactive.told(figures)
+    told = interactive.data_of(figures)
     size = len(json.dumps(told)) + sum(len(f.svg()) for f in figures)
     script = sum(p.stat().st_size for p in Path(report.__file__).parents[1].glob("templates/**/*"))
     assert 500_000 < size + script < 3_000_000
@@ -123,7 +123,7 @@ def test_what_the_script_cannot_draw_stays_svg(of):
         ax.x.seconds = 0.0
     else:
         ax.right = Figure(1.0, 1.0).add()
-    told = interactive.told([drawn, figure(1)])
+    told = interactive.data_of([drawn, figure(1)])
     assert [bool(p) for p in told["plots"]] == [False, True]
 
 
@@ -134,7 +134,7 @@ def test_limits_go_across_and_fast_lines_are_whole():
     ax.area(x[:5], 0.0, 1.0, "#112233", label="w: least to most", name="w", whole=(x, np.cos(x)))
     ax.level(2.0, "#000000", label="limit")
     ax.band(-1.0, 1.0, "#000000", alpha=0.2, label="band")
-    (plot,) = interactive.told([drawn])["plots"]
+    (plot,) = interactive.data_of([drawn])["plots"]
     ((series,), level, band) = plot["series"], *plot["across"]
     assert series["label"] == "w"
     assert len(numbers(series)) == 5000
@@ -355,7 +355,7 @@ def test_a_limit_that_is_far_beyond_is_named_and_no_line():
     ax.x.seconds = 60.0
     ax.plot([0.0, 1.0], [0.0, 2.0], "#000000", label="x")
     ax.plot([np.nan], [np.nan], "#ff0000", label="±400 capacity: far beyond")
-    (plot,) = interactive.told([figure])["plots"]
+    (plot,) = interactive.data_of([figure])["plots"]
     assert [line["label"] for line in plot["series"]] == ["x"]
     assert plot["across"][0]["label"] == "±400 capacity: far beyond"
     assert plot["across"][0]["low"] is None
@@ -366,4 +366,4 @@ def test_a_run_without_rows_has_no_plot_of_the_browser_s():
     ax = figure.add()
     ax.x.seconds = 60.0
     ax.plot([], [], "#000000", label="x")
-    assert interactive.told([figure])["plots"] == [None]
+    assert interactive.data_of([figure])["plots"] == [None]

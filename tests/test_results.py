@@ -459,7 +459,7 @@ def test_numbers_of_the_same_series_derive_once(folder, monkeypatch):
     signals = ["environment.b_eci", "environment.r_eci"]
     number = {"signal": signals, "derive": "angle_between"}
     angle, calls = derived.QUANTITIES["angle_between"], []
-    counted = derived.Quantity(
+    counted = derived.DerivedQuantity(
         lambda a, b: calls.append(len(a)) or angle.function(a, b), angle.names, angle.unit
     )
     monkeypatch.setitem(derived.QUANTITIES, "angle_between", counted)

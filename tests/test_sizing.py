@@ -13,7 +13,7 @@ from scipy.optimize import minimize
 
 from benchmarks import sizing as bench
 from desat.begin import craft as new_craft
-from desat.begin.craft import Wanted
+from desat.begin.craft import CraftFacts
 from desat.components.laws import cross_product
 from desat.fmus.registry import block_class
 from desat.numbers.derived import cross
@@ -335,7 +335,7 @@ def test_a_years_days_are_what_the_scenario_says_of_that_day(made):
 def day_of(name, stop=20000.0):
     case = prepare(name, Options(stop=stop))
     system, _ = case.or_raise()
-    return system, sizing.flown(case, system)
+    return system, sizing.fly_case(case, system)
 
 
 def test_a_flight_without_a_run_is_that_of_a_run():
@@ -401,7 +401,7 @@ def test_a_map_says_of_its_orbit_what_the_model_says_of_a_run(tmp_path):
     block = flights.environment_block(system.components["environment"])
     altitude = block.semi_major_axis - 6378137.0
     residual = float(np.linalg.norm([0.1, -0.05, 0.08]))
-    axes = sizing_map.Axes((0.05, 0.02), (np.degrees(block.inclination), 40.0), (altitude,),
+    axes = sizing_map.MapAxes((0.05, 0.02), (np.degrees(block.inclination), 40.0), (altitude,),
                            (residual, 0.0))  # fmt: skip
     made = sizing_map.map_of(NAME, Options(stop=20000.0), axes, Wishes(), jobs=1)
     assert made.rms.shape == (1, 2, 1, 2, 2)
@@ -438,7 +438,7 @@ def test_an_orbit_of_the_map_is_one_whatever_gives_the_scenarios():
 
 def test_a_map_of_a_craft_that_moves_is_refused():
     with pytest.raises(DesatError, match="attitude moves"):
-        sizing_map.map_of("alsat1/slew-0.42", Options(stop=7000.0), sizing_map.Axes(),
+        sizing_map.map_of("alsat1/slew-0.42", Options(stop=7000.0), sizing_map.MapAxes(),
                           Wishes(), jobs=1)  # fmt: skip
 
 
@@ -581,7 +581,7 @@ def test_what_is_recommended_is_accepted_and_meets_the_worst_scenario(tmp_path, 
 
 def test_a_craft_whose_rods_do_not_hold_on_the_worst_day(tmp_path):
     """It began, green, with the day of the scenario."""
-    wanted = Wanted(size="12U", altitude="400km", inclination="51.6deg", rods="0.2")
+    wanted = CraftFacts(size="12U", altitude="400km", inclination="51.6deg", rods="0.2")
     new_craft.write(tmp_path / "my12u", wanted, "desat new craft")
     given = Options(values={"torquers.m_limit": 0.0384})
     made = size(str(tmp_path / "my12u"), given, Wishes(laws=False))
@@ -647,7 +647,7 @@ def test_propellant_of_pairs_is_what_each_axis_takes():
 
 
 def test_propellant_of_nozzles_is_by_their_own_on_times(tmp_path):
-    new_craft.write(tmp_path / "jets", Wanted(thrusters="50mN"), "desat new craft")
+    new_craft.write(tmp_path / "jets", CraftFacts(thrusters="50mN"), "desat new craft")
     pairs = size(str(tmp_path / "jets"), Options(stop=12000.0), Wishes(year=False, flown=False,
                                                                        laws=False))  # fmt: skip
     file = tmp_path / "jets" / "craft.toml"

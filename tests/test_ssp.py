@@ -263,7 +263,7 @@ def test_packing_all_leaves_what_is_current(monkeypatch, tmp_path):
     from desat.cli.commands.pack import pack as command
 
     monkeypatch.setattr(scenario, "scenarios", lambda family=None: {NAME: find(NAME)})
-    monkeypatch.setattr(paths, "packed", lambda: tmp_path)
+    monkeypatch.setattr(paths, "packed_folder", lambda: tmp_path)
     command(None)
     path = tmp_path / f"{NAME}.ssp"
     written = path.stat().st_mtime_ns

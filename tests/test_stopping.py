@@ -132,7 +132,9 @@ def test_a_replaced_component_without_the_signal_is_refused(scenario):
     system, _ = prepare(target, Options(blocks=True)).or_raise()
     about = but(system.about, stop_when={"signal": "manager.nothing", "reaches": 1})
     system = replace(system, about=about)
-    assert "manager has no output nothing" in stopping.problems(system)[0]
+    ((key, text),) = stopping.problems(system)
+    assert key == ("stop_when", "signal")
+    assert "manager has no output nothing" in text
 
 
 def test_the_time_limit(tmp_path):

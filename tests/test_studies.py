@@ -8,7 +8,7 @@ import re
 import pytest
 
 from desat.campaign.draws import axes_of, draws, one, sweep
-from desat.campaign.pairs import common, differences, paired
+from desat.campaign.pairs import common, differences, fly_pairs
 from desat.runs.prepare import read
 from desat.runs.run import Options, execute
 from desat.system.errors import DesatError
@@ -30,7 +30,7 @@ def other(tmp_path):
 
 def test_paired_differences_are_those_of_the_draws(other):
     target = other("parameters.manager.gain = 1e-3")
-    result = paired(NAME, target, 3, 4, SHORT, jobs=1)
+    result = fly_pairs(NAME, target, 3, 4, SHORT, jobs=1)
     ours, theirs = (draws(n, 3, 4, SHORT, 1)["draws"] for n in (NAME, target))
     for name, entry in result["differences"].items():
         each = [a["numbers"][name] for a in ours], [b["numbers"][name] for b in theirs]
@@ -48,7 +48,7 @@ def test_paired_differences_are_those_of_the_draws(other):
 
 
 def test_a_scenario_against_itself_is_equal_in_all():
-    result = paired(NAME, NAME, 2, 1, SHORT, jobs=1)
+    result = fly_pairs(NAME, NAME, 2, 1, SHORT, jobs=1)
     assert all(e["equal"] == e["n"] for e in result["differences"].values())
     assert any(e["n"] == 2 for e in result["differences"].values())
 

@@ -178,10 +178,10 @@ CLIFF = [("robust-model", "b_y_3", 10), ("robust", "yaw", 19)]
 def test_a_wrong_model_costs_little_once_it_is_learnt(file, case, draw):
     """The draws that cost 23 and 30 % more while the plan trusted its model and kept its reserve at
     any price."""
-    from desat.campaign.sampling import drawn
+    from desat.campaign.sampling import draw_of
 
     name = f"uosat12/{file}-receding_horizon-{case}"
-    start = drawn(read(name).to_draw(blocks=True), 1, draw)
+    start = draw_of(read(name).to_draw(blocks=True), 1, draw)
 
     def above(spread, cost):
         own = {"manager.field_spread": spread, "manager.reserve_cost": cost}

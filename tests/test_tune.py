@@ -18,7 +18,7 @@ from desat.system.errors import DesatError, Exit
 @pytest.fixture(scope="module")
 def home(tmp_path_factory):
     folder = tmp_path_factory.mktemp("tune")
-    new_craft.write(folder / "mine", new_craft.Wanted(size="12U"), "desat new craft")
+    new_craft.write(folder / "mine", new_craft.CraftFacts(size="12U"), "desat new craft")
     return folder
 
 

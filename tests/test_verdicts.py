@@ -27,7 +27,7 @@ from desat.language.scenario import Requirement
 from desat.numbers import verdicts
 from desat.numbers.statistics import clopper_pearson
 from desat.numbers.text import Value, not_reached
-from desat.papers.comparison import Spread, _row, band_of, counted, share_of
+from desat.papers.comparison import Spread, _row, band_of, count, share_of
 from desat.runs.run import Run, load_run, prepare, simulate
 from desat.runs.stopping import LATE, Condition
 from desat.system.errors import Exit, RunError, nearest
@@ -368,7 +368,7 @@ def test_cells_are_counted_by_what_they_show():
         cell(1.5, values=1.5, in_sample="a choice"), cell(1.5), cell(3.0),
         cell(None, not_judged="why", tolerance=None), cell(1.5, tolerance=None),
     ]  # fmt: skip
-    assert counted(rows) == {
+    assert count(rows) == {
         "rows": 10, "not_judged": 1, "banded": 8, "within": 6, "tuned": 2, "without_paper": 2,
         "in_sample": 1, "out_of_sample": 3, "out_of_sample_within": 2, "paper_outside": 1,
     }  # fmt: skip
@@ -459,7 +459,7 @@ def test_other_laws_than_the_crafts_by_default_but_of_maps(
         sizing_map, "map_of",
         lambda target, options, axes, *rest: asked.update(laws=axes.laws) or made,
     )  # fmt: skip
-    monkeypatch.setattr("desat.cli.commands.size._print", lambda made: None)
+    monkeypatch.setattr("desat.cli.commands.size._print_sizing", lambda made: None)
     monkeypatch.setattr("desat.cli.commands.size._print_map", lambda made: None)
     for name in ("write_sizing", "write_map"):
         monkeypatch.setattr(sizing_page, name, lambda made, page: asked.update(page=page) or page)
@@ -539,7 +539,7 @@ def verdict(value: float | None, number: str = "late", until: float = 100.0, **l
         "requirements": {"r": {"number": number, **limits}},
     })  # fmt: skip
     numbers = {number: Value("T", value, "s")}
-    return verdicts.judged(content, numbers, 0.0, until)
+    return verdicts.judge(content, numbers, 0.0, until)
 
 
 @pytest.mark.parametrize(
@@ -574,7 +574,7 @@ def test_a_run_that_is_too_short_does_not_judge(number, until, why):
 
 def test_a_number_that_is_not_recorded_is_not_judged():
     content = Content.model_validate({"requirements": {"r": {"number": "x", "max": 1.0}}})
-    assert verdicts.judged(content, {}, 0.0, 1.0) == ({}, {"x": "not recorded"})
+    assert verdicts.judge(content, {}, 0.0, 1.0) == ({}, {"x": "not recorded"})
 
 
 def test_a_checkpoint_says_how_long_the_run_took_until_then(tmp_path):

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from desat.analyses.manifest import Choice
+from desat.analyses.manifest import InnerChoice
 from desat.figures.canvas import Ticks
 from desat.figures.style import COLOURS, DASHED, figure
 from desat.runs.run import Options, prepare, simulate
@@ -53,7 +53,7 @@ class Flown:
     residual: float
     delayed: Trajectory | None = None
     note: str = ""
-    choice: Choice | None = None
+    choice: InnerChoice | None = None
     """How it came to its inner steps, where it chose them."""
 
 

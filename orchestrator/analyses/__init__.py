@@ -4,7 +4,7 @@ in `papers/` those of one family.
 A module of this folder that has `applies` is an analysis:
 
     KEY = "rigid_body"                              # its place in the manifest
-    class Parts(analyses.Parts)                     # which component is what
+    PARTS                                           # its class, which component is what
     NUMBERS = ("momentum_residual",)                # the names of all numbers that it may give
     def applies(system) -> Parts or None            # None: not this system
     def numbers(manifest, results) -> {name: Value} # {} where there is none
@@ -79,7 +79,7 @@ def analyses() -> tuple[Analysis, ...]:
     return tuple(Analysis(m) for m in modules if hasattr(m, "applies"))
 
 
-def titled(rows: Mapping[str, tuple[str, float | None, str]]) -> dict[str, Value]:
+def with_titles(rows: Mapping[str, tuple[str, float | None, str]]) -> dict[str, Value]:
     """Numbers of title, value and unit; what is not known is left out."""
     return {name: Value(*row) for name, row in rows.items() if row[1] is not None}
 

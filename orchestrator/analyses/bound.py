@@ -24,8 +24,7 @@ from ..numbers.spline import Spline
 from ..numbers.text import Value
 from ..system.errors import DesatError
 from ..system.model import System
-from . import Parts as Named
-from . import titled
+from . import Parts, with_titles
 from .manifest import Manifest
 
 Array = NDArray[np.float64]
@@ -70,7 +69,7 @@ class Bound:
             "above_bound": ("Firing time above the least for the same momentum left",
                             self.above_percent, "%"),
         }  # fmt: skip
-        return titled(rows)
+        return with_titles(rows)
 
     def as_json(self) -> dict[str, Any]:
         """What `--json` prints."""
@@ -78,7 +77,7 @@ class Bound:
 
 
 @dataclass(frozen=True)
-class Parts(Named):
+class ThrusterParts(Parts):
     """Which component is what."""
 
     spacecraft: str
@@ -88,7 +87,10 @@ class Parts(Named):
     environment: str
 
 
-def applies(system: System) -> Parts | None:
+PARTS = ThrusterParts
+
+
+def applies(system: System) -> ThrusterParts | None:
     """By the connections; None where no manager commands thrusters."""
 
     def source(component: str | None, connector: str) -> str | None:
@@ -103,11 +105,11 @@ def applies(system: System) -> Parts | None:
         manager = source(c.source, "tau_cmd_thruster_body[1]")
         torquers, environment = source(c.target, "m_mean_body[1]"), source(c.target, "b_eci[1]")
         if manager and torquers and environment:
-            return Parts(c.target, c.source, manager, torquers, environment)
+            return ThrusterParts(c.target, c.source, manager, torquers, environment)
     return None
 
 
-def signals(who: Parts) -> list[str]:
+def signals(who: ThrusterParts) -> list[str]:
     """The series that a bound is computed from, by the parts of a system."""
     of = {
         "spacecraft": ("q_bi", "h_copy_wheel"),
@@ -127,7 +129,7 @@ def of_run(manifest: Manifest, results: Results) -> Bound:
     """The bound of a run. Raises DesatError where it has none: another kind of run, or not
     recorded."""
     name = manifest.scenario
-    who: Parts | None = manifest.parts.get(KEY)
+    who: ThrusterParts | None = manifest.parts.get(KEY)
     if who is None:
         raise DesatError(NOT_APPLICABLE.format(name))
     if manifest.algorithm != "conserving":
@@ -163,7 +165,7 @@ def numbers(manifest: Manifest, results: Results) -> dict[str, Value]:
 class _Truth:
     """What happened in a run: splines of attitude and field, and what the actuators gave."""
 
-    def __init__(self, manifest: Manifest, results: Results, who: Parts) -> None:
+    def __init__(self, manifest: Manifest, results: Results, who: ThrusterParts) -> None:
         self._parameters = {role: manifest.values_of(c) for role, c in vars(who).items()}
         q, h, b, tau, tau_slope, m, m_slope, _ = _series(manifest, results, signals(who))
         self.times = times = results.times()[: len(q)]

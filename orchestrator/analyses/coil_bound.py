@@ -22,7 +22,7 @@ from ..engine.recording.results import Results
 from ..numbers.derived import rotate_back
 from ..numbers.text import Value
 from ..system.errors import DesatError
-from . import titled
+from . import with_titles
 from .manifest import Manifest
 
 SIGNALS = (
@@ -52,7 +52,7 @@ class CoilBound:
             "least": ("Least energy with no larger one", self.least, "A2.m4.s"),
             "above": ("Energy above the least", self.above_percent, "%"),
         }
-        return titled(rows)
+        return with_titles(rows)
 
     def as_json(self) -> dict[str, Any]:
         """What `--json` prints."""

@@ -33,8 +33,7 @@ from numpy.typing import NDArray
 from ..engine.recording.results import Results
 from ..numbers.text import Value
 from ..system.model import AUTO, System
-from . import Parts as Named
-from . import residual
+from . import Parts, residual
 from .manifest import Manifest
 from .motion import rotate
 
@@ -44,14 +43,14 @@ NUMBERS = ("inner_steps", "estimated_attitude_error")
 
 
 @dataclass(frozen=True)
-class Bound:
+class StepCriteria:
     """The two numbers, as the module's text has them."""
 
     turn: float
     kick: float
 
 
-LIMITS = Bound(turn=0.46, kick=0.0076)
+LIMITS = StepCriteria(turn=0.46, kick=0.0076)
 """Reached by heavy-wheels with its inner steps (1e-6 rad) and by saturating without (4e-6 rad)."""
 TOGETHER = 0.0103
 """The limit of `kick` after a run, when it is that of all actuators together (rad): saturating."""
@@ -106,7 +105,7 @@ def body_of(system: System) -> Body | None:
     return Body(carrier, axes, np.array(wheels.values.get("h_start_wheel", (0.0,) * 4)))
 
 
-def bound(system: System) -> Bound | None:
+def bound(system: System) -> StepCriteria | None:
     """The two numbers of a checked system before it runs; None where there is no rigid body with
     wheels."""
     body = body_of(system)
@@ -117,7 +116,7 @@ def bound(system: System) -> Bound | None:
     omega = np.array(system.components[parts.spacecraft].values.get("omega_start_body", (0.0,) * 3))
     step = system.step / system.parts
     turn = step * float(body.turning(omega[None], body.h_start[None])[0])
-    return Bound(turn, max((kick for _, kick in _kicks(system, body, step)), default=0.0))
+    return StepCriteria(turn, max((kick for _, kick in _kicks(system, body, step)), default=0.0))
 
 
 def _kicks(system: System, body: Body, step: float) -> Iterator[tuple[str, float]]:
@@ -147,7 +146,7 @@ def _torques(system: System, name: str, body: Body) -> Iterator[Any]:
             yield torque[(long > 0.0) & (begin <= t) & (t < begin + long)].sum(axis=0)
 
 
-def jitter(parts: Parts, speeds: Array, step: float) -> float:
+def jitter(parts: StepParts, speeds: Array, step: float) -> float:
     """The attitude error (rad) that jitter leaves with wheels at such speeds (n, 4; rad/s), which
     the body gets as a mean over an inner step (s): AT_RANDOM of the steps' own, unbalance Omega H
     / J, and less where a step is short to a wheel's turn. `parts` as of `applies`."""
@@ -157,7 +156,7 @@ def jitter(parts: Parts, speeds: Array, step: float) -> float:
     return float(AT_RANDOM * parts.unbalance * turned * step / least)
 
 
-def _speeds(parts: Parts, h: Array) -> Array:
+def _speeds(parts: StepParts, h: Array) -> Array:
     """Of wheels with momenta h (n, 4; N m s), rad/s; the body's rate is small beside."""
     spin = np.array(parts.inertia_wheel)
     return np.asarray(np.divide(h, spin, out=np.zeros_like(h), where=spin > 0.0))
@@ -190,8 +189,8 @@ def _of_jitter(left: float, when: str) -> list[str]:
             f"attitude errs by about {left:.1e} rad, {when}; {REMEDY}"]  # fmt: skip
 
 
-def _beyond(numbers: Bound) -> Iterator[tuple[str, float]]:
-    for f in fields(Bound):
+def _beyond(numbers: StepCriteria) -> Iterator[tuple[str, float]]:
+    for f in fields(StepCriteria):
         if (value := getattr(numbers, f.name)) > getattr(LIMITS, f.name) * (1.0 + 1e-9):
             yield f.name, value
 
@@ -220,7 +219,9 @@ class Reached:
                 float(self.changed.max(initial=0.0)))  # fmt: skip
 
 
-def reached(body: Body, times: Array, q: Array, omega: Array, h: Array, impulse: Array) -> Reached:
+def reached_by(
+    body: Body, times: Array, q: Array, omega: Array, h: Array, impulse: Array
+) -> Reached:  # fmt: skip
     """Of states at times (n,; s): attitude (n, 4), rate (n, 3; rad/s), momenta of the wheels (n, 4;
     N m s), external impulse until then (n, 3; N m s, eci)."""
     seconds = np.diff(times)[:, None]
@@ -232,7 +233,7 @@ def reached(body: Body, times: Array, q: Array, omega: Array, h: Array, impulse:
 
 
 @dataclass(frozen=True)
-class Parts(Named):
+class StepParts(Parts):
     """What is looked at after a run, and the body, as lists."""
 
     series: list[str]
@@ -242,7 +243,10 @@ class Parts(Named):
     unbalance: float
 
 
-def applies(system: System) -> Parts | None:
+PARTS = StepParts
+
+
+def applies(system: System) -> StepParts | None:
     """As for the momentum residual, with what is looked at after a run, and the body."""
     parts, body = residual.applies(system), body_of(system)
     if parts is None or body is None:
@@ -251,11 +255,11 @@ def applies(system: System) -> Parts | None:
     series = [f"{craft}.q_bi", f"{craft}.omega_bi_body", parts.wheels, f"{craft}.impulse_eci"]
     wheels = system.components[parts.wheels.partition(".")[0]]
     spin = system.components[craft].values["inertia_wheel"]
-    return Parts(series, body.axes.tolist(), body.carrier.tolist(), spin,
+    return StepParts(series, body.axes.tolist(), body.carrier.tolist(), spin,
                  float(np.max(wheels.values.get("unbalance", 0.0))))  # fmt: skip
 
 
-def of_run(parts: Parts | None, results: Results) -> Reached | None:
+def of_run(parts: StepParts | None, results: Results) -> Reached | None:
     """Of a run; None where there is no such body, or not all of it is recorded."""
     if parts is None or not set(parts.series) <= set(results.names()):
         return None
@@ -264,7 +268,7 @@ def of_run(parts: Parts | None, results: Results) -> Reached | None:
         return None
     body = Body(np.array(parts.carrier), np.array(parts.axes_wheel), np.zeros(4))
     q, omega, h, impulse = (results.values(name) for name in parts.series)
-    return reached(body, times, q, omega, h, impulse)
+    return reached_by(body, times, q, omega, h, impulse)
 
 
 def numbers(manifest: Manifest, results: Results) -> dict[str, Value]:

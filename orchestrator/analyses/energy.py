@@ -66,7 +66,7 @@ PAIR = ("tau_mean_wheel", "tau_slope_wheel")
 
 
 @dataclass(frozen=True)
-class Parts(residual.Parts):
+class EnergyParts(residual.RigidBodyParts):
     """As for the momentum residual, and where the wheels' torques come from."""
 
     tau_mean_wheel: str | None = None
@@ -84,7 +84,10 @@ class Parts(residual.Parts):
         return [x for x in (self.tau_mean_wheel, self.tau_slope_wheel) if x is not None]
 
 
-def applies(system: System) -> Parts | None:
+PARTS = EnergyParts
+
+
+def applies(system: System) -> EnergyParts | None:
     """As for the momentum residual."""
     parts = residual.applies(system)
     if parts is None:
@@ -106,8 +109,8 @@ def applies(system: System) -> Parts | None:
     if body.decimation % wheels.decimation:
         why = why or f"{wheels.name} is slower than {body.name}: its momentum is not known there"
     fed = motion.feeds(system, body.name)
-    rows = rows and (fed is not None or not motion.known(system, body.name))
-    return Parts(parts.spacecraft, parts.wheels, **pair, feeds=fed, rows=rows, why=why)
+    rows = rows and (fed is not None or not motion.is_known_body(system, body.name))
+    return EnergyParts(parts.spacecraft, parts.wheels, **pair, feeds=fed, rows=rows, why=why)
 
 
 def warnings(system: System) -> list[str]:
@@ -117,19 +120,19 @@ def warnings(system: System) -> list[str]:
         return []
     if parts.why:
         return not_checked(dict.fromkeys(NUMBERS, parts.why))
-    if motion.known(system, parts.spacecraft):
+    if motion.is_known_body(system, parts.spacecraft):
         return []
     return not_checked({"impulse_mismatch": _foreign(parts)})
 
 
-def _foreign(parts: Parts) -> str:
+def _foreign(parts: EnergyParts) -> str:
     return f"what torques act on {parts.spacecraft} is known of our {motion.BLOCK} alone"
 
 
 def blocks_of(manifest: Manifest, results: Results) -> Iterator[Steps]:
     """The steps of a run, a block at a time; none where the rows do not have them one by one:
     `why_not`."""
-    parts: Parts | None = manifest.parts.get(KEY)
+    parts: EnergyParts | None = manifest.parts.get(KEY)
     if parts is None or _not_of_rows(manifest, results):
         return
     given, states, pair = (
@@ -145,14 +148,14 @@ def blocks_of(manifest: Manifest, results: Results) -> Iterator[Steps]:
         ends = slice(first, rows.stop + 1)
         q, omega, impulse, h = (results.values(s, ends) for s in states)
         mean, slope = (results.values(s, rows) for s in pair)
-        reach = parts.feeds and motion.recorded(results, parts.feeds, rows)
+        reach = parts.feeds and motion.recorded_inputs(results, parts.feeds, rows)
         torque = reach and motion.torque(given, reach, dt)
         yield Steps(dt, carrier, axes, q, omega, impulse, h, mean, slope, torque or None)
 
 
 def _not_of_rows(manifest: Manifest, results: Results) -> str:
     """Why the rows of a run do not have its steps; empty: they do."""
-    parts: Parts = manifest.parts[KEY]
+    parts: EnergyParts = manifest.parts[KEY]
     if manifest.algorithm != "conserving":
         return f"under {manifest.algorithm} torques act a step late"
     if parts.why:
@@ -271,12 +274,12 @@ def totals_of(manifest: Manifest, results: Results) -> Totals | None:
     return made and made.totals
 
 
-def of_work(parts: Parts) -> list[str]:
+def of_work(parts: EnergyParts) -> list[str]:
     """The series without which there is no work, and so no balance."""
     return [*residual.balanced(parts), *parts.pair]
 
 
-def balanced(parts: Parts) -> list[str]:
+def balanced(parts: EnergyParts) -> list[str]:
     """The series that the balance is made of."""
     if parts.why:
         return residual.balanced(parts)
@@ -308,7 +311,7 @@ def numbers(manifest: Manifest, results: Results) -> dict[str, Value]:
 def unchecked(manifest: Manifest, results: Results) -> dict[str, str]:
     """Why there is no balance, by the number's name."""
     totals = totals_of(manifest, results)
-    parts: Parts = manifest.parts[KEY]
+    parts: EnergyParts = manifest.parts[KEY]
     if totals is None:
         why = _not_of_rows(manifest, results)
         return dict.fromkeys(NUMBERS, why)
@@ -367,11 +370,11 @@ def figures(manifest: Manifest, results: Results) -> list[tuple[str, Figure]]:
 _STATES = ("q_bi", "omega_bi_body", "impulse_eci")
 
 
-class Along:
+class OnlineBalance:
     """Balances of a system's rigid body; `parts` as `applies` has them, `parameters` as a
     manifest has them."""
 
-    def __init__(self, system: System, parts: Parts, parameters: Table) -> None:
+    def __init__(self, system: System, parts: EnergyParts, parameters: Table) -> None:
         assert isinstance(system.inner, int), "it is chosen when a run begins"
         self._step, self._inner = system.step, system.inner
         self._parameters = parameters[parts.spacecraft]
@@ -384,7 +387,7 @@ class Along:
             for s in system.components[owner].interface.elements.get(n, ())
         ]  # fmt: skip
         self.kept = Kept(self._body.name, outputs)
-        self._known = motion.known(system, self._body.name)
+        self._known = motion.is_known_body(system, self._body.name)
         self._totals, self._steps = Totals(), 0
 
     def needs(self, component: str, signal: Signal) -> bool:

@@ -10,7 +10,7 @@ import numpy as np
 from ..engine.recording.results import Results
 from ..numbers.text import Value
 from ..system.model import Component, System
-from . import Parts as Named
+from . import Parts
 from .manifest import Manifest
 
 KEY = "firings"
@@ -25,7 +25,7 @@ INPUT, OPTION = "force_mean_thruster_body", "firings"
 
 
 @dataclass(frozen=True)
-class Parts(Named):
+class FiringParts(Parts):
     """Who commands, who fires, and whose momentum it is."""
 
     manager: str
@@ -35,7 +35,10 @@ class Parts(Named):
     """whether firings are scheduled beside, which the torque holds, too"""
 
 
-def applies(system: System) -> Parts | None:
+PARTS = FiringParts
+
+
+def applies(system: System) -> FiringParts | None:
     """By the connections; None where nobody commands thrusters of a craft with wheels."""
     command, given = "tau_cmd_thruster_body[1]", "tau_mean_thruster_body[1]"
     ends = [(c.source, c.target) for c in system.connections if c.input == command]
@@ -46,7 +49,7 @@ def applies(system: System) -> Parts | None:
             continue
         if "on_time" in of.interface.arrays:
             times = of.values.get(DURATION, ())
-            return Parts(manager, thrusters, body, any(times))
+            return FiringParts(manager, thrusters, body, any(times))
     return None
 
 
@@ -60,7 +63,7 @@ def unmet(manifest: Manifest, results: Results) -> list[str]:
     impulses = _impulses(manifest, results)
     if impulses is None or impulses[2] > 0.0 or not any(impulses[0]):
         return []
-    parts: Parts = manifest.parts[KEY]
+    parts: FiringParts = manifest.parts[KEY]
     return [f"{parts.thrusters}: commanded {np.sum(impulses[0]):.3g} N m s, never fired: on-times "
             "below half of least_pulse, or below least_on_time, are left out"]  # fmt: skip
 
@@ -83,7 +86,7 @@ def _impulses(
 ) -> tuple[list[float], list[float], float] | None:
     """What was commanded and what was given about each axis (N m s; 0 where too little was
     commanded to count), and the time on (s); None where it is not recorded."""
-    parts: Parts = manifest.parts[KEY]
+    parts: FiringParts = manifest.parts[KEY]
     names = (f"{parts.manager}.tau_cmd_thruster_body", f"{parts.thrusters}.tau_mean_thruster_body",
              f"{parts.thrusters}.on_time", f"{parts.spacecraft}.h_copy_wheel")  # fmt: skip
     if not set(names) <= set(results.names()):

@@ -16,8 +16,7 @@ from ..engine.recording.results import Results
 from ..numbers.derived import cross, rotate_back
 from ..numbers.text import Value
 from ..system.model import System
-from . import Parts as Named
-from . import motion, not_checked, residual
+from . import Parts, motion, not_checked, residual
 from .energy import BOUND
 from .manifest import Manifest
 from .motion import NODES, WEIGHTS, Array
@@ -29,7 +28,7 @@ _OWN = ("q_bi", "omega_bi_body", "h_copy_wheel")
 
 
 @dataclass(frozen=True)
-class Parts(Named):
+class FixedAttitudeParts(Parts):
     """Which component it is, what feeds it, and why its momentum is not checked."""
 
     spacecraft: str
@@ -37,7 +36,10 @@ class Parts(Named):
     why: str
 
 
-def applies(system: System) -> Parts | None:
+PARTS = FixedAttitudeParts
+
+
+def applies(system: System) -> FixedAttitudeParts | None:
     """None: there is no such component."""
     for c in system.components.values():
         if c.interface.model == motion.FIXED:
@@ -46,7 +48,7 @@ def applies(system: System) -> Parts | None:
                 why = f"a row has several steps of {c.name}, or a part of one"
             elif fed is None:
                 why = f"what reaches {c.name} is converted, or does not come at every step"
-            return Parts(c.name, fed, why)
+            return FixedAttitudeParts(c.name, fed, why)
     return None
 
 
@@ -56,7 +58,7 @@ def warnings(system: System) -> list[str]:
     return not_checked({NUMBERS[0]: parts.why}) if parts and parts.why else []
 
 
-def balanced(parts: Parts) -> list[str]:
+def balanced(parts: FixedAttitudeParts) -> list[str]:
     """The series that the balance is made of."""
     outer = [x for x in (parts.feeds or {}).values() if isinstance(x, str)]
     return [*(f"{parts.spacecraft}.{n}" for n in _OWN), *outer]
@@ -69,7 +71,7 @@ def unchecked(manifest: Manifest, results: Results) -> dict[str, str]:
 
 
 def _why_not(manifest: Manifest, results: Results) -> str:
-    parts: Parts = manifest.parts[KEY]
+    parts: FixedAttitudeParts = manifest.parts[KEY]
     if manifest.algorithm != "conserving":
         return f"under {manifest.algorithm} torques act a step late"
     if why := parts.why or residual.missing(balanced(parts), results):
@@ -89,13 +91,13 @@ def mismatch(manifest: Manifest, results: Results) -> tuple[float, float] | None
 def _mismatch(manifest: Manifest, results: Results) -> tuple[float, float] | None:
     if _why_not(manifest, results):
         return None
-    parts: Parts = manifest.parts[KEY]
+    parts: FixedAttitudeParts = manifest.parts[KEY]
     name, dt, parameters = parts.spacecraft, manifest.step, manifest.parameters[parts.spacecraft]
     inertia = np.reshape(parameters["inertia"].value, (3, 3))
     q, omega, h = (results.values(f"{name}.{n}") for n in _OWN)
     total = rotate_back(q, omega @ inertia.T + h[:, :3])
     rows = slice(0, len(q) - 1)
-    reach = parts.feeds and motion.recorded(results, parts.feeds, rows)
+    reach = parts.feeds and motion.recorded_inputs(results, parts.feeds, rows)
     assert reach
     torque = motion.torque(parameters, reach, dt)
     given = np.zeros((len(q) - 1, 3))

@@ -11,7 +11,7 @@ from ..engine.recording.results import Results
 from ..numbers.derived import pointing
 from ..numbers.text import Value
 from ..system.model import System
-from . import Parts as Named
+from . import Parts
 from .manifest import Manifest
 
 KEY = "health"
@@ -32,7 +32,7 @@ _SENSORS = ("determination", "gyro", "magnetometer", "star_tracker", "sun_sensor
 
 
 @dataclass(frozen=True)
-class Parts(Named):
+class HealthParts(Parts):
     """What is looked at; `attitude`: the attitude and the reference that it is to follow."""
 
     sensors: tuple[str, ...] = ()
@@ -41,7 +41,10 @@ class Parts(Named):
     wheels: str | None = None
 
 
-def applies(system: System) -> Parts | None:
+PARTS = HealthParts
+
+
+def applies(system: System) -> HealthParts | None:
     """What of a system can go wrong; None: nothing that is known of."""
     read = {c.source for c in system.connections}
     sensors = tuple(
@@ -52,8 +55,8 @@ def applies(system: System) -> Parts | None:
     wheels = next((c.name for c in system.components.values()
                    if c.interface.role == "wheels" and "saturated_wheel" in c.interface.arrays),
                   None)  # fmt: skip
-    found = Parts(sensors, _attitude(system), wheels)
-    return found if found != Parts() else None
+    found = HealthParts(sensors, _attitude(system), wheels)
+    return found if found != HealthParts() else None
 
 
 def _fails_at_once(system: System, name: str) -> bool:
@@ -90,7 +93,7 @@ def numbers(manifest: Manifest, results: Results) -> dict[str, Value]:
 
 def unmet(manifest: Manifest, results: Results) -> list[str]:
     """A line for each sensor that was never valid, and one for an attitude that was lost."""
-    parts: Parts = manifest.parts[KEY]
+    parts: HealthParts = manifest.parts[KEY]
     if not manifest.completed:
         return []
     there, lines = set(results.names()), []
@@ -114,7 +117,7 @@ def _reason(manifest: Manifest, results: Results, name: str) -> str:
     return f" (lost_to = {most} most often: {results.attribute(series, 'description')})"
 
 
-def _attitude_error(parts: Parts, results: Results) -> tuple[float, bool]:
+def _attitude_error(parts: HealthParts, results: Results) -> tuple[float, bool]:
     """The rms error of the attitude (deg) in the second half, and whether it had been held before;
     0 where it is not known."""
     if parts.attitude is None or not set(parts.attitude) <= set(results.names()):
@@ -134,7 +137,7 @@ def _attitude_error(parts: Parts, results: Results) -> tuple[float, bool]:
 def remarks(manifest: Manifest, results: Results) -> list[str]:
     """A line for wheels that were full, for sensors that were seldom valid, and for an attitude
     that was never reached."""
-    parts: Parts = manifest.parts[KEY]
+    parts: HealthParts = manifest.parts[KEY]
     series, lines = f"{parts.wheels}.saturated_wheel", []
     if series in set(results.names()) and len(full := results.values(series)):
         share = np.atleast_2d(full.astype(float).T).mean(axis=1)

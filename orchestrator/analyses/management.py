@@ -22,12 +22,11 @@ from desat.components.contract.roles import Manager
 from desat.fmus.registry import block_class, names
 
 from ..engine.recording.results import Results
-from ..language.content import said
+from ..language.content import content_of
 from ..numbers.derived import coil_impulse, matrices, rotate_back
 from ..numbers.text import Value
 from ..system.model import Component, System
-from . import Parts as Named
-from . import titled
+from . import Parts, with_titles
 from .manifest import Manifest
 from .residual import carrier_of, missing
 
@@ -49,7 +48,7 @@ Array = NDArray[Any]
 
 
 @dataclass(frozen=True)
-class Parts(Named):
+class ManagementParts(Parts):
     """Which component is what; no `wheels` where they are ideal ones within the craft."""
 
     spacecraft: str
@@ -69,7 +68,10 @@ class Parts(Named):
     """whether the law takes the rate out of a craft that tumbles"""
 
 
-def applies(system: System) -> Parts | None:
+PARTS = ManagementParts
+
+
+def applies(system: System) -> ManagementParts | None:
     """By the connections; None where no manager commands coils of a craft with wheels."""
 
     def target(source: str, connector: str) -> str | None:
@@ -91,10 +93,10 @@ def applies(system: System) -> Parts | None:
             wheels = None
         law = system.components[manager]
         thrusters = _feeding(system, body, "tau_mean_thruster_body")
-        return Parts(
+        return ManagementParts(
             body, torquers, wheels, _feeding(system, body, "b_eci"),
             None if thrusters is None else thrusters.partition(".")[0],
-            _target(system, law), said(system.about).stop_when is None and _holds(law),
+            _target(system, law), content_of(system.about).stop_when is None and _holds(law),
             law.values["h_deadband"] if "h_deadband" in law.interface.signals else 0.0,
             _brakes(law),
         )  # fmt: skip
@@ -159,7 +161,7 @@ def problems(system: System) -> Iterator[str]:
                        )  # fmt: skip
 
 
-def signals(parts: Parts) -> list[str]:
+def signals(parts: ManagementParts) -> list[str]:
     """The series that the numbers are made of."""
     names = [f"{parts.spacecraft}.h_copy_wheel", f"{parts.torquers}.m_mean_body"]
     return names + [f"{parts.wheels}.{n}" for n in _OF_WHEELS if parts.wheels]
@@ -168,7 +170,7 @@ def signals(parts: Parts) -> list[str]:
 def numbers(manifest: Manifest, results: Results) -> dict[str, Value]:
     """The standard numbers of a completed run, as a manifest has them; none where too little was
     recorded, and only those for which the parameters are known."""
-    parts: Parts = manifest.parts[KEY]
+    parts: ManagementParts = manifest.parts[KEY]
     if not manifest.completed or missing(signals(parts), results):
         return {}
     h = results.values(f"{parts.spacecraft}.h_copy_wheel")
@@ -199,14 +201,14 @@ def numbers(manifest: Manifest, results: Results) -> dict[str, Value]:
     if (least := _least_braking(manifest, results)) is not None:
         title = "Least time in which coils at their limit take the body's momentum out"
         rows["least_braking"] = (title, least, "s")
-    return titled(rows)
+    return with_titles(rows)
 
 
 def _least_braking(manifest: Manifest, results: Results) -> float | None:
     """How long (s) coils at their limit take at least for the momentum that the body has at the
     start: a rod across the field B gives m |B|, and half of that in the mean over the attitudes of
     a craft that tumbles. None where it is not known, or the run is shorter."""
-    parts: Parts = manifest.parts[KEY]
+    parts: ManagementParts = manifest.parts[KEY]
     given, coils = manifest.parameters.get(parts.spacecraft, {}), manifest.values_of(parts.torquers)
     series = f"{parts.spacecraft}.omega_bi_body", str(parts.field)
     if not parts.brakes or missing(list(series), results) or "inertia" not in given:
@@ -233,7 +235,7 @@ def _rms(values: Array, times: Array) -> float:
     return float(np.sqrt(np.trapezoid(values**2, times) / (times[-1] - times[0])))
 
 
-def balanced(parts: Parts) -> list[str]:
+def balanced(parts: ManagementParts) -> list[str]:
     """The series that `compare` is made of; none where it cannot be made."""
     if parts.field is None:
         return []
@@ -250,7 +252,7 @@ def compare(manifest: Manifest, results: Results) -> tuple[float, float] | None:
 
 
 def _compare(manifest: Manifest, results: Results) -> tuple[float, float] | None:
-    parts: Parts = manifest.parts[KEY]
+    parts: ManagementParts = manifest.parts[KEY]
     given = manifest.parameters.get(parts.spacecraft, {})
     if (
         parts.field is None or parts.target is None or manifest.algorithm != "conserving"
@@ -285,7 +287,7 @@ def _compare(manifest: Manifest, results: Results) -> tuple[float, float] | None
 
 def unchecked(manifest: Manifest, results: Results) -> dict[str, str]:
     """Which numbers could not be made, and why, by their names."""
-    parts: Parts = manifest.parts[KEY]
+    parts: ManagementParts = manifest.parts[KEY]
     if why := missing(signals(parts), results):
         return dict.fromkeys(NUMBERS, why)
     if parts.holds and (why := missing(balanced(parts), results)):
@@ -295,7 +297,7 @@ def unchecked(manifest: Manifest, results: Results) -> dict[str, str]:
 
 def unmet(manifest: Manifest, results: Results) -> list[str]:
     """A line where a law that is to hold the momentum leaves more than none would."""
-    parts: Parts = manifest.parts[KEY]
+    parts: ManagementParts = manifest.parts[KEY]
     compared = compare(manifest, results) if manifest.completed else None
     if not parts.holds or compared is None:
         return []

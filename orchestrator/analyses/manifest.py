@@ -11,7 +11,7 @@ from typing import Any
 
 from ..files import library
 from ..files.identity import of_system, versions
-from ..language.content import Content, said
+from ..language.content import Content, content_of
 from ..numbers import verdicts
 from ..numbers.text import Value
 from ..numbers.verdicts import Verdict
@@ -53,7 +53,7 @@ class Slow:
 
 
 @dataclass(frozen=True)
-class Choice:
+class InnerChoice:
     """The inner steps of a run, and how it came to them."""
 
     inner: int
@@ -82,7 +82,7 @@ class Choice:
         return {**vars(self), "tried": {str(n): e for n, e in self.tried.items()}}
 
     @classmethod
-    def from_json(cls, told: Mapping[str, Any]) -> Choice:
+    def from_json(cls, told: Mapping[str, Any]) -> InnerChoice:
         """From a manifest."""
         seen = told["reached"]
         tried = {int(n): e for n, e in told["tried"].items()}
@@ -116,7 +116,7 @@ class Manifest(Mapping[str, Any]):
     """What the values of an output stand for, by `component.output`."""
     parameters: Table = field(default_factory=dict)
     digest: str = ""
-    inner_choice: Choice | None = None
+    inner_choice: InnerChoice | None = None
     decimated: Slow | None = None
     started: str | None = None
     steps: int | None = None
@@ -152,7 +152,7 @@ class Manifest(Mapping[str, Any]):
         """That of a system before it runs."""
         path = Path(target)
         return cls(
-            scenario=said(system.about).name or system.name,
+            scenario=content_of(system.about).name or system.name,
             about=system.about.as_json() if system.about else {},
             algorithm=options.algorithm,
             components_as="bare blocks" if options.blocks else "FMUs",
@@ -193,7 +193,7 @@ class Manifest(Mapping[str, Any]):
     def content(self) -> Content:
         """What the scenario says. Raises DesatError where that of another version is not in the
         language."""
-        return said(self.about)
+        return content_of(self.about)
 
     @property
     def completed(self) -> bool:
@@ -229,7 +229,7 @@ class Manifest(Mapping[str, Any]):
         for key, of in _TYPED.items():
             if made.get(key) is not None:
                 made[key] = of(made[key])
-        parts = {a.KEY: told[a.KEY] and a.Parts.from_json(told[a.KEY])
+        parts = {a.KEY: told[a.KEY] and a.PARTS.from_json(told[a.KEY])
                  for a in analyses() if a.KEY in told}  # fmt: skip
         more = {key: x for key, x in told.items() if key not in made and key not in parts}
         return cls(**{**made, "parts": parts, "more": more})
@@ -259,7 +259,7 @@ def _as_json(x: Any) -> Any:
 _TYPED: dict[str, Callable[[Any], Any]] = {
     "parameters": lambda t: {c: {k: Parameter(**p) for k, p in of.items()} for c, of in t.items()},
     "numbers": lambda t: {name: Value(**n) for name, n in t.items()},
-    "inner_choice": Choice.from_json,
+    "inner_choice": InnerChoice.from_json,
     "decimated": lambda t: Slow(**t),
     "stopped_when": lambda t: Stopped(**t),
     "verdicts": lambda t: {name: Verdict(**v) for name, v in t.items()},

@@ -144,7 +144,7 @@ INPUTS = (
 )  # fmt: skip
 
 
-def known(system: System, body: str) -> bool:
+def is_known_body(system: System, body: str) -> bool:
     """Whether a body is ours, whose torques are known."""
     interface = system.components[body].interface
     return interface is not None and interface.model in (BLOCK, FIXED)
@@ -155,7 +155,7 @@ def feeds(system: System, body: str) -> Feeds | None:
     comes changed (factor, unit) or not at every step."""
     component = system.components[body]
     interface = component.interface
-    if not known(system, body):
+    if not is_known_body(system, body):
         return None
     fed: Feeds = {}
     for name in INPUTS:
@@ -178,7 +178,7 @@ def feeds(system: System, body: str) -> Feeds | None:
     return fed
 
 
-def recorded(results: Results, fed: Feeds, rows: slice) -> dict[str, Array] | None:
+def recorded_inputs(results: Results, fed: Feeds, rows: slice) -> dict[str, Array] | None:
     """The inputs of a body in these steps of a run, (steps, elements) each; None where a series is
     not recorded."""
     n = rows.stop - rows.start

@@ -38,7 +38,7 @@ def problems(system: System) -> Iterator[str]:
                 yield f"{system.where}: {c.name}: {c.interface.model} needs {need.value}; {has}"
 
 
-def undesigned(system: System, options: Options) -> Iterator[str]:
+def design_problems(system: System, options: Options) -> Iterator[str]:
     """A line where a manager of ours needs tables made for one craft and has none: of one that is
     put in another's place, as a design is made with a manager that has none yet. Tables that say
     what they are made for are looked at where they are made (`designs.momentum_tables`)."""

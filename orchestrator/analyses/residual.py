@@ -20,7 +20,7 @@ from ..numbers.derived import rotate_back
 from ..numbers.text import Value
 from ..system.model import System
 from ..system.parameters import Parameter
-from . import Parts as Named
+from . import Parts
 from .manifest import Manifest
 
 if TYPE_CHECKING:
@@ -37,21 +37,24 @@ _NEEDED = {"inertia", "axes_wheel", "inertia_wheel", "q_bi", "omega_bi_body", "i
 
 
 @dataclass(frozen=True)
-class Parts(Named):
+class RigidBodyParts(Parts):
     """The rigid body, and the series of its wheels' momentum."""
 
     spacecraft: str
     wheels: str
 
 
-def applies(system: System) -> Parts | None:
+PARTS = RigidBodyParts
+
+
+def applies(system: System) -> RigidBodyParts | None:
     """Which component is a rigid body and where its wheels' momentum comes from; None: there is
     no such component."""
     for c in system.connections:
         target = system.components[c.target].interface
         if c.input == "h_wheel[1]" and target.arrays.keys() >= _NEEDED:
             wheels = f"{c.source}.{c.output.partition('[')[0]}"
-            return Parts(c.target, wheels)
+            return RigidBodyParts(c.target, wheels)
     return None
 
 
@@ -98,7 +101,7 @@ def carrier_of(given: Mapping[str, Parameter]) -> tuple[Array, Array]:
     return np.reshape(given["inertia"].value, (3, 3)) - (axes * spin) @ axes.T, axes
 
 
-def balanced(parts: Parts) -> list[str]:
+def balanced(parts: RigidBodyParts) -> list[str]:
     """The series that the residual is made of."""
     own = [f"{parts.spacecraft}.{n}" for n in ("q_bi", "omega_bi_body", "impulse_eci")]
     return [*own, parts.wheels]

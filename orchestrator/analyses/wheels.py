@@ -52,7 +52,7 @@ def _capacity(system: System) -> Iterator[str]:
                              dipole, turned)  # fmt: skip
     if (needs := cyclic.fullest(axes, brings)) > has:
         where = craft.given.get("residual_dipole_body", system.where)
-        yield f"{where}: {wheels.name}: {cyclic.told(needs, has)}"
+        yield f"{where}: {wheels.name}: {cyclic.shortfall(needs, has)}"
 
 
 def _orbit(environment: Component | None) -> tuple[float, float] | None:

@@ -45,10 +45,10 @@ def write(what: str, file: Path | None, force: bool = False) -> list[Path]:
     if what == Manager.role:
         return write_law(file, force)
     base = PLAIN.get(what, what)
-    return _write(file, "block", _told(base, block_class(base)), force)
+    return _write(file, "block", _description(base, block_class(base)), force)
 
 
-def _told(base: str, block: type[Block]) -> dict[str, Any]:
+def _description(base: str, block: type[Block]) -> dict[str, Any]:
     """What the template says of the block that one begins with."""
     method, what = "advance", "A step: dt (s) from t (s) on."
     if issubclass(block, Computer):

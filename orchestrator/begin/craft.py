@@ -79,7 +79,7 @@ second on by hundreds."""
 
 
 @dataclass(frozen=True)
-class Wanted:
+class CraftFacts:
     """What is known of a craft, as it is typed; None: what its class has."""
 
     altitude: str | None = None
@@ -99,7 +99,7 @@ class Wanted:
     residual_dipole: str | None = None
 
 
-def write(folder: Path, wanted: Wanted, command: str, force: bool = False) -> list[Path]:
+def write(folder: Path, wanted: CraftFacts, command: str, force: bool = False) -> list[Path]:
     """Write the folder of a craft; its files. Raises DesatError where it exists already, unless
     `force`, or where something wanted cannot be; then nothing is written."""
     if folder.exists() and not force:
@@ -108,7 +108,7 @@ def write(folder: Path, wanted: Wanted, command: str, force: bool = False) -> li
     if not re.fullmatch(r"[\w.+ -]+", name):
         raise DesatError(f"{plain(str(folder))}: a name of letters, digits, blanks and . _ + - is "
                          "needed")  # fmt: skip
-    made = _made(wanted, name, plain(command))
+    made = _template_values(wanted, name, plain(command))
     from jinja2 import Environment, PackageLoader, StrictUndefined
 
     environment = Environment(
@@ -156,7 +156,7 @@ def _list(values: Any) -> str:
     return "[" + ", ".join(_text(float(x)) for x in values) + "]"
 
 
-def _made(wanted: Wanted, name: str, command: str) -> dict[str, Any]:
+def _template_values(wanted: CraftFacts, name: str, command: str) -> dict[str, Any]:
     """What the templates are filled with."""
     if wanted.pointing not in POINTINGS:
         raise DesatError(f"--pointing {wanted.pointing}: there is {', '.join(POINTINGS)}"
@@ -208,7 +208,7 @@ def _made(wanted: Wanted, name: str, command: str) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _sides(wanted: Wanted) -> tuple[tuple[float, float, float], str, int]:
+def _sides(wanted: CraftFacts) -> tuple[tuple[float, float, float], str, int]:
     """The sides (m) of the craft's box, what that is, and how many CubeSat units."""
     if wanted.box is not None:
         if wanted.size is not None:
@@ -226,7 +226,7 @@ def _sides(wanted: Wanted) -> tuple[tuple[float, float, float], str, int]:
     return CUBESATS[int(match[1])], f"a {text.upper()}", int(match[1])
 
 
-def _mass(wanted: Wanted, sides: tuple[float, float, float], units: int) -> tuple[float, str]:
+def _mass(wanted: CraftFacts, sides: tuple[float, float, float], units: int) -> tuple[float, str]:
     if wanted.mass is not None:
         mass = MASS(wanted.mass)
         return mass, f"{mass:g} kg"
@@ -237,7 +237,7 @@ def _mass(wanted: Wanted, sides: tuple[float, float, float], units: int) -> tupl
 
 
 def _inertia(
-    wanted: Wanted, mass: float, sides: tuple[float, float, float], why: str
+    wanted: CraftFacts, mass: float, sides: tuple[float, float, float], why: str
 ) -> tuple[list[float], str]:
     """Principal moments (kg m2). Raises DesatError for those of no body."""
     if wanted.inertia is None:
@@ -252,7 +252,7 @@ def _inertia(
     return values, "given"
 
 
-def _epoch(wanted: Wanted) -> datetime:
+def _epoch(wanted: CraftFacts) -> datetime:
     """Of t = 0: what is given, else that of two-line elements, to a second."""
     of_tle = None if wanted.tle is None else _of_file(wanted.tle)["epoch_tle_j2000"]
     if wanted.epoch is None:
@@ -283,7 +283,7 @@ def _aged(days: float) -> str:
     return f"{abs(days):.0f} days {'after' if days > 0.0 else 'before'}"
 
 
-def doubts(wanted: Wanted) -> list[str]:
+def doubts(wanted: CraftFacts) -> list[str]:
     """What makes what is wanted doubtful, though it can be. Raises DesatError."""
     if wanted.tle is None:
         return []
@@ -294,7 +294,7 @@ def doubts(wanted: Wanted) -> list[str]:
             f"{DOUBTFUL:g} days SGP4 is off by tens of kilometres"]  # fmt: skip
 
 
-def _orbit(wanted: Wanted, epoch: float) -> dict[str, Any]:
+def _orbit(wanted: CraftFacts, epoch: float) -> dict[str, Any]:
     """Parameters of the environment, each with its origin, the mean motion (rad/s) and the
     inclination (rad)."""
     given = {"--altitude": wanted.altitude, "--sso": wanted.sso, "--tle": wanted.tle}
@@ -343,7 +343,8 @@ def _holds(
     needs, has = cyclic.fullest(np.array(wheels["axes_si"]), momentum), wheels["capacity_si"]
     if needs > has:
         raise DesatError(
-            f"--wheels: {cyclic.told(needs, has)}: take at least {1.3 * needs * 1e3:.2g} mN m s, "
+            f"--wheels: {cyclic.shortfall(needs, has)}: take at least "
+            f"{1.3 * needs * 1e3:.2g} mN m s, "
             "or a smaller --residual-dipole"
         )
 
@@ -385,7 +386,7 @@ def _of_tle(file: Path, epoch: float) -> dict[str, Any]:
             "tle": True}  # fmt: skip
 
 
-def _wheels(wanted: Wanted, inertia: list[float]) -> dict[str, Any]:
+def _wheels(wanted: CraftFacts, inertia: list[float]) -> dict[str, Any]:
     largest = max(inertia)
     # a class of its own: what turns it at 1 deg/s, thrice
     size = 3.0 * largest * math.radians(1.0)
@@ -423,7 +424,7 @@ def _wheels(wanted: Wanted, inertia: list[float]) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _rods(wanted: Wanted, mass: float) -> dict[str, str]:
+def _rods(wanted: CraftFacts, mass: float) -> dict[str, str]:
     text = wanted.rods or f"{0.02 * mass:.2g}"
     name, figures, dipole = _of_class(RODS, "rods", "dipole", text)
     why = "given" if wanted.rods else "class: 20 mA m2 a kilogram"
@@ -436,7 +437,7 @@ def _gyro() -> dict[str, str]:
     return {"in_1_s": _text(math.degrees(walk(figures))), "in_1_h": figures["walk"]}
 
 
-def _thrusters(wanted: Wanted, sides: tuple[float, float, float]) -> Mapping[str, str] | None:
+def _thrusters(wanted: CraftFacts, sides: tuple[float, float, float]) -> Mapping[str, str] | None:
     if wanted.thrusters is None:
         return None
     match = re.fullmatch(r"\s*(?:4\s+)?([^\s].*?)\s*", wanted.thrusters)

@@ -14,26 +14,26 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..figures.plots import lines_of, unit_of
-from ..language.content import said
+from ..language.content import content_of
 from ..language.scenario import Plot
 from ..report.report import write_report
 from ..runs.prepare import prepare
 from ..runs.run import Run, simulate
 from ..system.errors import DesatError, Exit
 from .draws import STOPPED, ran
-from .plan import Plan, source, system
+from .plan import CampaignPlan, source, system
 from .store import Batch, CaseRow
 
 POINTS = 200
 """Parts of a run that an envelope has a value for."""
 
 
-def batch(plan: Plan, numbers: Sequence[int], attempt: int, versions: str) -> Batch:
+def batch(plan: CampaignPlan, numbers: Sequence[int], attempt: int, versions: str) -> Batch:
     """Cases of one block, each made for the `attempt`th time, with these versions."""
     return Batch.of(row(plan, number, attempt, versions) for number in numbers)
 
 
-def row(plan: Plan, number: int, attempt: int = 1, versions: str = "") -> CaseRow:
+def row(plan: CampaignPlan, number: int, attempt: int = 1, versions: str = "") -> CaseRow:
     """A case as a row: its inputs, its numbers, how it ended. A case that cannot begin is a row
     that says so. From the second attempt on it is made in a process of its own, which can say what
     ended it."""
@@ -50,7 +50,7 @@ def row(plan: Plan, number: int, attempt: int = 1, versions: str = "") -> CaseRo
                    versions=versions)  # fmt: skip
 
 
-def _ran(plan: Plan, values: dict[str, Any], supervised: bool) -> CaseRow:
+def _ran(plan: CampaignPlan, values: dict[str, Any], supervised: bool) -> CaseRow:
     options = plan.options
     if supervised:
         options = replace(options, supervised=True, call_limit=plan.limit)
@@ -61,7 +61,7 @@ def _ran(plan: Plan, values: dict[str, Any], supervised: bool) -> CaseRow:
         curves.update(_curves(chosen, run))
         told.update(_described(chosen, values, run))
 
-    plots = said(system(plan).about).plots
+    plots = content_of(system(plan).about).plots
     chosen = {name: plots[name] for name in plan.curves}
     signals = [signal for plot in chosen.values() for signal in plot.signals]
     made = ran(source(plan), options, values, signals, look)
@@ -113,7 +113,7 @@ def _envelope(
     return [float(x) for x in top]
 
 
-def kept(plan: Plan, number: int, into: Path) -> Run:
+def repeat(plan: CampaignPlan, number: int, into: Path) -> Run:
     """Run a case again and keep its series and report in a folder."""
     options = replace(plan.options, supervised=True, call_limit=plan.limit)
     options = replace(options, values={**options.values, **plan.values(number)})

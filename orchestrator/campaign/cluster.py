@@ -19,7 +19,7 @@ from ..files import library
 from ..files.identity import versions
 from ..system.errors import DesatError, Exit, RunError
 from .case import batch
-from .plan import Plan, digest_of
+from .plan import CampaignPlan, digest_of
 from .store import Batch
 from .workers import Lost
 
@@ -71,7 +71,7 @@ def shipped(target: str) -> bytes | None:
     return buffer.getvalue()
 
 
-def keep(plan: Plan, data: bytes) -> None:
+def keep(plan: CampaignPlan, data: bytes) -> None:
     """On a worker: keep a system that is a file for the cases to come."""
     if plan.digest not in _shipped:
         folder = library.scratch("run-campaign")
@@ -80,7 +80,7 @@ def keep(plan: Plan, data: bytes) -> None:
         _shipped[plan.digest] = str(folder / Path(plan.target).name)
 
 
-def _plugin(plan: Plan, data: bytes) -> Any:
+def _plugin(plan: CampaignPlan, data: bytes) -> Any:
     """What every worker gets once, also one that comes later."""
     from distributed import WorkerPlugin
 
@@ -101,7 +101,7 @@ def other(there: Mapping[str, str], here: Mapping[str, str]) -> str:
     return ""
 
 
-def unfit(plan: Plan, sent: bool, here: Mapping[str, str]) -> str:
+def unfit(plan: CampaignPlan, sent: bool, here: Mapping[str, str]) -> str:
     """On a worker, which may have come late: why it cannot make the cases of a campaign; empty
     where it can. `here`: the head's versions; `sent`: the system is a file."""
     if text := other(versions(), here):
@@ -114,12 +114,12 @@ def unfit(plan: Plan, sent: bool, here: Mapping[str, str]) -> str:
     return _compared[key]
 
 
-def _here(plan: Plan, sent: bool) -> Plan:
+def _here(plan: CampaignPlan, sent: bool) -> CampaignPlan:
     """On a worker: the plan of the system as it is here."""
     return replace(plan, target=_shipped[plan.digest]) if sent else plan
 
 
-def _compared_with(plan: Plan) -> str:
+def _compared_with(plan: CampaignPlan) -> str:
     try:
         there = digest_of(plan.target, plan.options)
     except DesatError as error:
@@ -130,7 +130,12 @@ def _compared_with(plan: Plan) -> str:
 
 
 def on_worker(
-    plan: Plan, sent: bool, here: dict[str, str], numbers: Sequence[int], attempt: int, told: str
+    plan: CampaignPlan,
+    sent: bool,
+    here: dict[str, str],
+    numbers: Sequence[int],
+    attempt: int,
+    told: str,
 ) -> Batch:
     """On a worker: cases of one block. Those that take too long end their worker, which its nanny
     replaces. Raises Unfit where the worker has other versions than the head, or another system."""
@@ -149,7 +154,7 @@ def on_worker(
 class Cluster:
     """The workers of a Dask cluster: an address, a scheduler file, or `local:N` processes here."""
 
-    def __init__(self, address: str, plan: Plan) -> None:
+    def __init__(self, address: str, plan: CampaignPlan) -> None:
         try:
             import distributed
         except ImportError as error:

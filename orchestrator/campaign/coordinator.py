@@ -17,27 +17,27 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 from ..analyses import analyses
 from ..files.io import LOCK, claimed
-from ..language.content import Content, dispersed, said
+from ..language.content import Content, content_of, dispersions_of
 from ..runs.manifest import write_json
 from ..runs.prepare import Case, Target, prepare
 from ..runs.prepare import read as read_source
 from ..system.errors import DesatError, Exit, RunError, nearest
 from ..system.options import Options
 from . import store
-from .case import batch, kept
+from .case import batch, repeat
 from .draws import lost, never, whole_numbers
 from .plan import (
     PLAN,
-    Keep,
-    Plan,
+    CampaignPlan,
+    KeptSeries,
     digest_of,
     joined,
     kept_versions,
     read,
     same_versions,
-    versions_told,
+    versions_here,
 )
-from .sampling import SAMPLINGS, Sampling, allowed, drawn
+from .sampling import SAMPLINGS, Sampling, allowed, draw_of
 from .workers import Local, Lost, Workers, guarded, results
 
 _EACH = 2.0
@@ -48,7 +48,7 @@ def planned(
     target: str, count: int, *, seed: int = 1, sampling: Sampling = "random",
     options: Options | None = None, curves: Sequence[str] | None = None, keep: Sequence[str] = (),
     limit: float = 600.0,
-) -> tuple[Plan, list[str]]:  # fmt: skip
+) -> tuple[CampaignPlan, list[str]]:  # fmt: skip
     """The plan of a campaign, checked, and warnings. `curves` None: the first plot, if any.
 
     Raises DesatError for what is wrong with the system, its dispersions, a requirement, the
@@ -62,10 +62,10 @@ def planned(
         target = str(Path(target).resolve())
     source = read_source(target)
     system = source.to_draw(options.blocks)
-    if not (content := said(system.about)).dispersions:
+    if not (content := content_of(system.about)).dispersions:
         raise DesatError(f"{target}: it has no [dispersions], so there is nothing to draw")
     whole_numbers(target, seed=(seed, 0), count=(count, 1))
-    for name in dispersed(system):
+    for name in dispersions_of(system):
         if "[" in name:
             raise DesatError(f"{target}: dispersions: {name}: an element; what is drawn is all of "
                              f"{name.partition('[')[0]}")  # fmt: skip
@@ -75,7 +75,7 @@ def planned(
         raise DesatError("\n".join(lines))
     try:
         allowed(sampling, count, system)
-        first = {**options.values, **drawn(system, seed, 0, sampling, count)}
+        first = {**options.values, **draw_of(system, seed, 0, sampling, count)}
     except DesatError:
         prepare(source, options).or_raise()  # which names file and key
         raise
@@ -85,8 +85,10 @@ def planned(
         curves = list(plots)[:1]
     if unknown := [c for c in curves if c not in plots]:
         raise DesatError(f"--curve {unknown[0]}: no plot of that name{nearest(unknown[0], plots)}")
-    plan = Plan(target, digest_of(source, options), count, seed, sampling, options, tuple(curves),
-                tuple(map(Keep.parsed, keep)), limit)  # fmt: skip
+    plan = CampaignPlan(
+        target, digest_of(source, options), count, seed, sampling, options, tuple(curves),
+        tuple(map(KeptSeries.parsed, keep)), limit,
+    )  # fmt: skip
     numbers = {n for n, e in content.numbers.items() if not e.of}
     checked, _ = case.or_raise()
     numbers |= {n for a in analyses() if a.applies(checked) for n in a.NUMBERS}
@@ -130,7 +132,8 @@ def _first(source: Target, options: Options, values: dict[str, Any]) -> Case:
 
 
 def run(
-    plan: Plan, folder: Path, jobs: int = 1, cluster: str | None = None, progress: bool = True,
+    plan: CampaignPlan, folder: Path, jobs: int = 1, cluster: str | None = None,
+    progress: bool = True,
     accept_versions: bool = False,
 ) -> None:  # fmt: skip
     """Make the cases of a campaign that are not there yet, and keep the series of those that are
@@ -146,7 +149,8 @@ def run(
 
 
 def _run(
-    plan: Plan, folder: Path, jobs: int, cluster: str | None, progress: bool, accept_versions: bool
+    plan: CampaignPlan, folder: Path, jobs: int, cluster: str | None, progress: bool,
+    accept_versions: bool,
 ) -> None:  # fmt: skip
     longer = False
     if (folder / PLAN).exists():
@@ -174,7 +178,7 @@ def _run(
         write_json(folder / STATUS, at.as_json(state))
 
 
-def _workers(plan: Plan, jobs: int, cluster: str | None) -> Workers:
+def _workers(plan: CampaignPlan, jobs: int, cluster: str | None) -> Workers:
     if cluster is None:
         return Local(batch, jobs, 1.25 * plan.limit + 2.0)  # a supervised case ends itself before
     from .cluster import Cluster
@@ -183,9 +187,10 @@ def _workers(plan: Plan, jobs: int, cluster: str | None) -> Workers:
 
 
 def _make(
-    plan: Plan, workers: Workers, rows: store.Store, at: Progressed, folder: Path, progress: bool
+    plan: CampaignPlan, workers: Workers, rows: store.Store, at: Progressed, folder: Path,
+    progress: bool,
 ) -> None:  # fmt: skip
-    local, versions = isinstance(workers, Local), versions_told()
+    local, versions = isinstance(workers, Local), versions_here()
     attempts: dict[int, int] = {}
     sizes = _Sizes(plan, workers.size)
 
@@ -221,7 +226,7 @@ class _Sizes:
     limit of one), so that the head has little to do for each; fewer towards the end, where each
     worker is to have some."""
 
-    def __init__(self, plan: Plan, workers: int) -> None:
+    def __init__(self, plan: CampaignPlan, workers: int) -> None:
         self._workers = workers
         self._longest = min(TOGETHER, 0.25 * plan.limit)
         self._seconds, self._cases, self._recent = 0.0, 0, math.inf
@@ -248,7 +253,7 @@ def _together(missing: Sequence[int], sizes: _Sizes) -> Iterator[Sequence[int]]:
         first += len(some)
 
 
-def _without_row(plan: Plan, number: int, reason: Lost) -> store.CaseRow:
+def _without_row(plan: CampaignPlan, number: int, reason: Lost) -> store.CaseRow:
     """The row of a case that never gave one."""
     made = store.CaseRow(**vars(lost(reason)))
     return replace(made, number=number, values=plan.values(number), attempts=_TRIES)
@@ -263,12 +268,12 @@ _TRIES = 3
 often has no row of its own."""
 
 
-def chosen(plan: Plan, folder: Path) -> list[int]:
+def cases_to_keep(plan: CampaignPlan, folder: Path) -> list[int]:
     """The cases that are to be kept: the worst are those with the largest number, or with the least
     where a requirement on it has only a `min`; those that never reach it first."""
     from .plan import system
 
-    content = said(system(plan).about)
+    content = content_of(system(plan).about)
     least = {r.number for r in content.requirements.values() if r.max is None}
     cases: set[int] = set()
     for keep in plan.keep:
@@ -279,7 +284,7 @@ def chosen(plan: Plan, folder: Path) -> list[int]:
     return sorted(cases)
 
 
-def unreached(plan: Plan, folder: Path) -> list[str]:
+def unreached(plan: CampaignPlan, folder: Path) -> list[str]:
     """What of `--keep` goes by a number that no case has, or none reaches: a line each."""
     lines = []
     for keep in plan.keep:
@@ -311,15 +316,15 @@ def worst(folder: Path, number: str, count: int, least: bool = False) -> list[in
     return [case for _, case in rows[:count]]
 
 
-def _keep(plan: Plan, folder: Path, jobs: int) -> None:
+def _keep(plan: CampaignPlan, folder: Path, jobs: int) -> None:
     """Make the series of the cases that are to be kept: the same bits again."""
-    todo = [n for n in chosen(plan, folder) if not _is_kept(kept_in(folder, n))]
+    todo = [n for n in cases_to_keep(plan, folder) if not _is_kept(kept_in(folder, n))]
     if not todo:
         return
     tasks: Iterator[tuple[Any, tuple[Any, ...]]] = (
         (n, (plan, n, kept_in(folder, n))) for n in todo
     )  # fmt: skip
-    with Local(_kept, min(jobs, len(todo)), 1.25 * plan.limit) as workers:
+    with Local(_keep_series, min(jobs, len(todo)), 1.25 * plan.limit) as workers:
         for number, result in results(workers, tasks, lambda key, why: ()):
             if isinstance(result, Lost):
                 raise RunError(f"{kept_in(folder, number)}: not kept: {result.why}", Exit.COMPONENT)
@@ -334,9 +339,9 @@ def _is_kept(folder: Path) -> bool:
     return status not in ("no space", "interrupted") and not status.startswith("killed")
 
 
-def _kept(plan: Plan, number: int, into: Path) -> None:
+def _keep_series(plan: CampaignPlan, number: int, into: Path) -> None:
     try:
-        kept(plan, number, into).results.close()
+        repeat(plan, number, into).results.close()
     except DesatError as error:
         if getattr(error, "code", 0) == Exit.SPACE:
             raise

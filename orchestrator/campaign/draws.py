@@ -14,16 +14,16 @@ from rich.progress import track
 
 from ..analyses import Analysis, analyses, coverage
 from ..analyses.manifest import Stopped
-from ..language.content import Content, overridden, said
-from ..numbers.numbers import late, ranked
+from ..language.content import Content, content_of, overridden_by
+from ..numbers.numbers import late, ranks
 from ..numbers.statistics import median_interval
-from ..runs.prepare import Target, prepare, read, varied
+from ..runs.prepare import Target, prepare, read, with_values
 from ..runs.run import Options, Run, simulate
 from ..system.draft import Draft
 from ..system.errors import DesatError, Exit, RunError
 from ..system.model import AUTO, System
 from ..system.parameters import parse_assignment
-from .sampling import drawn
+from .sampling import draw_of
 from .workers import Here, Local, Lost, Workers, results
 
 STOPPED = 128
@@ -85,7 +85,7 @@ def one(source: Target, options: Options, seed: int, draw: int | None) -> RunRow
     Raises DesatError, which names target and draw, for one that could not begin or was stopped.
     """
     target = source.text
-    values = {} if draw is None else drawn(source.to_draw(options.blocks), seed, draw)
+    values = {} if draw is None else draw_of(source.to_draw(options.blocks), seed, draw)
     try:
         return replace(ran(source, options, values), number=draw)
     except DesatError as error:
@@ -100,7 +100,7 @@ def ran(
 ) -> RunRow:  # fmt: skip
     """A run with some values, at which `look` may look; recorded is what the numbers are made of,
     and `also`."""
-    case = varied(source, replace(options, values={**options.values, **values}))
+    case = with_values(source, replace(options, values={**options.values, **values}))
     system, _ = case.or_raise()
     if options.record == ("*",):
         needed = (*series_of_numbers(system), *also)
@@ -124,19 +124,19 @@ def ran(
 def series_of_numbers(system: System) -> tuple[str, ...]:
     """What the numbers of a run are made of, and what it is judged by; the rest need not be
     recorded."""
-    content = said(system.about)
+    content = content_of(system.about)
     needed = tuple(needed_signals(content))
     if system.inner == AUTO and (parts := coverage.applies(system)):
         needed += tuple(parts.series)  # it looks at them again
     for analysis in analyses():
         if parts := analysis.applies(system):
             needed += tuple(analysis.signals(parts))
-            if _asked(content, analysis):
+            if _asks_for(content, analysis):
                 needed += tuple(analysis.balanced(parts))
     return needed
 
 
-def _asked(content: Content, analysis: Analysis) -> bool:
+def _asks_for(content: Content, analysis: Analysis) -> bool:
     """Whether a scenario asks for what an analysis makes of series that draws need not record: by
     its bound, or a requirement on one of its numbers."""
     wanted = {r.number for r in content.requirements.values()}
@@ -148,7 +148,7 @@ def never(system: Draft, options: Options) -> list[str]:
     """What the options give a value that is drawn instead: a line each."""
     names = [*(text.partition("=")[0] for text in options.sets), *options.values]
     return [f"--set {name}: {'it' if name == what else what} is drawn, and so never has this value"
-            for name in names if "." in name for what in overridden(system, name)]  # fmt: skip
+            for name in names if "." in name for what in overridden_by(system, name)]  # fmt: skip
 
 
 def lost(reason: Lost) -> RunRow:
@@ -205,10 +205,10 @@ def draws(
     """
     source = read(target) if isinstance(target, str) else target
     target, system = source.text, source.to_draw(options.blocks)
-    if not said(system.about).dispersions:
+    if not content_of(system.about).dispersions:
         raise DesatError(f"{target}: it has no [dispersions], so there is nothing to draw")
     whole_numbers(target, seed=(seed, 0), count=(count, first + 1))
-    typical = replace(options, values={**options.values, **drawn(system, seed, 0)})
+    typical = replace(options, values={**options.values, **draw_of(system, seed, 0)})
     warnings = prepare(source, typical).checked.warnings
     warnings += never(system, options)
     tasks = [(target, options, seed, draw) for draw in range(first, count)]
@@ -216,7 +216,7 @@ def draws(
     return {
         "scenario": target, "seed": seed, "draws": [row.to_json() for row in rows],
         "stopped": sum(row.stopped_when is not None for row in rows),
-        "summary": summary(rows, late(said(system.about))), "warnings": warnings,
+        "summary": summary(rows, late(content_of(system.about))), "warnings": warnings,
     }  # fmt: skip
 
 
@@ -245,7 +245,7 @@ def spreads(
     numbers = {}
     for name, unit in units.items():
         given = [r.get(name) for r in rows]
-        values = [x for x in ranked(given, name in late) if x is not None]
+        values = [x for x in ranks(given, name in late) if x is not None]
         middle, low, high = median_interval(values) if values else (None, None, None)
         ends = middle, low, high, min(values, default=None), max(values, default=None)
         there = sum(x is not None for x in given)
@@ -293,7 +293,7 @@ def sweep(
     source = read(target)
     system = source.to_draw(options.blocks)
     for name in axes if draws else ():
-        if drawn := overridden(system, name):
+        if drawn := overridden_by(system, name):
             raise DesatError(f"{target}: {name}: {drawn[0]} is drawn, and so cannot be an axis of "
                              "draws")  # fmt: skip
     points = [dict(zip(axes, v, strict=True)) for v in itertools.product(*axes.values())]
@@ -304,7 +304,7 @@ def sweep(
     ]  # fmt: skip
     rows = rows_of(tasks, jobs, target, progress, source)
     count = max(draws, 1)
-    made, times = [], late(said(system.about))
+    made, times = [], late(content_of(system.about))
     for i, point in enumerate(points):
         own = rows[i * count : (i + 1) * count]
         worst = max(own, key=lambda row: row.code)

@@ -13,7 +13,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from ..language.content import dispersed
+from ..language.content import dispersions_of
 from ..numbers.statistics import clopper_pearson
 from ..runs.prepare import Target
 from ..runs.prepare import read as read_source
@@ -21,15 +21,15 @@ from ..runs.run import Options
 from ..system.errors import DesatError
 from . import store
 from .draws import draws
-from .plan import Plan, read, system
+from .plan import CampaignPlan, read, system
 from .report import flat
-from .sampling import drawn
+from .sampling import draw_of
 
 EQUAL = 1e-12
 """Relative difference up to which two numbers are equal."""
 
 
-def paired(
+def fly_pairs(
     target: str, other: str, count: int, seed: int, options: Options, jobs: int = 2,
     progress: bool = False,
 ) -> dict[str, Any]:  # fmt: skip
@@ -58,11 +58,11 @@ def common(
     """
     target, other = one.text, another.text
     systems = one.to_draw(options.blocks), another.to_draw(plain.blocks)
-    ours, theirs = (dispersed(s) for s in systems)
+    ours, theirs = (dispersions_of(s) for s in systems)
     names = sorted(ours.keys() & theirs.keys())
     if not names:
         raise DesatError(f"{target} and {other}: there is nothing that both draw")
-    values = [drawn(s, seed, 0) for s in systems]
+    values = [draw_of(s, seed, 0) for s in systems]
     for name in names:
         if ours[name] != theirs[name] or values[0][name] != values[1][name]:
             raise DesatError(f"{target} and {other}: dispersions: {name} is drawn as "
@@ -115,7 +115,7 @@ def differences(ours: dict[str, Any], theirs: dict[str, Any]) -> dict[str, dict[
         }  # fmt: skip
         compared[name] = {
             "unit": entry["unit"],
-            **spread(list(each.values())),
+            **spread_of(list(each.values())),
             "not_reached": len(pairs) - len(each),
             "each": [{"draw": draw, "difference": x} for draw, x in each.items()],
         }
@@ -127,7 +127,7 @@ def difference(ours: float, theirs: float) -> float:
     return 0.0 if math.isclose(ours, theirs, rel_tol=EQUAL) else ours - theirs
 
 
-def spread(each: Sequence[float]) -> dict[str, Any]:
+def spread_of(each: Sequence[float]) -> dict[str, Any]:
     """Median, least and largest of differences, how many are below, above and at 0."""
     return {
         "median": statistics.median(each) if each else None,
@@ -175,7 +175,7 @@ def compare(first: Path, second: Path, level: float = 0.95) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _warnings(one: Plan, other: Plan) -> list[str]:
+def _warnings(one: CampaignPlan, other: CampaignPlan) -> list[str]:
     """That the two do not end at the same time, as far as their systems are there."""
     try:
         ends = [p.options.stop or system(p).stop
@@ -246,7 +246,7 @@ def _differences(
 def confident(each: Sequence[float], level: float = 0.95) -> dict[str, Any]:
     """`spread` of differences, the interval of their median (order statistics), and the share of
     those below 0 with its interval (Clopper-Pearson), both at a level."""
-    told, each = spread(each), sorted(each)
+    told, each = spread_of(each), sorted(each)
     if not (n := len(each)):
         return told
     # the k-th least and the k-th largest hold the median with at least this confidence

@@ -18,7 +18,7 @@ from ..system.digest import comparable
 from ..system.draft import Draft
 from ..system.errors import DesatError
 from ..system.options import Options, as_arguments
-from .sampling import FIXED, Sampling, drawn
+from .sampling import FIXED, Sampling, draw_of
 
 PLAN = "campaign.json"
 GROWS = ("count", "keep", "limit")
@@ -27,7 +27,7 @@ whose points depend on it."""
 
 
 @dataclass(frozen=True)
-class Keep:
+class KeptSeries:
     """Which cases keep their series: so many, the worst by a number, or without one every such."""
 
     count: int
@@ -38,7 +38,7 @@ class Keep:
         return f"worst:{self.count}:{self.number}" if self.number else f"every:{self.count}"
 
     @classmethod
-    def parsed(cls, text: str) -> Keep:
+    def parsed(cls, text: str) -> KeptSeries:
         """From `worst:N:NUMBER` or `every:N`. Raises DesatError for another form."""
         kind, _, rest = text.partition(":")
         count, _, number = rest.partition(":")
@@ -50,7 +50,7 @@ class Keep:
 
 
 @dataclass(frozen=True)
-class Plan:
+class CampaignPlan:
     """A campaign. Two with the same plan have the same rows."""
 
     target: str
@@ -64,13 +64,13 @@ class Plan:
     """What its runs are made with."""
     curves: tuple[str, ...] = ()
     """Plots of the scenario of which each case keeps an envelope."""
-    keep: tuple[Keep, ...] = ()
+    keep: tuple[KeptSeries, ...] = ()
     limit: float = 600.0
     """Wall time (s) that a case may take."""
 
     def values(self, number: int) -> dict[str, Any]:
         """`component.parameter` -> value of a case."""
-        return drawn(system(self), self.seed, number, self.sampling, self.count)
+        return draw_of(system(self), self.seed, number, self.sampling, self.count)
 
     def to_json(self) -> dict[str, Any]:
         """As its file has it: of the options those that are not as by default."""
@@ -84,19 +84,19 @@ class Plan:
         write_json(folder / PLAN, {**self.to_json(), "versions": versions()})
 
 
-def read(folder: Path) -> Plan:
+def read(folder: Path) -> CampaignPlan:
     """The plan of a campaign's folder. Raises DesatError where it has none, or a damaged one."""
     file = folder / PLAN
     if not file.exists():
         raise DesatError(f"{folder}: no campaign (it has no {PLAN})")
     try:
         data = json.loads(file.read_text(encoding="utf-8"))
-        known = {f.name for f in fields(Plan)}
+        known = {f.name for f in fields(CampaignPlan)}
         given: dict[str, Any] = {k: v for k, v in data.items() if k in known}
         given["curves"] = tuple(given.get("curves", ()))
-        given["keep"] = tuple(map(Keep.parsed, given.get("keep", ())))
+        given["keep"] = tuple(map(KeptSeries.parsed, given.get("keep", ())))
         given["options"] = Options(**given.get("options", {}))
-        plan = Plan(**given)
+        plan = CampaignPlan(**given)
     except (ValueError, TypeError, AttributeError, DesatError) as error:
         raise DesatError(f"{file}: damaged ({error})") from error
     for name, kind in _KINDS.items():
@@ -109,7 +109,7 @@ _KINDS: dict[str, Any] = {"target": str, "digest": str, "count": int, "seed": in
                           "sampling": str, "limit": (int, float)}  # fmt: skip
 
 
-def changed(plan: Plan) -> str:
+def changed(plan: CampaignPlan) -> str:
     """What is to be said where the system is not any more that of the campaign, or where that
     cannot be told; "" where it is. Raises DesatError where it cannot be had."""
     if not comparable(plan.digest):
@@ -121,14 +121,14 @@ def changed(plan: Plan) -> str:
             "parameters or FMUs differ")  # fmt: skip
 
 
-def anew(plan: Plan) -> str:
+def anew(plan: CampaignPlan) -> str:
     """What to say of the command that makes a campaign anew."""
     sampling = "" if plan.sampling == "random" else f" --sampling {plan.sampling}"
     return (f"`desat campaign {shlex.quote(plan.target)} -n {plan.count} --seed {plan.seed}"
             f"{sampling}{as_arguments(plan.options)} --out ANOTHER` begins anew")  # fmt: skip
 
 
-def versions_told() -> str:
+def versions_here() -> str:
     """With which versions cases are made here, as their rows have it."""
     return json.dumps(versions(), sort_keys=True)
 
@@ -147,7 +147,7 @@ def same_versions(folder: Path, before: Mapping[str, str], accepted: bool, what:
                          "goes on, and each case says its own")  # fmt: skip
 
 
-def joined(old: Plan, new: Plan, folder: Path) -> None:
+def joined(old: CampaignPlan, new: CampaignPlan, folder: Path) -> None:
     """Raises DesatError where a folder's campaign is not the one that is to go on in it."""
     if not comparable(old.digest):
         raise DesatError(f"{folder}: it cannot go on: {changed(old)}; {anew(new)}")
@@ -172,7 +172,7 @@ def _short(value: Any) -> str:
     return text if len(text) < 80 else f"{text[:77]}..."
 
 
-def source(plan: Plan) -> Target:
+def source(plan: CampaignPlan) -> Target:
     """What a campaign's system is read from, read once a process. Raises DesatError where there is
     none."""
     return _source(plan.target, plan.digest)
@@ -183,7 +183,7 @@ def _source(target: str, digest: str) -> Target:
     return read_source(target)
 
 
-def system(plan: Plan) -> Draft:
+def system(plan: CampaignPlan) -> Draft:
     """A campaign's system to draw for, and its plots. Raises DesatError where it cannot be had."""
     return source(plan).to_draw(plan.options.blocks)
 

@@ -26,7 +26,7 @@ from ..figures.style import (
     time_axis,
 )
 from ..files.identity import COMPUTING
-from ..language.content import dispersed, said
+from ..language.content import content_of, dispersions_of
 from ..language.scenario import Plot
 from ..numbers.numbers import late
 from ..numbers.text import not_reached
@@ -39,7 +39,7 @@ from ..system.parameters import table as parameters_of
 from . import store
 from .case import POINTS
 from .judged import requirement, rerun
-from .plan import Plan, changed, read, source, system
+from .plan import CampaignPlan, changed, read, source, system
 from .sampling import axes, sensitivity, unit_cube
 
 STRONG = 0.2
@@ -58,7 +58,7 @@ _NEVER = 1e300
 def summary(folder: Path) -> dict[str, Any]:
     """Everything that the report says, for programs. Raises DesatError where there is no case."""
     plan = read(folder)
-    about = said(system(plan).about)
+    about = content_of(system(plan).about)
     table, told = store.read(folder), store.described(folder)
     status = table["status"].to_pylist()
     completed = np.array([s == "completed" for s in status])
@@ -117,7 +117,7 @@ def _versions(rows: Sequence[str]) -> list[dict[str, Any]]:
     ]  # fmt: skip
 
 
-def _apart(plan: Plan, cases: Any) -> Any:
+def _apart(plan: CampaignPlan, cases: Any) -> Any:
     """Which cases share no value with another, as intervals and tests ask for: all, but those of
     saltelli, of which each point stands for itself first and last among those that mix it with the
     next (`sampling.saltelli`)."""
@@ -177,7 +177,9 @@ def _drivers(inputs: Mapping[str, Any], out: Mapping[str, Any]) -> list[dict[str
     return sorted(drivers, key=lambda d: (-abs(d["correlation"]), d["input"], d["number"]))
 
 
-def _sobol(plan: Plan, cases: Any, completed: Any, out: Mapping[str, Any]) -> dict[str, Any] | None:
+def _sobol(
+    plan: CampaignPlan, cases: Any, completed: Any, out: Mapping[str, Any]
+) -> dict[str, Any] | None:
     """Sobol indices of first and total order, where the cases were sampled for them and all are
     there."""
     if plan.sampling != "saltelli":
@@ -188,7 +190,7 @@ def _sobol(plan: Plan, cases: Any, completed: Any, out: Mapping[str, Any]) -> di
     names, sizes = axes(drafted)
     if plan.count < (least := BASE * (sum(sizes) + 2)):
         return {"missing": f"they need -n {least} or more"}
-    how = dispersed(drafted)
+    how = dispersions_of(drafted)
     # of a direction each random number moves all elements
     form = {n: "{}, random number {}" if how[n].kind in ("attitude", "direction") else "{}[{}]"
             for n in names}  # fmt: skip
@@ -235,7 +237,7 @@ class _Figure(NamedTuple):
     commands: Sequence[str] = ()
 
 
-def _figures(folder: Path, plan: Plan, told: Mapping[str, Any]) -> list[_Figure]:
+def _figures(folder: Path, plan: CampaignPlan, told: Mapping[str, Any]) -> list[_Figure]:
     made = [*_curves(folder, plan)]
     table = store.read(folder)
     good = np.array([s == "completed" for s in table["status"].to_pylist()])
@@ -297,7 +299,7 @@ def _histograms(folder: Path, told: Mapping[str, Any]) -> list[_Small]:
     return made
 
 
-def _limits(plan: Plan, plot: Plot, unit: str) -> list[tuple[str, float]]:
+def _limits(plan: CampaignPlan, plot: Plot, unit: str) -> list[tuple[str, float]]:
     """The limit lines of a plot that are the same in all cases, sizes, each once; none of a system
     that is not to be had any more."""
     options = plan.options
@@ -305,15 +307,15 @@ def _limits(plan: Plan, plot: Plot, unit: str) -> list[tuple[str, float]]:
         checked, _ = prepare(source(plan), options).or_raise()
     except DesatError:
         return []
-    drawn = dispersed(system(plan)).keys()
+    drawn = dispersions_of(system(plan)).keys()
     same = [x for x in plot.limits if not any(name in str(x) for name in drawn)]
     found = limits_of(same, parameters_of(checked.components.values()), unit)
     return list({abs(value): (name, abs(value)) for name, value, _ in found}.values())
 
 
-def _curves(folder: Path, plan: Plan) -> list[_Figure]:
+def _curves(folder: Path, plan: CampaignPlan) -> list[_Figure]:
     drafted = system(plan)
-    plots, told = said(drafted.about).plots, store.described(folder)
+    plots, told = content_of(drafted.about).plots, store.described(folder)
     table = store.read(folder, store.CURVES)
     made = []
     options = plan.options

@@ -26,7 +26,7 @@ from typing import Any, Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from ..language.content import dispersed
+from ..language.content import dispersions_of
 from ..language.scenario import Dispersion
 from ..system.draft import Draft
 from ..system.errors import DesatError, nearest
@@ -39,29 +39,30 @@ MOST = 10_000_000
 """Points of these, which lie in memory all at once."""
 
 
-def drawn(
+def draw_of(
     system: Draft, seed: int, draw: int, sampling: Sampling = "random", count: int = 0
 ) -> dict[str, Any]:
     """`component.variable` -> value for one draw of the system's dispersions, of `count` (which
     only the samplings of FIXED ask for)."""
     if sampling == "random":
-        return {n: _random(system, n, spec, seed, draw) for n, spec in dispersed(system).items()}
+        spread = dispersions_of(system)
+        return {n: _random(system, n, spec, seed, draw) for n, spec in spread.items()}
     names, sizes = axes(system)
     unit = iter(_points(sampling, seed, count, tuple(names), tuple(sizes))(draw))
     values: dict[str, Any] = {}
     for name, size in zip(names, sizes, strict=True):
-        spec = dispersed(system)[name]
-        values[name] = _placed(spec, np.array([next(unit) for _ in range(size)]))
+        spec = dispersions_of(system)[name]
+        values[name] = _place(spec, np.array([next(unit) for _ in range(size)]))
     return {
         name: values[name] if name in values else _random(system, name, spec, seed, draw)
-        for name, spec in dispersed(system).items()
+        for name, spec in dispersions_of(system).items()
     }
 
 
 def axes(system: Draft) -> tuple[list[str], list[int]]:
     """The names that a sampling spreads (all but seeds), sorted, and the uniform numbers that each
     takes."""
-    spread = {n: spec for n, spec in sorted(dispersed(system).items()) if spec.kind != "seed"}
+    spread = {n: spec for n, spec in sorted(dispersions_of(system).items()) if spec.kind != "seed"}
     return list(spread), [1 if s.one_of else _size(system, n) for n, s in spread.items()]
 
 
@@ -98,7 +99,7 @@ def _random(system: Draft, name: str, spec: Dispersion, seed: int, draw: int) ->
     return _directed(kind, given, stream.normal(size=size))
 
 
-def _placed(spec: Dispersion, unit: NDArray[np.float64]) -> Any:
+def _place(spec: Dispersion, unit: NDArray[np.float64]) -> Any:
     """A value from uniform numbers (size,) in (0, 1)."""
     from scipy.special import ndtr, ndtri
 

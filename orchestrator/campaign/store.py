@@ -63,7 +63,7 @@ def _check(path: Path) -> None:
     """Raises DesatError where a file is not what was written, or nothing says what that was."""
     state = path.stat()
     if not (said := _signed(path)):
-        raise _said(path, ValueError(f"{signature(path).name}, its sha256, is missing"))
+        raise _summary(path, ValueError(f"{signature(path).name}, its sha256, is missing"))
     _as_signed(path, said, state.st_mtime_ns, state.st_size)
 
 
@@ -72,7 +72,7 @@ def _as_signed(path: Path, said: str, *_: int) -> None:
     """What is raised is not remembered: a file may be mended within a tick of the clock."""
     found = hashlib.sha256(path.read_bytes()).hexdigest()
     if found not in said.split() and _signed(path) == said:  # else it has been replaced meanwhile
-        raise _said(path, ValueError("its sha256 is another"))
+        raise _summary(path, ValueError("its sha256 is another"))
 
 
 def columns(path: Path) -> pa.Schema:
@@ -81,7 +81,7 @@ def columns(path: Path) -> pa.Schema:
         _check(path)
         return pq.read_schema(path)
     except (pa.ArrowException, OSError) as error:
-        raise _said(path, error) from error
+        raise _summary(path, error) from error
 
 
 def rows_in(path: Path, wanted: Sequence[str] | None = None) -> pa.Table:
@@ -90,10 +90,10 @@ def rows_in(path: Path, wanted: Sequence[str] | None = None) -> pa.Table:
     try:
         return pq.read_table(path, columns=wanted and [c for c in wanted if c in names])
     except (pa.ArrowException, OSError) as error:
-        raise _said(path, error) from error
+        raise _summary(path, error) from error
 
 
-def _said(path: Path, error: Exception) -> DesatError:
+def _summary(path: Path, error: Exception) -> DesatError:
     cases = path.parent.parent / "cases" / path.name  # without it the block is not there
     return DesatError(f"{path}: damaged ({' '.join(str(error).split())}); without {cases} the same "
                       "command makes its cases again")  # fmt: skip

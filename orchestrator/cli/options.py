@@ -80,7 +80,7 @@ def number(asked: Quantity, metavar: str, text: str) -> Any:
     return typer.Option(asked.option, parser=asked.__call__, metavar=metavar, help=text)
 
 
-def written(option: str, text: str) -> Any:
+def output_file(option: str, text: str) -> Any:
     """An option that names a file to write: what cannot be written is refused at once."""
 
     def checked(given: str | Path) -> Path:

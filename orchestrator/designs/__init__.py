@@ -28,7 +28,7 @@ from typing import Any
 
 
 @dataclass(frozen=True)
-class Design:
+class MadeDesign:
     """Parameters of a component, what the run with them reached, the numbers tuned for them."""
 
     component: str

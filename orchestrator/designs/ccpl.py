@@ -9,9 +9,9 @@ from __future__ import annotations
 from ..files.scenario import Scenario
 from ..system.model import System
 from ..system.options import Options
-from . import Design
+from . import MadeDesign
 from .plant import Plant
-from .tuning import GAIN_UNIT, flies, tuned
+from .tuning import GAIN_UNIT, flies, tune
 
 KEYS = ("final_momentum",)
 
@@ -21,7 +21,7 @@ def applies(system: System) -> bool:
     return flies(system, "manager_cross_product", "ccpl")
 
 
-def make(scenario: Scenario, options: Options) -> Design:
+def make(scenario: Scenario, options: Options) -> MadeDesign:
     """The gain."""
     plant = Plant(scenario, options)
-    return tuned(plant, lambda gain: {"gain": gain}, "gain", GAIN_UNIT)
+    return tune(plant, lambda gain: {"gain": gain}, "gain", GAIN_UNIT)

@@ -14,7 +14,7 @@ from desat.components.maths.vector import norm
 from ..files.scenario import Scenario
 from ..system.model import System
 from ..system.options import Options
-from . import Design
+from . import MadeDesign
 from .plant import Plant
 from .tuning import flies, shape, with_weight
 
@@ -26,7 +26,7 @@ def applies(system: System) -> bool:
     return flies(system, "manager_magnetic_ilqr")
 
 
-def make(scenario: Scenario, options: Options) -> Design:
+def make(scenario: Scenario, options: Options) -> MadeDesign:
     """The weight F, and N_con where there is one."""
     plant = Plant(scenario, options)
     n_con = {"n_con_body": list(plant.n_con)} if norm(plant.n_con) > 1e-15 else {}

@@ -19,7 +19,7 @@ from ..files.scenario import Scenario
 from ..system.errors import DesatError
 from ..system.model import System
 from ..system.options import Options
-from . import Design
+from . import MadeDesign
 from .plant import Array, Plant
 from .tuning import flies, shape, with_weight
 
@@ -33,7 +33,7 @@ def applies(system: System) -> bool:
     return flies(system, "manager_magnetic", "lqr")
 
 
-def make(scenario: Scenario, options: Options) -> Design:
+def make(scenario: Scenario, options: Options) -> MadeDesign:
     """Gain and offset tables over the time to go."""
     plant = Plant(scenario, options)
     nodes = plant.asked.nodes or NODES

@@ -15,8 +15,8 @@ from ..system.check import check
 from ..system.errors import DesatError
 from ..system.model import System
 from ..system.options import Options
-from . import Design, kinds
-from .origin import TABLE, asked, computed, draft_of, made_of, owner, system_of
+from . import MadeDesign, kinds
+from .origin import TABLE, design_of, draft_of, made_of, names_of, owner, system_of
 
 PACKAGES = ("desat", "numpy", "scipy")
 COMMON = ("of", "assume", "each_draw")
@@ -38,10 +38,10 @@ def designable(names: list[str]) -> list[Scenario]:
         if design.of:
             other = f"{s.family}/{design.of}"
             raise DesatError(f"{s.name} uses the design of {other}: run `desat design {other}`")
-    return sorted(wanted, key=lambda s: bool(asked(s).end_of))
+    return sorted(wanted, key=lambda s: bool(design_of(s).end_of))
 
 
-def design(scenario: Scenario, options: Options | None = None) -> Design:
+def design(scenario: Scenario, options: Options | None = None) -> MadeDesign:
     """Compute a scenario's design for the values of `options`. Raises DesatError where it cannot
     be made."""
     options = options or Options()
@@ -49,12 +49,12 @@ def design(scenario: Scenario, options: Options | None = None) -> Design:
     kind = next((k for k in kinds() if k.applies(system)), None)
     if kind is None:
         raise DesatError(f"{scenario.name}: {_no_kind(system)}")
-    for key in asked(scenario).written:
+    for key in design_of(scenario).written:
         if key not in (*COMMON, *kind.KEYS):
             name = kind.__name__.rpartition(".")[2]
             raise DesatError(f"{scenario.name}: design: {key} is not for {name}; known are "
                              f"{', '.join(kind.KEYS)}")  # fmt: skip
-    made: Design = kind.make(scenario, options)
+    made: MadeDesign = kind.make(scenario, options)
     return made
 
 
@@ -69,7 +69,7 @@ def _no_kind(system: System) -> str:
     return f"no design{what}; there is one for {names}"
 
 
-_made: dict[str, Design] = {}
+_made: dict[str, MadeDesign] = {}
 
 
 def parameters_for(scenario: Scenario, options: Options) -> dict[str, dict[str, Any]]:
@@ -86,7 +86,7 @@ def parameters_for(scenario: Scenario, options: Options) -> dict[str, dict[str, 
     return {_made[key].component: _made[key].parameters}
 
 
-def text(scenario: Scenario, made: Design, options: Options | None = None) -> str:
+def text(scenario: Scenario, made: MadeDesign, options: Options | None = None) -> str:
     """The file of a design. The same design with the same versions gives the same text."""
     from importlib.metadata import version
 
@@ -96,7 +96,7 @@ def text(scenario: Scenario, made: Design, options: Options | None = None) -> st
         "# `reached` is what the run on bare blocks that it was computed with ended with.",
         *(f"# {note}." for note in made.notes),
     ]
-    if assumed := asked(scenario).assume:
+    if assumed := design_of(scenario).assume:
         lines.append(f"# Assumed, against the scenario: {assumed}.")
     if made.tuned:
         lines += ["", "[tuned]"]
@@ -136,7 +136,7 @@ def _assignment(name: str, value: Any) -> str:
     return f"{name} = {value!r}"
 
 
-def as_json(scenario: Scenario, made: Design, path: Path) -> dict[str, Any]:
+def as_json(scenario: Scenario, made: MadeDesign, path: Path) -> dict[str, Any]:
     """What `--json` prints of a design that was written to `path`."""
     return {
         "scenario": scenario.name,
@@ -147,7 +147,7 @@ def as_json(scenario: Scenario, made: Design, path: Path) -> dict[str, Any]:
 
 
 def write(
-    scenario: Scenario, made: Design, options: Options | None = None, file: Path | None = None
+    scenario: Scenario, made: MadeDesign, options: Options | None = None, file: Path | None = None
 ) -> Path:
     """Write a design's file (default: where the scenario looks) and return its path."""
     path = file or ROOT / scenario.family / "design" / f"{scenario.name.partition('/')[2]}.toml"
@@ -170,7 +170,7 @@ def stamp(scenario: Scenario) -> bool:
         if not np.abs(now - kept).max() <= ROUNDING * np.abs(kept).max():
             return False
     content = scenario.design.read_text(encoding="utf-8").partition(f"\n[{TABLE}]\n")[0]
-    origin = origin_text(made_of(scenario, system_of(scenario, Options()), computed(file)))
+    origin = origin_text(made_of(scenario, system_of(scenario, Options()), names_of(file)))
     replace_text(scenario.design, content + origin)
     return True
 

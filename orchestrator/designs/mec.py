@@ -16,8 +16,8 @@ from ..files.scenario import Scenario, find
 from ..system.errors import DesatError
 from ..system.model import System
 from ..system.options import Options
-from . import Design
-from .plant import Array, Flight, Plant
+from . import MadeDesign
+from .plant import Array, DesignFlight, Plant
 from .tuning import flies, needless, of_flight
 
 LARGEST_MISS = 1e-9
@@ -34,7 +34,7 @@ def applies(system: System) -> bool:
     return flies(system, "manager_magnetic", "mec")
 
 
-def make(scenario: Scenario, options: Options) -> Design:
+def make(scenario: Scenario, options: Options) -> MadeDesign:
     """The costate with which the run ends where it shall."""
     plant = Plant(scenario, options)
     if plant.manager_value("saturation"):
@@ -42,7 +42,7 @@ def make(scenario: Scenario, options: Options) -> Design:
     weight, asked = np.asarray(plant.manager_value("dipole_weight")), plant.asked
     fixed = {"horizon": plant.horizon, "omega_nominal_body": list(plant.omega)}
 
-    def fly(p: Array) -> Flight:
+    def fly(p: Array) -> DesignFlight:
         return plant.fly(costate=p.tolist(), **fixed)
 
     start = fly(np.zeros(3)).momentum[0]

@@ -41,8 +41,8 @@ from ..system.check import check
 from ..system.errors import DesatError
 from ..system.model import Component, System
 from ..system.options import Options
-from . import Design
-from .origin import asked as asked_of
+from . import MadeDesign
+from .origin import design_of as asked_of
 from .origin import draft_of
 
 HALF_ORBIT, SPACING = 2850.0, 150.0
@@ -69,7 +69,7 @@ def applies(system: System) -> bool:
     return manager is not None and manager.interface.model in (*PREVIEW, *PROFILE)
 
 
-def make(scenario: Scenario, options: Options) -> Design:
+def make(scenario: Scenario, options: Options) -> MadeDesign:
     """The tables of its manager."""
     system, _ = check(draft_of(scenario, options)).or_raise()
     manager = system.components["manager"]
@@ -97,7 +97,7 @@ def make(scenario: Scenario, options: Options) -> Design:
         tables, reached = _preview(scenario, course, times, lost)
     else:
         tables, reached = _profile(manager, course, times, rate, period)
-    return Design("manager", {**common, **tables}, reached)
+    return MadeDesign("manager", {**common, **tables}, reached)
 
 
 def _profile(
@@ -115,7 +115,7 @@ def _profile(
             i, share = laws.place(len(times), SPACING, k * course.dt)
             errors.append(np.subtract(laws.profile3(table, len(times), every, i, share), value))
     return (
-        {"table_period": every, "profile_table": _kept(rows)},
+        {"table_period": every, "profile_table": _rounded(rows)},
         {
             "interpolation_error": (float(np.linalg.norm(errors, axis=1).max()), "N.m.s"),
             "largest_condition": (float(conditions.max()), "1"),
@@ -146,8 +146,8 @@ def _preview(
         return offline.at_rows(held, course.dt, times)
 
     tables = {
-        "feedback_table": _kept(offline.at_rows(gain, course.dt, times)[:, *np.triu_indices(3)]),
-        "costate_table": _kept(offset(best)),
+        "feedback_table": _rounded(offline.at_rows(gain, course.dt, times)[:, *np.triu_indices(3)]),
+        "costate_table": _rounded(offset(best)),
     }
     if lost:
         if not asked.peak_share:
@@ -161,7 +161,7 @@ def _preview(
             offset(offline.cheapest(x, of, of_peak, share * largest, np.zeros(3)))
             for x in lost
         ]  # fmt: skip
-        tables["lost_table"] = _kept(np.hstack(rows))
+        tables["lost_table"] = _rounded(np.hstack(rows))
     return tables, {
         "predicted_energy": (float(_coils(course, best)[:flown].sum() * course.dt), "A2.m4.s"),
         "predicted_wheel": (float(np.abs(offline.wheels(course, best)[:flown]).max()), "N.m.s"),
@@ -253,7 +253,7 @@ def _padded(rows: Any) -> Any:
     return np.vstack((rows, np.zeros((CAPACITY - len(rows), rows.shape[1]))))
 
 
-def _kept(rows: Any) -> list[list[float]]:
+def _rounded(rows: Any) -> list[list[float]]:
     """A whole table, of seven digits: 1e-7 of a momentum is far below what is between rows."""
     return [[float(f"{x:.7g}") for x in row] for row in _padded(rows)]
 

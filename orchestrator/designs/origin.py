@@ -28,7 +28,7 @@ from ..system.resolve import resolve
 TABLE = "made_of"
 
 
-def asked(scenario: Scenario) -> Design:
+def design_of(scenario: Scenario) -> Design:
     """The [design] of a scenario that has one."""
     assert scenario.content.design is not None
     return scenario.content.design
@@ -73,9 +73,9 @@ def made_of(
         "step": system.step,
         **({"inner": system.inner} if system.inner != 1 else {}),
         "wiring": _digest(sorted(map(_wire, system.connections))),
-        **{f"design.{k}": v for k, v in asked(scenario).written.items() if k != "assume"},
+        **{f"design.{k}": v for k, v in design_of(scenario).written.items() if k != "assume"},
     }
-    if end := asked(scenario).end_of:
+    if end := design_of(scenario).end_of:
         other = find(f"{scenario.family}/{end}")
         given = other.parameters()
         values["end_of"] = _digest([made_of(other, system_of(other, Options()), set()), given])
@@ -86,7 +86,7 @@ def made_of(
     for name, rows in table(system.components.values()).items():
         for k, entry in rows.items():
             if known is None or entry.given or f"{name}.{k}" in known:
-                values[f"{name}.{k}"] = _kept(entry.value)
+                values[f"{name}.{k}"] = _short_form(entry.value)
     return {k: v for k, v in values.items() if k not in without and v is not None}
 
 
@@ -96,7 +96,7 @@ def _wire(c: Connection) -> str:
     return str(c) if same else f"{c}: {c.factor!r}, {c.offset!r}"
 
 
-def _kept(value: Any) -> Any:
+def _short_form(value: Any) -> Any:
     if isinstance(value, list) and len(value) > LONGEST:
         return f"{len(value)} values, {_digest(value)}"
     return value
@@ -109,7 +109,7 @@ def _digest(data: Any) -> str:
 def owner(scenario: Scenario, options: Options) -> tuple[Scenario, Options, list[str]]:
     """The scenario that has the design made which this one uses, those of the options that it
     knows, and the `component.variable` of those that it does not."""
-    if not (of := asked(scenario).of):
+    if not (of := design_of(scenario).of):
         return scenario, options, []
     other = find(f"{scenario.family}/{of}")
     draft = other.draft(blocks=True, designed=False)
@@ -129,7 +129,7 @@ def owner(scenario: Scenario, options: Options) -> tuple[Scenario, Options, list
     ), strange  # fmt: skip
 
 
-def computed(file: DesignFile) -> set[str]:
+def names_of(file: DesignFile) -> set[str]:
     """`component.parameter` of all that a design's file computes."""
     return {f"{name}.{k}" for name, values in file.parameters.items() for k in values}
 
@@ -144,8 +144,8 @@ def warnings(scenario: Scenario, options: Options, system: System) -> list[str]:
     again = f"`desat design {other.name}`"
     if not file.made_of:
         return [f"{scenario.name}: its design does not say what it was made from; {again} does"]
-    before, without = file.made_of, computed(file)
-    apart = other is not scenario or fitting.sources or asked(other).assume
+    before, without = file.made_of, names_of(file)
+    apart = other is not scenario or fitting.sources or design_of(other).assume
     now = made_of(other, system_of(other, fitting) if apart else system, without, before)
     for text in fitting.sources:
         name, _, source = text.partition("=")

@@ -40,7 +40,7 @@ ENERGY = "torquers.dipole_energy"
 
 
 @dataclass(frozen=True)
-class Flight:
+class DesignFlight:
     """What a run did: the wheels' momentum (rows, 3; N m s), the dipole over each step (steps, 3;
     A m2) and its energy (A2 m4 s)."""
 
@@ -127,7 +127,7 @@ class Plant:
         values = [self.manager.values[s.name] for s in signals]
         return values if signals[0].name != name else values[0]
 
-    def fly(self, **parameters: Any) -> Flight:
+    def fly(self, **parameters: Any) -> DesignFlight:
         """Run it with these parameters of its manager."""
         values = dict(self.manager.parameters)
         where = f"{self.system.name}: manager"
@@ -141,7 +141,7 @@ class Plant:
             run(master, stepping(master, recorder), system.steps, recorder)
             master.terminate()
             with recorder.finish(master) as results:
-                return Flight(
+                return DesignFlight(
                     results.values(MOMENTUM)[:, :3], results.values(DIPOLE),
                     float(results.values(ENERGY)[-1]),
                 )  # fmt: skip

@@ -12,8 +12,8 @@ from scipy.optimize import brentq
 from ..engine.instances.base import ComponentError
 from ..system.errors import DesatError
 from ..system.model import System
-from . import Design
-from .plant import Array, Flight, Plant
+from . import MadeDesign
+from .plant import Array, DesignFlight, Plant
 
 WEIGHT_UNIT, GAIN_UNIT = "1/(T2.s2)", "1/(T.s)"
 SEARCH = (-1.0, 8.0, 0.1)
@@ -29,17 +29,18 @@ def flies(system: System, model: str, law: str = "") -> bool:
 
 
 def of_flight(
-    parameters: dict[str, Any], flight: Flight, tuned: dict[str, tuple[float, str]] | None = None,
+    parameters: dict[str, Any], flight: DesignFlight,
+    tuned: dict[str, tuple[float, str]] | None = None,
     notes: tuple[str, ...] = (),
-) -> Design:  # fmt: skip
+) -> MadeDesign:  # fmt: skip
     """The design of manager parameters with which this was flown."""
-    return Design("manager", parameters, flight.reached(), tuned or {}, notes)
+    return MadeDesign("manager", parameters, flight.reached(), tuned or {}, notes)
 
 
-def with_weight(plant: Plant, parameters: Callable[[float], dict[str, Any]]) -> Design:
+def with_weight(plant: Plant, parameters: Callable[[float], dict[str, Any]]) -> MadeDesign:
     """The design with F as given, or as large as the wanted end asks."""
     if plant.asked.final_momentum:
-        return tuned(plant, parameters, "momentum_weight", WEIGHT_UNIT)
+        return tune(plant, parameters, "momentum_weight", WEIGHT_UNIT)
     if not plant.asked.momentum_weight:
         raise DesatError(f"{plant.system.name}: design: momentum_weight or final_momentum needed")
     fixed = parameters(1.0)
@@ -51,9 +52,9 @@ def shape(plant: Plant) -> Array:
     return np.asarray(plant.asked.momentum_weight or (1.0, 1.0, 1.0), float)
 
 
-def tuned(
+def tune(
     plant: Plant, parameters: Callable[[float], dict[str, Any]], name: str, unit: str
-) -> Design:
+) -> MadeDesign:
     """The least value of the law's one free number, from SEARCH up, with which the run ends at the
     wanted size. The size falls with the number, and rises again where a sample is too long for it.
     """

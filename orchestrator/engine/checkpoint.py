@@ -107,7 +107,7 @@ class Checkpoints:
             os.fsync(file.fileno())
         part.replace(path)
         _synchronise(self._folder)
-        for old in _written(self._folder)[KEPT:]:
+        for old in _checkpoints(self._folder)[KEPT:]:
             old.unlink(missing_ok=True)
 
 
@@ -128,20 +128,20 @@ def remove(folder: Path) -> None:
 
 def newest(folder: Path) -> Checkpoint | None:
     """The newest whole checkpoint of a run folder."""
-    for path in _written(folder / FOLDER):
+    for path in _checkpoints(folder / FOLDER):
         try:
-            return _read(path)
+            return _load(path)
         except (OSError, EOFError, ValueError, KeyError, TypeError, zipfile.BadZipFile):
             continue  # it is not whole; the one before it is
     return None
 
 
-def _written(folder: Path) -> list[Path]:
+def _checkpoints(folder: Path) -> list[Path]:
     """Those of a folder, the newest first."""
     return sorted((p for p in folder.glob("*.npz") if p.is_file()), reverse=True)
 
 
-def _read(path: Path) -> Checkpoint:
+def _load(path: Path) -> Checkpoint:
     with path.open("rb") as opened, np.load(opened, allow_pickle=False) as file:
         head = json.loads(file["_0"].tobytes())
         arrays = {name: file[f"arr_{i}"] for i, name in enumerate(head["arrays"])}

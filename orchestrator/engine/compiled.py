@@ -32,9 +32,20 @@ from .ending import Ending
 from .instances.fmu import FmuInstance
 from .instances.isolated import IsolatedInstance
 from .master import Master
-from .operations import Call, Cut, Gather, Join, Keep, Length, Operation, Show, Step, Tick
+from .operations import (
+    Accumulate,
+    Call,
+    Gather,
+    KeepRow,
+    Length,
+    Operation,
+    Publish,
+    Split,
+    Step,
+    Tick,
+)
 from .recording.recorder import Recorder
-from .recording.row_buffer import Half
+from .recording.row_buffer import Bank
 
 SOURCE = Path(__file__).with_name("loop.c")
 FLAGS = ("-std=c11", "-O3", "-ffp-contract=off", "-fPIC", "-shared")
@@ -100,7 +111,7 @@ class CompiledSteps:
         for place, kind in zip(loop.table, rows, strict=False):
             place.source, place.bytes = master.row[kind].ctypes.data, rows[kind].strides[0]
 
-    def _aim(self, half: Half) -> None:
+    def _aim(self, half: Bank) -> None:
         """Say where rows go."""
         loop = self._loop
         loop.taken, loop.times = half.taken.ctypes.data, half.times.ctypes.data
@@ -270,9 +281,9 @@ def _rows(operation: Operation) -> Iterator[_Row]:
             yield _gather(operation)
         case Call():
             yield from _calls(operation)
-        case Show(live, fresh):
+        case Publish(live, fresh):
             yield "COPY", fresh.nbytes, (live, fresh), ()
-        case Join(whole, i):
+        case Accumulate(whole, i):
             if i == 0:
                 yield from (("CLEAR", len(x), (x,), ()) for x in (whole.mean, whole.slope))
             source, n = whole.source, len(whole.mean)
@@ -283,11 +294,11 @@ def _rows(operation: Operation) -> Iterator[_Row]:
                 every, slopes = np.arange(n), whole.target.slopes[kept]
                 yield "TAKE_8", n, (whole.into, whole.target.means, whole.mean, every), ()
                 yield "TAKE_8", len(kept), (whole.into, slopes, whole.slope, kept), ()
-        case Cut(part, i):
+        case Split(part, i):
             source, target = part.source, part.target
             places = (source.means, source.slopes, target.means, target.slopes)
             yield "CUT", len(source.means), (part.live, *places), part.weights[i]
-        case Keep(source, index, rows, taken):
+        case KeepRow(source, index, rows, taken):
             yield "KEEP", len(index), (rows, taken, source, index), ()
         case _:
             raise NotCompiledError(f"{type(operation).__name__} is not compiled")

@@ -40,15 +40,15 @@ def now() -> tuple[int, float]:
     return word[0], time[0]
 
 
-def named(order: Sequence[str]) -> tuple[str, str]:
+def place_of(order: Sequence[str]) -> tuple[str, str]:
     """The component and the call that the process is, or was last, in; empty for none."""
     place, verb = divmod(word[0], PLACE)
     if not verb:
         return "", ""
-    return order[place], told(verb)
+    return order[place], describe(verb)
 
 
-def told(verb: int) -> str:
+def describe(verb: int) -> str:
     """A call in words."""
     if verb in (PUSH, STEP, PULL, SAVE):
         return f"{VERBS[verb]}{' from' if verb == STEP else ' at'} t = {time[0]:g} s"

@@ -22,7 +22,7 @@ AGAIN = 0.3
 """A signal so soon after the first (s) is the same one: a terminal and a parent both send it."""
 
 
-class Steps(Protocol):
+class Stepper(Protocol):
     """Steps of an initialised master, and why they are not compiled."""
 
     @property
@@ -68,7 +68,7 @@ class PythonSteps:
 
 def stepping(
     master: Master, recorder: Recorder | None, ending: Ending = NEVER, loop: Loop = "compiled"
-) -> Steps:
+) -> Stepper:
     """The steps of an initialised master by the loop that is wanted, where it can be had."""
     if loop == "python":
         return PythonSteps(master, recorder, "it was asked for")
@@ -79,7 +79,7 @@ def stepping(
 
 
 def run(
-    master: Master, steps: Steps, until: int, recorder: Recorder, ending: Ending = NEVER,
+    master: Master, steps: Stepper, until: int, recorder: Recorder, ending: Ending = NEVER,
     interrupted: Callable[[], int] = lambda: 0, report: Callable[[int], None] = lambda k: None,
     checkpoints: Checkpoints | None = None, beside: Beside | None = None,
 ) -> str:  # fmt: skip

@@ -59,8 +59,8 @@ from .instances.base import (
 from .instances.block import BlockInstance
 from .instances.fmu import FmuInstance
 from .instances.isolated import IsolatedInstance
-from .node import Kept, Member, Outputs, Slot
-from .operations import Show
+from .node import Kept, Node, Outputs, Slot
+from .operations import Publish
 from .plan import Plan
 
 Rows = Callable[[int, dict[Kind, Array]], None]
@@ -101,7 +101,7 @@ class Master:
         self.ahead = int(not self._conserving)
         """Of the row of a step, before its number."""
         self.start, self.step_size, self.k = system.start, system.step, 0
-        self.members: dict[str, Member] = {}
+        self.members: dict[str, Node] = {}
         self.unfreed: list[EndedError] = []
         """Of components that ended their process when they were freed."""
         self.spared = False
@@ -199,7 +199,7 @@ class Master:
 
     def _member(
         self, component: Component, instance: Instance, watched: Callable[[str, Signal], bool]
-    ) -> Member:
+    ) -> Node:
         """A component with the outputs that are read of it, not yet placed."""
         name = component.name
         read = {c.output for c in self.system.connections if c.source == name}
@@ -218,7 +218,7 @@ class Master:
             and every == 1
             and all(slot.interval for of_kind in slots.values() for slot in of_kind)
         )
-        return Member(component, instance, slots, every, name in self._rates.late, direct)
+        return Node(component, instance, slots, every, name in self._rates.late, direct)
 
     def _wire(self) -> None:
         """Connect the inputs of all members, and prepare the calls of their instances."""
@@ -243,7 +243,7 @@ class Master:
                 clocks[member.every],
             )
 
-    def parameters(self, member: Member) -> Mapping[str, Any]:
+    def parameters(self, member: Node) -> Mapping[str, Any]:
         """A component's parameters; a sample at every step is one at every whole step."""
         given = member.component.parameters
         inner = len(self._rates.parts) > 1 and member.every == 1
@@ -251,15 +251,15 @@ class Master:
             return given
         return {**given, "sample_time": member.component.values["sample_time"] or self.step_size}
 
-    def home(self, member: Member, kind: Kind) -> Array:
+    def home(self, member: Node, kind: Kind) -> Array:
         """Where a member pulls its outputs of a type into."""
         return self._outputs.home(member, kind)
 
-    def shown(self, member: Member) -> list[Show]:
+    def shown(self, member: Node) -> list[Publish]:
         """What shows all that a member has pulled."""
         return self._outputs.fresh_of(member, "all")
 
-    def length(self, member: Member) -> float:
+    def length(self, member: Node) -> float:
         """The length of a step of a member (s), all inner ones alike."""
         return self.step_size * self._rates.edge(member.every)
 
@@ -283,7 +283,7 @@ class Master:
         self.check_finite()
         word[0] = 0
 
-    def _within(self, member: Member, verb: int, call: Callable[[], None]) -> Callable[[], None]:
+    def _within(self, member: Node, verb: int, call: Callable[[], None]) -> Callable[[], None]:
         """A call of a component that is about to be made."""
         word[0] = member.instance.place + verb
         return call
@@ -315,13 +315,13 @@ class Master:
             f"{self.system.where}: initialisation does not settle: {names} keep changing"
         )
 
-    def _pull(self, member: Member) -> None:
+    def _pull(self, member: Node) -> None:
         """Read a component's outputs and show them at once."""
         self._judged(member, PULL, member.instance.pull)
         for show in self.shown(member):
             show()
 
-    def _judged(self, member: Member, verb: int, call: Callable[[], int]) -> None:
+    def _judged(self, member: Node, verb: int, call: Callable[[], int]) -> None:
         """Make a call of a component. Raises ComponentError for its status."""
         word[0] = member.instance.place + verb
         if (status := call()) > 1:
@@ -385,7 +385,7 @@ class Master:
                 )
 
 
-class Spare:
+class MasterPool:
     """Keeps the master of a run that went well, for the next of many runs that differ in values of
     parameters alone: making one takes a third of a short run."""
 

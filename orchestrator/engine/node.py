@@ -15,7 +15,7 @@ import numpy as np
 from ..system.interface import KINDS, Kind, Signal
 from ..system.model import Component, Connection
 from .instances.base import DTYPE, Array, Instance
-from .operations import Gather, Keep, Places, Show
+from .operations import Gather, KeepRow, Places, Publish
 
 
 @dataclass
@@ -30,7 +30,7 @@ class Slot:
 
 
 @dataclass
-class Member:
+class Node:
     """A component of a running system."""
 
     component: Component
@@ -117,7 +117,7 @@ class Outputs:
     rate.
     """
 
-    def __init__(self, members: Iterable[Member]) -> None:
+    def __init__(self, members: Iterable[Node]) -> None:
         self.slots: list[Slot] = []
         self.live: dict[Kind, Array] = {}
         self.fresh: dict[Kind, Array] = {}
@@ -143,22 +143,22 @@ class Outputs:
             count += 2 * size
         self.live["Real"] = np.zeros(count)
 
-    def home(self, member: Member, kind: Kind) -> Array:
+    def home(self, member: Node, kind: Kind) -> Array:
         """The piece of an array that a member pulls its outputs of a type into."""
         return (self.live if member.direct else self.fresh)[kind][member.place(kind)]
 
-    def all_fresh(self) -> list[Show]:
+    def all_fresh(self) -> list[Publish]:
         """All that is pulled into `fresh`, a piece a type."""
         return self._copies((kind, slice(0, self._fresh_until[kind])) for kind in KINDS)
 
-    def fresh_of(self, member: Member, which: Literal["all", "interval", "state"]) -> list[Show]:
+    def fresh_of(self, member: Node, which: Literal["all", "interval", "state"]) -> list[Publish]:
         """What a member pulls into `fresh`: all, or its outputs of one class."""
         if member.direct:
             return []
         return self._copies((kind, member.place(kind, which)) for kind in KINDS)
 
-    def _copies(self, pieces: Iterable[tuple[Kind, slice]]) -> list[Show]:
-        return [Show(self.live[k][p], self.fresh[k][p]) for k, p in pieces if p.stop > p.start]
+    def _copies(self, pieces: Iterable[tuple[Kind, slice]]) -> list[Publish]:
+        return [Publish(self.live[k][p], self.fresh[k][p]) for k, p in pieces if p.stop > p.start]
 
 
 def _gather(
@@ -199,7 +199,7 @@ class Kept:
         self._taken = np.zeros(2, np.int64)
 
     def wire(
-        self, members: Mapping[str, Member], slots: Mapping[tuple[str, str], Slot], live: Array,
+        self, members: Mapping[str, Node], slots: Mapping[tuple[str, str], Slot], live: Array,
         inner: int,
     ) -> None:  # fmt: skip
         """Say where values come from. `inner`: the parts of a step of the master."""
@@ -213,15 +213,15 @@ class Kept:
         """(room, outputs)"""
         self.given = np.zeros((room, len(given)))
         """(room, inputs)"""
-        self._start = Keep(live, index, self.starts, self._taken[:1])
-        self._given = Keep(given, np.arange(len(given)), self.given, self._taken[1:])
+        self._start = KeepRow(live, index, self.starts, self._taken[:1])
+        self._given = KeepRow(given, np.arange(len(given)), self.given, self._taken[1:])
         self._steps = member.steps_at
 
-    def at_start(self, part: int) -> list[Keep]:
+    def at_start(self, part: int) -> list[KeepRow]:
         """What is kept at the start of a part."""
         return [self._start] if part % self.every == 0 else []
 
-    def when_given(self, part: int) -> list[Keep]:
+    def when_given(self, part: int) -> list[KeepRow]:
         """What is kept when all have moved in a part."""
         return [self._given] if self._steps(part) else []
 

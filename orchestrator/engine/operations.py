@@ -123,7 +123,7 @@ class Call:
 
 
 @dataclass(frozen=True, slots=True)
-class Show:
+class Publish:
     """Values that are seen from here on."""
 
     live: Array
@@ -134,7 +134,7 @@ class Show:
 
 
 @dataclass(frozen=True, slots=True)
-class Join:
+class Accumulate:
     """Part i joined to the window that it belongs to."""
 
     whole: Whole
@@ -145,7 +145,7 @@ class Join:
 
 
 @dataclass(frozen=True, slots=True)
-class Cut:
+class Split:
     """Part i cut from its window."""
 
     part: Part
@@ -156,7 +156,7 @@ class Cut:
 
 
 @dataclass(frozen=True, slots=True)
-class Keep:
+class KeepRow:
     """A further row of values, which are those at `index` of `source`."""
 
     source: Array

@@ -9,8 +9,20 @@ import numpy as np
 
 from ..system.schedule import Rates
 from .instances.base import Array, Clock
-from .node import Kept, Member, Outputs, Slot, Window, means
-from .operations import Call, Cut, Gather, Join, Length, Operation, Part, Show, Step, Tick, Whole
+from .node import Kept, Node, Outputs, Slot, Window, means
+from .operations import (
+    Accumulate,
+    Call,
+    Gather,
+    Length,
+    Operation,
+    Part,
+    Publish,
+    Split,
+    Step,
+    Tick,
+    Whole,
+)
 
 
 class Plan:
@@ -21,7 +33,7 @@ class Plan:
     """
 
     def __init__(
-        self, members: dict[str, Member], outputs: Outputs, rates: Rates, conserving: bool
+        self, members: dict[str, Node], outputs: Outputs, rates: Rates, conserving: bool
     ) -> None:
         self._members, self._outputs, self._rates = members, outputs, rates
         self._conserving = conserving
@@ -67,7 +79,7 @@ class Plan:
             for m in self._members.values() for w in m.windows
             if self._members[w.source].every < m.every
         }  # fmt: skip
-        self.row = Row(self._outputs, self._members.values(), self._rates)
+        self.row = RowOperation(self._outputs, self._members.values(), self._rates)
         return [self._one(step * inner, inner) for step in range(self._rates.cycle)]
 
     def memory(self) -> dict[str, Array]:
@@ -112,11 +124,11 @@ class Plan:
                 moves += self._move(member, part, tick)
         return moves
 
-    def _sample(self, member: Member) -> list[Gather]:
+    def _sample(self, member: Node) -> list[Gather]:
         """The start of a late member's window: it takes those inputs that belong there."""
         return member.gathers(self._outputs.live, lambda slot: not self._at_end(member, slot))
 
-    def _at_end(self, member: Member, slot: Slot) -> bool:
+    def _at_end(self, member: Node, slot: Slot) -> bool:
         """Whether a late member takes an input at the end of its window: what is over the window
         is known there only."""
         source = self._members[slot.component]
@@ -125,7 +137,7 @@ class Plan:
             or (source.every == member.every)
         )
 
-    def _move(self, member: Member, part: int, tick: Tick) -> list[Operation]:
+    def _move(self, member: Node, part: int, tick: Tick) -> list[Operation]:
         """A member's step: its calls in their order, then what it shows at once and what it hands
         on to members of another rate."""
         instance, live = member.instance, self._outputs.live
@@ -144,7 +156,7 @@ class Plan:
             *self._joins(member, part),
         ]  # fmt: skip
 
-    def _cuts(self, member: Member, part: int) -> list[Cut]:
+    def _cuts(self, member: Node, part: int) -> list[Split]:
         """Cutting what a member takes from slower ones, for the window that ends with this step."""
         cuts = []
         for window in member.windows:
@@ -152,17 +164,17 @@ class Plan:
             if slow > member.every:
                 parts = self._rates.window(member.every, slow)
                 cut = Part(self._live, window.places, window.target, parts)
-                cuts.append(Cut(cut, part % slow // member.every))
+                cuts.append(Split(cut, part % slow // member.every))
         return cuts
 
-    def _joins(self, member: Member, part: int) -> list[Join]:
+    def _joins(self, member: Node, part: int) -> list[Accumulate]:
         """Joining what a member gives to slower ones."""
         return [
-            Join(whole, part % self._members[target].every // member.every)
+            Accumulate(whole, part % self._members[target].every // member.every)
             for (target, source), whole in self._whole.items() if source == member.name
         ]  # fmt: skip
 
-    def _ends(self, part: int) -> list[Show]:
+    def _ends(self, part: int) -> list[Publish]:
         """What is shown at the end of a part, by the members that have come to the end of their
         windows."""
         done = [m for m in self._members.values() if (part + 1) % m.every == 0]
@@ -172,11 +184,11 @@ class Plan:
         return [show for member in done for show in self._outputs.fresh_of(member, which)]
 
 
-class Row:
+class RowOperation:
     """A row of results. Of a step with inner steps: states of t_k, means over the whole step, and
     of another interval value the last; otherwise the outputs as they are."""
 
-    def __init__(self, outputs: Outputs, members: Iterable[Member], rates: Rates) -> None:
+    def __init__(self, outputs: Outputs, members: Iterable[Node], rates: Rates) -> None:
         self.values = self._live = outputs.live
         self._last = len(rates.parts) - 1
         if not self._last:
@@ -196,10 +208,10 @@ class Row:
         """Takes the states of t_k."""
         if not self._last:
             return []
-        return [Show(self.values[kind], values) for kind, values in self._live.items()]
+        return [Publish(self.values[kind], values) for kind, values in self._live.items()]
 
     def add(self, i: int) -> list[Operation]:
         """Takes part i, when all have moved; the last one completes the row."""
         if not self._last:
             return []
-        return [*(self._intervals if i == self._last else []), Join(self._whole, i)]
+        return [*(self._intervals if i == self._last else []), Accumulate(self._whole, i)]

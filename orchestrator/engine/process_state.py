@@ -27,7 +27,7 @@ _FULL = {
 
 
 @contextmanager
-def kept(
+def keep_state(
     who: str = "a component", whose: str = "the process"
 ) -> Iterator[Callable[..., list[str]]]:  # fmt: skip
     """Within: a function that puts the process back as it was at the beginning, and gives a line

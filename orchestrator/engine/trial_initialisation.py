@@ -70,7 +70,7 @@ def _in_a_process(system: System, schedule: Schedule) -> list[str]:
     ours, theirs = context.Pipe(duplex=False)
     log = library.scratch("trial") / "log"
     given = (theirs, log, system, schedule)
-    process = context.Process(target=_tried, args=given, daemon=True)  # type: ignore[attr-defined]
+    process = context.Process(target=_try, args=given, daemon=True)  # type: ignore[attr-defined]
     with warnings.catch_warnings():  # the child uses nothing that another thread may hold
         warnings.simplefilter("ignore", DeprecationWarning)
         process.start()
@@ -95,7 +95,7 @@ def _in_a_process(system: System, schedule: Schedule) -> list[str]:
         process.join()
 
 
-def _tried(pipe: Connection, log: Path, system: System, schedule: Schedule) -> None:
+def _try(pipe: Connection, log: Path, system: System, schedule: Schedule) -> None:
     """The process: what it says, and what FMUs print, goes to a file."""
     faulthandler.disable()
     with log.open("wb") as file:

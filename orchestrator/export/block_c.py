@@ -38,14 +38,14 @@ def export(
 
 def _native(block: str) -> Path:
     if block.endswith(".py"):
-        made = own.built(Path(block))
+        made = own.build(Path(block))
         if made.native is None:
             raise DesatError(f"{block}: there is no C of it: {made.why}")
         return made.native
     known = {path.stem: path for path in (paths.fmus() / "native").glob("*.fmu")}
     if block in known:
         return known[block]
-    if library.built(f"{block}.fmu") is not None:
+    if library.our_file(f"{block}.fmu") is not None:
         raise DesatError(f"{block}: there is no C of it, it runs as Python")
     raise DesatError(f"{block}: no such block{nearest(block, known)}")
 

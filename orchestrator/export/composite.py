@@ -19,8 +19,8 @@ from desat.fmus.translate.value import c_text, number
 
 from ..engine.instances.base import Array
 from ..engine.master import Master
-from ..engine.node import Member, Slot
-from ..engine.operations import Call, Cut, Gather, Join, Length, Operation, Show, Tick
+from ..engine.node import Node, Slot
+from ..engine.operations import Accumulate, Call, Gather, Length, Operation, Publish, Split, Tick
 from ..system.interface import KINDS, Kind, Signal
 
 _TYPE: dict[Kind, str] = {"Real": "double", "Integer": "int32_t", "Boolean": "int32_t"}
@@ -85,7 +85,10 @@ class Composite:
                     fields.append(add(inputs, f"{self._names[name]}_{letter}", _TYPE[kind]))
         kept = [x for k, x in master.memory().items() if k.startswith("clock ")]
         joins = [
-            o.whole for s in master.cycle for o in (*s.before, *s.after) if isinstance(o, Join)
+            o.whole
+            for s in master.cycle
+            for o in (*s.before, *s.after)
+            if isinstance(o, Accumulate)
         ]
         kept += [x for whole in joins for x in (whole.mean, whole.slope)]
         fields += [add(array, f"kept_{i}", "double") for i, array in enumerate(kept)]
@@ -123,14 +126,14 @@ class Composite:
                 yield from self._gathered(operation)
             case Call():
                 yield from self._called(operation)
-            case Show(live, fresh) if not fresh.size:
+            case Publish(live, fresh) if not fresh.size:
                 pass
-            case Show(live, fresh):
+            case Publish(live, fresh):
                 yield (f"memcpy(&{self._element(live)}, &{self._element(fresh)}, {len(fresh)} * "
                        f"sizeof {self._element(live)});")  # fmt: skip
-            case Join(whole, i):
+            case Accumulate(whole, i):
                 yield from self._joined(whole, i)
-            case Cut(part, i):
+            case Split(part, i):
                 yield from self._cut(part, i)
             case _:
                 raise AssertionError(f"{type(operation).__name__} is not of a loop")
@@ -152,7 +155,7 @@ class Composite:
         elif call.verb == "pull":
             yield from self._given(member)
 
-    def _push(self, member: Member) -> Iterator[str]:
+    def _push(self, member: Node) -> Iterator[str]:
         """A part's inputs set: those that are wired, and those that the loop has."""
         signals, inputs = member.component.interface.signals, member.instance.inputs
         for kind, feeds in member.incoming.items():
@@ -171,13 +174,13 @@ class Composite:
                             target = self._variable(component, signal.kind, signal.reference)
                             yield f"{target} = self->v{n}[{i}];"
 
-    def _step(self, member: Member) -> Iterator[str]:
+    def _step(self, member: Node) -> Iterator[str]:
         yield from self._opened("input", member.name)
         kept = self._master.memory()
         t, dt = (self._element(kept[f"clock {member.every} {what}"]) for what in ("t", "dt"))
         yield f"desat_stepped(c, {self._parts[member.name]}, {t}, {dt});"
 
-    def _pull(self, member: Member) -> Iterator[str]:
+    def _pull(self, member: Node) -> Iterator[str]:
         for kind in KINDS:
             home = self._master.home(member, kind)
             for i, slot in enumerate(member.slots[kind]):
@@ -185,7 +188,7 @@ class Composite:
                 cast = "(int32_t)" if kind == "Integer" else ""
                 yield f"{self._element(home, i)} = {cast}{value};"
 
-    def _given(self, member: Member) -> Iterator[str]:
+    def _given(self, member: Node) -> Iterator[str]:
         """What the loop is given in the place of a component's outputs."""
         at = {
             (component, signal.name): f"self->v{n}[{i}]"
@@ -259,7 +262,7 @@ class Composite:
                 yield f"    desat_begun(c, {self._parts[name]});"
             yield from self._pulled(member)
 
-    def _pulled(self, member: Member) -> Iterator[str]:
+    def _pulled(self, member: Node) -> Iterator[str]:
         """A component's outputs read and shown at once."""
         taken = self._pull(member) if member.name in self._parts else self._given(member)
         if name := self._function(taken, f"pull_{member.name}"):
@@ -311,7 +314,7 @@ class Composite:
               for n, v in enumerate(self._variables)),
             *(f"    {field}" for field in self._fields), "};", "",
             "static const desat_block desat_at_start = {", "    .fault = false,",
-            *(f"    .v{n} = {{{', '.join(_shown(x) for x in v.starts)}}},"
+            *(f"    .v{n} = {{{', '.join(_text(x) for x in v.starts)}}},"
               for n, v in enumerate(self._variables) if v.causality != "output"), "};", "",
             "static const block_variable desat_variables[] = {",
             '    {"fault", offsetof(desat_block, fault), \'B\', \'o\', NAN, NAN, ""},',
@@ -437,7 +440,7 @@ def depends(
     return found
 
 
-def _shown(x: Scalar) -> str:
+def _text(x: Scalar) -> str:
     return str(x).lower() if isinstance(x, bool) else number(x) if isinstance(x, float) else str(x)
 
 

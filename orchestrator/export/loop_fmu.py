@@ -18,7 +18,7 @@ from desat.fmus.description import DATE, documentation, model_description
 
 from ..engine.master import Master
 from ..files import io
-from ..language.content import said
+from ..language.content import content_of
 from ..runs import inner_choice
 from ..runs.prepare import prepare
 from ..system.errors import DesatError, nearest
@@ -30,7 +30,7 @@ from .composite import Composite, Scalars, depends
 
 
 @dataclass(frozen=True)
-class Wanted:
+class LoopEnds:
     """What of a loop is seen from outside: `component.variable`, `*` and `?` as in file names."""
 
     outputs: Sequence[str] = ()
@@ -44,7 +44,7 @@ class Wanted:
 
 
 def export(
-    target: str, options: Options, wanted: Wanted, file: Path | None, platforms: str = "",
+    target: str, options: Options, wanted: LoopEnds, file: Path | None, platforms: str = "",
     third: bool = False,
 ) -> Path:  # fmt: skip
     """Write a scenario's loop as one FMU (default: NAME.fmu in this folder), for these platforms
@@ -65,9 +65,9 @@ def export(
             raise DesatError(f"--without {name}: {system.name} has no such component"
                              f"{nearest(name, system.components)}")  # fmt: skip
     units = {name: _unit(c) for name, c in system.components.items() if name not in wanted.without}
-    choice = inner_choice.chosen(target, system, options)
+    choice = inner_choice.choose(target, system, options)
     system = system if choice is None else replace(system, inner=choice.inner)
-    outputs = _chosen(system, wanted)
+    outputs = _outputs_of(system, wanted)
     watched = {(c, s.name) for c, s in outputs}
     with Master(
         system, schedule(system), watched=lambda name, signal: (name, signal.name) in watched
@@ -75,16 +75,16 @@ def export(
         master.initialise()
         variables = list(_variables(master, system, wanted, outputs))
         identifier = re.sub(r"\W", "_", system.name, flags=re.ASCII)
-        title = said(system.about).title or system.name
+        title = content_of(system.about).title or system.name
         made = Composite(master, {n: model for n, (model, _) in units.items()}, variables)
         text = made.text(identifier, title)
         on = depends(master, wanted.without, variables)
     files = {f"{model}.c": text for model, text in units.values()} | {f"{identifier}.c": text}
-    return _packed(identifier, system, wanted, files, variables, on, file, targets, third)
+    return _archive(identifier, system, wanted, files, variables, on, file, targets, third)
 
 
-def _packed(
-    identifier: str, system: System, wanted: Wanted, own: dict[str, str],
+def _archive(
+    identifier: str, system: System, wanted: LoopEnds, own: dict[str, str],
     variables: Sequence[Scalars], on: dict[str, set[str]], file: Path | None,
     targets: Sequence[native.Target], third: bool,
 ) -> Path:  # fmt: skip
@@ -129,10 +129,10 @@ def _unit(component: Component) -> tuple[str, str]:
 
 
 def _block(
-    system: System, wanted: Wanted, variables: Sequence[Scalars], on: dict[str, set[str]]
+    system: System, wanted: LoopEnds, variables: Sequence[Scalars], on: dict[str, set[str]]
 ) -> type[Block]:  # fmt: skip
     """What the loop declares, as a block does."""
-    content = said(system.about)
+    content = content_of(system.about)
     left = f" without {', '.join(wanted.without)}" if wanted.without else ""
     inner = f", {system.parts} inner steps" if system.parts > 1 else ""
     doc = (
@@ -171,11 +171,13 @@ def _declared(v: Scalars, inputs: tuple[str, ...], on: dict[str, set[str]]) -> V
 # --- which variables ----------------------------------------------------------------------------
 
 
-def _chosen(system: System, wanted: Wanted) -> list[tuple[str, Signal]]:
+def _outputs_of(system: System, wanted: LoopEnds) -> list[tuple[str, Signal]]:
     """The outputs that are asked for, or those of the scenario's plots."""
     names = list(wanted.outputs)
     if not names:
-        plotted = dict.fromkeys(s for p in said(system.about).plots.values() for s in p.signals)
+        plotted = dict.fromkeys(
+            s for p in content_of(system.about).plots.values() for s in p.signals
+        )
         names = [n for n in plotted if n.partition(".")[0] in system.components]
         names = [n for n in names if n.partition(".")[0] not in wanted.without]
     return _matching(system, names, "output", "--outputs", wanted.without)
@@ -202,7 +204,7 @@ def _matching(
 
 
 def _variables(
-    master: Master, system: System, wanted: Wanted, outputs: list[tuple[str, Signal]]
+    master: Master, system: System, wanted: LoopEnds, outputs: list[tuple[str, Signal]]
 ) -> Iterator[Scalars]:  # fmt: skip
     """The variables of the loop, parameters last as in a block."""
     fed = {(c.target, c.input) for c in system.connections}

@@ -41,7 +41,7 @@ def pack_scenario(
 
     Raises DesatError with every problem of the scenario.
     """
-    folder = paths.packed() / "native" if fmus == "native" else paths.packed()
+    folder = paths.packed_folder() / "native" if fmus == "native" else paths.packed_folder()
     path = target or folder / f"{scenario.name}.ssp"
     inputs = [
         *(ROOT / scenario.family).rglob("*.toml"), *(ROOT / scenario.family).rglob("*.ssd"),

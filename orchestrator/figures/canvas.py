@@ -366,7 +366,7 @@ class Figure:
             f'fill="none" stroke-linejoin="round">'
             f'<rect width="{width}" height="{height}" fill="#fff"/>'
         ]
-        parts += [_written(shape) for shape in self.shapes()]
+        parts += [_markup(shape) for shape in self.shapes()]
         return "\n".join([*filter(None, parts), "</svg>"])
 
 
@@ -477,7 +477,7 @@ def _sample(mark: Mark | Strip, left: float, y: float) -> Iterator[Drawn]:
 # --- SVG --------------------------------------------------------------------------------------
 
 
-def _written(shape: Drawn) -> str:
+def _markup(shape: Drawn) -> str:
     if isinstance(shape, Words):
         return _text(shape)
     return _path_of(shape) if isinstance(shape, Shape) else _dots_of(shape)
@@ -616,7 +616,7 @@ def logarithmic(low: float, high: float, most: int) -> Ticks:
     return Ticks(tuple(v for v, _ in kept), tuple(t for _, t in kept))
 
 
-def given(values: Sequence[float], labels: Sequence[str]) -> Ticks:
+def ticks_at(values: Sequence[float], labels: Sequence[str]) -> Ticks:
     """Ticks where somebody wants them."""
     return Ticks(tuple(values), tuple(labels))
 

@@ -23,7 +23,7 @@ FEWEST, MOST = 400, 20_000
 """Values of a line."""
 
 
-def told(figures: Sequence[Figure]) -> dict[str, Any]:
+def data_of(figures: Sequence[Figure]) -> dict[str, Any]:
     """`times`: grids of times (s), base64 of little-endian doubles; `plots`: a figure each, None
     for one that the script cannot draw, of which the SVG stays; `most`: values of a line."""
     lines = [[m for m in f.axes[0].marks if _is_line(m)] if _drawable(f) else [] for f in figures]
@@ -71,7 +71,7 @@ def _plot(ax: Axes, lines: Sequence[Mark], room: int, grids: dict[bytes, int]) -
              "width": m.width or 1.4, "dash": list(m.dash),
              "stepped": m.stepped and len(x) == len(m.x),
              "gaps": bool(np.isnan(m.y.min(initial=0.0))),
-             **_packed(values)}
+             **_encode(values)}
             for m, values in zip(lines, columns, strict=True)
         ],
         "across": [
@@ -124,7 +124,7 @@ def _ends(y: Array, starts: NDArray[np.intp]) -> Array:
     return ends.ravel()
 
 
-def _packed(values: Array) -> dict[str, Any]:
+def _encode(values: Array) -> dict[str, Any]:
     """Values as base64 of little-endian floats, less an offset where they hardly differ."""
     known = values[np.isfinite(values)]
     low, high = (float(known.min()), float(known.max())) if len(known) else (0.0, 0.0)

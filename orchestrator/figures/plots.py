@@ -170,12 +170,12 @@ def lines_of(plot: Plot, results: Results, unit: str) -> list[Line]:
     """The lines of a scenario's plot in a run; none for a series that is not recorded."""
     known = set(results.names())
     if plot.derive:
-        return _derived(plot, results, unit) if known.issuperset(plot.signals) else []
+        return _derived_lines(plot, results, unit) if known.issuperset(plot.signals) else []
     shown = (s for s in plot.signals if s in known)
     return [line for signal in shown for line in _lines(plot, results, signal, unit)]
 
 
-def _derived(plot: Plot, results: Results, unit: str) -> list[Line]:
+def _derived_lines(plot: Plot, results: Results, unit: str) -> list[Line]:
     """The lines that a plot derives from its signals."""
     entry = derived.of_entry(plot)
     assert entry is not None

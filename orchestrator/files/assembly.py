@@ -74,9 +74,9 @@ def _wired(
     if content.ssd:
         if content.craft:
             raise DesatError(f"{where}: craft and ssd: only one of them can say what is wired")
-        return ssp.read(_named(folder, content.ssd, "ssd", given))
+        return ssp.read(_named_file(folder, content.ssd, "ssd", given))
     if content.craft:
-        return craft.read(_named(folder, content.craft, "craft", given))
+        return craft.read(_named_file(folder, content.craft, "craft", given))
     for name, read in ((craft.FILE, craft.read), (ssp.FILE, ssp.read)):
         if (folder / name).exists():
             return read(folder / name)
@@ -84,7 +84,7 @@ def _wired(
                      f"{craft.FILE} or {ssp.FILE} in {paths.shown(folder)}")  # fmt: skip
 
 
-def _named(
+def _named_file(
     folder: Path, name: str, key: str, given: Callable[[Keys], tuple[str, str]]
 ) -> Path:  # fmt: skip
     """The file that a scenario names. Raises DesatError where it is not there."""
@@ -141,7 +141,7 @@ def modify(
             component = draft.component(name, where)
             of_program = where == f"{name}.{variable}"
             try:
-                if fed := _fed(draft, name, variable):
+                if fed := _source_of(draft, name, variable):
                     raise DesatError(f"{where}: {name}.{variable}: {fed} feeds it: it never has "
                                      "this value")  # fmt: skip
                 component.assign(variable, value, name if of_program else f"{where}: {name}")
@@ -152,7 +152,7 @@ def modify(
             component.given[base_name(variable)] = where
 
 
-def _fed(draft: Draft, name: str, variable: str) -> str:
+def _source_of(draft: Draft, name: str, variable: str) -> str:
     """The output that feeds an input, or some of its elements; none for one that is open."""
     of = str if variable != base_name(variable) else base_name
     feeds = (c for c in draft.connections if c.target == name and of(c.input) == variable)
@@ -191,7 +191,7 @@ def _replace(draft: Draft, text: str, options: Options) -> None:
     if own.is_own(source):
         if options.blocks:
             raise DesatError(f"--source {text}: --blocks runs our blocks, not a file of your own")
-        made = own.built(file)
+        made = own.build(file)
         component.source = f"resources/{file.stem}.fmu"
         component.fmu = library.load(made.native or made.python)
         if made.why and options.fmus == "native":

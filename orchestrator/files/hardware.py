@@ -35,7 +35,7 @@ def quantity(option: str, text: str, unit: str) -> float:
 
 
 @cache
-def known(which: str) -> dict[str, dict[str, Figures]]:
+def known_figures(which: str) -> dict[str, dict[str, Figures]]:
     """Kind of hardware -> name -> its figures, as they are written; of classes or products."""
     text = files("desat").joinpath(f"templates/{FILES[which]}").read_text(encoding="utf-8")
     return tomllib.loads(text)
@@ -43,7 +43,7 @@ def known(which: str) -> dict[str, dict[str, Figures]]:
 
 def classes() -> dict[str, dict[str, Figures]]:
     """Kind of hardware -> class -> its figures."""
-    return known("class")
+    return known_figures("class")
 
 
 def figures(role: str, text: str) -> tuple[bool, Figures]:
@@ -54,7 +54,7 @@ def figures(role: str, text: str) -> tuple[bool, Figures]:
     which, _, name = text.partition(":")
     if which not in FILES or not name:
         raise DesatError('the form is "class:NAME" or "product:NAME"')
-    there = known(which).get(KINDS[role], {})
+    there = known_figures(which).get(KINDS[role], {})
     if name not in there:
         raise DesatError(f"no such {which}{nearest(name, there)}; there is {', '.join(there)}")
     return which == "class", there[name]

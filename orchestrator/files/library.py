@@ -109,7 +109,7 @@ def _root() -> Path:
             f"{usual}: FMUs cannot be extracted to a path with such characters; set TMPDIR to "
             "another folder"
         )
-    folder, lock = _held(Path(parent))
+    folder, lock = _hold(Path(parent))
     atexit.register(_remove, folder, lock, os.getpid())
     for other in folder.parent.glob(f"{_PREFIX}*"):
         if other != folder and _NAME.fullmatch(other.name):
@@ -117,7 +117,7 @@ def _root() -> Path:
     return folder
 
 
-def _held(parent: Path) -> tuple[Path, FileLock]:
+def _hold(parent: Path) -> tuple[Path, FileLock]:
     """A new folder and its lock, held. Another process that sweeps may come between the two, take
     the folder for one of a dead process, and remove it: then there is another."""
     while True:
@@ -224,11 +224,11 @@ def find(source: str, folder: Path) -> Fmu | None:
 
 def of_ours(source: str, kind: str = "native") -> Fmu | None:
     """As `built`."""
-    path = built(source, kind)
+    path = our_file(source, kind)
     return load(path) if path is not None else None
 
 
-def built(source: str, kind: str = "native") -> Path | None:
+def our_file(source: str, kind: str = "native") -> Path | None:
     """Our built FMU of a name (`resources/NAME.fmu`, `NAME.fmu`): the native one, where there is
     none, or for `kind` python, the one of Python; None where there is neither."""
     name = Path(source).name
@@ -277,22 +277,22 @@ def computes(name: str, fmu: Fmu | None) -> str:
     for entry in index().values():
         if entry["name"] == name and entry["kind"] == "python" and meaning.is_as(entry):
             return f"block {entry['computes']}"
-    return f"block {_computed(name)}"
+    return f"block {_hash_of(name)}"
 
 
 @cache
-def _computed(name: str) -> str:
+def _hash_of(name: str) -> str:
     return str(meaning.computed(name)["computes"])
 
 
 def index() -> dict[str, dict[str, Any]]:
     """What is said of our built FMUs, by the sha256 of their files; empty where there are none."""
-    if not paths.built():
+    if not paths.are_built():
         return {}
     file = paths.fmus() / "index.json"
     try:
         stat = file.stat()
-        return _read(file, stat.st_mtime_ns, stat.st_size)
+        return _load_index(file, stat.st_mtime_ns, stat.st_size)
     except OSError:
         return {}
 
@@ -309,7 +309,7 @@ def python_alone() -> list[str]:
 
 
 @lru_cache(maxsize=4)
-def _read(file: Path, *_: int) -> dict[str, dict[str, Any]]:
+def _load_index(file: Path, *_: int) -> dict[str, dict[str, Any]]:
     return {e["sha256"]: e for e in json.loads(file.read_text(encoding="utf-8"))}
 
 
@@ -378,7 +378,7 @@ def hashes(path: Path) -> frozenset[str]:
     return frozenset(known)
 
 
-def told_faults(system: System) -> Iterator[str]:
+def fault_warnings(system: System) -> Iterator[str]:
     """A line for each foreign FMU whose model description breaks the standard, with the first of
     its faults."""
     for c in system.components.values():
@@ -387,7 +387,7 @@ def told_faults(system: System) -> Iterator[str]:
             yield f"{c.name}: {c.fmu.path.name}: not as FMI wants it: {found[0][:300]}{more}"
 
 
-def told_unused(system: System) -> Iterator[str]:
+def unused_warnings(system: System) -> Iterator[str]:
     """A line for each FMU with variables of a type that is not handed on."""
     for c in system.components.values():
         if names := [s.name for s in c.interface.signals.values() if s.kind == "Binary"]:

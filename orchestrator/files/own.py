@@ -18,7 +18,7 @@ from desat.fmus.own import OwnBlockError, is_own
 from ..system.errors import DesatError
 from . import paths
 
-__all__ = ["Built", "built", "folder_of", "is_own"]
+__all__ = ["Built", "build", "folder_of", "is_own"]
 
 
 @dataclass(frozen=True)
@@ -44,7 +44,7 @@ def folder_of(fmu: Path) -> Path | None:
     return parent if parent.parent == folder() else None
 
 
-def built(file: Path, platforms: str = "") -> Built:
+def build(file: Path, platforms: str = "") -> Built:
     """The FMUs of a block file, built now where they are not yet; the native one for `platforms`
     (`fmus/native.py`, `targets_of`). Raises DesatError where the file holds no block, or it cannot
     be built."""

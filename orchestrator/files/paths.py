@@ -34,15 +34,15 @@ _TEMPORARY = "desat-cache-"
 def fmus() -> Path:
     """The folder with our FMUs. In an installation they are built now where they are not yet, by
     one process at a time; raises DesatError where that fails. In a checkout `make fmus` builds."""
-    return _built() if INSTALLED else PACKAGE.parent / "fmus" / "dist"
+    return _build() if INSTALLED else PACKAGE.parent / "fmus" / "dist"
 
 
-def built() -> bool:
+def are_built() -> bool:
     """Whether `fmus` is there without being built now."""
     return not INSTALLED or (_cache() / "fmus").is_dir()
 
 
-def packed() -> Path:
+def packed_folder() -> Path:
     """The folder where `desat pack` puts its .ssp files."""
     return _cache() / "ssp" if INSTALLED else SCENARIOS / "dist"
 
@@ -119,7 +119,7 @@ def _sources() -> Iterable[Path]:
 
 
 @memoised
-def _built() -> Path:
+def _build() -> Path:
     """The folder of the FMUs, which is there as a whole or not at all."""
     import shutil
     import subprocess

@@ -76,7 +76,7 @@ def _design(source: str, where: str) -> scenario.DesignFile:
         raise DesatError("\n".join(lines)) from wrong
 
 
-def travelled(path: Path, where: str) -> Content:
+def read_packed(path: Path, where: str) -> Content:
     """What of a scenario travelled in a file of an .ssp, which messages call `where`.
 
     Raises DesatError, a line a problem, for what is no JSON or not in the scenario language.

@@ -68,7 +68,7 @@ class Scenario:
             own = own.get(key, {}) if isinstance(own, dict) else {}
         if own == {} and path[0] == "parameters" and self.design is not None:
             return paths.shown(self.design), ".".join(path)
-        return _given(self.origins, path, paths.shown(self.file))
+        return _place_of(self.origins, path, paths.shown(self.file))
 
     @property
     def family(self) -> str:
@@ -397,13 +397,13 @@ def _content(
         if wrong := list(paper_problems(content, axes)):
             raise WrongError(wrong)
     except WrongError as error:
-        given = ((*_given(origins, path, where), text) for path, text in error.problems)
+        given = ((*_place_of(origins, path, where), text) for path, text in error.problems)
         lines = [f"{at(file, key)}: {key}: {text}" for file, key, text in given]
         raise DesatError("\n".join(lines)) from error
     return content
 
 
-def _given(origins: Origins, path: tuple[str, ...], where: str) -> tuple[str, str]:
+def _place_of(origins: Origins, path: tuple[str, ...], where: str) -> tuple[str, str]:
     """File, or `where` nothing was given, and key that give a value."""
     file, cell = origin(origins, path)
     return file or where, f"{cell}{'.'.join(path)}"

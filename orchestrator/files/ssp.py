@@ -63,9 +63,9 @@ def read(path: Path, outside: bool = False) -> Draft:
     draft = reader.system()
     file = inside(folder, ABOUT)
     if file.exists():
-        from .reader import travelled  # pydantic, only where there is something to check
+        from .reader import read_packed  # pydantic, only where there is something to check
 
-        draft.about = content = travelled(file, f"{where}{ABOUT}")
+        draft.about = content = read_packed(file, f"{where}{ABOUT}")
         draft.output_classes.update(content.output_classes)
         draft.inner = content.inner or 1  # what says none was packed before it was said
         draft.accuracy = content.accuracy or draft.accuracy

@@ -14,7 +14,7 @@ from ..system.errors import DesatError
 from ..system.interface import base_name
 from .kinds import Bounds, Maybe, Text
 from .paper import OfNumber, PaperRow, by_number
-from .scenario import Dispersion, Scenario
+from .scenario import Dispersion, ScenarioTable
 
 KEYS = ("title", "story", "source", "twin", "numbers", "plots", "output_classes", "labels",
         "dispersions", "requirements", "inner", "accuracy", "stop_when", "residual_bound",
@@ -39,7 +39,7 @@ class Entry(PaperRow):
         return self.number or self.quantity
 
 
-class Content(Scenario):
+class Content(ScenarioTable):
     """What a scenario says, and what its file adds: its name, and the value of each axis."""
 
     name: str = ""
@@ -84,7 +84,7 @@ NOTHING = Content.model_construct().travelled({})
 """What a foreign system says."""
 
 
-def said(about: object) -> Content:
+def content_of(about: object) -> Content:
     """What a system (its `about`) or a manifest (the same as JSON) says of its scenario. Raises
     DesatError for JSON that is not in the language of today."""
     if isinstance(about, Content):
@@ -141,21 +141,21 @@ def of_cell(rows: Mapping[str, Any], cell: Mapping[str, str]) -> dict[str, Any]:
 # --- What of a system is drawn, and how: its [dispersions] by component and variable ------------
 
 
-def dispersed(system: Draft) -> dict[str, Dispersion]:
+def dispersions_of(system: Draft) -> dict[str, Dispersion]:
     """`component.variable` -> how it is drawn."""
     spread: dict[str, Dispersion] = {}
-    for key, spec in said(system.about).dispersions.items():
+    for key, spec in content_of(system.about).dispersions.items():
         owner, _, variable = key.partition(".")
         owners = [c.name for c in system.having(variable)] if owner == "*" else [owner]
         spread |= {f"{name}.{variable}": spec for name in owners}
     return spread
 
 
-def overridden(system: Draft, name: str) -> list[str]:
+def overridden_by(system: Draft, name: str) -> list[str]:
     """What is drawn of the parameters that a name gives a value: `component.parameter`, an element
     of it, or `shared.parameter`."""
     owner, variable = (part.strip() for part in base_name(name.strip()).split(".", 1))
     wanted = {f"{owner}.{variable}"}
     if owner == "shared" and owner not in system.components:
         wanted = {f"{c.name}.{variable}" for c in system.having(variable)}
-    return sorted(wanted & dispersed(system).keys())
+    return sorted(wanted & dispersions_of(system).keys())

@@ -76,7 +76,7 @@ def either(**kinds: Any) -> Any:
     return Annotated[union, Discriminator(by_kind)]
 
 
-def _spread(given: Sequence[float]) -> Sequence[float]:
+def _deviation(given: Sequence[float]) -> Sequence[float]:
     if given[1] < 0.0:
         raise ValueError(f"the deviation is {given[1]:g}; at least 0 is needed")
     return given
@@ -89,7 +89,7 @@ Value = Annotated[Any, AfterValidator(_a_value)]
 Many = Annotated[tuple[T, ...], Field(strict=False)]
 """A list, kept as a tuple."""
 Band = Annotated[Many[FiniteFloat], Field(min_length=2, max_length=2)]
-MeanAndDeviation = Annotated[Band, AfterValidator(_spread)]
+MeanAndDeviation = Annotated[Band, AfterValidator(_deviation)]
 Three = Annotated[Many[FiniteFloat], Field(min_length=3, max_length=3)]
 if TYPE_CHECKING:
     Maybe = Optional[T]  # noqa: UP045

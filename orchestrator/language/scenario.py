@@ -269,7 +269,7 @@ class StopWhen(Table):
         return self
 
 
-class Scenario(Written):
+class ScenarioTable(Written):
     """What a whole file and a value of an axis both may hold."""
 
     without: Many[Text] = key("paths of what is left out of that before, such as plots.rate")
@@ -321,13 +321,13 @@ class Scenario(Written):
     paper: dict[str, PaperRow] = key("a paper's values beside the numbers")
 
 
-class Cell(Scenario):
+class Cell(ScenarioTable):
     """[axes.AXIS.VALUE]: what a value of an axis changes in the scenario."""
 
     label: Text = key("the value's name for a reader")
 
 
-class ScenarioFile(Scenario):
+class ScenarioFile(ScenarioTable):
     """A scenario's file."""
 
     extends: TextOrTexts = key(

@@ -26,7 +26,7 @@ Derive = Callable[..., Array]
 
 
 @dataclass(frozen=True)
-class Quantity:
+class DerivedQuantity:
     """A derived quantity: its function, the names of its elements, and its unit (empty: that of its
     first series)."""
 
@@ -53,7 +53,7 @@ class Quantity:
         return values if values.ndim > 1 else values[:, None]
 
 
-QUANTITIES: dict[str, Quantity] = {}
+QUANTITIES: dict[str, DerivedQuantity] = {}
 
 
 def quantity(
@@ -62,13 +62,13 @@ def quantity(
     """Make a function known by its name: its elements, its unit, the parameters that it takes."""
 
     def known(function: Derive) -> Derive:
-        QUANTITIES[function.__name__] = Quantity(function, names, unit, own)
+        QUANTITIES[function.__name__] = DerivedQuantity(function, names, unit, own)
         return function
 
     return known
 
 
-def of_entry(entry: Number | Plot) -> tuple[Quantity, dict[str, Any]] | None:
+def of_entry(entry: Number | Plot) -> tuple[DerivedQuantity, dict[str, Any]] | None:
     """What a number or plot derives, and its options; None where it derives nothing. Raises
     DesatError for what there is not, and where it takes other series."""
     if not (name := entry.derive):

@@ -82,7 +82,7 @@ def late(content: Content) -> set[str]:
     }  # fmt: skip
 
 
-def ranked(values: Sequence[float | None], is_late: bool) -> list[Any]:
+def ranks(values: Sequence[float | None], is_late: bool) -> list[Any]:
     """A number over several runs, as it is ranked: a time that is not reached is infinite."""
     return [math.inf if x is None and is_late else x for x in values]
 
@@ -112,7 +112,7 @@ def _columns(
 
 
 def _own(
-    number: Number, quantity: derived.Quantity, parameters: Table
+    number: Number, quantity: derived.DerivedQuantity, parameters: Table
 ) -> dict[str, Any]:  # fmt: skip
     """The parameters that a derived quantity takes. Raises DesatError where there are none."""
     owner = number.signals[0].partition(".")[0]

@@ -52,7 +52,7 @@ class Verdict:
         return {k: v for k, v in vars(self).items() if v is not None or k == "value"}
 
 
-def judged(
+def judge(
     content: Content, numbers: Mapping[str, Value], start: float, end: float
 ) -> tuple[dict[str, Verdict], dict[str, str]]:
     """The verdicts on a run from `start` to `end` (s) by its numbers, and by a number's name why

@@ -10,7 +10,7 @@ from ..files.scenario import Scenario
 from ..language.content import Content, Entry
 from ..language.paper import OfNumber
 from ..numbers.measures import LATE
-from ..numbers.numbers import defined, late, ranked, related
+from ..numbers.numbers import defined, late, ranks, related
 from ..numbers.statistics import clopper_pearson
 from ..system.errors import DesatError
 
@@ -41,7 +41,7 @@ class Share:
 
 
 @dataclass
-class Row:
+class PaperCell:
     """One cell of a table: the paper's value (None where it gives none) and ours."""
 
     table: str
@@ -106,7 +106,7 @@ def _remark(entry: Entry) -> str:
 def rows_of(
     scenario: Scenario, values: Numbers, everything: dict[str, Numbers],
     drawn: dict[str, Any] | None,
-) -> list[Row]:  # fmt: skip
+) -> list[PaperCell]:  # fmt: skip
     """The rows that a scenario gives. `values`: its numbers, `everything`: those of all scenarios;
     `drawn`: its draws, where it has some: their `summary` and the `draws` themselves.
 
@@ -126,13 +126,13 @@ def rows_of(
             ours = 100.0 * counts.count / counts.n
         else:
             ours = _value(scenario, row, entry.of, values, everything)
-            told = _spread(entry, drawn, content) if drawn else None
+            told = _spread_of(entry, drawn, content) if drawn else None
         rows.append(_row(scenario, entry, ours, values, told))
     undecided = (e for e in content.entries.values() if e.not_judged)
     return [*rows, *(_row(scenario, e, None, values, None) for e in undecided)]
 
 
-def _spread(
+def _spread_of(
     entry: Entry, drawn: dict[str, Any], content: Content
 ) -> Spread | None:  # fmt: skip
     if (summary := drawn["summary"].get(entry.of)) is None:
@@ -145,7 +145,7 @@ def _spread(
 
 def values_of(draws: list[dict[str, Any]], name: str, content: Content) -> list[Any]:
     """A number of each draw of a scenario, as `ranked` has it."""
-    return ranked([d["numbers"].get(name) for d in draws], name in late(content))
+    return ranks([d["numbers"].get(name) for d in draws], name in late(content))
 
 
 def share_of(values: list[Any], least: float = -math.inf, most: float = math.inf) -> Share:
@@ -158,7 +158,7 @@ def share_of(values: list[Any], least: float = -math.inf, most: float = math.inf
 def _row(
     scenario: Scenario, entry: Entry, ours: float | None, values: Numbers,
     draws: Spread | Share | None,
-) -> Row:  # fmt: skip
+) -> PaperCell:  # fmt: skip
     band, paper = band_of(entry, values), entry.values
     within = None if band is None or ours is None else band[0] <= ours <= band[1]
     if isinstance(draws, Spread) and draws.band is not None:
@@ -169,7 +169,7 @@ def _row(
     labels, number = scenario.content.labels, scenario.content.numbers.get(entry.of)
     in_columns = scenario.cell.keys() & {"method", "case"}
     case = labels.get("case", "") if in_columns else scenario.name.partition("/")[2]
-    return Row(
+    return PaperCell(
         table=entry.table,
         method=entry.label or labels.get("method", ""),
         case=entry.case or case,
@@ -191,7 +191,7 @@ def _row(
     )
 
 
-def counted(table: list[Row]) -> dict[str, int]:
+def count(table: list[PaperCell]) -> dict[str, int]:
     """How many rows there are, and how many that no run decides. Of those with a band: how many are
     within it, tuned, without a value of the paper, in sample otherwise, out of sample, and of the
     latter within."""

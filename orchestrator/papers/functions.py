@@ -143,7 +143,7 @@ class Verbs:
     def of_draw(self, scenario: str, draw: int) -> Change:
         """What a draw of a scenario changes, for `value`, `series` and `plot`."""
         system = read(self._of.name_of(scenario)).to_draw(blocks=True)
-        return sampling.drawn(system, self.seed(), draw)
+        return sampling.draw_of(system, self.seed(), draw)
 
     def seed(self) -> int:
         """The seed of the draws."""
@@ -155,8 +155,8 @@ class Verbs:
         """The paper's cells beside ours as texts: heading -> rows; `draws` False leaves out the
         medians of draws."""
         return {
-            heading: [tables.shown(row) for row in group]
-            for heading, group in tables.grouped(self._of.cells(draws))
+            heading: [tables.texts_of(row) for row in group]
+            for heading, group in tables.groups(self._of.cells(draws))
         }
 
     def paper_table(self, rows: list[dict[str, str]]) -> str:
@@ -171,7 +171,7 @@ class Verbs:
         decides them."""
         head = ["item", "entries", "within", "outside", "not judged or without a band"]
         lines = [self.row(*head), "|" + "---|" * len(head)]
-        for heading, group in tables.grouped(self._of.cells(draws)):
+        for heading, group in tables.groups(self._of.cells(draws)):
             judged = [row.within for row in group if row.within is not None]
             outside = judged.count(False)
             shown = f"**{outside}**" if outside else 0
@@ -186,7 +186,7 @@ class Verbs:
 
     def within(self, draws: bool = True) -> str:
         """How many of the cells that have a band are within it: `62 of 62`."""
-        count = cells.counted(self._of.cells(draws))
+        count = cells.count(self._of.cells(draws))
         return f"{count['within']} of {count['banded']}"
 
     def summed_up(self, draws: bool = True) -> str:
@@ -211,7 +211,7 @@ class Verbs:
         """The paper's cells that have no band and are not tuned, but a remark: nothing reproduces
         them."""
         return [
-            {**tables.shown(row), "table": row.table, "quantity": row.heading}
+            {**tables.texts_of(row), "table": row.table, "quantity": row.heading}
             for row in self._of.cells(False)
             if row.paper is not None and row.band is None and row.remark and not row.tuned
         ]

@@ -11,11 +11,11 @@ from typing import Any
 from ..analyses import analyses
 from ..campaign.draws import needed_signals
 from ..files.scenario import find
-from ..language.content import said
+from ..language.content import content_of
 from ..runs.run import Options, Run, execute, prepare
 from ..system.errors import DesatError, nearest
 from . import stored, tables
-from .comparison import Row
+from .comparison import PaperCell
 
 Change = dict[str, Any]
 """`component.parameter` -> another value."""
@@ -69,7 +69,7 @@ class Sources:
             f"{c.name}.{s.series}"
             for c in system.components.values() for s in c.interface.outputs
         }  # fmt: skip
-        content = said(system.about)
+        content = content_of(system.about)
         needed = [n for n in self._named if n in outputs] + needed_signals(content)
         needed += [signal for plot in content.plots.values() for signal in plot.signals]
         for analysis in analyses():
@@ -110,10 +110,10 @@ class Sources:
         return draws
 
     @cached_property
-    def _table(self) -> list[Row]:
+    def _table(self) -> list[PaperCell]:
         drawn = self.draws if stored.with_draws(self.family) else None
         return tables.rows(self.family, Options(), self.jobs, drawn)
 
-    def cells(self, draws: bool) -> list[Row]:
+    def cells(self, draws: bool) -> list[PaperCell]:
         """The cells of the paper's tables; `draws` False leaves out the medians of draws."""
         return [row for row in self._table if draws or row.draws is None]

@@ -162,7 +162,7 @@ def write(result: dict[str, Any]) -> Path:
     """Store the draws of a family, and its stamps beside those of the others. The same draws give
     the same bytes."""
     path = file_of(result["family"])
-    data = _packed(result["scenarios"])
+    data = _pack(result["scenarios"])
     replace_text(path, data)
     head = {k: v for k, v in result.items() if k not in ("family", "scenarios")}
     head["draws_sha256"] = hashlib.sha256(data).hexdigest()
@@ -190,7 +190,7 @@ def _stamps() -> dict[str, Any]:
     return told
 
 
-def _packed(scenarios: dict[str, Any]) -> bytes:
+def _pack(scenarios: dict[str, Any]) -> bytes:
     """The draws of scenarios as the bytes of a Parquet file; numbers keep all their bits."""
     import pyarrow as pa
     import pyarrow.parquet as pq

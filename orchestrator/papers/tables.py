@@ -25,7 +25,7 @@ from ..report.report import render, write_page
 from ..runs.validation import word_problems
 from ..system.errors import DesatError, Exit, RunError
 from ..system.options import Options
-from .comparison import Numbers, Row, Share, Spread, counted, rows_of
+from .comparison import Numbers, PaperCell, Share, Spread, count, rows_of
 
 LARGEST = sys.float_info.max
 """The open end of a band in JSON."""
@@ -33,7 +33,7 @@ LARGEST = sys.float_info.max
 
 def rows(
     family: str, options: Options, jobs: int = 2, drawn: dict[str, Any] | None = None
-) -> list[Row]:
+) -> list[PaperCell]:
     """Run every scenario of a family that a paper's table has a cell for.
 
     `drawn`: the draws of the scenarios that have some (`stored.read` or `stored.compute`); rows of
@@ -49,7 +49,7 @@ def rows(
     if not given:
         raise DesatError(f"{family}: no scenario has paper values")
     kept = (drawn or {}).get("scenarios", {})
-    kept = {n: _paired(s, kept) for n, s in given.items() if s.content.draws and n in kept}
+    kept = {n: _pairs_of(s, kept) for n, s in given.items() if s.content.draws and n in kept}
     given = {n: s for n, s in given.items() if not s.content.draws or n in kept}
     if not given:
         raise DesatError(f"{family}: no draws; `desat tables {family} --fresh` makes them")
@@ -83,7 +83,7 @@ def _references(given: Iterable[Scenario]) -> dict[str, Scenario]:
     return {n: s for n, s in named.items() if not s.content.draws}
 
 
-def _paired(scenario: Scenario, drawn: dict[str, Any]) -> dict[str, Any]:
+def _pairs_of(scenario: Scenario, drawn: dict[str, Any]) -> dict[str, Any]:
     """The stored draws of a scenario, with what its numbers of form `difference` or `paired_ratio`
     are draw by draw, and their summaries."""
     own = drawn[scenario.name]
@@ -112,7 +112,9 @@ def _single(given: list[Scenario], options: Options, jobs: int) -> dict[str, Num
     return {s.name: dict(row.numbers) for s, row in zip(given, made, strict=True)}
 
 
-def as_json(family: str, table: list[Row], drawn: dict[str, Any] | None = None) -> dict[str, Any]:
+def as_json(
+    family: str, table: list[PaperCell], drawn: dict[str, Any] | None = None
+) -> dict[str, Any]:
     """What `--json` prints; where a band has no bound, the largest number that there is, for JSON
     has no infinity, and null for a time that is not reached. `drawn`: which run the draws are from
     (`stored.provenance`)."""
@@ -120,11 +122,11 @@ def as_json(family: str, table: list[Row], drawn: dict[str, Any] | None = None) 
     for banded in (*made, *(row["draws"] for row in made if row["draws"])):
         if banded.get("band"):
             banded["band"] = [min(max(x, -LARGEST), LARGEST) for x in banded["band"]]
-    data = {"family": family, "count": counted(table), "rows": made}
+    data = {"family": family, "count": count(table), "rows": made}
     return data if drawn is None else {**data, "run": drawn}
 
 
-def shown(row: Row) -> dict[str, str]:
+def texts_of(row: PaperCell) -> dict[str, str]:
     """A row as texts for people."""
     digits = 2 if row.unit in ("s", "%") else 3
     difference = ""
@@ -180,7 +182,7 @@ def _value(value: float | None, digits: int, flag: bool = False) -> str:
     return number(value) if abs(value) >= 1e5 else f"{value:.{digits}f}"
 
 
-def _band(row: Row, digits: int) -> str:
+def _band(row: PaperCell, digits: int) -> str:
     assert row.band is not None
     return _within(row.band, lambda x: _value(x, digits, row.flag))
 
@@ -214,9 +216,9 @@ def _signed(x: float, digits: int) -> str:
     return f"{round(x, digits) + 0.0:+.{digits}f}"  # + 0.0: no minus before a zero
 
 
-def grouped(table: list[Row]) -> list[tuple[str, list[Row]]]:
+def groups(table: list[PaperCell]) -> list[tuple[str, list[PaperCell]]]:
     """(heading, rows) for each table and quantity."""
-    groups: dict[str, list[Row]] = {}
+    groups: dict[str, list[PaperCell]] = {}
     for row in table:
         unit = f" [{pretty_unit(row.unit)}]" if pretty_unit(row.unit) else ""
         place = f"Table {row.table}" if row.table[0].isdigit() else row.table
@@ -242,9 +244,9 @@ def definitions(given: Iterable[str]) -> list[str]:
     ]
 
 
-def summed_up(table: list[Row]) -> str:
+def summed_up(table: list[PaperCell]) -> str:
     """How many cells are within their bands, and what that counts for."""
-    n = counted(table)
+    n = count(table)
     return (
         f"{n['within']} of {n['banded']} cells with a band are within it. Of these {n['banded']}, "
         f"{n['tuned']} are tuned, {n['without_paper']} have no value of the paper, "
@@ -263,14 +265,18 @@ def origin(drawn: dict[str, Any]) -> str:
 
 
 def write_html(
-    family: str, table: list[Row], path: Path, options: Options, drawn: dict[str, Any] | None = None
+    family: str,
+    table: list[PaperCell],
+    path: Path,
+    options: Options,
+    drawn: dict[str, Any] | None = None,
 ) -> Path:
     """The tables as a self-contained page."""
     from importlib.metadata import version
 
     pages = []
-    for heading, group in grouped(table):
-        lines = [shown(row) for row in group]
+    for heading, group in groups(table):
+        lines = [texts_of(row) for row in group]
         said = definitions(row.definition for row in group)
         pages.append((heading, said, lines, columns(lines)))
     text = render(

@@ -141,7 +141,7 @@ def _deciding_first(plots: Mapping[str, Plot], manifest: Manifest) -> list[Plot]
 
 def _script(figures: Sequence[Figure]) -> dict[str, Any]:
     """What the page's script needs: data, uPlot with its licence, and itself."""
-    told = interactive.told(figures)
+    told = interactive.data_of(figures)
     if not any(told["plots"]):
         return {"plots": False, "uplot_css": "", "most": 0}
     return {

@@ -49,7 +49,7 @@ def family(name: str, of_systems: bool = True) -> Family:
             return Family(**known)
     if of_systems and sys.stderr.isatty():
         print(f"reading the scenarios of {name}, for they or desat have changed", file=sys.stderr)
-    made = _read(name, of_systems)
+    made = _load(name, of_systems)
     with suppress(OSError):  # no cache is no harm
         kept.parent.mkdir(parents=True, exist_ok=True)
         part = kept.with_name(f"{kept.name}.{os.getpid()}.part")
@@ -59,7 +59,7 @@ def family(name: str, of_systems: bool = True) -> Family:
     return made
 
 
-def _read(name: str, of_systems: bool) -> Family:
+def _load(name: str, of_systems: bool) -> Family:
     from ..files import scenario
 
     good, lines = scenario.readable(name)

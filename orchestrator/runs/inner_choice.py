@@ -32,8 +32,8 @@ import numpy as np
 from desat.components.contract.block import Scalar
 
 from ..analyses import coverage, residual
-from ..analyses.coverage import Array, Body, Reached, body_of, reached
-from ..analyses.manifest import Choice, Slow
+from ..analyses.coverage import Array, Body, Reached, body_of, reached_by
+from ..analyses.manifest import InnerChoice, Slow
 from ..engine.ending import NEVER
 from ..engine.instances.base import ComponentError
 from ..engine.loop import stepping
@@ -45,7 +45,7 @@ from ..system.errors import DesatError
 from ..system.model import AUTO, MOST_INNER, Component, System
 from ..system.options import Options
 from ..system.schedule import schedule
-from .prepare import isolated, wanted
+from .prepare import isolated_in, to_isolate
 from .supervisor import CAN, apart
 
 T = TypeVar("T")
@@ -75,7 +75,7 @@ STEEPEST = 3.0
 """Of the powers of time by which an estimate is carried on."""
 
 
-def chosen(target: str, system: System, options: Options) -> Choice | None:
+def choose(target: str, system: System, options: Options) -> InnerChoice | None:
     """The choice of a checked system; None of one whose inner steps are given.
 
     Raises DesatError, with the reason, where no count of LEVELS is accurate enough; with foreign
@@ -84,16 +84,16 @@ def chosen(target: str, system: System, options: Options) -> Choice | None:
     if system.inner != AUTO:
         return None
     if why := _not_flown(system, options):
-        return Choice(1, system.accuracy, why=why)
+        return InnerChoice(1, system.accuracy, why=why)
     try:
         return _apart(system, options, lambda: _Flights(system, options, 1, LONGEST).choice(target))
     except ComponentError as error:
-        return Choice(1, system.accuracy, why=f"a flight beforehand failed: {error}")
+        return InnerChoice(1, system.accuracy, why=f"a flight beforehand failed: {error}")
     except DesatError as error:
-        if not wanted(system, replace(options, isolate="foreign")):
+        if not to_isolate(system, replace(options, isolate="foreign")):
             raise
         # a foreign FMU may not do the same twice
-        return Choice(1, system.accuracy, why=str(error))
+        return InnerChoice(1, system.accuracy, why=str(error))
 
 
 def _apart(system: System, options: Options, flying: Callable[[], T]) -> T:
@@ -107,13 +107,13 @@ def _apart(system: System, options: Options, flying: Callable[[], T]) -> T:
 def settled(target: str, system: System) -> System:
     """A checked system with the inner steps that a run of it begins with. Raises DesatError as
     `chosen` does."""
-    choice = chosen(target, system, Options())
+    choice = choose(target, system, Options())
     return system if choice is None else replace(system, inner=choice.inner)
 
 
 def looked_at_again(
-    target: str, system: System, options: Options, choice: Choice, results: Results
-) -> Choice | None:  # fmt: skip
+    target: str, system: System, options: Options, choice: InnerChoice, results: Results
+) -> InnerChoice | None:  # fmt: skip
     """Another choice for a run that has left the range of its flights, and is to be made again;
     None where it has not, or where they want no more inner steps. `system` is as before the choice.
 
@@ -126,7 +126,7 @@ def looked_at_again(
     if found is None:
         return None
     more = choice
-    for k, text in _left(found, choice.reached):
+    for k, text in _beyond(found, choice.reached):
         state = [results.values(name)[max(0, k - 2)] for name in parts.series[:3]]
         at = _from(system, float(found.times[max(0, k - 2)]), state)
         flying = partial(_Flights(at, options, more.inner, LOOK).choice, target)
@@ -184,7 +184,7 @@ def decimated(system: System, options: Options) -> Slow | None:
     )  # fmt: skip
 
 
-def _left(found: Reached, seen: tuple[float, float, float]) -> list[tuple[int, str]]:
+def _beyond(found: Reached, seen: tuple[float, float, float]) -> list[tuple[int, str]]:
     """Rows of a run where it went furthest beyond what its flights had seen, and how."""
     rows = []
     looks = (
@@ -238,10 +238,10 @@ def _not_flown(system: System, options: Options) -> str:
 
 def _foreign(system: System, options: Options, every: Mapping[str, int]) -> str:
     """Why a system with foreign FMUs is not flown beforehand; `every` as in `Rates`."""
-    for name in sorted(wanted(system, replace(options, isolate="foreign"))):
+    for name in sorted(to_isolate(system, replace(options, isolate="foreign"))):
         component = system.components[name]
         assert component.fmu is not None
-        if name not in isolated(system, options):
+        if name not in isolated_in(system, options):
             return f"{name} is a foreign FMU without a process of its own: it is not run twice"
         of = component.fmu.description.coSimulation
         if every[name] == 1 and not of.canHandleVariableCommunicationStepSize:
@@ -277,7 +277,7 @@ class _Flights:
         self._longest_error: Array | None = None
         self._steps = 0
 
-    def choice(self, target: str) -> Choice:
+    def choice(self, target: str) -> InnerChoice:
         """The first count that is accurate enough. Raises DesatError, with the reason."""
         tried: dict[int, float] = {}
         began = time.process_time()
@@ -293,8 +293,8 @@ class _Flights:
             if tried[n] <= self._system.accuracy:
                 seen, many = None, len(error)
                 if many <= self._system.steps:
-                    seen = reached(self._body, *(x[:many] for x in astuple(coarse))).largest()
-                return Choice(
+                    seen = reached_by(self._body, *(x[:many] for x in astuple(coarse))).largest()
+                return InnerChoice(
                     n, self._system.accuracy, tried[n], steps=many - 1, tried=tried, reached=seen,
                     flown=self._steps, seconds=time.process_time() - began,
                 )  # fmt: skip
@@ -310,7 +310,7 @@ class _Flights:
         columns = {tuple(name.rsplit(".", 1)) for name in self._series}
         master = Master(
             system, schedule(system), watched=lambda c, s: (c, s.series) in columns,
-            isolated=isolated(system, self._options), limit=self._options.call_limit,
+            isolated=isolated_in(system, self._options), limit=self._options.call_limit,
         )  # fmt: skip
         with master:
             master.initialise()
@@ -364,7 +364,7 @@ class _Flights:
         if risen > 100.0:
             return f"{text}: the motion amplifies any error, {risen:.0e} times in its second half"
         ratios = [a / b for a, b in pairwise(list(tried.values())[-4:]) if b > 0.0]
-        bound = coverage.bound(replace(self._system, inner=last)) or coverage.Bound(0.0, 0.0)
+        bound = coverage.bound(replace(self._system, inner=last)) or coverage.StepCriteria(0.0, 0.0)
         return (f"{text}; twice the inner steps divide that by {min(ratios, default=inf):.2g} only "
                 f"(in one: turn {bound.turn:.2g} rad, kick {bound.kick:.2g} rad)")  # fmt: skip
 

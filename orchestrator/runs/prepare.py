@@ -15,12 +15,12 @@ from ..analyses.manifest import Manifest
 from ..designs import making, origin
 from ..designs import problems as design_problems
 from ..engine.instances.isolated import CAN
-from ..engine.master import Spare
+from ..engine.master import MasterPool
 from ..files import library, scenario, ssp
 from ..files.assembly import modify
 from ..files.scenario import Scenario
-from ..language.content import NOTHING, dispersed, said
-from ..system.check import Checked, check, foreseen, without_effect
+from ..language.content import NOTHING, content_of, dispersions_of
+from ..system.check import Checked, check, foresee, without_effect
 from ..system.draft import Draft
 from ..system.errors import DesatError
 from ..system.interface import base_name
@@ -43,7 +43,7 @@ class Case:
     checked: Checked
     manifest: Manifest | None = None
     """Its manifest before it runs, where that is known from another case (`varied`)."""
-    spare: Spare | None = None
+    spare: MasterPool | None = None
     """Whose master it may run with, where there are others that differ in values alone."""
 
     def or_raise(self) -> tuple[System, Schedule]:
@@ -81,9 +81,9 @@ class Target:
         """Its system, to draw values for. Raises DesatError where something is wrong with it."""
         draft = self.draft(blocks)
         if blocks not in self._drawable:
-            given = self.scenario or _told(draft)
+            given = self.scenario or _packed_scenario(draft)
             if given is not None and not draft.problems:
-                found = validation.dispersions(given.content, draft.components)
+                found = validation.dispersion_problems(given.content, draft.components)
                 draft.problems += [f"{given.where(path)}: {text}" for path, text in found]
             if draft.problems:
                 raise DesatError("\n".join(draft.problems))
@@ -125,10 +125,10 @@ def prepare(target: str | Target, options: Options) -> Case:
 
     Raises DesatError where there is nothing to check, or an option is wrong.
     """
-    return _prepared(read(target) if isinstance(target, str) else target, options)[0]
+    return _prepare(read(target) if isinstance(target, str) else target, options)[0]
 
 
-def _prepared(target: Target, options: Options) -> tuple[Case, Draft]:
+def _prepare(target: Target, options: Options) -> tuple[Case, Draft]:
     """As `prepare`, and the draft that was checked."""
     scenario = target.scenario
     if options.design is None and options.values and scenario and scenario.each_draw:
@@ -141,9 +141,9 @@ def _prepared(target: Target, options: Options) -> tuple[Case, Draft]:
     system, sound = checked.system, checked.schedule is not None
     if system is not None:
         checked.problems += [line for find in RUNS for line in find(system, options)]
-        faults = library.told_faults(system)
+        faults = library.fault_warnings(system)
         (checked.problems if options.strict else checked.warnings).extend(faults)
-    if (given := scenario or _told(draft)) is not None:
+    if (given := scenario or _packed_scenario(draft)) is not None:
         _hold(checked, draft, given, target, options)
     if system is not None and options.design is None and (
         described := scenario or _packed_from(draft)
@@ -172,12 +172,12 @@ def _hold(
     own = target.draft(options.blocks, options.design is None, options.outside)
     known = [*validation.content_problems(given.content, own.components)]
     checked.problems += [f"{given.where(path)}: {text}" for path, text in known]
-    content, left_out = validation.fitted(given.content, system)
+    content, left_out = validation.fit_to(given.content, system)
     checked.system = replace(system, about=content)
     checked.warnings += [f"{given.where(path)}: {text}" for path, text in left_out]
 
 
-def varied(target: Target, options: Options) -> Case:
+def with_values(target: Target, options: Options) -> Case:
     """As `prepare`, for one of many cases that differ in values alone (`options.values`): only the
     components that get a value are resolved and checked anew. What its system is and what is wrong
     with it is as `prepare` has it; its warnings are those of the first case.
@@ -186,10 +186,10 @@ def varied(target: Target, options: Options) -> Case:
     """
     key = repr(replace(options, values=dict.fromkeys(sorted(options.values))))
     if key not in target._first:
-        case, draft = _prepared(target, options)
+        case, draft = _prepare(target, options)
         system, _ = case.or_raise()
         begun = Manifest.of(system, options, case.target)
-        case = replace(case, manifest=begun, spare=Spare())
+        case = replace(case, manifest=begun, spare=MasterPool())
         target._first[key] = case, draft
         return case
     first, draft = target._first[key]
@@ -200,7 +200,7 @@ def varied(target: Target, options: Options) -> Case:
     system = replace(system, components={**system.components, **changed})
     some = replace(system, components=changed)
     ends = first.checked.unwired
-    if [*without_effect(some, ends), *foreseen(some, ends)[0]]:
+    if [*without_effect(some, ends), *foresee(some, ends)[0]]:
         return prepare(target, options)  # which says what is wrong as it is always said
     manifest = first.manifest and first.manifest.varied(system, changed.values())
     checked = replace(first.checked, system=system, schedule=schedule)
@@ -213,7 +213,7 @@ def _changed(
     """The components of a checked system that get other values; None where more than their own
     values would change by that, or one does not fit."""
     texts = [t for c in draft.components.values() for t in c.references.values()]
-    told = [said(system.about).written.get(k) for k in ("numbers", "stop_when", "design")]
+    told = [content_of(system.about).written.get(k) for k in ("numbers", "stop_when", "design")]
     named = set(re.findall(r"\w+", " ".join([*texts, repr(told)])))
     parameters: dict[str, dict[str, Scalar]] = {}
     for name, value in values.items():
@@ -259,19 +259,19 @@ def _modify(draft: Draft, scenario: Scenario | None, options: Options) -> None:
             name: {k: v for k, v in values.items() if k not in own.get(name, {})}
             for name, values in making.parameters_for(scenario, options).items()
         }
-    modify(draft, options, designed, _drawn(draft, scenario, options))
+    modify(draft, options, designed, _drawn_from(draft, scenario, options))
     if options.fmus != "native":
         for component in draft.components.values():
             if component.fmu is not None:
                 component.fmu = library.of_kind(component.fmu, options.fmus)
 
 
-def _drawn(draft: Draft, described: Scenario | None, options: Options) -> dict[str, str]:
+def _drawn_from(draft: Draft, described: Scenario | None, options: Options) -> dict[str, str]:
     """File and key of the dispersion of each value that is drawn: a draw has a value for each."""
-    spread = dispersed(draft)
+    spread = dispersions_of(draft)
     if not spread.keys() <= options.values.keys():
         return {}
-    given = said(draft.about).dispersions
+    given = content_of(draft.about).dispersions
     where = {}
     for name in spread:
         key = name if name in given else f"*.{name.partition('.')[2]}"
@@ -284,7 +284,7 @@ def _drawn(draft: Draft, described: Scenario | None, options: Options) -> dict[s
 def _run_warnings(system: System, schedule: Schedule, options: Options) -> Iterator[str]:
     """What of the options has no effect: of inner steps and means under the semantics of other
     masters, and of processes where foreign FMUs can have none."""
-    if not CAN and options.isolate == "foreign" and (names := sorted(wanted(system, options))):
+    if not CAN and options.isolate == "foreign" and (names := sorted(to_isolate(system, options))):
         yield (f"{', '.join(names)}: foreign FMUs run in the process of the run, which they may "
                "end: a process each needs POSIX")  # fmt: skip
     if options.algorithm != "jacobi":
@@ -295,9 +295,9 @@ def _run_warnings(system: System, schedule: Schedule, options: Options) -> Itera
         yield "jacobi hands on one mean of several where rates differ: momentum is not conserved"
 
 
-def _told(draft: Draft) -> Scenario | None:
+def _packed_scenario(draft: Draft) -> Scenario | None:
     """What a packed system says of itself, as a scenario; None where it says nothing."""
-    content = said(draft.about)
+    content = content_of(draft.about)
     if content is NOTHING:
         return None
     file = Path(draft.where).parent / ssp.ABOUT
@@ -306,14 +306,14 @@ def _told(draft: Draft) -> Scenario | None:
 
 def _packed_from(draft: Draft) -> Scenario | None:
     """The scenario of ours that a packed system was packed from."""
-    name = said(draft.about).name
+    name = content_of(draft.about).name
     return scenario.find(name) if scenario.exists(name) else None
 
 
 # --- Which components run in processes of their own, and what to say where there can be none ----
 
 
-def wanted(system: System, options: Options) -> frozenset[str]:
+def to_isolate(system: System, options: Options) -> frozenset[str]:
     """The components for which the options ask for a process."""
     if options.isolate == "none":
         return frozenset()
@@ -323,9 +323,9 @@ def wanted(system: System, options: Options) -> frozenset[str]:
     )  # fmt: skip
 
 
-def isolated(system: System, options: Options) -> frozenset[str]:
+def isolated_in(system: System, options: Options) -> frozenset[str]:
     """Those that get one: all that are wanted, on POSIX."""
-    return wanted(system, options) if CAN else frozenset()
+    return to_isolate(system, options) if CAN else frozenset()
 
 
 def _isolation_problems(system: System, options: Options) -> Iterator[str]:
@@ -334,18 +334,18 @@ def _isolation_problems(system: System, options: Options) -> Iterator[str]:
         return
     if not CAN:
         yield "--isolate all: it needs processes that can be forked (POSIX)"
-    elif not wanted(system, options):
+    elif not to_isolate(system, options):
         yield "--isolate all: it has no effect without an FMU"
 
 
 RUNS = (
     library.problems, validation.recording_problems, validation.not_saved, validation.not_halved,
-    _isolation_problems, needs.undesigned,
+    _isolation_problems, needs.design_problems,
 )  # fmt: skip
 SYSTEMS = (
     design_problems, accounts.problems, management.problems, needs.problems,
 )  # fmt: skip
 WARNINGS = (
-    library.told_unused, accounts.warnings, coverage.warnings, energy.warnings, firings.warnings,
-    fixed.warnings, wheels.warnings,
+    library.unused_warnings, accounts.warnings, coverage.warnings, energy.warnings,
+    firings.warnings, fixed.warnings, wheels.warnings,
 )  # fmt: skip

@@ -15,22 +15,22 @@ from types import ModuleType
 from typing import Any
 
 from ..analyses import analyses, coverage, not_checked
-from ..analyses.manifest import UNKNOWN, Choice, Manifest
+from ..analyses.manifest import UNKNOWN, InnerChoice, Manifest
 from ..engine.checkpoint import FOLDER, Checkpoint, newest, remove
 from ..engine.process_state import no_space
 from ..engine.recording.results import MANIFEST, SERIES, Results
-from ..engine.recording.row_buffer import Layout, Unwritten, recover
+from ..engine.recording.row_buffer import Layout, RowBuffer, recover
 from ..files import library
-from ..language.content import said
-from ..numbers.verdicts import judged
+from ..language.content import content_of
+from ..numbers.verdicts import judge
 from ..system.errors import DesatError, Exit, RunError
 from ..system.model import System
-from ..system.options import Options, as_arguments, as_asked
+from ..system.options import Options, as_arguments, from_json
 from ..system.schedule import schedule
 from . import inner_choice, stopping, supervisor
 from .manifest import end_manifest, gone_on, numbers, read_manifest, unrecorded
 from .prepare import Case, prepare
-from .step_case import Outcome, stepped
+from .step_case import Outcome, step
 
 __all__ = ["Case", "Options", "Run", "execute", "load_run", "prepare", "run_or_load",
            "simulate"]  # fmt: skip
@@ -89,11 +89,11 @@ def simulate(
     KeyboardInterrupt or SystemExit where a signal stops it before it has begun.
     """
     system, _ = case.or_raise()
-    choice = inner_choice.chosen(case.target, system, case.options) if checkpoint is None else None
+    choice = inner_choice.choose(case.target, system, case.options) if checkpoint is None else None
     if checkpoint is not None:
         choice = Manifest.from_json(checkpoint.told["manifest"]).inner_choice
     for left in reversed(range(inner_choice.AGAIN)):
-        run = _simulated(_with_inner(case, choice), choice, folder, progress, checkpoint)
+        run = _simulate(_with_inner(case, choice), choice, folder, progress, checkpoint)
         if choice is None or not run.ok:
             break
         more = inner_choice.looked_at_again(case.target, system, case.options, choice, run.results)
@@ -111,7 +111,7 @@ def simulate(
     return run
 
 
-def _with_inner(case: Case, choice: Choice | None) -> Case:
+def _with_inner(case: Case, choice: InnerChoice | None) -> Case:
     """A case with the inner steps that were chosen."""
     if choice is None or case.checked.system is None:
         return case
@@ -120,7 +120,7 @@ def _with_inner(case: Case, choice: Choice | None) -> Case:
     return replace(case, checked=checked, manifest=None)
 
 
-def _tell(run: Run, choice: Choice, folder: Path | None) -> None:
+def _tell(run: Run, choice: InnerChoice, folder: Path | None) -> None:
     """Put what a second look has given into a run's manifest."""
     told = replace(run.manifest, inner_choice=choice)
     told = replace(told, numbers={**told.numbers, **coverage.numbers(told, run.results)})
@@ -133,8 +133,8 @@ def _tell(run: Run, choice: Choice, folder: Path | None) -> None:
         end_manifest(folder, run.manifest)
 
 
-def _simulated(
-    case: Case, choice: Choice | None, folder: Path | None, progress: bool,
+def _simulate(
+    case: Case, choice: InnerChoice | None, folder: Path | None, progress: bool,
     checkpoint: Checkpoint | None,
 ) -> Run:  # fmt: skip
     """A run of a case whose inner steps are known."""
@@ -165,9 +165,9 @@ def _simulated(
     elif options.checkpoint is not None:
         raise DesatError("checkpoints need a run folder")
     if options.supervised and supervisor.CAN:
-        outcome, results = _supervised(case, folder, manifest, progress, checkpoint)
+        outcome, results = _simulate_apart(case, folder, manifest, progress, checkpoint)
     else:
-        outcome, results = stepped(case, folder, manifest, progress, checkpoint)
+        outcome, results = step(case, folder, manifest, progress, checkpoint)
     run = Run(replace(
         manifest,
         warnings=[*manifest.warnings, *outcome.warnings],
@@ -196,7 +196,7 @@ def _measure(run: Run, system: System) -> None:
     told, results = run.manifest, run.results
     if not len(results.times()):
         return
-    content = said(system.about)
+    content = content_of(system.about)
     told = run.manifest = replace(
         told, numbers=numbers(content, results, told.parameters),
         not_checked=unrecorded(content, results),
@@ -210,24 +210,24 @@ def _measure(run: Run, system: System) -> None:
                 not_checked={**told.not_checked, **analysis.unchecked(told, results)},
             )  # fmt: skip
     if told.completed:
-        found, unjudged = judged(content, told.numbers, system.start, told.end_time or system.start)
+        found, unjudged = judge(content, told.numbers, system.start, told.end_time or system.start)
         told = replace(told, verdicts=found, not_checked={**unjudged, **told.not_checked})
     lines = dict.fromkeys([*told.warnings, *not_checked(told.not_checked)])
     run.manifest = replace(told, warnings=list(lines))
 
 
-def _supervised(
+def _simulate_apart(
     case: Case, folder: Path | None, manifest: Manifest, progress: bool,
     checkpoint: Checkpoint | None = None,
 ) -> tuple[Outcome, Results]:  # fmt: skip
     """The same in a process of its own: how it ended, or was ended, and the rows until then."""
     system, schedule = case.or_raise()
-    options, unwritten = case.options, Unwritten.shared()
+    options, unwritten = case.options, RowBuffer.shared()
     place = folder or library.scratch("run")
     library.unpack(system)
 
-    def work(tell: Callable[[str, Any], None], unwritten: Unwritten) -> None:
-        stepped(case, place, manifest, progress, checkpoint, unwritten, tell)
+    def work(tell: Callable[[str, Any], None], unwritten: RowBuffer) -> None:
+        step(case, place, manifest, progress, checkpoint, unwritten, tell)
 
     limit = min(options.call_limit, options.time_limit or math.inf)
     try:
@@ -260,7 +260,7 @@ def _supervised(
 
 def _cut_short(
     system: System, options: Options, place: Path, ended: supervisor.Ended, layout: Layout,
-    unwritten: Unwritten, full: str,
+    unwritten: RowBuffer, full: str,
 ) -> tuple[Outcome, Results]:  # fmt: skip
     """How a run ended that could not say so itself, and its rows."""
     outcome = Outcome("failed", ended.text(), Exit.COMPONENT)
@@ -326,7 +326,7 @@ def has_checkpoints(folder: Path) -> bool:
 
 def options_of(folder: Path) -> Options:
     """The options of a run with checkpoints. Raises DesatError where there is none."""
-    return as_asked(_newest(folder).told)
+    return from_json(_newest(folder).told)
 
 
 def _newest(folder: Path) -> Checkpoint:
@@ -348,7 +348,7 @@ def resume(folder: Path, progress: bool = False) -> Run:
             return run
         run.results.close()
     checkpoint = _newest(folder)
-    target, options = checkpoint.told["target"], as_asked(checkpoint.told)
+    target, options = checkpoint.told["target"], from_json(checkpoint.told)
     try:
         with chdir(checkpoint.told["from"]):
             return simulate(prepare(target, options), folder, progress, checkpoint)

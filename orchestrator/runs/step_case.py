@@ -9,22 +9,22 @@ from pathlib import Path
 from typing import Any
 
 from ..analyses import energy
-from ..analyses.energy import Along
+from ..analyses.energy import OnlineBalance
 from ..analyses.manifest import Manifest, Stopped
 from ..engine.checkpoint import Checkpoint, Checkpoints
 from ..engine.instances.base import ComponentError, EndedError
 from ..engine.loop import bar, interruptible, run, stepping
 from ..engine.master import Master
-from ..engine.process_state import kept
+from ..engine.process_state import keep_state
 from ..engine.recording.recorder import Recorder
 from ..engine.recording.results import SERIES, Results, selects
-from ..engine.recording.row_buffer import Unwritten
+from ..engine.recording.row_buffer import RowBuffer
 from ..system.errors import Exit
-from ..system.options import asked
-from ..system.refusal import told as refused
+from ..system.options import as_json
+from ..system.refusal import explain as refused
 from . import stopping
 from .manifest import attributes, begin_manifest
-from .prepare import Case, isolated
+from .prepare import Case, isolated_in
 
 
 @dataclass
@@ -49,16 +49,16 @@ class Outcome:
     """The balances of its rigid body that were made while it ran (`analyses/energy.py`)."""
 
 
-def stepped(
+def step(
     case: Case, folder: Path | None, manifest: Manifest, progress: bool,
-    checkpoint: Checkpoint | None = None, unwritten: Unwritten | None = None,
+    checkpoint: Checkpoint | None = None, unwritten: RowBuffer | None = None,
     tell: Callable[[str, Any], None] = lambda name, what: None,
 ) -> tuple[Outcome, Results]:  # fmt: skip
     """Initialise, step and record. `tell` gets the layout of rows, and the outcome before the
     components are freed."""
     system, schedule = case.or_raise()
     options, outcome = case.options, Outcome("completed")
-    wanted = asked(case.target, options)
+    wanted = as_json(case.target, options)
 
     def watched(component: str, signal: Any) -> bool:
         ends_it = ends is not None and ends.reads(component, signal)
@@ -75,7 +75,7 @@ def stepped(
             algorithm=options.algorithm,
             watched=watched,
             halvings=options.halvings,
-            isolated=isolated(system, options),
+            isolated=isolated_in(system, options),
             limit=min(options.call_limit, options.time_limit or math.inf),
             kept=keeps,
         )
@@ -84,7 +84,7 @@ def stepped(
     alike = schedule, ends, options.record, None if keeps is None else keeps.outputs
     spare = case.spare if unwritten is None else None
     with (
-        kept() as changes,
+        keep_state() as changes,
         make() if spare is None else spare.take(alike, system, keeps, make) as master,
     ):
         try:
@@ -197,11 +197,11 @@ def _terminate(master: Master, outcome: Outcome) -> None:
             outcome.code = int(error.code)
 
 
-def _along(case: Case, manifest: Manifest) -> Along | None:
+def _along(case: Case, manifest: Manifest) -> OnlineBalance | None:
     """What makes the balances of a rigid body while the run goes on; None where its rows will do,
     or where they are not made at all: what rows would need for the work must be recorded."""
     (system, _), options = case.or_raise(), case.options
-    parts: energy.Parts | None = manifest.parts[energy.KEY]
+    parts: energy.EnergyParts | None = manifest.parts[energy.KEY]
     if parts is None or parts.why or options.algorithm != "conserving":
         return None
     if parts.rows:
@@ -212,7 +212,7 @@ def _along(case: Case, manifest: Manifest) -> Along | None:
         for owner, _, name in wanted
         for signal in system.components[owner].interface.elements.get(name, ())
     )
-    return Along(system, parts, manifest.parameters) if all_of_it else None
+    return OnlineBalance(system, parts, manifest.parameters) if all_of_it else None
 
 
 def _add(lines: list[str], more: list[str]) -> None:

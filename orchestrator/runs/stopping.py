@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 from ..engine.ending import Ending, How
 from ..engine.master import Master
 from ..engine.node import Slot
-from ..language.content import said
+from ..language.content import content_of
 from ..language.scenario import StopWhen
 from ..system.errors import DesatError, nearest
 from ..system.expression import factor, product
@@ -64,7 +64,7 @@ class Condition:
 def condition(system: System) -> Condition | None:
     """The condition of a system, interfaces loaded; None where it has none. Raises DesatError,
     which begins with the key, for what does not fit the system."""
-    if (given := said(system.about).stop_when) is None:
+    if (given := content_of(system.about).stop_when) is None:
         return None
     signal = _signal(system, given.signal)
     if given.reaches is not None:
@@ -80,7 +80,7 @@ def condition(system: System) -> Condition | None:
 
 def problems(system: System) -> list[tuple[tuple[str, ...], str]]:
     """What is wrong with a system's condition, key and text: one, or none."""
-    if said(system.about).stop_when is None:
+    if content_of(system.about).stop_when is None:
         return []
     try:
         condition(system)
@@ -143,7 +143,7 @@ def watch(master: Master, wanted: Condition | None, seconds: float | None) -> En
     `seconds` of wall time are over since now."""
     slots = [s for s in master.slots if wanted and wanted.reads(s.component, s.signal)]
     memory: dict[str, Any] = {}
-    met = _held(master, wanted, slots, memory) if wanted else lambda: False
+    met = _hold(master, wanted, slots, memory) if wanted else lambda: False
     text = wanted.text if wanted else ""
     end = None if seconds is None else time.monotonic() + seconds
 
@@ -157,7 +157,7 @@ def watch(master: Master, wanted: Condition | None, seconds: float | None) -> En
     return Ending(reason, wanted.how, slots, wanted.limit, memory)
 
 
-def _held(
+def _hold(
     master: Master, wanted: Condition, slots: list[Slot], memory: dict[str, Any]
 ) -> Callable[[], bool]:
     """Whether the condition has held for long enough; `memory` has since when it is met."""

@@ -23,7 +23,7 @@ from typing import Any, NoReturn, TypeVar
 
 from ..engine import current_call, process_state
 from ..engine.instances.base import EndedError
-from ..engine.recording.row_buffer import Layout, Unwritten
+from ..engine.recording.row_buffer import Layout, RowBuffer
 from ..system.errors import DesatError, Exit
 
 T = TypeVar("T")
@@ -61,8 +61,8 @@ class Ended:
 
 
 def watch(
-    work: Callable[[Callable[[str, Any], None], Unwritten], None], order: Sequence[str],
-    unwritten: Unwritten, limit: float,
+    work: Callable[[Callable[[str, Any], None], RowBuffer], None], order: Sequence[str],
+    unwritten: RowBuffer, limit: float,
 ) -> Ended:  # fmt: skip
     """Do `work(tell, unwritten)` in a forked process, and say how that ended; after `limit` s in
     one call of a component of `order`, or a second signal to stop, it is killed."""
@@ -82,7 +82,7 @@ def watch(
     if status not in (0, current_call.UNKNOWN) or "done" not in ended.said:
         ended.how = current_call.how(status)
     if ended.how:
-        ended.component, ended.call = current_call.named(order)
+        ended.component, ended.call = current_call.place_of(order)
     current_call.word[0] = 0
     return ended
 
@@ -90,7 +90,7 @@ def watch(
 def apart(work: Callable[[], T], order: Sequence[str], limit: float) -> T:
     """What `work` gives, done in a forked process as by `watch`. Raises what it raises; EndedError
     where a component has ended that process, and KeyboardInterrupt or SystemExit for a signal."""
-    ended = watch(lambda tell, unwritten: tell("made", work()), order, Unwritten(), limit)
+    ended = watch(lambda tell, unwritten: tell("made", work()), order, RowBuffer(), limit)
     stopped(ended)
     if "error" in ended.said:
         kind, arguments = ended.said["error"]
@@ -120,8 +120,8 @@ def layout_of(ended: Ended) -> Layout | None:
 
 
 def _work(
-    work: Callable[[Callable[[str, Any], None], Unwritten], None], pipe: Connection,
-    unwritten: Unwritten, parent: int,
+    work: Callable[[Callable[[str, Any], None], RowBuffer], None], pipe: Connection,
+    unwritten: RowBuffer, parent: int,
 ) -> NoReturn:  # fmt: skip
     """The child: what it does, and then nothing more, not even what the interpreter would."""
 

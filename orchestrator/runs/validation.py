@@ -48,28 +48,29 @@ def content_problems(
     system that they make."""
     lines = list(word_problems(content))
     if not lines:
-        lines = [*_series(content, components), *dispersions(content, components)]
+        lines = [*_series_problems(content, components), *dispersion_problems(content, components)]
     if not lines and system is not None:
-        lines = [*_analysed(content, system), *stopping.problems(system), *numbers(content, system)]
+        lines = [*_analysis_problems(content, system), *stopping.problems(system)]
+        lines += number_problems(content, system)
     yield from lines
 
 
 def word_problems(content: Content) -> Iterator[tuple[Keys, str]]:
     """Measures, options and derived quantities that there are not; no system is needed."""
-    yield from _words(content)
-    yield from unmeetable(content)
-    yield from _rows(content)
+    yield from _plain_problems(content)
+    yield from requirement_problems(content)
+    yield from _row_problems(content)
 
 
-def _words(content: Content) -> Iterator[tuple[Keys, str]]:
+def _plain_problems(content: Content) -> Iterator[tuple[Keys, str]]:
     for name, number in content.numbers.items():
-        problems = _measured(number) if number.signals else ()
+        problems = _measure_problems(number) if number.signals else ()
         yield from ((("numbers", name, *path), text) for path, text in problems)
         if number.of:
             yield from _unknown(content, number.of, ("numbers", name, "of"))
-        yield from ((("numbers", name, key), text) for key, text in _derived(number))
+        yield from ((("numbers", name, key), text) for key, text in _derive_problems(number))
     for name, plot in content.plots.items():
-        yield from ((("plots", name, key), text) for key, text in _derived(plot))
+        yield from ((("plots", name, key), text) for key, text in _derive_problems(plot))
         if derived.takes_parameters(plot.derive):
             yield ("plots", name, "derive"), f"{plot.derive} is of numbers only"
 
@@ -83,7 +84,7 @@ def _unknown(content: Content, name: str, path: Keys) -> Iterator[tuple[Keys, st
         yield path, f"no number {name}{nearest(name, known)}"
 
 
-def _measured(number: Number) -> Iterator[tuple[Keys, str]]:
+def _measure_problems(number: Number) -> Iterator[tuple[Keys, str]]:
     """What is wrong with the measure of a number, its series and options."""
     measure, given = number.measure, number.options
     if measure not in MEASURES:
@@ -111,7 +112,7 @@ def _measured(number: Number) -> Iterator[tuple[Keys, str]]:
                 yield ("options",), f"{measure} needs {option}"
 
 
-def _rows(content: Content) -> Iterator[tuple[Keys, str]]:
+def _row_problems(content: Content) -> Iterator[tuple[Keys, str]]:
     """Rows of a paper's table whose number nobody computes."""
     for row, entry in content.judged.items():
         named = [("number" if entry.number else "quantity", entry.of)]
@@ -121,7 +122,7 @@ def _rows(content: Content) -> Iterator[tuple[Keys, str]]:
             yield from _unknown(content, number, ("paper", row, key))
 
 
-def _analysed(content: Content, system: System) -> Iterator[tuple[Keys, str]]:
+def _analysis_problems(content: Content, system: System) -> Iterator[tuple[Keys, str]]:
     """Rows whose number is of an analysis that does not apply to the system."""
     for row, entry in content.judged.items():
         if entry.of not in content.numbers and not any(
@@ -130,7 +131,7 @@ def _analysed(content: Content, system: System) -> Iterator[tuple[Keys, str]]:
             yield ("paper", row), f"no number {entry.of} of this system"
 
 
-def _derived(entry: Number | Plot) -> Iterator[tuple[str, str]]:
+def _derive_problems(entry: Number | Plot) -> Iterator[tuple[str, str]]:
     """What is wrong with what a number or plot derives: key and text."""
     try:
         quantity = derived.of_entry(entry)
@@ -140,10 +141,10 @@ def _derived(entry: Number | Plot) -> Iterator[tuple[str, str]]:
     if entry.sequence and entry.derive not in ("euler", "euler_lvlh"):
         yield "sequence", 'only with derive = "euler" or "euler_lvlh"'
     if quantity is not None:
-        yield from _counted(entry, len(quantity[0].names), entry.derive)
+        yield from _element_problems(entry, len(quantity[0].names), entry.derive)
 
 
-def _counted(
+def _element_problems(
     entry: Number | Plot, count: int, what: str = "the signal"
 ) -> Iterator[tuple[str, str]]:
     """Where more elements are named, or a further one is meant, than there are."""
@@ -167,7 +168,7 @@ def _unfit(option: str, annotation: str, value: Any) -> str:
     return "" if type(value) in (int, float, str) else "a number"
 
 
-def numbers(content: Content, system: System) -> list[tuple[Keys, str]]:
+def number_problems(content: Content, system: System) -> list[tuple[Keys, str]]:
     """What is wrong with the numbers that a scenario wants of a resolved system."""
     units = {
         f"{c.name}.{s.series}": s.unit_name
@@ -176,13 +177,14 @@ def numbers(content: Content, system: System) -> list[tuple[Keys, str]]:
     return problems(content, units, table(system.components.values()))
 
 
-def fitted(content: Content, system: System) -> tuple[Content, list[tuple[Keys, str]]]:
+def fit_to(content: Content, system: System) -> tuple[Content, list[tuple[Keys, str]]]:
     """A scenario's content for a system in which other FMUs are: without the numbers, plots, limits
     and conditions that name what these lack; and what is left out, keys and text."""
     told = deepcopy(content.written)
     tables = {t: told.get(t, {}) for t in ("numbers", "plots", "requirements", "paper")}
     left: dict[Keys, str] = {}
-    for path, text in [*_series(content, system.components), *numbers(content, system)]:
+    lines = [*_series_problems(content, system.components), *number_problems(content, system)]
+    for path, text in lines:
         what, name, *key = path
         if name not in tables[what]:
             continue
@@ -207,7 +209,7 @@ def fitted(content: Content, system: System) -> tuple[Content, list[tuple[Keys, 
         if entry.number in gone:
             del tables["requirements"][name]
             left["requirements", name] = f"of {entry.number}: left out, not checked"
-    for path, text in _analysed(content, system):
+    for path, text in _analysis_problems(content, system):
         tables["paper"].pop(path[1], None)
         left[path] = f"{text}: left out"
     for path, text in stopping.problems(system):
@@ -221,10 +223,11 @@ def _lacks(
 ) -> bool:  # fmt: skip
     """Whether a limit or signal of a plot, as it is written, names a variable that is not there."""
     value = written.get("value") if isinstance(written, dict) else written
-    return any(isinstance(_elements(components, name, kinds), str) for name in _named(value))
+    names = _parameters_named(value)
+    return any(isinstance(_elements(components, name, kinds), str) for name in names)
 
 
-def _named(value: Any) -> list[str]:
+def _parameters_named(value: Any) -> list[str]:
     """The parameters that a limit names."""
     factors = re.split(r"[*/]", value) if isinstance(value, str) else ()
     return [base_name(x.strip()) for x in factors if not _is_number(x)]
@@ -259,7 +262,9 @@ def _unit(own: str, unit: str) -> str:
     return ""
 
 
-def _series(content: Content, components: Mapping[str, Part]) -> Iterator[tuple[Keys, str]]:
+def _series_problems(
+    content: Content, components: Mapping[str, Part]
+) -> Iterator[tuple[Keys, str]]:  # fmt: skip
     entries: list[tuple[Keys, str, Number | Plot]] = [
         *((("numbers", name), "signal", number) for name, number in content.numbers.items()),
         *((("plots", name), "signals", plot) for name, plot in content.plots.items()),
@@ -269,17 +274,19 @@ def _series(content: Content, components: Mapping[str, Part]) -> Iterator[tuple[
         yield from (((*path, key), problem) for problem in ends if isinstance(problem, str))
         known = [e for e in ends if not isinstance(e, str) and e]
         first = isinstance(entry, Number) or entry.derive
-        for what, text in _entry(entry, known[:1] if first else known):
+        for what, text in _entry_problems(entry, known[:1] if first else known):
             yield (*path, what), text
     for name, plot in content.plots.items():
         for limit in plot.limits:
-            for parameter in _named(limit.value):
+            for parameter in _parameters_named(limit.value):
                 problem = _elements(components, parameter, ("parameter", "input"))
                 if isinstance(problem, str):
                     yield ("plots", name, "limits"), problem
 
 
-def _entry(entry: Number | Plot, signals: Sequence[Sequence[Signal]]) -> Iterator[tuple[str, str]]:
+def _entry_problems(
+    entry: Number | Plot, signals: Sequence[Sequence[Signal]]
+) -> Iterator[tuple[str, str]]:  # fmt: skip
     """What of a number or plot does not fit the elements of its signals: key and text."""
     quantity, number = derived.of_entry(entry), entry if isinstance(entry, Number) else None
     own = number and (number.measure in OWN_UNIT or number.percent_of is not None)
@@ -291,7 +298,7 @@ def _entry(entry: Number | Plot, signals: Sequence[Sequence[Signal]]) -> Iterato
         if number and not number.element and several > 1 and number.measure in SCALARS:
             yield "element", f"{number.measure} takes one element; there are {several}"
         if not quantity:
-            yield from _counted(entry, len(elements))
+            yield from _element_problems(entry, len(elements))
 
 
 def _is_number(text: str) -> bool:
@@ -302,7 +309,7 @@ def _is_number(text: str) -> bool:
     return True
 
 
-def dispersions(
+def dispersion_problems(
     content: Content, components: Mapping[str, Part]
 ) -> Iterator[tuple[Keys, str]]:  # fmt: skip
     """Dispersions that do not fit the components."""
@@ -347,7 +354,7 @@ def _misfit(part: Part, variable: str, elements: Sequence[Signal], spec: Dispers
 # --- [NAME]: what a campaign's cases are held against, as far as it is to be had ---
 
 
-def unmeetable(content: Content) -> Iterator[tuple[Keys, str]]:
+def requirement_problems(content: Content) -> Iterator[tuple[Keys, str]]:
     """Requirements of a number that nobody computes, or that nothing can meet."""
     for name, entry in content.requirements.items():
         path, number = ("requirements", name), entry.number

@@ -108,9 +108,9 @@ def fitting(
     something wrong."""
     system, _ = prepare(source, options).or_raise()
     own = system.components[ROLE]
-    known = _known(system, own, terms)
+    known = _table_of(system, own, terms)
     found = [Fitting(law_name(own), own.interface.model, True, options, {})]
-    some = sorted(_asked(asked), key=lambda m: (m != own.interface.model, m != PLAINEST))
+    some = sorted(_laws_of(asked), key=lambda m: (m != own.interface.model, m != PLAINEST))
     refused: list[Refused] = []
     for manager in (*some, *others):
         try:
@@ -126,13 +126,13 @@ def fitting(
             if law.name == found[0].name or not _is_asked(law, manager, asked, others):
                 continue
             try:
-                found.append(_fitted(source, options, own, manager, law, known))
+                found.append(_fit(source, options, own, manager, law, known))
             except DesatError as error:
                 refused.append(Refused(law.name, str(error).splitlines()[0]))
     return found, refused
 
 
-def _asked(asked: Sequence[str]) -> list[str]:
+def _laws_of(asked: Sequence[str]) -> list[str]:
     """The managers of these laws or managers."""
     every = managers()
     if ALL in asked:
@@ -184,7 +184,7 @@ def _instead(need: Need, system: System, terms: Terms) -> str:
     return instead(need, system, ROLE)
 
 
-def _known(system: System, own: Component, terms: Terms) -> dict[str, Any]:
+def _table_of(system: System, own: Component, terms: Terms) -> dict[str, Any]:
     """The parameters of a system, and the terms of rules as those of a component `craft`."""
     known: dict[str, Any] = dict(table(system.components.values()))
     law = _law_of(own) if own.interface.model in names() else None
@@ -204,7 +204,7 @@ def _known(system: System, own: Component, terms: Terms) -> dict[str, Any]:
     return with_rate(rate)
 
 
-def _fitted(
+def _fit(
     source: Target, options: Options, own: Component, manager: str, law: Law,
     known: Mapping[str, Any],
 ) -> Fitting:  # fmt: skip
@@ -261,6 +261,6 @@ def terms_of(period: float, b: Any, inertial: bool) -> Terms:
     return Terms(2.0 * pi / period, float(np.linalg.norm(b, axis=1).mean()), inertial)
 
 
-def prepared(source: Target, law: Fitting) -> Case:
+def prepare_with(source: Target, law: Fitting) -> Case:
     """A craft with a law that fits it, ready to fly."""
     return prepare(source, law.options)

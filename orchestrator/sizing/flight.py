@@ -230,7 +230,7 @@ def flight_of(system: System, results: Any) -> Flight:
     every = max(1, round(NODE_TIME / float(times[1] - times[0])))
     rows = slice(0, n - 1)
     fed = motion.feeds(system, "spacecraft")
-    inputs = motion.recorded(results, fed, rows) if fed else None
+    inputs = motion.recorded_inputs(results, fed, rows) if fed else None
     at, sources = times[rows][::every], {}
     if inputs is not None:
         some = {k: x[::every] for k, x in inputs.items()}
@@ -277,10 +277,10 @@ def impulses(
     system: System, inputs: dict[str, Array], q: Array, times: Array
 ) -> dict[str, Array]:  # fmt: skip
     """The impulse (rows, 3) N m s, eci, of each source since the start: of `torques`."""
-    return {name: summed(x, times) for name, x in torques(system, inputs, q).items()}
+    return {name: integral(x, times) for name, x in torques(system, inputs, q).items()}
 
 
-def summed(torque: Array, times: Array) -> Array:
+def integral(torque: Array, times: Array) -> Array:
     """The integral of a torque (rows, 3) since the start, by the trapezoidal rule."""
     steps = np.diff(times)[:, None]
     parts = 0.5 * (torque[1:] + torque[:-1]) * steps

@@ -33,12 +33,12 @@ from .flight import (
     flown_at,
     hardware_of,
     inputs_at,
-    summed,
+    integral,
     values_of,
 )
 from .law import Law, UnsuitedError, hold_of, law_of
 from .model import fly, track_of
-from .sizing import Wishes, flown, least_by_formula, other_laws, reach, room_of, secular
+from .sizing import Wishes, fly_case, least_by_formula, other_laws, reach, room_of, secular
 
 Array = NDArray[Any]
 STEP = 10.0
@@ -56,7 +56,7 @@ _DIPOLES = (0.0, 0.5, 1.0, 2.0)
 
 
 @dataclass(frozen=True)
-class Axes:
+class MapAxes:
     """What a map goes over; an axis that is empty is the default one."""
 
     rods: tuple[float, ...] = ()
@@ -77,7 +77,7 @@ class SizingMap:
     of (inclinations, altitudes, dipoles)."""
 
     target: str
-    axes: Axes
+    axes: MapAxes
     laws: tuple[str, ...]
     wishes: Wishes
     least: Array
@@ -129,7 +129,7 @@ class _Task:
 
 
 def map_of(
-    target: str, options: Options, axes: Axes, wishes: Wishes, jobs: int = 2,
+    target: str, options: Options, axes: MapAxes, wishes: Wishes, jobs: int = 2,
     progress: Callable[[str], None] = lambda text: None,
 ) -> SizingMap:  # fmt: skip
     """A map of a scenario's craft. Raises DesatError for a craft whose law, attitude or environment
@@ -138,7 +138,7 @@ def map_of(
     case = prepare(source, options)
     system, _ = case.or_raise()
     progress("the run at the wanted attitude")
-    flight = flown(case, system)
+    flight = fly_case(case, system)
     attitude = attitude_of(flight.q, flight.r, flight.v)
     if attitude.kind == "moving":
         raise DesatError(f"{target}: the attitude moves: a map needs one that stays in lvlh or eci")
@@ -193,15 +193,15 @@ def _residual(system: System) -> Array:
 
 def _side_by_side(tasks: Sequence[_Task]) -> list[tuple[Array, Array]]:
     if len(tasks) == 1:
-        return [_flown(tasks[0])]
+        return [_fly(tasks[0])]
     from concurrent.futures import ProcessPoolExecutor
     from multiprocessing import get_context
 
     with ProcessPoolExecutor(len(tasks), mp_context=get_context("spawn")) as pool:
-        return list(pool.map(_flown, tasks))
+        return list(pool.map(_fly, tasks))
 
 
-def _flown(task: _Task) -> tuple[Array, Array]:
+def _fly(task: _Task) -> tuple[Array, Array]:
     """Least rods (orbits, dipoles), and rms, largest, wheel, duty (4, laws, orbits, dipoles,
     rods)."""
     system, hardware = task.system, hardware_of(task.system)
@@ -219,7 +219,7 @@ def _flown(task: _Task) -> tuple[Array, Array]:
         own_part = flight.sources["residual dipole"]
         if size == 0.0:  # along the diagonal, where the craft has none
             residual, size = np.full(3, 3.0**-0.5), 1.0
-            own_part = summed(_of_dipole(flight, residual), times)
+            own_part = integral(_of_dipole(flight, residual), times)
             rest = flight.disturbance
         else:
             rest = flight.disturbance - own_part

@@ -36,7 +36,7 @@ def write_sizing(made: Sizing, path: Path) -> Path:
     path.parent.mkdir(parents=True, exist_ok=True)
     return write_page(path, render(
         "sizing.html", made=made, figures=figures, rows=rows_of(made), versions=versions(),
-        curve=[shown(r) for r in made.curve], inf=inf,
+        curve=[cells_of(r) for r in made.curve], inf=inf,
     ))  # fmt: skip
 
 
@@ -100,7 +100,7 @@ def _grams(mass: float) -> str:
     return "no layout gives it" if mass == inf else f"{1e3 * mass:.4g}"
 
 
-def shown(row: Flown) -> list[str]:
+def cells_of(row: Flown) -> list[str]:
     """The cells of a row of a curve."""
 
     def beside(model: float | None, loop: float | None) -> str:

@@ -43,7 +43,7 @@ from ..system import asked
 from ..system.errors import DesatError
 from ..system.model import Component, System
 from ..system.options import Options
-from .compatibility import Terms, fitting, prepared, terms_of
+from .compatibility import Terms, fitting, prepare_with, terms_of
 from .flight import (
     Attitude,
     Flight,
@@ -250,7 +250,7 @@ def other_laws(
     it has not is added to the notes."""
     without = []
     for each in fitting(source, options, terms)[0][1:]:
-        system, _ = prepared(source, each).or_raise()
+        system, _ = prepare_with(source, each).or_raise()
         try:
             yield law_of(system.components["manager"])
         except UnsuitedError:
@@ -349,7 +349,7 @@ def room_of(hardware: Hardware) -> float:
 
 
 @dataclass(frozen=True)
-class Share:
+class SourceShare:
     """What a source of disturbance has in the momentum."""
 
     name: str
@@ -419,7 +419,7 @@ class Sizing:
     """secular momentum of an orbit"""
     cyclic: float
     """largest size of the cyclic momentum about its middle"""
-    sources: tuple[Share, ...]
+    sources: tuple[SourceShare, ...]
     unexplained: float | None
     """secular torque that is of no source, N m; None: the sources are not known"""
     year: tuple[Date, ...]
@@ -570,7 +570,7 @@ def size(
     system, _ = case.or_raise()
     hardware = hardware_of(system)
     progress("the run at the wanted attitude")
-    flight = flown(case, system)
+    flight = fly_case(case, system)
     notes: list[str] = []
     try:
         own = law_of(system.components["manager"])
@@ -737,7 +737,7 @@ def _manager(system: System) -> str:
     return system.components["manager"].source.rpartition("/")[2].removesuffix(".fmu")
 
 
-def flown(case: Case, system: System) -> Flight:
+def fly_case(case: Case, system: System) -> Flight:
     """The flight of a prepared case, flown now. Raises DesatError where it does not complete."""
     recording = replace(case.options, record=series_for(system), every=1)
     run = simulate(replace(case, options=recording)).or_raise(case.target)
@@ -745,7 +745,7 @@ def flown(case: Case, system: System) -> Flight:
         return flight_of(system, results)
 
 
-def _sources(flight: Flight, torque: Array) -> tuple[tuple[Share, ...], float | None]:
+def _sources(flight: Flight, torque: Array) -> tuple[tuple[SourceShare, ...], float | None]:
     """The shares of the sources, and the secular torque that is of none of them."""
     if not flight.sources:
         return (), None
@@ -756,7 +756,7 @@ def _sources(flight: Flight, torque: Array) -> tuple[tuple[Share, ...], float | 
         known += mean
         size = float(np.linalg.norm(mean))
         along = float(mean @ torque) / square if square > 0.0 else 0.0
-        rows.append(Share(name, size, along, size * flight.period, _span(cyclic)))
+        rows.append(SourceShare(name, size, along, size * flight.period, _span(cyclic)))
     return tuple(rows), float(np.linalg.norm(torque - known))
 
 

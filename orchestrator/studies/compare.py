@@ -27,7 +27,7 @@ from ..system.errors import DesatError
 
 
 @dataclass(frozen=True)
-class Row:
+class ComparedNumber:
     """A number of several runs."""
 
     title: str
@@ -59,7 +59,7 @@ class Comparison:
 
     targets: tuple[str, ...]
     runs: tuple[Run, ...]
-    rows: dict[str, Row]
+    rows: dict[str, ComparedNumber]
     """By the number's name, those of the first run in its order, then what only others have."""
     warnings: tuple[str, ...]
 
@@ -121,10 +121,12 @@ def side_by_side(
         run = load_run(Path(target)) if case is None else simulate(case)
         runs.append(run.or_raise(target))
         warnings += [f"{target}: {line}" for line in run.manifest.warnings]
-    return held(targets, runs, warnings)
+    return of_runs(targets, runs, warnings)
 
 
-def held(targets: Sequence[str], runs: Sequence[Run], warnings: Sequence[str]) -> Comparison:
+def of_runs(
+    targets: Sequence[str], runs: Sequence[Run], warnings: Sequence[str]
+) -> Comparison:  # fmt: skip
     """Completed runs side by side, by their names."""
     ends = [run.manifest.end_time for run in runs]
     uneven = [
@@ -134,7 +136,7 @@ def held(targets: Sequence[str], runs: Sequence[Run], warnings: Sequence[str]) -
     return Comparison(tuple(targets), tuple(runs), rows_of(runs), (*warnings, *uneven))
 
 
-def rows_of(runs: Sequence[Run]) -> dict[str, Row]:
+def rows_of(runs: Sequence[Run]) -> dict[str, ComparedNumber]:
     """The numbers of runs, by name. One whose unit is not that of the first run that has the name
     stands in a row of its own, `NAME (UNIT)`."""
     rows = {}
@@ -144,7 +146,7 @@ def rows_of(runs: Sequence[Run]) -> dict[str, Row]:
         for i, unit in enumerate(dict.fromkeys(x.unit for x in given)):
             there = tuple(x is not None and x.unit == unit for x in each)
             title = next(x.title for x in given if x.unit == unit)
-            rows[f"{name} ({unit})" if i else name] = Row(
+            rows[f"{name} ({unit})" if i else name] = ComparedNumber(
                 title, unit,
                 tuple(x.value if x is not None and x.unit == unit else None for x in each), there,
             )  # fmt: skip

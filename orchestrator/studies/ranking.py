@@ -17,16 +17,16 @@ from ..campaign.draws import series_of_numbers
 from ..engine.recording.results import Results
 from ..figures.canvas import Figure
 from ..figures.style import COLOURS, DASHED, figure, pretty_unit
-from ..language.content import said
+from ..language.content import content_of
 from ..numbers.derived import pointing
 from ..numbers.text import number
 from ..runs.prepare import Target, prepare, read
 from ..runs.run import Options, Run, simulate
-from ..sizing.compatibility import ROLE, Fitting, Refused, fitting, prepared, terms_of
+from ..sizing.compatibility import ROLE, Fitting, Refused, fitting, prepare_with, terms_of
 from ..sizing.flight import attitude_of, period_of, values_of
 from ..system.errors import DesatError, RunError, nearest
 from ..system.model import System
-from .compare import Comparison, held, write
+from .compare import Comparison, of_runs, write
 
 ORBIT = ("environment.r_eci", "environment.v_eci", "environment.b_eci", "spacecraft.q_bi")
 REFERENCE = "guidance.q_ref_bi"
@@ -56,7 +56,7 @@ def _filled(manifest: Manifest, results: Results) -> float | None:
     return None if margin is None or margin.value is None else 100.0 - margin.value
 
 
-def _stored(manifest: Manifest, results: Results) -> float | None:
+def _stored_runs(manifest: Manifest, results: Results) -> float | None:
     largest = manifest.numbers.get("sum_largest")
     return None if largest is None else largest.value
 
@@ -83,7 +83,7 @@ def _last(signal: str) -> Callable[[Manifest, Results], float | None]:
 
 CRITERIA = {c.name: c for c in (
     Criterion("peak", "fill of the fullest wheel", "%", _filled),
-    Criterion("stored", "momentum of the wheels", "N.m.s", _stored),
+    Criterion("stored", "momentum of the wheels", "N.m.s", _stored_runs),
     Criterion("duty", "coil duty", "%", _duty),
     Criterion("energy", "coil energy", "J", _last(ENERGY)),
     Criterion("pointing", "pointing error, rms", "deg", _pointing),
@@ -92,7 +92,7 @@ CRITERIA = {c.name: c for c in (
 
 
 @dataclass(frozen=True)
-class Entry:
+class RankedLaw:
     """A law as it flew."""
 
     law: Fitting
@@ -121,12 +121,12 @@ class Entry:
 
 
 @dataclass(frozen=True)
-class Choice:
+class Ranking:
     """The laws of a craft, by the first criterion, those that meet all requirements first."""
 
     target: str
     by: tuple[Criterion, ...]
-    ranked: tuple[Entry, ...]
+    ranked: tuple[RankedLaw, ...]
     refused: tuple[Refused, ...]
     comparison: Comparison
 
@@ -149,7 +149,7 @@ class Choice:
             why.setdefault(each.why, []).append(each.name)
         return [(", ".join(names), text) for text, names in why.items()]
 
-    def cells(self, entry: Entry) -> list[str]:
+    def cells(self, entry: RankedLaw) -> list[str]:
         """The values of a law as people read them."""
         return [number(x) if np.isfinite(x) else "" for x in entry.values]
 
@@ -217,7 +217,7 @@ def criteria(by: str) -> tuple[Criterion, ...]:
 def choose(
     target: str, options: Options, asked: Sequence[Criterion], laws: Sequence[str],
     others: Sequence[str] = (), progress: Callable[[str], None] = lambda text: None,
-) -> Choice:  # fmt: skip
+) -> Ranking:  # fmt: skip
     """Fly a craft with its own law and with those that fit it: `laws` by name, or all, and the
     `others` of the user's own, files; `asked` is what they are ranked by, nothing: STANDARD. Raises
     DesatError for a craft that cannot fly with its own, and where a criterion is of something that
@@ -227,7 +227,7 @@ def choose(
     system, _ = own.or_raise()
     values_of(system)  # the roles that this asks of
     progress("its own law")
-    first = _flown(own.options, source, system).or_raise(target)
+    first = _fly(own.options, source, system).or_raise(target)
     r, v, b, q = (first.results.values(s) for s in ORBIT)
     inertial = attitude_of(q, r, v).kind == "inertial"
     found, refused = fitting(source, options, terms_of(period_of(r[0], v[0]), b, inertial), laws,
@@ -236,7 +236,7 @@ def choose(
     for law in found[1:]:
         progress(law.name)
         try:
-            run = _flown(law.options, source, prepared(source, law).or_raise()[0])
+            run = _fly(law.options, source, prepare_with(source, law).or_raise()[0])
             run.or_raise(law.name)
         except RunError as why:
             refused.append(Refused(law.name, str(why).removeprefix(f"{law.name}: ")))
@@ -256,17 +256,20 @@ def choose(
     rows = [tuple(c.of(run.manifest, run.results) for c in known) for run in runs]
     whole = [tuple(np.inf if x is None else x for x in row) for row in rows]
     entries = [
-        Entry(law, row, not any(_beats(other, row) for other in whole), tuple(run.manifest.not_met))
+        RankedLaw(
+            law, row, not any(_beats(other, row) for other in whole), tuple(run.manifest.not_met)
+        )
         for law, row, run in zip(flown, whole, runs, strict=True)
     ]
     ranked = sorted(entries, key=lambda e: (bool(e.not_met), e.values))
     names = [law.name for law in flown]
-    return Choice(target, tuple(known), tuple(ranked), tuple(refused), held(names, runs, warnings))
+    beside = of_runs(names, runs, warnings)
+    return Ranking(target, tuple(known), tuple(ranked), tuple(refused), beside)
 
 
-def _flown(options: Options, source: Target, system: System) -> Run:
+def _fly(options: Options, source: Target, system: System) -> Run:
     """A run that has recorded what it is judged by and what its plots show."""
-    plots = said(system.about).plots.values()
+    plots = content_of(system.about).plots.values()
     wanted = {*series_of_numbers(system), *(s for p in plots for s in p.signals), *ORBIT, REFERENCE,
               DIPOLE, ENERGY, TORQUE, FIRING}  # fmt: skip
     for analysis in analyses():

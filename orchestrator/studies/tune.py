@@ -20,7 +20,7 @@ import numpy as np
 from ..analyses import analyses
 from ..campaign.draws import RunRow, rows_of
 from ..campaign.pairs import confident, difference
-from ..language.content import Content, overridden, said
+from ..language.content import Content, content_of, overridden_by
 from ..numbers.numbers import late
 from ..numbers.text import number as text_of
 from ..runs.prepare import Target, prepare, read
@@ -122,7 +122,7 @@ def tune(
     craft's own value does not give the number."""
     source = read(target)
     system, _ = prepare(source, options).or_raise()
-    content = said(system.about)
+    content = content_of(system.about)
     signal, own = _parameter(source, options, parameter)
     _number(content, system, number, target)
     low, high = _range(parameter, signal, own, between)
@@ -194,7 +194,7 @@ def _parameter(source: Target, options: Options, name: str) -> tuple[Signal, flo
         raise DesatError(f"{name}: {what}: one number is tuned, of a component")
     if signal.kind != "Real":
         raise DesatError(f"{name}: it is no Real: {', '.join(signal.choices) or signal.kind}")
-    if drawn := overridden(source.to_draw(options.blocks), name):
+    if drawn := overridden_by(source.to_draw(options.blocks), name):
         raise DesatError(f"{name}: {drawn[0]} is drawn, and so cannot be tuned")
     return signal, float(str(component.values[variable]))
 

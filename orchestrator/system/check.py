@@ -12,11 +12,11 @@ from desat.fmus.registry import block_class, names
 
 from .draft import Draft
 from .errors import DesatError, nearest
-from .expression import named, values_of
+from .expression import names_in, values_of
 from .interface import base_name, computers, of_block
 from .model import Component, System
 from .parameters import table
-from .refusal import REFUSES, told
+from .refusal import REFUSES, explain
 from .resolve import resolve
 from .schedule import Schedule, schedule
 
@@ -55,7 +55,7 @@ def check(draft: Draft) -> Checked:
     checked.problems += _overrides(system, draft.given)
     checked.unwired = unwired(system)
     checked.problems += without_effect(system, checked.unwired)
-    problems, warnings = foreseen(system, checked.unwired)
+    problems, warnings = foresee(system, checked.unwired)
     checked.problems += problems
     checked.warnings += warnings
     checked.notes += filter(None, (ends.text(n) for n, ends in checked.unwired.items()))
@@ -149,7 +149,7 @@ def _follows(system: System, draft: Draft) -> Iterator[str]:
                 continue
             signals = c.interface.elements.get(name, ())
             own = [float(str(c.values[s.name])) for s in signals]
-            ends = [known[owner][p] for owner, _, p in (n.partition(".") for n in named(text))]
+            ends = [known[owner][p] for owner, _, p in (n.partition(".") for n in names_in(text))]
             given = any(s.name in c.parameters for s in signals) or any(e.given for e in ends)
             least = 1e-9 * max(map(abs, usual))
             apart = [i for i, x in enumerate(own) if abs(x - usual[i]) > least]
@@ -278,7 +278,7 @@ def _value_text(c: Component, name: str) -> str:
 # that.
 
 
-def foreseen(system: System, open_ends: dict[str, Unwired]) -> tuple[list[str], list[str]]:
+def foresee(system: System, open_ends: dict[str, Unwired]) -> tuple[list[str], list[str]]:
     """Problems and warnings, a line each."""
     problems: list[str] = []
     warnings: list[str] = []
@@ -293,8 +293,8 @@ def foreseen(system: System, open_ends: dict[str, Unwired]) -> tuple[list[str], 
         given = tuple((c.interface.signals[n].reference, x) for n, x in c.parameters.items())
         lines, refusal = _of_block(c.interface.model, given, system.start, system.stop, wired)
         for line in lines:
-            warnings += told(system, f"{c.name}: {REFUSES}{line}")
-        problems += told(system, f"{c.name}: {REFUSES}{refusal}") if refusal else []
+            warnings += explain(system, f"{c.name}: {REFUSES}{line}")
+        problems += explain(system, f"{c.name}: {REFUSES}{refusal}") if refusal else []
     return list(dict.fromkeys(problems)), list(dict.fromkeys(warnings))
 
 

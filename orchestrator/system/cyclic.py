@@ -53,7 +53,7 @@ def fullest(axes: Array, cyclic: Array) -> float:
     return float(np.abs(cyclic @ np.linalg.pinv(axes).T).max())
 
 
-def told(needs: float, has: float) -> str:
+def shortfall(needs: float, has: float) -> str:
     """That wheels of a capacity (N m s) do not hold what an orbit brings, for people."""
     return (f"{has * 1e3:.4g} mN m s a wheel; residual dipole and gravity gradient turn "
             f"{needs * 1e3:.4g} mN m s in and out of the fullest within each orbit, which no rods "

@@ -102,8 +102,8 @@ def digest(
     about = system.about.as_json() if system.about else {}
     content: Any = {k: _untitled(v) for k, v in about.items() if k not in aside}
     told = [
-        _told(replace(system, about=content)), {n: computes[n] for n in system.components},
-        _told(beside),
+        _as_json(replace(system, about=content)), {n: computes[n] for n in system.components},
+        _as_json(beside),
     ]  # fmt: skip
     text = json.dumps(told, sort_keys=True)
     return f"{FORM}:{hashlib.sha256(text.encode()).hexdigest()}"
@@ -140,7 +140,7 @@ def _entry(entry: Any) -> Any:
 
 
 @cache
-def _kept(kind: Any) -> Callable[[Any], tuple[Any, ...]] | None:
+def _fields_of(kind: Any) -> Callable[[Any], tuple[Any, ...]] | None:
     """What gets the fields of a dataclass that are in the digest, after its class: those that are
     given, not what follows from them. None for another class."""
     if not isinstance(kind, type) or not is_dataclass(kind):
@@ -155,7 +155,7 @@ def _of_interface(x: Interface) -> str:
     variables, and components share it."""
     known = vars(x)
     if "_digest" not in known:
-        values = [_told(v) for v in values_of(x)] if (values_of := _kept(Interface)) else []
+        values = [_as_json(v) for v in values_of(x)] if (values_of := _fields_of(Interface)) else []
         known["_digest"] = hashlib.sha256(json.dumps(values, sort_keys=True).encode()).hexdigest()
     return str(known["_digest"])
 
@@ -163,7 +163,7 @@ def _of_interface(x: Interface) -> str:
 _PLAIN = frozenset((float, str, int, bool, type(None)))
 
 
-def _told(x: Any) -> Any:
+def _as_json(x: Any) -> Any:
     """Something as JSON: what is equal in it is equal to the bit. The order of dataclasses in a
     list, such as connections, does not count."""
     kind = type(x)
@@ -171,15 +171,15 @@ def _told(x: Any) -> Any:
         return x
     if kind is Interface:
         return _of_interface(x)
-    if values_of := _kept(kind):  # type: ignore[arg-type]
-        return [v if type(v) in _PLAIN else _told(v) for v in values_of(x)]
+    if values_of := _fields_of(kind):  # type: ignore[arg-type]
+        return [v if type(v) in _PLAIN else _as_json(v) for v in values_of(x)]
     if isinstance(x, Mapping):
-        return {str(k): v if type(v) in _PLAIN else _told(v) for k, v in x.items()}
+        return {str(k): v if type(v) in _PLAIN else _as_json(v) for k, v in x.items()}
     if isinstance(x, (list, tuple)):
         if _PLAIN.issuperset(map(type, x)):
             return x
-        told = [_told(v) for v in x]
+        told = [_as_json(v) for v in x]
         return sorted(told, key=json.dumps) if is_dataclass(x[0]) else told
     if hasattr(x, "tolist"):  # of numpy
-        return _told(x.tolist())
+        return _as_json(x.tolist())
     raise TypeError(f"{kind.__name__}: a digest cannot tell it")

@@ -142,7 +142,7 @@ def evaluate(
     result, waiting = dict(components), dict(references)
     problems: list[str] = []
     while waiting:
-        ready = [key for key, text in waiting.items() if not named(text) & _names(waiting)]
+        ready = [key for key, text in waiting.items() if not names_in(text) & _names(waiting)]
         if not ready:
             chain = ", ".join(f'{c}.{n} = "{text}"' for (c, n), text in waiting.items())
             return result, [*problems, f"{where}: parameters name each other in a circle: {chain}"]
@@ -158,7 +158,7 @@ def evaluate(
     return result, problems
 
 
-def named(text: str) -> set[str]:
+def names_in(text: str) -> set[str]:
     """The parameters that a product names, without their elements."""
     return {base_name(word) for word in text.replace("*", " ").replace("/", " ").split()}
 

@@ -14,13 +14,13 @@ from .errors import DesatError
 from .model import AUTO, MOST_INNER, Inner
 
 
-def asked(target: str, options: Options) -> dict[str, Any]:
+def as_json(target: str, options: Options) -> dict[str, Any]:
     """Target and options as JSON, with the folder that relative paths in them start from."""
     given = {**asdict(options), "trusted": options.trusted and sorted(options.trusted)}
     return {"target": target, "options": given, "from": str(Path.cwd())}
 
 
-def as_asked(told: Mapping[str, Any]) -> Options:
+def from_json(told: Mapping[str, Any]) -> Options:
     """The options that `asked` gave."""
     given = dict(told["options"])
     given["record"] = tuple(given["record"])

@@ -14,7 +14,7 @@ REFUSES = "BlockError: "
 _NAME = re.compile(r"([A-Za-z]\w*)(\[[^\]]*\])?(\s*=(?!=))?")
 
 
-def told(system: System, text: str) -> list[str]:
+def explain(system: System, text: str) -> list[str]:
     """The lines of a failure, those of refusals with the file, key or option that gave the first
     variable that they name, and after the text where the others are from.
 
@@ -23,7 +23,7 @@ def told(system: System, text: str) -> list[str]:
     """
     lines = text.splitlines()
     refusing = {line.partition(": ")[0] for line in lines if REFUSES in line}
-    reached = _reached(system, refusing & set(system.components))
+    reached = _fed_by(system, refusing & set(system.components))
     result: dict[str, str] = {}
     for line in lines:
         name, _, rest = line.partition(": ")
@@ -41,7 +41,7 @@ def told(system: System, text: str) -> list[str]:
     return list(result.values())
 
 
-def _reached(system: System, names: set[str]) -> set[str]:
+def _fed_by(system: System, names: set[str]) -> set[str]:
     """The components that these feed, at first or second hand."""
     targets: dict[str, set[str]] = defaultdict(set)
     for c in system.connections:

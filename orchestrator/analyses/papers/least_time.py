@@ -57,7 +57,7 @@ class LeastTime:
     """no law is below it"""
 
 
-class Plant(NamedTuple):
+class OneWheelPlant(NamedTuple):
     """What acts on a craft in a run, and its limits; times from 0 on in steps of the run."""
 
     inertia: Array
@@ -119,7 +119,7 @@ class Plant(NamedTuple):
         return y
 
 
-def plant_of(manifest: Manifest, results: Results) -> Plant:
+def plant_of(manifest: Manifest, results: Results) -> OneWheelPlant:
     """The plant of a run. Raises DesatError where it has not one wheel, or a series is not
     recorded."""
     if missing := [s for s in SIGNALS if s not in results.names()]:
@@ -136,11 +136,11 @@ def plant_of(manifest: Manifest, results: Results) -> Plant:
     q, omega, field, place, h = (results.values(s) for s in SIGNALS)
     start = np.r_[q[0], carrier @ omega[0] + h[0, wheel] * axis, h[0, wheel]]
     torque = min(given["manager"]["torque_limit"], given["wheels"]["torque_limit"])
-    return Plant(inertia, carrier, axis, field, place, manifest.step, start,
+    return OneWheelPlant(inertia, carrier, axis, field, place, manifest.step, start,
                  given["torquers"]["m_limit"], torque, given["manager"]["h_limit"])  # fmt: skip
 
 
-def floor_of(plant: Plant, limit: float) -> float:
+def floor_of(plant: OneWheelPlant, limit: float) -> float:
     """A time (s) that no law is below: the momentum of the body that has to go, at the most torque
     of three coils across the strongest field and of the wheel, as if it worked about all axes."""
     begin = float(np.linalg.norm(plant.carrier @ plant.rates(plant.start)))
@@ -172,7 +172,7 @@ def of_run(manifest: Manifest, results: Results, detumbled: float, held: float,
     )
 
 
-def slow_after(plant: Plant, laws: Array, limit: float, until: float, held: float,
+def slow_after(plant: OneWheelPlant, laws: Array, limit: float, until: float, held: float,
                parts: int = 1) -> Array:  # fmt: skip
     """Of laws (n, 16) the times (s) after which every rate is below the limit, for `held` (s);
     above `until` for those that are not by then, the more the faster they still are."""

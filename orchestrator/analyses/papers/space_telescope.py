@@ -26,7 +26,7 @@ from ...engine.recording.results import Results
 from ...numbers.derived import rotate_back
 from ...numbers.text import Value
 from ...system.model import Component, System
-from .. import Parts as Named
+from .. import Parts
 from ..coil_bound import course_of
 from ..manifest import Manifest
 
@@ -46,23 +46,26 @@ SIGNALS = (
 
 
 @dataclass(frozen=True)
-class Parts(Named):
+class TelescopeParts(Parts):
     """Which component manages."""
 
     manager: str = "manager"
 
 
-def applies(system: System) -> Parts | None:
+PARTS = TelescopeParts
+
+
+def applies(system: System) -> TelescopeParts | None:
     """Systems whose manager says its desired torque, with the components of a craft with coils."""
     for signal in SIGNALS:
         name, _, output = signal.partition(".")
         component = system.components.get(name)
         if component is None or not component.interface.elements.get(output, ()):
             return None
-    return Parts()
+    return TelescopeParts()
 
 
-def signals(parts: Parts) -> list[str]:
+def signals(parts: TelescopeParts) -> list[str]:
     """The series that the numbers are made of."""
     return list(SIGNALS)
 

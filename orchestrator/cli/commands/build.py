@@ -31,7 +31,7 @@ def build(
     from ...files import own
     from ...files.io import replace_text
 
-    made = own.built(file, platforms)
+    made = own.build(file, platforms)
     folder = into or file.parent
     third = fmi is o.FmiVersion.three
     wanted = {"fmi3": made.fmi3} if third else {"python": made.python, "native": made.native}

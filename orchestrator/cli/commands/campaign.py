@@ -128,7 +128,7 @@ def case(
 ) -> None:  # fmt: skip
     """Make a case again, with its series and report: the same bits."""
     from ...campaign import coordinator
-    from ...campaign.case import kept
+    from ...campaign.case import repeat
     from ...campaign.plan import anew, changed, read, same_versions
     from ...campaign.store import versions_of
     from ...system.errors import DesatError
@@ -141,7 +141,7 @@ def case(
     if row := versions_of(folder, number):
         same_versions(folder, row, accept_versions, f"case {number} and its row")
     where = into or coordinator.kept_in(folder, number)
-    made = kept(plan, number, where)
+    made = repeat(plan, number, where)
     out.print(f"{where / 'report.html'}")
     if made.or_raise(f"case {number}").code:
         for line in made.manifest.not_met:

@@ -33,7 +33,7 @@ def check(
     from ...engine.trial_initialisation import refusals
     from ...files.library import notes
     from ...runs.prepare import prepare
-    from ...system.refusal import told
+    from ...system.refusal import explain
 
     options = o.options_of(sets, stop, step, o.Semantics.conserving, blocks, classes, sources,
                          inner=inner, accuracy=accuracy, design=design, trust=trust,
@@ -42,8 +42,8 @@ def check(
     checked, schedule = case.checked, case.checked.schedule
     if checked.system is not None and schedule is not None:
         problems, warnings = refusals(checked.system, schedule, options.trusted)
-        checked.problems += told(checked.system, "\n".join(problems))
-        checked.warnings += told(checked.system, "\n".join(warnings))
+        checked.problems += explain(checked.system, "\n".join(problems))
+        checked.warnings += explain(checked.system, "\n".join(warnings))
         checked.notes += notes(checked.system.components.values())
     timing: dict[str, str] = {}
     for connection, when in schedule.timing if schedule else ():

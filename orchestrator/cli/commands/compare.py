@@ -57,7 +57,8 @@ def compare(
     time_limit: o.TimeLimit = None,
     jobs: o.Jobs = o.CPUS,
     html: Annotated[
-        Path | None, o.written("--html", "Where the page goes (default: runs/compare-A-B.html).")
+        Path | None,
+        o.output_file("--html", "Where the page goes (default: runs/compare-A-B.html)."),
     ] = None,
     as_json: o.Json = False,
 ) -> None:  # fmt: skip

@@ -49,9 +49,9 @@ def draws(
         result = study.draws(target, count, seed, options, jobs, progress=not as_json)
         results = [result]
     else:
-        from ...campaign.pairs import paired
+        from ...campaign.pairs import fly_pairs
 
-        result = paired(target, against, count, seed, options, jobs, progress=not as_json)
+        result = fly_pairs(target, against, count, seed, options, jobs, progress=not as_json)
         results = result["draws"]
     for each in results:
         warn(each["warnings"])

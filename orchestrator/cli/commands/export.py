@@ -61,7 +61,7 @@ def fmu(
     ] = None,
     file: Annotated[
         Path | None,
-        o.written("--out", "The file to write (default: NAME.fmu)."),
+        o.output_file("--out", "The file to write (default: NAME.fmu)."),
     ] = None,
     sets: o.Sets = None,
     sources: o.Sources = None,
@@ -74,13 +74,13 @@ def fmu(
     as_json: o.Json = False,
 ) -> None:  # fmt: skip
     """Write the loop of a scenario as one native FMU, with the same bits as `desat run`."""
-    from ...export.loop_fmu import Wanted, export
+    from ...export.loop_fmu import LoopEnds, export
 
     options = o.options_of(
         sets, stop, step, o.Semantics.conserving, False, None, sources, inner=inner,
         accuracy=accuracy,
     )  # fmt: skip
-    wanted = Wanted(outputs or (), inputs or (), parameters or (), without or ())
+    wanted = LoopEnds(outputs or (), inputs or (), parameters or (), without or ())
     path = export(target, options, wanted, file, platforms, third=fmi is o.FmiVersion.three)
     if as_json:
         print_json({"fmu": str(path)})

@@ -52,7 +52,7 @@ def craft(
     from ...begin import craft as new_craft
     from ...files.paths import shown
 
-    wanted = new_craft.Wanted(
+    wanted = new_craft.CraftFacts(
         altitude, inclination, sso, ltan, tle, epoch, mass, size, box, inertia, wheels, rods,
         thrusters, pointing, residual_dipole,
     )  # fmt: skip
@@ -77,7 +77,7 @@ def law(
     coils and wheels, and a test of it. `desat run CRAFT --source manager=NAME.py` builds it."""
     from ...begin import block as new_block
 
-    _told(new_block.write_law(file, force), "manager", "a craft of yours or ours", as_json)
+    _print(new_block.write_law(file, force), "manager", "a craft of yours or ours", as_json)
 
 
 @news.command()
@@ -99,10 +99,10 @@ def block(
     from ...begin import block as new_block
 
     made = new_block.write(what, file, force)
-    _told(made, block_class(str(made[0])).role, "a craft that has one", as_json)
+    _print(made, block_class(str(made[0])).role, "a craft that has one", as_json)
 
 
-def _told(made: list[Path], role: str, where: str, as_json: bool) -> None:
+def _print(made: list[Path], role: str, where: str, as_json: bool) -> None:
     from ...files.paths import shown
 
     if as_json:

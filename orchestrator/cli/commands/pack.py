@@ -61,7 +61,7 @@ def pack(
         for scenario, target in wanted
     ]
     if not names:
-        for left in paths.packed().rglob("*.part"):  # of a command that was killed
+        for left in paths.packed_folder().rglob("*.part"):  # of a command that was killed
             if time.time() - left.stat().st_mtime > 60.0:
                 left.unlink(missing_ok=True)
     for text in told:

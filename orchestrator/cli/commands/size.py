@@ -72,7 +72,7 @@ def size(
     blocks: o.Blocks = False,
     jobs: o.Jobs = o.CPUS,
     html: Annotated[
-        Path | None, o.written("--html", "Where the page goes (default: runs/size-NAME.html).")
+        Path | None, o.output_file("--html", "Where the page goes (default: runs/size-NAME.html).")
     ] = None,
     as_json: o.Json = False,
 ) -> None:
@@ -116,7 +116,7 @@ def size(
             values = {k: quantity.many(text) if text is not None else ()
                       for k, (quantity, text) in given.items()}  # fmt: skip
             values["altitudes"] = tuple(1e3 * x for x in values["altitudes"])
-            axes = sizing_map.Axes(**values, laws=laws is True)
+            axes = sizing_map.MapAxes(**values, laws=laws is True)
             map_made = sizing_map.map_of(target, options, axes, wishes, jobs, progress)
         else:
             made = sizing.size(target, options, wishes, progress)
@@ -128,22 +128,22 @@ def size(
         if html is not None or not as_json:
             written = sizing_page.write_map(map_made, page)
             if not as_json:
-                _told(written)
+                _print(written)
         return
     if as_json:
         print_json(made.as_json())
         if html is not None:
             sizing_page.write_sizing(made, page)
     else:
-        _print(made)
-        _told(sizing_page.write_sizing(made, page))
+        _print_sizing(made)
+        _print(sizing_page.write_sizing(made, page))
     for line in made.problems:
         err.print(f"it cannot hold: {line}", highlight=False, markup=False)
     if made.problems:
         raise typer.Exit(Exit.UNMET)
 
 
-def _told(page: Path) -> None:
+def _print(page: Path) -> None:
     out.print(f"page: {page.resolve()}", highlight=False, markup=False)
 
 
@@ -160,8 +160,8 @@ def _slew(text: str | None) -> tuple[float, float]:
     return angle, seconds
 
 
-def _print(made: Sizing) -> None:
-    from ...sizing.page import rows_of, shown
+def _print_sizing(made: Sizing) -> None:
+    from ...sizing.page import cells_of, rows_of
 
     out.print(made.answer, highlight=False, markup=False)
     out.print()
@@ -199,7 +199,7 @@ def _print(made: Sizing) -> None:
                        "wheel, %", "duty, %", "closed loop: rms", "largest", "duty, %")  # fmt: skip
         for r in made.curve:
             if r.law == made.curve[0].law or r.law == made.law:
-                table.add_row(*shown(r))
+                table.add_row(*cells_of(r))
         out.print(table)
         if others := [f"{b.law} {f'{b.rod:.4g}' if b.rod else 'none'}" for b in made.best[1:]]:
             out.print(f"recommended under other laws, A m2: {', '.join(others)}", highlight=False)

@@ -70,7 +70,7 @@ def _print(result: dict[str, Any]) -> None:
     points, units = result["points"], result["units"]
     rows = [[*result["axes"], *units]]
     rows += [
-        [*map(_shown, p["values"].values()), *(cell(p, n) for n in units)]
+        [*map(_cell, p["values"].values()), *(cell(p, n) for n in units)]
         for p in points
     ]  # fmt: skip
     rows.append([*("" for _ in result["axes"]), *map(pretty_unit, units.values())])
@@ -86,7 +86,7 @@ def _print(result: dict[str, Any]) -> None:
         out.print(f"medians of {result['draws']} draws")
 
 
-def _shown(value: Any) -> str:
+def _cell(value: Any) -> str:
     if isinstance(value, list):
-        return ", ".join(_shown(x) for x in value)
+        return ", ".join(_cell(x) for x in value)
     return f"{value:g}" if isinstance(value, float) else str(value)

@@ -38,15 +38,15 @@ def tables(
     from ...papers import tables as tables_module
 
     options = o.options_of(None, None, None, algorithm, blocks, fmus=fmus.value)
-    drawn, origin = _drawn(family, jobs, fresh, progress=not as_json)
+    drawn, origin = _draws_of(family, jobs, fresh, progress=not as_json)
     rows = tables_module.rows(family, options, jobs, drawn)
     if as_json:
         print_json(tables_module.as_json(family, rows, origin))
         return
-    for heading, group in tables_module.grouped(rows):
+    for heading, group in tables_module.groups(rows):
         table = Table(title=heading, title_justify="left", box=None, header_style="bold",
                       pad_edge=False)  # fmt: skip
-        lines = [tables_module.shown(row) for row in group]
+        lines = [tables_module.texts_of(row) for row in group]
         shown = tables_module.columns(lines)
         for column, text in shown.items():
             table.add_column(text, justify="right" if column in tables_module.NUMBERS else "left")
@@ -66,7 +66,7 @@ def tables(
     out.print(f"page: {page.resolve()}")
 
 
-def _drawn(
+def _draws_of(
     family: str, jobs: int, fresh: bool, progress: bool
 ) -> tuple[dict[str, Any] | None, dict[str, Any] | None]:
     """The draws of a family that has some, stored or made now, and where they are from."""

@@ -48,7 +48,7 @@ from ..current_call import (
     TERMINATE,
     VERBS,
 )
-from ..process_state import kept
+from ..process_state import keep_state
 from .base import DTYPE, Array, Clock, ComponentError, EndedError, warn_of
 from .fmu import FmuInstance, failure
 
@@ -145,7 +145,7 @@ class IsolatedInstance:
         if self._words[SAID] > self._heard:
             self._hear("messages")
         if (status := self._words[SET]) > 1:
-            raise self.failed(current_call.told(PUSH), status)
+            raise self.failed(current_call.describe(PUSH), status)
         if status:
             warn_of(self, VERBS[PUSH], f", the first time at t = {current_call.time[0]:g} s")
 
@@ -203,7 +203,7 @@ class IsolatedInstance:
         try:
             said, error, what = pickle.loads(octets)
         except Exception:  # what the component has written itself
-            self._lost(garbled=f"{current_call.told(self._words[DOING])} wrote")
+            self._lost(garbled=f"{current_call.describe(self._words[DOING])} wrote")
         self._take(said)
         if error is not None:
             raise error(*what)
@@ -222,7 +222,7 @@ class IsolatedInstance:
     def _lost(self, hung: bool = False, garbled: str = "") -> NoReturn:
         """The process there has ended, or is ended here: say how. `garbled`: when it has answered
         what our side of it does not."""
-        call = current_call.told(self._words[DOING])
+        call = current_call.describe(self._words[DOING])
         if hung and (status := current_call.status_of(self._process)) is not None:
             hung = False  # what it has forked keeps its socket open
             self._close()
@@ -424,7 +424,7 @@ def live(
             if os.getppid() != head:
                 os._exit(1)
         _alone(pipe)
-        with kept("it", "its process") as changes, np.errstate(all="ignore"):
+        with keep_state("it", "its process") as changes, np.errstate(all="ignore"):
             there, file = _There(shared, changes), pipe.fileno()
             alive = _answered(pipe, there, "make", (component, fmu))
             while alive:

@@ -26,8 +26,8 @@ from ..master import Master
 from ..node import Slot
 from . import memory, shared_tables
 from .results import Results, frame_of, selects
-from .row_buffer import Half, Layout, Places, Unwritten
-from .series_file import Packing, Plan
+from .row_buffer import Bank, Layout, Places, RowBuffer
+from .series_file import DataSetPlan, Packing
 
 T = TypeVar("T")
 ROWS = 8192
@@ -54,7 +54,7 @@ class Recorder:
 
     def __init__(
         self, path: Path | None, master: Master, patterns: Iterable[str] = ("*",),
-        unwritten: Unwritten | None = None, go_on: int | None = None,
+        unwritten: RowBuffer | None = None, go_on: int | None = None,
         about: Mapping[str, str] = MappingProxyType({}),
     ) -> None:  # fmt: skip
         self.path = path
@@ -91,7 +91,7 @@ class Recorder:
             self._chunk, {k: (len(a), a.dtype.str) for k, a in live.items()},
             tuple((plan.name, *places) for plan, places in sets),
         )  # fmt: skip
-        self.unwritten = unwritten or Unwritten()
+        self.unwritten = unwritten or RowBuffer()
         self.unwritten.lay_out(self.layout)
         self._rooms: dict[np.dtype[Any], NDArray[Any]] = {}
         self._conserving = master.algorithm == "conserving"
@@ -134,13 +134,15 @@ class Recorder:
         if self._part is not None:
             os.fsync(self._file.id.get_vfd_handle())
 
-    def _own(self, s: shared_tables.Series) -> tuple[Plan, _Place]:
+    def _own(self, s: shared_tables.SeriesColumns) -> tuple[DataSetPlan, _Place]:
         """A data set of its own."""
         columns = 0 if s.scalar else s.columns.stop - s.columns.start
         plan = self._plan(f"/{s.component}/{s.variable}", columns, DTYPE[s.kind], s.attributes)
         return plan, (s.kind, s.columns, s.interval)
 
-    def _tables(self, series: list[shared_tables.Series]) -> tuple[str, list[tuple[Plan, _Place]]]:
+    def _tables(
+        self, series: list[shared_tables.SeriesColumns]
+    ) -> tuple[str, list[tuple[DataSetPlan, _Place]]]:
         """Data sets that many share, and what says where."""
         tables, index = shared_tables.tables(series)
         return index, [
@@ -149,12 +151,12 @@ class Recorder:
             for (kind, interval), columns in tables.items()
         ]  # fmt: skip
 
-    def _plan(self, name: str, columns: int, dtype: Any, attributes: dict[str, str]) -> Plan:
+    def _plan(self, name: str, columns: int, dtype: Any, attributes: dict[str, str]) -> DataSetPlan:
         tail = (columns,) if columns else ()
         chunk = shared_tables.chunk(self._chunk, columns) if columns else (self._chunk,)
-        return Plan(name, tail, np.dtype(dtype), chunk, attributes)
+        return DataSetPlan(name, tail, np.dtype(dtype), chunk, attributes)
 
-    def _made(self, plan: Plan) -> Any:
+    def _made(self, plan: DataSetPlan) -> Any:
         if isinstance(self._file, memory.File):
             made = self._file.create_dataset(plan.name, plan.tail, plan.dtype, self._chunk)
             made.attrs.update(plan.attributes)
@@ -207,7 +209,7 @@ class Recorder:
         self._job.result()
         self._aside(self._write, self.unwritten.active)
 
-    def _write(self, half: Half, last: bool = False) -> None:
+    def _write(self, half: Bank, last: bool = False) -> None:
         """Write the rows of a half, and have them packed; the `last` are not, and the final row
         has no interval values."""
         try:
@@ -221,7 +223,7 @@ class Recorder:
             raise
         self.unwritten.wrote(half)
 
-    def _rows(self, half: Half, last: bool) -> Iterator[tuple[int, NDArray[Any]]]:
+    def _rows(self, half: Bank, last: bool) -> Iterator[tuple[int, NDArray[Any]]]:
         """The rows of a half, if any, of each data set; those of the next take their memory."""
         if not (n := int(half.taken[0])):
             return
@@ -288,7 +290,7 @@ def _rows(
     yield from (((name[0], s.signal.name), [s]) for s in slots)
 
 
-def _series(component: str, variable: str, slots: list[Slot]) -> shared_tables.Series:
+def _series(component: str, variable: str, slots: list[Slot]) -> shared_tables.SeriesColumns:
     """A variable with what is known of it, from the slots of its elements."""
     signal = slots[0].signal
     attributes = {
@@ -300,5 +302,7 @@ def _series(component: str, variable: str, slots: list[Slot]) -> shared_tables.S
     if signal.choices:
         attributes["choices"] = " ".join(signal.choices)
     columns = slice(slots[0].index, slots[-1].index + 1)
-    return shared_tables.Series(component, variable, slots[0].kind, columns, slots[0].interval,
-                       signal.name == variable, attributes)  # fmt: skip
+    return shared_tables.SeriesColumns(
+        component, variable, slots[0].kind, columns, slots[0].interval, signal.name == variable,
+        attributes,
+    )  # fmt: skip

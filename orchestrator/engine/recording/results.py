@@ -84,7 +84,7 @@ def _grown(file: Any) -> int:
     return int(min(len(times), least, *(stops[:1] + 1).tolist()))
 
 
-def _told(manifest: Path) -> int:
+def _row_count(manifest: Path) -> int:
     """The rows that hold values, where a manifest says so: a disk that is full has others too."""
     try:
         return int(json.loads(manifest.read_text(encoding="utf-8"))["rows"])
@@ -136,7 +136,7 @@ class Results:
             regular(file, str(file))
             opened = _unclosed(file) if file.suffix == ".part" else h5py.File(file, "r")
             if file.suffix == ".part":
-                grown = min(_grown(opened), _told(file.with_name(MANIFEST)))
+                grown = min(_grown(opened), _row_count(file.with_name(MANIFEST)))
                 rows = grown if rows is None else min(grown, rows)
             return cls(opened, rows)
         except OSError as error:

@@ -42,7 +42,7 @@ class Layout:
 
 
 @dataclass(frozen=True, eq=False)
-class Half:
+class Bank:
     """Times and tables of rows, of which `taken[0]` are there."""
 
     taken: NDArray[np.int64]
@@ -50,14 +50,14 @@ class Half:
     rows: dict[Kind, NDArray[Any]]
 
 
-class Unwritten:
+class RowBuffer:
     """Two halves, one of which takes rows while the other is written; `written` are on the disk."""
 
     def __init__(self, file: int | None = None) -> None:
         self._file = file
 
     @classmethod
-    def shared(cls) -> Unwritten:
+    def shared(cls) -> RowBuffer:
         """Memory that a forked process fills, and its parent reads."""
         if hasattr(os, "memfd_create"):
             return cls(os.memfd_create("desat-rows"))
@@ -75,7 +75,7 @@ class Unwritten:
             os.ftruncate(self._file, size)
             memory = mmap.mmap(self._file, size)
         self._counts = np.frombuffer(memory, np.int64, _HEAD // 8)
-        self._halves: list[Half] = []
+        self._halves: list[Bank] = []
         for i in range(2):
             at = _HEAD + i * whole
             times = np.frombuffer(memory, np.float64, layout.capacity, at)
@@ -85,14 +85,14 @@ class Unwritten:
                 flat = np.frombuffer(memory, dtype, layout.capacity * columns, at)
                 rows[kind] = flat.reshape(layout.capacity, columns)
                 at += part
-            self._halves.append(Half(self._counts[i : i + 1], times, rows))
+            self._halves.append(Bank(self._counts[i : i + 1], times, rows))
 
     @property
-    def active(self) -> Half:
+    def active(self) -> Bank:
         """The half that takes rows."""
         return self._halves[int(self._counts[_ACTIVE])]
 
-    def swap(self) -> Half:
+    def swap(self) -> Bank:
         """Let the other half take rows, which is empty; this one."""
         half = self.active
         self._counts[_ACTIVE] = 1 - self._counts[_ACTIVE]
@@ -115,7 +115,7 @@ class Unwritten:
             {k: np.concatenate([half.rows[k][:n] for half, n in parts]) for k in self.active.rows},
         )
 
-    def wrote(self, half: Half) -> None:
+    def wrote(self, half: Bank) -> None:
         """Count the rows of a half that are on the disk now, so that none is counted twice if we
         die here."""
         self._counts[_WHICH] = self._halves.index(half)
@@ -143,7 +143,7 @@ class Unwritten:
             self._file = None
 
 
-def recover(part: Path, path: Path, layout: Layout, unwritten: Unwritten) -> int:
+def recover(part: Path, path: Path, layout: Layout, unwritten: RowBuffer) -> int:
     """Make the series of a process that died whole: the rows that are surely on the disk, in
     `part`, and those in memory. The number of rows. Raises OSError where there is no room."""
     unwritten.lay_out(layout)

@@ -58,7 +58,7 @@ def _pack(path: Path, every: int) -> None:
     with h5py.File(path, "r") as file:
         sets = [file["time"], *shared_tables.data_sets(file)]
         index = file[shared_tables.INDEX][()] if shared_tables.INDEX in file else None
-        packing = Packing(path, [Plan.of(d) for d in sets], index, dict(file.attrs))
+        packing = Packing(path, [DataSetPlan.of(d) for d in sets], index, dict(file.attrs))
         packing.leave_room(file.id.get_filesize())
         for i, source in enumerate(sets):
             many = source.chunks[0]
@@ -70,7 +70,7 @@ def _pack(path: Path, every: int) -> None:
 
 
 @dataclass(frozen=True)
-class Plan:
+class DataSetPlan:
     """A data set whose rows grow."""
 
     name: str
@@ -81,7 +81,7 @@ class Plan:
     attributes: Mapping[str, str]
 
     @classmethod
-    def of(cls, source: Any) -> Plan:
+    def of(cls, source: Any) -> DataSetPlan:
         """A data set of a file; what makes it one with scales is made anew."""
         attributes = {k: v for k, v in source.attrs.items() if k not in _OF_SCALES}
         return cls(source.name, source.shape[1:], source.dtype, source.chunks, attributes)
@@ -124,7 +124,7 @@ class Plan:
         dataset.write(h5s.create_simple(rows.shape), place, rows)
 
 
-def chunks(plan: Plan, rows: NDArray[Any]) -> Iterable[tuple[tuple[int, ...], NDArray[Any]]]:
+def chunks(plan: DataSetPlan, rows: NDArray[Any]) -> Iterable[tuple[tuple[int, ...], NDArray[Any]]]:
     """The chunks that rows, no more than one chunk has, lie in, filled with zeros: where they
     begin, after the first row, and what they hold."""
     width = plan.chunk[1:]
@@ -141,7 +141,7 @@ def chunks(plan: Plan, rows: NDArray[Any]) -> Iterable[tuple[tuple[int, ...], ND
 class _Packed:
     """A data set of the packed file, and its rows that fill no chunk yet."""
 
-    def __init__(self, plan: Plan) -> None:
+    def __init__(self, plan: DataSetPlan) -> None:
         self.plan = plan
         self._waiting: list[NDArray[Any]] = []
         self._many = 0
@@ -192,7 +192,7 @@ class Packing:
     is none."""
 
     def __init__(
-        self, path: Path, plans: Sequence[Plan], index: str | None, about: Mapping[str, str]
+        self, path: Path, plans: Sequence[DataSetPlan], index: str | None, about: Mapping[str, str]
     ) -> None:
         self._path, self._index, self._about = beside(path), index, about
         self._sets = [_Packed(plan) for plan in plans]

@@ -27,7 +27,7 @@ _SIDE = 64
 
 
 @dataclass(frozen=True)
-class Series:
+class SeriesColumns:
     """A variable that is recorded: its name, and its columns among the outputs of its type."""
 
     component: str
@@ -50,7 +50,9 @@ class _Entry:
     attributes: dict[str, str]
 
 
-def tables(series: Sequence[Series]) -> tuple[dict[tuple[Kind, bool], NDArray[np.intp]], str]:
+def tables(
+    series: Sequence[SeriesColumns],
+) -> tuple[dict[tuple[Kind, bool], NDArray[np.intp]], str]:
     """Of each type and class (interval or not) the columns that its table takes; and the index."""
     columns: dict[tuple[Kind, bool], list[int]] = {}
     entries = {}
