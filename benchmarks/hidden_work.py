@@ -1,4 +1,4 @@
-"""Scenarios with a rigid body, their first steps flown as they are and with 64 inner steps: how far
+"""Scenarios with a rigid body, their first steps flown as they are and with 64 substeps: how far
 is the attitude off, and how much work do steps hide (`analyses/energy.py`)?
 
     python -m benchmarks.hidden_work [FAMILY ...]
@@ -25,8 +25,8 @@ STEPS = 6000
 
 
 def of(name: str) -> dict[str, Any] | None:
-    """Of one scenario; None for one without a rigid body, or without inner steps."""
-    case = prepare(name, Options(inner=separation.FINEST))
+    """Of one scenario; None for one without a rigid body, or without substeps."""
+    case = prepare(name, Options(substeps=separation.FINEST))
     if case.checked.problems:
         return None
     system, _ = case.or_raise()

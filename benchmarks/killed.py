@@ -119,7 +119,7 @@ def main() -> int:
     """So many trials, by the seed that is given next; 1 where one differs."""
     keep = seen.asked()
     count, seed = (*map(int, sys.argv[1:]), *(100, 1)[len(sys.argv) - 1 :])[:2]
-    given = (TARGET, "--stop", str(STOP), "--checkpoint", str(EVERY), "--no-twin")
+    given = (TARGET, "--stop", str(STOP), "--checkpoint", str(EVERY), "--no-baseline")
     made = equal = kills = 0
     with tempfile.TemporaryDirectory() as folder:
         for line in trials(count, given, Path(folder), seed):

@@ -170,12 +170,12 @@ class Layout:
         self.sizes = tuple(self._at)
 
     def _fields(self, body: str) -> list[tuple[str, int, str]]:
-        def inner(found: re.Match[str]) -> str:
+        def substeps(found: re.Match[str]) -> str:
             name = f"inner_{len(self._types)}"
             self._types[name] = self._fields(found[1])
             return f"{name} {found[2]};"
 
-        body = re.sub(r"struct \{(.*?)\} (\w+);", inner, body)
+        body = re.sub(r"struct \{(.*?)\} (\w+);", substeps, body)
         fields = []
         for line in filter(None, map(str.strip, body.split(";"))):
             kind, names = line.replace("const char *", "pointer ").split(None, 1)

@@ -131,7 +131,7 @@ def run(
     steps: int, sets: list[str], every: int = 0, ops: type[Plain] = Plain, nutation: float = 0.25
 ) -> dict[str, Array]:
     """So many steps from the scenario's start: attitude and wheel momentum at the end, and with
-    `every` at every n-th step (`q`, `h`: rows). An inner step turns at most `nutation` (rad)."""
+    `every` at every n-th step (`q`, `h`: rows). A substep turns at most `nutation` (rad)."""
     cross, matrix, product = ops.cross, ops.matrix, ops.product
     p = values(sets)
     dt = float(p["run"]["step"])

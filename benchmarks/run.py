@@ -516,7 +516,7 @@ def integrated_day() -> dict[str, Any]:
 
 def start_up() -> dict[str, Any]:
     """250 min of paper 003 at 1 s, all components as FMUs, native and Python ones: a body that
-    tumbles takes more inner steps, so its first 20 min by themselves too; over the day's step of
+    tumbles takes more substeps, so its first 20 min by themselves too; over the day's step of
     the same rounds."""
     result: dict[str, Any] = {}
     for kind in ("native", "python"):

@@ -135,9 +135,9 @@ def apart(a: Mapping[str, Array], b: Mapping[str, Array]) -> dict[str, float]:
     }
 
 
-def ours(name: str, inner: int | None, every: int) -> dict[str, Array]:
+def ours(name: str, substeps: int | None, every: int) -> dict[str, Array]:
     """The same rows of a run of ours."""
-    run = desat.run(f"nadir_day/witness-{name}", inner=inner)
+    run = desat.run(f"nadir_day/witness-{name}", substeps=substeps)
     return {key: run.results.values(series)[::every] for key, series in SERIES.items()}
 
 
@@ -159,7 +159,7 @@ def measured(name: str, every: int) -> tuple[dict[str, Array], dict[str, Any]]:
         "stop": case["stop"], "every": every, "seconds": round(seconds, 1),
         "basilisk": {str(step): apart(best, f) for step, f in zip(STEPS, flights, strict=True)},
         "error": {k: max(e[k] for e in errors) for k in errors[0]},
-        "desat": {str(inner): apart(best, ours(name, inner, every)) for inner in INNER},
+        "desat": {str(substeps): apart(best, ours(name, substeps, every)) for substeps in INNER},
     }  # fmt: skip
 
 
@@ -264,7 +264,7 @@ wheels with friction, point-mass gravity, gravity gradient, centred dipole, torq
 flies with steps of {steps} s; what they tend to is extrapolated. Largest differences from that over
 the run: attitude in rad, momentum of a wheel in N m s.
 
-| `nadir_day/witness-` | | `inner` 1 | `inner` 8 | `inner` 64 | Basilisk's own error | at 0.1 s |
+| `nadir_day/witness-` | | 1 substep | 8 substeps | 64 substeps | Basilisk's own error | at 0.1 s |
 |---|---|---|---|---|---|---|
 {exact}
 

@@ -569,11 +569,11 @@ def replaced(m: dict[str, Any], text: str) -> bool:
     path = []
     node: Any = ast.parse(text)
     while node is not None:
-        inner = [n for n in node.body if isinstance(n, ast.FunctionDef | ast.ClassDef)
+        substeps = [n for n in node.body if isinstance(n, ast.FunctionDef | ast.ClassDef)
                  and n.lineno <= m["line"] <= (n.end_lineno or 0)]  # fmt: skip
-        node = inner[0] if inner else None
-        path += inner
-        if inner and isinstance(node, ast.FunctionDef):
+        node = substeps[0] if substeps else None
+        path += substeps
+        if substeps and isinstance(node, ast.FunctionDef):
             break
     name = m["file"].removeprefix("orchestrator/").removesuffix(".py").replace("/", ".")
     at: Any = sys.modules.get(f"desat.{name.removesuffix('.__init__')}")

@@ -1,4 +1,4 @@
-"""No balance is left out without a word: every `inner`, every rate, and what is not checked."""
+"""No balance is left out without a word: every `substeps`, every rate, and what is not checked."""
 
 from __future__ import annotations
 
@@ -38,10 +38,10 @@ def mine(folder: Path, text: str, base: str = "gyrostat/light") -> str:
     return str(file)
 
 
-@pytest.mark.parametrize("inner", [1, 2])
-def test_strong_jets_are_not_met_at_any_inner_as_long_as_they_are_wrong(inner):
+@pytest.mark.parametrize("substeps", [1, 2])
+def test_strong_jets_are_not_met_at_any_inner_as_long_as_they_are_wrong(substeps):
     name = "strong jets on 1.7 kg m2"
-    (row,) = separation.held(name, "gyrostat/pulses", (inner,), separation.JETS[name])
+    (row,) = separation.held(name, "gyrostat/pulses", (substeps,), separation.JETS[name])
     assert row.error > separation.BAD
     assert row.refused
 
@@ -55,7 +55,7 @@ def test_a_jet_that_spins_a_craft_up_is_not_met_until_it_errs_little():
     assert not right.refused
 
 
-@pytest.mark.parametrize("options", [{"inner": 2}, {"inner": 8}, {"every": 3, "inner": 1}],
+@pytest.mark.parametrize("options", [{"substeps": 2}, {"substeps": 8}, {"every": 3, "substeps": 1}],
                          ids=str)  # fmt: skip
 def test_balances_are_made_for_every_inner_and_for_rows_left_out(options):
     found, run = made("gyrostat/light", stop=100.0, **options)
@@ -67,12 +67,12 @@ def test_balances_are_made_for_every_inner_and_for_rows_left_out(options):
 
 
 def test_made_while_it_runs_they_have_the_values_of_the_rows(monkeypatch):
-    """Where rows cannot serve, as with inner steps."""
-    rows, run = made("gyrostat/pulses", inner=1, stop=100.0)
+    """Where rows cannot serve, as with substeps."""
+    rows, run = made("gyrostat/pulses", substeps=1, stop=100.0)
     assert run.manifest["balance"] is None
     by_rows = energy.applies
     monkeypatch.setattr(energy, "applies", lambda s: replace(by_rows(s), rows=False))
-    along, run = made("gyrostat/pulses", inner=1, stop=100.0)
+    along, run = made("gyrostat/pulses", substeps=1, stop=100.0)
     assert run.manifest["balance"] is not None
     for name in MADE:
         assert along[name] == pytest.approx(rows[name], rel=1e-12, abs=0.0)
@@ -107,15 +107,15 @@ def test_they_go_on_from_a_checkpoint(tmp_path, monkeypatch, piece):
     assert {k: gone_on.manifest["numbers"][k]["value"] for k in whole} == whole
 
 
-@pytest.mark.parametrize("inner", [1, 2])
-def test_a_run_of_before_is_still_shown(inner):
+@pytest.mark.parametrize("substeps", [1, 2])
+def test_a_run_of_before_is_still_shown(substeps):
     """Its manifest says less of where torques come from."""
-    run = execute("gyrostat/light", Options(inner=inner, stop=20.0))
+    run = execute("gyrostat/light", Options(substeps=substeps, stop=20.0))
     told = run.manifest.to_json()
     for name in ("rows", "why"):
         del told["energy"][name]
     run.results._made.clear()
-    assert len(energy.figures(Manifest.from_json(told), run.results)) == (inner == 1)
+    assert len(energy.figures(Manifest.from_json(told), run.results)) == (substeps == 1)
 
 
 def test_a_run_that_fails_within_a_step_has_those_before(monkeypatch):
@@ -129,7 +129,7 @@ def test_a_run_that_fails_within_a_step_has_those_before(monkeypatch):
         advance(block, t, dt)
 
     monkeypatch.setattr(torquers.Torquers, "advance", failing)
-    run = execute("gyrostat/light", Options(inner=4, blocks=True))
+    run = execute("gyrostat/light", Options(substeps=4, blocks=True))
     assert run.manifest["status"] == "failed"
     found = {k: n["value"] for k, n in run.manifest["numbers"].items() if k in MADE}
     assert set(found) == MADE
@@ -144,7 +144,7 @@ def test_a_run_that_fails_in_its_first_step_has_no_balance(monkeypatch):
         block.fail("it breaks")
 
     monkeypatch.setattr(torquers.Torquers, "advance", failing)
-    run = execute("gyrostat/light", Options(inner=4, blocks=True))
+    run = execute("gyrostat/light", Options(substeps=4, blocks=True))
     assert run.manifest["status"] == "failed"
     assert run.manifest["balance"] is None
     assert not MADE & set(run.manifest["numbers"])
@@ -167,10 +167,10 @@ def test_a_torque_that_a_body_computes_otherwise_shows_at_every_inner(monkeypatc
     from desat.components.physics import rigid_body
 
     monkeypatch.setattr(rigid_body, "MU", 1.001 * rigid_body.MU)
-    found, run = made("gyrostat/full", inner=4, blocks=True, stop=300.0)
+    found, run = made("gyrostat/full", substeps=4, blocks=True, stop=300.0)
     assert found["impulse_mismatch"] > 1e-7
     monkeypatch.undo()
-    assert made("gyrostat/full", inner=4, blocks=True, stop=300.0)[0]["impulse_mismatch"] < 1e-12
+    assert made("gyrostat/full", substeps=4, blocks=True, stop=300.0)[0]["impulse_mismatch"] < 1e-12
     assert run.manifest["numbers"]["momentum_residual"]["value"] < 1e-14
 
 
@@ -185,12 +185,14 @@ def test_a_torque_that_a_body_computes_otherwise_shows_at_every_inner(monkeypatc
     ],
     ids=lambda o: str(sorted(o))[:30],
 )  # fmt: skip
-@pytest.mark.parametrize("inner", [1, 2])
-def test_what_is_not_checked_is_said_with_why(options, why, names, inner):
-    found, run = made("gyrostat/light", stop=5.0, inner=inner, **options)
+@pytest.mark.parametrize("substeps", [1, 2])
+def test_what_is_not_checked_is_said_with_why(options, why, names, substeps):
+    found, run = made("gyrostat/light", stop=5.0, substeps=substeps, **options)
     told = {k: x for k, x in run.manifest["not_checked"].items()
             if k in MADE | {"momentum_residual"}}  # fmt: skip
-    if inner == 2 and "wheels.*" in str(options):  # made while it runs: it needs no series for it
+    if substeps == 2 and "wheels.*" in str(
+        options
+    ):  # made while it runs: it needs no series for it
         names = set()
     assert set(told) == names
     assert not names & set(found)
@@ -201,7 +203,16 @@ def test_what_is_not_checked_is_said_with_why(options, why, names, inner):
 
 def test_the_command_says_what_is_not_checked(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    command = ["run", "gyrostat/light", "--stop", "5", "--inner", "2", "--record", "spacecraft.*"]
+    command = [
+        "run",
+        "gyrostat/light",
+        "--stop",
+        "5",
+        "--substeps",
+        "2",
+        "--record",
+        "spacecraft.*",
+    ]
     done = CliRunner().invoke(app, command, env={"COLUMNS": "300"})
     assert done.exit_code == 0, done.output
     assert "warning: not checked: " in done.output
@@ -249,7 +260,7 @@ def test_a_fixed_attitude_that_computes_a_torque_otherwise_is_not_met(monkeypatc
 
 def test_heavy_wheels_at_one_exchange_are_not_met(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    done = CliRunner().invoke(app, ["run", "gyrostat/heavy-wheels", "--inner", "1"])
+    done = CliRunner().invoke(app, ["run", "gyrostat/heavy-wheels", "--substeps", "1"])
     assert done.exit_code == Exit.UNMET
     assert "hidden_work" in done.output
     assert "energy_bound = 2e-08" in done.output
@@ -271,7 +282,7 @@ def test_the_bound_tells_craft_apart_that_it_has_not_seen():
 
 def test_a_scenario_has_its_own_bound_in_campaigns_too(tmp_path):
     text = """stop = 20.0
-inner = 2
+substeps = 2
 energy_bound = 1e-30
 [dispersions]
 "spacecraft.omega_start_body" = { normal = [0.0, 1e-3] }

@@ -27,7 +27,7 @@ def stored(name: str) -> dict[str, NDArray[np.float64]]:
 
 @pytest.mark.parametrize("name", [c for c in CASES if c != LAWS])
 def test_the_closed_loop_is_basilisks(name: str) -> None:
-    """To three times what Basilisk's own extrapolation may err, with 64 inner steps."""
+    """To three times what Basilisk's own extrapolation may err, with 64 substeps."""
     found = apart(stored(name), ours(name, None, CASES[name]))
     for what, error in TOLD_OF["cases"][name]["error"].items():
         assert found[what] <= min(3.0 * error, MOST.get(name, 1e-8)), what

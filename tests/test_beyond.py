@@ -278,7 +278,7 @@ def test_no_law_beats_the_bound(method, h, phase, disturbance):
 
 def test_manifest_and_report_show_the_bound(desat, tmp_path):
     folder = tmp_path / "run"
-    desat("run", "uosat12/table3-ocdc-ilqr-2", "--out", str(folder), "--no-twin", check=True)
+    desat("run", "uosat12/table3-ocdc-ilqr-2", "--out", str(folder), "--no-baseline", check=True)
     numbers = json.loads((folder / "manifest.json").read_text())["numbers"]
     assert numbers["bound"]["value"] == pytest.approx(40.06, abs=0.011)
     above = 100 * (numbers["firing_time"]["value"] / numbers["bound_same_end"]["value"] - 1)

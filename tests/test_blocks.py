@@ -132,11 +132,11 @@ def test_state_is_its_attributes(name):
 
     state = {k: frozen(v) for k, v in vars(block).items()}
     text = json.dumps(state)
-    twin = fresh(name)
-    vars(twin).clear()
-    vars(twin).update({k: _tuples(v) for k, v in json.loads(text).items()})
+    baseline = fresh(name)
+    vars(baseline).clear()
+    vars(baseline).update({k: _tuples(v) for k, v in json.loads(text).items()})
     a = drive(block, random.Random(5), 20, k0=7)
-    b = drive(twin, random.Random(5), 20, k0=7)
+    b = drive(baseline, random.Random(5), 20, k0=7)
     assert repr(a) == repr(b)
 
 

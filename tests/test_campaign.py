@@ -734,8 +734,8 @@ def test_a_case_that_changes_values_alone_is_the_case_prepared_anew(
     )
     plan = CampaignPlan(str(own), "", 5)
     rows = []
-    for made in (draws.varied, prepare):
-        monkeypatch.setattr(draws, "varied", made)
+    for made in (draws.with_values, prepare):
+        monkeypatch.setattr(draws, "with_values", made)
         rows.append([replace(case_module.row(plan, n), seconds=0.0) for n in range(5)])
     assert rows[0] == rows[1]
     if "lag" in more:
@@ -749,8 +749,8 @@ def test_a_case_that_changes_values_alone_is_the_case_prepared_anew(
         ("hausat2/start-up-ours", ""),
         ("integrated/mil-nadir", ""),
         ("nadir_day/day-igrf", ""),
-        ("nadir_day/day-dipole", "inner = 4"),
-        ("nadir_day/day-dipole", 'inner = "auto"'),
+        ("nadir_day/day-dipole", "substeps = 4"),
+        ("nadir_day/day-dipole", 'substeps = "auto"'),
         ("space_telescope/ours-nominal", ""),
         ("uosat12/robust-ocdc-nominal", ""),
     ],

@@ -55,14 +55,14 @@ HELD = "signal = 'manager.mode'\nreaches = 1\nheld = 7.0"
 @pytest.mark.parametrize(
     "more",
     [{}, {"fmus": "python", "isolate": "all"}, {"blocks": True}, {"algorithm": "jacobi"},
-     {"inner": 3, "every": 4}],
+     {"substeps": 3, "every": 4}],
     ids=str,
 )  # fmt: skip
 def test_it_goes_on_with_the_same_bits(tmp_path, monkeypatch, more):
     """Both loops, both kinds of FMUs and bare blocks, both semantics, several rates."""
     if "algorithm" in more:
         monkeypatch.setattr(shared_tables, "MANY", 3)  # series that share tables
-    slow = {"manager": 5} if "inner" in more else {"spacecraft": 10, "wheels": 2, "manager": 5}
+    slow = {"manager": 5} if "substeps" in more else {"spacecraft": 10, "wheels": 2, "manager": 5}
     file = scenario(tmp_path, step=0.1, decimation=slow)
     given = Options(stop=14.0, **more)
     simulate(prepare(file, given), tmp_path / "whole").results.close()
@@ -183,7 +183,7 @@ def test_a_folder_is_one_runs_alone(desat, tmp_path):
 def test_killed_at_random_moments(tmp_path):
     """Checkpoints so frequent that it is often killed while it writes one. `python -m
     benchmarks.killed` kills a hundred."""
-    given = ("nadir_day/day-dipole", "--stop", "3000", "--checkpoint", "100", "--no-twin")
+    given = ("nadir_day/day-dipole", "--stop", "3000", "--checkpoint", "100", "--no-baseline")
     found = list(trials(2, given, tmp_path, 1))
     assert [x for x in found if not x.startswith("equal")] == []
 

@@ -36,7 +36,7 @@ def test_help(desat):
         assert "Usage" in result.stdout
 
 
-def test_no_flag_is_set_but_the_twin_and_counts_are_as_told(desat):
+def test_no_flag_is_set_but_the_baseline_and_counts_are_as_told(desat):
     """A command that prints JSON or runs bare blocks unasked would be another command."""
     found = {
         (name, option.name)
@@ -45,7 +45,7 @@ def test_no_flag_is_set_but_the_twin_and_counts_are_as_told(desat):
         if name in ("run", "check", "draws", "sweep", "tables", "size")
         and getattr(option, "is_flag", False) and option.default
     }  # fmt: skip
-    assert found == {("run", "twin"), ("size", "loop"), ("size", "year")}
+    assert found == {("run", "baseline"), ("size", "loop"), ("size", "year")}
     for command, line in (
         ("draws", "Number of draws. [default: 20; x>=1]"),
         ("draws", "Seed of the draws. [default: 1; x>=0]"),
@@ -68,7 +68,7 @@ def test_run(desat, tmp_path):
     note = "states at t = 600 s have no interval after them, and no row"
     assert result.stderr == f"note: series.csv: {note}\n"
     assert {p.name for p in (tmp_path / "a").iterdir()} == {
-        "manifest.json", "series.h5", "series.csv", "report.html", "twin",
+        "manifest.json", "series.h5", "series.csv", "report.html", "baseline",
     }  # fmt: skip
     html = (tmp_path / "a" / "report.html").read_text()
     assert html.count("<svg") == 6
@@ -88,7 +88,7 @@ def test_run_json(desat, tmp_path):
 
 def test_runs_do_not_overwrite(desat, tmp_path):
     for expected in ("uosat12-table3-ocdc-ilqr-1", "uosat12-table3-ocdc-ilqr-1-2"):
-        result = desat("run", NAME, "--no-twin", "--json", cwd=tmp_path)
+        result = desat("run", NAME, "--no-baseline", "--json", cwd=tmp_path)
         assert json.loads(result.stdout)["folder"] == f"runs/{expected}"
     result = desat("run", NAME, "--out", "runs", cwd=tmp_path)
     assert result.returncode == 2
@@ -106,7 +106,7 @@ def test_runs_do_not_overwrite(desat, tmp_path):
         (("run", NAME, "--set", "manager.duty=x"), "--set manager.duty=x: manager.duty: "),
         (("run", NAME, "--step", "7"), "--step 7: 600 s is not a multiple of the step 7 s"),
         (("run", NAME, "--stop", "1e300"), "steps of 10 s; at most 1e+12 are made"),
-        (("run", NAME, "--inner", "0"), "inner = 0: auto is needed, or an integer from 1 to 1000"),
+        (("run", NAME, "--substeps", "0"), "substeps = 0: auto is needed, or an integer from 1 to"),
         (("run", NAME, "--step", "-1"), "a positive number is needed"),
         (("run", NAME, "--set", "torquers.duty_max=0.95"), "pulse_delay + duty_max * sample_time"),
         (("tables", "uosat13"), "no family uosat13; did you mean uosat12?"),
@@ -139,7 +139,7 @@ def test_another_fmu_in_a_components_place(desat, tmp_path):
     found = []
     for number, source in enumerate(("manager_receding_horizon", str(fmu))):
         result = desat("run", NAME, "--source", f"manager={source}", "--set",
-                       "manager.b_y=-2.4e-6", "--no-twin", "--json", "--out",
+                       "manager.b_y=-2.4e-6", "--no-baseline", "--json", "--out",
                        str(tmp_path / str(number)), check=True)  # fmt: skip
         assert "does not take k_cross, weight_ratio, saturation, split" in result.stderr
         found.append(json.loads(result.stdout))
@@ -243,7 +243,7 @@ def test_a_foreign_manager_needs_only_what_its_law_wants(desat, tmp_path, lean_m
     outputs = [f"{name}[{i}]" for name in ("m_cmd_body", "tau_cmd_thruster_body", "tau_cmd_wheel")
                for i in range(1, 5 if name == "tau_cmd_wheel" else 4)]  # fmt: skip
     whole = f"manager={lean_manager(*outputs)}"
-    result = desat("run", NAME, "--source", whole, "--no-twin", "--json", "--stop", "100",
+    result = desat("run", NAME, "--source", whole, "--no-baseline", "--json", "--stop", "100",
                    "--out", str(tmp_path / "run"))  # fmt: skip
     assert result.returncode == 0, result.stderr
     lines = [x for x in result.stderr.splitlines() if "left unwired" in x]
@@ -348,7 +348,7 @@ def test_completion_offers_names(apart):
 
 def test_shared_parameter(desat, tmp_path):
     """Every component that has the parameter gets it; a wrong name is a line."""
-    given = ("--stop", "2", "--json", "--no-twin", "--out", str(tmp_path / "a"))
+    given = ("--stop", "2", "--json", "--no-baseline", "--out", str(tmp_path / "a"))
     result = desat("run", "gyrostat/free", *given, "--set",
                    "shared.inertia_wheel=9e-3,9e-3,8e-3,0", check=True)  # fmt: skip
     owners = {
@@ -395,7 +395,7 @@ def test_a_component_that_fails_is_4(desat, tmp_path):
 def test_sigterm_ends_as_ctrl_c_does(tmp_path):
     folder = tmp_path / "run"
     process = subprocess.Popen(
-        [sys.executable, "-m", "desat.cli", "run", NAME, "--stop", "2e7", "--no-twin",
+        [sys.executable, "-m", "desat.cli", "run", NAME, "--stop", "2e7", "--no-baseline",
          "--record", "spacecraft.h_copy_wheel", "--out", str(folder)],
         cwd=ROOT, stderr=subprocess.PIPE, stdout=subprocess.PIPE, text=True,
     )  # fmt: skip
@@ -428,7 +428,7 @@ def test_a_scenario_file_of_ones_own(desat, tmp_path):
     """From any folder, on a scenario of ours by its name or a file beside; messages name it."""
     (tmp_path / "mine.toml").write_text('extends = "integrated/mil-nadir"\nstop = 20.0\n')
     (tmp_path / "next.toml").write_text('extends = "mine"\nstop = 10.0\n')
-    result = desat("run", "next.toml", "--no-twin", "--json", cwd=tmp_path, check=True)
+    result = desat("run", "next.toml", "--no-baseline", "--json", cwd=tmp_path, check=True)
     manifest = json.loads(result.stdout)
     assert (manifest["scenario"], manifest["end_time"]) == ("integrated/next", 10.0)
     for text, message in (

@@ -22,7 +22,7 @@ from desat.runs.run import Options, prepare
 from desat.system.errors import DesatError
 
 # attitude error (rad): as it was with one exchange a step, and what is promised with the scenario's
-# inner steps
+# substeps
 CASES = {
     "light": (1.5e-6, 1e-7),
     "zero-crossing": (5.5e-7, 1e-6),
@@ -253,7 +253,7 @@ def case(request):
     ideal = Gyrostat(system).ideal()
     finer = convergence.fly(name, estimate.companion(system, options))
     run = convergence.fly(name, options)
-    once = convergence.fly(name, replace(options, inner=1))
+    once = convergence.fly(name, replace(options, substeps=1))
     assert run.residual < 1e-13
     truth, single = (
         estimate.difference(f.q, f.h, ideal.q, ideal.h)[0] for f in (run, once)
@@ -321,8 +321,8 @@ def test_the_limits_are_what_the_cases_reach():
     runs = [(name, None) for name in (*CASES, "stress")]
     runs += [(name, 1) for name in ("light", "zero-crossing", "saturating", "pulses")]
     reached = []
-    for name, inner in runs:
-        case = prepare(f"gyrostat/{name}", Options(blocks=True, inner=inner))
+    for name, substeps in runs:
+        case = prepare(f"gyrostat/{name}", Options(blocks=True, substeps=substeps))
         reached.append(coverage.bound(case.or_raise()[0]))
     for f in fields(coverage.StepCriteria):
         limit = getattr(coverage.LIMITS, f.name)
@@ -338,16 +338,16 @@ def of_range(options):
 def test_a_run_beyond_the_cases_warns():
     for values, text in (
         ({"wheels.h_start_wheel": [200.0, 0.0, 0.0, 0.0], "wheels.speed_limit": 3e4},
-         "turn and nutation in an inner step: "),
-        ({"wheels.torque_limit": 4.0}, "turn by the largest torque of wheels in an inner step: "),
-        ({"torquers.m_limit": 1e4}, "turn by the largest torque of torquers in an inner step: "),
+         "turn and nutation in a substep: "),
+        ({"wheels.torque_limit": 4.0}, "turn by the largest torque of wheels in a substep: "),
+        ({"torquers.m_limit": 1e4}, "turn by the largest torque of torquers in a substep: "),
     ):  # fmt: skip
         options = Options(blocks=True, values=values)
         (warning,) = of_range(options)
         assert warning.startswith(text), warning
-        assert "--inner auto takes as many as it needs" in warning
-        for inner in (64, "auto"):
-            assert not of_range(replace(options, inner=inner))
+        assert "--substeps auto takes as many as it needs" in warning
+        for substeps in (64, "auto"):
+            assert not of_range(replace(options, substeps=substeps))
 
 
 @pytest.mark.parametrize(
@@ -390,7 +390,7 @@ def test_it_refuses_other_wires():
 
 
 def test_convergence_has_estimates():
-    options = Options(blocks=True, inner=1)
+    options = Options(blocks=True, substeps=1)
     found = convergence.study("gyrostat/slow-samples", options, (10.0, 5.0), ("conserving",))
     rows = found["rows"]
     assert [r["step"] for r in rows] == [10.0, 5.0]

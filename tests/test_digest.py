@@ -153,7 +153,7 @@ def test_neither_order_nor_texts_of_a_content_count_but_all_else_of_it():
     made = replace(system, components=mirrored, connections=system.connections[::-1])
     assert digest(made, one) == before
     number = about["numbers"]["pointing"]
-    assert of(title="x", story="x") == before
+    assert of(title="x", description="x") == before
     assert of(numbers={**about["numbers"], "pointing": {**number, "title": "x"}}) == before
     for key in ("signal", "unit", "window", "measure"):
         with_other = {**about["numbers"], "pointing": {**number, key: "x"}}

@@ -15,13 +15,13 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from rich.table import Table
-from test_verdicts import FAILED, LATE_ONE, UNMET, WELL, cell
+from test_verdicts import cell
 
 from desat import cli
 from desat.analyses import coverage, energy, fixed, residual
-from desat.analyses.manifest import InnerChoice, Manifest, Stopped
+from desat.analyses.manifest import Manifest, Stopped, SubstepChoice
 from desat.campaign import case as campaign_case
-from desat.campaign import coordinator, pairs, plan, store
+from desat.campaign import coordinator, plan, store
 from desat.campaign import draws as study
 from desat.cli.commands import run as run_command
 from desat.cli.commands import tables as tables_command
@@ -141,9 +141,8 @@ DRAWS = {"scenario": "a", "against": "b", "warnings": [], "draws": [], "summary"
     ("arguments", "module", "name"),
     [
         (["draws", "a", "-n", "3", "--seed", "7"], study, "draws"),
-        (["draws", "a", "--against", "b", "-n", "3", "--seed", "7"], pairs, "paired"),
         (["sweep", "a", "b.k=0,1"], study, "sweep"),
-        (["tables", "uosat12"], tables_command, "_drawn"),
+        (["tables", "uosat12"], tables_command, "_draws_of"),
         (["size", "a"], sizing, "size"),
     ],
 )
@@ -152,18 +151,18 @@ def test_progress_is_shown_to_people_alone(desat, monkeypatch, arguments, module
 
     def made(*args: object, progress: object = None, **_: object):
         given.append(args[4] if name == "sweep" else progress)
-        if name == "_drawn":
+        if name == "_draws_of":
             raise DesatError("enough")
         if name == "size":
             return SimpleNamespace(as_json=lambda: {"x": 1}, problems=[])
-        return {**DRAWS, "draws": [] if name == "paired" else DRAWS["draws"]}
+        return DRAWS
 
     monkeypatch.setattr(module, name, made)
     monkeypatch.setattr("desat.cli.commands.size._print_sizing", lambda made: print("people"))
     monkeypatch.setattr("desat.sizing.page.write_sizing", lambda made, page: page)
     done = desat(*arguments, *(["--json"] if as_json else []))
     assert given == ([None] if name == "size" else [not as_json])
-    if name != "_drawn":
+    if name != "_draws_of":
         assert done.returncode == 0
         assert done.stdout.startswith("{") == as_json
 
@@ -185,21 +184,6 @@ def test_a_craft_that_cannot_hold_ends_with_1(desat, monkeypatch, problems, code
         wishes = given[-1][2]
         assert (wishes.duty, wishes.flown) == (duty, loop)
         assert not given[-1][1].blocks
-
-
-@pytest.mark.parametrize(
-    ("rows", "others", "code"),
-    [([WELL], [UNMET], 1), ([UNMET], [WELL], 1), ([WELL], [LATE_ONE], 5), ([FAILED], [WELL], 4),
-     ([WELL], [WELL], 0)],
-)  # fmt: skip
-def test_paired_draws_end_as_the_worst_of_both(desat, monkeypatch, rows, others, code):
-    both = [{"warnings": [f"w{k}"], "draws": [{"draw": 0, **row} for row in x]}
-            for k, x in enumerate((rows, others))]  # fmt: skip
-    monkeypatch.setattr(pairs, "fly_pairs", lambda *_, **__: {**DRAWS, "draws": both})
-    done = desat("draws", "a", "--against", "b")
-    assert done.returncode == code
-    assert done.stderr.splitlines()[:2] == ["warning: w0", "warning: w1"]
-    assert done.stdout.splitlines()[0] == "a less b, draw by draw:"
 
 
 @pytest.mark.parametrize(
@@ -279,8 +263,8 @@ def test_a_check_as_json_has_the_order_or_none(desat, tmp_path):
     told = json.loads(bad.stdout)
     assert (bad.returncode, told["order"], told["connections"]) == (Exit.UNMET, [], [])
     assert told["problems"]
-    far = desat("check", "gyrostat/heavy-wheels", "--inner", "1", "--blocks")
-    assert "\nwarning: turn and nutation in an inner step" in "\n" + far.stderr
+    far = desat("check", "gyrostat/heavy-wheels", "--substeps", "1", "--blocks")
+    assert "\nwarning: turn and nutation in a substep" in "\n" + far.stderr
     assert "\nnote: " in far.stderr
 
 
@@ -296,15 +280,15 @@ def finished(code: int = 0, **more: object) -> Run:
 
 @pytest.mark.parametrize("csv", [True, False])
 @pytest.mark.parametrize(
-    ("own", "twin", "code"),
+    ("own", "baseline", "code"),
     [(0, None, 0), (1, None, 1), (4, None, 4), (5, None, 5), (0, 0, 0), (0, 1, 1), (1, 0, 1),
      (0, 4, 4), (1, 4, 1), (4, 0, 4)],
 )  # fmt: skip
-def test_a_run_and_its_twin_end_the_command(monkeypatch, tmp_path, own, twin, code, csv):
-    """Checkpoints go where both have completed; a twin follows a run that has."""
+def test_a_run_and_its_baseline_end_the_command(monkeypatch, tmp_path, own, baseline, code, csv):
+    """Checkpoints go where both have completed; a baseline follows a run that has."""
     done: list[object] = []
-    other = None if twin is None else finished(twin)
-    monkeypatch.setattr(run_command, "_run_twin", lambda *_: done.append("twin") or other)
+    other = None if baseline is None else finished(baseline)
+    monkeypatch.setattr(run_command, "_run_baseline", lambda *_: done.append("baseline") or other)
     monkeypatch.setattr(run_command, "_report", lambda *_: done.append("report"))
     monkeypatch.setattr(run_command, "_csv", lambda *_: done.append("csv"))
     monkeypatch.setattr(run_command, "_report_run", lambda *args: done.append(args[-1]))
@@ -313,14 +297,14 @@ def test_a_run_and_its_twin_end_the_command(monkeypatch, tmp_path, own, twin, co
         done.clear()
         run, ended = finished(own), 0
         try:
-            run_command.conclude(run, None, tmp_path / "a", csv=csv, twin=wanted, as_json=csv)
+            run_command.conclude(run, None, tmp_path / "a", csv=csv, baseline=wanted, as_json=csv)
         except run_command.typer.Exit as left:
             ended = left.exit_code
         follows = wanted and own < 2
-        assert ended == (code if follows or own > 1 or not twin else own)
-        theirs = twin if follows and twin is not None else 0
+        assert ended == (code if follows or own > 1 or not baseline else own)
+        theirs = baseline if follows and baseline is not None else 0
         removed = ["a", run_command.TWIN] if own < 2 and theirs < 2 else []
-        assert done == ["twin"] * follows + ["report"] + ["csv"] * csv + removed + [csv]
+        assert done == ["baseline"] * follows + ["report"] + ["csv"] * csv + removed + [csv]
 
 
 def test_what_a_run_says_at_its_end(capsys, tmp_path):
@@ -328,17 +312,17 @@ def test_what_a_run_says_at_its_end(capsys, tmp_path):
     own = finished(4, numbers=numbers, not_checked={"z": "no [b]"}, unmet=["x[b] = 2: above"],
                    stopped_when=Stopped("a.h[b] below 1", 12.5))  # fmt: skip
     other = finished(0, numbers={"x": Value("Size of [b]", 3.0, "N.m.s")})
-    for twin in (None, other):
-        run_command._report_run(own, twin, tmp_path, tmp_path / "[b].html", False)
+    for baseline in (None, other):
+        run_command._report_run(own, baseline, tmp_path, tmp_path / "[b].html", False)
         out, err = capsys.readouterr()
         lines = [" ".join(x.split()) for x in out.splitlines()]
         assert err.splitlines() == ["failed: h[b] is nan", "not met: x[b] = 2: above"]
         assert lines[0] == "ended at 12.5 s: a.h[b] below 1"
         table = ["Size of [b] 2 N m s", "Time not reached s", "z not checked no [b]"]
-        if twin:
-            table = ["this run twin", table[0].replace("2", "2 3"), *table[1:]]
+        if baseline:
+            table = ["this run baseline", table[0].replace("2", "2 3"), *table[1:]]
         assert lines[1:-2] == table
-        theirs = "     3" if twin else ""  # numbers to the right
+        theirs = "         3" if baseline else ""  # numbers to the right
         assert f"\nSize of [b]            2{theirs}  N m s" in out
         assert lines[-2:] == [
             f"3 steps, 0.5 us a step; series in {tmp_path / 'series.h5'}",
@@ -531,7 +515,7 @@ def test_a_checkpoint_is_saved_every_so_many_steps(monkeypatch, tmp_path, second
         raise AskedError(every)
 
     monkeypatch.setattr(step_case, "Checkpoints", checkpoints)
-    given = Options(blocks=True, stop=20.0, inner=1, checkpoint=seconds)
+    given = Options(blocks=True, stop=20.0, substeps=1, checkpoint=seconds)
     with pytest.raises(AskedError) as asked:
         runs.simulate(runs.prepare("gyrostat/light", given), tmp_path)
     assert asked.value.args == (every,)
@@ -540,7 +524,7 @@ def test_a_checkpoint_is_saved_every_so_many_steps(monkeypatch, tmp_path, second
 def test_the_time_of_a_run_is_that_of_its_steps(monkeypatch):
     made, stepping = [], step_case.stepping
     monkeypatch.setattr(step_case, "stepping", lambda *x: made.append(stepping(*x)) or made[0])
-    given = Options(blocks=True, stop=20.0, inner=1)
+    given = Options(blocks=True, stop=20.0, substeps=1)
     run = runs.simulate(runs.prepare("gyrostat/light", given))
     assert run.manifest.us_per_step == pytest.approx(1e6 * made[0].seconds / 20, abs=1.0)
 
@@ -548,7 +532,7 @@ def test_the_time_of_a_run_is_that_of_its_steps(monkeypatch):
 @pytest.mark.parametrize("number", [1, 2, 15])
 def test_a_run_that_a_signal_stops_says_which(monkeypatch, number):
     monkeypatch.setattr(step_case, "interruptible", lambda: nullcontext(lambda: number))
-    given = Options(blocks=True, stop=20.0, inner=1)
+    given = Options(blocks=True, stop=20.0, substeps=1)
     run = runs.simulate(runs.prepare("gyrostat/light", given))
     assert (run.manifest.status, run.code) == ("interrupted", 128 + number)
     assert run.manifest.message.startswith("stopped by the user at t = ")
@@ -562,7 +546,7 @@ def test_a_run_whose_components_cannot_be_freed_ends_as_the_first(monkeypatch):
         self.unfreed = ended
 
     monkeypatch.setattr(Master, "__exit__", left)
-    run = runs.simulate(runs.prepare("gyrostat/light", Options(blocks=True, stop=20.0, inner=1)))
+    run = runs.simulate(runs.prepare("gyrostat/light", Options(blocks=True, stop=20.0, substeps=1)))
     assert (run.manifest.status, run.code) == ("failed", Exit.TIMEOUT)
     assert run.manifest.message == "a hangs, after the run"
 
@@ -640,18 +624,18 @@ class AskedError(Exception):
 
 
 @pytest.mark.parametrize(
-    ("inner", "record", "looks"),
+    ("substeps", "record", "looks"),
     [("auto", ("*",), True), (1, ("*",), False), (1, ("wheels.h_wheel",), None),
      ("auto", ("wheels.h_wheel",), None)],
 )  # fmt: skip
-def test_draws_record_what_their_numbers_need(monkeypatch, inner, record, looks):
-    """And, where the run chooses its inner steps, what that is looked at again with."""
+def test_draws_record_what_their_numbers_need(monkeypatch, substeps, record, looks):
+    """And, where the run chooses its substeps, what that is looked at again with."""
 
     def simulate(case: object) -> None:
         raise AskedError(case.options.record)
 
     monkeypatch.setattr(study, "simulate", simulate)
-    options = Options(blocks=True, stop=20.0, inner=inner, record=record)
+    options = Options(blocks=True, stop=20.0, substeps=substeps, record=record)
     with pytest.raises(AskedError) as asked:
         study.ran(study.read("gyrostat/light"), options, {})
     (found,) = asked.value.args
@@ -751,8 +735,8 @@ def remarked(turning=0.0, pushed=0.0, h=0.0, last=0.0, unbalance=0.0, lacking=()
     results = SimpleNamespace(names=lambda: [x for x in PARTS.series if x not in lacking],
                               values=lambda name: np.array([[h] * 4, [last] * 4]))  # fmt: skip
     manifest = SimpleNamespace(
-        inner_choice=None, parts={coverage.KEY: replace(PARTS, unbalance=unbalance)},
-        algorithm="conserving", step=2.0, inner=4,
+        substep_choice=None, parts={coverage.KEY: replace(PARTS, unbalance=unbalance)},
+        algorithm="conserving", step=2.0, substeps=4,
     )  # fmt: skip
     vars(manifest).update(told)
     with pytest.MonkeyPatch.context() as patch:
@@ -767,8 +751,8 @@ def test_a_run_says_where_it_left_the_range():
     assert remarked(2.0 * turn, 2.0 * kick, lacking=["a.q"]) == []
     assert remarked(2.0 * turn, 2.0 * kick, algorithm="jacobi") == []
     line, other = remarked(turn * (1.0 + 3e-9), kick * (1.0 + 3e-9))
-    assert line.startswith("at t = 1 s, turn and nutation in an inner step: 0.46 rad, accuracy")
-    assert other.startswith("at t = 1 s, turn by the largest torque of all actuators in an inner")
+    assert line.startswith("at t = 1 s, turn and nutation in a substep: 0.46 rad, accuracy")
+    assert other.startswith("at t = 1 s, turn by the largest torque of all actuators in a substep")
 
 
 def test_a_run_says_how_much_the_jitter_of_faster_wheels_leaves():
@@ -781,16 +765,16 @@ def test_a_run_says_how_much_the_jitter_of_faster_wheels_leaves():
 
 
 def test_a_run_that_chose_says_what_it_could_not_look_at():
-    flown = InnerChoice(4, 1e-7, 5e-8, steps=30, reached=(1.0, 1.0, 1.0))
-    assert remarked(inner_choice=flown) == []
-    (line,) = remarked(inner_choice=flown, lacking=["a.w", "a.i"])
-    assert line == ("its inner steps are chosen by its first 30 steps, and not looked at again: "
+    flown = SubstepChoice(4, 1e-7, 5e-8, steps=30, reached=(1.0, 1.0, 1.0))
+    assert remarked(substep_choice=flown) == []
+    (line,) = remarked(substep_choice=flown, lacking=["a.w", "a.i"])
+    assert line == ("its substeps are chosen by its first 30 steps, and not looked at again: "
                     "not recorded: a.i, a.w")  # fmt: skip
-    assert remarked(inner_choice=replace(flown, reached=None), lacking=["a.w"]) == []
-    assert remarked(inner_choice=flown, parts={coverage.KEY: None}) == []
+    assert remarked(substep_choice=replace(flown, reached=None), lacking=["a.w"]) == []
+    assert remarked(substep_choice=flown, parts={coverage.KEY: None}) == []
     far = {"turning": 9.0, "pushed": 9.0}
-    assert len(remarked(inner_choice=replace(flown, estimate=None), **far)) == 2
-    assert remarked(inner_choice=flown, **far) == []
+    assert len(remarked(substep_choice=replace(flown, estimate=None), **far)) == 2
+    assert remarked(substep_choice=flown, **far) == []
 
 
 # --- the balances ---------------------------------------------------------------------------------
@@ -798,7 +782,7 @@ def test_a_run_that_chose_says_what_it_could_not_look_at():
 
 def told(**more: object) -> SimpleNamespace:
     """A manifest's part that balances look at."""
-    usual = {"algorithm": "conserving", "step": 2.0, "inner": 1, "about": {}, "numbers": {},
+    usual = {"algorithm": "conserving", "step": 2.0, "substeps": 1, "about": {}, "numbers": {},
              "parts": {}, "balance": None}  # fmt: skip
     return SimpleNamespace(**{**usual, **more})
 
@@ -914,7 +898,7 @@ def series_of(names: list[str], times: list[float], lacking: str = "", **counts:
         ({}, [5.0, 7.0], "", {}, ""),
         ({"rows": False}, [0.0, 2.0], "", {}, "its rows"),
         ({"rows": None}, [0.0, 2.0], "", {}, ""),
-        ({"rows": None, "inner": 2}, [0.0, 2.0], "", {}, "its rows"),
+        ({"rows": None, "substeps": 2}, [0.0, 2.0], "", {}, "its rows"),
     ],
 )
 def test_why_rows_have_no_balance(more, times, lacking, counts, why):

@@ -306,17 +306,17 @@ def test_eclipse_cones(along):
     """The cones touch the Sun's and the Earth's spheres: sin(half angle) = (R_s +- R_e) / D."""
     umbra = math.asin((earth.SUN_RADIUS - orbit.EARTH_RADIUS) / AU)
     penumbra = math.asin((earth.SUN_RADIUS + orbit.EARTH_RADIUS) / AU)
-    inner = orbit.EARTH_RADIUS / math.cos(umbra) - along * math.tan(umbra)
+    substeps = orbit.EARTH_RADIUS / math.cos(umbra) - along * math.tan(umbra)
     outer = orbit.EARTH_RADIUS / math.cos(penumbra) + along * math.tan(penumbra)
     if along > orbit.EARTH_RADIUS:
         assert behind(along, 0.0) == 0.0
-    assert behind(along, inner - 1.0) == 0.0
-    assert 0.0 < behind(along, inner + 10.0) < 1e-2
+    assert behind(along, substeps - 1.0) == 0.0
+    assert 0.0 < behind(along, substeps + 10.0) < 1e-2
     assert 1 - 1e-2 < behind(along, outer - 10.0) < 1.0
     assert behind(along, outer + 1.0) == 1.0
     # the middle of the penumbra: the rim of the large Earth is nearly straight
     assert behind(along, orbit.EARTH_RADIUS) == pytest.approx(0.5, abs=0.01)
-    grid = [behind(along, x) for x in np.linspace(inner, outer, 200)]
+    grid = [behind(along, x) for x in np.linspace(substeps, outer, 200)]
     assert grid == sorted(grid)
 
 

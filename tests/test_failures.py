@@ -41,9 +41,9 @@ from desat.fmus import native
 from desat.papers import tables
 from desat.papers.session import Sources
 from desat.report.report import write_report
-from desat.runs import inner_choice, step_case, supervisor
 from desat.runs import prepare as preparing
 from desat.runs import run as case
+from desat.runs import step_case, substep_choice, supervisor
 from desat.runs.run import Options, load_run, prepare, simulate
 from desat.system.errors import DesatError, Exit, RunError
 
@@ -186,8 +186,8 @@ def ours(tmp_path_factory) -> Path:
         return native.build("controller_pd", folder / "dist", folder)
 
 
-@pytest.mark.parametrize("inner", [1, "auto"])
-def test_a_crash_of_one_of_ours_is_named_also_in_a_flight_beforehand(ours, tmp_path, inner):
+@pytest.mark.parametrize("substeps", [1, "auto"])
+def test_a_crash_of_one_of_ours_is_named_also_in_a_flight_beforehand(ours, tmp_path, substeps):
     """With `auto` it ended the command itself, without a word: flights were made in its process."""
     script = f"""
 import sys
@@ -195,7 +195,7 @@ from desat import cli
 from desat.files import library
 library.FmuFile.ours = True
 sys.argv = ["desat", "run", "nadir_day/day-dipole", "--source", "controller={ours}", "--stop", "10",
-            "--inner", "{inner}", "--out", {str(tmp_path / "out")!r}]
+            "--substeps", "{substeps}", "--out", {str(tmp_path / "out")!r}]
 sys.exit(cli._code())
 """
     ended = python(script)
@@ -205,8 +205,8 @@ sys.exit(cli._code())
     assert (tmp_path / "out/report.html").exists()
     with load_run(tmp_path / "out").results as results:
         assert results.times().tolist() == [0.0, 1.0, 2.0]
-    if inner == "auto":
-        told = json.loads((tmp_path / "out/manifest.json").read_text())["inner_choice"]["why"]
+    if substeps == "auto":
+        told = json.loads((tmp_path / "out/manifest.json").read_text())["substep_choice"]["why"]
         assert told == f"a flight beforehand failed: {crash}"
 
 
@@ -231,9 +231,9 @@ def test_a_signal_in_a_flight_beforehand_ends_it(monkeypatch, number, raised):
         os.kill(os.getppid(), number)
         time.sleep(30.0)
 
-    monkeypatch.setattr(inner_choice._Flights, "choice", flies)
+    monkeypatch.setattr(substep_choice._Flights, "choice", flies)
     with pytest.raises(raised) as ended:
-        simulate(prepare("nadir_day/day-dipole", Options(inner="auto", supervised=True)))
+        simulate(prepare("nadir_day/day-dipole", Options(substeps="auto", supervised=True)))
     assert raised is KeyboardInterrupt or ended.value.code == 128 + number
 
 
@@ -432,7 +432,7 @@ def test_a_signal_before_the_first_step_is_no_bug_of_ours(monkeypatch, number, r
         os.kill(os.getppid(), number)
         time.sleep(30.0)
 
-    monkeypatch.setattr(case, "stepped", starts)
+    monkeypatch.setattr(case, "step", starts)
     with pytest.raises(raised) as ended:
         simulate(prepare("plant/light", Options(supervised=True, blocks=True)))
     assert raised is KeyboardInterrupt or ended.value.code == 128 + number
@@ -1060,7 +1060,7 @@ def test_a_full_disk(tmp_path, monkeypatch, capsys):
     try:
         result = subprocess.run(
             [sys.executable, "-m", "desat.cli", "run", "gyrostat/free", "--step", "0.01", "--stop",
-             "300", "--no-twin", "--out", str(place / "out")],
+             "300", "--no-baseline", "--out", str(place / "out")],
             capture_output=True, text=True, cwd=ROOT, check=False,
         )  # fmt: skip
         assert result.returncode == Exit.SPACE, result.stderr
@@ -1416,7 +1416,7 @@ def test_a_report_that_fails_leaves_the_manifest(system, tmp_path, monkeypatch, 
 PROVOKED = {
     "segmentation fault": '"SEGFAULT"', "stack overflow": '"OVERFLOW"', "abort": '"ABORT"',
     "kill -9": r'"KILL"|SIGKILL|trials\(', "exit(0)": '"EXIT_0"', "exit(3)": '"EXIT_3"',
-    "one of ours": "FmuFile", "in a flight": "_Flights|inner_choice",
+    "one of ours": "FmuFile", "in a flight": "_Flights|substep_choice",
     "instantiated": "REFUSES",
     "or in initialisation": '"IN_START"', "it is freed": '"IN_FREE"',
     "library to be loaded": "no library", "returns discard": '"DISCARD"', "error,": '"STEP_ERROR"',
@@ -1441,8 +1441,9 @@ PROVOKED = {
     "`make`": "desat.fmus.build", "disk full": "ENOSPC", "quota": "EDQUOT",
     "size limit": "RLIMIT_FSIZE", "report,": "report", "--csv": "--csv", "journal": "journal",
     "checkpoint is": "savez", "cannot be written": 'EROFS|"/dev/null"', "not fit": "disk_usage",
-    'inner = "auto"': r"inner|own\(", "512": "512", "by which it chose": "looked_at_again|again",
-    "given inner steps": "inner=1", "10,000": "10_001", "50,000": "50000", "is closed": ">&-",
+    'substeps = "auto"': r"substeps|own\(", "512": "512",
+    "by which it chose": "looked_at_again|again",
+    "given substeps": "substeps=1", "10,000": "10_001", "50,000": "50000", "is closed": ">&-",
     "(a pipe)": "stdout.close", "lost their end": "left", "report fails": "write_report",
     "`..`": r'"\.\./', "absolute": '"/etc', "%2e": "%2e", "a drive": "C:/",
     "parameter set": "ParameterBinding", "C name": '"a/b"', "a device": "/dev/zero",

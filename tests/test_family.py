@@ -69,7 +69,7 @@ wheels = "wheels"
 manager = "manager_spin_down"
 """
 SCENARIO = """title = "Three wheels spin down"
-story = "Wheels give their momentum to a sphere."
+description = "Wheels give their momentum to a sphere."
 step = 1.0
 stop = 60.0
 

@@ -107,7 +107,7 @@ def test_values_of_every_type_are_handed_on(
 ) -> None:
     """x' = 3 * 0.5; through b: 43 = 41 + 1 + 1, and not not false."""
     fmu(tmp_path / "gain.fmu", library)
-    options = {"stop": 2.0, "step": 0.25, "inner": 1, "loop": loop, "isolate": isolate}
+    options = {"stop": 2.0, "step": 0.25, "substeps": 1, "loop": loop, "isolate": isolate}
     run = desat.run(str(scenario(tmp_path)), **options)
     assert run.manifest.status == "completed"
     # an output that may depend on inputs is that of a step, of which there are eight
@@ -122,7 +122,7 @@ def test_the_series_are_those_of_fmpy(tmp_path: Path, library: Path) -> None:
         str(path), validate=False, stop_time=2.0, output_interval=0.25,
         start_values={"k": 3.0, "u": 0.5, "n": 41}, output=["x", "m", "c"],
     )  # fmt: skip
-    run = desat.run(str(scenario(tmp_path)), stop=2.0, step=0.25, inner=1)
+    run = desat.run(str(scenario(tmp_path)), stop=2.0, step=0.25, substeps=1)
     for name in ("x", "m", "c"):
         np.testing.assert_array_equal(run.results.values(f"a.{name}"), there[name][1:])
 
@@ -130,7 +130,7 @@ def test_the_series_are_those_of_fmpy(tmp_path: Path, library: Path) -> None:
 def test_what_the_fmu_says_is_told(tmp_path: Path, library: Path) -> None:
     fmu(tmp_path / "gain.fmu", library)
     with pytest.raises(DesatError, match=r"a: fmi1InitializeSlave returned error: k = -1: 0 or"):
-        desat.run(str(scenario(tmp_path, "k = -1")), stop=2.0, step=0.25, inner=1)
+        desat.run(str(scenario(tmp_path, "k = -1")), stop=2.0, step=0.25, substeps=1)
 
 
 @pytest.mark.parametrize(("loop", "isolate"), [
@@ -145,7 +145,7 @@ def test_what_a_status_says_is_told_and_it_is_terminated(
     tmp_path: Path, library: Path, loop: str, isolate: str, k: int, said: str, status: str
 ) -> None:
     fmu(tmp_path / "gain.fmu", library)
-    options = {"stop": 2.0, "step": 0.25, "inner": 1, "loop": loop, "isolate": isolate}
+    options = {"stop": 2.0, "step": 0.25, "substeps": 1, "loop": loop, "isolate": isolate}
     run = desat.run(str(scenario(tmp_path, f"k = {k}")), **options)
     assert run.manifest.status == status
     lines = [*run.manifest.warnings, *run.manifest.message.splitlines()]
@@ -164,10 +164,10 @@ def test_what_cannot_be_is_refused_by_name(
 ) -> None:
     fmu(tmp_path / "gain.fmu", library, DESCRIPTION.replace(old, new))
     with pytest.raises(DesatError, match=rf"a: gain\.fmu.*{told}"):
-        desat.run(str(scenario(tmp_path)), stop=2.0, step=0.25, inner=1)
+        desat.run(str(scenario(tmp_path)), stop=2.0, step=0.25, substeps=1)
 
 
 def test_a_state_cannot_be_kept(tmp_path: Path, library: Path) -> None:
     fmu(tmp_path / "gain.fmu", library)
     with pytest.raises(DesatError, match=r"--checkpoint: a: gain\.fmu cannot save its state"):
-        desat.run(str(scenario(tmp_path)), stop=2.0, step=0.25, inner=1, checkpoint=1.0)
+        desat.run(str(scenario(tmp_path)), stop=2.0, step=0.25, substeps=1, checkpoint=1.0)

@@ -51,7 +51,7 @@ def limited(shim, apart, tmp_path) -> Command:
     return run
 
 
-RUN = ("run", "gyrostat/free", "--step", "0.01", "--stop", "300", "--no-twin")
+RUN = ("run", "gyrostat/free", "--step", "0.01", "--stop", "300", "--no-baseline")
 
 
 def named(text: str) -> list[str]:

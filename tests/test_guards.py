@@ -415,7 +415,7 @@ def test_more_draws_are_flown_after_those_that_are_kept(monkeypatch, tmp_path):
     made = stored.renew("uosat12", 1)["scenarios"][name]
     assert made["draws"][1:] == whole["draws"][1:]
     assert made["draws"][0] == first[0] != shown, "a draw that is kept is not flown again"
-    assert made["summary"]["firing_time"]["n"] == scenario.content.draws
+    assert made["summary"]["firing_time"]["n"] == scenario.content.samples
     assert made["summary"]["firing_time"]["min"] == 1.0
 
 

@@ -86,7 +86,9 @@ def test_from_an_empty_folder(home, installed, tmp_path):
     names = [s["name"] for s in json.loads(installed("desat", "list", "--json"))]
     assert names == list(scenarios())
     result = json.loads(
-        installed("desat", "run", "integrated/mil-nadir", "--stop", "600", "--json", "--no-twin")
+        installed(
+            "desat", "run", "integrated/mil-nadir", "--stop", "600", "--json", "--no-baseline"
+        )
     )
     assert result["status"] == "completed"
     assert result["end_time"] == 600.0
@@ -167,7 +169,7 @@ def newcomer(home, tmp_path):
 
 
 def test_a_newcomer_flies_and_sizes_a_craft(newcomer, tmp_path):
-    made = json.loads(newcomer("run my12u --stop 600 --json --no-twin"))
+    made = json.loads(newcomer("run my12u --stop 600 --json --no-baseline"))
     assert made["status"] == "completed"
     assert (tmp_path / made["report"]).is_file()
     told = " ".join(newcomer("size my12u --stop 6000").split())

@@ -114,7 +114,7 @@ EVERYWHERE = {
     "plot": ("signals = ", "signls = ", "plots.rate.signls: unknown key; did you mean signals?"),
     "paper": ("values = 3.0", "vals = 3.0", "paper.firing_time.vals: unknown key; did you mean"),
     "unknown unit": ('unit = "s"', 'unit = "sek"', "got 'sek': unit sek is not known"),
-    "twin": ('title = "T"', 'twin = "t-q"', "twin: no scenario t-q; did you mean t-a?"),
+    "baseline": ('title = "T"', 'baseline = "t-q"', "baseline: no scenario t-q; did you mean t-a?"),
     "kind of dispersion": ("direction", "directon", 'directon: unknown key; did you mean directi'),
     "bad axis": ("[axes.m.a]", "[axes.m]", "axes.m.label: got 'A'; a table is needed"),
     "key in an axis": ("label", "lable", "axes.m.a.lable: unknown key; did you mean label?"),
@@ -232,7 +232,7 @@ def test_the_first_list_reads_files_alone(family, command):
 WRONG = """stepp = 10.0
 stop = "600"
 titel = "T"
-inner = 0
+substeps = 0
 accuracy = -1.0
 epoch = "today"
 [number.x]
@@ -349,7 +349,7 @@ SCALARS = (
 NAMES = st.sampled_from(["a", "value", "table", "of", "x.y"])
 VALUES = st.recursive(
     SCALARS,
-    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(NAMES, inner, max_size=2),
+    lambda substeps: st.lists(substeps, max_size=3) | st.dictionaries(NAMES, substeps, max_size=2),
     max_leaves=4,
 )
 DECLARED = {row["key"] for row in explain.keys(None)}

@@ -76,16 +76,16 @@ def test_scenarios_of_every_family(target, algorithm, every):
 
 
 RATES = [
-    {"inner": 3},
+    {"substeps": 3},
     {"step": 0.1, "decimation": {"spacecraft": 10}},
     {"step": 0.1, "decimation": {"wheels": 10}},
     {"step": 0.1, "decimation": {"spacecraft": 10, "wheels": 2, "manager": 5}},
-    {"inner": 2, "step": 0.5, "decimation": {"manager": 2}},
+    {"substeps": 2, "step": 0.5, "decimation": {"manager": 2}},
 ]
 
 
 @pytest.mark.parametrize("rates", RATES)
-def test_several_rates_and_inner_steps(tmp_path, rates):
+def test_several_rates_and_substeps(tmp_path, rates):
     """Means and slopes joined and cut, rows of whole steps."""
     both(scenario(tmp_path, **rates), stop=4.0)
 

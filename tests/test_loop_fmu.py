@@ -129,14 +129,14 @@ def test_every_series_is_that_of_a_run_bit_by_bit(name, tmp_path):
 
 
 NADIR = "integrated/mil-nadir"
-"""With inner steps, and computers slower than the rest."""
+"""With substeps, and computers slower than the rest."""
 
 
 @pytest.fixture(scope="module")
 def made(tmp_path_factory):
     """The loop of NADIR as one FMU, the same without its manager, and the run."""
     folder = tmp_path_factory.mktemp("loops")
-    options = short(NADIR, 120, inner=3)
+    options = short(NADIR, 120, substeps=3)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(native, "FLAGS", tuple("-O1" if f == "-O3" else f for f in native.FLAGS))
         whole = export(NADIR, options, LoopEnds(parameters=["manager.gain*", "shared.inertia"]),
@@ -195,7 +195,7 @@ def test_several_steps_at_once_states_and_parameters(made):
     assert other.advance(7) == after
     with pytest.raises(Exception, match="DoStep"):
         one.fmu.doStep(one.t, 1.5 * one.step)
-    options = short(NADIR, 120, inner=3)
+    options = short(NADIR, 120, substeps=3)
     options.sets = ["manager.gain=1e-4"]
     changed = columns(execute(NADIR, options, None))
     loop = Loop(whole, folder / "d", **{"manager.gain": 1e-4})
@@ -264,15 +264,15 @@ print("ROWS " + json.dumps(rows))
     ],
 )  # fmt: skip
 def test_names_that_are_not_of_the_loop_are_refused(desat, arguments, said, tmp_path):
-    done = desat("export", "fmu", NADIR, "--inner", "1", "--out", str(tmp_path / "x.fmu"),
+    done = desat("export", "fmu", NADIR, "--substeps", "1", "--out", str(tmp_path / "x.fmu"),
                  *arguments)  # fmt: skip
     assert done.returncode == 2
     assert said in done.stderr
 
 
 def test_a_block_that_has_no_c_is_named(desat, tmp_path):
-    done = desat("export", "fmu", NADIR, "--inner", "1", "--source", "environment=environment_tle",
-                 "--out", str(tmp_path / "x.fmu"))  # fmt: skip
+    done = desat("export", "fmu", NADIR, "--substeps", "1", "--source",
+                 "environment=environment_tle", "--out", str(tmp_path / "x.fmu"))  # fmt: skip
     assert done.returncode == 2
     assert "environment: environment_tle has no C" in done.stderr
     assert "`--without environment` leaves it out" in done.stderr

@@ -445,7 +445,7 @@ def guarded(v: float, n: int) -> float:
                 continue
             s += 1.0 / v
         except ZeroDivisionError:
-            raise BlockError("inner")
+            raise BlockError("substeps")
     return s
 
 

@@ -258,7 +258,7 @@ def test_standard_numbers_and_plots_come_from_the_roles(desat, tmp_path):
     by_key = {row["key"]: row for row in json.loads(told.stdout)}
     assert by_key["numbers.pointing.measure"]["from"].endswith("roles/manager.toml")
     assert by_key["numbers.propellant.unit"]["from"].endswith("roles/thrusters.toml")
-    made = desat("run", "mine", "--stop", "20", "--json", "--no-twin", cwd=tmp_path, check=True)
+    made = desat("run", "mine", "--stop", "20", "--json", "--no-baseline", cwd=tmp_path, check=True)
     numbers = json.loads(made.stdout)["numbers"]
     assert {"pointing", "largest_momentum", "final_momentum", "firing", "propellant"} <= (
         numbers.keys()

@@ -21,7 +21,7 @@ from desat.runs.run import Options, execute
 COMMON = """
 extends = "hausat2/detumbling-b-dot"
 stop = 1200.0
-draws = 4
+samples = 4
 """
 NEVER = f"{COMMON}parameters.manager.rate_limit = 1e-9\n"
 # two of the four draws of seed 1 are below this within 5 min
@@ -77,14 +77,6 @@ def test_a_sweep_has_the_share(desat, own):
     row = next(x for x in said.splitlines() if x.startswith("detumbled") or "detumbled" in x)
     assert "not reached (not reached: 4 of 4 (100 %))" in said, said
     assert row.count("4 of 4") <= 1
-
-
-def test_paired_differences_say_how_many_have_none(desat, own):
-    said = desat("draws", own(NEVER), "--against", "hausat2/detumbling-b-dot", "-n", "2",
-                 "--stop", "1200", "--blocks", "--jobs", "1")  # fmt: skip
-    assert said.returncode == 0, said.stderr
-    line = next(x for x in said.stdout.splitlines() if x.startswith("detumbled"))
-    assert "2 of 2 (100 %)" in line
 
 
 def test_every_measure_of_a_time_is_late():

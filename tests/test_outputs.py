@@ -21,7 +21,7 @@ from desat.system.errors import DesatError
 from desat.system.options import Options
 
 ROOMS = Path(io.__file__).parents[1]
-QUICK = "--blocks --stop 3 --step 1 --inner 1"
+QUICK = "--blocks --stop 3 --step 1 --substeps 1"
 
 
 @pytest.fixture(scope="module")
@@ -120,7 +120,7 @@ def test_a_plot_is_not_written_outside(tmp_path):
         'signals = ["wheels.h_wheel"]\nunit = "N.m.s"\n'
     )
     run = tmp_path / "run"
-    execute(str(tmp_path / "own.toml"), Options(stop=3.0, step=1.0, inner=1, blocks=True), run)
+    execute(str(tmp_path / "own.toml"), Options(stop=3.0, step=1.0, substeps=1, blocks=True), run)
     with pytest.raises(DesatError, match=r"plot \.\./escaped: a file's name has no /"):
         export(run, "png")
     assert not (tmp_path / "escaped.png").exists()

@@ -85,7 +85,6 @@ REFUSED = {
     "tune mine manager.gain --for peak --between 1,1e309": "--between 1,1e309: a finite number",
     "compare mine mine --seed 3": "--seed: it goes with -n",
     "compare mine mine --accuracy 1e300": "--accuracy 1e300: above 0 is needed, 1 rad at most",
-    "draws mine --against mine --each": "--each: differences have none",
     "sweep mine manager.gain=1 --seed 3": "--seed: it goes with --draws",
     "run mine --stop nan": "--stop nan: a number is needed",
     "run mine --call-limit inf": "--call-limit inf: a number is needed",
@@ -142,7 +141,7 @@ def test_the_epoch_of_a_craft_is_that_of_its_elements(tmp_path):
 
 def test_numbers_have_units_on_the_command_line(folder):
     code, said = commands.ended(
-        shlex.split("run mine --blocks --stop '2000 ms' --step 1 --inner 1 --json"), folder
+        shlex.split("run mine --blocks --stop '2000 ms' --step 1 --substeps 1 --json"), folder
     )
     assert code in (0, 1), said
     assert '"steps_done": 2' in said

@@ -165,30 +165,30 @@ def test_held_values_are_said(tmp_path):
     assert timing["wheels.h_wheel[1] -> spacecraft.h_wheel[1]"] == "at the start"
 
 
-def test_inner_steps_converge(tmp_path, truth):
+def test_substeps_converge(tmp_path, truth):
     errors = []
-    for inner in (1, 2, 4, 8):
-        q, _, manifest = final(scenario(tmp_path, inner=inner), blocks=True)
-        assert manifest["inner"] == inner
+    for substeps in (1, 2, 4, 8):
+        q, _, manifest = final(scenario(tmp_path, substeps=substeps), blocks=True)
+        assert manifest["substeps"] == substeps
         assert manifest["numbers"]["momentum_residual"]["value"] < 1e-14
         errors.append(np.abs(q - truth[0]).max())
     assert all(b < a / 4.0 for a, b in pairwise(errors)), errors
     assert errors[-1] < 1e-10
 
 
-def test_inner_steps_have_the_same_bits_as_fmus_and_as_a_packed_system(tmp_path):
-    target = scenario(tmp_path, inner=3, decimation={"guidance": 2})
+def test_substeps_have_the_same_bits_as_fmus_and_as_a_packed_system(tmp_path):
+    target = scenario(tmp_path, substeps=3, decimation={"guidance": 2})
     packed = tmp_path / "mine.ssp"
     pack(prepare(target, Options()).or_raise()[0], packed)
     made = [final(target, blocks=True), final(target), final(str(packed))]
     for q, h, manifest in made:
-        assert manifest["inner"] == 3
+        assert manifest["substeps"] == 3
         assert q.tobytes() == made[0][0].tobytes()
         assert h.tobytes() == made[0][1].tobytes()
 
 
-def test_rows_of_inner_steps_have_states_of_the_start_and_means_of_the_step(tmp_path):
-    made = execute(scenario(tmp_path, inner=4), Options(stop=20.0, blocks=True))
+def test_rows_of_substeps_have_states_of_the_start_and_means_of_the_step(tmp_path):
+    made = execute(scenario(tmp_path, substeps=4), Options(stop=20.0, blocks=True))
     h, mean = (made.results.values(f"wheels.{n}") for n in ("h_wheel", "tau_mean_wheel"))
     made.results.close()
     assert len(h) == 21
@@ -205,8 +205,8 @@ def test_a_lost_momentum_ends_with_1(tmp_path):
 
 
 def test_what_jacobi_leaves_out_is_said(tmp_path):
-    inner = prepare(scenario(tmp_path, inner=4), Options(algorithm="jacobi", blocks=True))
-    assert any("inner = 4 has no effect" in w for w in inner.checked.warnings)
+    substeps = prepare(scenario(tmp_path, substeps=4), Options(algorithm="jacobi", blocks=True))
+    assert any("substeps = 4 has no effect" in w for w in substeps.checked.warnings)
     target = scenario(tmp_path, step=0.1, decimation={"wheels": 10})
     rates = prepare(target, Options(algorithm="jacobi", blocks=True))
     assert any("momentum is not conserved" in w for w in rates.checked.warnings)

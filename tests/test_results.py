@@ -283,7 +283,7 @@ def test_a_failing_component_keeps_what_was_recorded(tmp_path):
     assert (tmp_path / "bad" / "series.h5").exists()
 
 
-LONG = ["run", NAME, "--stop", "2e7", "--no-twin", "--record", "spacecraft.h_copy_wheel"]
+LONG = ["run", NAME, "--stop", "2e7", "--no-baseline", "--record", "spacecraft.h_copy_wheel"]
 
 
 def _start(folder):

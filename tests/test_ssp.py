@@ -124,7 +124,7 @@ def test_there_are_crafts_of_every_family():
 def test_every_scenario_has_a_title_and_a_story():
     for given in scenarios().values():
         assert given.content.title
-        assert given.content.story
+        assert given.content.description
 
 
 def test_every_cell_of_tables_2_and_3_is_a_scenario():
@@ -220,15 +220,15 @@ def test_scenario_files(tmp_path, monkeypatch, scenario_module):
     base = "abstract = true\nstep = 10\nstop = 20\n[parameters.manager]\nduty = 0.5\n[axes.m]\n"
     found = read(
         base=base,
-        t='extends = "base"\ntitle = "{m} at {c}"\ntwin = "t-a-{c}"\n'
+        t='extends = "base"\ntitle = "{m} at {c}"\nbaseline = "t-a-{c}"\n'
         '[axes.m.a]\nlabel = "A"\n[axes.m.b]\nparameters.manager.split = "dct"\n[axes.c.x]\n',
     )
     assert list(found) == ["f/t-a-x", "f/t-b-x"]
     b = found["f/t-b-x"]
     assert b.content.title == "b at x"
     assert found["f/t-a-x"].content.title == "A at x"
-    assert b.twin == "f/t-a-x"
-    assert found["f/t-a-x"].twin is None
+    assert b.baseline == "f/t-a-x"
+    assert found["f/t-a-x"].baseline is None
     assert b.content.parameters["manager"] == {"duty": 0.5, "split": "dct"}
     found = read(
         base=base,

@@ -88,7 +88,7 @@ def stranger(tmp_path: Path, library: bytes) -> Path:
 
 @pytest.mark.parametrize("name", ONE_OF_EACH)
 def test_it_runs_in_a_scenario_of_every_family(name: str, stranger: Path) -> None:
-    run = desat.run(name, stop=60.0, sources=[f"manager={stranger}"], inner=1)
+    run = desat.run(name, stop=60.0, sources=[f"manager={stranger}"], substeps=1)
     assert run.manifest.status == "completed"
     assert "stranger.fmu" in str(run.manifest.warnings)
     wheels = run.results.values("manager.tau_cmd_wheel")
@@ -136,7 +136,7 @@ def test_without_dependencies_it_depends_on_all_that_it_is_given(
     every = " ".join(str(i) for i in range(15, 25))
     declared = fmu(tmp_path / "declared.fmu", library, description(f' dependencies="{every}"'))
     a, b = (
-        desat.run("nadir_day/day-dipole", stop=200.0, sources=[f"manager={x}"], inner=1)
+        desat.run("nadir_day/day-dipole", stop=200.0, sources=[f"manager={x}"], substeps=1)
         for x in (stranger, declared)
     )
     assert (a.results.values("wheels.h_wheel") == b.results.values("wheels.h_wheel")).all()
@@ -144,7 +144,7 @@ def test_without_dependencies_it_depends_on_all_that_it_is_given(
                in x for x in a.manifest.warnings)  # fmt: skip
     assert not any("declares no dependencies" in x for x in b.manifest.warnings)
     late = desat.run(
-        "nadir_day/day-dipole", stop=200.0, sources=[f"manager={stranger}"], inner=1,
+        "nadir_day/day-dipole", stop=200.0, sources=[f"manager={stranger}"], substeps=1,
         output_classes={"manager.m_cmd_body": "state", "manager.tau_cmd_wheel": "state"},
     )  # fmt: skip
     assert (a.results.values("wheels.h_wheel") != late.results.values("wheels.h_wheel")).any()

@@ -46,8 +46,8 @@ def imported(module: str, file: Path, known: dict[str, Path], name: str) -> Iter
             if start != name and not start.startswith(f"{name}."):
                 continue
             path = start[len(name) + 1 :]
-            inner = f"{path}.{attribute}".lstrip(".")
-            yield inner if inner in known else path
+            substeps = f"{path}.{attribute}".lstrip(".")
+            yield substeps if substeps in known else path
 
 
 def circle(home: Path, name: str = "desat") -> list[str]:

@@ -8,7 +8,7 @@ import re
 import pytest
 
 from desat.campaign.draws import axes_of, draws, one, sweep
-from desat.campaign.pairs import common, differences, fly_pairs
+from desat.campaign.pairs import common, differences
 from desat.runs.prepare import read
 from desat.runs.run import Options, execute
 from desat.system.errors import DesatError
@@ -30,9 +30,9 @@ def other(tmp_path):
 
 def test_paired_differences_are_those_of_the_draws(other):
     target = other("parameters.manager.gain = 1e-3")
-    result = fly_pairs(NAME, target, 3, 4, SHORT, jobs=1)
-    ours, theirs = (draws(n, 3, 4, SHORT, 1)["draws"] for n in (NAME, target))
-    for name, entry in result["differences"].items():
+    both = [draws(n, 3, 4, SHORT, 1) for n in (NAME, target)]
+    result, (ours, theirs) = differences(*both), (x["draws"] for x in both)
+    for name, entry in result.items():
         each = [a["numbers"][name] for a in ours], [b["numbers"][name] for b in theirs]
         if None in (*each[0], *each[1]):
             assert entry["n"] == 0
@@ -42,15 +42,16 @@ def test_paired_differences_are_those_of_the_draws(other):
         assert [e["difference"] for e in entry["each"]] == pytest.approx(expected, abs=1e-9)
         assert entry["lower"] + entry["higher"] + entry["equal"] == 3
         assert entry["min"] <= entry["median"] <= entry["max"]
-    assert result["differences"]["coil_load"]["equal"] < 3
+    assert result["coil_load"]["equal"] < 3
     assert [r["values"] for r in ours] == [r["values"] for r in theirs]
-    assert result["drawn_only_in_it"] == result["drawn_only_in_the_other"] == []
+    found = common(read(NAME), read(target), 4, SHORT, SHORT)
+    assert found["drawn_only_in_it"] == found["drawn_only_in_the_other"] == []
 
 
 def test_a_scenario_against_itself_is_equal_in_all():
-    result = fly_pairs(NAME, NAME, 2, 1, SHORT, jobs=1)
-    assert all(e["equal"] == e["n"] for e in result["differences"].values())
-    assert any(e["n"] == 2 for e in result["differences"].values())
+    result = differences(*(draws(NAME, 2, 1, SHORT, 1) for _ in range(2)))
+    assert all(e["equal"] == e["n"] for e in result.values())
+    assert any(e["n"] == 2 for e in result.values())
 
 
 def test_what_is_drawn_otherwise_is_refused_and_what_one_draws_is_said(other):
@@ -155,8 +156,11 @@ def test_a_drawn_parameter_is_no_axis_of_draws():
 
 def test_commands(desat):
     short = ("--blocks", "--stop", "20", "--jobs", "1")
-    done = desat("draws", NAME, "-n", "1", "--against", NAME, *short, "--json", check=True)
-    assert json.loads(done.stdout)["differences"]["coil_load"]["equal"] == 1
+    other = "integrated/mil-cross-product"
+    done = desat("compare", NAME, other, "-n", "1", *short, "--json", check=True)
+    assert json.loads(done.stdout)["numbers"]["coil_load"]["n"] == 1
+    gone = desat("draws", NAME, "--against", NAME)
+    assert "--against; desat compare NAME OTHER -n COUNT does it" in gone.stderr
     shown = desat("sweep", NAME, "manager.gain=1e-3,2e-3", *short, check=True).stdout
     assert "0.002" in shown
     assert "coil_load" in shown
@@ -165,7 +169,7 @@ def test_commands(desat):
     assert len(wrong.stderr.splitlines()) == 1
 
 
-def test_definitions_that_differ_in_their_twin_are_one():
+def test_definitions_that_differ_in_their_baseline_are_one():
     from desat.papers.tables import definitions
 
     texts = [*(f"Saved (ratio of t to that of a-{i})" for i in (1, 2)), "Time (last)"]

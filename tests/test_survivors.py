@@ -5,10 +5,8 @@ How the sample was drawn and what is left: docs/mutations.md.
 
 from __future__ import annotations
 
-import json
 import math
 
-import mutations
 import numpy as np
 import pytest
 from test_blocks import begin, fresh
@@ -537,21 +535,3 @@ def test_coils_that_are_off_are_allowed():
     block = fresh("manager_mixed_mode")
     block.m_limit = 0.0
     block.check()
-
-
-# --- the results of the mutation run ----------------------------------------------------------
-
-
-def stored() -> dict[str, dict]:
-    return json.loads(mutations.STORED.read_text(encoding="utf-8"))
-
-
-def test_the_page_of_mutations_is_of_their_results():
-    assert mutations.PAGE.read_text(encoding="utf-8") == mutations.page(stored())
-
-
-def test_nine_of_ten_mutations_are_killed_and_each_other_has_its_reason():
-    for name, result in stored().items():
-        told = mutations.score(result)
-        assert told["killed"] >= 0.9 * (told["ran"] - told["equivalent"]), name
-        assert all(m.get("why") for m in told["open"]), name

@@ -59,7 +59,7 @@ def test_a_bound_that_is_unmet_ends_a_run_with_1(desat, tmp_path):
         file = tmp_path / "mine.toml"
         file.write_text(f'extends = "gyrostat/light"\nresidual_bound = {bound}\n')
         out = tmp_path / str(int(code))
-        done = desat("run", str(file), "--stop", "20", "--no-twin", "--out", str(out))
+        done = desat("run", str(file), "--stop", "20", "--no-baseline", "--out", str(out))
         assert done.returncode == code
         assert ("momentum_residual" in done.stdout + done.stderr) >= (code == Exit.UNMET)
 
@@ -197,7 +197,7 @@ def test_a_run_that_a_component_ended_says_how_far_it_came(system, how):
 
 def test_a_run_within_its_range_has_no_remark():
     """Nothing is said of a range that it does not leave."""
-    run = simulate(prepare("gyrostat/light", Options(stop=20.0, inner=1, blocks=True)))
+    run = simulate(prepare("gyrostat/light", Options(stop=20.0, substeps=1, blocks=True)))
     assert run.manifest["warnings"] == []
     assert run.code == Exit.COMPLETED
 
@@ -510,7 +510,7 @@ def test_a_requirement_that_is_not_met_ends_a_run_with_1(desat, tmp_path, calm, 
     """A time that is not reached is not met once the run is over it, and before that unknown."""
     file, out = tmp_path / "mine.toml", tmp_path / "out"
     file.write_text(REQUIRED.format(calm=calm, dumped=dumped))
-    done = desat("run", str(file), "--no-twin", "--out", str(out))
+    done = desat("run", str(file), "--no-baseline", "--out", str(out))
     said = done.stdout + done.stderr
     assert done.returncode == code
     assert ("not met: calm: APE" in said) == ("NOT MET" in said) == (calm == 0.01) or dumped < 100

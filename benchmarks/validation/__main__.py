@@ -26,7 +26,7 @@ COLUMNS = {
 def _convergence(given: argparse.Namespace) -> None:
     """Print the errors of a scenario at several steps."""
     steps = None if given.steps is None else tuple(map(float, given.steps.split(",")))
-    options = Options(stop=given.stop, inner=given.inner)
+    options = Options(stop=given.stop, substeps=given.substeps)
     result = convergence.study(given.target, options, steps, jobs=given.jobs, progress=True)
     if given.json:
         print(json.dumps(result, indent=1))
@@ -57,7 +57,7 @@ def main() -> int:
     one.add_argument("target")
     one.add_argument("--steps", help="s, as 1,0.5 (default: the scenario's, and three finer ones)")
     one.add_argument("--stop", type=float, help="s")
-    one.add_argument("--inner", type=int)
+    one.add_argument("--substeps", type=int)
     one.add_argument("--json", action="store_true")
     one.set_defaults(does=_convergence)
     page = commands.add_parser("page", help=_page.__doc__)

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from desat.analyses.manifest import InnerChoice
+from desat.analyses.manifest import SubstepChoice
 from desat.figures.canvas import Ticks
 from desat.figures.style import COLOURS, DASHED, figure
 from desat.runs.run import Options, prepare, simulate
@@ -53,8 +53,8 @@ class Flown:
     residual: float
     delayed: Trajectory | None = None
     note: str = ""
-    choice: InnerChoice | None = None
-    """How it came to its inner steps, where it chose them."""
+    choice: SubstepChoice | None = None
+    """How it came to its substeps, where it chose them."""
 
 
 def fly(target: str, options: Options) -> Flown:
@@ -69,7 +69,7 @@ def fly(target: str, options: Options) -> Flown:
         run.results.values("wheels.h_wheel")[::every],
         run.manifest.numbers["momentum_residual"].value or 0.0,
     )
-    flown.choice = run.manifest.inner_choice
+    flown.choice = run.manifest.substep_choice
     run.results.close()
     if options.algorithm == "jacobi":
         try:
@@ -98,9 +98,9 @@ def study(
     algorithms: tuple[Algorithm, ...] = ALGORITHMS, jobs: int = 2, progress: bool = False,
 ) -> dict[str, Any]:  # fmt: skip
     """Rows for every algorithm and step (s; default: the scenario's and three finer ones), and the
-    observed order of the conserving master; `inner = "auto"` is one here, for what it chooses
+    observed order of the conserving master; `substeps = "auto"` is one here, for what it chooses
     depends on the step."""
-    options = replace(options, inner=prepare(target, options).or_raise()[0].parts)
+    options = replace(options, substeps=prepare(target, options).or_raise()[0].parts)
     if steps is None:
         own = prepare(target, options).or_raise()[0].step
         steps = tuple(own * share for share in STEPS)

@@ -1,10 +1,10 @@
 """A run's own estimate of its error: from a companion run that is finer.
 
-The companion is the same run with twice the inner steps (`system/schedule.py`): its computers,
+The companion is the same run with twice the substeps (`system/schedule.py`): its computers,
 samples and rows stay where they are. Of two runs whose error falls with order p, the coarse one
 errs by (2^p) / (2^p - 1) of their difference (Richardson): twice it for order 1, 4/3 for 2, 8/7 for
 3. The order is not known from two runs, and 4/3 is taken: an estimate, no bound. What does not fall
-with the inner steps errs alike in both.
+with the substeps errs alike in both.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from desat.system.options import Options
 Array = NDArray[Any]
 FACTOR = 4.0 / 3.0
 FINER = 2
-"""The companion makes so many inner steps where the run makes one."""
+"""The companion makes so many substeps where the run makes one."""
 
 
 def difference(q: Array, h: Array, q_other: Array, h_other: Array) -> tuple[float, float]:
@@ -39,4 +39,4 @@ def estimate(q: Array, h: Array, q_finer: Array, h_finer: Array) -> tuple[float,
 
 def companion(system: System, options: Options) -> Options:
     """The options of a checked system's companion; `options` are those of its run."""
-    return replace(options, inner=FINER * system.parts)
+    return replace(options, substeps=FINER * system.parts)

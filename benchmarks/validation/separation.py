@@ -1,7 +1,7 @@
 """What the bound of the hidden work (`analyses/energy.py`) tells apart: craft that err or do not.
 
 Craft made at random from a seed, on the loops of `ssp/gyrostat`; each run's attitude held against
-the same with 64 inner steps.
+the same with 64 substeps.
 """
 
 from __future__ import annotations
@@ -46,11 +46,11 @@ JETS: dict[str, dict[str, Any]] = {
 
 
 class Row(NamedTuple):
-    """A run: its error against FINEST inner steps (rad), its hidden work, and whether it ends with
+    """A run: its error against FINEST substeps (rad), its hidden work, and whether it ends with
     exit code 1."""
 
     name: str
-    inner: int
+    substeps: int
     error: float
     hidden: float
     refused: bool
@@ -94,23 +94,25 @@ def craft(seed: int) -> tuple[str, dict[str, Any]]:
 
 
 def held(
-    name: str, target: str, inner: Iterable[int | None], values: dict[str, Any] | None = None,
+    name: str, target: str, substeps: Iterable[int | None], values: dict[str, Any] | None = None,
     stop: float | None = None,
 ) -> list[Row]:  # fmt: skip
-    """A scenario with other values, at each of these inner steps (None: its own), until `stop`
+    """A scenario with other values, at each of these substeps (None: its own), until `stop`
     (s)."""
 
-    def flown(inner: int | None) -> tuple[Any, ...]:
-        run = execute(target, Options(inner=inner, values=values or {}, stop=stop)).or_raise(target)
-        told = run.manifest.inner, run.manifest.numbers, bool(run.manifest.unmet)
+    def flown(substeps: int | None) -> tuple[Any, ...]:
+        run = execute(target, Options(substeps=substeps, values=values or {}, stop=stop)).or_raise(
+            target
+        )
+        told = run.manifest.substeps, run.manifest.numbers, bool(run.manifest.unmet)
         return *(run.results.values(s) for s in _SIGNALS), *told
 
     q, h, *_ = flown(FINEST)
     rows = []
-    for each in inner:
-        mine, wheels, inner_steps, numbers, refused = flown(each)
+    for each in substeps:
+        mine, wheels, made, numbers, refused = flown(each)
         error = difference(mine, wheels, q, h)[0]
-        rows.append(Row(name, inner_steps, error, numbers["hidden_work"].value, refused))
+        rows.append(Row(name, made, error, numbers["hidden_work"].value, refused))
     return rows
 
 

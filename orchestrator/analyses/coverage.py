@@ -1,6 +1,6 @@
 """The range in which the exchange is shown to be exact: two numbers of a rigid craft with wheels.
 
-Over an inner step H (`system/schedule.py`) components exchange means and slopes; what a torque does
+Over a substep H (`system/schedule.py`) components exchange means and slopes; what a torque does
 beside, curvature c inside it, leaves an error of the rate of about
 H^3 / 60 |omega x J_r^-1 c + J_r^-1 (J_r^-1 c x L)|. So it depends, with L the body's total
 momentum, on
@@ -11,7 +11,7 @@ momentum, on
 How fast a motor or coil follows is none of them: after a command the curvature of 1 - exp(-t / lag)
 is largest where the lag is a third of H, and falls with the lag below.
 
-H is the mean of a step's inner steps. Before a run the numbers are those of the state at the start
+H is the mean of a step's substeps. Before a run the numbers are those of the state at the start
 and of what each actuator may give at most; after it those of what was recorded (`remarks`), for a
 jet may spin up a craft that begins at rest. `tests/test_convergence.py` holds the limits at the
 largest that the scenarios of `ssp/gyrostat` reach, which err by 2e-5 rad at most.
@@ -39,7 +39,7 @@ from .motion import rotate
 
 Array = NDArray[Any]
 KEY = "exchange"
-NUMBERS = ("inner_steps", "estimated_attitude_error")
+NUMBERS = ("substeps", "estimated_attitude_error")
 
 
 @dataclass(frozen=True)
@@ -51,7 +51,7 @@ class StepCriteria:
 
 
 LIMITS = StepCriteria(turn=0.46, kick=0.0076)
-"""Reached by heavy-wheels with its inner steps (1e-6 rad) and by saturating without (4e-6 rad)."""
+"""Reached by heavy-wheels with its substeps (1e-6 rad) and by saturating without (4e-6 rad)."""
 TOGETHER = 0.0103
 """The limit of `kick` after a run, when it is that of all actuators together (rad): saturating."""
 AT_RANDOM = 8.0
@@ -61,10 +61,10 @@ JITTER = 1e-6
 FIELD = 6e-5
 """The largest field (T) that coils meet, near a pole in low orbit."""
 TEXTS = {
-    "turn": "turn and nutation in an inner step",
-    "kick": "turn by the largest torque of {} in an inner step",
+    "turn": "turn and nutation in a substep",
+    "kick": "turn by the largest torque of {} in a substep",
 }
-REMEDY = "--inner auto takes as many as it needs, and says how much it errs"
+REMEDY = "--substeps auto takes as many as it needs, and says how much it errs"
 
 
 @dataclass(frozen=True)
@@ -148,7 +148,7 @@ def _torques(system: System, name: str, body: Body) -> Iterator[Any]:
 
 def jitter(parts: StepParts, speeds: Array, step: float) -> float:
     """The attitude error (rad) that jitter leaves with wheels at such speeds (n, 4; rad/s), which
-    the body gets as a mean over an inner step (s): AT_RANDOM of the steps' own, unbalance Omega H
+    the body gets as a mean over a substep (s): AT_RANDOM of the steps' own, unbalance Omega H
     / J, and less where a step is short to a wheel's turn. `parts` as of `applies`."""
     fast = np.abs(speeds)
     turned = (fast * np.minimum(1.0, fast * step)).sum(axis=1).max(initial=0.0)
@@ -163,10 +163,10 @@ def _speeds(parts: StepParts, h: Array) -> Array:
 
 
 def warnings(system: System) -> list[str]:
-    """What leaves the range that the cases cover, a line each; none of a run that chooses its inner
-    steps, which looks itself."""
+    """What leaves the range that the cases cover, a line each; none of a run that chooses its
+    substeps, which looks itself."""
     body = body_of(system)
-    numbers = None if system.inner == AUTO else bound(system)
+    numbers = None if system.substeps == AUTO else bound(system)
     if body is None or numbers is None:
         return []
     kicks = dict(_kicks(system, body, system.step / system.parts))
@@ -185,7 +185,7 @@ def _of_jitter(left: float, when: str) -> list[str]:
     """A line where it is worth one."""
     if left <= JITTER:
         return []
-    return [f"the jitter of unbalanced wheels is handed on as a mean over the inner step: the "
+    return [f"the jitter of unbalanced wheels is handed on as a mean over the substep: the "
             f"attitude errs by about {left:.1e} rad, {when}; {REMEDY}"]  # fmt: skip
 
 
@@ -272,33 +272,33 @@ def of_run(parts: StepParts | None, results: Results) -> Reached | None:
 
 
 def numbers(manifest: Manifest, results: Results) -> dict[str, Value]:
-    """Of a run that has chosen its inner steps: how many, and the error that it expects (rad)."""
-    choice = manifest.inner_choice
+    """Of a run that has chosen its substeps: how many, and the error that it expects (rad)."""
+    choice = manifest.substep_choice
     if choice is None:
         return {}
-    rows = {"inner_steps": Value("Inner steps, chosen", manifest.inner, "1")}
+    rows = {"substeps": Value("Substeps, chosen", manifest.substeps, "1")}
     if choice.estimate is not None:
-        title = "Attitude error, largest, estimated as the inner steps were chosen"
+        title = "Attitude error, largest, estimated as the substeps were chosen"
         rows["estimated_attitude_error"] = Value(title, choice.estimate, "rad")
     return rows
 
 
 def remarks(manifest: Manifest, results: Results) -> list[str]:
-    """Where a run with given inner steps has left the range, a line each; and that one which has
+    """Where a run with given substeps has left the range, a line each; and that one which has
     chosen them could not be looked at again."""
-    choice, parts = manifest.inner_choice, manifest.parts[KEY]
+    choice, parts = manifest.substep_choice, manifest.parts[KEY]
     if choice is not None and choice.estimate is not None:
         lacking = set(parts.series if parts else ()) - set(results.names())
         if choice.reached is None or not lacking:
             return []
-        return [f"its inner steps are chosen by its first {choice.steps} steps, and not looked "
+        return [f"its substeps are chosen by its first {choice.steps} steps, and not looked "
                 f"at again: not recorded: {', '.join(sorted(lacking))}"]  # fmt: skip
     if manifest.algorithm != "conserving":
         return []
     found = of_run(parts, results)
     if found is None:
         return []
-    step = manifest.step / manifest.inner
+    step = manifest.step / manifest.substeps
     rows = (
         ("turn", step * found.turning, LIMITS.turn), ("kick", step**2 * found.pushed, TOGETHER)
     )  # fmt: skip

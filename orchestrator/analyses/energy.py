@@ -74,7 +74,7 @@ class EnergyParts(residual.RigidBodyParts):
     feeds: motion.Feeds | None = None
     rows: bool | None = None
     """Whether a row holds one step of the body and all that reaches it; None: a run of before,
-    where inner steps say so."""
+    where substeps say so."""
     why: str = ""
     """Why there is no balance."""
 
@@ -166,7 +166,7 @@ def _not_of_rows(manifest: Manifest, results: Results) -> str:
     if min(results.count(pair[0]), results.count(states[0]) - 1) < 1:
         return "there is no whole step"
     times = results.times(states[0])
-    rows = manifest.inner == 1 if parts.rows is None else parts.rows
+    rows = manifest.substeps == 1 if parts.rows is None else parts.rows
     if not rows or abs(times[1] - times[0] - manifest.step) > 1e-9 * manifest.step:
         return "its rows do not have each step of the body, and it ended before it could say more"
     return ""
@@ -330,8 +330,8 @@ def unmet(manifest: Manifest, results: Results) -> list[str]:
     if hidden is not None and hidden > bound:
         lines.append(
             f"hidden_work = {hidden:.2g}: above energy_bound = {bound:g}: "
-            "torques bend too much within a step for their mean and slope: take more inner steps "
-            "(--inner)"
+            "torques bend too much within a step for their mean and slope: take more substeps "
+            "(--substeps)"
         )
     mismatch = told.get("impulse_mismatch")
     series = residual.momentum(manifest, results)
@@ -361,7 +361,7 @@ def figures(manifest: Manifest, results: Results) -> list[tuple[str, Figure]]:
 
 
 # --- The balances of `py` made while a run goes on ---------------------------------------
-# So where its rows do not have every step of the body: with inner steps, decimation, rows left out.
+# So where its rows do not have every step of the body: with substeps, decimation, rows left out.
 #
 # The balances need what reaches the body at each of its own steps, which `engine/node.py` keeps for
 # some thousands of them at a time: so they take no more memory however long the run is.
@@ -375,8 +375,8 @@ class OnlineBalance:
     manifest has them."""
 
     def __init__(self, system: System, parts: EnergyParts, parameters: Table) -> None:
-        assert isinstance(system.inner, int), "it is chosen when a run begins"
-        self._step, self._inner = system.step, system.inner
+        assert isinstance(system.substeps, int), "it is chosen when a run begins"
+        self._step, self._inner = system.step, system.substeps
         self._parameters = parameters[parts.spacecraft]
         self._body = system.components[parts.spacecraft]
         self._carrier, self._axes = residual.carrier_of(self._parameters)
@@ -433,11 +433,11 @@ class OnlineBalance:
 
     def _lengths(self, n: int) -> Array:
         """Of the next n steps of the body (s), (n, 1)."""
-        step, inner = self._step, self._inner
-        if self.kept.every > 1 or inner == 1:
-            return np.full((n, 1), step * self.kept.every / inner)
-        parts = np.array([w * step for _, w in graded(inner)])
-        return parts[(self._steps + np.arange(n)) % inner][:, None]
+        step, substeps = self._step, self._inner
+        if self.kept.every > 1 or substeps == 1:
+            return np.full((n, 1), step * self.kept.every / substeps)
+        parts = np.array([w * step for _, w in graded(substeps)])
+        return parts[(self._steps + np.arange(n)) % substeps][:, None]
 
     def finish(self, master: Master, failed: bool) -> dict[str, Any] | None:
         """The totals at the end of a run, which `failed` within a step or ended after one; None

@@ -44,7 +44,7 @@ def applies(system: System) -> FixedAttitudeParts | None:
     for c in system.components.values():
         if c.interface.model == motion.FIXED:
             fed, why = motion.feeds(system, c.name), ""
-            if system.inner != 1 or c.decimation > 1:
+            if system.substeps != 1 or c.decimation > 1:
                 why = f"a row has several steps of {c.name}, or a part of one"
             elif fed is None:
                 why = f"what reaches {c.name} is converted, or does not come at every step"

@@ -53,10 +53,10 @@ class Slow:
 
 
 @dataclass(frozen=True)
-class InnerChoice:
-    """The inner steps of a run, and how it came to them."""
+class SubstepChoice:
+    """The substeps of a run, and how it came to them."""
 
-    inner: int
+    substeps: int
     accuracy: float
     """rad"""
     estimate: float | None = None
@@ -71,7 +71,7 @@ class InnerChoice:
     """Of the flights that did not see the whole run: largest turning (rad/s), acceleration by
     actuators and change of that (rad/s2)."""
     flown: int = 0
-    """Inner steps of all flights"""
+    """Substeps of all flights"""
     again: list[str] = field(default_factory=list)
     """Why the run was made again, each time."""
     seconds: float = 0.0
@@ -82,7 +82,7 @@ class InnerChoice:
         return {**vars(self), "tried": {str(n): e for n, e in self.tried.items()}}
 
     @classmethod
-    def from_json(cls, told: Mapping[str, Any]) -> InnerChoice:
+    def from_json(cls, told: Mapping[str, Any]) -> SubstepChoice:
         """From a manifest."""
         seen = told["reached"]
         tried = {int(n): e for n, e in told["tried"].items()}
@@ -102,7 +102,7 @@ class Manifest(Mapping[str, Any]):
     start: float = 0.0
     stop: float = 0.0
     step: float = 0.0
-    inner: int = 1
+    substeps: int = 1
     decimation: Mapping[str, int] = field(default_factory=dict)
     output_classes: Mapping[str, Any] = field(default_factory=dict)
     connections: Mapping[str, Any] = field(default_factory=dict)
@@ -116,7 +116,7 @@ class Manifest(Mapping[str, Any]):
     """What the values of an output stand for, by `component.output`."""
     parameters: Table = field(default_factory=dict)
     digest: str = ""
-    inner_choice: InnerChoice | None = None
+    substep_choice: SubstepChoice | None = None
     decimated: Slow | None = None
     started: str | None = None
     steps: int | None = None
@@ -159,7 +159,7 @@ class Manifest(Mapping[str, Any]):
             start=system.start,
             stop=system.stop,
             step=system.step,
-            inner=system.parts,
+            substeps=system.parts,
             decimation={c.name: c.decimation for c in system.components.values()},
             output_classes=system.output_classes,
             connections=wiring(system.connections),
@@ -259,7 +259,7 @@ def _as_json(x: Any) -> Any:
 _TYPED: dict[str, Callable[[Any], Any]] = {
     "parameters": lambda t: {c: {k: Parameter(**p) for k, p in of.items()} for c, of in t.items()},
     "numbers": lambda t: {name: Value(**n) for name, n in t.items()},
-    "inner_choice": InnerChoice.from_json,
+    "substep_choice": SubstepChoice.from_json,
     "decimated": lambda t: Slow(**t),
     "stopped_when": lambda t: Stopped(**t),
     "verdicts": lambda t: {name: Verdict(**v) for name, v in t.items()},

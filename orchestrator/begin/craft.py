@@ -184,9 +184,9 @@ def _template_values(wanted: CraftFacts, name: str, command: str) -> dict[str, A
     return {
         "title": name, "command": command, "pointing": wanted.pointing, "orbit": orbit,
         "epoch": epoch.strftime("%Y-%m-%dT%H:%M:%SZ"),
-        "story": f"{mass:.4g} kg, {wanted.pointing} pointing for a day under gravity gradient, "
-        "drag, radiation and its own dipole; a cross-product law takes the momentum that they "
-        "leave in the wheels out through the coils.",
+        "description": f"{mass:.4g} kg, {wanted.pointing} pointing for a day under gravity "
+        "gradient, drag, radiation and its own dipole; a cross-product law takes the momentum "
+        "that they leave in the wheels out through the coils.",
         "inertia": {"value": "[" + ", ".join(_list([x if i == j else 0.0 for j in range(3)])
                     for i, x in enumerate(inertia)) + "]", "why": inertia_why},
         "wheels": wheels, "rods": rods, "thrusters": _thrusters(wanted, sides),

@@ -126,7 +126,7 @@ def series_of_numbers(system: System) -> tuple[str, ...]:
     recorded."""
     content = content_of(system.about)
     needed = tuple(needed_signals(content))
-    if system.inner == AUTO and (parts := coverage.applies(system)):
+    if system.substeps == AUTO and (parts := coverage.applies(system)):
         needed += tuple(parts.series)  # it looks at them again
     for analysis in analyses():
         if parts := analysis.applies(system):

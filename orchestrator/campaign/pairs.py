@@ -9,44 +9,21 @@ from __future__ import annotations
 import math
 import statistics
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from ..language.content import dispersions_of
 from ..numbers.statistics import clopper_pearson
 from ..runs.prepare import Target
-from ..runs.prepare import read as read_source
 from ..runs.run import Options
 from ..system.errors import DesatError
 from . import store
-from .draws import draws
 from .plan import CampaignPlan, read, system
 from .report import flat
 from .sampling import draw_of
 
 EQUAL = 1e-12
 """Relative difference up to which two numbers are equal."""
-
-
-def fly_pairs(
-    target: str, other: str, count: int, seed: int, options: Options, jobs: int = 2,
-    progress: bool = False,
-) -> dict[str, Any]:  # fmt: skip
-    """Run the same `count` draws of two systems and return both results (as `draws` does) with the
-    differences of their numbers. `sets`, `sources` and `design` of the options are the target's.
-
-    Raises DesatError where nothing is drawn in both, or not in the same way.
-    """
-    plain = replace(options, sets=[], sources=[], values={}, design=None)
-    one, another = read_source(target), read_source(other)
-    shared = common(one, another, seed, options, plain)
-    ours = draws(one, count, seed, options, jobs, progress)
-    theirs = draws(another, count, seed, plain, jobs, progress)
-    return {
-        "scenario": target, "against": other, "seed": seed, **shared,
-        "differences": differences(ours, theirs), "draws": [ours, theirs],
-    }  # fmt: skip
 
 
 def common(

@@ -99,6 +99,16 @@ def _say(text: str) -> None:
     err.print(f"error: {text}")
 
 
+RENAMED = {
+    "--inner": "it is called --substeps",
+    "--twin": "it is called --baseline",
+    "--no-twin": "it is called --no-baseline",
+    "--against": "desat compare NAME OTHER -n COUNT does it",
+    "--estimate": "--substeps auto says how much a run errs",
+}
+"""What takes the place of options of before."""
+
+
 def _say_usage(error: Any) -> None:
     """What is wrong with a command line; without a command, what there is."""
     text, context = error.format_message(), getattr(error, "ctx", None)
@@ -107,6 +117,8 @@ def _say_usage(error: Any) -> None:
         return
     path = context.command_path if context is not None else "desat"
     text = " ".join(text.replace("Value error, ", "").split())
+    if (instead := RENAMED.get(getattr(error, "option_name", ""))) is not None:
+        text += f"; {instead}"
     _say(f"{path}: {text} (`{path} --help`)")
 
 

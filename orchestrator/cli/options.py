@@ -124,16 +124,16 @@ Sources = Annotated[
 ]  # fmt: skip
 Stop = Annotated[float | None, number(Quantity("--stop", "s"), "S", "Stop time, s.")]
 Step = Annotated[float | None, number(Quantity("--step", "s"), "S", "Step, s.")]
-Inner = Annotated[
+Substeps = Annotated[
     str | None,
     typer.Option(metavar="N|auto",
-                 help="Inner steps, within each step, of actuators and body: more of them exchange "
+                 help="Substeps, within each step, of actuators and body: more of them exchange "
                  "torques more exactly; auto: as many as --accuracy needs."),
 ]  # fmt: skip
 Accuracy = Annotated[
     float | None,
     number(Quantity("--accuracy", "rad", 0.0, 1.0, above=True), "RAD",
-           "Attitude error, as the run estimates it, that --inner auto keeps below."),
+           "Attitude error, as the run estimates it, that --substeps auto keeps below."),
 ]  # fmt: skip
 Alg = Annotated[
     Semantics,
@@ -209,8 +209,10 @@ def options_of(
         from ..files.library import hashes
 
         more["trusted"] = hashes(trust)
-    if (inner := more.get("inner")) is not None:
-        more["inner"] = inner if inner == "auto" else _whole(f"--inner {inner}", inner)
+    if (substeps := more.get("substeps")) is not None:
+        more["substeps"] = (
+            substeps if substeps == "auto" else _whole(f"--substeps {substeps}", substeps)
+        )
     name: Algorithm = "jacobi" if algorithm is Semantics.jacobi else "conserving"
     return Options(
         sets=list(sets or []), sources=list(sources or []), stop=stop, step=step, algorithm=name,

@@ -71,7 +71,7 @@ def made_of(
         "start": system.start,
         "stop": system.stop,
         "step": system.step,
-        **({"inner": system.inner} if system.inner != 1 else {}),
+        **({"substeps": system.substeps} if system.substeps != 1 else {}),
         "wiring": _digest(sorted(map(_wire, system.connections))),
         **{f"design.{k}": v for k, v in design_of(scenario).written.items() if k != "assume"},
     }

@@ -8,7 +8,7 @@ t_k = start + k step, from an integer k.
 - `jacobi`: all step with held inputs, then all outputs move, as in libcosim and Ecos; a row holds
   all outputs at its time.
 
-Under `conserving` a step may have inner steps, and components may be slower than the master
+Under `conserving` a step may have substeps, and components may be slower than the master
 (`system/schedule.py`): `plan.py` prepares what happens in each part of a step.
 
 All outputs live in one array per type, `live`. A step of a component is: gather its inputs from

@@ -185,7 +185,7 @@ class Plan:
 
 
 class RowOperation:
-    """A row of results. Of a step with inner steps: states of t_k, means over the whole step, and
+    """A row of results. Of a step with substeps: states of t_k, means over the whole step, and
     of another interval value the last; otherwise the outputs as they are."""
 
     def __init__(self, outputs: Outputs, members: Iterable[Node], rates: Rates) -> None:

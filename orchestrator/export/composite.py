@@ -2,7 +2,7 @@
 
 The block's bytes are its own variables, the arrays that a master has (`live`, `fresh`, inputs,
 windows, clocks), and after them the bytes of the blocks that it is made of. Initialisation, order,
-inner steps and rates are the master's, and so are the bits.
+substeps and rates are the master's, and so are the bits.
 """
 
 from __future__ import annotations

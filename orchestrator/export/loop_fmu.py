@@ -19,7 +19,7 @@ from desat.fmus.description import DATE, documentation, model_description
 from ..engine.master import Master
 from ..files import io
 from ..language.content import content_of
-from ..runs import inner_choice
+from ..runs import substep_choice
 from ..runs.prepare import prepare
 from ..system.errors import DesatError, nearest
 from ..system.interface import KINDS, Signal
@@ -65,8 +65,8 @@ def export(
             raise DesatError(f"--without {name}: {system.name} has no such component"
                              f"{nearest(name, system.components)}")  # fmt: skip
     units = {name: _unit(c) for name, c in system.components.items() if name not in wanted.without}
-    choice = inner_choice.choose(target, system, options)
-    system = system if choice is None else replace(system, inner=choice.inner)
+    choice = substep_choice.choose(target, system, options)
+    system = system if choice is None else replace(system, substeps=choice.substeps)
     outputs = _outputs_of(system, wanted)
     watched = {(c, s.name) for c, s in outputs}
     with Master(
@@ -134,10 +134,10 @@ def _block(
     """What the loop declares, as a block does."""
     content = content_of(system.about)
     left = f" without {', '.join(wanted.without)}" if wanted.without else ""
-    inner = f", {system.parts} inner steps" if system.parts > 1 else ""
+    substeps = f", {system.parts} substeps" if system.parts > 1 else ""
     doc = (
-        f"{content.title or system.name}{left}\n\n{content.story}\n\nThe loop `{system.name}`"
-        f"{left} in one FMU, in steps of {system.step!r} s{inner}, or several of them: "
+        f"{content.title or system.name}{left}\n\n{content.description}\n\nThe loop `{system.name}`"
+        f"{left} in one FMU, in steps of {system.step!r} s{substeps}, or several of them: "
         f"{', '.join(c for c in system.components if c not in wanted.without)}.\n"
     )
     made: type[Block] = type("Loop", (Block,), {"__doc__": doc})

@@ -35,8 +35,8 @@ def pack_scenario(
     tell: Callable[[str], None] = lambda text: None,
 ) -> Path:  # fmt: skip
     """Check a scenario, write its .ssp (default: among the packed ones) unless it is newer than
-    all that it is made of, and return its path. `choose` gives a system with `inner = "auto"` the
-    inner steps that a run of it takes; without it a run of the archive chooses. `tell` gets a line
+    all that it is made of, and return its path. `choose` gives a system with `substeps = "auto"`
+    those that a run of it takes; without it a run of the archive chooses. `tell` gets a line
     for each thing that other tools make otherwise of what is written.
 
     Raises DesatError with every problem of the scenario.
@@ -138,7 +138,7 @@ def pack(system: System, target: Path, fmus: str = "python") -> None:
     members[FILE] = _text(root)
     told = system.about.as_json() if system.about else {}
     if told or system.parts > 1:
-        about = {**told, "inner": system.inner}
+        about = {**told, "substeps": system.substeps}
         members[ABOUT] = json.dumps(about, indent=1, sort_keys=True).encode()
     _write_archive(members, target)
 

@@ -616,11 +616,6 @@ def logarithmic(low: float, high: float, most: int) -> Ticks:
     return Ticks(tuple(v for v, _ in kept), tuple(t for _, t in kept))
 
 
-def ticks_at(values: Sequence[float], labels: Sequence[str]) -> Ticks:
-    """Ticks where somebody wants them."""
-    return Ticks(tuple(values), tuple(labels))
-
-
 def minus(text: str) -> str:
     """A number's text with the sign that is as wide as a plus; no minus before a zero."""
     return text.replace("-", "−") if float(text) else text.lstrip("-")

@@ -35,7 +35,7 @@ def draft(
         if (value := getattr(content, key)) is not None:
             setattr(made, key, value)
             made.given[key] = ": ".join(given((key,)))
-    made.inner = content.inner or made.inner
+    made.substeps = content.substeps or made.substeps
     made.accuracy = content.accuracy or made.accuracy
     for output, of in content.output_classes.items():
         made.output_classes[output] = of
@@ -125,8 +125,8 @@ def modify(
         draft.stop, draft.given["stop"] = options.stop, f"--stop {options.stop:g}"
     if options.step is not None:
         draft.step, draft.given["step"] = options.step, f"--step {options.step:g}"
-    if options.inner is not None:
-        draft.inner = options.inner
+    if options.substeps is not None:
+        draft.substeps = options.substeps
     if options.accuracy is not None:
         draft.accuracy = options.accuracy
     for output, of in options.output_classes.items():

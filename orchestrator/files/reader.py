@@ -25,6 +25,8 @@ NEEDED = {
     "model_type": "a table", "datetime_type": "a UTC time, 2026-01-01T00:00:00Z,",
     "finite_number": "a finite number",
 }  # fmt: skip
+RENAMED = {"twin": "baseline", "story": "description", "draws": "samples", "inner": "substeps"}
+"""Keys of before by what they are called."""
 _KINDS = {"<table>": "a table", "<list>": "a list", "<text>": "a text", "<number>": "a number"}
 
 
@@ -102,6 +104,8 @@ def read_packed(path: Path, where: str) -> Content:
 
 def _text(model: type[Table], path: Keys, error: dict[str, Any]) -> str:
     kind, context = error["type"], error.get("ctx", {})
+    if kind == "extra_forbidden" and path[-1] in RENAMED:
+        return f"unknown key; it is called {RENAMED[path[-1]]}"
     if kind == "extra_forbidden":
         return f"unknown key{nearest(path[-1], keys(table_at(model, path[:-1]) or model))}"
     if kind == "incomplete":

@@ -7,7 +7,7 @@
     [axes.method.crcp]            # each axis' values are partial scenarios (`without` included);
     [axes.case.ilqr-1]            # the product of the axes gives scenarios FILE-crcp-ilqr-1
 
-`{method}` in a text stands for the axis' value of the cell, in title and story for its label.
+`{method}` in a text stands for the axis' value of the cell, in title and description for its label.
 """
 
 from __future__ import annotations
@@ -76,10 +76,10 @@ class Scenario:
         return self.name.partition("/")[0]
 
     @property
-    def twin(self) -> str | None:
-        """The full name of its twin."""
-        twin = f"{self.family}/{self.content.twin}"
-        return twin if self.content.twin and twin != self.name else None
+    def baseline(self) -> str | None:
+        """The full name of its baseline."""
+        baseline = f"{self.family}/{self.content.baseline}"
+        return baseline if self.content.baseline and baseline != self.name else None
 
     @property
     def design(self) -> Path | None:
@@ -191,8 +191,8 @@ def _of_its_file(name: str) -> Scenario | None:
 
 def _others(content: Content) -> Iterator[tuple[tuple[str, ...], str]]:
     """Path and name of the other scenarios that one names."""
-    if content.twin:
-        yield ("twin",), content.twin
+    if content.baseline:
+        yield ("baseline",), content.baseline
     for key in ("of", "end_of"):
         if name := getattr(content.design, key, ""):
             yield ("design", key), name
@@ -379,7 +379,7 @@ def _read(file: Path, family: str, only: str | None = None) -> list[Scenario]:
         if abstract:
             continue
         labels = {axis: axes[axis][value].get("label", value) for axis, value in cell.items()}
-        texts = {k: fill(merged[k], labels) for k in ("title", "story") if k in merged}
+        texts = {k: fill(merged[k], labels) for k in ("title", "description") if k in merged}
         said = {**fill(merged, cell), **texts, "name": name, "cell": cell, "labels": labels}
         cells.append(Scenario(_content(said, axes, origins, where), file, ROOT / home, origins))
     return cells

@@ -41,7 +41,7 @@ OSP = "http://opensimulationplatform.com/SSP/OSPAnnotations"
 OMS = "https://raw.githubusercontent.com/OpenModelica/OMSimulator/master/schema/oms.xsd"
 FILE = "SystemStructure.ssd"
 ABOUT = "extra/desat/scenario.json"
-"""Where a packed scenario keeps its story, numbers and plots; other tools pass it by."""
+"""Where a packed scenario keeps its description, numbers and plots; other tools pass it by."""
 
 
 def read(path: Path, outside: bool = False) -> Draft:
@@ -67,7 +67,7 @@ def read(path: Path, outside: bool = False) -> Draft:
 
         draft.about = content = read_packed(file, f"{where}{ABOUT}")
         draft.output_classes.update(content.output_classes)
-        draft.inner = content.inner or 1  # what says none was packed before it was said
+        draft.substeps = content.substeps or 1  # what says none was packed before it was said
         draft.accuracy = content.accuracy or draft.accuracy
     draft.problems, draft.warnings = reader.problems, reader.warnings
     return draft

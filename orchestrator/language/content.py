@@ -16,9 +16,9 @@ from .kinds import Bounds, Maybe, Text
 from .paper import OfNumber, PaperRow, by_number
 from .scenario import Dispersion, ScenarioTable
 
-KEYS = ("title", "story", "source", "twin", "numbers", "plots", "output_classes", "labels",
-        "dispersions", "requirements", "inner", "accuracy", "stop_when", "residual_bound",
-        "impulse_bound", "energy_bound")  # fmt: skip
+KEYS = ("title", "description", "source", "baseline", "numbers", "plots", "output_classes",
+        "labels", "dispersions", "requirements", "substeps", "accuracy", "stop_when",
+        "residual_bound", "impulse_bound", "energy_bound")  # fmt: skip
 """What travels."""
 OWN = ("name", "cell", "labels")
 """Keys beside those of the language."""

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self
 
 from pydantic import AfterValidator, Discriminator, Field, FiniteFloat, Tag, model_validator
 
-from ..system.model import ACCURACY, MOST_INNER
+from ..system.model import ACCURACY, MOST_SUBSTEPS
 from .kinds import (
     Many,
     Maybe,
@@ -36,8 +36,8 @@ from .kinds import (
 from .paper import PaperRow
 
 _Positive = Annotated[FiniteFloat, Field(gt=0.0)]
-_Inner = Annotated[
-    Annotated[int, Field(ge=1, le=MOST_INNER), Tag("<number>")]
+_Substeps = Annotated[
+    Annotated[int, Field(ge=1, le=MOST_SUBSTEPS), Tag("<number>")]
     | Annotated[Literal["auto"], Tag("<text>")],
     Discriminator(by_kind),
 ]
@@ -274,18 +274,18 @@ class ScenarioTable(Written):
 
     without: Many[Text] = key("paths of what is left out of that before, such as plots.rate")
     title: Text = key("what it is, in a line; {axis} stands for the axis' label")
-    story: Text = key("two sentences for a reader")
+    description: Text = key("two sentences for a reader")
     source: Text = key("the paper it is from")
     craft: Text = key("the craft file, beside; default: craft.toml")
     ssd: Text = key("the wiring as an SSD kept by hand, in place of a craft file")
     start: Maybe[FiniteFloat] = key("start time", "s")
     step: Maybe[FiniteFloat] = key("the master's step", "s")
-    inner: Maybe[_Inner] = key(
-        "inner steps, within each step, of what hands means over the step on (actuators and body); "
+    substeps: Maybe[_Substeps] = key(
+        "substeps, within each step, of what hands means over the step on (actuators and body); "
         "auto, the default: a run chooses them by `accuracy`"
     )
     accuracy: Maybe[_Positive] = key(
-        f"attitude error that `inner = auto` keeps below, as the run estimates it; {ACCURACY:g}",
+        f"attitude error that `substeps = auto` keeps below, as the run estimates it; {ACCURACY:g}",
         "rad",
     )
     stop: Maybe[FiniteFloat] = key("stop time", "s")
@@ -308,10 +308,10 @@ class ScenarioTable(Written):
     output_classes: dict[str, Literal["state", "interval"]] = key("`component.output`: its class")
     decimation: dict[str, Annotated[int, Field(ge=1)]] = key("steps once in so many steps")
     dispersions: dict[str, Dispersion] = key('"component.parameter": how `desat draws` draws it')
-    draws: Annotated[int, Field(ge=0)] = key(
+    samples: Annotated[int, Field(ge=0)] = key(
         "its numbers in tables are medians of so many draws", default=0
     )
-    twin: Text = key("a scenario of this family that the report shows beside this one")
+    baseline: Text = key("a scenario of this family that the report shows beside this one")
     numbers: dict[str, Number] = key("the numbers of a run")
     requirements: dict[str, Requirement] = key(
         "what runs are held against: `desat run` ends with 1 where one is not met; a "

@@ -54,7 +54,7 @@ def stamps_file() -> Path:
 
 def with_draws(family: str) -> dict[str, Scenario]:
     """The scenarios of a family that say `draws`."""
-    return {n: s for n, s in scenarios(family).items() if s.content.draws}
+    return {n: s for n, s in scenarios(family).items() if s.content.samples}
 
 
 def needed(family: str) -> dict[str, set[str]]:
@@ -124,7 +124,7 @@ def compute(
             if old:
                 made[name] = old
             continue
-        count = scenario.content.draws
+        count = scenario.content.samples
         wanted = {*of_rows[name], *(old["units"] if old else ()), *(also or {}).get(name, ())}
         rows = []
         if old and wanted <= old["units"].keys() and _is_current(old, scenario):
@@ -251,7 +251,7 @@ def outdated(stored: dict[str, Any]) -> list[str]:
     return [
         name for name, scenario in with_draws(stored["family"]).items()
         if name not in kept
-        or len(kept[name]["draws"]) != scenario.content.draws
+        or len(kept[name]["draws"]) != scenario.content.samples
         or not of_rows[name] <= kept[name]["units"].keys()
         or not _is_current(kept[name], scenario)
     ]  # fmt: skip

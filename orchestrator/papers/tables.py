@@ -49,8 +49,8 @@ def rows(
     if not given:
         raise DesatError(f"{family}: no scenario has paper values")
     kept = (drawn or {}).get("scenarios", {})
-    kept = {n: _pairs_of(s, kept) for n, s in given.items() if s.content.draws and n in kept}
-    given = {n: s for n, s in given.items() if not s.content.draws or n in kept}
+    kept = {n: _pairs_of(s, kept) for n, s in given.items() if s.content.samples and n in kept}
+    given = {n: s for n, s in given.items() if not s.content.samples or n in kept}
     if not given:
         raise DesatError(f"{family}: no draws; `desat tables {family} --fresh` makes them")
     values = {n: {k: d["median"] for k, d in kept[n]["summary"].items()} for n in kept}
@@ -80,7 +80,7 @@ def _references(given: Iterable[Scenario]) -> dict[str, Scenario]:
         for s in given for number in s.content.numbers.values() if number.reference
     }  # fmt: skip
     named = {name: find(name) for name in sorted(names)}
-    return {n: s for n, s in named.items() if not s.content.draws}
+    return {n: s for n, s in named.items() if not s.content.samples}
 
 
 def _pairs_of(scenario: Scenario, drawn: dict[str, Any]) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""report.html: one self-contained page of a run, its twin beside it."""
+"""report.html: one self-contained page of a run, its baseline beside it."""
 
 from __future__ import annotations
 
@@ -49,11 +49,11 @@ def label_of(manifest: Manifest) -> str:
     return ", ".join(labels.values()) or manifest.scenario.rpartition("/")[2]
 
 
-def write_report(folder: Path, run: Run, twin: Run | None = None) -> Path:
+def write_report(folder: Path, run: Run, baseline: Run | None = None) -> Path:
     """Write report.html of a run into its folder and return its path."""
     manifest = run.manifest
     about = manifest.content
-    runs = [(label_of(r.manifest), r.results, r.manifest.parameters) for r in (run, twin) if r]
+    runs = [(label_of(r.manifest), r.results, r.manifest.parameters) for r in (run, baseline) if r]
     plots = about.plots if "plots" in about.written else _default(run.results)
     drawn = [
         (plot.title, figure)
@@ -66,8 +66,8 @@ def write_report(folder: Path, run: Run, twin: Run | None = None) -> Path:
         {
             "title": n.said,
             "value": number(n.value),
-            "twin": number(twin.manifest.numbers[name].value)
-            if twin and name in twin.manifest.numbers
+            "baseline": number(baseline.manifest.numbers[name].value)
+            if baseline and name in baseline.manifest.numbers
             else "",
             "unit": pretty_unit(n.unit),
             "reference": n.reference,
@@ -78,13 +78,13 @@ def write_report(folder: Path, run: Run, twin: Run | None = None) -> Path:
         "report.html",
         title=about.title or manifest.scenario,
         answer=_answer(manifest),
-        story=about.story,
+        description=about.description,
         source=about.source,
         manifest=manifest,
         rows=rows,
         label=runs[0][0],
-        twin_label=runs[1][0] if twin else "",
-        twin_name=twin.manifest.scenario if twin else "",
+        baseline_label=runs[1][0] if baseline else "",
+        baseline_name=baseline.manifest.scenario if baseline else "",
         figures=figures,
         **_script([figure for _, figure in drawn]),
         number=number,

@@ -282,7 +282,7 @@ def _drawn_from(draft: Draft, described: Scenario | None, options: Options) -> d
 
 
 def _run_warnings(system: System, schedule: Schedule, options: Options) -> Iterator[str]:
-    """What of the options has no effect: of inner steps and means under the semantics of other
+    """What of the options has no effect: of substeps and means under the semantics of other
     masters, and of processes where foreign FMUs can have none."""
     if not CAN and options.isolate == "foreign" and (names := sorted(to_isolate(system, options))):
         yield (f"{', '.join(names)}: foreign FMUs run in the process of the run, which they may "
@@ -290,7 +290,7 @@ def _run_warnings(system: System, schedule: Schedule, options: Options) -> Itera
     if options.algorithm != "jacobi":
         return
     if system.parts > 1:
-        yield f"jacobi takes no inner steps: inner = {system.inner} has no effect"
+        yield f"jacobi takes no substeps: substeps = {system.substeps} has no effect"
     if any(text.startswith(("mean of", "its part of")) for _, text in schedule.timing):
         yield "jacobi hands on one mean of several where rates differ: momentum is not conserved"
 

@@ -15,7 +15,7 @@ from types import ModuleType
 from typing import Any
 
 from ..analyses import analyses, coverage, not_checked
-from ..analyses.manifest import UNKNOWN, InnerChoice, Manifest
+from ..analyses.manifest import UNKNOWN, Manifest, SubstepChoice
 from ..engine.checkpoint import FOLDER, Checkpoint, newest, remove
 from ..engine.process_state import no_space
 from ..engine.recording.results import MANIFEST, SERIES, Results
@@ -27,7 +27,7 @@ from ..system.errors import DesatError, Exit, RunError
 from ..system.model import System
 from ..system.options import Options, as_arguments, from_json
 from ..system.schedule import schedule
-from . import inner_choice, stopping, supervisor
+from . import stopping, substep_choice, supervisor
 from .manifest import end_manifest, gone_on, numbers, read_manifest, unrecorded
 from .prepare import Case, prepare
 from .step_case import Outcome, step
@@ -89,17 +89,21 @@ def simulate(
     KeyboardInterrupt or SystemExit where a signal stops it before it has begun.
     """
     system, _ = case.or_raise()
-    choice = inner_choice.choose(case.target, system, case.options) if checkpoint is None else None
+    choice = (
+        substep_choice.choose(case.target, system, case.options) if checkpoint is None else None
+    )
     if checkpoint is not None:
-        choice = Manifest.from_json(checkpoint.told["manifest"]).inner_choice
-    for left in reversed(range(inner_choice.AGAIN)):
+        choice = Manifest.from_json(checkpoint.told["manifest"]).substep_choice
+    for left in reversed(range(substep_choice.AGAIN)):
         run = _simulate(_with_inner(case, choice), choice, folder, progress, checkpoint)
         if choice is None or not run.ok:
             break
-        more = inner_choice.looked_at_again(case.target, system, case.options, choice, run.results)
+        more = substep_choice.looked_at_again(
+            case.target, system, case.options, choice, run.results
+        )
         if more is None:
             break
-        if more.inner == choice.inner or not left:
+        if more.substeps == choice.substeps or not left:
             _tell(run, more, folder)
             break
         run.results.close()
@@ -111,22 +115,22 @@ def simulate(
     return run
 
 
-def _with_inner(case: Case, choice: InnerChoice | None) -> Case:
-    """A case with the inner steps that were chosen."""
+def _with_inner(case: Case, choice: SubstepChoice | None) -> Case:
+    """A case with the substeps that were chosen."""
     if choice is None or case.checked.system is None:
         return case
-    system = replace(case.checked.system, inner=choice.inner)
+    system = replace(case.checked.system, substeps=choice.substeps)
     checked = replace(case.checked, system=system, schedule=schedule(system))
     return replace(case, checked=checked, manifest=None)
 
 
-def _tell(run: Run, choice: InnerChoice, folder: Path | None) -> None:
+def _tell(run: Run, choice: SubstepChoice, folder: Path | None) -> None:
     """Put what a second look has given into a run's manifest."""
-    told = replace(run.manifest, inner_choice=choice)
+    told = replace(run.manifest, substep_choice=choice)
     told = replace(told, numbers={**told.numbers, **coverage.numbers(told, run.results)})
-    if choice.inner != told.inner:
-        line = (f"made {inner_choice.AGAIN} times, it would want {choice.inner} inner steps still: "
-                f"{choice.again[-1]}")  # fmt: skip
+    if choice.substeps != told.substeps:
+        line = (f"made {substep_choice.AGAIN} times, it would want {choice.substeps} substeps "
+                f"still: {choice.again[-1]}")  # fmt: skip
         told = replace(told, warnings=[*told.warnings, line])
     run.manifest = told
     if folder is not None:
@@ -134,10 +138,10 @@ def _tell(run: Run, choice: InnerChoice, folder: Path | None) -> None:
 
 
 def _simulate(
-    case: Case, choice: InnerChoice | None, folder: Path | None, progress: bool,
+    case: Case, choice: SubstepChoice | None, folder: Path | None, progress: bool,
     checkpoint: Checkpoint | None,
 ) -> Run:  # fmt: skip
-    """A run of a case whose inner steps are known."""
+    """A run of a case whose substeps are known."""
     system, _ = case.or_raise()
     options, clock = case.options, time.perf_counter()
     began = datetime.now(UTC)
@@ -145,7 +149,7 @@ def _simulate(
     if choice is not None and choice.estimate is None:
         warned += coverage.warnings(system)
     slow = None
-    if checkpoint is None and (slow := inner_choice.decimated(system, options)):
+    if checkpoint is None and (slow := substep_choice.decimated(system, options)):
         warned.append(
             f"{slow.of}: slower than the step (decimation): the attitude errs by about "
             f"{slow.attitude:.1e} rad and a wheel's momentum by {slow.momentum:.1e} N m s, "
@@ -153,7 +157,7 @@ def _simulate(
         )
     manifest = replace(
         Manifest.of(system, options, case.target) if case.manifest is None else case.manifest,
-        inner_choice=choice,
+        substep_choice=choice,
         decimated=slow,
         started=began.isoformat(timespec="seconds"), steps=system.steps, warnings=warned,
     )  # fmt: skip

@@ -66,7 +66,7 @@ ASIDE: Mapping[str, Mapping[str, str]] = {
         "sources": "in the resolved system",
         "stop": "in the resolved system",
         "step": "in the resolved system",
-        "inner": "in the resolved system",
+        "substeps": "in the resolved system",
         "accuracy": "in the resolved system",
         "output_classes": "in the resolved system",
         "design": "in the resolved system, as parameters",
@@ -85,9 +85,9 @@ ASIDE: Mapping[str, Mapping[str, str]] = {
     },
 }  # fmt: skip
 """Fields that are in no digest, by class, and why."""
-TEXTS = ("title", "story", "source", "twin", "labels", "name", "cell")
+TEXTS = ("title", "description", "source", "baseline", "labels", "name", "cell")
 """Keys of a scenario's content that are for people."""
-RESOLVED = ("inner", "accuracy", "output_classes")
+RESOLVED = ("substeps", "accuracy", "output_classes")
 """Keys of it that are resolved into the system."""
 
 

@@ -16,7 +16,7 @@ from desat.components.contract.units import Unit
 
 from .errors import DesatError, nearest
 from .interface import Interface, OutputClass, base_name
-from .model import ACCURACY, AUTO, Connection, Connector, Fmu, Inner, Told
+from .model import ACCURACY, AUTO, Connection, Connector, Fmu, Substeps, Told
 from .parameters import expand, is_quantity
 
 
@@ -83,7 +83,7 @@ class Draft:
     start: float = 0.0
     stop: float | None = None
     step: float | None = None
-    inner: Inner = AUTO
+    substeps: Substeps = AUTO
     accuracy: float = ACCURACY
     output_classes: dict[str, OutputClass] = field(default_factory=dict)
     given: dict[str, str] = field(default_factory=dict)

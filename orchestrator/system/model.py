@@ -16,11 +16,11 @@ from desat.components.contract.block import Scalar
 from .interface import Interface, OutputClass
 
 AUTO: Literal["auto"] = "auto"
-Inner = int | Literal["auto"]
-"""Inner steps within a step; `auto`: a run chooses them (`runs/inner_choice.py`)."""
-MOST_INNER = 1000
+Substeps = int | Literal["auto"]
+"""Substeps within a step; `auto`: a run chooses them (`runs/substep_choice.py`)."""
+MOST_SUBSTEPS = 1000
 ACCURACY = 1e-7
-"""Attitude error (rad) that a run which chooses its inner steps keeps below, where none is given.
+"""Attitude error (rad) that a run which chooses its substeps keeps below, where none is given.
 """
 
 
@@ -150,20 +150,20 @@ class System:
     """s; `stop` is a whole number of them after `start`"""
     stop: float
     start: float = 0.0
-    inner: Inner = 1
+    substeps: Substeps = 1
     """So many steps within a step, of those that hand means on to each other (`schedule.py`)."""
     accuracy: float = ACCURACY
-    """Attitude error (rad) that `inner = "auto"` is to keep below."""
+    """Attitude error (rad) that `substeps = "auto"` is to keep below."""
     output_classes: Mapping[str, OutputClass] = field(default_factory=dict)
     """Overrides: `component.variable` -> class."""
     about: Told | None = None
     """What its scenario says (`language/content.py`, `said`); None of a foreign system."""
 
     parts: int = field(init=False, repr=False, compare=False)
-    """The inner steps of a step; one as long as they are not chosen."""
+    """The substeps of a step; one as long as they are not chosen."""
     steps: int = field(init=False, repr=False, compare=False)
     """From start to stop."""
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "parts", 1 if self.inner == AUTO else self.inner)
+        object.__setattr__(self, "parts", 1 if self.substeps == AUTO else self.substeps)
         object.__setattr__(self, "steps", round((self.stop - self.start) / self.step))

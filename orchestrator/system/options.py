@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any, Literal, get_args
 
 from .errors import DesatError
-from .model import AUTO, MOST_INNER, Inner
+from .model import AUTO, MOST_SUBSTEPS, Substeps
 
 
 def as_json(target: str, options: Options) -> dict[str, Any]:
@@ -60,8 +60,8 @@ class Options:
     """`component=FMU`: a file, or one of ours by its name, in a component's place"""
     stop: float | None = None
     step: float | None = None
-    inner: Inner | None = None
-    """Inner steps within each step (`system/schedule.py`); `auto`: the run chooses them."""
+    substeps: Substeps | None = None
+    """Substeps within each step (`system/schedule.py`); `auto`: the run chooses them."""
     accuracy: float | None = None
     """Attitude error (rad) that `auto` keeps below."""
     algorithm: Algorithm = "conserving"
@@ -105,10 +105,12 @@ class Options:
             value = getattr(self, name)
             if value is not None and (not isinstance(value, Real) or isinstance(value, bool)):
                 raise DesatError(f"{name} = {value!r}: a time in s is needed")
-        whole = isinstance(self.inner, int) and not isinstance(self.inner, bool)
-        if self.inner not in (None, AUTO) and not (whole and 1 <= self.inner <= MOST_INNER):
-            raise DesatError(f"inner = {self.inner!r}: {AUTO} is needed, or an integer from 1 to "
-                             f"{MOST_INNER}")  # fmt: skip
+        whole = isinstance(self.substeps, int) and not isinstance(self.substeps, bool)
+        if self.substeps not in (None, AUTO) and not (
+            whole and 1 <= self.substeps <= MOST_SUBSTEPS
+        ):
+            raise DesatError(f"substeps = {self.substeps!r}: {AUTO} is needed, or an integer from "
+                             f"1 to {MOST_SUBSTEPS}")  # fmt: skip
         small = isinstance(self.accuracy, Real) and 0.0 < float(self.accuracy) < inf
         if self.accuracy is not None and not small:
             raise DesatError(f"accuracy = {self.accuracy!r}: an angle above 0 rad is needed")

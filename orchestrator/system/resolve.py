@@ -65,7 +65,7 @@ def resolve(draft: Draft) -> Resolved:
         return Resolved(components, problems, None)
     system = System(
         draft.name, draft.where, components, connections, step, stop, draft.start,
-        draft.inner, draft.accuracy, dict(draft.output_classes), draft.about,
+        draft.substeps, draft.accuracy, dict(draft.output_classes), draft.about,
     )  # fmt: skip
     return Resolved(components, [], system)
 

@@ -17,7 +17,7 @@ from .interface import Interface, OutputClass, Signal, base_name
 from .model import Connection, System
 
 # --- When each component of a system steps, where not all step alike ----------------------------
-# A step may have inner steps: those components that hand means on to each other, and what feeds
+# A step may have substeps: those components that hand means on to each other, and what feeds
 # them from them alone (an environment), step so many times within it, in parts that grow from its
 # start on, for a motor's torque bends most after a new command. All others step at their own rate,
 # once in so many whole steps, and hold what they give.
@@ -70,26 +70,26 @@ class Rates:
 
 def rates(system: System, links: Sequence[Connection]) -> tuple[Rates, list[str]]:
     """How often the components of a system step, and what cannot be done, a line each."""
-    inner = system.parts
+    substeps = system.parts
     decimation = {name: c.decimation for name, c in system.components.items()}
-    if inner == 1:
+    if substeps == 1:
         slow, problems = late(links, decimation)
         return Rates(graded(1), decimation, slow), problems
     group = _group(system, links)
     problems = [
-        f"{name} has a decimation of {decimation[name]}, but is one of those that step {inner} "
-        "times within a step (inner): only one of the two can be"
+        f"{name} has a decimation of {decimation[name]}, but is one of those that step {substeps} "
+        "times within a step (substeps): only one of the two can be"
         for name in sorted(group) if decimation[name] != 1
     ]  # fmt: skip
     if not group:
-        problems = [f"inner = {inner}, but no component hands means on to another"]
-    every = {n: 1 if n in group else inner * d for n, d in decimation.items()}
+        problems = [f"substeps = {substeps}, but no component hands means on to another"]
+    every = {n: 1 if n in group else substeps * d for n, d in decimation.items()}
     slow, more = late(links, every)
-    return Rates(graded(inner), every, slow), problems + more
+    return Rates(graded(substeps), every, slow), problems + more
 
 
 def _group(system: System, links: Iterable[Connection]) -> set[str]:
-    """The components that have inner steps."""
+    """The components that have substeps."""
     group = {name for link in links for name in (link.source, link.target)}
     incoming: dict[str, set[str]] = {name: set() for name in system.components}
     outgoing: dict[str, set[str]] = {name: set() for name in system.components}
@@ -285,7 +285,7 @@ def _timing(c: Connection, output_class: OutputClass, mean: bool, paces: Rates) 
 
 
 def _steps(paces: Rates, window: int) -> str:
-    return "inner steps" if window <= len(paces.parts) else "steps"
+    return "substeps" if window <= len(paces.parts) else "steps"
 
 
 def _warnings(

@@ -32,7 +32,7 @@ CODES = {int(code) for code in Exit} - {int(Exit.BUG)}
 TLE = """1 25544U 98067A   19343.69339541  .00001764  00000-0  38792-4 0  9991
 2 25544  51.6439 211.2001 0007417  17.6667  85.6398 15.50103472202482
 """
-FLIGHT = "--blocks --stop 3 --step 1 --inner 1"
+FLIGHT = "--blocks --stop 3 --step 1 --substeps 1"
 QUICK = (
     "new craft made --force --altitude 400km --inclination 51.6deg --size 12U --rods 0.2",
     "new craft made --force --sso 500km --ltan 10:30 --mass 16kg --box 0.2,0.2,0.4 "

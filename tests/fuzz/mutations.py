@@ -123,17 +123,20 @@ def _archive(data: bytes, rng: random.Random) -> bytes:
     if not entries:
         return data
     i = rng.randrange(len(entries))
-    name, inner = entries[i]
+    name, substeps = entries[i]
     how = rng.randrange(6)
     if how == 0:
         entries.pop(i)
     elif how == 1:
-        entries[i] = (rng.choice(("../x", "/x", "a/../../b", "x", name.upper(), "a" * 300)), inner)
+        entries[i] = (
+            rng.choice(("../x", "/x", "a/../../b", "x", name.upper(), "a" * 300)),
+            substeps,
+        )
     elif how == 2:
-        entries.append((name, inner))
+        entries.append((name, substeps))
     else:
         kind = "json" if name.endswith("json") else "ssp" if name.endswith("fmu") else "xml"
-        entries[i] = (name, mutated(kind, inner, rng))
+        entries[i] = (name, mutated(kind, substeps, rng))
     buffer = io.BytesIO()
     with warnings.catch_warnings(), zipfile.ZipFile(buffer, "w") as new:
         warnings.simplefilter("ignore")

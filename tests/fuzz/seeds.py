@@ -82,8 +82,8 @@ SSB = b"""<?xml version="1.0" encoding="UTF-8"?>
 </ssb:SignalDictionary>
 """
 ABOUT = json.dumps({
-    "name": "small", "title": "Small", "story": "Two.", "cell": {"method": "x"},
-    "labels": {"method": "X"}, "twin": "other", "inner": 1,
+    "name": "small", "title": "Small", "description": "Two.", "cell": {"method": "x"},
+    "labels": {"method": "X"}, "baseline": "other", "substeps": 1,
     "numbers": {
         "end": {"title": "End", "signal": "wheels.h_wheel", "measure": "largest", "unit": "N.m.s",
                 "window": [0.0, 5.0], "element": 1},
@@ -96,7 +96,7 @@ ABOUT = json.dumps({
     "stop_when": {"signal": "wheels.h_wheel", "below": 0.1, "unit": "N.m.s", "held": 2.0},
 }).encode()  # fmt: skip
 TOML = b"""title = "Own {method}"
-story = "Two sentences."
+description = "Two sentences."
 step = 1.0
 stop = 10.0
 

@@ -43,7 +43,7 @@ def run(
     sources: o.Sources = None,
     stop: o.Stop = None,
     step: o.Step = None,
-    inner: o.Inner = None,
+    substeps: o.Substeps = None,
     accuracy: o.Accuracy = None,
     algorithm: o.Alg = o.Semantics.conserving,
     blocks: o.Blocks = False,
@@ -82,8 +82,8 @@ def run(
             for k in keep or []]  # fmt: skip
     plan, warnings = coordinator.planned(
         target, count, seed=seed, sampling=sampling,  # type: ignore[arg-type]
-        options=o.options_of(sets, stop, step, algorithm, blocks, inner=inner, accuracy=accuracy,
-                             sources=sources, fmus=fmus.value),
+        options=o.options_of(sets, stop, step, algorithm, blocks, substeps=substeps,
+                             accuracy=accuracy, sources=sources, fmus=fmus.value),
         curves=curve, keep=kept, limit=limit,
     )  # fmt: skip
     warn(warnings)
@@ -147,22 +147,6 @@ def case(
         for line in made.manifest.not_met:
             err.print(f"not met: {line}")
         raise typer.Exit(made.code)
-
-
-@campaigns.command()
-def compare(
-    first: Folder,
-    second: Annotated[Path, typer.Argument(metavar="OTHER", help="Another's folder.")],
-    as_json: o.Json = False,
-) -> None:
-    """As `desat compare FOLDER OTHER`, which takes its place."""
-    from ...campaign.pairs import compare as of
-    from .compare import show_pairs
-
-    show_pairs([of(first, second)], as_json)
-    err.print(
-        f"note: desat compare {first} {second} says the same; this goes with the next release"
-    )
 
 
 _REASONS = 3

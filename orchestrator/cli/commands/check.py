@@ -19,7 +19,7 @@ def check(
     sources: o.Sources = None,
     stop: o.Stop = None,
     step: o.Step = None,
-    inner: o.Inner = None,
+    substeps: o.Substeps = None,
     accuracy: o.Accuracy = None,
     blocks: o.Blocks = False,
     design: o.DesignOption = None,
@@ -36,7 +36,7 @@ def check(
     from ...system.refusal import explain
 
     options = o.options_of(sets, stop, step, o.Semantics.conserving, blocks, classes, sources,
-                         inner=inner, accuracy=accuracy, design=design, trust=trust,
+                         substeps=substeps, accuracy=accuracy, design=design, trust=trust,
                          strict=strict, outside=outside)  # fmt: skip
     case = prepare(target, options)
     checked, schedule = case.checked, case.checked.schedule

@@ -50,7 +50,7 @@ def compare(
     sets: o.Sets = None,
     stop: o.Stop = None,
     step: o.Step = None,
-    inner: o.Inner = None,
+    substeps: o.Substeps = None,
     accuracy: o.Accuracy = None,
     blocks: o.Blocks = False,
     fmus: o.Fmus = o.FmuKind.native,
@@ -70,7 +70,7 @@ def compare(
     from ...campaign import pairs
     from ...studies import compare as study
 
-    options = o.options_of(sets, stop, step, o.Semantics.conserving, blocks, inner=inner,
+    options = o.options_of(sets, stop, step, o.Semantics.conserving, blocks, substeps=substeps,
                            accuracy=accuracy, time_limit=time_limit, fmus=fmus.value)  # fmt: skip
     if count is None:
         o.refuse(ctx, "it goes with -n", "seed")
@@ -85,7 +85,7 @@ def compare(
     campaigns = study.are_campaigns(targets)
     if campaigns:
         o.refuse(ctx, "campaigns are compared as they are", "count", "sets", "stop", "step",
-                 "inner", "accuracy", "blocks", "fmus", "time_limit")  # fmt: skip
+                 "substeps", "accuracy", "blocks", "fmus", "time_limit")  # fmt: skip
     if html is not None and (campaigns or count is not None):
         raise DesatError("--html: there is a page of runs alone, without -n")
     if campaigns:

@@ -13,21 +13,13 @@ from ..console import app, err, out, print_json, print_numbers, warn
 
 @app.command()
 def draws(
-    ctx: typer.Context,
     target: o.Target,
     count: Annotated[int, typer.Option("-n", "--count", help="Number of draws.", min=1)] = 20,
     seed: Annotated[int, typer.Option(help="Seed of the draws.", min=0)] = 1,
-    against: Annotated[
-        str | None,
-        typer.Option(metavar="OTHER", autocompletion=o.complete_name,
-                     help="Run OTHER in the same draws, and print the paired differences; --set "
-                     "and --design are of NAME alone. `desat compare NAME OTHER -n 20` takes its "
-                     "place."),
-    ] = None,
     sets: o.Sets = None,
     stop: o.Stop = None,
     step: o.Step = None,
-    inner: o.Inner = None,
+    substeps: o.Substeps = None,
     accuracy: o.Accuracy = None,
     algorithm: o.Alg = o.Semantics.conserving,
     blocks: o.Blocks = False,
@@ -41,35 +33,21 @@ def draws(
     """Run seeded draws of a scenario's dispersions."""
     from ...campaign import draws as study
 
-    if against is not None:
-        o.refuse(ctx, "differences have none: leave --against out", "every")
-    options = o.options_of(sets, stop, step, algorithm, blocks, inner=inner, accuracy=accuracy,
-                         design=design, time_limit=time_limit, fmus=fmus.value)  # fmt: skip
-    if against is None:
-        result = study.draws(target, count, seed, options, jobs, progress=not as_json)
-        results = [result]
-    else:
-        from ...campaign.pairs import fly_pairs
-
-        result = fly_pairs(target, against, count, seed, options, jobs, progress=not as_json)
-        results = result["draws"]
-    for each in results:
-        warn(each["warnings"])
+    options = o.options_of(sets, stop, step, algorithm, blocks, substeps=substeps,
+                         accuracy=accuracy, design=design, time_limit=time_limit,
+                         fmus=fmus.value)  # fmt: skip
+    result = study.draws(target, count, seed, options, jobs, progress=not as_json)
+    warn(result["warnings"])
     if as_json:
         print_json(result)
-    elif against is None:
-        _print_draws(result, every)
     else:
-        _print_differences(result)
-    failed = [r for each in results for r in each["draws"] if r["status"] != "completed"]
+        _print_draws(result, every)
+    failed = [r for r in result["draws"] if r["status"] != "completed"]
     for row in failed:
         err.print(f"draw {row['draw']}: {row['status']}: {row['message']}")
-    unmet = [r for each in results for r in each["draws"] if r["unmet"]]
+    unmet = [r for r in result["draws"] if r["unmet"]]
     for row in unmet:
         err.print(f"draw {row['draw']}: not met: {'; '.join(row['unmet'])}")
-    if against is not None:
-        err.print(f"note: desat compare {target} {against} -n {count} says it with intervals; "
-                  "--against goes with the next release")  # fmt: skip
     if failed or unmet:
         raise typer.Exit(max(row["code"] for row in failed + unmet))
 
@@ -95,24 +73,3 @@ def _print_draws(result: dict[str, Any], every: bool) -> None:
     if conditions:
         share = f"{result['stopped']} of {len(result['draws'])}"
         out.print(f"ended early: {share} ({', '.join(conditions)})")
-
-
-def _print_differences(result: dict[str, Any]) -> None:
-    from ...figures.style import pretty_unit
-    from ...numbers.text import not_reached, number
-
-    table = Table("number", box=None, header_style="bold", pad_edge=False)
-    columns = ("median", "min", "max", "lower", "higher", "equal")
-    for column in columns:
-        table.add_column(column, justify="right")
-    table.add_column("unit")
-    table.add_column("not reached in both", justify="right")
-    for name, entry in result["differences"].items():
-        cells = [number(entry[column]) for column in columns]
-        table.add_row(name, *cells, pretty_unit(entry["unit"]), not_reached(entry))
-    out.print(f"{result['scenario']} less {result['against']}, draw by draw:")
-    print_numbers(table)
-    for key in ("drawn_only_in_it", "drawn_only_in_the_other"):
-        if result[key]:
-            where = result["scenario" if key == "drawn_only_in_it" else "against"]
-            err.print(f"note: drawn in {where} alone: {', '.join(result[key])}")

@@ -67,7 +67,7 @@ def fmu(
     sources: o.Sources = None,
     stop: o.Stop = None,
     step: o.Step = None,
-    inner: o.Inner = None,
+    substeps: o.Substeps = None,
     accuracy: o.Accuracy = None,
     platforms: o.Platforms = "",
     fmi: o.Fmi = o.FmiVersion.two,
@@ -77,7 +77,7 @@ def fmu(
     from ...export.loop_fmu import LoopEnds, export
 
     options = o.options_of(
-        sets, stop, step, o.Semantics.conserving, False, None, sources, inner=inner,
+        sets, stop, step, o.Semantics.conserving, False, None, sources, substeps=substeps,
         accuracy=accuracy,
     )  # fmt: skip
     wanted = LoopEnds(outputs or (), inputs or (), parameters or (), without or ())

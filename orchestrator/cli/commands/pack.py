@@ -40,7 +40,7 @@ def pack(
     from ...export import packing as pack_module
     from ...files import library, paths
     from ...files.scenario import find, own, scenarios
-    from ...runs.inner_choice import settled
+    from ...runs.substep_choice import settled
 
     kind = fmus.value if fmus else "native" if library.portable() else "python"
     files = [Path(n) for n in names or () if n.endswith(".toml")]

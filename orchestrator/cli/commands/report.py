@@ -20,8 +20,8 @@ def report(
     from ...runs.run import load_run
 
     finished = load_run(folder)
-    twin = load_run(folder / "twin") if (folder / "twin").is_dir() else None
-    page = write_report(folder, finished, twin).resolve()
+    baseline = load_run(folder / "baseline") if (folder / "baseline").is_dir() else None
+    page = write_report(folder, finished, baseline).resolve()
     out.print(str(page))
     if show:
         import webbrowser

@@ -24,8 +24,8 @@ def resume(
                        help="The folder of a run with --checkpoint that was ended."),
     ],
     csv: Annotated[bool, typer.Option("--csv", help="Write series.csv too.")] = False,
-    twin: Annotated[
-        bool, typer.Option(help="Also run the scenario's twin, and show it beside.")
+    baseline: Annotated[
+        bool, typer.Option(help="Also run the scenario's baseline, and show it beside.")
     ] = True,
     as_json: o.Json = False,
 ) -> None:  # fmt: skip
@@ -39,4 +39,4 @@ def resume(
         options = study.options_of(folder)
         finished = study.resume(folder.absolute(), progress=not as_json)
         warn(finished.manifest.warnings)
-        conclude(finished, options, folder, csv=csv, twin=twin, as_json=as_json)
+        conclude(finished, options, folder, csv=csv, baseline=baseline, as_json=as_json)

@@ -22,8 +22,8 @@ if TYPE_CHECKING:
     from ...analyses.manifest import Manifest
     from ...runs.run import Options, Run
 
-TWIN = "twin"
-"""Where the run of the twin lies in a run folder."""
+TWIN = "baseline"
+"""Where the run of the baseline lies in a run folder."""
 
 
 @app.command()
@@ -33,7 +33,7 @@ def run(
     sources: o.Sources = None,
     stop: o.Stop = None,
     step: o.Step = None,
-    inner: o.Inner = None,
+    substeps: o.Substeps = None,
     accuracy: o.Accuracy = None,
     algorithm: o.Alg = o.Semantics.conserving,
     blocks: o.Blocks = False,
@@ -51,8 +51,8 @@ def run(
         typer.Option(help="Keep the rows of every n-th step; numbers are made of all.", min=1),
     ] = 1,
     csv: Annotated[bool, typer.Option("--csv", help="Write series.csv too.")] = False,
-    twin: Annotated[
-        bool, typer.Option(help="Also run the scenario's twin, and show it beside.")
+    baseline: Annotated[
+        bool, typer.Option(help="Also run the scenario's baseline, and show it beside.")
     ] = True,
     classes: o.Classes = None,
     time_limit: o.TimeLimit = None,
@@ -90,7 +90,7 @@ def run(
 
     options = o.options_of(
         sets, stop, step, algorithm, blocks, classes, sources, record=tuple(record or ("*",)),
-        every=every, design=design, inner=inner, accuracy=accuracy,
+        every=every, design=design, substeps=substeps, accuracy=accuracy,
         time_limit=time_limit, loop=loop.value, fmus=fmus.value, trust=trust, strict=strict,
         outside=outside,
         supervised=True,
@@ -105,16 +105,16 @@ def run(
         warn(case.checked.warnings)
         finished = simulate(case, place, progress=not as_json)
         warn(finished.manifest.warnings[len(case.checked.warnings) :])
-        conclude(finished, options, place, csv=csv, twin=twin, as_json=as_json)
+        conclude(finished, options, place, csv=csv, baseline=baseline, as_json=as_json)
 
 
 def conclude(
-    finished: Run, options: Options, folder: Path, *, csv: bool, twin: bool, as_json: bool
+    finished: Run, options: Options, folder: Path, *, csv: bool, baseline: bool, as_json: bool
 ) -> None:
-    """What follows a run: its twin, the report, and how the command ends."""
+    """What follows a run: its baseline, the report, and how the command ends."""
     from ...engine import checkpoint
 
-    other = _run_twin(finished, options, folder) if twin and finished.ok else None
+    other = _run_baseline(finished, options, folder) if baseline and finished.ok else None
     page = _report(finished, other, folder)
     if csv:
         _csv(finished, folder)
@@ -190,22 +190,22 @@ def _new_folder(name: str) -> Path:
     return folder
 
 
-def _run_twin(finished: Run, options: Options, folder: Path) -> Run | None:
-    """Run the twin that the scenario names, into a folder beside, and compare."""
+def _run_baseline(finished: Run, options: Options, folder: Path) -> Run | None:
+    """Run the baseline that the scenario names, into a folder beside, and compare."""
     from ...files.scenario import exists
     from ...runs.manifest import end_manifest, related_to
     from ...runs.run import execute, has_checkpoints, resume
 
     about = finished.manifest.about
-    name = about.get("name", "").partition("/")[0] + "/" + about.get("twin", "")
-    if not about.get("twin") or name == about["name"] or not exists(name):
+    name = about.get("name", "").partition("/")[0] + "/" + about.get("baseline", "")
+    if not about.get("baseline") or name == about["name"] or not exists(name):
         return None
-    twin_folder = folder / TWIN
-    if has_checkpoints(twin_folder):
-        other = resume(twin_folder.absolute())
+    baseline_folder = folder / TWIN
+    if has_checkpoints(baseline_folder):
+        other = resume(baseline_folder.absolute())
     else:
-        other = execute(name, replace(options, sets=[], sources=[], design=None), twin_folder)
-    finished.manifest = related_to(finished.manifest, {about["twin"]: other.manifest})
+        other = execute(name, replace(options, sets=[], sources=[], design=None), baseline_folder)
+    finished.manifest = related_to(finished.manifest, {about["baseline"]: other.manifest})
     end_manifest(folder, finished.manifest)
     return other
 
@@ -238,13 +238,15 @@ def _report_run(
     for line in manifest.not_met:
         err.print(f"not met: {line}")
     for line in other.manifest.not_met if other else ():
-        err.print(f"twin: not met: {line}")
+        err.print(f"baseline: not met: {line}")
     said = _verdicts(manifest)
     table = Table(box=None, pad_edge=False, header_style="bold",
                   show_header=other is not None or bool(said))  # fmt: skip
-    twin, required = ["twin"] * bool(other), ["required"] * bool(said)
-    for column in ["", "this run", *twin, "", *required]:
-        table.add_column(column, justify="right" if "run" in column or column == "twin" else "left")
+    baseline, required = ["baseline"] * bool(other), ["required"] * bool(said)
+    for column in ["", "this run", *baseline, "", *required]:
+        table.add_column(
+            column, justify="right" if "run" in column or column == "baseline" else "left"
+        )
     for name, n in manifest.numbers.items():
         row = [n.said, number(n.value)]
         if other:

@@ -28,7 +28,7 @@ def sweep(
     sets: o.Sets = None,
     stop: o.Stop = None,
     step: o.Step = None,
-    inner: o.Inner = None,
+    substeps: o.Substeps = None,
     accuracy: o.Accuracy = None,
     algorithm: o.Alg = o.Semantics.conserving,
     blocks: o.Blocks = False,
@@ -42,8 +42,8 @@ def sweep(
 
     if not draws:
         o.refuse(ctx, "it goes with --draws", "seed")
-    options = o.options_of(sets, stop, step, algorithm, blocks, inner=inner, accuracy=accuracy,
-                         time_limit=time_limit, fmus=fmus.value)  # fmt: skip
+    options = o.options_of(sets, stop, step, algorithm, blocks, substeps=substeps,
+                         accuracy=accuracy, time_limit=time_limit, fmus=fmus.value)  # fmt: skip
     result = study.sweep(target, study.axes_of(axes), options, jobs, not as_json, draws=draws,
                          seed=seed)  # fmt: skip
     warn(result["warnings"])

@@ -41,7 +41,7 @@ def tune(
     sets: o.Sets = None,
     stop: o.Stop = None,
     step: o.Step = None,
-    inner: o.Inner = None,
+    substeps: o.Substeps = None,
     accuracy: o.Accuracy = None,
     blocks: o.Blocks = False,
     fmus: o.Fmus = o.FmuKind.native,
@@ -55,7 +55,7 @@ def tune(
     """
     from ...studies import tune as study
 
-    options = o.options_of(sets, stop, step, o.Semantics.conserving, blocks, inner=inner,
+    options = o.options_of(sets, stop, step, o.Semantics.conserving, blocks, substeps=substeps,
                            accuracy=accuracy, time_limit=time_limit, fmus=fmus.value)  # fmt: skip
     ends = None
     if between is not None:

@@ -1,5 +1,5 @@
-"""A run that chooses its inner steps itself, and what is said of one that does not: against the
-monolithic reference (DOP853), which knows neither exchange nor inner steps."""
+"""A run that chooses its substeps itself, and what is said of one that does not: against the
+monolithic reference (DOP853), which knows neither exchange nor substeps."""
 
 from __future__ import annotations
 
@@ -26,8 +26,8 @@ from desat.campaign.plan import CampaignPlan, digest_of, read
 from desat.export.packing import pack_scenario
 from desat.files import library, scenario
 from desat.numbers.derived import pointing
-from desat.runs import inner_choice
 from desat.runs import run as running
+from desat.runs import substep_choice
 from desat.runs.run import Options, prepare, resume, simulate
 from desat.system.errors import DesatError
 from desat.system.model import AUTO
@@ -54,22 +54,22 @@ def own(folder, text="", name="own", craft=None):
     """A scenario of somebody's, in a folder with the craft of the gyrostat's; its path."""
     (folder / "craft.toml").write_text(craft or (CRAFT / "craft.toml").read_text())
     common = (CRAFT / "scenarios" / "common.toml").read_text()
-    (folder / "common.toml").write_text(common.replace("inner = 1\n", ""))
+    (folder / "common.toml").write_text(common.replace("substeps = 1\n", ""))
     (folder / f"{name}.toml").write_text(f'extends = "common"\ntitle = "own"\n{text}\n')
     return str(folder / f"{name}.toml")
 
 
 def holds(manifest, error):
     """What is asked of a run that chose: error below `accuracy`, and its estimate 1 to 10 of it."""
-    choice = manifest["inner_choice"]
+    choice = manifest["substep_choice"]
     assert error < choice["accuracy"]
     assert 1.0 <= choice["estimate"] / error <= 10.0
-    assert manifest["inner"] == choice["inner"] == manifest["numbers"]["inner_steps"]["value"]
+    assert manifest["substeps"] == choice["substeps"] == manifest["numbers"]["substeps"]["value"]
 
 
 @pytest.mark.parametrize("name", CASES)
 def test_auto_on_the_gyrostats(name):
-    (error, _), manifest = flown(f"gyrostat/{name}", inner=AUTO)
+    (error, _), manifest = flown(f"gyrostat/{name}", substeps=AUTO)
     holds(manifest, error)
 
 
@@ -136,16 +136,16 @@ def test_auto_on_random_craft():
     refused = 0
     for seed in range(70_000, 70_020):
         name, values = random_craft(seed)
-        case = prepare(name, Options(inner=AUTO, stop=200.0, values=values))
+        case = prepare(name, Options(substeps=AUTO, stop=200.0, values=values))
         try:
-            inner_choice.choose(name, case.or_raise()[0], case.options)
+            substep_choice.choose(name, case.or_raise()[0], case.options)
         except DesatError:
             with pytest.raises(DesatError, match="the attitude would still err by"):
                 simulate(case)
             assert amplifies(name, values), seed
             refused += 1
         else:
-            (error, _), manifest = flown(name, inner=AUTO, stop=200.0, values=values)
+            (error, _), manifest = flown(name, substeps=AUTO, stop=200.0, values=values)
             holds(manifest, error)
     assert refused <= 2
 
@@ -161,7 +161,7 @@ def amplifies(name, values):
     return np.radians(pointing(*ends)).max() > 1e-7
 
 
-# --- what is said of a run with given inner steps -------------------------------------------------
+# --- what is said of a run with given substeps -------------------------------------------------
 
 LIGHT = {"spacecraft.inertia": [[1.7, 0, 0], [0, 1.7, 0], [0, 0, 1.7]],
          "shared.inertia_wheel": [1e-4] * 3 + [0.0], "wheels.h_start_wheel": [0.0] * 4,
@@ -184,14 +184,14 @@ def test_strong_jets_are_warned_of():
     """Four at once on a light craft, before it runs and after."""
     values = LIGHT | jets((0.8, 0, 0), (0, 0.6, 0), (0.4, 0, 0.8), (0, 0.4, -0.2))
     values["wheels.h_start_wheel"] = [0.02, -0.01, 0.03, 0.0]
-    case = prepare("gyrostat/pulses", Options(inner=1, values=values))
+    case = prepare("gyrostat/pulses", Options(substeps=1, values=values))
     assert any("largest torque of thrusters" in w for w in case.checked.warnings)
-    (error, _), manifest = flown("gyrostat/pulses", inner=1, values=values)
+    (error, _), manifest = flown("gyrostat/pulses", substeps=1, values=values)
     assert error > 1e-4
     assert any("torque of all actuators" in w for w in manifest["warnings"])
-    (error, _), manifest = flown("gyrostat/pulses", inner=AUTO, values=values)
+    (error, _), manifest = flown("gyrostat/pulses", substeps=AUTO, values=values)
     holds(manifest, error)
-    assert not any("inner" in w for w in manifest["warnings"])
+    assert not any("substeps" in w for w in manifest["warnings"])
 
 
 def test_what_a_jet_makes_of_a_craft_at_rest_is_looked_at():
@@ -199,22 +199,22 @@ def test_what_a_jet_makes_of_a_craft_at_rest_is_looked_at():
     values = LIGHT | jets((0.012, 0.002, 0), begin=3.3, long=90.0)
     values |= {"controller.kp": 0.0, "controller.kd": 0.0, "wheels.h_start_wheel": [0.3, 0.2, 0, 0],
                "wheels.speed_limit": 1e4}  # fmt: skip
-    case = prepare("gyrostat/pulses", Options(inner=1, values=values))
+    case = prepare("gyrostat/pulses", Options(substeps=1, values=values))
     assert not any("turn and nutation" in w for w in case.checked.warnings)
     run = simulate(case)
     rate = np.linalg.norm(run.results.values("spacecraft.omega_bi_body"), axis=1).max()
     assert 0.5 < rate < 1.5
     (warning,) = (w for w in run.manifest["warnings"] if "turn and nutation" in w)
     assert warning.startswith("at t = ")
-    assert "--inner auto" in warning
+    assert "--substeps auto" in warning
 
 
 def test_a_fast_motor_is_nothing_to_warn_of():
-    """A lag of a microsecond errs less than one of 80 ms; it asked for 50000 inner steps."""
+    """A lag of a microsecond errs less than one of 80 ms; it asked for 50000 substeps."""
     errors = []
     for lag in (0.08, 1e-6):
         options = Options(values={"wheels.motor_lag": lag})
-        runs = [simulate(prepare("gyrostat/light", replace(options, inner=n))) for n in (1, 64)]
+        runs = [simulate(prepare("gyrostat/light", replace(options, substeps=n))) for n in (1, 64)]
         assert runs[0].manifest["warnings"] == []
         q = [run.results.values("spacecraft.q_bi") for run in runs]
         errors.append(np.radians(pointing(*q)).max())
@@ -223,7 +223,7 @@ def test_a_fast_motor_is_nothing_to_warn_of():
 
 @pytest.mark.parametrize("names", [("environment",), ("spacecraft", "wheels")])
 def test_decimation_says_what_it_costs(tmp_path, names):
-    text = "inner = 1\n[decimation]\n" + "".join(f"{n} = 2\n" for n in names)
+    text = "substeps = 1\n[decimation]\n" + "".join(f"{n} = 2\n" for n in names)
     case = prepare(own(tmp_path, text), Options())
     system, _ = case.or_raise()
     ideal = Gyrostat(system).ideal()
@@ -235,7 +235,7 @@ def test_decimation_says_what_it_costs(tmp_path, names):
     assert 1.0 < slow["momentum"] / errors[1] < 3.0
     assert any(f"errs by about {slow['attitude']:.1e} rad" in w for w in run.manifest["warnings"])
     # what takes samples steps as rarely for nothing
-    case = prepare(own(tmp_path, "[decimation]\nguidance = 2\n", "computers"), Options(inner=1))
+    case = prepare(own(tmp_path, "[decimation]\nguidance = 2\n", "computers"), Options(substeps=1))
     assert "decimated" not in simulate(case).manifest
 
 
@@ -247,7 +247,7 @@ def test_jitter_has_its_place_in_the_warning(tmp_path):
     values = LIGHT | {"wheels.unbalance": 1e-6, "wheels.h_start_wheel": [0.02, -0.01, 0.03, 0.0]}
 
     def flown_with(count):
-        case = prepare(target, Options(inner=count, values=values))
+        case = prepare(target, Options(substeps=count, values=values))
         return case.checked.warnings, simulate(case).results.values("spacecraft.q_bi")
 
     warned, q = flown_with(1)
@@ -265,53 +265,53 @@ def test_jitter_has_its_place_in_the_warning(tmp_path):
 
 def test_the_scenarios_of_ours_state_theirs():
     """Their numbers stay: none is left to the default."""
-    assert all(isinstance(s.content.inner, int) for s in scenario.scenarios().values())
+    assert all(isinstance(s.content.substeps, int) for s in scenario.scenarios().values())
 
 
 def test_a_scenario_that_gives_none_chooses(tmp_path):
     target = own(tmp_path, "stop = 60")
     run = simulate(prepare(target, Options()))
-    choice = run.manifest["inner_choice"]
-    assert choice["inner"] > 1
+    choice = run.manifest["substep_choice"]
+    assert choice["substeps"] > 1
     assert choice["estimate"] < choice["accuracy"] == 1e-7
     # the bits of one with as many given; the same on blocks, in Python, and of another process
-    given = simulate(prepare(target, Options(inner=choice["inner"])))
-    assert "inner_choice" not in given.manifest
+    given = simulate(prepare(target, Options(substeps=choice["substeps"])))
+    assert "substep_choice" not in given.manifest
     same = simulate(prepare(target, Options(blocks=True, loop="python"))).results
     supervised = simulate(prepare(target, Options(supervised=True))).results
     for name in ("spacecraft.q_bi", "wheels.h_wheel"):
         for other in (given.results, same, supervised):
             assert run.results.values(name).tobytes() == other.values(name).tobytes()
     finer = simulate(prepare(target, Options(accuracy=1e-9)))
-    assert finer.manifest["inner"] > choice["inner"]
+    assert finer.manifest["substeps"] > choice["substeps"]
     named = own(tmp_path, "stop = 60\naccuracy = 1e-9", "named")
-    assert simulate(prepare(named, Options())).manifest["inner"] == finer.manifest["inner"]
+    assert simulate(prepare(named, Options())).manifest["substeps"] == finer.manifest["substeps"]
 
 
 def test_the_digest_has_auto_and_accuracy(tmp_path):
     target = own(tmp_path)
-    digests = {digest_of(target, Options(**o)) for o in ({}, {"accuracy": 1e-8}, {"inner": 2})}
+    digests = {digest_of(target, Options(**o)) for o in ({}, {"accuracy": 1e-8}, {"substeps": 2})}
     assert len(digests) == 3
-    assert digest_of(target, Options()) == digest_of(target, Options(inner=AUTO, accuracy=1e-7))
+    assert digest_of(target, Options()) == digest_of(target, Options(substeps=AUTO, accuracy=1e-7))
 
 
 def test_it_is_one_with_a_reason_where_there_is_nothing_to_choose(tmp_path):
     for target, options, why in (
-        (own(tmp_path, "stop = 60"), {"algorithm": "jacobi"}, "jacobi takes no inner steps"),
+        (own(tmp_path, "stop = 60"), {"algorithm": "jacobi"}, "jacobi takes no substeps"),
         ("uosat12/table3-ocdc-ilqr-1", {}, "no rigid body with wheels"),
         (own(tmp_path, "stop = 60\n[decimation]\nwheels = 2\nspacecraft = 2\n", "slow"), {},
          "has a decimation of 2"),
     ):  # fmt: skip
-        manifest = simulate(prepare(target, Options(inner=AUTO, **options))).manifest
-        assert manifest["inner"] == 1
-        assert manifest["inner_choice"]["estimate"] is None
-        assert manifest["inner_choice"]["steps"] == 0, "none was flown"
-        assert why in manifest["inner_choice"]["why"]
+        manifest = simulate(prepare(target, Options(substeps=AUTO, **options))).manifest
+        assert manifest["substeps"] == 1
+        assert manifest["substep_choice"]["estimate"] is None
+        assert manifest["substep_choice"]["steps"] == 0, "none was flown"
+        assert why in manifest["substep_choice"]["why"]
 
 
 def test_what_no_count_makes_exact_is_refused_with_the_reason(tmp_path):
     case = prepare(own(tmp_path, "stop = 60\naccuracy = 1e-17"), Options())
-    said = (r"with 512 inner steps, of 1000 at most, the attitude would still err by .*turn .* "
+    said = (r"with 512 substeps, of 1000 at most, the attitude would still err by .*turn .* "
             r"kick .*take a larger --accuracy")  # fmt: skip
     with pytest.raises(DesatError, match=said):
         simulate(case)
@@ -319,19 +319,19 @@ def test_what_no_count_makes_exact_is_refused_with_the_reason(tmp_path):
 
 def test_a_run_that_leaves_the_range_of_its_flights_is_made_again(monkeypatch):
     """A strong jet after what the flights see; and one that they see needs no second run."""
-    monkeypatch.setattr(inner_choice, "LONGEST", 200)
+    monkeypatch.setattr(substep_choice, "LONGEST", 200)
     light = LIGHT | {"wheels.h_start_wheel": [0.02, -0.01, 0.03, 0.0]}
     values = light | jets((0.2, 0.1, 0.0), begin=350.3, long=4.4)
-    options = Options(inner=AUTO, values=values, stop=400.0, record=("spacecraft.*", "wheels.*"))
+    options = Options(substeps=AUTO, values=values, stop=400.0, record=("spacecraft.*", "wheels.*"))
     run = simulate(prepare("gyrostat/pulses", options))
-    choice = run.manifest["inner_choice"]
+    choice = run.manifest["substep_choice"]
     quiet = prepare("gyrostat/pulses", replace(options, values=light | jets()))
-    first = inner_choice.choose("quiet", quiet.or_raise()[0], quiet.options)
+    first = substep_choice.choose("quiet", quiet.or_raise()[0], quiet.options)
     assert first is not None
     assert len(choice["again"]) >= 1
     assert choice["again"][0].startswith(("at t = 349 s", "at t = 35"))
-    assert run.manifest["inner"] == choice["inner"] > first.inner
-    finer = simulate(prepare("gyrostat/pulses", replace(options, inner=4 * choice["inner"])))
+    assert run.manifest["substeps"] == choice["substeps"] > first.substeps
+    finer = simulate(prepare("gyrostat/pulses", replace(options, substeps=4 * choice["substeps"])))
     angles = pointing(*(r.results.values("spacecraft.q_bi") for r in (run, finer)))
     assert np.radians(angles).max() < choice["accuracy"]
     blind = replace(options, record=("wheels.*",))
@@ -340,7 +340,7 @@ def test_a_run_that_leaves_the_range_of_its_flights_is_made_again(monkeypatch):
     assert "not looked at again: not recorded: spacecraft.impulse_eci, spacecraft.omega" in warning
     early = LIGHT | jets((0.2, 0.1, 0.0))
     manifest = simulate(prepare("gyrostat/pulses", replace(options, values=early))).manifest
-    assert manifest["inner_choice"]["again"] == []
+    assert manifest["substep_choice"]["again"] == []
 
 
 def test_a_run_is_made_three_times_at_most(monkeypatch):
@@ -349,19 +349,19 @@ def test_a_run_is_made_three_times_at_most(monkeypatch):
 
     def more(target, system, options, choice, results):
         again = [*choice.again, "it turns"]
-        return replace(choice, inner=2 * choice.inner, again=again)
+        return replace(choice, substeps=2 * choice.substeps, again=again)
 
     def counted(case, choice, *rest):
-        made.append(choice.inner)
+        made.append(choice.substeps)
         return simulated(case, choice, *rest)
 
-    monkeypatch.setattr(inner_choice, "looked_at_again", more)
+    monkeypatch.setattr(substep_choice, "looked_at_again", more)
     monkeypatch.setattr(running, "_simulate", counted)
-    run = simulate(prepare("gyrostat/pulses", Options(inner=AUTO, stop=20.0)))
+    run = simulate(prepare("gyrostat/pulses", Options(substeps=AUTO, stop=20.0)))
     first = made[0]
     assert made == [first, 2 * first, 4 * first]
-    assert run.manifest["inner"] == 4 * first
-    said = f"made 3 times, it would want {8 * first} inner steps still: it turns"
+    assert run.manifest["substeps"] == 4 * first
+    said = f"made 3 times, it would want {8 * first} substeps still: it turns"
     assert said in run.manifest["warnings"]
 
 
@@ -370,7 +370,7 @@ def test_a_case_of_a_campaign_chooses_and_says_so(tmp_path):
     target = own(tmp_path, text)
     plan = CampaignPlan(target, digest_of(target, Options()), 6)
     rows = [row(plan, i, False) for i in range(6)]
-    counts = [r.numbers["inner_steps"] for r in rows]
+    counts = [r.numbers["substeps"] for r in rows]
     assert len(set(counts)) > 1
     for r in rows:
         assert 0.0 < r.numbers["estimated_attitude_error"] <= 1e-7
@@ -382,21 +382,23 @@ def test_a_packed_scenario_has_what_its_run_chose(tmp_path):
     target = Path(own(tmp_path, "stop = 60"))
     run = simulate(prepare(str(target), Options()))
     path = pack_scenario(
-        scenario.own(target), tmp_path / "own.ssp", choose=lambda s: inner_choice.settled("own", s)
+        scenario.own(target),
+        tmp_path / "own.ssp",
+        choose=lambda s: substep_choice.settled("own", s),
     )
     packed = simulate(prepare(str(path), Options(fmus="native")))
-    assert "inner_choice" not in packed.manifest
-    assert packed.manifest["inner"] == run.manifest["inner"] > 1
+    assert "substep_choice" not in packed.manifest
+    assert packed.manifest["substeps"] == run.manifest["substeps"] > 1
 
 
 def test_a_resumed_run_keeps_its_choice(tmp_path, monkeypatch):
     target = own(tmp_path, "stop = 200")
     whole = simulate(prepare(target, Options()), tmp_path / "whole").manifest
     broken(target, Options(checkpoint=10.0), tmp_path / "cut", monkeypatch, 100)
-    monkeypatch.setattr(inner_choice, "choose", None)  # it is not made anew
+    monkeypatch.setattr(substep_choice, "choose", None)  # it is not made anew
     cut = resume(tmp_path / "cut").manifest
     assert cut["status"] == "completed"
-    assert cut["inner"] == whole["inner"] > 1
+    assert cut["substeps"] == whole["substeps"] > 1
     for name in ("estimated_attitude_error", "pointing"):
         assert cut["numbers"][name]["value"] == whole["numbers"][name]["value"]
 
@@ -404,8 +406,8 @@ def test_a_resumed_run_keeps_its_choice(tmp_path, monkeypatch):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (("--inner", "some"), "--inner some: an integer or auto is needed"),
-        (("--inner", "1001"), "inner = 1001: auto is needed, or an integer from 1 to 1000"),
+        (("--substeps", "some"), "--substeps some: an integer or auto is needed"),
+        (("--substeps", "1001"), "substeps = 1001: auto is needed, or an integer from 1 to 1000"),
         (("--accuracy", "0"), "--accuracy 0: above 0 is needed"),
         (("--accuracy", "nan"), "--accuracy nan: a number is needed"),
     ],
@@ -418,13 +420,13 @@ def test_options_that_are_none(desat, tmp_path, arguments, message):
 
 def test_choosing_costs_little(tmp_path):
     """At most a fifth of the command's CPU time, which is here 100 steps and a report."""
-    command = [sys.executable, "-m", "desat.cli", "run", "gyrostat/light", "--inner", AUTO]
+    command = [sys.executable, "-m", "desat.cli", "run", "gyrostat/light", "--substeps", AUTO]
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
     subprocess.run([*command, "--out", str(tmp_path / "run")], check=True, capture_output=True)
     after = resource.getrusage(resource.RUSAGE_CHILDREN)
     spent = after.ru_utime - before.ru_utime + after.ru_stime - before.ru_stime
     manifest = json.loads((tmp_path / "run" / "manifest.json").read_text())
-    assert manifest["inner_choice"]["seconds"] < 0.2 * spent
+    assert manifest["substep_choice"]["seconds"] < 0.2 * spent
 
 
 def test_every_actuator_has_its_torque():
@@ -438,7 +440,7 @@ def test_every_actuator_has_its_torque():
 
 
 def test_a_foreign_fmu_is_flown_too_where_it_has_a_process_of_its_own(tmp_path):
-    """And is no reason to refuse: one inner step it is then, with the reason."""
+    """And is no reason to refuse: one substep it is then, with the reason."""
     foreign = tmp_path / "mine.fmu"
     foreign.write_bytes(library.our_file("manager_cross_product.fmu", "python").read_bytes())
     with zipfile.ZipFile(foreign, "a") as archive:
@@ -451,23 +453,23 @@ def test_a_foreign_fmu_is_flown_too_where_it_has_a_process_of_its_own(tmp_path):
     ):
         given = Options(sources=[f"manager={foreign}"], **options)
         manifest = simulate(prepare(target, given)).manifest
-        assert why in manifest["inner_choice"]["why"]
-        assert (manifest["inner"] == 1) == bool(why)
+        assert why in manifest["substep_choice"]["why"]
+        assert (manifest["substeps"] == 1) == bool(why)
 
 
-def test_draws_sweeps_and_campaigns_take_inner_steps_as_a_run_does(desat, tmp_path):
+def test_draws_sweeps_and_campaigns_take_substeps_as_a_run_does(desat, tmp_path):
     name, short = "integrated/mil-nadir", ("--stop", "60", "--jobs", "1")
-    told = [json.loads(desat("draws", name, "-n", "2", *short, "--inner", inner, "--json").stdout)
-            for inner in ("1", "4")]  # fmt: skip
-    made = draws(name, 2, 1, Options(stop=60.0, inner=4), jobs=1)
+    told = [json.loads(desat("draws", name, "-n", "2", *short, "--substeps", n, "--json").stdout)
+            for n in ("1", "4")]  # fmt: skip
+    made = draws(name, 2, 1, Options(stop=60.0, substeps=4), jobs=1)
     numbers = [[row["numbers"] for row in x["draws"]] for x in told]
     assert numbers[0] != numbers[1] == [row["numbers"] for row in made["draws"]]
-    chosen = ("--inner", "auto", "--accuracy", "1e-3", "--out", str(tmp_path / "c"))
+    chosen = ("--substeps", "auto", "--accuracy", "1e-3", "--out", str(tmp_path / "c"))
     done = desat("campaign", "run", name, "-n", "1", *short, *chosen)
     assert done.returncode == 1, done.stderr  # one case shows no requirement
-    assert read(tmp_path / "c").options == Options(stop=60.0, inner=AUTO, accuracy=1e-3)
-    swept = desat("sweep", name, "manager.delay=0", *short, "--inner", "none")
+    assert read(tmp_path / "c").options == Options(stop=60.0, substeps=AUTO, accuracy=1e-3)
+    swept = desat("sweep", name, "manager.delay=0", *short, "--substeps", "none")
     assert (swept.returncode, swept.stderr) == (
         2,
-        "error: --inner none: an integer or auto is needed\n",
+        "error: --substeps none: an integer or auto is needed\n",
     )

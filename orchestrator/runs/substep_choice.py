@@ -1,18 +1,18 @@
-"""How many inner steps a run makes that chooses them itself: `inner = "auto"`.
+"""How many substeps a run makes that chooses them itself: `substeps = "auto"`.
 
-The system flies beforehand, unrecorded, with 1, 2, 4, ... inner steps on the FMUs and the loop of
+The system flies beforehand, unrecorded, with 1, 2, 4, ... substeps on the FMUs and the loop of
 the run. Of two such flights the coarse one errs by about their difference (its error falls with the
-third power of the inner steps, where an event hides inside a step with the first); FACTOR times
+third power of the substeps, where an event hides inside a step with the first); FACTOR times
 that is the estimate. The first count whose estimate is below the system's `accuracy` is held
 against a flight with FAR times as many too, for two may err alike (a wheel's friction is integrated
 in parts of its own); where that bears it out, it is taken.
 
 A flight covers the whole run as long as LONGEST steps, and FREE inner ones, are enough. Where they
-are not, the estimate is carried on: in the proportion in which that of fewer inner steps has grown
+are not, the estimate is carried on: in the proportion in which that of fewer substeps has grown
 from there to the run's end, or, where none has seen that, with the power of time by which it has
 grown so far. Such a run is looked at again when it is over: where its body turned faster, was
 pushed harder, or its torques changed more than in the flights, these are made again from the state
-recorded there, and where they want more inner steps, the run is made again from its start.
+recorded there, and where they want more substeps, the run is made again from its start.
 
 Nothing of it depends on a clock: the same system chooses alike everywhere.
 """
@@ -33,7 +33,7 @@ from desat.components.contract.block import Scalar
 
 from ..analyses import coverage, residual
 from ..analyses.coverage import Array, Body, Reached, body_of, reached_by
-from ..analyses.manifest import InnerChoice, Slow
+from ..analyses.manifest import Slow, SubstepChoice
 from ..engine.ending import NEVER
 from ..engine.instances.base import ComponentError
 from ..engine.loop import stepping
@@ -42,7 +42,7 @@ from ..engine.recording.results import Results
 from ..files import library
 from ..numbers.derived import pointing
 from ..system.errors import DesatError
-from ..system.model import AUTO, MOST_INNER, Component, System
+from ..system.model import AUTO, MOST_SUBSTEPS, Component, System
 from ..system.options import Options
 from ..system.schedule import schedule
 from .prepare import isolated_in, to_isolate
@@ -57,10 +57,10 @@ LEVELS = tuple(2**i for i in range(10))
 """Counts to choose from."""
 FAR, FARTHEST = 4, 2 * LEVELS[-1]
 LEAST_FAR = 16
-"""Times as many inner steps, at least so many and at most so many, that the flight makes by which a
+"""Times as many substeps, at least so many and at most so many, that the flight makes by which a
 count is judged in the end."""
 FREE, LONGEST = 120_000, 6_000
-"""Inner steps, and steps, that a flight may take."""
+"""Substeps, and steps, that a flight may take."""
 LOOK = 1_000
 """Steps that one may take when a run is looked at again."""
 CARRIED = 2.0
@@ -75,25 +75,25 @@ STEEPEST = 3.0
 """Of the powers of time by which an estimate is carried on."""
 
 
-def choose(target: str, system: System, options: Options) -> InnerChoice | None:
-    """The choice of a checked system; None of one whose inner steps are given.
+def choose(target: str, system: System, options: Options) -> SubstepChoice | None:
+    """The choice of a checked system; None of one whose substeps are given.
 
     Raises DesatError, with the reason, where no count of LEVELS is accurate enough; with foreign
-    FMUs that is one inner step, and the reason beside.
+    FMUs that is one substep, and the reason beside.
     """
-    if system.inner != AUTO:
+    if system.substeps != AUTO:
         return None
     if why := _not_flown(system, options):
-        return InnerChoice(1, system.accuracy, why=why)
+        return SubstepChoice(1, system.accuracy, why=why)
     try:
         return _apart(system, options, lambda: _Flights(system, options, 1, LONGEST).choice(target))
     except ComponentError as error:
-        return InnerChoice(1, system.accuracy, why=f"a flight beforehand failed: {error}")
+        return SubstepChoice(1, system.accuracy, why=f"a flight beforehand failed: {error}")
     except DesatError as error:
         if not to_isolate(system, replace(options, isolate="foreign")):
             raise
         # a foreign FMU may not do the same twice
-        return InnerChoice(1, system.accuracy, why=str(error))
+        return SubstepChoice(1, system.accuracy, why=str(error))
 
 
 def _apart(system: System, options: Options, flying: Callable[[], T]) -> T:
@@ -101,21 +101,21 @@ def _apart(system: System, options: Options, flying: Callable[[], T]) -> T:
     Raises ComponentError where a component fails, or ends that process."""
     if not (options.supervised and CAN):
         return flying()
-    return apart(flying, schedule(replace(system, inner=1)).order, options.call_limit)
+    return apart(flying, schedule(replace(system, substeps=1)).order, options.call_limit)
 
 
 def settled(target: str, system: System) -> System:
-    """A checked system with the inner steps that a run of it begins with. Raises DesatError as
+    """A checked system with the substeps that a run of it begins with. Raises DesatError as
     `chosen` does."""
     choice = choose(target, system, Options())
-    return system if choice is None else replace(system, inner=choice.inner)
+    return system if choice is None else replace(system, substeps=choice.substeps)
 
 
 def looked_at_again(
-    target: str, system: System, options: Options, choice: InnerChoice, results: Results
-) -> InnerChoice | None:  # fmt: skip
+    target: str, system: System, options: Options, choice: SubstepChoice, results: Results
+) -> SubstepChoice | None:  # fmt: skip
     """Another choice for a run that has left the range of its flights, and is to be made again;
-    None where it has not, or where they want no more inner steps. `system` is as before the choice.
+    None where it has not, or where they want no more substeps. `system` is as before the choice.
 
     Raises DesatError as `chosen` does.
     """
@@ -129,18 +129,18 @@ def looked_at_again(
     for k, text in _beyond(found, choice.reached):
         state = [results.values(name)[max(0, k - 2)] for name in parts.series[:3]]
         at = _from(system, float(found.times[max(0, k - 2)]), state)
-        flying = partial(_Flights(at, options, more.inner, LOOK).choice, target)
+        flying = partial(_Flights(at, options, more.substeps, LOOK).choice, target)
         try:
             there = _apart(system, options, flying)
         except ComponentError:
             continue
         # what the flights before would have come to with as many, by the second power to be safe
-        share = (more.estimate or 0.0) * (more.inner / there.inner) ** 2
+        share = (more.estimate or 0.0) * (more.substeps / there.substeps) ** 2
         share = max(share, there.estimate or 0.0)
-        again = [*choice.again, text] if there.inner > choice.inner else more.again
+        again = [*choice.again, text] if there.substeps > choice.substeps else more.again
         seen = tuple(map(max, more.reached or choice.reached, found.largest()))
         more = replace(
-            more, inner=there.inner, estimate=share, again=again, reached=seen,  # type: ignore[arg-type]
+            more, substeps=there.substeps, estimate=share, again=again, reached=seen,  # type: ignore[arg-type]
             flown=more.flown + there.flown, seconds=more.seconds + there.seconds,
         )  # fmt: skip
     return None if more is choice else more
@@ -149,12 +149,12 @@ def looked_at_again(
 def decimated(system: System, options: Options) -> Slow | None:
     """How much a system errs as components that hand means on, or feed what does, do not step at
     every step: attitude (rad) and a wheel's momentum (N m s), the largest over the first LONGEST
-    steps. None where all do, or where nothing can be told. `system` has its inner steps.
+    steps. None where all do, or where nothing can be told. `system` has its substeps.
 
     As many flights, one of them without these decimations, and ROUGH times their difference.
     """
     names = system.components
-    whole = replace(system, inner=2, components={
+    whole = replace(system, substeps=2, components={
         name: replace(c, decimation=1) for name, c in names.items()
     })  # fmt: skip
     if options.algorithm == "jacobi" or residual.applies(system) is None:
@@ -224,13 +224,13 @@ def _with(component: Component, given: dict[str, list[Scalar]]) -> Component:
 
 
 def _not_flown(system: System, options: Options) -> str:
-    """Why a system makes one inner step, where there is nothing to choose by; else nothing."""
+    """Why a system makes one substep, where there is nothing to choose by; else nothing."""
     if options.algorithm == "jacobi":
-        return "jacobi takes no inner steps"
+        return "jacobi takes no substeps"
     if residual.applies(system) is None:
         return "there is no rigid body with wheels to judge by"
     try:
-        every = schedule(replace(system, inner=2)).rates.every
+        every = schedule(replace(system, substeps=2)).rates.every
     except DesatError as error:
         return str(error).splitlines()[0]
     return _foreign(system, options, every)
@@ -263,7 +263,7 @@ class _Flight:
 
 
 class _Flights:
-    """Flights of a system with more and more inner steps, from `least` on, of `longest` steps at
+    """Flights of a system with more and more substeps, from `least` on, of `longest` steps at
     most."""
 
     def __init__(self, system: System, options: Options, least: int, longest: int) -> None:
@@ -277,7 +277,7 @@ class _Flights:
         self._longest_error: Array | None = None
         self._steps = 0
 
-    def choice(self, target: str) -> InnerChoice:
+    def choice(self, target: str) -> SubstepChoice:
         """The first count that is accurate enough. Raises DesatError, with the reason."""
         tried: dict[int, float] = {}
         began = time.process_time()
@@ -294,19 +294,19 @@ class _Flights:
                 seen, many = None, len(error)
                 if many <= self._system.steps:
                     seen = reached_by(self._body, *(x[:many] for x in astuple(coarse))).largest()
-                return InnerChoice(
+                return SubstepChoice(
                     n, self._system.accuracy, tried[n], steps=many - 1, tried=tried, reached=seen,
                     flown=self._steps, seconds=time.process_time() - began,
                 )  # fmt: skip
             coarse = fine
-        raise DesatError(f"{target}: inner = auto: {self._reason(tried, error)}; take a larger "
+        raise DesatError(f"{target}: substeps = auto: {self._reason(tried, error)}; take a larger "
                          "--accuracy, or a shorter --step")  # fmt: skip
 
-    def flown(self, inner: int, free: int = FREE) -> _Flight:
-        """A flight as long as so many inner steps last."""
-        steps = min(self._system.steps, max(8, min(free // inner, self._longest)))
-        self._steps += steps * inner
-        system = replace(self._system, inner=inner)
+    def flown(self, substeps: int, free: int = FREE) -> _Flight:
+        """A flight as long as so many substeps last."""
+        steps = min(self._system.steps, max(8, min(free // substeps, self._longest)))
+        self._steps += steps * substeps
+        system = replace(self._system, substeps=substeps)
         columns = {tuple(name.rsplit(".", 1)) for name in self._series}
         master = Master(
             system, schedule(system), watched=lambda c, s: (c, s.series) in columns,
@@ -330,7 +330,7 @@ class _Flights:
         return _Flight(times, *np.split(rows, [4, 7, 11], axis=1))
 
     def _estimate(self, coarse: _Flight, fine: _Flight) -> tuple[float, Array]:
-        """What a flight errs (rad) at the run's end, by one with more inner steps; and the largest
+        """What a flight errs (rad) at the run's end, by one with more substeps; and the largest
         difference until each of the rows that both have (rad)."""
         many = min(len(coarse.q), len(fine.q))
         error = np.maximum.accumulate(np.radians(pointing(coarse.q[:many], fine.q[:many])))
@@ -356,7 +356,7 @@ class _Flights:
     def _reason(self, tried: dict[int, float], error: Array) -> str:
         """Why no count was accurate enough."""
         last = max(tried)
-        text = (f"with {last} inner steps, of {MOST_INNER} at most, the attitude would still err "
+        text = (f"with {last} substeps, of {MOST_SUBSTEPS} at most, the attitude would still err "
                 f"by {tried[last]:.2e} rad, accuracy is {self._system.accuracy:g} rad")  # fmt: skip
         risen = float(error[-1]) / max(float(error[len(error) // 2]), 1e-15)
         if not isfinite(tried[last]):
@@ -364,8 +364,10 @@ class _Flights:
         if risen > 100.0:
             return f"{text}: the motion amplifies any error, {risen:.0e} times in its second half"
         ratios = [a / b for a, b in pairwise(list(tried.values())[-4:]) if b > 0.0]
-        bound = coverage.bound(replace(self._system, inner=last)) or coverage.StepCriteria(0.0, 0.0)
-        return (f"{text}; twice the inner steps divide that by {min(ratios, default=inf):.2g} only "
+        bound = coverage.bound(replace(self._system, substeps=last)) or coverage.StepCriteria(
+            0.0, 0.0
+        )
+        return (f"{text}; twice the substeps divide that by {min(ratios, default=inf):.2g} only "
                 f"(in one: turn {bound.turn:.2g} rad, kick {bound.kick:.2g} rad)")  # fmt: skip
 
 
