@@ -526,3 +526,16 @@ def test_a_foreign_array_keeps_its_own_names(tmp_path, names, series):
     assert kept.keys() == {f"mine.{n}" for n in series}
     for name, places in series.items():
         assert np.atleast_1d(kept[f"mine.{name}"]).tolist() == [1e-5 * (i + 1) for i in places]
+
+
+def test_each_axis_of_a_series_has_a_scale(tmp_path):
+    """Readers of netCDF-4 (xarray by h5netcdf) take a file for theirs only so."""
+    execute("plant/light", Options(blocks=True, stop=10.0), tmp_path)
+    with h5py.File(tmp_path / "series.h5") as file:
+        seen = 0
+        for component in (c for c in file if c != "time" and not c.startswith(".")):
+            for series in file[component].values():
+                assert all(len(axis) == 1 for axis in series.dims), series.name
+                seen += series.ndim == 2
+        assert seen > 3
+        assert file[".element.3"][()].tolist() == [1, 2, 3]

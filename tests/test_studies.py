@@ -160,7 +160,7 @@ def test_commands(desat):
     done = desat("compare", NAME, other, "-n", "1", *short, "--json", check=True)
     assert json.loads(done.stdout)["numbers"]["coil_load"]["n"] == 1
     gone = desat("draws", NAME, "--against", NAME)
-    assert "--against; desat compare NAME OTHER -n COUNT does it" in gone.stderr
+    assert "desat compare NAME OTHER -n COUNT does it" in gone.stderr
     shown = desat("sweep", NAME, "manager.gain=1e-3,2e-3", *short, check=True).stdout
     assert "0.002" in shown
     assert "coil_load" in shown

@@ -41,11 +41,11 @@ from ..files import io
 from ..files.hardware import COMPENSATION, WHEEL_LAG, Figures, classes, friction, quantity, walk
 from ..system import cyclic
 from ..system.errors import DesatError, nearest, plain
+from ..system.model import J2000
 from ..system.quantity import Quantity, is_number
 
 Array = NDArray[np.float64]
 SCENARIOS = ("nominal", "worst", "detumbling")
-_J2000 = datetime(2000, 1, 1, 12, tzinfo=UTC)
 _UNIT = 1.5
 """Mass of a CubeSat's unit (kg)."""
 CUBESATS = {
@@ -165,7 +165,7 @@ def _template_values(wanted: CraftFacts, name: str, command: str) -> dict[str, A
     mass, mass_why = _mass(wanted, sides, units)
     inertia, inertia_why = _inertia(wanted, mass, sides, f"{mass_why}, {sides_why}")
     epoch = _epoch(wanted)
-    orbit = _orbit(wanted, (epoch - _J2000).total_seconds())
+    orbit = _orbit(wanted, (epoch - J2000).total_seconds())
     wheels = _wheels(wanted, inertia)
     rods = _rods(wanted, mass)
     dipole = 0.005 * mass
@@ -258,7 +258,7 @@ def _epoch(wanted: CraftFacts) -> datetime:
     if wanted.epoch is None:
         if of_tle is None:
             return datetime(2027, 1, 1, tzinfo=UTC)
-        return _J2000 + timedelta(seconds=round(of_tle))
+        return J2000 + timedelta(seconds=round(of_tle))
     try:
         made = datetime.fromisoformat(wanted.epoch)
     except ValueError:
@@ -276,7 +276,7 @@ def _epoch(wanted: CraftFacts) -> datetime:
 
 def _days(epoch: datetime, elements: float) -> float:
     """From the epoch of two-line elements (s since J2000) to another (days)."""
-    return ((epoch - _J2000).total_seconds() - elements) / 86400.0
+    return ((epoch - J2000).total_seconds() - elements) / 86400.0
 
 
 def _aged(days: float) -> str:

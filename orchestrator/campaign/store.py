@@ -84,6 +84,15 @@ def columns(path: Path) -> pa.Schema:
         raise _summary(path, error) from error
 
 
+def count(path: Path) -> int:
+    """How many rows a Parquet file has, by its footer. Raises DesatError where it is damaged."""
+    try:
+        _check(path)
+        return int(pq.read_metadata(path).num_rows)
+    except (pa.ArrowException, OSError) as error:
+        raise _summary(path, error) from error
+
+
 def rows_in(path: Path, wanted: Sequence[str] | None = None) -> pa.Table:
     """Its rows, of columns those of these that it has. Raises DesatError where it is damaged."""
     names = columns(path).names
@@ -176,8 +185,8 @@ class Batch:
 class Store:
     """The rows of a campaign that are there, and where further ones go."""
 
-    def __init__(self, folder: Path, count: int) -> None:
-        self.folder, self._count = folder, count
+    def __init__(self, folder: Path, cases: int) -> None:
+        self.folder, self._count = folder, cases
         self._described = described(folder)
         self._open: dict[int, dict[int, CaseRow]] = {}
         self._past = 0
@@ -186,9 +195,9 @@ class Store:
             (folder / kind).mkdir(parents=True, exist_ok=True)
         self._whole = _parts(folder)
         for row in _journal(folder):
-            if row.case // BLOCK not in self._whole and row.case < count:
+            if row.case // BLOCK not in self._whole and row.case < cases:
                 self._open.setdefault(row.case // BLOCK, {})[row.case] = row
-        self._reopen(count)
+        self._reopen()
         self._file = (folder / JOURNAL).open("a", encoding="utf-8")
 
     def close(self) -> None:
@@ -196,12 +205,14 @@ class Store:
         with naming(self.folder / JOURNAL):  # what it could not write it tries once more
             self._file.close()
 
-    def _reopen(self, count: int) -> None:
+    def _reopen(self) -> None:
         """A last block that was whole with fewer cases is not any more."""
         for block in sorted(self._whole):
-            rows = _of_block(self.folder, block)
-            if len(rows) < self._size(block):
-                self._open[block] = {row.case: row for row in rows}
+            curves = _part(self.folder, CURVES, block)
+            if curves.exists():
+                count(curves)  # its sha256 is read
+            if count(_part(self.folder, CASES, block)) < self._size(block):
+                self._open[block] = {row.case: row for row in _of_block(self.folder, block)}
                 self._whole.discard(block)
         self._rewrite()
 

@@ -28,19 +28,18 @@ from typing import Any
 import numpy as np
 
 from desat.components.bases.momentum_management import CAPACITY, ROOM
-from desat.components.contract.block import Block
 from desat.components.laws import momentum_management as laws
 from desat.components.laws import momentum_offline as offline
 from desat.components.maths.attitude import matrix, normalised
 from desat.components.physics.orbit import elements_from_state, mean_motion
 from desat.components.physics.torques import gravity_gradient
-from desat.fmus.registry import block_class
 
 from ..files.scenario import Scenario
 from ..system.check import check
 from ..system.errors import DesatError
 from ..system.model import Component, System
 from ..system.options import Options
+from ..system.parameters import bare_block
 from . import MadeDesign
 from .origin import design_of as asked_of
 from .origin import draft_of
@@ -199,7 +198,7 @@ def _course(system: System, dt: float, count: int) -> tuple[offline.Course, floa
     """What is predicted for so many samples, in eci, the orbital rate (rad/s), and the samples'
     attitudes (count, 3, 3), eci to body."""
     manager = system.components["manager"]
-    environment, guidance = (_bare(system.components[n]) for n in ("environment", "guidance"))
+    environment, guidance = (_started(system.components[n]) for n in ("environment", "guidance"))
     scaled = _value(manager, "inertia_scale") * np.array(_value(manager, "inertia"))
     inertia: Any = tuple(float(x) for x in scaled)
     live = laws.without(_value(manager, "axes_coil"), int(_value(manager, "dead_coil")))
@@ -231,14 +230,8 @@ def _mean(x: Any) -> Any:
     return (x[:-1:2] + 4.0 * x[1::2] + x[2::2]) / 6.0
 
 
-def _bare(component: Component) -> Any:
-    """The block of a component with its parameters, started."""
-    block: Block = block_class(component.interface.model)()
-    signals = component.interface.signals
-    block.access([signals[n].reference for n in component.parameters]).write(
-        list(component.parameters.values())
-    )
-    block.check()
+def _started(component: Component) -> Any:
+    block = bare_block(component)
     block.start()
     return block
 

@@ -16,11 +16,10 @@ from desat.components.blocks.spacecraft_fixed_attitude import (
     SpacecraftFixedAttitude,
     constant_torque,
 )
-from desat.components.contract.block import Block, Vec3
+from desat.components.contract.block import Vec3
 from desat.components.maths.attitude import normalised, product, rotate
 from desat.components.maths.vector import norm, scale
 from desat.components.physics.orbit import lvlh_attitude
-from desat.fmus.registry import block_class
 
 from ..engine.loop import run, stepping
 from ..engine.master import Master
@@ -31,7 +30,7 @@ from ..system.check import check
 from ..system.errors import DesatError, nearest
 from ..system.model import Component
 from ..system.options import Options
-from ..system.parameters import expand
+from ..system.parameters import bare_block, expand
 from .origin import draft_of
 
 Array = NDArray[np.floating[Any]]
@@ -99,13 +98,7 @@ class Plant:
 
     def _bare(self, name: str) -> Any:
         """The block of a component with its parameters, started."""
-        component = self._component(name)
-        block: Block = block_class(component.interface.model)()
-        signals = component.interface.signals
-        block.access([signals[n].reference for n in component.parameters]).write(
-            list(component.parameters.values())
-        )
-        block.check()
+        block: Any = bare_block(self._component(name))
         if name == "environment":
             block.start()
         return block

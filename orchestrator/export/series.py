@@ -50,7 +50,8 @@ def export(folder: Path, form: str, into: Path | None = None) -> tuple[list[Path
             else:
                 from pyarrow import parquet
 
-                parquet.write_table(table, part, compression="zstd")
+                parquet.write_table(table, part, compression="zstd", use_dictionary=False,
+                                    use_byte_stream_split=True)  # fmt: skip
     return [path], note
 
 

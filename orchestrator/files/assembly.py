@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..system.draft import Draft, DraftComponent, adopt_shared, drop_unwanted
 from ..system.errors import DesatError
 from ..system.interface import Interface, base_name
+from ..system.model import J2000
 from ..system.options import Options
 from ..system.parameters import parse_assignment
 from . import craft, library, own, paths, ssp
@@ -17,8 +17,6 @@ from .merge import Keys
 
 if TYPE_CHECKING:
     from ..language.content import Content
-
-_J2000 = datetime(2000, 1, 1, 12, tzinfo=UTC)
 
 
 def draft(
@@ -56,7 +54,7 @@ def draft(
     for name, value in content.shared.items():
         made.share(name, value, *given(("shared", name)))
     if content.epoch is not None:
-        made.share("epoch_j2000", (content.epoch - _J2000).total_seconds(), *given(("epoch",)))
+        made.share("epoch_j2000", (content.epoch - J2000).total_seconds(), *given(("epoch",)))
     for name, values in parameters.items():
         component = made.component(name, f"{where}: parameters")
         for parameter, value in values.items():

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 from dataclasses import replace
-from datetime import UTC, datetime, timedelta
+from datetime import timedelta
 from math import inf
 from pathlib import Path
 from typing import Any
@@ -19,8 +19,7 @@ from ..numbers.text import Value
 from ..system.digest import comparable
 from ..system.errors import DesatError
 from ..system.expression import Table
-
-_J2000 = datetime(2000, 1, 1, 12, tzinfo=UTC)
+from ..system.model import J2000
 
 _ROOM = 64_000
 """Bytes that the manifest of a run under way is longer than it needs."""
@@ -32,7 +31,7 @@ def attributes(manifest: Manifest) -> dict[str, str]:
     epochs = [p["epoch_j2000"].value for p in manifest.parameters.values() if "epoch_j2000" in p]
     return {
         "scenario": manifest.scenario, "title": manifest.about.get("title", ""),
-        "epoch": (_J2000 + timedelta(seconds=epochs[0])).isoformat() if epochs else "",
+        "epoch": (J2000 + timedelta(seconds=epochs[0])).isoformat() if epochs else "",
         "versions": json.dumps(manifest.versions),
     }  # fmt: skip
 

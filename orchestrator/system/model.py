@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from datetime import UTC, datetime
 from functools import cached_property
 from pathlib import Path
 from typing import Any, Literal, Protocol
@@ -15,6 +16,8 @@ from desat.components.contract.block import Scalar
 
 from .interface import Interface, OutputClass
 
+J2000 = datetime(2000, 1, 1, 12, tzinfo=UTC)
+"""What `epoch_j2000` counts from."""
 AUTO: Literal["auto"] = "auto"
 Substeps = int | Literal["auto"]
 """Substeps within a step; `auto`: a run chooses them (`runs/substep_choice.py`)."""

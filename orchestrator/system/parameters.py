@@ -13,6 +13,7 @@ from typing import Any
 from desat.components.contract import units
 from desat.components.contract.block import Scalar
 from desat.components.contract.units import Unit, conversion
+from desat.fmus.registry import block_class
 
 from .errors import DesatError, nearest
 from .interface import Interface, Signal
@@ -145,6 +146,16 @@ def _within(signal: Signal, value: float, where: str) -> float:
         got = value if isinstance(value, int) else f"{value:g}"
         raise DesatError(f"{where} = {got}{unit}: allowed is {lowest} to {highest}")
     return value
+
+
+def bare_block(component: Component) -> Any:
+    """The block of ours that a component is of, with its parameters, checked and not yet
+    started."""
+    block = block_class(component.interface.model)()
+    signals, given = component.interface.signals, component.parameters
+    block.access([signals[n].reference for n in given]).write(list(given.values()))
+    block.check()
+    return block
 
 
 @dataclass(frozen=True)

@@ -17,15 +17,14 @@ from typing import Any
 
 import numpy as np
 
-from desat.components.contract.block import Block
 from desat.components.maths.attitude import normalised, rotate
 from desat.components.physics.orbit import mean_motion
-from desat.fmus.registry import block_class
 
 from ...engine.recording.results import Results
 from ...numbers.derived import rotate_back
 from ...numbers.text import Value
-from ...system.model import Component, System
+from ...system.model import System
+from ...system.parameters import bare_block
 from .. import Parts
 from ..coil_bound import course_of
 from ..manifest import Manifest
@@ -264,10 +263,10 @@ def work(system: System) -> float:
     """Multiplications and divisions a second of a manager's law (without the wheels' part), at a
     craft at rest in the attitude of its guidance, over an hour. Indices of tables count as well:
     some ten a sample."""
-    manager, environment = _bare(system.components["manager"]), _bare(
-        system.components["environment"]
-    )  # fmt: skip
-    guidance = _bare(system.components["guidance"])
+    names = ("manager", "environment", "guidance")
+    manager, environment, guidance = blocks = [bare_block(system.components[n]) for n in names]
+    for block in blocks:
+        block.start()
     manager.q_bi = q = normalised(guidance.q_target_bi)
     manager.h_wheel = (5.0, -3.0, 8.0, 2.0)
     counter = _Counter()
@@ -315,14 +314,3 @@ def _products(code: CodeType) -> frozenset[int]:
         i.offset for i in dis.get_instructions(code)
         if i.opname == "BINARY_OP" and i.argrepr in COUNTED
     )  # fmt: skip
-
-
-def _bare(component: Component) -> Any:
-    """The block of a component with its parameters, started."""
-    block: Block = block_class(component.interface.model)()
-    signals = component.interface.signals
-    references = [signals[n].reference for n in component.parameters]
-    block.access(references).write(list(component.parameters.values()))
-    block.check()
-    block.start()
-    return block

@@ -172,7 +172,7 @@ class Results:
         """`component.variable` of every series."""
         if self._index:
             return list(self._index)
-        components = (c for c in self._file if c not in ("time", shared_tables.INTERVAL))
+        components = (c for c in self._file if c != "time" and not c.startswith("."))
         return [f"{c}.{v}" for c in components for v in sorted(self._file[c])]
 
     def _find(self, name: str) -> Any:

@@ -26,7 +26,7 @@ from isal import isal_zlib
 from numpy.typing import NDArray
 
 from . import shared_tables
-from .shared_tables import INTERVAL
+from .shared_tables import ELEMENT, INTERVAL
 
 T = TypeVar("T")
 _LEVEL = 1
@@ -264,6 +264,14 @@ class Packing:
             begin = self._file.create_dataset(INTERVAL, data=self._file["time"][: rows[0]])
             begin.attrs.update({"unit": "s", "description": "begin t_k of the interval"})
             h5ds.set_scale(begin.id, b"interval")
+        elements: dict[int, Any] = {}
         for dataset, holds in zip(sets, interval, strict=True):
             h5ds.set_label(dataset, 0, b"interval" if holds else b"time")
             h5ds.attach_scale(dataset, begin.id if holds else time, 0)
+            for many in dataset.shape[1:]:  # readers of netCDF want a scale for each axis
+                if many not in elements:
+                    name = f"{ELEMENT}{many}"
+                    elements[many] = self._file.create_dataset(name, data=np.arange(1, many + 1))
+                    h5ds.set_scale(elements[many].id, name.encode())
+                h5ds.set_label(dataset, 1, b"element")
+                h5ds.attach_scale(dataset, elements[many].id, 1)

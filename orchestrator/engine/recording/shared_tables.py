@@ -20,6 +20,8 @@ from ...system.interface import Kind
 
 MANY = 512
 INDEX = ".index"
+ELEMENT = ".element."
+"""Of vectors: the scale of their second axis, followed by how many elements they have."""
 INTERVAL = ".interval"
 """The times of outputs that hold over an interval (`packed.py`)."""
 _SIDE = 64
@@ -103,6 +105,6 @@ def index(file: Any) -> dict[str, Columns]:
 def data_sets(file: Any) -> Iterator[Any]:
     """All data sets of a file whose rows are those of a run, but for the times."""
     for name, of in file.items():
-        if name in ("time", INDEX, INTERVAL):
+        if name in ("time", INDEX, INTERVAL) or name.startswith(ELEMENT):
             continue
         yield from (of.values() if hasattr(of, "values") else (of,))
