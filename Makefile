@@ -2,7 +2,7 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: demo fmus ssp test check fuzz builds bench witness sizing papers clean
+.PHONY: demo fmus ssp test check fuzz builds bench house witness sizing papers clean
 
 demo: ssp ## build everything, run and pack one scenario, print the paper's tables beside ours
 	$(BIN)/desat run uosat12/table3-ocdc-ilqr-1
@@ -38,6 +38,9 @@ builds: fmus ## native FMUs by a second compiler (package ziglang, or CC) and un
 
 bench: ssp .venv-basilisk/.tried ## microseconds per step of ours and of others, into benchmarks/latest.json
 	$(BIN)/python -m benchmarks.run
+
+house: fmus ## the way of a target to its run, size, names and the commands' CPU, beside their aims
+	$(BIN)/python -m benchmarks.house
 
 witness: fmus .venv-basilisk/.tried ## the closed loop in Basilisk beside ours, against what is stored; WRITE=--write stores it anew
 	$(BIN)/python -m benchmarks.witness $(WRITE)

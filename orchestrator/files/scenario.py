@@ -176,7 +176,7 @@ def survey(family: str) -> tuple[dict[str, Scenario], dict[str, str]]:
     return good, broken
 
 
-def _of_its_file(name: str) -> Scenario | None:
+def of_its_file(name: str) -> Scenario | None:
     """The scenario of a name from the one file that has it; None where there is none, or something
     is wrong: `survey` says what."""
     family, _, rest = name.partition("/")
@@ -224,19 +224,12 @@ def scenarios(family: str | None = None) -> dict[str, Scenario]:
     return good
 
 
-def exists(name: str) -> bool:
-    """Whether there is a scenario of a name. Raises DesatError for a bad file of its family, where
-    it is in none that is right."""
-    family = name.partition("/")[0]
-    return _of_its_file(name) is not None or (family in families() and name in scenarios(family))
-
-
 def find(name: str) -> Scenario:
     """The scenario of a name. Raises DesatError with the nearest name, or with what is wrong with
     its file."""
     family, _, rest = name.partition("/")
-    if (scenario := _of_its_file(name)) is not None and all(
-        _of_its_file(f"{family}/{other}") for _, other in _others(scenario.content)
+    if (scenario := of_its_file(name)) is not None and all(
+        of_its_file(f"{family}/{other}") for _, other in _others(scenario.content)
     ):
         return scenario
     known, _ = readable(family if family in families() else None)

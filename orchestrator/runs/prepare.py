@@ -306,8 +306,7 @@ def _packed_scenario(draft: Draft) -> Scenario | None:
 
 def _packed_from(draft: Draft) -> Scenario | None:
     """The scenario of ours that a packed system was packed from."""
-    name = content_of(draft.about).name
-    return scenario.find(name) if scenario.exists(name) else None
+    return scenario.of_its_file(content_of(draft.about).name)
 
 
 # --- Which components run in processes of their own, and what to say where there can be none ----

@@ -60,31 +60,8 @@ ASIDE: Mapping[str, Mapping[str, str]] = {
         "usual": "a value outside of it is said",
         "needed_by": "what is missing is refused",
     },
-    "Options": {
-        "sets": "in the resolved system",
-        "values": "in the resolved system",
-        "sources": "in the resolved system",
-        "stop": "in the resolved system",
-        "step": "in the resolved system",
-        "substeps": "in the resolved system",
-        "accuracy": "in the resolved system",
-        "output_classes": "in the resolved system",
-        "design": "in the resolved system, as parameters",
-        "blocks": "the same bits",
-        "fmus": "the same bits",
-        "loop": "the same bits",
-        "isolate": "the same bits",
-        "supervised": "the same bits",
-        "record": "which series are kept; what numbers are made of is",
-        "trusted": "whether it runs at all",
-        "strict": "whether it runs at all",
-        "outside": "whether it runs at all",
-        "time_limit": "ends a run that takes long; it is then not completed",
-        "call_limit": "ends a run that takes long; it is then not completed",
-        "checkpoint": "the same bits",
-    },
 }  # fmt: skip
-"""Fields that are in no digest, by class, and why."""
+"""Fields that are in no digest, by class, and why; of `Options` each says so itself (`aside`)."""
 TEXTS = ("title", "description", "source", "baseline", "labels", "name", "cell")
 """Keys of a scenario's content that are for people."""
 RESOLVED = ("substeps", "accuracy", "output_classes")
@@ -146,7 +123,10 @@ def _fields_of(kind: Any) -> Callable[[Any], tuple[Any, ...]] | None:
     if not isinstance(kind, type) or not is_dataclass(kind):
         return None
     aside = ASIDE.get(kind.__name__, {})
-    names = tuple(f.name for f in fields(kind) if f.init and f.name not in aside)
+    names = tuple(
+        f.name for f in fields(kind)
+        if f.init and f.name not in aside and not f.metadata.get("aside")
+    )  # fmt: skip
     return attrgetter("__class__.__name__", *names)
 
 

@@ -51,49 +51,60 @@ _CHOICES = {"fmus": Fmus, "loop": Loop, "isolate": Isolate}
 _TIMES = ("stop", "step", "time_limit", "call_limit", "checkpoint")
 
 
+RESOLVED, SAME_BITS = "in the resolved system", "the same bits"
+
+
+def option(aside: str, default: Any = None, factory: Any = None) -> Any:
+    """A field of `Options`. `aside`: why it is in no digest (`digest.py`); "" for one that moves
+    bits of a run by itself."""
+    if factory is not None:
+        return field(default_factory=factory, metadata={"aside": aside})
+    return field(default=default, metadata={"aside": aside})
+
+
 @dataclass
 class Options:
     """What the command line may change about a run."""
 
-    sets: list[str] = field(default_factory=list)
-    sources: list[str] = field(default_factory=list)
+    sets: list[str] = option(RESOLVED, factory=list)
+    sources: list[str] = option(RESOLVED, factory=list)
     """`component=FMU`: a file, or one of ours by its name, in a component's place"""
-    stop: float | None = None
-    step: float | None = None
-    substeps: Substeps | None = None
+    stop: float | None = option(RESOLVED, None)
+    step: float | None = option(RESOLVED, None)
+    substeps: Substeps | None = option(RESOLVED, None)
     """Substeps within each step (`system/schedule.py`); `auto`: the run chooses them."""
-    accuracy: float | None = None
+    accuracy: float | None = option(RESOLVED, None)
     """Attitude error (rad) that `auto` keeps below."""
-    algorithm: Algorithm = "conserving"
-    blocks: bool = False
-    fmus: Fmus = "native"
+    algorithm: Algorithm = option("", "conserving")
+    blocks: bool = option(SAME_BITS, False)
+    fmus: Fmus = option(SAME_BITS, "native")
     """Which of our FMUs run; the same bits. Where there is no native one, the one of Python."""
-    record: tuple[str, ...] = ("*",)
-    every: int = 1
-    output_classes: dict[str, Any] = field(default_factory=dict)
-    values: dict[str, Any] = field(default_factory=dict)
+    record: tuple[str, ...] = option("which series are kept; what numbers are made of is", ("*",))
+    every: int = option("", 1)
+    output_classes: dict[str, Any] = option(RESOLVED, factory=dict)
+    values: dict[str, Any] = option(RESOLVED, factory=dict)
     """`component.variable` -> value, beside `sets`, for callers that are programs."""
-    design: str | None = None
+    design: str | None = option("in the resolved system, as parameters", None)
     """Of a scenario with a [design]: a file with another one, or `now`: made for these values."""
-    trusted: frozenset[str] | None = None
+    trusted: frozenset[str] | None = option("whether it runs at all", None)
     """The sha256 of the FMUs that may run besides ours; None: all may."""
-    outside: bool = False
+    outside: bool = option("whether it runs at all", False)
     """Whether an SSP may name files outside its folder."""
-    strict: bool = False
+    strict: bool = option("whether it runs at all", False)
     """A foreign FMU whose model description breaks the standard is refused."""
-    time_limit: float | None = None
+    time_limit: float | None = option("ends a run that takes long; it is then not completed", None)
     """Wall time (s) that stepping may take; the run ends between two steps"""
-    loop: Loop = "compiled"
+    loop: Loop = option(SAME_BITS, "compiled")
     """What steps; the compiled loop only where it can be had."""
-    supervised: bool = False
+    supervised: bool = option(SAME_BITS, False)
     """It runs in a process of its own, where there are such (POSIX)."""
-    call_limit: float = 300.0
+    call_limit: float = option("ends a run that takes long; it is then not completed", 300.0)
     """Wall time (s) that one call of a component may take, where it is supervised or isolated."""
-    isolate: Isolate = "foreign"
+    isolate: Isolate = option(SAME_BITS, "foreign")
     """Which FMUs run in a process each, where there are such (POSIX)."""
-    halvings: int = 0
+    halvings: int = option("", 0)
     """A step that a foreign FMU discards is made in halves, so many times at most."""
-    checkpoint: float | None = None
+    checkpoint: float | None = option(SAME_BITS, None)
     """Simulated time (s) between checkpoints, which `runs/run.py` goes on from."""
 
     def __post_init__(self) -> None:

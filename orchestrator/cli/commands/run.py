@@ -192,13 +192,13 @@ def _new_folder(name: str) -> Path:
 
 def _run_baseline(finished: Run, options: Options, folder: Path) -> Run | None:
     """Run the baseline that the scenario names, into a folder beside, and compare."""
-    from ...files.scenario import exists
+    from ...files.scenario import of_its_file
     from ...runs.manifest import end_manifest, related_to
     from ...runs.run import execute, has_checkpoints, resume
 
     about = finished.manifest.about
     name = about.get("name", "").partition("/")[0] + "/" + about.get("baseline", "")
-    if not about.get("baseline") or name == about["name"] or not exists(name):
+    if not about.get("baseline") or name == about["name"] or of_its_file(name) is None:
         return None
     baseline_folder = folder / TWIN
     if has_checkpoints(baseline_folder):
