@@ -51,60 +51,59 @@ _CHOICES = {"fmus": Fmus, "loop": Loop, "isolate": Isolate}
 _TIMES = ("stop", "step", "time_limit", "call_limit", "checkpoint")
 
 
-RESOLVED, SAME_BITS = "in the resolved system", "the same bits"
-
-
-def option(aside: str, default: Any = None, factory: Any = None) -> Any:
-    """A field of `Options`. `aside`: why it is in no digest (`digest.py`); "" for one that moves
-    bits of a run by itself."""
-    if factory is not None:
-        return field(default_factory=factory, metadata={"aside": aside})
-    return field(default=default, metadata={"aside": aside})
+RESOLVED = {"aside": "in the resolved system"}
+SAME_BITS = {"aside": "the same bits"}
+WHETHER = {"aside": "whether it runs at all"}
+ENDS = {"aside": "ends a run that takes long; it is then not completed"}
+COUNTS = {"aside": ""}
+"""Of a field of `Options`: why it is in no digest (`digest.py`); COUNTS: it is."""
 
 
 @dataclass
 class Options:
     """What the command line may change about a run."""
 
-    sets: list[str] = option(RESOLVED, factory=list)
-    sources: list[str] = option(RESOLVED, factory=list)
+    sets: list[str] = field(default_factory=list, metadata=RESOLVED)
+    sources: list[str] = field(default_factory=list, metadata=RESOLVED)
     """`component=FMU`: a file, or one of ours by its name, in a component's place"""
-    stop: float | None = option(RESOLVED, None)
-    step: float | None = option(RESOLVED, None)
-    substeps: Substeps | None = option(RESOLVED, None)
+    stop: float | None = field(default=None, metadata=RESOLVED)
+    step: float | None = field(default=None, metadata=RESOLVED)
+    substeps: Substeps | None = field(default=None, metadata=RESOLVED)
     """Substeps within each step (`system/schedule.py`); `auto`: the run chooses them."""
-    accuracy: float | None = option(RESOLVED, None)
+    accuracy: float | None = field(default=None, metadata=RESOLVED)
     """Attitude error (rad) that `auto` keeps below."""
-    algorithm: Algorithm = option("", "conserving")
-    blocks: bool = option(SAME_BITS, False)
-    fmus: Fmus = option(SAME_BITS, "native")
+    algorithm: Algorithm = field(default="conserving", metadata=COUNTS)
+    blocks: bool = field(default=False, metadata=SAME_BITS)
+    fmus: Fmus = field(default="native", metadata=SAME_BITS)
     """Which of our FMUs run; the same bits. Where there is no native one, the one of Python."""
-    record: tuple[str, ...] = option("which series are kept; what numbers are made of is", ("*",))
-    every: int = option("", 1)
-    output_classes: dict[str, Any] = option(RESOLVED, factory=dict)
-    values: dict[str, Any] = option(RESOLVED, factory=dict)
+    record: tuple[str, ...] = field(
+        default=("*",), metadata={"aside": "which series are kept; what numbers are made of is"}
+    )
+    every: int = field(default=1, metadata=COUNTS)
+    output_classes: dict[str, Any] = field(default_factory=dict, metadata=RESOLVED)
+    values: dict[str, Any] = field(default_factory=dict, metadata=RESOLVED)
     """`component.variable` -> value, beside `sets`, for callers that are programs."""
-    design: str | None = option("in the resolved system, as parameters", None)
+    design: str | None = field(default=None, metadata=RESOLVED)
     """Of a scenario with a [design]: a file with another one, or `now`: made for these values."""
-    trusted: frozenset[str] | None = option("whether it runs at all", None)
+    trusted: frozenset[str] | None = field(default=None, metadata=WHETHER)
     """The sha256 of the FMUs that may run besides ours; None: all may."""
-    outside: bool = option("whether it runs at all", False)
+    outside: bool = field(default=False, metadata=WHETHER)
     """Whether an SSP may name files outside its folder."""
-    strict: bool = option("whether it runs at all", False)
+    strict: bool = field(default=False, metadata=WHETHER)
     """A foreign FMU whose model description breaks the standard is refused."""
-    time_limit: float | None = option("ends a run that takes long; it is then not completed", None)
+    time_limit: float | None = field(default=None, metadata=ENDS)
     """Wall time (s) that stepping may take; the run ends between two steps"""
-    loop: Loop = option(SAME_BITS, "compiled")
+    loop: Loop = field(default="compiled", metadata=SAME_BITS)
     """What steps; the compiled loop only where it can be had."""
-    supervised: bool = option(SAME_BITS, False)
+    supervised: bool = field(default=False, metadata=SAME_BITS)
     """It runs in a process of its own, where there are such (POSIX)."""
-    call_limit: float = option("ends a run that takes long; it is then not completed", 300.0)
+    call_limit: float = field(default=300.0, metadata=ENDS)
     """Wall time (s) that one call of a component may take, where it is supervised or isolated."""
-    isolate: Isolate = option(SAME_BITS, "foreign")
+    isolate: Isolate = field(default="foreign", metadata=SAME_BITS)
     """Which FMUs run in a process each, where there are such (POSIX)."""
-    halvings: int = option("", 0)
+    halvings: int = field(default=0, metadata=COUNTS)
     """A step that a foreign FMU discards is made in halves, so many times at most."""
-    checkpoint: float | None = option(SAME_BITS, None)
+    checkpoint: float | None = field(default=None, metadata=SAME_BITS)
     """Simulated time (s) between checkpoints, which `runs/run.py` goes on from."""
 
     def __post_init__(self) -> None:
