@@ -13,6 +13,7 @@ from desat.files.scenario import scenarios
 from desat.fmus.registry import block_class, names
 from desat.runs.run import Options, prepare
 from desat.system.errors import Exit
+from desat.system.interface import interface_of_block
 
 DAY, NADIR, COMBINED = "nadir_day/day-igrf", "integrated/mil-nadir", "uosat12/table3-ocdc-ilqr-1"
 
@@ -249,7 +250,7 @@ def test_what_is_usual_is_in_the_fmu():
     seen = 0
     for name in names():
         file = library.our_file(name + ".fmu")
-        signals, block = of_fmu(file).signals, library.interface_of_block(name)
+        signals, block = of_fmu(file).signals, interface_of_block(name)
         for s in block.signals.values():
             assert signals[s.name].usual == s.usual, (name, s.name)
             seen += s.usual is not None

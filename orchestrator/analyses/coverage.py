@@ -75,6 +75,9 @@ class Body:
     carrier: Array
     axes: Array
     h_start: Array
+    spacecraft: str = ""
+    """Which component it is, and its wheels'."""
+    wheels: str = ""
 
     def turning(self, omega: Array, h: Array) -> Array:
         """|omega| + nutation (rad/s), of states (n, 3) in rad/s and (n, 4) in N m s."""
@@ -102,28 +105,30 @@ def body_of(system: System) -> Body | None:
     carrier = inertia - (axes * spin) @ axes.T
     if np.linalg.eigvalsh(carrier).min() <= 0.0:
         return None
-    return Body(carrier, axes, np.array(wheels.values.get("h_start_wheel", (0.0,) * 4)))
+    h_start = np.array(wheels.values.get("h_start_wheel", (0.0,) * 4))
+    return Body(carrier, axes, h_start, parts.spacecraft, wheels.name)
 
 
 def bound(system: System) -> StepCriteria | None:
     """The two numbers of a checked system before it runs; None where there is no rigid body with
     wheels."""
     body = body_of(system)
-    if body is None:
-        return None
-    parts = residual.applies(system)
-    assert parts is not None
-    omega = np.array(system.components[parts.spacecraft].values.get("omega_start_body", (0.0,) * 3))
+    return None if body is None else _criteria(system, body)[0]
+
+
+def _criteria(system: System, body: Body) -> tuple[StepCriteria, str]:
+    """The two numbers, and which actuator may turn the body most."""
+    omega = np.array(system.components[body.spacecraft].values.get("omega_start_body", (0.0,) * 3))
     step = system.step / system.parts
     turn = step * float(body.turning(omega[None], body.h_start[None])[0])
-    return StepCriteria(turn, max((kick for _, kick in _kicks(system, body, step)), default=0.0))
+    kicks = dict(_kicks(system, body, step))
+    who = max(kicks, key=lambda name: kicks[name], default="")
+    return StepCriteria(turn, kicks.get(who, 0.0)), who
 
 
 def _kicks(system: System, body: Body, step: float) -> Iterator[tuple[str, float]]:
     """What each actuator that the body feels may turn it in a step (rad), and its name."""
-    parts = residual.applies(system)
-    target = parts and parts.spacecraft
-    for name in sorted({c.source for c in system.connections if c.target == target}):
+    for name in sorted({c.source for c in system.connections if c.target == body.spacecraft}):
         torques = np.array(list(_torques(system, name, body)), dtype=float).reshape(-1, 3)
         if len(torques):
             yield name, step**2 * float(body.pushed(torques).max())
@@ -165,18 +170,15 @@ def _speeds(parts: StepParts, h: Array) -> Array:
 def warnings(system: System) -> list[str]:
     """What leaves the range that the cases cover, a line each; none of a run that chooses its
     substeps, which looks itself."""
-    body = body_of(system)
-    numbers = None if system.substeps == AUTO else bound(system)
-    if body is None or numbers is None:
+    body = None if system.substeps == AUTO else body_of(system)
+    if body is None:
         return []
-    kicks = dict(_kicks(system, body, system.step / system.parts))
-    who = max(kicks, key=lambda name: kicks[name], default="")
+    numbers, who = _criteria(system, body)
     lines = [
         _line(TEXTS[name].format(who), value, getattr(LIMITS, name))
         for name, value in _beyond(numbers)
     ]
-    parts = applies(system)
-    assert parts is not None
+    parts = _step_parts(system, body)
     left = jitter(parts, _speeds(parts, body.h_start[None]), system.step / system.parts)
     return lines + _of_jitter(left, "at the speeds of the start")
 
@@ -248,12 +250,16 @@ PARTS = StepParts
 
 def applies(system: System) -> StepParts | None:
     """As for the momentum residual, with what is looked at after a run, and the body."""
-    parts, body = residual.applies(system), body_of(system)
-    if parts is None or body is None:
-        return None
-    craft = parts.spacecraft
-    series = [f"{craft}.q_bi", f"{craft}.omega_bi_body", parts.wheels, f"{craft}.impulse_eci"]
-    wheels = system.components[parts.wheels.partition(".")[0]]
+    body = body_of(system)
+    return None if body is None else _step_parts(system, body)
+
+
+def _step_parts(system: System, body: Body) -> StepParts:
+    craft, wheels = body.spacecraft, system.components[body.wheels]
+    feed = next(c for c in system.connections
+                if (c.target, c.input) == (craft, "h_wheel[1]"))  # fmt: skip
+    series = [f"{craft}.q_bi", f"{craft}.omega_bi_body", f"{feed.source}.{feed.output_array}",
+              f"{craft}.impulse_eci"]  # fmt: skip
     spin = system.components[craft].values["inertia_wheel"]
     return StepParts(series, body.axes.tolist(), body.carrier.tolist(), spin,
                  float(np.max(wheels.values.get("unbalance", 0.0))))  # fmt: skip

@@ -34,7 +34,7 @@ from desat.fmus import registry
 
 from ..system.draft import Draft, DraftComponent
 from ..system.errors import DesatError, nearest
-from ..system.interface import Interface, elements, misfit, names, usual_sources
+from ..system.interface import Interface, elements, interface_of_block, misfit, names, usual_sources
 from ..system.model import Connection, Connector, Fmu
 from ..system.parameters import expand
 from . import hardware, library, paths
@@ -162,7 +162,7 @@ class _Reader:
     def from_block(self, source: str) -> tuple[Fmu | None, Interface]:
         if source not in registry.names():
             raise DesatError(f"no such block{nearest(source, registry.names())}")
-        return library.of_ours(f"{source}.fmu"), library.interface_of_block(source)
+        return library.of_ours(f"{source}.fmu"), interface_of_block(source)
 
     def role(self, name: str, source: str, interface: Interface) -> str:
         """The role of a component; nothing, and a problem, where its name says another."""

@@ -22,7 +22,7 @@ from desat.fmus import meaning, registry
 
 from ..system.draft import Draft, DraftComponent
 from ..system.errors import DesatError, nearest
-from ..system.interface import Interface, of_block
+from ..system.interface import Interface, interface_of_block
 from ..system.model import Component, Fmu, System
 from ..system.options import Options
 from . import io, own, paths
@@ -334,12 +334,6 @@ def load_interface(draft: Draft, c: DraftComponent, blocks: bool) -> bool:
     if blocks:
         c.fmu = None
     return c.interface is not None
-
-
-@cache
-def interface_of_block(name: str) -> Interface:
-    """The interface of one of our blocks, by its name."""
-    return of_block(name, registry.block_class(name))
 
 
 def _interface(c: DraftComponent, blocks: bool) -> Interface:

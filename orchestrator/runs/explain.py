@@ -12,12 +12,12 @@ from desat.components.contract.fitting import needs_of
 from desat.components.contract.roles import Manager
 from desat.fmus import registry
 
-from ..files import library, reader, scenario
+from ..files import reader, scenario
 from ..files.merge import origin
 from ..files.scenario import Scenario
 from ..numbers.measures import LATE, MEASURES
 from ..system.errors import DesatError, nearest
-from ..system.interface import Signal
+from ..system.interface import Signal, interface_of_block
 from ..system.resolve import resolve
 from . import validation
 
@@ -181,7 +181,7 @@ def _plain(value: Any) -> Any:
 def blocks(what: str | None) -> tuple[str, list[dict[str, str]]]:
     """A text for people and rows: all blocks, those of a role, or the variables of one. Raises
     DesatError for what is neither."""
-    known = {name: library.interface_of_block(name) for name in registry.names()}
+    known = {name: interface_of_block(name) for name in registry.names()}
     if what in known:
         assert what is not None
         interface = known[what]

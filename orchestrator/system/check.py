@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
-from functools import cache, lru_cache
+from functools import lru_cache
 
 from desat.components.contract.block import Block, BlockError, Scalar
 from desat.fmus.registry import block_class, names
@@ -13,7 +13,7 @@ from desat.fmus.registry import block_class, names
 from .draft import Draft
 from .errors import DesatError, nearest
 from .expression import names_in, values_of
-from .interface import base_name, computers, of_block
+from .interface import base_name, computers, interface_of_block
 from .model import Component, System
 from .parameters import table
 from .refusal import REFUSES, explain
@@ -327,12 +327,7 @@ def _foresees(c: Component) -> bool:
     model = c.interface.model
     if model not in names() or block_class(model).foresee is Block.foresee:
         return False
-    return c.interface.signals.keys() == _variables(model)
-
-
-@cache
-def _variables(model: str) -> frozenset[str]:
-    return frozenset(of_block(model, block_class(model)).signals)
+    return c.interface.signals.keys() == interface_of_block(model).signals.keys()
 
 
 @lru_cache(maxsize=256)

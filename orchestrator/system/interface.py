@@ -16,6 +16,7 @@ from desat.components.contract import roles
 from desat.components.contract.block import Block, Scalar
 from desat.components.contract.units import Unit, conversion, unit_of
 from desat.fmus.description import describe, title
+from desat.fmus.registry import block_class
 
 Kind = Literal["Real", "Integer", "Boolean"]
 KINDS: tuple[Kind, ...] = ("Real", "Integer", "Boolean")
@@ -152,6 +153,12 @@ def _in_order(elements: list[tuple[int, Signal]]) -> bool:
 def base_name(name: str) -> str:
     """`b_eci[2]` -> `b_eci`"""
     return name.partition("[")[0]
+
+
+@cache
+def interface_of_block(name: str) -> Interface:
+    """The interface of one of our blocks, by its name."""
+    return of_block(name, block_class(name))
 
 
 def of_block(name: str, block: type[Block]) -> Interface:
