@@ -13,10 +13,10 @@ from conftest import ROOT
 SSP = "the .ssp of nadir_day/day-dipole"
 LIMITS = {
     # target -> functions, calls from file to file, all calls
-    "uosat12/table3-ocdc-ilqr-1": (311, 204, 14_600),
-    "nadir_day/day-dipole": (325, 222, 11_800),
-    "space_telescope/ours-nominal": (367, 270, 55_900),
-    SSP: (322, 207, 21_400),
+    "uosat12/table3-ocdc-ilqr-1": (255, 146, 13_400),
+    "nadir_day/day-dipole": (251, 131, 9_300),
+    "space_telescope/ours-nominal": (295, 172, 50_600),
+    SSP: (248, 118, 8_900),
 }
 
 
