@@ -423,7 +423,8 @@ def test_gyroscopic_feed_forward_does_not_depend_on_the_step(tmp_path):
     """Once 1.8e-3 rad: the samples' command was made anew at every step."""
     file = tmp_path / "gyroscopic.toml"
     file.write_text(
-        'extends = "gyrostat/full"\ntitle = "With gyroscopic feed-forward"\nstory = "The same."\n'
+        'extends = "gyrostat/full"\ntitle = "With gyroscopic feed-forward"\n'
+        'description = "The same."\n'
         "stop = 60.0\n[parameters.manager]\ngyroscopic = true\n"
     )
 

@@ -229,7 +229,7 @@ def family(tmp_path, monkeypatch):
     (folder / "scenarios").mkdir(parents=True)
     (folder / "craft.toml").write_text(GOOD, encoding="utf-8")
     (folder / "scenarios" / "one.toml").write_text(
-        'title = "One"\nstory = "Two."\nstep = 1.0\nstop = 20.0\n'
+        'title = "One"\ndescription = "Two."\nstep = 1.0\nstop = 20.0\n'
         '[sources]\nenvironment = "environment_kepler"\n', encoding="utf-8",
     )  # fmt: skip
     monkeypatch.setattr(scenario, "ROOT", tmp_path / "ssp")

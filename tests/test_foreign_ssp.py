@@ -111,7 +111,7 @@ def ssp(folder: Path, gain: Path, system: str, after: str = "", **options: str) 
 
 
 def last(file: Path, name: str) -> float:
-    run = desat.run(str(file), stop=2.0, step=0.5, inner=1)
+    run = desat.run(str(file), stop=2.0, step=0.5, substeps=1)
     assert run.manifest.status == "completed"
     return float(run.results.values(name)[-1])
 
@@ -426,12 +426,12 @@ def test_what_becomes_of_public_ones_becomes_of_their_kind(
 ) -> None:
     file = ssp(tmp_path, gain, STAND_INS[said](tmp_path, gain))
     if said == "fails":
-        run = desat.run(str(file), step=0.5, inner=1)
+        run = desat.run(str(file), step=0.5, substeps=1)
         assert run.manifest.status == "failed"
         assert run.manifest.message == "a.y = nan at t = 5.5 s"
         return
     with pytest.raises(DesatError) as caught:
-        desat.run(str(file), inner=1)
+        desat.run(str(file), substeps=1)
     what, _, kind = said.partition(", of an ")
     lines = [line for line in str(caught.value).splitlines() if what in line]
     assert lines
@@ -491,14 +491,14 @@ def test_their_ways_to_write_run_to_the_end(
     tmp_path: Path, gain: Path, made, options: dict[str, object], name: str
 ) -> None:
     file = made(tmp_path, gain)
-    run = desat.run(str(file), inner=1, **options)
+    run = desat.run(str(file), substeps=1, **options)
     assert run.manifest.status == "completed"
     assert (run.manifest.steps_done, run.results.values(name)[-1]) == (4, 6.0)
     if "outside" in options:
         with pytest.raises(DesatError, match=r"no step is given; use --step"):
-            desat.run(str(file), inner=1, outside=True)
+            desat.run(str(file), substeps=1, outside=True)
         with pytest.raises(DesatError, match=r"is outside the folder"):
-            desat.run(str(file), inner=1, step=0.25)
+            desat.run(str(file), substeps=1, step=0.25)
 
 
 def test_each_outcome_of_public_ones_has_a_stand_in() -> None:

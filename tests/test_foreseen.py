@@ -290,7 +290,7 @@ inertia = [1, 0, 0, 0, 2, 0, 0, 0, 2.5]
 def test_another_manager_of_a_scenario_keeps_them_too(tmp_path):
     (tmp_path / "craft.toml").write_text(CRAFT, encoding="utf-8")
     file = tmp_path / "own.toml"
-    text = 'title = "Own"\nstory = "Own."\ncraft = "craft.toml"\nstep = 1.0\nstop = 10.0\n'
+    text = 'title = "Own"\ndescription = "Own."\ncraft = "craft.toml"\nstep = 1.0\nstop = 10.0\n'
     text += 'sources.manager = "manager_closed_loop"\n'
     of = "inertia = [1, 0, 0, 0, 2, 0, 0, 0,"
     for given, known in (("", 2.5), (f"parameters.spacecraft.{of} 2]", 2.0),
