@@ -19,7 +19,7 @@ from scipy.spatial.transform import Rotation
 
 from desat import cli
 from desat.campaign.sampling import draw_of
-from desat.files import paths, scenario
+from desat.files import paths, reader, scenario
 from desat.files.scenario import find, load, own
 from desat.language import paper
 from desat.language import scenario as language
@@ -512,3 +512,15 @@ def test_a_file_may_extend_a_cell_of_a_table_whose_rows_are_then_its_own(tmp_pat
     rows = own(file).content.entries
     assert rows == find("uosat12/table3-ocdc-ilqr-1").content.entries
     assert (rows["firing_time"].values, rows["firing_time"].tolerance) == (71.45, "3 %")
+
+
+@pytest.mark.parametrize(("old", "new"), reader.RENAMED.items())
+def test_a_key_of_before_is_refused_with_its_name_of_now(tmp_path, old, new):
+    file = tmp_path / "own.toml"
+    file.write_text(f'extends = "nadir_day/day-dipole"\n{old} = 1\n')
+    with pytest.raises(DesatError, match=f":2: {old}: unknown key; it is called {new}$"):
+        scenario.own(file)
+    file.write_text(f'extends = "nadir_day/day-dipole"\n[numbers.x]\n{old} = 1\n')
+    with pytest.raises(DesatError, match=f"numbers.x.{old}: unknown key") as error:
+        scenario.own(file)
+    assert "it is called" not in str(error.value)

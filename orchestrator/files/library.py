@@ -223,7 +223,7 @@ def find(source: str, folder: Path) -> Fmu | None:
 
 
 def of_ours(source: str, kind: str = "native") -> Fmu | None:
-    """As `built`."""
+    """As `our_file`."""
     path = our_file(source, kind)
     return load(path) if path is not None else None
 

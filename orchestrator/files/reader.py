@@ -104,7 +104,8 @@ def read_packed(path: Path, where: str) -> Content:
 
 def _text(model: type[Table], path: Keys, error: dict[str, Any]) -> str:
     kind, context = error["type"], error.get("ctx", {})
-    if kind == "extra_forbidden" and path[-1] in RENAMED:
+    of_scenario = len(path) == 1 or (path[:1] == ("axes",) and len(path) == 4)
+    if kind == "extra_forbidden" and of_scenario and path[-1] in RENAMED:
         return f"unknown key; it is called {RENAMED[path[-1]]}"
     if kind == "extra_forbidden":
         return f"unknown key{nearest(path[-1], keys(table_at(model, path[:-1]) or model))}"

@@ -111,14 +111,6 @@ def read(target: str) -> Target:
     raise DesatError(f"{target}: it ends in none of .toml, .ssp, .ssd, and is no folder")
 
 
-RUNS: tuple[Callable[[System, Options], Iterable[str]], ...]
-"""What stands against a run with its options, each a line a problem."""
-SYSTEMS: tuple[Callable[[System], Iterable[str]], ...]
-"""What stands against running a system."""
-WARNINGS: tuple[Callable[[System], Iterable[str]], ...]
-"""What to beware of in one."""
-
-
 def prepare(target: str | Target, options: Options) -> Case:
     """Read a system, apply the options, and check it. Who makes many cases of it reads it once
     (`read`).
@@ -337,14 +329,19 @@ def _isolation_problems(system: System, options: Options) -> Iterator[str]:
         yield "--isolate all: it has no effect without an FMU"
 
 
-RUNS = (
+# --- What a case is checked for ------------------------------------------------------------------
+
+RUNS: tuple[Callable[[System, Options], Iterable[str]], ...] = (
     library.problems, validation.recording_problems, validation.not_saved, validation.not_halved,
     _isolation_problems, needs.design_problems,
 )  # fmt: skip
-SYSTEMS = (
+"""What stands against a run with its options, each a line a problem."""
+SYSTEMS: tuple[Callable[[System], Iterable[str]], ...] = (
     design_problems, accounts.problems, management.problems, needs.problems,
 )  # fmt: skip
-WARNINGS = (
+"""What stands against running a system."""
+WARNINGS: tuple[Callable[[System], Iterable[str]], ...] = (
     library.unused_warnings, accounts.warnings, coverage.warnings, energy.warnings,
     firings.warnings, fixed.warnings, wheels.warnings,
 )  # fmt: skip
+"""What to beware of in one."""

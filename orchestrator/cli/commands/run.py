@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from ...analyses.manifest import Manifest
     from ...runs.run import Options, Run
 
-TWIN = "baseline"
+BASELINE = "baseline"
 """Where the run of the baseline lies in a run folder."""
 
 
@@ -120,7 +120,7 @@ def conclude(
         _csv(finished, folder)
     if finished.ok and (other is None or other.ok):
         checkpoint.remove(folder)
-        checkpoint.remove(folder / TWIN)
+        checkpoint.remove(folder / BASELINE)
     _report_run(finished, other, folder, page, as_json)
     if code := finished.code or (other.code if other else 0):
         raise typer.Exit(code)
@@ -200,7 +200,7 @@ def _run_baseline(finished: Run, options: Options, folder: Path) -> Run | None:
     name = about.get("name", "").partition("/")[0] + "/" + about.get("baseline", "")
     if not about.get("baseline") or name == about["name"] or of_its_file(name) is None:
         return None
-    baseline_folder = folder / TWIN
+    baseline_folder = folder / BASELINE
     if has_checkpoints(baseline_folder):
         other = resume(baseline_folder.absolute())
     else:
