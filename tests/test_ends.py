@@ -15,7 +15,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from rich.table import Table
-from test_verdicts import cell
+from test_verdicts import FAILED, LATE_ONE, UNMET, WELL, cell
 
 from desat import cli
 from desat.analyses import coverage, energy, fixed, residual
@@ -38,6 +38,7 @@ from desat.runs.step_case import Outcome
 from desat.runs.stopping import LATE, Condition
 from desat.runs.supervisor import Ended
 from desat.sizing import sizing
+from desat.studies import compare
 from desat.system.errors import DesatError, Exit, RunError, nearest, plain
 from desat.system.options import Options
 
@@ -131,9 +132,8 @@ def test_a_full_disk_is_known_by_what_an_error_came_from():
 
 # --- commands -------------------------------------------------------------------------------------
 
-DRAWS = {"scenario": "a", "against": "b", "warnings": [], "draws": [], "summary": {}, "stopped": 0,
-         "points": [], "units": {}, "axes": {}, "differences": {}, "drawn_only_in_it": [],
-         "drawn_only_in_the_other": []}  # fmt: skip
+DRAWS = {"scenario": "a", "warnings": [], "draws": [], "summary": {}, "stopped": 0, "points": [],
+         "units": {}, "axes": {}}  # fmt: skip
 
 
 @pytest.mark.parametrize("as_json", [True, False])
@@ -184,6 +184,22 @@ def test_a_craft_that_cannot_hold_ends_with_1(desat, monkeypatch, problems, code
         wishes = given[-1][2]
         assert (wishes.duty, wishes.flown) == (duty, loop)
         assert not given[-1][1].blocks
+
+
+@pytest.mark.parametrize(
+    ("rows", "others", "code"),
+    [([WELL], [UNMET], 1), ([UNMET], [WELL], 1), ([WELL], [LATE_ONE], 5), ([FAILED], [WELL], 4),
+     ([WELL], [WELL], 0)],
+)  # fmt: skip
+def test_paired_draws_end_as_the_worst_of_both(desat, monkeypatch, rows, others, code):
+    both = [{"scenario": name, "warnings": [f"w{name}"],
+             "draws": [{"draw": 0, **row} for row in x]}
+            for name, x in (("a", rows), ("b", others))]  # fmt: skip
+    monkeypatch.setattr(compare, "are_campaigns", lambda targets: False)
+    monkeypatch.setattr(compare, "paired_draws", lambda *_, **__: ([], both))
+    done = desat("compare", "a", "b", "-n", "1")
+    assert done.returncode == code
+    assert done.stderr.splitlines()[:2] == ["warning: a: wa", "warning: b: wb"]
 
 
 @pytest.mark.parametrize(
