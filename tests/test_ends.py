@@ -319,7 +319,7 @@ def test_a_run_and_its_baseline_end_the_command(monkeypatch, tmp_path, own, base
         follows = wanted and own < 2
         assert ended == (code if follows or own > 1 or not baseline else own)
         theirs = baseline if follows and baseline is not None else 0
-        removed = ["a", run_command.TWIN] if own < 2 and theirs < 2 else []
+        removed = ["a", run_command.BASELINE] if own < 2 and theirs < 2 else []
         assert done == ["baseline"] * follows + ["report"] + ["csv"] * csv + removed + [csv]
 
 
