@@ -50,7 +50,7 @@ sizing: fmus ## what `desat size` says beside closed loops, papers and others, i
 
 papers: ssp ## the pages under docs/papers, from their templates and runs made now
 	$(BIN)/desat keys --markdown > docs/language.md
-	$(BIN)/python -m benchmarks.validation page
+	$(BIN)/python -m benchmarks.pages
 
 .venv-basilisk/.tried:
 	$(PYTHON) -m venv .venv-basilisk

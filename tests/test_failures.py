@@ -28,6 +28,7 @@ import pytest
 from conftest import ROOT, python
 
 from benchmarks import seen, soak
+from benchmarks.pages.sources import Sources
 from desat import cli
 from desat.campaign.draws import draws, sweep
 from desat.cli.console import plain_console
@@ -39,7 +40,6 @@ from desat.export.packing import pack
 from desat.files import io, library
 from desat.fmus import native
 from desat.papers import tables
-from desat.papers.session import Sources
 from desat.report.report import write_report
 from desat.runs import prepare as preparing
 from desat.runs import run as case
@@ -1427,7 +1427,7 @@ PROVOKED = {
     "does not know": '"NEGATIVE"', "NaN": '"NOT_FINITE"', "--halve": "halvings",
     "it forks": '"FORK"', "any call": '"FORK_BESIDE"', "finds open": '"SCRIBBLE"',
     "process group": '"KILL_GROUP"', "daemons": '"DAEMON"', "does not return": '"HANG"',
-    "`draws`": r"\bdraws\(", "`sweep`": r"sweep\(", "`tables`": r"tables\.", "`page`": "Sources",
+    "`draws`": r"\bdraws\(", "`sweep`": r"sweep\(", "`tables`": r"tables\.", "a page": "Sources",
     "logs": '"LOG"', "no POSIX": '"CAN"', "prints": '"PRINT"', "rounding mode": '"ROUNDING"',
     "traps": '"TRAPS"', "flushing": '"FLUSHED"', "locale,": '"LOCALE"', "umask": '"UMASK"',
     "working directory": '"CHDIR"', "signal handlers": '"HANDLER"', "Ctrl-C": "SIGINT",

@@ -154,7 +154,7 @@ def test_a_family_touches_no_existing_file(repository):
                 for p in files}  # fmt: skip
 
     def do(*command: str) -> str:
-        environment = {**os.environ, "PYTHONPATH": str(repository.parent / "names")}
+        environment = {**os.environ, "PYTHONPATH": f"{repository.parent / 'names'}:{repository}"}
         done = subprocess.run(
             [sys.executable, "-m", *command], cwd=repository.parent, env=environment,
             capture_output=True, text=True, check=False, timeout=100,
@@ -173,7 +173,7 @@ def test_a_family_touches_no_existing_file(repository):
     do("desat.cli", "check", "spin_down/wheels")
     assert "Three wheels spin down" in do("desat.cli", "list", "spin_down")
     run = json.loads(do("desat.cli", "run", "spin_down/wheels", "--out", "run", "--json"))
-    page = do("desat.cli", "page", "spin_down")
+    page = do("benchmarks.pages", "spin_down")
 
     # h decays by 1 - rate step at each of 50 steps; the body turns about h, which stays where it is
     start, left = sqrt(0.1**2 + 0.05**2 + 0.02**2), 0.95**50

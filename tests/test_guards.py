@@ -16,6 +16,8 @@ from pathlib import Path
 import pytest
 from conftest import ROOT, but
 
+from benchmarks.pages.sources import Sources
+from benchmarks.pages.verbs import Verbs
 from desat.campaign import draws
 from desat.designs import making, origin
 from desat.engine import trial_initialisation
@@ -26,8 +28,6 @@ from desat.fmus import meaning, registry
 from desat.fmus.meaning import sources
 from desat.fmus.slave import _name
 from desat.papers import stored
-from desat.papers.functions import Verbs
-from desat.papers.session import Sources
 from desat.runs.prepare import Target, resolved
 from desat.runs.run import Options, execute, prepare
 from desat.system.errors import DesatError

@@ -126,11 +126,6 @@ print(len(drawn["draws"]))
 
 
 def test_what_needs_a_checkout_says_so(installed, tmp_path):
-    """A page whose template reads a measurement hung for ever: its error was its own cause."""
-    told = installed("desat", "page", "nadir_day", "--into", "out", "--draft", "60", code=2)
-    assert "ssp/nadir_day/page.md:" in told
-    assert "benchmarks/latest.json: no such file" in told
-    assert told.strip().endswith("needs a checkout of desat")
     told = installed("desat", "design", "uosat12/fig2-mec-1", code=2)
     assert told.strip().endswith("--out FILE writes elsewhere")
     installed("desat", "design", "uosat12/fig2-mec-1", "--out", "mine.toml")

@@ -9,13 +9,14 @@ import re
 import numpy as np
 import pytest
 
+from benchmarks.pages.sources import Sources
+from benchmarks.pages.verbs import Verbs
 from desat.campaign import report
 from desat.campaign.draws import spreads
 from desat.files.scenario import find
 from desat.numbers import measures
 from desat.numbers.numbers import late
-from desat.papers import comparison, functions, stored
-from desat.papers.session import Sources
+from desat.papers import comparison, stored
 from desat.runs.run import Options, execute
 
 COMMON = """
@@ -133,7 +134,7 @@ def test_stored_draws_have_no_end_of_a_run_for_a_time():
 
 
 def test_pages_say_not_reached():
-    of = functions.Verbs(Sources("hausat2", [], 1, draft=60.0))
+    of = Verbs(Sources("hausat2", [], 1, draft=60.0))
     assert of.spread("gain-k-1e5", "detumbled") == "270.3 [128.0, 299.7], 225 of 400"
     assert of.spread("sample-time-10-wheel", "detumbled") == "none of 200"
     assert of.share("gain-k-1e5", "detumbled", least=200.0).startswith("206 of 400")

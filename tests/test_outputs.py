@@ -12,10 +12,10 @@ from pathlib import Path
 import pytest
 from fuzz import commands
 
+from benchmarks.pages.verbs import Verbs
 from desat.begin.craft import CraftFacts, write
 from desat.export.series import export
 from desat.files import io
-from desat.papers.functions import Verbs
 from desat.runs.run import execute
 from desat.system.errors import DesatError
 from desat.system.options import Options

@@ -1,4 +1,4 @@
-"""`python -m benchmarks.validation`: a scenario against the reference, and pages with its verbs."""
+"""`python -m benchmarks.validation`: a scenario against the reference."""
 
 from __future__ import annotations
 
@@ -7,12 +7,10 @@ import json
 import os
 import sys
 
-from desat.papers import pages
 from desat.runs.run import Options
 from desat.system.errors import DesatError
 
 from . import convergence
-from .verbs import ValidationVerbs
 
 COLUMNS = {
     "step": "step s", "attitude_error": "attitude rad", "estimate": "its estimate",
@@ -42,15 +40,8 @@ def _convergence(given: argparse.Namespace) -> None:
               f"{result['order_wheel_momentum']:.2f} in the wheels' momentum")  # fmt: skip
 
 
-def _page(given: argparse.Namespace) -> None:
-    """Write the pages of families."""
-    for family in given.families or pages.families():
-        for path in pages.write(family, jobs=given.jobs, verbs=ValidationVerbs):
-            print(os.path.relpath(path))
-
-
 def main() -> int:
-    """The two commands."""
+    """The command."""
     parser = argparse.ArgumentParser(description=__doc__)
     commands = parser.add_subparsers(required=True)
     one = commands.add_parser("convergence", help=_convergence.__doc__)
@@ -60,11 +51,7 @@ def main() -> int:
     one.add_argument("--substeps", type=int)
     one.add_argument("--json", action="store_true")
     one.set_defaults(does=_convergence)
-    page = commands.add_parser("page", help=_page.__doc__)
-    page.add_argument("families", nargs="*", metavar="FAMILY")
-    page.set_defaults(does=_page)
-    for command in (one, page):
-        command.add_argument("--jobs", type=int, default=os.cpu_count() or 1)
+    one.add_argument("--jobs", type=int, default=os.cpu_count() or 1)
     given = parser.parse_args()
     try:
         given.does(given)

@@ -1,4 +1,4 @@
-"""Verbs of pages beyond those of `desat page`: what holds runs against the reference."""
+"""Verbs of pages beyond those of all: what holds runs against the reference."""
 
 from __future__ import annotations
 
@@ -7,10 +7,10 @@ from dataclasses import asdict
 from typing import Any
 
 from desat.analyses import coverage
-from desat.papers.functions import Verbs
 from desat.runs.run import Options, prepare
 from desat.system.model import AUTO
 
+from ..pages.verbs import Verbs
 from . import convergence, separation
 from .estimate import difference
 from .reference import Gyrostat

@@ -1,4 +1,4 @@
-"""`desat page`: a family's page, from the template beside its scenarios to Markdown with figures.
+"""A family's page, from the template beside its scenarios to Markdown with figures.
 
     ssp/FAMILY/page.md         -> docs/papers/FAMILY/README.md
     ssp/FAMILY/NAME.page.md    -> docs/papers/FAMILY/NAME.md
@@ -20,15 +20,16 @@ import numpy as np
 from jinja2 import FileSystemLoader, StrictUndefined, TemplateError, TemplateSyntaxError
 from jinja2.sandbox import SandboxedEnvironment
 
-from ..files import paths, scenario
-from ..files.identity import PACKAGES
-from ..report.report import write_page
-from ..system.errors import DesatError, RunError, nearest
-from .functions import FILTERS, Verbs
-from .session import Sources
+from desat.files import paths, scenario
+from desat.files.identity import PACKAGES
+from desat.report.report import write_page
+from desat.system.errors import DesatError, RunError, nearest
+
+from .sources import Sources
+from .verbs import FILTERS, Verbs
 
 PAGE = "page.md"
-VERBS = Path(__file__).with_name("functions.py")
+VERBS = Path(__file__).with_name("verbs.py")
 
 
 def templates(family: str) -> dict[str, Path]:
@@ -59,7 +60,7 @@ def write(
         hint = nearest(family, families())
         raise DesatError(f"no page {family}{hint}; {PAGE} beside its scenarios would be one")
     if into is None:
-        paths.writable("desat page", "--into FOLDER")
+        paths.writable("benchmarks.pages", "--into FOLDER")
         if draft is not None:
             raise DesatError(
                 "--draft: --into FOLDER is needed, too; a draft is not for docs/papers"

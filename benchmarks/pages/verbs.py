@@ -20,24 +20,25 @@ from typing import Any
 
 import numpy as np
 
-from ..campaign import sampling
-from ..figures import plots
-from ..figures.plots import lines_of, series_plot
-from ..figures.style import pretty_unit
-from ..files import paths
-from ..files.scenario import find
-from ..language.scenario import Plot
-from ..numbers.numbers import late
-from ..numbers.series import Series
-from ..numbers.statistics import clopper_pearson, median_interval
-from ..numbers.text import number as text_of
-from ..runs.prepare import read
-from ..runs.run import Options, prepare
-from ..system.errors import DesatError, nearest
-from ..system.expression import factor, product
-from . import comparison as cells
-from . import stored, tables
-from .session import Change, Sources
+from desat.campaign import sampling
+from desat.figures import plots
+from desat.figures.plots import lines_of, series_plot
+from desat.figures.style import pretty_unit
+from desat.files import paths
+from desat.files.scenario import find
+from desat.language.scenario import Plot
+from desat.numbers.numbers import late
+from desat.numbers.series import Series
+from desat.numbers.statistics import clopper_pearson, median_interval
+from desat.numbers.text import number as text_of
+from desat.papers import comparison as cells
+from desat.papers import stored, tables
+from desat.runs.prepare import read
+from desat.runs.run import Options, prepare
+from desat.system.errors import DesatError, nearest
+from desat.system.expression import factor, product
+
+from .sources import Change, Sources
 
 
 class Verbs:
@@ -284,15 +285,13 @@ class Verbs:
     # --- from elsewhere -----------------------------------------------------------------------
 
     def data(self, path: str) -> dict[str, Any]:
-        """A JSON or TOML file of the repository. Raises DesatError where it is not there, as in an
-        installation."""
+        """A JSON or TOML file of the repository. Raises DesatError where it is not there."""
         home = paths.SCENARIOS.parent
         file = (home / path).resolve()
         if not file.is_relative_to(home.resolve()):
             raise DesatError(f"data: {path}: it is outside {home}")
         if not file.is_file():
-            raise DesatError(f"{path}: no such file in {home}; a page that reads it needs a "
-                             "checkout of desat")  # fmt: skip
+            raise DesatError(f"{path}: no such file in {home}")
         text = file.read_text(encoding="utf-8")
         data: dict[str, Any] = json.loads(text) if path.endswith(".json") else tomllib.loads(text)
         return data
@@ -310,13 +309,13 @@ class Verbs:
 
     def covered(self) -> dict[str, float]:
         """Up to where the exchange is shown to be exact: `turn`, `kick`."""
-        from ..analyses import coverage
+        from desat.analyses import coverage
 
         return asdict(coverage.LIMITS)
 
     def energy_bound(self) -> float:
         """Of the hidden work, where a scenario gives no other."""
-        from ..analyses import energy
+        from desat.analyses import energy
 
         return energy.ENERGY_BOUND
 
@@ -343,14 +342,14 @@ class Verbs:
     def least_energy(self, scenario: str, change: Change | None = None) -> dict[str, Any]:
         """Of a run that unloads by coils: its `energy` and `peak` and the `least` energy with no
         larger one, as `desat bound` gives them."""
-        from ..analyses import coil_bound
+        from desat.analyses import coil_bound
 
         run = self._of.run(scenario, change)
         return asdict(coil_bound.of_run(run.manifest, run.results))
 
     def energy_curve(self, scenario: str, peaks: Sequence[float]) -> list[tuple[float, float]]:
         """Of the same the least energy of each largest momentum of a wheel (N m s)."""
-        from ..analyses import coil_bound
+        from desat.analyses import coil_bound
 
         run = self._of.run(scenario)
         return coil_bound.curve(run.manifest, run.results, peaks)
@@ -358,7 +357,7 @@ class Verbs:
     def least_time(self, scenario: str, number: str, held: float) -> dict[str, float]:
         """Of a detumbling run whose `number` (min) says when it is slow, for `held` (s): when it is
         (`law`), when it could be (`found`) and what no law is below (`floor`), in min."""
-        from ..analyses.papers import least_time
+        from desat.analyses.papers import least_time
 
         run = self._of.run(scenario)
         if (slow := run.manifest.numbers[number].value) is None:
@@ -370,14 +369,14 @@ class Verbs:
 
     def periods(self, scenario: str, periods: Sequence[float]) -> list[dict[str, float]]:
         """What an open-loop law would do for desaturation periods (s), on the field of a run."""
-        from ..analyses.papers import space_telescope
+        from desat.analyses.papers import space_telescope
 
         run = self._of.run(scenario)
         return space_telescope.study(run.manifest, run.results, periods)
 
     def onboard(self, scenario: str) -> float:
         """Multiplications and divisions a second of a law of momentum management."""
-        from ..analyses.papers import space_telescope
+        from desat.analyses.papers import space_telescope
 
         system, _ = prepare(self._of.name_of(scenario), Options(blocks=True)).or_raise()
         return space_telescope.work(system)

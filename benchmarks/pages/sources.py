@@ -8,14 +8,14 @@ from collections.abc import Sequence
 from functools import cached_property
 from typing import Any
 
-from ..analyses import analyses
-from ..campaign.draws import needed_signals
-from ..files.scenario import find
-from ..language.content import content_of
-from ..runs.run import Options, Run, execute, prepare
-from ..system.errors import DesatError, nearest
-from . import stored, tables
-from .comparison import PaperCell
+from desat.analyses import analyses
+from desat.campaign.draws import needed_signals
+from desat.files.scenario import find
+from desat.language.content import content_of
+from desat.papers import stored, tables
+from desat.papers.comparison import PaperCell
+from desat.runs.run import Options, Run, execute, prepare
+from desat.system.errors import DesatError, nearest
 
 Change = dict[str, Any]
 """`component.parameter` -> another value."""

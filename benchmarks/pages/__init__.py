@@ -1,0 +1,1 @@
+"""The families' pages under docs/papers: `python -m benchmarks.pages`."""
