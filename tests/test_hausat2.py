@@ -16,7 +16,7 @@ from test_witness import ECOS, LIBCOSIM, real_outputs
 from test_witness import rows_of as rows_printed
 
 from benchmarks import detumbling
-from desat.analyses.papers import least_time
+from benchmarks.pages import least_time
 from desat.components.contract.block import BlockError
 from desat.components.laws import acquisition as laws
 from desat.components.laws import field_rate, rate_observer

@@ -13,8 +13,8 @@ from hypothesis import strategies as st
 from scipy.optimize import minimize
 from test_blocks import begin, fresh
 
+from benchmarks.pages import telescope
 from desat.analyses import coil_bound
-from desat.analyses.papers import space_telescope
 from desat.campaign import pairs
 from desat.components.contract.block import BlockError
 from desat.components.laws import momentum_learning as learning
@@ -617,7 +617,7 @@ def test_the_least_energy_is_below_the_run_and_grows_as_the_peak_shrinks(half_or
 
 def test_short_periods_are_ill_conditioned_and_may_turn_against_the_momentum(half_orbits):
     manifest, results = half_orbits.manifest, half_orbits.results
-    rows = space_telescope.study(manifest, results, (50.0, 200.0, 600.0, 2850.0, 14250.0))
+    rows = telescope.study(manifest, results, (50.0, 200.0, 600.0, 2850.0, 14250.0))
     assert rows[0]["condition"] == math.inf
     assert rows[1]["condition"] > 4.0 * rows[2]["condition"] > 16.0 * rows[3]["condition"]
     assert rows[1]["angle"] > 150.0 > 130.0 > rows[3]["angle"]
@@ -632,7 +632,7 @@ def test_the_mixed_law_multiplies_less_than_the_open_loop():
     work = {}
     for name in ("mixed-mw", "me"):
         system, _ = prepare(f"{FAMILY}/{name}-nominal", Options(blocks=True)).or_raise()
-        work[name] = space_telescope.work(system)
+        work[name] = telescope.work(system)
     assert 1.0 < work["mixed-mw"] < 0.5 * work["me"]
 
 

@@ -357,7 +357,7 @@ class Verbs:
     def least_time(self, scenario: str, number: str, held: float) -> dict[str, float]:
         """Of a detumbling run whose `number` (min) says when it is slow, for `held` (s): when it is
         (`law`), when it could be (`found`) and what no law is below (`floor`), in min."""
-        from desat.analyses.papers import least_time
+        from . import least_time
 
         run = self._of.run(scenario)
         if (slow := run.manifest.numbers[number].value) is None:
@@ -369,17 +369,17 @@ class Verbs:
 
     def periods(self, scenario: str, periods: Sequence[float]) -> list[dict[str, float]]:
         """What an open-loop law would do for desaturation periods (s), on the field of a run."""
-        from desat.analyses.papers import space_telescope
+        from . import telescope
 
         run = self._of.run(scenario)
-        return space_telescope.study(run.manifest, run.results, periods)
+        return telescope.study(run.manifest, run.results, periods)
 
     def onboard(self, scenario: str) -> float:
         """Multiplications and divisions a second of a law of momentum management."""
-        from desat.analyses.papers import space_telescope
+        from . import telescope
 
         system, _ = prepare(self._of.name_of(scenario), Options(blocks=True)).or_raise()
-        return space_telescope.work(system)
+        return telescope.work(system)
 
 
 def _with_interval(values: Sequence[float], digits: int) -> str:

@@ -1,5 +1,4 @@
-"""What is computed of a run beyond its numbers: a file an analysis, found by the folder;
-in `papers/` those of one family.
+"""What is computed of a run beyond its numbers: a file an analysis, found by the folder.
 
 A module of this folder that has `applies` is an analysis:
 
@@ -73,9 +72,8 @@ class Analysis:
 @cache
 def analyses() -> tuple[Analysis, ...]:
     """The analyses that there are, by the names of their files."""
-    found = (m.name for m in pkgutil.walk_packages(__path__, f"{__name__}."))
-    names = sorted(found, key=lambda n: n.split(".")[::-1])
-    modules = (importlib.import_module(name) for name in names)
+    found = sorted(m.name for m in pkgutil.iter_modules(__path__, f"{__name__}."))
+    modules = (importlib.import_module(name) for name in found)
     return tuple(Analysis(m) for m in modules if hasattr(m, "applies"))
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from ..system.model import Component, System
+from ..system.model import System
 from ..system.sensors import KNOWN, noise_of
 
 FORCE = "force_mean_thruster_body"
@@ -19,11 +19,11 @@ ABOUT = 3.0
 def problems(system: System) -> Iterator[str]:
     """A line for an orbit that loses another mass to a force than the thrusters that give it
     spend."""
-    ends = dict.fromkeys(
-        (c.source, c.target) for c in system.connections if c.input_array == FORCE
-    )  # fmt: skip
-    for source, target in ends:
+    for (target, name), wire in system.fed.items():
+        source = wire.source
         thrusters, orbit = system.components[source], system.components[target]
+        if name != FORCE:
+            continue
         if IMPULSE not in thrusters.interface.signals or IMPULSE not in orbit.interface.signals:
             continue
         theirs, its = thrusters.values[IMPULSE], orbit.values[IMPULSE]
@@ -51,8 +51,10 @@ def warnings(system: System) -> Iterator[str]:
 
 
 def _drag(system: System) -> Iterator[str]:
-    bodies = [c for c in system.components.values() if _has_drag(c, "aerodynamics")]
-    orbits = [c for c in system.components.values() if _has_drag(c, "zonals")]
+    bodies, orbits = (
+        [c for c in system.components.values() if c.interface.signals.keys() >= {*DRAG, option}]
+        for option in ("aerodynamics", "zonals")
+    )
     for body in bodies:
         by = body.choice("aerodynamics")
         for orbit in orbits if by == BY_AREA else ():
@@ -63,8 +65,3 @@ def _drag(system: System) -> Iterator[str]:
                     unit = " m2" if name == DRAG[0] else ""
                     yield (f"{where}: {orbit.name}.{name} = {its:g}{unit}, but {body.name}.{name} "
                            f"= {other:g}{unit}: two accounts of one drag")  # fmt: skip
-
-
-def _has_drag(component: Component, option: str) -> bool:
-    """Whether it has the figures of a drag, and this option of its model."""
-    return all(name in component.interface.signals for name in (*DRAG, option))

@@ -92,20 +92,12 @@ PARTS = ThrusterParts
 
 def applies(system: System) -> ThrusterParts | None:
     """By the connections; None where no manager commands thrusters."""
-
-    def source(component: str | None, connector: str) -> str | None:
-        for c in system.connections:
-            if c.input == connector and c.target == component:
-                return c.source
-        return None
-
-    for c in system.connections:
-        if c.input != "tau_mean_thruster_body[1]":
+    for (body, name), wire in system.fed.items():
+        if name != "tau_mean_thruster_body":
             continue
-        manager = source(c.source, "tau_cmd_thruster_body[1]")
-        torquers, environment = source(c.target, "m_mean_body[1]"), source(c.target, "b_eci[1]")
-        if manager and torquers and environment:
-            return ThrusterParts(c.target, c.source, manager, torquers, environment)
+        ends = (wire.source, "tau_cmd_thruster_body"), (body, "m_mean_body"), (body, "b_eci")
+        if all(end in system.fed for end in ends):
+            return ThrusterParts(body, wire.source, *(system.fed[end].source for end in ends))
     return None
 
 

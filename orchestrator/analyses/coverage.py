@@ -256,9 +256,7 @@ def applies(system: System) -> StepParts | None:
 
 def _step_parts(system: System, body: Body) -> StepParts:
     craft, wheels = body.spacecraft, system.components[body.wheels]
-    feed = next(c for c in system.connections
-                if (c.target, c.input) == (craft, "h_wheel[1]"))  # fmt: skip
-    series = [f"{craft}.q_bi", f"{craft}.omega_bi_body", f"{feed.source}.{feed.output_array}",
+    series = [f"{craft}.q_bi", f"{craft}.omega_bi_body", str(system.feed(craft, "h_wheel")),
               f"{craft}.impulse_eci"]  # fmt: skip
     spin = system.components[craft].values["inertia_wheel"]
     return StepParts(series, body.axes.tolist(), body.carrier.tolist(), spin,

@@ -40,11 +40,11 @@ PARTS = FiringParts
 
 def applies(system: System) -> FiringParts | None:
     """By the connections; None where nobody commands thrusters of a craft with wheels."""
-    command, given = "tau_cmd_thruster_body[1]", "tau_mean_thruster_body[1]"
-    ends = [(c.source, c.target) for c in system.connections if c.input == command]
-    bodies = {c.source: c.target for c in system.connections if c.input == given}
-    for manager, thrusters in ends:
-        body, of = bodies.get(thrusters), system.components[thrusters]
+    for (thrusters, name), wire in system.fed.items():
+        if name != "tau_cmd_thruster_body":
+            continue
+        manager, of = wire.source, system.components[thrusters]
+        body = system.taker(thrusters, "tau_mean_thruster_body")
         if body is None or "h_copy_wheel" not in system.components[body].interface.arrays:
             continue
         if "on_time" in of.interface.arrays:
@@ -145,11 +145,8 @@ def _too_strong(component: Component) -> list[str]:
 
 def _unmoved(system: System) -> list[str]:
     """A line for each component that is given the force and has not the option, or has it off."""
-    wired = dict.fromkeys(
-        c.target for c in system.connections if c.input_array == INPUT
-    )  # fmt: skip
     lines = []
-    for name in wired:
+    for name in (target for target, array in system.fed if array == INPUT):
         component = system.components[name]
         if OPTION not in component.interface.signals:
             lines.append(f"{name}.{INPUT}: {component.source} has no {OPTION}; its orbit does not "

@@ -46,7 +46,7 @@ PARTS = HealthParts
 
 def applies(system: System) -> HealthParts | None:
     """What of a system can go wrong; None: nothing that is known of."""
-    read = {c.source for c in system.connections}
+    read = {source for source, _ in system.read}
     sensors = tuple(
         c.name for c in system.components.values()
         if c.interface.role in _SENSORS and c.name in read and "valid" in c.interface.arrays
@@ -76,13 +76,13 @@ def _attitude(system: System) -> tuple[str, str] | None:
         for c in system.components.values()
         if c.interface.role == "spacecraft" and "omega_bi_body" in c.interface.arrays
     ]
-    for c in system.connections:
-        follower = system.components[c.target]
-        if c.input != "q_ref_bi[1]" or follower.interface.role != "controller" or len(crafts) != 1:
+    for (target, name), c in system.fed.items():
+        follower = system.components[target]
+        if name != "q_ref_bi" or follower.interface.role != "controller" or len(crafts) != 1:
             continue
         if "enable" in follower.interface.signals and not follower.values["enable"]:
             continue
-        return f"{crafts[0].name}.q_bi", f"{c.source}.{c.output.partition('[')[0]}"
+        return f"{crafts[0].name}.q_bi", f"{c.source}.{c.output_array}"
     return None
 
 

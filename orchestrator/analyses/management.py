@@ -73,28 +73,21 @@ PARTS = ManagementParts
 
 def applies(system: System) -> ManagementParts | None:
     """By the connections; None where no manager commands coils of a craft with wheels."""
-
-    def target(source: str, connector: str) -> str | None:
-        targets = (c.target for c in system.connections
-                 if c.source == source and c.input == connector)  # fmt: skip
-        return next(targets, None)
-
-    for c in system.connections:
-        if c.input != "m_cmd_body[1]":
+    for (torquers, name), wire in system.fed.items():
+        if name != "m_cmd_body":
             continue
-        manager, torquers = c.source, c.target
-        body = target(torquers, "m_mean_body[1]")
+        manager, body = wire.source, system.taker(torquers, "m_mean_body")
         if body is None or "h_copy_wheel" not in system.components[body].interface.arrays:
             continue
-        wheels = target(manager, "tau_cmd_wheel[1]")
+        wheels = system.taker(manager, "tau_cmd_wheel")
         if wheels and not (
             system.components[wheels].interface.arrays.keys() >= set(_OF_WHEELS)
         ):  # fmt: skip
             wheels = None
         law = system.components[manager]
-        thrusters = _feeding(system, body, "tau_mean_thruster_body")
+        thrusters = system.feed(body, "tau_mean_thruster_body")
         return ManagementParts(
-            body, torquers, wheels, _feeding(system, body, "b_eci"),
+            body, torquers, wheels, system.feed(body, "b_eci"),
             None if thrusters is None else thrusters.partition(".")[0],
             _target(system, law), content_of(system.about).stop_when is None and _holds(law),
             law.values["h_deadband"] if "h_deadband" in law.interface.signals else 0.0,
@@ -103,16 +96,10 @@ def applies(system: System) -> ManagementParts | None:
     return None
 
 
-def _feeding(system: System, target: str, name: str) -> str | None:
-    """The series that feeds an input of a component."""
-    return next((f"{c.source}.{c.output.partition('[')[0]}" for c in system.connections
-                 if c.target == target and c.input == f"{name}[1]"), None)  # fmt: skip
-
-
 def _target(system: System, law: Component) -> tuple[float, ...] | None:
     """The momentum that a manager is to keep (3,) N m s, body; None where another component says
     it."""
-    if _feeding(system, law.name, "h_target_body") is not None:
+    if system.feed(law.name, "h_target_body") is not None:
         return None
     return tuple(law.values.get("h_target_body", (0.0, 0.0, 0.0)))
 

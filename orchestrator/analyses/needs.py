@@ -11,7 +11,6 @@ from desat.components.contract.fitting import Need, needs_of
 from desat.components.contract.roles import Manager
 from desat.fmus.registry import block_class, names
 
-from ..system.interface import base_name
 from ..system.model import Component, System
 from ..system.options import Options
 
@@ -58,8 +57,8 @@ def design_problems(system: System, options: Options) -> Iterator[str]:
 
 def _turns(system: System) -> bool:
     """Whether the craft's attitude is what torques make of it."""
-    return any(c.interface.role == "spacecraft" and "omega_start_body" in c.interface.arrays
-               for c in system.components.values())  # fmt: skip
+    craft = system.roles.get("spacecraft")
+    return craft is not None and "omega_start_body" in craft.interface.arrays
 
 
 def _is_off(manager: Component) -> bool:
@@ -69,27 +68,20 @@ def _is_off(manager: Component) -> bool:
 def instead(need: Need, system: System, manager: str) -> str:
     """What a craft has instead of what its manager needs; nothing where it has that, or where it is
     no matter of wires and hardware."""
-
-    def wired(name: str, end: str) -> bool:
-        return any(
-            getattr(c, end) == manager and base_name(c.output if end == "source" else c.input)
-            == name for c in system.connections
-        )  # fmt: skip
-
-    parts = {c.interface.role: c for c in system.components.values() if c.interface.role}
+    roles, sends = system.roles, {output for name, output in system.read if name == manager}
     if need is Need.WHEELS:
-        axes = _axes(parts.get("spacecraft"))
+        axes = _axes(roles.get("spacecraft"))
         return "" if axes == 3 else f"the craft's span {axes} of them"
     if need is Need.COILS:
-        coils = parts.get("torquers")
+        coils = roles.get("torquers")
         there = coils is None or "m_limit" not in coils.interface.signals or (
             coils.values["m_limit"] > 0.0
         )  # fmt: skip
-        return "" if there and wired("m_cmd_body", "source") else "the craft has none"
+        return "" if there and "m_cmd_body" in sends else "the craft has none"
     if need is Need.THRUSTERS:
-        return "" if wired("tau_cmd_thruster_body", "source") else "the craft has none"
+        return "" if "tau_cmd_thruster_body" in sends else "the craft has none"
     if need is Need.CONTROLLER:
-        return "" if wired("tau_ctrl_body", "target") else "the craft has none"
+        return "" if (manager, "tau_ctrl_body") in system.fed else "the craft has none"
     return ""
 
 

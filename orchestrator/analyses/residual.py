@@ -50,11 +50,9 @@ PARTS = RigidBodyParts
 def applies(system: System) -> RigidBodyParts | None:
     """Which component is a rigid body and where its wheels' momentum comes from; None: there is
     no such component."""
-    for c in system.connections:
-        target = system.components[c.target].interface
-        if c.input == "h_wheel[1]" and target.arrays.keys() >= _NEEDED:
-            wheels = f"{c.source}.{c.output.partition('[')[0]}"
-            return RigidBodyParts(c.target, wheels)
+    for (body, name), wire in system.fed.items():
+        if name == "h_wheel" and system.components[body].interface.arrays.keys() >= _NEEDED:
+            return RigidBodyParts(body, f"{wire.source}.{wire.output_array}")
     return None
 
 

@@ -28,9 +28,8 @@ def warnings(system: System) -> Iterator[str]:
 
 
 def _capacity(system: System) -> Iterator[str]:
-    parts = {c.interface.role: c for c in system.components.values() if c.interface.role}
-    wheels, craft, guide = (parts.get(x) for x in ("wheels", "spacecraft", "guidance"))
-    orbit = _orbit(parts.get("environment"))
+    wheels, craft, guide = (system.roles.get(x) for x in ("wheels", "spacecraft", "guidance"))
+    orbit = _orbit(system.roles.get("environment"))
     if wheels is None or craft is None or guide is None or orbit is None:
         return
     if not craft.interface.arrays.keys() >= {"inertia", "residual_dipole_body"}:
@@ -74,7 +73,7 @@ def _orbit(environment: Component | None) -> tuple[float, float] | None:
 
 
 def _axes(system: System) -> Iterator[str]:
-    if not any(c.input_array == "tau_ctrl_body" for c in system.connections):
+    if not any(name == "tau_ctrl_body" for _, name in system.fed):
         return  # nobody wants three axes: a boom, a bias wheel
     for c in system.components.values():
         if c.interface.role != "wheels" or "axes_wheel" not in c.interface.arrays:

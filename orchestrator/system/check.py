@@ -224,8 +224,7 @@ class Unwired:
 
 def unwired(system: System) -> dict[str, Unwired]:
     """What each component leaves open. `fault` is for the master and counts nowhere."""
-    wired = {(c.target, c.input_array) for c in system.connections}
-    read = {(c.source, c.output_array) for c in system.connections}
+    wired, read = system.fed, system.read
     result = {}
     for c in system.components.values():
         given = {base_name(name) for name in c.parameters}
@@ -240,7 +239,7 @@ def unwired(system: System) -> dict[str, Unwired]:
 
 def without_effect(system: System, open_ends: dict[str, Unwired]) -> Iterator[str]:
     """An error a parameter (or wired input) and each variable that it needs and that is open."""
-    wired = {(c.target, c.input_array) for c in system.connections}
+    wired = system.fed
     for c in system.components.values():
         mine = open_ends[c.name]
         needed_by = {name: of[-1].needed_by for name, of in c.interface.arrays.items()}

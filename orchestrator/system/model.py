@@ -170,3 +170,37 @@ class System:
     def __post_init__(self) -> None:
         object.__setattr__(self, "parts", 1 if self.substeps == AUTO else self.substeps)
         object.__setattr__(self, "steps", round((self.stop - self.start) / self.step))
+
+    @cached_property
+    def roles(self) -> Mapping[str, Component]:
+        """The component of each role that is filled; of several the last."""
+        return {c.interface.role: c for c in self.components.values() if c.interface.role}
+
+    @cached_property
+    def fed(self) -> Mapping[tuple[str, str], Connection]:
+        """Of each wired input, by component and array, the connection of its first element."""
+        found: dict[tuple[str, str], Connection] = {}
+        for c in self.connections:
+            key = c.target, c.input_array
+            if key not in found or c.input.endswith("[1]"):
+                found[key] = c
+        return found
+
+    @cached_property
+    def read(self) -> Mapping[tuple[str, str], Mapping[str, str]]:
+        """Of each output that is read, by component and array, the inputs (arrays) that take it and
+        the component of each; of several the first."""
+        found: dict[tuple[str, str], dict[str, str]] = {}
+        for c in self.connections:
+            found.setdefault((c.source, c.output_array), {}).setdefault(c.input_array, c.target)
+        return found
+
+    def feed(self, component: str, array: str) -> str | None:
+        """The series that feeds an input, an array by its first element; None: none does."""
+        wire = self.fed.get((component, array))
+        return None if wire is None else f"{wire.source}.{wire.output_array}"
+
+    def taker(self, component: str, array: str) -> str | None:
+        """The component whose input of this name one of its outputs feeds; None: there is none."""
+        own = (found for (source, _), found in self.read.items() if source == component)
+        return next((found[array] for found in own if array in found), None)

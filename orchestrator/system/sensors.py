@@ -14,7 +14,7 @@ def noise_of(system: System) -> dict[str, float]:
     """The standard deviations of KNOWN: of a wheel's momentum, of a rate about an axis and of the
     attitude about an axis, slow errors among the latter; 0 where a sensor has none, or is not of
     ours."""
-    roles = {c.interface.role: c for c in system.components.values() if c.interface.role}
+    roles = system.roles
     tachometers, gyro = roles.get("tachometers"), roles.get("gyro")
     attitude = roles.get("determination") or roles.get("star_tracker")
     walk, period = _of(gyro, "angle_random_walk"), _of(gyro, "sample_time")

@@ -27,11 +27,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from desat.analyses.manifest import Manifest
 from desat.components.physics.orbit import MU
-
-from ...engine.recording.results import Results
-from ...system.errors import DesatError
-from ..manifest import Manifest
+from desat.engine.recording.results import Results
+from desat.system.errors import DesatError
 
 Array = NDArray[np.float64]
 

@@ -1,1 +1,0 @@
-"""What one family's page and tables compute of its runs."""
