@@ -13,12 +13,11 @@ from __future__ import annotations
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import asdict, dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..engine.recording.results import Results
 from ..numbers.derived import matrices
 from ..numbers.spline import Spline
 from ..numbers.text import Value
@@ -26,6 +25,9 @@ from ..system.errors import DesatError
 from ..system.model import System
 from . import Parts, with_titles
 from .manifest import Manifest
+
+if TYPE_CHECKING:
+    from ..engine.recording.results import Results
 
 Array = NDArray[np.float64]
 

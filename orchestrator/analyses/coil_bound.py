@@ -11,19 +11,21 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from desat.components.laws import momentum_management as laws
 from desat.components.laws import momentum_offline as offline
 
-from ..engine.recording.results import Results
 from ..numbers.derived import rotate_back
 from ..numbers.text import Value
 from ..system.errors import DesatError
 from . import with_titles
 from .manifest import Manifest
+
+if TYPE_CHECKING:
+    from ..engine.recording.results import Results
 
 SIGNALS = (
     "spacecraft.q_bi", "spacecraft.impulse_eci", "environment.b_eci", "torquers.m_mean_body",

@@ -25,17 +25,19 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, fields
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..engine.recording.results import Results
 from ..numbers.text import Value
 from ..system.model import AUTO, System
 from . import Parts, residual
 from .manifest import Manifest
 from .motion import rotate
+
+if TYPE_CHECKING:
+    from ..engine.recording.results import Results
 
 Array = NDArray[Any]
 KEY = "exchange"

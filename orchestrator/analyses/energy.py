@@ -37,7 +37,6 @@ import numpy as np
 
 from ..engine.master import Master
 from ..engine.node import Kept
-from ..engine.recording.results import Results
 from ..numbers.derived import rotate_back
 from ..numbers.text import Value
 from ..system.expression import Table
@@ -49,6 +48,7 @@ from .manifest import Manifest
 from .motion import NODES, WEIGHTS, Array, Steps
 
 if TYPE_CHECKING:
+    from ..engine.recording.results import Results
     from ..figures.canvas import Figure
 
 

@@ -4,14 +4,17 @@ take, a force that is wired to an orbit which it does not move, and commands tha
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..engine.recording.results import Results
 from ..numbers.text import Value
 from ..system.model import Component, System
 from . import Parts
 from .manifest import Manifest
+
+if TYPE_CHECKING:
+    from ..engine.recording.results import Results
 
 KEY = "firings"
 NUMBERS = ()

@@ -9,10 +9,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import cos, sin
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..engine.recording.results import Results
 from ..numbers.derived import cross, rotate_back
 from ..numbers.text import Value
 from ..system.model import System
@@ -20,6 +20,9 @@ from . import Parts, motion, not_checked, residual
 from .energy import BOUND
 from .manifest import Manifest
 from .motion import NODES, WEIGHTS, Array
+
+if TYPE_CHECKING:
+    from ..engine.recording.results import Results
 
 KEY = "fixed_attitude"
 NUMBERS = ("impulse_mismatch",)

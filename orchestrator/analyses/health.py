@@ -4,15 +4,18 @@ that was lost, wheels that were full."""
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..engine.recording.results import Results
 from ..numbers.derived import pointing
 from ..numbers.text import Value
 from ..system.model import System
 from . import Parts
 from .manifest import Manifest
+
+if TYPE_CHECKING:
+    from ..engine.recording.results import Results
 
 KEY = "health"
 NUMBERS = ()

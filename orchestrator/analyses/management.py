@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,7 +21,6 @@ from numpy.typing import NDArray
 from desat.components.contract.roles import Manager
 from desat.fmus.registry import block_class, names
 
-from ..engine.recording.results import Results
 from ..language.content import content_of
 from ..numbers.derived import coil_impulse, matrices, rotate_back
 from ..numbers.text import Value
@@ -29,6 +28,9 @@ from ..system.model import Component, System
 from . import Parts, with_titles
 from .manifest import Manifest
 from .residual import carrier_of, missing
+
+if TYPE_CHECKING:
+    from ..engine.recording.results import Results
 
 KEY = "management"
 NUMBERS = (

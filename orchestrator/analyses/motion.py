@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from math import sqrt
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,10 +19,12 @@ from numpy.typing import NDArray
 from desat.components.physics.orbit import EARTH_RATE, MU
 from desat.components.physics.torques import PLATE_COLUMNS, SOLAR_PRESSURE
 
-from ..engine.recording.results import Results
 from ..numbers.derived import cross, rotate_back
 from ..system.model import System
 from ..system.parameters import Parameter
+
+if TYPE_CHECKING:
+    from ..engine.recording.results import Results
 
 Array = NDArray[np.float64]
 

@@ -15,7 +15,6 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..engine.recording.results import Results
 from ..numbers.derived import rotate_back
 from ..numbers.text import Value
 from ..system.model import System
@@ -24,6 +23,7 @@ from . import Parts
 from .manifest import Manifest
 
 if TYPE_CHECKING:
+    from ..engine.recording.results import Results
     from ..figures.canvas import Figure
 
 

@@ -8,18 +8,20 @@ an inertial attitude makes that, and a secular part.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from desat.components.physics.orbit import mean_motion
 
-from ..engine.recording.results import Results
 from ..numbers.derived import rotate_back
 from ..numbers.text import Value
 from ..system.model import System
 from . import Parts
 from .manifest import Manifest
+
+if TYPE_CHECKING:
+    from ..engine.recording.results import Results
 
 KEY = "unloading"
 SPEEDS = (100, 200, 300)

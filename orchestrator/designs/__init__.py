@@ -11,7 +11,6 @@ and what the kind takes. A module of this folder that has `applies` is a kind of
     KEYS                              # which keys of [design] (language/scenario.py) it takes
     def applies(system) -> bool       # whether it is the one for this system
     def make(scenario, options) -> Design
-    def problems(system) -> texts     # if it has this: what of a system does not fit its design
 
 What is computed becomes parameters of one component, in ssp/FAMILY/design/NAME.toml, which the
 scenario loader merges below the scenario's own (`origin.py`: what a file was made from).
@@ -45,10 +44,12 @@ MADE_FOR = "made_for"
 
 
 def problems(system: Any) -> list[str]:
-    """What is wrong with the designed parameters of a checked system, a line each."""
+    """What is wrong with the designed tables of a checked system, a line each."""
     if not any(MADE_FOR in c.interface.signals for c in system.components.values()):
-        return []  # kinds take a while to load
-    return [text for k in kinds() if hasattr(k, "problems") for text in k.problems(system)]
+        return []
+    from . import momentum_tables
+
+    return list(momentum_tables.problems(system))
 
 
 @cache

@@ -17,9 +17,10 @@ from ..engine.loop import bar, interruptible, run, stepping
 from ..engine.master import Master
 from ..engine.process_state import keep_state
 from ..engine.recording.recorder import Recorder
-from ..engine.recording.results import SERIES, Results, selects
+from ..engine.recording.results import SERIES, Results
 from ..engine.recording.row_buffer import RowBuffer
 from ..system.errors import Exit
+from ..system.interface import selects
 from ..system.options import as_json
 from ..system.refusal import explain as refused
 from . import stopping

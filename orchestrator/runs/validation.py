@@ -13,7 +13,6 @@ from pathlib import Path
 from typing import Any
 
 from ..analyses import analyses
-from ..engine.recording.results import selects
 from ..language.content import Content
 from ..language.paper import OfNumber
 from ..language.scenario import Dispersion, Number, Plot
@@ -22,7 +21,7 @@ from ..numbers.measures import MEASURES, OWN_UNIT, SCALARS, SIZES
 from ..numbers.numbers import problems, scale
 from ..system.draft import DraftComponent
 from ..system.errors import DesatError, nearest
-from ..system.interface import KINDS, Signal, base_name
+from ..system.interface import KINDS, Signal, base_name, selects
 from ..system.model import Component, System
 from ..system.options import Options
 from ..system.parameters import expand, table

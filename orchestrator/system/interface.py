@@ -8,6 +8,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
+from fnmatch import fnmatch
 from functools import cache, lru_cache
 from itertools import product
 from typing import Any, Literal
@@ -238,3 +239,15 @@ def misfit(outputs: dict[str, Signal], inputs: dict[str, Signal]) -> str:
         if source.unit and target.unit and conversion(source.unit, target.unit) is None:
             return f"unit {source.unit_name}, {target.unit_name} is needed"
     return ""
+
+
+def selects(patterns: Iterable[str], component: str, signal: Signal) -> bool:
+    """True when `component.variable` fits one of the patterns (`manager.*`).
+
+    `fault` must be named: a fault ends the run anyhow.
+    """
+    name = f"{component}.{signal.series}"
+    if name in patterns:
+        return True
+    open_ = (p for p in patterns if "*" in p or "?" in p or "[" in p)
+    return signal.name != "fault" and any(fnmatch(name, p) for p in open_)

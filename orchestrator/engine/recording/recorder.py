@@ -20,12 +20,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...system.errors import DesatError
-from ...system.interface import KINDS, Kind
+from ...system.interface import KINDS, Kind, selects
 from ..instances.base import DTYPE
 from ..master import Master
 from ..node import Slot
 from . import memory, shared_tables
-from .results import Results, frame_of, selects
+from .results import Results, frame_of
 from .row_buffer import Bank, Layout, Places, RowBuffer
 from .series_file import DataSetPlan, Packing
 

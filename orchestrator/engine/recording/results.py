@@ -12,9 +12,8 @@ import ctypes
 import json
 import os
 import sys
-from collections.abc import Callable, Hashable, Iterable
+from collections.abc import Callable, Hashable
 from contextlib import suppress
-from fnmatch import fnmatch
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self, TypeVar
@@ -25,7 +24,6 @@ from numpy.typing import NDArray
 
 from ...files.io import regular
 from ...system.errors import DesatError, nearest
-from ...system.interface import Signal
 from . import memory, shared_tables
 from .series_file import pack
 
@@ -47,18 +45,6 @@ _ATTEMPTS = 10
 def frame_of(variable: str) -> str:
     """The frame that a name ends with, for people; empty where it has none."""
     return _FRAMES.get(variable.rpartition("_")[2], "")
-
-
-def selects(patterns: Iterable[str], component: str, signal: Signal) -> bool:
-    """True when `component.variable` fits one of the patterns (`manager.*`).
-
-    `fault` must be named: a fault ends the run anyhow.
-    """
-    name = f"{component}.{signal.series}"
-    if name in patterns:
-        return True
-    open_ = (p for p in patterns if "*" in p or "?" in p or "[" in p)
-    return signal.name != "fault" and any(fnmatch(name, p) for p in open_)
 
 
 def _unclosed(path: Path) -> Any:
