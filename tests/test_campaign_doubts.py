@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
-import io
 import json
 import shutil
-from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
@@ -57,15 +55,15 @@ def test_a_data_set_stays_with_its_cases(own, three, tmp_path):
     kept = store._of_block(folder, 0)
     (folder / "cases/part-00000.parquet").unlink()
     lines = [json.dumps(row.to_json()) + "\n" for row in kept]
-    (folder / store.JOURNAL).write_text("".join(lines[i] for i in (0, 2)))
+    store.journal(folder, 0).write_text("".join(lines[i] for i in (0, 2)))
     loaded = desat.load(folder)
-    (folder / store.JOURNAL).write_text("".join(lines[i] for i in (0, 2, 1)))
+    store.journal(folder, 0).write_text("".join(lines[i] for i in (0, 2, 1)))
     assert loaded["out.rate"].shape == loaded["out.rate"].values.shape == (2,)
     assert float(loaded["out.rate"].sel(case=2)) == whole[2]["out.rate"]
     curve = next(n for n in loaded.data_vars if str(n).startswith("curve."))
     wanted = desat.load(three)[curve].values[[0, 2]]
     assert loaded[curve].values.tobytes() == wanted.tobytes()
-    (folder / store.JOURNAL).write_text(lines[0])
+    store.journal(folder, 0).write_text(lines[0])
     with pytest.raises(DesatError, match="case 2 is not there any more"):
         loaded["out.rate"].values  # noqa: B018
 
@@ -207,24 +205,37 @@ def test_a_file_that_is_being_replaced_is_read_whichever_it_is(three, tmp_path, 
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs the device that is always full")
-@pytest.mark.parametrize("name", ["journal.jsonl", "cases/part-00000.tmp", "numbers.json.tmp"])
+@pytest.mark.parametrize(
+    "name", ["cases/part-00000.jsonl", "cases/part-00000.tmp", "numbers.json.tmp"]
+)
 def test_a_full_disk_is_told_with_the_file(three, tmp_path, name):
     folder = tmp_path / "campaign"
     [row, *_] = store._of_block(three, 0)
-    full = store.Store(folder, 2 if name == store.JOURNAL else 1)
-    if name == store.JOURNAL:  # which is open
-        full.close()
-        full._file = io.TextIOWrapper(io.FileIO("/dev/full", "a"))
-    else:
-        (folder / name).symlink_to("/dev/full")
+    full = store.Store(folder, 2 if name.endswith(".jsonl") else 1)
+    (folder / name).symlink_to("/dev/full")
     described = {"out.x": {"title": "x", "unit": "1"}}
     batch = store.Batch.of([dataclasses.replace(row, described=described)])
     with pytest.raises(OSError, match="No space left on device") as caught:
         full.add(batch)
     wanted = folder / name.replace("00.tmp", "00.parquet").removesuffix(".tmp")
     assert caught.value.filename == str(wanted)
-    with suppress(OSError):  # the rest of what it could not write
-        full.close()
+
+
+def test_rows_of_a_block_that_has_grown_are_there_at_once(three, tmp_path):
+    """And are kept where the head is killed before the block is whole again: its file stood beside
+    the journal, and whatever read the folder took the file alone."""
+    folder = tmp_path / "campaign"
+    shutil.copytree(three, folder)
+    grown = store.Store(folder, 5)
+    assert (grown.done(), store.read(folder).num_rows) == (3, 3)
+    [row, *_] = store._of_block(three, 0)
+    grown.add(store.Batch.of([dataclasses.replace(row, number=3)]))
+    assert store.read(folder).num_rows == 4
+    again = store.Store(folder, 5)
+    assert (again.done(), list(again.missing())) == (4, [4])
+    again.add(store.Batch.of([dataclasses.replace(row, number=4)]))
+    assert store.read(folder)["case"].to_pylist() == [0, 1, 2, 3, 4]
+    assert not [*(folder / "cases").glob("*.jsonl*")]
 
 
 def test_a_case_is_one_object_from_run_to_column(three):
@@ -243,7 +254,7 @@ def test_damaged_folders_are_named(three, tmp_path, desat):
     folder = tmp_path / "campaign"
     shutil.copytree(three, folder)
     (folder / "cases/part-abc.parquet").write_text("x")
-    (folder / store.JOURNAL).write_text('{"case": "3"}\n')
+    store.journal(folder, 0).write_text('{"case": "3"}\n')
     assert store.read(folder).num_rows == 3
     (folder / "status.json").write_text('{"state": "running", "head": 5}')
     assert desat("campaign", "status", str(folder)).returncode == 0

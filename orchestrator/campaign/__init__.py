@@ -2,7 +2,7 @@
 
 plan.py     what a campaign is; a case is a function of plan and number alone
 case.py     one case as a row
-store.py    the folder: a journal, and Parquet files of whole blocks of cases
+store.py    the folder: Parquet files of whole blocks of cases, journals of the others
 cluster.py  the cases on a Dask cluster
 coordinator.py  what hands out cases and keeps rows
 draws.py, pairs.py  draws and sweeps in memory, and pairs

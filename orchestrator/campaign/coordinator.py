@@ -174,7 +174,6 @@ def _run(
         _keep(plan, folder, jobs)
         state = "done"
     finally:
-        rows.close()
         write_json(folder / STATUS, at.as_json(state))
 
 

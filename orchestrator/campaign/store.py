@@ -1,10 +1,10 @@
-"""A campaign's folder: rows as they come in a journal, whole blocks of cases as Parquet files.
+"""A campaign's folder: whole blocks of cases as Parquet files, rows of the others as they come.
 
     campaign.json            the plan (plan.py), versions
     cases/part-00012.parquet  cases 12 BLOCK to 13 BLOCK - 1, a row each, in their order
+    cases/part-00012.jsonl   while that block is not whole: its journal, a line a row
     curves/part-00012.parquet their envelopes
     numbers.json             title and unit of numbers, of what is drawn, of envelopes
-    journal.jsonl            rows of blocks that are not whole yet
     status.json              how far it is
     kept/000123/             a run folder of a case that is kept
 
@@ -95,9 +95,11 @@ def count(path: Path) -> int:
 
 def rows_in(path: Path, wanted: Sequence[str] | None = None) -> pa.Table:
     """Its rows, of columns those of these that it has. Raises DesatError where it is damaged."""
-    names = columns(path).names
     try:
-        return pq.read_table(path, columns=wanted and [c for c in wanted if c in names])
+        _check(path)
+        with pq.ParquetFile(path) as file:
+            names = file.schema_arrow.names
+            return file.read(columns=wanted and [c for c in wanted if c in names])
     except (pa.ArrowException, OSError) as error:
         raise _summary(path, error) from error
 
@@ -120,7 +122,7 @@ def table(path: Path) -> dict[str, Any]:
 
 BLOCK = 256
 """Cases of a file."""
-CASES, CURVES, JOURNAL, NUMBERS = "cases", "curves", "journal.jsonl", "numbers.json"
+CASES, CURVES, NUMBERS = "cases", "curves", "numbers.json"
 OWN = ("seconds", "worker", "attempts", "versions")
 """Columns that may be other when a case is made again."""
 
@@ -189,32 +191,42 @@ class Store:
         self.folder, self._count = folder, cases
         self._described = described(folder)
         self._open: dict[int, dict[int, CaseRow]] = {}
-        self._past = 0
-        """Lines of the journal whose blocks are whole."""
         for kind in (CASES, CURVES):
             (folder / kind).mkdir(parents=True, exist_ok=True)
         self._whole = _parts(folder)
         for row in _journal(folder):
             if row.case // BLOCK not in self._whole and row.case < cases:
                 self._open.setdefault(row.case // BLOCK, {})[row.case] = row
-        self._reopen()
-        self._file = (folder / JOURNAL).open("a", encoding="utf-8")
-
-    def close(self) -> None:
-        """Leave the journal as it is."""
-        with naming(self.folder / JOURNAL):  # what it could not write it tries once more
-            self._file.close()
-
-    def _reopen(self) -> None:
-        """A last block that was whole with fewer cases is not any more."""
+        for path in _journals(folder):  # of blocks that are whole, or that are no more
+            path.unlink()
+        for block in self._open:
+            self._write_journal(block)
         for block in sorted(self._whole):
-            curves = _part(self.folder, CURVES, block)
+            curves = _part(folder, CURVES, block)
             if curves.exists():
                 count(curves)  # its sha256 is read
-            if count(_part(self.folder, CASES, block)) < self._size(block):
-                self._open[block] = {row.case: row for row in _of_block(self.folder, block)}
-                self._whole.discard(block)
-        self._rewrite()
+            if count(_part(folder, CASES, block)) < self._size(block):
+                self._reopen(block)
+
+    def _reopen(self, block: int) -> None:
+        """Of a block that is whole no more, as there are more cases, or of some no account is made:
+        the rows back to its journal."""
+        self._open[block] = {row.case: row for row in _of_block(self.folder, block)}
+        self._whole.discard(block)
+        self._write_journal(block)
+        for kind in (CASES, CURVES):
+            _part(self.folder, kind, block).unlink(missing_ok=True)
+
+    def _write_journal(self, block: int) -> None:
+        """The journal of an open block anew, of its rows alone."""
+        path = journal(self.folder, block)
+        part = path.with_name(f"{path.name}.tmp")
+        with naming(path), part.open("w", encoding="utf-8") as file:
+            rows = self._open[block].values()
+            file.writelines(json.dumps(row.to_json()) + "\n" for row in rows)
+            file.flush()
+            os.fsync(file.fileno())
+        part.replace(path)
 
     def _size(self, block: int) -> int:
         return min(self._count - block * BLOCK, BLOCK)
@@ -242,14 +254,10 @@ class Store:
         for block in sorted(self._whole):
             codes = rows_in(_part(self.folder, CASES, block), ["code"])["code"].to_pylist()
             if code in codes:
-                self._open[block] = {row.case: row for row in _of_block(self.folder, block)}
-                self._whole.discard(block)
-        gone = [(b, n) for b, rows in self._open.items() for n in rows if rows[n].code == code]
-        for block, number in gone:
-            del self._open[block][number]
-            for kind in (CASES, CURVES):
-                _part(self.folder, kind, block).unlink(missing_ok=True)
-        self._rewrite()
+                self._reopen(block)
+        for block, rows in self._open.items():
+            self._open[block] = {n: row for n, row in rows.items() if row.code != code}
+            self._write_journal(block)
 
     def add(self, batch: Batch) -> list[CaseRow]:
         """Keep cases of one block: in its file when it is whole, and until then in the journal, at
@@ -259,40 +267,21 @@ class Store:
             write_json(self.folder / NUMBERS, dict(sorted(self._described.items())))
         made = [CaseRow.from_json(json.loads(line)) for line in batch.lines]
         (block,) = {row.case // BLOCK for row in made}
-        before = self._open.pop(block, {})
-        rows = before | {row.case: row for row in made}
+        rows = self._open.pop(block, {}) | {row.case: row for row in made}
+        path = journal(self.folder, block)
         if len(rows) == self._size(block):
             _write(self.folder, block, [rows[n] for n in sorted(rows)])
             self._whole.add(block)
-            self._past += len(before)
-            if self._past > sum(map(len, self._open.values())):  # the journal is never twice as
-                self._rewrite()  # long as what it has to say
+            path.unlink(missing_ok=True)
         else:
             self._open[block] = rows
-            with naming(self.folder / JOURNAL):
-                self._file.writelines(batch.lines)
-                self._file.flush()
+            with naming(path), path.open("a", encoding="utf-8") as file:
+                file.writelines(batch.lines)
         return made
-
-    def _rewrite(self) -> None:
-        """A journal of nothing but the blocks that are open."""
-        path = self.folder / JOURNAL
-        part = path.with_suffix(".tmp")
-        with naming(path), part.open("w", encoding="utf-8") as file:
-            for rows in self._open.values():
-                file.writelines(json.dumps(row.to_json()) + "\n" for row in rows.values())
-            file.flush()
-            os.fsync(file.fileno())
-        if reopen := hasattr(self, "_file"):
-            self._file.close()
-        part.replace(path)
-        self._past = 0
-        if reopen:
-            self._file = path.open("a", encoding="utf-8")
 
 
 _ROW = {"case", "status", "code", "message", "unmet", "stopped_when", "numbers", "values"}
-"""What a row of the journal has; the first line without ends it."""
+"""What a row of a journal has; the first line without ends it."""
 
 
 def _part(folder: Path, kind: str, block: int) -> Path:
@@ -304,19 +293,26 @@ def _parts(folder: Path) -> set[int]:
     return {int(number) for number in found if number.isdecimal()}
 
 
+def journal(folder: Path, block: int) -> Path:
+    """Where the rows of a block stand that is not whole yet."""
+    return folder / CASES / f"part-{block:05}.jsonl"
+
+
+def _journals(folder: Path) -> list[Path]:
+    return sorted((folder / CASES).glob("part-*.jsonl"))
+
+
 def _journal(folder: Path) -> Iterator[CaseRow]:
-    """The rows of the journal; the last line may be half a line, of a head that was killed."""
-    path = folder / JOURNAL
-    if not path.exists():
-        return
-    with path.open(encoding="utf-8", errors="replace") as file:
-        for line in file:
+    """The rows of all journals; the last line of one may be half a line, of a head that was
+    killed."""
+    for path in _journals(folder):
+        for line in path.read_text(encoding="utf-8", errors="replace").splitlines():
             try:
                 row = json.loads(line)
             except ValueError:
-                return
+                break
             if not (isinstance(row, dict) and row.keys() >= _ROW and isinstance(row["case"], int)):
-                return
+                break
             yield CaseRow.from_json(row)
 
 

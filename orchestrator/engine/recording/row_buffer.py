@@ -6,6 +6,7 @@ its parent puts them after those that are written.
 
 from __future__ import annotations
 
+import errno
 import mmap
 import os
 import tempfile
@@ -19,12 +20,10 @@ from numpy.typing import NDArray
 
 from ...system.interface import Kind
 from . import shared_tables
-from .series_file import beside, pack
+from .series_file import DataSetPlan, Packing, aside, beside
 
 Places = slice | NDArray[np.intp]
 """Columns of a data set among those of its type."""
-_AT_ONCE = 16 << 20
-"""Bytes that are copied at once."""
 _HEAD = 64
 _WRITTEN, _NEXT, _WHICH, _ACTIVE, _FINAL = range(2, 7)
 """Counts, after the rows taken in each half."""
@@ -151,35 +150,29 @@ def recover(part: Path, path: Path, layout: Layout, unwritten: RowBuffer) -> int
     rows = written + len(times)
     without = int(0 < rows == unwritten.final)
     beside(path).unlink(missing_ok=True)
-    new = path.with_name(path.name + ".recovered")
-    try:
-        with h5py.File(part, "r", swmr=True) as old, h5py.File(new, "w", libver="latest") as file:
-            file.attrs.update(old.attrs)
-            _copy(old["time"], file, written, times, rows)
-            if shared_tables.INDEX in old:
-                file.create_dataset(shared_tables.INDEX, data=old[shared_tables.INDEX][()])
-            for name, kind, columns, interval in layout.sets:
-                tail = tables[kind][:, columns]
-                tail = tail[:, 0] if old[name].ndim == 1 else tail
-                _copy(old[name], file, written, tail, rows - without * interval)
-    except BaseException:
-        new.unlink(missing_ok=True)
-        raise
-    new.replace(path)
+    lasts = [(times, rows)]
+    for _, kind, columns, interval in layout.sets:
+        lasts.append((tables[kind][:, columns], rows - without * interval))
+    made = aside(_packed, part, path, ["time", *(name for name, *_ in layout.sets)], written, lasts)
+    if made is None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(path))
+    made.replace(path)
     part.unlink()
-    pack(path)
     return rows
 
 
-def _copy(old: Any, file: Any, written: int, tail: NDArray[Any], rows: int) -> None:
-    """So many rows: of `old`, which has those that are written, and then of `tail`."""
-    new = file.create_dataset(
-        old.name, (rows, *old.shape[1:]), old.dtype, maxshape=(None, *old.shape[1:]),
-        chunks=old.chunks,
-    )  # fmt: skip
-    new.attrs.update(old.attrs)
-    written = min(written, rows)
-    many = max(1, _AT_ONCE // (8 * max(1, int(np.prod(old.shape[1:])))))
-    for at in range(0, written, many):
-        new[at : min(written, at + many)] = old[at : min(written, at + many)]
-    new[written:] = tail[: rows - written]
+def _packed(
+    part: Path, path: Path, names: list[str], written: int, lasts: list[tuple[NDArray[Any], int]]
+) -> Path | None:
+    """So many rows of each data set: of a file the `written` ones, then of its last ones."""
+    with h5py.File(part, "r", swmr=True) as old:
+        index = old[shared_tables.INDEX][()] if shared_tables.INDEX in old else None
+        plans = [DataSetPlan.of(old[name]) for name in names]
+        packing = Packing(path, plans, index, dict(old.attrs))
+        for i, (name, (last, rows)) in enumerate(zip(names, lasts, strict=True)):
+            there, many = min(written, rows), plans[i].chunk[0]
+            for first in range(0, there, many):
+                packing.take(i, old[name][first : min(there, first + many)])
+            left = last[: rows - there].reshape(-1, *plans[i].tail)
+            packing.take(i, np.ascontiguousarray(left))
+        return packing.finish()
