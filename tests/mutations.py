@@ -148,7 +148,7 @@ VERDICTS = {
     "campaign/case.py": ("row", "kept"),
     "campaign/draws.py": ("one", "ran", "_asked", "lost", "summary", "spreads"),
     "runs/run.py": ("ok", "code", "or_raise", "_measure", "_supervised", "_cut_short"),
-    "runs/supervisor.py": ("apart", "stopped"),
+    "engine/child.py": ("apart", "stopped"),
     "runs/step_case.py": ("stepped", "_add"),
     "runs/stopping.py": ("met", "_reaches", "_held", "watch"),
     "papers/comparison.py": ("band_of", "_row", "share_of", "counted"),

@@ -26,17 +26,17 @@ from desat.campaign import draws as study
 from desat.cli.commands import run as run_command
 from desat.cli.commands import tables as tables_command
 from desat.cli.console import plain_console
-from desat.engine import checkpoint
+from desat.engine import checkpoint, child
+from desat.engine.child import Ended
 from desat.engine.instances.base import EndedError
 from desat.engine.master import Master
 from desat.numbers.text import Value
 from desat.papers import tables
 from desat.runs import run as runs
-from desat.runs import step_case, stopping, supervisor
+from desat.runs import step_case, stopping
 from desat.runs.run import Run
 from desat.runs.step_case import Outcome
 from desat.runs.stopping import LATE, Condition
-from desat.runs.supervisor import Ended
 from desat.sizing import sizing
 from desat.studies import compare
 from desat.system.errors import DesatError, Exit, RunError, nearest, plain
@@ -431,8 +431,8 @@ def raised(function, *args: object) -> tuple[str, object] | object:
     ],
 )
 def test_what_is_done_apart_ends_as_its_process(monkeypatch, ended, result):
-    monkeypatch.setattr(supervisor, "watch", lambda *_: ended)
-    assert raised(supervisor.apart, lambda: 7, [], 1.0) == result
+    monkeypatch.setattr(child, "watch", lambda *_: ended)
+    assert raised(child.apart, lambda: 7, [], 1.0) == result
 
 
 DONE = ("completed", "", 0)
@@ -471,7 +471,7 @@ def test_a_supervised_run_ends_as_its_process(monkeypatch, tmp_path, ended, resu
     if isinstance(ended.said.get("outcome"), tuple):
         ended = replace(ended, said={**ended.said, "outcome": Outcome(*DONE)})
     limits, scratch = [], tmp_path / "scratch"
-    monkeypatch.setattr(supervisor, "watch", lambda *args: limits.append(args[-1]) or ended)
+    monkeypatch.setattr(child, "watch", lambda *args: limits.append(args[-1]) or ended)
     monkeypatch.setattr(runs.Results, "open", lambda place: place)
     monkeypatch.setattr(runs, "_cut_short", lambda *args: ("cut short", args[2]))
     if not ended.how:  # else it is gone already

@@ -20,7 +20,7 @@ from benchmarks.pages.sources import Sources
 from benchmarks.pages.verbs import Verbs
 from desat.campaign import draws
 from desat.designs import making, origin
-from desat.engine import trial_initialisation
+from desat.engine import current_call, trial_initialisation
 from desat.files import library, paths
 from desat.files.io import toml
 from desat.files.scenario import families, find, scenarios
@@ -205,18 +205,21 @@ def test_a_crash_of_the_trial_is_a_line(monkeypatch):
     system, schedule = prepare(COMBINED, Options()).or_raise()
 
     def crash(system, schedule):
-        os.write(2, b"what the FMU said\nat last\n")
+        current_call.word[0] = current_call.PLACE * schedule.order.index("torquers") + 1
         os.abort()
 
     monkeypatch.setattr(trial_initialisation, "_initialised", crash)
     (line,), _ = trial_initialisation.refusals(system, schedule)
-    assert line.endswith("crashed (signal 6): at last")
-    monkeypatch.setattr(
-        trial_initialisation, "_initialised", lambda system, schedule: time.sleep(60.0)
-    )
+    assert line.endswith(": torquers: instantiating it ended the process: SIGABRT")
+
+    def hang(system, schedule):
+        current_call.word[0] = current_call.PLACE * schedule.order.index("torquers") + 2
+        time.sleep(60.0)
+
+    monkeypatch.setattr(trial_initialisation, "_initialised", hang)
     monkeypatch.setattr(trial_initialisation, "TIMEOUT", 0.2)
     (line,), _ = trial_initialisation.refusals(system, schedule)
-    assert line.endswith("takes longer than 0.2 s")
+    assert line.endswith(": torquers: entering initialisation did not return within 0.2 s")
 
 
 # --- stored draws -----------------------------------------------------------------------------

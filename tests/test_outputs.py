@@ -126,8 +126,8 @@ def test_a_plot_is_not_written_outside(tmp_path):
     assert not (tmp_path / "escaped.png").exists()
 
 
-INTERNAL = {"catalogue.py", "checkpoint.py", "console.py", "row_buffer.py", "series_file.py",
-            "store.py", "trial_initialisation.py", "io.py"}  # fmt: skip
+INTERNAL = {"catalogue.py", "checkpoint.py", "console.py", "recorder.py", "row_buffer.py",
+            "series_file.py", "store.py", "io.py"}  # fmt: skip
 """Of caches and run folders, which are ours alone, and of streams."""
 
 

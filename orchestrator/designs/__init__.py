@@ -39,19 +39,6 @@ class MadeDesign:
     notes: tuple[str, ...] = ()
 
 
-MADE_FOR = "made_for"
-"""The parameter of a component that says what its designed parameters were made for."""
-
-
-def problems(system: Any) -> list[str]:
-    """What is wrong with the designed tables of a checked system, a line each."""
-    if not any(MADE_FOR in c.interface.signals for c in system.components.values()):
-        return []
-    from . import momentum_tables
-
-    return list(momentum_tables.problems(system))
-
-
 @cache
 def kinds() -> tuple[ModuleType, ...]:
     """The kinds of design that there are, by the names of their files."""

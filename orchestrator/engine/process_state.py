@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import ctypes
 import errno
+import faulthandler
 import locale
 import os
 import platform
 import signal
 import sys
 import time
+import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -156,6 +158,26 @@ def one_thread() -> Iterator[None]:
     finally:
         if given is None:
             del os.environ[THREADS]
+
+
+CAN_FORK = hasattr(os, "fork")
+
+
+def fork() -> int:
+    """As `os.fork`, of a process whose child uses nothing that another thread may hold."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", DeprecationWarning)
+        return os.fork()
+
+
+def die_with(parent: int, number: int) -> None:
+    """Of a process that was forked: let no fault of a component print a trace, and get a signal
+    when the parent dies (Linux)."""
+    faulthandler.disable()
+    if sys.platform == "linux":
+        ctypes.CDLL(None).prctl(1, number)  # PR_SET_PDEATHSIG
+        if os.getppid() != parent:
+            os.kill(os.getpid(), number)
 
 
 def stop_signals() -> list[int]:

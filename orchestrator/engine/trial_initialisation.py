@@ -7,21 +7,17 @@ of their own; of others only the description is read, and nothing of theirs is l
 
 from __future__ import annotations
 
-import faulthandler
-import os
-import warnings
 from dataclasses import replace
-from multiprocessing import get_all_start_methods, get_context
-from multiprocessing.connection import Connection
-from pathlib import Path
 
 from ..files import library
 from ..system.errors import DesatError
 from ..system.model import System
 from ..system.schedule import Schedule
+from . import child
+from .instances.base import EndedError
 
 TIMEOUT = 60.0
-"""Of the process that initialises (s)."""
+"""Of each call of one that is initialised (s)."""
 
 
 def refusals(
@@ -65,44 +61,13 @@ def _part_of(schedule: Schedule, names: set[str]) -> Schedule:
 
 
 def _in_a_process(system: System, schedule: Schedule) -> list[str]:
-    # forked where that can be had: this process has loaded what it needs
-    context = get_context("fork" if "fork" in get_all_start_methods() else "spawn")
-    ours, theirs = context.Pipe(duplex=False)
-    log = library.scratch("trial") / "log"
-    given = (theirs, log, system, schedule)
-    process = context.Process(target=_try, args=given, daemon=True)  # type: ignore[attr-defined]
-    with warnings.catch_warnings():  # the child uses nothing that another thread may hold
-        warnings.simplefilter("ignore", DeprecationWarning)
-        process.start()
-    theirs.close()
+    if not child.CAN:
+        return _initialised(system, schedule)
+    library.unpack(system)
     try:
-        if ours.poll(TIMEOUT):
-            lines: list[str] = ours.recv()
-            return lines
-        process.kill()
-        return [f"{system.where}: initialising our FMUs takes longer than {TIMEOUT:g} s"]
-    except EOFError:
-        process.join()
-        code = process.exitcode or 0
-        said = log.read_text(errors="replace").strip().splitlines() if log.exists() else []
-        why = f"signal {-code}" if code < 0 else f"exit {code}"
-        return [
-            f"{system.where}: the process that initialised our FMUs crashed ({why})"
-            + (f": {said[-1]}" if said else "")
-        ]
-    finally:
-        ours.close()
-        process.join()
-
-
-def _try(pipe: Connection, log: Path, system: System, schedule: Schedule) -> None:
-    """The process: what it says, and what FMUs print, goes to a file."""
-    faulthandler.disable()
-    with log.open("wb") as file:
-        for stream in (1, 2):
-            os.dup2(file.fileno(), stream)
-    pipe.send(_initialised(system, schedule))
-    os._exit(0)  # the interpreters within have nothing to say any more
+        return child.apart(lambda: _initialised(system, schedule), schedule.order, TIMEOUT)
+    except EndedError as error:
+        return [f"{system.where}: {error}"]
 
 
 def _initialised(system: System, schedule: Schedule) -> list[str]:

@@ -12,8 +12,7 @@ from desat.components.contract.block import Scalar
 
 from ..analyses import accounts, coverage, energy, firings, fixed, management, needs, wheels
 from ..analyses.manifest import Manifest
-from ..designs import making, origin
-from ..designs import problems as design_problems
+from ..designs import making, momentum_tables, origin
 from ..engine.instances.isolated import CAN
 from ..engine.master import MasterPool
 from ..files import library, scenario, ssp
@@ -337,7 +336,7 @@ RUNS: tuple[Callable[[System, Options], Iterable[str]], ...] = (
 )  # fmt: skip
 """What stands against a run with its options, each a line a problem."""
 SYSTEMS: tuple[Callable[[System], Iterable[str]], ...] = (
-    design_problems, accounts.problems, management.problems, needs.problems,
+    momentum_tables.problems, accounts.problems, management.problems, needs.problems,
 )  # fmt: skip
 """What stands against running a system."""
 WARNINGS: tuple[Callable[[System], Iterable[str]], ...] = (

@@ -16,10 +16,12 @@ from typing import Any
 
 from ..analyses import analyses, coverage, not_checked
 from ..analyses.manifest import UNKNOWN, Manifest, SubstepChoice
+from ..engine import child
 from ..engine.checkpoint import FOLDER, Checkpoint, newest, remove
 from ..engine.process_state import no_space
+from ..engine.recording.recorder import recover
 from ..engine.recording.results import MANIFEST, SERIES, Results
-from ..engine.recording.row_buffer import Layout, RowBuffer, recover
+from ..engine.recording.row_buffer import Layout, RowBuffer
 from ..files import library
 from ..language.content import content_of
 from ..numbers.verdicts import judge
@@ -27,7 +29,7 @@ from ..system.errors import DesatError, Exit, RunError
 from ..system.model import System
 from ..system.options import Options, as_arguments, from_json
 from ..system.schedule import schedule
-from . import stopping, substep_choice, supervisor
+from . import stopping, substep_choice
 from .manifest import end_manifest, gone_on, numbers, read_manifest, unrecorded
 from .prepare import Case, prepare
 from .step_case import Outcome, step
@@ -168,7 +170,7 @@ def _simulate(
         folder = folder.absolute()  # a component may change the working directory
     elif options.checkpoint is not None:
         raise DesatError("checkpoints need a run folder")
-    if options.supervised and supervisor.CAN:
+    if options.supervised and child.CAN:
         outcome, results = _simulate_apart(case, folder, manifest, progress, checkpoint)
     else:
         outcome, results = step(case, folder, manifest, progress, checkpoint)
@@ -235,8 +237,8 @@ def _simulate_apart(
 
     limit = min(options.call_limit, options.time_limit or math.inf)
     try:
-        ended = supervisor.watch(work, schedule.order, unwritten, limit)
-        layout, outcome = supervisor.layout_of(ended), ended.said.get("outcome")
+        ended = child.watch(work, schedule.order, unwritten, limit)
+        layout, outcome = child.layout_of(ended), ended.said.get("outcome")
         if "error" in ended.said and (layout is None or outcome is not None):
             kind, arguments = ended.said["error"]
             raise kind(*arguments)
@@ -250,7 +252,7 @@ def _simulate_apart(
                 outcome.status, outcome.message = "failed", f"{ended.text()}, after the run"
             return outcome, Results.open(place)
         if layout is None:
-            supervisor.stopped(ended)
+            child.stopped(ended)
         if layout is None and full:
             raise RunError(f"{place}: {full}", Exit.SPACE)
         if layout is None:
@@ -263,7 +265,7 @@ def _simulate_apart(
 
 
 def _cut_short(
-    system: System, options: Options, place: Path, ended: supervisor.Ended, layout: Layout,
+    system: System, options: Options, place: Path, ended: child.Ended, layout: Layout,
     unwritten: RowBuffer, full: str,
 ) -> tuple[Outcome, Results]:  # fmt: skip
     """How a run ended that could not say so itself, and its rows."""

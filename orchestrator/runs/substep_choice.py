@@ -34,6 +34,7 @@ from desat.components.contract.block import Scalar
 from ..analyses import coverage, residual
 from ..analyses.coverage import Array, Body, Reached, body_of, reached_by
 from ..analyses.manifest import Slow, SubstepChoice
+from ..engine.child import CAN, apart
 from ..engine.ending import NEVER
 from ..engine.instances.base import ComponentError
 from ..engine.loop import stepping
@@ -46,7 +47,6 @@ from ..system.model import AUTO, MOST_SUBSTEPS, Component, System
 from ..system.options import Options
 from ..system.schedule import schedule
 from .prepare import isolated_in, to_isolate
-from .supervisor import CAN, apart
 
 T = TypeVar("T")
 

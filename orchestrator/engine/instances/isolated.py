@@ -9,8 +9,6 @@ time is killed. `apart.py` is the other side.
 
 from __future__ import annotations
 
-import ctypes
-import faulthandler
 import math
 import mmap
 import os
@@ -18,9 +16,7 @@ import pickle
 import signal
 import socket
 import struct
-import sys
 import time
-import warnings
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from multiprocessing.connection import Connection
@@ -48,11 +44,11 @@ from ..current_call import (
     TERMINATE,
     VERBS,
 )
-from ..process_state import keep_state
+from ..process_state import CAN_FORK, die_with, fork, keep_state
 from .base import DTYPE, Array, Clock, ComponentError, EndedError, warn_of
 from .fmu import FmuInstance, failure
 
-CAN = hasattr(os, "fork")
+CAN = CAN_FORK
 GRACE = 1.0
 """A process that has closed its socket is killed where it has not ended after so long (s)."""
 
@@ -68,15 +64,13 @@ class IsolatedInstance:
         _ = fmu.folder  # extracted here: the process does not clean up
         ours, theirs = socket.socketpair()
         head = os.getpid()
-        with warnings.catch_warnings():  # the child uses nothing that another thread may hold
-            warnings.simplefilter("ignore", DeprecationWarning)
-            with kept_back():
-                self._shared = Shared(fmu.interface)
-                self._words, self._time = self._shared.words, self._shared.clock
-                self._words[DOING] = INSTANTIATE
-                self._process = os.fork()
-                if not self._process:
-                    live(Connection(theirs.detach()), self._shared, component, fmu, head)
+        with kept_back():
+            self._shared = Shared(fmu.interface)
+            self._words, self._time = self._shared.words, self._shared.clock
+            self._words[DOING] = INSTANTIATE
+            self._process = fork()
+            if not self._process:
+                live(Connection(theirs.detach()), self._shared, component, fmu, head)
         theirs.close()
         if limit < 1e9:
             rest, seconds = math.modf(limit)
@@ -257,7 +251,7 @@ class IsolatedInstance:
 
     def _end_group(self) -> None:
         """End what it has forked, of its session: what has left that comes to the process that
-        steps (`runs/supervisor.py`)."""
+        steps (`child.py`)."""
         with suppress(ProcessLookupError, PermissionError):
             os.killpg(self._process, signal.SIGKILL)
 
@@ -416,13 +410,9 @@ def live(
 ) -> NoReturn:  # fmt: skip
     """The process: it does what it is told until it is told to free the component."""
     try:
-        faulthandler.disable()
         for name in ("SIGINT", "SIGTERM", "SIGHUP"):
             signal.signal(getattr(signal, name), signal.SIG_IGN)  # the head decides
-        if sys.platform == "linux":
-            ctypes.CDLL(None).prctl(1, signal.SIGKILL)  # it dies with its head, also in a call
-            if os.getppid() != head:
-                os._exit(1)
+        die_with(head, signal.SIGKILL)  # also in a call
         _alone(pipe)
         with keep_state("it", "its process") as changes, np.errstate(all="ignore"):
             there, file = _There(shared, changes), pipe.fileno()

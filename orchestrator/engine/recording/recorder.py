@@ -6,6 +6,7 @@ takes further ones; at once where FMUs are not ours.
 
 from __future__ import annotations
 
+import errno
 import os
 import time
 from collections import defaultdict
@@ -27,7 +28,7 @@ from ..node import Slot
 from . import memory, shared_tables
 from .results import Results, frame_of
 from .row_buffer import Bank, Layout, Places, RowBuffer
-from .series_file import DataSetPlan, Packing
+from .series_file import DataSetPlan, Packing, aside, beside
 
 T = TypeVar("T")
 ROWS = 8192
@@ -306,3 +307,39 @@ def _series(component: str, variable: str, slots: list[Slot]) -> shared_tables.S
         component, variable, slots[0].kind, columns, slots[0].interval, signal.name == variable,
         attributes,
     )  # fmt: skip
+
+
+def recover(part: Path, path: Path, layout: Layout, unwritten: RowBuffer) -> int:
+    """Make the series of a process that died whole: the rows that are surely on the disk, in
+    `part`, and those in memory. The number of rows. Raises OSError where there is no room."""
+    unwritten.lay_out(layout)
+    written, (times, tables) = unwritten.written, unwritten.left()
+    rows = written + len(times)
+    without = int(0 < rows == unwritten.final)
+    beside(path).unlink(missing_ok=True)
+    lasts = [(times, rows)]
+    for _, kind, columns, interval in layout.sets:
+        lasts.append((tables[kind][:, columns], rows - without * interval))
+    made = aside(_packed, part, path, ["time", *(name for name, *_ in layout.sets)], written, lasts)
+    if made is None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(path))
+    made.replace(path)
+    part.unlink()
+    return rows
+
+
+def _packed(
+    part: Path, path: Path, names: list[str], written: int, lasts: list[tuple[NDArray[Any], int]]
+) -> Path | None:
+    """So many rows of each data set: of a file the `written` ones, then of its last ones."""
+    with h5py.File(part, "r", swmr=True) as old:
+        index = old[shared_tables.INDEX][()] if shared_tables.INDEX in old else None
+        plans = [DataSetPlan.of(old[name]) for name in names]
+        packing = Packing(path, plans, index, dict(old.attrs))
+        for i, (name, (last, rows)) in enumerate(zip(names, lasts, strict=True)):
+            there, many = min(written, rows), plans[i].chunk[0]
+            for first in range(0, there, many):
+                packing.take(i, old[name][first : min(there, first + many)])
+            left = last[: rows - there].reshape(-1, *plans[i].tail)
+            packing.take(i, np.ascontiguousarray(left))
+        return packing.finish()

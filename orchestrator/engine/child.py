@@ -1,33 +1,30 @@
-"""A run in a process of its own, which a component may end, or never come back from.
+"""Work in a process of its own, which a component may end, or never come back from.
 
 The parent waits, hands signals on, and reports: what the run says of itself when it ends, or else
 component and call, and the signal or exit code that ended it. Nothing is added to a step but what
-`engine/current_call.py` says.
+`current_call.py` says.
 """
 
 from __future__ import annotations
 
-import ctypes
-import faulthandler
 import os
 import signal
 import sys
 import time
 import traceback
-import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from multiprocessing.connection import Connection, Pipe
 from typing import Any, NoReturn, TypeVar
 
-from ..engine import current_call, process_state
-from ..engine.instances.base import EndedError
-from ..engine.recording.row_buffer import Layout, RowBuffer
 from ..system.errors import DesatError, Exit
+from . import current_call, process_state
+from .instances.base import EndedError
+from .recording.row_buffer import Layout, RowBuffer
 
 T = TypeVar("T")
-CAN = hasattr(os, "fork")
+CAN = process_state.CAN_FORK
 _LOOK = 0.2
 """The parent looks at its child so often (s)."""
 _LATER = 0.5
@@ -70,9 +67,7 @@ def watch(
     sys.stdout.flush()
     sys.stderr.flush()
     parent, ended = os.getpid(), Ended()
-    with warnings.catch_warnings():  # the child uses nothing that another thread may hold
-        warnings.simplefilter("ignore", DeprecationWarning)
-        child = os.fork()
+    child = process_state.fork()
     if child == 0:
         _work(work, theirs, unwritten, parent)
     theirs.close()
@@ -129,8 +124,7 @@ def _work(
         pipe.send((name, what))
 
     try:
-        faulthandler.disable()
-        _die_with(parent)
+        process_state.die_with(parent, signal.SIGTERM)
         process_state.adopt()
         os.dup2(2, 1)  # what an FMU prints is no result
         try:
@@ -153,14 +147,6 @@ def _work(
     finally:
         process_state.end()
         os._exit(0)
-
-
-def _die_with(parent: int) -> None:
-    """Get SIGTERM when the parent dies (Linux)."""
-    if sys.platform == "linux":
-        ctypes.CDLL(None).prctl(1, signal.SIGTERM)
-        if os.getppid() != parent:
-            os.kill(os.getpid(), signal.SIGTERM)
 
 
 def _wait(child: int, pipe: Connection, ended: Ended, limit: float) -> int:
