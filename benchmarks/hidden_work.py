@@ -15,7 +15,7 @@ from datetime import UTC, datetime
 from importlib.metadata import version
 from typing import Any
 
-from benchmarks.validation import separation
+from benchmarks.validation import calibration
 from desat.analyses import energy
 from desat.files import paths
 from desat.files.scenario import families, scenarios
@@ -26,14 +26,14 @@ STEPS = 6000
 
 def of(name: str) -> dict[str, Any] | None:
     """Of one scenario; None for one without a rigid body, or without substeps."""
-    case = prepare(name, Options(substeps=separation.FINEST))
+    case = prepare(name, Options(substeps=calibration.FINEST))
     if case.checked.problems:
         return None
     system, _ = case.or_raise()
     if energy.applies(system) is None:
         return None
     stop = system.start + min(system.steps, STEPS) * system.step
-    return separation.held(name, name, (None,), stop=stop)[0]._asdict()
+    return calibration.held(name, name, (None,), stop=stop)[0]._asdict()
 
 
 def main() -> int:

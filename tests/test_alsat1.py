@@ -566,12 +566,12 @@ def test_open_loop_analytically():
 
 
 @pytest.mark.parametrize("name", ["firing-z-wheel", "firing-y-wheel", "firing-ours"])
-def test_fmus_give_the_bits_of_the_blocks_with_and_without_decimation(name, tmp_path):
+def test_fmus_give_the_bits_of_the_blocks_with_and_without_step_ratios(name, tmp_path):
     options = {"stop": 200.0, "sets": tuple(NEAR)}
     one, other = run(name, **options), run(name, blocks=False, **options)
     undecimated = tmp_path / "all.toml"
     undecimated.write_text(
-        f'extends = "alsat1/{name}"\nwithout = ["decimation"]\n', encoding="utf-8"
+        f'extends = "alsat1/{name}"\nwithout = ["step_ratio"]\n', encoding="utf-8"
     )
     third = execute(str(undecimated), Options(blocks=True, stop=200.0, sets=list(NEAR)))
     series = [n for n in one.results.names() if n.startswith("spacecraft.")]

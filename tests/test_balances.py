@@ -11,7 +11,7 @@ import pytest
 from test_campaign_doubts import flown
 from typer.testing import CliRunner
 
-from benchmarks.validation import separation
+from benchmarks.validation import calibration
 from desat.analyses import energy
 from desat.analyses.manifest import Manifest
 from desat.campaign import report
@@ -41,17 +41,17 @@ def mine(folder: Path, text: str, base: str = "gyrostat/light") -> str:
 @pytest.mark.parametrize("substeps", [1, 2])
 def test_strong_jets_are_not_met_at_any_inner_as_long_as_they_are_wrong(substeps):
     name = "strong jets on 1.7 kg m2"
-    (row,) = separation.held(name, "gyrostat/pulses", (substeps,), separation.JETS[name])
-    assert row.error > separation.BAD
+    (row,) = calibration.held(name, "gyrostat/pulses", (substeps,), calibration.JETS[name])
+    assert row.error > calibration.BAD
     assert row.refused
 
 
 def test_a_jet_that_spins_a_craft_up_is_not_met_until_it_errs_little():
     name = "a jet from rest to 0.9 rad/s"
-    wrong, right = separation.held(name, "gyrostat/pulses", (1, 8), separation.JETS[name])
-    assert wrong.error > separation.BAD
+    wrong, right = calibration.held(name, "gyrostat/pulses", (1, 8), calibration.JETS[name])
+    assert wrong.error > calibration.BAD
     assert wrong.refused
-    assert right.error < separation.GOOD
+    assert right.error < calibration.GOOD
     assert not right.refused
 
 
@@ -153,7 +153,7 @@ def test_a_run_that_fails_in_its_first_step_has_no_balance(monkeypatch):
 @pytest.mark.parametrize("slow", [{"spacecraft": 5}, {"spacecraft": 5, "wheels": 5},
                                   {"environment": 5}, {"torquers": 5}], ids=str)  # fmt: skip
 def test_they_are_made_where_components_are_slow(tmp_path, slow):
-    text = "step = 0.2\nstop = 60.0\n[decimation]\n" + "\n".join(
+    text = "step = 0.2\nstop = 60.0\n[step_ratio]\n" + "\n".join(
         f"{k} = {n}" for k, n in slow.items()
     )
     found, run = made(mine(tmp_path, text, "gyrostat/full"), blocks=True)
@@ -223,7 +223,7 @@ def test_the_command_says_what_is_not_checked(tmp_path, monkeypatch):
 
 
 def test_slow_wheels_are_said_before_the_run(tmp_path):
-    target = mine(tmp_path, "step = 0.1\nstop = 5.0\n[decimation]\nwheels = 10\n", "gyrostat/full")
+    target = mine(tmp_path, "step = 0.1\nstop = 5.0\n[step_ratio]\nwheels = 10\n", "gyrostat/full")
     _, run = made(target, blocks=True)
     line = "not checked: energy_mismatch, hidden_work, impulse_mismatch: wheels is slower than"
     assert sum(w.startswith(line) for w in run.manifest["warnings"]) == 1
@@ -272,12 +272,12 @@ JUDGED = range(500, 580)
 
 
 def test_the_bound_tells_craft_apart_that_it_has_not_seen():
-    rows = separation.at_random(JUDGED)
-    told = separation.summed(rows)
+    rows = calibration.at_random(JUDGED)
+    told = calibration.summed(rows)
     assert told["good"] >= 30
     assert told["bad"] >= 10
     assert told["false_alarms"] == told["missed"] == 0
-    assert all(r.refused for r in rows if r.error > separation.BAD)
+    assert all(r.refused for r in rows if r.error > calibration.BAD)
 
 
 def test_a_scenario_has_its_own_bound_in_campaigns_too(tmp_path):

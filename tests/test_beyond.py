@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import linprog, lsq_linear
 
-from desat.analyses import bound
+from desat.analyses import lower_bound
 from desat.components.contract.block import BlockError
 from desat.components.laws import blending, receding_horizon
 from desat.components.laws.least_firing import least_firing
@@ -203,7 +203,7 @@ LEAST = {
 
 def bound_of(name, **values):
     run = execute(name, Options(blocks=True, values=values))
-    return bound.of_run(run.manifest, run.results)
+    return lower_bound.of_run(run.manifest, run.results)
 
 
 @pytest.mark.parametrize(("limit", "b_y"), LEAST)
@@ -234,7 +234,7 @@ def test_nozzles_as_the_axis_pairs_have_the_same_bound():
     from desat.system.check import check
 
     pairs = execute("uosat12/table3-dct-ilqr-2", Options(blocks=True))
-    expected = bound.of_run(pairs.manifest, pairs.results)
+    expected = lower_bound.of_run(pairs.manifest, pairs.results)
     draft = read("uosat12/table3-dct-ilqr-2").draft(blocks=True)
     nozzles = draft.components["thrusters"]
     nozzles.source = "resources/thrusters_nozzles.fmu"
@@ -247,7 +247,7 @@ def test_nozzles_as_the_axis_pairs_have_the_same_bound():
     manifest = replace(
         pairs.manifest, parameters={**pairs.manifest.parameters, "thrusters": thrusters}
     )
-    found = bound.of_run(manifest, pairs.results)
+    found = lower_bound.of_run(manifest, pairs.results)
     assert found.least == pytest.approx(expected.least, rel=1e-9)
 
 
@@ -266,7 +266,7 @@ def test_no_law_beats_the_bound(method, h, phase, disturbance):
         "spacecraft.h_start_body": list(h), "environment.phase": phase,
         "spacecraft.tau_disturbance_body": [disturbance, 0.0, -disturbance],
     }))  # fmt: skip
-    found = bound.of_run(run.manifest, run.results)
+    found = lower_bound.of_run(run.manifest, run.results)
     left = np.abs(run.results.values("spacecraft.h_copy_wheel")[-1]).sum()
     assert found.least_same_end <= found.seconds + PULSE
     assert found.least <= found.seconds + left / 0.04 + PULSE
@@ -305,7 +305,7 @@ def test_what_has_no_bound_says_why(desat):
         options.blocks = True
         run = execute(name, options)
         with pytest.raises(DesatError, match=text):
-            bound.of_run(run.manifest, run.results)
+            lower_bound.of_run(run.manifest, run.results)
         # a run's own is of all rows, also of those that are not kept
         assert ("bound" in run.manifest["numbers"]) == (options.every > 1)
 
@@ -464,7 +464,7 @@ def test_the_end_may_be_a_bias():
         blocks=True, values={"manager.h_target_body": target}))  # fmt: skip
     h = run.results.values("spacecraft.h_copy_wheel")[-1, :3]
     assert h == pytest.approx(target, abs=0.002)
-    found = bound.of_run(run.manifest, run.results)
+    found = lower_bound.of_run(run.manifest, run.results)
     assert found.final_momentum <= 0.002
     assert found.seconds <= 1.01 * found.least
 

@@ -63,7 +63,7 @@ def test_it_goes_on_with_the_same_bits(tmp_path, monkeypatch, more):
     if "algorithm" in more:
         monkeypatch.setattr(shared_tables, "MANY", 3)  # series that share tables
     slow = {"manager": 5} if "substeps" in more else {"spacecraft": 10, "wheels": 2, "manager": 5}
-    file = scenario(tmp_path, step=0.1, decimation=slow)
+    file = scenario(tmp_path, step=0.1, step_ratio=slow)
     given = Options(stop=14.0, **more)
     simulate(prepare(file, given), tmp_path / "whole").results.close()
     saved = replace(given, checkpoint=1.1)

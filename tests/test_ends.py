@@ -598,7 +598,7 @@ def test_the_time_is_over_after_it_and_not_at_it(monkeypatch, seconds):
 
 
 @pytest.mark.parametrize("interval", [True, False])
-@pytest.mark.parametrize("algorithm", ["conserving", "jacobi"])
+@pytest.mark.parametrize("algorithm", ["gauss_seidel", "jacobi"])
 def test_a_condition_is_to_hold_for_its_time(interval, algorithm):
     """From the row that it holds at, which of an interval output began a step ago; anew where it
     was broken."""
@@ -608,7 +608,7 @@ def test_a_condition_is_to_hold_for_its_time(interval, algorithm):
     others = [SimpleNamespace(component="b", signal=x), SimpleNamespace(component="a", signal=y)]
     master = SimpleNamespace(slots=[*others, slot], live=live, start=3.0, step_size=0.1, k=0,
                              algorithm=algorithm)  # fmt: skip
-    at_start = not (interval and algorithm == "conserving")
+    at_start = not (interval and algorithm == "gauss_seidel")
     ending = stopping.watch(master, Condition("a", "x", "below", 2.0, 0.3, "it is low"), None)
     assert (ending.watched, ending.limit, ending.how) == ([slot], 2.0, "below")
     assert ending.memory == ({"since": 3.0} if at_start else {})
@@ -626,7 +626,7 @@ def test_a_condition_that_has_just_held_long_enough_is_met():
     x = SimpleNamespace(name="x", series="x")
     slot = SimpleNamespace(component="a", signal=x, kind="Real", index=0, interval=False)
     master = SimpleNamespace(slots=[slot], live={"Real": np.array([1.0])}, start=0.0, k=2,
-                             step_size=0.5, algorithm="conserving")  # fmt: skip
+                             step_size=0.5, algorithm="gauss_seidel")  # fmt: skip
     held = 1.0 + 1e-9
     assert held - 1e-9 == 1.0
     ending = stopping.watch(master, Condition("a", "x", "below", 2.0, held, "low"), None)
@@ -752,7 +752,7 @@ def remarked(turning=0.0, pushed=0.0, h=0.0, last=0.0, unbalance=0.0, lacking=()
                               values=lambda name: np.array([[h] * 4, [last] * 4]))  # fmt: skip
     manifest = SimpleNamespace(
         substep_choice=None, parts={coverage.KEY: replace(PARTS, unbalance=unbalance)},
-        algorithm="conserving", step=2.0, substeps=4,
+        algorithm="gauss_seidel", step=2.0, substeps=4,
     )  # fmt: skip
     vars(manifest).update(told)
     with pytest.MonkeyPatch.context() as patch:
@@ -798,7 +798,7 @@ def test_a_run_that_chose_says_what_it_could_not_look_at():
 
 def told(**more: object) -> SimpleNamespace:
     """A manifest's part that balances look at."""
-    usual = {"algorithm": "conserving", "step": 2.0, "substeps": 1, "about": {}, "numbers": {},
+    usual = {"algorithm": "gauss_seidel", "step": 2.0, "substeps": 1, "about": {}, "numbers": {},
              "parts": {}, "balance": None}  # fmt: skip
     return SimpleNamespace(**{**usual, **more})
 
@@ -811,8 +811,8 @@ def test_the_largest_residual_is_that_of_a_row(monkeypatch):
     assert (number.value, number.unit) == (5.0, "N.m.s")
     assert residual.unchecked(None, None) == {}
     for algorithm, bound, lines in (
-        ("conserving", None, 1), ("jacobi", None, 0), ("conserving", 5.0 / 7.0, 0),
-        ("conserving", 0.7, 1),
+        ("gauss_seidel", None, 1), ("jacobi", None, 0), ("gauss_seidel", 5.0 / 7.0, 0),
+        ("gauss_seidel", 0.7, 1),
     ):  # fmt: skip
         about = {} if bound is None else {"residual_bound": bound}
         manifest = told(numbers={"momentum_residual": number}, algorithm=algorithm, about=about)

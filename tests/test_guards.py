@@ -108,10 +108,10 @@ def test_a_design_is_stamped_only_if_its_numbers_are_reached(monkeypatch, tmp_pa
     moved = {**scenario.content.parameters, "spacecraft": {"h_start_body": [2.0, 0.0, 0.0]}}
     other = replace(scenario, content=but(scenario.content, parameters=moved))
     file.write_text(bare, encoding="utf-8")
-    assert not making.stamp(other)
+    assert not making.confirm(other)
     assert file.read_text(encoding="utf-8") == bare
     assert "does not say" in _of_design(scenario)[0]
-    assert making.stamp(scenario)
+    assert making.confirm(scenario)
     assert file.read_text(encoding="utf-8") == kept
 
 
@@ -286,12 +286,12 @@ def test_draws_are_stamped_only_if_they_come_out_again(monkeypatch, tmp_path):
     kept["scenarios"][name].pop("code_sha256", None)
     stored.write(kept)
     assert stored.outdated(stored.read("uosat12")) == [name]
-    assert stored.stamp("uosat12", 1, 1) == []
+    assert stored.confirm("uosat12", 1, 1) == []
     assert stored.outdated(stored.read("uosat12")) == []
     row = kept["scenarios"][name]["draws"][0]["numbers"]
     row["firing_time"] *= 1.0 + 1e-9
     stored.write(kept)
-    assert stored.stamp("uosat12", 1, 1) == [name]
+    assert stored.confirm("uosat12", 1, 1) == [name]
 
 
 def test_what_is_imported_counts_for_a_block_but_not_from_which_folder():
@@ -344,7 +344,7 @@ def test_stored_draws_come_back(monkeypatch, tmp_path):
         file = stored.write(kept)
         before = file.read_bytes()
         assert stored.write(kept).read_bytes() == before
-    assert len(stored.stamps_file().read_text().splitlines()) == 2 + 2 * 4
+    assert len(stored.provenance_file().read_text().splitlines()) == 2 + 2 * 4
     back = stored.read("e")
     assert back == kept
     assert math.copysign(1.0, back["scenarios"]["e/y"]["draws"][0]["numbers"]["a"]) == -1.0

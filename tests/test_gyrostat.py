@@ -120,7 +120,7 @@ def study():
 
 def test_observed_order(study):
     assert study["order"] >= 2.5
-    rows = [r for r in study["rows"] if r["algorithm"] == "conserving"]
+    rows = [r for r in study["rows"] if r["algorithm"] == "gauss_seidel"]
     assert [r["step"] for r in rows] == [1.0, 0.5, 0.25]
     assert all(r["momentum_drift"] <= 1e-12 for r in rows)
     assert rows[0]["attitude_error"] < 2e-7
@@ -196,7 +196,7 @@ def test_command():
 
     result = apart("gyrostat/free", "--steps", "1,0.5", "--stop", "60")
     assert result.returncode == 0, result.stderr
-    assert "observed order (conserving): " in result.stdout
+    assert "observed order (gauss_seidel): " in result.stdout
     bad = apart("gyrostat/free", "--steps", "0.3")
     assert bad.returncode == 2
     assert "is not a multiple of" in bad.stderr

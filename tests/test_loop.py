@@ -69,7 +69,7 @@ FAMILIES = {
 }
 
 
-@pytest.mark.parametrize(("algorithm", "every"), [("conserving", 3), ("jacobi", 1)])
+@pytest.mark.parametrize(("algorithm", "every"), [("gauss_seidel", 3), ("jacobi", 1)])
 @pytest.mark.parametrize("target", FAMILIES)
 def test_scenarios_of_every_family(target, algorithm, every):
     both(target, algorithm=algorithm, every=every, stop=FAMILIES[target])
@@ -77,10 +77,10 @@ def test_scenarios_of_every_family(target, algorithm, every):
 
 RATES = [
     {"substeps": 3},
-    {"step": 0.1, "decimation": {"spacecraft": 10}},
-    {"step": 0.1, "decimation": {"wheels": 10}},
-    {"step": 0.1, "decimation": {"spacecraft": 10, "wheels": 2, "manager": 5}},
-    {"substeps": 2, "step": 0.5, "decimation": {"manager": 2}},
+    {"step": 0.1, "step_ratio": {"spacecraft": 10}},
+    {"step": 0.1, "step_ratio": {"wheels": 10}},
+    {"step": 0.1, "step_ratio": {"spacecraft": 10, "wheels": 2, "manager": 5}},
+    {"substeps": 2, "step": 0.5, "step_ratio": {"manager": 2}},
 ]
 
 
@@ -91,7 +91,7 @@ def test_several_rates_and_substeps(tmp_path, rates):
 
 
 def test_several_rates_under_jacobi(tmp_path):
-    target = scenario(tmp_path, step=0.1, decimation={"spacecraft": 5, "manager": 2})
+    target = scenario(tmp_path, step=0.1, step_ratio={"spacecraft": 5, "manager": 2})
     both(target, stop=4.0, algorithm="jacobi", every=5)
 
 
@@ -221,7 +221,7 @@ def system(folder: Path, wires=WIRES, stop: float = 1e6, **parameters: object):
     given = {"b": parameters}
     parts = {
         n: DraftComponent(n, "probe.fmu", fmu=_fmu(folder), interface=_fmu(folder).interface,
-                          parameters=given.get(n, {}), decimation=2 if n == "c" else 1)
+                          parameters=given.get(n, {}), step_ratio=2 if n == "c" else 1)
         for n in "abc"
     }  # fmt: skip
     return check(Draft("probes", "here", parts, list(wires), step=1.0, stop=stop)).or_raise()

@@ -84,14 +84,14 @@ def real(name, causality, output_class="state", unit="1") -> Signal:
 
 
 def component(
-    name, inputs=0, decimation=1, outputs=("state", "interval"), **spec
+    name, inputs=0, step_ratio=1, outputs=("state", "interval"), **spec
 ) -> DraftComponent:
     signals = [real(f"u{i}", "input") for i in range(inputs)]
     signals += [real(f"{o}_y", "output", o if o in ("state", "interval") else "undeclared")
                 for o in outputs]  # fmt: skip
     SPECS[name] = spec
     interface = Interface(name, name, {s.name: s for s in signals})
-    return DraftComponent(name, f"{name}.fmu", interface=interface, decimation=decimation)
+    return DraftComponent(name, f"{name}.fmu", interface=interface, step_ratio=step_ratio)
 
 
 def draft(components, wires, **more) -> Draft:
@@ -112,7 +112,7 @@ def _function_instances(monkeypatch, request):
         monkeypatch.setattr(master_module, "instance_for", FunctionInstance)
 
 
-def rows(sys: System, steps: int, algorithm="conserving"):
+def rows(sys: System, steps: int, algorithm="gauss_seidel"):
     seen = []
     with Master(sys, schedule(sys), algorithm=algorithm) as m:
         m.initialise()
@@ -173,11 +173,11 @@ def test_time_comes_from_an_integer():
     assert [t for t, _, _ in units["sensor"].log] == [5.0 + k * 0.1 for k in range(1000)]
 
 
-@pytest.mark.parametrize("algorithm", ["conserving", "jacobi"])
-def test_decimation(algorithm):
+@pytest.mark.parametrize("algorithm", ["gauss_seidel", "jacobi"])
+def test_step_ratios(algorithm):
     sys = system(
-        [component("a", decimation=2, g=lambda u, x, t, dt: t + dt),
-         component("b", 1, decimation=3, f=lambda u, x, t: u[0])],
+        [component("a", step_ratio=2, g=lambda u, x, t, dt: t + dt),
+         component("b", 1, step_ratio=3, f=lambda u, x, t: u[0])],
         [("a", "state_y", "b", "u0")],
     )  # fmt: skip
     found, units = rows(sys, 12, algorithm)
@@ -188,7 +188,7 @@ def test_decimation(algorithm):
     else:  # the latest state at t_k
         assert seen == [0, 2, 6, 8]
     a = [row["a", "state_y"] for _, row in found]
-    assert a == ([0, 0, 2, 2, 4, 4, 6, 6, 8, 8, 10, 10] if algorithm == "conserving"
+    assert a == ([0, 0, 2, 2, 4, 4, 6, 6, 8, 8, 10, 10] if algorithm == "gauss_seidel"
                  else [0, 2, 2, 4, 4, 6, 6, 8, 8, 10, 10, 12])  # fmt: skip
 
 
@@ -326,7 +326,7 @@ def looked_at(name: str, algorithm: str) -> int:
     differ from these in parameters alone, over four searches."""
     searches = name.startswith("hausat2/rollout-")
     whole = ("hausat2/rollout-gyro", "hausat2/rollout-no-gyro")
-    is_whole = name in whole and algorithm == "conserving"
+    is_whole = name in whole and algorithm == "gauss_seidel"
     return 40 if searches and not is_whole else 600
 
 
@@ -334,7 +334,7 @@ def looked_at(name: str, algorithm: str) -> int:
 @pytest.mark.real_units
 @pytest.mark.parametrize(
     ("name", "algorithm"),
-    [(n, "conserving") for n in BITWISE] + [(n, "jacobi") for n in one_of_each_craft()],
+    [(n, "gauss_seidel") for n in BITWISE] + [(n, "jacobi") for n in one_of_each_craft()],
 )
 def test_fmus_equal_bare_blocks_bitwise(name, algorithm):
     data = scenarios()[name].content.written

@@ -108,7 +108,7 @@ def test_a_slow_one_between_two_fast_ones_is_refused_by_name():
     stepping, problems = late(links("a>b", "b>c"), {"a": 1, "b": 10, "c": 1})
     assert stepping == {"b"}
     assert len(problems) == 1
-    for word in ("b.y -> c.u", "a.y -> b.u", "decimation of 10", "c steps 10 times"):
+    for word in ("b.y -> c.u", "a.y -> b.u", "step ratio of 10", "c steps 10 times"):
         assert word in problems[0]
 
 
@@ -141,7 +141,7 @@ def truth():
 @pytest.mark.parametrize("slow", [["spacecraft"], ["wheels"], ["spacecraft", "wheels"],
                                   ["torquers"]])  # fmt: skip
 def test_rates_lose_no_momentum_and_little_accuracy(tmp_path, truth, slow):
-    target = scenario(tmp_path, step=0.1, decimation=dict.fromkeys(slow, 10))
+    target = scenario(tmp_path, step=0.1, step_ratio=dict.fromkeys(slow, 10))
     q, h, manifest = final(target, blocks=True)
     assert manifest["numbers"]["momentum_residual"]["value"] < 1e-14
     assert manifest["unmet"] == []
@@ -151,13 +151,13 @@ def test_rates_lose_no_momentum_and_little_accuracy(tmp_path, truth, slow):
 
 
 def test_rates_that_cannot_be_are_refused_by_name(tmp_path):
-    target = scenario(tmp_path, step=0.1, decimation={"wheels": 3, "spacecraft": 2})
+    target = scenario(tmp_path, step=0.1, step_ratio={"wheels": 3, "spacecraft": 2})
     with pytest.raises(DesatError, match=r"wheels\.tau_mean_wheel.*multiple"):
         prepare(target, Options(blocks=True)).or_raise()
 
 
 def test_held_values_are_said(tmp_path):
-    target = scenario(tmp_path, step=0.1, decimation={"spacecraft": 10})
+    target = scenario(tmp_path, step=0.1, step_ratio={"spacecraft": 10})
     case = prepare(target, Options(blocks=True))
     assert any("held for 10 steps" in w and "omega_bi_body" in w for w in case.checked.warnings)
     timing = {str(c): t for c, t in case.or_raise()[1].timing}
@@ -177,7 +177,7 @@ def test_substeps_converge(tmp_path, truth):
 
 
 def test_substeps_have_the_same_bits_as_fmus_and_as_a_packed_system(tmp_path):
-    target = scenario(tmp_path, substeps=3, decimation={"guidance": 2})
+    target = scenario(tmp_path, substeps=3, step_ratio={"guidance": 2})
     packed = tmp_path / "mine.ssp"
     pack(prepare(target, Options()).or_raise()[0], packed)
     made = [final(target, blocks=True), final(target), final(str(packed))]
@@ -207,7 +207,7 @@ def test_a_lost_momentum_ends_with_1(tmp_path):
 def test_what_jacobi_leaves_out_is_said(tmp_path):
     substeps = prepare(scenario(tmp_path, substeps=4), Options(algorithm="jacobi", blocks=True))
     assert any("substeps = 4 has no effect" in w for w in substeps.checked.warnings)
-    target = scenario(tmp_path, step=0.1, decimation={"wheels": 10})
+    target = scenario(tmp_path, step=0.1, step_ratio={"wheels": 10})
     rates = prepare(target, Options(algorithm="jacobi", blocks=True))
     assert any("momentum is not conserved" in w for w in rates.checked.warnings)
     assert not prepare("gyrostat/full", Options(algorithm="jacobi")).checked.warnings

@@ -67,7 +67,7 @@ def test_what_other_tools_make_otherwise_is_said(packed, tmp_path, desat):
     """In the file and when it is packed: hints that some ignore, FMUs of FMI 3.0."""
     assert _description(packed) is None
     slow, third = tmp_path / "slow.toml", tmp_path / "third.toml"
-    slow.write_text('extends = "nadir_day/day-dipole"\n[decimation]\nenvironment = 2\n')
+    slow.write_text('extends = "nadir_day/day-dipole"\n[step_ratio]\nenvironment = 2\n')
     fmu = paths.fmus() / "fmi3" / "rate_gyro.fmu"
     third.write_text(f'extends = "nadir_day/day-dipole"\nsources.gyro = "{fmu}"\n')
     for file, said in ((slow, "environment: slower than the step"), (third, "gyro: of FMI 3.0")):

@@ -222,8 +222,8 @@ def test_a_fast_motor_is_nothing_to_warn_of():
 
 
 @pytest.mark.parametrize("names", [("environment",), ("spacecraft", "wheels")])
-def test_decimation_says_what_it_costs(tmp_path, names):
-    text = "substeps = 1\n[decimation]\n" + "".join(f"{n} = 2\n" for n in names)
+def test_step_ratios_says_what_it_costs(tmp_path, names):
+    text = "substeps = 1\n[step_ratio]\n" + "".join(f"{n} = 2\n" for n in names)
     case = prepare(own(tmp_path, text), Options())
     system, _ = case.or_raise()
     ideal = Gyrostat(system).ideal()
@@ -235,7 +235,7 @@ def test_decimation_says_what_it_costs(tmp_path, names):
     assert 1.0 < slow["momentum"] / errors[1] < 3.0
     assert any(f"errs by about {slow['attitude']:.1e} rad" in w for w in run.manifest["warnings"])
     # what takes samples steps as rarely for nothing
-    case = prepare(own(tmp_path, "[decimation]\nguidance = 2\n", "computers"), Options(substeps=1))
+    case = prepare(own(tmp_path, "[step_ratio]\nguidance = 2\n", "computers"), Options(substeps=1))
     assert "decimated" not in simulate(case).manifest
 
 
@@ -299,8 +299,8 @@ def test_it_is_one_with_a_reason_where_there_is_nothing_to_choose(tmp_path):
     for target, options, why in (
         (own(tmp_path, "stop = 60"), {"algorithm": "jacobi"}, "jacobi takes no substeps"),
         ("uosat12/table3-ocdc-ilqr-1", {}, "no rigid body with wheels"),
-        (own(tmp_path, "stop = 60\n[decimation]\nwheels = 2\nspacecraft = 2\n", "slow"), {},
-         "has a decimation of 2"),
+        (own(tmp_path, "stop = 60\n[step_ratio]\nwheels = 2\nspacecraft = 2\n", "slow"), {},
+         "has a step ratio of 2"),
     ):  # fmt: skip
         manifest = simulate(prepare(target, Options(substeps=AUTO, **options))).manifest
         assert manifest["substeps"] == 1

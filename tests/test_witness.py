@@ -174,13 +174,13 @@ def test_libcosim_agrees_through_a_firing_whose_edges_are_inside_steps(law, star
 def test_libcosim_agrees_on_components_that_step_less_often(tmp_path):
     """The lcm rule: an output moves when its source and its target are both due."""
     draft = find("gyrostat/full").draft()
-    for name, decimation in {"controller": 2, "magnetometer": 3, "manager": 6}.items():
-        draft.components[name].decimation = decimation
+    for name, step_ratio in {"controller": 2, "magnetometer": 3, "manager": 6}.items():
+        draft.components[name].step_ratio = step_ratio
         draft.components[name].parameters["sample_time"] = 0.0
     system, _ = check(draft).or_raise()
     path = tmp_path / "multirate.ssp"
     pack(system, path)
-    assert read(path).components["manager"].decimation == 6
+    assert read(path).components["manager"].step_ratio == 6
     outputs = real_outputs(path)
     wanted = [(c, list(v.values())) for c, v in outputs.items()]
     theirs = rows_of(python(LIBCOSIM, str(path), json.dumps(wanted), str(STEPS)))

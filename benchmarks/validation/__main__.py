@@ -36,7 +36,7 @@ def _convergence(given: argparse.Namespace) -> None:
     for note in dict.fromkeys(filter(None, (row["note"] for row in result["rows"]))):
         print(f"same delays: {note}")
     if result["order"] is not None:
-        print(f"observed order (conserving): {result['order']:.2f} in attitude, "
+        print(f"observed order (gauss_seidel): {result['order']:.2f} in attitude, "
               f"{result['order_wheel_momentum']:.2f} in the wheels' momentum")  # fmt: skip
 
 

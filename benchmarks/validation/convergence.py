@@ -28,7 +28,7 @@ SERIES = ("spacecraft.q_bi", "spacecraft.omega_bi_body", "spacecraft.impulse_eci
 class Row:
     """One run: the largest errors over its samples (rad, N m s) and the largest momentum residual
     (N m s). `*_same_delays`: under `jacobi`, against the reference with the same delays.
-    `estimate*`: what a `conserving` run says of its own errors (`estimate.py`)."""
+    `estimate*`: what a `gauss_seidel` run says of its own errors (`estimate.py`)."""
 
     algorithm: str
     step: float
@@ -98,7 +98,7 @@ def study(
     algorithms: tuple[Algorithm, ...] = ALGORITHMS, jobs: int = 2, progress: bool = False,
 ) -> dict[str, Any]:  # fmt: skip
     """Rows for every algorithm and step (s; default: the scenario's and three finer ones), and the
-    observed order of the conserving master; `substeps = "auto"` is one here, for what it chooses
+    observed order of the gauss_seidel master; `substeps = "auto"` is one here, for what it chooses
     depends on the step."""
     options = replace(options, substeps=prepare(target, options).or_raise()[0].parts)
     if steps is None:
@@ -109,7 +109,7 @@ def study(
     system, _ = prepare(target, replace(options, step=steps[0])).or_raise()
     ideal = Gyrostat(system).ideal()
     cases = [replace(options, step=s, algorithm=a) for a in algorithms for s in steps]
-    companions = [companion(system, c) for c in cases if c.algorithm == "conserving"]
+    companions = [companion(system, c) for c in cases if c.algorithm == "gauss_seidel"]
     runs = cases + companions
     # every run loads this module, as all of this folder
     from concurrent.futures import ProcessPoolExecutor
@@ -127,16 +127,16 @@ def study(
         )  # fmt: skip
     finer = {c.step: f for c, f in zip(companions, flown[len(cases) :], strict=True)}
     rows = [
-        _row(case, run, ideal, finer[case.step] if case.algorithm == "conserving" else None)
+        _row(case, run, ideal, finer[case.step] if case.algorithm == "gauss_seidel" else None)
         for case, run in zip(cases, flown[: len(cases)], strict=True)
     ]
-    conserving = [r for r in rows if r.algorithm == "conserving"]
+    gauss_seidel = [r for r in rows if r.algorithm == "gauss_seidel"]
     return {
         "scenario": target,
         "rows": [asdict(r) for r in rows],
-        "order": order([r.step for r in conserving], [r.attitude_error for r in conserving]),
+        "order": order([r.step for r in gauss_seidel], [r.attitude_error for r in gauss_seidel]),
         "order_wheel_momentum": order(
-            [r.step for r in conserving], [r.wheel_momentum_error for r in conserving]
+            [r.step for r in gauss_seidel], [r.wheel_momentum_error for r in gauss_seidel]
         ),
     }
 

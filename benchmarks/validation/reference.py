@@ -215,7 +215,7 @@ class Gyrostat:
 
     def __init__(self, system: System) -> None:
         values = Values(system)
-        self._decimated = [c.name for c in system.components.values() if c.decimation != 1]
+        self._decimated = [c.name for c in system.components.values() if c.step_ratio != 1]
         self.start, self.stop = system.start, system.stop
         self.sample = values.one("controller", "sample_time")
         self._values, self.plant = values, Plant(values)

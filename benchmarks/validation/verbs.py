@@ -11,7 +11,7 @@ from desat.runs.run import Options, prepare
 from desat.system.model import AUTO
 
 from ..pages.verbs import Verbs
-from . import convergence, separation
+from . import calibration, convergence
 from .estimate import difference
 from .reference import Gyrostat
 
@@ -29,7 +29,7 @@ class ValidationVerbs(Verbs):
         run's own estimate, and the numbers that it is covered by."""
         options = Options(stop=self._of.end_of(scenario, None), substeps=substeps)
         name, step = self._of.name_of(scenario), float(self.setting(scenario, "step"))
-        study = convergence.study(name, options, (step,), ("conserving",), self._of.jobs)
+        study = convergence.study(name, options, (step,), ("gauss_seidel",), self._of.jobs)
         bound = coverage.bound(prepare(name, options).or_raise()[0])
         return {**study["rows"][0], **(asdict(bound) if bound else {})}
 
@@ -49,21 +49,21 @@ class ValidationVerbs(Verbs):
 
     def hidden_work(self, scenario: str, substeps: int) -> dict[str, Any]:
         """The error of a run against one with 64 substeps, and the work that its steps hide; of
-        a scenario, or of a craft of `separation.JETS`."""
-        values = separation.JETS.get(scenario)
+        a scenario, or of a craft of `calibration.JETS`."""
+        values = calibration.JETS.get(scenario)
         name = self._of.name_of("pulses" if values else scenario)
         stop = self._of.end_of("pulses" if values else scenario, None)
-        return separation.held(scenario, name, (substeps,), values, stop)[0]._asdict()
+        return calibration.held(scenario, name, (substeps,), values, stop)[0]._asdict()
 
     def told_apart(self, first: int, count: int) -> dict[str, Any]:
         """So many craft made at random, from this seed on: `rows`, and what they sum up to."""
         short = {} if self._of.draft is None else {"stop": self._of.draft}
-        rows = separation.at_random(range(first, first + count), **short)
-        return {**separation.summed(rows), "rows": [r._asdict() for r in rows]}
+        rows = calibration.at_random(range(first, first + count), **short)
+        return {**calibration.summed(rows), "rows": [r._asdict() for r in rows]}
 
     def summed(self, rows: Sequence[dict[str, Any]]) -> dict[str, Any]:
         """The same sums of rows from elsewhere."""
-        return separation.summed(separation.Row(**r) for r in rows)
+        return calibration.summed(calibration.Row(**r) for r in rows)
 
     def convergence_plot(
         self, file: str, caption: str, study: dict[str, Any], key: str, unit: str

@@ -299,7 +299,7 @@ def remarks(manifest: Manifest, results: Results) -> list[str]:
             return []
         return [f"its substeps are chosen by its first {choice.steps} steps, and not looked "
                 f"at again: not recorded: {', '.join(sorted(lacking))}"]  # fmt: skip
-    if manifest.algorithm != "conserving":
+    if manifest.algorithm != "gauss_seidel":
         return []
     found = of_run(parts, results)
     if found is None:

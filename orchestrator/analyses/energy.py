@@ -95,7 +95,7 @@ def applies(system: System) -> EnergyParts | None:
     body = system.components[parts.spacecraft]
     wheels = system.components[parts.wheels.partition(".")[0]]
     pair: dict[str, str] = {}
-    rows, why = system.parts == 1 and body.decimation == 1, ""
+    rows, why = system.parts == 1 and body.step_ratio == 1, ""
     for name in PAIR:
         feeds = [c for c in system.connections if c.target == body.name
                  and c.input_array == name]  # fmt: skip
@@ -105,8 +105,8 @@ def applies(system: System) -> EnergyParts | None:
             continue
         pair[name] = series.pop()
         same = all((c.factor, c.offset) == (1.0, 0.0) for c in feeds)
-        rows = rows and same and system.components[feeds[0].source].decimation == 1
-    if body.decimation % wheels.decimation:
+        rows = rows and same and system.components[feeds[0].source].step_ratio == 1
+    if body.step_ratio % wheels.step_ratio:
         why = why or f"{wheels.name} is slower than {body.name}: its momentum is not known there"
     fed = motion.feeds(system, body.name)
     rows = rows and (fed is not None or not motion.is_known_body(system, body.name))
@@ -156,7 +156,7 @@ def blocks_of(manifest: Manifest, results: Results) -> Iterator[Steps]:
 def _not_of_rows(manifest: Manifest, results: Results) -> str:
     """Why the rows of a run do not have its steps; empty: they do."""
     parts: EnergyParts = manifest.parts[KEY]
-    if manifest.algorithm != "conserving":
+    if manifest.algorithm != "gauss_seidel":
         return f"under {manifest.algorithm} torques act a step late"
     if parts.why:
         return parts.why
@@ -361,7 +361,7 @@ def figures(manifest: Manifest, results: Results) -> list[tuple[str, Figure]]:
 
 
 # --- The balances of `py` made while a run goes on ---------------------------------------
-# So where its rows do not have every step of the body: with substeps, decimation, rows left out.
+# So where its rows do not have every step of the body: with substeps, step ratios, rows left out.
 #
 # The balances need what reaches the body at each of its own steps, which `engine/node.py` keeps for
 # some thousands of them at a time: so they take no more memory however long the run is.

@@ -47,7 +47,7 @@ def applies(system: System) -> FixedAttitudeParts | None:
     for c in system.components.values():
         if c.interface.model == motion.FIXED:
             fed, why = motion.feeds(system, c.name), ""
-            if system.substeps != 1 or c.decimation > 1:
+            if system.substeps != 1 or c.step_ratio > 1:
                 why = f"a row has several steps of {c.name}, or a part of one"
             elif fed is None:
                 why = f"what reaches {c.name} is converted, or does not come at every step"
@@ -75,7 +75,7 @@ def unchecked(manifest: Manifest, results: Results) -> dict[str, str]:
 
 def _why_not(manifest: Manifest, results: Results) -> str:
     parts: FixedAttitudeParts = manifest.parts[KEY]
-    if manifest.algorithm != "conserving":
+    if manifest.algorithm != "gauss_seidel":
         return f"under {manifest.algorithm} torques act a step late"
     if why := parts.why or residual.missing(balanced(parts), results):
         return why

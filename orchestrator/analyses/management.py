@@ -244,7 +244,7 @@ def _compare(manifest: Manifest, results: Results) -> tuple[float, float] | None
     parts: ManagementParts = manifest.parts[KEY]
     given = manifest.parameters.get(parts.spacecraft, {})
     if (
-        parts.field is None or parts.target is None or manifest.algorithm != "conserving"
+        parts.field is None or parts.target is None or manifest.algorithm != "gauss_seidel"
         or missing(balanced(parts), results)
     ):  # fmt: skip
         return None

@@ -103,7 +103,7 @@ class Manifest(Mapping[str, Any]):
     stop: float = 0.0
     step: float = 0.0
     substeps: int = 1
-    decimation: Mapping[str, int] = field(default_factory=dict)
+    step_ratio: Mapping[str, int] = field(default_factory=dict)
     output_classes: Mapping[str, Any] = field(default_factory=dict)
     connections: Mapping[str, Any] = field(default_factory=dict)
     versions: Mapping[str, str] = field(default_factory=dict)
@@ -160,7 +160,7 @@ class Manifest(Mapping[str, Any]):
             stop=system.stop,
             step=system.step,
             substeps=system.parts,
-            decimation={c.name: c.decimation for c in system.components.values()},
+            step_ratio={c.name: c.step_ratio for c in system.components.values()},
             output_classes=system.output_classes,
             connections=wiring(system.connections),
             versions=versions(),

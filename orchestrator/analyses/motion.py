@@ -173,7 +173,7 @@ def feeds(system: System, body: str) -> Feeds | None:
         same = all(c.factor == 1.0 and c.offset == 0.0 for c in wires)
         if not (
             same and signal and len(series) == 1 and len(wires) == len(signals)
-            and source.decimation == 1 and signal.unit_name == signals[0].unit_name
+            and source.step_ratio == 1 and signal.unit_name == signals[0].unit_name
         ):  # fmt: skip
             return None
         fed[name] = series.pop()

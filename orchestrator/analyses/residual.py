@@ -79,7 +79,7 @@ def _momentum(manifest: Manifest, results: Results) -> Momentum | None:
         return None
     times = results.times(series[0])
     # a slow component's outputs are held between its steps
-    every = lcm(*(manifest.decimation[s.partition(".")[0]] for s in series))
+    every = lcm(*(manifest.step_ratio[s.partition(".")[0]] for s in series))
     whole = np.round((times - manifest.start) / manifest.step).astype(int) % every == 0
     q, omega, impulse, h = (results.values(s)[whole] for s in series)
     if len(q) == 0:
@@ -132,7 +132,7 @@ def missing(series: list[str], results: Results) -> str:
 def unmet(manifest: Manifest, results: Results) -> list[str]:
     """A residual above its bound; not under jacobi, whose exchange is known to lose momentum."""
     series = momentum(manifest, results)
-    if series is None or manifest.algorithm != "conserving":
+    if series is None or manifest.algorithm != "gauss_seidel":
         return []
     number = manifest.numbers["momentum_residual"]
     bound = manifest.about.get("residual_bound", BOUND)

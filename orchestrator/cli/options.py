@@ -23,7 +23,7 @@ LONGEST = 1e7
 class Semantics(StrEnum):
     """How values move between components."""
 
-    conserving = "conserving"
+    gauss_seidel = "gauss_seidel"
     jacobi = "jacobi"
 
 
@@ -137,7 +137,7 @@ Accuracy = Annotated[
 ]  # fmt: skip
 Alg = Annotated[
     Semantics,
-    typer.Option(help="conserving: no delay in the loop; jacobi: as libcosim and Ecos do."),
+    typer.Option(help="gauss_seidel: no delay in the loop; jacobi: as libcosim and Ecos do."),
 ]
 LoopOption = Annotated[
     Stepping,
@@ -213,7 +213,7 @@ def options_of(
         more["substeps"] = (
             substeps if substeps == "auto" else _whole(f"--substeps {substeps}", substeps)
         )
-    name: Algorithm = "jacobi" if algorithm is Semantics.jacobi else "conserving"
+    name: Algorithm = "jacobi" if algorithm is Semantics.jacobi else "gauss_seidel"
     return Options(
         sets=list(sets or []), sources=list(sources or []), stop=stop, step=step, algorithm=name,
         blocks=blocks, output_classes=overrides, **more,

@@ -155,7 +155,7 @@ def write(
     return path
 
 
-def stamp(scenario: Scenario) -> bool:
+def confirm(scenario: Scenario) -> bool:
     """Renew the table [made_of] of a scenario's kept design, and nothing else of its file, if a
     run with the kept numbers reaches what the file says, to `ROUNDING`; False where it does not."""
     from .plant import Plant
@@ -180,7 +180,7 @@ def main() -> int:
     failed = 0
     for scenario in designable([]):
         try:
-            confirmed = stamp(scenario)
+            confirmed = confirm(scenario)
         except DesatError as error:  # a design of another kind
             print(f"left: {error}")
             continue

@@ -81,8 +81,8 @@ def made_of(
         values["end_of"] = _digest([made_of(other, system_of(other, Options()), set()), given])
     for c in system.components.values():
         values[f"source.{c.name}"] = Path(c.source).stem
-        if c.decimation > 1:
-            values[f"decimation.{c.name}"] = c.decimation
+        if c.step_ratio > 1:
+            values[f"step_ratio.{c.name}"] = c.step_ratio
     for name, rows in table(system.components.values()).items():
         for k, entry in rows.items():
             if known is None or entry.given or f"{name}.{k}" in known:

@@ -2,13 +2,13 @@
 
 t_k = start + k step, from an integer k.
 
-- `conserving`: at t_k the state outputs of all are exchanged; then components step in the
+- `gauss_seidel`: at t_k the state outputs of all are exchanged; then components step in the
   schedule's order, each with the interval outputs of those before it. A row of results holds the
   states at t_k and the interval values over [t_k, t_k+1).
 - `jacobi`: all step with held inputs, then all outputs move, as in libcosim and Ecos; a row holds
   all outputs at its time.
 
-Under `conserving` a step may have substeps, and components may be slower than the master
+Under `gauss_seidel` a step may have substeps, and components may be slower than the master
 (`system/schedule.py`): `plan.py` prepares what happens in each part of a step.
 
 All outputs live in one array per type, `live`. A step of a component is: gather its inputs from
@@ -87,7 +87,7 @@ class Master:
         system: System,
         schedule: Schedule,
         *,
-        algorithm: Algorithm = "conserving",
+        algorithm: Algorithm = "gauss_seidel",
         watched: Callable[[str, Signal], bool] = lambda component, signal: True,
         halvings: int = 0,
         isolated: Collection[str] = (),
@@ -97,8 +97,8 @@ class Master:
         if algorithm not in ALGORITHMS:
             raise DesatError(f"algorithm {algorithm}: there is {', '.join(ALGORITHMS)}")
         self.system, self.schedule, self.algorithm = system, schedule, algorithm
-        self._conserving = algorithm == "conserving"
-        self.ahead = int(not self._conserving)
+        self._gauss_seidel = algorithm == "gauss_seidel"
+        self.ahead = int(not self._gauss_seidel)
         """Of the row of a step, before its number."""
         self.start, self.step_size, self.k = system.start, system.step, 0
         self.members: dict[str, Node] = {}
@@ -107,8 +107,8 @@ class Master:
         self.spared = False
         """Whether somebody keeps it for another run (`Spare`), who closes it."""
         self._rates = schedule.rates
-        if not self._conserving:
-            every = {name: c.decimation for name, c in system.components.items()}
+        if not self._gauss_seidel:
+            every = {name: c.step_ratio for name, c in system.components.items()}
             self._rates = Rates(graded(1), every, frozenset())
         try:
             places = {name: PLACE * i for i, name in enumerate(schedule.order)}
@@ -123,7 +123,7 @@ class Master:
                 self.members[name] = self._member(component, instance, watched)
             self.members = {name: self.members[name] for name in schedule.order}
             self._outputs = Outputs(self.members.values())
-            self._plan = Plan(self.members, self._outputs, self._rates, self._conserving)
+            self._plan = Plan(self.members, self._outputs, self._rates, self._gauss_seidel)
             self._wire()
             for member in self.members.values() if halvings else ():
                 foreign = not member.component.interface.role
@@ -214,7 +214,7 @@ class Master:
             of_kind.sort(key=lambda slot: not slot.interval)
         every = self._rates.every[name]
         direct = (
-            self._conserving
+            self._gauss_seidel
             and every == 1
             and all(slot.interval for of_kind in slots.values() for slot in of_kind)
         )

@@ -28,15 +28,15 @@ from .operations import (
 class Plan:
     """Prepares the steps of a cycle.
 
-    Under `jacobi` (`conserving` false) nothing is joined or cut: an output moves only when its
+    Under `jacobi` (`gauss_seidel` false) nothing is joined or cut: an output moves only when its
     source and its target are both due.
     """
 
     def __init__(
-        self, members: dict[str, Node], outputs: Outputs, rates: Rates, conserving: bool
+        self, members: dict[str, Node], outputs: Outputs, rates: Rates, gauss_seidel: bool
     ) -> None:
         self._members, self._outputs, self._rates = members, outputs, rates
-        self._conserving = conserving
+        self._gauss_seidel = gauss_seidel
 
     def clocks(self, start: float, step: float) -> dict[int, Clock]:
         """A clock for each rate."""
@@ -55,7 +55,7 @@ class Plan:
 
     def windows(self) -> None:
         """Give each member the windows of means that it takes from members of another rate."""
-        if not self._conserving:
+        if not self._gauss_seidel:
             return
         for member in self._members.values():
             sources = {slot.component for slot, _ in member.incoming.get("Real", ())}
@@ -106,7 +106,8 @@ class Plan:
                 moves[:0] = self._kept.at_start(first + i)
                 moves += self._kept.when_given(first + i)
             before += [*moves, *self.row.add(i)]
-            (after if i == inner - 1 and self._conserving else before).extend(self._ends(first + i))
+            last = i == inner - 1 and self._gauss_seidel
+            (after if last else before).extend(self._ends(first + i))
         return Step(before, after)
 
     def _moves(self, part: int) -> list[Operation]:
@@ -143,7 +144,7 @@ class Plan:
         instance, live = member.instance, self._outputs.live
         if member.late:
             gathers = member.gathers(live, lambda slot: self._at_end(member, slot))
-        elif self._conserving:
+        elif self._gauss_seidel:
             gathers = member.gathers(live, lambda slot: True)
         else:
             due = lambda slot: part % self._members[slot.component].every == 0  # noqa: E731
@@ -152,7 +153,7 @@ class Plan:
             *self._cuts(member, part), *gathers,
             *([Call.of(instance, "push", tick)] if member.incoming else []),
             Call.of(instance, "step", tick), Call.of(instance, "pull", tick),
-            *(self._outputs.fresh_of(member, "interval") if self._conserving else []),
+            *(self._outputs.fresh_of(member, "interval") if self._gauss_seidel else []),
             *self._joins(member, part),
         ]  # fmt: skip
 
@@ -180,7 +181,7 @@ class Plan:
         done = [m for m in self._members.values() if (part + 1) % m.every == 0]
         if len(done) == len(self._members):
             return self._outputs.all_fresh()
-        which: Literal["state", "all"] = "state" if self._conserving else "all"
+        which: Literal["state", "all"] = "state" if self._gauss_seidel else "all"
         return [show for member in done for show in self._outputs.fresh_of(member, which)]
 
 

@@ -62,7 +62,7 @@ def pack_scenario(
 def otherwise(system: System) -> list[str]:
     """What other tools make otherwise of a packed system, a line each; its description has them."""
     lines = []
-    if slow := [c.name for c in system.components.values() if c.decimation > 1]:
+    if slow := [c.name for c in system.components.values() if c.step_ratio > 1]:
         lines.append(
             f"{', '.join(slow)}: slower than the step, by a hint (osp:StepSizeHint) that libcosim "
             "reads and Ecos, for one, does not: it steps them each time"
@@ -123,9 +123,9 @@ def pack(system: System, target: Path, fmus: str = "python") -> None:
             members[file] = _parameter_set(component)
             bindings = _sub(element, "ParameterBindings")
             _sub(bindings, "ParameterBinding", source=file)
-        if component.decimation > 1:
+        if component.step_ratio > 1:
             annotation = _annotation(element, "com.opensimulationplatform")
-            hint = repr(component.decimation * system.step)
+            hint = repr(component.step_ratio * system.step)
             etree.SubElement(annotation, f"{{{OSP}}}StepSizeHint", value=hint)
     connections = _sub(top, "Connections") if system.connections else None
     for c in system.connections:

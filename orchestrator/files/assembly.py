@@ -39,8 +39,8 @@ def draft(
         made.output_classes[output] = of
         made.given[output] = ": ".join(given(("output_classes", output)))
     _place(made, content.sources, folder, where, given)
-    for name, decimation in content.decimation.items():
-        made.component(name, f"{where}: decimation").decimation = decimation
+    for name, step_ratio in content.step_ratio.items():
+        made.component(name, f"{where}: step_ratio").step_ratio = step_ratio
     before = {name: made.components[name].interface for name in content.sources}
     library.load_interfaces(made, blocks)
     for name in content.sources:

@@ -25,7 +25,8 @@ NEEDED = {
     "model_type": "a table", "datetime_type": "a UTC time, 2026-01-01T00:00:00Z,",
     "finite_number": "a finite number",
 }  # fmt: skip
-RENAMED = {"twin": "baseline", "story": "description", "draws": "samples", "inner": "substeps"}
+RENAMED = {"twin": "baseline", "story": "description", "draws": "samples", "inner": "substeps",
+           "decimation": "step_ratio"}  # fmt: skip
 """Keys of before by what they are called."""
 _KINDS = {"<table>": "a table", "<list>": "a list", "<text>": "a text", "<number>": "a number"}
 

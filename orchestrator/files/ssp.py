@@ -175,7 +175,7 @@ class _Reader:
         self.experiment(root, draft)
         for component, step in self.hints:
             if draft.step:
-                component.decimation = max(1, round(step / draft.step))
+                component.step_ratio = max(1, round(step / draft.step))
         return draft
 
     def parse(self, file: Path, where: str) -> Any:

@@ -306,7 +306,7 @@ class ScenarioTable(Written):
     parameters: dict[str, dict[str, Value]] = key("parameters (or unwired inputs) of a component")
     design: Maybe[Design] = key("parameters below these that `desat design` computes")
     output_classes: dict[str, Literal["state", "interval"]] = key("`component.output`: its class")
-    decimation: dict[str, Annotated[int, Field(ge=1)]] = key("steps once in so many steps")
+    step_ratio: dict[str, Annotated[int, Field(ge=1)]] = key("steps once in so many steps")
     dispersions: dict[str, Dispersion] = key('"component.parameter": how `desat draws` draws it')
     samples: Annotated[int, Field(ge=0)] = key(
         "its numbers in tables are medians of so many draws", default=0

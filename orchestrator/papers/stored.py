@@ -47,7 +47,7 @@ def file_of(family: str) -> Path:
     return paths.DRAWS / family / "draws.parquet"
 
 
-def stamps_file() -> Path:
+def provenance_file() -> Path:
     """Where it is said which code and scenarios the stored draws of all families are of."""
     return paths.DRAWS / "draws.json"
 
@@ -170,21 +170,21 @@ def write(result: dict[str, Any]) -> Path:
         name: {k: v for k, v in kept.items() if k not in ("summary", "draws")}
         for name, kept in sorted(result["scenarios"].items())
     }
-    families = {**_stamps(), result["family"]: {**head, "scenarios": stamps}}
+    families = {**_provenances(), result["family"]: {**head, "scenarios": stamps}}
     pack = partial(json.dumps, separators=(",", ":"))
     texts = []
     for family, told in sorted(families.items()):
         lines = ",\n".join(f"{pack(n)}:{pack(x)}" for n, x in told["scenarios"].items())
         said = pack({k: v for k, v in told.items() if k != "scenarios"})
         texts.append(f'{pack(family)}:{said[:-1]},"scenarios":{{\n{lines}\n}}}}')
-    replace_text(stamps_file(), "{\n" + ",\n".join(texts) + "\n}\n")
+    replace_text(provenance_file(), "{\n" + ",\n".join(texts) + "\n}\n")
     return path
 
 
-def _stamps() -> dict[str, Any]:
+def _provenances() -> dict[str, Any]:
     """What is said of all families' draws; empty where nothing is."""
     try:
-        told: dict[str, Any] = json.loads(stamps_file().read_text(encoding="utf-8"))
+        told: dict[str, Any] = json.loads(provenance_file().read_text(encoding="utf-8"))
     except FileNotFoundError:
         return {}
     return told
@@ -218,15 +218,15 @@ def read(family: str) -> dict[str, Any]:
     import pyarrow as pa
     import pyarrow.parquet as pq
 
-    path, told = file_of(family), _stamps()
+    path, told = file_of(family), _provenances()
     if family not in told or not path.exists():
-        missing = path if family in told else stamps_file()
+        missing = path if family in told else provenance_file()
         raise DesatError(f"{paths.shown(missing)}: no draws of {family} there; `desat tables "
                          f"{family} --fresh` computes the draws now")  # fmt: skip
     data = path.read_bytes()
     result = {"family": family, **told[family]}
     if hashlib.sha256(data).hexdigest() != result.pop("draws_sha256"):
-        raise DesatError(f"{paths.shown(path)}: not the file that {paths.shown(stamps_file())} "
+        raise DesatError(f"{paths.shown(path)}: not the file that {paths.shown(provenance_file())} "
                          "is of: its sha256 is another one")  # fmt: skip
     columns = pq.read_table(pa.BufferReader(data)).to_pydict()
     places_of: dict[str, list[int]] = {}
@@ -276,7 +276,7 @@ def renew(
     return compute(family, jobs, progress, known, old, also) if old else known
 
 
-def stamp(family: str, count: int, jobs: int) -> list[str]:
+def confirm(family: str, count: int, jobs: int) -> list[str]:
     """Make the first `count` draws of each scenario whose draws are of other code, or whose file
     has changed, and say that they are of this where all numbers come out equal (to ROUNDING); the
     names of the scenarios where they do not: `renew` is for these."""
@@ -319,7 +319,7 @@ def _equal(a: float | None, b: float | None) -> bool:
 def main() -> int:
     """`python -m desat.papers.stored [--verify N] [FAMILY ...]`: stamp stored draws that runs of
     today's code reproduce."""
-    parser = argparse.ArgumentParser(description=stamp.__doc__)
+    parser = argparse.ArgumentParser(description=confirm.__doc__)
     parser.add_argument("families", nargs="*", metavar="FAMILY", help="default: all with draws")
     parser.add_argument("--verify", type=int, default=2, metavar="N", help="draws to make again")
     parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1)
@@ -327,7 +327,7 @@ def main() -> int:
     if given.verify < 1:
         parser.error("--verify: a whole number from 1 on is needed")
     wanted = given.families or [f for f in families() if with_draws(f)]
-    failed = [name for family in wanted for name in stamp(family, given.verify, given.jobs)]
+    failed = [name for family in wanted for name in confirm(family, given.verify, given.jobs)]
     for name in failed:
         print(f"{name}: its draws come out otherwise; not stamped, `make papers` renews them")
     return min(len(failed), 1)

@@ -153,7 +153,7 @@ def _simulate(
     slow = None
     if checkpoint is None and (slow := substep_choice.decimated(system, options)):
         warned.append(
-            f"{slow.of}: slower than the step (decimation): the attitude errs by about "
+            f"{slow.of}: slower than the step (step_ratio): the attitude errs by about "
             f"{slow.attitude:.1e} rad and a wheel's momentum by {slow.momentum:.1e} N m s, "
             f"until {slow.until:g} s"
         )

@@ -203,7 +203,7 @@ def _along(case: Case, manifest: Manifest) -> OnlineBalance | None:
     or where they are not made at all: what rows would need for the work must be recorded."""
     (system, _), options = case.or_raise(), case.options
     parts: energy.EnergyParts | None = manifest.parts[energy.KEY]
-    if parts is None or parts.why or options.algorithm != "conserving":
+    if parts is None or parts.why or options.algorithm != "gauss_seidel":
         return None
     if parts.rows:
         return None

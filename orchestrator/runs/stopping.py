@@ -163,7 +163,7 @@ def _hold(
     """Whether the condition has held for long enough; `memory` has since when it is met."""
     live, index = master.live[slots[0].kind], np.array([s.index for s in slots], np.intp)
     # the row that an interval output belongs to has begun a step ago
-    ago = int(slots[0].interval and master.algorithm == "conserving")
+    ago = int(slots[0].interval and master.algorithm == "gauss_seidel")
     if not ago and wanted.met(live[index]):
         memory["since"] = master.start
 

@@ -151,22 +151,22 @@ def decimated(system: System, options: Options) -> Slow | None:
     every step: attitude (rad) and a wheel's momentum (N m s), the largest over the first LONGEST
     steps. None where all do, or where nothing can be told. `system` has its substeps.
 
-    As many flights, one of them without these decimations, and ROUGH times their difference.
+    As many flights, one of them without these step ratios, and ROUGH times their difference.
     """
     names = system.components
     whole = replace(system, substeps=2, components={
-        name: replace(c, decimation=1) for name, c in names.items()
+        name: replace(c, step_ratio=1) for name, c in names.items()
     })  # fmt: skip
     if options.algorithm == "jacobi" or residual.applies(system) is None:
         return None
-    if all(c.decimation == 1 for c in names.values()):
+    if all(c.step_ratio == 1 for c in names.values()):
         return None
     try:
         every = schedule(whole).rates.every
-        slow = [n for n, c in names.items() if c.decimation > 1 and every[n] == 1]
+        slow = [n for n, c in names.items() if c.step_ratio > 1 and every[n] == 1]
         if not slow or _foreign(system, options, every):
             return None
-        quick = {n: replace(c, decimation=1) if n in slow else c for n, c in names.items()}
+        quick = {n: replace(c, step_ratio=1) if n in slow else c for n, c in names.items()}
 
         def both() -> list[_Flight]:
             systems = (replace(system, components=of) for of in (names, quick))
@@ -176,7 +176,7 @@ def decimated(system: System, options: Options) -> Slow | None:
     except (ComponentError, DesatError):
         return None
     # where a slow body's states are held, they are those of its own steps
-    rows = slice(None, None, lcm(*(names[n].decimation for n in slow)))
+    rows = slice(None, None, lcm(*(names[n].step_ratio for n in slow)))
     angle, gap = pointing(coarse.q[rows], fine.q[rows]), np.abs(coarse.h - fine.h)[rows]
     return Slow(
         ROUGH * float(np.radians(angle).max()), ROUGH * float(gap.max()),

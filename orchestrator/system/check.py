@@ -173,7 +173,7 @@ def _samples(system: System) -> Iterator[str]:
     """A component that samples does so, for whatever purpose, once in a whole number of its steps;
     so it is with its delay."""
     for c in system.components.values():
-        step = system.step * c.decimation
+        step = system.step * c.step_ratio
         names = [n for n in c.interface.signals if n.endswith("sample_time") or n == "delay"]
         for name in names if "sample_time" in names else ():
             sample = c.values[name]

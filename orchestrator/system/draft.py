@@ -43,7 +43,7 @@ class DraftComponent:
     fmu: Fmu | None = None
     """What `source` stands for; None where there is none, and for a bare block."""
     interface: Interface | None = None
-    decimation: int = 1
+    step_ratio: int = 1
 
     def elements(self, name: str) -> list[str]:
         """The scalars of a variable by name; none where the interface is not known."""

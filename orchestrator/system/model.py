@@ -108,7 +108,7 @@ class Component:
     """Scalar values by element name, in the variable's own unit; inputs may be among them."""
     fmu: Fmu | None = None
     """None: it is the bare block of the interface's name."""
-    decimation: int = 1
+    step_ratio: int = 1
     """The component steps once in so many steps of the master."""
     connectors: Mapping[str, Connector] = field(default_factory=dict)
     """What an SSD lists of it."""

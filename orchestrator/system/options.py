@@ -42,7 +42,7 @@ def as_arguments(options: Options) -> str:
     return flags + "".join(f" --{name} {shlex.quote(text)}" for name, text in given)
 
 
-Algorithm = Literal["conserving", "jacobi"]
+Algorithm = Literal["gauss_seidel", "jacobi"]
 ALGORITHMS: tuple[Algorithm, ...] = get_args(Algorithm)
 Loop = Literal["compiled", "python"]
 Fmus = Literal["native", "python"]
@@ -72,7 +72,7 @@ class Options:
     """Substeps within each step (`system/schedule.py`); `auto`: the run chooses them."""
     accuracy: float | None = field(default=None, metadata=RESOLVED)
     """Attitude error (rad) that `auto` keeps below."""
-    algorithm: Algorithm = field(default="conserving", metadata=COUNTS)
+    algorithm: Algorithm = field(default="gauss_seidel", metadata=COUNTS)
     blocks: bool = field(default=False, metadata=SAME_BITS)
     fmus: Fmus = field(default="native", metadata=SAME_BITS)
     """Which of our FMUs run; the same bits. Where there is no native one, the one of Python."""

@@ -46,7 +46,7 @@ def resolve(draft: Draft) -> Resolved:
         problems += islice(_connectors(draft, c, c.interface), MOST)
         parameters = _parameters(draft, c, c.interface, problems)
         components[c.name] = Component(
-            c.name, c.source, c.interface, parameters, c.fmu, c.decimation, dict(c.connectors),
+            c.name, c.source, c.interface, parameters, c.fmu, c.step_ratio, dict(c.connectors),
             c.line, dict(c.given),
         )  # fmt: skip
     references = {

@@ -1,4 +1,4 @@
-"""When each component steps and when each connection moves: the conserving master's order.
+"""When each component steps and when each connection moves: the gauss_seidel master's order.
 
 The order follows from the interval connections alone; names break ties, so the listing order of
 an SSD does not matter.
@@ -71,19 +71,19 @@ class Rates:
 def rates(system: System, links: Sequence[Connection]) -> tuple[Rates, list[str]]:
     """How often the components of a system step, and what cannot be done, a line each."""
     substeps = system.parts
-    decimation = {name: c.decimation for name, c in system.components.items()}
+    step_ratio = {name: c.step_ratio for name, c in system.components.items()}
     if substeps == 1:
-        slow, problems = late(links, decimation)
-        return Rates(graded(1), decimation, slow), problems
+        slow, problems = late(links, step_ratio)
+        return Rates(graded(1), step_ratio, slow), problems
     group = _group(system, links)
     problems = [
-        f"{name} has a decimation of {decimation[name]}, but is one of those that step {substeps} "
+        f"{name} has a step ratio of {step_ratio[name]}, but is one of those that step {substeps} "
         "times within a step (substeps): only one of the two can be"
-        for name in sorted(group) if decimation[name] != 1
+        for name in sorted(group) if step_ratio[name] != 1
     ]  # fmt: skip
     if not group:
         problems = [f"substeps = {substeps}, but no component hands means on to another"]
-    every = {n: 1 if n in group else substeps * d for n, d in decimation.items()}
+    every = {n: 1 if n in group else substeps * d for n, d in step_ratio.items()}
     slow, more = late(links, every)
     return Rates(graded(substeps), every, slow), problems + more
 
@@ -133,7 +133,7 @@ def late(links: Iterable[Connection], every: Mapping[str, int]) -> tuple[frozens
     problems += [
         f"{x}: {x.target} steps {every[x.source] // every[x.target]} times within the step of "
         f"{x.source}, which needs the mean over it first ({reasons[x.source]}): give "
-        f"{x.target} a decimation of {every[x.source]}, or {x.source} one of {every[x.target]}"
+        f"{x.target} a step ratio of {every[x.source]}, or {x.source} one of {every[x.target]}"
         for x in links
         if every[x.source] > every[x.target] and x.source in reasons
     ]
@@ -301,7 +301,7 @@ def _warnings(
             outputs.append(c.output_array)
     for (source, target, text), outputs in lines.items():
         listed = ", ".join(f"{source}.{name}" for name in dict.fromkeys(outputs))
-        yield f"{target} takes {listed}: {text}, which costs accuracy (decimation)"
+        yield f"{target} takes {listed}: {text}, which costs accuracy (step_ratio)"
 
 
 def _circle(

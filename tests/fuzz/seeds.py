@@ -107,7 +107,7 @@ inertia_wheel = [1.0e-3, 1.0e-3, 1.0e-3, 1.0e-3]
 torque_limit = 0.01
 h_start_wheel = [0.1, 0.2, 0.3, 0.4]
 
-[decimation]
+[step_ratio]
 manager = 1
 
 [output_classes]

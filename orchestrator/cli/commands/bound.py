@@ -22,15 +22,15 @@ def bound(
 ) -> None:  # fmt: skip
     """Compute the least thruster seconds that a dumping run could have done with; of momentum
     management by coils the least energy for the largest momentum of a wheel."""
-    from ...analyses import bound as bound_module
     from ...analyses import coil_bound
+    from ...analyses import lower_bound as lower_bound
     from ...runs.run import run_or_load
 
     coils = _by_coils(target)
-    finished = run_or_load(target, None if coils else bound_module)
+    finished = run_or_load(target, None if coils else lower_bound)
     manifest = finished.manifest
     with finished.results as results:
-        least = (coil_bound if coils else bound_module).of_run(manifest, results)
+        least = (coil_bound if coils else lower_bound).of_run(manifest, results)
     if as_json:
         print_json({"scenario": manifest.scenario, **least.as_json()})
         return
@@ -39,7 +39,7 @@ def bound(
     table = Table(box=None, pad_edge=False, show_header=False)
     table.add_column()
     table.add_column(justify="right")
-    if isinstance(least, bound_module.Bound):
+    if isinstance(least, lower_bound.LowerBound):
         table.add_row("Thruster firing time of the run", f"{least.seconds:.2f}", "s")
     for n in least.numbers().values():
         assert n.value is not None

@@ -70,7 +70,7 @@ def compare(
     from ...campaign import pairs
     from ...studies import compare as study
 
-    options = o.options_of(sets, stop, step, o.Semantics.conserving, blocks, substeps=substeps,
+    options = o.options_of(sets, stop, step, o.Semantics.gauss_seidel, blocks, substeps=substeps,
                            accuracy=accuracy, time_limit=time_limit, fmus=fmus.value)  # fmt: skip
     if count is None:
         o.refuse(ctx, "it goes with -n", "seed")

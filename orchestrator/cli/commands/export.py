@@ -77,7 +77,7 @@ def fmu(
     from ...export.loop_fmu import LoopEnds, export
 
     options = o.options_of(
-        sets, stop, step, o.Semantics.conserving, False, None, sources, substeps=substeps,
+        sets, stop, step, o.Semantics.gauss_seidel, False, None, sources, substeps=substeps,
         accuracy=accuracy,
     )  # fmt: skip
     wanted = LoopEnds(outputs or (), inputs or (), parameters or (), without or ())

@@ -35,7 +35,7 @@ def run(
     step: o.Step = None,
     substeps: o.Substeps = None,
     accuracy: o.Accuracy = None,
-    algorithm: o.Alg = o.Semantics.conserving,
+    algorithm: o.Alg = o.Semantics.gauss_seidel,
     blocks: o.Blocks = False,
     fmus: o.Fmus = o.FmuKind.native,
     design: o.DesignOption = None,

@@ -84,7 +84,7 @@ def size(
     from ...sizing import page as sizing_page
     from ...sizing import sizing
 
-    options = o.options_of(sets, stop, None, o.Semantics.conserving, blocks, sources=sources)
+    options = o.options_of(sets, stop, None, o.Semantics.gauss_seidel, blocks, sources=sources)
     angle, seconds = _slew(slew)
     wishes = sizing.Wishes(
         duty / 100.0,

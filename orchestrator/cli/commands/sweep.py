@@ -30,7 +30,7 @@ def sweep(
     step: o.Step = None,
     substeps: o.Substeps = None,
     accuracy: o.Accuracy = None,
-    algorithm: o.Alg = o.Semantics.conserving,
+    algorithm: o.Alg = o.Semantics.gauss_seidel,
     blocks: o.Blocks = False,
     fmus: o.Fmus = o.FmuKind.native,
     time_limit: o.TimeLimit = None,

@@ -17,7 +17,7 @@ def tables(
     family: Annotated[
         str, typer.Argument(help="Scenario family, as uosat12.", autocompletion=o.complete_family)
     ],
-    algorithm: o.Alg = o.Semantics.conserving,
+    algorithm: o.Alg = o.Semantics.gauss_seidel,
     blocks: o.Blocks = False,
     fmus: o.Fmus = o.FmuKind.native,
     jobs: o.Jobs = o.CPUS,

@@ -55,7 +55,7 @@ def tune(
     """
     from ...studies import tune as study
 
-    options = o.options_of(sets, stop, step, o.Semantics.conserving, blocks, substeps=substeps,
+    options = o.options_of(sets, stop, step, o.Semantics.gauss_seidel, blocks, substeps=substeps,
                            accuracy=accuracy, time_limit=time_limit, fmus=fmus.value)  # fmt: skip
     ends = None
     if between is not None:

@@ -21,7 +21,7 @@ from ...system.errors import DesatError, plain
 from ...system.interface import KINDS, Kind, Signal
 from ...system.model import Component, Fmu
 from .base import DTYPE, Array, Clock, ComponentError, is_of_status, warn_of
-from .faces import FACES, Face, Prepared, forget, listen
+from .fmi_versions import FMI_VERSIONS, FmiVersion, Prepared, forget, listen
 
 _STATUS = ("ok", "warning", "discard", "error", "fatal", "pending")
 _DISCARD = _STATUS.index("discard")
@@ -32,7 +32,7 @@ _UNSIGNED = 1 << 32
 class _Library:
     """The loaded library of an FMU, for all its instances in this process."""
 
-    def __init__(self, folder: Path, ours: bool, face: type[Face]) -> None:
+    def __init__(self, folder: Path, ours: bool, face: type[FmiVersion]) -> None:
         description = description_of(folder)
         self.once = description.coSimulation.canBeInstantiatedOnlyOncePerProcess
         self.instances = 0
@@ -71,7 +71,7 @@ class _Library:
 
 @cache
 def _library(folder: Path, ours: bool, fmi: str) -> _Library:
-    return _Library(folder, ours, FACES[fmi])
+    return _Library(folder, ours, FMI_VERSIONS[fmi])
 
 
 class Moves(NamedTuple):
@@ -108,7 +108,7 @@ class FmuInstance:
         self._library = _library(fmu.folder, not self.foreign, fmu.interface.fmi)
         if self._library.once and self._library.instances:
             raise DesatError(f"{self.name}: {fmu.path.name} allows one instance per process")
-        face = FACES[fmu.interface.fmi]
+        face = FMI_VERSIONS[fmu.interface.fmi]
         if not re.fullmatch(face.version, self._library.version):
             raise DesatError(
                 f"{self.name}: {fmu.path.name}: its library says that it is of FMI "

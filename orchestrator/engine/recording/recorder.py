@@ -95,7 +95,7 @@ class Recorder:
         self.unwritten = unwritten or RowBuffer()
         self.unwritten.lay_out(self.layout)
         self._rooms: dict[np.dtype[Any], NDArray[Any]] = {}
-        self._conserving = master.algorithm == "conserving"
+        self._gauss_seidel = master.algorithm == "gauss_seidel"
         self._flushed = time.monotonic()
         self._packing = None if path is None else Packing(path, plans, index, about)
         self._writer, self._job = ThreadPoolExecutor(1), Future[None]()
@@ -260,7 +260,7 @@ class Recorder:
 
     def finish(self, master: Master) -> Results:
         """Take the last row, close the file under its final name, and open it for reading."""
-        last = self._conserving
+        last = self._gauss_seidel
         if last:
             self.unwritten.ends_next()
             self._take(master.k, master.live)

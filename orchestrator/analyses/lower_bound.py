@@ -42,7 +42,7 @@ SMALLEST = 1e-6
 
 
 @dataclass(frozen=True)
-class Bound:
+class LowerBound:
     """What a run fired and the least that it could have."""
 
     seconds: float
@@ -119,22 +119,22 @@ def signals(who: ThrusterParts) -> list[str]:
     return [*names, f"{who.thrusters}.on_time"]
 
 
-def of_run(manifest: Manifest, results: Results) -> Bound:
+def of_run(manifest: Manifest, results: Results) -> LowerBound:
     """The bound of a run. Raises DesatError where it has none: another kind of run, or not
     recorded."""
     name = manifest.scenario
     who: ThrusterParts | None = manifest.parts.get(KEY)
     if who is None:
         raise DesatError(NOT_APPLICABLE.format(name))
-    if manifest.algorithm != "conserving":
-        raise DesatError(f"{name}: a run by {manifest.algorithm}; the bound needs conserving")
+    if manifest.algorithm != "gauss_seidel":
+        raise DesatError(f"{name}: a run by {manifest.algorithm}; the bound needs gauss_seidel")
     truth = _Truth(manifest, results, who)
     c_end = truth.attitude(truth.times[-1:])[0]
     left = (truth.momentum_left @ c_end).astype(float)
     seconds = float(results.values(f"{who.thrusters}.on_time")[-1])
     least, price = truth.least(truth.given - left)
     same, _ = truth.least(truth.given)
-    return Bound(
+    return LowerBound(
         seconds=seconds,
         least=least,
         least_same_end=same,
