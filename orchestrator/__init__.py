@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from xarray import Dataset
 
+    from .campaign.draws import Draws
     from .campaign.sampling import Sampling
     from .papers.comparison import PaperCell
     from .runs.prepare import Case, prepare
@@ -103,7 +104,7 @@ def draws(
     step: float | None = None,
     jobs: int = 1,
     **options: Any,
-) -> dict[str, Any]:
+) -> Draws:
     """Run seeded draws of a system's dispersions; arguments as for `run`.
 
     Returns "draws": a row each with status, numbers and drawn values; and "summary": of each number

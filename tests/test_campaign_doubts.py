@@ -54,7 +54,7 @@ def test_a_data_set_stays_with_its_cases(own, three, tmp_path):
     whole = store.read(folder).to_pylist()
     kept = store._of_block(folder, 0)
     (folder / "cases/part-00000.parquet").unlink()
-    lines = [json.dumps(row.to_json()) + "\n" for row in kept]
+    lines = [row.to_line() for row in kept]
     store.journal(folder, 0).write_text("".join(lines[i] for i in (0, 2)))
     loaded = desat.load(folder)
     store.journal(folder, 0).write_text("".join(lines[i] for i in (0, 2, 1)))
@@ -243,7 +243,7 @@ def test_a_case_is_one_object_from_run_to_column(three):
     rows = store._of_block(three, 0)
     assert [row.case for row in rows] == [0, 1, 2]
     for row in rows:
-        again = store.CaseRow.from_json(json.loads(json.dumps(row.to_json())))
+        again = store.CaseRow.from_json(json.loads(row.to_line()))
         assert again == row
         assert row.completed == (row.status == "completed")
         with pytest.raises(dataclasses.FrozenInstanceError):

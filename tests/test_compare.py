@@ -8,7 +8,7 @@ import pytest
 
 from desat.begin import craft as new_craft
 from desat.campaign import pairs
-from desat.campaign.pairs import differences
+from desat.campaign.pairs import differences, each_draw
 from desat.figures.style import COLOURS
 from desat.files import paths
 from desat.numbers.text import Value
@@ -83,7 +83,7 @@ def test_draws_are_compared_in_pairs(desat, craft):
         for key in ("median", "min", "max", "n", "lower", "higher", "equal", "not_reached"):
             assert entry[key] == before[name][key]
     entry = made["numbers"]["final_momentum"]
-    each = [x["difference"] for x in before["final_momentum"]["each"]]
+    each = each_draw(one["draws"], two["draws"], "final_momentum").values()
     assert entry["interval"] == [min(each), max(each)], "98 % with seven pairs"
     assert entry["share_lower"] == pytest.approx(100.0 * sum(x < 0.0 for x in each) / 7)
 

@@ -638,11 +638,10 @@ def test_the_mixed_law_multiplies_less_than_the_open_loop():
 
 def test_a_paired_ratio_is_of_the_same_draw():
     def drawn(*values):
-        return {"draws": [{"draw": i, "numbers": {"e": x}} for i, x in enumerate(values)]}
+        return [{"draw": i, "numbers": {"e": x}} for i, x in enumerate(values)]
 
-    found = pairs.ratios(drawn(2.0, 9.0, None, 8.0), drawn(1.0, 3.0, 5.0, 0.0), "e")
-    assert found.pop("each") == [{"draw": 0, "ratio": 2.0}, {"draw": 1, "ratio": 3.0}]
-    assert found == {"unit": "1", "median": 2.5, "min": 2.0, "max": 3.0, "n": 2}
+    found = pairs.each_draw(drawn(2.0, 9.0, None, 8.0), drawn(1.0, 3.0, 5.0, 0.0), "e", ratio=True)
+    assert found == {0: 2.0, 1: 3.0}
     assert numbers.related("paired_ratio", 6.0, 4.0) == 1.5
 
 

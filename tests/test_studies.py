@@ -8,7 +8,7 @@ import re
 import pytest
 
 from desat.campaign.draws import axes_of, draws, one, sweep
-from desat.campaign.pairs import common, differences
+from desat.campaign.pairs import common, differences, each_draw
 from desat.runs.prepare import read
 from desat.runs.run import Options, execute
 from desat.system.errors import DesatError
@@ -39,7 +39,8 @@ def test_paired_differences_are_those_of_the_draws(other):
             assert entry["median"] is None
             continue
         expected = [a - b for a, b in zip(*each, strict=True)]
-        assert [e["difference"] for e in entry["each"]] == pytest.approx(expected, abs=1e-9)
+        found = each_draw(ours, theirs, name)
+        assert list(found.values()) == pytest.approx(expected, abs=1e-9)
         assert entry["lower"] + entry["higher"] + entry["equal"] == 3
         assert entry["min"] <= entry["median"] <= entry["max"]
     assert result["coil_load"]["equal"] < 3
@@ -96,10 +97,8 @@ def test_numbers_of_another_unit_are_not_compared():
     assert differences(result("s", 1.0), result("min", 1.0)) == {}
     found = differences(result("s", 1.0, 2.0, None, 3.0), result("s", 2.0, 2.0, 1.0, 1.0))["x"]
     assert [found[k] for k in ("n", "lower", "equal", "higher")] == [3, 1, 1, 1]
-    assert found["each"] == [
-        {"draw": 0, "difference": -1.0}, {"draw": 1, "difference": 0.0},
-        {"draw": 3, "difference": 2.0},
-    ]  # fmt: skip
+    rows = (result("s", 1.0, 2.0, None, 3.0)["draws"], result("s", 2.0, 2.0, 1.0, 1.0)["draws"])
+    assert each_draw(*rows, "x") == {0: -1.0, 1: 0.0, 3: 2.0}
 
 
 def test_a_sweep_is_its_runs():

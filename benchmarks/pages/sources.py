@@ -78,16 +78,16 @@ class Sources:
         return sorted(set(needed))
 
     @cached_property
-    def draws(self) -> dict[str, Any]:
+    def draws(self) -> stored.StoredDraws:
         """The family's draws: those that are outdated are made now, but not for a draft."""
         return stored.read(self.family) if self.draft is not None else self._renewed({})
 
-    def _renewed(self, also: dict[str, set[str]]) -> dict[str, Any]:
+    def _renewed(self, also: dict[str, set[str]]) -> stored.StoredDraws:
         made = stored.renew(self.family, self.jobs, sys.stderr.isatty(), also)
         stored.write(made)
         return made
 
-    def draws_of(self, scenario: str, number: str = "") -> dict[str, Any]:
+    def draws_of(self, scenario: str, number: str = "") -> stored.StoredScenario:
         """The draws of a scenario, and of these a number that has not been stored yet, for which
         they are made anew. Raises DesatError where it has none, and in a draft for such a number.
         """
@@ -104,7 +104,7 @@ class Sources:
                 raise DesatError(f"{scenario}: {number} of its draws is not stored; without "
                                  "--draft they are made anew")  # fmt: skip
             self.draws = self._renewed({name: {number}})
-        draws: dict[str, Any] = self.draws["scenarios"][name]
+        draws = self.draws["scenarios"][name]
         if number and number not in draws["units"]:
             raise DesatError(f"{scenario}: no draw has a number {number}")
         return draws

@@ -7,7 +7,7 @@ import itertools
 import math
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any, ClassVar
+from typing import Any, NotRequired, TypedDict
 
 from rich.console import Console
 from rich.progress import track
@@ -30,11 +30,77 @@ STOPPED = 128
 """Exit codes above are those of somebody who stopped the run."""
 
 
+class DrawnRow(TypedDict):
+    """The numbers of a draw, as they are stored."""
+
+    draw: int | None
+    numbers: Mapping[str, float | None]
+
+
+class RunEntry(DrawnRow):
+    """A draw's run as JSON has it: `RunRow`."""
+
+    status: str
+    code: int
+    message: str
+    unmet: list[str]
+    stopped_when: Mapping[str, Any] | None
+    values: Mapping[str, Any]
+
+
+class Summary(TypedDict):
+    """A number over runs: median with its 95 % interval, least, largest, how many `n` have reached
+    it, and how many have not."""
+
+    unit: str
+    median: float | None
+    low: float | None
+    high: float | None
+    min: float | None
+    max: float | None
+    n: int
+    not_reached: int
+
+
+class Draws(TypedDict):
+    """What `draws` gives."""
+
+    scenario: str
+    seed: int
+    draws: list[RunEntry]
+    stopped: int
+    """how many ended early"""
+    summary: dict[str, Summary]
+    warnings: list[str]
+
+
+class SweepPoint(TypedDict):
+    """A combination of values, and what came of it."""
+
+    values: Mapping[str, Any]
+    numbers: dict[str, float | None]
+    stopped: int
+    status: str
+    code: int
+    message: str
+    summary: NotRequired[dict[str, Summary]]
+
+
+class Sweep(TypedDict):
+    """What `sweep` gives."""
+
+    scenario: str
+    axes: dict[str, list[Any]]
+    draws: int
+    seed: int | None
+    units: dict[str, str]
+    points: list[SweepPoint]
+    warnings: list[str]
+
+
 @dataclass(frozen=True)
 class RunRow:
     """A run as a row: how it ended, its numbers, and the values that it was given."""
-
-    KEY: ClassVar[str] = "draw"
 
     status: str
     code: int
@@ -53,12 +119,12 @@ class RunRow:
         """Whether the run reached its end."""
         return self.status == "completed"
 
-    def to_json(self) -> dict[str, Any]:
-        """As `draws` gives it, and a journal has it."""
+    def to_json(self) -> RunEntry:
+        """As `draws` gives it."""
         return {
-            self.KEY: self.number, "status": self.status, "code": self.code,
+            "draw": self.number, "status": self.status, "code": self.code,
             "message": self.message, "unmet": list(self.unmet),
-            "stopped_when": self.stopped_when and self.stopped_when.to_json(),
+            "stopped_when": None if self.stopped_when is None else self.stopped_when.to_json(),
             "numbers": dict(self.numbers), "values": dict(self.values),
         }  # fmt: skip
 
@@ -95,7 +161,7 @@ def one(source: Target, options: Options, seed: int, draw: int | None) -> RunRow
 
 
 def ran(
-    source: Target, options: Options, values: dict[str, Any], also: Sequence[str] = (),
+    source: Target, options: Options, values: Mapping[str, Any], also: Sequence[str] = (),
     look: Callable[[Run], None] = lambda run: None,
 ) -> RunRow:  # fmt: skip
     """A run with some values, at which `look` may look; recorded is what the numbers are made of,
@@ -197,7 +263,7 @@ def rows_of(
 def draws(
     target: str | Target, count: int, seed: int, options: Options, jobs: int = 2,
     progress: bool = False, first: int = 0,
-) -> dict[str, Any]:  # fmt: skip
+) -> Draws:  # fmt: skip
     """Run the draws from `first` to before `count` and return rows and, for each number, median,
     least and largest.
 
@@ -227,7 +293,7 @@ def whole_numbers(target: str, **given: tuple[Any, int]) -> None:
             raise DesatError(f"{target}: {name} = {value!r}: an integer from {least} on is needed")
 
 
-def summary(rows: list[RunRow], late: Collection[str]) -> dict[str, dict[str, Any]]:
+def summary(rows: list[RunRow], late: Collection[str]) -> dict[str, Summary]:
     """`spreads` of each number of the draws that completed."""
     whole = [r for r in rows if r.completed]
     described = whole[0].described if whole else {}
@@ -237,24 +303,22 @@ def summary(rows: list[RunRow], late: Collection[str]) -> dict[str, dict[str, An
 
 def spreads(
     rows: Sequence[Mapping[str, Any]], units: Mapping[str, str], late: Collection[str]
-) -> dict[str, dict[str, Any]]:  # fmt: skip
-    """Of each number that has a unit here: unit, median with its 95 % interval (`low`, `high`),
-    least, largest, how many rows `n` have reached it and how many have not. Of those in `late`
-    (`numbers.late`) they are of all rows, None where not reached; of others of the rows that have
-    them."""
-    numbers = {}
+) -> dict[str, Summary]:  # fmt: skip
+    """Of each number that has a unit here what rows come to. Of those in `late` (`numbers.late`)
+    it is of all rows, None where not reached; of others of the rows that have them."""
+    numbers: dict[str, Summary] = {}
     for name, unit in units.items():
         given = [r.get(name) for r in rows]
         values = [x for x in ranks(given, name in late) if x is not None]
         middle, low, high = median_interval(values) if values else (None, None, None)
         ends = middle, low, high, min(values, default=None), max(values, default=None)
+        middle, low, high, least, most = (
+            None if name in late and x == math.inf else x for x in ends
+        )
         there = sum(x is not None for x in given)
         numbers[name] = {
-            "unit": unit,
-            **{key: None if name in late and x == math.inf else x
-               for key, x in zip(("median", "low", "high", "min", "max"), ends, strict=True)},
-            "n": there,
-            "not_reached": len(rows) - there,
+            "unit": unit, "median": middle, "low": low, "high": high, "min": least, "max": most,
+            "n": there, "not_reached": len(rows) - there,
         }  # fmt: skip
     return numbers
 
@@ -280,7 +344,7 @@ def axes_of(texts: Sequence[str]) -> dict[str, list[Any]]:
 def sweep(
     target: str, axes: Mapping[str, Sequence[Any]], options: Options | None = None, jobs: int = 2,
     progress: bool = False, *, draws: int = 0, seed: int = 1,
-) -> dict[str, Any]:  # fmt: skip
+) -> Sweep:  # fmt: skip
     """Run a system at the product of the axes' values ("component.parameter" -> values in SI).
 
     Returns "points": of each combination its "values", and its "numbers"; with `draws`, of so many
@@ -304,7 +368,7 @@ def sweep(
     ]  # fmt: skip
     rows = rows_of(tasks, jobs, target, progress, source)
     count = max(draws, 1)
-    made, times = [], late(content_of(system.about))
+    made, times = list[SweepPoint](), late(content_of(system.about))
     for i, point in enumerate(points):
         own = rows[i * count : (i + 1) * count]
         worst = max(own, key=lambda row: row.code)
@@ -316,8 +380,9 @@ def sweep(
             "status": worst.status, "code": worst.code,
             "message": f"draw {worst.number}: {worst.message}"
             if worst.message and draws else worst.message,
-            **({"summary": of_draws} if draws else {}),
         })  # fmt: skip
+        if draws:
+            made[-1]["summary"] = of_draws
     units = {n: e["unit"] for n, e in summary(rows, times).items()}
     return {
         "scenario": target, "axes": {name: list(values) for name, values in axes.items()},

@@ -7,7 +7,7 @@ import shlex
 from bisect import bisect_left
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, TypedDict, cast
 
 import numpy as np
 
@@ -15,9 +15,33 @@ from ..language.scenario import Requirement
 from ..numbers.statistics import clopper_pearson
 
 
+class CaseVerdict(TypedDict, total=False):
+    """A requirement, as it is written, over the cases: how many are within and outside, with which
+    interval, and whether that shows that it is met; how many more would."""
+
+    number: str
+    max: float
+    min: float
+    unit: str
+    probability: float
+    confidence: float
+    n: int
+    within: int
+    outside: int
+    lacking: int
+    share_outside: float
+    interval_outside: list[float]
+    shown_within: float
+    met: bool
+    cases_outside: list[int]
+    commands: list[str]
+    more_cases: int | None
+    for_half_the_width: int | None
+
+
 def requirement(
     entry: Requirement, out: Mapping[str, Any], completed: Any, cases: Any, folder: Path
-) -> dict[str, Any]:  # fmt: skip
+) -> CaseVerdict:  # fmt: skip
     """How many cases are within a requirement, and whether that shows that it is met. A case that
     failed, or has not the number, or an infinite one, is outside."""
     probability, confidence = entry.probability, entry.confidence
@@ -28,8 +52,9 @@ def requirement(
     shown = clopper_pearson(inside, n, 2.0 * confidence - 1.0)[0] / 100.0
     outside = [int(c) for c in cases[~within][:10]]
     return {
-        **entry.written, "probability": probability, "confidence": confidence, "n": n,
-        "within": inside, "outside": n - inside,
+        **cast(CaseVerdict, entry.written),
+        "probability": probability, "confidence": confidence,
+        "n": n, "within": inside, "outside": n - inside,
         "lacking": int((completed & ~np.isfinite(values)).sum()),
         "share_outside": 100.0 * (n - inside) / n,
         "interval_outside": clopper_pearson(n - inside, n, confidence),

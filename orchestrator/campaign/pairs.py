@@ -8,9 +8,9 @@ from __future__ import annotations
 
 import math
 import statistics
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, TypedDict
 
 from ..language.content import dispersions_of
 from ..numbers.statistics import clopper_pearson
@@ -18,12 +18,43 @@ from ..runs.prepare import Target
 from ..runs.run import Options
 from ..system.errors import DesatError
 from . import store
+from .draws import DrawnRow, Draws
 from .plan import CampaignPlan, read, system
 from .report import flat
 from .sampling import draw_of
 
 EQUAL = 1e-12
 """Relative difference up to which two numbers are equal."""
+
+
+class PairSpread(TypedDict, total=False):
+    """Of differences: median, least, largest, how many there are, are below, above and at 0; and,
+    with confidence, the median's interval, whether there are enough for one, and the share (%)
+    below 0 with its own."""
+
+    unit: str
+    median: float | None
+    min: float | None
+    max: float | None
+    n: int
+    lower: int
+    higher: int
+    equal: int
+    not_reached: int
+    interval: list[float]
+    interval_holds: bool
+    share_lower: float
+    share_lower_interval: list[float]
+
+
+class Pairs(TypedDict):
+    """What `compare` gives: the first's numbers less the second's."""
+
+    first: str
+    second: str
+    pairs: int
+    warnings: list[str]
+    numbers: dict[str, PairSpread]
 
 
 def common(
@@ -52,50 +83,33 @@ def common(
     }
 
 
-def ratios(ours: dict[str, Any], theirs: dict[str, Any], name: str) -> dict[str, Any]:
-    """Of a number that two results of the same draws have: ours over theirs of each draw, its
-    median, least and largest. Draws where one has not reached it, or theirs is 0, count nowhere."""
-    other = {row["draw"]: row["numbers"].get(name) for row in theirs["draws"]}
-    each = {
-        row["draw"]: mine / other[row["draw"]] for row in ours["draws"]
-        if (mine := row["numbers"].get(name)) is not None and other.get(row["draw"])
-    }  # fmt: skip
-    values = list(each.values())
-    return {
-        "unit": "1",
-        "median": statistics.median(values) if values else None,
-        "min": min(values, default=None),
-        "max": max(values, default=None),
-        "n": len(values),
-        "each": [{"draw": draw, "ratio": x} for draw, x in each.items()],
-    }
+def each_draw(
+    ours: Iterable[DrawnRow], theirs: Iterable[DrawnRow], name: str, ratio: bool = False
+) -> dict[int | None, float]:  # fmt: skip
+    """Of each draw of two lots of the same ones a number of ours less that of theirs, or over it.
+    Draws where one has not reached it, or theirs is 0 and would divide, are left out."""
+    other = {row["draw"]: row["numbers"].get(name) for row in theirs}
+    found = {}
+    for row in ours:
+        a, b = row["numbers"].get(name), other.get(row["draw"])
+        if a is not None and b is not None and (b or not ratio):
+            found[row["draw"]] = a / b if ratio else difference(a, b)
+    return found
 
 
-def differences(ours: dict[str, Any], theirs: dict[str, Any]) -> dict[str, dict[str, Any]]:
-    """Of each number that two results of the same draws (as `draws` gives them, or stored ones)
-    have by name and unit: ours less theirs of each draw, its median, least and largest, and in how
-    many draws ours is lower, higher or equal. Draws where one has not reached it count nowhere:
-    `n` is how many there are of the others, `not_reached` how many of these.
-    """
-    other = {row["draw"]: row["numbers"] for row in theirs["draws"]}
-    compared = {}
+def differences(ours: Draws, theirs: Draws) -> dict[str, PairSpread]:
+    """Of each number that two results of the same draws have by name and unit: ours less theirs of
+    each draw, in all. Draws where one has not reached it count as `not_reached` alone."""
+    rows = [[r for r in x["draws"] if r["numbers"]] for x in (ours, theirs)]
+    both = len({r["draw"] for r in rows[0]} & {r["draw"] for r in rows[1]})
+    compared: dict[str, PairSpread] = {}
     for name, entry in ours["summary"].items():
-        if theirs["summary"].get(name, {}).get("unit") != entry["unit"]:
-            continue
-        pairs = {
-            row["draw"]: (row["numbers"].get(name), other[row["draw"]].get(name))
-            for row in ours["draws"] if row["numbers"] and other.get(row["draw"])
-        }  # fmt: skip
-        each = {
-            draw: difference(a, b)
-            for draw, (a, b) in pairs.items() if a is not None and b is not None
-        }  # fmt: skip
-        compared[name] = {
-            "unit": entry["unit"],
-            **spread_of(list(each.values())),
-            "not_reached": len(pairs) - len(each),
-            "each": [{"draw": draw, "difference": x} for draw, x in each.items()],
-        }
+        if name in theirs["summary"] and theirs["summary"][name]["unit"] == entry["unit"]:
+            each = each_draw(rows[0], rows[1], name)
+            compared[name] = {
+                "unit": entry["unit"], **confident(list(each.values())),
+                "not_reached": both - len(each),
+            }  # fmt: skip
     return compared
 
 
@@ -104,7 +118,7 @@ def difference(ours: float, theirs: float) -> float:
     return 0.0 if math.isclose(ours, theirs, rel_tol=EQUAL) else ours - theirs
 
 
-def spread_of(each: Sequence[float]) -> dict[str, Any]:
+def spread_of(each: Sequence[float]) -> PairSpread:
     """Median, least and largest of differences, how many are below, above and at 0."""
     return {
         "median": statistics.median(each) if each else None,
@@ -120,7 +134,7 @@ def spread_of(each: Sequence[float]) -> dict[str, Any]:
 # --- Two campaigns over the same cases, in pairs ------------------------------------------------
 
 
-def compare(first: Path, second: Path, level: float = 0.95) -> dict[str, Any]:
+def compare(first: Path, second: Path, level: float = 0.95) -> Pairs:
     """Of each number that both have: the first's less the second's, case by case: median with its
     interval (order statistics), and the share of cases in which the first's is lower.
 
@@ -209,7 +223,7 @@ def _same_units(first: Path, second: Path, names: list[str]) -> dict[str, str]:
 
 def _differences(
     tables: list[Any], rows: list[dict[int, int]], cases: list[int], name: str, level: float
-) -> dict[str, Any]:  # fmt: skip
+) -> PairSpread:  # fmt: skip
     a, b = (
         flat(t[name].to_pylist())[[r[c] for c in cases]] for t, r in zip(tables, rows, strict=True)
     )
@@ -220,7 +234,7 @@ def _differences(
     return confident(each, level)
 
 
-def confident(each: Sequence[float], level: float = 0.95) -> dict[str, Any]:
+def confident(each: Sequence[float], level: float = 0.95) -> PairSpread:
     """`spread` of differences, the interval of their median (order statistics), and the share of
     those below 0 with its interval (Clopper-Pearson), both at a level."""
     told, each = spread_of(each), sorted(each)

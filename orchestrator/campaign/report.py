@@ -7,7 +7,7 @@ import warnings
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypedDict, cast
 
 import numpy as np
 from markupsafe import Markup
@@ -38,9 +38,76 @@ from ..system.errors import DesatError
 from ..system.parameters import table as parameters_of
 from . import store
 from .case import POINTS
-from .judged import requirement, rerun
+from .judged import CaseVerdict, requirement, rerun
 from .plan import CampaignPlan, changed, read, source, system
 from .sampling import axes, sensitivity, unit_cube
+
+
+class VersionSet(TypedDict):
+    """How many cases were made with some versions, and in words what is not the same for all."""
+
+    cases: int
+    versions: dict[str, str]
+    text: str
+
+
+class NumberOfCases(TypedDict, total=False):
+    """A number over the completed cases: percentiles, ends and their cases, None where that is a
+    time that is not reached; how many have it, have not reached it, or have it infinite."""
+
+    title: str
+    unit: str
+    n: int
+    not_reached: int
+    infinite: int
+    p5: float | None
+    median: float | None
+    p95: float | None
+    p99: float | None
+    min: float | None
+    max: float | None
+    min_case: int
+    max_case: int
+
+
+class Driver(TypedDict):
+    """The rank correlation of a number with what is drawn."""
+
+    input: str
+    number: str
+    n: int
+    correlation: float
+
+
+class FailedCase(TypedDict):
+    """A case that did not complete, and the command that makes it again."""
+
+    case: int
+    code: int
+    message: str
+    command: str
+
+
+class CampaignSummary(TypedDict):
+    """Everything that a campaign's report says."""
+
+    target: str
+    seed: int
+    sampling: str
+    count: int
+    done: int
+    completed: int
+    failed: list[FailedCase]
+    changed: str
+    versions: list[VersionSet]
+    seconds: float
+    digest: str
+    numbers: dict[str, NumberOfCases]
+    unmet: list[str]
+    requirements: dict[str, CaseVerdict]
+    drivers: list[Driver]
+    sobol: Mapping[str, Any] | None
+
 
 STRONG = 0.2
 """Rank correlations from this size on are shown."""
@@ -55,7 +122,7 @@ _BARS, _NAMED = 40, 12
 _NEVER = 1e300
 
 
-def summary(folder: Path) -> dict[str, Any]:
+def summary(folder: Path) -> CampaignSummary:
     """Everything that the report says, for programs. Raises DesatError where there is no case."""
     plan = read(folder)
     about = content_of(system(plan).about)
@@ -73,7 +140,7 @@ def summary(folder: Path) -> dict[str, Any]:
         name: _number(name, told.get(name, {}), values[completed], cases[completed], name in times)
         for name, values in out.items()
     }
-    failed = [
+    failed: list[FailedCase] = [
         {"case": int(c), "code": code, "message": m, "command": rerun(folder, int(c))}
         for c, s, m, code in zip(cases, status, table["message"].to_pylist(),
                                  table["code"].to_pylist(), strict=True)
@@ -105,7 +172,7 @@ def summary(folder: Path) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _versions(rows: Sequence[str]) -> list[dict[str, Any]]:
+def _versions(rows: Sequence[str]) -> list[VersionSet]:
     """The sets of versions that cases were made with: how many `cases`, the `versions`, and in
     words what of them is not the same for all that there are."""
     sets = [(json.loads(text), n) for text, n in sorted(Counter(rows).items())]
@@ -133,11 +200,11 @@ def _is_number(column: Any) -> bool:
 
 def _number(
     name: str, entry: Mapping[str, str], values: Any, cases: Any, is_late: bool = False
-) -> dict[str, Any]:
+) -> NumberOfCases:
     """A number over all completed cases that have it; a time over all completed cases, those that
     do not reach it last, and None where it is one of theirs."""
     there = np.isfinite(values)
-    told: dict[str, Any] = {"title": entry.get("title", name), "unit": entry.get("unit", ""),
+    told: NumberOfCases = {"title": entry.get("title", name), "unit": entry.get("unit", ""),
                              "n": int(there.sum()), "not_reached": int(np.isnan(values).sum()),
                              "infinite": int(np.isinf(values).sum())}  # fmt: skip
     if there.any():
@@ -151,17 +218,18 @@ def _number(
                        np.percentile(values, (5.0, 50.0, 95.0, 99.0)), strict=True)),
             **{key: values[i] for key, i in ends},
         }  # fmt: skip
-        told |= {key: float(x) if x <= last else None for key, x in levels.items()}
-        told |= {f"{key}_case": int(cases[i]) for key, i in ends}
+        shown_levels = {key: float(x) if x <= last else None for key, x in levels.items()}
+        found_in = {f"{key}_case": int(cases[i]) for key, i in ends}
+        told |= cast(NumberOfCases, {**shown_levels, **found_in})
     return told
 
 
-def _drivers(inputs: Mapping[str, Any], out: Mapping[str, Any]) -> list[dict[str, Any]]:
+def _drivers(inputs: Mapping[str, Any], out: Mapping[str, Any]) -> list[Driver]:
     """Rank correlations (Spearman) between inputs and numbers, the strong ones, strongest first.
     Of some hundred pairs several would be beyond a level meant for one, so CHANCE is for all."""
     from scipy.stats import spearmanr  # half a second
 
-    drivers = []
+    drivers = list[Driver]()
     level = CHANCE / max(len(inputs) * len(out), 1)
     for number, y in out.items():
         for name, x in inputs.items():
@@ -179,7 +247,7 @@ def _drivers(inputs: Mapping[str, Any], out: Mapping[str, Any]) -> list[dict[str
 
 def _sobol(
     plan: CampaignPlan, cases: Any, completed: Any, out: Mapping[str, Any]
-) -> dict[str, Any] | None:
+) -> Mapping[str, Any] | None:
     """Sobol indices of first and total order, where the cases were sampled for them and all are
     there."""
     if plan.sampling != "saltelli":
@@ -197,7 +265,7 @@ def _sobol(
     elements = [n if k == 1 else form[n].format(n, i) for n, k in zip(names, sizes, strict=True)
                 for i in range(1, k + 1)]  # fmt: skip
     analyze = sensitivity("analyze")
-    indices: dict[str, Any] = {}
+    indices = {}
     for number, y in out.items():
         if np.isfinite(y).all() and np.ptp(y) > 0.0:
             with warnings.catch_warnings():  # of numbers that hardly differ: their interval says
@@ -212,7 +280,7 @@ def _sobol(
     return indices
 
 
-def write(folder: Path) -> tuple[Path, dict[str, Any]]:
+def write(folder: Path) -> tuple[Path, CampaignSummary]:
     """Write report.html and report.json of a campaign; their path and what they say."""
     plan, told = read(folder), summary(folder)
     write_json(folder / "report.json", told)
@@ -237,7 +305,7 @@ class _Figure(NamedTuple):
     commands: Sequence[str] = ()
 
 
-def _figures(folder: Path, plan: CampaignPlan, told: Mapping[str, Any]) -> list[_Figure]:
+def _figures(folder: Path, plan: CampaignPlan, told: CampaignSummary) -> list[_Figure]:
     made = [*_curves(folder, plan)]
     table = store.read(folder)
     good = np.array([s == "completed" for s in table["status"].to_pylist()])
@@ -270,13 +338,13 @@ class _Small(NamedTuple):
     cases: Sequence[Sequence[int]]
 
 
-def _histograms(folder: Path, told: Mapping[str, Any]) -> list[_Small]:
+def _histograms(folder: Path, told: CampaignSummary) -> list[_Small]:
     """Of each number that is not the same in all cases."""
     limits: dict[str, list[tuple[str, float]]] = {}
-    for name, entry in told["requirements"].items():
-        limits.setdefault(entry["number"], []).extend(
-            (f"{name}, {key}", entry[key]) for key in ("max", "min") if key in entry
-        )
+    for name, judged in told["requirements"].items():
+        own = [(f"{name}, max", judged.get("max")), (f"{name}, min", judged.get("min"))]
+        known = limits.setdefault(judged["number"], [])
+        known += [(what, value) for what, value in own if value is not None]
     table, made = store.read(folder), []
     good = np.array([s == "completed" for s in table["status"].to_pylist()])
     numbers = np.array(table["case"].to_pylist())[good]
@@ -286,13 +354,13 @@ def _histograms(folder: Path, told: Mapping[str, Any]) -> list[_Small]:
         cases, values = numbers[there], values[there]
         if not len(values) or np.ptp(values) <= 1e-9 * np.abs(values).max():
             continue
-        own = limits.get(name, [])
+        lines = limits.get(name, [])
         count, edges = np.histogram(values, min(_BARS, max(8, int(np.sqrt(len(values))))))
-        fig, ax = histogram(name, entry["unit"], count, edges, [value for _, value in own])
+        fig, ax = histogram(name, entry["unit"], count, edges, [value for _, value in lines])
         bar = np.clip(np.searchsorted(edges, values, "right") - 1, 0, len(count) - 1)
         made.append(_Small(
             entry["title"], Markup(fig.svg()),
-            "; ".join(f"{what} {shown(value)} {pretty_unit(entry['unit'])}" for what, value in own),
+            "; ".join(f"{what} {shown(x)} {pretty_unit(entry['unit'])}" for what, x in lines),
             [round(float(x), 4) for x in ax.across(edges) / (INCH * fig.width)],
             count.tolist(), [sorted(cases[bar == k].tolist())[:_NAMED] for k in range(len(count))],
         ))  # fmt: skip

@@ -22,7 +22,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields
 from functools import lru_cache
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any
 
 import pyarrow as pa
 import pyarrow.parquet as pq
@@ -131,8 +131,6 @@ OWN = ("seconds", "worker", "attempts", "versions")
 class CaseRow(RunRow):
     """A case as a row, with what is OWN."""
 
-    KEY: ClassVar[str] = "case"
-
     curves: Mapping[str, Sequence[float | None]] | None = None
     """Its envelopes; None: it has none."""
     seconds: float | None = None
@@ -146,11 +144,12 @@ class CaseRow(RunRow):
         assert self.number is not None
         return self.number
 
-    def to_json(self) -> dict[str, Any]:
-        """As the journal has it."""
+    def to_line(self) -> str:
+        """As a journal has it."""
         curves = {} if self.curves is None else {"curves": dict(self.curves)}
         own = {name: getattr(self, name) for name in OWN}
-        return {**super().to_json(), **curves, **own}
+        entry = {k: v for k, v in self.to_json().items() if k != "draw"}
+        return json.dumps({"case": self.number, **entry, **curves, **own}) + "\n"
 
     @classmethod
     def from_json(cls, told: Mapping[str, Any]) -> CaseRow:
@@ -179,7 +178,7 @@ class Batch:
         lines: list[str] = []
         described: dict[str, dict[str, str]] = {}
         for row in rows:
-            lines.append(json.dumps(row.to_json()) + "\n")
+            lines.append(row.to_line())
             described.update(row.described)
         return cls(lines, described)
 
@@ -223,7 +222,7 @@ class Store:
         part = path.with_name(f"{path.name}.tmp")
         with naming(path), part.open("w", encoding="utf-8") as file:
             rows = self._open[block].values()
-            file.writelines(json.dumps(row.to_json()) + "\n" for row in rows)
+            file.writelines(row.to_line() for row in rows)
             file.flush()
             os.fsync(file.fileno())
         part.replace(path)

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from ..campaign.draws import DrawnRow
 from ..files.scenario import Scenario
 from ..language.content import Content, Entry
 from ..language.paper import OfNumber
@@ -13,8 +15,9 @@ from ..numbers.measures import LATE
 from ..numbers.numbers import defined, late, ranks, related
 from ..numbers.statistics import clopper_pearson
 from ..system.errors import DesatError
+from .stored import StoredScenario
 
-Numbers = dict[str, Any]
+Numbers = Mapping[str, Any]
 """A run's numbers by name; None: not reached."""
 
 
@@ -104,8 +107,8 @@ def _remark(entry: Entry) -> str:
 
 
 def rows_of(
-    scenario: Scenario, values: Numbers, everything: dict[str, Numbers],
-    drawn: dict[str, Any] | None,
+    scenario: Scenario, values: Numbers, everything: Mapping[str, Numbers],
+    drawn: StoredScenario | None,
 ) -> list[PaperCell]:  # fmt: skip
     """The rows that a scenario gives. `values`: its numbers, `everything`: those of all scenarios;
     `drawn`: its draws, where it has some: their `summary` and the `draws` themselves.
@@ -133,7 +136,7 @@ def rows_of(
 
 
 def _spread_of(
-    entry: Entry, drawn: dict[str, Any], content: Content
+    entry: Entry, drawn: StoredScenario, content: Content
 ) -> Spread | None:  # fmt: skip
     if (summary := drawn["summary"].get(entry.of)) is None:
         return None
@@ -143,7 +146,7 @@ def _spread_of(
     return Spread(summary["n"], summary["min"], summary["max"], entry.each or None, missing)
 
 
-def values_of(draws: list[dict[str, Any]], name: str, content: Content) -> list[Any]:
+def values_of(draws: Iterable[DrawnRow], name: str, content: Content) -> list[Any]:
     """A number of each draw of a scenario, as `ranked` has it."""
     return ranks([d["numbers"].get(name) for d in draws], name in late(content))
 
@@ -212,7 +215,7 @@ def count(table: list[PaperCell]) -> dict[str, int]:
 
 
 def _value(
-    scenario: Scenario, row: str, name: str, values: Numbers, everything: dict[str, Numbers]
+    scenario: Scenario, row: str, name: str, values: Numbers, everything: Mapping[str, Numbers]
 ) -> float:  # fmt: skip
     """Our number of a row, from this run or in relation to another."""
     number = scenario.content.numbers.get(name)

@@ -20,12 +20,12 @@ from datetime import UTC, datetime
 from functools import partial
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any
+from typing import Any, TypedDict, cast
 
 from desat.fmus import meaning
 from desat.fmus.meaning import COMPONENTS
 
-from ..campaign.draws import draws, spreads
+from ..campaign.draws import DrawnRow, Summary, draws, spreads
 from ..files import identity, paths
 from ..files.identity import PACKAGES
 from ..files.io import replace_text
@@ -36,6 +36,39 @@ from ..numbers.numbers import late
 from ..system.errors import DesatError, Exit, RunError
 from ..system.options import Options
 from ..system.resolve import resolve
+
+
+class StoredScenario(TypedDict):
+    """Of a scenario's draws what they are of, `units` and summary of the numbers, and the draws."""
+
+    sha256: str
+    code_sha256: str
+    date: str
+    units: dict[str, str]
+    summary: dict[str, Summary]
+    draws: list[DrawnRow]
+
+
+class StoredDraws(TypedDict):
+    """The draws of a family."""
+
+    family: str
+    date: str
+    seed: int
+    components_as: str
+    versions: dict[str, str]
+    scenarios: dict[str, StoredScenario]
+
+
+class Provenance(TypedDict):
+    """Which run draws are from, and the file where they stand."""
+
+    file: str
+    date: str
+    seed: int
+    components_as: str
+    versions: dict[str, str]
+
 
 SEED = 1
 ROUNDING = 1e-12
@@ -105,10 +138,10 @@ def compute(
     family: str,
     jobs: int,
     progress: bool = False,
-    known: dict[str, Any] | None = None,
+    known: StoredDraws | None = None,
     names: Iterable[str] | None = None,
     also: Mapping[str, Collection[str]] | None = None,
-) -> dict[str, Any]:
+) -> StoredDraws:
     """Run the draws of a family (or of the scenarios named) by its FMUs. Raises DesatError where
     a draw fails.
 
@@ -116,8 +149,8 @@ def compute(
     draws that this code would make again. Kept are the numbers that are `needed`, those that
     `known` has, and those that `also` names by scenario.
     """
-    kept = dict((known or {}).get("scenarios", {}))
-    made, of_rows = {}, needed(family)
+    kept = known["scenarios"] if known else {}
+    made, of_rows = dict[str, StoredScenario](), needed(family)
     for name, scenario in with_draws(family).items():
         old = kept.get(name)
         if names is not None and name not in names:
@@ -126,7 +159,7 @@ def compute(
             continue
         count = scenario.content.samples
         wanted = {*of_rows[name], *(old["units"] if old else ()), *(also or {}).get(name, ())}
-        rows = []
+        rows = list[DrawnRow]()
         if old and wanted <= old["units"].keys() and _is_current(old, scenario):
             rows = old["draws"][:count]
         result = draws(name, count, SEED, Options(), jobs, progress, first=len(rows))
@@ -138,7 +171,7 @@ def compute(
             {"draw": r["draw"], "numbers": {n: x for n, x in r["numbers"].items() if n in wanted}}
             for r in result["draws"]
         ]
-        summed = result["summary"] or (old or {})["summary"]
+        summed = result["summary"] or (old["summary"] if old else {})
         units = {n: summed[n]["unit"] for n in sorted(wanted & summed.keys())}
         made[name] = {
             "sha256": digest(scenario),
@@ -158,7 +191,7 @@ def compute(
     }
 
 
-def write(result: dict[str, Any]) -> Path:
+def write(result: StoredDraws) -> Path:
     """Store the draws of a family, and its stamps beside those of the others. The same draws give
     the same bytes."""
     path = file_of(result["family"])
@@ -181,16 +214,16 @@ def write(result: dict[str, Any]) -> Path:
     return path
 
 
-def _provenances() -> dict[str, Any]:
+def _provenances() -> Mapping[str, Any]:
     """What is said of all families' draws; empty where nothing is."""
     try:
-        told: dict[str, Any] = json.loads(provenance_file().read_text(encoding="utf-8"))
+        told: Mapping[str, Any] = json.loads(provenance_file().read_text(encoding="utf-8"))
     except FileNotFoundError:
         return {}
     return told
 
 
-def _pack(scenarios: dict[str, Any]) -> bytes:
+def _pack(scenarios: Mapping[str, StoredScenario]) -> bytes:
     """The draws of scenarios as the bytes of a Parquet file; numbers keep all their bits."""
     import pyarrow as pa
     import pyarrow.parquet as pq
@@ -212,7 +245,7 @@ def _pack(scenarios: dict[str, Any]) -> bytes:
     return data
 
 
-def read(family: str) -> dict[str, Any]:
+def read(family: str) -> StoredDraws:
     """The stored draws of a family: of each scenario its stamps, `units` and `summary` of its
     numbers, and `draws`, a row each. Raises DesatError where there are none."""
     import pyarrow as pa
@@ -224,8 +257,8 @@ def read(family: str) -> dict[str, Any]:
         raise DesatError(f"{paths.shown(missing)}: no draws of {family} there; `desat tables "
                          f"{family} --fresh` computes the draws now")  # fmt: skip
     data = path.read_bytes()
-    result = {"family": family, **told[family]}
-    if hashlib.sha256(data).hexdigest() != result.pop("draws_sha256"):
+    head = {"family": family, **told[family]}
+    if hashlib.sha256(data).hexdigest() != head.pop("draws_sha256"):
         raise DesatError(f"{paths.shown(path)}: not the file that {paths.shown(provenance_file())} "
                          "is of: its sha256 is another one")  # fmt: skip
     columns = pq.read_table(pa.BufferReader(data)).to_pydict()
@@ -233,6 +266,7 @@ def read(family: str) -> dict[str, Any]:
     known = scenarios(family) if family in families() else {}
     for i, name in enumerate(columns["scenario"]):
         places_of.setdefault(name, []).append(i)
+    result = cast(StoredDraws, head)
     for name, kept in result["scenarios"].items():
         kept["draws"] = [
             {"draw": columns["draw"][i], "numbers": {n: columns[n][i] for n in kept["units"]}}
@@ -244,7 +278,7 @@ def read(family: str) -> dict[str, Any]:
     return result
 
 
-def outdated(stored: dict[str, Any]) -> list[str]:
+def outdated(stored: StoredDraws) -> list[str]:
     """The scenarios whose stored draws are missing, fewer or more than it says, without a number
     that is needed, or of another version of it or of the code that makes them."""
     kept, of_rows = stored["scenarios"], needed(stored["family"])
@@ -257,7 +291,7 @@ def outdated(stored: dict[str, Any]) -> list[str]:
     ]  # fmt: skip
 
 
-def _is_current(kept: dict[str, Any], scenario: Scenario) -> bool:
+def _is_current(kept: StoredScenario, scenario: Scenario) -> bool:
     """True where stored draws are of this version of a scenario and of its code."""
     return kept["sha256"] == digest(scenario) and kept.get("code_sha256") == code(scenario)
 
@@ -265,13 +299,15 @@ def _is_current(kept: dict[str, Any], scenario: Scenario) -> bool:
 def renew(
     family: str, jobs: int, progress: bool = False,
     also: Mapping[str, Collection[str]] | None = None,
-) -> dict[str, Any]:  # fmt: skip
+) -> StoredDraws:  # fmt: skip
     """The family's draws, of which only those are made now that are outdated, or have not kept a
     number that `also` names by scenario."""
     if not file_of(family).exists():
         return compute(family, jobs, progress, also=also)
     known = read(family)
-    lacking = [n for n, x in (also or {}).items() if not known["scenarios"][n]["units"].keys() >= x]
+    lacking = [
+        n for n, x in (also or {}).items() if not known["scenarios"][n]["units"].keys() >= set(x)
+    ]
     old = {*outdated(known), *lacking}
     return compute(family, jobs, progress, known, old, also) if old else known
 
@@ -294,14 +330,14 @@ def confirm(family: str, count: int, jobs: int) -> list[str]:
     return failed
 
 
-def provenance(stored: dict[str, Any], fresh: bool) -> dict[str, Any]:
+def provenance(stored: StoredDraws, fresh: bool) -> Provenance:
     """Which run the numbers of the draws are from."""
-    keys = ("date", "seed", "components_as", "versions")
-    file = "" if fresh else paths.shown(file_of(stored["family"]))
-    return {"file": file or "computed now", **{k: stored[k] for k in keys}}
+    file = "computed now" if fresh else paths.shown(file_of(stored["family"]))
+    return {"file": file, "date": stored["date"], "seed": stored["seed"],
+            "components_as": stored["components_as"], "versions": stored["versions"]}  # fmt: skip
 
 
-def _alike(now: list[dict[str, float | None]], kept: list[dict[str, float | None]]) -> bool:
+def _alike(now: list[Mapping[str, float | None]], kept: list[Mapping[str, float | None]]) -> bool:
     """True where all that is kept comes out again. A number that runs have since is not in the kept
     draws, and whatever asks for it says so."""
     return len(now) == len(kept) and all(

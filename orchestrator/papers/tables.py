@@ -9,14 +9,15 @@ from __future__ import annotations
 import math
 import re
 import sys
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict, replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
+from ..campaign.draws import DrawnRow, spreads
 from ..campaign.draws import rows_of as rows_of_runs
-from ..campaign.pairs import differences, ratios
+from ..campaign.pairs import each_draw
 from ..figures.style import pretty_unit
 from ..files.identity import PACKAGES
 from ..files.scenario import Scenario, find, scenarios
@@ -26,13 +27,14 @@ from ..runs.validation import word_problems
 from ..system.errors import DesatError, Exit, RunError
 from ..system.options import Options
 from .comparison import Numbers, PaperCell, Share, Spread, count, rows_of
+from .stored import Provenance, StoredDraws, StoredScenario
 
 LARGEST = sys.float_info.max
 """The open end of a band in JSON."""
 
 
 def rows(
-    family: str, options: Options, jobs: int = 2, drawn: dict[str, Any] | None = None
+    family: str, options: Options, jobs: int = 2, drawn: StoredDraws | None = None
 ) -> list[PaperCell]:
     """Run every scenario of a family that a paper's table has a cell for.
 
@@ -48,12 +50,14 @@ def rows(
         raise DesatError("\n".join(dict.fromkeys(wrong)))
     if not given:
         raise DesatError(f"{family}: no scenario has paper values")
-    kept = (drawn or {}).get("scenarios", {})
-    kept = {n: _pairs_of(s, kept) for n, s in given.items() if s.content.samples and n in kept}
+    there = drawn["scenarios"] if drawn else {}
+    kept = {n: _pairs_of(s, there) for n, s in given.items() if s.content.samples and n in there}
     given = {n: s for n, s in given.items() if not s.content.samples or n in kept}
     if not given:
         raise DesatError(f"{family}: no draws; `desat tables {family} --fresh` makes them")
-    values = {n: {k: d["median"] for k, d in kept[n]["summary"].items()} for n in kept}
+    values: dict[str, Numbers] = {
+        n: {k: d["median"] for k, d in kept[n]["summary"].items()} for n in kept
+    }
     alone = {**given, **_references(given.values())}
     values |= _single([s for n, s in alone.items() if n not in values], options, jobs)
     # first what the paper has values for, then what is ours alone
@@ -83,7 +87,7 @@ def _references(given: Iterable[Scenario]) -> dict[str, Scenario]:
     return {n: s for n, s in named.items() if not s.content.samples}
 
 
-def _pairs_of(scenario: Scenario, drawn: dict[str, Any]) -> dict[str, Any]:
+def _pairs_of(scenario: Scenario, drawn: Mapping[str, StoredScenario]) -> StoredScenario:
     """The stored draws of a scenario, with what its numbers of form `difference` or `paired_ratio`
     are draw by draw, and their summaries."""
     own = drawn[scenario.name]
@@ -93,12 +97,14 @@ def _pairs_of(scenario: Scenario, drawn: dict[str, Any]) -> dict[str, Any]:
         if theirs is None or entry.form not in ("difference", "paired_ratio"):
             continue
         paired = entry.form == "paired_ratio"
-        summary[name] = (
-            ratios(own, theirs, entry.of) if paired else differences(own, theirs)[entry.of]
-        )
-        for one in summary[name]["each"]:
-            draws[one["draw"]][name] = one["ratio" if paired else "difference"]
-    rows = [{**row, "numbers": x} for row, x in zip(own["draws"], draws, strict=True)]
+        each = each_draw(own["draws"], theirs["draws"], entry.of, paired)
+        for row, numbers in zip(own["draws"], draws, strict=True):
+            if row["draw"] in each:
+                numbers[name] = each[row["draw"]]
+        summary |= spreads(draws, {name: "1" if paired else own["units"][entry.of]}, ())
+    rows: list[DrawnRow] = [
+        {"draw": row["draw"], "numbers": x} for row, x in zip(own["draws"], draws, strict=True)
+    ]
     return {**own, "summary": summary, "draws": rows}
 
 
@@ -113,8 +119,8 @@ def _single(given: list[Scenario], options: Options, jobs: int) -> dict[str, Num
 
 
 def as_json(
-    family: str, table: list[PaperCell], drawn: dict[str, Any] | None = None
-) -> dict[str, Any]:
+    family: str, table: list[PaperCell], drawn: Provenance | None = None
+) -> Mapping[str, Any]:
     """What `--json` prints; where a band has no bound, the largest number that there is, for JSON
     has no infinity, and null for a time that is not reached. `drawn`: which run the draws are from
     (`stored.provenance`)."""
@@ -258,7 +264,7 @@ def summed_up(table: list[PaperCell]) -> str:
     )
 
 
-def origin(drawn: dict[str, Any]) -> str:
+def origin(drawn: Provenance) -> str:
     """Where the numbers of draws are from, for people."""
     how = "just now" if drawn["file"] == "computed now" else f"on {drawn['date']} ({drawn['file']})"
     return f"computed {how} with seed {drawn['seed']} by {drawn['components_as']}"
@@ -269,7 +275,7 @@ def write_html(
     table: list[PaperCell],
     path: Path,
     options: Options,
-    drawn: dict[str, Any] | None = None,
+    drawn: Provenance | None = None,
 ) -> Path:
     """The tables as a self-contained page."""
     from importlib.metadata import version

@@ -13,8 +13,8 @@ from typing import Any
 
 from markupsafe import Markup
 
-from ..campaign.draws import draws
-from ..campaign.pairs import common, confident, difference, differences
+from ..campaign.draws import Draws, draws
+from ..campaign.pairs import Pairs, common, difference, differences
 from ..campaign.plan import PLAN
 from ..engine.recording.results import MANIFEST
 from ..figures.plots import series_figure
@@ -172,7 +172,7 @@ def write(made: Comparison, path: Path, **more: Any) -> Path:
 def paired_draws(
     targets: Sequence[str], count: int, seed: int, options: Options, jobs: int = 2,
     progress: bool = False,
-) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:  # fmt: skip
+) -> tuple[list[Pairs], list[Draws]]:  # fmt: skip
     """The same draws of several scenarios: each other one's pairs with the first, in the form of
     `pairs.compare`, and the draws of each as `draws` gives them. Raises DesatError where one draws
     nothing, or the first and another do not draw alike, and for a run folder."""
@@ -183,9 +183,8 @@ def paired_draws(
     sources = [read(t) for t in targets]
     shared = [common(sources[0], other, seed, options, options) for other in sources[1:]]
     made = [draws(s, count, seed, options, jobs, progress) for s in sources]
-    pairs = []
+    pairs = list[Pairs]()
     for target, other, names in zip(targets[1:], made[1:], shared, strict=True):
-        numbers = differences(made[0], other)
         whole = [{r["draw"] for r in x["draws"] if r["status"] == "completed"}
                  for x in (made[0], other)]  # fmt: skip
         pairs.append({
@@ -193,10 +192,6 @@ def paired_draws(
             "warnings": [f"drawn in {whose} alone: {', '.join(names[key])}" for key, whose in (
                 ("drawn_only_in_it", targets[0]), ("drawn_only_in_the_other", target),
             ) if names[key]],
-            "numbers": {
-                name: {"unit": entry["unit"], **confident([x["difference"] for x in entry["each"]]),
-                       "not_reached": entry["not_reached"]}
-                for name, entry in numbers.items()
-            },
+            "numbers": differences(made[0], other),
         })  # fmt: skip
     return pairs, made

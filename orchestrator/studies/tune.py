@@ -19,7 +19,7 @@ import numpy as np
 
 from ..analyses import analyses
 from ..campaign.draws import RunRow, rows_of
-from ..campaign.pairs import confident, difference
+from ..campaign.pairs import PairSpread, confident, difference
 from ..language.content import Content, content_of, overridden_by
 from ..numbers.numbers import late
 from ..numbers.text import number as text_of
@@ -51,6 +51,16 @@ class Point:
     """draws that miss a requirement"""
 
 
+class Unseen(PairSpread, total=False):
+    """`confident` of own less best, draw by draw, the medians, and draws that miss a
+    requirement."""
+
+    median_own: float
+    median_best: float
+    missed_own: int
+    missed_best: int
+
+
 @dataclass(frozen=True)
 class Tuned:
     """A value, and what unseen draws say of it beside the craft's own."""
@@ -68,8 +78,7 @@ class Tuned:
     draws: int
     points: tuple[Point, ...]
     """by value"""
-    unseen: dict[str, Any]
-    """`confident` of own less best, draw by draw, the medians, and draws that miss a requirement"""
+    unseen: Unseen
 
     @property
     def confirmed(self) -> bool:
@@ -255,16 +264,16 @@ def _misses(content: Content, row: RunRow) -> bool:
 
 def _verdict(
     own: Sequence[RunRow], best: Sequence[RunRow], number: str, content: Content
-) -> tuple[dict[str, Any], str]:  # fmt: skip
+) -> tuple[Unseen, str]:  # fmt: skip
     """What pairs of draws say, own less best, and the number's unit."""
     pairs = [(a.numbers.get(number), b.numbers.get(number)) for a, b in zip(own, best, strict=True)
              if a.completed and b.completed]  # fmt: skip
     whole = [(a, b) for a, b in pairs if a is not None and b is not None]
-    told = confident([difference(a, b) for a, b in whole])
     if not whole:
         raise DesatError(f"no unseen draw has {number} with both values")
-    told |= {
-        "n": len(whole), "median_own": statistics.median(a for a, _ in whole),
+    told: Unseen = {
+        **confident([difference(a, b) for a, b in whole]),
+        "median_own": statistics.median(a for a, _ in whole),
         "median_best": statistics.median(b for _, b in whole),
         "missed_own": sum(_misses(content, r) for r in own),
         "missed_best": sum(_misses(content, r) for r in best),

@@ -14,6 +14,7 @@ from .. import options as o
 from ..console import app, err, name_of, out, print_json, print_numbers, warn
 
 if TYPE_CHECKING:
+    from ...campaign.pairs import Pairs
     from ...studies.compare import Comparison
 
 
@@ -174,7 +175,7 @@ def _show(made: Comparison, page: Path, as_json: bool) -> None:
         raise typer.Exit(Exit.UNMET)
 
 
-def show_pairs(told: Sequence[dict[str, Any]], as_json: bool) -> None:
+def show_pairs(told: Sequence[Pairs], as_json: bool) -> None:
     """Paired differences (`pairs.compare`) as tables, or for programs: one alone, or a list."""
     from ...figures.style import pretty_unit
     from ...numbers.text import number

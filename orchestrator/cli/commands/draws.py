@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.table import Table
 
 from .. import options as o
 from ..console import app, err, out, print_json, print_numbers, warn
+
+if TYPE_CHECKING:
+    from ...campaign.draws import Draws
 
 
 @app.command()
@@ -52,7 +55,7 @@ def draws(
         raise typer.Exit(max(row["code"] for row in failed + unmet))
 
 
-def _print_draws(result: dict[str, Any], every: bool) -> None:
+def _print_draws(result: Draws, every: bool) -> None:
     """A row a number: median with its interval, least, largest; and every draw's, if asked."""
     from ...figures.style import pretty_unit
     from ...numbers.text import not_reached, number

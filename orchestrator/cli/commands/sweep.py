@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from rich.table import Table
 
 from .. import options as o
 from ..console import app, err, out, print_json, print_numbers, warn
+
+if TYPE_CHECKING:
+    from ...campaign.draws import Sweep, SweepPoint
 
 
 @app.command()
@@ -59,11 +62,11 @@ def sweep(
         raise typer.Exit(max(point["code"] for point in failed))
 
 
-def _print(result: dict[str, Any]) -> None:
+def _print(result: Sweep) -> None:
     from ...figures.style import pretty_unit
     from ...numbers.text import not_reached, number
 
-    def cell(point: dict[str, Any], name: str) -> str:
+    def cell(point: SweepPoint, name: str) -> str:
         share = not_reached(point["summary"][name]) if name in point.get("summary", {}) else ""
         return number(point["numbers"].get(name)) + (f" (not reached: {share})" if share else "")
 

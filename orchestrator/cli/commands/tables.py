@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.table import Table
 
 from .. import options as o
 from ..console import app, err, out, print_json
+
+if TYPE_CHECKING:
+    from ...papers.stored import Provenance, StoredDraws
 
 
 @app.command()
@@ -68,7 +71,7 @@ def tables(
 
 def _draws_of(
     family: str, jobs: int, fresh: bool, progress: bool
-) -> tuple[dict[str, Any] | None, dict[str, Any] | None]:
+) -> tuple[StoredDraws | None, Provenance | None]:
     """The draws of a family that has some, stored or made now, and where they are from."""
     from ...papers import stored as stored_module
 

@@ -64,7 +64,7 @@ class Prepared(NamedTuple):
     pointers: tuple[Any, ...]
 
 
-class FmiVersion:
+class FmiFunctions:
     """The calls of one instance; `c` is what the FMU knows it by."""
 
     prefix: ClassVar[str]
@@ -154,7 +154,7 @@ def _callbacks() -> fmi2CallbackFunctions:
 _LAST_SUCCESSFUL_TIME, _TERMINATED = 2, 3  # of fmi2StatusKind
 
 
-class Fmi2(FmiVersion):
+class Fmi2(FmiFunctions):
     """FMI 2.0: scalars of three types."""
 
     prefix, state, deserialise, slave = "fmi2", "FMUstate", "fmi2DeSerializeFMUstate", FMU2Slave
@@ -232,7 +232,7 @@ class _Done(ctypes.Structure):
     )  # fmt: skip
 
 
-class Fmi3(FmiVersion):
+class Fmi3(FmiFunctions):
     """FMI 3.0: arrays, and more types; no event mode, no early return, no intermediate update."""
 
     prefix, state, deserialise, slave = "fmi3", "FMUState", "fmi3DeserializeFMUState", FMU3Slave
@@ -450,4 +450,4 @@ class Fmi1(Fmi2):
         return [moved, call] if way == "Set" else [call, moved]
 
 
-FMI_VERSIONS: dict[str, type[FmiVersion]] = {"1.0": Fmi1, "2.0": Fmi2, "3.0": Fmi3}
+FMI_VERSIONS: dict[str, type[FmiFunctions]] = {"1.0": Fmi1, "2.0": Fmi2, "3.0": Fmi3}

@@ -21,7 +21,7 @@ from ...system.errors import DesatError, plain
 from ...system.interface import KINDS, Kind, Signal
 from ...system.model import Component, Fmu
 from .base import DTYPE, Array, Clock, ComponentError, is_of_status, warn_of
-from .fmi_versions import FMI_VERSIONS, FmiVersion, Prepared, forget, listen
+from .fmi_versions import FMI_VERSIONS, FmiFunctions, Prepared, forget, listen
 
 _STATUS = ("ok", "warning", "discard", "error", "fatal", "pending")
 _DISCARD = _STATUS.index("discard")
@@ -32,7 +32,7 @@ _UNSIGNED = 1 << 32
 class _Library:
     """The loaded library of an FMU, for all its instances in this process."""
 
-    def __init__(self, folder: Path, ours: bool, face: type[FmiVersion]) -> None:
+    def __init__(self, folder: Path, ours: bool, face: type[FmiFunctions]) -> None:
         description = description_of(folder)
         self.once = description.coSimulation.canBeInstantiatedOnlyOncePerProcess
         self.instances = 0
