@@ -11,7 +11,7 @@ the momentum and leaves more of it in the second half of a run than none would h
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -298,7 +298,7 @@ def unmet(manifest: Manifest, results: Results) -> list[str]:
             f"half of the run, without management it would be {without:.3g}"]  # fmt: skip
 
 
-def _capacity(wheels: dict[str, Any]) -> float:
+def _capacity(wheels: Mapping[str, Any]) -> float:
     """The capacity of the smallest wheel that is there (N m s); 0 where it is not known."""
     if "inertia_wheel" not in wheels or "speed_limit" not in wheels:
         return 0.0
@@ -306,7 +306,7 @@ def _capacity(wheels: dict[str, Any]) -> float:
     return float(min(there, default=0.0) * wheels["speed_limit"])
 
 
-def _of_coils(m: Any, given: dict[str, Any], step: float) -> dict[str, tuple[str, float, str]]:
+def _of_coils(m: Any, given: Mapping[str, Any], step: float) -> dict[str, tuple[str, float, str]]:
     """Duty of the coils, as a share of what they can do: in the mean of a step, or of a period
     where they are pulsed."""
     most = given.get("m_limit", 0.0)
@@ -329,7 +329,7 @@ def _of_coils(m: Any, given: dict[str, Any], step: float) -> dict[str, tuple[str
 
 
 def _of_wheels(
-    wheels: str, given: dict[str, Any], results: Results, h: Any, there: Any
+    wheels: str, given: Mapping[str, Any], results: Results, h: Any, there: Any
 ) -> dict[str, tuple[str, float, str]]:  # fmt: skip
     """How near the wheels come to their limits, and how often they pass zero speed."""
     rows = {}

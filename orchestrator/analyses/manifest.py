@@ -205,7 +205,7 @@ class Manifest(Mapping[str, Any]):
         """A line for each bound and each requirement that is not met."""
         return [*self.unmet, *verdicts.lines(self.verdicts)]
 
-    def values_of(self, component: str) -> dict[str, Any]:
+    def values_of(self, component: str) -> Mapping[str, Any]:
         """The values of a component's parameters by name; none where it is not there."""
         return {name: p.value for name, p in self.parameters.get(component, {}).items()}
 

@@ -7,6 +7,7 @@ an inertial attitude makes that, and a secular part.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -153,7 +154,7 @@ def _periodic(times: Any, momentum: Any, rate: float) -> float:
     return float(np.linalg.norm(np.linalg.lstsq(form, momentum, rcond=None)[0][2:]))
 
 
-def _off_profile(given: dict[str, Any], impulse: Any, step: float, first: int) -> float:
+def _off_profile(given: Mapping[str, Any], impulse: Any, step: float, first: int) -> float:
     """How far the momentum (rows, 3) is off the rows of H_NOM."""
     nodes = int(given["table_nodes"])
     table = np.reshape(given["profile_table"], (-1, 3))[:nodes]
@@ -162,7 +163,7 @@ def _off_profile(given: dict[str, Any], impulse: Any, step: float, first: int) -
     return float(np.sqrt(((impulse[rows[kept]] - table[kept]) ** 2).sum(axis=1).mean()))
 
 
-def _end_miss(law: dict[str, Any], impulse: Any, wanted: Any, q: Any, step: float) -> float:
+def _end_miss(law: Mapping[str, Any], impulse: Any, wanted: Any, q: Any, step: float) -> float:
     """Where a desaturation period ends: rms of |H - H_NOM| over that of |H_D|, in %; H_D is the
     integral of the torque that is meant (eq. 3)."""
     period = law["update_period"]

@@ -50,7 +50,7 @@ def row(plan: CampaignPlan, number: int, attempt: int = 1, versions: str = "") -
                    versions=versions)  # fmt: skip
 
 
-def _ran(plan: CampaignPlan, values: dict[str, Any], supervised: bool) -> CaseRow:
+def _ran(plan: CampaignPlan, values: Mapping[str, Any], supervised: bool) -> CaseRow:
     options = plan.options
     if supervised:
         options = replace(options, supervised=True, call_limit=plan.limit)

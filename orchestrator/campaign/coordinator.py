@@ -7,7 +7,7 @@ import os
 import platform
 import sys
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -120,7 +120,7 @@ def _power(count: int) -> int:
     return 1 << (count - 1).bit_length()
 
 
-def _first(source: Target, options: Options, values: dict[str, Any]) -> Case:
+def _first(source: Target, options: Options, values: Mapping[str, Any]) -> Case:
     """The first case. Raises DesatError where it is none."""
     case = prepare(source, replace(options, values=values))
     try:

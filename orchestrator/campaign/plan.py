@@ -18,7 +18,7 @@ from ..system.digest import comparable
 from ..system.draft import Draft
 from ..system.errors import DesatError
 from ..system.options import Options, as_arguments
-from .sampling import FIXED, Sampling, draw_of
+from .sampling import FIXED, Drawn, Sampling, draw_of
 
 PLAN = "campaign.json"
 GROWS = ("count", "keep", "limit")
@@ -68,7 +68,7 @@ class CampaignPlan:
     limit: float = 600.0
     """Wall time (s) that a case may take."""
 
-    def values(self, number: int) -> dict[str, Any]:
+    def values(self, number: int) -> dict[str, Drawn]:
         """`component.parameter` -> value of a case."""
         return draw_of(system(self), self.seed, number, self.sampling, self.count)
 

@@ -35,13 +35,15 @@ Sampling = Literal["random", "latin-hypercube", "sobol", "saltelli"]
 SAMPLINGS: tuple[str, ...] = get_args(Sampling)
 FIXED: tuple[str, ...] = ("latin-hypercube", "saltelli")
 """Samplings whose points depend on their number."""
+Drawn = float | int | str | list[float]
+"""A drawn value, a choice by its name, an array as a list."""
 MOST = 10_000_000
 """Points of these, which lie in memory all at once."""
 
 
 def draw_of(
     system: Draft, seed: int, draw: int, sampling: Sampling = "random", count: int = 0
-) -> dict[str, Any]:
+) -> dict[str, Drawn]:
     """`component.variable` -> value for one draw of the system's dispersions, of `count` (which
     only the samplings of FIXED ask for)."""
     if sampling == "random":
@@ -49,7 +51,7 @@ def draw_of(
         return {n: _random(system, n, spec, seed, draw) for n, spec in spread.items()}
     names, sizes = axes(system)
     unit = iter(_points(sampling, seed, count, tuple(names), tuple(sizes))(draw))
-    values: dict[str, Any] = {}
+    values: dict[str, Drawn] = {}
     for name, size in zip(names, sizes, strict=True):
         spec = dispersions_of(system)[name]
         values[name] = _place(spec, np.array([next(unit) for _ in range(size)]))

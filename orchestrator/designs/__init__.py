@@ -20,10 +20,14 @@ from __future__ import annotations
 
 import importlib
 import pkgutil
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cache
 from types import ModuleType
 from typing import Any
+
+Parameters = Mapping[str, float | int | bool | str | list[Any]]
+"""Values of a component's parameters, a choice by its name, an array as a list."""
 
 
 @dataclass(frozen=True)
@@ -31,7 +35,7 @@ class MadeDesign:
     """Parameters of a component, what the run with them reached, the numbers tuned for them."""
 
     component: str
-    parameters: dict[str, Any]
+    parameters: Parameters
     reached: dict[str, tuple[Any, str]]
     """name -> value and unit"""
     tuned: dict[str, tuple[float, str]] = field(default_factory=dict)

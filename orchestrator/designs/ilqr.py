@@ -7,14 +7,12 @@ momentum_weight = [1, 1, 1]   # diagonal of F; with final_momentum, its shape on
 
 from __future__ import annotations
 
-from typing import Any
-
 from desat.components.maths.vector import norm
 
 from ..files.scenario import Scenario
 from ..system.model import System
 from ..system.options import Options
-from . import MadeDesign
+from . import MadeDesign, Parameters
 from .plant import Plant
 from .tuning import flies, shape, with_weight
 
@@ -31,7 +29,7 @@ def make(scenario: Scenario, options: Options) -> MadeDesign:
     plant = Plant(scenario, options)
     n_con = {"n_con_body": list(plant.n_con)} if norm(plant.n_con) > 1e-15 else {}
 
-    def parameters(scale_of_f: float) -> dict[str, Any]:
+    def parameters(scale_of_f: float) -> Parameters:
         return {"momentum_weight": (scale_of_f * shape(plant)).tolist(), **n_con}
 
     return with_weight(plant, parameters)

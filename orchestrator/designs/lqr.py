@@ -8,8 +8,6 @@ nodes = 61                    # rows of the tables
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from desat.components.blocks.manager_magnetic import CAPACITY
@@ -19,7 +17,7 @@ from ..files.scenario import Scenario
 from ..system.errors import DesatError
 from ..system.model import System
 from ..system.options import Options
-from . import MadeDesign
+from . import MadeDesign, Parameters
 from .plant import Array, Plant
 from .tuning import flies, shape, with_weight
 
@@ -41,7 +39,7 @@ def make(scenario: Scenario, options: Options) -> MadeDesign:
         raise DesatError(f"{scenario.name}: design: nodes = {nodes}: at most {CAPACITY} are held")
     times = np.linspace(0.0, plant.horizon, nodes)
 
-    def parameters(scale_of_f: float) -> dict[str, Any]:
+    def parameters(scale_of_f: float) -> Parameters:
         gain, offset = offline.gains(
             plant.field, plant.omega, scale_of_f * shape(plant),
             plant.manager_value("dipole_weight"), plant.n_con, times,

@@ -15,7 +15,7 @@ from ..system.check import check
 from ..system.errors import DesatError
 from ..system.model import System
 from ..system.options import Options
-from . import MadeDesign, kinds
+from . import MadeDesign, Parameters, kinds
 from .origin import TABLE, design_of, draft_of, made_of, names_of, owner, system_of
 
 PACKAGES = ("desat", "numpy", "scipy")
@@ -72,7 +72,7 @@ def _no_kind(system: System) -> str:
 _made: dict[str, MadeDesign] = {}
 
 
-def parameters_for(scenario: Scenario, options: Options) -> dict[str, dict[str, Any]]:
+def parameters_for(scenario: Scenario, options: Options) -> dict[str, Parameters]:
     """The designed parameters, a table a component, that `options.design` asks for: a file, or
     made now for the values of the options. Raises DesatError where that cannot be."""
     if scenario.design is None:

@@ -16,7 +16,7 @@ from ..files.scenario import Scenario, find
 from ..system.errors import DesatError
 from ..system.model import System
 from ..system.options import Options
-from . import MadeDesign
+from . import MadeDesign, Parameters
 from .plant import Array, DesignFlight, Plant
 from .tuning import flies, needless, of_flight
 
@@ -40,7 +40,7 @@ def make(scenario: Scenario, options: Options) -> MadeDesign:
     if plant.manager_value("saturation"):
         raise DesatError(f"{plant.system.name}: design: mec needs manager.saturation = false")
     weight, asked = np.asarray(plant.manager_value("dipole_weight")), plant.asked
-    fixed = {"horizon": plant.horizon, "omega_nominal_body": list(plant.omega)}
+    fixed: Parameters = {"horizon": plant.horizon, "omega_nominal_body": list(plant.omega)}
 
     def fly(p: Array) -> DesignFlight:
         return plant.fly(costate=p.tolist(), **fixed)

@@ -40,7 +40,7 @@ from ..system.errors import DesatError
 from ..system.model import Component, System
 from ..system.options import Options
 from ..system.parameters import bare_block
-from . import MadeDesign
+from . import MadeDesign, Parameters
 from .origin import design_of as asked_of
 from .origin import draft_of
 
@@ -101,7 +101,7 @@ def make(scenario: Scenario, options: Options) -> MadeDesign:
 
 def _profile(
     manager: Component, course: offline.Course, times: Any, rate: float, period: int
-) -> tuple[dict[str, Any], dict[str, tuple[Any, str]]]:
+) -> tuple[Parameters, dict[str, tuple[Any, str]]]:
     """H_NOM as a table, and what its rows leave out."""
     ends = offline.periodic_ends(course, rate, period)
     values, conditions = offline.profile(course, ends, period, np.zeros(3))
@@ -125,7 +125,7 @@ def _profile(
 
 def _preview(
     scenario: Scenario, course: offline.Course, times: Any, lost: list[offline.Course | None]
-) -> tuple[dict[str, Any], dict[str, tuple[Any, str]]]:
+) -> tuple[Parameters, dict[str, tuple[Any, str]]]:
     """K and g as tables: the cheapest course, held; and g of those with a coil lost."""
     asked, weight = asked_of(scenario), _weight(scenario, "momentum_weight")
     peak, unit, flown = asked.peak_momentum or 20.0, 1.0, round(times[-1] / course.dt)

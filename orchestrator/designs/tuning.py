@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from math import inf
-from typing import Any
 
 import numpy as np
 from scipy.optimize import brentq
@@ -12,7 +11,7 @@ from scipy.optimize import brentq
 from ..engine.instances.base import ComponentError
 from ..system.errors import DesatError
 from ..system.model import System
-from . import MadeDesign
+from . import MadeDesign, Parameters
 from .plant import Array, DesignFlight, Plant
 
 WEIGHT_UNIT, GAIN_UNIT = "1/(T2.s2)", "1/(T.s)"
@@ -29,7 +28,7 @@ def flies(system: System, model: str, law: str = "") -> bool:
 
 
 def of_flight(
-    parameters: dict[str, Any], flight: DesignFlight,
+    parameters: Parameters, flight: DesignFlight,
     tuned: dict[str, tuple[float, str]] | None = None,
     notes: tuple[str, ...] = (),
 ) -> MadeDesign:  # fmt: skip
@@ -37,7 +36,7 @@ def of_flight(
     return MadeDesign("manager", parameters, flight.reached(), tuned or {}, notes)
 
 
-def with_weight(plant: Plant, parameters: Callable[[float], dict[str, Any]]) -> MadeDesign:
+def with_weight(plant: Plant, parameters: Callable[[float], Parameters]) -> MadeDesign:
     """The design with F as given, or as large as the wanted end asks."""
     if plant.asked.final_momentum:
         return tune(plant, parameters, "momentum_weight", WEIGHT_UNIT)
@@ -53,7 +52,7 @@ def shape(plant: Plant) -> Array:
 
 
 def tune(
-    plant: Plant, parameters: Callable[[float], dict[str, Any]], name: str, unit: str
+    plant: Plant, parameters: Callable[[float], Parameters], name: str, unit: str
 ) -> MadeDesign:
     """The least value of the law's one free number, from SEARCH up, with which the run ends at the
     wanted size. The size falls with the number, and rises again where a sample is too long for it.

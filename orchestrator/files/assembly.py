@@ -13,6 +13,7 @@ from ..system.model import J2000
 from ..system.options import Options
 from ..system.parameters import parse_assignment
 from . import craft, library, own, paths, ssp
+from .io import TomlTable
 from .merge import Keys
 
 if TYPE_CHECKING:
@@ -20,7 +21,7 @@ if TYPE_CHECKING:
 
 
 def draft(
-    content: Content, parameters: dict[str, Any], folder: Path, where: str, blocks: bool,
+    content: Content, parameters: TomlTable, folder: Path, where: str, blocks: bool,
     given: Callable[[Keys], tuple[str, str]],
 ) -> Draft:  # fmt: skip
     """The system of a scenario, with interfaces, and what is wrong with it (schema, missing

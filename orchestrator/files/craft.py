@@ -38,7 +38,7 @@ from ..system.interface import Interface, elements, interface_of_block, misfit, 
 from ..system.model import Connection, Connector, Fmu
 from ..system.parameters import expand
 from . import hardware, library, paths
-from .io import line_of, lines, parsed, text
+from .io import TomlTable, line_of, lines, parsed, text
 
 FILE = "craft.toml"
 ENDING = ".craft.toml"
@@ -111,7 +111,7 @@ class _Reader:
     def problem(self, key: str, message: str) -> None:
         self.problems.append(f"{self.at(key)}{message}")
 
-    def table(self, key: str) -> dict[str, Any]:
+    def table(self, key: str) -> TomlTable:
         value = self.data.get(key, {})
         if isinstance(value, dict):
             return value

@@ -197,7 +197,11 @@ LARGEST_TEXT = 2 << 20
 """The largest TOML file that is read (bytes)."""
 
 
-def toml(file: Path) -> dict[str, Any]:
+TomlTable = dict[str, Any]
+"""A table of a TOML file as it is parsed; `reader.py` makes of it what the language knows."""
+
+
+def toml(file: Path) -> TomlTable:
     """The data of a TOML file. Raises DesatError where there is none or it cannot be read."""
     where = paths.shown(file)
     return parsed(text(file, where), where)
@@ -212,7 +216,7 @@ def text(file: Path, where: str) -> str:
         raise DesatError(f"{where}: not UTF-8 (byte {error.start + 1})") from error
 
 
-def parsed(source: str, where: str) -> dict[str, Any]:
+def parsed(source: str, where: str) -> TomlTable:
     """The data of a text in TOML. Raises DesatError, which begins with `where`."""
     try:
         return tomllib.loads(source)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from ..system.errors import DesatError, nearest
+from .io import TomlTable
 
 Keys = tuple[str, ...]
 Origins = dict[Keys, tuple[str, str]]
@@ -22,7 +23,7 @@ def origin(origins: Origins, path: Keys) -> tuple[str, str]:
     return "", ""
 
 
-def leave_out(merged: dict[str, Any], data: dict[str, Any], origins: Origins, where: str) -> None:
+def leave_out(merged: TomlTable, data: TomlTable, origins: Origins, where: str) -> None:
     """Take out of `merged` what data's `without` names, and `without` out of data."""
     for text in data.pop("without", []):
         owner: Any = merged
@@ -40,7 +41,7 @@ def leave_out(merged: dict[str, Any], data: dict[str, Any], origins: Origins, wh
 
 
 def merge(
-    into: dict[str, Any], new: dict[str, Any], origins: Origins,
+    into: TomlTable, new: TomlTable, origins: Origins,
     given: Origins | tuple[str, str], path: Keys = (),
 ) -> None:  # fmt: skip
     """Tables are merged, everything else is replaced; `given`: where the new values are from."""

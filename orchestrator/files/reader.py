@@ -15,7 +15,7 @@ from ..language.content import KEYS, OWN, Content, data_of
 from ..language.kinds import Table
 from ..system.errors import DesatError, nearest
 from . import paths
-from .io import at, contents, parsed, text
+from .io import TomlTable, at, contents, parsed, text
 from .merge import Keys
 
 T = TypeVar("T", bound=Table)
@@ -39,7 +39,7 @@ class WrongError(Exception):
         self.problems = problems
 
 
-def read(model: type[T], data: dict[str, Any], part: bool = False) -> T | None:
+def read(model: type[T], data: TomlTable, part: bool = False) -> T | None:
     """The object of data; of a `part`, which others may complete, None where it is not whole.
     Raises WrongError."""
     try:
@@ -55,7 +55,7 @@ def read(model: type[T], data: dict[str, Any], part: bool = False) -> T | None:
     return None
 
 
-def whole(model: type[T], data: dict[str, Any]) -> T:
+def whole(model: type[T], data: TomlTable) -> T:
     """The object of data that nothing completes. Raises WrongError."""
     made = read(model, data)
     assert made is not None
@@ -148,7 +148,7 @@ def table_at(kind: Any, path: Keys) -> type[Table] | None:
     return next((found for x in inner if (found := table_at(x, path))), None)
 
 
-def paper_problems(content: Content, axes: dict[str, Any]) -> Iterator[tuple[Keys, str]]:
+def paper_problems(content: Content, axes: TomlTable) -> Iterator[tuple[Keys, str]]:
     """What rows of a paper's tables say of methods and cases that there are not."""
     methods, case = axes.get("method", {}), content.cell.get("case", "")
     for name, row in content.paper.items():

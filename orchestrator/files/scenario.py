@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, Any
 
 from ..system.errors import DesatError, nearest
 from . import paths
-from .io import at, toml
+from .io import TomlTable, at, toml
 from .merge import Origins, copy, fill, leave_out, merge, origin
 
 if TYPE_CHECKING:
@@ -96,9 +96,9 @@ class Scenario:
         design = self.content.design
         return design.written if design and design.each_draw else None
 
-    def parameters(self, designed: bool = True) -> dict[str, Any]:
+    def parameters(self, designed: bool = True) -> TomlTable:
         """Its [parameters], with those of its design below. Raises DesatError where it has none."""
-        merged: dict[str, Any] = {}
+        merged: TomlTable = {}
         if designed and self.design is not None:
             if not self.design.exists():
                 name = f"{self.family}/{self.design.stem}"
@@ -282,7 +282,7 @@ def own(file: Path) -> Scenario:
 # --- reading ----------------------------------------------------------------------------------
 
 
-def load(file: Path, origins: Origins, seen: tuple[Path, ...] = ()) -> dict[str, Any]:
+def load(file: Path, origins: Origins, seen: tuple[Path, ...] = ()) -> TomlTable:
     """The data of a file merged over that of its bases. Raises DesatError, a line a problem."""
     from ..language.scenario import ScenarioFile  # pydantic, only where a scenario is read
     from .reader import WrongError, read
@@ -299,7 +299,7 @@ def load(file: Path, origins: Origins, seen: tuple[Path, ...] = ()) -> dict[str,
     if file in seen:
         chain = " -> ".join(f.stem for f in (*seen[seen.index(file) :], file))
         raise DesatError(f"{where}: extends itself ({chain})")
-    merged: dict[str, Any] = {}
+    merged: TomlTable = {}
     known = [f.stem for f in file.parent.glob("*.toml")]
     for base in [bases] if isinstance(bases, str) else bases:
         below: Origins = {}
@@ -327,7 +327,7 @@ def _of_role(name: str, where: str) -> Path:
     return folder / f"{role}.toml"
 
 
-def _ours(name: str, where: str, origins: Origins, seen: tuple[Path, ...]) -> dict[str, Any]:
+def _ours(name: str, where: str, origins: Origins, seen: tuple[Path, ...]) -> TomlTable:
     """What a scenario file that is not one of ours extends as FAMILY/NAME: a scenario, or a file
     of the family. Its `family` says which."""
     family, _, stem = name.partition("/")
@@ -354,7 +354,7 @@ def _read(file: Path, family: str, only: str | None = None) -> list[Scenario]:
     data = load(file, given)
     home = data.pop("family", family)
     abstract = data.pop("abstract", False)
-    axes: dict[str, dict[str, Any]] = data.pop("axes", {})
+    axes: dict[str, TomlTable] = data.pop("axes", {})
     if empty := [axis for axis, values in axes.items() if not values and not abstract]:
         raise DesatError(f"{where}: axes.{empty[0]}: an axis needs a value")
     cells = []
@@ -379,7 +379,7 @@ def _read(file: Path, family: str, only: str | None = None) -> list[Scenario]:
 
 
 def _content(
-    said: dict[str, Any], axes: dict[str, Any], origins: Origins, where: str
+    said: TomlTable, axes: TomlTable, origins: Origins, where: str
 ) -> Content:  # fmt: skip
     """What a scenario says, merged. Raises DesatError, a line a problem, with what is wrong."""
     from ..language.content import Content

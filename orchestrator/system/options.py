@@ -80,8 +80,8 @@ class Options:
         default=("*",), metadata={"aside": "which series are kept; what numbers are made of is"}
     )
     every: int = field(default=1, metadata=COUNTS)
-    output_classes: dict[str, Any] = field(default_factory=dict, metadata=RESOLVED)
-    values: dict[str, Any] = field(default_factory=dict, metadata=RESOLVED)
+    output_classes: Mapping[str, Any] = field(default_factory=dict, metadata=RESOLVED)
+    values: Mapping[str, Any] = field(default_factory=dict, metadata=RESOLVED)
     """`component.variable` -> value, beside `sets`, for callers that are programs."""
     design: str | None = field(default=None, metadata=RESOLVED)
     """Of a scenario with a [design]: a file with another one, or `now`: made for these values."""
