@@ -22,6 +22,8 @@ from desat.designs import origin
 from desat.engine import checkpoint
 from desat.files import identity, library
 from desat.files.scenario import find, scenarios
+from desat.language.kinds import declared
+from desat.language.scenario import ScenarioTable
 from desat.papers import stored
 from desat.runs.prepare import resolved
 from desat.runs.run import Options, load_run, prepare, resume, simulate
@@ -42,10 +44,16 @@ MOVES_NO_BIT = {
 }  # fmt: skip
 
 
+USES = declared(ScenarioTable)
+
+
 class Said(dict):
     """What a scenario says, right or wrong."""
 
     as_json = dict.copy
+
+    def counted(self) -> dict[str, Any]:
+        return {k: x for k, x in self.items() if k in USES and USES[k].use == "run"}
 
 
 def other(value: Any) -> Any:

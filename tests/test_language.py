@@ -9,6 +9,7 @@ import shutil
 import tomllib
 from itertools import product
 from pathlib import Path
+from typing import get_args
 
 import numpy as np
 import pytest
@@ -23,7 +24,9 @@ from desat.files import paths, reader, scenario
 from desat.files.scenario import find, load, own
 from desat.language import paper
 from desat.language import scenario as language
-from desat.language.content import content_of
+from desat.language.content import KEYS, content_of
+from desat.language.kinds import TRAVELS, Use, declared
+from desat.language.scenario import Cell, ScenarioFile
 from desat.numbers.derived import euler
 from desat.numbers.measures import first_below, time_of
 from desat.numbers.numbers import evaluate
@@ -524,3 +527,22 @@ def test_a_key_of_before_is_refused_with_its_name_of_now(tmp_path, old, new):
     with pytest.raises(DesatError, match=f"numbers.x.{old}: unknown key") as error:
         scenario.own(file)
     assert "it is called" not in str(error.value)
+
+
+def test_each_key_at_the_top_says_what_it_is_of_use_for():
+    """A key counts in the digest, or travels, by what is declared with it: four lists elsewhere
+    said so, and none failed where it lacked one."""
+    keys = declared(ScenarioFile) | declared(Cell)
+    assert [name for name, of in keys.items() if of.use not in get_args(Use)] == []
+    travelling = {name for name, of in keys.items() if of.use in TRAVELS}
+    assert travelling | {"labels"} == set(KEYS)
+    assert {n for n, of in keys.items() if not of.inherited} == {"extends", "abstract"}
+    content = find("nadir_day/day-dipole").content
+    told = content.as_json()
+    assert told.keys() - content.counted().keys() <= {
+        "name",
+        "cell",
+        "labels",
+        *(n for n, of in keys.items() if of.use in ("text", "resolved")),
+    }
+    assert content.counted().keys() == {n for n in told if n in keys and keys[n].use == "run"}

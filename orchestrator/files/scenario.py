@@ -284,7 +284,8 @@ def own(file: Path) -> Scenario:
 
 def load(file: Path, origins: Origins, seen: tuple[Path, ...] = ()) -> TomlTable:
     """The data of a file merged over that of its bases. Raises DesatError, a line a problem."""
-    from ..language.scenario import ScenarioFile  # pydantic, only where a scenario is read
+    from ..language.kinds import declared  # pydantic, only where a scenario is read
+    from ..language.scenario import ScenarioFile
     from .reader import WrongError, read
 
     where = paths.shown(file)
@@ -312,7 +313,9 @@ def load(file: Path, origins: Origins, seen: tuple[Path, ...] = ()) -> TomlTable
         else:
             raise DesatError(f"{where}: extends: no file {base}.toml{nearest(base, known)}")
         merge(merged, table, origins, below)
-    merged.pop("abstract", None)
+    for name, of in declared(ScenarioFile).items():
+        if not of.inherited:
+            merged.pop(name, None)
     leave_out(merged, data, origins, where)
     merge(merged, data, origins, (where, ""))
     return merged

@@ -12,13 +12,12 @@ from pydantic import Field, FiniteFloat, PrivateAttr, ValidationError
 from ..system.draft import Draft
 from ..system.errors import DesatError
 from ..system.interface import base_name
-from .kinds import Bounds, Maybe, Text
+from .kinds import TRAVELS, Bounds, Maybe, Text, declared
 from .paper import OfNumber, PaperRow, by_number
 from .scenario import Dispersion, ScenarioTable
 
-KEYS = ("title", "description", "source", "baseline", "numbers", "plots", "output_classes",
-        "labels", "dispersions", "requirements", "substeps", "accuracy", "stop_when",
-        "residual_bound", "impulse_bound", "energy_bound")  # fmt: skip
+_USES = {name: of.use for name, of in declared(ScenarioTable).items()}
+KEYS = (*(name for name, use in _USES.items() if use in TRAVELS), "labels")
 """What travels."""
 OWN = ("name", "cell", "labels")
 """Keys beside those of the language."""
@@ -73,6 +72,10 @@ class Content(ScenarioTable):
         if "plots" in told:
             told["plots"] = [{"name": name, **plot} for name, plot in told["plots"].items()]
         return {"name": self.name, **told, "cell": self.cell}
+
+    def counted(self) -> Mapping[str, Any]:
+        """What of it moves bits, and is not resolved into its system."""
+        return {k: x for k, x in self.as_json().items() if _USES.get(k) == "run"}
 
     def travelled(self, about: Mapping[str, Any]) -> Self:
         """Itself, read from this JSON, which it keeps."""

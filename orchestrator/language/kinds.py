@@ -6,7 +6,18 @@ import re
 from collections.abc import Sequence
 from datetime import datetime
 from math import inf, isfinite
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Optional, Self, TypeVar, get_origin
+from typing import (
+    TYPE_CHECKING,
+    Annotated,
+    Any,
+    ClassVar,
+    Literal,
+    NamedTuple,
+    Optional,
+    Self,
+    TypeVar,
+    get_origin,
+)
 
 from pydantic import (
     AfterValidator,
@@ -25,12 +36,39 @@ from pydantic_core import PydanticCustomError
 from ..system.errors import DesatError
 from ..system.parameters import unit_of
 
+Use = Literal["text", "run", "resolved", "system", "file"]
+"""What a key at the top of a scenario is of use for. `text`: it is for people, travels in manifests
+and .ssp, and moves no bit; `run`: it travels, and counts in the digest; `resolved`: it travels, and
+counts in the system that it is resolved into; `system`: it is resolved into the system, which
+travels; `file`: it is of the file alone."""
+TRAVELS: tuple[Use, ...] = ("text", "run", "resolved")
 
-def key(text: str, unit: str = "", default: Any = None, **limits: Any) -> Any:
-    """A key of the language: its sentence, unit and default; without one that of its type, "", (),
-    {} or False, where nobody can write that, and None of others."""
-    extra: Any = {"unit": unit} if unit else None
-    return Field(default, description=text, json_schema_extra=extra, **limits)
+
+class Declared(NamedTuple):
+    """What is true of a key beside its type: unit, use, and whether a file that extends another
+    has it from there."""
+
+    unit: str = ""
+    use: Use | None = None
+    inherited: bool = True
+
+
+def key(
+    text: str, unit: str = "", default: Any = None, *, use: Use | None = None,
+    inherited: bool = True, **limits: Any,
+) -> Any:  # fmt: skip
+    """A key of the language: its sentence, and what is `Declared` of it; its default, without one
+    that of its type, "", (), {} or False, where nobody can write that, and None of others."""
+    made = Field(default, description=text, **limits)
+    made.metadata.append(Declared(unit, use, inherited))
+    return made
+
+
+def declared(table: type[BaseModel]) -> dict[str, Declared]:
+    """What is declared of each key of a table."""
+    found = {n: [x for x in f.metadata if isinstance(x, Declared)]
+             for n, f in table.model_fields.items()}  # fmt: skip
+    return {name: (x or [Declared()])[0] for name, x in found.items()}
 
 
 def _one_line(text: str) -> str:

@@ -272,59 +272,76 @@ class StopWhen(Table):
 class ScenarioTable(Written):
     """What a whole file and a value of an axis both may hold."""
 
-    without: Many[Text] = key("paths of what is left out of that before, such as plots.rate")
-    title: Text = key("what it is, in a line; {axis} stands for the axis' label")
-    description: Text = key("two sentences for a reader")
-    source: Text = key("the paper it is from")
-    craft: Text = key("the craft file, beside; default: craft.toml")
-    ssd: Text = key("the wiring as an SSD kept by hand, in place of a craft file")
-    start: Maybe[FiniteFloat] = key("start time", "s")
-    step: Maybe[FiniteFloat] = key("the master's step", "s")
+    without: Many[Text] = key(
+        "paths of what is left out of that before, such as plots.rate", use="file"
+    )
+    title: Text = key("what it is, in a line; {axis} stands for the axis' label", use="text")
+    description: Text = key("two sentences for a reader", use="text")
+    source: Text = key("the paper it is from", use="text")
+    craft: Text = key("the craft file, beside; default: craft.toml", use="system")
+    ssd: Text = key("the wiring as an SSD kept by hand, in place of a craft file", use="system")
+    start: Maybe[FiniteFloat] = key("start time", "s", use="system")
+    step: Maybe[FiniteFloat] = key("the master's step", "s", use="system")
     substeps: Maybe[_Substeps] = key(
         "substeps, within each step, of what hands means over the step on (actuators and body); "
-        "auto, the default: a run chooses them by `accuracy`"
+        "auto, the default: a run chooses them by `accuracy`",
+        use="resolved",
     )
     accuracy: Maybe[_Positive] = key(
         f"attitude error that `substeps = auto` keeps below, as the run estimates it; {ACCURACY:g}",
         "rad",
+        use="resolved",
     )
-    stop: Maybe[FiniteFloat] = key("stop time", "s")
+    stop: Maybe[FiniteFloat] = key("stop time", "s", use="system")
     residual_bound: Maybe[_Positive] = key(
-        "largest momentum residual, over the largest momentum: above it a run ends with 1; 1e-9"
+        "largest momentum residual, over the largest momentum: above it a run ends with 1; 1e-9",
+        use="run",
     )
     impulse_bound: Maybe[_Positive] = key(
-        "the same for the external impulse against one computed outside the body; 1e-6"
+        "the same for the external impulse against one computed outside the body; 1e-6", use="run"
     )
     energy_bound: Maybe[_Positive] = key(
         "largest work in a step that its ends and middle do not show, over the energy of a turn of "
-        "1 rad in it: above it a run ends with 1; 2e-8"
+        "1 rad in it: above it a run ends with 1; 2e-8",
+        use="run",
     )
-    stop_when: Maybe[StopWhen] = key("a condition that ends it before")
-    epoch: Maybe[Annotated[datetime, AfterValidator(utc)]] = key("UTC of t = 0")
-    sources: dict[str, Text] = key("another FMU for a component")
-    shared: dict[str, Value] = key("a parameter for every component that has it")
-    parameters: dict[str, dict[str, Value]] = key("parameters (or unwired inputs) of a component")
-    design: Maybe[Design] = key("parameters below these that `desat design` computes")
-    output_classes: dict[str, Literal["state", "interval"]] = key("`component.output`: its class")
-    step_ratio: dict[str, Annotated[int, Field(ge=1)]] = key("steps once in so many steps")
-    dispersions: dict[str, Dispersion] = key('"component.parameter": how `desat draws` draws it')
+    stop_when: Maybe[StopWhen] = key("a condition that ends it before", use="run")
+    epoch: Maybe[Annotated[datetime, AfterValidator(utc)]] = key("UTC of t = 0", use="system")
+    sources: dict[str, Text] = key("another FMU for a component", use="system")
+    shared: dict[str, Value] = key("a parameter for every component that has it", use="system")
+    parameters: dict[str, dict[str, Value]] = key(
+        "parameters (or unwired inputs) of a component", use="system"
+    )
+    design: Maybe[Design] = key("parameters below these that `desat design` computes", use="system")
+    output_classes: dict[str, Literal["state", "interval"]] = key(
+        "`component.output`: its class", use="resolved"
+    )
+    step_ratio: dict[str, Annotated[int, Field(ge=1)]] = key(
+        "steps once in so many steps", use="system"
+    )
+    dispersions: dict[str, Dispersion] = key(
+        '"component.parameter": how `desat draws` draws it', use="run"
+    )
     samples: Annotated[int, Field(ge=0)] = key(
-        "its numbers in tables are medians of so many draws", default=0
+        "its numbers in tables are medians of so many draws", default=0, use="file"
     )
-    baseline: Text = key("a scenario of this family that the report shows beside this one")
-    numbers: dict[str, Number] = key("the numbers of a run")
+    baseline: Text = key(
+        "a scenario of this family that the report shows beside this one", use="text"
+    )
+    numbers: dict[str, Number] = key("the numbers of a run", use="run")
     requirements: dict[str, Requirement] = key(
         "what runs are held against: `desat run` ends with 1 where one is not met; a "
-        "campaign judges all cases together"
+        "campaign judges all cases together",
+        use="run",
     )
-    plots: dict[str, Plot] = key("the figures of the report, in this order")
-    paper: dict[str, PaperRow] = key("a paper's values beside the numbers")
+    plots: dict[str, Plot] = key("the figures of the report, in this order", use="run")
+    paper: dict[str, PaperRow] = key("a paper's values beside the numbers", use="file")
 
 
 class Cell(ScenarioTable):
     """[axes.AXIS.VALUE]: what a value of an axis changes in the scenario."""
 
-    label: Text = key("the value's name for a reader")
+    label: Text = key("the value's name for a reader", use="file")
 
 
 class ScenarioFile(ScenarioTable):
@@ -333,7 +350,9 @@ class ScenarioFile(ScenarioTable):
     extends: TextOrTexts = key(
         "another file of the folder, or several, merged below this one; roles/manager, "
         "roles/thrusters: the standard numbers and plots of a managed run, of thrusters",
-        default=(),
+        default=(), use="file", inherited=False,
+    )  # fmt: skip
+    abstract: bool = key("true: only for others to extend", use="file", inherited=False)
+    axes: dict[str, dict[str, Cell]] = key(
+        "each axis' values; their product gives scenarios", use="file"
     )
-    abstract: bool = key("true: only for others to extend")
-    axes: dict[str, dict[str, Cell]] = key("each axis' values; their product gives scenarios")

@@ -74,13 +74,15 @@ def _tables() -> dict[str, Any]:
 
 def keys(what: str | None) -> list[dict[str, str]]:
     """The keys of a table of the language, or of all. Raises DesatError where there is none."""
+    from ..language.kinds import declared
+
     tables = _tables()
     if what is not None and what not in tables:
         raise DesatError(f"no table {what}{nearest(what, tables)}")
     return [
         {"table": name, "key": field.alias or key, "type": _type(field.annotation),
-         "unit": (field.json_schema_extra or {}).get("unit", ""), "what": field.description or ""}
-        for name, table in tables.items() if what in (None, name)
+         "unit": of[key].unit, "what": field.description or ""}
+        for name, table in tables.items() if what in (None, name) for of in (declared(table),)
         for key, field in table.model_fields.items()
     ]  # fmt: skip
 

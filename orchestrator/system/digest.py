@@ -61,11 +61,8 @@ ASIDE: Mapping[str, Mapping[str, str]] = {
         "needed_by": "what is missing is refused",
     },
 }  # fmt: skip
-"""Fields that are in no digest, by class, and why; of `Options` each says so itself (`aside`)."""
-TEXTS = ("title", "description", "source", "baseline", "labels", "name", "cell")
-"""Keys of a scenario's content that are for people."""
-RESOLVED = ("substeps", "accuracy", "output_classes")
-"""Keys of it that are resolved into the system."""
+"""Fields that are in no digest, by class, and why; of `Options` and of the keys of a scenario each
+says so itself (`aside`, `use`)."""
 
 
 def digest(
@@ -75,9 +72,8 @@ def digest(
     moves bits (`beside`: dataclasses, tables, lists, numbers, texts). `without`: keys of the
     scenario's content that do not count for this use of it. Raises TypeError for what it cannot
     tell, and KeyError for a component that nothing computes."""
-    aside = {*TEXTS, *RESOLVED, *without}
-    about = system.about.as_json() if system.about else {}
-    content: Any = {k: _untitled(v) for k, v in about.items() if k not in aside}
+    about = system.about.counted() if system.about else {}
+    content: Any = {k: _untitled(v) for k, v in about.items() if k not in without}
     told = [
         _as_json(replace(system, about=content)), {n: computes[n] for n in system.components},
         _as_json(beside),

@@ -138,7 +138,10 @@ class Told(Protocol):
     """What a scenario says beside its system, such as numbers and plots."""
 
     def as_json(self) -> Mapping[str, Any]:
-        """It as JSON, for files and digests."""
+        """It as JSON, for files."""
+
+    def counted(self) -> Mapping[str, Any]:
+        """What of that moves bits, and is not resolved into its system."""
 
 
 @dataclass(frozen=True)
