@@ -15,7 +15,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
-from functools import cache
+from functools import cache, lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -284,18 +284,9 @@ def own(file: Path) -> Scenario:
 
 def load(file: Path, origins: Origins, seen: tuple[Path, ...] = ()) -> TomlTable:
     """The data of a file merged over that of its bases. Raises DesatError, a line a problem."""
-    from ..language.kinds import declared  # pydantic, only where a scenario is read
-    from ..language.scenario import ScenarioFile
-    from .reader import WrongError, read
-
     where = paths.shown(file)
-    data = toml(file)
-    try:
-        read(ScenarioFile, data, part=True)
-    except WrongError as wrong:
-        named = [(".".join(path), text) for path, text in wrong.problems]
-        lines = [f"{at(where, key)}: {key}: {text}" for key, text in named]
-        raise DesatError("\n".join(lines)) from wrong
+    state = file.stat() if file.is_file() else None
+    data = copy(_table(file, where, state and (state.st_mtime_ns, state.st_size)))
     bases = data.pop("extends", [])
     if file in seen:
         chain = " -> ".join(f.stem for f in (*seen[seen.index(file) :], file))
@@ -313,12 +304,37 @@ def load(file: Path, origins: Origins, seen: tuple[Path, ...] = ()) -> TomlTable
         else:
             raise DesatError(f"{where}: extends: no file {base}.toml{nearest(base, known)}")
         merge(merged, table, origins, below)
-    for name, of in declared(ScenarioFile).items():
-        if not of.inherited:
-            merged.pop(name, None)
+    for name in _own_keys():
+        merged.pop(name, None)
     leave_out(merged, data, origins, where)
     merge(merged, data, origins, (where, ""))
     return merged
+
+
+@lru_cache(maxsize=1024)
+def _table(file: Path, where: str, _: object) -> TomlTable:
+    """What a file says, checked, not to be changed; kept, as files share their bases. Raises
+    DesatError, a line a problem."""
+    from ..language.scenario import ScenarioFile  # pydantic, only where a scenario is read
+    from .reader import WrongError, read
+
+    data = toml(file)
+    try:
+        read(ScenarioFile, data, part=True)
+    except WrongError as wrong:
+        named = [(".".join(path), text) for path, text in wrong.problems]
+        lines = [f"{at(where, key)}: {key}: {text}" for key, text in named]
+        raise DesatError("\n".join(lines)) from wrong
+    return data
+
+
+@cache
+def _own_keys() -> tuple[str, ...]:
+    """Keys that no file has from those that it extends."""
+    from ..language.kinds import declared
+    from ..language.scenario import ScenarioFile
+
+    return tuple(name for name, of in declared(ScenarioFile).items() if not of.inherited)
 
 
 def _of_role(name: str, where: str) -> Path:
