@@ -17,7 +17,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from desat.figures.plots import series_plot
+from desat.figures.plots import series_figure
 from desat.report.report import label_of
 from desat.runs.run import load_run
 
@@ -84,9 +84,9 @@ def drawn(name: str, folder: Path, plot: str) -> str:
     """The SVG of a plot of a run."""
     run = load_run(folder / "runs" / name)
     one = label_of(run.manifest), run.results, run.manifest.parameters
-    found = series_plot(run.manifest.content.plots[plot], [one])
+    found = series_figure(run.manifest.content.plots[plot], [one])
     assert found is not None
-    return found
+    return found.svg()
 
 
 def main() -> int:

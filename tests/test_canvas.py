@@ -10,12 +10,13 @@ import numpy as np
 import pytest
 from lxml import etree
 
+from benchmarks.pages import figures
+from benchmarks.pages.series import Series
 from desat.export.series import _paint
 from desat.figures import canvas, plots
 from desat.figures.canvas import INCH, Dots, Figure, Shape, Words
 from desat.figures.plots import series_figure
 from desat.language.scenario import Plot
-from desat.numbers.series import Series
 
 SVG = "{http://www.w3.org/2000/svg}"
 
@@ -146,9 +147,9 @@ def test_a_figure_of_many_long_lines_stays_small_and_the_same():
     draw = np.random.default_rng(1)
     times = np.arange(86401.0)
     data = [(f"line {i}", Series(times, draw.normal(size=len(times)))) for i in range(9)]
-    svg = plots.curves(data, "noise [1]")
+    svg = figures.curves(data, "noise [1]")
     assert len(svg) < 60_000
-    assert svg == plots.curves(data, "noise [1]")
+    assert svg == figures.curves(data, "noise [1]")
 
 
 def test_a_figure_of_very_many_points_stays_small():
@@ -195,7 +196,7 @@ def test_everything_lies_within_the_picture_and_nothing_on_a_label():
 
 
 def test_bars_and_marks_of_a_paper():
-    svg = plots.bars({"a": {"ours": 2.0}, "b": {"ours": 1.0}}, "time [s]",
+    svg = figures.bars({"a": {"ours": 2.0}, "b": {"ours": 1.0}}, "time [s]",
                        printed={"a": {"ours": 1.9}})  # fmt: skip
     words = [e.text for e in etree.fromstring(svg).iter(f"{SVG}text")]
     assert {"a", "b", "ours", "paper", "time [s]"} <= set(words)

@@ -10,11 +10,11 @@ from hypothesis import strategies as st
 
 from benchmarks.pages import writing as pages
 from benchmarks.pages.__main__ import main
+from benchmarks.pages.series import Series
 from desat.figures import plots
-from desat.figures.plots import lines_of, series_plot
+from desat.figures.plots import lines_of, series_figure
 from desat.files.scenario import families, find, scenarios
 from desat.language.scenario import Plot
-from desat.numbers.series import Series
 from desat.numbers.statistics import median_interval
 from desat.runs.run import Options, execute
 from desat.system.errors import DesatError
@@ -48,10 +48,10 @@ def test_a_short_mode_is_seen_and_a_chatter_is_few_spans():
 def test_a_plot_shows_the_modes_under_it():
     run = execute("plant/reference", Options(blocks=True, stop=20.0))
     plot = find("plant/reference").content.plots["rate"]
-    with_mode = series_plot(plot, [("", run.results, run.manifest.parameters)])
+    with_mode = series_figure(plot, [("", run.results, run.manifest.parameters)]).svg()
     assert "mode: idle" in with_mode
     bare = execute("plant/reference", Options(blocks=True, stop=20.0, record=("spacecraft.*",)))
-    assert "mode" not in series_plot(plot, [("", bare.results, bare.manifest.parameters)])
+    assert "mode" not in series_figure(plot, [("", bare.results, bare.manifest.parameters)]).svg()
 
 
 # --- series -----------------------------------------------------------------------------------

@@ -22,13 +22,12 @@ import numpy as np
 
 from desat.campaign import sampling
 from desat.figures import plots
-from desat.figures.plots import lines_of, series_plot
+from desat.figures.plots import lines_of, series_figure
 from desat.figures.style import pretty_unit
 from desat.files import paths
 from desat.files.scenario import find
 from desat.language.scenario import Plot
 from desat.numbers.numbers import late
-from desat.numbers.series import Series
 from desat.numbers.statistics import clopper_pearson, median_interval
 from desat.numbers.text import number as text_of
 from desat.papers import comparison as cells
@@ -38,6 +37,8 @@ from desat.runs.run import Options, prepare
 from desat.system.errors import DesatError, nearest
 from desat.system.expression import factor, product
 
+from . import figures as several
+from .series import Series
 from .sources import Change, Sources
 
 
@@ -246,19 +247,19 @@ class Verbs:
         of the run."""
         spec = self._plot(scenario, plot)
         run = self._of.run(scenario, change, stop=stop)
-        image = series_plot(spec, [("", run.results, run.manifest.parameters)])
-        if image is None:
+        drawn = series_figure(spec, [("", run.results, run.manifest.parameters)])
+        if drawn is None:
             raise DesatError(f"{scenario}: plot {plot}: not recorded")
         title = spec.title
         return self._figure(file, f"{place}: {title[0].lower()}{title[1:]}" if place else title,
-                            image)  # fmt: skip
+                            drawn.svg())  # fmt: skip
 
     def compare(
         self, file: str, caption: str, lines: Sequence[tuple[str, Series]], axis: str,
         **options: Any,
     ) -> str:  # fmt: skip
         """Labelled series of several runs on one pair of axes; `options` of `figures.curves`."""
-        return self._figure(file, caption, plots.curves(lines, axis, **options))
+        return self._figure(file, caption, several.curves(lines, axis, **options))
 
     def bars(
         self,
@@ -269,7 +270,7 @@ class Verbs:
         **options: Any,
     ) -> str:
         """Bars: group -> label -> value."""
-        return self._figure(file, caption, plots.bars(groups, axis, **options))
+        return self._figure(file, caption, several.bars(groups, axis, **options))
 
     def scatter(
         self, file: str, caption: str, groups: dict[str, tuple[list[float], list[float]]],

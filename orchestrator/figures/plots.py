@@ -11,11 +11,10 @@ import numpy as np
 from ..engine.recording.results import Results
 from ..numbers import derived
 from ..numbers.numbers import scale
-from ..numbers.series import Series
 from ..system.errors import DesatError
 from ..system.expression import Table, factor, product
 from ..system.expression import entry as value_of
-from .canvas import INCH, Axes, Figure, Strip, Ticks
+from .canvas import INCH, Axes, Figure, Strip
 from .style import (
     BANDS,
     BINS,
@@ -52,12 +51,6 @@ FAR = 10.0
 """A limit of so many times what is drawn is named only."""
 _FIRST: dict[str, Any] = {"width": 1.4}
 _OTHER: dict[str, Any] = {"width": 1.0, "dash": (4.0, 2.0), "alpha": 0.75}
-
-
-def series_plot(plot: Plot, runs: Sequence[Run]) -> str | None:
-    """The SVG of `series_figure`."""
-    drawn = series_figure(plot, runs)
-    return None if drawn is None else drawn.svg()
 
 
 def series_figure(plot: Plot, runs: Sequence[Run]) -> Figure | None:
@@ -296,52 +289,7 @@ def bands(
     return strips
 
 
-# --- Figures of pages, as SVG text: several runs on one pair of axes ----------------------------
-
-
-def curves(
-    data: Sequence[tuple[str, Series]], ylabel: str, *, limits: Sequence[tuple[str, float]] = (),
-    steps: bool = False, log: bool = False, height: float = HEIGHT, dashed: Sequence[str] = (),
-) -> str:  # fmt: skip
-    """Labelled lines over time; `limits` are labelled horizontal lines, drawn at + and - where
-    something is below zero; `dashed` names lines."""
-    fig, ax = figure(height)
-    seconds, unit = time_axis(data[0][1].times)
-    ax.y.log, ax.y.label = log, ylabel
-    for i, (label, line) in enumerate(data):
-        ax.plot(line.times / seconds, line.values, COLOURS[i % len(COLOURS)], width=1.3,
-                label=label, stepped=steps, dash=(4.0, 2.0) if label in dashed else ())  # fmt: skip
-    signs = (1, -1) if any((line.values < 0.0).any() for _, line in data) else (1,)
-    for name, value in limits:
-        for sign in signs:
-            ax.level(sign * value, LIMIT, width=0.9, dash=DOTTED,
-                     label=f"{name} {value:g}" if sign > 0 else "")  # fmt: skip
-    timeline(ax, seconds, unit)
-    return fig.svg()
-
-
-def bars(
-    groups: dict[str, dict[str, float]], ylabel: str, *, log: bool = False,
-    printed: dict[str, dict[str, float]] | None = None,
-) -> str:  # fmt: skip
-    """Bars: {group: {label: value}}, one colour a label; `printed`: the paper's values of some, as
-    marks on theirs."""
-    fig, ax = figure()
-    ax.y.log, ax.y.label = log, ylabel
-    ax.x.ticks = Ticks(tuple(map(float, range(len(groups)))), tuple(groups))
-    labels = list(dict.fromkeys(label for values in groups.values() for label in values))
-    width = 0.8 / len(labels)
-    for i, label in enumerate(labels):
-        x = np.arange(len(groups)) + (i - (len(labels) - 1) / 2) * width
-        heights = [v.get(label, np.nan) for v in groups.values()]
-        half = 0.46 * width
-        ax.bars(x - half, x + half, heights, COLOURS[i % len(COLOURS)], label=label)
-        if not log and np.nanmin(heights, initial=0.0) == 0.0:
-            ax.y.low = 0.0
-        marks = [(printed or {}).get(group, {}).get(label, np.nan) for group in groups]
-        ax.plot(x, marks, "#000000", width=0.0, marker=4.5, hollow=True,
-                label="paper" if printed and i == 0 else "")  # fmt: skip
-    return fig.svg()
+# --- Of several runs together -------------------------------------------------------------------
 
 
 def scatter(

@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from ..system.errors import DesatError
-from .derived import pointing
+from desat.numbers.derived import pointing
+from desat.system.errors import DesatError
 
 
 @dataclass(frozen=True)
