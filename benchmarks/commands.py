@@ -65,10 +65,10 @@ def cost(command: list[str], cache: Path) -> tuple[float, float]:
     return used.ru_utime + used.ru_stime, wall
 
 
-def measure(rounds: int = ROUNDS) -> dict[str, Any]:
+def measure(lines: dict[str, list[str]], rounds: int = ROUNDS) -> dict[str, Any]:
     """Of each command its least CPU and wall seconds, the largest CPU seconds, and the least over
     the least of `base`."""
-    lines, load = commands(), os.getloadavg()[0]
+    load = os.getloadavg()[0]
     found: dict[str, list[tuple[float, float]]] = {name: [] for name in lines}
     with tempfile.TemporaryDirectory() as folder:
         cache = Path(folder)

@@ -3,34 +3,32 @@
     make house
 
 Ways are counted by tests/way.py, a process each, after one that makes what is made once for a user.
-CPU is the least of five, in seconds and against importing numpy, h5py, lxml, typer and rich (B).
+CPU is the least of five (`commands.py`), in seconds and over importing numpy, h5py, lxml, typer and
+rich (B).
 """
 
 from __future__ import annotations
 
 import ast
 import json
-import os
 import subprocess
 import sys
 import tempfile
 from collections import Counter
 from pathlib import Path
 
+from . import commands
+
 HOME = Path(__file__).parents[1]
 PACKAGE = HOME / "orchestrator"
 TARGETS = ("uosat12/table3-ocdc-ilqr-1", "nadir_day/day-dipole", "space_telescope/ours-nominal")
 AIMS = {"functions": (185, 190, 215, 185), "calls": (115, 115, 145, 110),
         "total": (15_000, 15_000, 60_000, 15_000)}  # fmt: skip
-IMPORTS = "import numpy, h5py, lxml.etree, typer, rich"
 COMMANDS = {
-    "run nadir_day/day-dipole": (4.5, "B"),
-    "run uosat12/table3-ocdc-ilqr-1": (2.6, "B"),
-    "check nadir_day/day-dipole": (1.7, "B"),
-    "list": (0.8, "s"),
-    "--help": (0.13, "s"),
-}
-"""Command -> aim."""
+    "run_day": (4.5, "B"), "run_60_steps": (2.6, "B"), "check": (1.7, "B"),
+    commands.FIRST: (0.8, "s"), "help": (0.13, "s"), "tables": (5.0, "s of wall"),
+}  # fmt: skip
+"""Command of `commands.py` -> aim."""
 
 
 def ways(folder: Path) -> list[dict[str, int]]:
@@ -49,19 +47,6 @@ def ways(folder: Path) -> list[dict[str, int]]:
 def desat() -> list[str]:
     """The command."""
     return [str(Path(sys.executable).with_name("desat"))]
-
-
-def cost(command: list[str], folder: Path) -> float:
-    """CPU (s) of a command, with its processes, the least of five."""
-    least = float("inf")
-    for i in range(5):
-        out = ["--out", str(Path(tempfile.mkdtemp(dir=folder)) / str(i))] * (command[1] == "run")
-        before = os.times()
-        subprocess.run([*command, *out], check=True, cwd=folder, capture_output=True)
-        now = os.times()
-        spent = now.children_user + now.children_system
-        least = min(least, spent - before.children_user - before.children_system)
-    return least
 
 
 def sizes() -> dict[str, int]:
@@ -89,12 +74,14 @@ def main() -> int:
             print(f"{what}: {now} (aims {', '.join(f'{a:,}' for a in aims)})")
         for name, number in sizes().items():
             print(f"{name}: {number:,}")
-        base = cost([sys.executable, "-c", IMPORTS], folder)
-        print(f"B: {base:.3f} s")
-        for command, (aim, unit) in COMMANDS.items():
-            seconds = cost([*desat(), *command.split()], folder)
-            shown = seconds / base if unit == "B" else seconds
-            print(f"{command}: {shown:.2f} {unit}, {seconds:.2f} s (aim {aim:g} {unit})")
+    lines = {n: c for n, c in commands.commands().items() if n in ("base", *COMMANDS)}
+    costs = commands.measure(lines)
+    print(f"B: {costs['base']['cpu']:.3f} s")
+    for name, (aim, unit) in COMMANDS.items():
+        of = costs[name]
+        found = {"B": of["over_base"], "s": of["cpu"], "s of wall": of["wall"]}[unit]
+        print(f"{' '.join(lines[name][3:])}: {found:.2f} {unit}, {of['cpu']:.2f} s "
+              f"(aim {aim:g} {unit})")  # fmt: skip
     return 0
 
 

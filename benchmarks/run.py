@@ -663,7 +663,7 @@ CASES: dict[str, Callable[[], dict[str, Any]]] = {
     "laws": laws,
     "scaling": scaling.measure,
     "campaign": campaign.measure,
-    "commands": commands.measure,
+    "commands": lambda: commands.measure(commands.commands()),
 }
 
 
