@@ -258,7 +258,7 @@ def applies(system: System) -> StepParts | None:
 
 def _step_parts(system: System, body: Body) -> StepParts:
     craft, wheels = body.spacecraft, system.components[body.wheels]
-    series = [f"{craft}.q_bi", f"{craft}.omega_bi_body", str(system.feed(craft, "h_wheel")),
+    series = [f"{craft}.q_bi", f"{craft}.omega_bi_body", system.fed[craft, "h_wheel"].series,
               f"{craft}.impulse_eci"]  # fmt: skip
     spin = system.components[craft].values["inertia_wheel"]
     return StepParts(series, body.axes.tolist(), body.carrier.tolist(), spin,

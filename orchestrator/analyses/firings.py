@@ -47,7 +47,7 @@ def applies(system: System) -> FiringParts | None:
         if name != "tau_cmd_thruster_body":
             continue
         manager, of = wire.source, system.components[thrusters]
-        body = system.taker(thrusters, "tau_mean_thruster_body")
+        body = system.takers.get((thrusters, "tau_mean_thruster_body"))
         if body is None or "h_copy_wheel" not in system.components[body].interface.arrays:
             continue
         if "on_time" in of.interface.arrays:

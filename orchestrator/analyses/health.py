@@ -85,7 +85,7 @@ def _attitude(system: System) -> tuple[str, str] | None:
             continue
         if "enable" in follower.interface.signals and not follower.values["enable"]:
             continue
-        return f"{crafts[0].name}.q_bi", f"{c.source}.{c.output_array}"
+        return f"{crafts[0].name}.q_bi", c.series
     return None
 
 

@@ -78,19 +78,20 @@ def applies(system: System) -> ManagementParts | None:
     for (torquers, name), wire in system.fed.items():
         if name != "m_cmd_body":
             continue
-        manager, body = wire.source, system.taker(torquers, "m_mean_body")
+        manager, body = wire.source, system.takers.get((torquers, "m_mean_body"))
         if body is None or "h_copy_wheel" not in system.components[body].interface.arrays:
             continue
-        wheels = system.taker(manager, "tau_cmd_wheel")
+        wheels = system.takers.get((manager, "tau_cmd_wheel"))
         if wheels and not (
             system.components[wheels].interface.arrays.keys() >= set(_OF_WHEELS)
         ):  # fmt: skip
             wheels = None
         law = system.components[manager]
-        thrusters = system.feed(body, "tau_mean_thruster_body")
+        thrusters = system.fed.get((body, "tau_mean_thruster_body"))
+        field = system.fed.get((body, "b_eci"))
         return ManagementParts(
-            body, torquers, wheels, system.feed(body, "b_eci"),
-            None if thrusters is None else thrusters.partition(".")[0],
+            body, torquers, wheels, field.series if field else None,
+            thrusters.source if thrusters else None,
             _target(system, law), content_of(system.about).stop_when is None and _holds(law),
             law.values["h_deadband"] if "h_deadband" in law.interface.signals else 0.0,
             _brakes(law),
@@ -101,7 +102,7 @@ def applies(system: System) -> ManagementParts | None:
 def _target(system: System, law: Component) -> tuple[float, ...] | None:
     """The momentum that a manager is to keep (3,) N m s, body; None where another component says
     it."""
-    if system.feed(law.name, "h_target_body") is not None:
+    if (law.name, "h_target_body") in system.fed:
         return None
     return tuple(law.values.get("h_target_body", (0.0, 0.0, 0.0)))
 

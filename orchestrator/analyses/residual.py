@@ -52,7 +52,7 @@ def applies(system: System) -> RigidBodyParts | None:
     no such component."""
     for (body, name), wire in system.fed.items():
         if name == "h_wheel" and system.components[body].interface.arrays.keys() >= _NEEDED:
-            return RigidBodyParts(body, f"{wire.source}.{wire.output_array}")
+            return RigidBodyParts(body, wire.series)
     return None
 
 

@@ -291,6 +291,8 @@ def load(file: Path, origins: Origins, seen: tuple[Path, ...] = ()) -> TomlTable
     if file in seen:
         chain = " -> ".join(f.stem for f in (*seen[seen.index(file) :], file))
         raise DesatError(f"{where}: extends itself ({chain})")
+    from ..language.scenario import OWN_KEYS  # pydantic, only where a scenario is read
+
     merged: TomlTable = {}
     known = [f.stem for f in file.parent.glob("*.toml")]
     for base in [bases] if isinstance(bases, str) else bases:
@@ -304,7 +306,7 @@ def load(file: Path, origins: Origins, seen: tuple[Path, ...] = ()) -> TomlTable
         else:
             raise DesatError(f"{where}: extends: no file {base}.toml{nearest(base, known)}")
         merge(merged, table, origins, below)
-    for name in _own_keys():
+    for name in OWN_KEYS:
         merged.pop(name, None)
     leave_out(merged, data, origins, where)
     merge(merged, data, origins, (where, ""))
@@ -315,7 +317,7 @@ def load(file: Path, origins: Origins, seen: tuple[Path, ...] = ()) -> TomlTable
 def _table(file: Path, where: str, _: object) -> TomlTable:
     """What a file says, checked, not to be changed; kept, as files share their bases. Raises
     DesatError, a line a problem."""
-    from ..language.scenario import ScenarioFile  # pydantic, only where a scenario is read
+    from ..language.scenario import ScenarioFile
     from .reader import WrongError, read
 
     data = toml(file)
@@ -326,15 +328,6 @@ def _table(file: Path, where: str, _: object) -> TomlTable:
         lines = [f"{at(where, key)}: {key}: {text}" for key, text in named]
         raise DesatError("\n".join(lines)) from wrong
     return data
-
-
-@cache
-def _own_keys() -> tuple[str, ...]:
-    """Keys that no file has from those that it extends."""
-    from ..language.kinds import declared
-    from ..language.scenario import ScenarioFile
-
-    return tuple(name for name, of in declared(ScenarioFile).items() if not of.inherited)
 
 
 def _of_role(name: str, where: str) -> Path:

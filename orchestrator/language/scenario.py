@@ -27,6 +27,7 @@ from .kinds import (
     Value,
     Written,
     by_kind,
+    declared,
     either,
     incomplete,
     key,
@@ -356,3 +357,7 @@ class ScenarioFile(ScenarioTable):
     axes: dict[str, dict[str, Cell]] = key(
         "each axis' values; their product gives scenarios", use="file"
     )
+
+
+OWN_KEYS = tuple(name for name, of in declared(ScenarioFile).items() if not of.inherited)
+"""Keys that no file has from those that it extends."""

@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Set
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from functools import cached_property
@@ -54,10 +54,13 @@ class Connection:
     output_array: str = field(init=False, repr=False, compare=False)
     """The variable that the output is an element of."""
     input_array: str = field(init=False, repr=False, compare=False)
+    series: str = field(init=False, repr=False, compare=False)
+    """Of the output, `component.variable`."""
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "output_array", self.output.partition("[")[0])
         object.__setattr__(self, "input_array", self.input.partition("[")[0])
+        object.__setattr__(self, "series", f"{self.source}.{self.output_array}")
 
     def __str__(self) -> str:
         return f"{self.source}.{self.output} -> {self.target}.{self.input}"
@@ -169,41 +172,28 @@ class System:
     """The substeps of a step; one as long as they are not chosen."""
     steps: int = field(init=False, repr=False, compare=False)
     """From start to stop."""
+    roles: Mapping[str, Component] = field(init=False, repr=False, compare=False)
+    """The component of each role that is filled; of several the last."""
+    fed: Mapping[tuple[str, str], Connection] = field(init=False, repr=False, compare=False)
+    """Of each wired input, by component and array, the connection of its first element."""
+    takers: Mapping[tuple[str, str], str] = field(init=False, repr=False, compare=False)
+    """By a component and the name of an input (an array) the component that takes there what it
+    gives; of several the first."""
+    read: Set[tuple[str, str]] = field(init=False, repr=False, compare=False)
+    """The outputs that are read, by component and array."""
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "parts", 1 if self.substeps == AUTO else self.substeps)
         object.__setattr__(self, "steps", round((self.stop - self.start) / self.step))
-
-    @cached_property
-    def roles(self) -> Mapping[str, Component]:
-        """The component of each role that is filled; of several the last."""
-        return {c.interface.role: c for c in self.components.values() if c.interface.role}
-
-    @cached_property
-    def fed(self) -> Mapping[tuple[str, str], Connection]:
-        """Of each wired input, by component and array, the connection of its first element."""
-        found: dict[tuple[str, str], Connection] = {}
+        roles = {c.interface.role: c for c in self.components.values() if c.interface.role}
+        fed: dict[tuple[str, str], Connection] = {}
+        takers: dict[tuple[str, str], str] = {}
         for c in self.connections:
             key = c.target, c.input_array
-            if key not in found or c.input.endswith("[1]"):
-                found[key] = c
-        return found
-
-    @cached_property
-    def read(self) -> Mapping[tuple[str, str], Mapping[str, str]]:
-        """Of each output that is read, by component and array, the inputs (arrays) that take it and
-        the component of each; of several the first."""
-        found: dict[tuple[str, str], dict[str, str]] = {}
-        for c in self.connections:
-            found.setdefault((c.source, c.output_array), {}).setdefault(c.input_array, c.target)
-        return found
-
-    def feed(self, component: str, array: str) -> str | None:
-        """The series that feeds an input, an array by its first element; None: none does."""
-        wire = self.fed.get((component, array))
-        return None if wire is None else f"{wire.source}.{wire.output_array}"
-
-    def taker(self, component: str, array: str) -> str | None:
-        """The component whose input of this name one of its outputs feeds; None: there is none."""
-        own = (found for (source, _), found in self.read.items() if source == component)
-        return next((found[array] for found in own if array in found), None)
+            if key not in fed or c.input.endswith("[1]"):
+                fed[key] = c
+            takers.setdefault((c.source, c.input_array), c.target)
+        object.__setattr__(self, "roles", roles)
+        object.__setattr__(self, "fed", fed)
+        object.__setattr__(self, "takers", takers)
+        object.__setattr__(self, "read", {(c.source, c.output_array) for c in self.connections})
