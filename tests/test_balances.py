@@ -16,7 +16,7 @@ from desat.analyses import energy
 from desat.analyses.manifest import Manifest
 from desat.campaign import report
 from desat.campaign.draws import draws
-from desat.cli import app
+from desat.cli import app_for
 from desat.engine import node
 from desat.engine.instances.base import ComponentError
 from desat.engine.master import Master
@@ -213,7 +213,7 @@ def test_the_command_says_what_is_not_checked(tmp_path, monkeypatch):
         "--record",
         "spacecraft.*",
     ]
-    done = CliRunner().invoke(app, command, env={"COLUMNS": "300"})
+    done = CliRunner().invoke(app_for([]), command, env={"COLUMNS": "300"})
     assert done.exit_code == 0, done.output
     assert "warning: not checked: " in done.output
     assert any(line.startswith("hidden_work") and "not checked" in line
@@ -227,7 +227,7 @@ def test_slow_wheels_are_said_before_the_run(tmp_path):
     _, run = made(target, blocks=True)
     line = "not checked: energy_mismatch, hidden_work, impulse_mismatch: wheels is slower than"
     assert sum(w.startswith(line) for w in run.manifest["warnings"]) == 1
-    done = CliRunner().invoke(app, ["check", target], env={"COLUMNS": "300"})
+    done = CliRunner().invoke(app_for([]), ["check", target], env={"COLUMNS": "300"})
     assert line in done.output.replace("\n", " ")
 
 
@@ -260,11 +260,14 @@ def test_a_fixed_attitude_that_computes_a_torque_otherwise_is_not_met(monkeypatc
 
 def test_heavy_wheels_at_one_exchange_are_not_met(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    done = CliRunner().invoke(app, ["run", "gyrostat/heavy-wheels", "--substeps", "1"])
+    done = CliRunner().invoke(app_for([]), ["run", "gyrostat/heavy-wheels", "--substeps", "1"])
     assert done.exit_code == Exit.UNMET
     assert "hidden_work" in done.output
     assert "energy_bound = 2e-08" in done.output
-    assert CliRunner().invoke(app, ["run", "gyrostat/heavy-wheels"]).exit_code == Exit.COMPLETED
+    assert (
+        CliRunner().invoke(app_for([]), ["run", "gyrostat/heavy-wheels"]).exit_code
+        == Exit.COMPLETED
+    )
 
 
 JUDGED = range(500, 580)

@@ -40,7 +40,7 @@ def test_no_flag_is_set_but_the_baseline_and_counts_are_as_told(desat):
     """A command that prints JSON or runs bare blocks unasked would be another command."""
     found = {
         (name, option.name)
-        for name, command in get_command(cli.app).commands.items()
+        for name, command in get_command(cli.app_for([])).commands.items()
         for option in command.params
         if name in ("run", "check", "draws", "sweep", "tables", "size")
         and getattr(option, "is_flag", False) and option.default
@@ -371,7 +371,7 @@ def test_exit_codes_and_commands_are_told(desat):
     _, _, table = readme.partition("## Commands")
     first = [line.split("|")[1] for line in table.splitlines() if line.startswith("| `")]
     listed = [name for cell in first for name in re.findall(r"`(\w+)`", cell)]
-    assert sorted(listed) == sorted(get_command(cli.app).commands)
+    assert sorted(listed) == sorted(get_command(cli.app_for([])).commands)
     told = " ".join(desat("--help", check=True).stdout.split())
     for code in Exit:
         assert f"| {int(code)} | {code.meaning} |" in readme

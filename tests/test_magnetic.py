@@ -488,7 +488,7 @@ def command(monkeypatch, tmp_path):
 
         monkeypatch.setattr(design_module, "find", changed)
         monkeypatch.setattr(design_module, "ROOT", tmp_path)
-        return CliRunner().invoke(cli.app, ["design", f"uosat12/{name}", *arguments])
+        return CliRunner().invoke(cli.app_for([]), ["design", f"uosat12/{name}", *arguments])
 
     return run
 

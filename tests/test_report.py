@@ -217,7 +217,7 @@ def test_report_open(page, monkeypatch):
     opened = []
     monkeypatch.setattr(webbrowser, "open", lambda uri: opened.append(uri) or len(opened) == 1)
     for said in ("", "no browser was found"):
-        done = CliRunner().invoke(cli.app, ["report", str(page.parent), "--open"])
+        done = CliRunner().invoke(cli.app_for([]), ["report", str(page.parent), "--open"])
         assert done.exit_code == 0
         assert said in done.output
     assert opened == 2 * [page.resolve().as_uri()]
@@ -229,7 +229,7 @@ def test_report_open(page, monkeypatch):
 @pytest.fixture(scope="module")
 def campaign(tmp_path_factory):
     folder = tmp_path_factory.mktemp("campaign") / "a b"
-    done = CliRunner().invoke(cli.app, [
+    done = CliRunner().invoke(cli.app_for([]), [
         "campaign", "integrated/mil-nadir", "-n", "12", "--stop", "20", "--jobs", "1",
         "--out", str(folder),
     ])  # fmt: skip

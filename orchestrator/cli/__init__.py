@@ -1,4 +1,4 @@
-"""The command `desat`. Every file of `commands/` is registered; see there."""
+"""The command `desat`: a file of `commands/` each, or a few that belong together."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ import pkgutil
 import signal
 import sys
 import traceback
+from collections.abc import Sequence
 from typing import Annotated, Any, NoReturn
 
 import typer
@@ -19,9 +20,6 @@ from ..system.errors import DesatError, Exit
 from . import commands
 from .console import app, err, out
 from .spare import spare
-
-for _module in sorted(m.name for m in pkgutil.iter_modules(commands.__path__)):
-    importlib.import_module(f"{commands.__name__}.{_module}")
 
 FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 
@@ -50,6 +48,15 @@ def _terminate(number: int, frame: Any) -> NoReturn:
     sys.exit(128 + number)
 
 
+def app_for(words: Sequence[str]) -> typer.Typer:
+    """The application with the command that these words begin with, where that has a file of its
+    own: to make all of them takes as long as to list the families. Else with all."""
+    names = [m.name for m in pkgutil.iter_modules(commands.__path__)]
+    for name in [w for w in words[:1] if w in names] or sorted(names):
+        importlib.import_module(f"{commands.__name__}.{name}")
+    return app
+
+
 def main() -> None:
     """Entry of the command: every error is a line, never a traceback."""
     os.environ.setdefault(THREADS, "1")  # before numpy is loaded
@@ -66,7 +73,7 @@ def main() -> None:
 def _code() -> int:
     """Do what the command line says; how it ended."""
     try:
-        command = get_command(app)
+        command = get_command(app_for(sys.argv[1:]))
         spare(command)
         # typer.Exit comes back as a number
         code = command(prog_name="desat", standalone_mode=False)
