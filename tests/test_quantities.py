@@ -91,7 +91,6 @@ REFUSED = {
     "run mine --time-limit 1e300": "--time-limit 1e300: 0 to 1e+07 s are covered",
     "run mine --checkpoint nan": "--checkpoint nan: a number is needed",
     "campaign mine --case-limit inf": "--case-limit inf: a number is needed",
-    "page --draft inf": "--draft inf: a number is needed",
     "export c magnetometer --compiler '\"'": '--compiler ": no closing quotation',
     "export c magnetometer --compiler ''": "--compiler : there is no such command",
 }

@@ -8,6 +8,7 @@ from __future__ import annotations
 import argparse
 import os
 import sys
+from math import inf
 from pathlib import Path
 
 from desat.system.errors import DesatError
@@ -25,6 +26,8 @@ def main() -> int:
                         help="to try a template: runs end after so many seconds")  # fmt: skip
     parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1)
     given = parser.parse_args()
+    if given.draft is not None and not 1.0 <= given.draft < inf:
+        parser.error(f"--draft {given.draft:g}: seconds from 1 on are needed")
     try:
         for family in given.families or writing.families():
             into = given.into / family if given.into is not None else None
